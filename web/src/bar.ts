@@ -4,7 +4,7 @@ import { byId, say } from "./dom.ts";
 import type { Status } from "./protocol.ts";
 import { number } from "./units.ts";
 
-const PHASES = { disarmed: "Disarmed", "fading-in": "Fading in", running: "Running", "fading-out": "Fading out", faulted: "Fault" };
+export const PHASES = { disarmed: "Disarmed", "fading-in": "Fading in", running: "Running", "fading-out": "Fading out", faulted: "Fault" };
 
 export interface Desk {
   /** There is a connection. */
@@ -48,7 +48,7 @@ export function showBar({ up, mine, control, status }: Desk): void {
     say(byId("fault-clear"), status.clear ?? "");
   }
   const warnings = byId("warnings");
-  const texts = up ? (status?.warnings ?? []) : [];
+  const texts = up && status ? [...status.warnings, ...(status.network?.warnings ?? [])] : [];
   warnings.hidden = texts.length === 0;
   if (warnings.dataset["said"] !== texts.join("\n")) {
     warnings.dataset["said"] = texts.join("\n");

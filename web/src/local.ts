@@ -1,7 +1,7 @@
 // The page without a server: the same messages, answered by hapt's own session as WebAssembly.
 
 import type { Listener, Peer } from "./link.ts";
-import { decode, type FromServer, type Key, type ToServer, type Verdict, type World } from "./protocol.ts";
+import { decode, type Frame, type FromServer, type Key, type ToServer, type Verdict, type World } from "./protocol.ts";
 
 /** What `hapt report` writes beside the page, as `window.hapt`. */
 export interface Recorded {
@@ -23,15 +23,62 @@ interface Core extends WebAssembly.Exports {
   memory: WebAssembly.Memory;
   room(length: number): number;
   load(): number;
-  send(): void;
+  network(): number;
+  send(station: number): void;
   poll(now: number): void;
-  next(): number;
+  next(station: number): number;
   message(): number;
   length(): number;
 }
 
 /** What {@link Core.next} gives. */
 const [TEXT, FRAME] = [1, 2];
+
+/** hapt's own core in this page, with a world that runs, or a network of stations; a world is station 0. */
+export class Program {
+  private readonly core: Core;
+
+  /** `core`: the program in base64. */
+  constructor(core: string, kind: "load" | "network", file: unknown) {
+    const program = Uint8Array.from(atob(core), (letter) => letter.charCodeAt(0));
+    // Small enough to be compiled at once.
+    this.core = new WebAssembly.Instance(new WebAssembly.Module(program)).exports as Core;
+    this.write(file);
+    if (this.core[kind]() === 0) throw new Error(new TextDecoder().decode(this.message()));
+  }
+
+  /** Takes the samples that are due at `now`, in ms. */
+  poll(now: number): void {
+    this.core.poll(now);
+  }
+
+  send(station: number, message: ToServer): void {
+    this.write(message);
+    this.core.send(station);
+  }
+
+  /** Gives what the program has to say to a station's page. */
+  listen(station: number, message: (message: FromServer) => void, frame: (frame: Frame) => void): void {
+    for (let kind = this.core.next(station); kind !== 0; kind = this.core.next(station)) {
+      const bytes = this.message();
+      if (kind === TEXT) message(JSON.parse(new TextDecoder().decode(bytes)) as FromServer);
+      const next = kind === FRAME ? decode(bytes.buffer) : null;
+      if (next) frame(next);
+    }
+  }
+
+  private write(message: unknown): void {
+    const text = new TextEncoder().encode(JSON.stringify(message));
+    const room = this.core.room(text.length);
+    // Anew each time: memory that grows moves.
+    new Uint8Array(this.core.memory.buffer, room, text.length).set(text);
+  }
+
+  /** A copy of what the program says. */
+  private message(): Uint8Array<ArrayBuffer> {
+    return new Uint8Array(this.core.memory.buffer, this.core.message(), this.core.length()).slice();
+  }
+}
 
 /** As a shell takes it. */
 const quoted = (word: string) => (/^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replace(/'/g, "'\\''")}'`);
@@ -47,18 +94,14 @@ function inside(changed: Key[], ranges: Recorded["ranges"]): boolean | null {
 
 export class Local implements Peer {
   readonly up = true;
-  private readonly core: Core;
+  private readonly program: Program;
   private readonly listener: Listener;
   private readonly recorded: Recorded;
 
   constructor(listener: Listener, recorded: Recorded) {
     this.listener = listener;
     this.recorded = recorded;
-    const program = Uint8Array.from(atob(recorded.core), (letter) => letter.charCodeAt(0));
-    // Small enough to be compiled at once.
-    this.core = new WebAssembly.Instance(new WebAssembly.Module(program)).exports as Core;
-    this.write(recorded.world);
-    if (this.core.load() === 0) throw new Error(new TextDecoder().decode(this.message()));
+    this.program = new Program(recorded.core, "load", recorded.world);
     // When the page has wired what listens.
     queueMicrotask(() => {
       listener.connection(true, null);
@@ -70,37 +113,19 @@ export class Local implements Peer {
   now(): void {}
 
   send(message: ToServer): boolean {
-    this.write(message);
-    this.core.send();
+    this.program.send(0, message);
     this.listen();
     return true;
   }
 
   private frame(now: number): void {
     requestAnimationFrame((next) => this.frame(next));
-    this.core.poll(now);
+    this.program.poll(now);
     this.listen();
   }
 
-  private write(message: unknown): void {
-    const text = new TextEncoder().encode(JSON.stringify(message));
-    const room = this.core.room(text.length);
-    // Anew each time: memory that grows moves.
-    new Uint8Array(this.core.memory.buffer, room, text.length).set(text);
-  }
-
-  /** A copy of what the program says. */
-  private message(): Uint8Array<ArrayBuffer> {
-    return new Uint8Array(this.core.memory.buffer, this.core.message(), this.core.length()).slice();
-  }
-
   private listen(): void {
-    for (let kind = this.core.next(); kind !== 0; kind = this.core.next()) {
-      const bytes = this.message();
-      if (kind === TEXT) this.tell(JSON.parse(new TextDecoder().decode(bytes)) as FromServer);
-      const frame = kind === FRAME ? decode(bytes.buffer) : null;
-      if (frame) this.listener.frame(frame);
-    }
+    this.program.listen(0, (message) => this.tell(message), (frame) => this.listener.frame(frame));
   }
 
   private tell(message: FromServer): void {

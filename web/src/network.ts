@@ -14,7 +14,7 @@ interface Dial {
   at: (part: number) => number;
   part: (value: number) => number;
   text: (value: number) => string;
-  /** Sent while it moves; else when it is let go, since a certificate is made of it. */
+  /** Sent while it moves; else when it is released, since a certificate is made of it. */
   live: boolean;
 }
 
@@ -72,10 +72,11 @@ export class NetworkCard {
   show(network: Network | undefined, able: boolean): void {
     this.root.hidden = network === undefined;
     if (!network) return;
-    attribute(this.root, "class", `network ${network.certified ? "good" : "bad"}`);
-    say(this.heading, `Network: station ${network.station}`);
-    const [first, rest] = network.certified ? ["Certified", network.sentence.replace(/^certified/, "")] : ["Not certified", network.sentence.replace(/^not certified/, "")];
-    say(this.verdict, `${network.certified ? "✓" : "✗"} ${first}${rest}`);
+    const { certified, outdated, sentence } = network;
+    attribute(this.root, "class", `network ${outdated ? "" : certified ? "good" : "bad"}`.trim());
+    say(this.heading, network.station === null ? "The network" : `Network: station ${network.station}`);
+    const capital = `${certified ? "✓" : "✗"} ${sentence[0]!.toUpperCase()}${sentence.slice(1)}`;
+    say(this.verdict, outdated ? `… A new verdict is being computed. Before the last change: ${sentence}` : capital);
     const offered = JSON.stringify(network.remedies);
     if (offered !== this.offered) {
       this.offered = offered;
@@ -92,7 +93,8 @@ export class NetworkCard {
       const [words, meter] = [row.children[0]!, row.children[1] as HTMLMeterElement];
       const most = `${number(1e3 * link.age_max_s, 3)} ms`;
       const age = link.age_s === null ? "nothing comes from there" : `position ${number(1e3 * link.age_s, 2)} ms old, of ${most}`;
-      say(words, `to ${link.to}: ${link.acts ? "acts" : "has let go"}; ${age}`);
+      const ends = link.from === undefined ? `to ${link.to}` : `${link.from}’s link to ${link.to}`;
+      say(words, `${ends}: ${link.acts ? "acts" : "has let go"}; ${age}`);
       meter.value = link.age_s === null ? 2 : Math.min(2, link.age_s / link.age_max_s);
       attribute(meter, "aria-label", `age of the position from ${link.to}, as a part of the greatest at which it acts`);
     });

@@ -169,16 +169,20 @@ export interface Controls {
 }
 
 export interface Network {
-  station: string;
+  /** Whose page it is; `null`: every station's. */
+  station: string | null;
   certified: boolean;
   sentence: string;
+  /** The verdict is the one from before the last change, and the next is being computed. */
+  outdated: boolean;
   remedies: { text: string; stiffness: number | null; age: number | null }[];
   delay_s: number;
   loss: number;
   /** Factors on the file's numbers. */
   stiffness: number;
   age: number;
-  links: { to: string; acts: boolean; age_s: number | null; age_max_s: number }[];
+  links: { from?: string; to: string; acts: boolean; age_s: number | null; age_max_s: number }[];
+  warnings: string[];
 }
 
 /** What it leaves out stays. */

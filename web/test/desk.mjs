@@ -48,8 +48,8 @@ export async function open(url, options = {}, { down = false } = {}) {
   page.on("request", (request) => new URL(request.url()).host !== own && complaints.push(`asked for ${request.url()}`));
   page.on("websocket", (socket) => new URL(socket.url()).host !== own && complaints.push(`connected to ${socket.url()}`));
   await page.goto(url);
-  await page.waitForSelector('#phase[data-phase="running"]');
-  await page.waitForFunction(() => document.querySelector("#legend dd")?.textContent);
+  await page.waitForSelector('.phase[data-phase="running"]');
+  await page.waitForFunction(() => document.querySelector(".legend dd")?.textContent);
   return { page, context, quiet: () => assert.deepEqual(complaints, []) };
 }
 
@@ -76,9 +76,17 @@ export async function until(read, wanted, seconds = 10) {
   throw new assert.AssertionError({ message: `${read} stays at ${JSON.stringify(last)}, expected ${wanted}` });
 }
 
+/** Moves the n-th slider of the network to a part of its way, as a finger does that lets go there. */
+export async function slide(page, n, part) {
+  await page.locator("#network input").nth(n).evaluate((input, value) => {
+    input.value = String(value);
+    for (const name of ["input", "change"]) input.dispatchEvent(new Event(name));
+  }, 1000 * part);
+}
+
 /** Grabs the wheel at its top and turns it by so many degrees, the button still down. */
-export async function turn(page, degrees) {
-  const box = await page.locator("#stage").boundingBox();
+export async function turn(page, degrees, wheel = "#stage") {
+  const box = await page.locator(wheel).boundingBox();
   const [x, y, radius] = [box.x + box.width / 2, box.y + box.height / 2, box.width * 0.35];
   const at = (angle) => [x + radius * Math.sin((angle * Math.PI) / 180), y - radius * Math.cos((angle * Math.PI) / 180)];
   await page.mouse.move(...at(0));

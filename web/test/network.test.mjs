@@ -5,7 +5,7 @@ import { once } from "node:events";
 import { join } from "node:path";
 import { createInterface } from "node:readline";
 import { after, test } from "node:test";
-import { HAPT, extremes, number, open, place, quit, turn, until } from "./desk.mjs";
+import { HAPT, extremes, number, open, place, quit, slide, turn, until } from "./desk.mjs";
 
 after(quit);
 
@@ -13,12 +13,10 @@ const PAIR = join(import.meta.dirname, "../../networks/pair.toml");
 const said = (page) => () => page.locator("#network p").first().textContent();
 const link = (page) => () => page.locator("#network p").nth(1).textContent();
 
-/** Moves the n-th slider of the network to a part of its way, as a finger does that lets go there. */
-async function slide(page, n, part) {
-  await page.locator("#network input").nth(n).evaluate((input, value) => {
-    input.value = String(value);
-    for (const name of ["input", "change"]) input.dispatchEvent(new Event(name));
-  }, 1000 * part);
+/** With PICTURES, the folder for the pictures of docs/links.md: `npm run pictures`. */
+async function picture(page, name) {
+  const folder = process.env.PICTURES;
+  if (folder) await page.screenshot({ path: join(folder, `${name}.png`), clip: { x: 0, y: 0, width: 1280, height: 800 } });
 }
 
 test("two pages feel one shaft, are told when it will ring, and a button ends it", { timeout: 180_000 }, async () => {
@@ -37,6 +35,18 @@ test("two pages feel one shaft, are told when it will ring, and a button ends it
       await until(link(page), (text) => text.includes("acts; position") && text.includes("of 20 ms"), 30);
     }
     assert.match(await left.locator("#network h2").textContent(), /station left$/);
+    // The verdict follows a station's own settings too, on both pages.
+    const damping = async (value) => {
+      await right.evaluate(() => document.querySelectorAll("#knobs details").forEach((details) => (details.open = true)));
+      const field = right.locator('[data-key="device.damping"] input[type=text]');
+      await field.fill(value);
+      await field.press("Enter");
+    };
+    await damping("1 N mm s/rad");
+    for (const page of [left, right]) await until(said(page), (text) => text.startsWith("✗ Not certified: with the links these stations have too little damping"));
+    await right.click("#reset");
+    for (const page of [left, right]) await until(said(page), (text) => text.startsWith("✓ Certified: passive for any clocks"));
+
     // The other wheel is pulled along, and is no hand on this page. Where a busy machine has let the link go, it takes hold softly, and
     // draws the other wheel along.
     let way = 60;
@@ -49,6 +59,7 @@ test("two pages feel one shaft, are told when it will ring, and a button ends it
       return Math.abs(angle);
     };
     await until(pulled, (angle) => angle > 40, 60);
+    await picture(right, "pair-shaft");
 
     // A long way, and positions that may be as old: both pages say so before anybody has touched it.
     await slide(left, 3, 0.9);
@@ -83,11 +94,13 @@ test("two pages feel one shaft, are told when it will ring, and a button ends it
       return ringing();
     };
     await until(kicked, (swing) => swing > 90, 60);
+    await picture(right, "pair-rings");
 
     // The remedy on the other page.
     await right.locator("#network button.remedy", { hasText: "Soften every link" }).click();
     for (const page of [left, right]) await until(said(page), (text) => text.startsWith("✓ Certified"));
     await until(ringing, (swing) => swing < 10, 60);
+    await picture(right, "pair-quiet");
 
     // Nothing arrives: both let go, and say why.
     await slide(right, 1, 1);

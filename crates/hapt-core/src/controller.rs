@@ -99,7 +99,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Controller<F, B, C
         state: &mut ControllerState<F, B, C, W>,
         reading: &Reading<F>,
         request: Option<Request>,
-        torque: impl FnOnce(Beside<F>) -> F,
+        torque: impl FnOnce(Beside<F>) -> Option<F>,
     ) -> SafeOutput<F> {
         self.supervisor.step_beside(&mut state.supervisor, &self.world, &mut state.world, reading, request, torque)
     }

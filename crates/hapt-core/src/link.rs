@@ -238,9 +238,9 @@ impl LinkEnd {
         self.terms
     }
 
-    /// From now on no position acts beyond this age in s.
-    pub fn set_age_max(&mut self, age_max: f64) {
-        self.terms.age_max = age_max;
+    /// It keeps to these from the next sample on.
+    pub fn set_terms(&mut self, terms: LinkTerms) {
+        self.terms = terms;
     }
 
     /// What the other end is to hear: the part with which the first acts, the largest with which the second can.

@@ -45,7 +45,6 @@ pub mod frames;
 pub mod game_wheel;
 mod hand;
 pub mod keys;
-#[cfg(not(target_family = "wasm"))]
 pub mod links;
 mod local;
 mod machine;
@@ -57,7 +56,6 @@ mod recording;
 pub mod rule;
 mod runner;
 mod session;
-#[cfg(not(target_family = "wasm"))]
 pub mod simulated_network;
 #[cfg(test)]
 mod testing;
@@ -68,7 +66,7 @@ pub use config::{Rule, WorldConfig};
 pub use device::{DeviceAddress, DeviceError};
 pub use hand::VirtualHand;
 pub use keys::SettableKey;
-pub use machine::{Backend, Error, Machine, WheelView};
+pub use machine::{Backend, Error, Machine, StationView, WheelView};
 #[cfg(not(target_family = "wasm"))]
 pub use packed::packed;
 pub use page::PageSession;

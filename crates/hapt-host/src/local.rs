@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use hapt_core::{Request, SafetyProfile};
-use hapt_rt::{
-    Device, End, Engine, Epoch, Failure, LoopCommand, LoopHandle, Outside, Plan, Realtime, Record, Settings, Stepper,
-};
+#[cfg(not(target_family = "wasm"))]
+use hapt_rt::Settings;
+use hapt_rt::{Device, End, Engine, Epoch, Failure, LoopCommand, LoopHandle, Outside, Plan, Realtime, Record, Stepper};
 
 use crate::config::WorldConfig;
 use crate::machine::Error;
@@ -45,6 +45,7 @@ impl Steps {
 
 impl LocalLoop {
     /// Runs the world of `config` on `device`, disarmed.
+    #[cfg(not(target_family = "wasm"))]
     pub fn start(
         config: &WorldConfig,
         profile: SafetyProfile,
@@ -59,9 +60,14 @@ impl LocalLoop {
     }
 
     /// The same without a thread.
-    pub fn stepped(config: &WorldConfig, profile: SafetyProfile, device: Box<dyn Device>) -> Result<Self, Error> {
+    pub fn stepped(
+        config: &WorldConfig,
+        profile: SafetyProfile,
+        device: Box<dyn Device>,
+        outside: Outside,
+    ) -> Result<Self, Error> {
         let plan = Plan::new(&config.world, profile).map_err(|error| Error::World(error.to_string()))?;
-        let (engine, stepper) = Engine::stepped(plan.clone(), device)?;
+        let (engine, stepper) = Engine::stepped(plan.clone(), device, outside)?;
         let steps = Steps { stepper, now: None, until: Duration::ZERO, failed: None };
         Ok(LocalLoop { engine, plan: Box::new(plan), steps: Some(steps), has_outside: false })
     }

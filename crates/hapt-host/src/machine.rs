@@ -6,7 +6,9 @@ use hapt_core::SafetyProfile;
 #[cfg(not(target_family = "wasm"))]
 use hapt_core::{Phase, Reason};
 use hapt_model::World;
-use hapt_rt::{Device, Failure, Hands, Outside, Settings, SimulatedDevice};
+#[cfg(not(target_family = "wasm"))]
+use hapt_rt::Settings;
+use hapt_rt::{Device, Failure, Hands, Outside, SimulatedDevice};
 
 use crate::config::WorldConfig;
 use crate::local::LocalLoop;
@@ -31,15 +33,12 @@ pub struct Machine {
 
 /// What the pages of a station see of its network, and change of it.
 pub trait StationView: Send {
-    /// What is unusual: a link that has let go, a network that is not certified.
-    fn warnings(&self) -> Vec<String>;
-    /// Its numbers, its verdict, and its links.
+    /// Its numbers, its verdict, its links, and what is unusual of them.
     fn info(&self) -> NetworkInfo;
     /// Changes it for all stations.
-    ///
-    /// # Errors
-    /// In a sentence.
-    fn set(&self, change: &NetworkChange) -> Result<(), String>;
+    fn change(&self, change: &NetworkChange);
+    /// The station's world is another one from now on.
+    fn change_world(&self, world: &World);
 }
 
 /// What the pages see of a wheel for games, and press on it.
@@ -53,6 +52,7 @@ pub trait WheelView: Send {
 /// Where the loop runs.
 pub enum Backend {
     /// On a thread of this computer.
+    #[cfg(not(target_family = "wasm"))]
     Local {
         /// Started, and without a torque.
         device: Box<dyn Device>,
@@ -65,6 +65,8 @@ pub enum Backend {
     Stepped {
         /// Simulated.
         device: Box<dyn Device>,
+        /// Torques from outside of its world.
+        outside: Outside,
     },
     /// On a board, which receives the world.
     #[cfg(not(target_family = "wasm"))]
@@ -80,10 +82,11 @@ impl Backend {
     /// Starts the loop with the world of `config`, disarmed.
     pub(crate) fn start(self, config: &WorldConfig, profile: SafetyProfile) -> Result<Box<dyn Runner>, Error> {
         Ok(match self {
+            #[cfg(not(target_family = "wasm"))]
             Backend::Local { device, settings, outside } => {
                 Box::new(LocalLoop::start(config, profile, device, settings, outside)?)
             }
-            Backend::Stepped { device } => Box::new(LocalLoop::stepped(config, profile, device)?),
+            Backend::Stepped { device, outside } => Box::new(LocalLoop::stepped(config, profile, device, outside)?),
             #[cfg(not(target_family = "wasm"))]
             Backend::Board { link, every } => Box::new(crate::board::BoardLoop::start(config, profile, *link, every)?),
         })
@@ -92,6 +95,7 @@ impl Backend {
 
 impl Machine {
     /// The exact simulation of this world's device, with a hand.
+    #[cfg(not(target_family = "wasm"))]
     pub fn simulated(world: &World) -> Self {
         Machine::simulation(world, |device| Backend::Local {
             device,
@@ -102,13 +106,18 @@ impl Machine {
 
     /// The same without a thread, for a page: [`Backend::Stepped`].
     pub fn stepped(world: &World) -> Self {
-        Machine::simulation(world, |device| Backend::Stepped { device })
+        Machine::simulation(world, |device| Backend::Stepped { device, outside: Outside::default() })
     }
 
-    /// The same loop with torques from outside of its world; `None` where it does not run on a thread of this computer.
+    /// The same loop with torques from outside of its world; `None` where a board runs it.
     pub fn beside(mut self, torques: Outside) -> Option<Self> {
-        let Backend::Local { outside, .. } = &mut self.backend else { return None };
-        *outside = torques;
+        match &mut self.backend {
+            #[cfg(not(target_family = "wasm"))]
+            Backend::Local { outside, .. } => *outside = torques,
+            Backend::Stepped { outside, .. } => *outside = torques,
+            #[cfg(not(target_family = "wasm"))]
+            Backend::Board { .. } => return None,
+        }
         Some(self)
     }
 
@@ -155,6 +164,14 @@ pub enum Error {
     /// The device failed while it ran.
     #[error("{0}")]
     Device(Failure),
+    /// The device of a network's station failed while it ran.
+    #[error("{station}: {failure}")]
+    Station {
+        /// Its name.
+        station: String,
+        /// Why.
+        failure: Failure,
+    },
     /// The board does not answer, or does not take the world.
     #[cfg(not(target_family = "wasm"))]
     #[error(transparent)]

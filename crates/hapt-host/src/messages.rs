@@ -11,7 +11,7 @@ mod world_file;
 pub use client::{ClientMessage, Command, Controls, FARTHEST, LONGEST, NetworkChange};
 pub use describe::describe;
 pub use server::*;
-pub use world_file::WorldFile;
+pub use world_file::{NetworkFile, WorldFile};
 
 /// The version in the hello of both sides.
 pub const VERSION: u32 = 1;

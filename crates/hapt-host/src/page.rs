@@ -80,11 +80,7 @@ impl PageSession {
             }
             ClientMessage::Record { on: true } => return self.submit(client, Task::Record),
             ClientMessage::Record { on: false } => self.session.end_recording(),
-            #[cfg(not(target_family = "wasm"))]
-            ClientMessage::Network(change) => {
-                let network = self.session.network();
-                return network?.set(&change).err().map(|why| refused("", why));
-            }
+            ClientMessage::Network(change) => self.session.network()?.change(&change),
             #[cfg(not(target_family = "wasm"))]
             ClientMessage::Controls(controls) => {
                 let is_simulated = self.session.is_simulated();
@@ -190,7 +186,6 @@ impl PageSession {
         // A local loop's missed samples are in the timing.
         let missed = Some(session.timing().missed()).filter(|missed| *missed > 0 && session.realtime().is_none());
         let missed = missed.map(|missed| format!("The board has missed {missed} samples."));
-        let network = session.network().map(StationView::warnings).unwrap_or_default();
-        session.warning().map(warning).into_iter().chain(missed).chain(network).collect()
+        session.warning().map(warning).into_iter().chain(missed).collect()
     }
 }

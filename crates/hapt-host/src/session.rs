@@ -136,7 +136,12 @@ impl Session {
     ) -> Result<Self, Error> {
         let Machine { name, backend, hands, network, wheel, profile } = machine;
         let worker = match &backend {
-            Backend::Stepped { .. } => Worker::AtOnce(VecDeque::new()),
+            Backend::Stepped { .. } => {
+                // Whatever there is to do is done by the poll itself.
+                drop(ready);
+                Worker::AtOnce(VecDeque::new())
+            }
+            #[cfg(not(target_family = "wasm"))]
             Backend::Local { .. } => Worker::start(ready)?,
             #[cfg(not(target_family = "wasm"))]
             Backend::Board { .. } => Worker::start(ready)?,
@@ -391,7 +396,12 @@ impl Session {
         self.hand.send();
         self.advance_restart(now);
         self.begin_task();
-        ended
+        match (ended, &self.network) {
+            (Some(Err(Error::Device(failure))), Some(network)) => {
+                Some(Err(Error::Station { station: network.info().station, failure }))
+            }
+            (ended, _) => ended,
+        }
     }
 
     /// The next event.
@@ -476,6 +486,9 @@ impl Session {
             self.timing = Timing::new();
         }
         self.config = next;
+        if let Some(network) = &self.network {
+            network.change_world(&self.config.certified_world());
+        }
         self.worlds.push_back((self.config.generation, self.config.world.clone()));
         if let Some(recording) = &mut self.recording {
             recording.change(self.config.generation, &self.config.world);

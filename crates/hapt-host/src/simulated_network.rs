@@ -1,175 +1,231 @@
-//! All stations of a network in one program, each a loop in real time on a simulated device.
+//! A network whose stations are all simulated in one program: the numbers that its pages change, and the verdict on them.
+//!
+//! The verdict is computed elsewhere, and may take long: a change makes a [`Question`], and [`SimulatedNetwork::answer`] is called when its
+//! verdict is there. Until then the pages are told that the verdict is an older one.
 
-use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use hapt_analysis::NetworkCheck;
-use hapt_model::Network;
+use hapt_analysis::Linked;
+use hapt_model::{Network, World};
 use hapt_rt::{LinkPort, LinkTuning};
 
-use crate::links::{LinkError, LinkStatus, Links, Way, WayNumbers, random_key};
+use crate::links::{LinkStatus, WayNumbers};
 use crate::machine::StationView;
 use crate::messages::{LinkInfo, NetworkChange, NetworkInfo, NetworkRemedy};
 
 /// What a remedy leaves of the largest factor that is certified.
 const MARGIN: f64 = 0.98;
 
-/// One station's part of it.
-pub struct StationEnd {
-    /// The loop's ends of its links, for [`crate::Machine::beside`].
-    pub ports: Vec<LinkPort>,
-    /// What its pages see and change.
-    pub view: Box<dyn StationView>,
-}
-
 /// What all stations share.
-struct Shared {
+pub struct SimulatedNetwork {
     state: Mutex<State>,
-    way: Vec<Arc<WayNumbers>>,
-    /// A link's, for both of its ends.
-    tuning: Vec<LinkTuning>,
-    file: Network,
+    ways: Vec<Arc<WayNumbers>>,
+    /// Of each link, the end at its first station, and at its second.
+    tuning: Vec<[LinkTuning; 2]>,
 }
 
 struct State {
-    certified: bool,
-    sentence: String,
-    remedies: Vec<NetworkRemedy>,
+    /// As in its file, but for the worlds that pages have changed.
+    network: Network,
     delay: f64,
     loss: f64,
-    /// Factors on the file's numbers.
+    factors: Factors,
+    /// Of the last question.
+    revision: u64,
+    /// Of the question whose verdict this is.
+    answered: u64,
+    verdict: Linked,
+    remedies: Vec<NetworkRemedy>,
+}
+
+/// On the file's numbers.
+#[derive(Clone, Copy, Debug)]
+struct Factors {
     stiffness: f64,
     age: f64,
 }
 
-struct View {
-    station: String,
-    links: Links,
-    shared: Arc<Shared>,
+/// A network whose verdict is asked for.
+#[derive(Clone, Debug)]
+pub struct Question {
+    /// As it is now.
+    pub network: Network,
+    revision: u64,
+    factors: Factors,
 }
 
-/// Connects the stations of `network`, in their order. Their messages go over sockets of this computer, and take the time, and are lost, as the file
-/// says, until a page changes that.
-///
-/// # Errors
-/// The network has no certificate, or the system gives no socket, thread or random numbers.
-pub fn connect(network: &Network) -> Result<Vec<StationEnd>, LinkError> {
-    let failed = |error| LinkError::System { what: "socket", error };
-    let bound = |_: &_| UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|socket| Ok((socket.local_addr()?, socket)));
-    let sockets = network.stations.iter().map(bound).collect::<Result<Vec<_>, _>>().map_err(failed)?;
-    let peers: Vec<(usize, SocketAddr)> = sockets.iter().map(|(address, _)| *address).enumerate().collect();
-    let key = random_key()?;
-    let tuning: Vec<LinkTuning> =
-        network.links.iter().map(|link| LinkTuning::new(link.stiffness(), link.age_max)).collect();
-    let (mut opened, mut way) = (Vec::new(), Vec::new());
-    for (at, (_, socket)) in sockets.into_iter().enumerate() {
-        let (links, ports) = Links::on(socket, network, at, &peers, &key, Way::AsWritten)?;
-        let of_station = network.links.iter().zip(&tuning).filter(|(link, _)| link.between.contains(&at));
-        let ports: Vec<LinkPort> =
-            ports.into_iter().zip(of_station).map(|(port, (_, own))| port.tuned(own.clone())).collect();
-        way.extend(links.ways());
-        opened.push((links, ports));
+impl Factors {
+    const ONE: Factors = Factors { stiffness: 1.0, age: 1.0 };
+
+    fn of(self, network: &Network) -> Network {
+        let mut network = network.clone();
+        for link in &mut network.links {
+            *link = link.with_stiffness(self.stiffness * link.stiffness());
+            link.age_max *= self.age;
+        }
+        network
     }
-    let check = hapt_analysis::check_network(network).map_err(|error| LinkError::Check(error.to_string()))?;
-    let first = network.links.first();
-    let mut state = State {
-        certified: false,
-        sentence: String::new(),
-        remedies: Vec::new(),
-        delay: first.map_or(0.0, |link| 0.5 * (link.delay + link.delay_max)),
-        loss: first.map_or(0.0, |link| link.loss),
-        stiffness: 1.0,
-        age: 1.0,
-    };
-    state.judge(&check);
-    let shared = Arc::new(Shared { state: Mutex::new(state), way, tuning, file: network.clone() });
-    let view = |(station, (links, ports)): (&hapt_model::Station, (Links, Vec<LinkPort>))| StationEnd {
-        ports,
-        view: Box::new(View { station: station.name.clone(), links, shared: Arc::clone(&shared) }),
-    };
-    Ok(network.stations.iter().zip(opened).map(view).collect())
-}
 
-impl State {
-    fn judge(&mut self, check: &NetworkCheck) {
-        (self.certified, self.sentence) = (check.certified, check.verdict_sentence());
-        let factor = |of: Option<f64>| of.filter(|factor| !check.certified && *factor > 0.0 && *factor < 1.0);
+    fn remedies(self, verdict: &Linked) -> Vec<NetworkRemedy> {
+        let factor = |of: Option<f64>| of.filter(|factor| !verdict.certified && *factor > 0.0 && *factor < 1.0);
         let percent = |factor: f64| format!("{:.0} %", 100.0 * MARGIN * factor);
-        let (stiffness, age) = (self.stiffness, self.age);
-        let softer = factor(check.remedies.stiffness_scale).map(|factor| NetworkRemedy {
+        let softer = factor(verdict.stiffness_scale).map(|factor| NetworkRemedy {
             text: format!("Soften every link to {}", percent(factor)),
-            stiffness: Some(MARGIN * factor * stiffness),
+            stiffness: Some(MARGIN * factor * self.stiffness),
             age: None,
         });
-        let shorter = factor(check.remedies.age_scale).map(|factor| NetworkRemedy {
+        let shorter = factor(verdict.age_scale).map(|factor| NetworkRemedy {
             text: format!("Shorten age_max to {}", percent(factor)),
             stiffness: None,
-            age: Some(MARGIN * factor * age),
+            age: Some(MARGIN * factor * self.age),
         });
-        self.remedies = softer.into_iter().chain(shorter).collect();
+        softer.into_iter().chain(shorter).collect()
     }
 }
 
-impl Shared {
+impl SimulatedNetwork {
+    /// The network of a file with its verdict. `ports` are the loops' ends, by station and in the order of its links, which are given back
+    /// with numbers that follow the network's; `ways` those of its messages.
+    pub fn new(
+        network: Network,
+        verdict: Linked,
+        ways: Vec<Arc<WayNumbers>>,
+        ports: Vec<Vec<LinkPort>>,
+    ) -> (Self, Vec<Vec<LinkPort>>) {
+        let tuning: Vec<[LinkTuning; 2]> = (network.links.iter().enumerate())
+            .map(|(at, link)| [0, 1].map(|side| LinkTuning::new(link.stiffness(), network.end(at, side))))
+            .collect();
+        let tuned = ports.into_iter().enumerate().map(|(station, ports)| {
+            let ends = network.links.iter().zip(&tuning).filter_map(|(link, ends)| {
+                let side = link.between.iter().position(|end| *end == station)?;
+                Some(ends[side].clone())
+            });
+            ports.into_iter().zip(ends).map(|(port, tuning)| port.tuned(tuning)).collect()
+        });
+        let ports = tuned.collect();
+        let first = network.links.first();
+        let state = State {
+            delay: first.map_or(0.0, |link| 0.5 * (link.delay + link.delay_max)),
+            loss: first.map_or(0.0, |link| link.loss),
+            factors: Factors::ONE,
+            revision: 0,
+            answered: 0,
+            remedies: Factors::ONE.remedies(&verdict),
+            verdict,
+            network,
+        };
+        (SimulatedNetwork { state: Mutex::new(state), ways, tuning }, ports)
+    }
+
     fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
 
-impl StationView for View {
-    fn warnings(&self) -> Vec<String> {
-        let state = self.shared.state();
-        let verdict = (!state.certified).then(|| format!("The network is {}.", state.sentence));
-        verdict.into_iter().chain(self.links.status().iter().filter_map(LinkStatus::warning)).collect()
-    }
-
-    fn info(&self) -> NetworkInfo {
-        let state = self.shared.state();
-        let links = self.links.status().into_iter().map(|link| LinkInfo {
-            to: link.to,
-            acts: link.acts,
-            age_s: Some(link.age).filter(|age| age.is_finite()),
-            age_max_s: link.age_max,
-        });
-        NetworkInfo {
-            station: self.station.clone(),
-            certified: state.certified,
-            sentence: state.sentence.clone(),
-            remedies: state.remedies.clone(),
-            delay_s: state.delay,
-            loss: state.loss,
-            stiffness: state.stiffness,
-            age: state.age,
-            links: links.collect(),
-        }
-    }
-
-    fn set(&self, change: &NetworkChange) -> Result<(), String> {
-        let Shared { way, tuning, file, .. } = &*self.shared;
-        let mut state = self.shared.state();
+    /// Changes its numbers. A question, where the verdict depends on what has changed.
+    pub fn change(&self, change: &NetworkChange) -> Option<Question> {
+        let mut state = self.state();
         if let Some(delay) = change.delay_s {
             state.delay = delay;
-            way.iter().for_each(|way| way.set_delay(delay));
+            self.ways.iter().for_each(|way| way.set_delay(delay));
         }
         if let Some(loss) = change.loss {
             state.loss = loss;
-            way.iter().for_each(|way| way.set_loss(loss));
+            self.ways.iter().for_each(|way| way.set_loss(loss));
         }
         if change.stiffness.is_none() && change.age.is_none() {
-            return Ok(());
+            return None;
         }
-        let (stiffness, age) = (change.stiffness.unwrap_or(state.stiffness), change.age.unwrap_or(state.age));
-        let mut network = file.clone();
-        for link in &mut network.links {
-            *link = link.with_stiffness(stiffness * link.stiffness());
-            link.age_max *= age;
+        let Factors { stiffness, age } = state.factors;
+        state.factors = Factors { stiffness: change.stiffness.unwrap_or(stiffness), age: change.age.unwrap_or(age) };
+        Some(self.question(&mut state))
+    }
+
+    /// The station of this index has another world from now on.
+    ///
+    /// # Panics
+    /// There is no such station.
+    pub fn change_world(&self, station: usize, world: World) -> Question {
+        let mut state = self.state();
+        state.network.stations[station] = state.network.stations[station].with_world(world);
+        self.question(&mut state)
+    }
+
+    fn question(&self, state: &mut State) -> Question {
+        let network = state.factors.of(&state.network);
+        for (at, (link, ends)) in network.links.iter().zip(&self.tuning).enumerate() {
+            for (side, tuning) in ends.iter().enumerate() {
+                tuning.set(link.stiffness(), network.end(at, side));
+            }
         }
-        let check = hapt_analysis::check_network(&network).map_err(|error| error.to_string())?;
-        (state.stiffness, state.age) = (stiffness, age);
-        state.judge(&check);
-        for (link, tuning) in network.links.iter().zip(tuning) {
-            tuning.set(link.stiffness(), link.age_max);
+        state.revision += 1;
+        Question { network, revision: state.revision, factors: state.factors }
+    }
+
+    /// The verdict on a question. It counts unless a newer one has been answered.
+    pub fn answer(&self, question: &Question, verdict: Linked) {
+        let mut state = self.state();
+        if question.revision >= state.answered {
+            state.answered = question.revision;
+            state.remedies = question.factors.remedies(&verdict);
+            state.verdict = verdict;
         }
-        Ok(())
+    }
+
+    /// What the pages of the station of this index see of it. `links` is the state of its links; what `ask` takes is to be answered.
+    pub fn view(
+        self: &Arc<Self>,
+        station: usize,
+        links: impl Fn() -> Vec<LinkStatus> + Send + 'static,
+        ask: impl Fn(Question) + Send + 'static,
+    ) -> Box<dyn StationView> {
+        Box::new(View { station, network: Arc::clone(self), links: Box::new(links), ask: Box::new(ask) })
+    }
+}
+
+struct View {
+    station: usize,
+    network: Arc<SimulatedNetwork>,
+    links: Box<dyn Fn() -> Vec<LinkStatus> + Send>,
+    ask: Box<dyn Fn(Question) + Send>,
+}
+
+impl StationView for View {
+    fn info(&self) -> NetworkInfo {
+        let links = (self.links)();
+        let state = self.network.state();
+        let State { verdict: Linked { certified, sentence, .. }, .. } = &*state;
+        let outdated = state.answered != state.revision;
+        let verdict = match (certified, outdated) {
+            (true, _) => None,
+            (false, false) => Some(format!("The network is {sentence}.")),
+            (false, true) => Some(format!("Before the last change the network was {sentence}.")),
+        };
+        let link = |link: &LinkStatus| LinkInfo {
+            to: link.to.clone(),
+            acts: link.acts,
+            age_s: Some(link.age).filter(|age| age.is_finite()),
+            age_max_s: link.age_max,
+        };
+        NetworkInfo {
+            station: state.network.stations[self.station].name.clone(),
+            certified: *certified,
+            sentence: sentence.clone(),
+            outdated,
+            remedies: state.remedies.clone(),
+            delay_s: state.delay,
+            loss: state.loss,
+            stiffness: state.factors.stiffness,
+            age: state.factors.age,
+            links: links.iter().map(link).collect(),
+            warnings: verdict.into_iter().chain(links.iter().filter_map(LinkStatus::warning)).collect(),
+        }
+    }
+
+    fn change(&self, change: &NetworkChange) {
+        self.network.change(change).into_iter().for_each(&self.ask);
+    }
+
+    fn change_world(&self, world: &World) {
+        (self.ask)(self.network.change_world(self.station, world.clone()));
     }
 }

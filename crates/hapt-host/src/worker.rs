@@ -4,6 +4,7 @@
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
+#[cfg(not(target_family = "wasm"))]
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use hapt_core::SafetyProfile;
@@ -72,6 +73,7 @@ pub(crate) enum Made {
 /// What runs the tasks.
 pub(crate) enum Worker {
     /// A thread. Dropped, it finishes its task and ends.
+    #[cfg(not(target_family = "wasm"))]
     Thread {
         /// Tasks on their way to it.
         jobs: Sender<Job>,
@@ -87,6 +89,7 @@ impl Worker {
     ///
     /// # Errors
     /// The system gives no thread.
+    #[cfg(not(target_family = "wasm"))]
     pub fn start(ready: impl Fn() + Send + 'static) -> std::io::Result<Self> {
         let (jobs, incoming): (_, Receiver<Job>) = channel();
         let (report, done) = channel();
@@ -104,6 +107,7 @@ impl Worker {
     /// Begins a task; `false`: the thread is gone.
     pub fn begin(&mut self, job: Job) -> bool {
         match self {
+            #[cfg(not(target_family = "wasm"))]
             Worker::Thread { jobs, .. } => jobs.send(job).is_ok(),
             Worker::AtOnce(done) => {
                 done.push_back(job.done());
@@ -115,6 +119,7 @@ impl Worker {
     /// The next finished task.
     pub fn done(&mut self) -> Option<Done> {
         match self {
+            #[cfg(not(target_family = "wasm"))]
             Worker::Thread { done, .. } => done.try_recv().ok(),
             Worker::AtOnce(done) => done.pop_front(),
         }

@@ -7,11 +7,13 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
+use hapt_analysis::check_network;
 use hapt_core::{Request, Strength};
-use hapt_host::links::{LinkError, LinkStatus, Links};
-use hapt_host::{Machine, Session, WorldConfig};
+use hapt_host::links::{LinkError, LinkStatus, Links, SteppedLinks};
+use hapt_host::simulated_network::SimulatedNetwork;
+use hapt_host::{Backend, Error, Machine, Session, WorldConfig};
 use hapt_model::{Network, Source};
-use hapt_rt::Outside;
+use hapt_rt::{Device, Failure, Outside, Plan, Position};
 use hapt_wire::link::{Datagrams, Outgoing, Refusal};
 
 const KEY: &[u8] = b"both stations know this one";
@@ -234,4 +236,108 @@ fn what_cannot_be_opened_says_why() {
     assert!(matches!(open(at, &[(1, at)], KEY), LinkError::Listen { .. }));
     assert!(matches!(open(free(), &[(1, at)], b"short"), LinkError::Key { given: 5 }));
     assert!(matches!(open(free(), &[], KEY), LinkError::Peer { name } if name == "right"));
+}
+
+/// A device on a computer that misses three samples before so many of a hundred; once it has stood still.
+struct Slow {
+    device: Box<dyn Device>,
+    of_hundred: Arc<AtomicU64>,
+    reads: u64,
+    /// What was written last, as bits.
+    written: Arc<AtomicU64>,
+}
+
+impl Device for Slow {
+    fn read(&mut self) -> Result<Position, Failure> {
+        self.reads += 1;
+        self.device.read()
+    }
+
+    fn write(&mut self, torque: f64) -> Result<(), Failure> {
+        self.written.store(torque.to_bits(), Ordering::Relaxed);
+        self.device.write(torque)
+    }
+
+    fn passed(&mut self, periods: u32) {
+        self.device.passed(periods);
+    }
+
+    fn homed(&mut self, zero: f64) {
+        self.device.homed(zero);
+    }
+
+    fn adopt(&mut self, plan: &mut Plan) {
+        self.device.adopt(plan);
+    }
+
+    fn missed(&self) -> u32 {
+        match self.reads {
+            1000 => u32::MAX,
+            reads => 3 * u32::from(reads * 61 % 100 < self.of_hundred.load(Ordering::Relaxed)),
+        }
+    }
+}
+
+/// Eleven stations on one computer: where it is too slow for them they end, with one message and no torque; where it is late now and then, or has
+/// stood still for once, they run on.
+#[test]
+fn a_computer_too_slow_for_its_stations_ends_them_without_a_torque() {
+    let mut source = Source::from_text("chain.toml", "");
+    source.text = (0..11).map(|i| format!("stations.s{i}.world = \"wheel.toml\"\n")).collect();
+    for i in 0..10 {
+        let between = format!("between = [\"s{i}\", \"s{}\"]", i + 1);
+        source.text += &format!("[[links]]\nkind = \"spring\"\n{between}\nstiffness = 0.01\nage_max = \"50 ms\"\n");
+    }
+    let wheel = "loop.period = '4 ms'\ndevice = { inertia = '6.4e-4 kg m^2', damping = '5 N mm s/rad' }\n\
+                 couplings = [{ kind = 'constant', between = ['puck', 'ground'], torque = 0.01 }]\n";
+    source.files.insert("wheel.toml".into(), wheel.into());
+    let network = Network::read(&source, &[]).unwrap();
+    let (links, ports) = SteppedLinks::new(&network);
+    let verdict = check_network(&network).unwrap().linked();
+    let (shared, ports) = SimulatedNetwork::new(network.clone(), verdict, links.ways(), ports);
+    let shared = Arc::new(shared);
+    let (of_hundred, written) = (Arc::new(AtomicU64::new(0)), Arc::<AtomicU64>::default());
+    let mut sessions: Vec<Session> = (network.stations.iter().zip(ports).enumerate())
+        .map(|(at, (station, ports))| {
+            let config = WorldConfig::new(station.source.clone(), Vec::new()).unwrap();
+            let mut machine = Machine::stepped(&config.world).beside(Outside::linked(ports)).unwrap();
+            machine.network = Some(shared.view(at, links.status(at), |_| ()));
+            if at == 7 {
+                let Backend::Stepped { device, outside } = machine.backend else { panic!("stepped") };
+                let slow =
+                    Slow { device, of_hundred: Arc::clone(&of_hundred), reads: 0, written: Arc::clone(&written) };
+                machine.backend = Backend::Stepped { device: Box::new(slow), outside };
+            }
+            let mut session = Session::start(config, machine).unwrap();
+            session.request(Request::Arm, session.handle().epoch()).unwrap();
+            session
+        })
+        .collect();
+    let torque = || f64::from_bits(written.load(Ordering::Relaxed));
+    let mut now = Duration::ZERO;
+    let mut pass = |seconds: f64| {
+        let until = now + Duration::from_secs_f64(seconds);
+        while now < until {
+            now += Duration::from_millis(4);
+            for (at, session) in sessions.iter_mut().enumerate() {
+                if let Some(ended) = session.poll(now, |_| ()) {
+                    return Some((at, ended.unwrap_err()));
+                }
+            }
+        }
+        None
+    };
+    for late in [0, 10, 30] {
+        of_hundred.store(late, Ordering::Relaxed);
+        assert!(pass(11.0).is_none(), "{late} of 100");
+    }
+    assert_eq!(torque(), 0.01);
+    of_hundred.store(40, Ordering::Relaxed);
+    let (at, error) = pass(11.0).unwrap();
+    assert!(at == 7 && matches!(error, Error::Station { failure: Failure::Slow(51..=55), .. }), "{error:?}");
+    let message = error.to_string();
+    for part in ["s7: ", "too slow for the loop", "missed 5", "longer loop.period", "hapt run NETWORK --station"] {
+        assert!(message.contains(part), "{message}");
+    }
+    assert_eq!(torque(), 0.0);
 }

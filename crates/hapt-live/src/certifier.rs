@@ -15,9 +15,9 @@ use hapt_model::World;
 /// The number of values of a slider that are tried before the edges are refined.
 const PLACES: usize = 33;
 /// The verdict where the analysis panics; the server runs on.
-const BROKEN: &str = "the analysis has panicked, a defect of hapt";
+pub(crate) const BROKEN: &str = "the analysis has panicked, a defect of hapt";
 /// How far below other programs the threads are: the verdict of a newer world does not wait for the ranges of an older one.
-const VERDICTS: i32 = 5;
+pub(crate) const VERDICTS: i32 = 5;
 const RANGES: i32 = 15;
 /// The accuracy of an edge, as a part of the slider.
 const WIDTH: f64 = 1e-3;
@@ -84,13 +84,13 @@ impl Drop for Certifier {
 }
 
 /// Lowers the thread's priority below the loop's: a verdict may come late, a sample may not.
-fn lower_priority(_by: i32) {
+pub(crate) fn lower_priority(_by: i32) {
     #[cfg(target_os = "linux")]
     let _ = rustix::process::nice(_by);
 }
 
 /// A place for one value; a newer one replaces it.
-struct Latest<T> {
+pub(crate) struct Latest<T> {
     /// The value, and whether no more will come.
     slot: Mutex<(Option<T>, bool)>,
     changed: Condvar,
@@ -107,12 +107,14 @@ impl<T> Latest<T> {
         self.slot.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn put(&self, value: T) {
+    /// Replaces what waits.
+    pub fn put(&self, value: T) {
         self.slot().0 = Some(value);
         self.changed.notify_one();
     }
 
-    fn end(&self) {
+    /// No more will come.
+    pub fn end(&self) {
         *self.slot() = (None, true);
         self.changed.notify_one();
     }
@@ -124,7 +126,7 @@ impl<T> Latest<T> {
     }
 
     /// Waits; `None` at the end.
-    fn take(&self) -> Option<T> {
+    pub fn take(&self) -> Option<T> {
         let waiting = |slot: &mut (Option<T>, bool)| slot.0.is_none() && !slot.1;
         self.changed.wait_while(self.slot(), waiting).unwrap_or_else(PoisonError::into_inner).0.take()
     }

@@ -11,6 +11,8 @@
 //!                 +--------- stop, heartbeats -------------------------------+
 //! ```
 //!
+//! The stations of a [`network`] have a page each, and a certificate together.
+//!
 //! [`standalone`] writes the same page as files, for a folder without a server.
 //!
 //! The messages are in [`hapt_host::messages`], the telemetry in [`hapt_host::frames`], the admission of requests in [`access`].
@@ -24,6 +26,7 @@ pub mod control;
 mod counted;
 mod http;
 mod live;
+pub mod network;
 mod requests;
 pub mod sender;
 pub mod server;

@@ -10,11 +10,11 @@
 
 use std::collections::BTreeMap;
 
-use hapt_analysis::{Check, Proposal};
+use hapt_analysis::{Check, NetworkCheck, Proposal};
 use hapt_core::SafetyProfile;
-use hapt_host::messages::{ServerMessage, VerdictMessage, WorldFile};
-use hapt_host::{SettableKey, WorldConfig};
-use hapt_model::Source;
+use hapt_host::messages::{NetworkFile, ServerMessage, VerdictMessage, WorldFile};
+use hapt_host::{SettableKey, WorldConfig, rule};
+use hapt_model::{Network, Source, World};
 use hapt_rt::Plan;
 use serde_json::{Value, json};
 
@@ -57,14 +57,48 @@ impl PageWorld {
     /// # Errors
     /// In words, why it has no page: the page has not been built, or does not run this world.
     pub fn new(source: &Source, sets: Vec<String>) -> Result<Self, String> {
-        if CORE.is_empty() || !assets::all().any(|(name, _)| name == "/index.html") {
-            return Err("this hapt was built without the page".into());
-        }
+        is_built()?;
         let file = WorldFile::new(source, sets)?;
         let config = file.clone().config()?;
-        Plan::new(&config.world, SafetyProfile::Simulated).map_err(|error| error.to_string())?;
+        runs(&config.world)?;
         Ok(PageWorld { file, config })
     }
+}
+
+/// A network for a page with all of its wheels.
+#[derive(Clone, Debug)]
+pub struct PageNetwork {
+    /// As the page carries it.
+    file: NetworkFile,
+    /// The stations' names.
+    stations: Vec<String>,
+}
+
+impl PageNetwork {
+    /// The network that was read from `source` under `sets`, with its certificate.
+    ///
+    /// # Errors
+    /// In words, why it has no page: as [`PageWorld::new`], for each of its stations.
+    pub fn new(source: &Source, sets: Vec<String>, network: &Network, check: &NetworkCheck) -> Result<Self, String> {
+        is_built()?;
+        let file = NetworkFile::new(source, sets, network, check)?;
+        for station in file.network()?.stations {
+            let at = |why| format!("{}: {why}", station.name);
+            rule::check(&station.world, &station.source, &station.sets).map_err(at)?;
+            runs(&station.world).map_err(at)?;
+        }
+        let stations = network.stations.iter().map(|station| station.name.clone()).collect();
+        Ok(PageNetwork { file, stations })
+    }
+}
+
+fn is_built() -> Result<(), String> {
+    let built = !CORE.is_empty() && assets::all().any(|(name, _)| name == "/index.html");
+    built.then_some(()).ok_or_else(|| "this hapt was built without the page".into())
+}
+
+fn runs(world: &World) -> Result<(), String> {
+    Plan::new(world, SafetyProfile::Simulated).map(drop).map_err(|error| error.to_string())
 }
 
 /// The files that all worlds share.
@@ -78,7 +112,20 @@ pub fn shared() -> Vec<File> {
 
 /// A world's page and its data, `stem.html` and `stem.js`.
 pub fn world(stem: &str, input: &PageInput<'_>) -> [File; 2] {
-    let data = format!("Object.assign(window.hapt, {});\n", data(input));
+    with_data(stem, &data(input))
+}
+
+/// The same of a network: its title, what it is called on the command line, with what is set there, and the report that the page leads back to.
+pub fn network(stem: &str, network: &PageNetwork, title: &str, command: &str, report: &str) -> [File; 2] {
+    let PageNetwork { file, stations } = network;
+    with_data(
+        stem,
+        &json!({ "network": file, "stations": stations, "title": title, "command": command, "report": report }),
+    )
+}
+
+fn with_data(stem: &str, data: &Value) -> [File; 2] {
+    let data = format!("Object.assign(window.hapt, {data});\n");
     [(format!("{stem}.html"), page(stem).into_bytes()), (format!("{stem}.js"), data.into_bytes())]
 }
 
@@ -105,7 +152,7 @@ fn page(stem: &str) -> String {
     format!("{head}{own}{rest}")
 }
 
-/// The contents of a page in the form that its script takes: web/src/local.ts has their form.
+/// The contents of a page in the form that its script takes: web/src/local.ts and web/src/wheels.ts have their form.
 fn data(input: &PageInput<'_>) -> Value {
     let PageInput { world: PageWorld { file, config }, check, proposal, command, report } = *input;
     let is_small = config.world.bodies.len() <= MANY;

@@ -141,6 +141,12 @@ impl Station {
         self.world.sampling.interval_max_s() + self.world.sampling.delay_max_s()
     }
 
+    /// The same station with another world on its device, such as one of which a key has been set: its intervals have room for the clock too.
+    pub fn with_world(&self, mut world: World) -> Station {
+        allow(&mut world, self.drift);
+        Station { world, ..self.clone() }
+    }
+
     /// The true age in s of a position that is `age` old by this station's clock, at most.
     pub fn true_age(&self, age: f64) -> f64 {
         age / (1.0 + self.drift).min(1.0)
@@ -277,7 +283,7 @@ fn world(source: &Source, fields: &Fields<'_>, file: &str, sets: &[String]) -> R
     Ok((of_station, world))
 }
 
-/// The drift of a station's clock as a part. A slow clock's intervals are longer than the world's file says, which the world then allows.
+/// The drift of a station's clock as a part.
 fn drift(fields: &Fields<'_>, world: &mut World) -> Result<f64, Error> {
     let millionths = fields.number("drift")?;
     if millionths.abs() > MOST_DRIFT {
@@ -286,9 +292,7 @@ fn drift(fields: &Fields<'_>, world: &mut World) -> Result<f64, Error> {
         return Err(fields.error(ErrorKind::Combination, "drift", message));
     }
     let drift = 1e-6 * millionths;
-    if drift < 0.0 {
-        world.sampling.interval_max = Some(world.sampling.interval_max_s() / (1.0 + drift) * (1.0 + 1e-12));
-    }
+    allow(world, drift);
     let is_true = |scenario: &&Scenario| matches!(scenario.timing, Timing::Random { .. } | Timing::Worst);
     if let Some(scenario) = world.scenarios.iter().find(is_true).filter(|_| drift != 0.0) {
         let message = format!(
@@ -298,6 +302,13 @@ fn drift(fields: &Fields<'_>, world: &mut World) -> Result<f64, Error> {
         return Err(fields.error(ErrorKind::Combination, "drift", message));
     }
     Ok(drift)
+}
+
+/// A slow clock's intervals are longer than the world's file says, which the world then allows.
+fn allow(world: &mut World, drift: f64) {
+    if drift < 0.0 {
+        world.sampling.interval_max = Some(world.sampling.interval_max_s() / (1.0 + drift) * (1.0 + 1e-12));
+    }
 }
 
 fn link(fields: &Fields<'_>, stations: &[Station]) -> Result<Link, Error> {

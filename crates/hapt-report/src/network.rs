@@ -156,6 +156,8 @@ pub struct NetworkReport<'n> {
     pub check: &'n NetworkCheck,
     /// The runs of the scenarios.
     pub runs: Vec<NetworkScenario>,
+    /// Where its wheels are to be grabbed, from its page.
+    pub live: Option<String>,
 }
 
 /// The approximate number of intervals of all curves on a page.
@@ -200,6 +202,9 @@ impl NetworkReport<'_> {
                     h1 { (self.title) }
                     p.soft { (self.line()) }
                     p class={ "verdict " (colour) } { b { (capital) } (sentence.strip_prefix(name).unwrap_or(&sentence)) "." }
+                    @if let Some(live) = &self.live {
+                        p { a href=(live) { "Grab the wheels" } ": all stations run in your browser, with the links between them, for your mouse or several fingers." }
+                    }
                     dl {
                         @for station in &self.check.stations {
                             dt { (station.name) } dd { (station.sentence()) "." }

@@ -4,6 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use hapt_core::{Reading, Request, SafeOutput};
 
+use crate::pace::Pace;
 use crate::plan::PlanState;
 use crate::{BODIES, Device, Failure, Outside, Plan, Record, Snapshot};
 
@@ -53,6 +54,8 @@ pub struct Cycle {
     sample: u64,
     swaps: u32,
     outside: Outside,
+    /// With links: nobody else is told when the stations of one computer do not keep their periods.
+    pace: Pace,
 }
 
 /// A device that is left without torque, also after a panic.
@@ -71,7 +74,15 @@ impl Cycle {
         plan.reserve();
         device.adopt(&mut plan);
         let state = plan.start();
-        Cycle { plan, device: Safe(device), state, sample: 0, swaps: 0, outside: Outside::default() }
+        Cycle {
+            plan,
+            device: Safe(device),
+            state,
+            sample: 0,
+            swaps: 0,
+            outside: Outside::default(),
+            pace: Pace::default(),
+        }
     }
 
     /// The same loop with torques from outside of its world. They stay when the world changes.
@@ -113,13 +124,20 @@ impl Cycle {
         self.state.commanded(f64::from(delay) / 1e9);
     }
 
-    /// Takes the sample. Errors where the device fails; its torque is then set to 0.
+    /// Takes the sample. Errors where the device fails, or where a loop with links does not keep its period; its torque is then set to 0.
     pub fn sample(&mut self, moment: &Moment, request: Option<Request>) -> Result<Record, Failure> {
-        let record = self.guarded(moment, request);
+        let record = self.guarded(moment, request).and_then(|record| self.keeps_pace(record));
         if record.is_err() {
             let _ = self.device.0.write(0.0);
         }
         record
+    }
+
+    fn keeps_pace(&mut self, record: Record) -> Result<Record, Failure> {
+        if self.outside.links.is_empty() {
+            return Ok(record);
+        }
+        self.pace.add(self.plan.period(), record.missed).map_or(Ok(record), |missed| Err(Failure::Slow(missed)))
     }
 
     fn guarded(&mut self, moment: &Moment, request: Option<Request>) -> Result<Record, Failure> {
@@ -135,13 +153,14 @@ impl Cycle {
         let Cycle { plan, device, state, outside, .. } = self;
         let before = state.supervisor.offset;
         let mut link = 0.0;
-        // A page has neither links nor a host, and its program stays small.
-        let guarded = if outside.is_none() || cfg!(target_family = "wasm") {
+        // One path for both in a page, whose program stays small.
+        let guarded = if outside.is_none() && !cfg!(target_family = "wasm") {
             plan.step(state, &reading, request)
         } else {
             plan.step_beside(state, &reading, request, |beside| {
-                link = outside.sample(beside, moment.now);
-                link
+                let torque = (!outside.is_none()).then(|| outside.sample(beside, moment.now));
+                link = torque.unwrap_or(0.0);
+                torque
             })
         };
         let SafeOutput { sample, output, phase, reason, warning, outside: _ } = guarded;

@@ -99,8 +99,7 @@ impl Engine {
         settings: Settings,
         outside: Outside,
     ) -> Result<Self, Error> {
-        let (mut engine, mut stepper) = Engine::connect(plan, device, RECORDS)?;
-        stepper.cycle = stepper.cycle.beside(outside);
+        let (mut engine, mut stepper) = Engine::connect(plan, device, RECORDS, outside)?;
         let (say, hear) = mpsc::sync_channel(1);
         let clock = engine.handle.clock().spinning(settings.spin);
         engine.thread = Some(std::thread::Builder::new().name("loop".into()).spawn(move || {
@@ -115,12 +114,12 @@ impl Engine {
         Ok(engine)
     }
 
-    /// Runs `plan` on `device` without a thread, disarmed: each sample is taken by [`Stepper::step`].
-    pub fn stepped(plan: Plan, device: Box<dyn Device>) -> Result<(Self, Stepper), Error> {
-        Engine::connect(plan, device, STEPPED)
+    /// Runs `plan` on `device` without a thread, disarmed, with torques from outside of its world: each sample is taken by [`Stepper::step`].
+    pub fn stepped(plan: Plan, device: Box<dyn Device>, outside: Outside) -> Result<(Self, Stepper), Error> {
+        Engine::connect(plan, device, STEPPED, outside)
     }
 
-    fn connect(plan: Plan, device: Box<dyn Device>, room: usize) -> Result<(Self, Stepper), Error> {
+    fn connect(plan: Plan, device: Box<dyn Device>, room: usize, outside: Outside) -> Result<(Self, Stepper), Error> {
         check(&plan)?;
         let (commands, incoming) = RingBuffer::new(ORDERS);
         let (outgoing, records) = RingBuffer::new(room);
@@ -136,7 +135,7 @@ impl Engine {
             handle: handle.clone(),
         };
         let schedule = Schedule::new(0, plan.period());
-        let cycle = Cycle::new(Box::new(plan), device);
+        let cycle = Cycle::new(Box::new(plan), device).beside(outside);
         let realtime = Realtime::default();
         let engine = Engine { records, snapshots, commands, spent, realtime, handle, thread: None, ended: None };
         Ok((engine, Stepper { cycle, rings, schedule, start: None }))

@@ -35,6 +35,7 @@ mod engine;
 mod handle;
 mod links;
 mod outside;
+mod pace;
 mod plan;
 mod replay;
 mod schedule;
@@ -106,7 +107,7 @@ pub struct Position {
     pub announced: bool,
 }
 
-/// The reason that a device could not be read or written.
+/// The reason that a device could not be read or written, or not in time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Failure {
     /// It no longer answers.
@@ -121,6 +122,12 @@ pub enum Failure {
     /// Its drive stopped with a fault.
     #[error("{0}")]
     Drive(DriveFault),
+    /// The computer is too slow for the loop of a network's station, which has missed this much of its samples, in per cent.
+    #[error(
+        "this computer is too slow for the loop, which has missed {0} % of its samples for 5 s: take a longer loop.period, fewer stations on one \
+         computer, or a computer for each (hapt run NETWORK --station NAME)"
+    )]
+    Slow(u8),
 }
 
 /// The fault of a motor drive, in its manufacturer's terms and, where there is one, the supervisor's.

@@ -26,26 +26,31 @@ pub struct LinkSample {
     pub let_go: u64,
 }
 
-/// Two numbers of a link that a simulation may change while it runs: its stiffness and its `age_max`, in SI.
+/// What a simulation may change of a link's end while it runs: the link's stiffness, and what the end keeps to, in SI.
 #[derive(Clone, Debug)]
-pub struct LinkTuning(Arc<[AtomicU64; 2]>);
+pub struct LinkTuning(Arc<[AtomicU64; 5]>);
 
 impl LinkTuning {
     /// With these numbers.
-    pub fn new(stiffness: f64, age_max: f64) -> Self {
-        LinkTuning(Arc::new([stiffness, age_max].map(|number| AtomicU64::new(number.to_bits()))))
+    pub fn new(stiffness: f64, terms: LinkTerms) -> Self {
+        let tuning = LinkTuning(Arc::default());
+        tuning.set(stiffness, terms);
+        tuning
     }
 
-    /// Changes both, from the next sample on.
-    pub fn set(&self, stiffness: f64, age_max: f64) {
-        for (number, value) in self.0.iter().zip([stiffness, age_max]) {
+    /// Changes all, from the next sample on.
+    pub fn set(&self, stiffness: f64, terms: LinkTerms) {
+        let LinkTerms { age_max, hold, period, soft } = terms;
+        for (number, value) in self.0.iter().zip([stiffness, age_max, hold, period, soft]) {
             number.store(value.to_bits(), Ordering::Relaxed);
         }
     }
 
-    /// The stiffness and `age_max`.
-    pub fn get(&self) -> [f64; 2] {
-        self.0.each_ref().map(|number| f64::from_bits(number.load(Ordering::Relaxed)))
+    /// The stiffness, and the terms.
+    pub fn get(&self) -> (f64, LinkTerms) {
+        let [stiffness, age_max, hold, period, soft] =
+            self.0.each_ref().map(|number| f64::from_bits(number.load(Ordering::Relaxed)));
+        (stiffness, LinkTerms { age_max, hold, period, soft })
     }
 }
 
@@ -93,11 +98,11 @@ impl LinkPort {
                 Err(_) => break,
             }
         }
-        if let Some([stiffness, age_max]) = self.tuning.as_ref().map(LinkTuning::get) {
+        if let Some((stiffness, terms)) = self.tuning.as_ref().map(LinkTuning::get) {
             if stiffness != self.link.stiffness() {
                 self.link = self.link.with_stiffness(stiffness);
             }
-            self.end.set_age_max(age_max);
+            self.end.set_terms(terms);
         }
         // From the future is from no clock of this loop.
         let age = |since: u64| now.checked_sub(since).map(|age| age as f64 * 1e-9);

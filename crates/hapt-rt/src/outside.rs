@@ -33,6 +33,8 @@ impl Outside {
     pub(crate) fn sample(&mut self, beside: Beside<f64>, now: u64) -> f64 {
         let links: f64 = self.links.iter_mut().map(|port| port.sample(beside.ready, now, beside.position)).sum();
         let beside = Beside { torque: beside.torque + links, ..beside };
-        links + self.effects.as_mut().map_or(0.0, |effects| effects.sample(beside, now))
+        // A page has no host, and its program stays small.
+        let effects = self.effects.as_mut().filter(|_| !cfg!(target_family = "wasm"));
+        links + effects.map_or(0.0, |effects| effects.sample(beside, now))
     }
 }

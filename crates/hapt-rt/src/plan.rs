@@ -86,7 +86,7 @@ impl Plan {
         state: &mut PlanState,
         reading: &Reading<f64>,
         request: Option<Request>,
-        torque: impl FnOnce(Beside<f64>) -> f64,
+        torque: impl FnOnce(Beside<f64>) -> Option<f64>,
     ) -> SafeOutput<f64> {
         self.controller.step_beside(state, reading, request, torque)
     }

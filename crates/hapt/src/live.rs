@@ -8,11 +8,11 @@ use std::time::Duration;
 
 use hapt_core::SafetyProfile;
 use hapt_host::links::LinkError;
-use hapt_host::simulated_network::{self, StationEnd};
 use hapt_host::{DeviceAddress, Machine};
+use hapt_live::network::{self, StationEnd};
 use hapt_live::{Error, Live, Options};
 use hapt_model::{Network, Source, World, is_network};
-use hapt_rt::Outside;
+use hapt_rt::{Outside, Settings};
 
 use crate::args::{LiveArgs, device};
 use crate::drives;
@@ -134,7 +134,7 @@ fn stations(
     let network = Network::read(source, &args.sets)?;
     output::folder("--log-dir", &args.log_dir)?;
     output::end_in_order();
-    let ends = simulated_network::connect(&network).map_err(|error| match error {
+    let ends = network::connect(&network).map_err(|error| match error {
         LinkError::Check(error) => Failure::input(error),
         error @ (LinkError::Listen { .. }
         | LinkError::Key { .. }
@@ -143,6 +143,9 @@ fn stations(
         | LinkError::Limit(_)
         | LinkError::System { .. }) => Failure::System(error.to_string()),
     })?;
+    // Loops that come before all other threads leave these a core: they carry the messages, serve the pages, and end what is too slow.
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let leaves_a_core = network.stations.len() < cores;
     let mut lives = Vec::new();
     for (at, (station, StationEnd { ports, view })) in network.stations.iter().zip(ends).enumerate() {
         let port = match address.port() {
@@ -159,7 +162,8 @@ fn stations(
             address: SocketAddr::new(address.ip(), port),
             folder: args.log_dir.clone(),
         };
-        let settings = settings(&args.realtime, &station.world)?;
+        let asked = settings(&args.realtime, &station.world)?;
+        let settings = Settings { priority: asked.priority.filter(|_| leaves_a_core), ..asked };
         let machine = |world: &World| {
             let machine = device.machine(world, SafetyProfile::Simulated, settings, 0.0)?.machine;
             let machine = machine
@@ -246,9 +250,10 @@ impl From<hapt_host::Error> for Failure {
             hapt_host::Error::World(_) => Failure::input(error),
             hapt_host::Error::Engine(error) => error.into(),
             hapt_host::Error::Board(error) => error.into(),
-            hapt_host::Error::System(_) | hapt_host::Error::Device(_) | hapt_host::Error::Panicked(_) => {
-                Failure::System(error.to_string())
-            }
+            hapt_host::Error::System(_)
+            | hapt_host::Error::Device(_)
+            | hapt_host::Error::Station { .. }
+            | hapt_host::Error::Panicked(_) => Failure::System(error.to_string()),
         }
     }
 }

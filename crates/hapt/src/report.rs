@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use hapt_analysis::{Check, NetworkCheck, Proposal};
-use hapt_live::standalone::{self, PageInput, PageWorld};
+use hapt_live::standalone::{self, File, PageInput, PageNetwork, PageWorld};
 use hapt_model::{Network, Parameter, Source, World, is_network};
 use hapt_report::{Drawing, NetworkReport, NetworkScenario, Report, Run, index_drawings, index_page};
 use hapt_sim::{NetworkRun, Simulation};
@@ -42,6 +42,10 @@ struct ReadyNetwork {
     /// Of the world of each station.
     parameters: Vec<Vec<Parameter>>,
     check: NetworkCheck,
+    /// Its name on the command line, with its overrides.
+    command: String,
+    /// For the page with its wheels, or why it has none.
+    live: Result<PageNetwork, String>,
 }
 
 /// Where the pages are on which the worlds run.
@@ -56,7 +60,11 @@ pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
     let mut first_failure = None;
     for ready in &worlds {
         let report = report(ready)?;
-        live(&args.out, ready)?;
+        let Ready { title, stem, check, proposal, command, .. } = ready;
+        write_live(&args.out, title, &ready.live, |world| {
+            let proposal = proposal.as_ref();
+            standalone::world(stem, &PageInput { world, check, proposal, command, report: &back(stem) })
+        })?;
         let drawings = report.drawings();
         write_page(&args.out, &report.stem, &report.page(&drawings, several), &drawings)?;
         let mut failed = report.runs.iter().filter_map(|run| Some((&run.name, run.failure.as_ref()?)));
@@ -65,6 +73,10 @@ pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
     }
     for ready in &networks {
         let report = report_network(ready)?;
+        let ReadyNetwork { title, stem, command, .. } = ready;
+        write_live(&args.out, title, &ready.live, |network| {
+            standalone::network(stem, network, title, command, &back(stem))
+        })?;
         let drawings = report.drawings();
         write_page(&args.out, &report.stem, &report.page(&drawings, several), &drawings)?;
         let mut failed = report.runs.iter().filter_map(|run| Some((&run.name, run.failure.as_ref()?)));
@@ -147,13 +159,14 @@ impl ReadyNetwork {
         let names: Vec<&str> = network.scenarios().into_iter().chain(stations).collect();
         let stem = stem(path, &names, taken);
         let title = titled(network.title.as_deref(), &stem);
-        Ok(ReadyNetwork { title, stem, network, parameters, check })
+        let live = PageNetwork::new(source, sets.to_vec(), &network, &check);
+        Ok(ReadyNetwork { title, stem, network, parameters, check, command: command(path, sets), live })
     }
 }
 
 /// Runs every scenario of a network. One that stops being finite is shown up to there.
 fn report_network(ready: &ReadyNetwork) -> Result<NetworkReport<'_>, Failure> {
-    let ReadyNetwork { title, stem, network, parameters, check } = ready;
+    let ReadyNetwork { title, stem, network, parameters, check, .. } = ready;
     let mut runs = Vec::new();
     for name in network.scenarios() {
         let mut simulation = NetworkRun::new(network, name)?;
@@ -166,7 +179,8 @@ fn report_network(ready: &ReadyNetwork) -> Result<NetworkReport<'_>, Failure> {
         run.let_go = simulation.let_go().collect();
         runs.push(run);
     }
-    Ok(NetworkReport { title: title.clone(), stem: stem.clone(), network, parameters, check, runs })
+    let live = live_page(&ready.live, stem);
+    Ok(NetworkReport { title: title.clone(), stem: stem.clone(), network, parameters, check, runs, live })
 }
 
 /// The file's name without folder and ending, as it can stand in a link, with a number where another world's files would have
@@ -195,7 +209,7 @@ fn stem(path: &Path, figures: &[&str], taken: &mut HashSet<String>) -> String {
 fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
     let Ready { title, stem, world, parameters, check, proposal, lines, live, .. } = ready;
     let proposal = proposal.as_ref().map(|proposal| (proposal.heading, lines.as_slice()));
-    let live = live.is_ok().then(|| format!("{LIVE}/{stem}.html"));
+    let live = live_page(live, stem);
     let mut runs = Vec::new();
     for scenario in &world.scenarios {
         let played = hapt_analysis::with_worst_pattern(world, scenario)?;
@@ -211,21 +225,33 @@ fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
     Ok(Report { title: title.clone(), stem: stem.clone(), world, parameters, check, proposal, runs, live })
 }
 
-/// Writes the page that runs a world, and the shared files of all pages.
-fn live(folder: &Path, ready: &Ready) -> Result<(), Failure> {
-    let Ready { title, stem, check, proposal, command, .. } = ready;
-    let world = match &ready.live {
-        Ok(world) => world,
+/// Where a page is on which a world runs, from the report.
+fn live_page<T>(live: &Result<T, String>, stem: &str) -> Option<String> {
+    live.is_ok().then(|| format!("{LIVE}/{stem}.html"))
+}
+
+/// Where the report is, from there.
+fn back(stem: &str) -> String {
+    format!("../{stem}.html")
+}
+
+/// Writes the page on which a world or a network runs, and the shared files of all pages.
+fn write_live<T>(
+    folder: &Path,
+    title: &str,
+    live: &Result<T, String>,
+    files: impl FnOnce(&T) -> [File; 2],
+) -> Result<(), Failure> {
+    let files = match live {
+        Ok(live) => files(live),
         Err(why) => {
             messages::say(format_args!("{title} has no page to grab it on: {why}"));
             return Ok(());
         }
     };
-    let report = format!("../{stem}.html");
-    let input = PageInput { world, check, proposal: proposal.as_ref(), command, report: &report };
     let folder = folder.join(LIVE);
     output::folder("--out", &folder.join("assets"))?;
-    for (name, bytes) in standalone::shared().into_iter().chain(standalone::world(stem, &input)) {
+    for (name, bytes) in standalone::shared().into_iter().chain(files) {
         write(&folder.join(name), &bytes)?;
     }
     Ok(())

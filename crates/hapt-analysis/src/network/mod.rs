@@ -20,6 +20,7 @@
 
 mod burden;
 mod fixed;
+mod linked;
 mod text;
 
 use hapt_model::{Law, Link, Network, Station, World};
@@ -33,6 +34,7 @@ use crate::passivity::quantisation::{quantisation, step};
 use burden::Burden;
 
 pub use fixed::FixedRates;
+pub use linked::{Alone, Linked, check_links};
 
 /// The certificate of a network. It serialises to what `hapt check --json` prints of one.
 #[derive(Clone, Debug, PartialEq, Serialize)]

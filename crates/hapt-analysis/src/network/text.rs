@@ -5,29 +5,49 @@ use std::fmt::Write as _;
 use super::{FixedRates, NetworkCheck, StationCheck};
 use crate::text::{short, time};
 
+/// What the sentence says of a station.
+#[derive(Clone, Copy)]
+pub(super) struct Found<'a> {
+    pub name: &'a str,
+    /// Whether it is certified without links.
+    pub alone: bool,
+    /// Whether its device has the damping that it needs with them.
+    pub passive: bool,
+    pub proved: bool,
+}
+
+/// One sentence: certified, or why not.
+pub(super) fn sentence<'a>(stations: impl Iterator<Item = Found<'a>> + Clone) -> String {
+    let named = |which: &dyn Fn(&Found<'_>) -> bool| {
+        let names: Vec<&str> = stations.clone().filter(|station| which(station)).map(|station| station.name).collect();
+        names.join(", ")
+    };
+    let alone = named(&|station| !station.alone);
+    if !alone.is_empty() {
+        return format!("not certified: already without links these stations are not: {alone}");
+    }
+    let lacking = named(&|station| !station.passive);
+    if !lacking.is_empty() {
+        return format!("not certified: with the links these stations have too little damping: {lacking}");
+    }
+    let unproved = named(&|station| !station.proved);
+    match unproved.is_empty() {
+        true => "certified: passive for any clocks and any loss".into(),
+        false => format!(
+            "certified: passive for any clocks and any loss, as far as the linear loops go; not proved at {unproved}"
+        ),
+    }
+}
+
 impl NetworkCheck {
     /// One sentence: certified, or why not.
     pub fn verdict_sentence(&self) -> String {
-        let named = |which: &dyn Fn(&StationCheck) -> bool| {
-            let names: Vec<&str> =
-                self.stations.iter().filter(|station| which(station)).map(|s| s.name.as_str()).collect();
-            names.join(", ")
-        };
-        let alone = named(&|station| !station.local.certified);
-        if !alone.is_empty() {
-            return format!("not certified: already without links these stations are not: {alone}");
-        }
-        let lacking = named(&|station| !station.passive);
-        if !lacking.is_empty() {
-            return format!("not certified: with the links these stations have too little damping: {lacking}");
-        }
-        let unproved = named(&|station| !station.proved);
-        match unproved.is_empty() {
-            true => "certified: passive for any clocks and any loss".into(),
-            false => format!(
-                "certified: passive for any clocks and any loss, as far as the linear loops go; not proved at {unproved}"
-            ),
-        }
+        sentence(self.stations.iter().map(|station| Found {
+            name: &station.name,
+            alone: station.local.certified,
+            passive: station.passive,
+            proved: station.proved,
+        }))
     }
 
     /// Title, verdicts with their numbers, remedies or margins, and notes, as lines for a terminal.

@@ -136,7 +136,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     }
 
     /// The same with a torque on the puck from outside of the world, of the measured position: it is added to the world's before levels and
-    /// limit. The ledgers stay those of the world alone.
+    /// limit. The ledgers stay those of the world alone. `None`: there is none, to the bit.
     pub fn step_beside<const W: usize>(
         &self,
         state: &mut SupervisorState<F>,
@@ -144,9 +144,9 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         loop_state: &mut State<F, B, C, W>,
         reading: &Reading<F>,
         request: Option<Request>,
-        torque: impl FnOnce(Beside<F>) -> F,
+        torque: impl FnOnce(Beside<F>) -> Option<F>,
     ) -> SafeOutput<F> {
-        self.guarded(state, world, loop_state, reading, request, |beside| Some(torque(beside)))
+        self.guarded(state, world, loop_state, reading, request, torque)
     }
 
     #[inline(always)]

@@ -11,7 +11,7 @@ use hapt_rt::LinkPort;
 use hapt_wire::link::{Codec, Frames};
 
 use super::ends::{Arrived, Medium};
-use super::{CanLimit, LinkError, Links, Way};
+use super::station::{CanLimit, LinkError, Links, Way};
 
 /// How long a frame waits for room on the way to the bus, before it is lost.
 const PATIENCE: Duration = Duration::from_millis(1);

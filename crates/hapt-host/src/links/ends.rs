@@ -1,14 +1,15 @@
 //! The thread between a loop's rings and a network or bus.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use hapt_core::Strength;
-use hapt_rt::{LinkSample, LinkWire};
+use hapt_rt::LinkWire;
 use hapt_wire::link::{Codec, Outgoing, Refusal, SIZE, Session};
 
-use super::ways::Held;
+use super::Counters;
+use super::way::Held;
 
 /// Messages that are read at a time. More is a flood, and waits in the socket or is lost there.
 const AT_ONCE: usize = 64;
@@ -37,20 +38,6 @@ pub trait Medium: Send + 'static {
 
     /// Sends a message. A network that is down loses it, and the link lets go.
     fn send(&mut self, to: Self::To, bytes: &[u8]);
-}
-
-/// The same while it changes.
-#[derive(Default)]
-pub struct Counters {
-    pub samples: AtomicU64,
-    pub acted: AtomicU64,
-    pub acts: AtomicBool,
-    pub let_go: AtomicU64,
-    pub age: AtomicU64,
-    pub age_max: AtomicU64,
-    pub oldest: AtomicU64,
-    pub taken: AtomicU64,
-    pub refused: [AtomicU64; Refusal::ALL.len()],
 }
 
 /// One link's end.
@@ -105,7 +92,7 @@ fn receive<M: Medium>(ends: &mut [End<M>], bytes: &[u8], now: u64) {
         match end.session.receive(bytes, now) {
             Ok(None) => return,
             Ok(Some(incoming)) => {
-                end.counters.taken.fetch_add(1, Ordering::Relaxed);
+                end.counters.take();
                 // Without room the loop stands still, and has no use for it.
                 let _ = end.wire.incoming.push(incoming);
                 return;
@@ -118,7 +105,7 @@ fn receive<M: Medium>(ends: &mut [End<M>], bytes: &[u8], now: u64) {
         }
     }
     if let Some((at, refusal)) = refused {
-        ends[at].counters.refused[refusal.code()].fetch_add(1, Ordering::Relaxed);
+        ends[at].counters.refuse(refusal);
     }
 }
 
@@ -126,11 +113,11 @@ impl<M: Medium> End<M> {
     /// Counts what the loop's samples have made of the link, and sends the newest of them where one is due.
     fn send(&mut self, medium: &mut M, now: u64) {
         if let Some(held) = &mut self.held {
-            held.send(now, |bytes| medium.send(self.to, bytes.as_ref()));
+            held.arrived(now, |bytes| medium.send(self.to, bytes.as_ref()));
         }
         let mut newest = None;
         while let Ok(sample) = self.wire.samples.pop() {
-            self.count(&sample);
+            self.counters.count(&sample);
             newest = Some(sample.outgoing);
         }
         let Some(outgoing) = newest else { return };
@@ -143,20 +130,6 @@ impl<M: Medium> End<M> {
         match &mut self.held {
             Some(held) => held.take(now, bytes),
             None => medium.send(self.to, bytes.as_ref()),
-        }
-    }
-
-    fn count(&self, sample: &LinkSample) {
-        let Counters { samples, acted, acts, let_go, age, age_max, oldest, .. } = &*self.counters;
-        age_max.store(sample.age_max.to_bits(), Ordering::Relaxed);
-        samples.fetch_add(1, Ordering::Relaxed);
-        acts.store(sample.acts, Ordering::Relaxed);
-        let_go.store(sample.let_go, Ordering::Relaxed);
-        age.store(sample.age.to_bits(), Ordering::Relaxed);
-        if sample.acts {
-            acted.fetch_add(1, Ordering::Relaxed);
-            // Of numbers that are not negative the bits are in their order.
-            oldest.fetch_max(sample.age.to_bits(), Ordering::Relaxed);
         }
     }
 }

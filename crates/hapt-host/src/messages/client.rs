@@ -74,8 +74,7 @@ pub enum ClientMessage {
         /// Its dotted path.
         key: String,
     },
-    /// Changes the simulated network that the loop is a station of. A page by itself has none.
-    #[cfg(not(target_family = "wasm"))]
+    /// Changes the simulated network that the loop is a station of.
     Network(NetworkChange),
     /// Presses the pedals and buttons of a simulated wheel for games. A page by itself has none.
     #[cfg(not(target_family = "wasm"))]
@@ -106,7 +105,6 @@ pub struct NetworkChange {
     pub age: Option<f64>,
 }
 
-#[cfg(not(target_family = "wasm"))]
 impl NetworkChange {
     fn is_in_range(&self) -> bool {
         let NetworkChange { delay_s, loss, stiffness, age } = self;
@@ -149,12 +147,11 @@ impl ClientMessage {
             ClientMessage::Controls(Controls { pedals, .. }) if pedals.iter().any(|way| !(0.0..=1.0).contains(way)) => {
                 return Err("a pedal is pressed by 0 to 1".into());
             }
-            #[cfg(not(target_family = "wasm"))]
             ClientMessage::Network(change) if !change.is_in_range() => {
                 return Err("a network's delay_s and loss are within 0 and 1, stiffness within 0.001 and 10, age within 0.001 and 100".into());
             }
             #[cfg(not(target_family = "wasm"))]
-            ClientMessage::Network(_) | ClientMessage::Controls(_) => Vec::new(),
+            ClientMessage::Controls(_) => Vec::new(),
             ClientMessage::Hello { .. }
             | ClientMessage::Take
             | ClientMessage::Give
@@ -164,6 +161,7 @@ impl ClientMessage {
             | ClientMessage::Restart
             | ClientMessage::Scenario { .. }
             | ClientMessage::Record { .. }
+            | ClientMessage::Network(_)
             | ClientMessage::Alive => Vec::new(),
         };
         match words.iter().any(|word| word.len() > LONGEST_WORD) {

@@ -259,6 +259,8 @@ pub struct NetworkInfo {
     pub certified: bool,
     /// The verdict.
     pub sentence: String,
+    /// Whether that is the verdict from before the last change: the next one is being computed.
+    pub outdated: bool,
     /// What would make it certified.
     pub remedies: Vec<NetworkRemedy>,
     /// How long a message takes, s.
@@ -271,6 +273,8 @@ pub struct NetworkInfo {
     pub age: f64,
     /// This station's links.
     pub links: Vec<LinkInfo>,
+    /// What is unusual: it is not certified, or a link of this station has let go.
+    pub warnings: Vec<String>,
 }
 
 /// A change that makes a network certified.

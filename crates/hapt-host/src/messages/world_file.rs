@@ -1,8 +1,9 @@
-//! A world as a page carries it: its text, and the texts of the files that it names.
+//! A world or a network as a page carries it: its text, and the texts of the files that it names.
 
 use std::collections::BTreeMap;
 
-use hapt_model::Source;
+use hapt_analysis::{Alone, NetworkCheck};
+use hapt_model::{Network, Source};
 use serde::{Deserialize, Serialize};
 
 use crate::config::WorldConfig;
@@ -38,5 +39,44 @@ impl WorldFile {
     pub fn config(self) -> Result<WorldConfig, String> {
         let WorldFile { name, text, files, sets } = self;
         WorldConfig::checked(Source { files, ..Source::from_text(name, text) }, sets, rule::check)
+    }
+}
+
+/// A network as a page without a server carries it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NetworkFile {
+    /// The network's file, with those of its stations' worlds.
+    pub file: WorldFile,
+    /// What the certificate has found of each station.
+    pub alone: Vec<Alone>,
+}
+
+impl NetworkFile {
+    /// The network that was read from `source` under `sets`, with its certificate and all files that it names.
+    ///
+    /// # Errors
+    /// In a sentence: two different files have one name, or as [`Network::read`].
+    pub fn new(source: &Source, sets: Vec<String>, network: &Network, check: &NetworkCheck) -> Result<Self, String> {
+        let mut files = source.files.clone();
+        for station in &network.stations {
+            let own = station.source.with_files(&station.sets).map_err(|error| error.to_string())?;
+            for (name, text) in own.files.into_iter().chain([(station.file.clone(), own.text)]) {
+                if files.insert(name.clone(), text.clone()).is_some_and(|other| other != text) {
+                    return Err(format!("its stations name two different files {name}, in different folders"));
+                }
+            }
+        }
+        let file = WorldFile { name: source.name.clone(), text: source.text.clone(), files, sets };
+        Ok(NetworkFile { file, alone: check.alone() })
+    }
+
+    /// The network; it is read from nothing but this.
+    ///
+    /// # Errors
+    /// In a sentence: as [`Network::read`].
+    pub fn network(&self) -> Result<Network, String> {
+        let WorldFile { name, text, files, sets } = &self.file;
+        let source = Source { files: files.clone(), ..Source::from_text(name, text) };
+        Network::read(&source, sets).map_err(|error| error.to_string())
     }
 }

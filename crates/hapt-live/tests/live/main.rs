@@ -7,6 +7,7 @@ mod crowd;
 mod extremes;
 mod hand;
 mod motor;
+mod network;
 mod page;
 mod record;
 mod talk;

@@ -175,7 +175,7 @@ impl WheelSampler {
         let guarded = self.controller.step_beside(&mut self.state, &reading, request, |beside: Beside<f32>| {
             let (given, count) = player.sample(beside, now);
             (playing, seen) = (count, beside.position);
-            given.torque
+            Some(given.torque)
         });
         mailbox.shown = Shown { now, position: seen, phase: guarded.phase, reason: guarded.reason, playing };
         Motor { torque: guarded.output, on: guarded.phase.is_active() }

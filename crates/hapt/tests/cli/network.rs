@@ -109,6 +109,25 @@ fn a_report_has_the_certificate_every_link_and_every_station() {
     assert!(read("loose.html").contains("let go "));
     let index = read("index.html");
     assert!(["pair.html", "loose.html", "wheel.html"].iter().all(|page| index.contains(page)), "{index}");
+    // The page with both wheels, which has all that it needs; a station too fast for a page is named.
+    assert!(page.contains("href=\"live/pair.html\"") && read("live/pair.html").contains("./pair.js"));
+    let data = read("live/pair.js");
+    for part in [
+        "\"stations\":[\"left\",\"right\"]",
+        "\"command\":\"pair.toml\"",
+        "\"free.toml\":",
+        "\"wheel.toml\":",
+        "../pair.html",
+    ] {
+        assert!(data.contains(part), "{part}: {data}");
+    }
+    let fast =
+        hapt(at.path(), ["report", "pair.toml", "--set", "stations.right.loop.period=20us", "--out", "fast"]).done();
+    assert!(
+        fast.messages()[0].contains("right: loop.period: ") && fast.messages()[0].contains("50 us to 100 ms"),
+        "{fast:?}"
+    );
+    assert!(!at.path().join("fast/live").exists());
     let broken = hapt(at.path(), ["report", "pair.toml", "--set", "links.0.age_max=1ms", "--out", "none"]);
     broken.refused(2, &["links.0.age_max"]);
     assert!(!at.path().join("none").exists());

@@ -1,5 +1,7 @@
 //! A page runs as the simulation does, and answers as `hapt live` does.
 
+mod network;
+
 use std::collections::BTreeMap;
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! What a simulated network does to the messages of a link.
+//! The way of a simulated network: what is on it takes time, and is lost.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -6,15 +6,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use hapt_model::Link;
 use hapt_sim::uniform;
-
-/// What happens to the messages of this station on their way.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
-    /// Whatever the network does.
-    Real,
-    /// They take the time of the links' `delay` and `delay_max`, and are lost as their `loss` says, before the network has them.
-    AsWritten,
-}
 
 /// How long the messages of an end take, and how many are lost.
 #[derive(Debug)]
@@ -36,15 +27,16 @@ impl WayNumbers {
     }
 }
 
-/// The way of a simulated network.
-pub struct Held<B> {
-    pub numbers: Arc<WayNumbers>,
+/// Messages on their way, in the order of their sending.
+pub(crate) struct Held<T> {
+    numbers: Arc<WayNumbers>,
     random: u64,
-    /// In the order of their sending: when each is to go, by the thread's clock, and the message.
-    messages: VecDeque<(u64, B)>,
+    /// When each arrives, in ns.
+    messages: VecDeque<(u64, T)>,
 }
 
-impl<B: Copy> Held<B> {
+impl<T: Copy> Held<T> {
+    /// From the link's first station, `side` 0, or its second.
     pub fn new(link: &Link, side: usize) -> Self {
         let random = u64::from(link.seed) << 1 | side as u64;
         let delay = [link.delay, link.delay_max].map(|delay| AtomicU64::new((delay * 1e9) as u64));
@@ -52,19 +44,25 @@ impl<B: Copy> Held<B> {
         Held { numbers, random, messages: VecDeque::new() }
     }
 
-    pub fn take(&mut self, now: u64, bytes: B) {
+    /// What may be changed of it.
+    pub fn numbers(&self) -> Arc<WayNumbers> {
+        Arc::clone(&self.numbers)
+    }
+
+    /// A message that is sent at `now`, in ns.
+    pub fn take(&mut self, now: u64, message: T) {
         let [least, most] = self.numbers.delay.each_ref().map(|end| end.load(Ordering::Relaxed));
         if uniform(&mut self.random) >= f64::from_bits(self.numbers.loss.load(Ordering::Relaxed)) {
             let way = least + (uniform(&mut self.random) * most.saturating_sub(least) as f64) as u64;
-            self.messages.push_back((now + way, bytes));
+            self.messages.push_back((now + way, message));
         }
     }
 
-    /// Sends what is due. Messages overtake each other.
-    pub fn send(&mut self, now: u64, mut send: impl FnMut(B)) {
-        self.messages.retain(|(due, bytes)| {
+    /// Passes on what has arrived at `now`. Messages overtake each other.
+    pub fn arrived(&mut self, now: u64, mut each: impl FnMut(T)) {
+        self.messages.retain(|(due, message)| {
             if *due <= now {
-                send(*bytes);
+                each(*message);
             }
             *due > now
         });

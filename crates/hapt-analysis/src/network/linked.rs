@@ -1,0 +1,88 @@
+//! The verdict on other links between stations whose own certificates are known: what a page computes that has no room for all of them.
+
+use hapt_model::Network;
+use serde::{Deserialize, Serialize};
+
+use super::burden::Burden;
+use super::text::{Found, sentence};
+use super::{NetworkCheck, StationCheck, unproved_of_links};
+use crate::error::Error;
+
+/// What is known of a station without its links.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Alone {
+    /// Whether it is certified.
+    pub certified: bool,
+    /// Whether that is proved of its whole loop.
+    pub proved: bool,
+    /// The device damping that its world requires, N·m·s/rad (linear: N·s/m); `None`: no finite damping is known to suffice.
+    pub required_damping: Option<f64>,
+}
+
+/// The verdict on a network by what is known of its stations.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Linked {
+    /// As [`NetworkCheck::certified`].
+    pub certified: bool,
+    /// As [`NetworkCheck::verdict_sentence`].
+    pub sentence: String,
+    /// The largest factor on the stiffness of every link with which it is passive; `None`: there is none.
+    pub stiffness_scale: Option<f64>,
+    /// The same on the `age_max` of every link.
+    pub age_scale: Option<f64>,
+}
+
+impl Linked {
+    /// There is no certificate, and why.
+    pub fn refused(why: &str) -> Self {
+        let sentence = format!("not certified: {why}");
+        Linked { certified: false, sentence, stiffness_scale: None, age_scale: None }
+    }
+}
+
+impl NetworkCheck {
+    /// What it has found of each station without its links.
+    pub fn alone(&self) -> Vec<Alone> {
+        let of = |StationCheck { local, .. }: &StationCheck| Alone {
+            certified: local.certified,
+            proved: local.uneven.not_proved.is_empty(),
+            required_damping: local.uneven.required_damping,
+        };
+        self.stations.iter().map(of).collect()
+    }
+
+    /// Its verdict.
+    pub fn linked(&self) -> Linked {
+        Linked {
+            certified: self.certified,
+            sentence: self.verdict_sentence(),
+            stiffness_scale: self.remedies.stiffness_scale,
+            age_scale: self.remedies.age_scale,
+        }
+    }
+}
+
+/// The verdict of [`super::check_network`], without the certificates of the stations' worlds: `alone` is what they say, in the order of the stations.
+///
+/// # Errors
+/// As [`super::check_network`].
+pub fn check_links(network: &Network, alone: &[Alone]) -> Result<Linked, Error> {
+    let demands: Vec<Option<f64>> = alone.iter().map(|alone| alone.required_damping).collect();
+    let burden = Burden::of(network, &demands)?;
+    let required = burden.required();
+    let mut found = Vec::new();
+    for (index, (station, alone)) in network.stations.iter().zip(alone).enumerate() {
+        found.push(Found {
+            name: &station.name,
+            alone: alone.certified,
+            passive: required[index].is_some_and(|b| b <= burden.damping[index]),
+            proved: alone.proved && unproved_of_links(network, index)?.is_empty(),
+        });
+    }
+    Ok(Linked {
+        certified: found.iter().all(|station| station.passive && station.alone),
+        sentence: sentence(found.iter().copied()),
+        stiffness_scale: burden.stiffness_scale(),
+        age_scale: burden.age_scale(),
+    })
+}
