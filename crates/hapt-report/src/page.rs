@@ -1,5 +1,6 @@
 //! One world as one page, without network, scripts or other external content.
 
+use hapt_analysis::certificate::text::rates;
 use hapt_analysis::{Check, Stability, Verdict};
 use hapt_model::{Parameter, World};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -231,9 +232,10 @@ impl Report<'_> {
     pub(crate) fn loop_line(&self) -> String {
         let sampling = &self.world.sampling;
         format!(
-            "{}, {} a sample, torque from the {} of the step",
+            "{}, {} a sample{}, torque from the {} of the step",
             sampling.method.name(),
             say_time(sampling.period),
+            rates(sampling),
             sampling.output.name()
         )
     }

@@ -1,6 +1,6 @@
 //! Numbers with their units, as people read and type them.
 
-pub use hapt_analysis::certificate::text::{late, rate, time};
+pub use hapt_analysis::certificate::text::{late, rate, rates, time};
 pub use hapt_analysis::proposal::number;
 use hapt_model::unit;
 use hapt_model::{Dimension, Motion, Parameter, Quantity, parse_quantity};

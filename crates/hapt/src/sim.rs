@@ -148,10 +148,11 @@ fn text(world: &World, own: Option<&Effort>, scenario: &Scenario, summary: &Summ
     let sampling = &world.sampling;
     let effort = |x| own.map_or_else(|| format::effort(x, world.motion), |own| own.say(x));
     let mut lines = vec![format!(
-        "\nscenario {}: {} at {} a sample, {}, torque from the {} of the step{}",
+        "\nscenario {}: {} at {} a sample{}, {}, torque from the {} of the step{}",
         scenario.name,
         format::time(scenario.duration),
         format::time(sampling.period),
+        format::rates(sampling),
         sampling.method.name(),
         sampling.output.name(),
         format::late(sampling),

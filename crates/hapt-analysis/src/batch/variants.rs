@@ -12,6 +12,8 @@ use crate::stability::single_body::{SingleBody, is_at_body};
 pub enum Parameter {
     /// The period.
     Period,
+    /// The samples to a step of the body.
+    BodiesEvery,
     /// The body's inertia.
     Inertia,
     /// The stiffness of a spring or the damping of a damper at the body: the coupling's index.
@@ -24,6 +26,7 @@ impl Parameter {
         let names: Vec<&str> = path.split('.').map(str::trim).collect();
         match names[..] {
             ["loop", "period"] => Some(Parameter::Period),
+            ["loop", "bodies_every"] => Some(Parameter::BodiesEvery),
             ["bodies", _, "inertia"] => Some(Parameter::Inertia),
             ["couplings", index, name] => {
                 let index = index.parse().ok()?;
@@ -48,6 +51,9 @@ impl Parameter {
 pub struct Variants<const N: usize> {
     inertia: [f64; N],
     period: [f64; N],
+    /// The samples to a step of the body, and the step in s.
+    every: [f64; N],
+    step: [f64; N],
     /// The couplings at the body, in file order.
     terms: Vec<Term<N>>,
     /// Their sums: K, C0 and C1.
@@ -71,10 +77,10 @@ enum Kind {
 }
 
 impl<const N: usize> Variants<N> {
-    /// N copies of the loop of a world with exactly one body; `None` for any other, with a nonlinear coupling at the body, with a handle
-    /// on a shaft, or where the body does not step at every sample.
+    /// N copies of the loop of a world with exactly one body; `None` for any other, with a nonlinear coupling at the body, or with a handle
+    /// on a shaft.
     pub fn new(world: &World) -> Option<Self> {
-        if world.device.handle.is_some() || world.sampling.bodies_every > 1 {
+        if world.device.handle.is_some() {
             return None;
         }
         SingleBody::of_world(&world.bodies, &world.couplings)?;
@@ -97,6 +103,8 @@ impl<const N: usize> Variants<N> {
         Some(Variants {
             inertia: [inertia; N],
             period: [world.sampling.period; N],
+            every: [f64::from(world.sampling.bodies_every); N],
+            step: [world.sampling.step(); N],
             terms: world.couplings.iter().enumerate().filter_map(at_body).collect(),
             sums: [[0.0; N]; 3],
         })
@@ -106,6 +114,7 @@ impl<const N: usize> Variants<N> {
     pub fn set(&mut self, lane: usize, number: Parameter, value: f64) {
         let column = match number {
             Parameter::Period => Some(&mut self.period),
+            Parameter::BodiesEvery => Some(&mut self.every),
             Parameter::Inertia => Some(&mut self.inertia),
             Parameter::Coupling(index) => {
                 self.terms.iter_mut().find(|term| term.coupling == index).map(|term| &mut term.value)
@@ -118,6 +127,7 @@ impl<const N: usize> Variants<N> {
 
     /// The loops with the present parameters.
     pub fn loops(&mut self) -> Loops<'_> {
+        self.step = std::array::from_fn(|i| self.every[i] * self.period[i]);
         // The same order of summation as for a single world, so that the bits agree.
         self.sums = [[0.0; N]; 3];
         let [stiffness, fixed, per_period] = &mut self.sums;
@@ -135,6 +145,6 @@ impl<const N: usize> Variants<N> {
             }
         }
         let [stiffness, fixed, per_period] = &self.sums;
-        Loops { inertia: &self.inertia, stiffness, fixed, per_period, period: &self.period }
+        Loops { inertia: &self.inertia, stiffness, fixed, per_period, period: &self.step }
     }
 }

@@ -25,6 +25,14 @@ pub fn time(x: f64) -> String {
     }
 }
 
+/// At which samples the bodies step, behind what is said of the period; empty where they step at each.
+pub fn rates(sampling: &Sampling) -> String {
+    match sampling.bodies_every {
+        1 => String::new(),
+        every => format!(", the bodies at every {every} samples"),
+    }
+}
+
 /// How late the torque comes, behind what is said of the loop; empty where it comes at once.
 pub fn late(sampling: &Sampling) -> String {
     match sampling.delay_s() {
@@ -52,11 +60,7 @@ fn verdicts(sampling: &Sampling, check: &Check) -> String {
         "loop      {} at {} a sample{}, torque from the {} of the step{}\n",
         check.method,
         time(check.period_s),
-        if check.bodies_every > 1 {
-            format!(", the bodies at every {} samples", check.bodies_every)
-        } else {
-            String::new()
-        },
+        rates(sampling),
         check.output,
         late(sampling)
     );
