@@ -76,7 +76,7 @@ pub fn connect(network: &Network) -> Result<Vec<StationEnd>, LinkError> {
         certified: false,
         sentence: String::new(),
         remedies: Vec::new(),
-        delay: first.map_or(0.0, |link| 0.5 * (link.delay + link.delay_max)),
+        delay: first.map_or(0.0, |link| 0.5 * (link.delay + link.delay_max_s())),
         loss: first.map_or(0.0, |link| link.loss),
         stiffness: 1.0,
         age: 1.0,

@@ -220,12 +220,12 @@ impl Joint {
         if time >= own.next - near {
             own.next = own.next.max(time) + own.period;
             let message = Message { sampled: time, position: measured, strength: own.link.said() };
-            let (lost, way) = (uniform(random) < link.loss, between([link.delay, link.delay_max], uniform(random)));
+            let (lost, way) = (uniform(random) < link.loss, between([link.delay, link.delay_max_s()], uniform(random)));
             if !lost {
                 other.coming.push_back((time + way, message));
             }
             if link.duplicate > 0.0 && uniform(random) < link.duplicate && !lost {
-                let way = between([link.delay, link.delay_max], uniform(random));
+                let way = between([link.delay, link.delay_max_s()], uniform(random));
                 other.coming.push_back((time + way, message));
             }
         }

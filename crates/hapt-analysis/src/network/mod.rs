@@ -181,7 +181,7 @@ fn notes(network: &Network) -> Vec<String> {
     for link in network.links.iter().filter(|link| link.stiffness() > 0.0) {
         let [one, other] = link.between.map(|at| &network.stations[at]);
         for (sender, receiver) in [(one, other), (other, one)] {
-            let usual = link.period.unwrap_or(sender.world.sampling.period) + link.delay_max + receiver.hold();
+            let usual = link.period.unwrap_or(sender.world.sampling.period) + link.delay_max_s() + receiver.hold();
             if usual > link.age_max {
                 notes.push(format!(
                     "the link lets go at {} even when no message of {} is lost: a position is up to {:?} s old, and age_max is {:?} s",

@@ -81,7 +81,7 @@ fn times_vary(network: &Network) -> Vec<String> {
     }
     for link in network.links.iter().filter(|link| link.stiffness() > 0.0) {
         let [one, other] = link.between.map(|at| network.stations[at].name.as_str());
-        if link.delay_max > link.delay || link.loss > 0.0 {
+        if link.delay_max_s() > link.delay || link.loss > 0.0 {
             reasons.push(format!("the messages between {one} and {other} vary in delay or are lost: delay_max, loss"));
         }
     }
