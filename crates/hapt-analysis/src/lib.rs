@@ -81,7 +81,9 @@ pub use equations::discrete::Discrete;
 pub use equations::grip::Grip;
 pub use error::Error;
 pub use impedance::rendered::{Elements, Impedance};
-pub use network::{FixedRates, LinkCheck, NetworkCheck, NetworkRemedies, StationCheck, check_network};
+pub use network::{
+    Demands, FixedExcess, FixedRates, LinkCheck, NetworkCheck, NetworkRemedies, StationCheck, check_network,
+};
 pub use numerics::eigenvalues::eigenvalues;
 pub use numerics::nelder_mead;
 pub use passivity::quantisation::{Quantisation, quantisation};

@@ -1,6 +1,6 @@
 //! Every number of a network under its key's name: what a sweep changes.
 
-use hapt_core::{Law, Side};
+use hapt_core::Law;
 
 use crate::keys::{self, Key};
 use crate::network::{Link, Network, Station};
@@ -95,7 +95,8 @@ impl Network {
     /// The row of the table of keys for a dotted path to a number of this network; `None` where there is no number.
     pub fn key(&self, path: &str) -> Option<&'static Key> {
         if let Some((at, key)) = self.of_station(path) {
-            let own = || keys::rows("network.stations.*").find(|row| row.name() == key && row.takes.quantity().is_some());
+            let own =
+                || keys::rows("network.stations.*").find(|row| row.name() == key && row.takes.quantity().is_some());
             return own().or_else(|| self.stations[at].world.key(key));
         }
         let (at, key) = self.of_link(path)?;
@@ -138,7 +139,8 @@ mod tests {
             age_max = "30 ms"
         "#;
         let mut source = Source::from_text("pair.toml", text);
-        let world = "loop = { period = \"1 ms\", interval_max = \"1.3 ms\" }\ndevice = { inertia = 1e-3, damping = 0.02 }\n";
+        let world =
+            "loop = { period = \"1 ms\", interval_max = \"1.3 ms\" }\ndevice = { inertia = 1e-3, damping = 0.02 }\n";
         source.files.insert("w.toml".into(), world.into());
         let system = System::read(&source, &[]).unwrap();
         let paths = [
@@ -177,7 +179,9 @@ mod tests {
             assert_eq!(of(&changed), of(&read), "{path}");
             assert!((changed.number(path).unwrap() - value).abs() < 1e-12 * value.abs(), "{path}");
         }
-        for path in ["links.0.at", "links.2.stiffness", "links.1.damping", "links.0.kind", "stations.left.world", "loop.period"] {
+        for path in
+            ["links.0.at", "links.2.stiffness", "links.1.damping", "links.0.kind", "stations.left.world", "loop.period"]
+        {
             assert!(system.key(path).is_none() && system.number(path).is_none(), "{path}");
             assert!(!system.clone().set_number(path, 1.0), "{path}");
         }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use hapt_model::{Source, World};
+use hapt_model::{Source, System, World};
 use hapt_sim::LANES;
 use rayon::prelude::*;
 
@@ -51,15 +51,19 @@ impl Sweep {
         measures: &[Measure],
         scenario: Option<&str>,
     ) -> Result<Self, Error> {
-        let (grid, world) = Grid::new(source, sets, axes)?;
-        Sweep::of_grid(grid, world, measures, scenario)
+        let (grid, system) = Grid::new(source, sets, axes)?;
+        Sweep::of_grid(grid, system, measures, scenario)
     }
 
     /// The same over a grid, which may be one of listed values, and the world at its first cell.
     ///
     /// # Errors
     /// See [`Error`].
-    pub fn of_grid(grid: Grid, world: World, measures: &[Measure], scenario: Option<&str>) -> Result<Self, Error> {
+    pub fn of_grid(grid: Grid, system: System, measures: &[Measure], scenario: Option<&str>) -> Result<Self, Error> {
+        let System::World(world) = system else {
+            return Err(Error::Measure("the file is a network, and the measures are of one world".into()));
+        };
+        let world = *world;
         if measures.is_empty() {
             let names = Measure::ALL.map(Measure::name).join(", ");
             return Err(Error::Measure(format!("nothing to measure: --measure takes {names}")));

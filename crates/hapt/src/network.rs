@@ -4,7 +4,7 @@ use std::io::{Write, stdout};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use hapt_model::{Network, Source};
+use hapt_model::{Network, Source, System};
 use hapt_sim::{CsvWriter, Error, NetworkRow, NetworkRun, Row, SIGNALS, Signal};
 
 use crate::args::{CheckArgs, Format, SimArgs};
@@ -14,7 +14,7 @@ use crate::format;
 use crate::messages;
 use crate::output::{self, Draft};
 use crate::progress::Progress;
-use crate::world::files;
+use crate::world::inputs;
 
 /// `hapt check` of a network.
 pub fn check(source: &Source, args: &CheckArgs) -> Result<ExitCode, Failure> {
@@ -93,10 +93,8 @@ fn write_all(network: &Network, scenarios: &[&str], folder: &Path, args: &SimArg
     let targets: Vec<PathBuf> =
         scenarios.iter().flat_map(|name| stations().map(|station| target(name, &station.name))).collect();
     let outputs: Vec<_> = targets.iter().map(|path| ("--out", path.as_path())).collect();
-    let home = args.world.path.parent().unwrap_or(Path::new(""));
-    let mut inputs = vec![("the network", args.world.path.clone())];
-    inputs.extend(stations().flat_map(|station| files(&home.join(&station.file), &station.world)));
-    output::apart(&outputs, &inputs)?;
+    let system = System::Network(network.clone());
+    output::apart(&outputs, &inputs(&args.world.path, &system))?;
     let mut first_failure = None;
     for name in scenarios {
         let mut run = NetworkRun::new(network, name)?;

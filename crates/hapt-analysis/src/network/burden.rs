@@ -115,6 +115,11 @@ impl Burden {
         x.iter().all(|x| *x > 0.0).then(|| x.iter().copied().collect())
     }
 
+    /// Minus the least eigenvalue of M: by how much the dampings together are too small; `None` where a station has no finite demand.
+    pub fn excess(&self) -> Option<f64> {
+        Some(-least_eigenvalue(&self.matrix(|_| 1.0, 1.0)?))
+    }
+
     fn is_passive(&self, scale: impl Fn(usize) -> f64, age: f64) -> bool {
         self.matrix(scale, age).is_some_and(|m| least_eigenvalue(&m) >= 0.0)
     }

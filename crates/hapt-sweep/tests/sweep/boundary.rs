@@ -205,7 +205,7 @@ fn beyond(world: &World, edge: Edge) -> bool {
             Verdict::of(growth) == Verdict::Unstable
         }
         Edge::Free => Verdict::of(free_growth(world).unwrap()) == Verdict::Unstable,
-        Edge::Passive => required_damping(world).unwrap().is_none_or(|b| b > world.device.damping),
+        Edge::Passive | Edge::Fixed => required_damping(world).unwrap().is_none_or(|b| b > world.device.damping),
     }
 }
 
