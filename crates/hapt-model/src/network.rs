@@ -210,7 +210,7 @@ impl Network {
             let name = station_key(set).map_or("", |(name, _)| name);
             if !stations.iter().any(|station| station.name == name) {
                 let hint = words::did_you_mean(name, stations.iter().map(|station| station.name.as_str()));
-                let message = format!("--set: the network has no station {}{hint}", words::quoted(name));
+                let message = format!("the network has no station {}{hint}", words::quoted(name));
                 return Err(Error { kind: ErrorKind::Name, key: format!("stations.{name}"), message, location: None });
             }
         }

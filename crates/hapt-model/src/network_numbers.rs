@@ -109,7 +109,6 @@ impl Network {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::{Source, System};
 
     /// A number set by its path is the number that an override of that path would have been read as.

@@ -8,7 +8,7 @@ use hapt_sweep::boundary::{Boundary, Edge, Place};
 use crate::boundary::Shown;
 
 /// The name of the mark at the file's own values.
-pub const OWN: &str = "the file's own world";
+const OWN: &str = "the file's own world";
 const OWN_NETWORK: &str = "the file's own network";
 
 /// What a mark at the file's own values is called.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use hapt_model::{Network, Source, System};
-use hapt_sim::{CsvWriter, Error, NetworkRow, NetworkRun, Row, SIGNALS, Signal};
+use hapt_sim::{CsvWriter, Error, NetworkRow, NetworkRun, NetworkSummary, Row, SIGNALS, Signal};
 
 use crate::args::{CheckArgs, Format, SimArgs};
 use crate::check::print;
@@ -144,37 +144,24 @@ pub fn numbers(row: &Row, link: f64, values: &mut Vec<f64>) {
     values.push(link);
 }
 
-/// What a station has done in a run.
-#[derive(Clone, Copy, Default)]
-struct Seen {
-    rows: u64,
-    peak: f64,
-    link: f64,
-    hand: f64,
-}
-
 fn print_all(network: &Network, source: &Source, scenarios: &[&str]) -> Result<(), Failure> {
     let mut text = format!("{}\n", network.title.as_deref().unwrap_or(&source.name));
     let mut first_failure = None;
     for name in scenarios {
         let mut run = NetworkRun::new(network, name)?;
-        let mut seen = vec![Seen::default(); network.stations.len()];
+        let mut summary = NetworkSummary::new(network);
         let end = rows(&mut run, name, |row| {
-            let of = &mut seen[row.station];
-            of.rows += 1;
-            of.peak = of.peak.max(row.row.command.abs());
-            of.link = of.link.max(row.link.abs());
-            of.hand = row.row.ledger.hand;
+            summary.add(row);
             Ok(())
         })?;
         text += &format!("\nscenario {name}\n");
-        for (station, seen) in network.stations.iter().zip(&seen) {
+        for (station, seen) in network.stations.iter().zip(&summary.stations) {
             text += &format!(
                 "  {}: {} samples, peak command {}, of the links at most {}; the hand gave {}\n",
                 station.name,
                 format::count(seen.rows),
-                format::effort(seen.peak, network.motion),
-                format::effort(seen.link, network.motion),
+                format::effort(seen.peak_command, network.motion),
+                format::effort(seen.peak_link, network.motion),
                 format::energy(seen.hand),
             );
         }

@@ -27,7 +27,7 @@ use crate::format;
 use crate::messages;
 use crate::output::{self, Draft};
 use crate::progress::Progress;
-use crate::world::{files, source};
+use crate::world::{inputs, source};
 
 /// The largest number of threads.
 const MOST_THREADS: usize = 1024;
@@ -60,7 +60,7 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
     let sweep = Sweep::new(&source, &args.world.sets, &args.axes, &measures, args.scenario.as_deref())?;
     let outputs = [Some(("--out", args.out.as_path())), args.plot.as_deref().map(|plot| ("--plot", plot))];
     let outputs: Vec<_> = outputs.into_iter().flatten().collect();
-    output::apart(&outputs, &files(&args.world.path, &sweep.world))?;
+    output::apart(&outputs, &inputs(&args.world.path, &sweep.system))?;
     if args.plot.is_some() && sweep.grid.axes.len() > 2 {
         let given = sweep.grid.axes.len();
         return Err(Failure::input(format!(

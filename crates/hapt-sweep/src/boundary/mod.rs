@@ -141,6 +141,9 @@ impl Boundary {
 }
 
 fn claim(plane: &Plane, edge: Edge, stop: &(dyn Fn() -> bool + Sync)) -> Result<Claim, Error> {
+    if !Edge::of(&plane.system).contains(&edge) {
+        return Err(Plane::foreign(edge, &plane.system));
+    }
     let undecided = plane.undecided(edge)?;
     if undecided.is_some() {
         return Ok(Claim {

@@ -148,13 +148,13 @@ impl Plane {
         }
     }
 
-    fn foreign(edge: Edge, system: &System) -> Error {
+    pub(crate) fn foreign(edge: Edge, system: &System) -> Error {
         let names: Vec<&str> = Edge::of(system).iter().map(|edge| edge.name()).collect();
         Error::Claim(format!(
             "--of: {:?} is no edge of a {}; expected {}",
             edge.name(),
             system.kind(),
-            names.join(" or ")
+            names.join(", ")
         ))
     }
 

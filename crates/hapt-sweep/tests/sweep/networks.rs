@@ -2,7 +2,9 @@
 
 use hapt_analysis::check_network;
 use hapt_model::{Network, Source, System};
+use hapt_sim::NetworkRun;
 use hapt_sweep::boundary::{Boundary, Claim, Edge};
+use hapt_sweep::{Error, Measure, Shard, Sweep, Ticks};
 use proptest::prelude::*;
 
 /// Two equal wheels at 1 ms on a link, without delay of their loops.
@@ -135,4 +137,92 @@ fn there_is_no_edge_at_fixed_times_where_none_are_fixed() {
     assert!(reason.contains("are lost"), "{reason}");
     let reason = edges("stiffness = 0.2\nage_max = '20 ms'", ["stations.left.loop.period=1ms..2ms", ages]);
     assert!(reason.contains("stations.left.loop.period"), "{reason}");
+}
+
+/// A push at the left wheel, with messages that are late and lost.
+fn pushed() -> Source {
+    let link = "stiffness = 0.2\ndelay = '0.5 ms'\ndelay_max = '6 ms'\nloss = 0.2\nage_max = '20 ms'";
+    let mut source = pair(0.005, link);
+    let push = "[scenarios.push]\nduration = '0.2 s'\n\
+        hand = { kind = 'grip', inertia = 1e-3, stiffness = 2, moves = { kind = 'step', to = 0.3, at = '50 ms' } }\n";
+    source.text = source.text.replacen("wheel.toml", "push.toml", 1);
+    let wheel = source.files["wheel.toml"].clone();
+    source.files.insert("push.toml".into(), format!("{wheel}{push}"));
+    source
+}
+
+const AXES: [&str; 2] = ["links.0.stiffness=0.05..0.4:5", "stations.right.device.damping=1e-3..2e-2:4"];
+
+/// Every number of a cell is bit by bit what the check and the run of the network that its overrides are have.
+#[test]
+fn a_cell_of_a_network_is_its_check_and_its_run_alone() {
+    let source = pushed();
+    let measures: Vec<Measure> = Measure::of(&System::read(&source, &[]).unwrap()).collect();
+    let sweep = Sweep::new(&source, &[], &AXES.map(String::from), &measures, None).unwrap();
+    let rows = sweep.rows(0..sweep.cells());
+    for row in &rows {
+        let sets = [("links.0.stiffness", row[0]), ("stations.right.device.damping", row[1])];
+        let sets = sets.map(|(key, value)| format!("{key}={:?}", value.unwrap()));
+        let network = Network::read(&source, &sets).unwrap();
+        let check = check_network(&network).unwrap();
+        let mut run = NetworkRun::new(&network, "push").unwrap();
+        let (mut hands, mut times, mut drawn, mut peak) = ([0.0; 2], [-1.0; 2], 0.0f64, 0.0f64);
+        while let Some(row) = run.next() {
+            let row = row.unwrap();
+            peak = peak.max((row.row.torque + row.link).abs());
+            hands[row.station] = row.row.ledger.hand;
+            times[row.station] = row.row.time;
+            if times[0] == times[1] {
+                drawn = drawn.max(-(hands[0] + hands[1]));
+            }
+        }
+        let margin = check.stations.iter().map(|of| of.device_damping - of.required_damping.unwrap());
+        let flag = |holds: bool| Some(f64::from(u8::from(holds)));
+        for (measure, value) in measures.iter().zip(&row[2..]) {
+            let alone = match measure {
+                Measure::PeakTorque => Some(peak),
+                Measure::EnergyDrawn => Some(drawn),
+                Measure::LetGo => Some(run.let_go().flatten().sum::<u64>() as f64),
+                Measure::Certified => flag(check.certified),
+                Measure::DampingMargin => margin.clone().min_by(f64::total_cmp),
+                Measure::StiffnessScale => check.remedies.stiffness_scale,
+                Measure::FixedPassive => check.fixed.passive.and_then(flag),
+                other => panic!("{} is of a world", other.name()),
+            };
+            assert_eq!(value.map(f64::to_bits), alone.map(f64::to_bits), "{} of {sets:?}", measure.name());
+        }
+    }
+    // Both verdicts are there, and what is certified has all the damping that is asked for.
+    let at = |measure: Measure| 2 + measures.iter().position(|of| *of == measure).unwrap();
+    let certified: Vec<bool> = rows.iter().map(|row| row[at(Measure::Certified)] == Some(1.0)).collect();
+    assert!(certified.contains(&true) && certified.contains(&false));
+    assert!(rows.iter().zip(&certified).all(|(row, is)| *is == (row[at(Measure::DampingMargin)].unwrap() >= 0.0)));
+}
+
+#[test]
+fn shards_of_a_network_are_its_table() {
+    let sweep = Sweep::new(&pushed(), &[], &AXES.map(String::from), &[Measure::PeakTorque, Measure::Certified], None);
+    let sweep = sweep.unwrap();
+    let ticks = Ticks::new(&sweep.grid);
+    let lines = |cells| sweep.lines(&ticks, cells).text.concat();
+    let whole = lines(0..sweep.cells());
+    assert_eq!(whole.lines().count(), 20);
+    let shards: String =
+        ["0/3", "1/3", "2/3"].map(|i| lines(i.parse::<Shard>().unwrap().cells(sweep.cells()))).concat();
+    assert_eq!(shards, whole);
+}
+
+#[test]
+fn a_measure_that_is_of_the_other_kind_of_file_is_refused_with_those_that_there_are() {
+    let sweep = |measure, scenario| {
+        Sweep::new(&pushed(), &[], &AXES.map(String::from), &[measure], scenario).map(|_| ()).unwrap_err().to_string()
+    };
+    let message = sweep(Measure::RequiredDamping, None);
+    assert!(message.contains("required_damping is no measure of a network") && message.contains("damping_margin"));
+    let message = sweep(Measure::PeakTorque, Some("pull"));
+    assert!(message.contains("no station's world has a scenario \"pull\"; there is push"), "{message}");
+    let axes = ["loop.period=1ms..2ms:2".to_string()];
+    let wheel = Source::from_text("w.toml", "loop.period = '1 ms'\ndevice.inertia = 1e-3\n");
+    let refused = Sweep::new(&wheel, &[], &axes, &[Measure::LetGo], None);
+    assert!(matches!(refused, Err(Error::Measure(message)) if message.contains("let_go is no measure of a world")));
 }
