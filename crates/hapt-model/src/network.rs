@@ -142,6 +142,13 @@ impl Station {
         self.world.sampling.interval_max_s() + self.world.sampling.delay_max_s()
     }
 
+    /// Its world as its file has it: without the room for a slow clock.
+    pub fn stated_world(&self) -> World {
+        let mut world = self.world.clone();
+        world.sampling.interval_max = self.interval_max;
+        world
+    }
+
     /// The world's longest interval is that of its file, which a slow clock makes longer.
     pub(crate) fn follow_clock(&mut self) {
         let sampling = &mut self.world.sampling;

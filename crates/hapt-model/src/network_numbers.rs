@@ -1,4 +1,6 @@
-//! Every number of a network under its key's name: what a sweep changes.
+//! Every number of a network under its key's name: what a sweep changes, and what the writer writes.
+
+use std::fmt::{self, Write};
 
 use hapt_core::Law;
 
@@ -6,6 +8,7 @@ use crate::keys::{self, Key};
 use crate::network::{Link, Network, Station};
 use crate::numbers::NumberSlot::{Number, Optional, Whole};
 use crate::numbers::NumberSlots;
+use crate::write::text;
 
 /// A clock's drift is in millionths in files.
 pub(crate) const MILLIONTH: f64 = 1e-6;
@@ -107,6 +110,46 @@ impl Network {
     }
 }
 
+impl Network {
+    /// The network as a TOML file, its numbers in SI: its stations' worlds are in `files`. Reading it gives an equal network, where each of
+    /// these files has [`Station::stated_world`].
+    pub fn to_toml(&self, files: &[String]) -> String {
+        let mut file = String::new();
+        // Writing to a string cannot fail.
+        let _ = self.write(&mut file, files);
+        file
+    }
+
+    fn write(&self, f: &mut String, files: &[String]) -> fmt::Result {
+        if let Some(title) = &self.title {
+            writeln!(f, "title = {}", text(title))?;
+        }
+        for (station, file) in self.stations.iter().zip(files) {
+            writeln!(f, "\n[stations.{}]\nworld = {}", station.name, text(file))?;
+            for key in ["phase", "drift"] {
+                station.number(key).filter(|number| *number != 0.0).map_or(Ok(()), |x| writeln!(f, "{key} = {x:?}"))?;
+            }
+        }
+        for link in &self.links {
+            let mut link = link.clone();
+            let [one, other] = link.between.map(|at| self.stations.get(at).map_or("", |station| &station.name));
+            let side = link.law.side();
+            let (kind, slots) = numbers(&mut link);
+            writeln!(f, "\n[[links]]\nkind = {kind:?}\nbetween = [{one:?}, {other:?}]")?;
+            side.map_or(Ok(()), |side| writeln!(f, "side = {:?}", side.name()))?;
+            for (key, slot) in slots {
+                let is_whole = matches!(slot, Whole(_));
+                match slot.get() {
+                    Some(number) if is_whole => writeln!(f, "{key} = {number:.0}")?,
+                    Some(number) => writeln!(f, "{key} = {number:?}")?,
+                    None => {}
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use crate::{Source, System};
@@ -177,6 +220,18 @@ mod tests {
             let read = System::read(&source, &[format!("{path}={value}")]).unwrap();
             assert_eq!(of(&changed), of(&read), "{path}");
             assert!((changed.number(path).unwrap() - value).abs() < 1e-12 * value.abs(), "{path}");
+        }
+        // Written and read again it is the same.
+        let System::Network(network) = &system else { panic!("it has stations") };
+        let mut written = Source::from_text("pair.toml", network.to_toml(&["left.toml".into(), "right.toml".into()]));
+        for station in &network.stations {
+            written.files.insert(format!("{}.toml", station.name), station.stated_world().to_toml());
+        }
+        let System::Network(read) = System::read(&written, &[]).unwrap() else { panic!("it has stations") };
+        assert_eq!((&read.links, read.stations.len()), (&network.links, 2));
+        for (read, own) in read.stations.iter().zip(&network.stations) {
+            assert_eq!((&read.world, read.phase), (&own.world, own.phase));
+            assert!((read.drift - own.drift).abs() < 1e-15);
         }
         for path in
             ["links.0.at", "links.2.stiffness", "links.1.damping", "links.0.kind", "stations.left.world", "loop.period"]

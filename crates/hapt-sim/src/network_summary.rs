@@ -71,9 +71,14 @@ impl NetworkSummary {
         (of.hand, of.time) = (row.ledger.hand, row.time);
         self.exchanged += step;
         // Stations that take their samples together are looked at when all have: else one of them is a sample behind.
-        if !self.is_common || self.stations.iter().all(|of| (of.time - row.time).abs() < 1e-9) {
+        if self.is_together(row.time) {
             self.drawn = self.drawn.max(self.had());
         }
+    }
+
+    /// Whether the works of all hands are known at an instant: all stations have taken a sample then, or there are no such instants.
+    pub fn is_together(&self, time: f64) -> bool {
+        !self.is_common || self.stations.iter().all(|of| (of.time - time).abs() < 1e-9)
     }
 
     /// What all hands together have had by their last samples, in J.

@@ -72,7 +72,7 @@ fn of_a_run(run: Option<&OfRun>, measure: Measure) -> Option<f64> {
     let OfRun { summary, let_go } = run?;
     match measure {
         Measure::PeakTorque => Some(summary.peak_torque()),
-        Measure::EnergyDrawn => Some(summary.drawn),
+        Measure::EnergyDrawn => Some((summary.drawn - summary.blur()).max(0.0)),
         Measure::LetGo => Some(*let_go as f64),
         Measure::FinalEnergy
         | Measure::SettlingTime

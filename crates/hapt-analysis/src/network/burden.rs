@@ -120,6 +120,13 @@ impl Burden {
         Some(-least_eigenvalue(&self.matrix(|_| 1.0, 1.0)?))
     }
 
+    /// The eigenvector of M's least eigenvalue, none of whose numbers is below 0.
+    pub fn favoured(&self) -> Option<Vec<f64>> {
+        let eigen = SymmetricEigen::new(self.matrix(|_| 1.0, 1.0)?);
+        let at = eigen.eigenvalues.imin();
+        Some(eigen.eigenvectors.column(at).iter().map(|x| x.abs()).collect())
+    }
+
     fn is_passive(&self, scale: impl Fn(usize) -> f64, age: f64) -> bool {
         self.matrix(scale, age).is_some_and(|m| least_eigenvalue(&m) >= 0.0)
     }

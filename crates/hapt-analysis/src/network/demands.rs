@@ -89,6 +89,14 @@ impl Demands {
         Ok(Burden::of(network, &self.uneven)?.excess())
     }
 
+    /// How much each puck moves, in the proportions that ask most of the devices; `None` where no finite damping is known to suffice.
+    ///
+    /// # Errors
+    /// As [`uneven_damping`].
+    pub fn favoured(&self, network: &Network) -> Result<Option<Vec<f64>>, Error> {
+        Ok(Burden::of(network, &self.uneven)?.favoured())
+    }
+
     /// How far the network is beyond its edge at its own periods, phases and delays, or why there is no verdict at fixed times.
     ///
     /// # Errors

@@ -1,9 +1,12 @@
 //! Networks of stations: edges against closed forms and against the check, cells against the check and the run alone.
 
+use std::ops::ControlFlow;
+
 use hapt_analysis::check_network;
 use hapt_model::{Network, Source, System};
 use hapt_sim::NetworkRun;
 use hapt_sweep::boundary::{Boundary, Claim, Edge};
+use hapt_sweep::worst::search_together;
 use hapt_sweep::{Error, Measure, Shard, Sweep, Ticks};
 use proptest::prelude::*;
 
@@ -59,15 +62,17 @@ fn the_edge_at_fixed_times_is_a_staircase_over_the_delay() {
     }
 }
 
-/// A network of three in a row with random numbers.
-fn row(numbers: &[f64; 8]) -> Source {
+const WALL: &str = "kind = 'wall'\nside = 'above'\nat = 0.1";
+
+/// A network of three in a row with random numbers, its second link of a law.
+fn row(numbers: &[f64; 8], law: &str) -> Source {
     let [b0, b1, b2, k0, k1, age, spring, delay] = numbers;
     let mut source = Source::from_text(
         "row.toml",
         format!(
             "stations.a.world = 'a.toml'\nstations.b.world = 'b.toml'\nstations.c.world = 'c.toml'\n\
              [[links]]\nkind = 'spring'\nbetween = ['a', 'b']\nstiffness = {k0}\ndelay = {delay}\nage_max = {age}\n\
-             [[links]]\nkind = 'wall'\nside = 'above'\nat = 0.1\nbetween = ['b', 'c']\nstiffness = {k1}\ndelay = {delay}\nage_max = {age}\n"
+             [[links]]\n{law}\nbetween = ['b', 'c']\nstiffness = {k1}\ndelay = {delay}\nage_max = {age}\n"
         ),
     );
     for (name, damping, period) in [("a.toml", b0, "1 ms"), ("b.toml", b1, "2 ms"), ("c.toml", b2, "1 ms")] {
@@ -101,7 +106,7 @@ proptest! {
     ) {
         let [b0, b1, b2] = dampings;
         let [k0, k1] = stiff;
-        let source = row(&[b0, b1, b2, k0, k1, age, spring, delay]);
+        let source = row(&[b0, b1, b2, k0, k1, age, spring, delay], WALL);
         for (axes, edge) in [
             (["links.0.stiffness=0.01..4:log", "stations.b.device.damping=0.001..0.05"], Edge::Passive),
             (["links.0.stiffness=0.01..4:log", "links.1.delay=0..6ms"], Edge::Fixed),
@@ -225,4 +230,46 @@ fn a_measure_that_is_of_the_other_kind_of_file_is_refused_with_those_that_there_
     let wheel = Source::from_text("w.toml", "loop.period = '1 ms'\ndevice.inertia = 1e-3\n");
     let refused = Sweep::new(&wheel, &[], &axes, &[Measure::LetGo], None);
     assert!(matches!(refused, Err(Error::Measure(message)) if message.contains("let_go is no measure of a world")));
+}
+
+/// Devices with this part of the damping that the certificate requires of them.
+fn damped(source: &Source, part: f64) -> Network {
+    let mut network = Network::read(source, &[]).unwrap();
+    let check = check_network(&network).unwrap();
+    for (station, check) in network.stations.iter_mut().zip(&check.stations) {
+        station.world.device.damping = part * check.required_damping.unwrap();
+    }
+    assert_eq!(check_network(&network).unwrap().certified, part > 1.0);
+    network
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 1, ..ProptestConfig::default() })]
+
+    /// From a network that is certified no hands draw, with the messages of the file or as late as the ages allow; with a quarter less of
+    /// the damping some do.
+    #[test]
+    fn the_worst_hands_together_draw_from_what_is_refused_and_never_from_what_is_certified(
+        stiff in prop::array::uniform2(0.05..0.4f64),
+        age in 25e-3..40e-3f64,
+        spring in 0.0..0.5f64,
+        delay in 0.2e-3..3e-3f64,
+    ) {
+        let of = |network: &Network| search_together(network, &|_| ControlFlow::Continue(())).unwrap();
+        let source = |law| row(&[0.1, 0.1, 0.1, stiff[0], stiff[1], age, spring, delay], law);
+        let safe = of(&damped(&source(WALL), 1.0 + 1e-6));
+        prop_assert!(safe.certified && !safe.broken && safe.drawn.gain <= safe.drawn.blur, "{:?}", safe.drawn);
+        prop_assert!(safe.breaking_part.is_none_or(|part| part < 1.0));
+        let source = source("kind = 'spring'");
+        let worst = of(&damped(&source, 0.75));
+        prop_assert!(!worst.certified && worst.broken && worst.late, "{:?}", worst);
+        // What it says is what the run of its network shows, and that has the scenario alone.
+        let mut run = NetworkRun::new(&worst.network, "worst").unwrap();
+        let (mut hands, mut most) = ([0.0; 3], 0.0f64);
+        while let Some(Ok(row)) = run.next() {
+            hands[row.station] = row.row.ledger.hand;
+            most = most.max(-hands.iter().sum::<f64>());
+        }
+        prop_assert!(most >= worst.drawn.gain && worst.drawn.gain > 0.0, "{} {}", most, worst.drawn.gain);
+    }
 }
