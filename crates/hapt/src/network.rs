@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use hapt_model::{Network, Source, System};
-use hapt_sim::{CsvWriter, Error, NetworkRow, NetworkRun, NetworkSummary, Row, SIGNALS, Signal};
+use hapt_sim::{CsvWriter, Error, NetworkRow, NetworkRun, NetworkSummary, network_columns};
 
 use crate::args::{CheckArgs, Format, SimArgs};
 use crate::check::print;
@@ -102,15 +102,15 @@ fn write_all(network: &Network, scenarios: &[&str], folder: &Path, args: &SimArg
             .enumerate()
             .map(|(at, station)| {
                 let path = target(name, &station.name);
-                let columns = columns(network, at);
+                let columns = network_columns(network, at);
                 let begin = || CsvWriter::with_columns(Draft::new(path.clone())?, &columns);
                 begin().map(|table| (table, 0)).map_err(|error| Failure::write(path.display(), error))
             })
             .collect::<Result<Vec<_>, Failure>>()?;
         let mut values = Vec::new();
         let end = rows(&mut run, name, |row| {
-            let NetworkRow { station, row, link } = *row;
-            numbers(row, link, &mut values);
+            row.numbers(&mut values);
+            let station = row.station;
             let (table, rows) = &mut tables[station];
             *rows += 1;
             let path = || target(name, &network.stations[station].name);
@@ -128,20 +128,6 @@ fn write_all(network: &Network, scenarios: &[&str], folder: &Path, args: &SimArg
         }
     }
     first_failure.map_or(Ok(()), Err)
-}
-
-/// The columns of a station's run.
-pub fn columns(network: &Network, at: usize) -> Vec<String> {
-    let own = network.stations.get(at).map(|station| hapt_sim::columns(&station.world)).unwrap_or_default();
-    own.into_iter().chain([Signal::LINK.column(network.motion)]).map(|column| column.name).collect()
-}
-
-/// A row's numbers in the order of the columns.
-pub fn numbers(row: &Row, link: f64, values: &mut Vec<f64>) {
-    values.clear();
-    values.extend(SIGNALS.iter().map(|signal| (signal.get)(row)));
-    values.extend(row.pairs().flat_map(|(position, velocity)| [position, velocity]));
-    values.push(link);
 }
 
 fn print_all(network: &Network, source: &Source, scenarios: &[&str]) -> Result<(), Failure> {

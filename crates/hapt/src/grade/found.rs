@@ -8,13 +8,12 @@ use std::time::{Duration, Instant};
 
 use hapt_analysis::Design;
 use hapt_model::{Dimension, Network, Source, System, World, parse_quantity};
-use hapt_sim::{NetworkRun, Simulation};
+use hapt_sim::{NetworkRun, Simulation, network_columns};
 use hapt_sweep::{Measure, Sweep};
 use serde_json::Value;
 
 use super::pack::{Of, Take};
 use crate::failure::Failure;
-use crate::network::{columns, numbers};
 
 /// The limits of a world that is graded: far beyond a lesson's, and soon computed.
 const MOST_BODIES: usize = 8;
@@ -162,7 +161,7 @@ impl Subject<'_> {
                 return Err(Failure::input(format!("the question needs a `scenario` of the network: {list}")));
             }
         };
-        let columns = columns(network, at);
+        let columns = network_columns(network, at);
         let column = place(&columns, name)?;
         let mut run = NetworkRun::new(network, scenario)?;
         let begun = Instant::now();
@@ -170,7 +169,7 @@ impl Subject<'_> {
         while let Some(row) = run.next() {
             let row = row?;
             if row.station == at {
-                numbers(row.row, row.link, &mut values);
+                row.numbers(&mut values);
                 series.extend(values.get(column));
             }
             if begun.elapsed() > LONGEST {
