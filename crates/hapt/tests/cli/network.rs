@@ -100,7 +100,7 @@ fn a_boundary_of_a_network_has_its_edges_and_a_picture() {
         let [stiffness, age] = [2, 3].map(|i| fields[i].parse::<f64>().unwrap());
         // (b - K T/2) of both, their product (K age)^2
         let left = (0.01 - stiffness * 0.5e-3) * (0.01 - stiffness * 1e-3) / (stiffness * age).powi(2);
-        assert!((left - 1.0).abs() < 1e-7 && fields[5] == "+links.0.stiffness", "{row}");
+        assert!((left - 1.0).abs() < 1e-7 && fields[5].starts_with("+links.0."), "{row}");
         passive += 1;
     }
     assert!(passive > 20);
