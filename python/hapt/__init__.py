@@ -34,6 +34,7 @@ from ._control import StateSpaces
 from ._hapt import VERSION as __version__
 from ._hapt import WorldError
 from ._live import Live
+from ._network import Network, NetworkCheck
 from ._run import Run
 from ._running import Device, Loop
 from ._shards import Dataset
@@ -58,6 +59,8 @@ __all__ = [
     "Live",
     "Loop",
     "Magnet",
+    "Network",
+    "NetworkCheck",
     "Path",
     "Piece",
     "Ramp",

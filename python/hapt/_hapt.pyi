@@ -9,6 +9,7 @@ __all__ = [
     "VERSION",
     "Device",
     "Loop",
+    "Network",
     "Sweep",
     "World",
     "WorldError",
@@ -19,6 +20,7 @@ __all__ = [
     "identify",
     "measures",
     "read",
+    "read_network",
 ]
 
 VERSION: str
@@ -72,6 +74,19 @@ class World:
     def state_spaces(self) -> str: ...
 
 @final
+class Network:
+    def set(self, key: str, value: str) -> Network: ...
+    def number(self, key: str) -> tuple[bool, Optional[float]]: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def stations(self) -> list[str]: ...
+    @property
+    def scenarios(self) -> list[str]: ...
+    def check(self) -> tuple[str, str]: ...
+    def run(self, scenario: str) -> tuple[dict[str, dict[str, NDArray[float64]]], Optional[str]]: ...
+
+@final
 class Sweep:
     @property
     def cells(self) -> int: ...
@@ -117,6 +132,7 @@ def read(
     folder: Any = None,
     sets: list[str] = ...,
 ) -> World: ...
+def read_network(path: Any, sets: list[str] = ...) -> Network: ...
 def design(travel: str, torque: str, frequency: str, period: str) -> str: ...
 def identify(
     times: NDArray[float64],

@@ -32,7 +32,7 @@ pub fn of_world(py: Python<'_>, mut error: hapt_model::Error, change: &str) -> P
 /// Of what a sweep or a boundary was asked.
 pub fn of_sweep(py: Python<'_>, error: hapt_sweep::Error) -> PyErr {
     match error {
-        hapt_sweep::Error::World(error) => of_world(py, error, "sweep"),
+        hapt_sweep::Error::Model(error) => of_world(py, error, "sweep"),
         other => PyValueError::new_err(other.to_string().replace("--vary ", "").replace("--measure", "measures")),
     }
 }

@@ -4,7 +4,7 @@ use hapt_model::{Scenario, World};
 use hapt_sim::{BODY_SIGNALS, Row, SIGNALS, Simulation, Summary, columns};
 
 /// So many rows between two looks at whether the call has been interrupted.
-const CHUNK: u64 = 4096;
+pub const CHUNK: u64 = 4096;
 /// So many rows go to their columns at once.
 const BLOCK: usize = 64;
 
@@ -74,6 +74,28 @@ pub fn simulate(world: &World, scenario: &Scenario, is_over: &mut dyn FnMut() ->
     Ok(Run { names, values: table.finish(), rows, clipped, summary: numbers, ended })
 }
 
+/// The message of a run that takes so many bytes.
+pub fn too_large(bytes: u64) -> String {
+    format!(
+        "the run's columns take {:.1} GiB, more than there is: a shorter duration or a longer period has fewer rows",
+        bytes as f64 / f64::from(1 << 30)
+    )
+}
+
+/// Empty columns with room for all rows; `None` where there is not so much memory, for all columns together.
+pub fn columns_with_room(rows: u64, columns: usize) -> Option<Vec<Vec<f64>>> {
+    let rows = usize::try_from(rows).ok()?;
+    let mut whole = Vec::<f64>::new();
+    whole.try_reserve_exact(rows.checked_mul(columns)?).ok()?;
+    drop(whole);
+    let column = || {
+        let mut column = Vec::new();
+        column.try_reserve_exact(rows).ok()?;
+        Some(column)
+    };
+    (0..columns).map(|_| column()).collect()
+}
+
 /// Columns that grow by a block of rows at a time.
 struct Table {
     columns: Vec<Vec<f64>>,
@@ -85,17 +107,8 @@ struct Table {
 impl Table {
     /// With room for all rows; `None` where there is not so much memory, for all columns together.
     fn with_room(rows: u64, columns: usize) -> Option<Self> {
-        let rows = usize::try_from(rows).ok()?;
-        let mut whole = Vec::<f64>::new();
-        whole.try_reserve_exact(rows.checked_mul(columns)?).ok()?;
-        drop(whole);
-        let column = || {
-            let mut column = Vec::new();
-            column.try_reserve_exact(rows).ok()?;
-            Some(column)
-        };
-        let all: Option<Vec<_>> = (0..columns).map(|_| column()).collect();
-        Some(Table { columns: all?, block: vec![[0.0; BLOCK]; columns], filled: 0 })
+        let all = columns_with_room(rows, columns)?;
+        Some(Table { columns: all, block: vec![[0.0; BLOCK]; columns], filled: 0 })
     }
 
     #[inline]

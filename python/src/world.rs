@@ -16,7 +16,7 @@ use crate::analyses;
 use crate::error::{internal, of_sweep, of_world, value};
 use crate::interrupt::{Stop, asking, in_parallel, interruptible, unwanted};
 use crate::running::{Device, Loop};
-use crate::simulate::{Failure, simulate};
+use crate::simulate::{Failure, simulate, too_large};
 use crate::sweep::Sweep;
 
 /// A key's path, value in SI, text as it is written, unit, meaning, and whether the file has it.
@@ -156,10 +156,7 @@ impl World {
         let run = asking(py, |is_over| simulate(&self.model, &played, is_over))?;
         let run = run.map_err(|failure| match failure {
             Failure::Input(message) => value(message),
-            Failure::Memory(bytes) => PyMemoryError::new_err(format!(
-                "the run's columns take {:.1} GiB, more than there is: a shorter duration or a longer period has fewer rows",
-                bytes as f64 / f64::from(1 << 30)
-            )),
+            Failure::Memory(bytes) => PyMemoryError::new_err(too_large(bytes)),
         })?;
         let (columns, summary) = (PyDict::new(py), PyDict::new(py));
         for (name, values) in run.names.into_iter().zip(run.values) {

@@ -105,7 +105,7 @@ impl SimulatedNetwork {
         let ports = tuned.collect();
         let first = network.links.first();
         let state = State {
-            delay: first.map_or(0.0, |link| 0.5 * (link.delay + link.delay_max)),
+            delay: first.map_or(0.0, |link| 0.5 * (link.delay + link.delay_max_s())),
             loss: first.map_or(0.0, |link| link.loss),
             factors: Factors::ONE,
             revision: 0,

@@ -7,6 +7,7 @@ use crate::error::{Error, ErrorKind};
 use crate::fields::{Context, Fields};
 use crate::keys::NETWORK_FILE;
 use crate::kinds::Motion;
+use crate::network_numbers::MILLIONTH;
 use crate::path;
 use crate::read::{items, kind, named, one_of};
 use crate::source::Source;
@@ -70,6 +71,8 @@ pub struct Station {
     pub phase: f64,
     /// By what part its clock is fast: a second of it takes 1/(1 + drift) s. Its world's longest interval has room for it.
     pub drift: f64,
+    /// The longest interval that the world's file states.
+    pub(crate) interval_max: Option<f64>,
 }
 
 /// A coupling between the pucks of two stations, of which each computes its own end.
@@ -85,8 +88,8 @@ pub struct Link {
     pub period: Option<f64>,
     /// How long a message is on its way at least, in s.
     pub delay: f64,
-    /// How long at most, in s; no shorter.
-    pub delay_max: f64,
+    /// How long at most, in s; no shorter. `None`: `delay`.
+    pub delay_max: Option<f64>,
     /// The part of the messages that a simulation loses, from 0 to 1.
     pub loss: f64,
     /// The part of the messages that arrive twice in a simulation, from 0 to 1.
@@ -118,6 +121,11 @@ impl Link {
         self.period.map_or(1.0, |own| (own / sample - SAME_INSTANT).ceil().max(1.0)) * sample
     }
 
+    /// How long a message is on its way at most, in s.
+    pub fn delay_max_s(&self) -> f64 {
+        self.delay_max.unwrap_or(self.delay)
+    }
+
     /// The torque on the first station's puck at q; the second's has the opposite sign.
     pub fn torque(&self, q: f64) -> f64 {
         let torque = match self.law {
@@ -142,9 +150,26 @@ impl Station {
     }
 
     /// The same station with another world on its device, such as one of which a key has been set: its intervals have room for the clock too.
-    pub fn with_world(&self, mut world: World) -> Station {
-        allow(&mut world, self.drift);
-        Station { world, ..self.clone() }
+    pub fn with_world(&self, world: World) -> Station {
+        let mut station = Station { interval_max: world.sampling.interval_max, world, ..self.clone() };
+        station.follow_clock();
+        station
+    }
+
+    /// Its world as its file has it: without the room for a slow clock.
+    pub fn stated_world(&self) -> World {
+        let mut world = self.world.clone();
+        world.sampling.interval_max = self.interval_max;
+        world
+    }
+
+    /// The world's longest interval is that of its file, which a slow clock makes longer.
+    pub(crate) fn follow_clock(&mut self) {
+        let sampling = &mut self.world.sampling;
+        sampling.interval_max = self.interval_max;
+        if self.drift < 0.0 {
+            sampling.interval_max = Some(sampling.interval_max_s() / (1.0 + self.drift) * (1.0 + 1e-12));
+        }
     }
 
     /// The true age in s of a position that is `age` old by this station's clock, at most.
@@ -184,7 +209,7 @@ impl Network {
                 .filter(|(name, _)| *name == entry.key)
                 .map(|(_, set)| set.to_string())
                 .collect();
-            let (source, mut world) = world(source, &fields, &file, &sets)?;
+            let (source, world) = world(source, &fields, &file, &sets)?;
             if let Some(first) = stations.first().filter(|first| first.world.motion != world.motion) {
                 let message = format!(
                     "{file} is {}, and the station {} is {}: pucks that a link joins move alike",
@@ -195,14 +220,18 @@ impl Network {
                 return Err(fields.error(ErrorKind::Combination, "world", message));
             }
             let phase = fields.number("phase")?;
-            let drift = drift(&fields, &mut world)?;
-            stations.push(Station { name: entry.key.clone(), file, world, source, sets, phase, drift });
+            let drift = drift(&fields, &world)?;
+            let interval_max = world.sampling.interval_max;
+            let name = entry.key.clone();
+            let mut station = Station { name, file, world, source, sets, phase, drift, interval_max };
+            station.follow_clock();
+            stations.push(station);
         }
         for set in &passed {
             let name = station_key(set).map_or("", |(name, _)| name);
             if !stations.iter().any(|station| station.name == name) {
                 let hint = words::did_you_mean(name, stations.iter().map(|station| station.name.as_str()));
-                let message = format!("--set: the network has no station {}{hint}", words::quoted(name));
+                let message = format!("the network has no station {}{hint}", words::quoted(name));
                 return Err(Error { kind: ErrorKind::Name, key: format!("stations.{name}"), message, location: None });
             }
         }
@@ -284,15 +313,14 @@ fn world(source: &Source, fields: &Fields<'_>, file: &str, sets: &[String]) -> R
 }
 
 /// The drift of a station's clock as a part.
-fn drift(fields: &Fields<'_>, world: &mut World) -> Result<f64, Error> {
+fn drift(fields: &Fields<'_>, world: &World) -> Result<f64, Error> {
     let millionths = fields.number("drift")?;
     if millionths.abs() > MOST_DRIFT {
         let message =
             format!("{millionths:?} is beyond what any clock drifts; expected {MOST_DRIFT:?} or less, either way");
         return Err(fields.error(ErrorKind::Combination, "drift", message));
     }
-    let drift = 1e-6 * millionths;
-    allow(world, drift);
+    let drift = MILLIONTH * millionths;
     let is_true = |scenario: &&Scenario| matches!(scenario.timing, Timing::Random { .. } | Timing::Worst);
     if let Some(scenario) = world.scenarios.iter().find(is_true).filter(|_| drift != 0.0) {
         let message = format!(
@@ -302,13 +330,6 @@ fn drift(fields: &Fields<'_>, world: &mut World) -> Result<f64, Error> {
         return Err(fields.error(ErrorKind::Combination, "drift", message));
     }
     Ok(drift)
-}
-
-/// A slow clock's intervals are longer than the world's file says, which the world then allows.
-fn allow(world: &mut World, drift: f64) {
-    if drift < 0.0 {
-        world.sampling.interval_max = Some(world.sampling.interval_max_s() / (1.0 + drift) * (1.0 + 1e-12));
-    }
 }
 
 fn link(fields: &Fields<'_>, stations: &[Station]) -> Result<Link, Error> {
@@ -347,19 +368,19 @@ fn link(fields: &Fields<'_>, stations: &[Station]) -> Result<Link, Error> {
         limit: fields.optional_number("limit")?,
         period: fields.optional_number("period")?,
         delay,
-        delay_max: fields.optional_number("delay_max")?.unwrap_or(delay),
+        delay_max: fields.optional_number("delay_max")?,
         loss: fields.number("loss")?,
         duplicate: fields.number("duplicate")?,
         seed: fields.whole("seed")?,
         age_max: fields.number("age_max")?,
     };
     let combination = |name, message: String| Err(fields.error(ErrorKind::Combination, name, message));
-    if link.delay_max < delay {
+    if link.delay_max_s() < delay {
         return combination(
             "delay_max",
             format!(
                 "{:?} s is below delay, {delay:?} s, which is the least; expected {delay:?} s or more",
-                link.delay_max
+                link.delay_max_s()
             ),
         );
     }

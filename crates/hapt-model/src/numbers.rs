@@ -49,8 +49,13 @@ impl NumberSlot<'_> {
         }
     }
 
+    /// In SI; a delay in samples as so many seconds. `None` where the key is absent.
+    fn si(&self, period: f64) -> Option<f64> {
+        self.get().map(|value| if self.is_in_samples() { value * period } else { value })
+    }
+
     /// Whether `value` could be put there: a whole number's place takes no other.
-    fn set(self, value: f64) -> bool {
+    pub fn set(self, value: f64) -> bool {
         let whole = || (value >= 0.0 && value <= f64::from(u32::MAX) && value.fract() == 0.0).then_some(value as u32);
         match self {
             Number(x) => *x = value,
@@ -250,6 +255,14 @@ impl World {
         let Some((name, table)) = names.split_last() else { return false };
         let Some(table) = self.table(table) else { return false };
         table.slots.into_iter().find(|(key, _)| key == name).is_some_and(|(_, slot)| slot.set(value))
+    }
+
+    /// The number in SI where the dotted path of its key leads; `None` where there is none.
+    pub fn number(&self, path: &str) -> Option<f64> {
+        let names: Vec<&str> = path.split('.').map(str::trim).collect();
+        let (name, table) = names.split_last()?;
+        let (period, mut world) = (self.sampling.period, self.clone());
+        world.table(table)?.slots.iter().find(|(key, _)| key == name)?.1.si(period)
     }
 
     /// The row of the table of keys for a dotted path to a number of this world; `None` where there is no number.

@@ -200,7 +200,7 @@ fn quantity(measure: Measure, motion: Motion, value: f64) -> String {
 }
 
 /// A TOML basic string.
-fn text(text: &str) -> String {
+pub(crate) fn text(text: &str) -> String {
     let mut quoted = String::from("\"");
     for c in text.chars() {
         match c {

@@ -260,7 +260,7 @@ impl NetworkReport<'_> {
                                 td.number { (check.stiffness_max.map_or("none".into(), |k| number(k, 4))) }
                                 td.number { (say_time(check.age_max_s)) }
                                 td.number { (link.limit.map_or("none".into(), |limit| say_effort(limit, self.network.motion))) }
-                                td.number { (say_time(link.delay)) " to " (say_time(link.delay_max)) }
+                                td.number { (say_time(link.delay)) " to " (say_time(link.delay_max_s())) }
                                 td.number { (number(100.0 * link.loss, 3)) " %" }
                             }
                         }

@@ -48,6 +48,7 @@ mod csv;
 mod energy;
 mod growth;
 mod network;
+mod network_summary;
 mod row;
 mod run;
 mod schedule;
@@ -58,7 +59,8 @@ pub use control::{DesktopController, DesktopControllerState, DesktopLoop, Deskto
 pub use csv::CsvWriter;
 pub use energy::{DelayWork, world_energy};
 pub use hapt_plant::{Grip, Ledger, Motor, Script, VirtualDevice};
-pub use network::{NetworkRow, NetworkRun};
+pub use network::{NetworkRow, NetworkRun, network_columns};
+pub use network_summary::{NetworkSummary, StationSummary};
 pub use row::{BODY_SIGNALS, Column, Measures, Row, RowSignal, SIGNALS, Signal, body_columns, columns, loop_columns};
 pub use run::{Error, Simulation, check, rows, script};
 pub use schedule::uniform;

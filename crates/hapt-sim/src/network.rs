@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use hapt_core::{Heard, LinkEnd, Strength};
 use hapt_model::{Drive, Hand, Link, Network, Scenario, Shape, Timing};
 
-use crate::row::Row;
+use crate::row::{Row, SIGNALS, Signal, columns};
 use crate::run::{Error, Simulation};
 use crate::schedule::{between, uniform};
 
@@ -55,6 +55,22 @@ pub struct NetworkRow<'a> {
     pub row: &'a Row,
     /// From the links on the puck, before levels and limit: the command is of this and the world's torque together.
     pub link: f64,
+}
+
+impl NetworkRow<'_> {
+    /// Its numbers in the order of [`network_columns`]; what `values` held before is gone.
+    pub fn numbers(&self, values: &mut Vec<f64>) {
+        values.clear();
+        values.extend(SIGNALS.iter().map(|signal| (signal.get)(self.row)));
+        values.extend(self.row.pairs().flat_map(|(position, velocity)| [position, velocity]));
+        values.push(self.link);
+    }
+}
+
+/// The columns of a station's run: those of its world, and the torque of its links. None where there is no such station.
+pub fn network_columns(network: &Network, at: usize) -> Vec<String> {
+    let own = network.stations.get(at).map(|station| columns(&station.world)).unwrap_or_default();
+    own.into_iter().chain([Signal::LINK.column(network.motion)]).map(|column| column.name).collect()
 }
 
 #[derive(Clone, Debug)]
@@ -164,6 +180,11 @@ impl NetworkRun {
         self.stations.iter().map(|station| station.run.rows()).sum()
     }
 
+    /// How many rows one station has.
+    pub fn rows_of(&self, station: usize) -> u64 {
+        self.stations.get(station).map_or(0, |station| station.run.rows())
+    }
+
     /// How often each end of each link has let go.
     pub fn let_go(&self) -> impl Iterator<Item = [u64; 2]> {
         self.joints.iter().map(|joint| [joint.ends[0].link.let_go(), joint.ends[1].link.let_go()])
@@ -220,12 +241,12 @@ impl Joint {
         if time >= own.next - near {
             own.next = own.next.max(time) + own.period;
             let message = Message { sampled: time, position: measured, strength: own.link.said() };
-            let (lost, way) = (uniform(random) < link.loss, between([link.delay, link.delay_max], uniform(random)));
+            let (lost, way) = (uniform(random) < link.loss, between([link.delay, link.delay_max_s()], uniform(random)));
             if !lost {
                 other.coming.push_back((time + way, message));
             }
             if link.duplicate > 0.0 && uniform(random) < link.duplicate && !lost {
-                let way = between([link.delay, link.delay_max], uniform(random));
+                let way = between([link.delay, link.delay_max_s()], uniform(random));
                 other.coming.push_back((time + way, message));
             }
         }

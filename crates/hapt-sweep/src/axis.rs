@@ -1,7 +1,7 @@
 //! The axes of a grid: keys of the world file and their values.
 
 use hapt_model::keys::{Key, Takes, in_samples};
-use hapt_model::{Source, World, parse_quantity};
+use hapt_model::{Motion, Source, System, parse_quantity};
 
 use crate::error::Error;
 
@@ -107,8 +107,8 @@ fn written(text: &str, form: Form) -> Option<Written<'_>> {
 ///
 /// let source = Source::from_text("free.toml", "loop.period = \"1 ms\"\ndevice.inertia = \"6.4e-4 kg m^2\"\n");
 /// let axes = ["loop.period=1ms..4ms:3:log", "device.damping=0..2e-3:2"].map(String::from);
-/// let (grid, world) = Grid::new(&source, &[], &axes)?;
-/// assert_eq!((grid.cells, world.sampling.period), (6, 1e-3));
+/// let (grid, system) = Grid::new(&source, &[], &axes)?;
+/// assert_eq!((grid.cells, system.number("loop.period")), (6, Some(1e-3)));
 /// let cells: Vec<Vec<f64>> = (0..grid.cells).map(|cell| grid.values(cell).collect()).collect();
 /// assert_eq!(cells[1], [1e-3, 2e-3], "1 ms, 2e-3 N m s/rad");
 /// assert_eq!(cells[2], [2e-3, 0.0], "equal ratios: the middle of 1 ms and 4 ms is 2 ms");
@@ -123,12 +123,12 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Reads the axes, each `KEY=FROM..TO:N[:log]`, against the world in `source`, and the world itself at the grid's first
-    /// cell. Every corner of the grid is read as a world file is, with all its checks.
+    /// Reads the axes, each `KEY=FROM..TO:N[:log]`, against the world or network in `source`, and that itself at the grid's first
+    /// cell. Every corner of the grid is read as a file is, with all its checks.
     ///
     /// # Errors
-    /// [`Error::Axis`] for an invalid axis, [`Error::World`] for a world, or a corner, that cannot be read.
-    pub fn new(source: &Source, sets: &[String], axes: &[String]) -> Result<(Grid, World), Error> {
+    /// [`Error::Axis`] for an invalid axis, [`Error::Model`] for a file, or a corner, that cannot be read.
+    pub fn new(source: &Source, sets: &[String], axes: &[String]) -> Result<(Grid, System), Error> {
         if axes.is_empty() || axes.len() > MOST_AXES {
             let message =
                 format!("a sweep varies 1 to {MOST_AXES} keys, and {} are given: --vary KEY=FROM..TO:N", axes.len());
@@ -141,7 +141,7 @@ impl Grid {
     ///
     /// # Errors
     /// As [`Grid::new`]; also for an axis without a value, or with one that is not finite.
-    pub fn listed(source: &Source, sets: &[String], axes: &[(String, Vec<f64>)]) -> Result<(Grid, World), Error> {
+    pub fn listed(source: &Source, sets: &[String], axes: &[(String, Vec<f64>)]) -> Result<(Grid, System), Error> {
         if let Some((key, _)) =
             axes.iter().find(|(_, values)| values.is_empty() || values.iter().any(|x| !x.is_finite()))
         {
@@ -155,12 +155,12 @@ impl Grid {
             let (from, to) = ends(values);
             format!("{key}={}..{}:1", plain(from), plain(to))
         });
-        let (mut grid, world) = Grid::new(source, sets, &spelled.collect::<Vec<_>>())?;
+        let (mut grid, system) = Grid::new(source, sets, &spelled.collect::<Vec<_>>())?;
         let mut cells = 1u64;
         for (axis, (key, values)) in grid.axes.iter_mut().zip(axes) {
             axis.count = values.len() as u64;
             axis.listed.clone_from(values);
-            if let Some(Takes::Whole { step, .. }) = world.key(key).map(|key| key.takes) {
+            if let Some(Takes::Whole { step, .. }) = system.key(key).map(|key| key.takes) {
                 whole(axis, step).map_err(|message| Error::Axis(format!("{key}: {message}")))?;
             }
             cells = cells
@@ -170,14 +170,14 @@ impl Grid {
         }
         grid.cells = cells;
         grid.corners(source, sets)?;
-        Ok((grid, world))
+        Ok((grid, system))
     }
 
     /// The same for a plane: two axes, each `KEY=FROM..TO[:log]`, with their ends as the only values.
     ///
     /// # Errors
     /// As [`Grid::new`].
-    pub fn plane(source: &Source, sets: &[String], axes: &[String]) -> Result<(Grid, World), Error> {
+    pub fn plane(source: &Source, sets: &[String], axes: &[String]) -> Result<(Grid, System), Error> {
         if axes.len() != 2 {
             let message =
                 format!("an edge is drawn over 2 keys, and {} are given: --vary KEY=FROM..TO, twice", axes.len());
@@ -186,10 +186,10 @@ impl Grid {
         Grid::read(source, sets, axes, Form::Plane)
     }
 
-    fn read(source: &Source, sets: &[String], axes: &[String], form: Form) -> Result<(Grid, World), Error> {
+    fn read(source: &Source, sets: &[String], axes: &[String], form: Form) -> Result<(Grid, System), Error> {
         let wrong = |text: &str, message: String| Error::Axis(format!("--vary {text}: {message}"));
-        // Errors of the world come before those of an axis.
-        World::read(source, sets)?;
+        // Errors of the file come before those of an axis.
+        System::read(source, sets)?;
         let mut all = Vec::new();
         let mut base = sets.to_vec();
         for text in axes {
@@ -200,10 +200,10 @@ impl Grid {
             base.push(format!("{}={}", parts.key, parts.from));
             all.push((parts, text));
         }
-        let world = World::read(source, &base).map_err(varied)?;
+        let system = System::read(source, &base).map_err(varied)?;
         let mut grid = Grid { axes: Vec::new(), cells: 1 };
         for (parts, text) in all {
-            let Some(key) = world.key(parts.key) else {
+            let Some(key) = system.key(parts.key) else {
                 return Err(wrong(
                     text,
                     format!(
@@ -218,7 +218,7 @@ impl Grid {
                     format!("{} takes whole numbers, between which no edge can lie: hapt sweep varies it", parts.key);
                 return Err(wrong(text, message));
             }
-            let axis = axis(&parts, key, &world).map_err(|message| wrong(text, message))?;
+            let axis = axis(&parts, key, system.motion()).map_err(|message| wrong(text, message))?;
             let cells = grid.cells.checked_mul(axis.count).filter(|cells| *cells <= MOST_CELLS);
             grid.cells = match cells {
                 Some(cells) => cells,
@@ -227,17 +227,17 @@ impl Grid {
             grid.axes.push(axis);
         }
         grid.corners(source, sets)?;
-        Ok((grid, world))
+        Ok((grid, system))
     }
 
-    /// Reads the world at every corner but the first. The ranges of keys, and conditions between two keys, are bounds that a grid
+    /// Reads the file at every corner but the first. The ranges of keys, and conditions between two keys, are bounds that a grid
     /// violates at a corner or nowhere.
     fn corners(&self, source: &Source, sets: &[String]) -> Result<(), Error> {
         for corner in 1..1u32 << self.axes.len() {
             let value = |(i, axis): (usize, &Axis)| format!("{}={}", axis.key, plain(axis.end(corner >> i & 1 == 1)));
             let values = self.axes.iter().enumerate().map(value);
             let sets: Vec<String> = sets.iter().cloned().chain(values).collect();
-            World::read(source, &sets).map_err(varied)?;
+            System::read(source, &sets).map_err(varied)?;
         }
         Ok(())
     }
@@ -340,7 +340,7 @@ fn plain(value: f64) -> String {
     text.strip_suffix(".0").map(str::to_string).unwrap_or(text)
 }
 
-/// The world itself is valid, so the error is in the axis.
+/// The file itself is valid, so the error is in the axis.
 fn varied(mut error: hapt_model::Error) -> hapt_model::Error {
     if let Some(location) = &mut error.location {
         location.source = "--vary".into();
@@ -348,16 +348,16 @@ fn varied(mut error: hapt_model::Error) -> hapt_model::Error {
     error
 }
 
-fn axis(parts: &Written<'_>, key: &Key, world: &World) -> Result<Axis, String> {
+fn axis(parts: &Written<'_>, key: &Key, motion: Motion) -> Result<Axis, String> {
     let number = |text: &str| match key.takes.quantity() {
         // Seconds while another axis moves the period, or periods: a column has one unit.
         Some(_) if key.takes == Takes::TimeOrSamples && in_samples(text).is_some() => {
             Err(format!("{text:?} is in samples; an axis takes {} as a time, such as \"1.5 ms\"", parts.key))
         }
-        Some((measure, _)) => parse_quantity(text, measure.dimension(world.motion)).map_err(|error| format!("{error}")),
+        Some((measure, _)) => parse_quantity(text, measure.dimension(motion)).map_err(|error| format!("{error}")),
         None => text.parse::<f64>().ok().filter(|x| x.is_finite()).ok_or_else(|| format!("{text:?} is not a number")),
     };
-    let unit = key.takes.quantity().map(|(measure, _)| measure.dimension(world.motion).symbol()).unwrap_or_default();
+    let unit = key.takes.quantity().map(|(measure, _)| measure.dimension(motion).symbol()).unwrap_or_default();
     let count = parts.count.parse::<u64>().ok().filter(|count| *count > 0);
     let count = count.ok_or_else(|| format!("{:?} is not a number of values, such as 50", parts.count))?;
     let (from, to) = (number(parts.from)?, number(parts.to)?);

@@ -3,12 +3,15 @@
 /// An error of a sweep's axes or measures.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
-    /// The world, or the world at a corner of the grid.
+    /// The world or network, or that at a corner of the grid.
     #[error("{0}")]
-    World(#[from] hapt_model::Error),
+    Model(#[from] hapt_model::Error),
     /// An axis.
     #[error("{0}")]
     Axis(String),
+    /// A claim that is none about such a file.
+    #[error("{0}")]
+    Claim(String),
     /// A measure, or the scenario that it needs.
     #[error("{0}")]
     Measure(String),

@@ -1,8 +1,8 @@
-//! Parameter studies: grids of a world's numbers, boundaries in the plane of two keys, and the worst passive hand.
+//! Parameter studies of worlds and networks: grids of their numbers, boundaries in the plane of two keys, and the worst passive hand.
 //!
 //! * [`Grid`] holds the axes, each a key of the world file with its values, and their combinations, the cells.
 //! * [`Measure`] is a number of a cell: peaks, energies and settling of a run, growth and damping of the loop.
-//! * [`Sweep`] is a grid of a world with its measures: [`Sweep::rows`] computes a stretch of cells on all cores, in the order of
+//! * [`Sweep`] is a grid of a world or network with its measures: [`Sweep::rows`] computes a stretch of cells on all cores, in the order of
 //!   the table, with the same bits whatever the number of threads.
 //! * [`boundary`] finds where in the plane of two keys a loop stops being stable or passive, without a grid.
 //! * [`worst`] searches for the passive hand that draws most energy from a loop.
@@ -40,6 +40,7 @@ mod axis;
 pub mod boundary;
 mod error;
 mod measure;
+mod network_worker;
 mod shard;
 mod sweep;
 pub mod table;

@@ -2,7 +2,7 @@
 
 use hapt_analysis::sign;
 use hapt_analysis::{Verdict, free_growth, held_world_growth, is_certified, required_damping};
-use hapt_model::{Motion, Scenario, World};
+use hapt_model::{Motion, Scenario, System, World};
 use hapt_sim::{Outcome, Simulation, Summary};
 
 use crate::sweep::Stop;
@@ -27,8 +27,18 @@ hapt_model::named! {
         FreeVerdict => "free_verdict",
         /// The least device damping that makes the loop passive.
         RequiredDamping => "required_damping",
-        /// 1 for a certified loop, else 0.
+        /// 1 for a certified loop, or network, else 0.
         Certified => "certified",
+        /// Of a network: the most energy that all hands together have had from it.
+        EnergyDrawn => "energy_drawn",
+        /// Of a network: how often ends of links let go.
+        LetGo => "let_go",
+        /// Of a network: the least of what the devices have of damping beyond what is required of them.
+        DampingMargin => "damping_margin",
+        /// Of a network: the largest factor on the stiffness of all links with which it is passive.
+        StiffnessScale => "stiffness_scale",
+        /// Of a network: 1 where it is passive at fixed times, 0 where not.
+        FixedPassive => "fixed_passive",
     }
 }
 
@@ -36,7 +46,7 @@ impl Measure {
     /// Its meaning, in one line.
     pub const fn meaning(self) -> &'static str {
         match self {
-            Measure::PeakTorque => "the largest torque of the run, before the motor's limit",
+            Measure::PeakTorque => "the largest torque of the run, of any station, before the motor's limit",
             Measure::FinalEnergy => "the energy stored in the world at the run's end",
             Measure::SettlingTime => "from the hand's last event until the motion stays within 2 % of its end",
             Measure::HeldGrowth => "the growth of a disturbance of the world, the puck held",
@@ -44,7 +54,12 @@ impl Measure {
             Measure::HeldVerdict => "the world, the puck held: -1 stable, 0 marginal, 1 unstable",
             Measure::FreeVerdict => "the whole loop, no hand on the puck: -1 stable, 0 marginal, 1 unstable",
             Measure::RequiredDamping => "the least device damping that makes the loop passive",
-            Measure::Certified => "1 for a certified loop, else 0",
+            Measure::Certified => "1 for a certified loop, or network, else 0",
+            Measure::EnergyDrawn => "of a network: the most energy that all hands have had from it at any instant",
+            Measure::LetGo => "of a network: how often ends of its links let go",
+            Measure::DampingMargin => "of a network: the least damping of a device beyond what is required of it",
+            Measure::StiffnessScale => "of a network: the largest factor on all its links with which it is passive",
+            Measure::FixedPassive => "of a network: 1 for passive at fixed times, 0 for not, none without a verdict",
         }
     }
 
@@ -53,13 +68,34 @@ impl Measure {
         match (self, motion) {
             (Measure::PeakTorque, Motion::Rotary) => "N m",
             (Measure::PeakTorque, Motion::Linear) => "N",
-            (Measure::FinalEnergy, _) => "J",
+            (Measure::FinalEnergy | Measure::EnergyDrawn, _) => "J",
             (Measure::SettlingTime, _) => "s",
             (Measure::HeldGrowth | Measure::FreeGrowth, _) => "1/s",
-            (Measure::RequiredDamping, Motion::Rotary) => "N m s/rad",
-            (Measure::RequiredDamping, Motion::Linear) => "N s/m",
-            (Measure::HeldVerdict | Measure::FreeVerdict | Measure::Certified, _) => "",
+            (Measure::RequiredDamping | Measure::DampingMargin, Motion::Rotary) => "N m s/rad",
+            (Measure::RequiredDamping | Measure::DampingMargin, Motion::Linear) => "N s/m",
+            (Measure::HeldVerdict | Measure::FreeVerdict | Measure::Certified, _)
+            | (Measure::LetGo | Measure::StiffnessScale | Measure::FixedPassive, _) => "",
         }
+    }
+
+    /// Those of a world, or of a network.
+    pub fn of(system: &System) -> impl Iterator<Item = Measure> + Clone {
+        let is_network = matches!(system, System::Network(_));
+        Measure::ALL.into_iter().filter(move |measure| match measure {
+            Measure::PeakTorque | Measure::Certified => true,
+            Measure::FinalEnergy
+            | Measure::SettlingTime
+            | Measure::HeldGrowth
+            | Measure::FreeGrowth
+            | Measure::HeldVerdict
+            | Measure::FreeVerdict
+            | Measure::RequiredDamping => !is_network,
+            Measure::EnergyDrawn
+            | Measure::LetGo
+            | Measure::DampingMargin
+            | Measure::StiffnessScale
+            | Measure::FixedPassive => is_network,
+        })
     }
 
     /// Whether the key of this dotted path can change it. A run depends on every key; measures of the loop do not depend on a scenario, on
@@ -71,7 +107,14 @@ impl Measure {
         let mut names = key.split('.');
         let (table, last) = (names.next().unwrap_or_default(), names.next_back().unwrap_or_default());
         match self {
-            Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime => true,
+            Measure::PeakTorque
+            | Measure::FinalEnergy
+            | Measure::SettlingTime
+            | Measure::EnergyDrawn
+            | Measure::LetGo
+            | Measure::DampingMargin
+            | Measure::StiffnessScale
+            | Measure::FixedPassive => true,
             Measure::HeldGrowth | Measure::HeldVerdict if !has_handle => match table {
                 "loop" => matches!(last, "period" | "bodies_every"),
                 "bodies" => last == "inertia",
@@ -93,13 +136,20 @@ impl Measure {
     /// Whether it needs a run, and so a scenario.
     pub const fn of_a_run(self) -> bool {
         match self {
-            Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime => true,
+            Measure::PeakTorque
+            | Measure::FinalEnergy
+            | Measure::SettlingTime
+            | Measure::EnergyDrawn
+            | Measure::LetGo => true,
             Measure::HeldGrowth
             | Measure::FreeGrowth
             | Measure::HeldVerdict
             | Measure::FreeVerdict
             | Measure::RequiredDamping
-            | Measure::Certified => false,
+            | Measure::Certified
+            | Measure::DampingMargin
+            | Measure::StiffnessScale
+            | Measure::FixedPassive => false,
         }
     }
 
@@ -118,7 +168,12 @@ impl Measure {
             | Measure::FreeGrowth
             | Measure::FreeVerdict
             | Measure::RequiredDamping
-            | Measure::Certified => false,
+            | Measure::Certified
+            | Measure::EnergyDrawn
+            | Measure::LetGo
+            | Measure::DampingMargin
+            | Measure::StiffnessScale
+            | Measure::FixedPassive => false,
         }
     }
 }
@@ -152,13 +207,18 @@ impl OfRun {
             | Measure::HeldVerdict
             | Measure::FreeVerdict
             | Measure::RequiredDamping
-            | Measure::Certified => None,
+            | Measure::Certified
+            | Measure::EnergyDrawn
+            | Measure::LetGo
+            | Measure::DampingMargin
+            | Measure::StiffnessScale
+            | Measure::FixedPassive => None,
         }
     }
 }
 
 /// Rows between two checks of the stop.
-const STRETCH: u64 = 4096;
+pub(crate) const STRETCH: u64 = 4096;
 
 /// Runs the scenario once; no measures of a run that cannot start, stops being finite or is stopped.
 pub(crate) fn of_run(world: &World, scenario: &Scenario, settling: bool, stop: &Stop<'_>) -> OfRun {
@@ -198,7 +258,14 @@ pub(crate) fn of_loop(world: &World, measure: Measure) -> Option<f64> {
         Measure::FreeVerdict => free_growth(world).ok().map(verdict),
         Measure::RequiredDamping => required_damping(world).ok().flatten(),
         Measure::Certified => Some(f64::from(u8::from(is_certified(world)))),
-        Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime => None,
+        Measure::PeakTorque
+        | Measure::FinalEnergy
+        | Measure::SettlingTime
+        | Measure::EnergyDrawn
+        | Measure::LetGo
+        | Measure::DampingMargin
+        | Measure::StiffnessScale
+        | Measure::FixedPassive => None,
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use hapt_model::{Source, World};
+use hapt_model::{Source, System, did_you_mean};
 use hapt_sim::LANES;
 use rayon::prelude::*;
 
@@ -25,21 +25,21 @@ const ROOM: usize = 20;
 /// Whether the work is to stop; asked now and then from all threads.
 pub(crate) type Stop<'a> = dyn Fn() -> bool + Sync + 'a;
 
-/// A world, a grid of its numbers, and measures.
+/// A world or network, a grid of its numbers, and measures.
 #[derive(Clone, Debug)]
 pub struct Sweep {
     /// The grid.
     pub grid: Grid,
     /// The measures, in the order of the columns.
     pub measures: Vec<Measure>,
-    /// The world at the grid's first cell.
-    pub world: World,
+    /// The world or network at the grid's first cell.
+    pub system: System,
     /// The index of the scenario, where a measure needs a run.
     pub(crate) scenario: Option<usize>,
 }
 
 impl Sweep {
-    /// A sweep of the world in `source` with the overrides `sets`, over `axes`, each `KEY=FROM..TO:N[:log]`. Measures of a run
+    /// A sweep of the world or network in `source` with the overrides `sets`, over `axes`, each `KEY=FROM..TO:N[:log]`. Measures of a run
     /// need a scenario: the one named, or the only one there is.
     ///
     /// # Errors
@@ -51,43 +51,31 @@ impl Sweep {
         measures: &[Measure],
         scenario: Option<&str>,
     ) -> Result<Self, Error> {
-        let (grid, world) = Grid::new(source, sets, axes)?;
-        Sweep::of_grid(grid, world, measures, scenario)
+        let (grid, system) = Grid::new(source, sets, axes)?;
+        Sweep::of_grid(grid, system, measures, scenario)
     }
 
-    /// The same over a grid, which may be one of listed values, and the world at its first cell.
+    /// The same over a grid, which may be one of listed values, and the world or network at its first cell.
     ///
     /// # Errors
     /// See [`Error`].
-    pub fn of_grid(grid: Grid, world: World, measures: &[Measure], scenario: Option<&str>) -> Result<Self, Error> {
+    pub fn of_grid(grid: Grid, system: System, measures: &[Measure], scenario: Option<&str>) -> Result<Self, Error> {
         if measures.is_empty() {
-            let names = Measure::ALL.map(Measure::name).join(", ");
-            return Err(Error::Measure(format!("nothing to measure: --measure takes {names}")));
+            let names: Vec<&str> = Measure::of(&system).map(Measure::name).collect();
+            return Err(Error::Measure(format!("nothing to measure: --measure takes {}", names.join(", "))));
         }
-        let of_a_run = measures.iter().find(|measure| measure.of_a_run());
-        let scenario = match (scenario, of_a_run) {
-            (Some(name), _) => {
-                world.scenario(name)?;
-                world.scenarios.iter().position(|scenario| scenario.name == name)
-            }
-            (None, None) => None,
-            (None, Some(measure)) => match world.scenarios.len() {
-                1 => Some(0),
-                0 => {
-                    return Err(Error::Measure(format!(
-                        "{} is of a run, and the world has no scenario",
-                        measure.name()
-                    )));
-                }
-                _ => {
-                    let names: Vec<&str> = world.scenarios.iter().map(|s| s.name.as_str()).collect();
-                    let message =
-                        format!("{} is of a run: --scenario takes one of {}", measure.name(), names.join(", "));
-                    return Err(Error::Measure(message));
-                }
-            },
-        };
-        let sweep = Sweep { grid, measures: measures.to_vec(), world, scenario };
+        if let Some(measure) = measures.iter().find(|measure| !Measure::of(&system).any(|of| of == **measure)) {
+            let names: Vec<&str> = Measure::of(&system).map(Measure::name).collect();
+            let message = format!(
+                "{} is no measure of a {}; its measures are {}",
+                measure.name(),
+                system.kind(),
+                names.join(", ")
+            );
+            return Err(Error::Measure(message));
+        }
+        let scenario = chosen(&system, measures, scenario)?;
+        let sweep = Sweep { grid, measures: measures.to_vec(), system, scenario };
         if measures.contains(&Measure::SettlingTime) {
             sweep.fits_memory()?;
         }
@@ -96,13 +84,14 @@ impl Sweep {
 
     /// Whether the longest run at a corner can be kept.
     fn fits_memory(&self) -> Result<(), Error> {
-        let Some(scenario) = self.scenario.and_then(|i| self.world.scenarios.get(i)) else { return Ok(()) };
+        let System::World(world) = &self.system else { return Ok(()) };
+        let Some(scenario) = self.scenario.and_then(|i| world.scenarios.get(i)) else { return Ok(()) };
         let longest = |key: &str, now: f64, pick: fn(f64, f64) -> f64| {
             let axis = self.grid.axes.iter().find(|axis| axis.key == key);
             axis.map_or(now, |axis| pick(axis.from, axis.to))
         };
         let duration = longest(&format!("scenarios.{}.duration", scenario.name), scenario.duration, f64::max);
-        let period = longest("loop.period", self.world.sampling.period, f64::min);
+        let period = longest("loop.period", world.sampling.period, f64::min);
         let samples = duration / period;
         if samples > MOST_KEPT {
             let message =
@@ -205,6 +194,41 @@ impl Sweep {
         );
         values
     }
+}
+
+/// The index of the scenario that is named, or needed by a measure of a run.
+fn chosen(system: &System, measures: &[Measure], scenario: Option<&str>) -> Result<Option<usize>, Error> {
+    let names = system.scenarios();
+    let of_a_run = measures.iter().find(|measure| measure.of_a_run());
+    match (scenario, of_a_run, system) {
+        (Some(name), _, System::World(world)) => {
+            world.scenario(name)?;
+        }
+        (Some(name), _, System::Network(_)) if !names.contains(&name) => {
+            let hint = match did_you_mean(name, names.iter().copied()) {
+                hint if hint.is_empty() => format!("; there is {}", names.join(", ")),
+                hint => hint,
+            };
+            return Err(Error::Measure(format!("no station's world has a scenario {name:?}{hint}")));
+        }
+        (None, Some(measure), _) if names.is_empty() => {
+            return Err(Error::Measure(format!(
+                "{} is of a run, and the {} has no scenario",
+                measure.name(),
+                system.kind()
+            )));
+        }
+        (None, Some(measure), _) if names.len() > 1 => {
+            let message = format!("{} is of a run: --scenario takes one of {}", measure.name(), names.join(", "));
+            return Err(Error::Measure(message));
+        }
+        (None, None, _) => return Ok(None),
+        (Some(_), _, System::Network(_)) | (None, Some(_), _) => {}
+    }
+    Ok(match scenario {
+        Some(name) => names.iter().position(|known| *known == name),
+        None => Some(0),
+    })
 }
 
 /// Rows of a sweep's table as lines of CSV.

@@ -5,16 +5,41 @@ use std::array::from_fn;
 use std::ops::Range;
 
 use hapt_analysis::{Parameter, Variants};
-use hapt_model::World;
+use hapt_model::{Method, System, World};
 use hapt_sim::{LANES, run_batch};
 
 use crate::axis::{Place, Ticks};
 use crate::measure::{self, Measure, OfRun};
+use crate::network_worker::NetworkWorker;
 use crate::sweep::{Stop, Sweep};
 
+/// Computes cells: worlds, or networks.
+pub(crate) enum Worker<'s> {
+    World(Box<WorldWorker<'s>>),
+    Network(NetworkWorker<'s>),
+}
+
+impl<'s> Worker<'s> {
+    pub fn new(sweep: &'s Sweep, ticks: &'s Ticks<'s>, stop: &'s Stop<'s>) -> Self {
+        match &sweep.system {
+            System::World(world) => Worker::World(Box::new(WorldWorker::new(sweep, world, ticks, stop))),
+            System::Network(network) => Worker::Network(NetworkWorker::new(sweep, network, ticks, stop)),
+        }
+    }
+
+    /// Fills the rows of a block of at most [`LANES`] cells, in order.
+    pub fn fill(&mut self, cells: Range<u64>, rows: &mut [Option<f64>]) {
+        match self {
+            Worker::World(worker) => worker.fill(cells, rows),
+            Worker::Network(worker) => worker.fill(cells, rows),
+        }
+    }
+}
+
 /// A batch of worlds of the grid, and the last results.
-pub(crate) struct Worker<'s> {
+pub(crate) struct WorldWorker<'s> {
     sweep: &'s Sweep,
+    world: &'s World,
     ticks: &'s Ticks<'s>,
     stop: &'s Stop<'s>,
     /// `None` where the sweep measures held loops of one body only.
@@ -36,15 +61,15 @@ struct Held {
 }
 
 impl Held {
-    fn new(sweep: &Sweep) -> Option<Self> {
-        let variants = Variants::new(&sweep.world)?;
-        let numbers = sweep.grid.axes.iter().map(|axis| Parameter::of(&sweep.world, &axis.key)).collect();
+    fn new(sweep: &Sweep, world: &World) -> Option<Self> {
+        let variants = Variants::new(world)?;
+        let numbers = sweep.grid.axes.iter().map(|axis| Parameter::of(world, &axis.key)).collect();
         Some(Held { variants, numbers, growths: [f64::NAN; LANES], verdicts: [f64::NAN; LANES] })
     }
 
     /// Computes the measures of the held loops.
-    fn compute(&mut self, sweep: &Sweep) {
-        let (loops, method) = (self.variants.loops(), sweep.world.sampling.method);
+    fn compute(&mut self, sweep: &Sweep, method: Method) {
+        let loops = self.variants.loops();
         if sweep.measures.contains(&Measure::HeldGrowth) {
             loops.growths(method, &mut self.growths);
         }
@@ -54,18 +79,18 @@ impl Held {
     }
 }
 
-impl<'s> Worker<'s> {
-    pub fn new(sweep: &'s Sweep, ticks: &'s Ticks<'s>, stop: &'s Stop<'s>) -> Self {
-        let variants = sweep.measures.iter().any(|measure| measure.of_held_loop()).then(|| Held::new(sweep)).flatten();
+impl<'s> WorldWorker<'s> {
+    fn new(sweep: &'s Sweep, world: &'s World, ticks: &'s Ticks<'s>, stop: &'s Stop<'s>) -> Self {
+        let variants =
+            sweep.measures.iter().any(|measure| measure.of_held_loop()).then(|| Held::new(sweep, world)).flatten();
         let others = variants.is_none() || !sweep.measures.iter().all(|measure| measure.of_held_loop());
         // NaN differs from every first value.
         let values = from_fn(|_| vec![f64::NAN; sweep.grid.axes.len()]);
-        let worlds = others.then(|| Box::new(from_fn(|_| sweep.world.clone())));
-        Worker { sweep, ticks, stop, worlds, variants, values, known: vec![None; sweep.measures.len()] }
+        let worlds = others.then(|| Box::new(from_fn(|_| world.clone())));
+        WorldWorker { sweep, world, ticks, stop, worlds, variants, values, known: vec![None; sweep.measures.len()] }
     }
 
-    /// Fills the rows of a block of at most [`LANES`] cells, in order.
-    pub fn fill(&mut self, cells: Range<u64>, rows: &mut [Option<f64>]) {
+    fn fill(&mut self, cells: Range<u64>, rows: &mut [Option<f64>]) {
         let count = (cells.end - cells.start) as usize;
         let mut place = Place::new(&self.sweep.grid, cells.start);
         for i in 0..LANES {
@@ -77,7 +102,7 @@ impl<'s> Worker<'s> {
         }
         let runs = self.runs(count);
         if let Some(held) = &mut self.variants {
-            held.compute(self.sweep);
+            held.compute(self.sweep, self.world.sampling.method);
         }
         for (i, row) in rows.chunks_mut(self.sweep.width()).enumerate().take(count) {
             self.row(i, &runs[i], row);

@@ -1,10 +1,10 @@
-//! `hapt boundary`: where in the plane of two keys a loop stops being stable or passive.
+//! `hapt boundary`: where in the plane of two keys a loop stops being stable or passive, or a network passive.
 
 use std::fmt::Write as _;
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_model::{parse_quantity, unit};
+use hapt_model::{System, parse_quantity, unit};
 use hapt_sweep::boundary::{Boundary, Edge, Piece, Plane, Point, Way};
 use hapt_sweep::{Axis, table};
 
@@ -14,7 +14,7 @@ use crate::failure::Failure;
 use crate::format;
 use crate::messages;
 use crate::output;
-use crate::world::{files, own, source};
+use crate::world::{inputs, source};
 
 /// An axis in the unit in which it was typed.
 pub struct Shown {
@@ -53,14 +53,13 @@ pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
     output::figure_format("--plot", args.plot.as_deref())?;
     let source = source(&args.world.path)?;
     let outputs = [("--out", &args.out), ("--plot", &args.plot)];
-    let world = hapt_model::World::read(&source, &args.world.sets).ok();
-    output::apart(&output::given(&outputs), &world.map_or_else(Vec::new, |world| files(&args.world.path, &world)))?;
+    let system = System::read(&source, &args.world.sets)?;
+    output::apart(&output::given(&outputs), &inputs(&args.world.path, &system))?;
     let boundary = Boundary::new(&source, &args.world.sets, &args.axes, &claims)?;
-    let [x, y] =
-        [0, 1].map(|i| within(&boundary.plane.axes[i], own(&source, &args.world.sets, &boundary.plane.axes[i].key)));
+    let [x, y] = [0, 1].map(|i| within(&boundary.plane.axes[i], system.number(&boundary.plane.axes[i].key)));
     let own = x.zip(y).map(|(x, y)| [x, y]);
     let axes = shown(&boundary.plane, &args.axes);
-    let title = boundary.plane.world.title.clone().unwrap_or_else(|| "edges".into());
+    let title = system.title().unwrap_or("edges").to_string();
     let summary = summary(&boundary, &axes);
 
     let csv = csv(&boundary);
@@ -116,8 +115,8 @@ fn shown(plane: &Plane, typed: &[String]) -> [Shown; 2] {
         let axis = &plane.axes[i];
         let range = typed.get(i).and_then(|text| text.split_once('=')).map_or("", |(_, range)| range);
         let ends = range.strip_suffix(":log").unwrap_or(range).split("..");
-        let measure = plane.world.key(&axis.key).and_then(|key| key.takes.quantity());
-        let dimension = measure.map(|(measure, _)| measure.dimension(plane.world.motion));
+        let measure = plane.system.key(&axis.key).and_then(|key| key.takes.quantity());
+        let dimension = measure.map(|(measure, _)| measure.dimension(plane.system.motion()));
         let own = ends.map(unit).filter(|unit| !unit.is_empty()).find_map(|unit| {
             let size = parse_quantity(&format!("1 {unit}"), dimension?).ok()?;
             Some((unit, size))
@@ -160,6 +159,9 @@ fn summary(boundary: &Boundary, axes: &[Shown; 2]) -> String {
             Some(false) => writeln!(text, "{:<9} nowhere {}", claim.edge.name(), claim.edge.beyond()),
             None => Ok(()),
         };
+        if let Some(reason) = &claim.undecided {
+            let _ = writeln!(text, "{:<9} no verdict: {reason}", claim.edge.name());
+        }
         for (i, piece) in claim.pieces.iter().enumerate() {
             let name = if i == 0 { claim.edge.name() } else { "" };
             let _ = writeln!(text, "{name:<9} {}", about(piece, axes));

@@ -1,5 +1,6 @@
 //! The picture of a boundary: the plane of two keys, each side of each edge in its colour.
 
+use hapt_model::System;
 use hapt_report::figure::{Axis, Figure, Fill, Panel, Shape, Style};
 use hapt_report::{Point, Width};
 use hapt_sweep::boundary::{Boundary, Edge, Place};
@@ -7,7 +8,56 @@ use hapt_sweep::boundary::{Boundary, Edge, Place};
 use crate::boundary::Shown;
 
 /// The name of the mark at the file's own values.
-pub const OWN: &str = "the file's own world";
+const OWN: &str = "the file's own world";
+const OWN_NETWORK: &str = "the file's own network";
+
+/// What a mark at the file's own values is called.
+pub fn own_name(system: &System) -> &'static str {
+    match system {
+        System::World(_) => OWN,
+        System::Network(_) => OWN_NETWORK,
+    }
+}
+
+/// The name of the region in which all claims hold, and the regions beyond edges.
+type Regions = (String, Vec<(Edge, Fill, String)>);
+
+fn world_regions(asked: impl Fn(Edge) -> bool) -> Regions {
+    let stability = match (asked(Edge::Held), asked(Edge::Free)) {
+        (true, true) => ["stable", "unstable"],
+        (true, false) => ["stable held", "unstable held"],
+        (false, true) => ["stable free", "unstable free"],
+        (false, false) => ["", ""],
+    };
+    let passivity = asked(Edge::Passive);
+    let all = match (stability[0], passivity) {
+        ("stable", true) => "certified".to_string(),
+        ("", _) => "passive".into(),
+        (stable, true) => format!("{stable} and passive"),
+        (stable, false) => stable.into(),
+    };
+    let not_passive =
+        if stability[0].is_empty() { "not passive".into() } else { format!("{}, not passive", stability[0]) };
+    let unstable = || stability[1].to_string();
+    let worse = vec![
+        (Edge::Passive, Fill::Fair, not_passive),
+        (Edge::Held, Fill::Bad, unstable()),
+        (Edge::Free, Fill::Bad, unstable()),
+    ];
+    (all, worse)
+}
+
+/// Passive for any clocks is passive at fixed times too.
+fn network_regions(asked: impl Fn(Edge) -> bool) -> Regions {
+    let (all, between) = match (asked(Edge::Passive), asked(Edge::Fixed)) {
+        (true, true) => ("passive for any clocks", "passive at fixed times only"),
+        (true, false) => ("passive for any clocks", "not passive for any clocks"),
+        (false, _) => ("passive at fixed times", ""),
+    };
+    let worse =
+        vec![(Edge::Passive, Fill::Fair, between.to_string()), (Edge::Fixed, Fill::Bad, "not passive".to_string())];
+    (all.to_string(), worse)
+}
 
 /// The whole figure as SVG.
 /// `own` is where the file's own world is, in SI; `None` where it is elsewhere.
@@ -24,33 +74,18 @@ pub fn svg(boundary: &Boundary, axes: &[Shown; 2], own: Option<[f64; 2]>, title:
         }
     };
     let mut panel = Panel::new("", axis(&axes[0]), axis(&axes[1]));
-    let asked = |edge: Edge| boundary.claims.iter().any(|claim| claim.edge == edge);
-    let stability = match (asked(Edge::Held), asked(Edge::Free)) {
-        (true, true) => ["stable", "unstable"],
-        (true, false) => ["stable held", "unstable held"],
-        (false, true) => ["stable free", "unstable free"],
-        (false, false) => ["", ""],
-    };
-    let passivity = asked(Edge::Passive);
-    let all = match (stability[0], passivity) {
-        ("stable", true) => "certified".to_string(),
-        ("", _) => "passive".into(),
-        (stable, true) => format!("{stable} and passive"),
-        (stable, false) => stable.into(),
+    let asked = |edge: Edge| boundary.claims.iter().any(|claim| claim.edge == edge && claim.undecided.is_none());
+    let (all, worse) = match boundary.plane.system {
+        System::World(_) => world_regions(asked),
+        System::Network(_) => network_regions(asked),
     };
     // Worse regions cover better ones.
     let frame = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     let polygons = |polygons: &[Vec<Place>]| polygons.iter().map(|p| p.iter().map(|&q| point(q)).collect()).collect();
     panel.region(&all, Fill::Good, polygons(&[frame]));
-    let not_passive =
-        if stability[0].is_empty() { "not passive".into() } else { format!("{}, not passive", stability[0]) };
-    for (edge, fill, name) in [
-        (Edge::Passive, Fill::Fair, not_passive.as_str()),
-        (Edge::Held, Fill::Bad, stability[1]),
-        (Edge::Free, Fill::Bad, stability[1]),
-    ] {
-        for claim in boundary.claims.iter().filter(|claim| claim.edge == edge && !claim.beyond.is_empty()) {
-            panel.region(name, fill, polygons(&claim.beyond));
+    for (edge, fill, name) in &worse {
+        for claim in boundary.claims.iter().filter(|claim| claim.edge == *edge && !claim.beyond.is_empty()) {
+            panel.region(name, *fill, polygons(&claim.beyond));
         }
     }
     for claim in &boundary.claims {
@@ -58,6 +93,7 @@ pub fn svg(boundary: &Boundary, axes: &[Shown; 2], own: Option<[f64; 2]>, title:
             Edge::Held => ("edge of stability, held", Style::Edge(2)),
             Edge::Free => ("edge of stability, free", Style::Edge(0)),
             Edge::Passive => ("edge of passivity", Style::Edge(1)),
+            Edge::Fixed => ("edge of passivity at fixed times", Style::Edge(2)),
         };
         for piece in &claim.pieces {
             let closing = piece.closed.then(|| piece.points.first()).flatten();
@@ -66,7 +102,12 @@ pub fn svg(boundary: &Boundary, axes: &[Shown; 2], own: Option<[f64; 2]>, title:
         }
     }
     if let Some([x, y]) = own {
-        panel.mark(OWN, Shape::Ring, Style::Edge(0), vec![(x / axes[0].size, y / axes[1].size)]);
+        panel.mark(
+            own_name(&boundary.plane.system),
+            Shape::Ring,
+            Style::Edge(0),
+            vec![(x / axes[0].size, y / axes[1].size)],
+        );
     }
     let alt = summary.lines().map(str::trim).collect::<Vec<_>>().join("; ");
     let figure = Figure { title: title.into(), alt, panels: vec![panel], columns: 1 };

@@ -60,6 +60,7 @@ mod wheel;
 mod world;
 mod worlds;
 mod worst;
+mod worst_together;
 
 use std::process::ExitCode;
 

@@ -4,8 +4,8 @@ use std::io::{Write, stdout};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use hapt_model::{Network, Source};
-use hapt_sim::{CsvWriter, Error, NetworkRow, NetworkRun, Row, SIGNALS, Signal};
+use hapt_model::{Network, Source, System};
+use hapt_sim::{CsvWriter, Error, NetworkRow, NetworkRun, NetworkSummary, network_columns};
 
 use crate::args::{CheckArgs, Format, SimArgs};
 use crate::check::print;
@@ -14,7 +14,7 @@ use crate::format;
 use crate::messages;
 use crate::output::{self, Draft};
 use crate::progress::Progress;
-use crate::world::files;
+use crate::world::inputs;
 
 /// `hapt check` of a network.
 pub fn check(source: &Source, args: &CheckArgs) -> Result<ExitCode, Failure> {
@@ -93,10 +93,8 @@ fn write_all(network: &Network, scenarios: &[&str], folder: &Path, args: &SimArg
     let targets: Vec<PathBuf> =
         scenarios.iter().flat_map(|name| stations().map(|station| target(name, &station.name))).collect();
     let outputs: Vec<_> = targets.iter().map(|path| ("--out", path.as_path())).collect();
-    let home = args.world.path.parent().unwrap_or(Path::new(""));
-    let mut inputs = vec![("the network", args.world.path.clone())];
-    inputs.extend(stations().flat_map(|station| files(&home.join(&station.file), &station.world)));
-    output::apart(&outputs, &inputs)?;
+    let system = System::Network(network.clone());
+    output::apart(&outputs, &inputs(&args.world.path, &system))?;
     let mut first_failure = None;
     for name in scenarios {
         let mut run = NetworkRun::new(network, name)?;
@@ -104,15 +102,15 @@ fn write_all(network: &Network, scenarios: &[&str], folder: &Path, args: &SimArg
             .enumerate()
             .map(|(at, station)| {
                 let path = target(name, &station.name);
-                let columns = columns(network, at);
+                let columns = network_columns(network, at);
                 let begin = || CsvWriter::with_columns(Draft::new(path.clone())?, &columns);
                 begin().map(|table| (table, 0)).map_err(|error| Failure::write(path.display(), error))
             })
             .collect::<Result<Vec<_>, Failure>>()?;
         let mut values = Vec::new();
         let end = rows(&mut run, name, |row| {
-            let NetworkRow { station, row, link } = *row;
-            numbers(row, link, &mut values);
+            row.numbers(&mut values);
+            let station = row.station;
             let (table, rows) = &mut tables[station];
             *rows += 1;
             let path = || target(name, &network.stations[station].name);
@@ -132,51 +130,24 @@ fn write_all(network: &Network, scenarios: &[&str], folder: &Path, args: &SimArg
     first_failure.map_or(Ok(()), Err)
 }
 
-/// The columns of a station's run.
-pub fn columns(network: &Network, at: usize) -> Vec<String> {
-    let own = network.stations.get(at).map(|station| hapt_sim::columns(&station.world)).unwrap_or_default();
-    own.into_iter().chain([Signal::LINK.column(network.motion)]).map(|column| column.name).collect()
-}
-
-/// A row's numbers in the order of the columns.
-pub fn numbers(row: &Row, link: f64, values: &mut Vec<f64>) {
-    values.clear();
-    values.extend(SIGNALS.iter().map(|signal| (signal.get)(row)));
-    values.extend(row.pairs().flat_map(|(position, velocity)| [position, velocity]));
-    values.push(link);
-}
-
-/// What a station has done in a run.
-#[derive(Clone, Copy, Default)]
-struct Seen {
-    rows: u64,
-    peak: f64,
-    link: f64,
-    hand: f64,
-}
-
 fn print_all(network: &Network, source: &Source, scenarios: &[&str]) -> Result<(), Failure> {
     let mut text = format!("{}\n", network.title.as_deref().unwrap_or(&source.name));
     let mut first_failure = None;
     for name in scenarios {
         let mut run = NetworkRun::new(network, name)?;
-        let mut seen = vec![Seen::default(); network.stations.len()];
+        let mut summary = NetworkSummary::new(network);
         let end = rows(&mut run, name, |row| {
-            let of = &mut seen[row.station];
-            of.rows += 1;
-            of.peak = of.peak.max(row.row.command.abs());
-            of.link = of.link.max(row.link.abs());
-            of.hand = row.row.ledger.hand;
+            summary.add(row);
             Ok(())
         })?;
         text += &format!("\nscenario {name}\n");
-        for (station, seen) in network.stations.iter().zip(&seen) {
+        for (station, seen) in network.stations.iter().zip(&summary.stations) {
             text += &format!(
                 "  {}: {} samples, peak command {}, of the links at most {}; the hand gave {}\n",
                 station.name,
                 format::count(seen.rows),
-                format::effort(seen.peak, network.motion),
-                format::effort(seen.link, network.motion),
+                format::effort(seen.peak_command, network.motion),
+                format::effort(seen.peak_link, network.motion),
                 format::energy(seen.hand),
             );
         }

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use hapt_model::{Motion, did_you_mean};
+use hapt_model::{Motion, System, did_you_mean};
 use hapt_sweep::table::{self, Column};
 use hapt_sweep::{Measure, Shard, Sweep, Ticks};
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -27,7 +27,7 @@ use crate::format;
 use crate::messages;
 use crate::output::{self, Draft};
 use crate::progress::Progress;
-use crate::world::{files, own, source};
+use crate::world::{inputs, source};
 
 /// The largest number of threads.
 const MOST_THREADS: usize = 1024;
@@ -60,7 +60,7 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
     let sweep = Sweep::new(&source, &args.world.sets, &args.axes, &measures, args.scenario.as_deref())?;
     let outputs = [Some(("--out", args.out.as_path())), args.plot.as_deref().map(|plot| ("--plot", plot))];
     let outputs: Vec<_> = outputs.into_iter().flatten().collect();
-    output::apart(&outputs, &files(&args.world.path, &sweep.world))?;
+    output::apart(&outputs, &inputs(&args.world.path, &sweep.system))?;
     if args.plot.is_some() && sweep.grid.axes.len() > 2 {
         let given = sweep.grid.axes.len();
         return Err(Failure::input(format!(
@@ -97,7 +97,8 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
     let mut partial = Partial::open(&args.out, &sweep, cells.clone(), header, &columns, args.resume)?;
     let missing = compute(&sweep, cells, &pool, &mut partial)?;
     if let Some(plot) = &args.plot {
-        let own: Vec<_> = sweep.grid.axes.iter().map(|axis| own(&source, &args.world.sets, &axis.key)).collect();
+        let system = System::read(&source, &args.world.sets)?;
+        let own: Vec<_> = sweep.grid.axes.iter().map(|axis| system.number(&axis.key)).collect();
         crate::sweep_plot::draw(&sweep, &own, partial.rows()?, plot)?;
     }
     partial.finish(format, &columns)?;

@@ -8,7 +8,7 @@ use hapt_report::{Extremes, Map, Scale, Width};
 use hapt_sweep::{Axis, Measure, Sweep, table};
 
 use crate::boundary::within;
-use crate::boundary_plot::OWN;
+use crate::boundary_plot::own_name;
 use crate::failure::Failure;
 use crate::format;
 use crate::messages;
@@ -43,7 +43,7 @@ pub fn draw(sweep: &Sweep, own: &[Option<f64>], rows: impl BufRead, target: &Pat
 fn measured(sweep: &Sweep) -> (String, &'static str) {
     let measure = sweep.measures[0];
     let name = measure.name().trim_end_matches("_per_s").replace('_', " ");
-    (name, measure.unit(sweep.world.motion))
+    (name, measure.unit(sweep.system.motion()))
 }
 
 /// The value on whose two sides a measure means two things.
@@ -52,13 +52,21 @@ fn edge(measure: Measure) -> Option<f64> {
         Measure::HeldGrowth | Measure::FreeGrowth => Some(hapt_analysis::MARGINAL),
         // Stable and marginal are on one side.
         Measure::HeldVerdict | Measure::FreeVerdict | Measure::Certified => Some(0.5),
-        Measure::PeakTorque | Measure::FinalEnergy | Measure::SettlingTime | Measure::RequiredDamping => None,
+        Measure::FixedPassive => Some(0.5),
+        Measure::DampingMargin => Some(0.0),
+        Measure::StiffnessScale => Some(1.0),
+        Measure::PeakTorque
+        | Measure::FinalEnergy
+        | Measure::SettlingTime
+        | Measure::RequiredDamping
+        | Measure::EnergyDrawn
+        | Measure::LetGo => None,
     }
 }
 
 fn title(sweep: &Sweep) -> String {
     let (name, _) = measured(sweep);
-    match &sweep.world.title {
+    match sweep.system.title() {
         Some(title) => format!("{title}: {name}"),
         None => name,
     }
@@ -91,7 +99,7 @@ fn curve(
     let mut panel = Panel::new("", x, y);
     panel.curve("", Style::Signal(0), extremes.points(Width::Wide.stretches()));
     if let Some(own) = within(axis, own) {
-        panel.mark(OWN, Shape::Line, Style::Limit, vec![(own, 0.0)]);
+        panel.mark(own_name(&sweep.system), Shape::Line, Style::Limit, vec![(own, 0.0)]);
     }
     let seen = range.map_or("no value".to_string(), |(low, high)| {
         format!("from {} to {} {unit}", format::number(low), format::number(high))
@@ -127,7 +135,12 @@ fn map(sweep: &Sweep, slow: &Axis, fast: &Axis, own: &[Option<f64>], mut values:
         Measure::HeldVerdict | Measure::FreeVerdict => {
             Scale::Named(&[(1.0, "unstable"), (0.0, "marginal"), (-1.0, "stable")])
         }
-        Measure::PeakTorque
+        Measure::FixedPassive => Scale::Named(&[(0.0, "not passive at fixed times"), (1.0, "passive at fixed times")]),
+        Measure::EnergyDrawn
+        | Measure::LetGo
+        | Measure::DampingMargin
+        | Measure::StiffnessScale
+        | Measure::PeakTorque
         | Measure::FinalEnergy
         | Measure::SettlingTime
         | Measure::HeldGrowth
@@ -140,7 +153,7 @@ fn map(sweep: &Sweep, slow: &Axis, fast: &Axis, own: &[Option<f64>], mut values:
     if let [x, y] = own
         && let (Some(x), Some(y)) = (within(slow, *x), within(fast, *y))
     {
-        panel.mark(OWN, Shape::Ring, Style::Edge(0), vec![(x, y)]);
+        panel.mark(own_name(&sweep.system), Shape::Ring, Style::Edge(0), vec![(x, y)]);
     }
     let seen = range.map_or("no value".to_string(), |(low, high)| {
         format!("from {} to {} {unit}", format::number(low), format::number(high))

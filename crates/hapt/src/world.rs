@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use hapt_model::{Drive, Shape, Source, Timing, World};
+use hapt_model::{Drive, Shape, Source, System, Timing, World};
 
 use crate::args::WorldArgs;
 use crate::failure::Failure;
@@ -46,6 +46,17 @@ pub fn files(path: &Path, world: &World) -> Vec<(&'static str, PathBuf)> {
     [("the world", path.to_path_buf())].into_iter().chain(paths).chain(timings).collect()
 }
 
+/// The same of a network: its own file, those of its stations, and theirs.
+pub fn inputs(path: &Path, system: &System) -> Vec<(&'static str, PathBuf)> {
+    let network = match system {
+        System::World(world) => return files(path, world),
+        System::Network(network) => network,
+    };
+    let home = path.parent().unwrap_or(Path::new(""));
+    let of_stations = network.stations.iter().flat_map(|station| files(&home.join(&station.file), &station.world));
+    [("the network", path.to_path_buf())].into_iter().chain(of_stations).collect()
+}
+
 impl Loaded {
     /// The world of a source that has been read.
     pub fn of(source: Source, args: &WorldArgs) -> Result<Loaded, Failure> {
@@ -57,11 +68,4 @@ impl Loaded {
     pub fn title(&self) -> &str {
         self.world.title.as_deref().unwrap_or(&self.name)
     }
-}
-
-/// The number that the file and its overrides have under this key, in SI; `None` where they have none.
-pub fn own(source: &Source, sets: &[String], key: &str) -> Option<f64> {
-    let list = hapt_model::parameters(source, sets).ok()?;
-    let parameter = list.into_iter().find(|parameter| parameter.path == key)?;
-    parameter.si.or_else(|| parameter.written.parse().ok())
 }

@@ -15,7 +15,7 @@ use std::time::Duration;
 use hapt_analysis::Grip;
 use hapt_model::keys::Measure;
 use hapt_model::{Drive, Shape, World};
-use hapt_sweep::worst::{Gap, Hand, Motion, Trick, Worst};
+use hapt_sweep::worst::{Gap, Hand, Motion, Trick, Watch, Worst};
 
 use crate::args::WorstArgs;
 use crate::colour;
@@ -24,7 +24,7 @@ use crate::format;
 use crate::messages;
 use crate::output::{self, Draft};
 use crate::progress::Progress;
-use crate::world::{Loaded, files, load};
+use crate::world::{Loaded, files, source};
 
 /// From one look at the search to the next.
 const LOOK: Duration = Duration::from_millis(200);
@@ -33,13 +33,18 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
     if let Some(path) = &args.out {
         output::format("--out", path, &["toml"])?;
     }
-    let loaded = load(&args.world)?;
+    let source = source(&args.world.path)?;
+    if hapt_model::is_network(&source) {
+        return crate::worst_together::run(&source, args);
+    }
+    let loaded = Loaded::of(source, &args.world)?;
     if let Some(path) = &args.out {
         output::apart(&[("--out", path), ("--out", &beside(path))], &files(&args.world.path, &loaded.world))?;
     }
     // An invalid output file is reported before the search.
     let draft = args.out.as_deref().map(begin).transpose()?;
-    let worst = watched(&loaded.world)?;
+    let most = hapt_sweep::worst::most_runs(&loaded.world)?;
+    let worst = watched(most, |watch| hapt_sweep::worst::search_watched(&loaded.world, watch))?;
     let shown = with_scenario(&loaded.world, &worst, args.out.as_deref());
     if let Some((path, draft)) = args.out.as_deref().zip(draft) {
         if let Some(motion) = &worst.motion {
@@ -59,17 +64,20 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
     Ok(if worst.broken { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
-/// The search, with its progress on standard error.
-fn watched(world: &World) -> Result<Worst, Failure> {
+/// A search of at most so many runs, with its progress on standard error.
+pub fn watched<T: Send>(
+    most: usize,
+    search: impl FnOnce(&Watch<'_>) -> Result<T, hapt_sweep::worst::Error> + Send,
+) -> Result<T, Failure> {
     let seen = AtomicUsize::new(0);
-    let mut progress = Progress::new("worst", "hands", hapt_sweep::worst::most_runs(world)? as u64, 0);
+    let mut progress = Progress::new("worst", "hands", most as u64, 0);
     let (done, is_done) = channel::<()>();
     thread::scope(|scope| {
         let seen = &seen;
         let search = scope.spawn(move || {
             // Dropped at the end, and on a panic too: the waiting thread below ends at once.
             let _done = done;
-            hapt_sweep::worst::search_watched(world, &|runs| {
+            search(&|runs| {
                 seen.store(runs, Relaxed);
                 ControlFlow::Continue(())
             })
@@ -101,14 +109,14 @@ fn beside(out: &Path) -> PathBuf {
     out.with_file_name(name)
 }
 
-fn begin(path: &Path) -> Result<Draft, Failure> {
+pub fn begin(path: &Path) -> Result<Draft, Failure> {
     if path.is_dir() {
         return Err(Failure::input(format!("--out {}: that is a folder; expected a file", path.display())));
     }
     Draft::new(path.to_path_buf()).map_err(|error| Failure::write(path.display(), error))
 }
 
-fn write(path: &Path, mut draft: Draft, text: &str) -> Result<(), Failure> {
+pub fn write(path: &Path, mut draft: Draft, text: &str) -> Result<(), Failure> {
     let failed = |error| Failure::write(path.display(), error);
     draft.write_all(text.as_bytes()).map_err(failed)?;
     draft.finish().map_err(failed)?;
@@ -192,11 +200,11 @@ fn gap(world: &World, gap: &Gap) -> String {
     format!("{asks}; {breaks}; the device has {} {unit}", format::number(gap.device_damping))
 }
 
-fn unit(world: &World, measure: Measure) -> String {
+pub fn unit(world: &World, measure: Measure) -> String {
     measure.dimension(world.motion).symbol()
 }
 
-fn grip(world: &World, grip: &Grip) -> String {
+pub fn grip(world: &World, grip: &Grip) -> String {
     let parts =
         [(grip.inertia, Measure::Inertia), (grip.damping, Measure::Damping), (grip.stiffness, Measure::Stiffness)];
     let parts: Vec<String> = parts
@@ -287,7 +295,7 @@ fn notes(world: &World, worst: &Worst) -> Vec<String> {
 }
 
 /// The scenario's lines of the file.
-fn pasted(shown: &World) -> String {
+pub fn pasted(shown: &World) -> String {
     let file = shown.to_toml();
     file.find("[scenarios.").map_or(String::new(), |at| file[at..].to_string())
 }

@@ -5,7 +5,7 @@ use std::ops::AddAssign;
 use fastrand::Rng;
 use hapt_analysis::{Error, NetworkCheck, check_network};
 use hapt_model::{Network, Source};
-use hapt_sim::NetworkRun;
+use hapt_sim::{NetworkRun, NetworkSummary};
 
 use super::{Against, Claim, Found, JUST, ROUNDING, numbers};
 
@@ -136,31 +136,26 @@ struct Drawn {
 }
 
 fn drawn(network: &Network) -> Drawn {
-    let n = network.stations.len();
-    let (mut works, mut times, mut largest) = (vec![0.0; n], vec![f64::NEG_INFINITY; n], vec![0.0f64; n]);
-    let mut drawn = Drawn { drawn: 0.0, round: 0.0, slack: 0.0, let_go: 0, samples: 0 };
-    let Ok(mut run) = NetworkRun::new(network, SCENARIO) else { return drawn };
-    // Stations that take their samples together are looked at when all have; else one of them is a sample behind.
-    let common = network.stations.iter().all(|station| station.phase == 0.0 && station.drift == 0.0);
+    let Ok(mut run) = NetworkRun::new(network, SCENARIO) else {
+        return Drawn { drawn: 0.0, round: 0.0, slack: 0.0, let_go: 0, samples: 0 };
+    };
+    let mut summary = NetworkSummary::new(network);
+    let mut is_finite = true;
     while let Some(row) = run.next() {
         let Ok(row) = row else {
             // Hands that push a runaway give and take without end.
-            (drawn.drawn, drawn.round) = (f64::INFINITY, 1.0);
+            is_finite = false;
             break;
         };
-        let step = row.row.ledger.hand - works[row.station];
-        works[row.station] = row.row.ledger.hand;
-        largest[row.station] = largest[row.station].max(step.abs());
-        times[row.station] = row.row.time;
-        drawn.round += step.abs();
-        drawn.samples += 1;
-        if !common || times.iter().all(|time| (time - row.row.time).abs() < 1e-9) {
-            drawn.drawn = drawn.drawn.max(-works.iter().sum::<f64>());
-        }
+        summary.add(&row);
     }
-    drawn.slack = if common { 0.0 } else { largest.iter().sum() };
-    drawn.let_go = run.let_go().flatten().sum();
-    drawn
+    Drawn {
+        drawn: if is_finite { summary.drawn } else { f64::INFINITY },
+        round: if is_finite { summary.exchanged } else { 1.0 },
+        slack: summary.blur(),
+        let_go: run.let_go().flatten().sum(),
+        samples: summary.stations.iter().map(|station| station.rows).sum(),
+    }
 }
 
 /// The network of number `i`, from a seed of its own.

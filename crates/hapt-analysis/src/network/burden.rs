@@ -115,6 +115,18 @@ impl Burden {
         x.iter().all(|x| *x > 0.0).then(|| x.iter().copied().collect())
     }
 
+    /// Minus the least eigenvalue of M: by how much the dampings together are too small; `None` where a station has no finite demand.
+    pub fn excess(&self) -> Option<f64> {
+        Some(-least_eigenvalue(&self.matrix(|_| 1.0, 1.0)?))
+    }
+
+    /// The eigenvector of M's least eigenvalue, none of whose numbers is below 0.
+    pub fn favoured(&self) -> Option<Vec<f64>> {
+        let eigen = SymmetricEigen::new(self.matrix(|_| 1.0, 1.0)?);
+        let at = eigen.eigenvalues.imin();
+        Some(eigen.eigenvectors.column(at).iter().map(|x| x.abs()).collect())
+    }
+
     fn is_passive(&self, scale: impl Fn(usize) -> f64, age: f64) -> bool {
         self.matrix(scale, age).is_some_and(|m| least_eigenvalue(&m) >= 0.0)
     }

@@ -19,6 +19,7 @@
 //! is not indefinite; weights of 1 give b_i ≥ d_i + Σ_j K_ij (a_i + (A_ij + A_ji)/2).
 
 mod burden;
+mod demands;
 mod fixed;
 mod linked;
 mod text;
@@ -33,6 +34,7 @@ use crate::error::Error;
 use crate::passivity::quantisation::{quantisation, step};
 use burden::Burden;
 
+pub use demands::{Demands, FixedExcess};
 pub use fixed::FixedRates;
 pub use linked::{Alone, Linked, check_links};
 
@@ -122,8 +124,8 @@ fn pairs<S: Serializer>(pairs: &[(String, Option<f64>)], to: S) -> Result<S::Ok,
 /// As [`check`] of a station's world.
 pub fn check_network(network: &Network) -> Result<NetworkCheck, Error> {
     let locals = network.stations.iter().map(|station| check(&station.world)).collect::<Result<Vec<_>, _>>()?;
-    let demands: Vec<Option<f64>> = locals.iter().map(|local| local.uneven.required_damping).collect();
-    let burden = Burden::of(network, &demands)?;
+    let demands = Demands::found(&locals);
+    let burden = Burden::of(network, &demands.uneven)?;
     let required = burden.required();
     let mut stations = Vec::new();
     let mut of_links = Vec::new();
@@ -133,8 +135,10 @@ pub fn check_network(network: &Network) -> Result<NetworkCheck, Error> {
     let named = |(station, reasons): (&Station, &Vec<String>)| {
         reasons.iter().map(|reason| format!("{}: {reason}", station.name)).collect::<Vec<_>>()
     };
-    let all = network.stations.iter().zip(&of_links).flat_map(named).collect();
-    let fixed = fixed::fixed(network, &locals, &burden, &required, all)?;
+    let mut unproved: Vec<String> = network.stations.iter().zip(&of_links).flat_map(named).collect();
+    let alone = locals.iter().map(|local| &local.passivity.not_proved);
+    unproved.extend(network.stations.iter().zip(alone).flat_map(named));
+    let fixed = fixed::fixed(network, &demands.even, &burden, &required, unproved)?;
     for (index, ((station, local), of_links)) in network.stations.iter().zip(locals).zip(of_links).enumerate() {
         let not_proved = [local.uneven.not_proved.clone(), of_links].concat();
         let device_damping = burden.damping[index];
@@ -183,7 +187,7 @@ fn notes(network: &Network) -> Vec<String> {
     for link in network.links.iter().filter(|link| link.stiffness() > 0.0) {
         let [one, other] = link.between.map(|at| &network.stations[at]);
         for (sender, receiver) in [(one, other), (other, one)] {
-            let usual = link.between_messages(sender.world.sampling.period) + link.delay_max + receiver.hold();
+            let usual = link.between_messages(sender.world.sampling.period) + link.delay_max_s() + receiver.hold();
             if usual > link.age_max {
                 notes.push(format!(
                     "the link lets go at {} even when no message of {} is lost: a position is up to {:?} s old, and age_max is {:?} s",

@@ -39,7 +39,7 @@ impl<T: Copy> Held<T> {
     /// From the link's first station, `side` 0, or its second.
     pub fn new(link: &Link, side: usize) -> Self {
         let random = u64::from(link.seed) << 1 | side as u64;
-        let delay = [link.delay, link.delay_max].map(|delay| AtomicU64::new((delay * 1e9) as u64));
+        let delay = [link.delay, link.delay_max_s()].map(|delay| AtomicU64::new((delay * 1e9) as u64));
         let numbers = Arc::new(WayNumbers { delay, loss: AtomicU64::new(link.loss.to_bits()) });
         Held { numbers, random, messages: VecDeque::new() }
     }

@@ -3,6 +3,7 @@
 mod contract;
 mod laws;
 mod mistakes;
+mod networks;
 mod overrides;
 mod parts;
 mod round_trip;

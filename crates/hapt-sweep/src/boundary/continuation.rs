@@ -211,14 +211,16 @@ fn follow<E>(
             return Ok(Trace { points, closed: true });
         }
         let is_shortest = step <= 1.01 * SHORTEST;
-        let widths: &[f64] = match (last, is_shortest) {
-            (None, _) => &[0.5 * PI],
-            (_, false) => &[0.06, 0.3],
-            (_, true) => &[0.3, 1.0, 2.0, 2.8],
+        // Arcs: where the middle of each is, seen from the heading, and half its width. Where a step has gone a little past a corner, the
+        // edge crosses the heading, and goes on to one side.
+        let arcs: &[(f64, f64)] = match (last, is_shortest) {
+            (None, _) => &[(0.0, 0.5 * PI)],
+            (_, false) => &[(0.0, 0.06), (0.0, 0.3)],
+            (_, true) => &[(0.0, 0.3), (0.0, 1.0), (0.0, 2.0), (0.0, 2.8), (0.5 * PI, 0.5 * PI), (-0.5 * PI, 0.5 * PI)],
         };
         let mut next = None;
-        for width in widths {
-            let path = |x: f64| star(p, heading + width * (2.0 * x - 1.0), step);
+        for (aside, width) in arcs {
+            let path = |x: f64| star(p, heading + aside + width * (2.0 * x - 1.0), step);
             let ends = [f(path(0.0))?, f(path(1.0))?];
             // Above 0 only at the end of the arc on its side.
             let [right, left_of_it] = ends.map(|value| value > 0.0);
@@ -288,6 +290,18 @@ mod tests {
             assert!(points.iter().any(|p| distance(*p, [0.3, 0.6]) < 3e-5));
             assert!(on_frame(points[0]) && on_frame(*points.last().unwrap()));
             assert!(points.len() < 300, "{}", points.len());
+        }
+    }
+
+    #[test]
+    fn a_step_that_goes_past_a_corner_is_no_end() {
+        // Stairs of all heights, above 0 to their upper right.
+        for flight in 2..40 {
+            let stairs = |p: Place| p[1] - 1.0 / (1.0 + (f64::from(flight) * p[0]).floor());
+            for f in [&stairs as &(dyn Fn(Place) -> f64 + Sync), &|p| stairs(p).signum()] {
+                let found = all(f);
+                assert!(found.len() == 1 && found[0].lost().count() == 0, "{flight} {}", found.len());
+            }
         }
     }
 

@@ -185,7 +185,7 @@ pub(crate) fn side(plane: &Plane, edge: Edge, p: Place, along: [f64; 2]) -> Resu
 pub(crate) fn edges(plane: &Plane, edge: Edge, equations: &[Decomposition]) -> Result<Option<Vec<Found>>, Error> {
     let mut stretches = Vec::new();
     for equation in equations {
-        let period = plane.world.sampling.period;
+        let period = plane.system.number("loop.period").unwrap_or(f64::NAN);
         let curve = BoundaryCurve {
             plane,
             edge,

@@ -10,7 +10,7 @@ mod outline;
 mod plane;
 
 use hapt_analysis::Decomposition;
-use hapt_model::Source;
+use hapt_model::{Source, System};
 use rayon::prelude::*;
 
 use crate::error::Error;
@@ -68,14 +68,16 @@ pub struct Claim {
     pub beyond: Vec<Vec<Place>>,
     /// The values of the keys where the edge goes on, but turns or narrows within a hundred-thousandth of the frame, and is not followed.
     pub lost: Vec<[f64; 2]>,
-    /// Whether the whole plane is beyond it, or nothing; `None` where there is an edge.
+    /// Whether the whole plane is beyond it, or nothing; `None` where there is an edge, or no verdict.
     pub everywhere: Option<bool>,
+    /// Why there is no verdict in the whole plane; `None` where there is one.
+    pub undecided: Option<String>,
 }
 
-/// The edges of a world's claims in the plane of two keys.
+/// The edges of the claims about a world or network in the plane of two keys.
 ///
 /// ```
-/// use hapt_model::Source;
+/// use hapt_model::{Source, System};
 /// use hapt_sweep::boundary::{Boundary, Edge};
 ///
 /// let file = r#"
@@ -108,8 +110,8 @@ pub struct Boundary {
 }
 
 impl Boundary {
-    /// Finds the edges of `claims` in the plane of the axes, each `KEY=FROM..TO[:log]`, of the world in `source` with the
-    /// overrides `sets`.
+    /// Finds the edges of `claims` in the plane of the axes, each `KEY=FROM..TO[:log]`, of the world or network in `source` with
+    /// the overrides `sets`. No claims are all that there are about it.
     ///
     /// Work: some thousand verdicts for each edge, on rayon's current pool. An island of a claim between the searched lines, five each
     /// way and the frame, is not found.
@@ -132,18 +134,33 @@ impl Boundary {
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Result<Boundary, Error> {
         let plane = Plane::new(source, sets, axes)?;
+        let claims = if claims.is_empty() { Edge::of(&plane.system) } else { claims };
         let claims = claims.par_iter().map(|edge| claim(&plane, *edge, stop)).collect::<Result<Vec<_>, _>>()?;
         Ok(Boundary { plane, claims })
     }
 }
 
 fn claim(plane: &Plane, edge: Edge, stop: &(dyn Fn() -> bool + Sync)) -> Result<Claim, Error> {
+    if !Edge::of(&plane.system).contains(&edge) {
+        return Err(Plane::foreign(edge, &plane.system));
+    }
+    let undecided = plane.undecided(edge)?;
+    if undecided.is_some() {
+        return Ok(Claim {
+            edge,
+            pieces: Vec::new(),
+            beyond: Vec::new(),
+            lost: Vec::new(),
+            everywhere: None,
+            undecided,
+        });
+    }
     let middle = [0.5, 0.5];
     let failed = |error| plane.failed(middle, error);
-    let equations = match edge {
-        Edge::Held => Decomposition::held(&plane.world, plane.keys()).map_err(failed)?,
-        Edge::Free => Decomposition::free(&plane.world, plane.keys()).map_err(failed)?,
-        Edge::Passive => None,
+    let equations = match (&plane.system, edge) {
+        (System::World(world), Edge::Held) => Decomposition::held(world, plane.keys()).map_err(failed)?,
+        (System::World(world), Edge::Free) => Decomposition::free(world, plane.keys()).map_err(failed)?,
+        (System::World(_) | System::Network(_), _) => None,
     };
     let known = match &equations {
         Some(equations) => edges(plane, edge, equations)?.unwrap_or_default(),
@@ -164,7 +181,7 @@ fn claim(plane: &Plane, edge: Edge, stop: &(dyn Fn() -> bool + Sync)) -> Result<
     let lost: Vec<[f64; 2]> = all.iter().flat_map(Trace::lost).map(|place| plane.values(place)).collect();
     let everywhere = all.is_empty().then_some(corner);
     let beyond = if lost.is_empty() { outline::beyond(&all, corner) } else { Vec::new() };
-    Ok(Claim { edge, pieces, beyond, lost, everywhere })
+    Ok(Claim { edge, pieces, beyond, lost, everywhere, undecided })
 }
 
 /// A trace with the data of its points. At each point of a traced edge the verdict is computed on both sides, across both neighbours, or

@@ -1,11 +1,13 @@
 //! The plane of two keys, and the claims about its worlds.
 
-use hapt_analysis::Keys;
+use std::borrow::Cow;
+
 use hapt_analysis::MARGINAL;
+use hapt_analysis::{Demands, FixedExcess, Keys};
 use hapt_analysis::{
     free_eigenvalues, free_growth, held_world_eigenvalues, held_world_growth, passivity, required_damping,
 };
-use hapt_model::{Source, World};
+use hapt_model::{Network, Source, System, World};
 
 use crate::axis::{Axis, Grid};
 use crate::boundary::continuation::{INSET, Place};
@@ -19,8 +21,10 @@ hapt_model::named! {
         Held => "held",
         /// The whole loop, with the puck free, is not unstable.
         Free => "free",
-        /// The loop is passive against every passive hand.
+        /// The loop is passive against every passive hand; a network for any clocks and any loss.
         Passive => "passive",
+        /// A network is passive at its own periods, phases and delays, which never change.
+        Fixed => "fixed",
     }
 }
 
@@ -30,26 +34,43 @@ impl Edge {
         match self {
             Edge::Held | Edge::Free => "unstable",
             Edge::Passive => "not passive",
+            Edge::Fixed => "not passive at fixed times",
+        }
+    }
+
+    /// The claims about a world, or about a network.
+    pub const fn of(system: &System) -> &'static [Edge] {
+        match system {
+            System::World(_) => &[Edge::Held, Edge::Free, Edge::Passive],
+            System::Network(_) => &[Edge::Passive, Edge::Fixed],
         }
     }
 }
 
-/// Two keys of a world, each over a range.
+/// Of a network the demands of its stations' worlds, and the stations for which they change in the plane.
+#[derive(Clone, Debug, PartialEq)]
+struct Asked {
+    demands: Demands,
+    change: Vec<usize>,
+}
+
+/// Two keys of a world or network, each over a range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane {
     /// The axes to the right and upwards; both rise.
     pub axes: [Axis; 2],
-    /// The world at the corner where both begin.
-    pub world: World,
+    /// The world or network at the corner where both begin.
+    pub system: System,
+    asked: Option<Asked>,
 }
 
 impl Plane {
-    /// Reads two axes, each `KEY=FROM..TO[:log]`, against the world in `source` with the overrides `sets`.
+    /// Reads two axes, each `KEY=FROM..TO[:log]`, against the world or network in `source` with the overrides `sets`.
     ///
     /// # Errors
-    /// [`Error::Axis`] for what is no axis of this world, [`Error::World`] for a world, or a corner, that cannot be read.
+    /// [`Error::Axis`] for what is no axis of it, [`Error::Model`] for a file, or a corner, that cannot be read, [`Error::At`].
     pub fn new(source: &Source, sets: &[String], axes: &[String]) -> Result<Plane, Error> {
-        let (grid, world) = Grid::plane(source, sets, axes)?;
+        let (grid, system) = Grid::plane(source, sets, axes)?;
         let wrong = |i: usize, message: String| Error::Axis(format!("--vary {}: {message}", axes[i]));
         for (i, axis) in grid.axes.iter().enumerate() {
             if axis.from == axis.to {
@@ -58,7 +79,19 @@ impl Plane {
         }
         let rising = |axis: &Axis| Axis { from: axis.from.min(axis.to), to: axis.from.max(axis.to), ..axis.clone() };
         match &grid.axes[..] {
-            [x, y] => Ok(Plane { axes: [rising(x), rising(y)], world }),
+            [x, y] => {
+                let mut plane = Plane { axes: [rising(x), rising(y)], system, asked: None };
+                if let System::Network(network) = &plane.system {
+                    let demands = Demands::of(network).map_err(|error| plane.failed([0.0, 0.0], error))?;
+                    let is_varied = |name: &str| {
+                        let own = format!("stations.{name}.");
+                        plane.axes.iter().any(|axis| axis.key.starts_with(&own))
+                    };
+                    let change = (0..network.stations.len()).filter(|at| is_varied(&network.stations[*at].name));
+                    plane.asked = Some(Asked { demands, change: change.collect() });
+                }
+                Ok(plane)
+            }
             axes => Err(Error::Axis(format!("a boundary is in the plane of two keys, and {} are given", axes.len()))),
         }
     }
@@ -87,22 +120,79 @@ impl Plane {
         })
     }
 
-    /// The world at a place.
-    pub fn at(&self, place: Place) -> World {
-        let mut world = self.world.clone();
+    /// The world or network at a place.
+    pub fn at(&self, place: Place) -> System {
+        let mut system = self.system.clone();
         for (axis, value) in self.axes.iter().zip(self.values(place)) {
-            world.set_number(&axis.key, value);
+            system.set_number(&axis.key, value);
         }
-        world
+        system
     }
 
     /// Above 0 beyond an edge: the growth in 1/s above the marginal one, or the damping that the device lacks, infinite where no damping
-    /// suffices.
+    /// suffices; of a network at fixed times [`FixedExcess`], infinite where there is no verdict.
     ///
     /// # Errors
-    /// [`Error::At`].
+    /// [`Error::At`]; [`Error::Claim`] for a claim that is none about such a file.
     pub fn beyond(&self, edge: Edge, place: Place) -> Result<f64, Error> {
-        let world = self.at(place);
+        match (self.at(place), edge) {
+            (System::World(world), Edge::Held | Edge::Free | Edge::Passive) => self.beyond_world(edge, place, &world),
+            (System::Network(network), Edge::Passive) => {
+                let excess = self.demands(&network).and_then(|demands| demands.excess(&network));
+                Ok(excess.map_err(|error| self.failed(place, error))?.unwrap_or(f64::INFINITY))
+            }
+            (System::Network(network), Edge::Fixed) => {
+                Ok(self.fixed(&network, place)?.map_or(f64::INFINITY, |excess| excess.value))
+            }
+            (system, _) => Err(Plane::foreign(edge, &system)),
+        }
+    }
+
+    pub(crate) fn foreign(edge: Edge, system: &System) -> Error {
+        let names: Vec<&str> = Edge::of(system).iter().map(|edge| edge.name()).collect();
+        Error::Claim(format!(
+            "--of: {:?} is no edge of a {}; expected {}",
+            edge.name(),
+            system.kind(),
+            names.join(", ")
+        ))
+    }
+
+    fn demands(&self, network: &Network) -> Result<Cow<'_, Demands>, hapt_analysis::Error> {
+        match &self.asked {
+            Some(Asked { demands, change }) if change.is_empty() => Ok(Cow::Borrowed(demands)),
+            Some(Asked { demands, change }) => demands.renewed(network, change.iter().copied()).map(Cow::Owned),
+            None => Demands::of(network).map(Cow::Owned),
+        }
+    }
+
+    /// Of a network at fixed times, or why there is no verdict.
+    fn fixed(&self, network: &Network, place: Place) -> Result<Result<FixedExcess, Vec<String>>, Error> {
+        let excess = self.demands(network).and_then(|demands| demands.fixed_excess(network));
+        excess.map_err(|error| self.failed(place, error))
+    }
+
+    /// Why a claim has no verdict in the whole plane, as far as its corners and its middle tell; `None` where it has some.
+    pub(crate) fn undecided(&self, edge: Edge) -> Result<Option<String>, Error> {
+        if edge != Edge::Fixed {
+            return Ok(None);
+        }
+        if let Some(axis) = self.axes.iter().find(|axis| axis.key.ends_with(".period")) {
+            let reason = "between most of its values the periods have no common multiple of few samples";
+            return Ok(Some(format!("{}: {reason}", axis.key)));
+        }
+        let mut reason = None;
+        for place in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [0.5, 0.5]].map(Plane::inside) {
+            let System::Network(network) = self.at(place) else { return Ok(None) };
+            match self.fixed(&network, place)? {
+                Ok(_) => return Ok(None),
+                Err(reasons) => reason = reason.or(Some(reasons.join("; "))),
+            }
+        }
+        Ok(reason)
+    }
+
+    fn beyond_world(&self, edge: Edge, place: Place, world: &World) -> Result<f64, Error> {
         // The marginal growth itself counts.
         let above = |growth: Option<f64>| match growth {
             Some(growth) if growth == MARGINAL => f64::MIN_POSITIVE,
@@ -110,26 +200,34 @@ impl Plane {
             None => f64::NEG_INFINITY,
         };
         let value = match edge {
-            Edge::Held => held_world_growth(&world).map(above),
-            Edge::Free => free_growth(&world).map(above),
-            Edge::Passive => required_damping(&world)
+            Edge::Held => held_world_growth(world).map(above),
+            Edge::Free => free_growth(world).map(above),
+            Edge::Passive | Edge::Fixed => required_damping(world)
                 .map(|required| required.map_or(f64::INFINITY, |required| required - world.device.damping)),
         };
         value.map_err(|error| self.failed(place, error))
     }
 
     /// The frequency at which a claim fails, in Hz, at a place beyond its edge: that of the outermost eigenvalue, or of the largest required
-    /// damping. `None` where there is none.
+    /// damping, of a network at fixed times. `None` where there is none.
     ///
     /// # Errors
     /// [`Error::At`].
     pub(crate) fn hz(&self, edge: Edge, place: Place) -> Result<Option<f64>, Error> {
-        let world = self.at(place);
+        let world = match self.at(place) {
+            System::World(world) => world,
+            System::Network(network) if edge == Edge::Fixed => {
+                return Ok(self.fixed(&network, place)?.ok().and_then(|excess| excess.hz));
+            }
+            System::Network(_) => return Ok(None),
+        };
         let sampling = &world.sampling;
         let eigenvalues = match edge {
             Edge::Held => held_world_eigenvalues(&world),
             Edge::Free => free_eigenvalues(&world),
-            Edge::Passive => return passivity(&world).map(|p| p.at_hz).map_err(|error| self.failed(place, error)),
+            Edge::Passive | Edge::Fixed => {
+                return passivity(&world).map(|p| p.at_hz).map_err(|error| self.failed(place, error));
+            }
         };
         let eigenvalues = eigenvalues.map_err(|error| self.failed(place, error))?;
         let most = eigenvalues.iter().max_by(|a, b| a.abs.total_cmp(&b.abs));

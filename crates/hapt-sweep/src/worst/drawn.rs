@@ -6,10 +6,10 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 /// A run whose energy exceeds this many times the initial one has run away, and ends.
-const RUNAWAY: f64 = 1e6;
+pub(super) const RUNAWAY: f64 = 1e6;
 
 /// The part of the energy exchanged that may be rounding.
-const ROUNDING: f64 = 1e-9;
+pub(super) const ROUNDING: f64 = 1e-9;
 
 /// The instant of a run at which the hand had drawn most energy beyond the supplied one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -38,7 +38,7 @@ impl Drawn {
 }
 
 /// The energy supplied to a loop so far.
-struct Supply {
+pub(super) struct Supply {
     /// The world without its constant torques.
     stored: World,
     /// Those whose work counts as supplied.
@@ -52,7 +52,7 @@ struct Supply {
 }
 
 impl Supply {
-    fn new(world: &World) -> Supply {
+    pub fn new(world: &World) -> Supply {
         let reserve = reserve(world);
         let mut stored = world.clone();
         let mut constants = Vec::new();
@@ -84,12 +84,12 @@ impl Supply {
         self.constants.iter().map(|&(first, second, torque)| torque * (at(first) - at(second))).sum()
     }
 
-    fn begin(&mut self, row: &Row) {
+    pub fn begin(&mut self, row: &Row) {
         self.first = world_energy(&self.stored, row.puck, &row.bodies, &row.bristles) + self.reserve;
         self.height = self.work(row);
     }
 
-    fn until(&mut self, row: &Row) -> f64 {
+    pub fn until(&mut self, row: &Row) -> f64 {
         self.delay.add(row);
         // If the motor's limit clips a constant, the hand works less against it.
         let work = self.work(row) - self.height;

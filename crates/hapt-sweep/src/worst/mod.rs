@@ -7,6 +7,7 @@
 //! * [`search`] runs the whole search on one world and returns a [`Worst`].
 //! * [`Hand`] is a hand with its initial kick, and the scenario that shows it.
 //! * [`Motion`] is a prescribed path against counts, levels and samples, for worlds from which no grip draws energy.
+//! * [`search_together`] is the search for the hands at all stations of a network, and returns a [`WorstTogether`].
 //! * [`Drawn`] is the energy that the hand has drawn from the loop, from a run's ledger.
 //!
 //! No hand may draw energy from a certified world. Some hand should from a refused one; where none does, [`Worst::gap`] is the distance
@@ -15,9 +16,11 @@
 mod drawn;
 mod hand;
 mod motion;
+mod network;
 mod search;
 
 pub use drawn::{Drawn, drawn};
 pub use hand::Hand;
 pub use motion::{Motion, Trick};
+pub use network::{DrawnTogether, MOST_TOGETHER, WorstTogether, search_together};
 pub use search::{Error, FILE, Gap, Moved, Watch, Worst, best_motion, most_runs, search, search_watched};

@@ -275,7 +275,7 @@ fn whole(t: f64, period: f64) -> f64 {
 }
 
 /// The stiffness at the puck, nonlinear couplings on their steepest rise.
-fn stiffness(world: &World) -> Result<f64, Error> {
+pub(super) fn stiffness(world: &World) -> Result<f64, Error> {
     let ties = linearise(&world.bodies, &world.couplings, &Slopes::Steep)?;
     // An empty sum is -0, and nothing can be divided by that.
     Ok(ties.iter().filter(|t| t.first == End::Puck || t.second == End::Puck).fold(0.0, |sum, t| sum + t.stiffness))

@@ -2,6 +2,7 @@
 
 mod boundary;
 mod lanes;
+mod networks;
 mod shards;
 mod sweep;
 mod wheels;

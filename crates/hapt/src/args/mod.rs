@@ -114,7 +114,9 @@ Examples:
   hapt boundary wheel.toml --vary loop.period=0.1ms..10ms:log \\
       --vary device.damping=0..0.01 --out edges.csv --plot edges.svg
   hapt boundary @devices/eth-wall --vary couplings.0.damping=0..0.02 \\
-      --vary couplings.0.stiffness=0..20 --of free,passive")]
+      --vary couplings.0.stiffness=0..20 --of free,passive
+  hapt boundary pair.toml --vary links.0.stiffness=0..1 \\
+      --vary links.0.age_max=8ms..40ms                   a network of stations")]
     Boundary(BoundaryArgs),
     /// Compute the rendered impedance against frequency, or the Z-width of a device.
     #[command(after_help = "\

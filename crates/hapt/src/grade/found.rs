@@ -7,14 +7,13 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use hapt_analysis::Design;
-use hapt_model::{Dimension, Network, Source, World, is_network, parse_quantity};
-use hapt_sim::{NetworkRun, Simulation};
+use hapt_model::{Dimension, Network, Source, System, World, parse_quantity};
+use hapt_sim::{NetworkRun, Simulation, network_columns};
 use hapt_sweep::{Measure, Sweep};
 use serde_json::Value;
 
 use super::pack::{Of, Take};
 use crate::failure::Failure;
-use crate::network::{columns, numbers};
 
 /// The limits of a world that is graded: far beyond a lesson's, and soon computed.
 const MOST_BODIES: usize = 8;
@@ -36,17 +35,17 @@ pub struct Subject<'a> {
 impl Subject<'_> {
     /// What is asked for, within the limits.
     pub fn system(&self) -> Result<System, Failure> {
-        if !is_network(self.source) {
-            let world = World::read(self.source, &self.sets)?;
-            self.within_limits(&world)?;
-            return Ok(System::World(Box::new(world)));
+        let system = System::read(self.source, &self.sets)?;
+        match &system {
+            System::World(world) => self.within_limits(world)?,
+            System::Network(network) => {
+                self.most_of("stations", network.stations.len(), MOST_STATIONS)?;
+                for station in &network.stations {
+                    self.within_limits(&station.world)?;
+                }
+            }
         }
-        let network = Network::read(self.source, &self.sets)?;
-        self.most_of("stations", network.stations.len(), MOST_STATIONS)?;
-        for station in &network.stations {
-            self.within_limits(&station.world)?;
-        }
-        Ok(System::Network(network))
+        Ok(system)
     }
 
     fn world(&self) -> Result<World, Failure> {
@@ -90,10 +89,7 @@ impl Subject<'_> {
         let number = |value: Option<f64>| value.map_or(Value::Null, Value::from);
         match of {
             Of::Value(value) => Ok(value.clone()),
-            Of::Key(key) => {
-                self.world()?;
-                Ok(number(crate::world::own(self.source, &self.sets, key)))
-            }
+            Of::Key(key) => Ok(number(self.world()?.number(key))),
             Of::Measure(name) => self.measure(name).map(number),
             Of::Check(pointer) => self.check(pointer),
             Of::Column { name, take, station } => match self.system()? {
@@ -165,7 +161,7 @@ impl Subject<'_> {
                 return Err(Failure::input(format!("the question needs a `scenario` of the network: {list}")));
             }
         };
-        let columns = columns(network, at);
+        let columns = network_columns(network, at);
         let column = place(&columns, name)?;
         let mut run = NetworkRun::new(network, scenario)?;
         let begun = Instant::now();
@@ -173,7 +169,7 @@ impl Subject<'_> {
         while let Some(row) = run.next() {
             let row = row?;
             if row.station == at {
-                numbers(row.row, row.link, &mut values);
+                row.numbers(&mut values);
                 series.extend(values.get(column));
             }
             if begun.elapsed() > LONGEST {
@@ -206,12 +202,6 @@ impl Subject<'_> {
         }
         Ok(take.of(&series))
     }
-}
-
-/// A world, or a network of worlds.
-pub enum System {
-    World(Box<World>),
-    Network(Network),
 }
 
 /// The place of a column among these.

@@ -62,6 +62,9 @@ traced by the change of the verdict. The verdict is computed on both sides of ev
 between the searched lines, five each way and the frame, can be missed.
 
   hapt boundary @devices/eth-wall --vary loop.delay=0..2ms --vary device.damping=0..0.01
+
+Of a network of stations: `passive` is the edge for any clocks and any loss, `fixed` that at the file's
+own periods, phases and delays. Keys are such as links.0.stiffness and stations.left.device.damping.
 "#,
     },
     Topic {
@@ -78,6 +81,9 @@ for hands that open and grasp again. It prints the scenario, or writes it with -
 The exit code is 1 when broken. `gap` gives the device damping that the certificate requires, and
 the damping up to which such a hand breaks the linear loop. In between the answer is open: a hand
 with several modes may break it, and the certificate covers all hands.
+
+Of a network it searches for hands at all stations that draw energy together, with the messages of
+the file and with messages as late as age_max allows.
 "#,
     },
     Topic {

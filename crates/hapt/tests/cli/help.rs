@@ -109,7 +109,9 @@ fn the_version_is_the_packages() {
 fn every_example_runs_as_it_stands() {
     use crate::common::{WHEEL, folder, shell, worlds};
 
-    let at = folder(&[("wheel.toml", WHEEL)]);
+    let pair = "stations.left.world = \"wheel.toml\"\nstations.right.world = \"wheel.toml\"\n[[links]]\nkind = \"spring\"\n\
+        between = [\"left\", \"right\"]\nstiffness = 0.1\nage_max = \"20 ms\"\n";
+    let at = folder(&[("wheel.toml", WHEEL), ("pair.toml", pair)]);
     std::os::unix::fs::symlink(worlds(), at.path().join("worlds")).unwrap();
 
     let course = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/course/wall").canonicalize().unwrap();

@@ -80,7 +80,95 @@ fn a_mistake_in_a_network_is_named_with_its_place() {
     hapt(at.path(), ["sim", "pair.toml", "--scenario", "pull"])
         .refused(2, &["no station's world has a scenario \"pull\""]);
     // What takes a world says what this is.
-    hapt(at.path(), ["worst", "pair.toml"]).refused(2, &["is a network"]);
+    hapt(at.path(), ["impedance", "pair.toml"]).refused(2, &["is a network"]);
+}
+
+const PLANE: [&str; 6] =
+    ["boundary", "pair.toml", "--vary", "links.0.stiffness=0.05..8", "--vary", "links.0.age_max=5ms..60ms"];
+
+#[test]
+fn a_boundary_of_a_network_has_its_edges_and_a_picture() {
+    let at = folder(&[("wheel.toml", WHEEL), ("free.toml", FREE), ("pair.toml", PAIR)]);
+    let ended = hapt(at.path(), PLANE.iter().chain(&["--out", "e.csv", "--plot", "e.svg"])).done();
+    assert!(ended.out.contains("passive   from ") && ended.out.contains("fixed     from "), "{}", ended.out);
+    let table = fs::read_to_string(at.path().join("e.csv")).unwrap();
+    let mut rows = table.lines();
+    assert_eq!(rows.next(), Some("edge,piece,links.0.stiffness,links.0.age_max,hz,beyond"));
+    let mut passive = 0;
+    for row in rows.filter(|row| row.starts_with("passive,")) {
+        let fields: Vec<&str> = row.split(',').collect();
+        let [stiffness, age] = [2, 3].map(|i| fields[i].parse::<f64>().unwrap());
+        // (b - K T/2) of both, their product (K age)^2
+        let left = (0.01 - stiffness * 0.5e-3) * (0.01 - stiffness * 1e-3) / (stiffness * age).powi(2);
+        assert!((left - 1.0).abs() < 1e-7 && fields[5].starts_with("+links.0."), "{row}");
+        passive += 1;
+    }
+    assert!(passive > 20);
+    let picture = fs::read_to_string(at.path().join("e.svg")).unwrap();
+    assert!(
+        ["passive for any clocks", "passive at fixed times only", "the file&#39;s own network"]
+            .iter()
+            .all(|words| picture.contains(words) || picture.contains(&words.replace("&#39;", "'")))
+    );
+    let of = |more: &[&str]| hapt(at.path(), PLANE.iter().chain(more));
+    of(&["--of", "held"]).refused(2, &["--of: \"held\" is no edge of a network; expected passive, fixed"]);
+    of(&["--out", "wheel.csv", "--set", "stations.up.loop.period=2ms"]).refused(2, &["no station \"up\""]);
+    let lost = of(&["--set", "links.0.loss=0.1", "--out", "l.csv"]).done().out;
+    assert!(lost.contains("fixed     no verdict: ") && lost.contains("lost"), "{lost}");
+}
+
+#[test]
+fn the_worst_hands_of_a_network_are_shown_by_a_run() {
+    let weak = WHEEL.replace("0.01", "0.003");
+    let at = folder(&[("wheel.toml", &weak), ("free.toml", &FREE.replace("0.01", "0.003")), ("pair.toml", PAIR)]);
+    let worst = hapt(at.path(), ["worst", "pair.toml", "--out", "broken.toml", "--json"]);
+    assert_eq!(worst.code, Some(1), "{worst:?}");
+    let json: serde_json::Value = serde_json::from_str(&worst.out).unwrap();
+    assert!(json["broken"] == true && json["certified"] == false, "{json}");
+    let gain = json["drawn"]["gain"].as_f64().unwrap();
+    assert!(gain > 0.0 && json["stations"]["left"]["hand"]["grip"]["inertia"].as_f64().unwrap() > 0.0);
+    assert!((json["stations"]["left"]["required_damping"].as_f64().unwrap() - 0.2 * 20.5e-3).abs() < 1e-12);
+    assert_eq!(
+        names(at.path()),
+        ["broken-left.toml", "broken-right.toml", "broken.toml", "free.toml", "pair.toml", "wheel.toml"]
+    );
+    let text = hapt(at.path(), ["sim", "broken.toml"]).done().out;
+    let given = text.lines().filter_map(|line| line.split_once("the hand gave ")).map(|(_, energy)| energy);
+    assert!(given.clone().count() == 2 && given.clone().any(|energy| energy.starts_with('-')), "{text}");
+    // A certified one survives, and nothing is written over what it is made of.
+    let safe = folder(&[("wheel.toml", WHEEL), ("free.toml", FREE), ("pair.toml", PAIR)]);
+    let text = hapt(safe.path(), ["worst", "pair.toml"]).done().out;
+    assert!(text.contains("verdict   survived, as certified") && text.contains("[scenarios.worst]"), "{text}");
+    hapt(safe.path(), ["worst", "pair.toml", "--out", "pair.toml"]).refused(2, &["--out", "pair.toml"]);
+    assert_eq!(fs::read_to_string(safe.path().join("pair.toml")).unwrap(), PAIR);
+}
+
+#[test]
+fn a_sweep_of_a_network_is_a_table_that_is_resumed_and_split_as_any() {
+    let at = folder(&[("wheel.toml", WHEEL), ("free.toml", FREE), ("pair.toml", PAIR)]);
+    let sweep = |more: &[&str]| {
+        let axes = ["sweep", "pair.toml", "--vary", "links.0.stiffness=0.1..0.4:4", "--vary", "links.0.delay=0..4ms:3"];
+        hapt(at.path(), axes.iter().chain(more))
+    };
+    let measures = ["--measure", "certified,damping_margin,peak_torque,let_go,fixed_passive"];
+    sweep(&[&measures[..], &["--out", "t.csv", "--plot", "t.svg"]].concat()).done();
+    let table = fs::read_to_string(at.path().join("t.csv")).unwrap();
+    let header = "links.0.stiffness,links.0.delay,certified,damping_margin,peak_torque,let_go,fixed_passive";
+    assert!(table.starts_with(&format!("{header}\n")) && table.lines().count() == 13, "{table}");
+    let last: Vec<f64> = table.lines().last().unwrap().split(',').map(|number| number.parse().unwrap()).collect();
+    assert!(last[2] == 1.0 && (last[3] - (0.01 - 0.4 * 21e-3)).abs() < 1e-12, "{last:?}");
+    for shard in ["0/2", "1/2"] {
+        let out = format!("{}.csv", &shard[..1]);
+        sweep(&[&measures[..], &["--shard", shard, "--out", &out]].concat()).done();
+    }
+    let read = |name: &str| fs::read_to_string(at.path().join(name)).unwrap();
+    assert_eq!(read("0.csv") + &read("1.csv"), table);
+    sweep(&[&measures[..], &["--out", "t.parquet"]].concat()).done();
+    sweep(&["--measure", "held_verdict", "--out", "x.csv"])
+        .refused(2, &["held_verdict is no measure of a network", "damping_margin"]);
+    sweep(&["--measure", "let_go", "--scenario", "pull", "--out", "x.csv"]).refused(2, &["\"pull\"", "there is push"]);
+    sweep(&["--measure", "let_go", "--out", "pair.toml.csv", "--set", "links.0.age_max=1ms"])
+        .refused(2, &["links.0.age_max"]);
 }
 
 #[test]

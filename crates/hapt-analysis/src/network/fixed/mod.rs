@@ -12,8 +12,8 @@ use std::f64::consts::{PI, TAU};
 use hapt_model::{End, EstimatorKind, Law, Network, World};
 use serde::Serialize;
 
+use super::FixedExcess;
 use super::burden::Burden;
-use crate::certificate::check::Check;
 use crate::equations::laws::Kind;
 use crate::equations::slopes;
 use crate::error::Error;
@@ -25,6 +25,8 @@ use schedule::Schedule;
 const ORDER: i64 = 64;
 /// The most periods that an age lasts.
 const BACK: f64 = 500.0;
+
+const UNDECIDED: &str = "the search over all frequencies does not decide";
 
 /// The verdict at the periods, phases and delays of the file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -81,7 +83,7 @@ fn times_vary(network: &Network) -> Vec<String> {
     }
     for link in network.links.iter().filter(|link| link.stiffness() > 0.0) {
         let [one, other] = link.between.map(|at| network.stations[at].name.as_str());
-        if link.delay_max > link.delay || link.loss > 0.0 {
+        if link.delay_max_s() > link.delay || link.loss > 0.0 {
             reasons.push(format!("the messages between {one} and {other} vary in delay or are lost: delay_max, loss"));
         }
     }
@@ -137,13 +139,23 @@ impl Posed {
         let damping = self.taken.iter().enumerate().map(|(at, taken)| damping(at) - taken).collect();
         Member { damping, scale }
     }
+
+    /// The largest factor on the stiffness of all links up to which it is passive; `None` where it is with any, or with none.
+    fn scale(&self, damping: &[f64]) -> Option<f64> {
+        let found = self.form.extreme(1e12, false, |scale| self.member(|at| damping[at], scale))?;
+        found.angle.map(|_| found.value)
+    }
+
+    fn hz(&self, angle: f64) -> f64 {
+        angle.min(PI) / (TAU * self.common)
+    }
 }
 
 /// The verdict; `required`: what any clocks require, whose proportions the dampings at the edge have where those of the devices are not
 /// enough.
 pub(super) fn fixed(
     network: &Network,
-    locals: &[Check],
+    demands: &[Option<f64>],
     burden: &Burden,
     required: &[Option<f64>],
     mut not_proved: Vec<String>,
@@ -158,28 +170,22 @@ pub(super) fn fixed(
         at_hz: None,
         stiffness_scale: None,
     };
-    let demands: Vec<Option<f64>> = locals.iter().map(|local| local.passivity.required_damping).collect();
-    let posed = match posed(network, &demands)? {
+    let posed = match posed(network, demands)? {
         Ok(posed) => posed,
         Err(reasons) => return Ok(none(reasons)),
     };
-    for (station, local) in network.stations.iter().zip(locals) {
-        not_proved.extend(local.passivity.not_proved.iter().map(|reason| format!("{}: {reason}", station.name)));
-    }
     if network.links.iter().any(|link| link.limit.is_some() || !matches!(link.law, Law::Spring { .. })) {
         not_proved.push("a wall, or a spring with a limit, counts as its steepest slope at all times".into());
     }
-    let undecided = || none(vec!["the search over all frequencies does not decide".into()]);
     let own = |at: usize| burden.damping[at];
-    let Some(verdict) = posed.form.passive(&posed.member(own, 1.0)) else { return Ok(undecided()) };
+    let Some(verdict) = posed.form.passive(&posed.member(own, 1.0)) else { return Ok(none(vec![UNDECIDED.into()])) };
     let passive = verdict.is_ok();
     let share: Vec<f64> = match passive {
         true => burden.damping.clone(),
         false => required.iter().map(|b| b.unwrap_or(0.0)).collect(),
     };
     let edge = posed.form.extreme(0.0, true, |factor| posed.member(|at| factor * share[at], 1.0));
-    let hz = |angle: f64| if angle == 0.0 { 0.0 } else { angle / (TAU * posed.common) };
-    let scale = posed.form.extreme(1e12, false, |scale| posed.member(own, scale)).filter(|scale| scale.angle.is_some());
+    let scale = posed.scale(&burden.damping);
     Ok(FixedRates {
         passive: Some(passive),
         exact: posed.exact,
@@ -189,7 +195,31 @@ pub(super) fn fixed(
             .zip(&share)
             .map(|(name, share)| (name, edge.map(|edge| edge.value * share)))
             .collect(),
-        at_hz: edge.and_then(|edge| edge.angle).map(|angle| hz(angle.min(PI))),
-        stiffness_scale: scale.map(|scale| scale.value),
+        at_hz: edge.and_then(|edge| edge.angle).map(|angle| posed.hz(angle)),
+        stiffness_scale: scale,
     })
+}
+
+/// How far the network is beyond the edge at the file's own times; else why there is no verdict.
+pub(super) fn excess(
+    network: &Network,
+    demands: &[Option<f64>],
+    damping: &[f64],
+) -> Result<Result<FixedExcess, Vec<String>>, Error> {
+    let posed = match posed(network, demands)? {
+        Ok(posed) => posed,
+        Err(reasons) => return Ok(Err(reasons)),
+    };
+    let Some(verdict) = posed.form.passive(&posed.member(|at| damping[at], 1.0)) else {
+        return Ok(Err(vec![UNDECIDED.into()]));
+    };
+    // 1 at the edge, in proportion to the stiffness of links beside worlds that ask for nothing.
+    let stiffness = posed.scale(damping).map(|scale| 1.0 / scale - 1.0);
+    Ok(Ok(match verdict {
+        Ok(()) => FixedExcess { value: stiffness.unwrap_or(-1.0).min(-f64::MIN_POSITIVE), hz: None },
+        Err(angle) => {
+            let value = stiffness.unwrap_or(f64::INFINITY).max(f64::MIN_POSITIVE);
+            FixedExcess { value, hz: Some(posed.hz(angle)) }
+        }
+    }))
 }

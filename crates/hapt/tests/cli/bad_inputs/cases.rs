@@ -118,6 +118,7 @@ pub fn cases() -> Vec<Case> {
         ("paths", paths),
         ("usage", usage),
         ("edges", edges),
+        ("networks", networks),
         ("realtime", realtime),
         ("live", live),
         ("identify", identify),
@@ -402,6 +403,70 @@ fn edges(t: &mut Table) {
         let args: Vec<&str> = ["boundary", "w.toml"].into_iter().chain(axes).chain(more.iter().copied()).collect();
         t.typed(name, &args);
     }
+}
+
+fn networks(t: &mut Table) {
+    let pair = "[stations.left]\nworld = \"w.toml\"\n[stations.right]\nworld = \"w.toml\"\n[[links]]\nkind = \"spring\"\n\
+        between = [\"left\", \"right\"]\nstiffness = 0.1\nage_max = \"20 ms\"\n";
+    let [stiff, age] = ["links.0.stiffness=0..1", "links.0.age_max=5ms..30ms"];
+    for (name, args) in [
+        ("an edge over a link that is not there", &["boundary", "--vary", "links.1.stiffness=0..1", "--vary", age][..]),
+        ("an edge over a key that no link has", &["boundary", "--vary", "links.0.damping=0..1", "--vary", age]),
+        (
+            "an edge over a station that is not there",
+            &["boundary", "--vary", "stations.up.device.damping=0..1", "--vary", age],
+        ),
+        ("an edge over a world's key", &["boundary", "--vary", "loop.period=1ms..2ms", "--vary", age]),
+        (
+            "an edge over ages that no link can have",
+            &["boundary", "--vary", stiff, "--vary", "links.0.age_max=0.5ms..30ms"],
+        ),
+        ("an edge of worlds in a network", &["boundary", "--vary", stiff, "--vary", age, "--of", "free"]),
+        (
+            "a measure of worlds",
+            &["sweep", "--vary", "links.0.stiffness=0..1:3", "--measure", "required_damping", "--out", "t.csv"],
+        ),
+        (
+            "a run of a scenario that no station has",
+            &[
+                "sweep",
+                "--vary",
+                "links.0.stiffness=0..1:3",
+                "--measure",
+                "let_go",
+                "--scenario",
+                "stop",
+                "--out",
+                "t.csv",
+            ],
+        ),
+        (
+            "losses beyond all messages",
+            &["sweep", "--vary", "links.0.loss=0..2:3", "--measure", "let_go", "--out", "t.csv"],
+        ),
+        ("the worst hands into one of its files", &["worst", "--out", "w.toml"]),
+        ("an impedance at no one puck", &["impedance"]),
+    ] {
+        let args = [&[args[0], "pair.toml"][..], &args[1..]].concat();
+        t.add(name, vec![("w.toml", WORLD.into()), ("pair.toml", pair.into())], words(&args));
+    }
+    t.typed(
+        "an edge of networks of a world",
+        &[
+            "boundary",
+            "w.toml",
+            "--vary",
+            "loop.period=1ms..2ms",
+            "--vary",
+            "couplings.0.stiffness=0..2",
+            "--of",
+            "fixed",
+        ],
+    );
+    t.typed(
+        "a measure of networks",
+        &["sweep", "w.toml", "--vary", "loop.period=1ms..2ms:3", "--measure", "let_go", "--out", "t.csv"],
+    );
 }
 
 fn realtime(t: &mut Table) {

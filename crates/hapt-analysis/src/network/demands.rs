@@ -1,0 +1,109 @@
+//! What the worlds of a network's stations require alone. It does not depend on the links, so that a study of links computes it once.
+
+use hapt_model::Network;
+
+use super::burden::Burden;
+use super::fixed;
+use crate::certificate::check::Check;
+use crate::error::Error;
+use crate::passivity::{required_damping, uneven_damping};
+
+/// The device dampings that the world of each station requires alone, in N·m·s/rad (linear: N·s/m); `None` where no finite damping
+/// suffices.
+///
+/// ```
+/// use hapt_analysis::Demands;
+/// use hapt_model::{Network, Source};
+///
+/// let mut source = Source::from_text("pair.toml", r#"
+/// stations.left.world = "wheel.toml"
+/// stations.right.world = "wheel.toml"
+/// links = [{ kind = "spring", between = ["left", "right"], stiffness = 0.2, age_max = "20 ms" }]
+/// "#);
+/// source.files.insert("wheel.toml".into(), "loop.period = '1 ms'\ndevice = { inertia = 1e-3, damping = 0.005 }".into());
+/// let mut network = Network::read(&source, &[])?;
+/// let demands = Demands::of(&network)?;
+/// // (T53): K (T/2 + age_max) of 0.0041, and the devices have 0.005.
+/// assert!((demands.excess(&network)?.unwrap() - (0.2 * 20.5e-3 - 0.005)).abs() < 1e-9);
+/// // The links do not change them.
+/// network.set_number("links.0.stiffness", 0.3);
+/// assert!(demands.excess(&network)?.unwrap() > 0.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Demands {
+    /// For the times and tolerances that each world states.
+    pub(super) uneven: Vec<Option<f64>>,
+    /// For even samples and the nominal device.
+    pub(super) even: Vec<Option<f64>>,
+}
+
+/// How far a network is beyond its edge at fixed times.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FixedExcess {
+    /// Above 0 where some hands draw energy: 1/s - 1, the links being passive up to `s` times as stiff.
+    pub value: f64,
+    /// A frequency at which they do, Hz.
+    pub hz: Option<f64>,
+}
+
+impl Demands {
+    /// Of all stations.
+    ///
+    /// # Errors
+    /// As [`uneven_damping`].
+    pub fn of(network: &Network) -> Result<Demands, Error> {
+        let none = vec![None; network.stations.len()];
+        let demands = Demands { uneven: none.clone(), even: none };
+        demands.renewed(network, 0..network.stations.len())
+    }
+
+    /// The same, but for these stations of a network that are computed anew.
+    ///
+    /// # Errors
+    /// As [`uneven_damping`].
+    pub fn renewed(&self, network: &Network, stations: impl IntoIterator<Item = usize>) -> Result<Demands, Error> {
+        let mut demands = self.clone();
+        for at in stations {
+            let world = &network.stations[at].world;
+            demands.uneven[at] = uneven_damping(world)?;
+            demands.even[at] = required_damping(world)?;
+        }
+        Ok(demands)
+    }
+
+    /// Those of checks.
+    pub(super) fn found(locals: &[Check]) -> Demands {
+        Demands {
+            uneven: locals.iter().map(|local| local.uneven.required_damping).collect(),
+            even: locals.iter().map(|local| local.passivity.required_damping).collect(),
+        }
+    }
+
+    /// By how much the devices' dampings are too small together for any clocks, in their unit: no more than 0 where the network is
+    /// passive. `None` where no finite damping is known to suffice.
+    ///
+    /// # Errors
+    /// As [`uneven_damping`].
+    pub fn excess(&self, network: &Network) -> Result<Option<f64>, Error> {
+        Ok(Burden::of(network, &self.uneven)?.excess())
+    }
+
+    /// How much each puck moves, in the proportions that ask most of the devices; `None` where no finite damping is known to suffice.
+    ///
+    /// # Errors
+    /// As [`uneven_damping`].
+    pub fn favoured(&self, network: &Network) -> Result<Option<Vec<f64>>, Error> {
+        Ok(Burden::of(network, &self.uneven)?.favoured())
+    }
+
+    /// How far the network is beyond its edge at its own periods, phases and delays, or why there is no verdict at fixed times.
+    ///
+    /// # Errors
+    /// As [`uneven_damping`].
+    pub fn fixed_excess(&self, network: &Network) -> Result<Result<FixedExcess, Vec<String>>, Error> {
+        let damping: Vec<f64> =
+            network.stations.iter().map(|station| station.world.device.damping_range()[0]).collect();
+        fixed::excess(network, &self.even, &damping)
+    }
+}

@@ -1,0 +1,90 @@
+//! Numbers of networks by their keys.
+
+use hapt_model::{Source, System};
+
+/// A number set by its path is the number that an override of that path would have been read as.
+#[test]
+fn every_number_of_a_network_is_where_its_override_goes() {
+    let text = r#"
+        [stations.left]
+        world = "w.toml"
+        phase = "0.3 ms"
+        drift = -500
+        [stations.right]
+        world = "w.toml"
+        [[links]]
+        kind = "spring"
+        between = ["left", "right"]
+        stiffness = 0.2
+        delay = "1 ms"
+        age_max = "30 ms"
+        [[links]]
+        kind = "wall"
+        between = ["left", "right"]
+        stiffness = 0.2
+        side = "above"
+        at = 0.5
+        delay = "1 ms"
+        delay_max = "2 ms"
+        age_max = "30 ms"
+    "#;
+    let mut source = Source::from_text("pair.toml", text);
+    let world =
+        "loop = { period = \"1 ms\", interval_max = \"1.3 ms\" }\ndevice = { inertia = 1e-3, damping = 0.02 }\n";
+    source.files.insert("w.toml".into(), world.into());
+    let system = System::read(&source, &[]).unwrap();
+    let paths = [
+        ("stations.left.phase", 1e-3),
+        ("stations.left.drift", 800.0),
+        ("stations.left.drift", -900.0),
+        ("stations.left.loop.period", 1.1e-3),
+        ("stations.left.loop.interval_max", 1.7e-3),
+        ("stations.left.device.damping", 0.5),
+        ("stations.right.loop.delay", 0.4e-3),
+        ("links.0.stiffness", 0.7),
+        ("links.0.rest", -0.1),
+        ("links.0.limit", 2.0),
+        ("links.0.period", 7e-3),
+        ("links.0.delay", 3e-3),
+        ("links.1.delay_max", 4e-3),
+        ("links.1.loss", 0.3),
+        ("links.1.duplicate", 0.2),
+        ("links.1.seed", 7.0),
+        ("links.1.at", 0.25),
+        ("links.1.age_max", 0.05),
+    ];
+    for (path, value) in paths {
+        assert!(system.key(path).is_some(), "{path}");
+        let mut changed = system.clone();
+        assert!(changed.set_number(path, value), "{path}");
+        let of = |system: &System| match system {
+            System::Network(network) => {
+                let mut network = network.clone();
+                network.stations.iter_mut().for_each(|station| station.sets.clear());
+                network
+            }
+            System::World(_) => panic!("it has stations"),
+        };
+        let read = System::read(&source, &[format!("{path}={value}")]).unwrap();
+        assert_eq!(of(&changed), of(&read), "{path}");
+        assert!((changed.number(path).unwrap() - value).abs() < 1e-12 * value.abs(), "{path}");
+    }
+    // Written and read again it is the same.
+    let System::Network(network) = &system else { panic!("it has stations") };
+    let mut written = Source::from_text("pair.toml", network.to_toml(&["left.toml".into(), "right.toml".into()]));
+    for station in &network.stations {
+        written.files.insert(format!("{}.toml", station.name), station.stated_world().to_toml());
+    }
+    let System::Network(read) = System::read(&written, &[]).unwrap() else { panic!("it has stations") };
+    assert_eq!((&read.links, read.stations.len()), (&network.links, 2));
+    for (read, own) in read.stations.iter().zip(&network.stations) {
+        assert_eq!((&read.world, read.phase), (&own.world, own.phase));
+        assert!((read.drift - own.drift).abs() < 1e-15);
+    }
+    for path in
+        ["links.0.at", "links.2.stiffness", "links.1.damping", "links.0.kind", "stations.left.world", "loop.period"]
+    {
+        assert!(system.key(path).is_none() && system.number(path).is_none(), "{path}");
+        assert!(!system.clone().set_number(path, 1.0), "{path}");
+    }
+}

@@ -1,0 +1,340 @@
+//! The passive hands, one at each station, that draw most energy together from a network.
+//!
+//! The certificate of a network is for any clocks, any order and any loss within the links' ages. So the search does not only try hands: it
+//! tries them with the messages of the file, and with messages that come as late as `age_max` allows. Hands are those of modes of the whole
+//! network ([`hands`]), from slow to fast, and a climb from the best; each is run on the exact devices, and its energy is that of the ledgers.
+
+mod drawn;
+mod hands;
+
+use std::ops::ControlFlow;
+
+use hapt_analysis::nelder_mead::maximise;
+use hapt_analysis::{Demands, check_network};
+use hapt_model::{Drive, Network, Scenario, Shape};
+use serde::ser::{SerializeMap, SerializeStruct};
+use serde::{Serialize, Serializer};
+
+use super::hand::Hand;
+use super::search::{Error, Watch, stiffness};
+use drawn::drawn_together;
+use hands::{Mode, opposite, reach};
+
+pub use drawn::DrawnTogether;
+
+/// ω times the largest age, of the modes that are always tried.
+const ANGLES: [f64; 6] = [0.05, 0.12, 0.3, 0.6, 1.0, 1.6];
+/// The springs of hands over what the pucks feel.
+const SHARES: [f64; 2] = [0.1, 0.4];
+/// Swings of a run, and the most and the fewest samples of one station.
+const SWINGS: f64 = 12.0;
+const SAMPLES: [f64; 2] = [2_000.0, 40_000.0];
+/// The most runs of the climb, and its range as a logarithm.
+const CLIMB: usize = 24;
+const FAR: f64 = 1.0;
+/// The part of the required dampings with which hands are sought where none draw from the network itself.
+const WEAK: f64 = 0.7;
+/// Halvings of the damping up to which hands draw.
+const HALVINGS: usize = 7;
+/// The parts of `age_max` that messages may take, where a link would let go with more.
+const LATE: [f64; 3] = [0.99, 0.9, 0.74];
+/// The name of the scenario.
+const NAME: &str = "worst";
+
+/// The worst hands found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WorstTogether {
+    /// Whether the network is certified.
+    pub certified: bool,
+    /// Whether the hands draw energy.
+    pub broken: bool,
+    /// Whether the messages come as late as the links' `age_max` allows, and not as the file has it.
+    pub late: bool,
+    /// For each station its hand; `None`: nobody holds it.
+    pub hands: Vec<Option<Hand>>,
+    /// When the hands begin, s: links have taken hold by then.
+    pub begins_s: f64,
+    /// The frequency of the mode that they make, Hz.
+    pub hz: f64,
+    /// The energy that they drew.
+    pub drawn: DrawnTogether,
+    /// The network as it was run, with the scenario `worst` alone.
+    pub network: Network,
+    /// The duration of that, s.
+    pub duration_s: f64,
+    /// For each station the damping that the certificate requires, where there is one, and the device's, N·m·s/rad (linear: N·s/m).
+    pub damping: Vec<(String, Option<f64>, f64)>,
+    /// The largest part of what is required of all devices at which such hands still draw; `None`: at none that was tried.
+    pub breaking_part: Option<f64>,
+    /// The number of runs.
+    pub runs: usize,
+}
+
+/// As `hapt worst --json` prints it, in SI.
+impl Serialize for WorstTogether {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        struct ByName<'w>(&'w WorstTogether);
+        impl Serialize for ByName<'_> {
+            fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+                #[derive(Serialize)]
+                struct Station {
+                    hand: Option<Hand>,
+                    required_damping: Option<f64>,
+                    device_damping: f64,
+                }
+                let mut map = to.serialize_map(Some(self.0.hands.len()))?;
+                for ((name, required_damping, device_damping), hand) in self.0.damping.iter().zip(&self.0.hands) {
+                    let (required_damping, device_damping) = (*required_damping, *device_damping);
+                    map.serialize_entry(name, &Station { hand: *hand, required_damping, device_damping })?;
+                }
+                map.end()
+            }
+        }
+        let mut fields = to.serialize_struct("WorstTogether", 10)?;
+        fields.serialize_field("broken", &self.broken)?;
+        fields.serialize_field("certified", &self.certified)?;
+        fields.serialize_field("late", &self.late)?;
+        fields.serialize_field("stations", &ByName(self))?;
+        fields.serialize_field("begins_s", &self.begins_s)?;
+        fields.serialize_field("hz", &self.hz)?;
+        fields.serialize_field("drawn", &self.drawn)?;
+        fields.serialize_field("duration_s", &self.duration_s)?;
+        fields.serialize_field("breaking_part", &self.breaking_part)?;
+        fields.serialize_field("runs", &self.runs)?;
+        fields.end()
+    }
+}
+
+/// A mode that was tried.
+#[derive(Clone, Debug)]
+struct Tried {
+    mode: Mode,
+    hands: Vec<Option<Hand>>,
+    drawn: DrawnTogether,
+    network: Network,
+    duration: f64,
+}
+
+impl Tried {
+    /// A gain ranks above any loss.
+    fn height(&self) -> f64 {
+        let DrawnTogether { gain, exchanged, end, .. } = self.drawn;
+        let part = |energy: f64| energy / exchanged.max(f64::MIN_POSITIVE);
+        if self.drawn.is_gain() { 1.0 + part(gain) } else { part(end).min(0.0) }
+    }
+}
+
+/// The runs of one network.
+struct Trials<'w> {
+    runs: usize,
+    watch: &'w Watch<'w>,
+    /// When hands begin, s.
+    begins: f64,
+    /// The stiffness at each puck that its own world has.
+    own: Vec<f64>,
+    reach: f64,
+}
+
+impl Trials<'_> {
+    fn run(&mut self, network: &Network, mode: Mode) -> Result<Tried, Error> {
+        let shortest = network.stations.iter().map(|of| of.world.sampling.period).fold(f64::INFINITY, f64::min);
+        let longest = network.stations.iter().map(|of| of.world.sampling.period).fold(0.0, f64::max);
+        let [fewest, most] = SAMPLES.map(|samples| samples * shortest);
+        let swings = (SWINGS * std::f64::consts::TAU / mode.angular).clamp(fewest, most);
+        let duration = ((self.begins + swings) / longest).ceil() * longest;
+        let hands = mode.hands(network, &self.own, self.reach);
+        let mut network = network.clone();
+        for (station, hand) in network.stations.iter_mut().zip(&hands) {
+            station.world.scenarios = hand.iter().map(|hand| beginning(hand, duration, self.begins)).collect();
+        }
+        let had = hands.iter().flatten().map(Hand::energy).sum();
+        let drawn = drawn_together(&network, NAME, self.begins, had)?;
+        self.runs += 1;
+        match (self.watch)(self.runs) {
+            ControlFlow::Continue(()) => Ok(Tried { mode, hands, drawn, network, duration }),
+            ControlFlow::Break(()) => Err(Error::Interrupted),
+        }
+    }
+
+    /// The best of modes from slow to fast, and of a climb from one that draws.
+    fn best(&mut self, network: &Network, shapes: &[Vec<f64>]) -> Result<Option<Tried>, Error> {
+        let oldest = network.links.iter().map(|link| link.age_max).fold(0.0, f64::max);
+        let mut best: Option<Tried> = None;
+        let better =
+            |best: &Option<Tried>, tried: &Tried| best.as_ref().is_none_or(|best| tried.height() > best.height());
+        for shape in shapes {
+            for angle in ANGLES {
+                for share in SHARES {
+                    let tried = self.run(network, Mode { shape: shape.clone(), angular: angle / oldest, share })?;
+                    if better(&best, &tried) {
+                        best = Some(tried);
+                    }
+                }
+            }
+        }
+        let Some(from) = best.clone().filter(|best| best.drawn.is_gain()) else { return Ok(best) };
+        let mut failed = None;
+        maximise([0.0; 2], [0.3, 0.5], CLIMB, |x| {
+            let of = |value: f64, x: f64| value * x.clamp(-FAR, FAR).exp();
+            let Mode { shape, angular, share } = &from.mode;
+            let mode = Mode { shape: shape.clone(), angular: of(*angular, x[0]), share: of(*share, x[1]) };
+            match self.run(network, mode) {
+                Ok(tried) => {
+                    let height = tried.height();
+                    if better(&best, &tried) {
+                        best = Some(tried);
+                    }
+                    height
+                }
+                Err(error) => {
+                    failed = Some(error);
+                    f64::NEG_INFINITY
+                }
+            }
+        });
+        failed.map_or(Ok(best), Err)
+    }
+}
+
+/// The scenario of a hand whose spring is drawn at `begins`.
+fn beginning(hand: &Hand, duration: f64, begins: f64) -> Scenario {
+    let mut scenario = hand.scenario(NAME, duration);
+    if let Drive::Grip { moves: Shape::Step { at, .. }, .. } = &mut scenario.hand.drive {
+        *at = begins;
+    }
+    scenario
+}
+
+/// The same network with messages that take as long as leaves positions `part` of their `age_max` old at most, and all arrive.
+fn late(network: &Network, part: f64) -> Network {
+    let mut late = network.clone();
+    for (index, link) in late.links.iter_mut().enumerate() {
+        let taken = [0, 1].map(|side| {
+            let end = network.end(index, side);
+            end.hold + end.period
+        });
+        let way = part * link.age_max - taken[0].max(taken[1]);
+        link.delay = way.max(link.delay);
+        (link.delay_max, link.loss, link.duplicate) = (None, 0.0, 0.0);
+    }
+    late
+}
+
+/// The largest number of runs of [`search_together`].
+pub const MOST_TOGETHER: usize = 3 * (2 * ANGLES.len() * SHARES.len() + CLIMB + 3) + LATE.len() + 1 + HALVINGS;
+
+/// Searches for the passive hands that draw most energy together.
+///
+/// ```
+/// use hapt_model::{Network, Source};
+/// use hapt_sweep::worst::search_together;
+///
+/// let mut source = Source::from_text("pair.toml", r#"
+/// stations.left.world = "wheel.toml"
+/// stations.right.world = "wheel.toml"
+/// links = [{ kind = "spring", between = ["left", "right"], stiffness = 0.2, age_max = "30 ms" }]
+/// "#);
+/// source.files.insert("wheel.toml".into(), "loop.period = '1 ms'\ndevice = { inertia = 1e-3, damping = 0.004 }".into());
+/// let worst = search_together(&Network::read(&source, &[])?, &|_| std::ops::ControlFlow::Continue(()))?;
+/// // K (T/2 + age_max) are 0.0061.
+/// assert!(!worst.certified && worst.broken);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// [`Error`].
+pub fn search_together(network: &Network, watch: &Watch<'_>) -> Result<WorstTogether, Error> {
+    for station in &network.stations {
+        hapt_sim::check(&station.world)?;
+    }
+    let check = check_network(network)?;
+    let oldest = network.links.iter().map(|link| link.age_max).fold(0.0, f64::max);
+    let own = network.stations.iter().map(|station| stiffness(&station.world)).collect::<Result<Vec<_>, _>>()?;
+    let longest = network.stations.iter().map(|of| of.world.sampling.period).fold(0.0, f64::max);
+    let begins = (10.0 * oldest / longest).ceil() * longest;
+    let mut trials = Trials { runs: 0, watch, begins, own, reach: reach(network) };
+    let signs = opposite(network);
+    let shapes = shapes(network, &signs)?;
+
+    let file = trials.best(network, &shapes)?;
+    let mut latest = late(network, LATE[0]);
+    for part in LATE {
+        latest = late(network, part);
+        let angular = ANGLES[2] / oldest;
+        if trials.run(&latest, Mode { shape: signs.clone(), angular, share: SHARES[1] })?.drawn.let_go == 0 {
+            break;
+        }
+    }
+    let last = trials.best(&latest, &shapes)?;
+    let required: Option<Vec<f64>> = check.stations.iter().map(|station| station.required_damping).collect();
+    let gains = |tried: &Option<Tried>| tried.as_ref().is_some_and(|tried| tried.drawn.is_gain());
+    // The file's own messages show more than later ones.
+    let is_late = !gains(&file) && last.is_some();
+    let mut best = if is_late { last } else { file };
+    if let Some(required) = required.as_ref().filter(|_| !gains(&best)) {
+        // The hands that would be the first to draw.
+        let weak = trials.best(&damped(&latest, required, WEAK), &shapes)?;
+        if let Some(weak) = weak.filter(|weak| weak.drawn.is_gain()) {
+            best = Some(trials.run(&latest, weak.mode)?);
+        }
+    }
+    let Some(best) = best else { return Err(Error::Linear(hapt_analysis::Error::Eigenvalues { order: 0 })) };
+    let breaking_part = breaking(&mut trials, &latest, required.as_deref(), &best.mode)?;
+    let damping = check.stations.iter().map(|of| (of.name.clone(), of.required_damping, of.device_damping));
+    Ok(WorstTogether {
+        certified: check.certified,
+        broken: best.drawn.is_gain(),
+        late: is_late,
+        hz: best.mode.angular / std::f64::consts::TAU,
+        hands: best.hands,
+        begins_s: begins,
+        drawn: best.drawn,
+        network: best.network,
+        duration_s: best.duration,
+        damping: damping.collect(),
+        breaking_part,
+        runs: trials.runs,
+    })
+}
+
+/// What pucks do in the modes that are tried: all the same, and as the network's matrix favours.
+fn shapes(network: &Network, signs: &[f64]) -> Result<Vec<Vec<f64>>, Error> {
+    let mut shapes = vec![signs.to_vec()];
+    if let Some(favoured) = Demands::of(network)?.favoured(network)? {
+        let most = favoured.iter().copied().fold(0.0, f64::max);
+        let shape: Vec<f64> = favoured.iter().zip(signs).map(|(x, sign)| sign * (x / most).max(0.05)).collect();
+        if shape.iter().zip(signs).any(|(x, sign)| (x - sign).abs() > 0.1) {
+            shapes.push(shape);
+        }
+    }
+    Ok(shapes)
+}
+
+/// The same network with devices that have this part of the required dampings.
+fn damped(network: &Network, required: &[f64], part: f64) -> Network {
+    let mut damped = network.clone();
+    for (station, required) in damped.stations.iter_mut().zip(required) {
+        station.world.device.damping = part * required;
+    }
+    damped
+}
+
+/// The largest part of the required dampings with which hands of a mode draw, by halving; `None` where they draw with none.
+fn breaking(
+    trials: &mut Trials<'_>,
+    network: &Network,
+    required: Option<&[f64]>,
+    mode: &Mode,
+) -> Result<Option<f64>, Error> {
+    let Some(required) = required else { return Ok(None) };
+    let (mut low, mut high, mut found) = (0.0, 1.0, None);
+    for _ in 0..HALVINGS {
+        let part = 0.5 * (low + high);
+        if trials.run(&damped(network, required, part), mode.clone())?.drawn.is_gain() {
+            (low, found) = (part, Some(part));
+        } else {
+            high = part;
+        }
+    }
+    Ok(found)
+}

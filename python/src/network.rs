@@ -1,0 +1,139 @@
+//! Networks of stations: read, changed, asked.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use hapt_model::{Network as Model, Source};
+use hapt_sim::{NetworkRun, network_columns};
+use numpy::IntoPyArray;
+use pyo3::exceptions::{PyMemoryError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::error::{internal, of_world, value};
+use crate::interrupt::{Stop, asking, interruptible, unwanted};
+use crate::simulate::{CHUNK, Failure, columns_with_room, too_large};
+
+/// A network with the file that it was read from and the changes made to it.
+#[pyclass(frozen, module = "hapt._hapt")]
+pub struct Network {
+    source: Source,
+    sets: Vec<String>,
+    model: Arc<Model>,
+}
+
+/// Reads the network in the file `path`, with the changes `sets`.
+#[pyfunction]
+#[pyo3(signature = (path, sets=vec![]))]
+pub fn read_network(py: Python<'_>, path: PathBuf, sets: Vec<String>) -> PyResult<Network> {
+    let source = Source::open(&path).map_err(|error| of_world(py, error, "set"))?;
+    Network::new(py, source, sets)
+}
+
+impl Network {
+    fn new(py: Python<'_>, source: Source, sets: Vec<String>) -> PyResult<Network> {
+        let model = Model::read(&source, &sets).map_err(|error| of_world(py, error, "set"))?;
+        Ok(Network { source, sets, model: Arc::new(model) })
+    }
+
+    fn title(&self) -> &str {
+        self.model.title.as_deref().unwrap_or(&self.source.name)
+    }
+}
+
+/// The columns of each station, and why the run ended early.
+type Run = (Vec<Vec<Vec<f64>>>, Option<String>);
+
+fn run(model: &Model, scenario: &str, is_over: &mut dyn FnMut() -> bool) -> Result<Run, Failure> {
+    let mut run = NetworkRun::new(model, scenario).map_err(|error| Failure::Input(error.to_string()))?;
+    let mut tables = Vec::new();
+    for at in 0..model.stations.len() {
+        let (rows, columns) = (run.rows_of(at), network_columns(model, at).len());
+        let bytes = rows.saturating_mul(8 * columns as u64);
+        tables.push(columns_with_room(rows, columns).ok_or(Failure::Memory(bytes))?);
+    }
+    let (mut ended, mut done, mut values) = (None, 0_u64, Vec::new());
+    while let Some(row) = run.next() {
+        match row {
+            Ok(row) => {
+                row.numbers(&mut values);
+                tables[row.station].iter_mut().zip(&values).for_each(|(column, value)| column.push(*value));
+            }
+            Err(error) => ended = Some(error.to_string()),
+        }
+        done += 1;
+        if done.is_multiple_of(CHUNK) && is_over() {
+            break;
+        }
+    }
+    Ok((tables, ended))
+}
+
+#[pymethods]
+impl Network {
+    /// A changed copy; `value` is spelled as in the file or on the command line.
+    fn set(&self, py: Python<'_>, key: &str, value: &str) -> PyResult<Network> {
+        // The last of a key wins: an earlier one would only be in the way of the limit on their number.
+        let same = |set: &String| set.split_once('=').is_some_and(|(old, _)| old == key);
+        let mut sets: Vec<String> = self.sets.iter().filter(|set| !same(set)).cloned().collect();
+        sets.push(format!("{key}={value}"));
+        Network::new(py, self.source.clone(), sets)
+    }
+
+    /// `(whether there may be a number under this key, the number in the key's SI unit)`.
+    fn number(&self, key: &str) -> (bool, Option<f64>) {
+        (self.model.key(key).is_some(), self.model.number(key))
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        self.title()
+    }
+
+    /// The stations' names in file order.
+    #[getter]
+    fn stations(&self) -> Vec<String> {
+        self.model.stations.iter().map(|station| station.name.clone()).collect()
+    }
+
+    /// The scenarios' names.
+    #[getter]
+    fn scenarios(&self) -> Vec<String> {
+        self.model.scenarios().into_iter().map(String::from).collect()
+    }
+
+    /// `(JSON, text)` of the check.
+    fn check(&self, py: Python<'_>) -> PyResult<(String, String)> {
+        let (model, title) = (Arc::clone(&self.model), self.title().to_string());
+        let work = move || -> Result<_, hapt_analysis::Error> {
+            let check = hapt_analysis::check_network(&model)?;
+            Ok((serde_json::to_string(&check), check.text(&title)))
+        };
+        let until = move |stop: &Stop| hapt_analysis::until(stop.flag(), work);
+        let (json, text) = interruptible(py, until)?.ok_or_else(unwanted)?.map_err(value)?;
+        Ok((json.map_err(internal)?, text))
+    }
+
+    /// `(columns by station, why it ended early)` of a run.
+    fn run<'py>(&self, py: Python<'py>, scenario: &str) -> PyResult<(Bound<'py, PyDict>, Option<String>)> {
+        let names = self.model.scenarios();
+        if !names.contains(&scenario) {
+            let hint = hapt_model::did_you_mean(scenario, names.iter().copied());
+            return Err(PyValueError::new_err(format!("no station's world has a scenario {scenario:?}{hint}")));
+        }
+        let (tables, ended) =
+            asking(py, |is_over| run(&self.model, scenario, is_over))?.map_err(|failure| match failure {
+                Failure::Input(message) => value(message),
+                Failure::Memory(bytes) => PyMemoryError::new_err(too_large(bytes)),
+            })?;
+        let stations = PyDict::new(py);
+        for (at, (station, table)) in self.model.stations.iter().zip(tables).enumerate() {
+            let columns = PyDict::new(py);
+            for (name, values) in network_columns(&self.model, at).into_iter().zip(table) {
+                columns.set_item(name, values.into_pyarray(py))?;
+            }
+            stations.set_item(&station.name, columns)?;
+        }
+        Ok((stations, ended))
+    }
+}
