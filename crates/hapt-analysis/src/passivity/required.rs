@@ -25,7 +25,7 @@ use crate::equations::laws::{self, Kind, most};
 use crate::error::Error;
 use crate::impedance::{Discretisation, Pole, TransferFunction};
 use crate::passivity::curve::DampingCurve;
-use crate::passivity::supremum::{Wanted, supremum};
+use crate::passivity::supremum::{Wanted, requirement_beside, supremum};
 use crate::stability::held::{held_eigenvalues, held_growth};
 use crate::stability::{MARGINAL, Verdict};
 
@@ -291,7 +291,8 @@ pub(crate) fn linear_requirement_wanted(wanted: Wanted, world: &World) -> Result
         let turn = listed.first().map_or(0.0, |most| most.im.atan2(most.re).abs());
         return never(Cause::GrowsUnseen { hz: turn / std::f64::consts::TAU / period });
     }
-    Ok(requirement)
+    let damping = requirement.damping.map(|b| requirement_beside(world.device.damping, b));
+    Ok(Requirement { damping, ..requirement })
 }
 
 /// [`crate::passivity::Passivity::required_damping`] alone.

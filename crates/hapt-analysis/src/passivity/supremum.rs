@@ -88,12 +88,21 @@ const NEAR: f64 = 1e-3;
 /// as much to spare is stable hands-off too.
 pub(crate) const SPARE: f64 = 1e-6;
 
+/// Relative difference within which a requirement is the device's damping. A file's numbers are decimal, so that in binary a product like
+/// KT/2 misses the damping that it equals by a few roundings.
+const EQUAL: f64 = 8.0 * f64::EPSILON;
+
+/// The requirement, or `damping` where it is equal to that up to rounding.
+pub(crate) fn requirement_beside(damping: f64, required: f64) -> f64 {
+    if (required - damping).abs() <= EQUAL * damping { damping } else { required }
+}
+
 impl Wanted {
     /// The value above which no more is wanted.
     pub fn enough(self) -> f64 {
         match self {
             Wanted::Value | Wanted::From(_) | Wanted::Bound(_) => f64::INFINITY,
-            Wanted::AtMost(damping) => damping,
+            Wanted::AtMost(damping) => damping * (1.0 + EQUAL),
         }
     }
 
