@@ -300,7 +300,7 @@ pub(crate) fn linear_requirement_wanted(wanted: Wanted, world: &World) -> Result
 /// # Errors
 /// As [`crate::passivity::passivity`].
 pub fn required_damping(world: &World) -> Result<Option<f64>, Error> {
-    Ok(linear_requirement(world)?.damping.ok())
+    required_damping_wanted(Wanted::Least, world)
 }
 
 /// The same, or as much of it as is `wanted`: the work of a proof is spent only where it can hold.

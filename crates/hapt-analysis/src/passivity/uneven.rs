@@ -95,7 +95,7 @@ pub(crate) fn is_as_certified(world: &World) -> bool {
 /// # Errors
 /// As [`uneven`].
 pub fn uneven_damping(world: &World) -> Result<Option<f64>, Error> {
-    uneven_damping_wanted(Wanted::Value, world)
+    uneven_damping_wanted(Wanted::Least, world)
 }
 
 /// The same, or a bound of it as is `wanted`.
