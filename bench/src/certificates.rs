@@ -1,10 +1,10 @@
 //! Certificates of one world over a grid of stiffness and delay, of one body behind a spring: `certified`, `required_damping` and
-//! `free_growth_per_s`, each world by the function that `hapt sweep` calls.
+//! `free_growth_per_s`, each world by the function that `hapt sweep` calls; and the whole check of one world.
 
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use hapt_analysis::{free_growth, is_certified, required_damping};
+use hapt_analysis::{check, free_growth, is_certified, remedies, required_damping};
 use hapt_model::{Delay, Law, Source, World};
 
 use crate::timed;
@@ -39,5 +39,20 @@ pub fn time(file: &str, measure: &str, side: usize, repeats: usize) -> Result<()
         Ok(())
     })?;
     println!("{sum:?}");
+    Ok(())
+}
+
+/// ns of a check of a world, and its verdict, 1 or 0, as the answer.
+pub fn check_of(file: &str, with_remedies: bool, repeats: usize) -> Result<()> {
+    let world = World::read(&Source::open(Path::new(file))?, &[])?;
+    let mut certified = false;
+    timed(repeats, 1, || {
+        certified = check(&world)?.certified;
+        if with_remedies {
+            std::hint::black_box(remedies(&world)?);
+        }
+        Ok(())
+    })?;
+    println!("{}", u8::from(certified));
     Ok(())
 }

@@ -29,6 +29,7 @@ fn main() -> Result<()> {
         ["certificates", file, measure, side, repeats] => {
             certificates::time(file, measure, side.parse()?, repeats.parse()?)
         }
+        ["check", file, remedies, repeats] => certificates::check_of(file, remedies == "remedies", repeats.parse()?),
         ["lanes", file, repeats] => lanes::time(file, repeats.parse()?),
         ["loops", "growth", repeats] => loops::growths(repeats.parse()?),
         ["loops", "verdict", repeats] => loops::verdicts(repeats.parse()?),
