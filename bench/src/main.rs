@@ -2,6 +2,7 @@
 //! turns with the programs of `bench/c`, which print the same.
 
 mod boundary;
+mod certificates;
 mod csv;
 mod guarded;
 mod lanes;
@@ -25,6 +26,10 @@ fn main() -> Result<()> {
         ["guarded", numbers, repeats] => guarded::time(numbers, true, repeats.parse()?),
         ["matrices", bodies, file] => step::matrices(bodies.parse()?, file),
         ["boundary", file, repeats] => boundary::time(file, repeats.parse()?),
+        ["certificates", file, measure, side, repeats] => {
+            certificates::time(file, measure, side.parse()?, repeats.parse()?)
+        }
+        ["check", file, remedies, repeats] => certificates::check_of(file, remedies == "remedies", repeats.parse()?),
         ["lanes", file, repeats] => lanes::time(file, repeats.parse()?),
         ["loops", "growth", repeats] => loops::growths(repeats.parse()?),
         ["loops", "verdict", repeats] => loops::verdicts(repeats.parse()?),

@@ -1,6 +1,7 @@
 //! `cargo xtask bench`: hapt beside plain C, in turns, each in a process of its own that times its inner loop; and what makes
 //! docs/performance.md. The workloads are in `bench`.
 
+mod certificates;
 mod intervals;
 mod package;
 mod page;
@@ -66,7 +67,7 @@ fn drive(python: &str) -> Result<()> {
 type Part = fn(&Bench) -> Result<String>;
 
 /// Those that are measured alone as well, by name.
-const PARTS: [(&str, Part); 10] = [
+const PARTS: [(&str, Part); 11] = [
     ("run", Bench::runs),
     ("step", Bench::steps),
     ("start", Bench::start),
@@ -75,6 +76,7 @@ const PARTS: [(&str, Part); 10] = [
     ("sweep", Bench::sweeps),
     ("worlds", Bench::worlds),
     ("loops", Bench::loops),
+    ("certificates", Bench::certificates),
     ("check", Bench::checks),
     ("edge", Bench::edges),
 ];
@@ -120,6 +122,7 @@ fn run(write: bool) -> Result<()> {
         Bench::sweeps,
         Bench::worlds,
         Bench::loops,
+        Bench::certificates,
         Bench::checks,
         Bench::edges,
         Bench::realtime,
@@ -440,18 +443,6 @@ impl Bench {
             text += START_MISSED;
         }
         Ok(text)
-    }
-
-    fn edges(&self) -> Result<String> {
-        let [hapt] = in_turns([self.rust("boundary worlds/devices/eth-wall.toml 200")])?;
-        let us = hapt.median() * 1e-3;
-        Ok(format!(
-            "\n## An edge of stability\n\nThe curve on which an eigenvalue of the ETH wheel with its wall is on the unit circle, in the \
-             plane of the wall's stiffness and damping: from the world to 2000 points in memory, `Decomposition::free`. Which of \
-             them are the edge takes two verdicts a point more, and is not timed.\n\n\
-             | | µs | goal | |\n| --- | --- | --- | --- |\n| 2000 points | {us:.0} | {} |\n",
-            goal(us, 100.0)
-        ))
     }
 
     fn csv(&self) -> Result<String> {

@@ -6,7 +6,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result};
 
-use super::sweep::stated;
+use super::certificates::stated;
 use super::{Bench, output};
 
 const PAGE: &str = "docs/live.md";

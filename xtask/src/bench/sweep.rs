@@ -1,4 +1,4 @@
-//! Many worlds at once: `hapt sweep` beside C with OpenMP, loops beside NumPy, and `hapt check` as a process.
+//! Many worlds at once: `hapt sweep` beside C with OpenMP, and loops beside NumPy.
 
 use std::fmt::Write;
 use std::fs;
@@ -7,10 +7,10 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 
-use super::{Bench, STARTS, Times, goal, in_turns, output, program};
+use super::{Bench, Times, goal, in_turns, output, program};
 
 /// Rounds of whole sweeps.
-const ROUNDS: usize = 9;
+pub(super) const ROUNDS: usize = 9;
 /// The axes, and what is asked.
 const STIFFNESS: (f64, f64, usize) = (0.5, 2.0, 250);
 const INERTIA: (f64, f64, usize) = (0.01, 0.05, 400);
@@ -30,7 +30,7 @@ const WORLDS: [(&str, &str, &str, &str); 5] = [
 ];
 
 /// Runs the commands in turns, so many rounds; ms of each whole process.
-fn processes<const N: usize>(rounds: usize, mut commands: [Command; N]) -> Result<[Times; N]> {
+pub(super) fn processes<const N: usize>(rounds: usize, mut commands: [Command; N]) -> Result<[Times; N]> {
     let mut all = [(); N].map(|()| Times { ns: Vec::new(), answer: Vec::new() });
     for _ in 0..rounds {
         for (command, times) in commands.iter_mut().zip(&mut all) {
@@ -42,26 +42,6 @@ fn processes<const N: usize>(rounds: usize, mut commands: [Command; N]) -> Resul
         }
     }
     Ok(all)
-}
-
-/// A chain of bodies whose file states intervals, delays and a tolerance, and which is certified.
-pub(super) fn stated(bodies: usize) -> String {
-    let mut file = String::from(
-        "loop = { period = \"1 ms\", method = \"trapezoidal\", interval_max = \"1.4 ms\", delay = \"0.3 ms\", delay_max = \"0.6 ms\" }\n\
-         device = { inertia = 1e-3, damping = \"0.3 N m s/rad ± 20 %\" }\n",
-    );
-    for i in 0..bodies {
-        file += &format!("[bodies.b{i}]\ninertia = {:?}\n", 0.01 / (1 + i) as f64);
-    }
-    for i in 0..bodies {
-        let before = if i == 0 { "puck".into() } else { format!("b{}", i - 1) };
-        let between = format!("[[couplings]]\nbetween = [\"{before}\", \"b{i}\"]\n");
-        file += &format!(
-            "{between}kind = \"spring\"\nstiffness = {}\n{between}kind = \"damper\"\ndamping = 0.002\n",
-            2 * (1 + i)
-        );
-    }
-    file
 }
 
 /// The largest difference between two tables of numbers, each relative to the larger of the two, and to a millionth of its column's largest
@@ -236,56 +216,6 @@ impl Bench {
                  nonlinear couplings at the body, go the general way through eigenvalues. Of the whole sweep's 750 instructions a row 330 are \
                  the text (the axes' values once, a verdict where it changes), 260 make the cell, and 120 decide it with its matrix; the \
                  file's pages are written meanwhile by a third thread, which two cores have to share.\n";
-        Ok(text)
-    }
-
-    /// Whole processes of `hapt check`.
-    pub(super) fn checks(&self) -> Result<String> {
-        let mut chain = String::from("loop.period = \"1 ms\"\ndevice = { inertia = 6.4e-4, damping = 1.2e-3 }\n");
-        for i in 0..32 {
-            writeln!(chain, "[bodies.b{i}]\ninertia = {}", 0.01 + 0.001 * f64::from(i))?;
-        }
-        for i in 0..32 {
-            let before = if i == 0 { "puck".into() } else { format!("b{}", i - 1) };
-            writeln!(
-                chain,
-                "[[couplings]]\nkind = \"spring\"\nbetween = [\"{before}\", \"b{i}\"]\nstiffness = {}",
-                1 + i
-            )?;
-        }
-        let file = self.folder.join("chain.toml");
-        fs::write(&file, chain)?;
-        let file = file.to_str().context("a path in UTF-8")?;
-        let check = |words: &str| program(&self.release.join("hapt"), &format!("check {words}"));
-        let [one] = processes(STARTS, [check("worlds/notes/default.toml")])?;
-        let [quick] = processes(ROUNDS, [check(&format!("{file} --no-remedies"))])?;
-        let [all] = processes(3, [check(file)])?;
-        let of_stated = |n: usize| -> Result<Times> {
-            let path = self.folder.join(format!("stated{n}.toml"));
-            fs::write(&path, stated(n))?;
-            let [times] = processes(ROUNDS, [check(path.to_str().context("a path in UTF-8")?)])?;
-            Ok(times)
-        };
-        let (one_stated, eight_stated) = (of_stated(1)?, of_stated(8)?);
-        let mut text = String::from(
-            "\n## One check\n\nThe whole process of `hapt check`; the 32 bodies are a chain of springs.\n\n\
-             | | ms | goal | |\n| --- | --- | --- | --- |\n",
-        );
-        for (name, times, wanted) in [
-            ("1 body, with remedies", one, 10.0),
-            ("1 body with times and a tolerance, with remedies", one_stated, 20.0),
-            ("8 bodies with times and a tolerance, with remedies", eight_stated, 300.0),
-            ("32 bodies, without", quick, 100.0),
-            ("32 bodies, with remedies", all, 5000.0),
-        ] {
-            let ms = times.median();
-            writeln!(text, "| {name} | {ms:.1} | {} |", goal(ms, wanted))?;
-        }
-        text += "\nThe free loop of this chain keeps its energy up to the period 2b/K, and grows just above it, so that its critical period takes \
-                 two eigenvalue problems of puck and bodies together. Where the energy theorem does not apply, or the bodies are damped, \
-                 there are some hundred. Of each problem a good half is the reduction to Hessenberg form and QR, and nearly all of the rest \
-                 a second look, with vectors, at those eigenvalues that stand within rounding of the circle: with a lossless chain, all of \
-                 its modes.\n";
         Ok(text)
     }
 }

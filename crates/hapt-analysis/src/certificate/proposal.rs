@@ -4,14 +4,9 @@ use hapt_model::keys::Measure;
 use hapt_model::{Coupling, Error, Parameter, Source, World, parameters, unit, unit_size};
 
 use crate::certificate::check::Check;
+use crate::certificate::is_certified;
 use crate::certificate::remedies::Remedies;
-
-/// The direction of rounding that keeps a value certified.
-#[derive(Clone, Copy)]
-enum Rounding {
-    Up,
-    Down,
-}
+use crate::certificate::rounding::{Certified, candidates};
 
 /// The remedies of a world, ready to present.
 #[derive(Clone, Debug, PartialEq)]
@@ -79,24 +74,24 @@ pub fn proposal(
     check: &Check,
     remedies: &Remedies,
 ) -> Result<Option<Proposal>, Error> {
-    let file = File { world, parameters: parameters(source, sets)? };
+    let file = File { world, source, sets, parameters: parameters(source, sets)? };
     let mut list = Vec::new();
-    if let Some(damping) = remedies.device_damping {
-        let place = "in [device]: a property of the hardware, which a number in the file does not change";
-        list.push(Remedy::key("device.damping", file.value("device.damping", damping, Rounding::Up), place));
-    }
-    if let Some(period) = remedies.period_s {
-        list.push(Remedy::key("loop.period", file.value("loop.period", period, Rounding::Down), "in [loop]"));
-    }
-    if let Some(delay) = remedies.delay_s.filter(|delay| *delay > 0.0 || !check.certified) {
-        list.push(Remedy::key("loop.delay", file.value("loop.delay", delay, Rounding::Down), "in [loop]"));
-    }
-    if let Some(longest) = remedies.interval_max_s {
-        let value = file.value("loop.interval_max", longest, Rounding::Down);
-        list.push(Remedy::key("loop.interval_max", value, "in [loop]: how late a sample may be"));
-    }
-    if let Some(longest) = remedies.delay_max_s.filter(|delay| *delay > 0.0 || !check.certified) {
-        list.push(Remedy::key("loop.delay_max", file.value("loop.delay_max", longest, Rounding::Down), "in [loop]"));
+    let later = |delay: &f64| *delay > 0.0 || !check.certified;
+    let numbers = [
+        (
+            remedies.device_damping,
+            "device.damping",
+            Certified::Above,
+            "in [device]: a property of the hardware, which a number in the file does not change",
+        ),
+        (remedies.period_s, "loop.period", Certified::Below, "in [loop]"),
+        (remedies.delay_s.filter(later), "loop.delay", Certified::Below, "in [loop]"),
+        (remedies.interval_max_s, "loop.interval_max", Certified::Below, "in [loop]: how late a sample may be"),
+        (remedies.delay_max_s.filter(later), "loop.delay_max", Certified::Below, "in [loop]"),
+    ];
+    for (si, path, side, place) in numbers {
+        let value = si.and_then(|si| file.value(path, si, side));
+        list.extend(value.map(|value| Remedy::key(path, value, place)));
     }
     if let Some(advance) = remedies.advance {
         list.push(Remedy::key("loop.advance", advance.to_string(), "in [loop]"));
@@ -107,10 +102,12 @@ pub fn proposal(
     if let Some(scale) = remedies.stiffness_scale {
         let stiff: Vec<(usize, &str, f64)> = world.couplings.iter().enumerate().filter_map(stiffness).collect();
         let all = if stiff.len() > 1 { format!(", all of them times {}", number(scale)) } else { String::new() };
+        let keys: Vec<(String, f64)> =
+            stiff.iter().map(|(i, key, value)| (format!("couplings.{i}.{key}"), scale * value)).collect();
         let mut softer = Remedy::default();
-        for (i, key, value) in stiff {
-            let path = format!("couplings.{i}.{key}");
-            softer.and(&path, file.value(&path, scale * value, Rounding::Down), &format!("in couplings.{i}{all}"));
+        let values = file.values(&keys, Certified::Below).unwrap_or_default();
+        for ((i, ..), ((path, _), value)) in stiff.iter().zip(keys.iter().zip(values)) {
+            softer.and(path, value, &format!("in couplings.{i}{all}"));
         }
         softer.is_joint = softer.sets.len() > 1;
         list.extend(Some(softer).filter(|softer| !softer.lines.is_empty()));
@@ -122,7 +119,7 @@ pub fn proposal(
             dampers.lines.push(format!("{:<40}  # a new one, for each body", "[[couplings]]"));
             dampers.lines.push("kind = \"damper\"".into());
             dampers.lines.push(format!("between = [{name:?}, \"ground\"]"));
-            dampers.lines.push(format!("damping = \"{} {unit}\"", rounded(damping, Rounding::Up)));
+            dampers.lines.push(format!("damping = \"{} {unit}\"", written(damping)));
         }
         dampers.is_joint = world.names.len() > 1;
         list.push(dampers);
@@ -145,24 +142,56 @@ fn stiffness((i, coupling): (usize, &Coupling)) -> Option<(usize, &'static str, 
 /// The keys of the file as written.
 struct File<'a> {
     world: &'a World,
+    source: &'a Source,
+    sets: &'a [String],
     parameters: Vec<Parameter>,
 }
 
 impl File<'_> {
-    /// `value unit`, in the unit that the file uses; a bare number where it uses none.
-    fn value(&self, path: &str, si: f64, rounding: Rounding) -> String {
+    /// `value unit`, in the unit that the file uses; a bare number where it uses none. The number is the roundest beside `si` with which the
+    /// file, read anew, is certified; `None` where it is with none, as a number beyond the key's range.
+    fn value(&self, path: &str, si: f64, side: Certified) -> Option<String> {
+        self.values(&[(path.to_string(), si)], side)?.pop()
+    }
+
+    /// The same of keys that change together: each takes its roundest number, then its next, until all together are certified.
+    fn values(&self, keys: &[(String, f64)], side: Certified) -> Option<Vec<String>> {
+        let units: Vec<(String, f64)> = keys.iter().map(|(path, _)| self.unit(path)).collect();
+        let own = |((_, si), (_, size)): (&(String, f64), &(String, f64))| si / size;
+        let mut rounder: Vec<_> = keys.iter().zip(&units).map(|key| candidates(own(key), side)).collect();
+        let together = std::iter::from_fn(|| rounder.iter_mut().map(Iterator::next).collect::<Option<Vec<f64>>>());
+        let exact = keys.iter().zip(&units).map(own).collect();
+        together.chain([exact]).find_map(|numbers| {
+            let text =
+                |(x, (unit, _)): (&f64, &(String, f64))| format!("{} {unit}", written(*x)).trim_end().to_string();
+            let texts: Vec<String> = numbers.iter().zip(&units).map(text).collect();
+            let sets = keys.iter().zip(&texts).map(|((path, _), text)| format!("{path}={text}"));
+            let sets: Vec<String> = self.sets.iter().cloned().chain(sets).collect();
+            let mut anew = World::read(self.source, &sets).ok()?;
+            // The certificate may be about another device than the session's.
+            if !keys.iter().any(|(path, _)| path.starts_with("device.")) {
+                anew.device = self.world.device.clone();
+            }
+            is_certified(&anew).then_some(texts)
+        })
+    }
+
+    /// The unit of a key and its size in SI.
+    fn unit(&self, path: &str) -> (String, f64) {
         let measure = self.world.key(path).and_then(|key| key.takes.quantity());
         let Some(dimension) = measure.map(|(measure, _)| measure.dimension(self.world.motion)) else {
-            return rounded(si, rounding);
+            return (String::new(), 1.0);
         };
-        let written = self.parameters.iter().find(|parameter| parameter.path == path).map(|p| unit(&p.written));
-        let own = written
-            .filter(|unit| !unit.is_empty())
+        let own = self.parameters.iter().find(|parameter| parameter.path == path).map(|p| unit(&p.written));
+        own.filter(|unit| !unit.is_empty())
             .and_then(|unit| Some((unit_size(&unit, dimension, self.world)?, unit)))
-            .map(|(size, unit)| (unit, size));
-        let (unit, size) = own.unwrap_or_else(|| (dimension.symbol(), 1.0));
-        format!("{} {unit}", rounded(si / size, rounding))
+            .map_or_else(|| (dimension.symbol().to_string(), 1.0), |(size, unit)| (unit, size))
     }
+}
+
+/// All digits that a number has, without an exponent where it is neither large nor small.
+fn written(x: f64) -> String {
+    if x == 0.0 || (1e-4..1e9).contains(&x.abs()) { format!("{x}") } else { format!("{x:e}") }
 }
 
 /// Six significant digits, no trailing zeros.
@@ -186,19 +215,6 @@ pub fn number(x: f64) -> String {
     }
 }
 
-/// Four digits, rounded to the safe side.
-fn rounded(x: f64, rounding: Rounding) -> String {
-    if x == 0.0 {
-        return "0".into();
-    }
-    let step = 10f64.powf(x.abs().log10().floor() - 3.0);
-    let steps = match rounding {
-        Rounding::Up => (x / step * (1.0 - 1e-12)).ceil(),
-        Rounding::Down => (x / step * (1.0 + 1e-12)).floor(),
-    };
-    number(steps * step)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -214,14 +230,5 @@ mod tests {
         ] {
             assert_eq!(unit(written), wanted);
         }
-    }
-
-    #[test]
-    fn a_remedy_is_rounded_to_the_safe_side() {
-        assert_eq!(rounded(5.092_96e-4, Rounding::Up), "0.0005093");
-        assert_eq!(rounded(5.092_01e-4, Rounding::Up), "0.0005093");
-        assert_eq!(rounded(41.239_9, Rounding::Down), "41.23");
-        assert_eq!(rounded(41.0, Rounding::Up), "41");
-        assert_eq!(rounded(41.0, Rounding::Down), "41");
     }
 }

@@ -1,7 +1,8 @@
 //! Remedies: single changes that make a loop certified. For a certified loop: the margin of each number.
 //!
-//! Each is a search over the certificate itself and returns the value on the certified side. A remedy is searched outwards from the
-//! present value until the verdict changes, then between the last two values to a relative 1e-7. A margin is the end of the interval that begins at
+//! Each is a search over the certificate itself. A remedy is searched outwards from the
+//! present value until the verdict changes, then between the last two values to a relative 1e-7. The result is the number of fewest
+//! digits within 1e-6 of the edge that the certificate itself confirms ([`crate::certificate::rounding`]). A margin is the end of the interval that begins at
 //! the present value and is certified throughout: the search tracks the excess of the required damping and passes no gap. If the
 //! interval has no end within the range of the search, a reason is given.
 
@@ -10,6 +11,7 @@ use std::collections::BTreeMap;
 use hapt_model::{Coupling, Damping, Delay, End, Law, Output, World};
 use serde::Serialize;
 
+use crate::certificate::rounding::{Certified, roundest};
 use crate::certificate::{excess, is_certified};
 use crate::equations::delay::MAX_IN_FLIGHT;
 use crate::error::Error;
@@ -123,7 +125,7 @@ fn margin(
     world: &World,
     spacing: Spacing,
     [low, high]: [f64; 2],
-    change: impl Fn(&mut World, f64),
+    change: impl Fn(&mut World, f64) + Copy,
 ) -> Result<Result<f64, String>, Error> {
     let mut scratch = world.clone();
     let mut follow = |spare: f64| {
@@ -143,9 +145,11 @@ fn margin(
 
 fn period_margin(world: &World) -> Result<Result<f64, String>, Error> {
     let now = world.sampling.period;
-    margin(world, Spacing::period(world.sampling.delay), [now, MAX_MARGIN * now], |w, period| {
-        w.sampling.period = period
-    })
+    let set = |w: &mut World, period: f64| w.sampling.period = period;
+    let longest = world.sampling.interval_max.unwrap_or(MAX_MARGIN * now);
+    let end = margin(world, Spacing::period(world.sampling.delay), [now, longest], set)?;
+    let reason = |all| if longest < MAX_MARGIN * now { "no end up to loop.interval_max".to_string() } else { all };
+    Ok(end.map(|end| Change { world, set }.largest_from(now, end)).map_err(reason))
 }
 
 fn delay_margin(world: &World) -> Result<Result<f64, String>, Error> {
@@ -156,9 +160,17 @@ fn delay_margin(world: &World) -> Result<Result<f64, String>, Error> {
     }
     let end = margin(world, Spacing::Samples, [now, most], |w, samples| w.sampling.delay = Delay::Samples(samples))?;
     let reason = |_| format!("no end up to {MAX_IN_FLIGHT} samples, the most that the analysis carries");
+    let (present, change) = (world.sampling.delay_s(), Change { world, set: set_delay });
     // An end within the tolerance of a whole number of samples is no margin.
-    let end = end.map(|samples| if samples - now < WHOLE { now } else { samples });
-    Ok(end.map(|samples| (samples * period).max(world.sampling.delay_s())).map_err(reason))
+    let in_seconds = |samples: f64| match samples - now < WHOLE {
+        true => present,
+        false => change.largest_from(present, samples * period),
+    };
+    Ok(end.map(in_seconds).map_err(reason))
+}
+
+fn set_delay(world: &mut World, delay: f64) {
+    world.sampling.delay = Delay::Seconds(delay);
 }
 
 /// A bound of a time in the file. A larger one allows more patterns, so that the certificate holds up to one value and for none above.
@@ -212,12 +224,14 @@ impl Bound {
 
 fn stiffness_margin(world: &World) -> Result<Result<f64, String>, Error> {
     let own: Vec<Law> = world.couplings.iter().map(|c| c.law).collect();
-    margin(world, Spacing::Ratio, [1.0, MAX_MARGIN], |w, factor| {
+    let set = |w: &mut World, factor: f64| {
         for (c, law) in w.couplings.iter_mut().zip(&own) {
             c.law = *law;
             c.law.strength().into_iter().for_each(|strength| *strength.value *= factor);
         }
-    })
+    };
+    let end = margin(world, Spacing::Ratio, [1.0, MAX_MARGIN], set)?;
+    Ok(end.map(|end| Change { world, set }.largest_from(1.0, end)))
 }
 
 fn changed(world: &World, change: impl FnOnce(&mut World)) -> bool {
@@ -243,7 +257,12 @@ impl<F: Fn(&mut World, f64)> Change<'_, F> {
         self.excess(value, 0.0) <= 0.0
     }
 
-    /// The last certified value on the way from a certified one to one that is not, to [`WIDTH`].
+    /// The roundest certified value beside `end`, from the present one `now` upwards.
+    fn largest_from(&self, now: f64, end: f64) -> f64 {
+        roundest(end, Certified::Below, |x| *x >= now && self.is_certified(*x))
+    }
+
+    /// The last certified value on the way from a certified one to one that is not, to [`WIDTH`], as a round number.
     fn last(&self, good: f64, bad: f64) -> f64 {
         // The search runs upwards.
         let way = if good < bad { 1.0 } else { -1.0 };
@@ -255,7 +274,9 @@ impl<F: Fn(&mut World, f64)> Change<'_, F> {
             }
             illinois(&mut |x| Ok(excess(x)), from, to, WIDTH).ok().map(|x| way * x)
         };
-        search(SPARE).filter(|end| self.is_certified(*end)).or_else(|| search(0.0)).unwrap_or(good)
+        let end = search(SPARE).filter(|end| self.is_certified(*end)).or_else(|| search(0.0)).unwrap_or(good);
+        let side = if good < bad { Certified::Below } else { Certified::Above };
+        roundest(end, side, |x| way * x >= way * good && self.is_certified(*x))
     }
 
     /// The first certified value below `now` in steps of [`STRIDE`], down to `down` times it, then the largest.
@@ -302,8 +323,9 @@ fn with_output(world: &World, output: Output) -> bool {
 fn device_damping(world: &World) -> Result<Option<f64>, Error> {
     let change = Change { world, set: |w: &mut World, damping| w.device.damping = damping };
     let Some(required) = required_damping(world)? else { return Ok(None) };
+    let rounded = |least: f64| Some(roundest(least, Certified::Above, |x| change.is_certified(*x)));
     if change.is_certified(required) {
-        return Ok(Some(required));
+        return Ok(rounded(required));
     }
     // The least of a tolerance has to be enough of what uneven time requires.
     let spread = world.device.damping_range()[0] / world.device.damping;
@@ -311,12 +333,12 @@ fn device_damping(world: &World) -> Result<Option<f64>, Error> {
         && let Some(all) = uneven_damping(world)?
         && change.is_certified(required.max(all) / spread)
     {
-        return Ok(Some(required.max(all) / spread));
+        return Ok(rounded(required.max(all) / spread));
     }
     // Rounding, or a free loop that requires more.
     let least = required.max(1e-12 * world.device.inertia / world.sampling.period);
     if change.is_certified(least * (1.0 + WIDTH)) {
-        return Ok(Some(least * (1.0 + WIDTH)));
+        return Ok(rounded(least * (1.0 + WIDTH)));
     }
     Ok(change.least(least, STRIDE * least))
 }
@@ -347,14 +369,18 @@ fn period(world: &World) -> Option<f64> {
     let change = Change { world, set: |w: &mut World, period| w.sampling.period = period };
     let delay = world.sampling.delay_s();
     // A lossless world is passive only with a delay of whole samples.
-    let whole = || (1..=STEPS).map(|n| delay / f64::from(n)).find(|&period| change.is_certified(period));
+    let whole = || {
+        let mut all = (1..=STEPS).map(|n| delay / f64::from(n));
+        let found = all.find(|&period| change.is_certified(period))?;
+        Some(roundest(found, Certified::Below, |x| change.is_certified(*x)))
+    };
     let stays = matches!(world.sampling.delay, Delay::Seconds(delay) if delay > 0.0);
     change.largest_below(world.sampling.period, MIN_PERIOD).or_else(|| if stays { whole() } else { None })
 }
 
 fn delay(world: &World) -> Option<f64> {
     let (period, now) = (world.sampling.period, world.sampling.delay_s());
-    let change = Change { world, set: |w: &mut World, delay| w.sampling.delay = Delay::Seconds(delay) };
+    let change = Change { world, set: set_delay };
     let certified = |delay: f64| change.is_certified(delay);
     // Whole samples first, for lossless worlds.
     let whole = |n: f64| n * period;
@@ -378,7 +404,7 @@ fn delay(world: &World) -> Option<f64> {
     // Then within the sample.
     let next = whole((best / period + 1e-9).floor() + 1.0).min(now);
     let step = best + 1e-4 * (next - best);
-    Some(if certified(step) { change.last(step, next) } else { best })
+    Some(if certified(step) { change.last(step, next) } else { roundest(best, Certified::Below, |x| certified(*x)) })
 }
 
 fn has_stiffness(world: &World) -> bool {

@@ -80,7 +80,7 @@ struct ContinuousPole {
 }
 
 /// The discretisation of a loop.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Discretisation {
     pub method: Method,
     pub output: Output,

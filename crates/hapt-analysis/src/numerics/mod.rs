@@ -5,6 +5,7 @@ pub(crate) mod crossing;
 pub mod eigenvalues;
 pub(crate) mod hessenberg;
 pub(crate) mod jacobi;
+pub(crate) mod last;
 pub(crate) mod lmi;
 pub mod nelder_mead;
 pub(crate) mod phi;

@@ -28,6 +28,10 @@
 //!
 //! With H = K + (z - 1) F the static part is a sum of cosines, T K (1/2 + Σ Re z⁻ⁱ, i = 1..d), which is accurate toward φ = 0.
 
+mod condition;
+
+pub(crate) use condition::{Condition, Enough};
+
 use nalgebra::Complex;
 
 use crate::equations::delay::Delay;

@@ -16,7 +16,7 @@
 //!
 //! which never exceeds K T (1/2 + d).
 
-use hapt_model::{Coupling, Sampling, World};
+use hapt_model::{Body, Coupling, Sampling, World};
 
 use crate::equations::continuous::Slopes;
 use crate::equations::delay::Delay;
@@ -24,8 +24,9 @@ use crate::equations::estimator::Filter;
 use crate::equations::laws::{self, Kind, most};
 use crate::error::Error;
 use crate::impedance::{Discretisation, Pole, TransferFunction};
+use crate::numerics::last::Last;
 use crate::passivity::curve::DampingCurve;
-use crate::passivity::supremum::{Wanted, supremum};
+use crate::passivity::supremum::{Wanted, requirement_beside, supremum};
 use crate::passivity::two_rates;
 use crate::stability::held::{held_eigenvalues, held_growth};
 use crate::stability::{MARGINAL, Verdict};
@@ -87,10 +88,28 @@ pub(crate) struct Requirement {
     pub at_hz: Option<f64>,
 }
 
-/// The transfer function of `couplings`, nonlinear ones at the given slopes.
-fn transfer(world: &World, couplings: &[Coupling], slopes: &Slopes) -> Result<TransferFunction, Error> {
+/// What a transfer function depends on.
+struct Question {
+    bodies: Vec<Body>,
+    couplings: Vec<Coupling>,
+    rule: Discretisation,
+}
+
+thread_local! {
+    static TRANSFER: Last<Question, TransferFunction> = const { Last::new() };
+}
+
+/// The transfer function of `couplings`, nonlinear ones at their steepest slopes. Delay and device do not change it.
+fn transfer(world: &World, couplings: &[Coupling]) -> Result<TransferFunction, Error> {
     let Sampling { method, output, advance, period, .. } = world.sampling;
-    TransferFunction::new(&world.bodies, couplings, slopes, Discretisation { method, output, advance, period })
+    let (bodies, rule) = (&world.bodies, Discretisation { method, output, advance, period });
+    TRANSFER.with(|last| {
+        last.answer(
+            |asked| asked.rule == rule && asked.bodies == *bodies && asked.couplings == couplings,
+            || Question { bodies: bodies.clone(), couplings: couplings.to_vec(), rule },
+            || TransferFunction::new(bodies, couplings, &Slopes::Steep, rule),
+        )
+    })
 }
 
 /// The required damping of the linear loop of `couplings`, nonlinear ones at their steepest slopes.
@@ -111,7 +130,7 @@ pub(crate) fn requirement_wanted(wanted: Wanted, world: &World, couplings: &[Cou
         (&fixed, &fixed.couplings[..])
     };
     let period = world.sampling.period;
-    let transfer = transfer(world, couplings, &Slopes::Steep)?;
+    let transfer = transfer(world, couplings)?;
     let lag = Delay::of_loop(&world.sampling)?;
     let mut worst: Option<Requirement> = None;
     for filter in Filter::of(&world.sampling, period) {
@@ -175,7 +194,7 @@ fn of_filter(
 /// The transfer function with the poles that its torque shows; `None` where one of them is on the unit circle or outside.
 fn damped(world: &World, couplings: &[Coupling]) -> Result<Option<TransferFunction>, Error> {
     let period = world.sampling.period;
-    let mut transfer = transfer(world, couplings, &Slopes::Steep)?;
+    let mut transfer = transfer(world, couplings)?;
     if !transfer.is_finite() {
         return Err(Error::Eigenvalues { order: transfer.poles.len() });
     }
@@ -307,7 +326,8 @@ pub(crate) fn linear_requirement_wanted(wanted: Wanted, world: &World) -> Result
         let turn = listed.first().map_or(0.0, |most| most.im.atan2(most.re).abs());
         return never(Cause::GrowsUnseen { hz: turn / std::f64::consts::TAU / period });
     }
-    Ok(requirement)
+    let damping = requirement.damping.map(|b| requirement_beside(world.device.damping, b));
+    Ok(Requirement { damping, ..requirement })
 }
 
 /// [`crate::passivity::Passivity::required_damping`] alone.
@@ -315,7 +335,7 @@ pub(crate) fn linear_requirement_wanted(wanted: Wanted, world: &World) -> Result
 /// # Errors
 /// As [`crate::passivity::passivity`].
 pub fn required_damping(world: &World) -> Result<Option<f64>, Error> {
-    Ok(linear_requirement(world)?.damping.ok())
+    required_damping_wanted(Wanted::Least, world)
 }
 
 /// The same, or as much of it as is `wanted`: the work of a proof is spent only where it can hold.

@@ -11,7 +11,7 @@ use crate::passivity::quantisation::quantisation;
 use crate::passivity::required::{
     Requirement, largest_gain, late_requirement, linear_requirement_wanted, requirement_wanted,
 };
-use crate::passivity::supremum::Wanted;
+use crate::passivity::supremum::{Wanted, requirement_beside};
 use crate::passivity::timing::Timing;
 use crate::stability::patterns::{FreePatterns, patterns};
 use crate::text::short;
@@ -95,7 +95,7 @@ pub(crate) fn is_as_certified(world: &World) -> bool {
 /// # Errors
 /// As [`uneven`].
 pub fn uneven_damping(world: &World) -> Result<Option<f64>, Error> {
-    uneven_damping_wanted(Wanted::Value, world)
+    uneven_damping_wanted(Wanted::Least, world)
 }
 
 /// The same, or a bound of it as is `wanted`.
@@ -138,10 +138,11 @@ impl Claim {
     }
 
     fn required(&self) -> Option<f64> {
-        match &self.ground {
+        let required = match &self.ground {
             Ground::Even(found, stretch) => found.damping.ok().map(|b| b * stretch),
             Ground::Bound(found) => found.as_ref().ok().copied(),
-        }
+        };
+        required.map(|b| requirement_beside(self.world.device.damping, b))
     }
 
     /// The required damping, and the reasons why the claim is not proved of the whole loop.

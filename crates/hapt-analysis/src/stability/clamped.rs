@@ -7,8 +7,7 @@ use hapt_model::{Handle, World};
 
 use crate::equations::grip::Grip;
 use crate::error::Error;
-use crate::stability::critical::Critical;
-use crate::stability::free::{analyse, has_a_critical_period};
+use crate::stability::free::{Extent, analyse, has_a_critical_period};
 use crate::stability::held::{held, held_eigenvalues, held_growth};
 use crate::stability::{Eigenvalue, NOT_SEARCHED, Stability};
 
@@ -35,7 +34,7 @@ fn clamped(world: &World) -> Option<(World, Grip)> {
 pub fn held_world(world: &World) -> Result<Stability, Error> {
     match clamped(world) {
         None => bodies_alone(world),
-        Some((alone, shaft)) if has_a_critical_period(&alone) => analyse(&alone, &shaft, Critical::Unbounded),
+        Some((alone, shaft)) if has_a_critical_period(&alone) => analyse(&alone, &shaft, Extent::Whole),
         Some(_) => held_world_at_this_period(world),
     }
 }
@@ -48,7 +47,7 @@ pub(crate) fn held_world_at_this_period(world: &World) -> Result<Stability, Erro
     match clamped(world) {
         None => bodies_alone(world),
         Some((alone, shaft)) => {
-            let found = analyse(&alone, &shaft, Critical::Never)?;
+            let found = analyse(&alone, &shaft, Extent::ThisPeriod)?;
             Ok(Stability { critical_period_s: None, critical_period_reason: Some(NOT_SEARCHED), ..found })
         }
     }
@@ -61,7 +60,7 @@ pub(crate) fn held_world_at_this_period(world: &World) -> Result<Stability, Erro
 pub fn held_world_growth(world: &World) -> Result<Option<f64>, Error> {
     match clamped(world) {
         None => held_growth(&world.bodies, &world.couplings, world.sampling.method, world.sampling.step()),
-        Some((alone, shaft)) => Ok(analyse(&alone, &shaft, Critical::Never)?.growth_per_s),
+        Some((alone, shaft)) => Ok(analyse(&alone, &shaft, Extent::Eigenvalues)?.growth_per_s),
     }
 }
 
@@ -72,6 +71,6 @@ pub fn held_world_growth(world: &World) -> Result<Option<f64>, Error> {
 pub fn held_world_eigenvalues(world: &World) -> Result<Vec<Eigenvalue>, Error> {
     match clamped(world) {
         None => held_eigenvalues(&world.bodies, &world.couplings, world.sampling.method, world.sampling.step()),
-        Some((alone, shaft)) => Ok(analyse(&alone, &shaft, Critical::Never)?.eigenvalues),
+        Some((alone, shaft)) => Ok(analyse(&alone, &shaft, Extent::Eigenvalues)?.eigenvalues),
     }
 }

@@ -64,7 +64,8 @@ impl Delayed {
         period: f64,
     ) -> Result<Option<Self>, Error> {
         let delay = Delay::of(sampling.delay.seconds(period), period)?;
-        if delay.in_flight() < FEWEST || port.is_uncoupled() {
+        let bodies: usize = port.blocks.iter().map(|block| block.positions + block.equations.bodies()).sum();
+        if delay.in_flight() < FEWEST || port.is_uncoupled() || bodies > MOST_STATES {
             return Ok(None);
         }
         // The commands of d and of d + 1 samples ago stand where one has those of 1 and 2 samples ago.

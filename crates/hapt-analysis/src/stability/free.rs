@@ -67,6 +67,16 @@ pub(crate) fn has_a_critical_period(world: &World) -> bool {
     world.sampling.bodies_every == 1
 }
 
+/// How much of the result is wanted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Extent {
+    Whole,
+    /// No critical period, which is most of the work.
+    ThisPeriod,
+    /// No modes of the differential equation either.
+    Eigenvalues,
+}
+
 /// Eigenvalues, growth, critical period and modes of the loop, hands-off. Where the bodies step at every n-th sample, the eigenvalues are
 /// those of n samples, and the reason in place of the critical period is [`NOT_SEARCHED`].
 ///
@@ -78,7 +88,7 @@ pub(crate) fn has_a_critical_period(world: &World) -> bool {
 /// many periods, [`Error::Step`] and [`Error::Eigenvalues`] when numbers leave double precision.
 pub fn free(world: &World) -> Result<Stability, Error> {
     match has_a_critical_period(world) {
-        true => analyse(world, &Grip::default(), Critical::Unbounded),
+        true => analyse(world, &Grip::default(), Extent::Whole),
         false => free_at_this_period(world),
     }
 }
@@ -88,7 +98,7 @@ pub fn free(world: &World) -> Result<Stability, Error> {
 /// # Errors
 /// As [`free`].
 pub(crate) fn free_at_this_period(world: &World) -> Result<Stability, Error> {
-    let found = analyse(world, &Grip::default(), Critical::Never)?;
+    let found = analyse(world, &Grip::default(), Extent::ThisPeriod)?;
     Ok(Stability { critical_period_s: None, critical_period_reason: Some(NOT_SEARCHED), ..found })
 }
 
@@ -106,7 +116,7 @@ pub fn free_growth(world: &World) -> Result<Option<f64>, Error> {
 /// # Errors
 /// As [`free`].
 pub fn gripped_growth(world: &World, grip: &Grip) -> Result<Option<f64>, Error> {
-    Ok(analyse(world, grip, Critical::Never)?.growth_per_s)
+    Ok(analyse(world, grip, Extent::Eigenvalues)?.growth_per_s)
 }
 
 /// The growths of all eigenvalues without shifts, 1/s, less the margin of the verdict.
@@ -115,7 +125,7 @@ pub fn gripped_growth(world: &World, grip: &Grip) -> Result<Option<f64>, Error> 
 /// As [`free`].
 pub(crate) fn free_growths(world: &World) -> Result<Ranked, Error> {
     let period = world.sampling.step();
-    let found = analyse(world, &Grip::default(), Critical::Never)?;
+    let found = analyse(world, &Grip::default(), Extent::Eigenvalues)?;
     // `eigenvalues` contains the shifts.
     let most = found.growth_per_s.unwrap_or(f64::NEG_INFINITY);
     let growths = found.eigenvalues.iter().filter(|v| v.im >= 0.0).map(|v| v.abs.ln() / period);
@@ -129,11 +139,12 @@ pub(crate) fn free_growths(world: &World) -> Result<Ranked, Error> {
 /// # Errors
 /// As [`free`].
 pub fn free_eigenvalues(world: &World) -> Result<Vec<Eigenvalue>, Error> {
-    Ok(analyse(world, &Grip::default(), Critical::Never)?.eigenvalues)
+    Ok(analyse(world, &Grip::default(), Extent::Eigenvalues)?.eigenvalues)
 }
 
-/// The critical period is searched where it may be below `critical`.
-pub(crate) fn analyse(world: &World, grip: &Grip, mut critical: Critical) -> Result<Stability, Error> {
+pub(crate) fn analyse(world: &World, grip: &Grip, extent: Extent) -> Result<Stability, Error> {
+    // The critical period is searched where it may be below this.
+    let mut critical = if extent == Extent::Whole { Critical::Unbounded } else { Critical::Never };
     let sampling = &world.sampling;
     // That of the eigenvalues.
     let period = positive("the period", sampling.step())?;
@@ -151,7 +162,7 @@ pub(crate) fn analyse(world: &World, grip: &Grip, mut critical: Critical) -> Res
                 Some((_, found)) => found.clone(),
                 None => {
                     let found = match index {
-                        0 => puck_part(&part, sampling, &world.device, grip, critical)?,
+                        0 => puck_part(&part, (sampling, &world.device), grip, critical, extent)?,
                         _ => decoupled_part(&part, sampling.method, period, critical)?,
                     };
                     known.push((part, found.clone()));
@@ -205,29 +216,20 @@ fn decoupled_part(part: &Part, method: Method, period: f64, known: Critical) -> 
 /// The result of the part whose first member is the puck.
 fn puck_part(
     part: &Part,
-    sampling: &Sampling,
-    device: &Device,
+    (sampling, device): (&Sampling, &Device),
     grip: &Grip,
     known: Critical,
+    extent: Extent,
 ) -> Result<PartResult, Error> {
     let period = sampling.step();
     let port = Port::new(part)?.lagging(device.lag).with_handle(device.handle);
     let (port, damping) = port.gripped(device.damping, grip);
     let (unobservable, _) = spectrum(&port.unobservable, sampling.method, period)?;
     let mut critical = of_part(&port.unobservable, sampling.method, known)?;
-    // The differential equation includes the device damping, the handle and the hand.
-    let mut whole = part.clone();
-    if damping > 0.0 || port.spring > 0.0 {
-        whole.fix(0, port.spring, damping);
-    }
-    whole.inertia[0] = port.inertia;
-    if let Some((handle, grip)) = port.handle {
-        let place = whole.add(handle.inertia + grip.inertia, 0, handle.stiffness, handle.damping);
-        if grip.stiffness > 0.0 || grip.damping > 0.0 {
-            whole.fix(place, grip.stiffness, grip.damping);
-        }
-    }
-    let (_, pairs) = spectrum(&Modal::new(&whole)?, Method::Zoh, period)?;
+    let pairs = match extent {
+        Extent::Whole | Extent::ThisPeriod => continuous_pairs(part, &port, damping, period)?,
+        Extent::Eigenvalues => Vec::new(),
+    };
     let mut worst: Option<(f64, Vec<Multiplier>)> = None;
     for (index, filter) in Filter::of(sampling, sampling.period).iter().enumerate() {
         let found = multipliers(&port, sampling, damping, filter, sampling.period)?;
@@ -248,6 +250,22 @@ fn puck_part(
     }
     let multipliers = unobservable.into_iter().chain(worst.map(|(_, m)| m).unwrap_or_default()).collect();
     Ok(PartResult { shifts: port.shifts, multipliers, pairs, critical })
+}
+
+/// z = Ts of the complex pairs of the differential equation of a part with the puck, the device damping, the handle and the hand.
+fn continuous_pairs(part: &Part, port: &Port, damping: f64, period: f64) -> Result<Vec<Root>, Error> {
+    let mut whole = part.clone();
+    if damping > 0.0 || port.spring > 0.0 {
+        whole.fix(0, port.spring, damping);
+    }
+    whole.inertia[0] = port.inertia;
+    if let Some((handle, grip)) = port.handle {
+        let place = whole.add(handle.inertia + grip.inertia, 0, handle.stiffness, handle.damping);
+        if grip.stiffness > 0.0 || grip.damping > 0.0 {
+            whole.fix(place, grip.stiffness, grip.damping);
+        }
+    }
+    Ok(spectrum(&Modal::new(&whole)?, Method::Zoh, period)?.1)
 }
 
 /// The eigenvalues of the closed loop over a step of the bodies, each with an error bound. Those within rounding of the unit circle are

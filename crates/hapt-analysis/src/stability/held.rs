@@ -7,6 +7,7 @@ use crate::equations::modal::Modal;
 use crate::equations::slopes::combinations;
 use crate::equations::structure::{Part, inertias, parts};
 use crate::error::{Error, positive};
+use crate::numerics::last::Last;
 use crate::stability::critical::{Critical, of_part};
 use crate::stability::multiplier::{Multiplier, Root, multiplier, pair};
 use crate::stability::roots::{balance_of, roots};
@@ -39,11 +40,24 @@ pub fn held(bodies: &[Body], couplings: &[Coupling], method: Method, period: f64
 /// # Errors
 /// As [`held`].
 pub fn held_growth(bodies: &[Body], couplings: &[Coupling], method: Method, period: f64) -> Result<Option<f64>, Error> {
-    // The result of `analyse` for one body on springs and dampers.
-    match SingleBody::of_world(bodies, couplings).and_then(|body| body.spectrum(method, period)) {
-        Some(found) => Ok(growth(&found.multipliers, period)),
-        None => Ok(analyse(bodies, couplings, method, period, Critical::Never)?.growth_per_s),
-    }
+    GROWTH.with(|last| {
+        last.answer(
+            |(of, joined, rule)| *rule == (method, period) && of == bodies && joined == couplings,
+            || (bodies.to_vec(), couplings.to_vec(), (method, period)),
+            // The result of `analyse` for one body on springs and dampers.
+            || match SingleBody::of_world(bodies, couplings).and_then(|body| body.spectrum(method, period)) {
+                Some(found) => Ok(growth(&found.multipliers, period)),
+                None => Ok(analyse(bodies, couplings, method, period, Critical::Never)?.growth_per_s),
+            },
+        )
+    })
+}
+
+/// Bodies and couplings under a method and a period.
+type Question = (Vec<Body>, Vec<Coupling>, (Method, f64));
+
+thread_local! {
+    static GROWTH: Last<Question, Option<f64>> = const { Last::new() };
 }
 
 /// The eigenvalues of [`held`] alone.

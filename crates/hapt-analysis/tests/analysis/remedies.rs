@@ -354,3 +354,74 @@ fn a_margin_without_an_end_is_not_the_delay() {
     let found = remedies(&world).unwrap();
     assert!(found.period_s.is_none() && found.reasons["period_s"].contains("no end"), "{found:?}");
 }
+
+/// A spring to ground, its numbers as a file writes them.
+fn spring_file(stiffness: &str, damping: &str, period: &str, rest: &str) -> Source {
+    let file = format!(
+        "[loop]\nperiod = \"{period}\"\n{rest}\n[device]\ninertia = 6.4e-4\ndamping = \"{damping}\"\n\
+         [[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\nstiffness = \"{stiffness}\"\n"
+    );
+    Source::from_text("spring.toml", file)
+}
+
+/// The changes that `check` proposes, as keys with their values.
+fn proposed(source: &Source) -> Vec<Vec<(String, String)>> {
+    let world = World::read(source, &[]).unwrap();
+    let (check, found) = (quick_check(&world).unwrap(), remedies(&world).unwrap());
+    let all = hapt_analysis::proposal(&world, source, &[], &check, &found).unwrap().unwrap();
+    all.remedies.into_iter().map(|remedy| remedy.sets).filter(|sets| !sets.is_empty()).collect()
+}
+
+/// The number of a value with its unit.
+fn digits(value: &str) -> &str {
+    value.split(' ').next().unwrap()
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(60))]
+
+    /// b = KT/2 of a bare spring: where two of them are round, so is the third, whatever the search comes to.
+    #[test]
+    fn an_edge_at_a_round_number_is_printed_as_that_number(
+        stiffness in 1..1000u32, half in 1..100u32, softer in 2..40u32, shift in -2..3i32,
+    ) {
+        // Decimals, which no binary number meets: a stiffness in tenths, and a period of twice as many microseconds.
+        let decimal = |n: u32, shift: i32| format!("{n}e{shift}").parse::<f64>().unwrap();
+        let (k, t, b) = (decimal(stiffness, shift - 1), decimal(2 * half, -6), decimal(stiffness * half, shift - 7));
+        let value = |sets: &[Vec<(String, String)>], key: &str| {
+            let found = sets.iter().flatten().find(|(path, _)| path == key);
+            found.map(|(_, value)| digits(value).parse::<f64>().unwrap())
+        };
+        for factor in [1.0 / f64::from(softer), f64::from(softer)] {
+            let k_now = format!("{} N m/rad", k * factor);
+            let found = proposed(&spring_file(&k_now, &format!("{b} N m s/rad"), &format!("{t} s"), ""));
+            prop_assert_eq!(value(&found, "couplings.0.stiffness"), Some(k));
+            let found = proposed(&spring_file(&format!("{k} N m/rad"), &format!("{b} N m s/rad"), &format!("{} s", t * factor), ""));
+            prop_assert_eq!(value(&found, "loop.period"), Some(t));
+            let b_now = format!("{} N m s/rad", b / factor);
+            let found = proposed(&spring_file(&format!("{k} N m/rad"), &b_now, &format!("{t} s"), ""));
+            prop_assert_eq!(value(&found, "device.damping"), Some(b));
+        }
+    }
+
+    /// In the units of the file, whatever they are.
+    #[test]
+    fn a_printed_number_is_certified_and_the_edge_is_at_most_a_millionth_beyond(
+        stiffness in 0.01..50.0f64, damping in 0.05..20.0f64, period in 0.2..5.0f64, delay in prop_oneof![Just(0.0), 0.0..4.0f64],
+        longest in prop_oneof![Just(1.0), 1.0..2.0f64],
+    ) {
+        let timing = format!("delay = \"{delay} ms\"\ninterval_max = \"{} ms\"", period * longest);
+        let source = spring_file(&format!("{stiffness} N mm/deg"), &format!("{damping} N mm s/rad"), &format!("{period} ms"), &timing);
+        for sets in proposed(&source) {
+            let [(path, value)] = &sets[..] else { panic!("{sets:?}") };
+            let (number, unit) = value.split_once(' ').unwrap();
+            let at = |x: f64| World::read(&source, &[format!("{path}={x} {unit}")]).map(|world| is_certified(&world));
+            let printed: f64 = number.parse().unwrap();
+            prop_assert_eq!(at(printed).ok(), Some(true), "{} = {}", path, value);
+            // A delay within a millionth of a whole sample is that sample.
+            let beyond = if path.starts_with("loop.delay") { 2e-6 * period } else { 0.0 };
+            let further = if path == "device.damping" { printed * (1.0 - 1.1e-6) } else { printed * (1.0 + 1.1e-6) + beyond };
+            prop_assert!(at(further) .ok() != Some(true), "{path} = {value} goes on");
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! The roundest numbers beside an edge that a search has found.
+
+/// Largest relative distance from the edge. A remedy and the line that shows it in another unit are each rounded once: together 1e-6.
+const NEAR: f64 = 5e-7;
+
+/// Largest number of significant digits that is tried.
+const DIGITS: usize = 12;
+
+/// On which side of an edge the certified values are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Certified {
+    Above,
+    Below,
+}
+
+/// The numbers within [`NEAR`] of `edge`, of one to [`DIGITS`] significant digits: of each count the nearest, then its neighbour on the
+/// certified side. None where the edge is 0.
+pub(crate) fn candidates(edge: f64, side: Certified) -> impl Iterator<Item = f64> {
+    let near = move |x: &f64| (x - edge).abs() <= NEAR * edge.abs();
+    let of_digits = move |digits: usize| {
+        let nearest = decimal(edge, digits - 1);
+        let step = 10f64.powf(edge.abs().log10().floor() - (digits - 1) as f64);
+        let neighbour = match side {
+            Certified::Above => decimal(nearest + step, digits - 1),
+            Certified::Below => decimal(nearest - step, digits - 1),
+        };
+        [nearest, neighbour]
+    };
+    let most = if edge.is_normal() { DIGITS } else { 0 };
+    (1..=most).flat_map(of_digits).filter(near)
+}
+
+/// x with this many digits after the first.
+fn decimal(x: f64, places: usize) -> f64 {
+    format!("{x:.places$e}").parse().unwrap_or(x)
+}
+
+/// The number of fewest digits within [`NEAR`] of `edge` that `holds`, which decides by the certificate; `edge` itself where none does.
+pub(crate) fn roundest(edge: f64, side: Certified, holds: impl FnMut(&f64) -> bool) -> f64 {
+    candidates(edge, side).find(holds).unwrap_or(edge)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_round_edge_that_a_search_has_missed_is_found(
+            digits in 1..9999u32, exponent in -9..9i32, off in -1e-7..1e-7f64, above in any::<bool>(),
+        ) {
+            let edge: f64 = format!("{digits}e{exponent}").parse().unwrap();
+            let side = if above { Certified::Above } else { Certified::Below };
+            prop_assert_eq!(roundest(edge * (1.0 + off), side, |_| true), edge);
+        }
+
+        #[test]
+        fn what_holds_on_one_side_alone_is_rounded_to_that_side(edge in 1e-9..1e9f64, above in any::<bool>()) {
+            let side = if above { Certified::Above } else { Certified::Below };
+            let found = roundest(edge, side, |x| if above { *x >= edge } else { *x <= edge });
+            prop_assert!((found >= edge) == above || found == edge);
+            prop_assert!((found / edge - 1.0).abs() <= NEAR);
+            // Seven digits are always within it.
+            prop_assert!(format!("{found:e}").split('e').next().unwrap().len() <= 9, "{}", found);
+        }
+    }
+}

@@ -1,0 +1,249 @@
+//! The rows of the table of keys, for world files and for network files.
+
+use hapt_core::{HARMONICS, Method, Output, Side, WhenLate};
+
+use super::{Key, Measure, Presence, Range, Takes, key};
+use crate::kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind};
+use crate::timing::TimingKind;
+
+/// The word that makes a damper follow the springs beside it.
+pub(crate) const COMPENSATING: &str = "compensating";
+
+/// The unit of what is counted in periods.
+pub const SAMPLES: &str = "samples";
+
+/// A body's name is an end of couplings and a column of tables, where these three are taken.
+const BODIES: Takes =
+    Takes::Named { most: 32, what: "body", letter_first: true, reserved: &["puck", "ground", "measured"] };
+const SCENARIOS: Takes = Takes::Named { most: 1000, what: "scenario", letter_first: false, reserved: &[] };
+
+/// The numbers of a texture's harmonics, and of its samples.
+const WAVES: Takes = Takes::Numbers { least: 1, most: HARMONICS };
+pub(crate) const MOST_SAMPLES: usize = 4096;
+const WAVEFORM: Presence = Presence::Depends("a texture has sine and cosine, or samples, or file");
+
+const LUGRE: Presence = Presence::Depends("the six LuGre keys stand together, in place of torque");
+
+/// What stands for a lost link, and for what the world's own ledger finds.
+pub(crate) const LINK_LOST: [&str; 2] = ["fade-out", "fault"];
+pub(crate) const WORLD_LEDGER: [&str; 2] = ["warn", "trip"];
+/// The handle's table, and the name of its columns.
+pub(crate) const HANDLE: &str = "handle";
+/// Which way a drive turns.
+pub(crate) const DIRECTION: [&str; 2] = ["forward", "reverse"];
+
+use Measure::{Angle, Damping, Energy, Frequency, Inertia, Position, Ratio, Stiffness, Time, Torque, Velocity};
+use Presence::{Depends, Name, Number, Optional, Required};
+use Range::{Any, Positive, ZeroOrMore};
+use Takes::{Ends, List, Quantity, QuantityOr, Table, Text, Whole};
+
+/// Every key of the world file.
+#[rustfmt::skip]
+pub const KEYS: &[Key] = &[
+    key("title", Text, Optional, "What the world is called in reports."),
+    key("motion", Takes::Name(Motion::NAMES), Name("rotary"),
+        "Whether the puck turns (angles, torques, inertias) or slides (lengths, forces, masses)."),
+
+    key("loop", Table, Required, "The sampled program that runs the world."),
+    key("loop.period", Quantity(Time, Positive), Required, "The sampling period T."),
+    key("loop.method", Takes::Name(Method::NAMES), Name("zoh"), "The integration method of the bodies."),
+    key("loop.output", Takes::Name(Output::NAMES), Depends("\"start\" with tustin and foh, which take no other; \"end\" with the others"),
+        "Which state makes the torque: that at the start, in the middle or at the end of the step."),
+    key("loop.advance", Whole { least: 0, most: 1000, step: 1 }, Number(0.0),
+        "With output \"end\" only: how many further samples ahead the world is taken for the torque, the puck held still."),
+    key("loop.bodies_every", Whole { least: 1, most: 1000, step: 1 }, Number(1.0),
+        "The bodies step at every n-th sample only, by n periods, and stand still in between; the torque has the puck's newest position at every sample."),
+    key("loop.delay", Takes::TimeOrSamples, Number(0.0),
+        "From the sample to the moment the motor torque changes, in a unit of time or in samples (\"1.5 samples\" follows the period); at most a million periods."),
+    key("loop.delay_max", Takes::TimeOrSamples, Depends("loop.delay"),
+        "The largest delay, where it varies from one command to the next; no shorter than the delay, which is the least."),
+    key("loop.interval_max", Quantity(Time, Positive), Depends("loop.period"),
+        "The longest true time between two samples, in whatever pattern; no shorter than the period, which is the nominal one."),
+    key("loop.estimator", Takes::Name(EstimatorKind::NAMES), Name("exact"), "Where the loop has the puck's velocity from."),
+    key("loop.cutoff", Quantity(Frequency, Positive), Depends("required with the estimator low-pass"),
+        "The cutoff of the low-pass estimator, in Hz."),
+    key("loop.window", Whole { least: 1, most: 256, step: 1 }, Number(16.0), "The largest window of the FOAW estimators, in samples."),
+
+    key("device", Table, Required, "Everything physical: the puck, its encoder and its motor."),
+    key("device.inertia", Quantity(Inertia, Positive), Required, "The puck's inertia (linear: mass).").tolerated(),
+    key("device.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "The puck's viscous damping.").tolerated(),
+    key("device.friction", Quantity(Torque, ZeroOrMore), Number(0.0),
+        "The puck's Coulomb friction; it sticks while at rest and |net torque| is no larger.").tolerated(),
+    key("device.lag", Quantity(Time, ZeroOrMore), Number(0.0),
+        "The motor torque follows its command by a first-order lag with this time constant.").tolerated(),
+    key("device.limit", Quantity(Torque, Positive), Optional, "The largest torque that the motor may be commanded; absent: any."),
+    key("device.encoder", Whole { least: 1, most: 1 << 53, step: 1 }, Optional, "Counts per revolution; absent: ideal.").only(Motion::Rotary),
+    key("device.encoder", Quantity(Position, Positive), Optional, "The size of one count; absent: ideal.").only(Motion::Linear),
+    key("device.levels", Whole { least: 2, most: u32::MAX as u64, step: 2 }, Optional,
+        "Torque resolution: steps of 2 limit/levels. Needs a limit; absent: ideal."),
+    key("device.drive", Table, Optional, "How the puck hangs on a motor drive, where there is one (--device moteus:... and odrive:...)."),
+    key("device.drive.gear", Quantity(Ratio, Positive), Depends("1"), "Revolutions of the drive for one of the puck.").only(Motion::Rotary),
+    key("device.drive.gear", Quantity(Position, Positive), Depends("required with a drive"), "How far the puck goes in one revolution of the drive.").only(Motion::Linear),
+    key("device.drive.direction", Takes::Name(&DIRECTION), Name(DIRECTION[0]),
+        "Whether the drive's positions rise with the puck's (\"forward\") or fall (\"reverse\"); its torques go the same way."),
+    key("device.drive.home", Quantity(Position, Any), Optional,
+        "The puck's position, by the drive's own zero, that is the world's 0; a rotary puck is within half a turn of it at the start. \
+         Absent: 0 is where the loop is armed."),
+    key("device.handle", Table, Optional, "A handle that a flexible shaft connects to the puck: motor and encoder are at the puck, the hand is at the handle."),
+    key("device.handle.inertia", Quantity(Inertia, Positive), Required, "The inertia (linear: mass) of the handle beyond the shaft."),
+    key("device.handle.stiffness", Quantity(Stiffness, Positive), Required, "The shaft's stiffness: torque per angle between handle and puck."),
+    key("device.handle.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "The shaft's damping: torque per relative velocity of handle and puck."),
+
+    key("bodies", BODIES, Optional, "The virtual inertias, by name."),
+    key("bodies.*.inertia", Quantity(Inertia, Positive), Required, "Its inertia (linear: mass)."),
+    key("bodies.*.position", Quantity(Position, Any), Number(0.0), "Where it is at first."),
+    key("bodies.*.velocity", Quantity(Velocity, Any), Number(0.0), "How fast it is at first."),
+
+    key("couplings", List { most: 64, what: "coupling" }, Optional, "The massless elements between puck, bodies and ground."),
+    key("couplings.*.kind", Takes::Name(CouplingKind::NAMES), Required, "Its law."),
+    key("couplings.*.between", Ends(["puck", "wheel"]), Required,
+        "Its two ends: \"puck\", \"ground\" or bodies. It acts on q, the first as seen from the second; its torque stands on the first."),
+    key("couplings.*.stiffness", Quantity(Stiffness, ZeroOrMore), Required, "Torque per q; of a wall, inside; of a dead band, outside.").of(&["spring", "wall", "dead-band"]),
+    key("couplings.*.rest", Quantity(Position, Any), Number(0.0), "The q at which the spring is slack; of a dead band, its middle.").of(&["spring", "dead-band"]),
+    key("couplings.*.damping", QuantityOr(Damping, ZeroOrMore, COMPENSATING), Required,
+        "Torque per rate of q; \"compensating\": T times the stiffness of the springs between the same two ends \
+         (from a body to ground: of all springs at the body).").of(&["damper"]),
+    key("couplings.*.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "Torque per rate of q inside; the wall never pulls.").of(&["wall"]),
+    key("couplings.*.side", Takes::Name(&[Side::Above.name(), Side::Below.name()]), Required,
+        "Where the wall pushes: while q is above its face, or below it.").of(&["wall"]),
+    key("couplings.*.at", Quantity(Position, Any), Required, "The wall's face.").of(&["wall"]),
+    key("couplings.*.at", Quantity(Position, Any), Number(0.0), "Where the magnet pulls to.").of(&["magnet"]),
+    key("couplings.*.limit", Quantity(Torque, Positive), Optional, "The torque, on both ends, is held within this; absent: any.").of(&["spring", "damper", "wall", "dead-band"]),
+    key("couplings.*.width", Quantity(Position, ZeroOrMore), Required, "Half of the dead band: how far from `rest` the spring begins.").of(&["dead-band"]),
+    key("couplings.*.width", Quantity(Position, Positive), Required, "How far from `at` the magnet pulls most.").of(&["magnet"]),
+    key("couplings.*.torque", Quantity(Torque, ZeroOrMore), Required, "The largest pull of the magnet.").of(&["magnet"]),
+    key("couplings.*.torque", Quantity(Torque, ZeroOrMore), Required, "The largest torque of the detent.").of(&["detent"]),
+    key("couplings.*.pitch", Quantity(Position, Positive), Required, "From one rest of the detent to the next.").of(&["detent"]),
+    key("couplings.*.phase", Quantity(Position, Any), Number(0.0), "Where one of the detent's rests is.").of(&["detent"]),
+    key("couplings.*.torque", Quantity(Torque, ZeroOrMore), Required, "The texture's torque on the first end where its waveform is 1.").of(&["texture"]),
+    key("couplings.*.pitch", Quantity(Position, Positive), Required, "One period of the texture.").of(&["texture"]),
+    key("couplings.*.phase", Quantity(Position, Any), Number(0.0), "Where a period of the texture begins.").of(&["texture"]),
+    key("couplings.*.sine", WAVES, WAVEFORM, "The waveform's harmonics: of sin θ, sin 2θ and so on, θ = 2π (q - phase)/pitch.").of(&["texture"]),
+    key("couplings.*.cosine", WAVES, WAVEFORM, "The waveform's harmonics: of cos θ, cos 2θ and so on.").of(&["texture"]),
+    key("couplings.*.samples", Takes::Numbers { least: 2, most: MOST_SAMPLES }, WAVEFORM,
+        "The waveform at equal distances over one period, the first at phase; without a mean, and as smooth as 4 harmonics.").of(&["texture"]),
+    key("couplings.*.file", Text, WAVEFORM, "The same samples as a CSV file beside the world file: one column, its header waveform.").of(&["texture"]),
+    key("couplings.*.torque", Quantity(Torque, ZeroOrMore), Depends("Coulomb friction; else the six LuGre keys"),
+        "The torque of Coulomb friction, against the rate of q.").of(&["friction"]),
+    key("couplings.*.coulomb", Quantity(Torque, ZeroOrMore), LUGRE, "LuGre: the level when sliding fast.").of(&["friction"]),
+    key("couplings.*.stribeck", Quantity(Torque, ZeroOrMore), LUGRE, "LuGre: the static level.").of(&["friction"]),
+    key("couplings.*.stribeck_velocity", Quantity(Velocity, Positive), LUGRE,
+        "LuGre: the rate at which the static level has mostly gone over into the sliding one.").of(&["friction"]),
+    key("couplings.*.bristle_stiffness", Quantity(Stiffness, ZeroOrMore), LUGRE, "LuGre: sigma_0.").of(&["friction"]),
+    key("couplings.*.bristle_damping", Quantity(Damping, ZeroOrMore), LUGRE, "LuGre: sigma_1.").of(&["friction"]),
+    key("couplings.*.viscous", Quantity(Damping, ZeroOrMore), LUGRE, "LuGre: sigma_2.").of(&["friction"]),
+    key("couplings.*.torque", Quantity(Torque, Any), Required, "The torque on the first end.").of(&["constant"]),
+
+    key("safety", Table, Optional, "What the supervisor holds a live loop to."),
+    key("safety.fade", Quantity(Time, Positive), Number(0.1), "How long the torque takes to rise when armed, and to fall when disarmed."),
+    key("safety.velocity", Quantity(Velocity, Positive), Depends("twice the overspeed; any on the simulated device"),
+        "The largest speed that the device can have; a reading beyond it faults."),
+    key("safety.jump", Quantity(Position, Positive), Depends("25 rad/s (linear: 1.25 m/s) and limit times period over inertia, times the period; any on the simulated device"),
+        "The largest change of the displacement from one sample to the next; two counts are added."),
+    key("safety.overspeed", Quantity(Velocity, Positive),
+        Depends("50 rad/s (linear: 2.5 m/s), or where the limit throws the puck over half a turn (0.1 m), the larger; any on the simulated device"),
+        "The largest speed with the motor on: beyond it the puck runs away."),
+    key("safety.stuck", Quantity(Time, ZeroOrMore), Depends("1 s; never on the simulated device"),
+        "How long the position may stand still, added up, while a torque of more than twice the friction and a twentieth of the limit asks the puck to move; 0: for ever."),
+    key("safety.torque", Quantity(Torque, Positive), Depends("device.limit"), "The largest command; more faults."),
+    key("safety.slew", Quantity(Torque, Positive), Depends("what this world can do at these speeds; any on the simulated device"),
+        "The largest change of the torque from one sample to the next."),
+    key("safety.rms", Quantity(Torque, Positive), Depends("any"), "The torque that the motor may hold for ever."),
+    key("safety.heating", Quantity(Time, Positive), Number(30.0), "The motor's thermal time constant."),
+    key("safety.driver_rms", Quantity(Torque, Positive), Depends("any"), "The torque that the driver may hold for ever."),
+    key("safety.driver_heating", Quantity(Time, Positive), Number(1.0), "The driver's thermal time constant."),
+    key("safety.late", Takes::Name(WhenLate::NAMES), Depends("\"fade\"; \"fault\" on a board"),
+        "What a sample after more than loop.interval_max does, or a command after more than loop.delay_max, where the file states them: it faults, fades the torque out, or counts."),
+    key("safety.stall", Quantity(Time, ZeroOrMore), Depends("5 periods, or what interval_max allows where that is longer; any on the simulated device"),
+        "How late a sample may come, missed samples counted in, before it faults whatever late is; 0: any."),
+    key("safety.link", Quantity(Time, ZeroOrMore), Depends("0.3 s, or twice fade, period and delay together where that is longer; never on the simulated device"),
+        "From the last heartbeat of the client in control to torque 0, the fade included; 0: never."),
+    key("safety.link_lost", Takes::Name(&LINK_LOST), Name(LINK_LOST[0]), "What a lost link does."),
+    key("safety.energy", Quantity(Energy, Positive),
+        Depends("device.limit over 0.05 rad (linear: 2.5 mm), 0.05 J without a limit; a tenth of it for a world that is not certified"),
+        "The most that the hand may be given beyond what is stored, and that the integrator may make."),
+    key("safety.world_ledger", Takes::Name(&WORLD_LEDGER), Depends("\"trip\"; \"warn\" on the simulated device, and with an explicit method in a certified world"),
+        "What it does when the integrator has made that energy; on the simulated device also when the hand has been given it."),
+    key("safety.pulse", Quantity(Torque, ZeroOrMore),
+        Depends("twice the friction and a twentieth of the limit, or more, up to half of the limit, where that moves the puck by less than 12 counts in 0.25 s; none on the simulated device"),
+        "The torque of the sign test's pulse when armed; 0: no test."),
+    key("safety.brake", Quantity(Damping, ZeroOrMore), Number(0.0),
+        "Damping for a fade's time after faults that leave the encoder trusted; 0: the torque is just off."),
+
+    key("scenarios", SCENARIOS, Optional, "What is simulated, by name."),
+    key("scenarios.*.duration", Quantity(Time, Positive), Required, "How long; at most 10^10 samples."),
+    key("scenarios.*.timing", Table, Optional, "When the samples are truly taken, and how late their commands arrive; absent: every period."),
+    key("scenarios.*.timing.kind", Takes::Name(TimingKind::NAMES), Required,
+        "Every period (even), at random, in a pattern that repeats, as recorded in a file, or in the pattern that hapt check finds worst hands-off."),
+    key("scenarios.*.timing.seed", Whole { least: 0, most: u32::MAX as u64, step: 1 }, Number(0.0), "The same seed draws the same intervals and delays.").of(&["random"]),
+    key("scenarios.*.timing.shortest", Quantity(Time, Positive), Depends("as far below the period as interval_max is above, a hundredth of the period at least"),
+        "The shortest interval drawn. Delays are uniform from delay to delay_max, intervals from this or the delay before, whichever is longer, to interval_max.").of(&["random"]),
+    key("scenarios.*.timing.intervals", Takes::Numbers { least: 1, most: MOST_SAMPLES }, Required, "The intervals, in periods; after the last the first comes again.").of(&["pattern"]),
+    key("scenarios.*.timing.delays", Takes::Numbers { least: 1, most: MOST_SAMPLES }, Depends("loop.delay"), "The delay before each interval, in periods; one for all, or as many as intervals.").of(&["pattern"]),
+    key("scenarios.*.timing.file", Text, Required, "A CSV file beside the world file, its header time_s or time_s,delay_s, a line for each sample.").of(&["recorded"]),
+    key("scenarios.*.hand", Table, Required, "The human: what drives the puck."),
+    key("scenarios.*.hand.kind", Takes::Name(HandKind::NAMES), Required,
+        "A shape (step, ramp, sine, path) prescribes the puck's position; torque pushes it, grip holds it through a spring and a damper."),
+    key("scenarios.*.hand.release", Quantity(Time, ZeroOrMore), Optional, "From this instant on the hand is gone; absent: it stays."),
+    key("scenarios.*.hand.to", Quantity(Position, Any), Required, "Where the puck goes.").of(&["step", "ramp"]),
+    key("scenarios.*.hand.at", Quantity(Time, ZeroOrMore), Number(0.0), "When the step comes or the ramp starts.").of(&["step", "ramp"]),
+    key("scenarios.*.hand.over", Quantity(Time, Positive), Required, "How long the ramp takes.").of(&["ramp"]),
+    key("scenarios.*.hand.amplitude", Quantity(Position, Any), Required, "The sine's amplitude.").of(&["sine"]),
+    key("scenarios.*.hand.frequency", Quantity(Frequency, Positive), Required, "The sine's frequency, in Hz.").of(&["sine"]),
+    key("scenarios.*.hand.phase", Quantity(Angle, Any), Number(0.0), "The sine's phase at t = 0.").of(&["sine"]),
+    key("scenarios.*.hand.file", Text, Required,
+        "A CSV file beside the world file, its header time_s,puck_UNIT.").of(&["path"]),
+    key("scenarios.*.hand.inertia", Quantity(Inertia, Positive), Depends("none without it"), "The hand's inertia, which moves with the puck.").of(&["grip"]),
+    key("scenarios.*.hand.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "Between the puck and the intended motion.").of(&["grip"]),
+    key("scenarios.*.hand.stiffness", Quantity(Stiffness, ZeroOrMore), Number(0.0), "Between the puck and the intended motion.").of(&["grip"]),
+    key("scenarios.*.hand.hold", Quantity(Time, Positive), Depends("none without it; hold and open stand together"),
+        "The hand holds for so long, opens, and takes hold again where the puck is then, on and on.").of(&["grip"]),
+    key("scenarios.*.hand.open", Quantity(Time, Positive), Depends("none without it; hold and open stand together"),
+        "How long it is open: spring and damper are gone, the inertia stays with the puck.").of(&["grip"]),
+    key("scenarios.*.hand.moves", Table, Required, "The torque as a shape.").of(&["torque"]),
+    key("scenarios.*.hand.moves", Table, Required, "The intended motion as a shape.").of(&["grip"]),
+    key("scenarios.*.hand.moves.kind", Takes::Name(ShapeKind::NAMES), Required, "The shape."),
+    key("scenarios.*.hand.moves.to", Quantity(Torque, Any), Required, "Where the torque goes.").of(&["step", "ramp"]).under(&["torque"]),
+    key("scenarios.*.hand.moves.to", Quantity(Position, Any), Required, "Where the intended motion goes.").of(&["step", "ramp"]).under(&["grip"]),
+    key("scenarios.*.hand.moves.at", Quantity(Time, ZeroOrMore), Number(0.0), "When the step comes or the ramp starts.").of(&["step", "ramp"]),
+    key("scenarios.*.hand.moves.over", Quantity(Time, Positive), Required, "How long the ramp takes.").of(&["ramp"]),
+    key("scenarios.*.hand.moves.amplitude", Quantity(Torque, Any), Required, "The sine's amplitude.").of(&["sine"]).under(&["torque"]),
+    key("scenarios.*.hand.moves.amplitude", Quantity(Position, Any), Required, "The sine's amplitude.").of(&["sine"]).under(&["grip"]),
+    key("scenarios.*.hand.moves.frequency", Quantity(Frequency, Positive), Required, "The sine's frequency, in Hz.").of(&["sine"]),
+    key("scenarios.*.hand.moves.phase", Quantity(Angle, Any), Number(0.0), "The sine's phase at t = 0.").of(&["sine"]),
+    key("scenarios.*.hand.moves.file", Text, Required,
+        "A CSV file beside the world file, its header time_s,torque_UNIT (linear: time_s,force_UNIT).").of(&["path"]).under(&["torque"]),
+    key("scenarios.*.hand.moves.file", Text, Required,
+        "A CSV file beside the world file, its header time_s,puck_UNIT.").of(&["path"]).under(&["grip"]),
+];
+
+/// The table at the top of a network file, in the paths of [`NETWORK`].
+pub const NETWORK_FILE: &str = "network";
+/// A station's name is a part of file names.
+const STATIONS: Takes = Takes::Named { most: 32, what: "station", letter_first: true, reserved: &[] };
+
+/// Every key of a network file, which joins the pucks of several worlds; `network` stands for the top of the file.
+#[rustfmt::skip]
+pub const NETWORK: &[Key] = &[
+    key("network.title", Text, Optional, "What the network is called in reports."),
+    key("network.stations", STATIONS, Required, "The devices, each with its own world and its own clock, by name."),
+    key("network.stations.*.world", Text, Required, "Its world file, in the folder of this file or below it."),
+    key("network.stations.*.phase", Quantity(Time, ZeroOrMore), Number(0.0), "When its first sample is taken, by the clock of the network."),
+    key("network.stations.*.drift", Quantity(Ratio, Any), Number(0.0), "By how many millionths its clock is fast (below 0: slow) against that of the network, at most 10 000: its samples come so much sooner, and the ages that it measures are so much larger."),
+    key("network.links", List { most: 64, what: "link" }, Required, "The couplings between the pucks of two stations. Each station computes its own end, from its own sample and the newest position that has come from the other."),
+    key("network.links.*.kind", Takes::Name(&["spring", "wall"]), Required, "Its law, of q: the first station's puck as seen from the second's."),
+    key("network.links.*.between", Ends(["left", "right"]), Required, "The two stations."),
+    key("network.links.*.stiffness", Quantity(Stiffness, ZeroOrMore), Required, "Torque per displacement (for a wall: per displacement inside of it)."),
+    key("network.links.*.rest", Quantity(Position, Any), Number(0.0), "q at which the spring is slack.").of(&["spring"]),
+    key("network.links.*.limit", Quantity(Torque, Positive), Optional, "The largest torque, on both pucks; absent: any."),
+    key("network.links.*.side", Takes::Name(&[Side::Above.name(), Side::Below.name()]), Required, "Which side of `at` is inside of the wall.").of(&["wall"]),
+    key("network.links.*.at", Quantity(Position, Any), Required, "Where the wall begins.").of(&["wall"]),
+    key("network.links.*.period", Quantity(Time, Positive), Depends("the sender's loop.period"), "The time between two messages, each way; no shorter than the sender's period."),
+    key("network.links.*.delay", Quantity(Time, ZeroOrMore), Number(0.0), "How long a message is on its way at least."),
+    key("network.links.*.delay_max", Quantity(Time, ZeroOrMore), Depends("delay"), "How long at most. Simulations draw each message's time between the two, so that messages may overtake each other."),
+    key("network.links.*.loss", Quantity(Ratio, ZeroOrMore), Number(0.0), "The part of the messages that a simulation loses, from 0 to 1."),
+    key("network.links.*.duplicate", Quantity(Ratio, ZeroOrMore), Number(0.0), "The part of the messages that arrive a second time in a simulation, after a time of their own, from 0 to 1."),
+    key("network.links.*.seed", Whole { least: 0, most: u32::MAX as u64, step: 1 }, Number(0.0), "The same seed draws the same losses, copies and times."),
+    key("network.links.*.age_max", Quantity(Time, Positive), Required,
+        "The greatest age of a position at any time that its torque acts, from the other's sample to the end of the hold here. A station to whom none so young has come lets go of the link."),
+];

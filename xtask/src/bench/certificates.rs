@@ -1,0 +1,116 @@
+//! Certificates: of many worlds in memory, and `hapt check` as a process.
+
+use std::fmt::Write;
+use std::fs;
+
+use anyhow::{Context, Result};
+
+use super::sweep::{ROUNDS, processes};
+use super::{Bench, STARTS, Times, goal, in_turns, program};
+
+/// A chain of bodies whose file states intervals, delays and a tolerance, and which is certified.
+pub(super) fn stated(bodies: usize) -> String {
+    let mut file = String::from(
+        "loop = { period = \"1 ms\", method = \"trapezoidal\", interval_max = \"1.4 ms\", delay = \"0.3 ms\", delay_max = \"0.6 ms\" }\n\
+         device = { inertia = 1e-3, damping = \"0.3 N m s/rad ± 20 %\" }\n",
+    );
+    for i in 0..bodies {
+        file += &format!("[bodies.b{i}]\ninertia = {:?}\n", 0.01 / (1 + i) as f64);
+    }
+    for i in 0..bodies {
+        let before = if i == 0 { "puck".into() } else { format!("b{}", i - 1) };
+        let between = format!("[[couplings]]\nbetween = [\"{before}\", \"b{i}\"]\n");
+        file += &format!(
+            "{between}kind = \"spring\"\nstiffness = {}\n{between}kind = \"damper\"\ndamping = 0.002\n",
+            2 * (1 + i)
+        );
+    }
+    file
+}
+
+impl Bench {
+    /// A million worlds of one body with a delay, by the functions of `hapt sweep`, on one core.
+    pub(super) fn certificates(&self) -> Result<String> {
+        let mut text = String::from(
+            "\n## Certificates over a grid\n\n10⁶ worlds of [one body with a delay](../bench/worlds/delayed.toml) over stiffness and delay, by the \
+             functions that `hapt sweep` calls, on one core; two threads take half of it. Worlds that differ by their delay share what does \
+             not depend on it. A required damping agrees to 1e-10 with that of the search by intervals, a verdict always.\n\n\
+             | | s | goal | |\n| --- | --- | --- | --- |\n",
+        );
+        for (measure, wanted) in [("certified", 10.0), ("required_damping", 10.0), ("free_growth_per_s", 10.0)] {
+            // Of a hundredth of them, each of a hundred stiffnesses with a hundred delays.
+            let [times] = in_turns([self.rust(&format!("certificates bench/worlds/delayed.toml {measure} 100 3"))])?;
+            let seconds = times.median() * 1e-3;
+            writeln!(text, "| `{measure}` | {seconds:.1} | {} |", goal(seconds, wanted))?;
+        }
+        Ok(text)
+    }
+
+    /// Whole processes of `hapt check`.
+    pub(super) fn checks(&self) -> Result<String> {
+        let mut chain = String::from("loop.period = \"1 ms\"\ndevice = { inertia = 6.4e-4, damping = 1.2e-3 }\n");
+        for i in 0..32 {
+            writeln!(chain, "[bodies.b{i}]\ninertia = {}", 0.01 + 0.001 * f64::from(i))?;
+        }
+        for i in 0..32 {
+            let before = if i == 0 { "puck".into() } else { format!("b{}", i - 1) };
+            writeln!(
+                chain,
+                "[[couplings]]\nkind = \"spring\"\nbetween = [\"{before}\", \"b{i}\"]\nstiffness = {}",
+                1 + i
+            )?;
+        }
+        let file = self.folder.join("chain.toml");
+        fs::write(&file, chain)?;
+        let file = file.to_str().context("a path in UTF-8")?;
+        let check = |words: &str| program(&self.release.join("hapt"), &format!("check {words}"));
+        let [one] = processes(STARTS, [check("worlds/notes/default.toml")])?;
+        let [quick] = processes(ROUNDS, [check(&format!("{file} --no-remedies"))])?;
+        let [all] = processes(3, [check(file)])?;
+        let of_stated = |n: usize| -> Result<Times> {
+            let path = self.folder.join(format!("stated{n}.toml"));
+            fs::write(&path, stated(n))?;
+            let [times] = processes(ROUNDS, [check(path.to_str().context("a path in UTF-8")?)])?;
+            Ok(times)
+        };
+        let (one_stated, eight_stated) = (of_stated(1)?, of_stated(8)?);
+        let delayed = |world: &str| processes(ROUNDS, [check(&format!("bench/worlds/{world}.toml"))]);
+        let ([one_late], [eight_late]) = (delayed("delayed")?, delayed("chain8")?);
+        let [chain_late] = processes(3, [check("bench/worlds/chain32.toml --no-remedies")])?;
+        let mut text = String::from(
+            "\n## One check\n\nThe whole process of `hapt check`; the 32 bodies are a chain of springs, those with a delay are [in bench/worlds](../bench/worlds).\n\n\
+             | | ms | goal | |\n| --- | --- | --- | --- |\n",
+        );
+        for (name, times, wanted) in [
+            ("1 body, with remedies", one, 10.0),
+            ("1 body with a delay, with remedies", one_late, 20.0),
+            ("1 body with times and a tolerance, with remedies", one_stated, 20.0),
+            ("8 bodies with times and a tolerance, with remedies", eight_stated, 300.0),
+            ("8 damped bodies with a delay, with remedies", eight_late, 300.0),
+            ("32 bodies, without", quick, 100.0),
+            ("32 damped bodies with a delay, without", chain_late, 60.0),
+            ("32 bodies, with remedies", all, 5000.0),
+        ] {
+            let ms = times.median();
+            writeln!(text, "| {name} | {ms:.1} | {} |", goal(ms, wanted))?;
+        }
+        text += "\nThe free loop of this chain keeps its energy up to the period 2b/K, and grows just above it, so that its critical period takes \
+                 two eigenvalue problems of puck and bodies together. Where the energy theorem does not apply, or the bodies are damped, \
+                 there are some hundred. Of each problem a good half is the reduction to Hessenberg form and QR, and nearly all of the rest \
+                 a second look, with vectors, at those eigenvalues that stand within rounding of the circle: with a lossless chain, all of \
+                 its modes.\n";
+        Ok(text)
+    }
+
+    pub(super) fn edges(&self) -> Result<String> {
+        let [hapt] = in_turns([self.rust("boundary worlds/devices/eth-wall.toml 200")])?;
+        let us = hapt.median() * 1e-3;
+        Ok(format!(
+            "\n## An edge of stability\n\nThe curve on which an eigenvalue of the ETH wheel with its wall is on the unit circle, in the \
+             plane of the wall's stiffness and damping: from the world to 2000 points in memory, `Decomposition::free`. Which of \
+             them are the edge takes two verdicts a point more, and is not timed.\n\n\
+             | | µs | goal | |\n| --- | --- | --- | --- |\n| 2000 points | {us:.0} | {} |\n",
+            goal(us, 100.0)
+        ))
+    }
+}
