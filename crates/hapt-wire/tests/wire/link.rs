@@ -111,7 +111,7 @@ fn dated<C: Codec>(codec: fn(u64, bool) -> C, seed: u64, adversary: &Adversary) 
         seen.push((1 - at, bytes.clone()));
         if random() % 100 >= loss {
             let mut bytes = bytes;
-            if random().is_multiple_of(16) {
+            if random() % 16 == 0 {
                 let bit = random() as usize % (8 * bytes.len());
                 bytes[bit / 8] ^= 1 << (bit % 8);
             }
@@ -120,10 +120,10 @@ fn dated<C: Codec>(codec: fn(u64, bool) -> C, seed: u64, adversary: &Adversary) 
         for _ in 0..replays {
             let (to, bytes) = seen[random() as usize % seen.len()].clone();
             // To the station it was sent to, or back to its sender.
-            let to = if random().is_multiple_of(8) { 1 - to } else { to };
+            let to = if random() % 8 == 0 { 1 - to } else { to };
             stations[to].coming.push((time + random() % (longest + 1), bytes));
         }
-        if random().is_multiple_of(700) {
+        if random() % 700 == 0 {
             let again = random() as usize % 2;
             let next = stations[again].next + random() % (4 * SILENCE);
             let coming = std::mem::take(&mut stations[again].coming);
