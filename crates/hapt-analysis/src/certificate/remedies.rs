@@ -2,7 +2,7 @@
 //!
 //! Each is a search over the certificate itself. A remedy is searched outwards from the
 //! present value until the verdict changes, then between the last two values to a relative 1e-7. The result is the number of fewest
-//! digits within 1e-6 of the edge that the certificate itself confirms ([`crate::certificate::rounding`]). A margin is the end of the interval that begins at
+//! digits within 1e-6 of the edge that the certificate itself confirms (`certificate::rounding`). A margin is the end of the interval that begins at
 //! the present value and is certified throughout: the search tracks the excess of the required damping and passes no gap. If the
 //! interval has no end within the range of the search, a reason is given.
 
@@ -148,8 +148,9 @@ fn period_margin(world: &World) -> Result<Result<f64, String>, Error> {
     let set = |w: &mut World, period: f64| w.sampling.period = period;
     let longest = world.sampling.interval_max.unwrap_or(MAX_MARGIN * now);
     let end = margin(world, Spacing::period(world.sampling.delay), [now, longest], set)?;
-    let reason = |all| if longest < MAX_MARGIN * now { "no end up to loop.interval_max".to_string() } else { all };
-    Ok(end.map(|end| Change { world, set }.largest_from(now, end)).map_err(reason))
+    let end = end.map(|end| Change { world, set }.largest_from(now, end));
+    // The file takes no period above loop.interval_max.
+    Ok(end.or_else(|reason| if longest < MAX_MARGIN * now { Ok(longest) } else { Err(reason) }))
 }
 
 fn delay_margin(world: &World) -> Result<Result<f64, String>, Error> {

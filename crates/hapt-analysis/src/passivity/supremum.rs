@@ -277,6 +277,10 @@ impl Search<'_> {
 
     /// What is wanted, by bounds over intervals.
     fn by_series(mut self) -> Result<Supremum, Error> {
+        if self.wanted == Wanted::Least {
+            // The same work for the same value, to the last bit.
+            self.wanted = Wanted::Value;
+        }
         let wanted = self.wanted;
         let (enough, spared) = (wanted.enough(), wanted.spared(self.noise));
         self.look();
@@ -285,15 +289,13 @@ impl Search<'_> {
         let mut from = 0.0;
         while from < PI && search.best <= enough {
             let r = match wanted {
-                Wanted::Value => PI / 16.0,
-                Wanted::Least | Wanted::AtMost(_) | Wanted::From(_) | Wanted::Bound(_) => search.curve.reach(from),
+                Wanted::Value | Wanted::Least => PI / 16.0,
+                Wanted::AtMost(_) | Wanted::From(_) | Wanted::Bound(_) => search.curve.reach(from),
             };
             let r = if from + 2.1 * r < PI { r } else { 0.5 * (PI - from) };
             let interval = match wanted {
-                Wanted::Value => search.bound::<TERMS>(from + r, r)?,
-                Wanted::Least | Wanted::AtMost(_) | Wanted::From(_) | Wanted::Bound(_) => {
-                    search.bound::<FEW>(from + r, r)?
-                }
+                Wanted::Value | Wanted::Least => search.bound::<TERMS>(from + r, r)?,
+                Wanted::AtMost(_) | Wanted::From(_) | Wanted::Bound(_) => search.bound::<FEW>(from + r, r)?,
             };
             if interval.upper > spared || search.best > spared {
                 heap.push(interval);

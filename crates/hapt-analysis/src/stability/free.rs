@@ -78,7 +78,7 @@ pub(crate) enum Extent {
 }
 
 /// Eigenvalues, growth, critical period and modes of the loop, hands-off. Where the bodies step at every n-th sample, the eigenvalues are
-/// those of n samples, and the reason in place of the critical period is [`NOT_SEARCHED`].
+/// those of n samples, and the reason in place of the critical period is that it is not searched.
 ///
 /// Work, for each combination of slopes: O(n³) in the modes coupled to the puck, estimator memory and commands in flight, and about
 /// a hundred times that for the critical period.

@@ -115,6 +115,14 @@ fn world(seed: u64, lane: u64, runaway: bool) -> World {
         world.couplings.push(Coupling { law: Law::Damper { damping: Damping::Compensating }, ..spring });
     }
 
+    // Two rates in all lanes or in none.
+    if shape.chance(0.3) {
+        world.sampling.bodies_every = 2 + shape.below(4) as u32;
+        if hapt_sim::check(&world).is_err() {
+            world.sampling.bodies_every = 1;
+        }
+    }
+
     // Couplings that no matrix holds, other ones in each lane.
     if shape.chance(0.6) {
         let linear = world.couplings.clone();
@@ -128,14 +136,6 @@ fn world(seed: u64, lane: u64, runaway: bool) -> World {
             world.couplings = linear;
         }
     }
-    // Two rates in all lanes, but for those with friction that does not take them.
-    if shape.chance(0.3) {
-        world.sampling.bodies_every = 2 + shape.below(4) as u32;
-        if hapt_sim::check(&world).is_err() {
-            world.sampling.bodies_every = 1;
-        }
-    }
-
     let period = world.sampling.period;
     // On a sample, or between two.
     let between = shape.chance(0.5);

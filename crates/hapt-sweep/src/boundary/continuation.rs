@@ -101,6 +101,14 @@ struct Seed {
 }
 
 impl Trace {
+    /// Whether both begin and end at the same places on the sides of the square.
+    fn has_the_ends_of(&self, other: &Trace) -> bool {
+        let ends = |trace: &Trace| Some([*trace.points.first()?, *trace.points.last()?]);
+        let (Some(own), Some(others)) = (ends(self), ends(other)) else { return false };
+        let same = own.iter().zip(&others).all(|(a, b)| on_frame(*a) && distance(*a, *b) < 2.0 * SHORTEST);
+        same && !self.closed && !other.closed
+    }
+
     /// Where the edge goes on, but turns or narrows within the shortest step: ends that are not on a side of the square, or the only point.
     pub fn lost(&self) -> impl Iterator<Item = Place> {
         let only = self.points.len() == 1;
@@ -118,8 +126,13 @@ impl Trace {
 pub(crate) fn trace<E: Send>(f: &(impl Fn(Place) -> Result<f64, E> + Sync), known: &[Trace]) -> Result<Vec<Trace>, E> {
     let mut found: Vec<Trace> = Vec::new();
     for seed in seeds(f)? {
-        if !known.iter().chain(&found).any(|trace| lies_on(trace, seed.at)) {
-            found.push(from_seed(f, seed)?);
+        if known.iter().chain(&found).any(|trace| lies_on(trace, seed.at)) {
+            continue;
+        }
+        let new = from_seed(f, seed)?;
+        // A seed at a corner that the first trace has cut begins the same edge again.
+        if !known.iter().chain(&found).any(|trace| trace.has_the_ends_of(&new)) {
+            found.push(new);
         }
     }
     Ok(found)

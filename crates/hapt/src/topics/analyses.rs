@@ -63,8 +63,8 @@ between the searched lines, five each way and the frame, can be missed.
 
   hapt boundary @devices/eth-wall --vary loop.delay=0..2ms --vary device.damping=0..0.01
 
-Of a network of stations: `passive` is the edge for any clocks and any loss, `fixed` that at the file's
-own periods, phases and delays. Keys are such as links.0.stiffness and stations.left.device.damping.
+Of a network of stations: `passive` is the edge for any clocks and any loss, `fixed` that at the
+file's own times. Keys are such as links.0.stiffness and stations.left.device.damping.
 "#,
     },
     Topic {

@@ -186,7 +186,7 @@ damping is a property of the hardware. "none found": no single change is enough.
 loop the same list has the margins: the range of each alone. Two at once need a new check.
 
   hapt check @notes/wheel | grep -A1 remedies              output = "end"
-  hapt check @notes/default                                period = "2.356 ms"
+  hapt check @notes/default                                period = "2.356194 ms"
 
 --no-remedies omits the search; in --json they are then null.
 "#,
