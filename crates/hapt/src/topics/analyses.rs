@@ -82,8 +82,7 @@ The exit code is 1 when broken. `gap` gives the device damping that the certific
 the damping up to which such a hand breaks the linear loop. In between the answer is open: a hand
 with several modes may break it, and the certificate covers all hands.
 
-Of a network it searches for hands at all stations that draw energy together, with the messages of
-the file and with messages as late as age_max allows.
+Of a network it searches for hands at all stations that draw energy together.
 "#,
     },
     Topic {

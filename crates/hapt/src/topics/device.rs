@@ -39,15 +39,14 @@ See delay.
         name: "rates",
         aliases: &["bodies_every", "two-rates", "multirate"],
         line: "bodies that step at every n-th sample only",
-        text: r#"With `bodies_every = n` in [loop] the bodies step at every n-th sample, by n periods, and stand still
-in between. The torque has the puck's newest position at every sample. A spring then requires KT/2 of
-the fast period T, and the method steps by nT.
+        text: r#"With `bodies_every = n` in [loop] the bodies step at every n-th sample, by n periods, and
+stand still in between. The torque has the puck's newest position at every sample. A spring then
+requires KT/2 of the fast period T, and the method steps by nT.
 
-  hapt check @devices/two-rates | grep ^passive                                    0.0005013
-  hapt check @devices/two-rates --set loop.period=10ms --set loop.bodies_every=1 | grep ^passive   0.005013
+  hapt check @devices/two-rates | grep ^passive            0.0005013
 
-That is proved for zoh, trapezoidal and backward-euler with output "end", without a delay, and with no
-damper or friction between the puck and a body. The others have no required damping.
+That is proved for zoh, trapezoidal and backward-euler with output "end", without a delay, and
+with no damper or friction between the puck and a body. The others have no required damping.
 "#,
     },
     Topic {
