@@ -68,7 +68,7 @@ export async function extremes(page, read, seconds) {
 }
 
 /** Waits until a reading is as wanted, or tells the last. */
-export async function until(read, wanted, seconds = 10) {
+export async function until(read, wanted, seconds = 60) {
   let last;
   for (const end = Date.now() + 1000 * seconds; Date.now() < end; await new Promise((ok) => setTimeout(ok, 50))) {
     if (wanted((last = await read()))) return last;
