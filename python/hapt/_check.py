@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import html
-from collections.abc import Iterator, Mapping
 from typing import Any, Optional, TypedDict, cast
+
+from ._answer import Certificate
 
 
 class Eigenvalue(TypedDict):
@@ -78,42 +78,11 @@ class Uneven(TypedDict):
     free: FreePatterns
 
 
-class Check(Mapping[str, Any]):
+class Check(Certificate):
     """The mapping of `hapt check --json` (docs/contract.md, section 7); `print` shows it as `hapt check` does.
 
     Its truth is whether the loop is certified: `assert world.check()`.
     """
-
-    def __init__(self, fields: dict[str, Any], text: str) -> None:
-        self._fields = fields
-        self._text = text
-
-    def __getitem__(self, name: str) -> Any:
-        return self._fields[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._fields)
-
-    def __len__(self) -> int:
-        return len(self._fields)
-
-    def __bool__(self) -> bool:
-        return self.certified
-
-    def __str__(self) -> str:
-        return self._text
-
-    def __repr__(self) -> str:
-        return f"<hapt.Check certified={self.certified}>"
-
-    def _repr_html_(self) -> str:
-        # The notebook's own style sets no fixed width, and breaks lines.
-        style = "margin:0.3em 0;font-family:monospace;white-space:pre;overflow-x:auto;line-height:1.35"
-        colour, word = ("#1a7f37", "certified") if self.certified else ("#b42318", "not certified")
-        return (
-            f'<div><strong style="color:{colour}">{word}</strong>'
-            f'<pre style="{style}">{html.escape(self._text)}</pre></div>'
-        )
 
     @property
     def certified(self) -> bool:

@@ -5,40 +5,18 @@ from __future__ import annotations
 import json
 import os
 import warnings
-from collections.abc import Iterator, Mapping
 from typing import Any, Optional, Union
 
 from . import _hapt, _toml
+from ._answer import Certificate
 from ._table import Table
 
 
-class NetworkCheck(Mapping[str, Any]):
+class NetworkCheck(Certificate):
     """The mapping of `hapt check --json` of a network (docs/contract.md, section 9); `print` shows it as `hapt check` does.
 
     Its truth is whether the network is certified: `assert network.check()`.
     """
-
-    def __init__(self, fields: dict[str, Any], text: str) -> None:
-        self._fields = fields
-        self._text = text
-
-    def __getitem__(self, name: str) -> Any:
-        return self._fields[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._fields)
-
-    def __len__(self) -> int:
-        return len(self._fields)
-
-    def __bool__(self) -> bool:
-        return self.certified
-
-    def __str__(self) -> str:
-        return self._text
-
-    def __repr__(self) -> str:
-        return f"<hapt.NetworkCheck certified={self.certified}>"
 
     @property
     def certified(self) -> bool:

@@ -47,11 +47,16 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
     let worst = watched(most, |watch| hapt_sweep::worst::search_watched(&loaded.world, watch))?;
     let shown = with_scenario(&loaded.world, &worst, args.out.as_deref());
     if let Some((path, draft)) = args.out.as_deref().zip(draft) {
-        if let Some(motion) = &worst.motion {
-            let beside = beside(path);
-            write(&beside, begin(&beside)?, &motion.csv(loaded.world.motion))?;
-        }
-        write(path, draft, &shown.to_toml())?;
+        let beside = beside(path);
+        let motion = match &worst.motion {
+            // A device has no file beside it.
+            Some(motion) => {
+                output::regular("--out", path)?;
+                Some(((beside.as_path(), begin(&beside)?), motion.csv(loaded.world.motion)))
+            }
+            None => None,
+        };
+        write(motion.into_iter().chain([((path, draft), shown.to_toml())]))?;
     }
     let text = if args.json {
         let json = serde_json::to_string_pretty(&worst).map_err(|error| Failure::System(error.to_string()))?;
@@ -116,11 +121,17 @@ pub fn begin(path: &Path) -> Result<Draft, Failure> {
     Draft::new(path.to_path_buf()).map_err(|error| Failure::write(path.display(), error))
 }
 
-pub fn write(path: &Path, mut draft: Draft, text: &str) -> Result<(), Failure> {
-    let failed = |error| Failure::write(path.display(), error);
-    draft.write_all(text.as_bytes()).map_err(failed)?;
-    draft.finish().map_err(failed)?;
-    messages::say(format_args!("wrote {}", path.display()));
+/// Writes each text to its draft, and moves all of them to their places when all are written.
+pub fn write<'p>(files: impl Iterator<Item = ((&'p Path, Draft), String)>) -> Result<(), Failure> {
+    let mut written = Vec::new();
+    for ((path, mut draft), text) in files {
+        draft.write_all(text.as_bytes()).map_err(|error| Failure::write(path.display(), error))?;
+        written.push((path, draft));
+    }
+    for (path, draft) in written {
+        draft.finish().map_err(|error| Failure::write(path.display(), error))?;
+        messages::say(format_args!("wrote {}", path.display()));
+    }
     Ok(())
 }
 

@@ -21,6 +21,8 @@ pub fn run(source: &Source, args: &WorstArgs) -> Result<ExitCode, Failure> {
     let network = Network::read(source, &args.world.sets)?;
     let files = args.out.as_deref().map(|path| Files::of(path, &network));
     if let Some(files) = &files {
+        // Other files stand beside it.
+        files.all().try_for_each(|path| output::regular("--out", path))?;
         let all: Vec<_> = files.all().map(|path| ("--out", path)).collect();
         output::apart(&all, &inputs(&args.world.path, &System::Network(network.clone())))?;
     }
@@ -30,9 +32,7 @@ pub fn run(source: &Source, args: &WorstArgs) -> Result<ExitCode, Failure> {
     if let Some(files) = &files {
         let worlds = worst.network.stations.iter().map(|station| station.stated_world().to_toml());
         let texts = worlds.chain([worst.network.to_toml(&files.names())]);
-        for ((path, draft), text) in files.all().zip(drafts).zip(texts) {
-            write(path, draft, &text)?;
-        }
+        write(files.all().zip(drafts).zip(texts))?;
     }
     let text = if args.json {
         let json = serde_json::to_string_pretty(&worst).map_err(|error| Failure::System(error.to_string()))?;

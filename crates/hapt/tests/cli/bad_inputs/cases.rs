@@ -445,6 +445,7 @@ fn networks(t: &mut Table) {
             &["sweep", "--vary", "links.0.loss=0..2:3", "--measure", "let_go", "--out", "t.csv"],
         ),
         ("the worst hands into one of its files", &["worst", "--out", "w.toml"]),
+        ("the worst hands into a device, which has no files beside it", &["worst", "--out", "/dev/full"]),
         ("an impedance at no one puck", &["impedance"]),
     ] {
         let args = [&[args[0], "pair.toml"][..], &args[1..]].concat();
