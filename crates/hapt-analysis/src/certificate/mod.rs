@@ -4,7 +4,7 @@ mod certified;
 pub mod check;
 pub mod proposal;
 pub mod remedies;
-mod rounding;
+pub(crate) mod rounding;
 mod sentences;
 pub mod text;
 

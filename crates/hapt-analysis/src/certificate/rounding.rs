@@ -40,12 +40,32 @@ pub(crate) fn roundest(edge: f64, side: Certified, holds: impl FnMut(&f64) -> bo
     candidates(edge, side).find(holds).unwrap_or(edge)
 }
 
+/// The number of four digits beside an edge that is on its certified side.
+pub(crate) fn within(edge: f64, side: Certified) -> f64 {
+    let holds = |x: &f64| match side {
+        Certified::Above => *x >= edge,
+        Certified::Below => *x <= edge,
+    };
+    let nearest = decimal(edge, 3);
+    let step = 10f64.powf(edge.abs().log10().floor() - 3.0);
+    let neighbour = decimal(if side == Certified::Above { nearest + step } else { nearest - step }, 3);
+    [nearest, neighbour].into_iter().find(holds).unwrap_or(edge)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
 
     proptest! {
+        #[test]
+        fn four_digits_stay_on_the_certified_side(edge in 1e-9..1e9f64, above in any::<bool>()) {
+            let found = within(edge, if above { Certified::Above } else { Certified::Below });
+            prop_assert!((found >= edge) == above || found == edge);
+            prop_assert!((found / edge - 1.0).abs() <= 1.001e-3);
+            prop_assert_eq!(found, decimal(found, 3));
+        }
+
         #[test]
         fn a_round_edge_that_a_search_has_missed_is_found(
             digits in 1..9999u32, exponent in -9..9i32, off in -1e-7..1e-7f64, above in any::<bool>(),

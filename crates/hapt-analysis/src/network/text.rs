@@ -2,8 +2,17 @@
 
 use std::fmt::Write as _;
 
+use hapt_model::Motion;
+use hapt_model::keys::Measure;
+
 use super::{FixedRates, NetworkCheck, StationCheck};
+use crate::certificate::rounding::{Certified, within};
 use crate::text::{short, time};
+
+/// An edge in four digits, none of which goes beyond it.
+fn up_to(x: f64) -> String {
+    short(within(x, Certified::Below))
+}
 
 /// What the sentence says of a station.
 #[derive(Clone, Copy)]
@@ -39,6 +48,11 @@ pub(super) fn sentence<'a>(stations: impl Iterator<Item = Found<'a>> + Clone) ->
     }
 }
 
+/// The symbol of a measure's unit.
+fn unit(measure: Measure, motion: Motion) -> String {
+    measure.dimension(motion).symbol()
+}
+
 impl NetworkCheck {
     /// One sentence: certified, or why not.
     pub fn verdict_sentence(&self) -> String {
@@ -61,10 +75,12 @@ impl NetworkCheck {
         }
         for link in &self.links {
             let [one, other] = &link.between;
-            let most = link.stiffness_max.map_or("passive with none".into(), |k| format!("passive up to {}", short(k)));
+            let unit = self.unit(Measure::Stiffness);
+            let most =
+                link.stiffness_max.map_or("passive with none".into(), |k| format!("passive up to {} {unit}", up_to(k)));
             let _ = writeln!(
                 text,
-                "link      {one} to {other}: stiffness {}, {most}; positions act up to an age of {}",
+                "link      {one} to {other}: stiffness {} {unit}, {most}; positions act up to an age of {}",
                 short(link.stiffness),
                 time(link.age_max_s)
             );
@@ -86,6 +102,10 @@ impl NetworkCheck {
         text
     }
 
+    fn unit(&self, measure: Measure) -> String {
+        unit(measure, self.stations.first().map_or(Motion::Rotary, |station| station.local.motion))
+    }
+
     /// Margins where it is passive, else remedies: which of both, what they are, and a line for each; without lines there are none.
     pub fn proposal(&self) -> (&'static str, &'static str, Vec<String>) {
         let is_passive = self.stations.iter().all(|station| station.passive);
@@ -97,13 +117,16 @@ impl NetworkCheck {
         let mut lines = Vec::new();
         let remedies = &self.remedies;
         if let Some(scale) = remedies.stiffness_scale.filter(|scale| *scale > 0.0) {
-            lines.push(format!("stiffness of every link times {}", short(scale)));
+            lines.push(format!("stiffness of every link times {}", up_to(scale)));
         }
         if let Some(scale) = remedies.age_scale.filter(|scale| *scale > 0.0) {
-            lines.push(format!("age_max of every link times {}", short(scale)));
+            lines.push(format!("age_max of every link times {}", up_to(scale)));
         }
         for (station, damping) in &remedies.device_damping {
-            lines.extend(damping.map(|damping| format!("device.damping of {station}: {}", short(damping))));
+            let least = damping.map(|damping| short(within(damping, Certified::Above)));
+            lines.extend(
+                least.map(|least| format!("device.damping of {station}: {least} {}", self.unit(Measure::Damping))),
+            );
         }
         (name, heading, lines)
     }
@@ -120,8 +143,8 @@ impl FixedRates {
             (false, _) => "not passive".into(),
         };
         let edge = match self.stiffness_scale {
-            Some(scale) if self.exact => format!("; the edge is at links {} times as stiff", short(scale)),
-            Some(scale) => format!("; it is up to links {} times as stiff at least", short(scale)),
+            Some(scale) if self.exact => format!("; the edge is at links {} times as stiff", up_to(scale)),
+            Some(scale) => format!("; it is up to links {} times as stiff at least", up_to(scale)),
             None if passive => String::new(),
             None => ", with links of any stiffness".into(),
         };
@@ -133,15 +156,16 @@ impl StationCheck {
     /// What it requires and has, or why it is not certified alone.
     pub fn sentence(&self) -> String {
         let StationCheck { required_damping, device_damping, local, .. } = self;
-        let own = short(*device_damping);
+        let unit = unit(Measure::Damping, local.motion);
+        let own = format!("{} {unit}", short(*device_damping));
         match (local.certified, required_damping) {
             (false, _) => local.verdict_sentence().to_string(),
             (true, None) => "no finite damping is known to suffice".into(),
             (true, Some(b)) if self.passive => {
-                format!("passive, requires a damping of {}, the device has {own}", short(*b))
+                format!("passive, requires a damping of {} {unit}, the device has {own}", short(*b))
             }
             (true, Some(b)) => {
-                format!("not passive, requires a damping of {}, the device has {own}", short(*b))
+                format!("not passive, requires a damping of {} {unit}, the device has {own}", short(*b))
             }
         }
     }

@@ -214,7 +214,7 @@ impl Links {
             fill(&mut random)?;
             let session = Session::new(codec, u64::from_le_bytes(random));
             let sample = own.world.sampling.period;
-            let period = joint.period.map_or(0.0, |period| period - 0.5 * sample);
+            let period = joint.period.map_or(0.0, |_| joint.between_messages(sample) - 0.5 * sample);
             let counters = Arc::new(Counters::new(&network.stations[other].name, joint.age_max));
             links.push(Arc::clone(&counters));
             ports.push(port);

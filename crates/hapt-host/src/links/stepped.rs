@@ -37,7 +37,7 @@ impl SteppedLinks {
                 let (port, wire) = link(joint, side == 0, network.end(at, side));
                 ports[station].push(port);
                 let sample = network.stations[station].world.sampling.period;
-                let period = joint.period.map_or(0.0, |period| period - 0.5 * sample);
+                let period = joint.period.map_or(0.0, |_| joint.between_messages(sample) - 0.5 * sample);
                 let to = &network.stations[joint.between[1 - side]].name;
                 ends.push(End {
                     station,
