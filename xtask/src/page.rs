@@ -192,7 +192,7 @@ fn has_npm() -> Result<bool> {
 fn npm(arguments: &[&str]) -> Result<()> {
     let mut command = Command::new("npm");
     command.args(arguments).current_dir("web").env("HAPT", fs::canonicalize(program())?);
-    command.env("WHEEL_PAGE", std::path::absolute(crate::test::example("wheel_page"))?);
+    command.env("WHEEL_PAGE", std::path::absolute(crate::test::example("wheel_page")?)?);
     let said = command.output()?;
     let text = [said.stdout, said.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).join("\n");
     // Either reporter of node's: what passed before the first failure tells nothing.
