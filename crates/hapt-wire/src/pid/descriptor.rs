@@ -276,7 +276,7 @@ pub const DESCRIPTOR: &[u8] = &[
     0x09, 0x89, 0xA1, 0x02, //   Block Load Report: Collection (Logical)
     0x85, id::LOAD,         //     Report ID
     0x09, 0x22,             //     Usage (Effect Block Index)
-    0x15, 0x00, 0x25, 0x10, //     Logical 0 to 16
+    0x15, 0x01, 0x25, 0x10, //     Logical 1 to 16: were it from 0, Linux would take effect 0 for a centring spring
     0xB1, 0x02,             //     Feature (Data, Var, Abs)
     0x09, 0x8B, 0xA1, 0x02, //     Block Load Status: Collection (Logical)
     0x09, 0x8C, 0x09, 0x8D, //       Success, Full
