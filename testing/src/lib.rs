@@ -1,7 +1,12 @@
 //! What the tests of several crates share.
 
-use proptest::test_runner::{Config, RngSeed};
 use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use proptest::test_runner::{Config, RngSeed};
 
 /// In the contributor's loop a random test runs this part of its cases.
 const PART: u32 = 8;
@@ -50,4 +55,41 @@ fn takes_all() -> bool {
 #[must_use]
 pub fn cases_from(seed: u64, all: u32) -> Config {
     Config { rng_seed: RngSeed::Fixed(seed), ..cases(all) }
+}
+
+/// A thread that asks to be woken after 1 ms and is woken so much later has met a machine that keeps no time.
+const LATE: Duration = Duration::from_millis(5);
+/// Attempts of a test on such a machine.
+const ATTEMPTS: u32 = 5;
+
+/// Runs a test of what lives by the clock, such as a drive's watchdog. Where it fails while the machine was too busy to keep time, it runs
+/// again, at most five times: what is wrong is wrong in time too.
+///
+/// # Panics
+/// As the test, where the machine kept time or the last attempt failed.
+pub fn in_time(test: impl Fn()) {
+    for attempt in 1.. {
+        let runs = AtomicBool::new(true);
+        let (ended, latest) = thread::scope(|scope| {
+            let watch = scope.spawn(|| {
+                let mut latest = Duration::ZERO;
+                while runs.load(Ordering::Relaxed) {
+                    let asleep = Instant::now();
+                    thread::sleep(Duration::from_millis(1));
+                    latest = latest.max(asleep.elapsed());
+                }
+                latest
+            });
+            let ended = catch_unwind(AssertUnwindSafe(&test));
+            runs.store(false, Ordering::Relaxed);
+            (ended, watch.join().unwrap_or_default())
+        });
+        match ended {
+            Ok(()) => return,
+            Err(_) if latest > LATE && attempt < ATTEMPTS => {
+                eprintln!("a thread was woken {latest:?} late: attempt {attempt} does not count");
+            }
+            Err(panic) => resume_unwind(panic),
+        }
+    }
 }

@@ -9,6 +9,7 @@ use hapt_drive::odrive::{self, codec};
 use hapt_drive::simulate::Firmware;
 use hapt_drive::{Frame, Make};
 use hapt_rt::{Device as _, DriveFault, Failure};
+use hapt_testing::in_time;
 
 use codec::Command;
 
@@ -73,117 +74,131 @@ fn torque(way: Direction, frame: &Frame) -> bool {
 
 #[test]
 fn torque_frames_that_are_lost_alone_end_the_loop_though_questions_feed_the_drives_watchdog() {
-    for firmware in odrives() {
-        let ended = fault(ends(Make::Odrive, &firmware, 60, || {
-            |way: Direction, frame: Frame| if torque(way, &frame) { vec![] } else { vec![frame] }
-        }));
-        assert!(ended.what.contains("torque frames are lost"), "{ended}");
-    }
+    in_time(|| {
+        for firmware in odrives() {
+            let ended = fault(ends(Make::Odrive, &firmware, 60, || {
+                |way: Direction, frame: Frame| if torque(way, &frame) { vec![] } else { vec![frame] }
+            }));
+            assert!(ended.what.contains("torque frames are lost"), "{ended}");
+        }
+    });
 }
 
 #[test]
 fn torque_frames_that_are_late_or_changed_end_the_loop() {
-    for late in [1, 4] {
-        let ended = fault(ends(Make::Odrive, &odrives()[0], 200, || {
-            let mut held = VecDeque::new();
-            move |way: Direction, frame: Frame| {
-                if !torque(way, &frame) {
-                    return vec![frame];
+    in_time(|| {
+        for late in [1, 4] {
+            let ended = fault(ends(Make::Odrive, &odrives()[0], 200, || {
+                let mut held = VecDeque::new();
+                move |way: Direction, frame: Frame| {
+                    if !torque(way, &frame) {
+                        return vec![frame];
+                    }
+                    held.push_back(frame);
+                    if held.len() > late { held.pop_front().into_iter().collect() } else { vec![] }
                 }
-                held.push_back(frame);
-                if held.len() > late { held.pop_front().into_iter().collect() } else { vec![] }
-            }
-        }));
-        assert!(ended.what.contains("late"), "{ended}");
-    }
-    for (part, firmware) in [-1.0, 0.5, 20.0].into_iter().zip(odrives()) {
-        let _ = ends(Make::Odrive, &firmware, 400, || {
-            move |way: Direction, frame: Frame| {
-                let Some((torque, _)) = codec::two_floats(frame.data()).filter(|_| torque(way, &frame)) else {
-                    return vec![frame];
-                };
-                vec![Frame::classic(frame.id, &codec::floats(part * torque, 0.0))]
-            }
-        });
-    }
+            }));
+            assert!(ended.what.contains("late"), "{ended}");
+        }
+        for (part, firmware) in [-1.0, 0.5, 20.0].into_iter().zip(odrives()) {
+            let _ = ends(Make::Odrive, &firmware, 400, || {
+                move |way: Direction, frame: Frame| {
+                    let Some((torque, _)) = codec::two_floats(frame.data()).filter(|_| torque(way, &frame)) else {
+                        return vec![frame];
+                    };
+                    vec![Frame::classic(frame.id, &codec::floats(part * torque, 0.0))]
+                }
+            });
+        }
+    });
 }
 
 #[test]
 fn a_heartbeat_that_stays_away_ends_the_loop() {
-    for firmware in odrives() {
-        let ended = fault(ends(Make::Odrive, &firmware, 100_000, || {
-            |_: Direction, frame: Frame| if is(&frame, Command::Heartbeat) { vec![] } else { vec![frame] }
-        }));
-        assert_eq!((ended.code, ended.reason), (Command::Heartbeat as u32, Some(Reason::Link)), "{ended}");
-    }
+    in_time(|| {
+        for firmware in odrives() {
+            let ended = fault(ends(Make::Odrive, &firmware, 100_000, || {
+                |_: Direction, frame: Frame| if is(&frame, Command::Heartbeat) { vec![] } else { vec![frame] }
+            }));
+            assert_eq!((ended.code, ended.reason), (Command::Heartbeat as u32, Some(Reason::Link)), "{ended}");
+        }
+    });
 }
 
 /// With a missing or a repeated old heartbeat an idle drive is detected, and never switched on again.
 #[test]
 fn a_drive_that_is_made_idle_ends_the_loop_though_no_heartbeat_says_so() {
-    for firmware in odrives() {
-        for repeated in [false, true] {
-            ends(Make::Odrive, &firmware, 100_000, || {
-                let mut is_idle = false;
-                move |way: Direction, frame: Frame| match way {
-                    Direction::FromDrive if is(&frame, Command::Heartbeat) && repeated => {
-                        let armed = codec::Heartbeat { error: 0, state: 8 };
-                        vec![Frame::classic(frame.id, &armed.data())]
+    in_time(|| {
+        for firmware in odrives() {
+            for repeated in [false, true] {
+                ends(Make::Odrive, &firmware, 100_000, || {
+                    let mut is_idle = false;
+                    move |way: Direction, frame: Frame| match way {
+                        Direction::FromDrive if is(&frame, Command::Heartbeat) && repeated => {
+                            let armed = codec::Heartbeat { error: 0, state: 8 };
+                            vec![Frame::classic(frame.id, &armed.data())]
+                        }
+                        Direction::FromDrive if is(&frame, Command::Heartbeat) => vec![],
+                        Direction::ToDrive if !is_idle => {
+                            is_idle = true;
+                            vec![Frame::classic(Command::State.id(1).into(), &codec::pair(1, 0)), frame]
+                        }
+                        Direction::ToDrive => {
+                            assert!(!(is(&frame, Command::State) && frame.data()[0] == 8), "it is switched on again");
+                            vec![frame]
+                        }
+                        Direction::FromDrive => vec![frame],
                     }
-                    Direction::FromDrive if is(&frame, Command::Heartbeat) => vec![],
-                    Direction::ToDrive if !is_idle => {
-                        is_idle = true;
-                        vec![Frame::classic(Command::State.id(1).into(), &codec::pair(1, 0)), frame]
-                    }
-                    Direction::ToDrive => {
-                        assert!(!(is(&frame, Command::State) && frame.data()[0] == 8), "it is switched on again");
-                        vec![frame]
-                    }
-                    Direction::FromDrive => vec![frame],
-                }
-            })
-            .unwrap_err();
+                })
+                .unwrap_err();
+            }
         }
-    }
+    });
 }
 
 #[test]
 fn an_error_in_the_heartbeat_of_an_armed_drive_ends_the_loop_by_name() {
-    let ended = fault(ends(Make::Odrive, &odrives()[0], 1000, || {
-        |_: Direction, frame: Frame| {
-            let hot = codec::Heartbeat { error: 0x2000, state: 8 };
-            vec![if is(&frame, Command::Heartbeat) { Frame::classic(frame.id, &hot.data()) } else { frame }]
-        }
-    }));
-    assert_eq!((ended.what, ended.reason), ("MOTOR_OVER_TEMP", Some(Reason::Heat)));
+    in_time(|| {
+        let ended = fault(ends(Make::Odrive, &odrives()[0], 1000, || {
+            |_: Direction, frame: Frame| {
+                let hot = codec::Heartbeat { error: 0x2000, state: 8 };
+                vec![if is(&frame, Command::Heartbeat) { Frame::classic(frame.id, &hot.data()) } else { frame }]
+            }
+        }));
+        assert_eq!((ended.what, ended.reason), ("MOTOR_OVER_TEMP", Some(Reason::Heat)));
+    });
 }
 
 #[test]
 fn a_drive_that_does_not_say_which_torque_it_uses_is_not_driven_on() {
-    for (firmware, kind) in odrives().iter().zip([Command::Torques, Command::Torques, Command::Current]) {
-        let ended = fault(ends(Make::Odrive, firmware, 100, || {
-            move |way: Direction, frame: Frame| {
-                if way == Direction::FromDrive && is(&frame, kind) { vec![] } else { vec![frame] }
-            }
-        }));
-        assert_eq!(ended.reason, Some(Reason::Late), "{ended}");
-    }
+    in_time(|| {
+        for (firmware, kind) in odrives().iter().zip([Command::Torques, Command::Torques, Command::Current]) {
+            let ended = fault(ends(Make::Odrive, firmware, 100, || {
+                move |way: Direction, frame: Frame| {
+                    if way == Direction::FromDrive && is(&frame, kind) { vec![] } else { vec![frame] }
+                }
+            }));
+            assert_eq!(ended.reason, Some(Reason::Late), "{ended}");
+        }
+    });
 }
 
 #[test]
 fn answers_with_their_identifiers_swapped_end_the_loop() {
-    for (one, other) in [(0x29, 0x3c), (0x29, 0x21), (0x3c, 0x21)] {
-        let _ = ends(Make::Odrive, &odrives()[0], 100_000, || {
-            move |way: Direction, frame: Frame| {
-                let id = match frame.id {
-                    id if way == Direction::FromDrive && id == one => other,
-                    id if way == Direction::FromDrive && id == other => one,
-                    id => id,
-                };
-                vec![if frame.remote { frame } else { Frame::classic(id, frame.data()) }]
-            }
-        });
-    }
+    in_time(|| {
+        for (one, other) in [(0x29, 0x3c), (0x29, 0x21), (0x3c, 0x21)] {
+            let _ = ends(Make::Odrive, &odrives()[0], 100_000, || {
+                move |way: Direction, frame: Frame| {
+                    let id = match frame.id {
+                        id if way == Direction::FromDrive && id == one => other,
+                        id if way == Direction::FromDrive && id == other => one,
+                        id => id,
+                    };
+                    vec![if frame.remote { frame } else { Frame::classic(id, frame.data()) }]
+                }
+            });
+        }
+    });
 }
 
 /// The kind of a moteus's frame: a command writes a mode, a request does not.
@@ -204,128 +219,140 @@ fn stop() -> Frame {
 /// In a period that is long enough to switch the motor on again undetected.
 #[test]
 fn a_moteus_that_is_stopped_once_between_question_and_command_stays_stopped() {
-    let world = world(&["loop.period=20 ms", "couplings.0.stiffness=0.02", "safety.pulse=0", "safety.stall=1"]);
-    let bench = TestBench::new(Make::Moteus, None, Box::new(moteus()), &world, lockstep(&world));
-    let mut looped = bench.running(&world, PATIENCE);
-    let mut is_stopped = false;
-    bench.faults.intercept(move |way, frame| {
-        let is_first = commands(way, &frame) && !is_stopped;
-        is_stopped |= is_first;
-        if is_first { vec![stop(), frame] } else { vec![frame] }
+    in_time(|| {
+        let world = world(&["loop.period=20 ms", "couplings.0.stiffness=0.02", "safety.pulse=0", "safety.stall=1"]);
+        let bench = TestBench::new(Make::Moteus, None, Box::new(moteus()), &world, lockstep(&world));
+        let mut looped = bench.running(&world, PATIENCE);
+        let mut is_stopped = false;
+        bench.faults.intercept(move |way, frame| {
+            let is_first = commands(way, &frame) && !is_stopped;
+            is_stopped |= is_first;
+            if is_first { vec![stop(), frame] } else { vec![frame] }
+        });
+        // The command after the stop detects it.
+        let ended = fault(looped.sample(None).map(|record| record.reason.unwrap_or(Reason::Late)));
+        assert_eq!(ended.reason, Some(Reason::Stop), "{ended}");
+        bench.torque_goes_off();
+        for _ in 0..20 {
+            assert_eq!(looped.sample(None).unwrap_err(), Failure::Drive(ended), "it is switched on again");
+            std::thread::sleep(std::time::Duration::from_millis(5));
+            assert_eq!(bench.faults.torque(), 0.0);
+        }
     });
-    // The command after the stop detects it.
-    let ended = fault(looped.sample(None).map(|record| record.reason.unwrap_or(Reason::Late)));
-    assert_eq!(ended.reason, Some(Reason::Stop), "{ended}");
-    bench.torque_goes_off();
-    for _ in 0..20 {
-        assert_eq!(looped.sample(None).unwrap_err(), Failure::Drive(ended), "it is switched on again");
-        std::thread::sleep(std::time::Duration::from_millis(5));
-        assert_eq!(bench.faults.torque(), 0.0);
-    }
 }
 
 #[test]
 fn a_moteus_whose_commands_or_their_answers_are_lost_ends_the_loop() {
-    let _ = ends(Make::Moteus, &moteus(), 40, || {
-        |way: Direction, frame: Frame| if commands(way, &frame) { vec![] } else { vec![frame] }
+    in_time(|| {
+        let _ = ends(Make::Moteus, &moteus(), 40, || {
+            |way: Direction, frame: Frame| if commands(way, &frame) { vec![] } else { vec![frame] }
+        });
+        // Enough frames arrive to feed its watchdog.
+        let ended = fault(ends(Make::Moteus, &moteus(), 40, || {
+            let mut k = 0;
+            move |way: Direction, frame: Frame| {
+                k += u32::from(commands(way, &frame));
+                if commands(way, &frame) && k % 9 != 0 { vec![] } else { vec![frame] }
+            }
+        }));
+        assert_eq!(ended.reason, Some(Reason::Late), "{ended}");
+        let ended = fault(ends(Make::Moteus, &moteus(), 40, || {
+            |way: Direction, frame: Frame| if answers_a_command(way, &frame) { vec![] } else { vec![frame] }
+        }));
+        assert_eq!(ended.reason, Some(Reason::Late), "{ended}");
     });
-    // Enough frames arrive to feed its watchdog.
-    let ended = fault(ends(Make::Moteus, &moteus(), 40, || {
-        let mut k = 0;
-        move |way: Direction, frame: Frame| {
-            k += u32::from(commands(way, &frame));
-            if commands(way, &frame) && k % 9 != 0 { vec![] } else { vec![frame] }
-        }
-    }));
-    assert_eq!(ended.reason, Some(Reason::Late), "{ended}");
-    let ended = fault(ends(Make::Moteus, &moteus(), 40, || {
-        |way: Direction, frame: Frame| if answers_a_command(way, &frame) { vec![] } else { vec![frame] }
-    }));
-    assert_eq!(ended.reason, Some(Reason::Late), "{ended}");
 }
 
 #[test]
 fn an_old_command_that_comes_late_or_again_ends_the_loop() {
-    for (late, again) in [(1, false), (3, false), (0, true)] {
-        let ended = fault(ends(Make::Moteus, &moteus(), 20, || {
-            let mut held = VecDeque::new();
-            move |way: Direction, frame: Frame| {
-                if !commands(way, &frame) {
-                    return vec![frame];
+    in_time(|| {
+        for (late, again) in [(1, false), (3, false), (0, true)] {
+            let ended = fault(ends(Make::Moteus, &moteus(), 20, || {
+                let mut held = VecDeque::new();
+                move |way: Direction, frame: Frame| {
+                    if !commands(way, &frame) {
+                        return vec![frame];
+                    }
+                    held.push_back(frame);
+                    match (again, held.len() > 2.max(late)) {
+                        (true, true) => vec![held.pop_front().unwrap(), frame],
+                        (true, false) => vec![frame],
+                        (false, _) if held.len() > late => held.pop_front().into_iter().collect(),
+                        (false, _) => vec![],
+                    }
                 }
-                held.push_back(frame);
-                match (again, held.len() > 2.max(late)) {
-                    (true, true) => vec![held.pop_front().unwrap(), frame],
-                    (true, false) => vec![frame],
-                    (false, _) if held.len() > late => held.pop_front().into_iter().collect(),
-                    (false, _) => vec![],
-                }
-            }
-        }));
-        assert!(matches!(ended.reason, Some(Reason::Link | Reason::Late)), "{ended}");
-    }
+            }));
+            assert!(matches!(ended.reason, Some(Reason::Link | Reason::Late)), "{ended}");
+        }
+    });
 }
 
 #[test]
 fn an_old_answer_of_a_moteus_is_never_taken_for_a_new_one() {
-    let ends = ends(Make::Moteus, &moteus(), 40, || {
-        let mut first = None;
-        move |way: Direction, frame: Frame| {
-            let is_answer = way == Direction::FromDrive && !answers_a_command(way, &frame);
-            vec![if is_answer { *first.get_or_insert(frame) } else { frame }]
-        }
+    in_time(|| {
+        let ends = ends(Make::Moteus, &moteus(), 40, || {
+            let mut first = None;
+            move |way: Direction, frame: Frame| {
+                let is_answer = way == Direction::FromDrive && !answers_a_command(way, &frame);
+                vec![if is_answer { *first.get_or_insert(frame) } else { frame }]
+            }
+        });
+        assert!(matches!(ends, Ok(Reason::Late) | Err(Failure::Gone | Failure::Drive(_))), "{ends:?}");
     });
-    assert!(matches!(ends, Ok(Reason::Late) | Err(Failure::Gone | Failure::Drive(_))), "{ends:?}");
 }
 
 /// For every tuning: no torque but the commanded one, or an end that names the active limit.
 #[test]
 fn a_tuned_moteus_makes_the_torque_that_it_is_asked_for_and_no_other() {
-    let world = world(&["safety.pulse=0", "couplings.0.stiffness=0"]);
-    for integrator in [(1.0, 0.3), (10.0, 5.0), (400.0, 50.0)] {
-        let firmware = moteus().with_tuning(Tuning { integrator, ..Tuning::TUNED });
-        let bench = TestBench::new(Make::Moteus, None, Box::new(firmware), &world, lockstep(&world));
-        bench.wait_for(PATIENCE);
-        let mut wheel = bench.wheel(&world);
-        let mut hold = |torque: f64| wheel.read().and_then(|_| wheel.write(torque)).unwrap();
-        // A push, then no torque: the wheel turns on, away from the initial position of position mode.
-        (0..100).for_each(|_| hold(0.05));
-        let from = bench.faults.position();
-        (0..5).for_each(|_| hold(0.0));
-        for _ in 0..200 {
-            hold(0.0);
-            assert_eq!(bench.faults.torque(), 0.0, "at 0 asked");
+    in_time(|| {
+        let world = world(&["safety.pulse=0", "couplings.0.stiffness=0"]);
+        for integrator in [(1.0, 0.3), (10.0, 5.0), (400.0, 50.0)] {
+            let firmware = moteus().with_tuning(Tuning { integrator, ..Tuning::TUNED });
+            let bench = TestBench::new(Make::Moteus, None, Box::new(firmware), &world, lockstep(&world));
+            bench.wait_for(PATIENCE);
+            let mut wheel = bench.wheel(&world);
+            let mut hold = |torque: f64| wheel.read().and_then(|_| wheel.write(torque)).unwrap();
+            // A push, then no torque: the wheel turns on, away from the initial position of position mode.
+            (0..100).for_each(|_| hold(0.05));
+            let from = bench.faults.position();
+            (0..5).for_each(|_| hold(0.0));
+            for _ in 0..200 {
+                hold(0.0);
+                assert_eq!(bench.faults.torque(), 0.0, "at 0 asked");
+            }
+            assert!((bench.faults.position() - from).abs() > 0.1, "it does not turn");
         }
-        assert!((bench.faults.position() - from).abs() > 0.1, "it does not turn");
-    }
+    });
 }
 
 #[test]
 fn whatever_holds_a_moteus_torque_back_ends_the_loop_by_its_code() {
-    let tuned = Tuning::TUNED;
-    let limits = [
-        (96, Tuning { velocity: (0.05, 0.1), ..tuned }),
-        (97, Tuning { power: 1e-3, ..tuned }),
-        (98, Tuning { voltage: 0.02, ..tuned }),
-        (99, Tuning { current: 0.1, ..tuned }),
-        (100, Tuning { heat: (0.999, 0.0), ..tuned }),
-        (101, Tuning { heat: (0.0, 0.999), ..tuned }),
-        (103, Tuning { position: (-0.005, 0.005), ..tuned }),
-    ];
-    for (code, tuning) in limits {
-        let world = world(&["safety.pulse=0"]);
-        let firmware = moteus().with_tuning(tuning);
-        let bench = TestBench::new(Make::Moteus, None, Box::new(firmware), &world, lockstep(&world));
-        bench.wait_for(PATIENCE);
-        let mut looped = Looped::on(Box::new(bench.wheel(&world)), &world);
-        let mut request = Some(hapt_core::Request::Arm);
-        let ended = (0..2000).find_map(|_| looped.sample(request.take()).err());
-        match ended {
-            Some(Failure::Drive(fault)) => assert_eq!(fault.code, code, "{fault}"),
-            other => panic!("{code}: {other:?}"),
+    in_time(|| {
+        let tuned = Tuning::TUNED;
+        let limits = [
+            (96, Tuning { velocity: (0.05, 0.1), ..tuned }),
+            (97, Tuning { power: 1e-3, ..tuned }),
+            (98, Tuning { voltage: 0.02, ..tuned }),
+            (99, Tuning { current: 0.1, ..tuned }),
+            (100, Tuning { heat: (0.999, 0.0), ..tuned }),
+            (101, Tuning { heat: (0.0, 0.999), ..tuned }),
+            (103, Tuning { position: (-0.005, 0.005), ..tuned }),
+        ];
+        for (code, tuning) in limits {
+            let world = world(&["safety.pulse=0"]);
+            let firmware = moteus().with_tuning(tuning);
+            let bench = TestBench::new(Make::Moteus, None, Box::new(firmware), &world, lockstep(&world));
+            bench.wait_for(PATIENCE);
+            let mut looped = Looped::on(Box::new(bench.wheel(&world)), &world);
+            let mut request = Some(hapt_core::Request::Arm);
+            let ended = (0..2000).find_map(|_| looped.sample(request.take()).err());
+            match ended {
+                Some(Failure::Drive(fault)) => assert_eq!(fault.code, code, "{fault}"),
+                other => panic!("{code}: {other:?}"),
+            }
+            bench.torque_goes_off();
         }
-        bench.torque_goes_off();
-    }
+    });
 }
 
 /// The effect on one intercepted frame, from a sample on.
@@ -340,31 +367,35 @@ enum Act {
 /// Every kind of frame, lost, late, doubled or frozen: in the end there is no torque, or the commanded one.
 #[test]
 fn whatever_is_done_to_frames_of_one_kind_no_torque_stays_that_nobody_asks_for() {
-    let acts = [Act::Lost, Act::Late(1), Act::Late(3), Act::Again, Act::Frozen];
-    let kinds = [
-        (Direction::ToDrive, 0x0e),
-        (Direction::ToDrive, 0x1c),
-        (Direction::ToDrive, 0x09),
-        (Direction::FromDrive, 0x1c),
-        (Direction::FromDrive, 0x01),
-    ];
-    // Waiting for heartbeats takes most of the time.
-    for (way, kind) in kinds {
-        std::thread::scope(|scope| {
-            for act in acts {
-                let is_kind = move |to, frame: &Frame| to == way && frame.id & 0x1f == kind;
-                scope.spawn(move || is_safe(Make::Odrive, Box::new(odrives()[0].clone()), act, is_kind));
-            }
-        });
-    }
-    for act in acts {
-        is_safe(Make::Moteus, Box::new(moteus()), act, commands);
-        is_safe(Make::Moteus, Box::new(moteus()), act, |way, frame| way == Direction::ToDrive && !commands(way, frame));
-        is_safe(Make::Moteus, Box::new(moteus()), act, answers_a_command);
-        is_safe(Make::Moteus, Box::new(moteus()), act, |way, frame| {
-            way == Direction::FromDrive && !answers_a_command(way, frame)
-        });
-    }
+    in_time(|| {
+        let acts = [Act::Lost, Act::Late(1), Act::Late(3), Act::Again, Act::Frozen];
+        let kinds = [
+            (Direction::ToDrive, 0x0e),
+            (Direction::ToDrive, 0x1c),
+            (Direction::ToDrive, 0x09),
+            (Direction::FromDrive, 0x1c),
+            (Direction::FromDrive, 0x01),
+        ];
+        // Waiting for heartbeats takes most of the time.
+        for (way, kind) in kinds {
+            std::thread::scope(|scope| {
+                for act in acts {
+                    let is_kind = move |to, frame: &Frame| to == way && frame.id & 0x1f == kind;
+                    scope.spawn(move || is_safe(Make::Odrive, Box::new(odrives()[0].clone()), act, is_kind));
+                }
+            });
+        }
+        for act in acts {
+            is_safe(Make::Moteus, Box::new(moteus()), act, commands);
+            is_safe(Make::Moteus, Box::new(moteus()), act, |way, frame| {
+                way == Direction::ToDrive && !commands(way, frame)
+            });
+            is_safe(Make::Moteus, Box::new(moteus()), act, answers_a_command);
+            is_safe(Make::Moteus, Box::new(moteus()), act, |way, frame| {
+                way == Direction::FromDrive && !answers_a_command(way, frame)
+            });
+        }
+    });
 }
 
 fn is_safe(

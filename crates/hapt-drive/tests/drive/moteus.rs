@@ -10,6 +10,7 @@ use hapt_drive::simulate::{Firmware, Shaft, Time};
 use hapt_drive::{DriveError, DriveLimits, Error, Frame, Make};
 use hapt_model::World;
 use hapt_rt::Failure;
+use hapt_testing::in_time;
 
 use crate::bench::{Looped, TestBench, lockstep, read, soon};
 
@@ -81,202 +82,228 @@ fn end(looped: &mut Looped) -> Result<Reason, Failure> {
 /// rest where the spring is slack.
 #[test]
 fn a_certified_world_brings_the_puck_to_rest_through_gear_and_drive() {
-    let world = world(&[]);
-    assert!(hapt_analysis::check(&world).unwrap().certified);
-    let bench = bench(&world, 1, lockstep(&world));
-    let mut looped = looped(&bench, &world);
-    looped.run();
-    let (mut last, mut missed) = (Vec::new(), 0);
-    for _ in 0..1500 {
-        let record = looped.sample(None).unwrap();
-        assert_eq!(record.phase, Phase::Running, "{record:?}");
-        missed += u32::from(record.missed > 0);
-        last.push(record.measured);
-    }
-    // Only if the machine paused.
-    assert!(missed < 30, "{missed} of 1500");
-    let end = &last[1400..];
-    assert!(end.iter().all(|position| (position - 0.3).abs() < 0.01), "{end:?}");
+    in_time(|| {
+        let world = world(&[]);
+        assert!(hapt_analysis::check(&world).unwrap().certified);
+        let bench = bench(&world, 1, lockstep(&world));
+        let mut looped = looped(&bench, &world);
+        looped.run();
+        let (mut last, mut missed) = (Vec::new(), 0);
+        for _ in 0..1500 {
+            let record = looped.sample(None).unwrap();
+            assert_eq!(record.phase, Phase::Running, "{record:?}");
+            missed += u32::from(record.missed > 0);
+            last.push(record.measured);
+        }
+        // Only if the machine paused.
+        assert!(missed < 30, "{missed} of 1500");
+        let end = &last[1400..];
+        assert!(end.iter().all(|position| (position - 0.3).abs() < 0.01), "{end:?}");
+    });
 }
 
 /// The command at the puck does the same work at the drive's shaft: a third of the torque, the other way.
 #[test]
 fn torque_and_position_do_the_same_work_on_both_sides_of_the_gear() {
-    let world = world(&["safety.pulse=0"]);
-    let bench = bench(&world, 1, lockstep(&world));
-    let mut looped = looped(&bench, &world);
-    looped.run();
-    let before = looped.sample(None).unwrap();
-    looped.sample(None).unwrap();
-    // The period before the last sample passed under the torque of the one before it.
-    let wanted = -before.output / 3.0;
-    assert!(
-        (bench.faults.torque() - wanted).abs() < 1e-6 && before.output.abs() > 1e-4,
-        "{} {wanted}",
-        bench.faults.torque()
-    );
+    in_time(|| {
+        let world = world(&["safety.pulse=0"]);
+        let bench = bench(&world, 1, lockstep(&world));
+        let mut looped = looped(&bench, &world);
+        looped.run();
+        let before = looped.sample(None).unwrap();
+        looped.sample(None).unwrap();
+        // The period before the last sample passed under the torque of the one before it.
+        let wanted = -before.output / 3.0;
+        assert!(
+            (bench.faults.torque() - wanted).abs() < 1e-6 && before.output.abs() > 1e-4,
+            "{} {wanted}",
+            bench.faults.torque()
+        );
+    });
 }
 
 #[test]
 fn a_drive_that_dies_is_gone_within_five_samples() {
-    let world = world(&[]);
-    let bench = bench(&world, 1, lockstep(&world));
-    let mut looped = looped(&bench, &world);
-    looped.run();
-    let before = looped.samples;
-    bench.faults.dead.store(true, SeqCst);
-    assert_eq!(end(&mut looped), Err(Failure::Gone));
-    assert_eq!(looped.samples - before, 5);
+    in_time(|| {
+        let world = world(&[]);
+        let bench = bench(&world, 1, lockstep(&world));
+        let mut looped = looped(&bench, &world);
+        looped.run();
+        let before = looped.samples;
+        bench.faults.dead.store(true, SeqCst);
+        assert_eq!(end(&mut looped), Err(Failure::Gone));
+        assert_eq!(looped.samples - before, 5);
+    });
 }
 
 #[test]
 fn answers_that_come_late_are_never_taken_for_new_ones() {
-    let world = world(&[]);
-    let bench = bench(&world, 1, lockstep(&world));
-    let mut looped = looped(&bench, &world);
-    looped.run();
-    bench.faults.held.store(1, SeqCst);
-    assert_eq!(end(&mut looped), Ok(Reason::Late));
-    // On time again, only clear and arm restore the torque.
-    bench.faults.held.store(0, SeqCst);
-    for _ in 0..20 {
-        assert_eq!(looped.sample(None).unwrap().phase, Phase::Faulted);
-    }
-    assert_eq!(looped.sample(Some(Request::Clear)).unwrap().phase, Phase::Disarmed);
-    looped.run();
+    in_time(|| {
+        let world = world(&[]);
+        let bench = bench(&world, 1, lockstep(&world));
+        let mut looped = looped(&bench, &world);
+        looped.run();
+        bench.faults.held.store(1, SeqCst);
+        assert_eq!(end(&mut looped), Ok(Reason::Late));
+        // On time again, only clear and arm restore the torque.
+        bench.faults.held.store(0, SeqCst);
+        for _ in 0..20 {
+            assert_eq!(looped.sample(None).unwrap().phase, Phase::Faulted);
+        }
+        assert_eq!(looped.sample(Some(Request::Clear)).unwrap().phase, Phase::Disarmed);
+        looped.run();
+    });
 }
 
 /// One answer lost now and then is a missed sample, and no more.
 #[test]
 fn a_lost_answer_is_a_missed_sample() {
-    // A period long enough for a busy machine to lose none.
-    let world = world(&["loop.period=0.3 s", "couplings.0.stiffness=5e-3", "safety.pulse=0"]);
-    let bench = bench(&world, 1, lockstep(&world));
-    let mut looped = looped(&bench, &world);
-    looped.run();
-    for _ in 0..3 {
-        bench.faults.held.store(1, SeqCst);
-        assert_eq!(looped.sample(None).unwrap().missed, 1);
-        bench.faults.held.store(0, SeqCst);
-        assert_eq!(looped.sample(None).unwrap().missed, 1);
-        for _ in 0..5 {
-            let record = looped.sample(None).unwrap();
-            assert_eq!((record.missed, record.phase), (0, Phase::Running));
+    in_time(|| {
+        // A period long enough for a busy machine to lose none.
+        let world = world(&["loop.period=0.3 s", "couplings.0.stiffness=5e-3", "safety.pulse=0"]);
+        let bench = bench(&world, 1, lockstep(&world));
+        let mut looped = looped(&bench, &world);
+        looped.run();
+        for _ in 0..3 {
+            bench.faults.held.store(1, SeqCst);
+            assert_eq!(looped.sample(None).unwrap().missed, 1);
+            bench.faults.held.store(0, SeqCst);
+            assert_eq!(looped.sample(None).unwrap().missed, 1);
+            for _ in 0..5 {
+                let record = looped.sample(None).unwrap();
+                assert_eq!((record.missed, record.phase), (0, Phase::Running));
+            }
         }
-    }
+    });
 }
 
 #[test]
 fn garbage_is_no_answer() {
-    let world = world(&[]);
-    let bench = bench(&world, 1, lockstep(&world));
-    let mut looped = looped(&bench, &world);
-    looped.run();
-    bench.faults.garbage.store(true, SeqCst);
-    // It sends frames, but no answer to the request.
-    assert_eq!(end(&mut looped), Ok(Reason::Late));
+    in_time(|| {
+        let world = world(&[]);
+        let bench = bench(&world, 1, lockstep(&world));
+        let mut looped = looped(&bench, &world);
+        looped.run();
+        bench.faults.garbage.store(true, SeqCst);
+        // It sends frames, but no answer to the request.
+        assert_eq!(end(&mut looped), Ok(Reason::Late));
+    });
 }
 
 #[test]
 fn a_fault_of_the_drive_ends_the_loop_by_name() {
-    let world = world(&[]);
-    for (code, reason) in [(38, Some(Reason::DriverHeat)), (35, Some(Reason::Jump)), (40, None)] {
-        let strikes = Arc::new(AtomicU32::new(0));
-        let firmware = Box::new(WithFaults(Simulated::new(1), Arc::clone(&strikes)));
-        let bench = TestBench::new(Make::Moteus, None, firmware, &world, lockstep(&world));
-        let mut first = looped(&bench, &world);
-        first.run();
-        strikes.store(code, SeqCst);
-        match end(&mut first) {
-            Err(Failure::Drive(fault)) => assert_eq!((fault.code, fault.reason), (code, reason)),
-            other => panic!("{other:?}"),
+    in_time(|| {
+        let world = world(&[]);
+        for (code, reason) in [(38, Some(Reason::DriverHeat)), (35, Some(Reason::Jump)), (40, None)] {
+            let strikes = Arc::new(AtomicU32::new(0));
+            let firmware = Box::new(WithFaults(Simulated::new(1), Arc::clone(&strikes)));
+            let bench = TestBench::new(Make::Moteus, None, firmware, &world, lockstep(&world));
+            let mut first = looped(&bench, &world);
+            first.run();
+            strikes.store(code, SeqCst);
+            match end(&mut first) {
+                Err(Failure::Drive(fault)) => assert_eq!((fault.code, fault.reason), (code, reason)),
+                other => panic!("{other:?}"),
+            }
+            // A new start is an explicit clear.
+            drop(first);
+            looped(&bench, &world).run();
         }
-        // A new start is an explicit clear.
-        drop(first);
-        looped(&bench, &world).run();
-    }
+    });
 }
 
 #[test]
 fn a_cable_that_is_pulled_out_ends_the_loop() {
-    let world = world(&[]);
-    let mut bench = bench(&world, 1, lockstep(&world));
-    let mut looped = looped(&bench, &world);
-    looped.run();
-    bench.unplug();
-    assert_eq!(end(&mut looped), Err(Failure::Unplugged));
+    in_time(|| {
+        let world = world(&[]);
+        let mut bench = bench(&world, 1, lockstep(&world));
+        let mut looped = looped(&bench, &world);
+        looped.run();
+        bench.unplug();
+        assert_eq!(end(&mut looped), Err(Failure::Unplugged));
+    });
 }
 
 /// On every regular end, the dropped loop leaves the drive stopped, without torque.
 #[test]
 fn a_loop_that_ends_leaves_the_drive_stopped() {
-    let world = world(&[]);
-    let bench = bench(&world, 1, Time::Real);
-    let mut looped = looped(&bench, &world);
-    for _ in 0..10 {
-        let _ = looped.sample(None);
-    }
-    drop(looped);
-    let mut after = bench.drive(1);
-    after.read(soon()).unwrap();
-    // Stopped, not timed out: a stopped drive starts again, a timed-out one does not.
-    after.command(0.0, soon()).unwrap();
-    let until = Instant::now() + Duration::from_secs(5);
-    while Instant::now() < until {
-        match after.read(soon()) {
-            Ok(_) => return,
-            Err(DriveError::Fault(fault)) => panic!("{fault}"),
-            Err(_) => {}
+    in_time(|| {
+        let world = world(&[]);
+        let bench = bench(&world, 1, Time::Real);
+        let mut looped = looped(&bench, &world);
+        for _ in 0..10 {
+            let _ = looped.sample(None);
         }
-    }
-    panic!("it never answered");
+        drop(looped);
+        let mut after = bench.drive(1);
+        after.read(soon()).unwrap();
+        // Stopped, not timed out: a stopped drive starts again, a timed-out one does not.
+        after.command(0.0, soon()).unwrap();
+        let until = Instant::now() + Duration::from_secs(5);
+        while Instant::now() < until {
+            match after.read(soon()) {
+                Ok(_) => return,
+                Err(DriveError::Fault(fault)) => panic!("{fault}"),
+                Err(_) => {}
+            }
+        }
+        panic!("it never answered");
+    });
 }
 
 /// After a kill -9 only the drive's own watchdog removes the torque. It stays off until a stop.
 #[test]
 fn the_drives_watchdog_latches_and_only_a_stop_clears_it() {
-    let world = world(&[]);
-    let bench = bench(&world, 1, Time::Real);
-    let mut drive = bench.drive(1);
-    drive.start(&DriveLimits { watchdog: 0.05, torque: 1.0 }).unwrap();
-    drive.command(0.02, soon()).unwrap();
-    std::thread::sleep(Duration::from_millis(300));
-    let silent = match drive.read(soon()) {
-        Err(DriveError::Fault(fault)) => fault,
-        other => panic!("{other:?}"),
-    };
-    assert_eq!((silent.code, silent.reason), (11, Some(Reason::Late)));
-    // Commands do not restore it.
-    for _ in 0..5 {
-        assert_eq!(drive.command(0.02, soon()), Err(DriveError::Fault(silent)));
-        assert_eq!(drive.read(soon()), Err(DriveError::Fault(silent)));
-        assert_eq!(bench.faults.torque(), 0.0);
-    }
-    drive.start(&DriveLimits { watchdog: 10.0, torque: 1.0 }).unwrap();
-    drive.command(0.02, soon()).unwrap();
-    drive.read(soon()).unwrap();
-    drive.stop();
+    in_time(|| {
+        let world = world(&[]);
+        let bench = bench(&world, 1, Time::Real);
+        let mut drive = bench.drive(1);
+        drive.start(&DriveLimits { watchdog: 0.05, torque: 1.0 }).unwrap();
+        drive.command(0.02, soon()).unwrap();
+        std::thread::sleep(Duration::from_millis(300));
+        let silent = match drive.read(soon()) {
+            Err(DriveError::Fault(fault)) => fault,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!((silent.code, silent.reason), (11, Some(Reason::Late)));
+        // Commands do not restore it.
+        for _ in 0..5 {
+            assert_eq!(drive.command(0.02, soon()), Err(DriveError::Fault(silent)));
+            assert_eq!(drive.read(soon()), Err(DriveError::Fault(silent)));
+            assert_eq!(bench.faults.torque(), 0.0);
+        }
+        drive.start(&DriveLimits { watchdog: 10.0, torque: 1.0 }).unwrap();
+        drive.command(0.02, soon()).unwrap();
+        drive.read(soon()).unwrap();
+        drive.stop();
+    });
 }
 
 #[test]
 fn a_wrong_identifier_says_which_one_is_there() {
-    let world = world(&[]);
-    let bench = bench(&world, 7, Time::Real);
-    let mut drive = bench.drive(1);
-    match drive.start(&DriveLimits { watchdog: 1.0, torque: 1.0 }) {
-        Err(error @ Error::Silent { .. }) => assert!(error.to_string().contains("#7"), "{error}"),
-        other => panic!("{other:?}"),
-    }
+    in_time(|| {
+        let world = world(&[]);
+        let bench = bench(&world, 7, Time::Real);
+        let mut drive = bench.drive(1);
+        match drive.start(&DriveLimits { watchdog: 1.0, torque: 1.0 }) {
+            Err(error @ Error::Silent { .. }) => assert!(error.to_string().contains("#7"), "{error}"),
+            other => panic!("{other:?}"),
+        }
+    });
 }
 
 /// With a home the world's 0 is a fixed position, and the puck is within half a turn of it.
 #[test]
 fn with_a_home_positions_are_counted_from_it() {
-    for (home, at) in [("1 rad", -1.0), ("-200 deg", 200_f64.to_radians() - std::f64::consts::TAU), ("720 deg", 0.0)] {
-        let world = world(&[&format!("device.drive.home={home}"), "safety.pulse=0"]);
-        let bench = bench(&world, 1, lockstep(&world));
-        let mut looped = looped(&bench, &world);
-        let record = looped.sample(None).unwrap();
-        assert!((record.measured - at).abs() < 1e-6, "{home}: {} {at}", record.measured);
-    }
+    in_time(|| {
+        for (home, at) in
+            [("1 rad", -1.0), ("-200 deg", 200_f64.to_radians() - std::f64::consts::TAU), ("720 deg", 0.0)]
+        {
+            let world = world(&[&format!("device.drive.home={home}"), "safety.pulse=0"]);
+            let bench = bench(&world, 1, lockstep(&world));
+            let mut looped = looped(&bench, &world);
+            let record = looped.sample(None).unwrap();
+            assert!((record.measured - at).abs() < 1e-6, "{home}: {} {at}", record.measured);
+        }
+    });
 }

@@ -12,6 +12,7 @@ use hapt_drive::odrive::{Odrive, codec};
 use hapt_drive::simulate::{Firmware, Shaft};
 use hapt_drive::{Bus, Drive, DriveError, Frame, Make};
 use hapt_rt::Failure;
+use hapt_testing::in_time;
 use proptest::prelude::*;
 
 use crate::bench::{TestBench, lockstep, soon, world};
@@ -95,18 +96,20 @@ impl Firmware for Elsewhere {
 
 #[test]
 fn a_command_of_another_host_that_we_do_not_hear_is_known_by_the_drives_answer() {
-    let world = world(&[]);
-    let speaks = Arc::new(AtomicBool::new(false));
-    let firmware = Box::new(Elsewhere(moteus::Simulated::new(1), Arc::clone(&speaks)));
-    let bench = TestBench::new(Make::Moteus, None, firmware, &world, lockstep(&world));
-    let mut looped = bench.running(&world, 200);
-    speaks.store(true, SeqCst);
-    // At the next answer: the command arrived before the request.
-    match looped.ends(2) {
-        Some(Err(Failure::Drive(fault))) => assert_eq!(fault.reason, Some(Reason::Link), "{fault}"),
-        other => panic!("{other:?}"),
-    }
-    bench.torque_goes_off();
+    in_time(|| {
+        let world = world(&[]);
+        let speaks = Arc::new(AtomicBool::new(false));
+        let firmware = Box::new(Elsewhere(moteus::Simulated::new(1), Arc::clone(&speaks)));
+        let bench = TestBench::new(Make::Moteus, None, firmware, &world, lockstep(&world));
+        let mut looped = bench.running(&world, 200);
+        speaks.store(true, SeqCst);
+        // At the next answer: the command arrived before the request.
+        match looped.ends(2) {
+            Some(Err(Failure::Drive(fault))) => assert_eq!(fault.reason, Some(Reason::Link), "{fault}"),
+            other => panic!("{other:?}"),
+        }
+        bench.torque_goes_off();
+    });
 }
 
 /// An endless stream of other frames; each takes some time.
@@ -131,15 +134,17 @@ const OTHERS: [u32; 4] = [0x8002, 0x0200, 0x049, 0x5ff];
 
 #[test]
 fn a_bus_that_is_full_of_others_frames_ends_the_sample_and_not_the_loop() {
-    for id in OTHERS {
-        for mut drive in drives(|| Flood { frame: Frame::fd(id, &[0; 8]), pause: Duration::ZERO }) {
-            // With an instant that never comes, by their number.
-            let _ = drive.read(Instant::now() + Duration::from_secs(1_000_000)).unwrap_err();
+    in_time(|| {
+        for id in OTHERS {
+            for mut drive in drives(|| Flood { frame: Frame::fd(id, &[0; 8]), pause: Duration::ZERO }) {
+                // With an instant that never comes, by their number.
+                let _ = drive.read(Instant::now() + Duration::from_secs(1_000_000)).unwrap_err();
+            }
         }
-    }
-    for mut drive in drives(|| Flood { frame: Frame::fd(0x200, &[0; 8]), pause: Duration::from_millis(1) }) {
-        assert!(matches!(drive.read(Instant::now()), Err(DriveError::Silent | DriveError::Late)));
-    }
+        for mut drive in drives(|| Flood { frame: Frame::fd(0x200, &[0; 8]), pause: Duration::from_millis(1) }) {
+            assert!(matches!(drive.read(Instant::now()), Err(DriveError::Silent | DriveError::Late)));
+        }
+    });
 }
 
 /// Answers a moteus's request after this many other frames.
@@ -174,72 +179,80 @@ impl Bus for Busy {
 
 #[test]
 fn an_answer_behind_many_frames_of_others_is_found() {
-    let mut drive = Moteus::new(Box::new(Busy { others: 200, frames: VecDeque::new() }), 1, "nowhere".into());
-    for _ in 0..10 {
-        assert_eq!(drive.read(soon()).unwrap().position, 0.25);
-    }
+    in_time(|| {
+        let mut drive = Moteus::new(Box::new(Busy { others: 200, frames: VecDeque::new() }), 1, "nowhere".into());
+        for _ in 0..10 {
+            assert_eq!(drive.read(soon()).unwrap().position, 0.25);
+        }
+    });
 }
 
 /// After the last command of hapt: for each of the drive's settings the torque removes energy from the wheel or is 0, and with the factory
 /// setting it is 0.
 #[test]
 fn after_its_watchdog_a_moteus_takes_energy_and_gives_none() {
-    for mode in [0, 12, 15] {
-        let mut firmware = moteus::Simulated::new(1).with_timeout_mode(mode);
-        let shaft = |velocity| Shaft { position: 0.3, velocity };
-        let sent = Writer::new(1)
-            .write(0x000, &[Value::Int8(10)])
-            .write(0x020, &[Value::Int8(i8::MIN), Value::Int8(0)])
-            .write(0x022, &[Value::Float(0.2)])
-            .write(0x023, &[Value::Int8(0), Value::Int8(0)])
-            .write(0x02b, &[Value::Int8(0)])
-            .write(0x027, &[Value::Float(0.01)])
-            .frame();
-        firmware.receive(&sent, shaft(0.0), &mut |_| {});
-        let mut pass = |velocity| firmware.pass(1e-3, shaft(velocity), &mut |_| {});
-        let during: Vec<f64> = (0..9).map(|_| pass(0.0)).collect();
-        assert!((during[8] - f64::from(0.2_f32)).abs() < 1e-9, "{during:?}");
-        pass(0.0);
-        pass(0.0);
-        for velocity in [-20.0, -1.0, 0.0, 0.5, 30.0] {
-            let torque = pass(velocity);
-            assert!(torque * velocity <= 0.0, "mode {mode}: {torque} at {velocity}");
-            assert!(mode == 15 || torque == 0.0, "mode {mode}: {torque} at {velocity}");
-            assert!(mode != 15 || velocity == 0.0 || torque != 0.0, "it brakes");
+    in_time(|| {
+        for mode in [0, 12, 15] {
+            let mut firmware = moteus::Simulated::new(1).with_timeout_mode(mode);
+            let shaft = |velocity| Shaft { position: 0.3, velocity };
+            let sent = Writer::new(1)
+                .write(0x000, &[Value::Int8(10)])
+                .write(0x020, &[Value::Int8(i8::MIN), Value::Int8(0)])
+                .write(0x022, &[Value::Float(0.2)])
+                .write(0x023, &[Value::Int8(0), Value::Int8(0)])
+                .write(0x02b, &[Value::Int8(0)])
+                .write(0x027, &[Value::Float(0.01)])
+                .frame();
+            firmware.receive(&sent, shaft(0.0), &mut |_| {});
+            let mut pass = |velocity| firmware.pass(1e-3, shaft(velocity), &mut |_| {});
+            let during: Vec<f64> = (0..9).map(|_| pass(0.0)).collect();
+            assert!((during[8] - f64::from(0.2_f32)).abs() < 1e-9, "{during:?}");
+            pass(0.0);
+            pass(0.0);
+            for velocity in [-20.0, -1.0, 0.0, 0.5, 30.0] {
+                let torque = pass(velocity);
+                assert!(torque * velocity <= 0.0, "mode {mode}: {torque} at {velocity}");
+                assert!(mode == 15 || torque == 0.0, "mode {mode}: {torque} at {velocity}");
+                assert!(mode != 15 || velocity == 0.0 || torque != 0.0, "it brakes");
+            }
+            let mut says = None;
+            let question = Writer::new(0x8001).read(0x000, 1, Resolution::Int8).frame();
+            firmware.receive(&question, shaft(0.0), &mut |frame| says = moteus::Parser::new(frame.data()).next());
+            assert_eq!(says, Some(moteus::Subframe::Reply(0x000, Value::Int8(11))));
         }
-        let mut says = None;
-        let question = Writer::new(0x8001).read(0x000, 1, Resolution::Int8).frame();
-        firmware.receive(&question, shaft(0.0), &mut |frame| says = moteus::Parser::new(frame.data()).next());
-        assert_eq!(says, Some(moteus::Subframe::Reply(0x000, Value::Int8(11))));
-    }
+    });
 }
 
 /// Every request to the drive feeds its watchdog, and every command moves it.
 #[test]
 fn a_frame_of_another_host_to_an_odrive_is_a_fault() {
-    use codec::{Command, floats};
-    for frame in [
-        Frame::classic(Command::Torque.id(1).into(), &floats(0.1, 0.0)),
-        Frame::classic(Command::State.id(1).into(), &[8, 0, 0, 0]),
-        Frame::classic(Command::Clear.id(1).into(), &[]),
-        Frame::remote(Command::Estimates.id(1).into(), 8),
-    ] {
-        let mut drive = Odrive::new(Box::new(Listed([frame].into())), 1, "nowhere");
-        match drive.read(soon()) {
-            Err(DriveError::Fault(fault)) => assert_eq!(fault.reason, Some(Reason::Link)),
-            other => panic!("{frame:?}: {other:?}"),
+    in_time(|| {
+        use codec::{Command, floats};
+        for frame in [
+            Frame::classic(Command::Torque.id(1).into(), &floats(0.1, 0.0)),
+            Frame::classic(Command::State.id(1).into(), &[8, 0, 0, 0]),
+            Frame::classic(Command::Clear.id(1).into(), &[]),
+            Frame::remote(Command::Estimates.id(1).into(), 8),
+        ] {
+            let mut drive = Odrive::new(Box::new(Listed([frame].into())), 1, "nowhere");
+            match drive.read(soon()) {
+                Err(DriveError::Fault(fault)) => assert_eq!(fault.reason, Some(Reason::Link)),
+                other => panic!("{frame:?}: {other:?}"),
+            }
+            assert!(drive.command(0.0, soon()).is_err(), "it goes on all the same");
+            // It may send anything to another drive.
+            let mut other = Odrive::new(Box::new(Listed([frame].into())), 2, "nowhere");
+            assert_eq!(other.read(soon()), Err(DriveError::Silent));
         }
-        assert!(drive.command(0.0, soon()).is_err(), "it goes on all the same");
-        // It may send anything to another drive.
-        let mut other = Odrive::new(Box::new(Listed([frame].into())), 2, "nowhere");
-        assert_eq!(other.read(soon()), Err(DriveError::Silent));
-    }
+    });
 }
 
 #[test]
 fn an_answer_that_nobody_has_asked_for_is_another_drives() {
-    let answer = Frame::classic(codec::Command::Estimates.id(1).into(), &codec::floats(0.1, 0.0));
-    // One before the request, and one as its answer.
-    let mut drive = Odrive::new(Box::new(Listed([answer; 2].into())), 1, "nowhere");
-    assert!(matches!(drive.read(soon()), Err(DriveError::Fault(fault)) if fault.what.contains("another drive")));
+    in_time(|| {
+        let answer = Frame::classic(codec::Command::Estimates.id(1).into(), &codec::floats(0.1, 0.0));
+        // One before the request, and one as its answer.
+        let mut drive = Odrive::new(Box::new(Listed([answer; 2].into())), 1, "nowhere");
+        assert!(matches!(drive.read(soon()), Err(DriveError::Fault(fault)) if fault.what.contains("another drive")));
+    });
 }

@@ -7,6 +7,7 @@ use std::time::Instant;
 use hapt_core::{Phase, Reason, Request};
 use hapt_drive::{Drive, DriveDevice, DriveError, DriveLimits, Error, ShaftState};
 use hapt_model::{Source, World};
+use hapt_testing::in_time;
 
 use crate::bench::Looped;
 
@@ -69,61 +70,65 @@ fn running(world: &World) -> (Looped, Standing) {
 
 #[test]
 fn an_answer_older_than_what_is_certified_takes_the_torque_as_the_world_says() {
-    let interval = "interval_max = \"1.8 ms\"";
-    let delay = "delay_max = \"0.8 ms\"";
-    for (times, late, ends) in [
-        (interval, "", Some(Phase::FadingOut)),
-        (interval, "late = \"fade\"", Some(Phase::FadingOut)),
-        (interval, "late = \"fault\"", Some(Phase::Faulted)),
-        (interval, "late = \"count\"", None),
-        (delay, "late = \"fault\"", Some(Phase::Faulted)),
-        // Two periods are certified, and one old answer is within them.
-        ("interval_max = \"2 ms\"", "late = \"fault\"", None),
-        ("interval_max = \"2 ms\"\ndelay_max = \"1.5 ms\"", "late = \"fault\"", None),
-        // Nothing is stated, and nothing enforced but the stall.
-        ("", "late = \"fault\"", None),
-    ] {
-        let (mut looped, drive) = running(&world(times, late));
-        for _ in 0..50 {
-            assert_eq!(looped.late_sample().outside, 0);
+    in_time(|| {
+        let interval = "interval_max = \"1.8 ms\"";
+        let delay = "delay_max = \"0.8 ms\"";
+        for (times, late, ends) in [
+            (interval, "", Some(Phase::FadingOut)),
+            (interval, "late = \"fade\"", Some(Phase::FadingOut)),
+            (interval, "late = \"fault\"", Some(Phase::Faulted)),
+            (interval, "late = \"count\"", None),
+            (delay, "late = \"fault\"", Some(Phase::Faulted)),
+            // Two periods are certified, and one old answer is within them.
+            ("interval_max = \"2 ms\"", "late = \"fault\"", None),
+            ("interval_max = \"2 ms\"\ndelay_max = \"1.5 ms\"", "late = \"fault\"", None),
+            // Nothing is stated, and nothing enforced but the stall.
+            ("", "late = \"fault\"", None),
+        ] {
+            let (mut looped, drive) = running(&world(times, late));
+            for _ in 0..50 {
+                assert_eq!(looped.late_sample().outside, 0);
+            }
+            drive.is_late.store(true, SeqCst);
+            let stale = looped.late_sample();
+            drive.is_late.store(false, SeqCst);
+            let next = looped.late_sample();
+            let phase = ends.unwrap_or(Phase::Running);
+            assert_eq!(next.phase, phase, "{times} {late}");
+            if phase == Phase::Faulted {
+                assert_eq!((next.reason, drive.torque()), (Some(Reason::Uneven), 0.0));
+            }
+            // Its age is known with the old answer, and the interval too.
+            let is_counted = ends.is_some() || late.contains("count");
+            assert_eq!(stale.outside.max(next.outside) > 0, is_counted, "{times} {late}");
+            for _ in 0..50 {
+                looped.late_sample();
+            }
+            assert_eq!(drive.torque() == 0.0, ends.is_some(), "{times} {late}");
+            if ends == Some(Phase::FadingOut) {
+                // It stays off until somebody arms it.
+                let record = looped.sample(Some(Request::Arm)).unwrap();
+                assert_eq!((record.phase, record.reason), (Phase::FadingIn, None));
+            }
         }
-        drive.is_late.store(true, SeqCst);
-        let stale = looped.late_sample();
-        drive.is_late.store(false, SeqCst);
-        let next = looped.late_sample();
-        let phase = ends.unwrap_or(Phase::Running);
-        assert_eq!(next.phase, phase, "{times} {late}");
-        if phase == Phase::Faulted {
-            assert_eq!((next.reason, drive.torque()), (Some(Reason::Uneven), 0.0));
-        }
-        // Its age is known with the old answer, and the interval too.
-        let is_counted = ends.is_some() || late.contains("count");
-        assert_eq!(stale.outside.max(next.outside) > 0, is_counted, "{times} {late}");
-        for _ in 0..50 {
-            looped.late_sample();
-        }
-        assert_eq!(drive.torque() == 0.0, ends.is_some(), "{times} {late}");
-        if ends == Some(Phase::FadingOut) {
-            // It stays off until somebody arms it.
-            let record = looped.sample(Some(Request::Arm)).unwrap();
-            assert_eq!((record.phase, record.reason), (Phase::FadingIn, None));
-        }
-    }
+    });
 }
 
 #[test]
 fn the_drive_itself_removes_the_torque_within_the_certified_interval_where_a_late_sample_is_a_fault() {
-    for (times, late, watchdog) in [
-        ("", "late = \"fault\"", 10e-3),
-        ("interval_max = \"1.8 ms\"", "", 10e-3),
-        ("interval_max = \"1.8 ms\"", "late = \"count\"", 10e-3),
-        ("interval_max = \"1.8 ms\"", "late = \"fault\"", 1.8e-3),
-        ("interval_max = \"1.8 ms\"\ndelay = \"0.1 ms\"\ndelay_max = \"0.4 ms\"", "late = \"fault\"", 2.1e-3),
-        // Never longer than without.
-        ("interval_max = \"50 ms\"", "late = \"fault\"", 10e-3),
-    ] {
-        let (_looped, drive) = running(&world(times, late));
-        let given = f64::from_bits(drive.watchdog.load(SeqCst));
-        assert!((given - watchdog).abs() < 1e-12, "{times} {late}: {given}");
-    }
+    in_time(|| {
+        for (times, late, watchdog) in [
+            ("", "late = \"fault\"", 10e-3),
+            ("interval_max = \"1.8 ms\"", "", 10e-3),
+            ("interval_max = \"1.8 ms\"", "late = \"count\"", 10e-3),
+            ("interval_max = \"1.8 ms\"", "late = \"fault\"", 1.8e-3),
+            ("interval_max = \"1.8 ms\"\ndelay = \"0.1 ms\"\ndelay_max = \"0.4 ms\"", "late = \"fault\"", 2.1e-3),
+            // Never longer than without.
+            ("interval_max = \"50 ms\"", "late = \"fault\"", 10e-3),
+        ] {
+            let (_looped, drive) = running(&world(times, late));
+            let given = f64::from_bits(drive.watchdog.load(SeqCst));
+            assert!((given - watchdog).abs() < 1e-12, "{times} {late}: {given}");
+        }
+    });
 }

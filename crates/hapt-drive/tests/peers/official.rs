@@ -9,6 +9,7 @@ use hapt_drive::moteus::{Adapter, Simulated};
 use hapt_drive::pty;
 use hapt_drive::simulate::{Simulator, Time};
 use hapt_model::{Source, World};
+use hapt_testing::in_time;
 
 use crate::python::{MOTEUS, python};
 
@@ -24,20 +25,22 @@ const WORLD: &str = r#"
 
 #[test]
 fn the_makers_own_library_works_on_the_simulated_drive() {
-    let Some(python) = python(MOTEUS) else { return };
-    let world = World::read(&Source::from_text("w.toml", WORLD), &[]).unwrap();
-    let (line, path) = pty().unwrap();
-    let bus = Box::new(Adapter::new(line));
-    let mut simulator = Simulator::new(bus, Box::new(Simulated::new(1)), &world, Time::Real);
-    let ends = Arc::new(AtomicBool::new(false));
-    let thread = std::thread::spawn({
-        let ends = Arc::clone(&ends);
-        move || simulator.run(|| ends.load(Ordering::SeqCst))
+    in_time(|| {
+        let Some(python) = python(MOTEUS) else { return };
+        let world = World::read(&Source::from_text("w.toml", WORLD), &[]).unwrap();
+        let (line, path) = pty().unwrap();
+        let bus = Box::new(Adapter::new(line));
+        let mut simulator = Simulator::new(bus, Box::new(Simulated::new(1)), &world, Time::Real);
+        let ends = Arc::new(AtomicBool::new(false));
+        let thread = std::thread::spawn({
+            let ends = Arc::clone(&ends);
+            move || simulator.run(|| ends.load(Ordering::SeqCst))
+        });
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/peers/official.py");
+        let said = Command::new(python).arg(script).arg(&path).output().unwrap();
+        ends.store(true, Ordering::SeqCst);
+        thread.join().unwrap().unwrap();
+        let (out, err) = (String::from_utf8_lossy(&said.stdout), String::from_utf8_lossy(&said.stderr));
+        assert!(said.status.success() && out.ends_with("well\n"), "{out}{err}");
     });
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/peers/official.py");
-    let said = Command::new(python).arg(script).arg(&path).output().unwrap();
-    ends.store(true, Ordering::SeqCst);
-    thread.join().unwrap().unwrap();
-    let (out, err) = (String::from_utf8_lossy(&said.stdout), String::from_utf8_lossy(&said.stderr));
-    assert!(said.status.success() && out.ends_with("well\n"), "{out}{err}");
 }
