@@ -142,6 +142,11 @@ impl LinkEnd {
         }
     }
 
+    /// An end that acts as a whole from its first sample on, where both have held each other before.
+    pub fn holding(first: bool, terms: LinkTerms) -> Self {
+        LinkEnd { strength: Strength::WHOLE, cap: Strength::WHOLE, ..LinkEnd::new(first, terms) }
+    }
+
     /// The torque of a sample, `elapsed` seconds after the one before: a part of `torque`, which is a function of the other's position. An
     /// end whose own loop is not `ready`, disarmed or before its zero is set, lets go.
     pub fn sample(&mut self, elapsed: f64, ready: bool, heard: Option<Heard>, torque: impl Fn(f64) -> f64) -> f64 {

@@ -12,7 +12,8 @@ use crate::schedule::{between, uniform};
 /// A scenario of a network, sample by sample, whichever station takes the next.
 ///
 /// A station sends its position at its samples, and with it the part of its torque that acts: see [`LinkEnd`]. No end uses a
-/// position that the other's loop sent after a younger one.
+/// position that the other's loop sent after a younger one. The links hold when the scenario begins: all wheels have been at rest at 0, and
+/// said so.
 ///
 /// ```
 /// use hapt_model::{Network, Source};
@@ -139,6 +140,17 @@ fn hands_off(name: &str, duration: f64) -> Scenario {
     Scenario { name: name.into(), duration, hand, timing: Timing::Even }
 }
 
+/// The messages of a wheel at rest at 0 that are on their way on a link at t = 0, and the last one that has arrived by then.
+fn said_at_rest(link: &Link, sender: &Station) -> VecDeque<(f64, Message)> {
+    let period = link.period.unwrap_or(sender.period) / (1.0 + sender.drift);
+    let before = ((sender.phase + link.delay) / period).floor() + 1.0;
+    let message = |back: u64| {
+        let sampled = sender.phase - back as f64 * period;
+        (sampled + link.delay, Message { sampled, position: 0.0, strength: Strength::WHOLE })
+    };
+    (1..=before as u64).rev().map(message).collect()
+}
+
 impl NetworkRun {
     /// The scenario `name` of a network. Errors where a station's loop or timing cannot be run.
     pub fn new(network: &Network, name: &str) -> Result<Self, Error> {
@@ -157,7 +169,7 @@ impl NetworkRun {
         }
         let sender = |index: usize, side: usize| &stations[network.links[index].between[side]];
         let end = |index: usize, side: usize| End {
-            coming: VecDeque::new(),
+            coming: said_at_rest(&network.links[index], sender(index, 1 - side)),
             newest: None,
             period: network.links[index].period.unwrap_or(sender(index, side).period)
                 / (1.0 + sender(index, side).drift),
@@ -165,7 +177,7 @@ impl NetworkRun {
             drift: sender(index, side).drift,
             next: f64::NEG_INFINITY,
             last: 0.0,
-            link: LinkEnd::new(side == 0, network.end(index, side)),
+            link: LinkEnd::holding(side == 0, network.end(index, side)),
         };
         let joints = network.links.iter().enumerate().map(|(index, link)| Joint {
             random: u64::from(link.seed),

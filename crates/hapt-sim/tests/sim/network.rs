@@ -103,6 +103,46 @@ fn a_link_without_messages_lets_go_and_no_torque_is_left() {
     assert!(silent > 0 && run.let_go().flatten().sum::<u64>() > 0, "{acting} {silent}");
 }
 
+/// Whatever way the messages have, and wherever the hands go: a link whose messages all come gives the torque of its spring from the first
+/// sample on, of the own position and the newest that has arrived.
+#[test]
+fn a_link_whose_messages_all_come_is_its_spring() {
+    for (late, hand) in [(0, "step"), (3, "step"), (17, "step"), (5, "sine")] {
+        let hand = match hand {
+            "step" => "{ kind = \"step\", to = 0.3, at = 0 }",
+            _ => "{ kind = \"sine\", amplitude = 0.4, frequency = 3 }",
+        };
+        let mut source = Source::from_text(
+            "pair.toml",
+            format!(
+                "stations = {{ left = {{ world = \"moved.toml\" }}, right = {{ world = \"wheel.toml\" }} }}\n[[links]]\nkind = \"spring\"\n\
+                 between = [\"left\", \"right\"]\nstiffness = 0.3\ndelay = {}\nage_max = \"20 ms\"\n",
+                1e-3 * (f64::from(late) + 0.3)
+            ),
+        );
+        let wheel = "loop.period = \"1 ms\"\ndevice = { inertia = 1e-3, damping = 0.05 }\n";
+        source
+            .files
+            .insert("moved.toml".into(), format!("{wheel}[scenarios.all]\nduration = \"1 s\"\nhand = {hand}\n"));
+        source.files.insert("wheel.toml".into(), wheel.into());
+        let network = Network::read(&source, &[]).unwrap();
+        let mut run = NetworkRun::new(&network, "all").unwrap();
+        let mut seen = [vec![], vec![]];
+        while let Some(row) = run.next() {
+            let row = row.unwrap();
+            seen[row.station].push((row.row.measured, row.link));
+        }
+        for (own, other) in [(0, 1), (1, 0)] {
+            for (k, (measured, link)) in seen[own].iter().enumerate() {
+                let heard = k.checked_sub(1 + late as usize).map_or(0.0, |before| seen[other][before].0);
+                let law = 0.3 * (heard - measured);
+                assert!((link - law).abs() < 1e-12, "{hand} {late}: {link} N m and not {law} at sample {k}");
+            }
+        }
+        assert_eq!(run.let_go().flatten().sum::<u64>(), 0);
+    }
+}
+
 #[test]
 fn the_same_network_gives_the_same_rows_again() {
     let network = pair(1.0, 0.05, "loss = 0.3\nseed = 7\n");
