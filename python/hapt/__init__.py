@@ -11,7 +11,7 @@ False
 All numbers are in SI; strings carry units. The command line and this package are two faces of the same crates.
 """
 
-from ._analyses import Boundary, Comparison, Design, Identified, Impedance, Piece, Worst
+from ._analyses import Boundary, Comparison, Design, Identified, Impedance, Piece, Worst, WorstTogether
 from ._build import (
     Constant,
     Damper,
@@ -76,6 +76,7 @@ __all__ = [
     "World",
     "WorldError",
     "Worst",
+    "WorstTogether",
     "__version__",
     "design",
     "identify",

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from ._network import Network
     from ._world import World
 
 
@@ -58,6 +59,17 @@ class Worst(Answer):
         self.world = world
 
 
+class WorstTogether(Answer):
+    """The passive hands at all stations that draw most energy together from a network: the fields of `hapt worst --json`.
+
+    `network` is the network with the scenario `worst` alone, which shows them, and with its messages as they were then: `run()` plays it.
+    """
+
+    def __init__(self, fields: dict[str, Any], network: Network) -> None:
+        super().__init__(fields)
+        self.network = network
+
+
 class Impedance(Table):
     """The impedance at the puck against frequency: rendered by the loop, ideal, and of loop and device together (`whole_`).
 
@@ -92,11 +104,12 @@ class Piece(NamedTuple):
 
 
 class Boundary:
-    """Where a loop stops being stable or passive in the plane of two keys.
+    """Where a loop stops being stable or passive, or a network passive, in the plane of two keys.
 
     `keys` are the two keys, `pieces` the edges. `everywhere` tells of each claim without an edge whether it fails everywhere (True) or
-    nowhere (False), and is None for a claim with an edge. `lost` tells of each claim where its edge goes on but is not followed, because it
-    turns or narrows within a hundred-thousandth of the plane: a smaller plane around such a point shows it.
+    nowhere (False), and is None for a claim with an edge or without a verdict. `lost` tells of each claim where its edge goes on but is not followed, because it
+    turns or narrows within a hundred-thousandth of the plane: a smaller plane around such a point shows it. `undecided` tells why a claim
+    has no verdict in the plane, for those that have none.
     """
 
     def __init__(
@@ -105,11 +118,13 @@ class Boundary:
         pieces: list[Piece],
         everywhere: dict[str, Optional[bool]],
         lost: dict[str, list[tuple[float, float]]],
+        undecided: dict[str, str],
     ) -> None:
         self.keys = keys
         self.pieces = pieces
         self.everywhere = everywhere
         self.lost = lost
+        self.undecided = undecided
 
     def __repr__(self) -> str:
         return f"<hapt.Boundary over {self.keys[0]} and {self.keys[1]}: {len(self.pieces)} pieces>"

@@ -33,6 +33,11 @@ class WorldError(ValueError):
     line: Optional[int]
     column: Optional[int]
 
+_Edges = tuple[
+    list[tuple[str, NDArray[float64], NDArray[float64], NDArray[float64]]],
+    list[tuple[str, Optional[bool], list[tuple[float, float]], Optional[str]]],
+]
+
 @final
 class World:
     def set(self, key: str, value: str) -> World: ...
@@ -56,12 +61,7 @@ class World:
     def impedance(
         self, low: Optional[float], high: Optional[float], points: int, steep: bool
     ) -> tuple[dict[str, NDArray[float64]], str]: ...
-    def boundary(
-        self, axes: list[str], claims: list[str]
-    ) -> tuple[
-        list[tuple[str, int, NDArray[float64], NDArray[float64], NDArray[float64]]],
-        list[tuple[str, Optional[bool], list[tuple[float, float]]]],
-    ]: ...
+    def boundary(self, axes: list[str], claims: list[str]) -> _Edges: ...
     def worst(self) -> tuple[str, Optional[str]]: ...
     def against(
         self, times: NDArray[float64], positions: NDArray[float64], torques: NDArray[float64]
@@ -83,7 +83,13 @@ class Network:
     def stations(self) -> list[str]: ...
     @property
     def scenarios(self) -> list[str]: ...
+    def parts(self) -> tuple[str, str, Any, dict[str, str], list[str]]: ...
     def check(self) -> tuple[str, str]: ...
+    def boundary(self, axes: list[str], claims: list[str]) -> _Edges: ...
+    def sweep(
+        self, axes: list[tuple[str, NDArray[float64]]], measures: list[str], scenario: Optional[str]
+    ) -> Sweep: ...
+    def worst(self) -> tuple[str, Network]: ...
     def run(self, scenario: str) -> tuple[dict[str, dict[str, NDArray[float64]]], Optional[str]]: ...
 
 @final
@@ -128,11 +134,18 @@ def arrow_stream(columns: list[tuple[str, NDArray[float64]]]) -> object: ...
 def read(
     name: str,
     text: Optional[str] = None,
-    path: Any = None,
     folder: Any = None,
     sets: list[str] = ...,
+    path: Any = None,
 ) -> World: ...
-def read_network(path: Any, sets: list[str] = ...) -> Network: ...
+def read_network(
+    name: str,
+    text: Optional[str] = None,
+    folder: Any = None,
+    files: dict[str, str] = ...,
+    sets: list[str] = ...,
+    path: Any = None,
+) -> Network: ...
 def design(travel: str, torque: str, frequency: str, period: str) -> str: ...
 def identify(
     times: NDArray[float64],

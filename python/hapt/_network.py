@@ -8,7 +8,9 @@ import warnings
 from typing import Any, Optional, Union
 
 from . import _hapt, _toml
+from ._analyses import WorstTogether
 from ._answer import Certificate
+from ._system import System, a_key
 from ._table import Table
 
 
@@ -24,7 +26,7 @@ class NetworkCheck(Certificate):
         return bool(self._fields["certified"])
 
 
-class Network:
+class Network(System[_hapt.Network]):
     """Stations, each a world with its device, and links between their pucks. It never changes; `set` gives a changed copy.
 
     Read from a network file, whose worlds are in its folder or below it:
@@ -42,7 +44,7 @@ class Network:
     (1001,)
     """
 
-    _native: _hapt.Network
+    _kind = "network"
 
     def __init__(self) -> None:
         raise TypeError("a network is read from its file: hapt.Network.load(path)")
@@ -56,7 +58,7 @@ class Network:
     @classmethod
     def load(cls, path: Union[str, os.PathLike[str]]) -> Network:
         """A network from its file. Raises WorldError, with line and caret, for what the reader refuses in it or in a station's world."""
-        return cls._of(_hapt.read_network(os.fspath(path)))
+        return cls._of(_hapt.read_network(os.fspath(path), path=path))
 
     def set(self, key: str, value: Any) -> Network:
         """A copy in which `key` is `value`: "links.0.stiffness", or a station's, "stations.left.device.damping".
@@ -64,7 +66,7 @@ class Network:
         A string has its unit ("2 ms"), a number is in SI. Raises WorldError for an unknown key or a value that the file would refuse.
         """
         value = _toml.plain(value, key)
-        return Network._of(self._native.set(key, value if isinstance(value, str) else _toml.inline(value)))
+        return Network._of(self._native.set(a_key(key), value if isinstance(value, str) else _toml.inline(value)))
 
     def get(self, key: str) -> Optional[float]:
         """The number of a key in SI; None where it is absent and has no default. Raises KeyError for a key that takes no number."""
@@ -91,6 +93,9 @@ class Network:
     def __repr__(self) -> str:
         return f"<hapt.Network {self.name!r}: {', '.join(self.stations)}>"
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (_network, self._native.parts())
+
     def check(self) -> NetworkCheck:
         """The certificate, for any clocks and any loss within the links' ages, with remedies. Raises ValueError where it has no result."""
         fields, text = self._native.check()
@@ -111,3 +116,20 @@ class Network:
         if ended is not None:
             warnings.warn(f"scenario {name}: {ended}", RuntimeWarning, stacklevel=2)
         return {station: Table(columns) for station, columns in stations.items()}
+
+    def worst(self) -> WorstTogether:
+        """Searches for the passive hands, one at each station, that draw most energy together; some seconds.
+
+        Raises ValueError where there is no answer.
+
+        >>> import hapt
+        >>> broken = hapt.Network.load("networks/pair.toml").set("links.0.age_max", "60 ms").worst()
+        >>> broken["broken"], broken.network.scenarios
+        (True, ['worst'])
+        """
+        fields, shown = self._native.worst()
+        return WorstTogether(json.loads(fields), Network._of(shown))
+
+
+def _network(name: str, text: str, folder: Any, files: dict[str, str], sets: list[str]) -> Network:
+    return Network._of(_hapt.read_network(name, text, folder, files, sets))

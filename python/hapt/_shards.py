@@ -14,7 +14,7 @@ import warnings
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Callable, Optional
+from typing import TYPE_CHECKING, Any, Callable, Optional, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,13 +34,16 @@ SHARD = 1.0
 MOST, GROUP = 1 << 24, 1 << 16
 #: Shards under way at once at most, and seconds between two writes of the manifest.
 UNDER_WAY, NOTED = 1000, 1.0
+#: What makes a world or network of its native object's parts.
+READERS: dict[str, Callable[..., Union[_hapt.World, _hapt.Network]]] = {"world": _hapt.read, "network": _hapt.read_network}
 
 
 @dataclass(frozen=True)
 class Job:
     """A sweep as plain data: what a worker needs, and nothing else."""
 
-    world: tuple[str, str, Any, list[str]]
+    kind: str
+    parts: tuple[Any, ...]
     axes: dict[str, NDArray[np.float64]]
     measures: list[str]
     scenario: Optional[str]
@@ -48,11 +51,10 @@ class Job:
 
     def grid(self) -> _hapt.Sweep:
         """The grid with all of the reader's checks."""
-        name, text, folder, sets = self.world
-        return _hapt.read(name, text, None, folder, sets).sweep(list(self.axes.items()), self.measures, self.scenario)
+        return READERS[self.kind](*self.parts).sweep(list(self.axes.items()), self.measures, self.scenario)
 
     def fingerprint(self, grid: _hapt.Sweep) -> str:
-        """Of everything that the rows depend on, the files that a world names among it: they may differ from machine to machine."""
+        """Of everything that the rows depend on, the files that it names among it: they may differ from machine to machine."""
         return hashlib.sha256(f"{self.version} {grid.content()}".encode()).hexdigest()
 
     def columns(self, start: int, rows: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import os
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Optional, Union, overload
+from collections.abc import Mapping, Sequence
+from typing import Any, Optional, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _hapt, _toml
-from ._analyses import Boundary, Comparison, Design, Identified, Impedance, Piece, Worst
+from ._analyses import Comparison, Design, Identified, Impedance, Worst
 from ._arrays import numbers
 from ._check import Check
 from ._control import StateSpaces, state_spaces
@@ -20,9 +20,7 @@ from ._live import Live
 from ._program import ran
 from ._run import Run
 from ._running import Device, Loop
-from ._shards import Dataset, Job
-from ._sweep import Sweep, here, in_shards
-from ._target import Target
+from ._system import System, a_key, text_of, whole
 
 Value = Union[str, float, int, bool]
 
@@ -30,7 +28,7 @@ Value = Union[str, float, int, bool]
 _POINTS = 100_000
 
 
-class World:
+class World(System[_hapt.World]):
     """A world: bodies and couplings, the loop that runs them, the device, and scenarios. It never changes; `set` gives a changed copy.
 
     From keywords, each a table of the world file, through the file's own reader with its units and errors:
@@ -48,8 +46,6 @@ class World:
 
     Raises WorldError for what the reader refuses, TypeError for what has no place in a file.
     """
-
-    _native: _hapt.World
 
     def __init__(
         self,
@@ -81,6 +77,8 @@ class World:
         world._native = native
         return world
 
+    _kind = "world"
+
     # Keys
 
     def set(self, key: str, value: Any) -> World:
@@ -95,7 +93,7 @@ class World:
         0.002
         """
         value = _toml.plain(value, key)
-        return World._of(self._native.set(_key(key), value if isinstance(value, str) else _toml.inline(value)))
+        return World._of(self._native.set(a_key(key), value if isinstance(value, str) else _toml.inline(value)))
 
     def get(self, key: str) -> Optional[Value]:
         """The value of a key: a number in SI, a bool or a str; of an absent key its default, None where it has none.
@@ -105,7 +103,7 @@ class World:
         for path, si, written, _, _, _ in self._native.parameters():
             if path == key:
                 return _value(si, written)
-        if self._native.takes(_key(key)):
+        if self._native.takes(a_key(key)):
             return None
         raise self._native.no_such_key(key)
 
@@ -177,33 +175,9 @@ class World:
         """
         if slopes not in ("steep", "flat"):
             raise ValueError(f'slopes is {slopes!r}, but must be "steep" or "flat"')
-        _whole("points", points, 1, _POINTS)
+        whole("points", points, 1, _POINTS)
         columns, info = self._native.impedance(low, high, points, slopes == "steep")
         return Impedance(columns, json.loads(info))
-
-    def boundary(
-        self, ranges: Mapping[str, Sequence[Any]], claims: Iterable[str] = ("held", "free", "passive"), log: bool = False
-    ) -> Boundary:
-        """The edges of stability ("held", "free") and of passivity ("passive") in the plane of two keys.
-
-        `ranges` maps each of the two keys to its ends, strings with units or numbers in SI; with `log` by ratio. Raises ValueError,
-        and WorldError for ends that the world refuses.
-        """
-        _mapping("ranges", ranges)
-        if len(ranges) != 2 or any(isinstance(ends, str) or len(ends) != 2 for ends in ranges.values()):
-            raise ValueError('ranges maps two keys to two ends each, such as {"loop.period": ("1 ms", "10 ms"), ...}')
-        spelled = [
-            f"{_key(key)}={'..'.join(_text(end, key) for end in ends)}{':log' if log else ''}" for key, ends in ranges.items()
-        ]
-        names = [claims] if isinstance(claims, str) else list(claims)
-        pieces, claimed = self._native.boundary(spelled, names)
-        first, second = ranges
-        return Boundary(
-            (first, second),
-            [Piece(claim, x, y, hz) for claim, _, x, y, hz in pieces],
-            {claim: everywhere for claim, everywhere, _ in claimed},
-            {claim: [(x, y) for x, y in lost] for claim, _, lost in claimed},
-        )
 
     def worst(self) -> Worst:
         """Searches for the passive hand that draws most energy from the loop. Raises ValueError where there is no answer."""
@@ -232,79 +206,6 @@ class World:
         """
         arrays = _record(times, positions, torques)
         return Comparison(json.loads(self._native.against(*arrays)))
-
-    @overload
-    def sweep(
-        self,
-        axes: Mapping[str, ArrayLike],
-        measures: Union[str, Sequence[str]],
-        scenario: Optional[str] = None,
-        progress: Optional[bool] = None,
-        threads: Optional[int] = None,
-        *,
-        client: Any = None,
-        shards: Optional[int] = None,
-        out: None = None,
-        storage_options: None = None,
-    ) -> Sweep: ...
-    @overload
-    def sweep(
-        self,
-        axes: Mapping[str, ArrayLike],
-        measures: Union[str, Sequence[str]],
-        scenario: Optional[str] = None,
-        progress: Optional[bool] = None,
-        threads: Optional[int] = None,
-        *,
-        client: Any = None,
-        shards: Optional[int] = None,
-        out: Union[str, os.PathLike[str]],
-        storage_options: Optional[Mapping[str, Any]] = None,
-    ) -> Dataset: ...
-    def sweep(
-        self,
-        axes: Mapping[str, ArrayLike],
-        measures: Union[str, Sequence[str]],
-        scenario: Optional[str] = None,
-        progress: Optional[bool] = None,
-        threads: Optional[int] = None,
-        *,
-        client: Any = None,
-        shards: Optional[int] = None,
-        out: Union[str, os.PathLike[str], None] = None,
-        storage_options: Optional[Mapping[str, Any]] = None,
-    ) -> Union[Sweep, Dataset]:
-        """Measures the world at every combination of the keys' values, in SI.
-
-        A progress bar shows where tqdm is installed, unless `progress` is False. Measures: see `hapt.measures()`. Those of a run need a
-        scenario. Raises ValueError for an unknown measure or values that are no finite numbers, WorldError for what the world refuses.
-
-        `threads` of each process: 0 for all cores, which is the default here; with a client the default is 1. `client` computes the table
-        in shards elsewhere: any `concurrent.futures.Executor`, a Dask client, or the module ray. `out`, a folder or a URL for fsspec with its
-        `storage_options`, takes a Parquet file for each shard, which needs pyarrow; the same call continues one that was interrupted.
-        `shards`: their number, by default such that each takes about a second. The values do not depend on any of this.
-        With `out` raises OSError where it cannot be written and ValueError where it holds another sweep; the shards done stay.
-
-        >>> import hapt, numpy as np
-        >>> world = hapt.load("@notes/euler")
-        >>> sweep = world.sweep({"loop.period": np.linspace(1e-3, 4e-3, 4)}, "held_growth_per_s", progress=False)
-        >>> sweep["held_growth_per_s"].shape
-        (4,)
-        """
-        _mapping("axes", axes)
-        values = {_key(key): numbers(key, array) for key, array in axes.items()}
-        names = [measures] if isinstance(measures, str) else list(measures)
-        for name, number, least, most in [("threads", threads, 0, 1024), ("shards", shards, 1, 10**8)]:
-            if number is not None:
-                _whole(name, number, least, most)
-        if storage_options is not None and out is None:
-            raise ValueError("storage_options are those of out, and there is no out")
-        job = Job(self._native.parts(), values, names, scenario)
-        grid = job.grid()
-        if client is None and out is None:
-            return here(job, grid, progress, threads or 0)
-        target = None if out is None else Target(out, storage_options)
-        return in_shards(job, grid, progress, threads, client, shards, target)
 
     # Parts
 
@@ -386,8 +287,8 @@ def design(travel: Any, torque: Any, frequency: Any, period: Any = "1 ms") -> De
     >>> round(hapt.design("45 deg", "800 N mm", "1 Hz")["stiffness"], 4)
     1.0186
     """
-    wanted = _text(travel, "travel"), _text(torque, "torque"), _text(frequency, "frequency")
-    fields = json.loads(_hapt.design(*wanted, _text(period, "period")))
+    wanted = text_of(travel, "travel"), text_of(torque, "torque"), text_of(frequency, "frequency")
+    fields = json.loads(_hapt.design(*wanted, text_of(period, "period")))
     wheel = load("@notes/damped").set("device.encoder", 4000).set("loop.period", period)
     wheel = wheel.set("bodies.wheel.inertia", fields["inertia"]).set("couplings.0.stiffness", fields["stiffness"])
     return Design(fields, wheel.set("scenarios.step.hand.to", travel))
@@ -419,32 +320,7 @@ def measures() -> dict[str, str]:
 
 
 def _world(name: str, text: str, folder: Any, sets: list[str]) -> World:
-    return World._of(_hapt.read(name, text, None, folder, sets))
-
-
-def _key(key: object) -> str:
-    if not isinstance(key, str):
-        raise TypeError(f"a key is a dotted path such as 'loop.period', not {type(key).__name__}")
-    if "=" in key:
-        raise ValueError(f"{key!r} is no key: a dotted path such as 'loop.period' has no '='")
-    return key
-
-
-def _mapping(name: str, value: object) -> None:
-    if not isinstance(value, Mapping):
-        raise TypeError(f"{name} is a mapping of keys such as 'loop.period', not {type(value).__name__}")
-
-
-def _whole(name: str, value: object, least: int, most: int) -> None:
-    if not (isinstance(value, (int, np.integer)) and not isinstance(value, bool) and least <= value <= most):
-        raise ValueError(f"{name} is {value!r}, but must be a whole number from {least} to {most}")
-
-
-def _text(value: Any, name: str) -> str:
-    value = _toml.plain(value, name)
-    if isinstance(value, (dict, list, bool)):
-        raise TypeError(f"{name}: a string with a unit or a number is expected, not {type(value).__name__}")
-    return value if isinstance(value, str) else repr(value)
+    return World._of(_hapt.read(name, text, folder, sets))
 
 
 def _value(si: Optional[float], written: str) -> Value:

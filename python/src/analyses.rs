@@ -8,17 +8,18 @@ use hapt_analysis::impedance::rendered::columns;
 use hapt_analysis::{Continuous, Design, Discrete, Impedance, Slopes};
 use hapt_identify::{Claims, Known, Record};
 use hapt_model::keys::{self, Takes};
-use hapt_model::{CouplingKind, Device, Dimension, HandKind, Handle, Motion, World, parse_quantity};
+use hapt_model::{CouplingKind, Device, Dimension, HandKind, Handle, Motion, Source, World, parse_quantity};
 use hapt_sweep::Measure;
-use hapt_sweep::boundary::Edge;
+use hapt_sweep::boundary::{Boundary, Claim, Edge, Point};
 use nalgebra::DMatrix;
-use numpy::PyReadonlyArray1;
+use numpy::{IntoPyArray, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 use serde_json::{Value, json};
 
-use crate::error::{internal, value};
-use crate::interrupt::{Stop, interruptible, unwanted};
+use crate::error::{internal, of_sweep, value};
+use crate::interrupt::{Stop, in_parallel, interruptible, unwanted};
 
 /// Columns of equal lengths by name.
 pub type Columns = Vec<(String, Vec<f64>)>;
@@ -63,7 +64,7 @@ pub fn impedance(
 }
 
 /// The claims of these names, each once.
-pub fn edges(names: &[String]) -> PyResult<Vec<Edge>> {
+fn edges(names: &[String]) -> PyResult<Vec<Edge>> {
     let mut edges = Vec::new();
     for name in names {
         let edge = Edge::from_name(name).ok_or_else(|| {
@@ -75,6 +76,38 @@ pub fn edges(names: &[String]) -> PyResult<Vec<Edge>> {
         }
     }
     Ok(edges)
+}
+
+/// What [`boundary`] finds: `(claim, x, y, hz)` of each piece; `(claim, whether it fails everywhere, where its edge is lost, why there is
+/// no verdict)` of each claim.
+pub type Edges<'py> = (Vec<Bound<'py, PyTuple>>, Vec<(&'static str, Option<bool>, Vec<(f64, f64)>, Option<String>)>);
+
+/// The boundaries of a world or network in the plane of two axes; no claims: all that there are about it.
+pub fn boundary<'py>(
+    py: Python<'py>,
+    source: Source,
+    sets: Vec<String>,
+    axes: Vec<String>,
+    claims: &[String],
+) -> PyResult<Edges<'py>> {
+    let edges = edges(claims)?;
+    let work = move |stop: &Stop| Boundary::until(&source, &sets, &axes, &edges, &|| stop.is_set());
+    let found = in_parallel(py, 0, work)?.map_err(|error| of_sweep(py, error))?;
+    let mut pieces = Vec::new();
+    for claim in &found.claims {
+        for piece in &claim.pieces {
+            let column =
+                |of: &dyn Fn(&Point) -> f64| piece.points.iter().map(of).collect::<Vec<f64>>().into_pyarray(py);
+            let (x, y) = (column(&|point| point.values[0]), column(&|point| point.values[1]));
+            let hz = column(&|point| point.hz.unwrap_or(f64::NAN));
+            pieces.push((claim.edge.name(), x, y, hz).into_pyobject(py)?);
+        }
+    }
+    let of = |claim: Claim| {
+        let lost = claim.lost.iter().map(|&[x, y]| (x, y)).collect();
+        (claim.edge.name(), claim.everywhere, lost, claim.undecided)
+    };
+    Ok((pieces, found.claims.into_iter().map(of).collect()))
 }
 
 /// The notes' design as JSON. Quantities as text with units; bare numbers in SI.

@@ -1,18 +1,23 @@
 //! Networks of stations: read, changed, asked.
 
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use hapt_model::{Network as Model, Source};
 use hapt_sim::{NetworkRun, network_columns};
+use hapt_sweep::worst::search_together;
 use numpy::IntoPyArray;
 use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::analyses::{self, Edges};
 use crate::error::{internal, of_world, value};
-use crate::interrupt::{Stop, asking, interruptible, unwanted};
+use crate::interrupt::{Stop, asking, in_parallel, interruptible, unwanted};
 use crate::simulate::{CHUNK, Failure, columns_with_room, too_large};
+use crate::sweep::Sweep;
 
 /// A network with the file that it was read from and the changes made to it.
 #[pyclass(frozen, module = "hapt._hapt")]
@@ -22,12 +27,28 @@ pub struct Network {
     model: Arc<Model>,
 }
 
-/// Reads the network in the file `path`, with the changes `sets`.
+/// The texts of files that come with a network, by the names that it has for them.
+type Files = BTreeMap<String, String>;
+
+/// Reads a network: of `text` with `files`, or of the file `path`.
 #[pyfunction]
-#[pyo3(signature = (path, sets=vec![]))]
-pub fn read_network(py: Python<'_>, path: PathBuf, sets: Vec<String>) -> PyResult<Network> {
-    let source = Source::open(&path).map_err(|error| of_world(py, error, "set"))?;
-    Network::new(py, source, sets)
+#[pyo3(signature = (name, text=None, folder=None, files=Files::new(), sets=vec![], path=None))]
+pub fn read_network(
+    py: Python<'_>,
+    name: &str,
+    text: Option<String>,
+    folder: Option<PathBuf>,
+    files: Files,
+    sets: Vec<String>,
+    path: Option<PathBuf>,
+) -> PyResult<Network> {
+    let opened = match (text, path) {
+        (None, Some(path)) => Source::open(path),
+        (text, _) => Source::from_bytes(name, text.unwrap_or_default().into_bytes()),
+    };
+    let opened = opened.map_err(|error| of_world(py, error, "set"))?;
+    let folder = folder.unwrap_or(opened.folder);
+    Network::new(py, Source { folder, files, ..opened }, sets)
 }
 
 impl Network {
@@ -85,6 +106,12 @@ impl Network {
         (self.model.key(key).is_some(), self.model.number(key))
     }
 
+    /// `(name, text, folder, files, sets)`, of which `read_network` makes the same network.
+    fn parts(&self) -> (String, String, PathBuf, Files, Vec<String>) {
+        let Source { name, text, folder, files } = self.source.clone();
+        (name, text, folder, files, self.sets.clone())
+    }
+
     #[getter]
     fn name(&self) -> &str {
         self.title()
@@ -112,6 +139,37 @@ impl Network {
         let until = move |stop: &Stop| hapt_analysis::until(stop.flag(), work);
         let (json, text) = interruptible(py, until)?.ok_or_else(unwanted)?.map_err(value)?;
         Ok((json.map_err(internal)?, text))
+    }
+
+    /// See [`analyses::boundary`].
+    fn boundary<'py>(&self, py: Python<'py>, axes: Vec<String>, claims: Vec<String>) -> PyResult<Edges<'py>> {
+        analyses::boundary(py, self.source.clone(), self.sets.clone(), axes, &claims)
+    }
+
+    /// A grid of this network; each axis its key and values in SI.
+    fn sweep(
+        &self,
+        py: Python<'_>,
+        axes: Vec<(String, Vec<f64>)>,
+        measures: Vec<String>,
+        scenario: Option<&str>,
+    ) -> PyResult<Sweep> {
+        Sweep::new(py, &self.source, &self.sets, &axes, &measures, scenario)
+    }
+
+    /// The worst hands found, as JSON, and the network with the scenario that shows them.
+    fn worst(&self, py: Python<'_>) -> PyResult<(String, Network)> {
+        let model = Arc::clone(&self.model);
+        let found = in_parallel(py, 0, move |stop| {
+            let watch = |_| if stop.is_set() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+            search_together(&model, &watch).map(|worst| (serde_json::to_string(&worst), worst.network))
+        })?;
+        let (json, shown) = found.map_err(value)?;
+        let names: Vec<String> = shown.stations.iter().map(|station| format!("{}.toml", station.name)).collect();
+        let worlds = shown.stations.iter().map(|station| station.stated_world().to_toml());
+        let files = names.iter().cloned().zip(worlds).collect();
+        let source = Source { files, ..Source::from_text("worst", shown.to_toml(&names)) };
+        Ok((json.map_err(internal)?, Network::new(py, source, Vec::new())?))
     }
 
     /// `(columns by station, why it ended early)` of a run.

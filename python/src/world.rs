@@ -10,10 +10,10 @@ use hapt_model::{Scenario, Source, Timing, World as Model};
 use numpy::{IntoPyArray, PyReadonlyArray1};
 use pyo3::exceptions::{PyKeyError, PyMemoryError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::PyDict;
 
-use crate::analyses;
-use crate::error::{internal, of_sweep, of_world, value};
+use crate::analyses::{self, Edges};
+use crate::error::{internal, of_world, value};
 use crate::interrupt::{Stop, asking, in_parallel, interruptible, unwanted};
 use crate::running::{Device, Loop};
 use crate::simulate::{Failure, simulate, too_large};
@@ -32,14 +32,14 @@ pub struct World {
 
 /// Reads a world: of `text`, or of the file `path`.
 #[pyfunction]
-#[pyo3(signature = (name, text=None, path=None, folder=None, sets=vec![]))]
+#[pyo3(signature = (name, text=None, folder=None, sets=vec![], path=None))]
 pub fn read(
     py: Python<'_>,
     name: &str,
     text: Option<String>,
-    path: Option<PathBuf>,
     folder: Option<PathBuf>,
     sets: Vec<String>,
+    path: Option<PathBuf>,
 ) -> PyResult<World> {
     let opened = match (text, path) {
         (None, Some(path)) if path.to_string_lossy().starts_with('@') => {
@@ -210,37 +210,9 @@ impl World {
         Ok((dict, json.to_string()))
     }
 
-    /// `(claim, piece from 1, x, y, hz)` of every piece of the boundaries in the plane of two axes; of each claim whether it
-    /// holds everywhere, and where its edge is lost.
-    #[allow(clippy::type_complexity)] // A tuple of arrays for Python to name.
-    fn boundary<'py>(
-        &self,
-        py: Python<'py>,
-        axes: Vec<String>,
-        claims: Vec<String>,
-    ) -> PyResult<(Vec<Bound<'py, PyTuple>>, Vec<(String, Option<bool>, Vec<(f64, f64)>)>)> {
-        let edges = analyses::edges(&claims)?;
-        let (source, sets) = (self.source.clone(), self.sets.clone());
-        let work = move |stop: &Stop| hapt_sweep::Boundary::until(&source, &sets, &axes, &edges, &|| stop.is_set());
-        let found = in_parallel(py, 0, work)?.map_err(|error| of_sweep(py, error))?;
-        let mut pieces = Vec::new();
-        let mut claims = Vec::new();
-        for claim in &found.claims {
-            claims.push((
-                claim.edge.name().to_string(),
-                claim.everywhere,
-                claim.lost.iter().map(|&[x, y]| (x, y)).collect(),
-            ));
-            for (number, piece) in claim.pieces.iter().enumerate() {
-                let column = |of: &dyn Fn(&hapt_sweep::boundary::Point) -> f64| {
-                    piece.points.iter().map(of).collect::<Vec<f64>>().into_pyarray(py)
-                };
-                let (x, y) = (column(&|point| point.values[0]), column(&|point| point.values[1]));
-                let hz = column(&|point| point.hz.unwrap_or(f64::NAN));
-                pieces.push((claim.edge.name(), number + 1, x, y, hz).into_pyobject(py)?);
-            }
-        }
-        Ok((pieces, claims))
+    /// See [`analyses::boundary`].
+    fn boundary<'py>(&self, py: Python<'py>, axes: Vec<String>, claims: Vec<String>) -> PyResult<Edges<'py>> {
+        analyses::boundary(py, self.source.clone(), self.sets.clone(), axes, &claims)
     }
 
     /// The worst hand found, as JSON, and the world with the scenario that shows it where no file is needed beside it.

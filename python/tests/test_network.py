@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -71,3 +72,65 @@ def test_mistakes_name_their_place(pair: hapt.Network, tmp_path: Path) -> None:
         hapt.Network.load(tmp_path / "none.toml")
     with pytest.raises(TypeError, match="Network.load"):
         hapt.Network()
+
+
+def test_the_edge_of_a_pair_is_that_of_the_shared_burden(pair: hapt.Network) -> None:
+    edge = pair.boundary({"links.0.stiffness": (0.05, 1.0), "links.0.age_max": ("5 ms", "60 ms")}, "passive")
+    assert edge.keys == ("links.0.stiffness", "links.0.age_max") and len(edge.pieces) == 1
+    piece = edge.pieces[0]
+    # b = K (T/2 + c A) at the left and K (T'/2 + A/c) at the right, of some c
+    left, right = (0.01 / piece.x - period / 2 for period in (1e-3, 2e-3))
+    assert np.sqrt(left * right) == pytest.approx(piece.y, rel=1e-3)
+    assert list(edge.to_pandas().columns) == ["edge", "piece", "links.0.stiffness", "links.0.age_max", "hz"]
+
+
+def test_a_claim_without_a_verdict_says_why(pair: hapt.Network) -> None:
+    lossy = pair.set("links.0.loss", 0.1)
+    edges = lossy.boundary({"links.0.stiffness": (0.05, 1.0), "links.0.age_max": ("5 ms", "60 ms")})
+    assert edges.everywhere["fixed"] is None and list(edges.undecided) == ["fixed"] and "lost" in edges.undecided["fixed"]
+    assert {piece.claim for piece in edges.pieces} == {"passive"}
+
+
+def test_a_sweep_agrees_with_the_certificate(pair: hapt.Network, tmp_path: Path) -> None:
+    ages, measures = np.array([5e-3, 20e-3, 80e-3]), ["certified", "damping_margin", "peak_torque"]
+    sweep = pair.sweep({"links.0.age_max": ages, "stations.left.device.damping": [4e-3, 1e-2]}, measures, progress=False)
+    assert sweep["certified"].shape == (3, 2)
+    for i, age in enumerate(ages):
+        check = pair.set("links.0.age_max", age).check()
+        assert bool(sweep["certified"][i, 1]) == check.certified == (sweep["damping_margin"][i, 1] >= 0)
+    run = pair.set("links.0.age_max", 5e-3).run()
+    assert sweep["peak_torque"][0, 1] == max(np.abs(run[name]["torque_Nm"] + run[name]["link_Nm"]).max() for name in run)
+    shards = pair.sweep(sweep.axes, measures, out=tmp_path / "table", shards=2, progress=False).to_pandas()
+    assert shards.equals(sweep.to_pandas())
+
+
+def test_the_worst_hands_of_a_broken_network_play_in_it(pair: hapt.Network) -> None:
+    weak = pair.set("links.0.age_max", "60 ms").set("stations.left.device.damping", 1e-3).set("stations.right.device.damping", 1e-3)
+    worst = weak.worst()
+    assert worst["broken"] and not worst["certified"] and worst["drawn"]["gain"] > 0
+    assert worst.network.scenarios == ["worst"] and not worst.network.check()
+    copy = pickle.loads(pickle.dumps(worst))
+    run = copy.network.run()
+    # The hands begin when the links have taken hold.
+    left = run["left"]
+    assert np.abs(left["puck_rad"][left["time_s"] < worst["begins_s"]]).max() < 1e-9 < np.abs(left["puck_rad"]).max()
+    assert run["right"] == worst.network.run()["right"]
+
+
+def test_networks_can_be_pickled(pair: hapt.Network) -> None:
+    softer = pickle.loads(pickle.dumps(pair.set("links.0.stiffness", 0.05)))
+    assert softer.get("links.0.stiffness") == 0.05 and dict(softer.check()) == dict(pair.set("links.0.stiffness", 0.05).check())
+
+
+def test_what_is_not_of_a_network_is_refused(pair: hapt.Network) -> None:
+    plane = {"links.0.stiffness": (0.05, 1.0), "links.0.age_max": (5e-3, 60e-3)}
+    with pytest.raises(ValueError, match="held"):
+        pair.boundary(plane, "held")
+    with pytest.raises(ValueError, match="required_damping"):
+        pair.sweep({"links.0.age_max": [0.01]}, "required_damping")
+    with pytest.raises(hapt.WorldError, match="age_max"):
+        pair.sweep({"links.0.age_max": [-0.01]}, "certified")
+    with pytest.raises(hapt.WorldError):
+        pair.boundary({"links.0.stiffness": (0.05, 1.0), "stations.up.loop.period": (5e-3, 60e-3)})
+    with pytest.raises(ValueError, match="'='"):
+        pair.set("links.0.stiffness=1", 2)
