@@ -166,11 +166,12 @@ fn notes(world: &World) -> Result<Vec<String>, Error> {
     }
     if sampling.bodies_every > 1 {
         notes.push(format!(
-            "loop.bodies_every: the eigenvalues of held and free are those of {every} samples, a step of the bodies; the critical period of \
-             free is not searched",
+            "loop.bodies_every: the eigenvalues of held and free are those of {every} samples, a step of the bodies; critical periods are \
+             those of a sample",
             every = sampling.bodies_every
         ));
-    } else if world.couplings.iter().any(laws::at_puck) {
+    }
+    if world.couplings.iter().any(laws::at_puck) {
         notes.push(format!("free: its critical period is searched from {} up", time(shortest_period(sampling))));
     }
     if let Some(count_power) = count_power(world)? {

@@ -136,7 +136,8 @@ impl Check {
         match of.verdict {
             Verdict::Unstable => {
                 // The first eigenvalue is the largest.
-                let swing = of.eigenvalues.first().map_or(0.0, |v| v.im.atan2(v.re).abs() / (TAU * self.period_s));
+                let step = f64::from(self.bodies_every) * self.period_s;
+                let swing = of.eigenvalues.first().map_or(0.0, |v| v.im.atan2(v.re).abs() / (TAU * step));
                 let how =
                     if swing > 0.0 { format!("swinging at {} Hz", short(swing)) } else { "without a swing".into() };
                 let reason = match (of.critical_period_reason, limit) {

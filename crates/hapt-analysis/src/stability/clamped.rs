@@ -7,7 +7,7 @@ use hapt_model::{Handle, World};
 
 use crate::equations::grip::Grip;
 use crate::error::Error;
-use crate::stability::free::{Extent, analyse, has_a_critical_period};
+use crate::stability::free::{Extent, analyse};
 use crate::stability::held::{held, held_eigenvalues, held_growth};
 use crate::stability::{Eigenvalue, NOT_SEARCHED, Stability};
 
@@ -34,8 +34,7 @@ fn clamped(world: &World) -> Option<(World, Grip)> {
 pub fn held_world(world: &World) -> Result<Stability, Error> {
     match clamped(world) {
         None => bodies_alone(world),
-        Some((alone, shaft)) if has_a_critical_period(&alone) => analyse(&alone, &shaft, Extent::Whole),
-        Some(_) => held_world_at_this_period(world),
+        Some((alone, shaft)) => analyse(&alone, &shaft, Extent::Whole),
     }
 }
 

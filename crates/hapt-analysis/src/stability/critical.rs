@@ -74,6 +74,14 @@ impl Critical {
         }
     }
 
+    /// With a period this many times as long.
+    pub(crate) fn times(self, factor: f64) -> Critical {
+        match self {
+            Critical::Period(period) => Critical::Period(factor * period),
+            Critical::Never | Critical::Unbounded => self,
+        }
+    }
+
     /// In s, if it exists.
     pub fn period(self) -> Option<f64> {
         match self {

@@ -62,11 +62,6 @@ struct PartResult {
     critical: Critical,
 }
 
-/// Whether the critical period is searched: not where the bodies step at every n-th sample.
-pub(crate) fn has_a_critical_period(world: &World) -> bool {
-    world.sampling.bodies_every == 1
-}
-
 /// How much of the result is wanted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Extent {
@@ -78,7 +73,7 @@ pub(crate) enum Extent {
 }
 
 /// Eigenvalues, growth, critical period and modes of the loop, hands-off. Where the bodies step at every n-th sample, the eigenvalues are
-/// those of n samples, and the reason in place of the critical period is that it is not searched.
+/// those of n samples, and the critical period is that of a sample, n staying what it is.
 ///
 /// Work, for each combination of slopes: O(n³) in the modes coupled to the puck, estimator memory and commands in flight, and about
 /// a hundred times that for the critical period.
@@ -87,10 +82,7 @@ pub(crate) enum Extent {
 /// [`Error::Value`] for a period or inertia that is not positive, [`Error::NoSuchBody`], [`Error::InFlight`] for a delay of too
 /// many periods, [`Error::Step`] and [`Error::Eigenvalues`] when numbers leave double precision.
 pub fn free(world: &World) -> Result<Stability, Error> {
-    match has_a_critical_period(world) {
-        true => analyse(world, &Grip::default(), Extent::Whole),
-        false => free_at_this_period(world),
-    }
+    analyse(world, &Grip::default(), Extent::Whole)
 }
 
 /// As [`free`], without the search for the critical period, whose reason is then [`NOT_SEARCHED`].
@@ -163,7 +155,7 @@ pub(crate) fn analyse(world: &World, grip: &Grip, extent: Extent) -> Result<Stab
                 None => {
                     let found = match index {
                         0 => puck_part(&part, (sampling, &world.device), grip, critical, extent)?,
-                        _ => decoupled_part(&part, sampling.method, period, critical)?,
+                        _ => decoupled_part(&part, sampling, critical)?,
                     };
                     known.push((part, found.clone()));
                     found
@@ -204,13 +196,19 @@ pub fn shortest_period(sampling: &Sampling) -> f64 {
 }
 
 /// The result of a part that is decoupled from the puck.
-fn decoupled_part(part: &Part, method: Method, period: f64, known: Critical) -> Result<PartResult, Error> {
+fn decoupled_part(part: &Part, sampling: &Sampling, known: Critical) -> Result<PartResult, Error> {
     let modal = Modal::new(part)?;
-    let (mut multipliers, pairs) = spectrum(&modal, method, period)?;
+    let (mut multipliers, pairs) = spectrum(&modal, sampling.method, sampling.step())?;
     // The first are 1: shifts, then momentum.
     let shifts = part.clusters.iter().filter(|c| !c.anchored).count();
     multipliers.drain(..shifts.min(modal.unit_count));
-    Ok(PartResult { shifts, multipliers, pairs, critical: of_part(&modal, method, known)? })
+    Ok(PartResult { shifts, multipliers, pairs, critical: of_bodies(&modal, sampling, known)? })
+}
+
+/// The critical period of modes that the puck does not feel, whose step may take several periods.
+fn of_bodies(modes: &Modal, sampling: &Sampling, known: Critical) -> Result<Critical, Error> {
+    let every = f64::from(sampling.bodies_every);
+    Ok(of_part(modes, sampling.method, known.times(every))?.times(1.0 / every))
 }
 
 /// The result of the part whose first member is the puck.
@@ -225,7 +223,7 @@ fn puck_part(
     let port = Port::new(part)?.lagging(device.lag).with_handle(device.handle);
     let (port, damping) = port.gripped(device.damping, grip);
     let (unobservable, _) = spectrum(&port.unobservable, sampling.method, period)?;
-    let mut critical = of_part(&port.unobservable, sampling.method, known)?;
+    let mut critical = of_bodies(&port.unobservable, sampling, known)?;
     let pairs = match extent {
         Extent::Whole | Extent::ThisPeriod => continuous_pairs(part, &port, damping, period)?,
         Extent::Eigenvalues => Vec::new(),
@@ -279,7 +277,9 @@ pub(crate) fn multipliers(
 ) -> Result<Vec<(Multiplier, f64)>, Error> {
     let d = closed_loop(port, sampling, damping, filter, period)?;
     let (values, size) = eigenvalues_and_scale(&d)?;
-    let rounding = ROUNDING * size;
+    // A product of maps has the rounding of each.
+    let product = f64::from(sampling.bodies_every - 1) * ROUNDING * size;
+    let rounding = ROUNDING * size + product;
     // Forward Euler maps μ to λ = 1 + μ.
     let of = |mu| multiplier(Method::ForwardEuler, Root::from(mu));
     let mut found: Vec<(Multiplier, f64)> = values.iter().map(|mu| (of(*mu), rounding)).collect();
@@ -293,9 +293,10 @@ pub(crate) fn multipliers(
             continue;
         }
         let conjugate = found.iter().position(|(m, _)| mu.im > 0.0 && m.less_one == mu.conj());
-        found[i] = (of(better), error.min(rounding));
+        let error = (error + product).min(rounding);
+        found[i] = (of(better), error);
         if let Some(other) = conjugate {
-            found[other] = (of(better.conj()), error.min(rounding));
+            found[other] = (of(better.conj()), error);
         }
     }
     // A low-pass whose output is not used keeps its own pole.
@@ -339,7 +340,8 @@ impl Followed {
         period: f64,
         conserved: bool,
     ) -> Result<Option<Vec<(Multiplier, f64)>>, Error> {
-        let Some(rates) = self.nearest(period) else { return Ok(None) };
+        // The equation of the delayed loop is that of one sample.
+        let Some(rates) = self.nearest(period).filter(|_| sampling.bodies_every == 1) else { return Ok(None) };
         let Some(delayed) = Delayed::new(port, sampling, damping, filter, period)? else { return Ok(None) };
         let near: Vec<_> =
             rates.iter().map(|rate| multiplier(Method::Zoh, Root::from(rate * period)).less_one).collect();
@@ -374,8 +376,11 @@ fn growth(multipliers: &[Multiplier], period: f64) -> f64 {
 }
 
 /// Whether the torque on a wheel in uniform rotation is 0, so that momentum is conserved. A damper at the puck under the exact hold
-/// violates that at MIDDLE.
+/// violates that at MIDDLE, and bodies that stand still while the puck turns do.
 fn conserves_momentum(sampling: &Sampling, port: &Port) -> bool {
+    if sampling.bodies_every > 1 {
+        return false;
+    }
     match (sampling.method, sampling.output) {
         (Method::ForwardEuler | Method::SemiImplicitEuler | Method::Tustin | Method::Foh, Output::Start) => true,
         (Method::Trapezoidal, Output::Middle) => true,
@@ -393,12 +398,13 @@ fn conserves_momentum(sampling: &Sampling, port: &Port) -> bool {
 
 /// Where two modes may drive each other: at the whole multiples of a period 2π/(ω₁ ± ω₂), and of π/ω for a mode with itself. Each with
 /// the mean decay of the two, 1/s. Modes turn so by their frequency times the period where the method is exact, and the puck does on its shaft
-/// or spring. A weak coupling lets them grow in a narrow window of periods around such a one. Other methods do not turn twice.
+/// or spring. A weak coupling lets them grow in a narrow window of periods around such a one. Other methods do not turn twice. Where the
+/// bodies step at every n-th sample these are periods of their step.
 fn resonances(port: &Port, sampling: &Sampling, damping: f64) -> Result<Vec<(f64, f64)>, Error> {
     let mut modes = Vec::new();
     if let Method::Zoh | Method::Foh = sampling.method {
         for block in &port.blocks {
-            modes.extend(eigenvalues(&block.equations.rates(sampling.period).a)?.into_iter().map(|s| (-s.re, s.im)));
+            modes.extend(eigenvalues(&block.equations.rates(sampling.step()).a)?.into_iter().map(|s| (-s.re, s.im)));
         }
     }
     let mut spring = |stiffness: f64, damping: f64, per_inertia: f64| {
@@ -431,13 +437,15 @@ fn passive_below(port: &Port, sampling: &Sampling, damping: f64) -> f64 {
         Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 | Method::Tustin | Method::Foh => false,
     };
     let at_once = sampling.advance == 0 && sampling.delay.seconds(sampling.period) == 0.0 && port.lag == 0.0;
-    // A damper at the puck takes the mean velocity of both its ends.
-    let by_difference = !port.has_damper() || sampling.estimator == EstimatorKind::Difference;
+    // A damper at the puck takes the mean velocity of both its ends, if these move in the same sample.
+    let is_mean = sampling.estimator == EstimatorKind::Difference && sampling.bodies_every == 1;
+    let by_difference = !port.has_damper() || is_mean;
     let rate = 0.5 * port.stiffness + port.per_period;
     if keeps_energy && at_once && by_difference && rate > 0.0 { ((damping - port.fixed) / rate).max(0.0) } else { 0.0 }
 }
 
-/// The critical period of the closed loop, with the delay fixed in s. Periods above `known` are not searched.
+/// The critical period of the closed loop, with the delay fixed in s and so many samples to a step of the bodies. Periods above `known` are
+/// not searched.
 fn critical_period(
     port: &Port,
     sampling: &Sampling,
@@ -452,8 +460,10 @@ fn critical_period(
     if port.is_uncoupled() || known == Critical::Never || high <= low {
         return Ok(Critical::Unbounded);
     }
+    let every = f64::from(sampling.bodies_every);
     let mut followed = Followed::default();
     let mut growths = |period: f64| {
+        let step = every * period;
         let filters = Filter::of(sampling, period);
         let filter = filters.get(filter).or(filters.first()).ok_or(Error::Eigenvalues { order: 0 })?;
         let few = followed.near_circle(port, sampling, damping, filter, period, conserved)?;
@@ -470,15 +480,15 @@ fn critical_period(
             Err(error) => return Err(error),
         };
         // Conserved momentum is identified by structure with a wide bound, otherwise by the rounding error.
-        let bound = |i: usize, error: f64| if i == 0 && conserved { 1e3 * MARGINAL * period } else { 4.0 * error };
+        let bound = |i: usize, error: f64| if i == 0 && conserved { 1e3 * MARGINAL * step } else { 4.0 * error };
         all.sort_by_cached_key(|(m, _)| from_one(m).to_bits());
         let near = |(i, (m, error)): &(usize, &(Multiplier, f64))| from_one(m) <= bound(*i, *error);
         let kept = all.iter().take(port.shifts).enumerate().take_while(near).count();
         // One of each pair.
         let without_shifts = all[kept..].iter().filter(|(m, _)| m.less_one.im >= 0.0);
-        let noise = without_shifts.clone().map(|(_, error)| error / period).fold(0.0, f64::max);
-        let floor = growth_floor(period, sampling.delay.seconds(period));
-        Ok(Ranked::new(without_shifts.map(|(m, error)| (m.ln_abs - error) / period), floor, noise))
+        let noise = without_shifts.clone().map(|(_, error)| error / step).fold(0.0, f64::max);
+        let floor = growth_floor(step, sampling.delay.seconds(period));
+        Ok(Ranked::new(without_shifts.map(|(m, error)| (m.ln_abs - error) / step), floor, noise))
     };
     let proved = passive_below(port, sampling, damping).min(high);
     if proved >= high {
@@ -490,8 +500,10 @@ fn critical_period(
     let from = proved.max(low);
     let resonances = resonances(port, sampling, damping)?;
     let next = |period: f64| {
-        let seen = resonances.iter().filter(|(decay, _)| decay * period < FORGOTTEN);
-        seen.map(|(_, apart)| apart * ((period / apart * (1.0 + 1e-9)).floor() + 1.0)).fold(f64::INFINITY, f64::min)
+        let step = every * period;
+        let seen = resonances.iter().filter(|(decay, _)| decay * step < FORGOTTEN);
+        let steps = seen.map(|(_, apart)| apart * ((step / apart * (1.0 + 1e-9)).floor() + 1.0));
+        steps.fold(f64::INFINITY, f64::min) / every
     };
     Ok(match first_crossing_within(growths, Spacing::period(sampling.delay), next, [from, high], 0.0)? {
         Some(period) if period <= low => Critical::Never,
