@@ -81,13 +81,13 @@ pub fn rows(
 
 /// A file a scenario and station.
 fn write_all(network: &Network, scenarios: &[&str], folder: &Path, args: &SimArgs) -> Result<(), Failure> {
-    output::folder("--out", folder)?;
     if let Some(format) = args.formats.iter().find(|format| **format != Format::Csv) {
         return Err(Failure::input(format!(
             "--format {}: the stations of a network are written as csv",
             format.ending()
         )));
     }
+    output::folder("--out", folder)?;
     let target = |scenario: &str, station: &str| folder.join(format!("{scenario}.{station}.csv"));
     let stations = || network.stations.iter();
     let targets: Vec<PathBuf> =

@@ -73,7 +73,7 @@ impl Draft {
         }
         // Held while the file appears, so that a signal finds it in the list or not on the disk.
         let mut list = drafts();
-        let (file, path) = builder.tempfile_in(folder)?.into_parts();
+        let (file, path) = builder.tempfile_in(folder).map_err(plain)?.into_parts();
         list.push(path.to_path_buf());
         drop(list);
         if let Some(there) = there {
@@ -112,6 +112,12 @@ impl Write for Draft {
     fn flush(&mut self) -> io::Result<()> {
         self.file.flush()
     }
+}
+
+/// An error without the path of the draft, which nobody has asked for.
+fn plain(error: io::Error) -> io::Error {
+    let text = error.to_string();
+    text.split_once(" at path ").map_or(error, |(cause, _)| io::Error::other(cause))
 }
 
 /// The permissions of the existing file; an error where it is write-protected.
@@ -250,8 +256,11 @@ fn place(path: &Path) -> Option<PathBuf> {
 /// Endings that are of files, and of no folder that a command makes.
 const ENDINGS: [&str; 9] = ["csv", "parquet", "mcap", "svg", "png", "html", "json", "toml", "txt"];
 
-/// The format of a file's ending, of those that `flag` writes; the first of them without an ending.
+/// The format of a file's ending, of those that `flag` writes; the first of them without an ending. Refuses a folder too, before the work.
 pub fn format<'a>(flag: &str, path: &Path, formats: &[&'a str]) -> Result<&'a str, Failure> {
+    if path.is_dir() {
+        return Err(Failure::input(format!("{flag} {}: it is a folder; expected a file", path.display())));
+    }
     let Some(ending) = path.extension() else { return Ok(formats[0]) };
     let ending = ending.to_string_lossy().to_lowercase();
     let found = formats.iter().find(|format| **format == ending).copied().ok_or_else(|| {

@@ -115,9 +115,6 @@ fn beside(out: &Path) -> PathBuf {
 }
 
 pub fn begin(path: &Path) -> Result<Draft, Failure> {
-    if path.is_dir() {
-        return Err(Failure::input(format!("--out {}: that is a folder; expected a file", path.display())));
-    }
     Draft::new(path.to_path_buf()).map_err(|error| Failure::write(path.display(), error))
 }
 

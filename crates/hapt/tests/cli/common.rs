@@ -217,6 +217,12 @@ impl Running {
         true
     }
 
+    /// Whether it has not ended.
+    #[cfg(unix)]
+    pub fn is_running(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_none()
+    }
+
     /// Sends a signal, such as "INT".
     #[cfg(unix)]
     pub fn signal(&self, name: &str) {

@@ -41,6 +41,8 @@ fn a_run_of_a_network_is_a_file_for_each_station() {
     // Nothing is written over what it is made of.
     fs::create_dir(at.path().join("own")).unwrap();
     hapt(at.path(), ["sim", "pair.toml", "--out", "own", "--format", "mcap"]).refused(2, &["--format mcap", "csv"]);
+    hapt(at.path(), ["sim", "pair.toml", "--out", "new", "--format", "mcap"]).refused(2, &["--format mcap", "csv"]);
+    assert!(!at.path().join("new").exists(), "nothing is made by what is refused");
     assert!(names(&at.path().join("own")).is_empty());
 }
 
@@ -113,6 +115,10 @@ fn a_boundary_of_a_network_has_its_edges_and_a_picture() {
     let of = |more: &[&str]| hapt(at.path(), PLANE.iter().chain(more));
     of(&["--of", "held"]).refused(2, &["--of: \"held\" is no edge of a network; expected passive, fixed"]);
     of(&["--out", "wheel.csv", "--set", "stations.up.loop.period=2ms"]).refused(2, &["no station \"up\""]);
+    of(&["--out", "."]).refused(2, &["--out .: it is a folder"]);
+    of(&["--plot", "."]).refused(2, &["--plot .: it is a folder"]);
+    let missing = of(&["--out", "none/e.csv"]).refused(3, &["cannot write none/e.csv"]);
+    assert!(!missing.err.contains(".partial"), "{}", missing.err);
     let lost = of(&["--set", "links.0.loss=0.1", "--out", "l.csv"]).done().out;
     assert!(lost.contains("fixed     no verdict: ") && lost.contains("lost"), "{lost}");
 }

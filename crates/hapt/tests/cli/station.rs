@@ -2,6 +2,8 @@
 
 use std::fs;
 use std::net::UdpSocket;
+use std::thread::sleep;
+use std::time::Duration;
 
 use crate::common::{Running, folder, hapt, program};
 
@@ -124,5 +126,28 @@ fn stations_with_another_key_or_file_are_told_so() {
     let mut run = Running::start(program(at.path(), station(&line(&left, &right))));
     for running in [&mut other, &mut run] {
         running.until("the refusal", |_, err| err.contains("messages of the same station"));
+    }
+}
+
+/// A program that is stopped for most of the time, as on a computer that is too slow, however fast this one is.
+#[cfg(unix)]
+#[test]
+fn a_station_without_enough_time_ends_with_the_devices_code() {
+    let at = files();
+    let [left, right] = ports();
+    let line = format!("--station left --listen {left} --peer right={right} --key pair.key");
+    let mut run = Running::start(program(at.path(), station(&line)));
+    run.until("the loop", |_, err| err.contains("Ctrl-C"));
+    // Five seconds of its samples are judged; where another program has this thread's time, the next five.
+    while run.is_running() {
+        run.signal("STOP");
+        sleep(Duration::from_millis(220));
+        run.signal("CONT");
+        sleep(Duration::from_millis(20));
+    }
+    let ended = run.end();
+    assert_eq!(ended.code, Some(3), "{ended:?}");
+    for words in ["with the torque off", "too slow for the loop", "has missed", "a longer loop.period"] {
+        assert!(ended.err.contains(words), "{words}: {}", ended.err);
     }
 }

@@ -68,7 +68,7 @@ fn a_linear_world_is_spoken_of_in_its_units() {
 fn a_file_that_cannot_be_is_said_and_nothing_is_left() {
     let at = folder(&[("w.toml", WHEEL)]);
     hapt(at.path(), ["worst", "w.toml", "--out", "w.toml"]).refused(2, &["that is the world itself"]);
-    hapt(at.path(), ["worst", "w.toml", "--out", "."]).refused(2, &["that is a folder"]);
+    hapt(at.path(), ["worst", "w.toml", "--out", "."]).refused(2, &["it is a folder"]);
     hapt(at.path(), ["worst", "w.toml", "--out", "none/b.toml"]).refused(3, &["cannot write", "none"]);
     assert_eq!(names(at.path()), ["w.toml"]);
 }
