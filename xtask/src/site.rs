@@ -1,8 +1,8 @@
 //! The book as a site: mdbook over a copy of docs/, into book/.
 //!
 //! Two things change in the copy. `<!-- live: @notes/euler -->` becomes the interactive page of that world, which `hapt report`
-//! writes and which needs no server. A link out of docs/ becomes one into the repository on the web, so that the site stands
-//! alone. Afterwards every link and anchor of the built pages is checked.
+//! writes and which needs no server; in a lesson of docs/course it names a file of the lesson. A link out of docs/ becomes one into the
+//! repository on the web, so that the site stands alone. Afterwards every link and anchor of the built pages is checked.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,6 +17,8 @@ const SITE: &str = "book";
 /// Where mdbook goes when none is on the path.
 const TOOLS: &str = "target/mdbook";
 const LIVE: &str = "<!-- live: ";
+/// The lessons, below docs/.
+const LESSONS: &str = "course";
 
 /// Builds the site and checks it.
 pub fn build() -> Result<()> {
@@ -64,37 +66,60 @@ fn mdbook() -> Result<PathBuf> {
 /// Copies docs/ with its pages adapted to the site. Returns the worlds of the interactive pages.
 fn copy() -> Result<Vec<String>> {
     let (source, target) = (Path::new("docs"), Path::new(COPY).join("src"));
-    fs::create_dir_all(target.join("images"))?;
-    for entry in fs::read_dir(source.join("images"))? {
-        let path = entry?.path();
-        fs::copy(&path, target.join("images").join(path.file_name().context("no name")?))?;
+    for folder in ["images", "notebooks"] {
+        fs::create_dir_all(target.join(folder))?;
+        for entry in fs::read_dir(source.join(folder))? {
+            let path = entry?.path();
+            fs::copy(&path, target.join(folder).join(path.file_name().context("no name")?))?;
+        }
     }
     fs::copy(source.join("book.toml"), target.join("book.toml"))?;
     let mut worlds = Vec::new();
     for entry in fs::read_dir(source)? {
         let path = entry?.path();
         if path.extension().is_some_and(|extension| extension == "md") {
-            let page = framed(&fs::read_to_string(&path)?, &mut worlds)?;
-            fs::write(target.join(path.file_name().context("no name")?), absolute(&page))?;
+            let page = framed(&fs::read_to_string(&path)?, "", |world| Ok(world.to_string()), &mut worlds)?;
+            fs::write(target.join(path.file_name().context("no name")?), absolute(&page, "../"))?;
         }
+    }
+    for entry in fs::read_dir(source.join(LESSONS))? {
+        let folder = entry?.path();
+        let name = folder.file_name().context("no name")?.to_string_lossy().into_owned();
+        let (files, pages) = (Path::new(COPY).join("lessons").join(&name), target.join(LESSONS).join(&name));
+        fs::create_dir_all(&files)?;
+        fs::create_dir_all(&pages)?;
+        for entry in fs::read_dir(&folder)? {
+            let path = entry?.path();
+            fs::copy(&path, files.join(path.file_name().context("no name")?))?;
+        }
+        // Every lesson has a starter.toml: on the site its page has the lesson's name.
+        let named = |world: &str| -> Result<String> {
+            let own = files.join(format!("lesson-{name}.toml"));
+            fs::copy(files.join(world), &own).with_context(|| format!("{world} of {name}"))?;
+            Ok(own.to_string_lossy().into_owned())
+        };
+        let page = framed(&fs::read_to_string(folder.join("lesson.md"))?, "../../", named, &mut worlds)?;
+        fs::write(pages.join("lesson.md"), absolute(&page, "../../../"))?;
     }
     Ok(worlds)
 }
 
-/// The page with its interactive worlds in frames. A frame loads when it comes into view.
-fn framed(page: &str, worlds: &mut Vec<String>) -> Result<String> {
+/// The page with its interactive worlds in frames, from where `top` leads to the site's root; `named` gives what to report for the world that
+/// stands there. A frame loads when it comes into view.
+fn framed(page: &str, top: &str, named: impl Fn(&str) -> Result<String>, worlds: &mut Vec<String>) -> Result<String> {
     let mut out = String::new();
     for line in page.lines() {
         match line.strip_prefix(LIVE).and_then(|rest| rest.strip_suffix(" -->")) {
             Some(world) => {
-                let name = world.rsplit('/').next().unwrap_or(world);
+                let reported = named(world)?;
+                let name = reported.rsplit('/').next().unwrap_or(&reported).trim_end_matches(".toml");
                 out += &format!(
-                    "<iframe src=\"live/{name}.html\" title=\"{world}, interactive\" loading=\"lazy\" \
+                    "<iframe src=\"{top}live/{name}.html\" title=\"{world}, interactive\" loading=\"lazy\" \
                      style=\"width: 100%; height: 720px; border: 1px solid #8886\"></iframe>\n\n\
-                     [The same world on its own page](live/{name}.html)\n"
+                     [The same world on its own page]({top}live/{name}.html)\n"
                 );
-                if !worlds.contains(&world.to_string()) {
-                    worlds.push(world.to_string());
+                if !worlds.contains(&reported) {
+                    worlds.push(reported);
                 }
             }
             None => out += &format!("{line}\n"),
@@ -104,10 +129,10 @@ fn framed(page: &str, worlds: &mut Vec<String>) -> Result<String> {
     Ok(out)
 }
 
-/// The page with its links out of docs/ made links into the repository on the web.
-fn absolute(page: &str) -> String {
+/// The page with its links out of docs/, which begin with `out`, made links into the repository on the web.
+fn absolute(page: &str, out: &str) -> String {
     let repository = env!("CARGO_PKG_REPOSITORY");
-    page.replace("](../", &format!("]({repository}/blob/main/"))
+    page.replace(&format!("]({out}"), &format!("]({repository}/blob/main/"))
 }
 
 /// Whether every link and picture of the built pages leads to a file of the site, and every anchor to an element.
@@ -129,12 +154,15 @@ fn check() -> Result<()> {
     if broken.is_empty() { Ok(()) } else { bail!("links of the site that lead nowhere:\n{}", broken.join("\n")) }
 }
 
-/// The pages of the book itself: the site's root, without the printable page, which repeats all of them.
+/// The pages of the book itself: the site's root and the lessons, without the printable page, which repeats all of them.
 fn html(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut pages = Vec::new();
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();
         let skipped = ["print.html", "404.html", "toc.html"].iter().any(|name| path.ends_with(name));
+        if path.is_dir() && path.starts_with(Path::new(SITE).join(LESSONS)) {
+            pages.extend(html(&path)?);
+        }
         if path.extension().is_some_and(|extension| extension == "html") && !skipped {
             pages.push(path);
         }
