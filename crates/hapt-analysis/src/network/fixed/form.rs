@@ -22,45 +22,49 @@ use super::schedule::{Clock, Schedule};
 
 pub(super) type C = Complex<f64>;
 
-/// Σ C_l e^{-jφl} and its conjugate transpose, halved.
+/// The entries of Σ C_l e^{-jφl}, by the power l and the place in the matrix, column by column.
+#[derive(Default)]
+struct Terms(BTreeMap<i64, BTreeMap<[usize; 2], f64>>);
+
+impl Terms {
+    fn add(&mut self, shift: i64, row: usize, column: usize, value: f64) {
+        *self.0.entry(shift).or_default().entry([column, row]).or_default() += value;
+    }
+
+    fn polynomial(self, order: usize) -> Polynomial {
+        let entry = |([column, row], value): ([usize; 2], f64)| (column * order + row, value);
+        let terms = self.0.into_iter().map(|(shift, term)| (shift as f64, term.into_iter().map(entry).collect()));
+        let terms: Vec<(f64, Vec<(usize, f64)>)> = terms.collect();
+        let norm = |term: &[(usize, f64)]| term.iter().map(|(_, value)| value * value).sum::<f64>().sqrt();
+        let size = terms.iter().map(|(_, term)| norm(term)).sum();
+        let bend = terms.iter().map(|(shift, term)| shift * shift * norm(term)).sum();
+        Polynomial { order, terms, size, bend }
+    }
+}
+
+/// Σ C_l e^{-jφl} and its conjugate transpose, halved. Few entries of each C_l are not 0.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Polynomial {
     order: usize,
-    terms: BTreeMap<i64, DMatrix<f64>>,
+    /// Each power with its entries, by their place in the matrix.
+    terms: Vec<(f64, Vec<(usize, f64)>)>,
+    /// A bound of its norm.
+    pub size: f64,
+    /// A bound of the norm of its second derivative.
+    pub bend: f64,
 }
 
 impl Polynomial {
-    fn zero(order: usize) -> Polynomial {
-        Polynomial { order, terms: BTreeMap::new() }
-    }
-
-    fn add(&mut self, shift: i64, row: usize, column: usize, value: f64) {
-        let order = self.order;
-        self.terms.entry(shift).or_insert_with(|| DMatrix::zeros(order, order))[(row, column)] += value;
-    }
-
     /// The matrix at φ, or its derivative by φ.
     pub fn at(&self, angle: f64, derivative: bool) -> DMatrix<C> {
         let mut sum = DMatrix::from_element(self.order, self.order, C::from(0.0));
         for (shift, term) in &self.terms {
-            let shift = *shift as f64;
             let turn = C::from_polar(0.5, -angle * shift) * if derivative { C::new(0.0, -shift) } else { C::from(1.0) };
-            for (sum, term) in sum.iter_mut().zip(term.iter()) {
-                *sum += turn * *term;
+            for (place, value) in term {
+                sum[*place] += turn * *value;
             }
         }
         &sum + sum.adjoint()
-    }
-
-    /// A bound of the norm of its second derivative.
-    pub fn bend(&self) -> f64 {
-        let of = |(shift, term): (&i64, &DMatrix<f64>)| (*shift as f64).powi(2) * term.norm();
-        self.terms.iter().map(of).sum()
-    }
-
-    /// A bound of its norm.
-    pub fn size(&self) -> f64 {
-        self.terms.values().map(|term| term.norm()).sum()
     }
 }
 
@@ -73,8 +77,6 @@ pub(super) struct Form {
     pub local: Polynomial,
     /// The station of each stretch; those without links have none.
     pub station: Vec<usize>,
-    /// The first stretch of each station.
-    first: Vec<usize>,
 }
 
 impl Form {
@@ -87,11 +89,10 @@ impl Form {
             first.push(station.len());
             station.extend((0..clock.segments()).filter(|_| is_linked(at)).map(|_| at));
         }
-        let zero = Polynomial::zero(station.len());
-        let mut form = Form { links: zero.clone(), local: zero, station, first };
+        let (mut links, mut local_terms) = (Terms::default(), Terms::default());
         for link in network.links.iter().filter(|link| link.stiffness() > 0.0) {
             for to in link.between {
-                form.add_end(schedule, link, to);
+                add_end(&mut links, &first, schedule, link, to);
             }
         }
         for (at, (clock, [stiffness, damping])) in schedule.clocks.iter().zip(local).enumerate() {
@@ -100,49 +101,50 @@ impl Form {
             }
             for segment in 0..clock.segments() {
                 let (start, length) = (clock.start(segment), clock.length(segment));
-                let (middle, row) = (start + 0.5 * length, form.first[at] + segment as usize);
+                let (middle, row) = (start + 0.5 * length, first[at] + segment as usize);
                 let sample = clock.acting(middle);
                 let used = clock.sample(sample);
                 let weight = length.sqrt();
                 ways(clock, [used, middle], |column, shift, part| {
-                    form.local.add(shift, row, form.first[at] + column, -stiffness * weight * part);
+                    local_terms.add(shift, row, first[at] + column, -stiffness * weight * part);
                 });
                 // -B (z_k - z_{k-1})/T
                 ways(clock, [clock.sample(sample - 1), used], |column, shift, part| {
                     let value = damping / clock.period * weight * part;
-                    form.local.add(shift, row, form.first[at] + column, value);
+                    local_terms.add(shift, row, first[at] + column, value);
                 });
             }
         }
-        form
+        let order = station.len();
+        Form { links: links.polynomial(order), local: local_terms.polynomial(order), station }
     }
+}
 
-    /// What the torque of one end of a link keeps.
-    fn add_end(&mut self, schedule: &Schedule, link: &Link, to: usize) {
-        let from = link.between[usize::from(link.between[0] == to)];
-        let (own, other, way) = (schedule.clocks[to], schedule.clocks[from], schedule.way(link, to));
-        let stiffness = link.stiffness();
-        for segment in 0..own.segments() {
-            let [start, end] = [own.start(segment), own.start(segment + 1)];
-            let row = self.first[to] + segment as usize;
-            let sample = own.acting(0.5 * (start + end));
-            let (measured, heard) = (own.sample(sample), way.used(sample));
-            // Where the other's stretches end, its way bends.
-            let mut from_here = start;
-            while from_here < end {
-                let step = 1e-9 * own.period;
-                let next = other.start(other.segment_at(from_here + step) + 1);
-                let until = if next < end - step { next } else { end };
-                let middle = 0.5 * (from_here + until);
-                let weight = stiffness * (until - from_here) / (end - start).sqrt();
-                ways(&own, [measured, middle], |column, shift, part| {
-                    self.links.add(shift, row, self.first[to] + column, -weight * part);
-                });
-                ways(&other, [heard, middle], |column, shift, part| {
-                    self.links.add(shift, row, self.first[from] + column, weight * part);
-                });
-                from_here = until;
-            }
+/// What the torque of one end of a link keeps; `first`: the first stretch of each station.
+fn add_end(links: &mut Terms, first: &[usize], schedule: &Schedule, link: &Link, to: usize) {
+    let from = link.between[usize::from(link.between[0] == to)];
+    let (own, other, way) = (schedule.clocks[to], schedule.clocks[from], schedule.way(link, to));
+    let stiffness = link.stiffness();
+    for segment in 0..own.segments() {
+        let [start, end] = [own.start(segment), own.start(segment + 1)];
+        let row = first[to] + segment as usize;
+        let sample = own.acting(0.5 * (start + end));
+        let (measured, heard) = (own.sample(sample), way.used(sample));
+        // Where the other's stretches end, its way bends.
+        let mut from_here = start;
+        while from_here < end {
+            let step = 1e-9 * own.period;
+            let next = other.start(other.segment_at(from_here + step) + 1);
+            let until = if next < end - step { next } else { end };
+            let middle = 0.5 * (from_here + until);
+            let weight = stiffness * (until - from_here) / (end - start).sqrt();
+            ways(&own, [measured, middle], |column, shift, part| {
+                links.add(shift, row, first[to] + column, -weight * part);
+            });
+            ways(&other, [heard, middle], |column, shift, part| {
+                links.add(shift, row, first[from] + column, weight * part);
+            });
+            from_here = until;
         }
     }
 }

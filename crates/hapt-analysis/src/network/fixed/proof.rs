@@ -71,7 +71,7 @@ impl Form {
 
     fn rounding(&self, member: &Member) -> f64 {
         let most = member.damping.iter().fold(0.0, |most: f64, b| most.max(b.abs()));
-        ROUNDING * (most + member.scale * self.links.size() + self.local.size())
+        ROUNDING * (most + member.scale * self.links.size + self.local.size)
     }
 
     fn holds(&self, at: &At, member: &Member) -> bool {
@@ -81,7 +81,7 @@ impl Form {
     /// Whether an interval is proved.
     fn is_proved(&self, [low, high]: [f64; 2], at: &At, member: &Member) -> bool {
         let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
-        let bend = member.scale * self.links.bend() + self.local.bend();
+        let bend = member.scale * self.links.bend + self.local.bend;
         let least = 0.5 * half * half * bend + self.rounding(member);
         let sum = self.sum(at, member);
         let slope = (self.links.at(middle, true) * C::from(member.scale) + self.local.at(middle, true)) * C::from(half);
