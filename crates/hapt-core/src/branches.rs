@@ -1,11 +1,11 @@
-//! What of a sample depends on what its numbers are: nonlinear couplings, the steps that find their torques, FOAW's window. A
-//! number decides them; lanes, which would decide differently, do so one after the other ([`crate::Batch`]).
+//! What of a sample depends on what its numbers are: the steps that find torques at bodies, FOAW's window, couplings of different laws in
+//! different lanes. A number decides them; lanes, which would decide differently, do so one after the other ([`crate::Batch`]).
 
 use crate::gradient::{Contacts, Step};
 use crate::matrix::Vector;
 use crate::sense::{Memory, Puck};
 use crate::step::Loop;
-use crate::{End, Real};
+use crate::{End, Number, Real};
 
 /// The places of a sample at which its numbers are looked at.
 pub(crate) trait Branches<F, const B: usize, const C: usize, const W: usize> {
@@ -145,12 +145,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, 
 impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     #[cold]
     pub(crate) fn bend_all(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>) {
-        for (nonlinear, bristle) in self.nonlinear.iter().zip(bristles).take(self.nonlinear_count) {
-            if let Some(coupling) = nonlinear {
-                let q = coupling.relative((puck.position, puck.velocity), bodies);
-                *bristle = coupling.bend(*bristle, q, self.period);
-            }
-        }
+        self.bend_each(bristles, puck, bodies);
     }
 
     /// Takes `change`, the motion of the bodies without nonlinear torques, to the motion with them; `force` is the response to them.
@@ -249,15 +244,39 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         bristles: &[F; C],
         contacts: &Contacts<F, C>,
     ) -> F {
+        self.sum_at_puck(bodies, puck, bristles, contacts)
+    }
+}
+
+/// Of numbers and of lanes: the nonlinear couplings, each in turn.
+impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
+    #[inline(always)]
+    pub(crate) fn bend_each(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>) {
+        for (nonlinear, bristle) in self.nonlinear.iter().zip(bristles).take(self.nonlinear_count) {
+            if let Some(coupling) = nonlinear {
+                let q = coupling.relative((puck.position, puck.velocity), bodies);
+                *bristle = coupling.bend(*bristle, q, self.period);
+            }
+        }
+    }
+
+    /// The nonlinear couplings' torque on the puck.
+    #[inline(always)]
+    pub(crate) fn sum_at_puck<const L: usize>(
+        &self,
+        bodies: &Vector<F, L>,
+        puck: Puck<F>,
+        bristles: &[F; C],
+        contacts: &Contacts<F, C>,
+    ) -> F {
         let mut torque = F::ZERO;
         let found = bristles.iter().zip(&contacts.torques);
         for (coupling, (bristle, found)) in self.nonlinear.iter().zip(found).take(self.nonlinear_count) {
             if let Some(coupling) = coupling {
                 let sign = coupling.sign_at_puck();
-                if sign != F::ZERO {
+                if sign != 0.0 {
                     let q = coupling.relative((puck.position, puck.velocity), bodies);
-                    let is_found = self.gradient.is_some() && coupling.is_found();
-                    torque += sign * if is_found { *found } else { coupling.torque(q, *bristle) };
+                    torque += F::from_f64(sign) * if coupling.is_found { *found } else { coupling.torque(q, *bristle) };
                 }
             }
         }

@@ -238,7 +238,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
                 if coupling.law.is_compensating() { compensated(spec.couplings, coupling) } else { Some(0.0) };
             let springs = springs.ok_or(Error::NoSpring { coupling: index })?;
             let compensating = spec.compensates_over(coupling) * springs;
-            *place = Nonlinear::<F>::new(coupling, compensating);
+            *place = Nonlinear::<F>::new(coupling, compensating, spec.method.finds_torques());
         }
         let contacts = nonlinear.iter().flatten().filter(|coupling| coupling.at_body()).count();
         let force_on_bodies = contacts > 0;

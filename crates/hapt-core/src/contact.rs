@@ -7,7 +7,7 @@
 //!
 //! The quotients are closed forms without a difference of energies: the mean torque over the displacement from q to q'.
 
-use crate::Real;
+use crate::{Number, Real};
 
 /// How the step moves one coupling as a function of its own torque, the torques of all others held constant.
 #[derive(Clone, Copy, Debug)]
@@ -55,14 +55,9 @@ const STEPS: usize = 120;
 const PROBES: usize = 200;
 
 /// x within [low, high]; a NaN stays one.
-pub(crate) fn within<F: Real>(x: F, low: F, high: F) -> F {
-    if x > high {
-        high
-    } else if x < low {
-        low
-    } else {
-        x
-    }
+#[inline(always)]
+pub(crate) fn within<F: Number>(x: F, low: F, high: F) -> F {
+    x.if_above(high, high, low.if_above(x, low, x))
 }
 
 /// Solves a law that may have several solutions for the one nearest to the free motion. The torque is within ±`most`. `fall` and

@@ -137,7 +137,7 @@ impl<F: Real, const B: usize> Gradient<F, B> {
             compliance,
             rate: start.velocity + moved.velocity - mobility * torque,
             mobility: if stops { mobility } else { F::ZERO },
-            puck_rate: coupling.sign_at_puck() * step.puck.1,
+            puck_rate: F::from_f64(coupling.sign_at_puck()) * step.puck.1,
         }
     }
 

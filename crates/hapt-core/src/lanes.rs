@@ -52,12 +52,6 @@ impl<const N: usize> Lanes<N> {
     pub fn choose(self, yes: Self, no: Self) -> Self {
         Lanes(from_fn(|i| if self.0[i] != 0.0 { yes.0[i] } else { no.0[i] }))
     }
-
-    /// |x|
-    #[inline(always)]
-    pub fn abs(self) -> Self {
-        self.map(libm::fabs)
-    }
 }
 
 macro_rules! lane_by_lane {
@@ -96,7 +90,8 @@ impl<const N: usize> SubAssign for Lanes<N> {
     }
 }
 
-/// Every choice is one of two numbers that are there already, and each step is a loop of its own: so it stays a vector's.
+/// Every choice is one of two numbers that are there already, and each step is a loop of its own: so it stays a vector's. What libm computes,
+/// it computes lane after lane, out of line: it has no wider instructions for it.
 impl<const N: usize> Number for Lanes<N> {
     const ZERO: Self = Lanes([0.0; N]);
     const ONE: Self = Lanes([1.0; N]);
@@ -128,6 +123,31 @@ impl<const N: usize> Number for Lanes<N> {
     #[inline(always)]
     fn finite_or_zero(self) -> Self {
         self.map(|x| if libm::fabs(x) < f64::INFINITY { x } else { 0.0 })
+    }
+
+    #[inline(always)]
+    fn if_above(self, bound: Self, yes: Self, no: Self) -> Self {
+        Lanes(from_fn(|i| if self.0[i] > bound.0[i] { yes.0[i] } else { no.0[i] }))
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.map(libm::fabs)
+    }
+
+    #[inline(never)]
+    fn sin(self) -> Self {
+        self.map(libm::sin)
+    }
+
+    #[inline(never)]
+    fn exp(self) -> Self {
+        self.map(libm::exp)
+    }
+
+    #[inline(never)]
+    fn expm1(self) -> Self {
+        self.map(libm::expm1)
     }
 }
 
@@ -162,10 +182,14 @@ impl<const N: usize> Number for Lanes<N> {
 #[derive(Clone, Copy, Debug)]
 pub struct Batch<'w, const N: usize, const B: usize, const C: usize, const W: usize, const S: usize> {
     /// What all lanes do alike.
-    common: Loop<Lanes<N>, B, 0, W>,
+    common: Loop<Lanes<N>, B, S, W>,
     worlds: &'w [Loop<f64, B, C, W>; N],
+    /// Whether nonlinear couplings are among it. Else they differ in more than their numbers, and each lane has its own.
+    alike: bool,
     /// Whether nonlinear couplings have bristles or torques that are found.
     remembers: bool,
+    /// Whether bodies have nonlinear torques.
+    forces: bool,
 }
 
 /// The vector of lane i.
@@ -224,6 +248,9 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize, const S: us
         if S == 0 || !self.remembers {
             return;
         }
+        if self.alike {
+            return self.common.bend_each(bristles, puck, bodies);
+        }
         for (i, world) in self.worlds.iter().enumerate() {
             let mut bent = own(bristles, i);
             world.bend_all(&mut bent, puck_of(puck, i), &lane(bodies, i));
@@ -245,7 +272,7 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize, const S: us
         contacts: &mut Contacts<Lanes<N>, S>,
     ) {
         self.common.linear(n, change, x, old, new);
-        if S == 0 {
+        if S == 0 || !self.forces {
             return;
         }
         for (i, world) in self.worlds.iter().enumerate() {
@@ -277,6 +304,9 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize, const S: us
         if S == 0 {
             return torque;
         }
+        if self.alike {
+            return torque + self.common.sum_at_puck(bodies, puck, bristles, contacts);
+        }
         let mut torque = torque;
         for (i, world) in self.worlds.iter().enumerate().filter(|(_, world)| world.nonlinear_count > 0) {
             let (bristles, found) = self.memory_of(bristles, contacts, i);
@@ -304,6 +334,7 @@ impl<'w, const N: usize, const B: usize, const C: usize, const W: usize, const S
         if !worlds.iter().all(alike) || (S == 0 && bends) {
             return None;
         }
+        let nonlinear = nonlinear(worlds).filter(|_| bends);
         let common = Loop {
             bodies: first.bodies,
             period: each(worlds, |w| w.period),
@@ -325,8 +356,8 @@ impl<'w, const N: usize, const B: usize, const C: usize, const W: usize, const S
                 bodies: vector(worlds, |w| &w.port.bodies),
                 offset: each(worlds, |w| w.port.offset),
             },
-            nonlinear: [],
-            nonlinear_count: 0,
+            nonlinear: nonlinear.unwrap_or([None; S]),
+            nonlinear_count: if nonlinear.is_some() { first.nonlinear_count } else { 0 },
             sensor: Sensor {
                 count: each_or_none(worlds, |w| w.sensor.count)?,
                 rate: each(worlds, |w| w.sensor.rate),
@@ -342,7 +373,8 @@ impl<'w, const N: usize, const B: usize, const C: usize, const W: usize, const S
         };
         let remembers =
             S > 0 && worlds.iter().flat_map(|world| world.nonlinear.iter().flatten()).any(Nonlinear::remembers);
-        Some(Batch { common, worlds, remembers })
+        let forces = worlds.iter().any(|world| world.force.is_some());
+        Some(Batch { common, worlds, alike: nonlinear.is_some(), remembers, forces })
     }
 
     /// The state before sample 0.
@@ -369,6 +401,27 @@ impl<'w, const N: usize, const B: usize, const C: usize, const W: usize, const S
 
 fn each<T, const N: usize>(worlds: &[T; N], of: impl Fn(&T) -> f64) -> Lanes<N> {
     Lanes(from_fn(|i| of(&worlds[i])))
+}
+
+/// The nonlinear couplings in the first S places of all worlds; `None` where they differ in more than their numbers.
+fn nonlinear<const N: usize, const B: usize, const C: usize, const W: usize, const S: usize>(
+    worlds: &[Loop<f64, B, C, W>; N],
+) -> Option<[Option<Nonlinear<Lanes<N>>>; S]> {
+    let mut all = [None; S];
+    for (j, place) in all.iter_mut().enumerate() {
+        let of = |world: &Loop<f64, B, C, W>| world.nonlinear.get(j).copied().flatten();
+        let Some(first) = of(worlds.first()?) else {
+            if worlds.iter().any(|world| of(world).is_some()) {
+                return None;
+            }
+            continue;
+        };
+        if worlds.iter().any(|world| of(world).is_none()) {
+            return None;
+        }
+        *place = Some(Nonlinear::side_by_side(from_fn(|i| of(&worlds[i]).unwrap_or(first)))?);
+    }
+    Some(all)
 }
 
 /// What all worlds have, or none; `None` where only some have it.

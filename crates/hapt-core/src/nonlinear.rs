@@ -1,9 +1,12 @@
 //! The couplings that no matrix holds: wall, detent, the two frictions, and what is clamped.
 
+use core::array::from_fn;
+use core::mem::discriminant;
+
 use crate::contact::{Solution, StepResponse};
 use crate::law::{Coulomb, Damper, DeadBand, Detent, Lugre, Magnet, Spring, Texture, Wall, direction};
 use crate::spec::sign_at_puck;
-use crate::{Coupling, Damping, End, Law, Real, Vector};
+use crate::{Coupling, Damping, End, Lanes, Law, Number, Real, Vector};
 
 /// A law as a loop runs it.
 #[derive(Clone, Copy, Debug)]
@@ -26,6 +29,8 @@ pub(crate) enum LoopLaw<F> {
 pub(crate) struct Nonlinear<F> {
     pub first: End,
     pub second: End,
+    /// Whether the law alone does not say its torque: Coulomb friction at a body, whose torque a discrete-gradient step finds.
+    pub is_found: bool,
     pub curve: LoopLaw<F>,
 }
 
@@ -36,9 +41,91 @@ pub(crate) struct Relative<F> {
     pub velocity: F,
 }
 
+impl<F: Number> Nonlinear<F> {
+    /// Whether a body stands at either end.
+    pub fn at_body(&self) -> bool {
+        self.first.body().is_some() || self.second.body().is_some()
+    }
+
+    /// Whether it has a torque or a bristle from earlier in the run.
+    pub fn remembers(&self) -> bool {
+        let (bristle, torque) = self.keeps();
+        bristle || torque
+    }
+
+    /// Whether it keeps a bristle, and whether a torque that was found at a body.
+    fn keeps(&self) -> (bool, bool) {
+        match self.curve {
+            LoopLaw::Lugre(_) => (true, false),
+            LoopLaw::Coulomb(_) => (false, self.is_found),
+            LoopLaw::Wall(_)
+            | LoopLaw::Spring(_)
+            | LoopLaw::Damper(_)
+            | LoopLaw::Detent(_)
+            | LoopLaw::DeadBand(_)
+            | LoopLaw::Magnet(_)
+            | LoopLaw::Texture(_) => (false, false),
+        }
+    }
+
+    /// The sign of this coupling's torque on the puck; 0 when it is not tied to it.
+    #[inline(always)]
+    pub fn sign_at_puck(&self) -> f64 {
+        sign_at_puck(self.first, self.second)
+    }
+
+    /// q and q̇ with the puck and the bodies as given.
+    #[inline(always)]
+    pub fn relative<const B: usize>(&self, puck: (F, F), bodies: &Vector<F, B>) -> Relative<F> {
+        let at = |end: End| match end {
+            End::Puck => puck,
+            End::Ground => (F::ZERO, F::ZERO),
+            // The index was checked when the loop was compiled.
+            End::Body(i) => {
+                (bodies.position.get(i).copied().unwrap_or(F::ZERO), bodies.velocity.get(i).copied().unwrap_or(F::ZERO))
+            }
+        };
+        let (first, second) = (at(self.first), at(self.second));
+        Relative { position: first.0 - second.0, velocity: first.1 - second.1 }
+    }
+
+    /// The bristle after a period `t` in s at q̇ held; without LuGre friction there is none.
+    #[inline(always)]
+    pub fn bend(&self, bristle: F, q: Relative<F>, t: F) -> F {
+        match self.curve {
+            LoopLaw::Lugre(lugre) => lugre.bend(bristle, q.velocity, t),
+            LoopLaw::Wall(_)
+            | LoopLaw::Spring(_)
+            | LoopLaw::Damper(_)
+            | LoopLaw::Detent(_)
+            | LoopLaw::DeadBand(_)
+            | LoopLaw::Magnet(_)
+            | LoopLaw::Texture(_)
+            | LoopLaw::Coulomb(_) => bristle,
+        }
+    }
+
+    /// The torque on the first end, with LuGre's bristle as it stands.
+    #[inline(always)]
+    pub fn torque(&self, q: Relative<F>, bristle: F) -> F {
+        match &self.curve {
+            LoopLaw::Wall(wall) => wall.torque(q.position, q.velocity),
+            LoopLaw::Spring(spring) => spring.torque(q.position),
+            LoopLaw::Damper(damper) => damper.torque(q.velocity),
+            LoopLaw::Detent(detent) => detent.torque(q.position),
+            LoopLaw::DeadBand(band) => band.torque(q.position),
+            LoopLaw::Magnet(magnet) => magnet.torque(q.position),
+            LoopLaw::Texture(texture) => texture.torque(q.position),
+            LoopLaw::Coulomb(coulomb) => coulomb.torque(q.velocity),
+            LoopLaw::Lugre(lugre) => lugre.torque(bristle, q.velocity),
+        }
+    }
+}
+
 impl<F: Real> Nonlinear<F> {
-    /// `None` for the couplings that are matrices. `compensating` is what a damper that follows the springs damps.
-    pub fn new(coupling: &Coupling, compensating: f64) -> Option<Self> {
+    /// `None` for the couplings that are matrices. `compensating` is what a damper that follows the springs damps, `finds` whether the method
+    /// finds the torques at bodies.
+    pub fn new(coupling: &Coupling, compensating: f64, finds: bool) -> Option<Self> {
         if coupling.linear().is_some() {
             return None;
         }
@@ -87,90 +174,8 @@ impl<F: Real> Nonlinear<F> {
                 })
             }
         };
-        Some(Nonlinear { first: coupling.first, second: coupling.second, curve })
-    }
-
-    /// Whether a body stands at either end.
-    pub fn at_body(&self) -> bool {
-        self.first.body().is_some() || self.second.body().is_some()
-    }
-
-    /// Whether the law alone does not say its torque: Coulomb friction at a body, whose torque a discrete-gradient step finds.
-    pub fn is_found(&self) -> bool {
-        self.keeps().1
-    }
-
-    /// Whether it has a torque or a bristle from earlier in the run.
-    pub fn remembers(&self) -> bool {
-        let (bristle, torque) = self.keeps();
-        bristle || torque
-    }
-
-    /// Whether it keeps a bristle, and whether a torque that was found at a body.
-    fn keeps(&self) -> (bool, bool) {
-        match self.curve {
-            LoopLaw::Lugre(_) => (true, false),
-            LoopLaw::Coulomb(_) => (false, self.at_body()),
-            LoopLaw::Wall(_)
-            | LoopLaw::Spring(_)
-            | LoopLaw::Damper(_)
-            | LoopLaw::Detent(_)
-            | LoopLaw::DeadBand(_)
-            | LoopLaw::Magnet(_)
-            | LoopLaw::Texture(_) => (false, false),
-        }
-    }
-
-    /// The sign of this coupling's torque on the puck; 0 when it is not tied to it.
-    pub fn sign_at_puck(&self) -> F {
-        F::from_f64(sign_at_puck(self.first, self.second))
-    }
-
-    /// q and q̇ with the puck and the bodies as given.
-    #[inline]
-    pub fn relative<const B: usize>(&self, puck: (F, F), bodies: &Vector<F, B>) -> Relative<F> {
-        let at = |end: End| match end {
-            End::Puck => puck,
-            End::Ground => (F::ZERO, F::ZERO),
-            // The index was checked when the loop was compiled.
-            End::Body(i) => {
-                (bodies.position.get(i).copied().unwrap_or(F::ZERO), bodies.velocity.get(i).copied().unwrap_or(F::ZERO))
-            }
-        };
-        let (first, second) = (at(self.first), at(self.second));
-        Relative { position: first.0 - second.0, velocity: first.1 - second.1 }
-    }
-
-    /// The bristle after a period `t` in s at q̇ held; without LuGre friction there is none.
-    #[inline]
-    pub fn bend(&self, bristle: F, q: Relative<F>, t: F) -> F {
-        match self.curve {
-            LoopLaw::Lugre(lugre) => lugre.bend(bristle, q.velocity, t),
-            LoopLaw::Wall(_)
-            | LoopLaw::Spring(_)
-            | LoopLaw::Damper(_)
-            | LoopLaw::Detent(_)
-            | LoopLaw::DeadBand(_)
-            | LoopLaw::Magnet(_)
-            | LoopLaw::Texture(_)
-            | LoopLaw::Coulomb(_) => bristle,
-        }
-    }
-
-    /// The torque on the first end, with LuGre's bristle as it stands.
-    #[inline]
-    pub fn torque(&self, q: Relative<F>, bristle: F) -> F {
-        match &self.curve {
-            LoopLaw::Wall(wall) => wall.torque(q.position, q.velocity),
-            LoopLaw::Spring(spring) => spring.torque(q.position),
-            LoopLaw::Damper(damper) => damper.torque(q.velocity),
-            LoopLaw::Detent(detent) => detent.torque(q.position),
-            LoopLaw::DeadBand(band) => band.torque(q.position),
-            LoopLaw::Magnet(magnet) => magnet.torque(q.position),
-            LoopLaw::Texture(texture) => texture.torque(q.position),
-            LoopLaw::Coulomb(coulomb) => coulomb.torque(q.velocity),
-            LoopLaw::Lugre(lugre) => lugre.torque(bristle, q.velocity),
-        }
+        let is_found = finds && coupling.is_at_body() && matches!(curve, LoopLaw::Coulomb(_));
+        Some(Nonlinear { first: coupling.first, second: coupling.second, is_found, curve })
     }
 
     /// The torque on the first end, held over the step of 1/`rate` seconds.
@@ -216,5 +221,44 @@ impl<F: Real> Nonlinear<F> {
             LoopLaw::Texture(texture) => texture.stored_slope(start, distance),
             LoopLaw::Damper(_) | LoopLaw::Coulomb(_) | LoopLaw::Lugre(_) => F::ZERO,
         }
+    }
+}
+
+/// The law of these lanes, with their numbers side by side.
+macro_rules! side_by_side {
+    ($laws:ident, $($law:ident { $($number:ident),* })*) => {
+        match $laws[0] {
+            $(LoopLaw::$law(first) => {
+                let of = |i: usize| if let LoopLaw::$law(law) = $laws[i] { law } else { first };
+                LoopLaw::$law($law { $($number: Lanes(from_fn(|i| of(i).$number))),* })
+            })*
+            LoopLaw::Texture(first) => {
+                let of = |i: usize| if let LoopLaw::Texture(texture) = $laws[i] { texture } else { first };
+                LoopLaw::Texture(Texture::side_by_side(of))
+            }
+        }
+    };
+}
+
+impl<const N: usize> Nonlinear<Lanes<N>> {
+    /// One coupling of each of N worlds; `None` where they differ in more than their numbers.
+    pub fn side_by_side(couplings: [Nonlinear<f64>; N]) -> Option<Self> {
+        let Nonlinear { first, second, is_found, curve } = *couplings.first()?;
+        let alike = |other: &Nonlinear<f64>| {
+            (other.first, other.second, other.is_found) == (first, second, is_found)
+                && discriminant(&other.curve) == discriminant(&curve)
+        };
+        let laws = couplings.map(|coupling| coupling.curve);
+        let curve = side_by_side!(laws,
+            Wall { direction, at, stiffness, damping, limit }
+            Spring { stiffness, rest, limit }
+            Damper { damping, limit }
+            Detent { torque, pitch, phase }
+            DeadBand { stiffness, rest, width, limit }
+            Magnet { torque, width, at }
+            Coulomb { torque }
+            Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous }
+        );
+        couplings.iter().all(alike).then_some(Nonlinear { first, second, is_found, curve })
     }
 }

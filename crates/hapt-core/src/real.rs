@@ -3,8 +3,8 @@
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// A number, or several side by side ([`crate::Lanes`]): what a linear loop needs. Nothing here asks what a number is, so that lanes
-/// of different answers never part.
+/// A number, or several side by side ([`crate::Lanes`]): what a sample needs. Nothing here asks what a number is, it chooses between two
+/// numbers that are there, so that lanes of different answers never part.
 pub trait Number:
     Copy
     + Debug
@@ -32,16 +32,8 @@ pub trait Number:
     fn within(self, limit: Self) -> Self;
     /// Itself, or 0 in place of what is infinite or NaN.
     fn finite_or_zero(self) -> Self;
-}
-
-/// `f32` or `f64`, with the few functions a loop needs, from libm alone: the standard library's differ between machines.
-pub trait Real: Number + PartialOrd {
-    /// From 1 to the next number.
-    const EPSILON: Self;
-    /// The largest number.
-    const MAX: Self;
-    /// Exact.
-    fn to_f64(self) -> f64;
+    /// `yes` where it is greater than `bound`, else `no`; NaN is greater than nothing.
+    fn if_above(self, bound: Self, yes: Self, no: Self) -> Self;
     /// |x|
     fn abs(self) -> Self;
     /// sin x
@@ -50,6 +42,16 @@ pub trait Real: Number + PartialOrd {
     fn exp(self) -> Self;
     /// e^x - 1, good near 0
     fn expm1(self) -> Self;
+}
+
+/// `f32` or `f64`. Their functions are libm's alone: the standard library's differ between machines.
+pub trait Real: Number + PartialOrd {
+    /// From 1 to the next number.
+    const EPSILON: Self;
+    /// The largest number.
+    const MAX: Self;
+    /// Exact.
+    fn to_f64(self) -> f64;
     /// Neither infinite nor NaN.
     fn is_finite(self) -> bool;
 }
@@ -77,14 +79,9 @@ macro_rules! real {
             fn finite_or_zero(self) -> Self {
                 if <$float>::is_finite(self) { self } else { 0.0 }
             }
-        }
-
-        impl Real for $float {
-            const EPSILON: Self = <$float>::EPSILON;
-            const MAX: Self = <$float>::MAX;
             #[inline]
-            fn to_f64(self) -> f64 {
-                f64::from(self)
+            fn if_above(self, bound: Self, yes: Self, no: Self) -> Self {
+                if self > bound { yes } else { no }
             }
             #[inline]
             fn abs(self) -> Self {
@@ -101,6 +98,15 @@ macro_rules! real {
             #[inline]
             fn expm1(self) -> Self {
                 $expm1(self)
+            }
+        }
+
+        impl Real for $float {
+            const EPSILON: Self = <$float>::EPSILON;
+            const MAX: Self = <$float>::MAX;
+            #[inline]
+            fn to_f64(self) -> f64 {
+                f64::from(self)
             }
             #[inline]
             fn is_finite(self) -> bool {

@@ -27,6 +27,7 @@ extern crate alloc;
 mod device;
 mod energy;
 mod exponential;
+mod friction;
 mod hand;
 mod ledger;
 mod motor;
@@ -38,6 +39,7 @@ mod trajectory;
 
 pub use device::{Grip, VirtualDevice};
 pub use energy::stored_energy;
+pub use friction::{slide_under, sliding_direction};
 pub use hand::{Hand, Script};
 pub use ledger::Ledger;
 pub use motor::Motor;

@@ -133,6 +133,11 @@ impl Plant {
         }
     }
 
+    /// A puck that nobody holds.
+    pub fn free(device: Inertia) -> Self {
+        Plant::new(device, None, NO_SINE, 0.0)
+    }
+
     /// ẏ = N y; rows of N by state.
     fn generator(&self) -> Matrix {
         let m = self.mass;
@@ -195,7 +200,7 @@ impl Plant {
     }
 
     /// What velocity and held torque do to position and to velocity over `dt`, where nothing else does: of [`Plant::change`] these four numbers,
-    /// to the bit. A search for a stop asks for them at every guess.
+    /// to the bit.
     pub fn free_change(&self, dt: f64) -> [[f64; 2]; 2] {
         let (by_velocity, by_torque) = (-self.damping / self.mass, 1.0 / self.mass);
         let (h, halvings) = halved(self.rate(), dt);
@@ -210,6 +215,23 @@ impl Plant {
             v = [v[0] * v[0] + 2.0 * v[0], v[0] * v[1] + 2.0 * v[1]];
         }
         [x, v]
+    }
+
+    /// The instant in s at which that motion comes to rest, from v against the torque f: where v e^(-at) + (1 - e^(-at)) f/b = 0, with a = b/m,
+    ///
+    /// ```text
+    /// t = ln(1 + r)/a = -m v/f · ln(1 + r)/r,    r = -b v/f
+    /// ```
+    ///
+    /// `None` where no torque is against it.
+    pub fn free_stop(&self, velocity: f64, torque: f64) -> Option<f64> {
+        let time = -velocity / torque;
+        if !(time > 0.0) {
+            return None;
+        }
+        let r = self.damping * time;
+        let straight = self.mass * time;
+        Some(if r > 0.0 { straight * (libm::log1p(r) / r) } else { straight })
     }
 
     fn after_of<const N: usize>(&self, states: [usize; N], y: &Motion, dt: f64) -> Motion {
@@ -348,11 +370,6 @@ impl Propagator {
     /// The motion at the end, from `y` on.
     pub fn after(&self, y: &Motion) -> Motion {
         applied(&self.change, y)
-    }
-
-    /// What velocity and held torque do to the velocity.
-    pub fn velocity(&self) -> [f64; 2] {
-        [self.change[V][V], self.change[V][F]]
     }
 
     /// The stretch from `y` on.

@@ -10,8 +10,9 @@
 //! handle swings on: that is another such equation, with v = 0.
 
 use crate::exponential::{GAUSS, Square, applied, congruent, doubled, folded, halved, series, widened};
+use crate::friction::{MOST_EVENTS, ROUNDING, root};
 use crate::ledger::Ledger;
-use crate::puck::{Inertia, Lengths, MOST_EVENTS, NO_SINE, Push, ROUNDING, Sine, decay, root};
+use crate::puck::{Inertia, Lengths, NO_SINE, Push, Sine, decay};
 use crate::spec::Handle;
 
 /// How many states there are.

@@ -14,7 +14,7 @@ use std::array::from_fn;
 use hapt_core::{Batch, Lanes, Loop, Number};
 use hapt_model::{EstimatorKind, Scenario, Timing, World};
 use hapt_plant::spec::{DeviceSpec, Drive};
-use hapt_plant::{Hand, Motor, Push, VirtualDevice, change_under};
+use hapt_plant::{Hand, Motor, Push, VirtualDevice, change_under, slide_under, sliding_direction};
 use pulp::{Simd, WithSimd};
 
 use crate::energy::world_energy;
@@ -196,6 +196,11 @@ impl<'w> Lane<'w> {
             && (device.lag == 0.0 || !self.moves())
     }
 
+    /// The parts of a period, in s: after the fraction of the delay, and before its end.
+    fn parts(&self) -> [f64; 2] {
+        [self.period - self.rest, self.rest]
+    }
+
     /// Whether a hand that pushes does so by more than a torque that is held.
     fn is_driven(&self) -> bool {
         self.held && (self.hand.grips() || !self.hand.is_steady())
@@ -321,8 +326,7 @@ impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
             return;
         }
         let (device, hand) = (&lane.world.device, Some(&lane.hand).filter(|_| lane.held));
-        let parts = [lane.period - lane.rest, lane.rest];
-        for (plant, part) in self.plants.iter_mut().zip(parts).filter(|(_, part)| *part > 0.0) {
+        for (plant, part) in self.plants.iter_mut().zip(lane.parts()).filter(|(_, part)| *part > 0.0) {
             let change = change_under(device.inertia, device.damping, hand, part);
             for (plant, change) in plant.as_flattened_mut().iter_mut().zip(change.as_flattened()) {
                 plant.0[i] = *change;
@@ -367,21 +371,45 @@ impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
         }
     }
 
-    /// Moves the pucks of lanes that do so by themselves, and where `odd` is not 0 those of others, from `before`.
+    /// Moves the pucks of lanes that do so by themselves.
     #[inline(never)]
-    fn travel(
-        &mut self,
-        k: u64,
-        (before, odd): ([Numbers; 2], Numbers),
-        mut puck: [Numbers; 2],
-        command: Numbers,
-        applied: Applied,
-    ) -> [Numbers; 2] {
-        for (i, lane) in self.lanes.iter_mut().enumerate().filter(|(i, lane)| lane.is_apart() || odd.0[*i] != 0.0) {
-            let at = (before[0].0[i], before[1].0[i]);
+    fn travel(&mut self, k: u64, mut puck: [Numbers; 2], command: Numbers, applied: Applied) -> [Numbers; 2] {
+        for (i, lane) in self.lanes.iter_mut().enumerate().filter(|(_, lane)| lane.is_apart()) {
+            let at = (puck[0].0[i], puck[1].0[i]);
             (puck[0].0[i], puck[1].0[i]) = lane.travel(k, at, command.0[i], applied.map(|applied| applied.0[i]));
         }
         puck
+    }
+
+    /// The pucks under Coulomb friction, at the end of this part of a period.
+    #[inline(always)]
+    fn slid(&self, part: usize, states: States, driven: bool, pushed: Numbers) -> [Numbers; 2] {
+        let ([velocity, torque, position, ..], friction) = (states, self.friction);
+        let direction = sliding_direction(velocity, torque, friction, torque.abs());
+        let mut sliding = states;
+        sliding[1] = torque - friction * direction;
+        let end = moved(&self.plants[part], &sliding, driven, pushed);
+        // What friction holds stays where it is.
+        let held = Numbers::ONE - direction * direction;
+        let held = friction.if_above(Numbers::ZERO, held, Numbers::ZERO);
+        let end = [held.choose(position, end[0]), held.choose(velocity, end[1])];
+        // A number that is none goes on as it is.
+        let slows = (Lanes([SLIDES; LANES]) * velocity.abs()).if_above(direction * end[1], velocity.abs(), Numbers::ZERO);
+        let stops = (pushed * friction).if_above(Numbers::ZERO, slows, Numbers::ZERO);
+        if stops == Numbers::ZERO { end } else { self.stopped(part, states, stops, end) }
+    }
+
+    /// The same where `stops` is not 0, so that the puck may come to rest on its way.
+    #[inline(never)]
+    fn stopped(&self, part: usize, states: States, stops: Numbers, mut end: [Numbers; 2]) -> [Numbers; 2] {
+        let [velocity, torque, position, ..] = states;
+        for (i, lane) in self.lanes.iter().enumerate().filter(|(i, _)| stops.0[*i] != 0.0) {
+            let device = &lane.world.device;
+            let device = (device.inertia, device.damping, device.friction);
+            let puck = (position.0[i], velocity.0[i]);
+            (end[0].0[i], end[1].0[i]) = slide_under(device, puck, torque.0[i], lane.parts()[part]);
+        }
+        end
     }
 
     /// Sets the pucks whose motion a hand prescribes to their positions at sample k.
@@ -429,7 +457,6 @@ impl<const B: usize, const W: usize, const S: usize> WithSimd for Run<'_, B, W, 
             let mut last = end;
             while k < last {
                 if k > 0 {
-                    let (before, mut odd) = (puck, Numbers::ZERO);
                     if late {
                         self.motor.change();
                         applied = [applied[1], self.motor.applied];
@@ -441,22 +468,19 @@ impl<const B: usize, const W: usize, const S: usize> WithSimd for Run<'_, B, W, 
                             }
                             let [value, slope, sin, cos] = motion.drive;
                             let states = [puck[1], applied[part] + value, puck[0], slope, sin, cos];
-                            let plant = &self.plants[1 - part];
-                            if self.slides {
-                                let (moved, more) =
-                                    slid(plant, states, motion.any_driven, self.friction, motion.pushed);
-                                (puck, odd) = (moved, odd + more);
+                            puck = if self.slides {
+                                self.slid(1 - part, states, motion.any_driven, motion.pushed)
                             } else {
-                                puck = moved(plant, &states, motion.any_driven, motion.pushed);
-                            }
+                                moved(&self.plants[1 - part], &states, motion.any_driven, motion.pushed)
+                            };
                         }
                     }
                     if motion.any_prescribed {
                         puck = self.prescribe(k, puck);
                         finite_sum += Numbers::ZERO * puck[1];
                     }
-                    if motion.any_apart || (self.slides && odd != Numbers::ZERO) {
-                        puck = self.travel(k, (before, odd), puck, command, applied);
+                    if motion.any_apart {
+                        puck = self.travel(k, puck, command, applied);
                     }
                 }
                 if k == first {
@@ -509,37 +533,4 @@ fn moved(plant: &[States; 2], states: &States, driven: bool, pushed: Numbers) ->
         gain = gain + by_velocity[4] * sin + by_velocity[5] * cos;
     }
     [pushed.choose(position + travel, position), pushed.choose(velocity + gain, velocity)]
-}
-
-/// The same with Coulomb friction. Also a number for each lane: not 0 where the puck may stop or start in the period, so that what is given
-/// for it is not its motion.
-#[inline(always)]
-fn slid(
-    plant: &[States; 2],
-    mut states: States,
-    driven: bool,
-    friction: Numbers,
-    pushed: Numbers,
-) -> ([Numbers; 2], Numbers) {
-    let [velocity, torque, position, ..] = states;
-    let direction = Lanes(velocity.0.map(|v| {
-        if v > 0.0 {
-            1.0
-        } else if v < 0.0 {
-            -1.0
-        } else {
-            0.0
-        }
-    }));
-    states[1] = torque - friction * direction;
-    let [end, speed] = moved(plant, &states, driven, pushed);
-    let odd = Lanes(from_fn(|i| {
-        let (v, friction) = (velocity.0[i], friction.0[i]);
-        let rests = v == 0.0 && torque.0[i].abs() <= friction;
-        let slides = v != 0.0 && direction.0[i] * speed.0[i] > SLIDES * v.abs();
-        if pushed.0[i] == 0.0 || friction == 0.0 || rests || slides { 0.0 } else { 1.0 }
-    }));
-    // What rests stays where it is.
-    let rests = Lanes(from_fn(|i| if friction.0[i] > 0.0 && velocity.0[i] == 0.0 { 1.0 } else { 0.0 }));
-    ([rests.choose(position, end), rests.choose(velocity, speed)], odd)
 }

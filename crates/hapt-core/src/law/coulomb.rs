@@ -1,26 +1,22 @@
 //! Coulomb friction.
 
-use crate::Real;
 use crate::contact::{Solution, StepResponse};
+use crate::{Number, Real};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Coulomb<F> {
     pub torque: F,
 }
 
-impl<F: Real> Coulomb<F> {
+impl<F: Number> Coulomb<F> {
     /// -torque · sign(q̇), 0 at q̇ = 0
-    #[inline]
+    #[inline(always)]
     pub fn torque(&self, velocity: F) -> F {
-        if velocity > F::ZERO {
-            -self.torque
-        } else if velocity < F::ZERO {
-            self.torque
-        } else {
-            F::ZERO
-        }
+        velocity.if_above(F::ZERO, -self.torque, F::ZERO.if_above(velocity, self.torque, F::ZERO))
     }
+}
 
+impl<F: Real> Coulomb<F> {
     /// Of the torques within ±`torque` that oppose q' - q, or make it 0, the one that brings q̇' nearest to rest.
     ///
     /// Under backward Euler, and for what slides on, or rests already, this is -`torque` · sign(q' - q), or the torque that makes q' - q

@@ -1,7 +1,7 @@
 //! A damper.
 
-use crate::Real;
 use crate::contact::{Solution, StepResponse, within};
+use crate::{Number, Real};
 
 /// A damper with a limit; those without are matrices.
 #[derive(Clone, Copy, Debug)]
@@ -10,13 +10,15 @@ pub(crate) struct Damper<F> {
     pub limit: F,
 }
 
-impl<F: Real> Damper<F> {
+impl<F: Number> Damper<F> {
     /// -damping · q̇, within ±limit
-    #[inline]
+    #[inline(always)]
     pub fn torque(&self, velocity: F) -> F {
         within(-(self.damping * velocity), -self.limit, self.limit)
     }
+}
 
+impl<F: Real> Damper<F> {
     /// The torque over a step of 1/`rate` seconds, from the mean velocity. Straight where it is not limited, so that the straight
     /// solution, limited, is the solution.
     pub fn solve(&self, response: &StepResponse<F>, rate: F) -> Solution<F> {

@@ -1,8 +1,8 @@
 //! A dead band: a spring that begins at a distance from its rest.
 
-use crate::Real;
 use crate::contact::{Solution, StepResponse, solve_falling, within};
 use crate::law::spring::{self, Ramp};
+use crate::{Number, Real};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DeadBand<F> {
@@ -18,15 +18,17 @@ pub(super) fn energy(stiffness: f64, rest: f64, width: f64, q: f64, limit: f64) 
     spring::energy(stiffness, ((q - rest).abs() - width).max(0.0), limit)
 }
 
-impl<F: Real> DeadBand<F> {
+impl<F: Number> DeadBand<F> {
     /// -stiffness · (q - rest ∓ width) beyond ±width, within ±limit; 0 inside
-    #[inline]
+    #[inline(always)]
     pub fn torque(&self, q: F) -> F {
         let x = q - self.rest;
         let beyond = x - within(x, -self.width, self.width);
         within(-(self.stiffness * beyond), -self.limit, self.limit)
     }
+}
 
+impl<F: Real> DeadBand<F> {
     /// The torque that keeps its energy over a step.
     pub fn solve(&self, response: &StepResponse<F>) -> Solution<F> {
         let response = StepResponse { start: response.start - self.rest, ..*response };

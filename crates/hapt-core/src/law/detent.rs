@@ -1,7 +1,7 @@
 //! A detent: a torque that goes up and down as a sine.
 
-use crate::Real;
 use crate::contact::{Solution, StepResponse, solve_nearest};
+use crate::{Number, Real};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Detent<F> {
@@ -10,16 +10,18 @@ pub(crate) struct Detent<F> {
     pub phase: F,
 }
 
-impl<F: Real> Detent<F> {
+impl<F: Number> Detent<F> {
     /// -torque · sin(2π (q - phase)/pitch)
-    #[inline]
+    #[inline(always)]
     pub fn torque(&self, q: F) -> F {
         let turns = (q - self.phase) / self.pitch;
         // Taken from the nearest rest, so that every rest is exactly one, however far it is.
         let rest = (turns + F::HALF).floor();
         -(self.torque * (F::from_f64(core::f64::consts::TAU) * (turns - rest)).sin())
     }
+}
 
+impl<F: Real> Detent<F> {
     /// The torque that keeps its energy over a step, at the solution nearest to the free motion.
     pub fn solve(&self, response: &StepResponse<F>) -> Solution<F> {
         let from = self.turns(response.start);

@@ -1,6 +1,6 @@
 //! LuGre friction (Canudas de Wit, Olsson, Åström, Lischinsky, IEEE TAC 40(3), 1995): bristles that bend.
 
-use crate::Real;
+use crate::Number;
 
 /// The parameters of [`crate::Law::Lugre`].
 #[derive(Clone, Copy, Debug)]
@@ -13,8 +13,9 @@ pub(crate) struct Lugre<F> {
     pub viscous: F,
 }
 
-impl<F: Real> Lugre<F> {
+impl<F: Number> Lugre<F> {
     /// σ0 |q̇|/g in 1/s, the rate at which the bristle forgets; infinite where g is 0.
+    #[inline(always)]
     fn rate(&self, velocity: F) -> F {
         let ratio = velocity / self.stribeck_velocity;
         let level = self.coulomb + (self.stribeck - self.coulomb) * (-(ratio * ratio)).exp();
@@ -23,24 +24,21 @@ impl<F: Real> Lugre<F> {
 
     /// The bristle after `t` seconds at constant velocity, exactly: s e^{-at} + q̇ (1 - e^{-at})/a. Explicit Euler would need
     /// t < 2g/(σ0|q̇|).
+    #[inline(always)]
     pub fn bend(&self, bristle: F, velocity: F, t: F) -> F {
         let rate = self.rate(velocity);
         let forgotten = (-(rate * t)).expm1();
-        if rate > F::ZERO {
-            // At an infinite rate nothing is left of the bristle: level 0 holds nothing.
-            bristle + bristle * forgotten - velocity * forgotten / rate
-        } else if velocity == F::ZERO {
-            bristle
-        } else {
-            bristle + velocity * t
-        }
+        // At an infinite rate nothing is left of the bristle: level 0 holds nothing. At rest it stays, whatever 0/0 is as a rate.
+        let bent = bristle + bristle * forgotten - velocity * forgotten / rate;
+        rate.if_above(F::ZERO, bent, bristle + velocity * t)
     }
 
     /// -(σ0 s + σ1 ṡ + σ2 q̇), ṡ = q̇ - σ0 |q̇| s/g
+    #[inline(always)]
     pub fn torque(&self, bristle: F, velocity: F) -> F {
         // An unbent bristle at an infinite rate bends no further.
         let rate = self.rate(velocity);
-        let slip = if rate.is_finite() { velocity - rate * bristle } else { F::ZERO };
+        let slip = F::from_f64(f64::INFINITY).if_above(rate, velocity - rate * bristle, F::ZERO);
         -(self.bristle_stiffness * bristle + self.bristle_damping * slip + self.viscous * velocity)
     }
 }

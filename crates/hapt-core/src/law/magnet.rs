@@ -4,8 +4,8 @@
 //! `torque`, at x = ±1. Its energy is torque · width · √e · (1 - exp(-x²/2)). It rises by at most √e · torque/width, at the place, and
 //! falls by at most 2/e · torque/width, at x = ±√3.
 
-use crate::Real;
 use crate::contact::{Solution, StepResponse, solve_nearest};
+use crate::{Number, Real};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Magnet<F> {
@@ -23,14 +23,16 @@ pub(super) fn energy(torque: f64, width: f64, at: f64, q: f64) -> f64 {
     -(torque * width * ROOT_E * libm::expm1(-0.5 * x * x))
 }
 
-impl<F: Real> Magnet<F> {
+impl<F: Number> Magnet<F> {
     /// -torque · x · exp((1 - x²)/2)
-    #[inline]
+    #[inline(always)]
     pub fn torque(&self, q: F) -> F {
         let x = (q - self.at) / self.width;
         -(self.torque * F::from_f64(ROOT_E) * x * (-(F::HALF * x * x)).exp())
     }
+}
 
+impl<F: Real> Magnet<F> {
     /// The torque that keeps its energy over a step, at the solution nearest to the free motion.
     pub fn solve(&self, response: &StepResponse<F>) -> Solution<F> {
         let response = &StepResponse { start: response.start - self.at, ..*response };

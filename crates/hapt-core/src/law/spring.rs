@@ -1,7 +1,7 @@
 //! A spring, and the rising torque that levels off at a limit: a spring's, a wall's, a dead band's.
 
-use crate::Real;
 use crate::contact::{Solution, StepResponse, solve_falling, within};
+use crate::{Number, Real};
 
 /// A spring with a limit; those without are matrices.
 #[derive(Clone, Copy, Debug)]
@@ -11,13 +11,15 @@ pub(crate) struct Spring<F> {
     pub limit: F,
 }
 
-impl<F: Real> Spring<F> {
+impl<F: Number> Spring<F> {
     /// -stiffness · (q - rest), within ±limit
-    #[inline]
+    #[inline(always)]
     pub fn torque(&self, q: F) -> F {
         within(-(self.stiffness * (q - self.rest)), -self.limit, self.limit)
     }
+}
 
+impl<F: Real> Spring<F> {
     fn ramp(&self) -> Ramp<F> {
         Ramp::new(self.stiffness, -self.limit, self.limit)
     }

@@ -4,8 +4,10 @@
 //! V = torque · pitch/2π · Σ (sineₙ cos nθ - cosineₙ sin nθ + √(sineₙ² + cosineₙ²))/n, which is nowhere negative. The mean of each
 //! harmonic over a way is its value in the middle times sin(a)/a, with a half of the way as an angle of that harmonic.
 
-use crate::Real;
+use core::array::from_fn;
+
 use crate::contact::{Solution, StepResponse, solve_nearest};
+use crate::{Lanes, Number, Real};
 
 /// Harmonics of a texture: every coupling has room for them, also on boards.
 pub const HARMONICS: usize = 4;
@@ -65,6 +67,45 @@ pub(super) fn energy(torque: f64, pitch: f64, phase: f64, waveform: &Waveform, q
     torque * pitch / core::f64::consts::TAU * waveform.harmonics().map(of).sum::<f64>()
 }
 
+impl<F: Number> Texture<F> {
+    #[inline(always)]
+    pub fn torque(&self, q: F) -> F {
+        self.sum(self.turns(q), |_| F::ONE).0
+    }
+
+    /// q from the nearest whole period, in periods.
+    #[inline(always)]
+    fn turns(&self, q: F) -> F {
+        let turns = (q - self.phase) / self.pitch;
+        turns - (turns + F::HALF).floor()
+    }
+
+    #[inline(always)]
+    fn harmonics(&self) -> impl Iterator<Item = (F, F, F)> {
+        let factors = self.sine.into_iter().zip(self.cosine);
+        factors.scan(F::ZERO, |n, (sine, cosine)| {
+            *n += F::ONE;
+            Some((*n, sine, cosine))
+        })
+    }
+
+    /// The sum of the harmonics at `turns`, each times its share, and its derivative by q.
+    #[inline(always)]
+    fn sum(&self, turns: F, share: impl Fn(F) -> F) -> (F, F) {
+        let tau = F::from_f64(core::f64::consts::TAU);
+        let (sine, cosine) = unit(turns);
+        let (mut s, mut c) = (sine, cosine);
+        let (mut sum, mut slope) = (F::ZERO, F::ZERO);
+        for (n, of_sine, of_cosine) in self.harmonics() {
+            let share = share(n);
+            sum += (of_sine * s + of_cosine * c) * share;
+            slope += n * (of_sine * c - of_cosine * s);
+            (s, c) = (s * cosine + c * sine, c * cosine - s * sine);
+        }
+        (sum, slope * (tau / self.pitch))
+    }
+}
+
 impl<F: Real> Texture<F> {
     pub fn new(torque: f64, pitch: f64, phase: f64, waveform: &Waveform) -> Self {
         let scaled = |factors: [f32; HARMONICS]| factors.map(|factor| F::from_f64(torque * f64::from(factor)));
@@ -74,11 +115,6 @@ impl<F: Real> Texture<F> {
             sine: scaled(waveform.sine),
             cosine: scaled(waveform.cosine),
         }
-    }
-
-    #[inline]
-    pub fn torque(&self, q: F) -> F {
-        self.sum(self.turns(q), |_| F::ONE).0
     }
 
     /// The torque that keeps its energy over a step, at the solution nearest to the free motion.
@@ -103,36 +139,6 @@ impl<F: Real> Texture<F> {
         -self.mean(self.turns(start), distance).0
     }
 
-    /// q from the nearest whole period, in periods.
-    fn turns(&self, q: F) -> F {
-        let turns = (q - self.phase) / self.pitch;
-        turns - (turns + F::HALF).floor()
-    }
-
-    fn harmonics(&self) -> impl Iterator<Item = (F, F, F)> {
-        let factors = self.sine.into_iter().zip(self.cosine);
-        factors.scan(F::ZERO, |n, (sine, cosine)| {
-            *n += F::ONE;
-            Some((*n, sine, cosine))
-        })
-    }
-
-    /// The sum of the harmonics at `turns`, each times its share, and its derivative by q.
-    #[inline]
-    fn sum(&self, turns: F, share: impl Fn(F) -> F) -> (F, F) {
-        let tau = F::from_f64(core::f64::consts::TAU);
-        let (sine, cosine) = unit(turns);
-        let (mut s, mut c) = (sine, cosine);
-        let (mut sum, mut slope) = (F::ZERO, F::ZERO);
-        for (n, of_sine, of_cosine) in self.harmonics() {
-            let share = share(n);
-            sum += (of_sine * s + of_cosine * c) * share;
-            slope += n * (of_sine * c - of_cosine * s);
-            (s, c) = (s * cosine + c * sine, c * cosine - s * sine);
-        }
-        (sum, slope * (tau / self.pitch))
-    }
-
     /// The mean torque over `distance` from `from` periods, and its derivative by `distance`.
     fn mean(&self, from: F, distance: F) -> (F, F) {
         let half = F::HALF * (distance / self.pitch);
@@ -152,8 +158,22 @@ impl<F: Real> Texture<F> {
     }
 }
 
+impl<const N: usize> Texture<Lanes<N>> {
+    /// N textures, `of` each lane.
+    pub fn side_by_side(of: impl Fn(usize) -> Texture<f64>) -> Self {
+        let each = |number: &dyn Fn(Texture<f64>) -> f64| Lanes(from_fn(|i| number(of(i))));
+        Texture {
+            pitch: each(&|texture| texture.pitch),
+            phase: each(&|texture| texture.phase),
+            sine: from_fn(|n| each(&|texture| texture.sine[n])),
+            cosine: from_fn(|n| each(&|texture| texture.cosine[n])),
+        }
+    }
+}
+
 /// Sine and cosine of an angle in turns.
-fn unit<F: Real>(turns: F) -> (F, F) {
+#[inline(always)]
+fn unit<F: Number>(turns: F) -> (F, F) {
     let tau = F::from_f64(core::f64::consts::TAU);
     // sin a quarter of a turn on is cos.
     ((tau * turns).sin(), (tau * (turns + F::HALF * F::HALF)).sin())

@@ -1,9 +1,9 @@
 //! A wall: a spring and a damper on one side of its face, which only push.
 
-use crate::Real;
 use crate::contact::{Solution, StepResponse, solve_falling, within};
 use crate::law::spring::{self, Ramp};
 use crate::spec::Side;
+use crate::{Number, Real};
 
 /// `direction` is +1 for a wall above its face, -1 for one below: then q, q̇ and torque are mirrored.
 #[derive(Clone, Copy, Debug)]
@@ -33,16 +33,19 @@ pub(super) fn energy(side: Side, at: f64, stiffness: f64, q: f64, limit: f64) ->
     spring::energy(stiffness, depth, limit)
 }
 
-impl<F: Real> Wall<F> {
-    #[inline]
+impl<F: Number> Wall<F> {
+    #[inline(always)]
     pub fn torque(&self, q: F, velocity: F) -> F {
         let Wall { direction, at, stiffness, damping, limit } = *self;
         let depth = direction * (q - at);
         let push = stiffness * depth + damping * (direction * velocity);
         // It pushes only, and only inside; a NaN pushes nothing.
-        if depth > F::ZERO && push > F::ZERO { -(direction * within(push, F::ZERO, limit)) } else { F::ZERO }
+        let inside = push.if_above(F::ZERO, -(direction * within(push, F::ZERO, limit)), F::ZERO);
+        depth.if_above(F::ZERO, inside, F::ZERO)
     }
+}
 
+impl<F: Real> Wall<F> {
     /// Whether it is out of reach from `start` to `start + distance`: the common case, and cheap to see.
     #[inline]
     pub fn is_clear(&self, start: F, distance: F) -> bool {

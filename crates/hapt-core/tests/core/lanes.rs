@@ -1,7 +1,7 @@
 //! Lanes do what their numbers would do alone, to the bit.
 
 use hapt_core::{
-    Batch, Body, Coupling, Damping, End, Estimator, Lanes, Law, Loop, Method, Number, Output, Real, Side, Spec,
+    Batch, Body, Coupling, Damping, End, Estimator, Lanes, Law, Loop, Method, Number, Output, Side, Spec, Waveform,
 };
 use proptest::prelude::*;
 
@@ -31,7 +31,7 @@ proptest! {
     fn a_lanes_functions_are_the_numbers_own(x in prop::array::uniform5(number()), y in prop::array::uniform5(number())) {
         let (lanes, limit) = (Lanes(x), Lanes(y.map(f64::abs)));
         prop_assert_eq!(bits(lanes.floor()), bits(Lanes(x.map(Number::floor))));
-        prop_assert_eq!(bits(lanes.abs()), bits(Lanes(x.map(Real::abs))));
+        prop_assert_eq!(bits(lanes.abs()), bits(Lanes(x.map(Number::abs))));
         prop_assert_eq!(bits(lanes.finite_or_zero()), bits(Lanes(x.map(Number::finite_or_zero))));
         let within = std::array::from_fn(|i| x[i].within(limit.0[i]));
         prop_assert_eq!(bits(lanes.within(limit)), bits(Lanes(within)));
@@ -40,9 +40,12 @@ proptest! {
     }
 }
 
+/// How many kinds of nonlinear couplings there are, each between three pairs of ends.
+const KINDS: usize = 10;
+
 /// A nonlinear coupling of some kind.
 fn bent(kind: usize, scale: f64) -> Coupling {
-    let law = match kind % 6 {
+    let law = match kind % KINDS {
         0 => Law::Wall { side: Side::Above, at: 0.05, stiffness: 5.0 * scale, damping: 0.01 },
         1 => Law::Detent { torque: 0.05 * scale, pitch: 0.3, phase: 0.1 },
         2 => Law::DeadBand { stiffness: 4.0 * scale, rest: 0.0, width: 0.1 },
@@ -55,13 +58,19 @@ fn bent(kind: usize, scale: f64) -> Coupling {
             bristle_damping: 0.01,
             viscous: 1e-3,
         },
-        _ => Law::Spring { stiffness: 3.0 * scale, rest: 0.0 },
+        5 => Law::Spring { stiffness: 3.0 * scale, rest: 0.0 },
+        6 => Law::Damper { damping: Damping::Fixed(0.05 * scale) },
+        7 => Law::Magnet { torque: 0.05 * scale, width: 0.1, at: 0.05 * scale },
+        8 => Law::Texture { torque: 0.05 * scale, pitch: 0.2, phase: 0.1 * scale, waveform: WAVEFORM },
+        _ => Law::Wall { side: Side::Below, at: -0.05, stiffness: 5.0 * scale, damping: 0.01 },
     };
-    let limit = (kind % 6 == 5).then_some(0.1);
+    let limit = matches!(kind % KINDS, 5 | 6).then_some(0.1);
     let ends = [(End::Puck, End::Ground), (End::Puck, End::Body(0)), (End::Body(1), End::Ground)];
-    let (first, second) = ends[kind / 6 % 3];
+    let (first, second) = ends[kind / KINDS % 3];
     Coupling { first, second, law, limit }
 }
+
+const WAVEFORM: Waveform = Waveform { sine: [0.5, 0.0, -0.25, 0.125], cosine: [0.0, 0.5, 0.0, -0.5] };
 
 type Alone = Loop<f64, 2, 6, 9>;
 
@@ -116,14 +125,14 @@ proptest! {
     fn worlds_side_by_side_take_the_samples_they_take_alone(
         scales in prop::array::uniform5(0.2..3.0f64),
         inputs in prop::collection::vec((prop::array::uniform5(-1.0..1.0f64), prop::array::uniform5(-9.0..9.0f64)), 30),
-        broken in 0..60usize, kinds in prop::array::uniform5(prop::collection::vec(0..18usize, 0..3)),
-        estimator in prop::sample::select(&ESTIMATORS[..]), bends in any::<bool>(), every in prop_oneof![Just(1), 2..5u32],
+        broken in 0..60usize, kinds in prop::array::uniform5(prop::collection::vec(0..3 * KINDS, 0..3)),
+        estimator in prop::sample::select(&ESTIMATORS[..]), bends in any::<bool>(), alike in any::<bool>(), every in prop_oneof![Just(1), 2..5u32],
     ) {
         for method in Method::ALL {
             for output in Output::ALL {
                 for counted in [false, true] {
                     let alone = std::array::from_fn::<_, N, _>(|i| {
-                        let more: Vec<Coupling> = kinds[i].iter().map(|kind| bent(*kind, scales[i])).collect();
+                        let more: Vec<Coupling> = kinds[if alike { 0 } else { i }].iter().map(|kind| bent(*kind, scales[i])).collect();
                         let all = compiled(method, output, estimator, counted, scales[i], if bends { &more } else { &[] }, every);
                         all.or_else(|| compiled(method, output, estimator, counted, scales[i], &[], every))
                     });

@@ -30,11 +30,11 @@ impl Dice {
     }
 }
 
-/// A coupling that no matrix holds.
-fn nonlinear(number: &mut Dice) -> (Law, Option<f64>) {
+/// A coupling that no matrix holds, its law by `kind`.
+fn nonlinear(kind: usize, number: &mut Dice) -> (Law, Option<f64>) {
     let (torque, stiffness, at) = (number.between(0.001, 0.1), number.between(0.1, 20.0), number.between(-0.5, 0.5));
     let (width, damping) = (number.between(0.01, 0.3), number.between(0.0, 0.01));
-    let law = match number.below(7) {
+    let law = match kind {
         0 => Law::Wall { side: Side::Above, at, stiffness, damping },
         1 => Law::Detent { torque, pitch: width, phase: at },
         2 => Law::DeadBand { stiffness, rest: at, width },
@@ -123,13 +123,14 @@ fn world(seed: u64, lane: u64, runaway: bool) -> World {
         }
     }
 
-    // Couplings that no matrix holds, other ones in each lane.
+    // Couplings that no matrix holds, the same in all lanes or other ones in each.
     if shape.chance(0.6) {
         let linear = world.couplings.clone();
-        for _ in 0..number.below(3).min(8 - linear.len()) {
-            let first = number.below(n + 1);
-            let second = first + 1 + number.below(n + 1 - first);
-            let (law, limit) = nonlinear(number);
+        let kinds = &mut Dice(if shape.chance(0.5) { seed } else { seed ^ lane });
+        for _ in 0..kinds.below(3).min(8 - linear.len()) {
+            let first = kinds.below(n + 1);
+            let second = first + 1 + kinds.below(n + 1 - first);
+            let (law, limit) = nonlinear(kinds.below(7), number);
             world.couplings.push(Coupling { first: end(first), second: end(second), law, limit });
         }
         if hapt_sim::check(&world).is_err() {

@@ -1,6 +1,6 @@
 //! The effects that a host has made, and which of them play.
 
-use hapt_core::Real;
+use hapt_core::Number;
 use hapt_core::wheel::{Effect, Sides};
 
 use super::descriptor::{EFFECTS, FULL, INFINITE, id};
@@ -353,7 +353,7 @@ impl Slot {
         };
         // 90° is where the force comes from: right. It pushes to the left, as with Linux, where 0x4000 is left, and DirectInput.
         let right =
-            self.common.direction.map_or(1.0, |angle| Real::sin(f32::from(angle) * (core::f32::consts::PI / 18_000.0)));
+            self.common.direction.map_or(1.0, |angle| Number::sin(f32::from(angle) * (core::f32::consts::PI / 18_000.0)));
         Some(Effect::Torque(-gain * level * right * scale.torque))
     }
 
@@ -384,7 +384,7 @@ impl Slot {
             }
             Kind::SawtoothUp => 2.0 * x - 1.0,
             Kind::SawtoothDown => 1.0 - 2.0 * x,
-            Kind::Sine => Real::sin(x * core::f32::consts::TAU),
+            Kind::Sine => Number::sin(x * core::f32::consts::TAU),
             Kind::Constant | Kind::Ramp | Kind::Spring | Kind::Damper | Kind::Inertia | Kind::Friction => 0.0,
         }
     }

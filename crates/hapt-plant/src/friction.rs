@@ -1,0 +1,250 @@
+//! Coulomb friction on the puck: which way it slides, and when it stops and starts.
+
+use hapt_core::Number;
+
+use crate::plant::{COS, F, GAP, Motion, Plant, RAMP, SIN, V, X};
+use crate::puck::Inertia;
+
+/// More stops and starts than this within one stretch is chatter at the edge of friction.
+pub(crate) const MOST_EVENTS: usize = 1000;
+
+/// Rounding of a sum of torques and of what an exponential makes of them, in parts of their sizes.
+pub(crate) const ROUNDING: f64 = 256.0 * f64::EPSILON;
+
+/// A puck under friction.
+#[derive(Clone, Copy)]
+pub(crate) struct Friction<'p> {
+    pub plant: &'p Plant,
+    /// In N·m (linear: N), zero or more.
+    pub level: f64,
+}
+
+/// The direction in which a puck slides, ±1; 0 while friction holds it: at rest under a `net` torque that is not above `friction`, up to the
+/// rounding of the `torques` that balance there (the sum of their sizes). In N·m (linear: N) and rad/s (m/s).
+#[inline(always)]
+pub fn sliding_direction<N: Number>(velocity: N, net: N, friction: N, torques: N) -> N {
+    let hold = hold(friction, torques);
+    let start = net.if_above(hold, N::ONE, (-net).if_above(hold, -N::ONE, N::ZERO));
+    velocity.if_above(N::ZERO, N::ONE, N::ZERO.if_above(velocity, -N::ONE, start))
+}
+
+/// The most net torque that holds the puck at rest: friction, and what rounding can leave of the torques that balance there.
+/// Without that margin, rounding alone would start and stop the slip in an endless sequence.
+#[inline(always)]
+fn hold<N: Number>(friction: N, torques: N) -> N {
+    friction + N::from_f64(ROUNDING) * (friction + torques)
+}
+
+/// The position in rad and velocity in rad/s (linear: m, m/s) after `dt` s of a puck of this inertia and damping that a held torque moves
+/// against this friction, from `puck` on: those of [`crate::VirtualDevice`], to the bit. In SI.
+pub fn slide_under(
+    (inertia, damping, friction): (f64, f64, f64),
+    puck: (f64, f64),
+    torque: f64,
+    dt: f64,
+) -> (f64, f64) {
+    let plant = Plant::free(Inertia { inertia, damping, stiffness: 0.0 });
+    let y = [puck.1, torque, puck.0, 0.0, 0.0, 0.0, 0.0];
+    let friction = Friction { plant: &plant, level: friction };
+    let [position, velocity] = friction.advance(y, dt, |y, t| plant.after(y, t), |y, taken, direction| {
+        let mut sliding = *y;
+        sliding[F] -= friction.level * direction;
+        plant.end(&sliding, taken)
+    });
+    (position, velocity)
+}
+
+impl Friction<'_> {
+    /// Position and velocity after `dt` s from `y` on, from stop to start to stop. `after` predicts the motion without friction's torque, so
+    /// many seconds on, and `slide` gives position and velocity after so many seconds against friction in a direction.
+    pub fn advance(
+        &self,
+        mut y: Motion,
+        dt: f64,
+        after: impl Fn(&Motion, f64) -> Motion,
+        mut slide: impl FnMut(&Motion, f64, f64) -> [f64; 2],
+    ) -> [f64; 2] {
+        let mut left = dt;
+        // Each pass ends in a stop or a start; more of them than this in one period is rest.
+        for _ in 0..MOST_EVENTS {
+            if left <= 0.0 {
+                break;
+            }
+            let direction = self.direction(&y);
+            let taken = if direction == 0.0 {
+                self.first_slip(&y, left).unwrap_or(left)
+            } else {
+                let stop = self.first_stop(&y, left, direction, &after);
+                let taken = stop.unwrap_or(left);
+                [y[X], y[V]] = slide(&y, taken, direction);
+                // Rounding alone turns no slide around.
+                if stop.is_some() || direction * y[V] < 0.0 {
+                    y[V] = 0.0;
+                }
+                taken
+            };
+            y = drives_after(self.plant, &y, taken);
+            left -= taken;
+        }
+        [y[X], y[V]]
+    }
+
+    fn direction(&self, y: &Motion) -> f64 {
+        sliding_direction(y[V], self.net(y), self.level, self.torques(y))
+    }
+
+    /// Motor, hand and the hand's spring; friction aside, at rest.
+    fn net(&self, y: &Motion) -> f64 {
+        self.plant.drive(y) - self.plant.stiffness * y[X]
+    }
+
+    /// The sizes of these torques.
+    fn torques(&self, y: &Motion) -> f64 {
+        let Plant { stiffness, sine, cosine, .. } = *self.plant;
+        y[F].abs() + (sine * y[SIN]).abs() + (cosine * y[COS]).abs() + (stiffness * y[X]).abs() + y[GAP].abs()
+    }
+
+    /// The derivative of the net torque at rest.
+    fn net_slope(&self, y: &Motion) -> f64 {
+        let Plant { sine, cosine, omega, decay, .. } = *self.plant;
+        y[RAMP] + omega * (sine * y[COS] - cosine * y[SIN]) - decay * y[GAP]
+    }
+
+    /// The first instant in (0, dt] at which a slide in `direction` comes to rest.
+    fn first_stop(
+        &self,
+        y: &Motion,
+        dt: f64,
+        direction: f64,
+        after: impl Fn(&Motion, f64) -> Motion,
+    ) -> Option<f64> {
+        let mut sliding = *y;
+        sliding[F] -= self.level * direction;
+        if self.plant.slides_freely(y) {
+            return self.plant.free_stop(sliding[V], sliding[F]).filter(|stop| *stop < dt);
+        }
+        first_crossing(Slices::new(self.plant, dt, y), |t| {
+            let y = after(&sliding, t);
+            (-direction * y[V], -direction * self.plant.acceleration(&y))
+        })
+    }
+
+    /// The first instant in (0, dt] at which the net torque on the puck at rest exceeds friction.
+    fn first_slip(&self, y: &Motion, dt: f64) -> Option<f64> {
+        // A torque that is held, and is not above friction now, never is.
+        if self.plant.slides_freely(y) {
+            return None;
+        }
+        let over = |side: f64| {
+            first_crossing(Slices::new(self.plant, dt, y), |t| {
+                let y = drives_after(self.plant, y, t);
+                (side * self.net(&y) - hold(self.level, self.torques(&y)), side * self.net_slope(&y))
+            })
+        };
+        match (over(1.0), over(-1.0)) {
+            (Some(up), Some(down)) => Some(up.min(down)),
+            (up, down) => up.or(down),
+        }
+    }
+}
+
+/// The drives alone move on while the puck rests.
+fn drives_after(plant: &Plant, y: &Motion, dt: f64) -> Motion {
+    let mut out = *y;
+    out[F] += y[RAMP] * dt;
+    if plant.omega != 0.0 {
+        let (sin, cos) = libm::sincos(plant.omega * dt);
+        (out[SIN], out[COS]) = (y[SIN] * cos + y[COS] * sin, y[COS] * cos - y[SIN] * sin);
+    }
+    if y[GAP] != 0.0 {
+        out[GAP] *= libm::exp(-plant.decay * dt);
+    }
+    out
+}
+
+/// Parts of a stretch, short enough that nothing swings more than a quarter radian: a derivative changes sign at most once. A decay is cut
+/// into parts that begin with half of its time constant and grow with the time since, as the decay slows.
+struct Slices {
+    dt: f64,
+    length: f64,
+    /// In s; 0: nothing decays.
+    lag: f64,
+}
+
+impl Slices {
+    fn new(plant: &Plant, dt: f64, y: &Motion) -> Self {
+        let slices = libm::ceil(plant.swing() * dt / 0.25).clamp(1.0, 1e6);
+        Slices { dt, length: dt / slices, lag: if y[GAP] != 0.0 { 1.0 / plant.decay } else { 0.0 } }
+    }
+
+    /// The end of part i, from 1, which begins at `from`; the last ends at dt.
+    fn end(&self, i: u64, from: f64) -> f64 {
+        if self.lag > 0.0 {
+            return (from + self.length.min(0.5 * self.lag.max(from))).min(self.dt);
+        }
+        if i as f64 >= libm::round(self.dt / self.length) { self.dt } else { self.length * i as f64 }
+    }
+}
+
+/// The first t in (0, dt] at which g, negative or zero at 0, becomes positive. `g` gives value and derivative. A rise and fall
+/// within a slice is found at its summit, where the derivative changes sign.
+fn first_crossing(slices: Slices, g: impl Fn(f64) -> (f64, f64)) -> Option<f64> {
+    let (mut from, (mut from_value, mut slope)) = (0.0, g(0.0));
+    for i in 1.. {
+        let to = slices.end(i, from);
+        let (value, next_slope) = g(to);
+        let positive = if value > 0.0 {
+            Some(to)
+        } else if slope > 0.0 && next_slope < 0.0 {
+            let summit = root(from, to, |t| -g(t).1);
+            (g(summit).0 > 0.0).then_some(summit)
+        } else {
+            None
+        };
+        if let Some(positive) = positive {
+            let end = if positive == to { value } else { g(positive).0 };
+            return Some(root_between((from, from_value), (positive, end), |t| g(t).0));
+        }
+        // The negation ends the search at a number that is none, too.
+        if !(to < slices.dt && to > from) {
+            break;
+        }
+        (from, from_value, slope) = (to, value, next_slope);
+    }
+    None
+}
+
+/// Where f, not positive at `low` and positive at `high`, changes sign: the end on which it is positive, to the last bits. By
+/// false position after Illinois, with bisection wherever that stalls.
+pub(crate) fn root(low: f64, high: f64, f: impl Fn(f64) -> f64) -> f64 {
+    root_between((low, f(low)), (high, f(high)), f)
+}
+
+/// The same where f is known at both ends.
+fn root_between((mut low, f_low): (f64, f64), (mut high, mut f_high): (f64, f64), f: impl Fn(f64) -> f64) -> f64 {
+    let mut f_low = f_low.min(0.0);
+    let (mut bisect, mut last_was_high) = (false, None);
+    for _ in 0..200 {
+        let width = high - low;
+        if width <= 4.0 * f64::EPSILON * high {
+            break;
+        }
+        let secant = low + width * (-f_low / (f_high - f_low));
+        let inside = secant > low && secant < high;
+        let middle = if bisect || !inside { low + 0.5 * width } else { secant };
+        let value = f(middle);
+        let is_high = value > 0.0;
+        // The end that stays twice in a row counts half, so that the other comes over.
+        let stays = last_was_high == Some(is_high);
+        if is_high {
+            (high, f_high) = (middle, value);
+            f_low *= if stays { 0.5 } else { 1.0 };
+        } else {
+            (low, f_low) = (middle, value);
+            f_high *= if stays { 0.5 } else { 1.0 };
+        }
+        last_was_high = Some(is_high);
+        bisect = high - low > 0.5 * width;
+    }
+    high
+}
