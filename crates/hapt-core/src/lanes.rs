@@ -1,9 +1,10 @@
 //! Many worlds side by side: a number that is N numbers.
 //!
-//! A sample of a linear loop asks nothing of its numbers, so it runs on N of them at once, in the same source, and each lane does
+//! A sample asks nothing of its numbers, so it runs on N of them at once, in the same source, and each lane does
 //! what a number alone would have done, operation by operation: the same bits. The loops over the lanes are plain ones, which a
-//! compiler turns into vectors as wide as the machine has them. The torques of nonlinear couplings depend on
-//! comparisons: each lane's own loop computes them, one lane after the other ([`Batch`]).
+//! compiler turns into vectors as wide as the machine has them. Where a law depends on a comparison it chooses between two numbers that
+//! are there ([`Number::if_above`]). What needs a branch, the torques that a method finds at bodies, and couplings that are of other kinds in
+//! other lanes, each lane's own loop computes, one lane after the other ([`Batch`]).
 
 use core::array::from_fn;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};

@@ -46,11 +46,16 @@ pub fn slide_under(
     let plant = Plant::free(Inertia { inertia, damping, stiffness: 0.0 });
     let y = [puck.1, torque, puck.0, 0.0, 0.0, 0.0, 0.0];
     let friction = Friction { plant: &plant, level: friction };
-    let [position, velocity] = friction.advance(y, dt, |y, t| plant.after(y, t), |y, taken, direction| {
-        let mut sliding = *y;
-        sliding[F] -= friction.level * direction;
-        plant.end(&sliding, taken)
-    });
+    let [position, velocity] = friction.advance(
+        y,
+        dt,
+        |y, t| plant.after(y, t),
+        |y, taken, direction| {
+            let mut sliding = *y;
+            sliding[F] -= friction.level * direction;
+            plant.end(&sliding, taken)
+        },
+    );
     (position, velocity)
 }
 
@@ -111,13 +116,7 @@ impl Friction<'_> {
     }
 
     /// The first instant in (0, dt] at which a slide in `direction` comes to rest.
-    fn first_stop(
-        &self,
-        y: &Motion,
-        dt: f64,
-        direction: f64,
-        after: impl Fn(&Motion, f64) -> Motion,
-    ) -> Option<f64> {
+    fn first_stop(&self, y: &Motion, dt: f64, direction: f64, after: impl Fn(&Motion, f64) -> Motion) -> Option<f64> {
         let mut sliding = *y;
         sliding[F] -= self.level * direction;
         if self.plant.slides_freely(y) {
@@ -247,4 +246,52 @@ fn root_between((mut low, f_low): (f64, f64), (mut high, mut f_high): (f64, f64)
         bisect = high - low > 0.5 * width;
     }
     high
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(hapt_testing::cases(2000))]
+
+        /// From nearly no damping to one that stops the puck nearly by itself.
+        #[test]
+        fn a_slide_has_no_velocity_at_the_instant_of_its_stop(
+            inertia in 1e-5_f64..1.0, damped in -18_i32..4, velocity in -50.0_f64..50.0, time in -7_i32..0, undamped: bool,
+        ) {
+            // As long as it takes without damping, and how much of that damping would take.
+            let time = 10_f64.powi(time);
+            let damping = if undamped { 0.0 } else { 10_f64.powi(damped) * inertia / time };
+            let plant = Plant::free(Inertia { inertia, damping, stiffness: 0.0 });
+            let torque = -velocity * inertia / time;
+            let stop = plant.free_stop(velocity, torque).unwrap();
+            let [by_velocity, by_torque] = plant.free_change(stop)[1];
+            let end = velocity + by_velocity * velocity + by_torque * torque;
+            let lost = (by_velocity * velocity).abs() + (by_torque * torque).abs();
+            prop_assert!(end.abs() <= 1e-14 * (velocity.abs() + lost), "{end:e} of {velocity} after {stop} s");
+            prop_assert!(plant.free_stop(velocity, -torque).is_none());
+        }
+
+        #[test]
+        fn friction_stops_a_puck_for_good_or_until_the_torque_turns_it_around(
+            inertia in 1e-5_f64..1e-2, damping in 0.0_f64..1e-2, friction in 1e-3_f64..0.1, velocity in -10.0_f64..10.0, part in -3.0_f64..3.0,
+        ) {
+            let (device, torque) = ((inertia, damping, friction), part * friction);
+            // Longer than any stop by friction alone takes.
+            let (period, away) = (velocity.abs() * inertia / friction, -velocity.signum());
+            let (position, end) = slide_under(device, (0.0, velocity), torque, 1e3 * period);
+            if part.abs() <= 1.0 {
+                prop_assert_eq!(end, 0.0);
+                // Where it is to rest there, a longer period changes nothing.
+                if part * away >= 0.0 {
+                    prop_assert_eq!((position, end), slide_under(device, (0.0, velocity), torque, 2e3 * period));
+                    prop_assert!(position * velocity >= 0.0);
+                }
+            } else if part * away > 1.0 {
+                prop_assert!(end * away > 0.0);
+            }
+        }
+    }
 }

@@ -146,9 +146,8 @@ impl Puck {
             self.slide(y, dt, motor, 0.0, ledger)
         } else {
             let after = |y: &Motion, t| self.now.after(y, t);
-            Friction { plant: &self.now.plant, level: self.friction }.advance(y, dt, after, |y, taken, direction| {
-                self.slide(*y, taken, motor, direction, ledger)
-            })
+            Friction { plant: &self.now.plant, level: self.friction }
+                .advance(y, dt, after, |y, taken, direction| self.slide(*y, taken, motor, direction, ledger))
         };
     }
 

@@ -2,12 +2,16 @@
 //!
 //! The loop is hapt-core's own on [`Lanes`], and the puck moves by the same products and sums as in a single run, so that each lane
 //! has the bits of [`crate::Simulation`]. A puck that is free, that a torque or a grip moves, or whose hand prescribes where it is, moves with the
-//! others, with Coulomb friction too where the torque is held. What else a device does, its lane does by itself, on the same exact device as
-//! a single run: a lag, a handle on a shaft, a hand that opens and closes, friction beside a grip or a torque that changes, a delay of
-//! another number of samples than in most lanes, and uneven samples. An event of the hand between two samples, and a stop or a start under friction, take their lane away from the others for that period alone.
+//! others, with Coulomb friction too where the torque is held: which way it slides, and what friction holds, is chosen without a branch. A puck
+//! that stops within the period is moved by itself, in closed form.
 //!
-//! Nonlinear couplings are evaluated lane after lane. [`run_batch`] returns `None` for loops that differ in more than their
-//! numbers and nonlinear couplings, and for more bodies, couplings or window than fit.
+//! What else a device does, its lane does by itself, on the same exact device as a single run: a lag, a handle on a shaft, a hand that opens
+//! and closes, friction beside a grip or a torque that changes, a delay of another number of samples than in most lanes, and uneven samples. An
+//! event of the hand between two samples takes its lane away from the others for that period alone.
+//!
+//! Nonlinear couplings are evaluated on all lanes at once where all have the same kinds at the same ends; where not, and where a method
+//! finds the torques at bodies, lane after lane. [`run_batch`] returns `None` for loops that differ in more than their numbers and nonlinear
+//! couplings, and for more bodies, couplings or window than fit.
 
 use std::array::from_fn;
 
@@ -394,7 +398,8 @@ impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
         let held = friction.if_above(Numbers::ZERO, held, Numbers::ZERO);
         let end = [held.choose(position, end[0]), held.choose(velocity, end[1])];
         // A number that is none goes on as it is.
-        let slows = (Lanes([SLIDES; LANES]) * velocity.abs()).if_above(direction * end[1], velocity.abs(), Numbers::ZERO);
+        let slows =
+            (Lanes([SLIDES; LANES]) * velocity.abs()).if_above(direction * end[1], velocity.abs(), Numbers::ZERO);
         let stops = (pushed * friction).if_above(Numbers::ZERO, slows, Numbers::ZERO);
         if stops == Numbers::ZERO { end } else { self.stopped(part, states, stops, end) }
     }

@@ -223,19 +223,22 @@ impl Bench {
 // By callgrind, of `hapt-bench lanes` and of these programs built with -march=haswell: to be looked at again when the code changes.
 const WORLDS_MISSED: &str = "
 What stands in the way, in instructions a sample of one world, with vectors of four numbers as callgrind knows them, hapt's (the table above) and
-C's: a wheel 43 and 19, the wall 379 and 37, detents 422 and 179, the grip 53 and 20, three bodies 149 and 41.
+C's: a wheel 42 and 19, the wall 100 and 37, detents 265 and 179, the grip 53 and 20, three bodies 149 and 41.
 
-- The wall: 115 search for the instants of stops, by a series of sixteen terms at each of their guesses, where C has a logarithm. A lane
-  has the bits of its run alone, and that search is the run's. 170 are the sample itself, with the numbers that go to each
-  lane's wall and back, 35 the wall's torque, lane after lane, and 40 the motion of pucks that stop.
-- Detents: 75 are the sine, by the same library on every machine, lane after lane, 290 the sample itself with FOAW's window,
-  in which hapt divides where C multiplies.
-- A wheel, the grip and three bodies: a quarter to a third is outside of the samples (worlds become loops, with their matrix exponentials). C has fused multiplication
-  and addition, which hapt may not, keeps its numbers in registers, and has no place for a fourth body.
+- The wall: 55 are the sample itself with the wall, 40 of a hundred of them loads and stores, because sixteen numbers fill four of sixteen
+  registers. 21 are stops, in closed form and each lane by itself (as many stops side by side would take as long from three lanes in a
+  period on; a lane stops every seventy samples), of which two thirds are the series of the exponential from the stop on. 8 to 15 make
+  the worlds loops, 5 are the period in which the hand lets go.
+- Detents: 75 are the sine, by the same library on every machine, lane after lane; most of the others are FOAW's window, in which
+  hapt divides where C multiplies: a product by 1/n has other bits.
+- A wheel, the grip and three bodies: a quarter to a third is outside of the samples (worlds become loops, with their matrix exponentials;
+  the period in which a hand lets go, on a device of its own, takes 4600 instructions a run). Of the others 40 in a hundred are loads
+  and stores. C has fused multiplication and addition, which hapt may not, keeps its numbers in registers, and has no place for a fourth body.
 - The rest of the process: cells become worlds by their keys, and their four numbers become text, in C by `printf`.
 
 What does not go side by side moves by a device of its own in every lane, as `lanes, lag` in the table above: a lag, a handle, uneven samples, a
 hand that opens and closes, friction beside a grip or a torque that changes, and a delay of another number of samples than in most lanes.
-Torques of nonlinear couplings (wall, detent, clamps, friction, LuGre) and the steps that find them are evaluated lane after lane, and all
-else of their sample side by side. A run that lets go, is let go or stops between two samples leaves the others for that period.
+So are evaluated, lane after lane within a sample that is side by side otherwise: the steps that find torques at bodies, LuGre's and the
+sines' and exponentials of other laws (their library has no vectors), and couplings whose kinds or ends differ from lane to lane. A run
+that lets go or is let go between two samples leaves the others for that period, and one whose puck stops is moved by itself over it.
 ";

@@ -352,8 +352,10 @@ impl Slot {
             }
         };
         // 90° is where the force comes from: right. It pushes to the left, as with Linux, where 0x4000 is left, and DirectInput.
-        let right =
-            self.common.direction.map_or(1.0, |angle| Number::sin(f32::from(angle) * (core::f32::consts::PI / 18_000.0)));
+        let right = self
+            .common
+            .direction
+            .map_or(1.0, |angle| Number::sin(f32::from(angle) * (core::f32::consts::PI / 18_000.0)));
         Some(Effect::Torque(-gain * level * right * scale.torque))
     }
 
