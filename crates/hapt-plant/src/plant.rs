@@ -226,12 +226,8 @@ impl Plant {
     /// `None` where no torque is against it.
     pub fn free_stop(&self, velocity: f64, torque: f64) -> Option<f64> {
         let time = -velocity / torque;
-        if !(time > 0.0) {
-            return None;
-        }
-        let r = self.damping * time;
-        let straight = self.mass * time;
-        Some(if r > 0.0 { straight * (libm::log1p(r) / r) } else { straight })
+        let (r, straight) = (self.damping * time, self.mass * time);
+        (time > 0.0).then(|| if r > 0.0 { straight * (libm::log1p(r) / r) } else { straight })
     }
 
     fn after_of<const N: usize>(&self, states: [usize; N], y: &Motion, dt: f64) -> Motion {
