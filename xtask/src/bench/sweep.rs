@@ -223,12 +223,11 @@ impl Bench {
 // By callgrind, of `hapt-bench lanes` and of these programs built with -march=haswell: to be looked at again when the code changes.
 const WORLDS_MISSED: &str = "
 What stands in the way, in instructions a sample of one world, with vectors of four numbers as callgrind knows them, hapt's (the table above) and
-C's: a wheel 42 and 19, the wall 100 and 37, detents 265 and 179, the grip 53 and 20, three bodies 149 and 41.
+C's: a wheel 42 and 19, the wall 99 and 37, detents 265 and 179, the grip 53 and 20, three bodies 149 and 41.
 
 - The wall: 55 are the sample itself with the wall, 40 of a hundred of them loads and stores, because sixteen numbers fill four of sixteen
-  registers. 21 are stops, in closed form and each lane by itself (as many stops side by side would take as long from three lanes in a
-  period on; a lane stops every seventy samples), of which two thirds are the series of the exponential from the stop on. 8 to 15 make
-  the worlds loops, 5 are the period in which the hand lets go.
+  registers. 21 are stops, each lane by itself in closed form (one in seventy samples of a lane), of which two thirds are the series of the
+  exponential up to the stop and from there on. 8 make the worlds loops, 5 are the period in which the hand lets go.
 - Detents: 75 are the sine, by the same library on every machine, lane after lane; most of the others are FOAW's window, in which
   hapt divides where C multiplies: a product by 1/n has other bits.
 - A wheel, the grip and three bodies: a quarter to a third is outside of the samples (worlds become loops, with their matrix exponentials;
