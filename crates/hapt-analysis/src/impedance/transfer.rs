@@ -1,60 +1,25 @@
-//! The transfer function of the world at the puck: from the sampled position to the torque, as a sum of discrete poles.
-//!
-//! Each part of the world, in the modal coordinates x = (Ωy, ẏ), obeys ẋ = A x + (0, p) z + (0, c) ż, with p and c the
-//! springs and dampers to the puck across each mode. With A = V diag(s) V⁻¹ every method has a closed form in ζ = Ts, one pole
-//! at a time. The distance of a pole from the unit circle is therefore not computed by subtracting numbers near 1, and an
-//! undamped mode lies on the circle exactly under the methods that preserve it.
-//!
-//! The static response xₛ = (p/Ω, 0) z is subtracted first: A xₛ + (0, p) z = 0, so that the rest e = x - xₛ z is driven by
-//! differences of z alone. Neither z near 1 nor slow modes lose digits. Per pole, with λ - 1 = ζ f, g = (f - 1)/ζ, and
-//! α, β, σ the coordinates of (0, p), (0, c), xₛ in V:
-//!
-//! ```text
-//! e_k = λ e_{k-1} + a (z_k - z_{k-1}) + b₀ v_k + b₁ v_{k-1}
-//!     held methods        a = -σ              b₀ = 0        b₁ = T f β
-//!     semi-implicit       a = Tα - σ          b₀ = T β      b₁ = 0          state (Ωw_k, v_{k+1}), damping C + TK
-//!     tustin              a = T f α/2 - σ     b₀ = T f β/2  b₁ = T f β/2
-//!     foh                 a = T g α - σ       b₀ = T g β    b₁ = T (f - g) β
-//! torque_k = t₀ e_k + t₁ e_{k-1} + direct v_k - K z_k
-//!     start               t₀ = P + Q;  semi-implicit: t₀ = P, t₁ = Q
-//!     middle              t₀ = (P + Q)(1 + λ)/2;  semi-implicit: t₀ = P (1 + λ)/2 + Q/2, t₁ = Q/2
-//!     end                 t₀ = P λ + Q f, the mean velocity being v f;  n steps ahead: λⁿ t₀
-//! ```
-//!
-//! P = Σ p (Ωy)/Ω and Q = Σ c ẏ of the pole's column of V, K the static stiffness. The contribution of b₁ v_k to the torque of the same
-//! sample is in `direct`.
+//! The transfer function of the world at the puck: from the sampled position to the torque, as a sum of discrete poles, those of
+//! [`crate::stability::poles`].
 
 use hapt_model::{Body, Coupling, End, Method, Output};
-use nalgebra::{Complex, DMatrix, DVector, linalg::Schur};
+use nalgebra::{Complex, DVector};
 
 use crate::equations::continuous::{LinearCoupling, Slopes, linearise};
 use crate::equations::modal::{Coupled, Modal};
 use crate::equations::structure::{Part, inertias, parts};
 use crate::error::{Error, positive};
-use crate::numerics::phi::complex_phi2;
-use crate::stability::multiplier::{Root, multiplier, pair};
+use crate::stability::multiplier::Root;
+use crate::stability::poles::{ContinuousPole, Gains, decompose, discrete, oscillator};
+pub(crate) use crate::stability::poles::{Discretisation, Pole};
 use crate::stability::roots::{balance_of, roots};
 
 type C = Complex<f64>;
-
-const ZERO: C = C::new(0.0, 0.0);
 
 /// Relative coupling to the puck below which an undamped mode is omitted.
 const NEGLIGIBLE: f64 = 1e-9;
 
 /// Condition number of the eigenvectors above which a part counts as defective.
 const DEFECTIVE: f64 = 3e5;
-
-/// Σ gains·(1, z⁻¹, W, z⁻¹W)/(z - λ), where v = (1 - z⁻¹) W z.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Pole {
-    /// ln |λ|
-    pub ln_abs: f64,
-    /// arg λ
-    pub arg: f64,
-    /// N·m/rad; those of W N·m·s/rad.
-    pub gains: [C; 4],
-}
 
 /// H z⁻ᵈ without the delay: H = stiffness + (z - 1) F, F = -(Σ gains·(1, z⁻¹, W, z⁻¹W)/(z - λ) + direct z⁻¹ W).
 #[derive(Clone, Debug, PartialEq)]
@@ -66,32 +31,6 @@ pub(crate) struct TransferFunction {
     pub poles: Vec<Pole>,
     /// All stiffness and damping at the puck: the scale for negligible residues.
     pub at_puck: [f64; 2],
-}
-
-/// A continuous pole, see the module documentation.
-#[derive(Clone, Copy)]
-struct ContinuousPole {
-    root: Root,
-    position: C,
-    velocity: C,
-    spring: C,
-    damper: C,
-    shape: C,
-}
-
-/// The discretisation of a loop.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Discretisation {
-    pub method: Method,
-    pub output: Output,
-    pub advance: u32,
-    pub period: f64,
-}
-
-/// The springs and dampers of one part to the puck, across each mode.
-struct Gains {
-    spring: DVector<f64>,
-    damper: DVector<f64>,
 }
 
 impl TransferFunction {
@@ -137,7 +76,7 @@ impl TransferFunction {
 
     fn add(&mut self, part: &Part, terms: &[LinearCoupling], rule: Discretisation) -> Result<(), Error> {
         let modal = Modal::new(part)?;
-        let gains = Gains::new(part, &modal, terms, rule.period);
+        let gains = gains_of(part, &modal, terms, rule.period);
         let size = gains.spring.norm();
         let (u, c) = (modal.undamped.len(), modal.compensated.len());
         // Semi-implicit Euler acts as forward Euler on a world with T K more damping.
@@ -192,40 +131,15 @@ fn is_between_puck_and(term: &LinearCoupling, body: usize) -> bool {
     ends.contains(&End::Puck) && ends.contains(&End::Body(body))
 }
 
-impl Gains {
-    fn new(part: &Part, modal: &Modal, terms: &[LinearCoupling], period: f64) -> Gains {
-        // On w = M^{-1/2} V y.
-        let across = |of: &dyn Fn(&LinearCoupling) -> f64| {
-            let per_body = part.members.iter().zip(&part.inertia).map(|(&body, inertia)| {
-                terms.iter().filter(|t| is_between_puck_and(t, body)).map(of).sum::<f64>() / inertia.sqrt()
-            });
-            modal.shapes.transpose() * DVector::from_iterator(part.members.len(), per_body)
-        };
-        Gains { spring: across(&|t| t.stiffness), damper: across(&|t| damping(t, period)) }
-    }
-}
-
-/// The two poles of a mode that is coupled to no other.
-fn oscillator(omega: f64, x: f64, damping: f64, spring: f64, damper: f64) -> [ContinuousPole; 2] {
-    let mut roots = pair(x, damping);
-    if (roots[0].z - roots[1].z).norm() < 2e-5 * x {
-        // A double pole has only one eigenvector. An increase of the damping by 1e-10 separates it.
-        roots = pair(x, damping * (1.0 + 1e-10));
-    }
-    let [first, second] = roots.map(|r| r.z);
-    let of = |root: Root, other: C| {
-        let z = root.z;
-        let input = z / (z - other);
-        ContinuousPole {
-            root,
-            position: spring / omega * x / z,
-            velocity: C::from(damper),
-            spring: input * spring,
-            damper: input * damper,
-            shape: spring / omega * (z * other / (x * (other - z))),
-        }
+fn gains_of(part: &Part, modal: &Modal, terms: &[LinearCoupling], period: f64) -> Gains {
+    // On w = M^{-1/2} V y.
+    let across = |of: &dyn Fn(&LinearCoupling) -> f64| {
+        let per_body = part.members.iter().zip(&part.inertia).map(|(&body, inertia)| {
+            terms.iter().filter(|t| is_between_puck_and(t, body)).map(of).sum::<f64>() / inertia.sqrt()
+        });
+        modal.shapes.transpose() * DVector::from_iterator(part.members.len(), per_body)
     };
-    [of(roots[0], second), of(roots[1], first)]
+    Gains { spring: across(&|t| t.stiffness), damper: across(&|t| damping(t, period)) }
 }
 
 /// The poles of modes that dampers couple.
@@ -254,7 +168,6 @@ fn coupled_poles(coupled: &Coupled, gains: &Gains, rule: Discretisation) -> Resu
     };
     let mut better = roots(&modes, rule.period, implicit(rule.method), euler.as_ref())?;
     let size = values.iter().map(|z| z.norm()).fold(0.0, f64::max);
-    let p = modes.omega.len();
     let columns = values.iter().enumerate().map(|(i, &z)| {
         // The same eigenvalue, refined for light damping.
         let distance = |r: &Root| (r.z - z).norm();
@@ -263,15 +176,8 @@ fn coupled_poles(coupled: &Coupled, gains: &Gains, rule: Discretisation) -> Resu
             Some(at) if distance(&better[at]) < 1e-7 * z.norm() + 1e-13 * size => better.swap_remove(at),
             _ => C::new(z.re.min(0.0), z.im).into(),
         };
-        let sum = |terms: &mut dyn Iterator<Item = C>| terms.fold(ZERO, |sum, t| sum + t);
-        ContinuousPole {
-            root,
-            position: sum(&mut (0..p).map(|j| v[(j, i)] * (gains.spring[j] / modes.omega[j]))),
-            velocity: sum(&mut (0..n - p).map(|j| v[(p + j, i)] * gains.damper[j])),
-            spring: sum(&mut (0..n - p).map(|j| inverse[(i, p + j)] * gains.spring[j])),
-            damper: sum(&mut (0..n - p).map(|j| inverse[(i, p + j)] * gains.damper[j])),
-            shape: sum(&mut (0..p).map(|j| inverse[(i, j)] * (gains.spring[j] / modes.omega[j]))),
-        }
+        let row: Vec<C> = inverse.row(i).iter().copied().collect();
+        ContinuousPole::new(root, v.column(i).as_slice(), &row, &modes.omega, gains)
     });
     Ok(columns.collect())
 }
@@ -289,89 +195,4 @@ fn more_damped(modes: &Coupled, factor: f64) -> Coupled {
         per_period_rows: &modes.per_period_rows * factor.sqrt(),
         ..modes.clone()
     }
-}
-
-/// Eigenvalues, eigenvectors and their inverse, from the Schur form. Bounded iterations.
-fn decompose(a: &DMatrix<f64>) -> Option<(Vec<C>, DMatrix<C>, DMatrix<C>)> {
-    let n = a.nrows();
-    let size = a.amax();
-    if !(size.is_finite() && size > 0.0) {
-        return None;
-    }
-    // With a zero diagonal the solver may not converge; then it is shifted by 1.
-    let a = a.map(|x| C::from(x / size));
-    let one = DMatrix::<C>::identity(n, n);
-    let (q, mut t) = match Schur::try_new(a.clone(), f64::EPSILON, 100 * n) {
-        Some(schur) => schur.unpack(),
-        None => {
-            let (q, t) = Schur::try_new(a + &one, f64::EPSILON, 100 * n)?.unpack();
-            (q, t - one)
-        }
-    };
-    t *= C::from(size);
-    let least = f64::EPSILON * size;
-    let mut y = DMatrix::<C>::zeros(n, n);
-    for i in 0..n {
-        y[(i, i)] = C::from(1.0);
-        for row in (0..i).rev() {
-            let sum = (row + 1..=i).fold(ZERO, |sum, j| sum + t[(row, j)] * y[(j, i)]);
-            let gap = t[(row, row)] - t[(i, i)];
-            y[(row, i)] = -sum / if gap.norm() < least { C::from(least) } else { gap };
-        }
-        let norm = y.column(i).norm();
-        y.column_mut(i).unscale_mut(norm);
-    }
-    let v = q * y;
-    let inverse = v.clone().lu().try_inverse()?;
-    let finite = v.iter().chain(inverse.iter()).all(|x| x.re.is_finite() && x.im.is_finite());
-    finite.then(|| ((0..n).map(|i| t[(i, i)]).collect(), v, inverse))
-}
-
-/// The discrete pole, and its contribution to `direct`: the table of the module documentation.
-fn discrete(e: &ContinuousPole, Discretisation { method, output, advance, period }: Discretisation) -> (Pole, f64) {
-    let multiplier = multiplier(method, e.root);
-    let (z, less) = (e.root.z, multiplier.less_one);
-    let f = match method {
-        Method::ForwardEuler | Method::SemiImplicitEuler => C::from(1.0),
-        Method::BackwardEuler | Method::Trapezoidal | Method::Zoh | Method::Rk4 | Method::Tustin | Method::Foh => {
-            if z == ZERO { C::from(1.0) } else { less / z }
-        }
-    };
-    let g = match method {
-        Method::ForwardEuler | Method::SemiImplicitEuler => ZERO,
-        Method::BackwardEuler => 1.0 / (1.0 - z),
-        Method::Trapezoidal | Method::Tustin => 0.5 / (1.0 - 0.5 * z),
-        Method::Zoh | Method::Foh => complex_phi2(z, less),
-        Method::Rk4 => 0.5 + z / 6.0 * (1.0 + 0.25 * z),
-    };
-    let (hold_spring, hold_damper) = (e.spring * f * period, e.damper * f * period);
-    let semi = method == Method::SemiImplicitEuler;
-    let (a, b0, b1) = match method {
-        Method::SemiImplicitEuler => (hold_spring - e.shape, hold_damper, ZERO),
-        Method::Tustin => (hold_spring * 0.5 - e.shape, hold_damper * 0.5, hold_damper * 0.5),
-        Method::Foh => (e.spring * g * period - e.shape, e.damper * g * period, e.damper * (f - g) * period),
-        Method::ForwardEuler | Method::BackwardEuler | Method::Trapezoidal | Method::Zoh | Method::Rk4 => {
-            (-e.shape, ZERO, hold_damper)
-        }
-    };
-    let end = e.position * (1.0 + less) + e.velocity * f;
-    let (t0, t1, direct) = match output {
-        Output::Start if semi => (e.position, e.velocity, ZERO),
-        Output::Start => (e.position + e.velocity, ZERO, ZERO),
-        Output::Middle if semi => (e.position * (1.0 + 0.5 * less) + e.velocity * 0.5, e.velocity * 0.5, ZERO),
-        Output::Middle => {
-            let both = e.position + e.velocity;
-            (both * (1.0 + 0.5 * less), ZERO, both * b1 * 0.5)
-        }
-        Output::End if advance == 0 => {
-            (end, ZERO, if semi { ZERO } else { e.position * b1 + e.velocity * e.damper * g * period })
-        }
-        Output::End => {
-            let power = |n: u32| (C::new(multiplier.ln_abs, multiplier.arg()) * f64::from(n)).exp();
-            let power = |n: u32| if n == 0 { C::from(1.0) } else { power(n) };
-            (end * power(advance), ZERO, end * power(advance - 1) * b1)
-        }
-    };
-    let gains = [t0 * a, t1 * a, t0 * b0, t0 * b1 + t1 * b0];
-    (Pole { ln_abs: multiplier.ln_abs, arg: multiplier.arg(), gains }, direct.re)
 }

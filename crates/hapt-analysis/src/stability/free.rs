@@ -26,6 +26,7 @@ use crate::numerics::rayleigh::Quotients;
 use crate::stability::critical::{Critical, of_part};
 use crate::stability::delayed::Delayed;
 use crate::stability::held::spectrum;
+use crate::stability::modal_loop::ModalLoop;
 use crate::stability::multiplier::{Multiplier, Root, multiplier};
 use crate::stability::{Eigenvalue, MARGINAL, NOT_SEARCHED, Stability, assemble};
 
@@ -38,6 +39,9 @@ const LONGEST: f64 = 100.0;
 
 /// Relative distance above a proved period at which a growth means that the proof ends where the stability does.
 const CLOSE: f64 = 1e-10;
+
+/// Largest relative change of a rate from one period to the next for which the same change is expected up to another.
+const MOVED: f64 = 0.1;
 
 /// How many time constants of a mode a sample lasts before the mode no longer matters from one to the next.
 const FORGOTTEN: f64 = 3.0;
@@ -308,8 +312,9 @@ pub(crate) fn multipliers(
 }
 
 /// The roots near the circle at the periods where they are known.
-#[derive(Default)]
 struct Followed {
+    /// Of many bodies.
+    modal: Option<ModalLoop>,
     /// ln λ/T of one root of each pair.
     known: Vec<(f64, Vec<Complex<f64>>)>,
 }
@@ -322,11 +327,24 @@ impl Followed {
         self.known.insert(at, (period, rates));
     }
 
-    /// The rates at the nearest period.
-    fn nearest(&self, period: f64) -> Option<&[Complex<f64>]> {
+    /// The rates at a period, from those of the nearest two.
+    fn expected(&self, period: f64) -> Option<Vec<Complex<f64>>> {
+        let after = self.known.partition_point(|(known, _)| *known < period);
+        // Two on either side, in the order of their distance.
+        let mut near: Vec<_> = self.known[after.saturating_sub(2)..self.known.len().min(after + 2)].iter().collect();
         let distance = |known: f64| (known / period).ln().abs();
-        let of = self.known.iter().min_by(|a, b| distance(a.0).total_cmp(&distance(b.0)));
-        of.map(|(_, rates)| &rates[..])
+        near.sort_by(|a, b| distance(a.0).total_cmp(&distance(b.0)));
+        let (first, rates) = *near.first()?;
+        let Some((second, others)) = near.get(1).filter(|(_, others)| others.len() == rates.len()) else {
+            return Some(rates.clone());
+        };
+        let part = (period - first) / (second - first);
+        let line = |(rate, other): (&Complex<f64>, &Complex<f64>)| {
+            // Roots that moved far are not the same ones.
+            let change = other - rate;
+            if change.norm() < MOVED * rate.norm() { rate + change * part } else { *rate }
+        };
+        Some(rates.iter().zip(others).map(line).collect())
     }
 
     /// The multipliers that do not decay within two samples and the delay, from those of a neighbouring period; `None` where all have to be
@@ -340,15 +358,25 @@ impl Followed {
         period: f64,
         conserved: bool,
     ) -> Result<Option<Vec<(Multiplier, f64)>>, Error> {
-        // The equation of the delayed loop is that of one sample.
-        let Some(rates) = self.nearest(period).filter(|_| sampling.bodies_every == 1) else { return Ok(None) };
-        let Some(delayed) = Delayed::new(port, sampling, damping, filter, period)? else { return Ok(None) };
+        // The equations of the delayed and of the modal loop are those of one sample.
+        let Some(rates) = self.expected(period).filter(|_| sampling.bodies_every == 1) else { return Ok(None) };
+        let delayed;
+        let (mut function, size) = match &self.modal {
+            Some(modal) => (modal.at(sampling, damping, filter, period)?, 1.0),
+            None => match Delayed::new(port, sampling, damping, filter, period)? {
+                Some(found) => {
+                    delayed = found;
+                    (delayed.characteristic(), delayed.size)
+                }
+                None => return Ok(None),
+            },
+        };
         let near: Vec<_> =
             rates.iter().map(|rate| multiplier(Method::Zoh, Root::from(rate * period)).less_one).collect();
         let radius = (growth_floor(period, sampling.delay.seconds(period)) * period).exp();
         let known = if conserved { vec![Complex::new(0.0, 0.0)] } else { vec![] };
-        let Some(found) = delayed.outside(radius, &known, &near) else { return Ok(None) };
-        let rounding = ROUNDING * delayed.size;
+        let Some(found) = function.outside(radius, &known, &near) else { return Ok(None) };
+        let rounding = ROUNDING * size;
         let of = |(i, mu): (usize, &Complex<f64>)| {
             (multiplier(Method::ForwardEuler, Root::from(*mu)), if i < known.len() { 0.0 } else { rounding })
         };
@@ -461,7 +489,7 @@ fn critical_period(
         return Ok(Critical::Unbounded);
     }
     let every = f64::from(sampling.bodies_every);
-    let mut followed = Followed::default();
+    let mut followed = Followed { modal: ModalLoop::new(port, sampling.method), known: Vec::new() };
     let mut growths = |period: f64| {
         let step = every * period;
         let filters = Filter::of(sampling, period);
