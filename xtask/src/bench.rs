@@ -563,12 +563,13 @@ fn program(path: &Path, words: &str) -> Command {
 
 const RUN_MISSED: &str = "
 What stands in the way: instructions. C needs about 50 for a released sample and 40 for a held one (built without AVX-512, which
-callgrind does not know); hapt needs those of the table below. Of a released sample's, the puck's motion with its works takes 130,
-`Simulation::next` 125, the loop's step 100, the fourteen columns 75. Fewer than half are arithmetic. The others pass numbers through
-memory, from the device to the loop, to the row, and to the caller's columns, ask what a run does not change (hand, friction, lag,
-delay, shaft), save registers at the three calls, and look whether all numbers are finite. The loop's own questions are one (`is_usual`).
-To come near the bound, which is a single sum's waiting, device, loop and columns would have to be compiled as one for their world, as C's
-are: a form of the run for each kind of device, which takes its time at every compilation of hapt-sim.
+callgrind does not know); hapt needs those of the table below. Of a released sample's, the puck's motion with its works takes 70, the
+loop's step 85, `Simulation::next` 85 with 20 for whether all numbers are finite, the fourteen columns 75. About half are arithmetic. The
+others write the numbers into the row that is lent, and from there into the caller's columns, keep time and memory for a state that anybody
+may take, and ask what remains to be asked: whether the next event has come, whether the loop is a usual one of one body, whether samples
+are uneven, whether the motor delays or lags. What a period is (hand, friction, lag, delay, shaft), the device asks once, until the hand or
+the device changes. To come near the bound, which is a single sum's waiting, device, loop and columns would have to be compiled as one for
+their world, as C's are: a form of the run for each kind of device, which takes its time at every compilation of hapt-sim.
 ";
 
 const STEP_MISSED: &str = "

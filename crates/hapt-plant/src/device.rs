@@ -47,6 +47,20 @@ struct InteractiveGrip {
     updated: u64,
 }
 
+/// What a period without an event is: asked once, until the hand or the device changes.
+#[derive(Clone, Copy, Debug, Default)]
+enum Stage {
+    /// Not asked yet.
+    #[default]
+    Unknown,
+    /// None of the others.
+    Any,
+    /// The hand holds the puck where it is.
+    Rests,
+    /// The motor's torque and this one of the hand, in N·m (linear: N), are held from sample to sample, and no friction is there.
+    Pushed(f64),
+}
+
 /// A world's device. After construction nothing between two samples allocates.
 #[derive(Clone, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -67,6 +81,8 @@ pub struct VirtualDevice {
     shaft: Option<Box<Shaft>>,
     script: Script,
     mode: HandMode,
+    #[cfg_attr(feature = "serde", serde(skip))]
+    stage: Stage,
     /// The time of this sample on the hand's clock in s, origin + sample · T.
     now: f64,
     origin: f64,
@@ -109,6 +125,7 @@ impl VirtualDevice {
             gap: 0.0,
             script: Script::default(),
             mode: HandMode::Free,
+            stage: Stage::Unknown,
             now: 0.0,
             origin: 0.0,
             sample: 0,
@@ -210,6 +227,10 @@ impl VirtualDevice {
     /// Sets the loop's command, in N·m (linear: N).
     #[inline]
     pub fn command(&mut self, torque: f64) {
+        if self.motor.samples == 0 && matches!(self.stage, Stage::Rests | Stage::Pushed(_)) {
+            self.motor.applied = torque;
+            return;
+        }
         let before = self.motor.applied;
         self.motor.command(torque);
         self.lag_behind(before);
@@ -240,6 +261,7 @@ impl VirtualDevice {
         if key(self) == key(to) {
             return;
         }
+        self.stage = Stage::Unknown;
         if (self.period, self.delay) != (to.period, to.delay) {
             to.motor.follow(&self.motor);
             core::mem::swap(&mut self.motor, &mut to.motor);
@@ -325,11 +347,28 @@ impl VirtualDevice {
     /// Advances from this sample to the next.
     #[inline]
     pub fn travel(&mut self) {
+        // t_k is k·T in one multiplication; an i64 becomes a number in one instruction.
+        let to = self.origin + (self.sample + 1) as i64 as f64 * self.period;
+        match self.stage {
+            Stage::Pushed(push) if self.next_event > to => {
+                self.puck.advance_usual(self.motor.applied, push, &mut self.ledger);
+            }
+            Stage::Rests if self.next_event > to && self.sample < self.script.last => {}
+            Stage::Unknown | Stage::Any | Stage::Rests | Stage::Pushed(_) => return self.travel_any(to),
+        }
+        self.sample += 1;
+        self.now = to;
+    }
+
+    /// The same with everything asked.
+    #[inline(never)]
+    fn travel_any(&mut self, to: f64) {
+        if let Stage::Unknown = self.stage {
+            self.stage = self.find_stage();
+        }
         let from = self.now;
         self.sample += 1;
         self.announced = false;
-        // t_k is k·T in one multiplication.
-        let to = self.origin + self.sample as f64 * self.period;
         if self.motor.rest == 0.0 && self.next_event > to {
             self.stretch(from, to, self.period);
         } else {
@@ -340,6 +379,20 @@ impl VirtualDevice {
         if self.sample > self.script.last && matches!(self.mode, HandMode::Script) {
             self.let_go();
         }
+    }
+
+    /// What the next periods are, as long as nothing changes.
+    fn find_stage(&self) -> Stage {
+        if self.shaft.is_some() || self.lag > 0.0 || self.motor.rest > 0.0 {
+            return Stage::Any;
+        }
+        let push = match (&self.mode, &self.script.hand) {
+            (HandMode::Script, Some(hand)) if hand.prescribed().is_some_and(Piece::is_flat) => return Stage::Rests,
+            (HandMode::Script | HandMode::Grip(_), _) => return Stage::Any,
+            (&HandMode::Torque(value), _) => value,
+            (HandMode::Free, _) => 0.0,
+        };
+        if self.puck.slides_as_usual() { Stage::Pushed(push) } else { Stage::Any }
     }
 
     /// Advances from this sample to the next, at `to` s on the hand's clock, which comes after `interval` s. After `delay` s, above 0 and

@@ -129,13 +129,32 @@ impl Puck {
         let held = gap == 0.0 && push.slope == 0.0 && self.friction == 0.0;
         match self.now.usual(dt) {
             Some(usual) if held && !usual.has_sine() => {
-                let y = [self.velocity, motor + push.value, self.position, 0.0, 0.0, 0.0, 0.0];
-                let stretch = usual.held_stretch(&y);
-                self.account(&y, &stretch, y[F] - motor, (motor, 0.0), ledger);
-                [self.position, self.velocity] = stretch.end;
+                [self.position, self.velocity] = self.slide_held(usual, motor, push.value, ledger);
             }
             _ => self.advance_any(dt, motor, gap, push, ledger),
         }
+    }
+
+    /// Whether [`Puck::advance_usual`] moves it under torques that are held over the first usual length.
+    pub fn slides_as_usual(&self) -> bool {
+        self.friction == 0.0 && self.now.usual.as_ref().is_some_and(|[(_, usual), _]| !usual.has_sine())
+    }
+
+    /// [`Puck::advance`] over the first usual length, with nothing asked ([`Puck::slides_as_usual`]).
+    #[inline(always)] // As `slide_held`.
+    pub fn advance_usual(&mut self, motor: f64, push: f64, ledger: &mut Ledger) {
+        if let Some([(_, usual), _]) = &self.now.usual {
+            [self.position, self.velocity] = self.slide_held(usual, motor, push, ledger);
+        }
+    }
+
+    /// Position and velocity after torques that are held, without friction and without a sine.
+    #[inline(always)] // So that few states never leave the registers.
+    fn slide_held(&self, usual: &Propagator, motor: f64, push: f64, ledger: &mut Ledger) -> [f64; 2] {
+        let y = [self.velocity, motor + push, self.position, 0.0, 0.0, 0.0, 0.0];
+        let stretch = usual.held_stretch(&y);
+        self.account(&y, &stretch, y[F] - motor, (motor, 0.0), ledger);
+        stretch.end
     }
 
     /// The same for every torque, every length, and with friction.

@@ -72,7 +72,13 @@ impl Control {
         bodies: &mut [(f64, f64)],
         bristles: &mut [f64],
     ) -> Sample<f64> {
-        for_each_capacity!(self, running => running.step(position, velocity, bodies, bristles))
+        // Most worlds have one body: its sample's numbers stay in registers, and those that the others return are copied there.
+        if let Control::One(running) = self {
+            return running.sample(position, velocity, bodies, bristles);
+        }
+        let Sample { puck, torque, command } =
+            for_each_capacity!(self, running => running.step(position, velocity, bodies, bristles));
+        Sample { puck, torque, command }
     }
 }
 
@@ -90,13 +96,20 @@ impl<const B: usize> Running<B> {
     /// [`Control::step`]. Not inlined either, so that each capacity has the registers and the stack that it needs alone.
     #[inline(never)]
     fn step(&mut self, position: f64, velocity: f64, bodies: &mut [(f64, f64)], bristles: &mut [f64]) -> Sample<f64> {
+        self.sample(position, velocity, bodies, bristles)
+    }
+
+    #[inline(always)]
+    fn sample(&mut self, position: f64, velocity: f64, bodies: &mut [(f64, f64)], bristles: &mut [f64]) -> Sample<f64> {
         let state = &mut self.state;
         let sample = self.compiled.step(state, position, velocity);
         for (place, (w, v)) in bodies.iter_mut().zip(state.now.position.iter().zip(&state.now.velocity)) {
             *place = (*w, *v);
         }
-        for (place, bristle) in bristles.iter_mut().zip(&state.bristles).take(self.bristles) {
-            *place = *bristle;
+        if self.bristles > 0 {
+            for (place, bristle) in bristles.iter_mut().zip(&state.bristles).take(self.bristles) {
+                *place = *bristle;
+            }
         }
         sample
     }

@@ -49,8 +49,14 @@ impl Row {
         for (x, y) in own {
             (a, b) = (a + 0.0 * x, b + 0.0 * y);
         }
-        for (x, y) in &self.bodies {
-            (a, b) = (a + 0.0 * x, b + 0.0 * y);
+        match self.bodies[..] {
+            // Most worlds; a loop costs more than its one body.
+            [(x, y)] => (a, b) = (a + 0.0 * x, b + 0.0 * y),
+            _ => {
+                for (x, y) in &self.bodies {
+                    (a, b) = (a + 0.0 * x, b + 0.0 * y);
+                }
+            }
         }
         // Few have a handle.
         a + b == 0.0 && self.handle.is_none_or(|(x, y)| 0.0 * x + 0.0 * y == 0.0)

@@ -80,7 +80,7 @@ pub(crate) enum Extent {
 /// those of n samples, and the critical period is that of a sample, n staying what it is.
 ///
 /// Work, for each combination of slopes: O(n³) in the modes coupled to the puck, estimator memory and commands in flight, and about
-/// a hundred times that for the critical period.
+/// a hundred times that for the critical period; with many bodies a tenth of it.
 ///
 /// # Errors
 /// [`Error::Value`] for a period or inertia that is not positive, [`Error::NoSuchBody`], [`Error::InFlight`] for a delay of too

@@ -1,6 +1,6 @@
 //! The hands of a device: those of a scenario, and those that take hold, push and let go while it runs.
 
-use crate::device::{Grip, HandMode, InteractiveGrip, VirtualDevice};
+use crate::device::{Grip, HandMode, InteractiveGrip, Stage, VirtualDevice};
 use crate::hand::{Hand, Script};
 use crate::puck::{Inertia, NO_SINE};
 use crate::shaft::Grasp;
@@ -38,6 +38,7 @@ impl VirtualDevice {
 
     /// The hand of this mode takes hold of the handle, or of the puck.
     pub(super) fn take(&mut self) {
+        self.stage = Stage::Unknown;
         let script = match &self.mode {
             HandMode::Script => self.script.hand.as_ref(),
             HandMode::Free | HandMode::Grip(_) | HandMode::Torque(_) => None,
@@ -64,7 +65,7 @@ impl VirtualDevice {
         if !matches!(self.mode, HandMode::Torque(_)) {
             self.let_go();
         }
-        self.mode = HandMode::Torque(torque);
+        (self.mode, self.stage) = (HandMode::Torque(torque), Stage::Unknown);
     }
 
     /// Sets the grip's target to `position` in rad (linear: m). The grip moves there at constant velocity, over the time since the previous
@@ -97,6 +98,7 @@ impl VirtualDevice {
 
     /// Opens or closes a hand that switches.
     pub(super) fn switch(&mut self) {
+        self.stage = Stage::Unknown;
         match &mut self.shaft {
             Some(shaft) => shaft.switch(),
             None => self.puck.switch(),
@@ -106,6 +108,7 @@ impl VirtualDevice {
     /// The hand's event at an instant: arrival, release or jump. A jump comes before a sample or a motor's change at the same instant,
     /// and its work is done against the torque held before it.
     pub(super) fn hand_acts(&mut self, t: f64) {
+        self.stage = Stage::Unknown;
         if let HandMode::Grip(hand) = &mut self.mode {
             hand.intended = Piece::straight(t, hand.target, 0.0);
             self.next_event = f64::INFINITY;
@@ -130,6 +133,7 @@ impl VirtualDevice {
     }
 
     pub(super) fn let_go(&mut self) {
+        self.stage = Stage::Unknown;
         let was_held = self.is_held();
         (self.mode, self.next_event) = (HandMode::Free, f64::INFINITY);
         if was_held {

@@ -114,6 +114,41 @@ proptest! {
         }
     }
 
+    /// What a period is, the device asks once until something changes; between two events of uneven samples it asks anew.
+    #[test]
+    fn a_period_that_is_known_gives_the_bits_of_one_that_is_asked_about(
+        world in devices(), late in any::<bool>(),
+        touches in prop::collection::vec((0_usize..6, -0.5_f64..0.5, grips(), 1_usize..9), 1..40),
+    ) {
+        let mut world = world;
+        world.sampling.delay = hapt_model::Delay::Seconds(if late { 1e-3 } else { 0.0 });
+        let (mut known, mut asked) = (VirtualDevice::new(&world.device_spec()), VirtualDevice::new(&world.device_spec()));
+        for (what, x, grip, periods) in touches {
+            for device in [&mut known, &mut asked] {
+                let begins = |device: &mut VirtualDevice, drive| {
+                    device.begin(&mut script(&scenario(1.0, drive, Some(4.5e-3)), 1e-3));
+                };
+                match what {
+                    0 => device.hold(Some(grip)),
+                    1 => device.hold(None),
+                    2 => device.push(x),
+                    3 => device.intend(x),
+                    4 => begins(device, Drive::Position(Shape::Step { to: x, at: 1.5e-3 })),
+                    _ => begins(device, Drive::Torque(Shape::Step { to: x, at: 1.5e-3 })),
+                }
+            }
+            for k in 0..periods {
+                let torque = 0.1 * x - 0.01 * k as f64;
+                known.command(torque);
+                known.travel();
+                asked.command(torque);
+                asked.travel_uneven(1e-3, known.time(), 0.0, 0.0);
+                let of = |device: &VirtualDevice| (device.puck(), device.ledger(), device.applied(), device.is_held(), device.announced());
+                prop_assert_eq!(of(&known), of(&asked));
+            }
+        }
+    }
+
     #[test]
     fn a_device_refitted_to_itself_goes_on_to_the_bit(world in devices(), grip in grips()) {
         let (mut one, mut other) = (moving(&world), moving(&world));
