@@ -73,12 +73,14 @@ impl Chain {
     }
 }
 
-/// In the rooms of hapt-sim: 1, 4 and 32.
+/// In the rooms of hapt-sim: 1, 2, 4, 8 and 32.
 pub fn time(n: usize, repeats: usize) -> Result<()> {
     match n {
         1 => time_in::<1>(n, repeats),
-        2..=4 => time_in::<4>(n, repeats),
-        5..=32 => time_in::<32>(n, repeats),
+        2 => time_in::<2>(n, repeats),
+        3..=4 => time_in::<4>(n, repeats),
+        5..=8 => time_in::<8>(n, repeats),
+        9..=32 => time_in::<32>(n, repeats),
         _ => bail!("1 to 32 bodies"),
     }
 }

@@ -369,8 +369,8 @@ impl Bench {
 
     fn steps(&self) -> Result<String> {
         let mut text = String::from(
-            "\n## The core's step\n\n`Loop::step` alone, hot, on worlds whose every body feels every other, in hapt-sim's rooms (1, 4 \
-             and 32 bodies), against [C](../bench/c/step.c) with the same matrices, compiled for exactly n. The last column is \
+            "\n## The core's step\n\n`Loop::step` alone, hot, on worlds whose every body feels every other, in hapt-sim's rooms (1, 2, \
+             4, 8 and 32 bodies), against [C](../bench/c/step.c) with the same matrices, compiled for exactly n. The last column is \
              hapt's time over the matrix's 4n² numbers. \"For any machine\" C is built without \
              `-march=native`, as hapt is; \"for this machine\" hapt is built with `-C target-cpu=native`, and gives the same bits.\n\n\
              | bodies | hapt / C | goal | | hapt / C for any machine | hapt for this machine / C | hapt, ns | C, ns | hapt, ns a number |\n\
@@ -577,8 +577,8 @@ What stands in the way: for 32 bodies the width of the vectors. Nine of ten inst
 in registers, and C built for any machine takes as long; `-march=native` has vectors of eight numbers where hapt has two, and fuses
 multiplication and addition, which hapt may not, as the bits would depend on the machine. Built for this machine hapt gets vectors of
 four. For 1 body the step asks two questions (a usual world, one body) and one about the limit; the others of its
-50 instructions are the arithmetic and the state in memory. For 2 bodies half of the numbers are those of places that nobody uses in the room of 4. 8 and 16 bodies stand in
-the room of 32; with 8, half of the instructions carry such places.
+50 instructions are the arithmetic and the state in memory. 2 and 8 bodies have rooms of their own (84 and 744 instructions); 16 stand in
+the room of 32, where the sums of 24 places are made.
 ";
 
 const START_MISSED: &str = "

@@ -34,7 +34,9 @@ pub(crate) struct Running<const B: usize> {
 #[derive(Clone, Debug)]
 pub(crate) enum Control {
     One(Box<Running<1>>),
-    Few(Box<Running<4>>),
+    Two(Box<Running<2>>),
+    Four(Box<Running<4>>),
+    Eight(Box<Running<8>>),
     Many(Box<Running<32>>),
 }
 
@@ -43,7 +45,9 @@ macro_rules! for_each_capacity {
     ($control:expr, $running:ident => $do:expr) => {
         match $control {
             Control::One($running) => $do,
-            Control::Few($running) => $do,
+            Control::Two($running) => $do,
+            Control::Four($running) => $do,
+            Control::Eight($running) => $do,
             Control::Many($running) => $do,
         }
     };
@@ -53,7 +57,9 @@ impl Control {
     pub fn new(spec: &Spec) -> Result<Self, Error> {
         Ok(match spec.bodies.len() {
             0 | 1 => Control::One(Running::new(spec)?),
-            2..=4 => Control::Few(Running::new(spec)?),
+            2 => Control::Two(Running::new(spec)?),
+            3..=4 => Control::Four(Running::new(spec)?),
+            5..=8 => Control::Eight(Running::new(spec)?),
             _ => Control::Many(Running::new(spec)?),
         })
     }
