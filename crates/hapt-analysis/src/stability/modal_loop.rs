@@ -223,8 +223,9 @@ impl Device {
             product *= rows[k][k];
             for i in k + 1..n {
                 let part = rows[i][k] / rows[k][k];
-                (k + 1..n).for_each(|j| rows[i][j] = rows[i][j] - part * rows[k][j]);
-                x[i] = x[i] - part * x[k];
+                let (above, solved) = (rows[k], x[k]);
+                (k + 1..n).for_each(|j| rows[i][j] -= part * above[j]);
+                x[i] -= part * solved;
             }
         }
         for i in (0..n).rev() {

@@ -14,10 +14,13 @@ const TURN: f64 = 1.0;
 /// How often an arc is halved.
 const HALVINGS: u32 = 12;
 
+/// A function's value at μ, divided by ∏ (μ - μ_i) of the roots that are given, up to a constant factor.
+type Value<'a> = dyn FnMut(C, &[C]) -> C + 'a;
+
 /// A function of μ = λ - 1 whose zeros are the eigenvalues of a loop. Its poles are at λ = 0.
 pub(crate) struct Characteristic<'a> {
-    /// Its value, divided by ∏ (μ - μ_i) of the roots that are given, up to a constant factor.
-    pub value: Box<dyn FnMut(C, &[C]) -> C + 'a>,
+    /// Without the roots that are given.
+    pub value: Box<Value<'a>>,
     /// How many more zeros than poles it has.
     pub zeros: usize,
     /// Whole samples of delay, for which it turns on the circle.
