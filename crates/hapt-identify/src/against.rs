@@ -243,7 +243,7 @@ fn rigid(record: &Watched<'_>, claims: &Claims, is_linear: bool) -> Result<Compa
         fitted: puck.positions_from(record, first),
         residuals: puck.left_from_sample(record, first),
         residual,
-        noise: noise(record.positions()),
+        noise: noise(record),
         lattice: lattice(record.positions()),
     })
 }
@@ -259,7 +259,7 @@ fn with_handle(record: &Watched<'_>, claims: &Claims, shaft: &Handle) -> Result<
         fitted,
         residuals,
         residual,
-        noise: noise(record.positions()),
+        noise: noise(record),
         lattice: lattice(record.positions()),
     })
 }
@@ -288,37 +288,46 @@ impl Scale {
 /// The numbers of a record that a device explains.
 fn judged(found: &Identified, claims: &Claims, scale: &Scale) -> Vec<Compared> {
     let friction = SMALL * scale.torque;
-    let lag_is_told = found.lag.is_some_and(|lag| lag.low > 0.0);
     let holds = claims.friction[1];
     let number = Compared::new;
-    let mut lag = number("lag", Some(Measure::Time), found.lag, claims.lag, claims.period);
-    // The interval is one of λ², and so is the standard error.
-    if let Some(Interval { value, low, high }) = found.lag {
-        let squared = Interval { value: value * value, low: low * low, high: high * high };
-        lag.sigmas = Some(sigmas(&squared, claims.lag.map(|lag| lag * lag)));
-        lag.judge(found.lag, claims.period);
-    }
-    let both = [claims.delay[0] + claims.lag[0], claims.delay[1] + claims.lag[1]];
-    // Beside a lag that is surely short the sum is the delay.
-    let range = if lag_is_told { claims.delay } else { both };
-    let mut delay = number("delay", Some(Measure::Time), found.delay, range, claims.period);
-    if !lag_is_told && lag.verdict != Verdict::Agrees {
-        if lag.verdict == Verdict::NotTold {
-            lag.reason = Some(SLOW);
-        }
-        let estimate = None;
-        delay = Compared { reason: Some(SLOW), ..number("delay", Some(Measure::Time), estimate, claims.delay, 0.0) };
-    }
-    vec![
+    let mut numbers = vec![
         number("inertia", Some(Measure::Inertia), found.inertia, claims.inertia, 0.0),
         number("damping", Some(Measure::Damping), found.damping, claims.damping, friction / scale.speed),
         number("friction", Some(Measure::Torque), found.friction, claims.friction, friction),
         number("constant torque", Some(Measure::Torque), found.offset, [-holds, holds], friction),
-        lag,
-        delay,
-        number("delay and lag", Some(Measure::Time), found.late, both, claims.period),
-        number("sign", None, found.sign, [1.0, 1.0], 0.0),
-    ]
+    ];
+    numbers.extend(lateness(found.lag, found.delay, found.late, claims));
+    numbers.push(number("sign", None, found.sign, [1.0, 1.0], 0.0));
+    numbers
+}
+
+/// Lag, delay, and both together.
+fn lateness(
+    lag: Option<Interval>,
+    delay: Option<Interval>,
+    late: Option<Interval>,
+    claims: &Claims,
+) -> [Compared; 3] {
+    let number = |name, estimate, file, least| Compared::new(name, Some(Measure::Time), estimate, file, least);
+    let is_told = lag.is_some_and(|lag| lag.low > 0.0);
+    let mut of_lag = number("lag", lag, claims.lag, claims.period);
+    // The interval is one of λ², and so is the standard error.
+    if let Some(Interval { value, low, high }) = lag {
+        let squared = Interval { value: value * value, low: low * low, high: high * high };
+        of_lag.sigmas = Some(sigmas(&squared, claims.lag.map(|lag| lag * lag)));
+        of_lag.judge(lag, claims.period);
+    }
+    let both = [claims.delay[0] + claims.lag[0], claims.delay[1] + claims.lag[1]];
+    // Beside a lag that is surely short the sum is the delay.
+    let range = if is_told { claims.delay } else { both };
+    let mut of_delay = number("delay", delay, range, claims.period);
+    if !is_told && of_lag.verdict != Verdict::Agrees {
+        if of_lag.verdict == Verdict::NotTold {
+            of_lag.reason = Some(SLOW);
+        }
+        of_delay = Compared { reason: Some(SLOW), ..number("delay", None, claims.delay, 0.0) };
+    }
+    [of_lag, of_delay, number("delay and lag", late, both, claims.period)]
 }
 
 /// Why delay and lag show together only.
@@ -343,24 +352,23 @@ fn judged_without(claims: &Claims) -> Vec<Compared> {
     names.into_iter().map(number).collect()
 }
 
-/// The numbers of a device with a handle on a shaft. Its fit takes the lag from the file, and neither a constant torque nor a sign.
+/// The numbers of a device with a handle on a shaft. Its fit takes neither a constant torque nor a sign.
 fn judged_with_handle(found: &WithHandle, claims: &Claims, shaft: &Handle, scale: &Scale) -> Vec<Compared> {
     let friction = SMALL * scale.torque;
-    let lag = middle(claims.lag);
-    let Interval { value, low, high } = found.delay;
-    let late = Interval { value: value + lag, low: low + lag, high: high + lag };
-    let both = [claims.delay[0] + claims.lag[0], claims.delay[1] + claims.lag[1]];
     let number = |name, measure, estimate, file, least| Compared::new(name, Some(measure), Some(estimate), file, least);
     let exactly = |x: f64| [x, x];
-    vec![
+    let mut numbers = vec![
         number("inertia", Measure::Inertia, found.inertia, claims.inertia, 0.0),
         number("damping", Measure::Damping, found.damping, claims.damping, friction / scale.speed),
         number("friction", Measure::Torque, found.friction, claims.friction, friction),
-        number("delay and lag", Measure::Time, late, both, claims.period),
+    ];
+    numbers.extend(lateness(Some(found.lag), Some(found.delay), Some(found.late), claims));
+    numbers.extend([
         number("handle inertia", Measure::Inertia, found.handle_inertia, exactly(shaft.inertia), 0.0),
         number("shaft stiffness", Measure::Stiffness, found.stiffness, exactly(shaft.stiffness), 0.0),
         number("shaft damping", Measure::Damping, found.shaft_damping, exactly(shaft.damping), 0.0),
-    ]
+    ]);
+    numbers
 }
 
 /// How many standard errors an estimate is outside of a range.

@@ -115,14 +115,6 @@ pub enum Error {
     /// The residuals are larger than counts and noise.
     #[error("{0}")]
     Residual(LargeResidual),
-    /// Samples at uneven times, where they have to be even.
-    #[error(
-        "sample {sample}: a handle is fitted to even samples, and these are not: their intervals differ by more than 2 %"
-    )]
-    Uneven {
-        /// From 0.
-        sample: usize,
-    },
     /// The columns of a table.
     #[error("{0}")]
     Columns(String),

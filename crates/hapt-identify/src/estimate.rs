@@ -150,7 +150,7 @@ fn large(record: &Record, known: &Known, best: &Fit) -> Error {
     let left = left(record, best);
     let rms = residual(&left).rms;
     let counts = lattice(record.positions()).map(|lattice| rms / lattice.step);
-    let resonance_hz = resonance(record, &left);
+    let resonance_hz = resonance(&best.puck.left_from_sample(record, best.first));
     Error::Residual(LargeResidual { rms, counts, position: blamed(record, known, best), resonance_hz })
 }
 

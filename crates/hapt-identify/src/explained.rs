@@ -34,7 +34,7 @@ pub(crate) fn explained(record: &Record, left: &[f64], lattice: Option<Lattice>,
         return true;
     }
     let count = lattice.map_or(0.0, |lattice| lattice.step);
-    let seen = noise(record.positions()).powi(2);
+    let seen = noise(record).powi(2);
     if variance > 1.5 * seen + 0.25 * count * count {
         return false;
     }

@@ -30,7 +30,7 @@ pub struct Interval {
 /// Two parameters whose estimates are so correlated that the record does not determine each alone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CorrelatedPair {
-    /// inertia, damping, friction or delay.
+    /// inertia, damping, friction, delay; with a handle also lag, share of the handle, shaft stiffness, shaft damping.
     pub names: [&'static str; 2],
     /// Of their estimates, from -1 to 1.
     pub correlation: f64,

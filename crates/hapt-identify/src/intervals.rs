@@ -13,11 +13,11 @@ use crate::quantile::student;
 use crate::record::Record;
 
 /// The correlation of two estimates above which the record does not separate them.
-const CORRELATED: f64 = 0.99;
+pub(crate) const CORRELATED: f64 = 0.99;
 /// Positions without counts whose residuals are below this part of them are from a simulation without noise.
 const EXACT: f64 = 1e-9;
 /// A correlated pair is reported where either of the two is as uncertain as this part of itself.
-const VAGUE: f64 = 0.1;
+pub(crate) const VAGUE: f64 = 0.1;
 
 /// The names of the first four parameters.
 const NAMES: [&str; 4] = ["inertia", "damping", "friction", "delay"];
@@ -58,10 +58,6 @@ impl<'k> Intervals<'k> {
             };
             half.is_finite().then(|| self.ends.iter().fold(around, reaches))
         };
-        let positive = |interval: Interval| {
-            let Interval { value, low, high } = interval;
-            Interval { value: value.max(0.0), low: low.max(0.0), high: high.max(0.0) }
-        };
         // An interval wholly below 0 is not physical.
         let bounded = |interval: Option<Interval>| interval.filter(|x| x.high >= 0.0).map(positive);
         // Where a constant torque is certain and the record hardly separates it from friction, neither is determined.
@@ -101,11 +97,7 @@ impl<'k> Intervals<'k> {
             // Friction wholly below 0 would be a constant torque along the motion.
             friction: bounded(scaled(FRICTION)).filter(|_| tells),
             delay: bounded(gained.and_then(|_| told.map_or_else(|| rate(DELAY), |lag| Some(lag.delay())))),
-            // No delay is below 0: a lag is no longer than delay and lag together.
-            lag: lag.zip(late).map(|(lag, late)| {
-                let Interval { value, low, high } = lag.lag();
-                Interval { value, low, high: high.min(late.high).max(value) }
-            }),
+            lag: lag.zip(late).map(|(lag, late)| no_longer(lag.lag(), late)),
             late,
             offset: scaled(OFFSET).filter(|_| tells),
             sign: gained.map(|_| Interval { value: sign, low: sign, high: sign }),
@@ -146,6 +138,16 @@ impl<'k> Intervals<'k> {
         }
         (eigenvalues.max() / eigenvalues.min().max(f64::MIN_POSITIVE), pairs)
     }
+}
+
+/// What of an interval is 0 or more.
+pub(crate) fn positive(Interval { value, low, high }: Interval) -> Interval {
+    Interval { value: value.max(0.0), low: low.max(0.0), high: high.max(0.0) }
+}
+
+/// No delay is below 0: a lag is no longer than delay and lag together.
+pub(crate) fn no_longer(Interval { value, low, high }: Interval, late: Interval) -> Interval {
+    Interval { value, low, high: high.min(late.high).max(value) }
 }
 
 /// The whole number of counts a revolution that a lattice corresponds to; `None` where it is not whole.

@@ -23,10 +23,16 @@ const TOLD: f64 = 2.6;
 /// From so many half intervals on, one standard error, the other numbers are those of the fit with a lag: without it they would be off.
 const SEEN: f64 = 0.5;
 
-/// A fit whose motor lags, with the half intervals of what it depends on.
+/// A fit whose motor lags.
 #[derive(Clone, Debug)]
 pub(crate) struct Lag {
     pub fit: Fit,
+    late: Late,
+}
+
+/// How late the torque is: d + λ and λ², with their half intervals.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Late {
     /// λ² with its half interval, and the same of d + λ, in s.
     variance: [f64; 2],
     mean: [f64; 2],
@@ -65,7 +71,7 @@ impl Lag {
             return Some(found);
         }
         // What the motor remembers from before the first sample of the fit is unknown.
-        let arrives = found.fit.puck.delay.max(0.0) + ARRIVED * found.fit.puck.lag + SURELY * found.mean[1];
+        let arrives = found.fit.puck.delay.max(0.0) + ARRIVED * found.fit.puck.lag + SURELY * found.late.mean[1];
         let first = record.first_after(arrives.min(LONGEST_DELAY));
         if first <= found.fit.first {
             return Some(found);
@@ -87,15 +93,30 @@ impl Lag {
         let is_least = fit.puck.lag < 2.0 * SHORTEST_LAG * record.period();
         let variance = [if is_least { 0.0 } else { p[LAG] }, factor * of(LAG)];
         let mean = [p[DELAY], factor * of(DELAY)];
-        let slope = covariance[(DELAY, LAG)] / covariance[(LAG, LAG)];
-        let rest = (mean[1].powi(2) - (slope * variance[1]).powi(2)).max(0.0).sqrt();
-        let lag = Lag { fit, variance, mean, slope, rest };
-        [variance[1], mean[1], slope].iter().all(|x| x.is_finite()).then_some(lag)
+        let late = Late::new(mean, variance, covariance[(DELAY, LAG)] / covariance[(LAG, LAG)])?;
+        Some(Lag { fit, late })
     }
 
     /// The same within the bounds.
     pub fn bounded(&self, record: &Watched<'_>) -> Bounded {
         Bounded::new(record, self.fit)
+    }
+}
+
+impl std::ops::Deref for Lag {
+    type Target = Late;
+
+    fn deref(&self) -> &Late {
+        &self.late
+    }
+}
+
+impl Late {
+    /// d + λ and λ² with their half intervals, and how much of the first goes along with the second; `None`: no numbers.
+    pub fn new(mean: [f64; 2], variance: [f64; 2], slope: f64) -> Option<Self> {
+        let rest = (mean[1].powi(2) - (slope * variance[1]).powi(2)).max(0.0).sqrt();
+        let is_finite = [variance[1], mean[1], slope].iter().all(|x| x.is_finite());
+        is_finite.then_some(Late { variance, mean, slope, rest })
     }
 
     /// Whether the record tells the lag from a delay.

@@ -29,31 +29,38 @@ impl Line {
     }
 }
 
-/// The frequency whose velocity is largest in these values, `period` s apart; under Hann's window.
-pub(crate) fn line(values: &[f64], period: f64) -> Option<Line> {
+/// The frequency whose velocity is largest in these values, each with its time in s; under Hann's window.
+pub(crate) fn line(values: &[(f64, f64)]) -> Option<Line> {
     let values = &values[..values.len().min(MOST)];
     let n = values.len() as f64;
-    let squares: f64 = values.iter().map(|x| x * x).sum();
-    let windowed: Vec<f64> =
-        values.iter().enumerate().map(|(i, x)| x * (PI * (i as f64 + 0.5) / n).sin().powi(2)).collect();
+    let (from, to) = (values.first()?.0, values.last()?.0);
+    let period = (to - from) / (n - 1.0).max(1.0);
+    let squares: f64 = values.iter().map(|(_, x)| x * x).sum();
+    // Each value counts for the time around it, in periods: else what is slow would leak to all frequencies of uneven samples.
+    let time = |i: usize| values.get(i).map_or(to, |value| value.0);
+    let weight = |i: usize| 0.5 * (time(i + 1) - time(i.saturating_sub(1))) / period;
+    let window = |t: f64| (PI * ((t - from) / period + 0.5) / n).sin().powi(2);
+    let windowed: Vec<(f64, f64)> =
+        values.iter().enumerate().map(|(i, (t, x))| (*t, x * weight(i) * window(*t))).collect();
     let [low, high] = [LOWEST / (n * period), 1.0 / (HIGHEST * period)];
     let power = |hz: f64| {
-        // e^{-jωt} by rotation.
-        let (sin, cos) = (TAU * hz * period).sin_cos();
-        let (mut c, mut s, mut re, mut im) = (1.0, 0.0, 0.0, 0.0);
-        for x in &windowed {
-            (re, im) = (re + x * c, im + x * s);
-            (c, s) = (c * cos - s * sin, s * cos + c * sin);
-        }
+        let (re, im) = windowed.iter().fold((0.0, 0.0), |(re, im), (t, x)| {
+            let (sin, cos) = (TAU * hz * t).sin_cos();
+            (re + x * cos, im + x * sin)
+        });
         re * re + im * im
     };
     let hz = |i: usize| low * (high / low).powf(i as f64 / (FREQUENCIES - 1) as f64);
     let all: Vec<(f64, f64)> = (0..FREQUENCIES).map(|i| (hz(i), power(hz(i)))).collect();
-    let moving = |(hz, power): &(f64, f64)| power * hz * hz;
-    let (hz, power) = *all.iter().max_by(|a, b| moving(a).total_cmp(&moving(b)))?;
     let mut sorted: Vec<f64> = all.iter().map(|(_, power)| *power).collect();
     sorted.sort_by(f64::total_cmp);
     let median = sorted[FREQUENCIES / 2].max(f64::MIN_POSITIVE);
+    // Noise moves fastest at the highest frequencies: what does not stand out of it counts only where nothing does.
+    let moving = |(hz, power): &(f64, f64)| (*power > ABOVE * median, power * hz * hz);
+    let (hz, power) = *all.iter().max_by(|a, b| {
+        let ((a_is_above, a), (b_is_above, b)) = (moving(a), moving(b));
+        a_is_above.cmp(&b_is_above).then(a.total_cmp(&b))
+    })?;
     // A sine of amplitude a has the sum a n/4 under the window, and the squares a² n/2.
     (power > 0.0 && squares > 0.0).then_some(Line { hz, part: 8.0 * power / (n * squares), above: power / median })
 }
@@ -65,15 +72,17 @@ mod tests {
     #[test]
     fn a_sine_is_found_and_noise_is_no_clear_line() {
         let noise = |k: usize| ((k * 7919 % 1009) as f64 / 1009.0) - 0.5;
-        let sine: Vec<f64> = (0..3000).map(|k| (TAU * 37.0 * k as f64 * 1e-3).sin() + 0.3 * noise(k)).collect();
-        let found = line(&sine, 1e-3).unwrap();
+        // At uneven times.
+        let at = |k: usize| (k as f64 + 0.9 * noise(31 * k)) * 1e-3;
+        let sine: Vec<(f64, f64)> = (0..3000).map(|k| (at(k), (TAU * 37.0 * at(k)).sin() + 0.3 * noise(k))).collect();
+        let found = line(&sine).unwrap();
         assert!((found.hz - 37.0).abs() < 0.3 && found.is_clear() && found.part > 0.8, "{found:?}");
         let mut seed = 1u64;
         let mut random = || {
             seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
         };
-        let noise: Vec<f64> = (0..3000).map(|_| random()).collect();
-        assert!(!line(&noise, 1e-3).unwrap().is_clear());
+        let noise: Vec<(f64, f64)> = (0..3000).map(|k| (k as f64 * 1e-3, random())).collect();
+        assert!(!line(&noise).unwrap().is_clear());
     }
 }

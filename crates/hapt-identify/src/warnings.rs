@@ -1,11 +1,28 @@
 //! The warnings that go with a result.
 
+use crate::handle::WithHandle;
 use crate::identified::{CorrelatedPair, Identified, Interval};
 
 /// The residuals of a model that fits are independent up to this.
 const INDEPENDENT: f64 = 0.1;
 /// The residual in counts of half a count of noise with rounding: the root of 1/4 + 1/12, less a margin.
 const LEAST_NOISE: f64 = 0.55;
+
+impl CorrelatedPair {
+    fn warning(&self) -> String {
+        let CorrelatedPair { names: [one, other], correlation } = self;
+        format!(
+            "this record hardly separates {one} from {other} (their estimates are correlated by {correlation:.4}); record other speeds and accelerations too"
+        )
+    }
+}
+
+impl WithHandle {
+    /// Reasons to doubt the result, a sentence each.
+    pub fn warnings(&self) -> Vec<String> {
+        self.correlated.iter().map(CorrelatedPair::warning).collect()
+    }
+}
 
 impl Identified {
     /// Reasons to doubt the result, a sentence each.
@@ -14,11 +31,7 @@ impl Identified {
         if self.is_exact {
             return warnings;
         }
-        for CorrelatedPair { names: [one, other], correlation } in &self.correlated {
-            warnings.push(format!(
-                "this record hardly separates {one} from {other} (their estimates are correlated by {correlation:.4}); record other speeds and accelerations too"
-            ));
-        }
+        warnings.extend(self.correlated.iter().map(CorrelatedPair::warning));
         let step = self.lattice.map_or(0.0, |lattice| lattice.step);
         if self.residual.correlation.abs() > INDEPENDENT {
             warnings.push(format!(

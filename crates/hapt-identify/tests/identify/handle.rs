@@ -1,7 +1,7 @@
 //! A handle on a flexible shaft: random devices are found again, and a rigid fit names the shaft.
 
 use fastrand::Rng;
-use hapt_identify::{Error, Interval, Known, Record, identify, identify_handle};
+use hapt_identify::{Error, Interval, Known, Record, WithHandle, identify, identify_handle};
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::{DeviceSpec, Handle};
 
@@ -17,18 +17,39 @@ fn torques(rng: &mut Rng, samples: usize) -> Vec<f64> {
 }
 
 pub fn record(spec: &DeviceSpec, rng: &mut Rng, samples: usize) -> Record {
-    let torques = torques(rng, samples);
+    let times: Vec<u64> = (0..samples as u64).map(|k| k * FINE).collect();
+    record_at(spec, rng, &times)
+}
+
+/// Parts of a period.
+const FINE: u64 = 20;
+
+/// Intervals of 0.4 to 1.6 periods.
+fn uneven(rng: &mut Rng, samples: usize) -> Vec<u64> {
+    let mut now = 0;
+    let next = |_| {
+        now += rng.u64(2 * FINE / 5..=8 * FINE / 5);
+        now
+    };
+    (0..samples).map(next).collect()
+}
+
+/// A record with samples at these times, in parts of a period.
+fn record_at(spec: &DeviceSpec, rng: &mut Rng, times: &[u64]) -> Record {
+    let torques = torques(rng, times.len());
     let count = std::f64::consts::TAU / 40_000.0;
-    let mut device = VirtualDevice::new(spec);
+    let part = spec.period / FINE as f64;
+    let mut device = VirtualDevice::new(&DeviceSpec { period: part, ..*spec });
     let mut positions = Vec::new();
-    for torque in &torques {
+    for (i, torque) in torques.iter().enumerate() {
         let noise = 0.7 * count * (rng.f64() + rng.f64() + rng.f64() - 1.5) * 2.0;
         positions.push(((device.puck().0 + noise) / count).round() * count);
-        device.command(*torque);
-        device.travel();
+        for _ in times[i]..times.get(i + 1).copied().unwrap_or(times[i]) {
+            device.command(*torque);
+            device.travel();
+        }
     }
-    let times = (0..samples).map(|k| k as f64 * spec.period).collect();
-    Record::new(times, positions, torques).unwrap()
+    Record::new(times.iter().map(|k| *k as f64 * part).collect(), positions, torques).unwrap()
 }
 
 pub fn device(rng: &mut Rng, friction: bool) -> DeviceSpec {
@@ -48,35 +69,46 @@ pub fn device(rng: &mut Rng, friction: bool) -> DeviceSpec {
     }
 }
 
+/// Each number with its truth; of a lag that is not told, the delay is both together.
+fn pairs(found: &WithHandle, truth: &DeviceSpec) -> [(&'static str, Interval, f64); 9] {
+    let shaft = truth.handle.unwrap();
+    let late = truth.delay + truth.lag;
+    let delay = if found.lag.low > 0.0 { truth.delay } else { late };
+    [
+        ("inertia", found.inertia, truth.inertia),
+        ("damping", found.damping, truth.damping),
+        ("friction", found.friction, truth.friction),
+        ("delay", found.delay, delay),
+        ("lag", found.lag, truth.lag),
+        ("delay and lag", found.late, late),
+        ("handle inertia", found.handle_inertia, shaft.inertia),
+        ("stiffness", found.stiffness, shaft.stiffness),
+        ("shaft damping", found.shaft_damping, shaft.damping),
+    ]
+}
+
 #[test]
 fn random_devices_are_found_again_within_their_intervals() {
     let (mut numbers, mut inside) = (0, 0);
-    // Those with even numbers have friction.
-    let seeds = [2, 3, 42, 5, 6, 13, 10, 24];
+    // Those with even numbers have friction, half of all uneven samples, and three of four lag.
+    let seeds = [2, 5, 6, 13, 10, 3, 24, 9];
     let some = hapt_testing::seeds(seeds.len() as u64).end as usize;
-    for seed in seeds.into_iter().take(some) {
+    for (place, seed) in seeds.into_iter().enumerate().take(some) {
         let mut rng = Rng::with_seed(seed);
         let truth = device(&mut rng, seed % 2 == 0);
-        let shaft = truth.handle.unwrap();
-        let found = identify_handle(&record(&truth, &mut rng, 1500)).unwrap();
-        let pairs = [
-            (found.inertia, truth.inertia),
-            (found.damping, truth.damping),
-            (found.friction, truth.friction),
-            (found.delay, truth.delay),
-            (found.handle_inertia, shaft.inertia),
-            (found.stiffness, shaft.stiffness),
-            (found.shaft_damping, shaft.damping),
-        ];
-        for (i, (Interval { value, low, high }, truth)) in pairs.into_iter().enumerate() {
+        let lag = if place % 4 == 3 { 0.0 } else { 1e-4 * 50f64.powf(rng.f64()) };
+        let truth = DeviceSpec { lag, ..truth };
+        let times = if place % 4 < 2 { uneven(&mut rng, 1500) } else { (0..1500).map(|k| k * FINE).collect() };
+        let found = identify_handle(&record_at(&truth, &mut rng, &times)).unwrap();
+        for (name, x, truth) in pairs(&found, &truth) {
             numbers += 1;
-            inside += u32::from((low..=high).contains(&truth));
-            let half = 0.5 * (high - low);
-            assert!(
-                (value - truth).abs() <= 2.5 * half.max(high - value),
-                "seed {seed}, number {i}: {value} in {low}..{high}, {truth}"
-            );
+            inside += u32::from(x.covers(truth));
+            // Of what is not told the upper end counts.
+            let half = (0.5 * (x.high - x.low)).max(x.high - x.value);
+            assert!((x.value - truth).abs() <= 2.5 * half, "seed {seed}, {name}: {x:?}, {truth}");
         }
+        // A lag of more than a sample shows.
+        assert!(truth.lag < 1.5e-3 || found.lag.low > 0.0, "seed {seed}: {found:?}");
         // Narrow enough to be worth something.
         assert!(
             found.stiffness.high < 1.1 * found.stiffness.low
@@ -99,11 +131,3 @@ fn a_rigid_fit_of_a_shaft_is_not_called_explained_and_names_its_resonance() {
     assert!(error.to_string().contains("Hz stands out of them, as of a handle on a flexible shaft"), "{error}");
 }
 
-#[test]
-fn uneven_samples_are_refused() {
-    let mut rng = Rng::with_seed(1);
-    let even = record(&device(&mut rng, false), &mut rng, 1000);
-    let times = even.times().iter().enumerate().map(|(i, t)| t + if i % 7 == 3 { 2e-4 } else { 0.0 }).collect();
-    let uneven = Record::new(times, even.positions().to_vec(), even.torques().to_vec()).unwrap();
-    assert!(matches!(identify_handle(&uneven), Err(Error::Uneven { sample: 3 })));
-}

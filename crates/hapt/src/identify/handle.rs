@@ -9,13 +9,17 @@ use hapt_model::Motion;
 use serde_json::{Value, json};
 
 use super::Given;
-use super::print::{effort, sized, units};
+use super::print::{effort, lag, sized, units};
 use crate::args::IdentifyArgs;
 use crate::failure::Failure;
 use crate::format;
+use crate::messages;
 
 pub fn run(args: &IdentifyArgs, given: &Given) -> Result<ExitCode, Failure> {
     let found = identify_handle(&given.record).map_err(|error| Failure::input(format!("{}: {error}", given.name)))?;
+    for warning in found.warnings() {
+        messages::say(format_args!("warning: {warning}"));
+    }
     let text = if args.json { in_json(&found)? } else { text(given, &found) };
     let mut out = stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
@@ -43,6 +47,7 @@ fn text(given: &Given, found: &WithHandle) -> String {
     line("damping", sized(found.damping, 1.0, &damping));
     line("friction", sized(found.friction, per_si, effort));
     line("delay", sized(found.delay, 1e3, "ms"));
+    line("lag", lag(found.lag));
     line("handle inertia", sized(found.handle_inertia, 1.0, &inertia));
     line("shaft stiffness", sized(found.stiffness, 1.0, stiffness));
     line("shaft damping", sized(found.shaft_damping, 1.0, &damping));

@@ -58,19 +58,8 @@ pub fn text(given: &Given, found: &Identified, inertia_is_known: bool) -> String
         line("friction", format!("over inertia {}", within(found.rates[1], 1.0, per_inertia)));
     }
     line("delay", within(found.delay, 1e3, "ms"));
-    if let Some(lag) = found.lag {
-        line(
-            "lag",
-            match lag.low > 0.0 {
-                true => sized(lag, 1e3, "ms"),
-                false => {
-                    format!(
-                        "not told from the delay, which is both together; up to {} ms fits",
-                        digits(1e3 * lag.high, 2)
-                    )
-                }
-            },
-        );
+    if let Some(interval) = found.lag {
+        line("lag", lag(interval));
     }
     if let Some(offset) = found.offset.filter(|offset| !offset.covers(0.0)) {
         line("offset", format!("{}: a constant torque that was not commanded", sized(offset, per_si, effort)));
@@ -89,6 +78,16 @@ pub fn text(given: &Given, found: &Identified, inertia_is_known: bool) -> String
         found.lattice.map_or(String::new(), |lattice| format!(", {:.2} counts", found.residual.rms / lattice.step));
     line("residual", format!("{} {unit} rms{counts}", digits(found.residual.rms * factor, 3)));
     text
+}
+
+/// A lag, or why it has no number.
+pub fn lag(lag: Interval) -> String {
+    match lag.low > 0.0 {
+        true => sized(lag, 1e3, "ms"),
+        false => {
+            format!("not told from the delay, which is both together; up to {} ms fits", digits(1e3 * lag.high, 2))
+        }
+    }
 }
 
 fn encoder(motion: Motion, found: &Identified) -> String {
