@@ -4,6 +4,7 @@
 //! from differences of the devices' own motion.
 
 mod bench;
+mod handle;
 
 use anyhow::{Context, Result, ensure};
 use hapt_identify::{Error, Known, Record, identify};
@@ -55,12 +56,25 @@ struct Outcome {
     refused: bool,
 }
 
-/// `[mixed|guided|quiet|lagging|offset|cogged] [--n N] [--seed S] [--write]`; all of them where none is named.
+/// The word and the title of devices with a handle.
+const HANDLE: (&str, &str) = (
+    "handle",
+    "Random steps on motors that lag, with a handle on a flexible shaft; every second device has uneven samples, of 0.4 to 1.6 periods",
+);
+
+/// `[mixed|guided|quiet|lagging|offset|cogged|handle] [--n N] [--seed S] [--write]`; all of them where none is named.
 pub fn command(words: &[&str]) -> Result<()> {
-    let named = words.first().filter(|word| CAMPAIGNS.iter().any(|campaign| campaign.1 == **word));
+    let mut all = CAMPAIGNS.iter().map(|campaign| campaign.1).chain([HANDLE.0]);
+    let named = words.first().filter(|word| all.any(|campaign| campaign == **word));
     let told = Campaign::parse(&words[usize::from(named.is_some())..], false)?;
     for (kind, word, title) in CAMPAIGNS.into_iter().filter(|campaign| named.is_none_or(|named| *named == campaign.1)) {
         let table = table(kind, &campaign(kind, told.n, told.seed)?);
+        let text = format!("{title}: {} random devices, seed {}.\n\n{table}", told.n, told.seed);
+        told.publish(&format!("identify {word}"), PAGE, &text)?;
+    }
+    let (word, title) = HANDLE;
+    if named.is_none_or(|named| *named == word) {
+        let table = handle::table(&handle::campaign(told.n, told.seed)?);
         let text = format!("{title}: {} random devices, seed {}.\n\n{table}", told.n, told.seed);
         told.publish(&format!("identify {word}"), PAGE, &text)?;
     }
@@ -83,7 +97,7 @@ pub fn holds() -> Result<()> {
         let exact = outcomes.iter().filter(|outcome| outcome.sign && outcome.counts && !outcome.mistaken).count();
         ensure!(exact as u64 >= n - refused, "{kind:?}: sign, counts and what is left are right {exact} times of {n}");
     }
-    Ok(())
+    handle::holds()
 }
 
 fn campaign(kind: Kind, n: u64, seed: u64) -> Result<Vec<Outcome>> {

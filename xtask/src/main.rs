@@ -51,7 +51,7 @@ cargo xtask licences  the licences of what is in the program, into crates/hapt/s
 cargo xtask firmware  the firmware on emulated boards: the same bits, instructions a sample, sizes; --write: docs/firmware.md
 cargo xtask faults    the supervisor against faults of every kind, and against none: [--n N] [--clean SAMPLES] [--seed S]; with
                       --write, into docs/safety.md
-cargo xtask identify  the intervals of hapt identify on random devices: [mixed|guided|quiet] [--n N] [--seed S];
+cargo xtask identify  the intervals of hapt identify on random devices: [mixed|guided|quiet|lagging|handle|..] [--n N] [--seed S];
                       --write: docs/identify.md
 cargo xtask book      checks the book's commands, worlds, outputs and links; --write makes its outputs and tables;
                       --site builds it with mdbook into book/, with interactive worlds

@@ -302,12 +302,7 @@ fn judged(found: &Identified, claims: &Claims, scale: &Scale) -> Vec<Compared> {
 }
 
 /// Lag, delay, and both together.
-fn lateness(
-    lag: Option<Interval>,
-    delay: Option<Interval>,
-    late: Option<Interval>,
-    claims: &Claims,
-) -> [Compared; 3] {
+fn lateness(lag: Option<Interval>, delay: Option<Interval>, late: Option<Interval>, claims: &Claims) -> [Compared; 3] {
     let number = |name, estimate, file, least| Compared::new(name, Some(Measure::Time), estimate, file, least);
     let is_told = lag.is_some_and(|lag| lag.low > 0.0);
     let mut of_lag = number("lag", lag, claims.lag, claims.period);

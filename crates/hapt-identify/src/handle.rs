@@ -29,6 +29,7 @@ use crate::start::{Begin, begins, starts};
 const PARAMETERS: usize = 12;
 type Parameters = [f64; PARAMETERS];
 
+const FRICTION: usize = 2;
 const LATE: usize = 3;
 const VARIANCE: usize = 7;
 /// The first parameter of the beginning.
@@ -38,7 +39,7 @@ const AT_REST: usize = PARAMETERS - 3;
 /// How large these are at most, in rad/s, rad and rad/s (linear: m).
 const FIRST: [f64; 3] = [100.0, 1.0, 100.0];
 /// Damping, friction, the time to the torque, the shaft's damping and λ².
-const NOT_BELOW_0: [usize; 5] = [1, 2, LATE, 6, VARIANCE];
+const NOT_BELOW_0: [usize; 5] = [1, FRICTION, LATE, 6, VARIANCE];
 /// The names of the parameters of the device, for those that a record does not separate.
 const NAMES: [&str; POSITION] =
     ["inertia", "damping", "friction", "delay", "share of the handle", "shaft stiffness", "shaft damping", "lag"];
@@ -52,14 +53,16 @@ const LOGARITHMS: [usize; 3] = [0, 4, 5];
 const SHARES: [f64; 5] = [0.5, 0.3, 0.7, 0.15, 0.85];
 /// The most fits that are followed to their end.
 const FOLLOWED: usize = 4;
-/// Steps of a fit that is only compared with others, of one beside the best, and of one that is followed.
+/// Steps of a fit that is compared with others, first without a lag and then with one or beside the best, and of one that is followed to its
+/// end.
 const FEW: usize = 10;
 const SOME: usize = 20;
 const MOST: usize = 100;
 /// The lag from which one is looked for, in periods.
 const SHORT: f64 = 0.5;
-/// Parts of λ² from which a fit is repeated.
-const BESIDE: [f64; 4] = [2.0, 0.5, 1.3, 0.8];
+/// Parts of λ² and of the friction from which a fit is repeated.
+const BESIDE: [(usize, f64); 6] =
+    [(VARIANCE, 2.0), (FRICTION, 0.5), (VARIANCE, 0.5), (FRICTION, 1.5), (FRICTION, 0.0), (VARIANCE, 1.2)];
 /// A step of this many standard errors is none.
 const SMALL: f64 = 1e-3;
 
@@ -153,17 +156,21 @@ pub(crate) fn search(watched: &Watched<'_>, near: Option<&DeviceSpec>) -> Result
         fit.free = Free::ButLag;
         fit.improved(record, FEW, stop)
     };
-    // The best after a few steps need not be the best in the end: the next one follows until one explains the record.
+    // The best after a few steps need not be the best in the end, and beside much noise more than one may explain the record.
     let mut best: Option<Fit> = None;
     for starts in [near.map(|device| around(record, device)), starts_of(watched)].into_iter().flatten() {
+        let by_squares = |a: &Fit, b: &Fit| a.squares.total_cmp(&b.squares);
         let mut fits: Vec<Fit> = starts.into_iter().filter_map(from).collect();
-        fits.sort_by(|a, b| a.squares.total_cmp(&b.squares));
-        for fit in fits.into_iter().take(FOLLOWED) {
+        fits.sort_by(by_squares);
+        fits.truncate(FOLLOWED);
+        let with_lag = |fit: Fit| fit.lagging(record).improved(record, SOME, stop);
+        let mut fits: Vec<Fit> = fits.into_iter().filter_map(with_lag).collect();
+        fits.sort_by(by_squares);
+        for fit in fits {
             if stop() || best.as_ref().is_some_and(explains) {
                 break;
             }
-            let fit = fit.lagging(record).improved(record, MOST, stop).ok_or(Error::Unexplained)?;
-                best = best.into_iter().chain([fit]).min_by(|a, b| a.squares.total_cmp(&b.squares));
+            best = best.into_iter().chain(fit.improved(record, MOST, stop)).min_by(by_squares);
         }
         if best.as_ref().is_some_and(explains) {
             break;
@@ -357,12 +364,13 @@ impl Fit {
         Fit::of(record, p, self.rests).unwrap_or(self)
     }
 
-    /// The best of the fits from here and from longer and shorter lags: each stop of a motor bends the squares, and a fit can end beside
+    /// The best of the fits from here and from other lags and frictions: each stop of a motor bends the squares, and a fit can end beside
     /// the least.
     fn settled(mut self, record: &Record, stop: &dyn Fn() -> bool) -> Fit {
-        for part in BESIDE {
+        let least = (SHORT * record.period()).powi(2);
+        for (i, part) in BESIDE {
             let mut p = self.p;
-            p[VARIANCE] = (part * p[VARIANCE]).max((SHORT * record.period()).powi(2));
+            p[i] = part * if i == VARIANCE { p[i].max(least) } else { p[i] };
             let beside = Fit::of(record, p, self.rests).and_then(|fit| fit.improved(record, SOME, stop));
             if let Some(better) = beside.filter(|fit| fit.squares < self.squares) {
                 self = better;

@@ -266,8 +266,15 @@ impl Motion {
         let Handle { inertia, stiffness, damping } = handle;
         let out = self.apart.filter(|_| self.gap != 0.0).map(|one| (one, self.gap));
         let zero = [0.0; TERMS];
-        let mut series =
-            Series { v: zero, theta: zero, w: zero, ahead: zero, push: zero, decaying: [0.0; 2], rate: self.decay * step };
+        let mut series = Series {
+            v: zero,
+            theta: zero,
+            w: zero,
+            ahead: zero,
+            push: zero,
+            decaying: [0.0; 2],
+            rate: self.decay * step,
+        };
         let (mut v, mut theta, mut w, mut gap) = (self.v, self.theta, self.w, self.gap);
         if let Some((one, size)) = out {
             if !rests {
@@ -287,8 +294,7 @@ impl Motion {
                 series.ahead[k + 1] = next * v;
             }
             let rate = if rests { 0.0 } else { (held + gap + shaft - b * v) / own };
-            (v, theta, w, gap) =
-                (next * rate, next * (w - v), -next * shaft / inertia, -next * self.decay * gap);
+            (v, theta, w, gap) = (next * rate, next * (w - v), -next * shaft / inertia, -next * self.decay * gap);
             held = 0.0;
         }
         series

@@ -130,4 +130,3 @@ fn a_rigid_fit_of_a_shaft_is_not_called_explained_and_names_its_resonance() {
     assert!((large.resonance_hz.unwrap() / hz - 1.0).abs() < 0.05, "{error} {hz}");
     assert!(error.to_string().contains("Hz stands out of them, as of a handle on a flexible shaft"), "{error}");
 }
-
