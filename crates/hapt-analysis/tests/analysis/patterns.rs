@@ -54,13 +54,37 @@ fn a_published_loop_is_proved_up_to_its_longest_interval() {
     assert_eq!(broken.verdict, PatternVerdict::Broken, "{broken:?}");
     let pattern = broken.pattern.unwrap();
     assert!(pattern.growth_per_s > 0.0 && pattern.intervals_s.iter().all(|h| (0.0..=1.7311).contains(h)));
-    for longest in [0.5, 1.1137, 1.3659, 1.69, 1.72] {
+    // Proved by others up to 0.869 (Fridman et al. 2004), 1.1137 (Naghshtabrizi et al. 2008), 1.3659 (Mirkin 2007), 1.695 (Fridman 2010) and
+    // 1.72 (Seuret 2012).
+    for longest in [0.5, 0.869, 1.1137, 1.3659, 1.695, 1.72] {
         let found = at(longest);
         assert_eq!(
             (found.verdict, found.proved_by),
             (PatternVerdict::Proved, Some("common form")),
             "{longest} {found:?}"
         );
+    }
+}
+
+/// The same loop with a delay and hardly sampled. Its phase margin lasts for a delay of 1.1671 s: |3.75 + 11.5 jω| = ω |10 jω + 1| at
+/// ω = 1.18832, where 79.46° are left. A sample that is held adds half a period, and what is left goes with the period's square.
+#[test]
+fn a_sample_that_is_held_delays_by_half_a_period() {
+    let omega: f64 = ((131.25 + (131.25f64.powi(2) + 400.0 * 3.75 * 3.75).sqrt()) / 200.0).sqrt();
+    assert!((11.5 * omega).hypot(3.75) / (omega * (10.0 * omega).hypot(1.0)) - 1.0 < 1e-12);
+    let margin = std::f64::consts::FRAC_PI_2 - (10.0 * omega).atan() + (11.5 * omega / 3.75).atan();
+    let longest = margin / omega;
+    assert!((longest - 1.1671).abs() < 1e-4, "{longest}");
+    for period in [0.02, 0.05, 0.1] {
+        let at = |delay: f64| {
+            let mut world = branicky(period);
+            world.sampling.period = period;
+            world.sampling.interval_max = None;
+            world.sampling.delay = Delay::Seconds(delay);
+            free_growth(&world).unwrap().unwrap()
+        };
+        let (edge, off) = (longest - 0.5 * period, 1e-4 + 0.3 * period * period);
+        assert!(at(edge - off) < 0.0 && at(edge + off) > 0.0, "{period}: {} {}", at(edge - off), at(edge + off));
     }
 }
 
