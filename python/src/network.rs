@@ -133,7 +133,7 @@ impl Network {
     fn check(&self, py: Python<'_>) -> PyResult<(String, String)> {
         let (model, title) = (Arc::clone(&self.model), self.title().to_string());
         let work = move || -> Result<_, hapt_analysis::Error> {
-            let check = hapt_analysis::check_network(&model)?;
+            let check = hapt_analysis::check_network(&model)?.with_remedies(&model, true)?;
             Ok((serde_json::to_string(&check), check.text(&title)))
         };
         let until = move |stop: &Stop| hapt_analysis::until(stop.flag(), work);

@@ -193,7 +193,6 @@ impl NetworkReport<'_> {
             true => ("certified", "Certified", "stable"),
             false => ("not certified", "Not certified", "unstable"),
         };
-        let (what, heading, lines) = self.check.proposal();
         document(
             &self.title,
             html! {
@@ -211,11 +210,13 @@ impl NetworkReport<'_> {
                             @for reason in &station.not_proved { dt { "not proved" } dd { (reason) "." } }
                         }
                     }
-                    @if lines.is_empty() {
-                        p { "No single change of these numbers makes it passive." }
-                    } @else {
-                        p { (if what == "margins" { "Margins: " } else { "Remedies: " }) (heading) "." }
-                        pre { (lines.join("\n")) }
+                    @if let Some((what, heading, lines)) = self.check.proposal() {
+                        @if lines.is_empty() {
+                            p { "No single change of these numbers makes it passive." }
+                        } @else {
+                            p { (if what == "margins" { "Margins: " } else { "Remedies: " }) (heading) "." }
+                            pre { (lines.join("\n")) }
+                        }
                     }
                     @for note in &self.check.notes { p.soft { "Note: " (note) "." } }
                     h2 { "Links" }

@@ -96,7 +96,7 @@ fn of_the_check(check: Option<&NetworkCheck>, measure: Measure) -> Option<f64> {
             let margins = check.stations.iter().map(|station| Some(station.device_damping - station.required_damping?));
             margins.collect::<Option<Vec<f64>>>()?.into_iter().min_by(f64::total_cmp)
         }
-        Measure::StiffnessScale => check.remedies.stiffness_scale,
+        Measure::StiffnessScale => check.remedies.as_ref()?.stiffness_scale,
         Measure::FixedPassive => check.fixed.passive.map(|passive| f64::from(u8::from(passive))),
         Measure::PeakTorque
         | Measure::FinalEnergy

@@ -19,7 +19,7 @@ use crate::world::inputs;
 /// `hapt check` of a network.
 pub fn check(source: &Source, args: &CheckArgs) -> Result<ExitCode, Failure> {
     let network = Network::read(source, &args.world.sets)?;
-    let check = hapt_analysis::check_network(&network)?;
+    let check = hapt_analysis::check_network(&network)?.with_remedies(&network, !args.no_remedies)?;
     let text = if args.json {
         serde_json::to_string_pretty(&check).map_err(|error| Failure::System(error.to_string()))? + "\n"
     } else {

@@ -56,8 +56,8 @@ impl NetworkCheck {
         Linked {
             certified: self.certified,
             sentence: self.verdict_sentence(),
-            stiffness_scale: self.remedies.stiffness_scale,
-            age_scale: self.remedies.age_scale,
+            stiffness_scale: self.remedies.as_ref().and_then(|remedies| remedies.stiffness_scale),
+            age_scale: self.remedies.as_ref().and_then(|remedies| remedies.age_scale),
         }
     }
 }

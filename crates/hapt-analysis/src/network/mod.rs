@@ -29,6 +29,7 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 use crate::certificate::check::{Check, check};
+use crate::certificate::remedies::remedies;
 use crate::equations::laws;
 use crate::error::Error;
 use crate::passivity::quantisation::{quantisation, step};
@@ -50,8 +51,8 @@ pub struct NetworkCheck {
     pub certified: bool,
     /// The same at the periods, phases and delays of the file alone: a second and sharper verdict.
     pub fixed: FixedRates,
-    /// What would make it certified, or its margins.
-    pub remedies: NetworkRemedies,
+    /// What would make it passive, or its margins; `None` where they are left out.
+    pub remedies: Option<NetworkRemedies>,
     /// Conditions that apply to the numbers.
     pub notes: Vec<String>,
 }
@@ -172,10 +173,24 @@ pub fn check_network(network: &Network) -> Result<NetworkCheck, Error> {
         links: links.collect(),
         fixed,
         certified: stations.iter().all(|station| station.passive && station.local.certified),
-        remedies,
+        remedies: Some(remedies),
         notes: notes(network),
         stations,
     })
+}
+
+impl NetworkCheck {
+    /// The same with the remedies of each station's world, alone, or with none at all: those of `network`, whose certificate this is.
+    ///
+    /// # Errors
+    /// As [`remedies`].
+    pub fn with_remedies(mut self, network: &Network, wanted: bool) -> Result<Self, Error> {
+        self.remedies = self.remedies.filter(|_| wanted);
+        for (checked, station) in self.stations.iter_mut().zip(&network.stations) {
+            checked.local.remedies = wanted.then(|| remedies(&station.world)).transpose()?;
+        }
+        Ok(self)
+    }
 }
 
 fn notes(network: &Network) -> Vec<String> {

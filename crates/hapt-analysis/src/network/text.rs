@@ -86,14 +86,14 @@ impl NetworkCheck {
             );
         }
         let _ = writeln!(text, "fixed     {}", self.fixed.sentence());
-        let (name, heading, lines) = self.proposal();
-        match lines.is_empty() {
-            true => text += &format!("{name:<9} no single change of these numbers makes it passive\n"),
-            false => {
-                text += &format!(
-                    "{name:<9} {heading}:\n{}",
-                    lines.iter().map(|line| format!("  {line}\n")).collect::<String>()
-                )
+        match self.proposal() {
+            None => {}
+            Some((name, _, lines)) if lines.is_empty() => {
+                text += &format!("{name:<9} no single change of these numbers makes it passive\n");
+            }
+            Some((name, heading, lines)) => {
+                let lines: String = lines.iter().map(|line| format!("  {line}\n")).collect();
+                text += &format!("{name:<9} {heading}:\n{lines}");
             }
         }
         for note in &self.notes {
@@ -106,8 +106,10 @@ impl NetworkCheck {
         unit(measure, self.stations.first().map_or(Motion::Rotary, |station| station.local.motion))
     }
 
-    /// Margins where it is passive, else remedies: which of both, what they are, and a line for each; without lines there are none.
-    pub fn proposal(&self) -> (&'static str, &'static str, Vec<String>) {
+    /// Margins where it is passive, else remedies: which of both, what they are, and a line for each; without lines there are none. `None`
+    /// where they were left out.
+    pub fn proposal(&self) -> Option<(&'static str, &'static str, Vec<String>)> {
+        let remedies = self.remedies.as_ref()?;
         let is_passive = self.stations.iter().all(|station| station.passive);
         let (name, heading) = if is_passive {
             ("margins", "passive as far as each of these, one at a time")
@@ -115,7 +117,6 @@ impl NetworkCheck {
             ("remedies", "each of these makes it passive")
         };
         let mut lines = Vec::new();
-        let remedies = &self.remedies;
         if let Some(scale) = remedies.stiffness_scale.filter(|scale| *scale > 0.0) {
             lines.push(format!("stiffness of every link times {}", up_to(scale)));
         }
@@ -128,7 +129,7 @@ impl NetworkCheck {
                 least.map(|least| format!("device.damping of {station}: {least} {}", self.unit(Measure::Damping))),
             );
         }
-        (name, heading, lines)
+        Some((name, heading, lines))
     }
 }
 

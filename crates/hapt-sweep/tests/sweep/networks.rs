@@ -190,7 +190,7 @@ fn a_cell_of_a_network_is_its_check_and_its_run_alone() {
                 Measure::LetGo => Some(run.let_go().flatten().sum::<u64>() as f64),
                 Measure::Certified => flag(check.certified),
                 Measure::DampingMargin => margin.clone().min_by(f64::total_cmp),
-                Measure::StiffnessScale => check.remedies.stiffness_scale,
+                Measure::StiffnessScale => check.remedies.as_ref().unwrap().stiffness_scale,
                 Measure::FixedPassive => check.fixed.passive.and_then(flag),
                 other => panic!("{} is of a world", other.name()),
             };

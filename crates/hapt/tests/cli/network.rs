@@ -23,6 +23,16 @@ fn a_network_is_certified_or_not_and_says_where_it_lacks() {
     assert_eq!(check["stations"]["left"]["local"]["period_s"], 1e-3);
     assert_eq!(check["links"][0]["age_max_s"], 0.02);
     assert_eq!(check["certified"], true);
+    // A station's own remedies are those of its world, and the network's are for its links.
+    let alone = hapt(at.path(), ["check", "wheel.toml", "--json"]).done().out;
+    let alone: serde_json::Value = serde_json::from_str(&alone).unwrap();
+    assert_eq!(check["stations"]["left"]["local"], alone);
+    assert!(check["remedies"]["stiffness_scale"].as_f64().unwrap() > 1.0 && text.contains("\nmargins "), "{text}");
+    let json = hapt(at.path(), ["check", "pair.toml", "--json", "--no-remedies"]).done().out;
+    let check: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert!(check["remedies"].is_null() && check["stations"]["left"]["local"]["remedies"].is_null(), "{json}");
+    let text = hapt(at.path(), ["check", "pair.toml", "--no-remedies"]).done().out;
+    assert!(text.contains("verdict   certified") && !text.contains("margins"), "{text}");
     let weak = hapt(at.path(), ["check", "pair.toml", "--set", "stations.right.device.damping=1e-4"]);
     assert!(weak.code == Some(1) && weak.out.contains("too little damping: right"), "{weak:?}");
 }
