@@ -362,7 +362,7 @@ impl Followed {
         let Some(rates) = self.expected(period).filter(|_| sampling.bodies_every == 1) else { return Ok(None) };
         let delayed;
         let (mut function, size) = match &self.modal {
-            Some(modal) => (modal.at(sampling, damping, filter, period)?, 1.0),
+            Some(modal) => (modal.at(sampling, damping, filter, period)?, modal.size(period)),
             None => match Delayed::new(port, sampling, damping, filter, period)? {
                 Some(found) => {
                     delayed = found;
@@ -378,12 +378,24 @@ impl Followed {
         let Some(found) = function.outside(radius, &known, &near) else { return Ok(None) };
         let rounding = ROUNDING * size;
         let of = |(i, mu): (usize, &Complex<f64>)| {
-            (multiplier(Method::ForwardEuler, Root::from(*mu)), if i < known.len() { 0.0 } else { rounding })
+            let error = if i < known.len() { 0.0 } else { rounding / apart(&found, i).min(1.0) };
+            (multiplier(Method::ForwardEuler, Root::from(*mu)), error)
         };
         let found: Vec<_> = found.iter().enumerate().map(of).collect();
-        let doubtful = found.iter().skip(known.len()).any(|(m, _)| m.ln_abs.abs() < DOUBTFUL * rounding);
+        let doubtful = found.iter().skip(known.len()).any(|(m, error)| m.ln_abs.abs() < DOUBTFUL * error);
         Ok((!doubtful).then_some(found))
     }
+}
+
+/// The distance of a root from the next one, its own conjugate among them: two that are near to each other are known so much less.
+fn apart(roots: &[Complex<f64>], at: usize) -> f64 {
+    let root = roots[at];
+    let others = roots.iter().enumerate().flat_map(|(i, other)| {
+        let itself = (i != at).then(|| (root - other).norm());
+        let conjugate = (i != at || root.im != 0.0).then(|| (root - other.conj()).norm());
+        [itself, conjugate]
+    });
+    others.flatten().fold(f64::INFINITY, f64::min)
 }
 
 /// Removes up to `shifts` eigenvalues within `near`, in 1/s, of 1.

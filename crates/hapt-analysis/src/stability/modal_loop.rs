@@ -54,6 +54,8 @@ pub(crate) struct ModalLoop {
     damped: Vec<ContinuousPole>,
     /// K of the module documentation.
     stiffness: f64,
+    /// By how much more than rounding the damped poles may be off, 1/s: they come from a matrix of this size, times their condition.
+    size: f64,
 }
 
 impl ModalLoop {
@@ -64,7 +66,7 @@ impl ModalLoop {
             return None;
         }
         let device = Port { blocks: Vec::new(), ..port.clone() };
-        let mut all = ModalLoop { device, undamped: Vec::new(), damped: Vec::new(), stiffness: 0.0 };
+        let mut all = ModalLoop { device, undamped: Vec::new(), damped: Vec::new(), stiffness: 0.0, size: 0.0 };
         let mut given = 0.0;
         for block in &port.blocks {
             let (omega, gains) = of_block(block);
@@ -75,13 +77,22 @@ impl ModalLoop {
                     all.undamped.push((omega, gains.spring[0]));
                 }
                 _ if method == Method::SemiImplicitEuler || e.per_period.iter().any(|c| *c != 0.0) => return None,
-                _ => all.damped.extend(poles(e.fixed.view((0, 0), (e.bodies(), e.bodies())).into(), &omega, &gains)?),
+                _ => {
+                    let (poles, size) = poles(e.fixed.view((0, 0), (e.bodies(), e.bodies())).into(), &omega, &gains)?;
+                    all.damped.extend(poles);
+                    all.size = all.size.max(size);
+                }
             }
         }
         if port.grounded {
             all.stiffness = port.stiffness - given;
         }
         Some(all)
+    }
+
+    /// How many times the rounding of 1 the eigenvalues may be off at a period.
+    pub fn size(&self, period: f64) -> f64 {
+        1.0 + self.size * period
     }
 
     /// p at a period.
@@ -160,8 +171,8 @@ fn of_block(block: &Block) -> (Vec<f64>, Gains) {
     (omega, Gains { spring: column(&e.stiffness), damper: column(&e.fixed) })
 }
 
-/// The poles of modes that dampers couple, s for z.
-fn poles(fixed: DMatrix<f64>, omega: &[f64], gains: &Gains) -> Option<Vec<ContinuousPole>> {
+/// The poles of modes that dampers couple, s for z, and [`ModalLoop::size`] of them.
+fn poles(fixed: DMatrix<f64>, omega: &[f64], gains: &Gains) -> Option<(Vec<ContinuousPole>, f64)> {
     let (p, m) = (omega.len(), fixed.nrows());
     let mut a = DMatrix::zeros(p + m, p + m);
     for (i, omega) in omega.iter().enumerate() {
@@ -178,7 +189,9 @@ fn poles(fixed: DMatrix<f64>, omega: &[f64], gains: &Gains) -> Option<Vec<Contin
         let root = Root::from(C::new(z.re.min(0.0), z.im));
         ContinuousPole::new(root, v.column(i).as_slice(), &row, omega, gains)
     };
-    Some(values.iter().enumerate().map(of).collect())
+    // An eigenvalue moves by a change of the matrix times its condition, here the norm of its row, as the columns are units.
+    let condition = inverse.row_iter().map(|row| row.norm()).fold(1.0, f64::max);
+    Some((values.iter().enumerate().map(of).collect(), condition * a.norm()))
 }
 
 /// The device over a sample.
