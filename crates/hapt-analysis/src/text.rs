@@ -1,5 +1,8 @@
 //! Numbers as text for people.
 
+use hapt_model::Motion;
+use hapt_model::keys::Measure;
+
 /// A rate or a time for people: four digits, no trailing zeros.
 pub(crate) fn short(x: f64) -> String {
     let digits = if x == 0.0 { 3 } else { (3 - x.abs().log10().floor() as i32).clamp(0, 12) };
@@ -12,6 +15,11 @@ pub(crate) fn short(x: f64) -> String {
     } else {
         text
     }
+}
+
+/// A quantity for people: a number as [`short`] has it, with its SI unit.
+pub(crate) fn with_unit(x: f64, measure: Measure, motion: Motion) -> String {
+    format!("{} {}", short(x), measure.dimension(motion).symbol())
 }
 
 /// A time for people.

@@ -1,5 +1,6 @@
 //! The check of a world.
 
+use hapt_model::keys::Measure;
 use hapt_model::{End, EstimatorKind, Law, Method, Motion, World};
 use serde::Serialize;
 
@@ -13,7 +14,7 @@ use crate::passivity::{Passivity, Uneven, passivity, uneven};
 use crate::stability::clamped::{held_world, held_world_at_this_period};
 use crate::stability::free::{free, free_at_this_period, shortest_period};
 use crate::stability::{Stability, Verdict};
-use crate::text::{short, time};
+use crate::text::{short, time, with_unit};
 
 /// The result of `check`. It serialises to the mapping that `hapt check --json` prints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -202,13 +203,14 @@ fn at_puck(world: &World) -> impl Iterator<Item = String> {
         )),
         (Kind::Constant, torque) if torque != 0.0 => {
             let speed = if damping > 0.0 {
-                format!("drives the puck at up to {}, its torque over the device's damping", short(torque / damping))
+                let speed = with_unit(torque / damping, Measure::Velocity, world.motion);
+                format!("at up to {speed}, its torque over the device's damping")
             } else {
-                "drives the puck ever faster, because the device has no damping".to_string()
+                "ever faster, because the device has no damping".to_string()
             };
             Some(format!(
                 "couplings.{index}: a constant torque at the puck gives energy without bound and counts 0 in passivity; hands \
-                 off it {speed}"
+                 off, where nothing else holds the puck, it drives it {speed}"
             ))
         }
         (Kind::Linear | Kind::Constant | Kind::Potential | Kind::Coulomb | Kind::Lugre, _) => None,

@@ -236,26 +236,33 @@ impl Check {
         let [least, most] = found.delay_s;
         let delay = if least == most { time(least) } else { format!("{} to {}", time(least), time(most)) };
         let delay = if most > 0.0 { format!("delays of {delay}") } else { "no delay".to_string() };
-        let times = format!("intervals up to {} and {delay}", time(found.interval_max_s));
+        let all = if found.is_even {
+            "with every device within its tolerances".to_string()
+        } else {
+            format!("under every pattern of intervals up to {} and {delay}", time(found.interval_max_s))
+        };
         let hands_off = self.patterns_sentence();
         let Some(required) = found.required_damping else {
-            return Some(format!("not known to be passive under {times}, with any damping; {hands_off}"));
+            return Some(format!("not known to be passive {all}, at any damping; {hands_off}"));
         };
         let unit = Measure::Damping.dimension(self.motion).symbol();
         let (has, wanted) = (short(found.device_damping), short(required));
         let verdict = if found.passive { "passive" } else { "not known to be passive" };
         Some(format!(
-            "{verdict} under every pattern of {times}{linear}: a device damping of {wanted} {unit} is enough, and the device has {has} at \
-             least; {hands_off}"
+            "{verdict} {all}{linear}: a device damping of {wanted} {unit} is enough, and the device has {has} at least; {hands_off}"
         ))
     }
 
     /// What is known of the hands-off loop under every pattern.
     fn patterns_sentence(&self) -> String {
         let FreePatterns { verdict, interval_s: [least, longest], proved_by, pattern, reason } = &self.uneven.free;
-        let intervals = match *least {
+        let of_intervals = match *least {
             0.0 => String::new(),
             least => format!(" of intervals from {} to {}", time(least), time(*longest)),
+        };
+        let (under_none, one) = match self.uneven.is_even {
+            true => ("with no such device".to_string(), "such a device".to_string()),
+            false => (format!("under no pattern{of_intervals}"), format!("a pattern{of_intervals}")),
         };
         match (verdict, pattern) {
             (PatternVerdict::Broken, Some(found)) => format!(
@@ -265,12 +272,12 @@ impl Check {
                 found.description()
             ),
             (PatternVerdict::Proved, _) if *proved_by == Some(BY_PASSIVITY) => {
-                "hands-off it then grows under none".to_string()
+                format!("hands-off it then grows {} none", if self.uneven.is_even { "with" } else { "under" })
             }
-            (PatternVerdict::Proved, _) => format!("hands-off it grows under no pattern{intervals}"),
+            (PatternVerdict::Proved, _) => format!("hands-off it grows {under_none}"),
             (PatternVerdict::Open | PatternVerdict::Broken, _) => {
                 let reason = reason.as_deref().unwrap_or("no proof is known");
-                format!("hands-off it is not known whether a pattern{intervals} makes it grow: {reason}")
+                format!("hands-off it is not known whether {one} makes it grow: {reason}")
             }
         }
     }

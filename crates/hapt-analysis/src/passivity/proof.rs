@@ -22,17 +22,18 @@
 //!
 //! **Counts and levels** without bodies are compensated by the friction of the device (`quantisation`). With a body they are not.
 
-use hapt_model::{Coupling, EstimatorKind, Method, Output, World};
+use hapt_model::keys::Measure;
+use hapt_model::{Coupling, EstimatorKind, Law, Method, Output, World};
 
 use crate::equations::continuous::settled;
 use crate::equations::delay::Delay;
 use crate::equations::laws::{self, Kind, is_nonlinear};
 use crate::equations::slopes::at_puck;
 use crate::error::Error;
-use crate::passivity::quantisation::{Quantisation, quantisation};
+use crate::passivity::quantisation::{Quantisation, quantisation, step};
 use crate::passivity::required::{Cause, Requirement, requirement};
 use crate::passivity::timing::Timing;
-use crate::text::short;
+use crate::text::with_unit;
 
 /// The reasons why the verdict on the linear loop is not proved for the whole loop.
 ///
@@ -72,8 +73,14 @@ pub(super) const BRISTLE: &str =
 pub(super) const SATURATION: &str = "the motor's limit cuts the torque on the puck but not its opposite on the bodies: a limit on \
      every coupling at the puck, together no more than the motor's, would cut both";
 
-pub(super) fn saturated_from(bound: f64) -> String {
-    format!("a motor at its limit is proved passive from a device damping of {} on", short(bound))
+pub(super) fn saturated_from(world: &World, bound: f64) -> String {
+    let bound = with_unit(bound, Measure::Damping, world.motion);
+    format!("a motor at its limit is proved passive from a device damping of {bound} on")
+}
+
+pub(super) fn nonlinear_from(world: &World, bound: f64) -> String {
+    let bound = with_unit(bound, Measure::Damping, world.motion);
+    format!("the nonlinear couplings at the puck are proved passive from a device damping of {bound} on")
 }
 
 /// The reasons that depend neither on times nor on the required damping.
@@ -95,11 +102,22 @@ fn estimator(world: &World) -> Option<String> {
             sampling.estimator.name()
         )),
         EstimatorKind::Exact => {
-            let takes = |c: &Coupling| laws::at_puck(c) && laws::takes_velocity(&c.law);
-            world.couplings.iter().any(takes).then(|| {
-                "the exact estimator tells a damper at the puck the velocity of one instant, and the puck may turn round before the \
-                 next: the proof is of the difference that counts here, estimator = \"difference\""
-                    .to_string()
+            let takes = world.couplings.iter().filter(|c| laws::at_puck(c) && laws::takes_velocity(&c.law));
+            let names = takes.map(|c| {
+                if matches!(c.law, Law::Coulomb { .. } | Law::Lugre { .. }) {
+                    "the friction at the puck"
+                } else if laws::is_damped_wall(&c.law) {
+                    "a damped wall at the puck"
+                } else {
+                    "a damper at the puck"
+                }
+            });
+            // A damper or a wall goes before friction, as it does in the alphabet.
+            names.min().map(|name| {
+                format!(
+                    "the exact estimator tells {name} the velocity of one instant, and the puck may turn round before the next: the \
+                     proof is of the difference that counts here, estimator = \"difference\""
+                )
             })
         }
         EstimatorKind::Difference | EstimatorKind::LowPass => None,
@@ -139,7 +157,7 @@ fn limit(world: &World, claimed: Option<f64>, stretch: f64) -> Result<Option<Str
         return Ok(Some(SATURATION.to_string()));
     }
     let bound = Timing::even(world).of_laws(at_puck(world, &world.couplings)?)?;
-    Ok(falls_short(claimed, bound).then(|| saturated_from(bound * stretch)))
+    Ok(falls_short(claimed, bound).then(|| saturated_from(world, bound * stretch)))
 }
 
 /// Constant torques at bodies.
@@ -162,27 +180,34 @@ fn bristles(world: &World) -> Vec<String> {
     couplings.map(reason).collect()
 }
 
-/// Friction required by quantisation.
-pub(super) fn friction(world: &World, found: &Quantisation) -> Vec<String> {
-    let mut reasons = Vec::new();
+/// Friction and damping required by quantisation. `world` has the device that the claim is about: the least of its tolerances.
+pub(super) fn friction(world: &World, found: &Quantisation) -> Option<String> {
+    let torque = |torque: f64| with_unit(torque, Measure::Torque, world.motion);
+    let (levels, has_counts) = (0.5 * step(world), world.device.encoder.is_some());
     if found.lacks_friction() {
-        let what = match (world.device.encoder.is_some(), world.device.levels.is_some()) {
+        let what = match (found.least_friction > levels, levels > 0.0) {
             (true, true) => "the encoder's counts at the dampers of the puck, and the motor's levels, make",
             (true, false) => "the encoder's counts at the dampers of the puck make",
             (false, _) => "the motor's levels make",
         };
-        reasons.push(format!(
+        return Some(format!(
             "{what} a torque of up to {}, and the device's friction of {} does not take as much",
-            short(found.least_friction),
-            short(found.friction)
+            torque(found.least_friction),
+            torque(found.friction)
         ));
     }
-    if found.is_too_stiff() {
-        reasons.push(
-            "the stiffness at the puck is above quantisation.max_stiffness: counts may keep it humming".to_string(),
-        );
-    }
-    reasons
+    let most = found.max_stiffness.filter(|_| found.is_too_stiff())?;
+    let what = match (has_counts, levels > 0.0) {
+        (true, true) => "the encoder's counts and the motor's levels",
+        (true, false) => "the encoder's counts",
+        (false, _) => "the motor's levels",
+    };
+    let [stiffness, most] = [found.stiffness, most].map(|k| with_unit(k, Measure::Stiffness, world.motion));
+    Some(format!(
+        "the stiffness at the puck, {stiffness}, is above {most}, the quantisation.max_stiffness at a friction of {}: {what} may keep it \
+         humming",
+        torque(found.friction)
+    ))
 }
 
 /// The damping of the verdict: that of the device, or the required one if larger.
@@ -212,10 +237,7 @@ fn at_puck_only(world: &World, claimed: Option<f64>, stretch: f64) -> Result<Opt
     }
     let Ok(rest) = requirement(world, &straight)?.damping else { return Ok(None) };
     let bound = rest + Timing::even(world).of_laws(at_puck(world, &indices)?)?;
-    Ok(falls_short(claimed, bound).then(|| {
-        let bound = bound * stretch;
-        format!("the nonlinear couplings at the puck are proved passive from a device damping of {} on", short(bound))
-    }))
+    Ok(falls_short(claimed, bound).then(|| nonlinear_from(world, bound * stretch)))
 }
 
 /// Nonlinear couplings at bodies: the conditions of the energy theorem.
@@ -266,7 +288,8 @@ fn energy_theorem(
     let [stiffness, damping] = at_puck(world, &world.couplings)?;
     let bound = 0.5 * sampling.period * stiffness + damping;
     if falls_short(claimed, bound) {
-        return outside(&format!("it begins at a device damping of {}", short(bound * stretch)));
+        let bound = with_unit(bound * stretch, Measure::Damping, world.motion);
+        return outside(&format!("it begins at a device damping of {bound}"));
     }
     Ok(None)
 }

@@ -14,7 +14,6 @@ use crate::passivity::required::{
 use crate::passivity::supremum::{Wanted, requirement_beside};
 use crate::passivity::timing::Timing;
 use crate::stability::patterns::{FreePatterns, patterns};
-use crate::text::short;
 
 /// The passivity of a loop whose intervals, delays and device are known within bounds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -42,6 +41,9 @@ pub struct Uneven {
     /// Whether the file states any of it. Otherwise it is the verdict of [`crate::passivity()`].
     #[serde(skip)]
     pub is_stated: bool,
+    /// Whether the intervals are even and the delay is one, so that only the device is uncertain.
+    #[serde(skip)]
+    pub is_even: bool,
 }
 
 /// Whether a world states bounds of its times, or tolerances of its device.
@@ -77,6 +79,7 @@ pub fn uneven(world: &World) -> Result<Uneven, Error> {
         free,
         device_damping: least,
         is_stated: is_stated(world),
+        is_even: timing.is_even(),
     })
 }
 
@@ -249,7 +252,7 @@ fn bound_reasons(world: &World, timing: Timing, required: Option<f64>) -> Result
         } else {
             let bound = timing.of_laws(at_puck(world, &world.couplings)?)?;
             if falls_short(bound) {
-                reasons.push(proof::saturated_from(bound));
+                reasons.push(proof::saturated_from(world, bound));
             }
         }
     }
@@ -268,10 +271,7 @@ fn bound_reasons(world: &World, timing: Timing, required: Option<f64>) -> Result
         };
         let bound = of_rest + timing.of_laws(at_puck(world, &nonlinear)?)?;
         if falls_short(bound) {
-            reasons.push(format!(
-                "the nonlinear couplings at the puck are proved passive from a device damping of {} on",
-                short(bound)
-            ));
+            reasons.push(proof::nonlinear_from(world, bound));
         }
     }
     // Counts: as at even samples, with the damping of the longest interval.

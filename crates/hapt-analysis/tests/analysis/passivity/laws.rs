@@ -108,7 +108,7 @@ fn a_compensating_damper_is_proved_as_the_damping_that_it_is() {
             let found = passivity(&world).unwrap();
             near(found.required_damping.unwrap(), 1.625e-3, 1e-9);
             assert!(!found.proved, "{spring:?} {damper:?}");
-            assert!(found.not_proved[0].contains("of 0.0025 on"), "{:?}", found.not_proved);
+            assert!(found.not_proved[0].contains("of 0.0025 N m s/rad on"), "{:?}", found.not_proved);
             world.device.damping = 2.501e-3;
             assert_eq!(reasons(&world), Vec::<String>::new());
         }

@@ -39,6 +39,7 @@ fn what_is_not_proved_says_why() {
         w.device.friction = 0.0;
     });
     assert!(found.len() == 2 && found[1].contains("max_stiffness"), "{found:?}");
+    assert!(found[1].contains("at a friction of 0 N m: the encoder's counts may keep it humming"), "{found:?}");
     let constant = |first| Coupling { first, second: End::Ground, law: Law::Constant { torque: 0.1 }, limit: None };
     one(&|w| w.couplings.push(constant(End::Body(0))), "constant torque at a body");
     one(
@@ -156,4 +157,53 @@ fn nothing_that_follows_the_position_alone_minds_the_exact_estimator() {
     assert!(reasons(&world)[0].contains("exact"));
     world.sampling.estimator = EstimatorKind::Difference;
     assert_eq!(reasons(&world), Vec::<String>::new());
+}
+
+#[test]
+fn reasons_speak_of_what_the_world_has_and_in_its_units() {
+    let mut world = wheel(Method::Zoh, Output::End, 0.0);
+    world.bodies.clear();
+    world.couplings = vec![spring(End::Puck, End::Ground, 1.4)];
+    world.device.damping = 1.0;
+    // Levels of 1 mN m without an encoder need half a step of friction.
+    let levels = |friction: f64| {
+        let mut world = world.clone();
+        (world.device.limit, world.device.levels, world.device.friction) = (Some(0.5), Some(1000), friction);
+        let found = reasons(&world);
+        assert!(found.iter().all(|reason| !reason.contains("count")), "{found:?}");
+        found
+    };
+    assert!(levels(6e-4).iter().all(|reason| !reason.contains("levels")));
+    let few = levels(3e-4);
+    assert!(few.iter().any(|reason| {
+        reason.contains("levels make a torque of up to 0.0005 N m, and the device's friction of 0.0003 N m")
+    }));
+    // Friction at the puck is no damper.
+    let exact = |law| {
+        let mut world = world.clone();
+        world.sampling.estimator = EstimatorKind::Exact;
+        world.couplings.push(Coupling { first: End::Puck, second: End::Ground, law, limit: None });
+        reasons(&world).join("; ")
+    };
+    assert!(exact(Law::Coulomb { torque: 0.1 }).contains("tells the friction at the puck the velocity"));
+    assert!(exact(Law::Damper { damping: Damping::Fixed(0.1) }).contains("tells a damper at the puck the velocity"));
+}
+
+#[test]
+fn a_tolerance_of_the_friction_counts_at_its_low_end_and_says_so() {
+    let text = "loop = { period = \"1 ms\", method = \"zoh\" }\n[device]\ninertia = 1e-3\ndamping = 2e-3\nencoder = 4000\n\
+        friction = \"0.0012 N m ± 20 %\"\n[[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\nstiffness = 1.4\n";
+    let world = World::read(&hapt_model::Source::from_text("w.toml", text), &[]).unwrap();
+    let check = hapt_analysis::check(&world).unwrap();
+    // 2·friction/Δ, Δ = 2π/4000: 1.528 N m/rad in the middle, 1.222 at the low end.
+    assert!(check.quantisation.ok && check.passivity.proved && !check.uneven.proved);
+    let reason = &check.uneven.not_proved[0];
+    assert!(
+        reason.contains("1.4 N m/rad, is above 1.222 N m/rad") && reason.contains("friction of 0.00096 N m"),
+        "{reason}"
+    );
+    // Intervals are even and the delay is one: nothing but the device is uncertain.
+    let sentence = check.uneven_sentence().unwrap();
+    assert!(sentence.starts_with("passive with every device within its tolerances (the linear loop)"), "{sentence}");
+    assert!(!sentence.contains("interval"), "{sentence}");
 }
