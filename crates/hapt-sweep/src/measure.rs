@@ -288,8 +288,13 @@ impl Settling {
     fn new(world: &World, scenario: &Scenario, run: &Simulation) -> Self {
         let held = run.is_held_at(scenario.duration);
         let tracks = if held { world.bodies.len() } else { 1 };
-        let from = run.last_event().min(scenario.duration);
-        Settling { from, duration: scenario.duration, held, times: Vec::new(), tracks: vec![Vec::new(); tracks] }
+        Settling {
+            from: run.last_event(),
+            duration: scenario.duration,
+            held,
+            times: Vec::new(),
+            tracks: vec![Vec::new(); tracks],
+        }
     }
 
     fn add(&mut self, time: f64, puck: f64, bodies: &[(f64, f64)]) {
@@ -306,6 +311,10 @@ impl Settling {
     }
 
     fn time(&self) -> Option<f64> {
+        // Nothing was seen of the motion after the event.
+        if self.from >= self.duration {
+            return None;
+        }
         let mut settled = self.from;
         for track in &self.tracks {
             let last = *track.last()?;

@@ -185,6 +185,29 @@ fn what_never_settles_has_no_time_and_what_never_moves_has_none_to_wait() {
 }
 
 #[test]
+fn nothing_has_settled_before_the_hands_last_event() {
+    let times = |at: f64| {
+        let file = format!(
+            "loop.period = 1e-3\ndevice.inertia = 1e-3\n[bodies.b]\ninertia = 1e-3\nvelocity = 1\n[[couplings]]\nkind = \"spring\"\n\
+             between = [\"puck\", \"b\"]\nstiffness = 1\n[[couplings]]\nkind = \"damper\"\nbetween = [\"b\", \"ground\"]\ndamping = 0.02\n\
+             [scenarios.s]\nduration = 1\nhand = {{ kind = \"step\", to = 1, at = {at} }}"
+        );
+        // Enough values for a whole batch of lanes, and for single runs.
+        [1, 16].map(|count| {
+            let most = if count == 1 { 0.0 } else { 0.1 };
+            let axes = [format!("device.damping=0..{most}:{count}")];
+            let measures = [Measure::SettlingTime, Measure::PeakTorque];
+            let sweep = Sweep::new(&Source::from_text("w", file.as_str()), &[], &axes, &measures, None).unwrap();
+            sweep.rows(0..count as u64).iter().map(|row| row[1]).collect::<Vec<_>>()
+        })
+    };
+    for late in [5.0, 1.0] {
+        assert!(times(late).iter().flatten().all(Option::is_none), "{late}");
+    }
+    assert!(times(0.0).iter().flatten().all(|time| time.is_some_and(|time| time > 0.0)));
+}
+
+#[test]
 fn a_run_that_runs_away_has_no_peak_and_is_no_failure() {
     let sweep = sweep(
         &["loop.period=1ms..100ms:2", "couplings.1.damping=0..0:1", "scenarios.let-go.duration=400..400:1"],
