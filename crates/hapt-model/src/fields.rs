@@ -45,6 +45,14 @@ enum Found<'a> {
     Node(&'a Node),
 }
 
+/// The dotted path of an entry, as far as its tables hold one key each.
+fn own_path(entry: &Entry) -> String {
+    match &entry.node.value {
+        Value::Table(inner) if inner.len() == 1 => format!("{}.{}", shortened(&entry.key), own_path(&inner[0])),
+        _ => shortened(&entry.key).into_owned(),
+    }
+}
+
 impl<'a> Fields<'a> {
     /// Checks the table `node`, key by key in the file's order; an absent table is an empty one at the file's start.
     pub fn new(context: Context<'a>, node: Option<&'a Node>) -> Result<Fields<'a>, Error> {
@@ -236,6 +244,12 @@ impl<'a> Fields<'a> {
             (Some(kind), _) if !others.is_empty() => {
                 let keys = here().collect::<Vec<_>>().join(", ");
                 format!("not a key of kind {kind:?} but of {}; {kind:?} takes {keys}", words::alternatives(others))
+            }
+            (_, Some(_)) if pattern == "network.links.*" && entry.key == "damping" => {
+                format!("a link takes no damping; it belongs to the stations' devices and worlds; {}", takes())
+            }
+            (_, Some(row)) if pattern == keys::NETWORK_FILE && row.table().is_empty() => {
+                format!("unknown key here; a station's own is stations.NAME.{}; {}", own_path(entry), takes())
             }
             (_, Some(row)) => match row.table() {
                 "" => format!("unknown key here; it stands at the top of the file; {}", takes()),

@@ -8,7 +8,7 @@ use crate::error::{Error, ErrorKind, Location};
 use crate::keys::Measure;
 use crate::kinds::Motion;
 use crate::quantity::parse_in_unit;
-use crate::source::{Source, decoded};
+use crate::source::{STDIN, Source, decoded};
 use crate::unit::Unit;
 use crate::words;
 
@@ -71,20 +71,28 @@ impl<'a> Reader<'a> {
     /// The bytes of a file in the world file's folder or below.
     fn bytes(&self, file: &str) -> Result<Vec<u8>, Error> {
         let quoted = words::quoted(file);
-        if leaves(Path::new(file)) {
-            return Err(refused(format!(
-                "{quoted} leads out of the world file's folder; a file that a world names must be in that folder or below it"
-            )));
-        }
-        let unreadable =
-            |error: std::io::Error| refused(format!("cannot read {quoted} beside the world file: {error}"));
+        let (place, beside) = match self.source.name.as_str() {
+            STDIN => ("the current folder", "in the current folder"),
+            _ => ("the world file's folder", "beside the world file"),
+        };
+        let outside = || {
+            Err(refused(format!(
+                "{quoted} leads out of {place}; a file that a world names must be in that folder or below it"
+            )))
+        };
+        let unreadable = |error: std::io::Error| refused(format!("cannot read {quoted} {beside}: {error}"));
         let folder = self.source.folder.canonicalize().map_err(unreadable)?;
+        // A path from the root may begin with the folder as the user writes it, or as the system does.
+        let named = std::path::absolute(&self.source.folder).map_err(unreadable)?;
+        let within = [&named, &folder].into_iter().find_map(|folder| Path::new(file).strip_prefix(folder).ok());
+        let below = within.unwrap_or(Path::new(file));
+        if leaves(below) {
+            return outside();
+        }
         // A symbolic link inside may lead outside all the same.
-        let path = folder.join(file).canonicalize().map_err(unreadable)?;
+        let path = folder.join(below).canonicalize().map_err(unreadable)?;
         if !path.starts_with(&folder) {
-            return Err(refused(format!(
-                "{quoted} leads out of the world file's folder; a file that a world names must be in that folder or below it"
-            )));
+            return outside();
         }
         // Opening anything but a file might wait forever.
         if !path.metadata().map_err(unreadable)?.is_file() {
@@ -129,14 +137,14 @@ impl<'a> Reader<'a> {
                 }
                 continue;
             };
-            let Some(time) = parse_in_unit(first, Unit::ONE) else {
+            let Some(time) = parse_in_unit(unquoted(first), Unit::ONE) else {
                 return fail(
                     0,
                     first,
                     format!("{} is not a finite number; expected a time in s", words::quoted(first.trim())),
                 );
             };
-            let Some(value) = parse_in_unit(second, unit) else {
+            let Some(value) = parse_in_unit(unquoted(second), unit) else {
                 return fail(
                     column,
                     second,
@@ -174,8 +182,8 @@ impl<'a> Reader<'a> {
             Carries::Position => &["puck_"],
             Carries::Torque => &["torque_", "force_"],
         };
-        let unit = prefixes.iter().find_map(|prefix| second.trim().strip_prefix(prefix));
-        let Some(unit) = unit.filter(|_| first.trim() == "time_s") else { return Err(self.wanted(carries)) };
+        let unit = prefixes.iter().find_map(|prefix| unquoted(second).strip_prefix(prefix));
+        let Some(unit) = unit.filter(|_| unquoted(first) == "time_s") else { return Err(self.wanted(carries)) };
         let dimension = self.dimension(carries);
         match Unit::parse(unit) {
             Ok(unit) if dimension.accepts(unit.dimension()) => Ok(unit),
@@ -198,6 +206,12 @@ impl<'a> Reader<'a> {
         };
         format!("a path begins with its header: time_s,{column}, or another unit")
     }
+}
+
+/// What a field of a CSV file holds, without blanks around it and the quotes that spreadsheets may set.
+pub(crate) fn unquoted(field: &str) -> &str {
+    let field = field.trim();
+    field.strip_prefix('"').and_then(|field| field.strip_suffix('"')).map_or(field, str::trim)
 }
 
 /// Whether a relative path climbs above where it starts, or is not relative at all.
@@ -252,6 +266,15 @@ mod tests {
     fn blank_lines_comments_and_the_ways_of_other_programs_are_fine() {
         let text = "\u{feff}# recorded\r\n\r\ntime_s, puck_rad\r\n -1 , 2 \r\n# here\r\n1e-3,-2e0\r\n\r\n";
         assert_eq!(positions(text), Ok(vec![(-1.0, 2.0), (0.001, -2.0)]));
+    }
+
+    #[test]
+    fn fields_in_quotes_read_as_those_without() {
+        let text = "\"time_s\",\"puck_rad\"\r\n\"0\",\"1.5\"\r\n1,\"-2\"\r\n";
+        assert_eq!(positions(text), Ok(vec![(0.0, 1.5), (1.0, -2.0)]));
+        for wrong in ["\"time_s,\"puck_rad\"\n0,1", "time_s,puck_rad\n\"\",1", "time_s,puck_rad\n0,\"1"] {
+            assert!(positions(wrong).is_err(), "{wrong}");
+        }
     }
 
     #[test]
@@ -317,11 +340,12 @@ mod tests {
         let source = Source { folder: folder.clone(), ..Source::from_text("w.toml", "") };
         let mut reader = Reader::new(&source, Motion::Rotary);
         let mut read = |file: &str| reader.read(file, Carries::Position).map_err(|error| error.message);
-        for file in ["a.csv", "./a.csv", "below/b.csv", "below/../a.csv"] {
+        let [absolute, back, above] =
+            ["below/b.csv", "below/../a.csv", "../secret.csv"].map(|file| folder.join(file).display().to_string());
+        for file in ["a.csv", "./a.csv", "below/b.csv", "below/../a.csv", &absolute, &back] {
             assert_eq!(read(file), Ok(vec![(0.0, 1.0)]), "{file}");
         }
-        let absolute = folder.join("a.csv").display().to_string();
-        for file in ["../secret.csv", "below/../../secret.csv", "../worlds/a.csv", "/etc/passwd", &absolute] {
+        for file in ["../secret.csv", "below/../../secret.csv", "../worlds/a.csv", "/etc/passwd", &above] {
             assert!(
                 read(file).is_err_and(|message| message.contains("leads out of the world file's folder")),
                 "{file}"
@@ -334,6 +358,11 @@ mod tests {
             read("b.csv").unwrap_err(),
             "cannot read \"b.csv\" beside the world file: No such file or directory (os error 2)"
         );
+        let piped = Source::from_text(STDIN, "");
+        let mut reader = Reader::new(&piped, Motion::Rotary);
+        let mut refused = |file: &str| reader.read(file, Carries::Position).unwrap_err().message;
+        assert!(refused("no-such.csv").starts_with("cannot read \"no-such.csv\" in the current folder: "));
+        assert!(refused("../no-such.csv").contains("leads out of the current folder"));
         #[cfg(unix)]
         {
             std::os::unix::fs::symlink(outside.path().join("secret.csv"), folder.join("link.csv")).unwrap();

@@ -35,6 +35,9 @@ pub enum Fault {
     /// `0,5`: the point is a point in every country here.
     #[error("has a comma for its decimal point")]
     Comma,
+    /// `−5`, `1e–3`: a typographic dash for the minus sign.
+    #[error("has a typographic dash for its minus sign, not -")]
+    Minus,
     /// The unit does not read.
     #[error(transparent)]
     Unit(#[from] UnitError),
@@ -70,7 +73,11 @@ impl Quantity {
     /// # Errors
     /// No finite number at the start, an unknown or malformed unit, or a value that overflows or underflows in SI.
     pub fn parse(text: &str) -> Result<Quantity, QuantityError> {
-        let error = |fault| QuantityError { text: text.to_string(), fault, wanted: None };
+        let dash = text.contains(['\u{2212}', '\u{2013}', '\u{2012}']);
+        let error = |fault| {
+            let fault = if dash { Fault::Minus } else { fault };
+            QuantityError { text: text.to_string(), fault, wanted: None }
+        };
         let (number, unit) = Number::split(text.trim()).ok_or_else(|| error(Fault::Number))?;
         if unit.is_empty() {
             let value = number.times(Unit::ONE).map_err(error)?;
@@ -299,8 +306,12 @@ mod tests {
         assert_eq!(fault("1e-320 um"), Fault::Underflow);
         assert_eq!(si("0e400 s"), 0.0);
         assert_eq!(si("0e-99999999999999999999 s"), 0.0);
-        for text in ["nan s", "inf s", "", "s", "-", ".", "--1 s", "e5", "∞ s", "−1 s"] {
+        for text in ["nan s", "inf s", "", "s", "-", ".", "--1 s", "e5", "∞ s"] {
             assert_eq!(fault(text), Fault::Number, "{text}");
+        }
+        // From a PDF: the minus sign and the two short dashes.
+        for text in ["−5 deg", "–5 deg", "1e−3 s", "5 kg m^−1", "‒1 s"] {
+            assert_eq!(fault(text), Fault::Minus, "{text}");
         }
     }
 

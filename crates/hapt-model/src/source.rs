@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, ErrorKind, Location, visible};
 
+/// What errors call standard input.
+pub(crate) const STDIN: &str = "<stdin>";
 /// A world file larger than this is refused: 1 MiB.
 pub const LARGEST_SOURCE: u64 = 1 << 20;
 
@@ -53,7 +55,7 @@ impl Source {
     /// # Errors
     /// As [`Source::open`].
     pub fn stdin() -> Result<Source, Error> {
-        read("<stdin>", std::io::stdin().lock())
+        read(STDIN, std::io::stdin().lock())
     }
 
     /// The bytes of a file that is there already; its folder is the current one.

@@ -51,16 +51,22 @@ pub const UNITS: &[(&str, Unit)] = &[
     ("mNmm", si(0, 2, 1, -2, -6)),
 ];
 
+/// Units that exist, of another kind than the known ones that are spelled nearly so.
+const OTHERS: &[&str] = &[
+    "min", "h", "hr", "hour", "hours", "day", "W", "mW", "kW", "A", "mA", "V", "mV", "K", "C", "Pa", "kPa", "bar",
+    "psi", "kgf", "lb", "lbs", "lbf", "oz", "ozf", "in", "inch", "ft",
+];
+
 /// What keeps a text from being a unit.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UnitError {
     /// A name that is not in [`UNITS`].
-    #[error("has the unknown unit {}; the nearest known one is {}", words::quoted(.name), words::quoted(.nearest))]
+    #[error("has the unknown unit {}{}", words::quoted(.name), nearest_known(*.nearest))]
     Unknown {
         /// As it was written.
         name: String,
-        /// The known unit that takes the fewest edits.
-        nearest: &'static str,
+        /// The known unit that takes the fewest edits, where that is near enough to have been meant.
+        nearest: Option<&'static str>,
     },
     /// Something other than a unit, or nothing, where a unit belongs.
     #[error("has {found} where a unit is expected")]
@@ -228,8 +234,19 @@ fn named(name: &str) -> Result<Unit, UnitError> {
     let known = UNITS.iter().find(|(known, _)| *known == name);
     known.map(|&(_, unit)| unit).ok_or_else(|| UnitError::Unknown {
         name: name.to_string(),
-        nearest: words::nearest(name, UNITS.iter().map(|(known, _)| *known)).unwrap_or_default(),
+        nearest: if OTHERS.contains(&name) { None } else { near(name) },
     })
+}
+
+/// The known unit that shares a letter with `name`, and takes the fewest edits.
+fn near(name: &str) -> Option<&'static str> {
+    let nearest = words::nearest(name, UNITS.iter().map(|(known, _)| *known))?;
+    let (lower, known) = (name.to_lowercase(), nearest.to_lowercase());
+    known.chars().any(|letter| lower.contains(letter)).then_some(nearest)
+}
+
+fn nearest_known(nearest: Option<&str>) -> String {
+    nearest.map_or(String::new(), |nearest| format!("; the nearest known one is {}", words::quoted(nearest)))
 }
 
 #[cfg(test)]
@@ -290,6 +307,12 @@ mod tests {
         let message = |text: &str| Unit::parse(text).unwrap_err().to_string();
         assert_eq!(message("sek"), "has the unknown unit \"sek\"; the nearest known one is \"s\"");
         assert_eq!(message("HZ"), "has the unknown unit \"HZ\"; the nearest known one is \"Hz\"");
+        for other in ["min", "W", "h", "bar", "kgf", "§x", "ü"] {
+            let Err(UnitError::Expected { .. } | UnitError::Unknown { nearest: None, .. }) = Unit::parse(other) else {
+                panic!("{other}: {}", message(other));
+            };
+        }
+        assert_eq!(message("min"), "has the unknown unit \"min\"");
         assert_eq!(message("kg m2"), "has a digit after a unit; a power is written ^2");
         assert_eq!(message("m^"), "has a ^ without a whole number after it");
         assert_eq!(message("m⁻"), "has a ^ without a whole number after it");

@@ -116,14 +116,14 @@ fn parse(name: &str, text: &str) -> Result<Vec<f64>, Error> {
             continue;
         }
         if !has_header {
-            if content != HEADER {
+            if path::unquoted(content) != HEADER {
                 let message = format!("{} is no header; a waveform's is {HEADER:?}", words::quoted(content));
                 return fail(at, content.len(), message);
             }
             has_header = true;
             continue;
         }
-        match parse_in_unit(content, Unit::ONE).filter(|sample| NUMBERS.contains(sample)) {
+        match parse_in_unit(path::unquoted(content), Unit::ONE).filter(|sample| NUMBERS.contains(sample)) {
             Some(_) if samples.len() == MOST_SAMPLES => {
                 return fail(at, content.len(), format!("a waveform has at most {MOST_SAMPLES} samples"));
             }

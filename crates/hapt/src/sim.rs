@@ -19,6 +19,13 @@ use crate::table::Table;
 use crate::world::{Loaded, files, source};
 
 pub fn run(args: &SimArgs) -> Result<ExitCode, Failure> {
+    let file_only = args.formats.iter().find(|format| **format != Format::Csv);
+    if let (None, Some(format)) = (&args.out, file_only) {
+        let name = format.ending();
+        return Err(Failure::input(format!(
+            "--format {name}: without --out a summary is printed; add --out DIR for files"
+        )));
+    }
     let source = source(&args.world.path)?;
     if hapt_model::is_network(&source) {
         return network::sim(&source, args);

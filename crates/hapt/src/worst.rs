@@ -148,7 +148,7 @@ fn text(loaded: &Loaded, worst: &Worst, out: Option<&Path>, shown: &World) -> St
     }
     match out {
         Some(path) => {
-            let _ = writeln!(text, "\nhapt sim {} shows it", path.display());
+            let _ = writeln!(text, "\nhapt sim {} shows it{}", path.display(), ends_at(worst));
         }
         None if worst.motion.is_some() => {
             let _ = writeln!(
@@ -161,6 +161,16 @@ fn text(loaded: &Loaded, worst: &Worst, out: Option<&Path>, shown: &World) -> St
         }
     }
     text
+}
+
+/// How to see a draw that is largest before the run's end, which is all that a summary tells of.
+fn ends_at(worst: &Worst) -> String {
+    let at = worst.drawn.at_s;
+    if !worst.drew || at >= worst.scenario.duration * (1.0 - 1e-6) {
+        return String::new();
+    }
+    let set = format!("--set scenarios.{}.duration={}", worst.scenario.name, format::time(at).replace(' ', ""));
+    format!("; the draw is largest at {}, where {set} ends the run", format::time(at))
 }
 
 fn verdict(worst: &Worst) -> String {

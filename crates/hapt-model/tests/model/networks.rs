@@ -88,3 +88,30 @@ fn every_number_of_a_network_is_where_its_override_goes() {
         assert!(!system.clone().set_number(path, 1.0), "{path}");
     }
 }
+
+#[test]
+fn a_key_that_no_network_has_is_answered_with_the_one_that_was_meant() {
+    let link =
+        "[[links]]\nkind = \"wall\"\nbetween = [\"a\", \"b\"]\nstiffness = 1\nside = \"above\"\nat = 0\nage_max = 1";
+    let text = format!("[stations]\na.world = \"w.toml\"\nb.world = \"w.toml\"\n{link}\n");
+    let mut source = Source::from_text("pair.toml", text);
+    source.files.insert("w.toml".into(), "loop.period = 1e-3\ndevice = { inertia = 1e-3, damping = 0.02 }\n".into());
+    assert!(System::read(&source, &[]).is_ok());
+    for (set, said) in [
+        (
+            "loop.period=1ms",
+            "loop: unknown key here; a station's own is stations.NAME.loop.period; the top of the file takes title,",
+        ),
+        (
+            "scenarios.s.duration=1",
+            "scenarios: unknown key here; a station's own is stations.NAME.scenarios.s.duration; ",
+        ),
+        (
+            "links.0.damping=1",
+            "links.0.damping: a link takes no damping; it belongs to the stations' devices and worlds; links.0 takes ",
+        ),
+    ] {
+        let message = System::read(&source, &[set.to_string()]).unwrap_err().to_string();
+        assert!(message.starts_with(said), "{message}");
+    }
+}

@@ -21,10 +21,10 @@ pub struct RunArgs {
     #[arg(long, value_name = "SPEC", default_value = "sim")]
     pub device: String,
     /// The scenario of the simulated device's hand, started after the fade-in.
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", allow_hyphen_values = true)]
     pub scenario: Option<String>,
     /// The time at full torque; default: the scenario's duration, or until Ctrl-C.
-    #[arg(long, value_name = "Q")]
+    #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     pub duration: Option<String>,
     /// Write every sample into this log.
     #[arg(long, value_name = "FILE.mcap")]
@@ -77,25 +77,25 @@ pub struct IdentifyArgs {
     #[arg(long, value_name = "time=NAME,position=NAME,torque=NAME")]
     pub columns: Option<String>,
     /// The spring to ground of the recorded loop, for a CSV without torques.
-    #[arg(long, value_name = "Q", conflicts_with = "coast")]
+    #[arg(long, value_name = "Q", allow_hyphen_values = true, conflicts_with = "coast")]
     pub spring: Option<String>,
     /// The record is a coast-down without torque.
     #[arg(long)]
     pub coast: bool,
     /// A known inertia; the motor's gain is then estimated in its place.
-    #[arg(long, value_name = "Q")]
+    #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     pub inertia: Option<String>,
     /// Fit a handle on a flexible shaft too: its inertia, the shaft's stiffness and damping.
     #[arg(long, conflicts_with_all = ["world", "against", "write", "inertia", "coast", "plot"])]
     pub handle: bool,
     /// Counts a revolution, for positions in counts.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_hyphen_values = true)]
     pub counts: Option<f64>,
     /// Use the record from this time on.
-    #[arg(long, value_name = "Q")]
+    #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     pub from: Option<String>,
     /// Use the record up to this time.
-    #[arg(long, value_name = "Q")]
+    #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     pub to: Option<String>,
     /// The world to certify with the result, and for a device its loop and limits.
     #[arg(long, value_name = "WORLD")]
@@ -107,10 +107,10 @@ pub struct IdentifyArgs {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
     /// The experiment's largest torque; default: a tenth of the motor's limit.
-    #[arg(long, value_name = "Q")]
+    #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     pub torque: Option<String>,
     /// The duration of the experiment.
-    #[arg(long, value_name = "Q", default_value = "5 s")]
+    #[arg(long, value_name = "Q", allow_hyphen_values = true, default_value = "5 s")]
     pub duration: String,
     /// Move a real device without asking.
     #[arg(long)]
@@ -154,13 +154,13 @@ pub struct SimulateDriveArgs {
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub id: u8,
     /// The scenario of a hand on the wheel, from the start.
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", allow_hyphen_values = true)]
     pub scenario: Option<String>,
     /// The loop advances the time: one period of the world at each query of the position.
     #[arg(long)]
     pub lockstep: bool,
     /// The duration; default: until Ctrl-C.
-    #[arg(long, value_name = "Q")]
+    #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     pub duration: Option<String>,
 }
 
@@ -173,7 +173,7 @@ pub struct LatencyArgs {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
     /// The duration.
-    #[arg(long, value_name = "Q", default_value = "10 s")]
+    #[arg(long, value_name = "Q", allow_hyphen_values = true, default_value = "10 s")]
     pub duration: String,
     #[command(flatten)]
     pub realtime: RealtimeArgs,
@@ -186,7 +186,7 @@ pub struct LatencyArgs {
 #[derive(Clone, Debug, clap::Args)]
 pub struct RealtimeArgs {
     /// Poll the clock for this time before each sample instead of sleeping, such as 100us.
-    #[arg(long, value_name = "Q")]
+    #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     pub spin: Option<String>,
     /// The loop's priority under SCHED_FIFO, from 1 to 99; 0: an ordinary thread.
     #[arg(long, value_name = "N", default_value_t = 80, value_parser = clap::value_parser!(u8).range(0..=99))]
@@ -205,10 +205,10 @@ pub struct WheelArgs {
     #[arg(long, value_name = "SPEC", default_value = "sim")]
     pub device: String,
     /// From one end of the steering to the other; the default world's stops are there.
-    #[arg(long, value_name = "Q", default_value = "900 deg")]
+    #[arg(long, value_name = "Q", allow_hyphen_values = true, default_value = "900 deg")]
     pub range: String,
     /// The time at full torque; default: until Ctrl-C.
-    #[arg(long, value_name = "Q")]
+    #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     pub duration: Option<String>,
     /// Write every sample into this log.
     #[arg(long, value_name = "FILE.mcap")]

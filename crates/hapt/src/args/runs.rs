@@ -12,13 +12,13 @@ pub struct SimArgs {
     #[command(flatten)]
     pub world: WorldArgs,
     /// Run this scenario only; repeatable.
-    #[arg(long = "scenario", value_name = "NAME")]
+    #[arg(long = "scenario", value_name = "NAME", allow_hyphen_values = true)]
     pub scenarios: Vec<String>,
     /// Write NAME.csv (or .mcap, .parquet) for each scenario into this folder; without it, print a summary.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// The format of the files; repeatable.
-    #[arg(long = "format", value_name = "FORMAT", value_enum, default_value = "csv", requires = "out")]
+    /// The format of the files; repeatable. mcap and parquet need --out.
+    #[arg(long = "format", value_name = "FORMAT", value_enum, default_value = "csv")]
     pub formats: Vec<Format>,
 }
 
@@ -53,16 +53,16 @@ pub struct PlotArgs {
     #[arg(value_name = "CSV or LOG", required = true)]
     pub runs: Vec<PathBuf>,
     /// Draw from this time on, such as '0.5 s'.
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     pub from: Option<String>,
     /// Draw up to this time.
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     pub to: Option<String>,
     /// Draw only these, separated by commas: position, velocity, torque.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub signals: Vec<String>,
     /// The motor's limit, such as '822.25 N mm', to draw it and to mark where it is exceeded; a log has its own.
-    #[arg(long, value_name = "Q")]
+    #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     pub limit: Option<String>,
     /// Write the figure here; default: standard output.
     #[arg(long, value_name = "FILE.svg|png")]
@@ -103,7 +103,7 @@ pub struct SweepArgs {
     #[arg(long = "measure", value_name = "NAME,...", value_delimiter = ',', required = true)]
     pub measures: Vec<String>,
     /// The scenario to run, if the world has several.
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", allow_hyphen_values = true)]
     pub scenario: Option<String>,
     /// Write the table here: FILE.csv or FILE.parquet.
     #[arg(long, value_name = "FILE")]

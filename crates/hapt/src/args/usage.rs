@@ -42,7 +42,7 @@ pub struct GradeArgs {
     #[arg(value_name = "ANSWER.toml")]
     pub answer: Option<PathBuf>,
     /// The name or number of a student, which chooses the starter's numbers.
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", allow_hyphen_values = true)]
     pub student: Option<String>,
     /// Show the expected answers.
     #[arg(long)]

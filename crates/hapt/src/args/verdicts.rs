@@ -21,16 +21,16 @@ pub struct CheckArgs {
 #[derive(Debug, clap::Args)]
 pub struct DesignArgs {
     /// The travel of the wheel, such as '45 deg'.
-    #[arg(long, value_name = "Q")]
+    #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     pub travel: String,
     /// The torque at that travel, such as '800 N mm'.
-    #[arg(long, value_name = "Q")]
+    #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     pub torque: String,
     /// The natural frequency of the virtual wheel, such as '1 Hz'.
-    #[arg(long, value_name = "Q")]
+    #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     pub frequency: String,
     /// The loop's period.
-    #[arg(long, value_name = "Q", default_value = "1 ms")]
+    #[arg(long, value_name = "Q", allow_hyphen_values = true, default_value = "1 ms")]
     pub period: String,
     /// Print the numbers as JSON instead of a world file.
     #[arg(long)]
@@ -54,10 +54,10 @@ pub struct ImpedanceArgs {
     #[command(flatten)]
     pub world: WorldArgs,
     /// The lowest frequency; default: below the slowest mode of the world.
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", allow_hyphen_values = true)]
     pub from: Option<String>,
     /// The highest frequency; default: half of the sampling rate.
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", allow_hyphen_values = true)]
     pub to: Option<String>,
     /// The number of rows, spaced by equal ratios; default: 200, for a Z-width 80.
     #[arg(long, value_name = "N")]

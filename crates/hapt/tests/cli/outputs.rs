@@ -67,7 +67,7 @@ fn an_ending_that_contradicts_the_format_is_refused_and_nothing_is_written() {
         hapt(at.path(), &args).refused(2, &[name, wanted, "expected"]);
         assert_eq!(names(at.path()), before, "{args:?}");
     }
-    hapt(at.path(), ["sim", "w.toml", "--format", "csv"]).refused(2, &["--out"]);
+    hapt(at.path(), ["sim", "w.toml", "--format", "mcap"]).refused(2, &["--format mcap", "--out DIR"]);
 }
 
 #[test]

@@ -409,10 +409,11 @@ fn a_path_stays_beside_its_world() {
     let worlds = at.path().join("worlds");
     fs::create_dir(&worlds).unwrap();
     let absolute = worlds.join("way.csv").display().to_string();
+    let outside = at.path().join("secret.csv").display().to_string();
     for (file, word) in [
         ("../secret.csv", "leads out"),
         ("below/../../secret.csv", "leads out"),
-        (&absolute, "leads out"),
+        (&outside, "leads out"),
         ("missing.csv", "cannot read"),
         ("", "is not a file"),
         (".", "is not a file"),
@@ -428,6 +429,10 @@ fn a_path_stays_beside_its_world() {
     }
     assert_eq!(names(at.path()), ["secret.csv", "worlds"]);
     assert_eq!(names(&worlds), ["w.toml", "way.csv"]);
+    // A path from the root is fine where it lies in the folder.
+    fs::write(worlds.join("w.toml"), following(&absolute)).unwrap();
+    hapt(at.path(), ["sim", "worlds/w.toml"]).done();
+    hapt_reads(&worlds, &following(&absolute), ["sim", "-"]).done();
 }
 
 #[test]
@@ -450,5 +455,31 @@ fn a_path_that_is_no_path_is_shown_where_it_is_wrong() {
         hapt(at.path(), ["check", "w.toml"]).refused(2, &words);
         hapt(at.path(), ["sim", "w.toml", "--out", "out"]).refused(2, &words);
         assert_eq!(names(at.path()), ["w.toml", "way.csv"]);
+    }
+}
+
+#[test]
+fn values_that_begin_with_a_hyphen_are_values() {
+    let scenario =
+        "[scenarios.-x]\nduration = \"0.01 s\"\nhand = { kind = \"torque\", moves = { kind = \"step\", to = 0 } }\n";
+    let at = folder(&[("w.toml", &format!("{WHEEL}\n{scenario}"))]);
+    let one = hapt(at.path(), ["sim", "w.toml", "--scenario", "-x"]).done();
+    assert!(one.out.contains("scenario -x: ") && !one.out.contains("scenario step"), "{one:?}");
+    let design = |travel: &str, torque: &str| {
+        hapt(at.path(), ["design", "--travel", travel, "--torque", torque, "--frequency", "1Hz"])
+    };
+    design("-30deg", "-800Nmm").refused(2, &["--travel", "-30deg"]);
+    hapt(at.path(), ["sim", "w.toml", "--scenario", "-x", "--out", "runs"]).done();
+    hapt(at.path(), ["plot", "runs/-x.csv", "--limit", "-1 N m"]).refused(2, &["--limit", "-1 N m"]);
+}
+
+#[test]
+fn a_format_without_a_folder_is_refused_only_where_it_needs_one() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let summary = hapt(at.path(), ["sim", "w.toml"]).done();
+    assert_eq!(hapt(at.path(), ["sim", "w.toml", "--format", "csv"]).done().out, summary.out);
+    for format in ["mcap", "parquet"] {
+        hapt(at.path(), ["sim", "w.toml", "--format", format])
+            .refused(2, &[&format!("--format {format}"), "--out DIR"]);
     }
 }

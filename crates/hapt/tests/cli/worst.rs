@@ -90,3 +90,18 @@ fn a_motion_that_breaks_a_world_is_written_beside_it() {
     let proved = hapt(at.path(), ["worst", "w.toml", "--set", "loop.estimator=difference"]).done();
     assert!(proved.out.contains("survived, as certified"), "{proved:?}");
 }
+
+#[test]
+fn a_draw_that_is_given_back_is_shown_at_its_time() {
+    // The wall gives more than it takes for two seconds; then the device's damping takes all of it and more.
+    let world = "[loop]\nperiod = \"1 ms\"\n[device]\ninertia = \"6.4e-4 kg m^2\"\ndamping = \"1.2e-3 N m s/rad\"\n[[couplings]]\nkind = \"wall\"\n\
+        between = [\"puck\", \"ground\"]\nside = \"above\"\nat = \"10 deg\"\nstiffness = \"50 N mm/deg\"\n";
+    let at = folder(&[("w.toml", world)]);
+    let ended = hapt(at.path(), ["worst", "w.toml", "--out", "b.toml"]);
+    assert_eq!(ended.code, Some(1), "{ended:?}");
+    let words = ended.out.split_once(", where --set ").and_then(|(_, words)| words.split_once(" ends the run"));
+    let (set, _) = words.unwrap_or_else(|| panic!("{ended:?}"));
+    let all = hapt(at.path(), ["sim", "b.toml"]).done();
+    let shown = hapt(at.path(), ["sim", "b.toml", "--set", set]).done();
+    assert!(!all.out.contains("hand gave -") && shown.out.contains("hand gave -"), "{shown:?}");
+}

@@ -259,6 +259,7 @@ fn quantities(t: &mut Table) {
     t.edit("a unit that is none", "\"1 ms\"", "\"1 msec\"");
     t.edit("a unit in the wrong case", "\"1 ms\"", "\"1 MS\"");
     t.edit("a quoted number without a unit", "\"1 ms\"", "\"1\"");
+    t.edit("a unit of another kind that is spelled nearly so", "\"1 ms\"", "\"1 min\"");
     t.edit("no number", "\"1 ms\"", "\"ms\"");
     t.edit("two numbers", "\"1 ms\"", "\"1 2 ms\"");
     t.edit("a comma for the point, in quotes", "\"1 ms\"", "\"0,5 ms\"");
@@ -340,7 +341,7 @@ fn paths(t: &mut Table) {
     t.path("a gap", "time_s,puck_deg\r\n0,0\r\n1,\r\n2,0\r\n");
     t.path("not a number", "time_s,puck_deg\n0,0\n1,nan\n");
     t.path("a number too large", "time_s,puck_deg\n0,0\n1,1e400\n");
-    t.path("a quoted number", "time_s,puck_deg\n0,\"1\"\n");
+    t.path("a quote that is not closed", "time_s,puck_deg\n0,\"1\n");
     t.path("UTF-16", utf16("\u{feff}time_s,puck_deg\n0,0\n", u16::to_le_bytes));
     t.path("a byte that is no text", b"time_s,puck_deg\n0,0\n1,\xb0\n".to_vec());
     let hand = "kind = \"step\", to = \"45 deg\"";
