@@ -61,9 +61,14 @@ def identify():
 def against():
     world.against(*record())
 
+def is_computing(task):
+    try:
+        return (task / "comm").read_text().strip() == "hapt"
+    except OSError:  # It has ended meanwhile.
+        return False
+
 def computing():
-    names = [task / "comm" for task in pathlib.Path("/proc/self/task").iterdir()]
-    return sum(name.exists() and name.read_text().strip() == "hapt" for name in names)
+    return sum(map(is_computing, pathlib.Path("/proc/self/task").iterdir()))
 
 call, end = globals()[sys.argv[1]], time.monotonic() + 60.0
 try:

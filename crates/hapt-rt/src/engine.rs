@@ -47,11 +47,14 @@ pub struct Settings {
     pub lock: bool,
     /// The thread polls the clock for this long before each instant instead of sleeping: more load on the core, less jitter.
     pub spin: Duration,
+    /// With a priority it leaves the first core to all other threads, for loops that several run beside each other; where there is one core
+    /// only it takes no priority.
+    pub leave_a_core: bool,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings { priority: Some(80), lock: true, spin: Duration::ZERO }
+        Settings { priority: Some(80), lock: true, spin: Duration::ZERO, leave_a_core: false }
     }
 }
 

@@ -39,7 +39,9 @@ mod system {
 
     use rustix::mm::{MlockAllFlags, mlockall};
     use rustix::process::{Resource, getrlimit};
-    use rustix::thread::{CapabilitySet, capabilities, set_current_timer_slack};
+    use rustix::thread::{
+        CapabilitySet, CpuSet, capabilities, sched_getaffinity, sched_setaffinity, set_current_timer_slack,
+    };
 
     use super::Realtime;
     use crate::Settings;
@@ -48,7 +50,9 @@ mod system {
         // The default timer slack of normal threads delays wake-ups by 50 us.
         let _ = set_current_timer_slack(NonZeroU64::new(1));
         let mut realtime = Realtime::default();
-        if let Some(priority) = settings.priority {
+        if let Some(priority) = settings.priority
+            && (!settings.leave_a_core || leave_a_core())
+        {
             match set_fifo(priority) {
                 Ok(()) => realtime.priority = Some(priority),
                 Err(error) => realtime.warnings.push(no_fifo(priority, &error)),
@@ -61,6 +65,18 @@ mod system {
             }
         }
         realtime
+    }
+
+    /// Keeps this thread off the first of its cores; false where there is no other.
+    fn leave_a_core() -> bool {
+        let Ok(mut cores) = sched_getaffinity(None) else { return false };
+        let first = (0..CpuSet::MAX_CPU).find(|core| cores.is_set(*core));
+        if let Some(first) = first.filter(|_| cores.count() > 1) {
+            cores.unset(first);
+        } else {
+            return false;
+        }
+        sched_setaffinity(None, &cores).is_ok()
     }
 
     /// SCHED_FIFO for this thread. The one call here that no crate wraps for all of Linux's C libraries.

@@ -84,7 +84,7 @@ pub fn settings(args: &RealtimeArgs, world: &World) -> Result<Settings, Failure>
         return Err(Failure::input(format!("--spin: {spin} is too long: {why}")));
     }
     let priority = (args.priority > 0).then_some(args.priority);
-    Ok(Settings { priority, lock: true, spin: Duration::from_secs_f64(spin) })
+    Ok(Settings { priority, lock: true, spin: Duration::from_secs_f64(spin), leave_a_core: false })
 }
 
 impl From<hapt_rt::Error> for Failure {

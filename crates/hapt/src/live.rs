@@ -143,9 +143,6 @@ fn stations(
         | LinkError::Limit(_)
         | LinkError::System { .. }) => Failure::System(error.to_string()),
     })?;
-    // Loops that come before all other threads leave these a core: they carry the messages, serve the pages, and end what is too slow.
-    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let leaves_a_core = network.stations.len() < cores;
     let mut lives = Vec::new();
     for (at, (station, StationEnd { ports, view })) in network.stations.iter().zip(ends).enumerate() {
         let port = match address.port() {
@@ -163,7 +160,8 @@ fn stations(
             folder: args.log_dir.clone(),
         };
         let asked = settings(&args.realtime, &station.world)?;
-        let settings = Settings { priority: asked.priority.filter(|_| leaves_a_core), ..asked };
+        // The other threads carry the messages, serve the pages, and end what is too slow.
+        let settings = Settings { leave_a_core: true, ..asked };
         let machine = |world: &World| {
             let machine = device.machine(world, SafetyProfile::Simulated, settings, 0.0)?.machine;
             let machine = machine

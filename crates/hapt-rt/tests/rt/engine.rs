@@ -10,7 +10,7 @@ use crate::common::{Held, constant, spring, wheel};
 type There = Result<(f64, f64), Failure>;
 
 /// Ordinary threads will do: nothing here looks at the time.
-const ORDINARY: Settings = Settings { priority: None, lock: false, spin: Duration::ZERO };
+const ORDINARY: Settings = Settings { priority: None, lock: false, spin: Duration::ZERO, leave_a_core: false };
 
 fn start(torque: f64, device: Box<dyn hapt_rt::Device>) -> Engine {
     let plan = Plan::new(&wheel("0.5 ms", &constant(torque)), SafetyProfile::Simulated).unwrap();

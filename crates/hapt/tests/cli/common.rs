@@ -60,14 +60,15 @@ pub fn drive(at: &Path, make: &str, more: &[&str]) -> (Running, String) {
 }
 
 /// The first of ten runs that the machine has not broken off by standing still: a drive then goes silent, or takes its torque away,
-/// and both are right. A drive that never keeps up fails them all.
+/// and both are right. A drive that never keeps up fails them all. Each waits longer than the one before, for the machine to have time.
 #[cfg(target_os = "linux")]
 pub fn steady(mut run: impl FnMut() -> Ended) -> Ended {
     let mut ended = run();
-    for _ in 1..10 {
+    for attempt in 1..10 {
         if ended.code != Some(3) {
             break;
         }
+        thread::sleep(Duration::from_millis(200 * attempt));
         ended = run();
     }
     ended
