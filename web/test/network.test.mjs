@@ -13,14 +13,17 @@ const PAIR = join(import.meta.dirname, "../../networks/pair.toml");
 const said = (page) => () => page.locator("#network p").first().textContent();
 const link = (page) => () => page.locator("#network p").nth(1).textContent();
 
+/** A way without loss and with an even delay leaves a busy machine most of `age_max` for itself. The pictures are of the file as it is. */
+const STEADY = process.env.PICTURES ? [] : ["--set", "links.0.loss=0", "--set", "links.0.delay_max=0.3ms"];
+
 /** With PICTURES, the folder for the pictures of docs/links.md: `npm run pictures`. */
 async function picture(page, name) {
   const folder = process.env.PICTURES;
   if (folder) await page.screenshot({ path: join(folder, `${name}.png`), clip: { x: 0, y: 0, width: 1280, height: 800 } });
 }
 
-test("two pages feel one shaft, are told when it will ring, and a button ends it", { timeout: 180_000 }, async () => {
-  const child = spawn(HAPT, ["live", PAIR, "--port", "0"], { stdio: ["ignore", "pipe", "inherit"] });
+test("two pages feel one shaft, are told when it will ring, and a button ends it", { timeout: 300_000 }, async () => {
+  const child = spawn(HAPT, ["live", PAIR, "--port", "0", ...STEADY], { stdio: ["ignore", "pipe", "inherit"] });
   try {
     const lines = createInterface({ input: child.stdout });
     const urls = [];
@@ -52,13 +55,16 @@ test("two pages feel one shaft, are told when it will ring, and a button ends it
     let way = 60;
     const pulled = async () => {
       await turn(left, way);
-      await left.waitForTimeout(1000);
-      const angle = await place(right);
+      let most = 0;
+      for (let look = 0; look < 20 && most <= 40; look += 1) {
+        await left.waitForTimeout(200);
+        most = Math.max(most, Math.abs(await place(right)));
+      }
       await left.mouse.up();
       way = way > 0 ? -120 : 120;
-      return Math.abs(angle);
+      return most;
     };
-    await until(pulled, (angle) => angle > 40, 60);
+    await until(pulled, (angle) => angle > 40, 90);
     await picture(right, "pair-shaft");
 
     // A long way, and positions that may be as old: both pages say so before anybody has touched it.
