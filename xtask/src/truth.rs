@@ -200,8 +200,11 @@ fn campaign(one: &(dyn Fn(u64, &Against) -> Found + Sync), n: u64, time: Duratio
             a += b;
             a
         });
+        // A campaign that is broken off has told what it found so far.
+        let contradicted = against.lock().map_or(0, |against| against.len());
         if found.loops < n {
-            eprintln!("{} of {n} loops, {:.0} s", found.loops, started.elapsed().as_secs_f64());
+            let time = started.elapsed().as_secs_f64();
+            eprintln!("{} of {n} loops, {contradicted} contradict their verdict, {time:.0} s", found.loops);
         }
     }
     let against = against.into_inner()?;
