@@ -54,6 +54,7 @@ mod position;
 mod puck;
 mod quantile;
 mod record;
+mod ringing;
 mod shaft;
 mod spectrum;
 mod start;

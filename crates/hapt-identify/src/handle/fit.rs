@@ -1,0 +1,283 @@
+//! Fits of a motor with a handle on a shaft to a record.
+
+use hapt_model::Handle;
+use nalgebra::{DMatrix, DVector};
+
+use crate::quantile::student;
+use crate::record::{LONGEST_DELAY, Record};
+use crate::shaft::Shafted;
+
+/// Of ln (J + J_h), b, f, the time d + λ to the torque, ln (J_h / J), ln (k / m), d / m, λ², with m = J J_h / (J + J_h); of the beginning,
+/// the motor's position, its velocity, and what position and velocity of the handle are beyond these.
+///
+/// A record tells the whole inertia, the resonance √(k/m) and its decay d/m well, and the ratio of the inertias badly. In these
+/// coordinates the valley of good fits is straight, and the steps along it are long.
+pub(super) const PARAMETERS: usize = 12;
+pub(super) type Parameters = [f64; PARAMETERS];
+
+pub(super) const FRICTION: usize = 2;
+pub(super) const LATE: usize = 3;
+pub(super) const SHARE: usize = 4;
+pub(super) const VARIANCE: usize = 7;
+/// The first parameter of the beginning.
+pub(super) const POSITION: usize = 8;
+/// The parameters of a device that begins at rest, on an unloaded shaft: without the last three.
+pub(super) const AT_REST: usize = PARAMETERS - 3;
+/// Damping, friction, the time to the torque, the shaft's damping and λ².
+pub(super) const NOT_BELOW_0: [usize; 5] = [1, FRICTION, LATE, 6, VARIANCE];
+/// No command acts so much earlier than it is given, in s: delays below 0 are looked for up to here, as beside a rigid device.
+const EARLIEST: f64 = 0.2 * LONGEST_DELAY;
+/// Of [`PARAMETERS`], those that enter by their logarithms.
+pub(super) const LOGARITHMS: [usize; 3] = [0, 4, 5];
+/// Steps of a fit that is compared with others, with a lag or beside the best, and of one that is followed to its end.
+pub(super) const SOME: usize = 20;
+pub(super) const MOST: usize = 100;
+/// χ² of three numbers at 95 %.
+const BEGINS: f64 = 7.815;
+/// The lag from which one is looked for, in periods.
+const SHORT: f64 = 0.5;
+/// Parts of delay and lag together that are the lag's, and parts of λ² and of the friction, from which a fit is repeated.
+const BESIDE: [(usize, f64); 7] =
+    [(LATE, 0.9), (LATE, 0.6), (LATE, 0.3), (FRICTION, 0.5), (FRICTION, 0.0), (VARIANCE, 1.5), (VARIANCE, 0.7)];
+/// A step of this many standard errors is none.
+const SMALL: f64 = 1e-3;
+
+/// Whether a sample is fitted: it is a measurement, and the torques before the record, which nobody knows, have all gone. What they did is
+/// in the state from which the fit begins.
+fn is_measured(record: &Record, i: usize) -> bool {
+    record.is_news(i) && record.times()[i] - record.times()[0] >= LONGEST_DELAY
+}
+
+pub(super) fn measured(record: &Record) -> impl Iterator<Item = usize> {
+    (0..record.times().len()).filter(|i| is_measured(record, *i))
+}
+
+/// Parameters, what they leave, and its derivatives.
+pub(super) struct Fit {
+    pub p: Parameters,
+    /// Whether it begins at rest, on an unloaded shaft, which is then no parameter.
+    pub rests: bool,
+    pub free: Free,
+    pub left: Vec<f64>,
+    pub squares: f64,
+    derivatives: DMatrix<f64>,
+}
+
+/// What is fitted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Free {
+    /// The beginning alone, of a device that is known.
+    Beginning,
+    /// All but this one.
+    But(usize),
+    All,
+}
+
+/// J, J_h and m = J J_h / (J + J_h).
+pub(super) fn inertias(p: &Parameters) -> [f64; 3] {
+    let (whole, ratio) = (p[0].exp(), p[4].exp());
+    let (own, handle) = (whole / (1.0 + ratio), whole * ratio / (1.0 + ratio));
+    [own, handle, own * handle / whole]
+}
+
+/// The device of these parameters.
+fn device(p: &Parameters) -> Shafted {
+    let [inertia, handle, mass] = inertias(p);
+    let handle = Handle { inertia: handle, stiffness: mass * p[5].exp(), damping: mass * p[6] };
+    let lag = p[VARIANCE].sqrt();
+    Shafted { delay: p[LATE] - lag, lag, inertia, damping: p[1], friction: p[2], handle }
+}
+
+/// The positions of such a device under the record's torques, at the samples that are measurements; `None` where it moves too fast.
+pub(super) fn positions(record: &Record, p: &Parameters) -> Option<Vec<f64>> {
+    let device = device(p);
+    if !device.is_followed(record.period()) {
+        return None;
+    }
+    let begins = std::array::from_fn(|i| p[POSITION + i]);
+    let mut all = Vec::with_capacity(record.times().len());
+    device.follow(record.times(), record.torques(), begins, |i, z| {
+        if is_measured(record, i) {
+            all.push(z);
+        }
+    });
+    Some(all)
+}
+impl Fit {
+    pub fn of(record: &Record, p: Parameters, rests: bool) -> Option<Fit> {
+        let there = positions(record, &p)?;
+        let left: Vec<f64> = measured(record).zip(&there).map(|(i, there)| record.positions()[i] - there).collect();
+        let squares: f64 = left.iter().map(|r| r * r).sum();
+        squares.is_finite().then_some(Fit {
+            p,
+            rests,
+            free: Free::All,
+            left,
+            squares,
+            derivatives: DMatrix::zeros(0, 0),
+        })
+    }
+
+    /// The same, of which this is fitted.
+    pub fn fitting(self, free: Free) -> Fit {
+        Fit { free, ..self }
+    }
+
+    fn is_free(&self, i: usize) -> bool {
+        match self.free {
+            Free::Beginning => i >= POSITION,
+            Free::But(fixed) => i != fixed,
+            Free::All => true,
+        }
+    }
+
+    pub fn parameters(&self) -> usize {
+        if self.rests { AT_REST } else { PARAMETERS }
+    }
+
+    /// By so much the squares of what a 95 % interval covers may be above the least.
+    pub fn unit(&self) -> f64 {
+        let freedom = self.left.len().saturating_sub(self.parameters()).max(1) as f64;
+        student(freedom).powi(2) * self.squares / freedom
+    }
+
+    /// The largest squares of devices that explain the record as well.
+    pub fn enough(&self) -> f64 {
+        self.squares + self.unit()
+    }
+
+    /// The change of each parameter over which a derivative is taken.
+    fn steps(&self, period: f64) -> Parameters {
+        let [whole, b, f, late, _, square, decay, variance, _, v, _, rate_beyond] = self.p;
+        let (whole, rate) = (whole.exp(), (0.5 * square).exp());
+        // Wide enough to see past single stops and starts under friction.
+        [
+            3e-4,
+            1e-3 * b.max(1e-2 * whole * rate),
+            1e-3 * f.max(1e-2 * whole),
+            1e-3 * late.max(period),
+            3e-4,
+            3e-4,
+            1e-3 * decay.max(1e-2 * rate),
+            2e-2 * variance.max(period * period),
+            1e-6,
+            1e-5 * v.abs().max(1.0),
+            1e-6,
+            1e-5 * rate_beyond.abs().max(1.0),
+        ]
+    }
+
+    /// The same with a lag that is fitted too, and not from 0, where a motor that sticks may hide it.
+    pub fn lagging(mut self, record: &Record) -> Fit {
+        let mut p = self.p;
+        p[VARIANCE] = p[VARIANCE].max((SHORT * record.period()).powi(2));
+        self.free = Free::All;
+        Fit::of(record, p, self.rests).unwrap_or(self)
+    }
+
+    /// The same from rest, where a motion at the beginning explains no more than three numbers do of noise.
+    pub fn at_rest(self, record: &Record, stop: &dyn Fn() -> bool) -> Fit {
+        let mut p = self.p;
+        p[AT_REST..].fill(0.0);
+        let enough = self.squares * (1.0 + BEGINS / self.left.len() as f64);
+        let resting = if self.rests { None } else { Fit::of(record, p, true) };
+        let resting = resting.and_then(|fit| fit.improved(record, MOST, stop));
+        resting.filter(|fit| fit.squares < enough).unwrap_or(self)
+    }
+
+    /// The best of the fits from here and from other lags and frictions: each stop of a motor bends the squares, and a fit can end beside
+    /// the least.
+    pub fn settled(mut self, record: &Record, stop: &dyn Fn() -> bool) -> Fit {
+        for (i, part) in BESIDE {
+            let mut p = self.p;
+            match i {
+                // A lag that is missed is another share of the inertia.
+                LATE => p[VARIANCE] = (part * p[LATE]).powi(2),
+                i => p[i] *= part,
+            }
+            let beside = Fit::of(record, p, self.rests).and_then(|fit| fit.improved(record, SOME, stop));
+            if let Some(better) = beside.filter(|fit| fit.squares < self.squares) {
+                self = better;
+            }
+        }
+        self
+    }
+
+    /// With its derivatives.
+    fn differentiated(mut self, record: &Record) -> Option<Fit> {
+        let steps = self.steps(record.period());
+        let mut derivatives = DMatrix::zeros(self.left.len(), PARAMETERS);
+        let parameters = self.parameters();
+        for (i, step) in steps.into_iter().enumerate().take(parameters).filter(|(i, _)| self.is_free(*i)) {
+            let mut p = self.p;
+            p[i] += step;
+            let moved = Fit::of(record, p, self.rests)?;
+            for (j, (a, b)) in self.left.iter().zip(&moved.left).enumerate() {
+                derivatives[(j, i)] = (a - b) / step;
+            }
+        }
+        self.derivatives = derivatives;
+        Some(self)
+    }
+
+    /// Levenberg's and Marquardt's steps from here.
+    pub fn improved(self, record: &Record, most: usize, stop: &dyn Fn() -> bool) -> Option<Fit> {
+        let mut at = self.differentiated(record)?;
+        let mut damping = 1e-3;
+        for _ in 0..most {
+            if stop() {
+                break;
+            }
+            let (information, right) = at.normal();
+            let Some(step) = at.step(&information, &right, damping) else { return Some(at) };
+            let size = (step.transpose() * &information * &step)[0];
+            let mut p = at.p;
+            // Far steps of what enters by its logarithm lead nowhere.
+            p.iter_mut()
+                .enumerate()
+                .for_each(|(i, p)| *p += if LOGARITHMS.contains(&i) { step[i].clamp(-1.0, 1.0) } else { step[i] });
+            NOT_BELOW_0.into_iter().for_each(|i| p[i] = p[i].max(0.0));
+            p[LATE] = p[LATE].min(LONGEST_DELAY);
+            p[VARIANCE] = p[VARIANCE].min((p[LATE] + EARLIEST).powi(2));
+            let is_small = size < SMALL * SMALL * at.squares / at.left.len() as f64;
+            let next = Fit::of(record, p, at.rests).map(|next| next.fitting(at.free));
+            match next {
+                Some(next) if next.squares < at.squares => {
+                    at = next.differentiated(record)?;
+                    damping = (0.1 * damping).max(1e-9);
+                    if is_small {
+                        break;
+                    }
+                }
+                _ if is_small || damping > 1e9 => break,
+                _ => damping *= 10.0,
+            }
+        }
+        Some(at)
+    }
+
+    /// The next step, damped by Marquardt's `more`. What is 0 already, and would go below, stays while the others move.
+    fn step(&self, information: &DMatrix<f64>, right: &DVector<f64>, more: f64) -> Option<DVector<f64>> {
+        let mut free: [bool; PARAMETERS] = std::array::from_fn(|i| self.is_free(i));
+        loop {
+            let scale = DVector::from_fn(PARAMETERS, |i, _| {
+                let own = information[(i, i)];
+                if free[i] && own > 0.0 { own.sqrt().recip() } else { 0.0 }
+            });
+            let matrix = DMatrix::from_fn(PARAMETERS, PARAMETERS, |i, j| match i == j {
+                true => 1.0 + more,
+                false => information[(i, j)] * scale[i] * scale[j],
+            });
+            let step = matrix.cholesky()?.solve(&right.component_mul(&scale)).component_mul(&scale);
+            match NOT_BELOW_0.into_iter().find(|i| free[*i] && self.p[*i] == 0.0 && step[*i] < 0.0) {
+                Some(i) => free[i] = false,
+                None => return Some(step),
+            }
+        }
+    }
+
+    pub fn normal(&self) -> (DMatrix<f64>, DVector<f64>) {
+        let left = DVector::from_column_slice(&self.left);
+        (self.derivatives.transpose() * &self.derivatives, self.derivatives.transpose() * left)
+    }
+}

@@ -1,0 +1,171 @@
+//! Where in a record a handle rings: the shafts from which fits start.
+//!
+//! The motion of a rigid puck, z, is nearly that of the whole. A handle of frequency ω that follows it on a shaft is behind by q,
+//!
+//! ```text
+//! q̈ + 2 ζ ω q̇ + ω² q = z̈,
+//! ```
+//!
+//! and the motor is ahead of the rigid puck by (J_h / J) q. So for each of many frequencies q is a known signal, and how much of what the rigid fit
+//! leaves goes with it is linear least squares: a matched filter, which sees a shaft far below the noise that hides its line in the spectrum.
+
+use nalgebra::DVector;
+
+use crate::fit::Fit;
+use crate::puck::{PARAMETERS, Sensitivity};
+use crate::record::Record;
+
+/// Frequencies that are looked at, in equal ratios.
+const FREQUENCIES: usize = 240;
+/// Periods of the lowest in the record, and samples of the highest.
+const LOWEST: f64 = 4.0;
+const HIGHEST: f64 = 2.5;
+/// ζ: between that of steel and of rubber.
+const RATIO: f64 = 0.04;
+/// What remains of a column beside the others, as a part of it, is rounding below this.
+const ROUNDING: f64 = 1e-6;
+
+/// A shaft that may be there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Ringing {
+    /// In rad/s.
+    pub omega: f64,
+    /// J_h / J.
+    pub ratio: f64,
+    /// How much of the squares goes with it.
+    explains: f64,
+}
+
+/// The most likely shafts, the best first: each explains more than those of frequencies next to it.
+pub(crate) fn ringing(record: &Record, rigid: &Fit) -> Vec<Ringing> {
+    let mut motion: Vec<(f64, f64)> = Vec::new();
+    let mut rows: Vec<(usize, f64, Sensitivity)> = Vec::new();
+    rigid.puck.follow(record.times(), record.torques(), rigid.first, |i, z, dz| {
+        if record.is_news(i) {
+            rows.push((motion.len(), record.positions()[i] - z, *dz));
+        }
+        motion.push((record.times()[i], z));
+    });
+    let mut beside = Beside::default();
+    for i in 0..PARAMETERS {
+        beside.add(DVector::from_iterator(rows.len(), rows.iter().map(|(_, _, dz)| dz[i])));
+    }
+    let left = beside.of(DVector::from_iterator(rows.len(), rows.iter().map(|(_, left, _)| *left)));
+    let seen = |signal: &[f64]| DVector::from_iterator(rows.len(), rows.iter().map(|(i, _, _)| signal[*i]));
+    let of = |omega: f64| {
+        let mut with = Beside { columns: beside.columns.clone() };
+        // It may ring from the start.
+        let own = with.columns.len();
+        for begin in [[1.0, 0.0], [0.0, omega]] {
+            with.add(seen(&behind(&motion, omega, begin, false)));
+        }
+        let q = with.of(seen(&behind(&motion, omega, [0.0; 2], true)));
+        let left = with.columns[own..].iter().fold(left.clone(), |left, column| &left - column * column.dot(&left));
+        let squares = q.norm_squared();
+        let ratio = if squares > 0.0 { q.dot(&left) / squares } else { 0.0 };
+        Ringing { omega, ratio, explains: ratio * ratio * squares }
+    };
+    let (Some(from), Some(to)) = (motion.first(), motion.last()) else { return Vec::new() };
+    let [low, high] =
+        [LOWEST / (to.0 - from.0), 1.0 / (HIGHEST * record.period())].map(|hz| std::f64::consts::TAU * hz);
+    if !(low < high) {
+        return Vec::new();
+    }
+    let all: Vec<Ringing> =
+        (0..FREQUENCIES).map(|i| of(low * (high / low).powf(i as f64 / (FREQUENCIES - 1) as f64))).collect();
+    let explains = |i: usize| all.get(i).map_or(0.0, |one| one.explains);
+    let is_peak = |i: usize| explains(i) > explains(i + 1) && (i == 0 || explains(i) >= explains(i - 1));
+    let mut peaks: Vec<Ringing> =
+        (0..all.len()).filter(|i| all[*i].ratio > 0.0 && is_peak(*i)).map(|i| all[i]).collect();
+    peaks.sort_by(|a, b| b.explains.total_cmp(&a.explains));
+    peaks
+}
+
+/// q of a handle at these times, from this q and q̇ on; `follows` the motion, or rings out alone. Between two samples the motion is straight.
+fn behind(motion: &[(f64, f64)], omega: f64, [mut q, mut rate]: [f64; 2], follows: bool) -> Vec<f64> {
+    let (decay, swing) = (RATIO * omega, omega * (1.0 - RATIO * RATIO).sqrt());
+    let mut slope = None;
+    let mut all = Vec::with_capacity(motion.len());
+    all.extend(motion.first().map(|_| q));
+    for pair in motion.windows(2) {
+        let time = pair[1].0 - pair[0].0;
+        let next = (pair[1].1 - pair[0].1) / time;
+        if follows {
+            rate += next - slope.unwrap_or(next);
+            slope = Some(next);
+        }
+        let (sin, cos) = (swing * time).sin_cos();
+        let (left, beside) = ((-decay * time).exp(), (rate + decay * q) / swing);
+        (q, rate) = (left * (q * cos + beside * sin), left * (rate * cos - (decay * beside + swing * q) * sin));
+        all.push(q);
+    }
+    all
+}
+
+/// Orthonormal columns, beside which others are seen.
+#[derive(Default)]
+struct Beside {
+    columns: Vec<DVector<f64>>,
+}
+
+impl Beside {
+    /// What is left of a column beside them, twice projected for the sake of rounding.
+    fn of(&self, column: DVector<f64>) -> DVector<f64> {
+        let once = |left: DVector<f64>| self.columns.iter().fold(left, |left, own| &left - own * own.dot(&left));
+        once(once(column))
+    }
+
+    /// Adds a column, where it is not one of them.
+    fn add(&mut self, column: DVector<f64>) {
+        let size = column.norm();
+        let left = self.of(column);
+        let own = left.norm();
+        if own > ROUNDING * size {
+            self.columns.push(left / own);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use hapt_model::Handle;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::estimate::best;
+    use crate::record::Watched;
+    use crate::shaft::Shafted;
+    use crate::start::starts;
+
+    proptest! {
+        #![proptest_config(hapt_testing::cases(8))]
+        // Noise is half to four times as large as the ringing.
+        #[test]
+        fn a_handle_is_seen_below_the_noise(
+            hz in 15.0..80.0f64, own in 3e-4..1e-3f64, share in 0.5..2.0f64, noise in 0.5..4.0f64, seed in any::<u64>(),
+        ) {
+            let mut rng = fastrand::Rng::with_seed(seed);
+            let (omega, handle) = (TAU * hz, share * own);
+            let mass = own * handle / (own + handle);
+            let handle = Handle { inertia: handle, stiffness: mass * omega * omega, damping: 0.06 * mass * omega };
+            let device = Shafted { inertia: own, damping: 3e-3, friction: 0.0, delay: 1e-3, lag: 0.0, handle };
+            let mut torque = 0.0;
+            let torques: Vec<f64> = (0..2000).map(|k| { if k > 60 && rng.u8(..50) == 0 { torque = 0.1 * (rng.f64() - 0.5); } torque }).collect();
+            let times: Vec<f64> = (0..2000).map(|k| k as f64 * 1e-3).collect();
+            let mut clean = Vec::new();
+            device.follow(&times, &torques, [0.0; 4], |_, z| clean.push(z));
+            // What a step of the torque of a fifth of the largest makes ring.
+            let rings = 0.02 * 2.0 * handle.inertia / own / (own + handle.inertia) / (omega * omega);
+            let noisy = |z: &f64| z + noise * rings * (rng.f64() + rng.f64() + rng.f64() - 1.5) * 2.0;
+            let positions = clean.iter().map(noisy).collect();
+            let record = Record::new(times, positions, torques).unwrap();
+            let watched = Watched { record: &record, stop: &|| false };
+            let rigid = best(&watched, &starts(&watched)).unwrap();
+            let found = ringing(&record, &rigid);
+            let near = found.iter().take(3).find(|one| (one.omega / omega - 1.0).abs() < 0.1);
+            prop_assert!(near.is_some_and(|one| (0.2..5.0).contains(&(one.ratio / share))), "{hz} {share}: {:?}", &found[..found.len().min(4)]);
+        }
+    }
+}
