@@ -71,7 +71,7 @@ pub use controller::{Controller, ControllerState};
 pub use error::Error;
 pub use gradient::Contacts;
 pub use lanes::{Batch, Lanes};
-pub use link::{Heard, LinkEnd, LinkTerms, Strength};
+pub use link::{Heard, LASTING, LinkEnd, LinkTerms, Strength};
 pub use matrix::Vector;
 pub use real::{Number, Real};
 pub use sense::{Memory, Puck};

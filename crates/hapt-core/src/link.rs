@@ -62,6 +62,10 @@ pub struct LinkTerms {
 pub struct Heard {
     /// How old its position is at most, in s.
     pub age: f64,
+    /// The run of the other end in which it was sent: instants of two runs say nothing of each other.
+    pub session: u64,
+    /// When its position was taken, in s by the other's clock: only differences count.
+    pub taken: f64,
     /// Of its puck, in rad (linear: m).
     pub position: f64,
     /// Of the first end: the part with which it acts. Of the second: the largest with which it can.
@@ -71,13 +75,29 @@ pub struct Heard {
 /// The position that acts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Used {
+    session: u64,
+    taken: f64,
     position: f64,
+    mean: Option<Mean>,
     age: f64,
     /// Its age at the end of the hold in which it acted first.
     fresh: f64,
 }
 
+/// The other's velocity, as its mean between two positions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Mean {
+    velocity: f64,
+    /// Between the two positions, in s.
+    span: f64,
+    /// Since it began to act, in s.
+    acted: f64,
+}
+
 /// One end of a link, sample by sample.
+///
+/// **The other's velocity** is its mean between the newest position and the one that acted before it. It acts for at most [`LASTING`] times
+/// as long as the two are apart, or for one hold: beyond, the damping has no torque until the next position comes (docs/theory.md, (T64)).
 ///
 /// **Letting go.** Where no newer position comes, the torque fades in the last quarter of `age_max`, and is 0 before a position is too old
 /// for all of the coming hold. A position that comes on time acts as a whole, however little of `age_max` it leaves. An end whose own loop is not
@@ -93,8 +113,8 @@ struct Used {
 /// use hapt_core::{Heard, LinkEnd, LinkTerms, Strength};
 ///
 /// let mut end = LinkEnd::new(true, LinkTerms { age_max: 20e-3, hold: 1e-3, period: 1e-3, soft: 0.01 });
-/// let heard = |age, position| Some(Heard { age, position, strength: Strength::WHOLE });
-/// let mut sample = |age, other: f64| end.sample(1e-3, true, heard(age, other), |other| -2.0 * (0.1 - other));
+/// let heard = |age, position| Some(Heard { age, session: 1, taken: 0.0, position, strength: Strength::WHOLE });
+/// let mut sample = |age, other: f64| end.sample(1e-3, true, heard(age, other), |other, _| -2.0 * (0.1 - other));
 /// // The ends are apart: they are drawn together softly, for as long as they are.
 /// let drawn: Vec<f64> = (0..500).map(|_| sample(5e-3, 0.0)).collect();
 /// assert!(drawn[0] < 0.0 && drawn[0] > -0.001 && drawn[499] < -0.009 && drawn[499] >= -0.01);
@@ -120,12 +140,29 @@ pub struct LinkEnd {
     let_go: u64,
 }
 
+/// How long the other's mean velocity acts at most, in times of its own span.
+pub const LASTING: f64 = 4.0;
 /// In which part of `age_max` a torque fades.
 const FADE: f64 = 0.25;
 /// The part of the soft torque with which taking hold begins.
 const BEGIN: f64 = 1.0 / 16.0;
 /// A position is newer than another if it is so much younger, in s: more than rounding.
 const NEWER: f64 = 1e-9;
+
+impl Used {
+    /// The same at the next sample.
+    fn later(self, elapsed: f64) -> Used {
+        let mean = self.mean.map(|mean| Mean { acted: mean.acted + elapsed, ..mean });
+        Used { age: self.age + elapsed, mean, ..self }
+    }
+
+    /// The other's velocity, where it may act for another `hold`.
+    fn velocity(&self, hold: f64) -> Option<f64> {
+        // Up to what rounding makes of a sum of times. The first hold counts in any case.
+        let lasts = |mean: &Mean| mean.acted + hold <= (LASTING * mean.span).max(hold) * (1.0 + 1e-9);
+        self.mean.filter(lasts).map(|mean| mean.velocity)
+    }
+}
 
 impl LinkEnd {
     /// An end that has let go.
@@ -147,14 +184,23 @@ impl LinkEnd {
         LinkEnd { strength: Strength::WHOLE, cap: Strength::WHOLE, ..LinkEnd::new(first, terms) }
     }
 
-    /// The torque of a sample, `elapsed` seconds after the one before: a part of `torque`, which is a function of the other's position. An
-    /// end whose own loop is not `ready`, disarmed or before its zero is set, lets go.
-    pub fn sample(&mut self, elapsed: f64, ready: bool, heard: Option<Heard>, torque: impl Fn(f64) -> f64) -> f64 {
+    /// The torque of a sample, `elapsed` seconds after the one before: a part of `torque`, which is a function of the other's position and,
+    /// where it is known, of its velocity. An end whose own loop is not `ready`, disarmed or before its zero is set, lets go.
+    pub fn sample(
+        &mut self,
+        elapsed: f64,
+        ready: bool,
+        heard: Option<Heard>,
+        torque: impl Fn(f64, Option<f64>) -> f64,
+    ) -> f64 {
         self.take(elapsed, heard);
-        self.hears = ready && heard.is_some_and(|heard| self.is_young(heard.age) && torque(heard.position).is_finite());
-        let full = self.used.map(|used| torque(used.position)).filter(|torque| torque.is_finite());
+        self.hears =
+            ready && heard.is_some_and(|heard| self.is_young(heard.age) && torque(heard.position, None).is_finite());
+        // What stores energy, and with it what does not: an end takes hold by the former alone.
+        let both = self.used.map(|used| [None, used.velocity(self.terms.hold)].map(|at| torque(used.position, at)));
+        let full = both.filter(|both| both.iter().all(|torque| torque.is_finite()));
         let allowed = Strength::at_most(if ready && full.is_some() { self.fading() } else { 0.0 });
-        let full = full.unwrap_or(0.0);
+        let [stored, full] = full.unwrap_or_default();
         let other = heard.map_or(Strength::NONE, |heard| heard.strength);
         let before = self.strength;
         if !other.acts() {
@@ -170,7 +216,7 @@ impl LinkEnd {
                 self.strength = before.min(other).min(allowed);
                 let is_fresh = self.hears && allowed == Strength::WHOLE;
                 match self.strength == before && is_fresh {
-                    true => self.rise(elapsed, other, libm::fabs(full)),
+                    true => self.rise(elapsed, other, libm::fabs(stored)),
                     false => self.rise = 0.0,
                 }
             }
@@ -190,12 +236,20 @@ impl LinkEnd {
 
     /// Keeps the newest position that the other sent while it acted, or could.
     fn take(&mut self, elapsed: f64, heard: Option<Heard>) {
-        let hold = self.terms.hold;
-        let before = self.used.map(|used| Used { age: used.age + elapsed, ..used });
+        let LinkTerms { hold, period, .. } = self.terms;
+        let before = self.used.map(|used| used.later(elapsed));
         self.used = match heard {
-            Some(Heard { age, position, strength }) if strength.acts() => {
+            Some(Heard { age, session, taken, position, strength }) if strength.acts() => {
                 let same = before.filter(|before| before.age - age <= NEWER);
-                Some(Used { position, age, fresh: same.map_or(age + hold, |same| same.fresh) })
+                let mean = before.filter(|before| before.session == session).and_then(|before| {
+                    // The same position says nothing new.
+                    if taken <= before.taken {
+                        return before.mean;
+                    }
+                    let span = (taken - before.taken).max(period);
+                    Some(Mean { velocity: (position - before.position) / span, span, acted: 0.0 })
+                });
+                Some(Used { session, taken, position, mean, age, fresh: same.map_or(age + hold, |same| same.fresh) })
             }
             _ => before,
         };

@@ -245,9 +245,6 @@ impl<'a> Fields<'a> {
                 let keys = here().collect::<Vec<_>>().join(", ");
                 format!("not a key of kind {kind:?} but of {}; {kind:?} takes {keys}", words::alternatives(others))
             }
-            (_, Some(_)) if pattern == "network.links.*" && entry.key == "damping" => {
-                format!("a link takes no damping; it belongs to the stations' devices and worlds; {}", takes())
-            }
             (_, Some(row)) if pattern == keys::NETWORK_FILE && row.table().is_empty() => {
                 format!("unknown key here; a station's own is stations.NAME.{}; {}", own_path(entry), takes())
             }

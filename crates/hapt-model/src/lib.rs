@@ -62,11 +62,11 @@ mod write;
 
 pub use dimension::Dimension;
 pub use error::{Error, ErrorKind, Location};
-pub use hapt_core::SafetyProfile;
 pub use hapt_core::named;
 pub use hapt_core::spec::{
     Body, Coupling, Damping, End, Estimator, HARMONICS, Law, Linear, Method, Output, Side, Spec, Waveform,
 };
+pub use hapt_core::{LASTING, SafetyProfile};
 pub use hapt_plant::spec::{DeviceSpec, Drive, Hand, Handle, Shape, Switching};
 pub use kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind};
 pub use network::{Link, Network, Station, is_network};

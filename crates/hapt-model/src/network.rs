@@ -80,8 +80,10 @@ pub struct Station {
 pub struct Link {
     /// Which stations: q is the first one's puck as seen from the second's.
     pub between: [usize; 2],
-    /// A spring or a wall without damping.
+    /// A spring or a wall: its torque at rest. Its own damping is 0.
     pub law: Law,
+    /// D in N·m·s/rad (linear: N·s/m), of a wall inside.
+    pub damping: f64,
     /// The largest torque in N·m (linear: N); `None`: any.
     pub limit: Option<f64>,
     /// Between two messages in s; `None`: the sender's period.
@@ -107,6 +109,11 @@ impl Link {
         stiffness
     }
 
+    /// Whether it has any torque.
+    pub fn acts(&self) -> bool {
+        self.stiffness() > 0.0 || self.damping > 0.0
+    }
+
     /// The same link, this stiff.
     pub fn with_stiffness(&self, stiffness: f64) -> Link {
         let mut link = self.clone();
@@ -126,20 +133,23 @@ impl Link {
         self.delay_max.unwrap_or(self.delay)
     }
 
-    /// The torque on the first station's puck at q; the second's has the opposite sign.
-    pub fn torque(&self, q: f64) -> f64 {
+    /// The torque on the first station's puck at q and q̇; the second's has the opposite sign. A wall never pulls.
+    pub fn torque(&self, q: f64, rate: f64) -> f64 {
+        let drag = -self.damping * rate;
         let torque = match self.law {
-            Law::Spring { stiffness, rest } => -stiffness * (q - rest),
-            Law::Wall { side: Side::Above, at, stiffness, .. } => -stiffness * (q - at).max(0.0),
-            Law::Wall { side: Side::Below, at, stiffness, .. } => -stiffness * (q - at).min(0.0),
+            Law::Spring { stiffness, rest } => -stiffness * (q - rest) + drag,
+            Law::Wall { side: Side::Above, at, stiffness, .. } if q > at => (-stiffness * (q - at) + drag).min(0.0),
+            Law::Wall { side: Side::Below, at, stiffness, .. } if q < at => (-stiffness * (q - at) + drag).max(0.0),
             _ => 0.0,
         };
         self.limit.map_or(torque, |limit| torque.clamp(-limit, limit))
     }
 
-    /// The torque on the puck of one of the stations, the first or the second, with the positions of its own and of the other's puck.
-    pub fn torque_at(&self, first: bool, own: f64, other: f64) -> f64 {
-        if first { self.torque(own - other) } else { -self.torque(other - own) }
+    /// The torque on the puck of one of the stations, the first or the second, with position and velocity of its own and of the other's puck. Where
+    /// that velocity is not known there is no damping.
+    pub fn torque_at(&self, first: bool, own: [f64; 2], other: f64, velocity: Option<f64>) -> f64 {
+        let [q, rate] = [own[0] - other, velocity.map_or(0.0, |velocity| own[1] - velocity)];
+        if first { self.torque(q, rate) } else { -self.torque(-q, -rate) }
     }
 }
 
@@ -365,6 +375,7 @@ fn link(fields: &Fields<'_>, stations: &[Station]) -> Result<Link, Error> {
     let link = Link {
         between,
         law,
+        damping: fields.number("damping")?,
         limit: fields.optional_number("limit")?,
         period: fields.optional_number("period")?,
         delay,

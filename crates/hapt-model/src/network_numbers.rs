@@ -16,6 +16,7 @@ pub(crate) const MILLIONTH: f64 = 1e-6;
 /// A link's kind and its numbers.
 fn numbers(link: &mut Link) -> (&'static str, NumberSlots<'_>) {
     let mut slots = vec![
+        ("damping", Number(&mut link.damping)),
         ("limit", Optional(&mut link.limit)),
         ("period", Optional(&mut link.period)),
         ("delay", Number(&mut link.delay)),

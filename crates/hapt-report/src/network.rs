@@ -244,14 +244,14 @@ impl NetworkReport<'_> {
     }
 
     fn links(&self) -> Markup {
-        let unit = match self.network.motion {
-            Motion::Rotary => "N·m/rad",
-            Motion::Linear => "N/m",
+        let [unit, damping] = match self.network.motion {
+            Motion::Rotary => ["N·m/rad", "N·m·s/rad"],
+            Motion::Linear => ["N/m", "N·s/m"],
         };
         html! {
             div.scroll tabindex="0" {
                 table {
-                    thead { tr { th { "between" } th { "kind" } th { "stiffness (" (unit) ")" } th { "passive up to" } th { "age_max" } th { "limit" } th { "on the way" } th { "lost" } } }
+                    thead { tr { th { "between" } th { "kind" } th { "stiffness (" (unit) ")" } th { "passive up to" } th { "damping (" (damping) ")" } th { "age_max" } th { "limit" } th { "on the way" } th { "lost" } } }
                     tbody {
                         @for (link, check) in self.network.links.iter().zip(&self.check.links) {
                             tr {
@@ -259,6 +259,7 @@ impl NetworkReport<'_> {
                                 td { (if matches!(link.law, Law::Wall { .. }) { "wall" } else { "spring" }) }
                                 td.number { (number(check.stiffness, 4)) }
                                 td.number { (check.stiffness_max.map_or("none".into(), |k| number(k, 4))) }
+                                td.number { (number(check.damping, 4)) }
                                 td.number { (say_time(check.age_max_s)) }
                                 td.number { (link.limit.map_or("none".into(), |limit| say_effort(limit, self.network.motion))) }
                                 td.number { (say_time(link.delay)) " to " (say_time(link.delay_max_s())) }

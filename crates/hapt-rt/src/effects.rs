@@ -61,8 +61,8 @@ impl EffectsPort {
             self.abandoned = true;
             self.player.stop_all();
         }
-        let Beside { ready, position, torque } = beside;
-        let narrow = Beside { ready, position: position as f32, torque: torque as f32 };
+        let Beside { ready, position, velocity, torque } = beside;
+        let narrow = Beside { ready, position: position as f32, velocity: velocity as f32, torque: torque as f32 };
         let (given, playing) = self.player.sample(narrow, now / 1000);
         let _ = self.samples.push(EffectsSample { sampled: now, position, playing, given });
         f64::from(given.torque)

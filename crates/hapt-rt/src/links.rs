@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use hapt_core::{Heard, LinkEnd, LinkTerms};
+use hapt_core::{Beside, Heard, LinkEnd, LinkTerms};
 use hapt_model::Link;
 use hapt_wire::link::{Incoming, Outgoing};
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -59,6 +59,8 @@ pub struct LinkPort {
     link: Link,
     first: bool,
     end: LinkEnd,
+    /// Between two numbers of the other end's messages, in s of its clock.
+    tick: f64,
     /// When the sample before was taken, in ns by the loop's clock.
     before: Option<u64>,
     incoming: Consumer<Incoming>,
@@ -75,12 +77,14 @@ pub struct LinkWire {
     pub samples: Consumer<LinkSample>,
 }
 
-/// A link's end at its first or second station, on its terms ([`hapt_model::Network::end`]).
-pub fn link(link: &Link, first: bool, terms: LinkTerms) -> (LinkPort, LinkWire) {
+/// A link's end at its first or second station, on its terms ([`hapt_model::Network::end`]). The other end takes its positions `tick`
+/// seconds apart for each 1 by which the numbers of its messages differ.
+pub fn link(link: &Link, first: bool, terms: LinkTerms, tick: f64) -> (LinkPort, LinkWire) {
     let (coming, incoming) = RingBuffer::new(ROOM);
     let (samples, going) = RingBuffer::new(ROOM);
     let end = LinkEnd::new(first, terms);
-    let port = LinkPort { link: link.clone(), first, end, before: None, incoming, samples, newest: None, tuning: None };
+    let link = link.clone();
+    let port = LinkPort { link, first, end, tick, before: None, incoming, samples, newest: None, tuning: None };
     (port, LinkWire { incoming: coming, samples: going })
 }
 
@@ -90,8 +94,8 @@ impl LinkPort {
         LinkPort { tuning: Some(tuning), ..self }
     }
 
-    /// The torque on the puck at `position` in the sample that is taken at `now`, in ns by the loop's clock.
-    pub(crate) fn sample(&mut self, ready: bool, now: u64, position: f64) -> f64 {
+    /// The torque on the puck in the sample that is taken at `now`, in ns by the loop's clock.
+    pub(crate) fn sample(&mut self, own: &Beside<f64>, now: u64) -> f64 {
         for _ in 0..ROOM {
             match self.incoming.pop() {
                 Ok(incoming) => self.newest = Some(incoming),
@@ -107,12 +111,15 @@ impl LinkPort {
         // From the future is from no clock of this loop.
         let age = |since: u64| now.checked_sub(since).map(|age| age as f64 * 1e-9);
         let heard = self.newest.and_then(|newest| {
-            let Incoming { position, strength, .. } = newest;
-            Some(Heard { age: age(newest.since?)?, position, strength })
+            let Incoming { number, since, position, strength } = newest;
+            let taken = number.sequence as f64 * self.tick;
+            Some(Heard { age: age(since?)?, session: number.session, taken, position, strength })
         });
         let elapsed = self.before.replace(now).map_or(0.0, |before| now.saturating_sub(before) as f64 * 1e-9);
         let LinkPort { link, first, .. } = self;
-        let torque = self.end.sample(elapsed, ready, heard, |other| link.torque_at(*first, position, other));
+        let Beside { ready, position, velocity, .. } = *own;
+        let torque =
+            self.end.sample(elapsed, ready, heard, |other, at| link.torque_at(*first, [position, velocity], other, at));
         let outgoing = Outgoing {
             sampled: now,
             position,

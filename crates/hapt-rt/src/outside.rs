@@ -31,7 +31,7 @@ impl Outside {
 
     /// Their sum in the sample that is taken at `now`, in ns by the loop's clock.
     pub(crate) fn sample(&mut self, beside: Beside<f64>, now: u64) -> f64 {
-        let links: f64 = self.links.iter_mut().map(|port| port.sample(beside.ready, now, beside.position)).sum();
+        let links: f64 = self.links.iter_mut().map(|port| port.sample(&beside, now)).sum();
         let beside = Beside { torque: beside.torque + links, ..beside };
         // A page has no host, and its program stays small.
         let effects = self.effects.as_mut().filter(|_| !cfg!(target_family = "wasm"));

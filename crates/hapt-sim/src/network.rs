@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use hapt_core::{Heard, LinkEnd, Strength};
+use hapt_core::{Heard, LinkEnd, Puck, Strength};
 use hapt_model::{Drive, Hand, Link, Network, Scenario, Shape, Timing};
 
 use crate::row::{Row, SIGNALS, Signal, columns};
@@ -210,8 +210,8 @@ impl NetworkRun {
         let (at, time) = times.min_by(|a, b| a.1.total_cmp(&b.1))?;
         let (joints, station) = (&mut self.joints, &mut self.stations[at]);
         let mut sum = 0.0;
-        let result = station.run.next_beside(|measured| {
-            sum = joints.iter_mut().filter_map(|joint| joint.torque(at, time, measured)).sum();
+        let result = station.run.next_beside(|seen| {
+            sum = joints.iter_mut().filter_map(|joint| joint.torque(at, time, seen)).sum();
             sum
         })?;
         if let Err(error) = result {
@@ -226,8 +226,8 @@ impl NetworkRun {
 }
 
 impl Joint {
-    /// The torque on the puck of station `at`, whose sample at `time` is `measured`; `None` where it is no end of this link.
-    fn torque(&mut self, at: usize, time: f64, measured: f64) -> Option<f64> {
+    /// The torque on the puck of station `at`, which its sample at `time` has `seen` so; `None` where it is no end of this link.
+    fn torque(&mut self, at: usize, time: f64, seen: Puck<f64>) -> Option<f64> {
         let side = self.link.between.iter().position(|end| *end == at)?;
         let Joint { link, random, ends } = self;
         let [first, second] = ends;
@@ -244,15 +244,19 @@ impl Joint {
         }
         let heard = own.newest.map(|newest| Heard {
             age: (time - newest.sampled) * (1.0 + own.drift),
+            session: 0,
+            taken: newest.sampled * (1.0 + other.drift),
             position: newest.position,
             strength: newest.strength,
         });
         let elapsed = (time - own.last) * (1.0 + own.drift);
-        let torque = own.link.sample(elapsed, true, heard, |other| link.torque_at(side == 0, measured, other));
+        let torque = own.link.sample(elapsed, true, heard, |other, velocity| {
+            link.torque_at(side == 0, [seen.position, seen.velocity], other, velocity)
+        });
         own.last = time;
         if time >= own.next - near {
             own.next = own.next.max(time) + own.period;
-            let message = Message { sampled: time, position: measured, strength: own.link.said() };
+            let message = Message { sampled: time, position: seen.position, strength: own.link.said() };
             let (lost, way) = (uniform(random) < link.loss, between([link.delay, link.delay_max_s()], uniform(random)));
             if !lost {
                 other.coming.push_back((time + way, message));

@@ -1,6 +1,6 @@
 //! A run: the loop on the exact device, sample after sample.
 
-use hapt_core::Sample;
+use hapt_core::{Puck, Sample};
 use hapt_model::{Scenario, Timing, World};
 
 use crate::control::Control;
@@ -223,8 +223,8 @@ impl Simulation {
     }
 
     /// The same with a torque on the puck from outside of the world, of its measured position; `row.torque` is the world's alone.
-    pub(crate) fn next_beside(&mut self, torque: impl FnOnce(f64) -> f64) -> Option<Result<(), Error>> {
-        self.take(|control, sample| control.command(sample.torque + torque(sample.puck.position)))
+    pub(crate) fn next_beside(&mut self, torque: impl FnOnce(Puck<f64>) -> f64) -> Option<Result<(), Error>> {
+        self.take(|control, sample| control.command(sample.torque + torque(sample.puck)))
     }
 
     #[inline(always)]

@@ -63,13 +63,20 @@ fn random(rng: &mut Rng, n: usize, times: Times) -> Option<Network> {
     let base = 1e-3;
     let (common, exact) = (times != Times::Own, times == Times::Exact);
     let mut text = String::new();
+    // The proof of a link's damping is of these estimators (T64).
+    let damped = !exact && rng.bool();
     for i in 0..n {
         let period = if common { base * f64::from(1 << rng.u8(..3)) } else { base * (0.7 + 2.0 * rng.f64()) };
         let delay = if rng.bool() { 0.0 } else { period * rng.f64() };
         let phase = if times == Times::Common || exact && rng.bool() { 0.0 } else { period * rng.f64() };
         let lag = if rng.u8(..4) == 0 && !exact { period * rng.f64() } else { 0.0 };
+        let estimator = match (damped, rng.bool()) {
+            (false, _) => "",
+            (true, false) => ", estimator = \"difference\"",
+            (true, true) => ", estimator = \"low-pass\", cutoff = 60",
+        };
         let mut world = format!(
-            "loop = {{ period = {period}, delay = {delay} }}\ndevice = {{ inertia = {}, lag = {lag} }}\n",
+            "loop = {{ period = {period}, delay = {delay}{estimator} }}\ndevice = {{ inertia = {}, lag = {lag} }}\n",
             1e-4 * 30f64.powf(rng.f64())
         );
         if rng.bool() {
@@ -109,9 +116,12 @@ fn random(rng: &mut Rng, n: usize, times: Times) -> Option<Network> {
             _ => "kind = \"spring\"".into(),
         };
         let way = 10e-3 * rng.f64();
+        // Each of stiffness and damping may be all that there is.
+        let stiffness = if damped && rng.u8(..4) == 0 { 0.0 } else { 0.01 * 100f64.powf(rng.f64()) };
+        let damping = if damped && rng.u8(..4) > 0 { 1e-4 * 300f64.powf(rng.f64()) } else { 0.0 };
+        let period = if damped && rng.bool() { "period = \"6 ms\"\n" } else { "" };
         text += &format!(
-            "[[links]]\n{law}\nbetween = [\"s{i}\", \"s{other}\"]\nstiffness = {}\ndelay = {}\ndelay_max = {way}\nloss = {}\nduplicate = {}\nseed = {}\nage_max = {}\n",
-            0.01 * 100f64.powf(rng.f64()),
+            "[[links]]\n{period}{law}\nbetween = [\"s{i}\", \"s{other}\"]\nstiffness = {stiffness}\ndamping = {damping}\ndelay = {}\ndelay_max = {way}\nloss = {}\nduplicate = {}\nseed = {}\nage_max = {}\n",
             if exact { way } else { way * rng.f64() },
             if exact || rng.bool() { 0.0 } else { 0.5 * rng.f64() },
             if rng.bool() { 0.0 } else { rng.f64() },

@@ -1,6 +1,6 @@
 //! What links ask of the stations' devices: the matrix M of the network, and what keeps it from being indefinite.
 
-use hapt_model::{Law, Link, Network, Station};
+use hapt_model::{EstimatorKind, LASTING, Law, Link, Network, Station};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use crate::error::Error;
@@ -28,6 +28,45 @@ struct LinkBurden {
     ages: f64,
     /// The part of it that age_max is.
     age_max: f64,
+    damping: f64,
+    /// What the own sampling costs per damping, at each end.
+    own_damping: [f64; 2],
+    late: [Late; 2],
+}
+
+/// What the other's mean velocity costs at an end per damping, (T64): the root of a factor on its ∫ż².
+#[derive(Clone, Copy)]
+struct Late {
+    /// By how long a mean acts.
+    lasting: f64,
+    /// By age_max.
+    aged: f64,
+}
+
+impl Late {
+    /// Numbers of messages tell the time between two samples this part too short at most.
+    const SHORT: f64 = 9.0 / 8.0;
+
+    fn of(network: &Network, link: &Link, side: usize) -> Late {
+        let own = &network.stations[link.between[side]];
+        let other = &network.stations[link.between[1 - side]];
+        let shortest = link.period.unwrap_or(other.world.sampling.period);
+        let short = Late::SHORT / (1.0 + other.drift);
+        let lasting = own.true_age(LASTING.max(own.hold() / shortest));
+        Late { lasting: short * lasting, aged: short * own.true_age(link.age_max) / shortest }
+    }
+
+    fn gain(&self, age: f64) -> f64 {
+        self.lasting.min(age * self.aged).sqrt()
+    }
+}
+
+/// Whether the damping of a link is bounded by (T64) with the velocity that this station has of its own puck.
+pub(super) fn bounds_damping(station: &Station) -> bool {
+    match station.world.sampling.estimator {
+        EstimatorKind::Difference | EstimatorKind::LowPass => true,
+        EstimatorKind::Exact | EstimatorKind::Foaw | EstimatorKind::FoawBest => false,
+    }
 }
 
 /// What a station's own sampling costs of a link, per stiffness, s.
@@ -41,12 +80,25 @@ fn own(station: &Station, link: &Link) -> Result<f64, Error> {
     Ok(2.0 * timing.longest / std::f64::consts::PI + timing.delay[1] + timing.lag[1])
 }
 
+/// Parts of the links' numbers: the stiffness of each, and the damping and age of all.
+struct Parts<F> {
+    stiffness: F,
+    damping: f64,
+    age: f64,
+}
+
+/// All of them.
+fn whole() -> Parts<impl Fn(usize) -> f64> {
+    Parts { stiffness: |_| 1.0, damping: 1.0, age: 1.0 }
+}
+
 impl Burden {
     pub fn of(network: &Network, demand: &[Option<f64>]) -> Result<Burden, Error> {
         let mut links = Vec::new();
         for link in &network.links {
             let [one, other] = link.between.map(|at| &network.stations[at]);
             let age_max = 0.5 * (one.true_age(link.age_max) + other.true_age(link.age_max));
+            let per_damping = |station: &Station| Timing::of(&station.world).of_laws([0.0, 1.0]);
             let lags: f64 = [one, other].iter().map(|station| station.world.device.lag_range()[1]).sum();
             links.push(LinkBurden {
                 between: link.between,
@@ -54,14 +106,22 @@ impl Burden {
                 own: [own(one, link)?, own(other, link)?],
                 ages: 2.0 * age_max + lags,
                 age_max,
+                damping: link.damping,
+                own_damping: [per_damping(one)?, per_damping(other)?],
+                late: [0, 1].map(|side| Late::of(network, link, side)),
             });
         }
+        let is_bounded = |at: usize| {
+            let own = network.links.iter().filter(|link| link.damping > 0.0 && link.between.contains(&at));
+            own.count() == 0 || bounds_damping(&network.stations[at])
+        };
+        let demand = demand.iter().enumerate().map(|(at, demand)| demand.filter(|_| is_bounded(at))).collect();
         let damping = network.stations.iter().map(|station| station.world.device.damping_range()[0]).collect();
-        Ok(Burden { damping, demand: demand.to_vec(), links })
+        Ok(Burden { damping, demand, links })
     }
 
-    /// M with the stiffness of each link times `scale` of it, and ages times `age`; `None` where a station has no finite demand.
-    fn matrix(&self, scale: impl Fn(usize) -> f64, age: f64) -> Option<DMatrix<f64>> {
+    /// M of links with these parts of their numbers; `None` where a station has no finite demand.
+    fn matrix(&self, parts: &Parts<impl Fn(usize) -> f64>) -> Option<DMatrix<f64>> {
         let n = self.damping.len();
         let mut m = DMatrix::zeros(n, n);
         for i in 0..n {
@@ -69,10 +129,12 @@ impl Burden {
         }
         for (index, link) in self.links.iter().enumerate() {
             let [i, j] = link.between;
-            let k = link.stiffness * scale(index);
-            m[(i, i)] -= k * link.own[0];
-            m[(j, j)] -= k * link.own[1];
-            let cross = 0.5 * k * (link.ages + 2.0 * (age - 1.0) * link.age_max);
+            let k = link.stiffness * (parts.stiffness)(index);
+            let d = link.damping * parts.damping;
+            m[(i, i)] -= k * link.own[0] + d * link.own_damping[0];
+            m[(j, j)] -= k * link.own[1] + d * link.own_damping[1];
+            let ages = link.ages + 2.0 * (parts.age - 1.0) * link.age_max;
+            let cross = 0.5 * (k * ages + d * link.late.iter().map(|late| late.gain(parts.age)).sum::<f64>());
             m[(i, j)] -= cross;
             m[(j, i)] -= cross;
         }
@@ -94,20 +156,22 @@ impl Burden {
         let mut required = self.demand.clone();
         for link in &self.links {
             let [i, j] = link.between;
-            let mut add = |at: usize, own: f64, weight: f64| {
+            let (k, d) = (link.stiffness, link.damping);
+            let cross = 0.5 * (k * link.ages + d * link.late.iter().map(|late| late.gain(1.0)).sum::<f64>());
+            let mut add = |at: usize, side: usize, weight: f64| {
                 if let Some(b) = &mut required[at] {
-                    *b += link.stiffness * (own + 0.5 * link.ages * weight);
+                    *b += k * link.own[side] + d * link.own_damping[side] + cross * weight;
                 }
             };
-            add(i, link.own[0], x[j] / x[i]);
-            add(j, link.own[1], x[i] / x[j]);
+            add(i, 0, x[j] / x[i]);
+            add(j, 1, x[i] / x[j]);
         }
         required
     }
 
     /// x > 0 with M x ≥ 0 where M is positive definite: x = M⁻¹ 1, since M has no positive number beside its diagonal.
     fn weights(&self) -> Option<Vec<f64>> {
-        let m = self.matrix(|_| 1.0, 1.0)?;
+        let m = self.matrix(&whole())?;
         if least_eigenvalue(&m) <= 0.0 {
             return None;
         }
@@ -117,18 +181,18 @@ impl Burden {
 
     /// Minus the least eigenvalue of M: by how much the dampings together are too small; `None` where a station has no finite demand.
     pub fn excess(&self) -> Option<f64> {
-        Some(-least_eigenvalue(&self.matrix(|_| 1.0, 1.0)?))
+        Some(-least_eigenvalue(&self.matrix(&whole())?))
     }
 
     /// The eigenvector of M's least eigenvalue, none of whose numbers is below 0.
     pub fn favoured(&self) -> Option<Vec<f64>> {
-        let eigen = SymmetricEigen::new(self.matrix(|_| 1.0, 1.0)?);
+        let eigen = SymmetricEigen::new(self.matrix(&whole())?);
         let at = eigen.eigenvalues.imin();
         Some(eigen.eigenvectors.column(at).iter().map(|x| x.abs()).collect())
     }
 
-    fn is_passive(&self, scale: impl Fn(usize) -> f64, age: f64) -> bool {
-        self.matrix(scale, age).is_some_and(|m| least_eigenvalue(&m) >= 0.0)
+    fn is_passive(&self, parts: &Parts<impl Fn(usize) -> f64>) -> bool {
+        self.matrix(parts).is_some_and(|m| least_eigenvalue(&m) >= 0.0)
     }
 
     /// The largest factor up to which `holds`, on the safe side; `None` where it does not hold at 0, `f64::MAX` is never reached.
@@ -157,20 +221,28 @@ impl Burden {
                 .enumerate()
                 .map(|(at, link)| LinkBurden { stiffness: if at == index { 1.0 } else { link.stiffness }, ..*link }),
         );
-        Burden::largest(|k| unit.is_passive(|at| if at == index { k } else { 1.0 }, 1.0))
+        Burden::largest(|k| {
+            unit.is_passive(&Parts { stiffness: |at| if at == index { k } else { 1.0 }, damping: 1.0, age: 1.0 })
+        })
     }
 
     pub fn stiffness_scale(&self) -> Option<f64> {
-        Burden::largest(|scale| self.is_passive(|_| scale, 1.0))
+        Burden::largest(|scale| self.is_passive(&Parts { stiffness: |_| scale, damping: 1.0, age: 1.0 }))
     }
 
     pub fn age_scale(&self) -> Option<f64> {
-        Burden::largest(|age| self.is_passive(|_| 1.0, age))
+        Burden::largest(|age| self.is_passive(&Parts { age, ..whole() }))
+    }
+
+    /// `None` without a damped link, too.
+    pub fn damping_scale(&self) -> Option<f64> {
+        let is_damped = self.links.iter().any(|link| link.damping > 0.0);
+        is_damped.then(|| Burden::largest(|damping| self.is_passive(&Parts { damping, ..whole() })))?
     }
 
     /// The least damping of one device, the others as they are: by the complement of Schur.
     pub fn least_damping(&self, index: usize) -> Option<f64> {
-        let m = self.matrix(|_| 1.0, 1.0)?;
+        let m = self.matrix(&whole())?;
         let others = m.clone().remove_row(index).remove_column(index);
         if others.nrows() > 0 && least_eigenvalue(&others) <= 0.0 {
             return None;

@@ -75,6 +75,7 @@ pub fn check_links(network: &Network, alone: &[Alone]) -> Result<Linked, Error> 
         found.push(Found {
             name: &station.name,
             alone: alone.certified,
+            bounded: required[index].is_some(),
             passive: required[index].is_some_and(|b| b <= burden.damping[index]),
             proved: alone.proved && unproved_of_links(network, index)?.is_empty(),
         });

@@ -24,7 +24,7 @@ mod fixed;
 mod linked;
 mod text;
 
-use hapt_model::{Law, Link, Network, Station, World};
+use hapt_model::{Damping, End, Law, Link, Network, Station, World};
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
@@ -33,7 +33,7 @@ use crate::certificate::remedies::remedies;
 use crate::equations::laws;
 use crate::error::Error;
 use crate::passivity::quantisation::{quantisation, step};
-use burden::Burden;
+use burden::{Burden, bounds_damping};
 
 pub use demands::{Demands, FixedExcess};
 pub use fixed::FixedRates;
@@ -87,6 +87,8 @@ pub struct LinkCheck {
     pub age_max_s: f64,
     /// Its stiffness, N·m/rad (linear: N/m).
     pub stiffness: f64,
+    /// Its damping, N·m·s/rad (linear: N·s/m).
+    pub damping: f64,
     /// The largest stiffness with which the network is passive, all else as it is; `None`: with none.
     pub stiffness_max: Option<f64>,
 }
@@ -98,6 +100,8 @@ pub struct NetworkRemedies {
     pub stiffness_scale: Option<f64>,
     /// The largest factor on the `age_max` of every link.
     pub age_scale: Option<f64>,
+    /// The largest factor on the damping of every link.
+    pub damping_scale: Option<f64>,
     /// The least damping of each station's device, the others as they are.
     #[serde(serialize_with = "pairs")]
     pub device_damping: Vec<(String, Option<f64>)>,
@@ -158,11 +162,13 @@ pub fn check_network(network: &Network) -> Result<NetworkCheck, Error> {
         between: link.between.map(|at| network.stations[at].name.clone()),
         age_max_s: link.age_max,
         stiffness: link.stiffness(),
+        damping: link.damping,
         stiffness_max: burden.stiffness_max(index),
     });
     let remedies = NetworkRemedies {
         stiffness_scale: burden.stiffness_scale(),
         age_scale: burden.age_scale(),
+        damping_scale: burden.damping_scale(),
         device_damping: stations
             .iter()
             .enumerate()
@@ -199,7 +205,7 @@ fn notes(network: &Network) -> Vec<String> {
          it, and one that takes hold again adds at most its soft torque times its stretch, and a little where one end acts before the other"
             .to_string(),
     ];
-    for link in network.links.iter().filter(|link| link.stiffness() > 0.0) {
+    for link in network.links.iter().filter(|link| link.acts()) {
         let [one, other] = link.between.map(|at| &network.stations[at]);
         for (sender, receiver) in [(one, other), (other, one)] {
             let usual = link.between_messages(sender.world.sampling.period) + link.delay_max_s() + receiver.hold();
@@ -219,6 +225,15 @@ fn unproved_of_links(network: &Network, index: usize) -> Result<Vec<String>, Err
     let station = &network.stations[index];
     let own: Vec<&Link> = network.links.iter().filter(|link| link.between.contains(&index)).collect();
     let mut reasons = Vec::new();
+    if own.iter().any(|link| link.damping > 0.0) && !bounds_damping(station) {
+        reasons.push(format!(
+            "the damping of a link takes the velocity of {} by the {} estimator, for which there is no bound; expected \
+             stations.{}.loop.estimator = \"difference\" or \"low-pass\"",
+            station.name,
+            station.world.sampling.estimator.name(),
+            station.name
+        ));
+    }
     if let Some(reason) = limit(station, &own) {
         reasons.push(reason);
     }
@@ -233,7 +248,7 @@ fn limit(station: &Station, own: &[&Link]) -> Option<String> {
     let limit = station.world.device.limit?;
     let world: f64 = station.world.couplings.iter().filter(|coupling| laws::at_puck(coupling)).map(laws::most).sum();
     let links: f64 = own.iter().map(|link| link.limit.unwrap_or(f64::INFINITY)).sum();
-    let is_linked = own.iter().any(|link| link.stiffness() > 0.0);
+    let is_linked = own.iter().any(|link| link.acts());
     (is_linked && world + links > limit).then(|| {
         "the motor's limit may cut the sum of the world's torque and the links': give the links, and the couplings at the puck, a limit each \
          whose sum is within device.limit"
@@ -247,24 +262,22 @@ fn counts(network: &Network, index: usize, own: &[&Link]) -> Result<Option<Strin
     let is_rotary = network.motion == hapt_model::Motion::Rotary;
     let size =
         |world: &World| world.device.encoder.map_or(0.0, |n| if is_rotary { std::f64::consts::TAU / n } else { n });
-    // The torque's error is at most K (Δ_i + Δ_j)/2, whose work is at most that times the path.
-    let (mut others, mut here) = (0.0, 0.0);
+    // The torque's error is at most K (Δ_i + Δ_j)/2 + D (Δ_i/T_i + Δ_j/T_j), whose work is at most that times the path.
+    let (mut others, mut here, mut damping) = (0.0, 0.0, 0.0);
     for link in own {
-        let other = link.between[usize::from(link.between[0] == index)];
-        others += 0.5 * link.stiffness() * size(&network.stations[other].world);
+        let other = &network.stations[link.between[usize::from(link.between[0] == index)]].world;
+        let shortest = link.period.unwrap_or(other.sampling.period);
+        others += (0.5 * link.stiffness() + link.damping / shortest) * size(other);
         here += link.stiffness();
+        damping += link.damping;
     }
-    if here == 0.0 || others + size(&station.world) == 0.0 && step(&station.world) == 0.0 {
+    if here + damping == 0.0 || others + size(&station.world) == 0.0 && step(&station.world) == 0.0 {
         return Ok(None);
     }
     let mut with_links = station.world.clone();
     with_links.device.friction = station.world.device.friction_range()[0] - others;
-    with_links.couplings.push(hapt_model::Coupling {
-        first: hapt_model::End::Puck,
-        second: hapt_model::End::Ground,
-        law: Law::Spring { stiffness: here, rest: 0.0 },
-        limit: None,
-    });
+    let laws = [Law::Spring { stiffness: here, rest: 0.0 }, Law::Damper { damping: Damping::Fixed(damping) }];
+    with_links.couplings.extend(laws.map(|law| law.between(End::Puck, End::Ground)));
     let is_enough = with_links.device.friction >= 0.0 && quantisation(&with_links)?.ok;
     Ok((!is_enough).then(|| {
         "encoder counts, here or at the other end of a link, make steps in its torque that the friction of the device does not cover".to_string()

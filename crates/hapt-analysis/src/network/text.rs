@@ -20,7 +20,9 @@ pub(super) struct Found<'a> {
     pub name: &'a str,
     /// Whether it is certified without links.
     pub alone: bool,
-    /// Whether its device has the damping that it needs with them.
+    /// Whether some damping is known to suffice with them.
+    pub bounded: bool,
+    /// Whether its device has it.
     pub passive: bool,
     pub proved: bool,
 }
@@ -34,6 +36,10 @@ pub(super) fn sentence<'a>(stations: impl Iterator<Item = Found<'a>> + Clone) ->
     let alone = named(&|station| !station.alone);
     if !alone.is_empty() {
         return format!("not certified: already without links these stations are not: {alone}");
+    }
+    let unbounded = named(&|station| !station.bounded);
+    if !unbounded.is_empty() {
+        return format!("not certified: with the links no finite damping is known to suffice at {unbounded}");
     }
     let lacking = named(&|station| !station.passive);
     if !lacking.is_empty() {
@@ -59,6 +65,7 @@ impl NetworkCheck {
         sentence(self.stations.iter().map(|station| Found {
             name: &station.name,
             alone: station.local.certified,
+            bounded: station.required_damping.is_some(),
             passive: station.passive,
             proved: station.proved,
         }))
@@ -78,9 +85,13 @@ impl NetworkCheck {
             let unit = self.unit(Measure::Stiffness);
             let most =
                 link.stiffness_max.map_or("passive with none".into(), |k| format!("passive up to {} {unit}", up_to(k)));
+            let damping = match link.damping {
+                0.0 => String::new(),
+                damping => format!("; damping {} {}", short(damping), self.unit(Measure::Damping)),
+            };
             let _ = writeln!(
                 text,
-                "link      {one} to {other}: stiffness {} {unit}, {most}; positions act up to an age of {}",
+                "link      {one} to {other}: stiffness {} {unit}, {most}{damping}; positions act up to an age of {}",
                 short(link.stiffness),
                 time(link.age_max_s)
             );
@@ -122,6 +133,9 @@ impl NetworkCheck {
         }
         if let Some(scale) = remedies.age_scale.filter(|scale| *scale > 0.0) {
             lines.push(format!("age_max of every link times {}", up_to(scale)));
+        }
+        if let Some(scale) = remedies.damping_scale.filter(|scale| *scale > 0.0) {
+            lines.push(format!("damping of every link times {}", up_to(scale)));
         }
         for (station, damping) in &remedies.device_damping {
             let least = damping.map(|damping| short(within(damping, Certified::Above)));

@@ -24,7 +24,7 @@ mod state;
 mod sums;
 mod thermal;
 
-use crate::{Error, Loop, Real, Sample, Spec, State};
+use crate::{Error, Loop, Puck, Real, Sample, Spec, State};
 use energy::Energy;
 use ledger::Ledger;
 pub use limits::{CertifiedTime, Heat, Limits, SafetyProfile, WhenLate};
@@ -165,7 +165,8 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         // A NaN never enters the world.
         let velocity = reading.velocity.finite_or_zero();
         let mut sample = world.sample(world, loop_state, state.seen.position - state.offset, velocity);
-        let seen = Beside { ready: !look.waits, position: sample.puck.position, torque: sample.torque };
+        let Puck { position, velocity } = sample.puck;
+        let seen = Beside { ready: !look.waits, position, velocity, torque: sample.torque };
         if let Some(torque) = beside(seen) {
             if !are_finite([torque]) {
                 state.fault_where_active(Reason::NotFinite);

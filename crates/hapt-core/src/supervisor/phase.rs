@@ -68,6 +68,8 @@ pub struct Beside<F> {
     pub ready: bool,
     /// Of the puck, measured, rad (linear: m).
     pub position: F,
+    /// Of the puck, by the loop's estimator, rad/s (linear: m/s).
+    pub velocity: F,
     /// The world's own torque in this sample, N·m (linear: N), before levels and limit.
     pub torque: F,
 }

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use hapt_core::{Heard, LinkEnd, LinkTerms, Strength};
+use hapt_core::{Heard, LASTING, LinkEnd, LinkTerms, Strength};
 use proptest::prelude::*;
 
 #[derive(Clone, Copy)]
@@ -52,11 +52,13 @@ fn drawn(stiffness: f64, soft: f64, stretch: f64, way: usize, wall: bool) -> (f6
             }
             let heard = end.newest.map(|newest| Heard {
                 age: time - newest.sampled,
+                session: 1,
+                taken: newest.sampled,
                 position: newest.position,
                 strength: newest.strength,
             });
             let own = positions[side];
-            let law = |other: f64| {
+            let law = |other: f64, _: Option<f64>| {
                 let q = own - other;
                 let q = if wall { if side == 0 { q.max(0.0) } else { q.min(0.0) } } else { q };
                 -stiffness * q
@@ -101,8 +103,8 @@ fn a_torque_fades_over_a_quarter_of_the_age_and_not_at_once() {
     let terms = LinkTerms { age_max: 40e-3, hold: 1e-3, period: 1e-3, soft: 0.1 };
     for first in [true, false] {
         let mut end = LinkEnd::new(first, terms);
-        let heard = |age, position, strength| Some(Heard { age, position, strength });
-        let law = |other: f64| -(1.0 - other);
+        let heard = |age, position, strength| Some(Heard { age, session: 1, taken: 0.0, position, strength });
+        let law = |other: f64, _: Option<f64>| -(1.0 - other);
         end.sample(1e-3, true, heard(2e-3, 1.0, Strength::NONE), law);
         end.sample(1e-3, true, heard(2e-3, 1.0, Strength::WHOLE), law);
         assert_eq!(end.strength(), Strength::WHOLE);
@@ -145,4 +147,79 @@ proptest! {
         prop_assert!(found == Strength::WHOLE || Strength(found.0 + 1).part() > part);
         prop_assert_eq!(Strength::at_most(Strength(byte).part()), Strength(byte));
     }
+}
+
+proptest! {
+    // (T64): whatever is lost, and whenever messages come. What acts is a mean of the other's motion, and not more of it than the bound says.
+    #[test]
+    fn the_others_velocity_that_acts_is_bounded_by_its_motion(
+        sender in 0.5e-3..4e-3_f64, receiver in 0.5e-3..4e-3_f64, loss in 0.0..0.9_f64, ways: [f64; 16], seed in 1_u64..,
+    ) {
+        let mut state = seed;
+        let mut random = || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let terms = LinkTerms { age_max: 50e-3, hold: receiver, period: sender, soft: 1.0 };
+        let mut end = LinkEnd::holding(false, terms);
+        // Steps of the other at its samples, and when each arrives.
+        let (mut position, mut squares, mut sent) = (0.0, 0.0, Vec::new());
+        for k in 1..2000_u32 {
+            let step = sender * ways[k as usize % 16].clamp(-1e3, 1e3) / 1e3;
+            (position, squares) = (position + step, squares + step * step / sender);
+            let taken = f64::from(k) * sender;
+            if random() >= loss {
+                sent.push((taken + 10e-3 * random(), taken, position));
+            }
+        }
+        let (mut newest, mut acted, mut seen) = (None::<(f64, f64)>, 0.0, 0);
+        for k in 0..(2000.0 * sender / receiver) as u32 {
+            let now = f64::from(k) * receiver;
+            for (_, taken, position) in sent.iter().filter(|(arrives, ..)| *arrives <= now && *arrives > now - receiver) {
+                if newest.is_none_or(|(before, _)| before < *taken) {
+                    newest = Some((*taken, *position));
+                }
+            }
+            let heard = newest.map(|(taken, position)| Heard {
+                age: now - taken, session: 1, taken, position, strength: Strength::WHOLE,
+            });
+            let velocity = std::cell::Cell::new(0.0);
+            end.sample(receiver, true, heard, |_, known| {
+                velocity.set(known.unwrap_or(velocity.get()));
+                0.0
+            });
+            seen += u32::from(velocity.get() != 0.0);
+            acted += velocity.get() * velocity.get() * receiver;
+        }
+        let most = LASTING.max(receiver / sender);
+        prop_assert!(seen > 0 || loss > 0.5 || squares == 0.0);
+        prop_assert!(acted <= most * squares * (1.0 + 1e-9), "{acted} of {squares} times {most}");
+    }
+}
+
+/// Of messages that come on time it is the mean between two, and it ends soon after the last.
+#[test]
+fn the_others_velocity_is_its_mean_between_two_messages_for_four_times_as_long() {
+    let terms = LinkTerms { age_max: 50e-3, hold: 1e-3, period: 2e-3, soft: 1.0 };
+    let mut end = LinkEnd::holding(false, terms);
+    let mut sample = |age: f64, session, taken: f64| {
+        let velocity = std::cell::Cell::new(None);
+        let heard = Heard { age, session, taken, position: 3.0 * taken, strength: Strength::WHOLE };
+        end.sample(1e-3, true, Some(heard), |_, known| {
+            velocity.set(known.or(velocity.get()));
+            0.0
+        });
+        velocity.get()
+    };
+    assert_eq!(sample(1e-3, 1, 0.0), None);
+    assert!((sample(1e-3, 1, 2e-3).unwrap() - 3.0).abs() < 1e-12);
+    // Seven holds later it has acted for 8 ms, and not longer.
+    let lasting: Vec<bool> = (2..12).map(|age| sample(f64::from(age) * 1e-3, 1, 2e-3).is_some()).collect();
+    assert_eq!(lasting, [true, true, true, true, true, true, true, false, false, false]);
+    assert!((sample(1e-3, 1, 20e-3).unwrap() - 3.0).abs() < 1e-12);
+    // Numbers that come too close never make a velocity too large, and those of another run say nothing.
+    assert!((sample(0.5e-3, 1, 20.1e-3).unwrap() - 0.15).abs() < 1e-9);
+    assert_eq!(sample(0.4e-3, 2, 30e-3), None);
 }

@@ -209,12 +209,15 @@ impl Links {
             let Some(side) = joint.between.iter().position(|end| *end == station) else { continue };
             let other = joint.between[1 - side];
             let (codec, to) = end(at, side == 0, number(&text, at))?;
-            let (port, wire) = link(joint, side == 0, network.end(at, side));
+            let sample = own.world.sampling.period;
+            // What the other's sessions have as their pace.
+            let tick = joint.between_messages(network.stations[other].world.sampling.period);
+            let (port, wire) = link(joint, side == 0, network.end(at, side), tick);
             let mut random = [0; 8];
             fill(&mut random)?;
-            let session = Session::new(codec, u64::from_le_bytes(random));
-            let sample = own.world.sampling.period;
-            let period = joint.period.map_or(0.0, |_| joint.between_messages(sample) - 0.5 * sample);
+            let pace = joint.between_messages(sample);
+            let session = Session::new(codec, u64::from_le_bytes(random)).paced((1e9 * pace) as u64);
+            let period = joint.period.map_or(0.0, |_| pace - 0.5 * sample);
             let counters = Arc::new(Counters::new(&network.stations[other].name, joint.age_max));
             links.push(Arc::clone(&counters));
             ports.push(port);

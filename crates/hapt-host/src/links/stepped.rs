@@ -34,7 +34,7 @@ impl SteppedLinks {
         let mut ends = Vec::new();
         for (at, joint) in network.links.iter().enumerate() {
             for (side, station) in joint.between.into_iter().enumerate() {
-                let (port, wire) = link(joint, side == 0, network.end(at, side));
+                let (port, wire) = link(joint, side == 0, network.end(at, side), 1e-9);
                 ports[station].push(port);
                 let sample = network.stations[station].world.sampling.period;
                 let period = joint.period.map_or(0.0, |_| joint.between_messages(sample) - 0.5 * sample);

@@ -235,6 +235,8 @@ pub const NETWORK: &[Key] = &[
     key("network.links.*.between", Ends(["left", "right"]), Required, "The two stations."),
     key("network.links.*.stiffness", Quantity(Stiffness, ZeroOrMore), Required, "Torque per displacement (for a wall: per displacement inside of it)."),
     key("network.links.*.rest", Quantity(Position, Any), Number(0.0), "q at which the spring is slack.").of(&["spring"]),
+    key("network.links.*.damping", Quantity(Damping, ZeroOrMore), Number(0.0),
+        "Torque per difference of the velocities (of a wall inside; it never pulls). The other's is its mean between two messages."),
     key("network.links.*.limit", Quantity(Torque, Positive), Optional, "The largest torque, on both pucks; absent: any."),
     key("network.links.*.side", Takes::Name(&[Side::Above.name(), Side::Below.name()]), Required, "Which side of `at` is inside of the wall.").of(&["wall"]),
     key("network.links.*.at", Quantity(Position, Any), Required, "Where the wall begins.").of(&["wall"]),

@@ -51,6 +51,8 @@ fn every_number_of_a_network_is_where_its_override_goes() {
         ("links.1.duplicate", 0.2),
         ("links.1.seed", 7.0),
         ("links.1.at", 0.25),
+        ("links.0.damping", 0.01),
+        ("links.1.damping", 0.02),
         ("links.1.age_max", 0.05),
     ];
     for (path, value) in paths {
@@ -81,9 +83,7 @@ fn every_number_of_a_network_is_where_its_override_goes() {
         assert_eq!((&read.world, read.phase), (&own.world, own.phase));
         assert!((read.drift - own.drift).abs() < 1e-15);
     }
-    for path in
-        ["links.0.at", "links.2.stiffness", "links.1.damping", "links.0.kind", "stations.left.world", "loop.period"]
-    {
+    for path in ["links.0.at", "links.2.stiffness", "links.0.kind", "stations.left.world", "loop.period"] {
         assert!(system.key(path).is_none() && system.number(path).is_none(), "{path}");
         assert!(!system.clone().set_number(path, 1.0), "{path}");
     }
@@ -106,10 +106,8 @@ fn a_key_that_no_network_has_is_answered_with_the_one_that_was_meant() {
             "scenarios.s.duration=1",
             "scenarios: unknown key here; a station's own is stations.NAME.scenarios.s.duration; ",
         ),
-        (
-            "links.0.damping=1",
-            "links.0.damping: a link takes no damping; it belongs to the stations' devices and worlds; links.0 takes ",
-        ),
+        ("links.0.damping=-1", "links.0.damping: -1"),
+        ("links.0.damping=1 N m/rad", "links.0.damping: "),
     ] {
         let message = System::read(&source, &[set.to_string()]).unwrap_err().to_string();
         assert!(message.starts_with(said), "{message}");

@@ -102,7 +102,7 @@ impl<C: Codec> Station<C> {
     fn new(network: &Network, at: usize, codec: C, rng: &mut Rng) -> Self {
         let world = &network.stations[at].world;
         let (device, hands) = SimulatedDevice::new(world);
-        let (port, wire) = link(&network.links[0], at == 0, network.end(0, at));
+        let (port, wire) = link(&network.links[0], at == 0, network.end(0, at), 1e-3);
         let plan = Plan::new(world, SafetyProfile::Simulated).unwrap();
         Station {
             cycle: Cycle::new(Box::new(plan), Box::new(device)).beside(Outside::linked(vec![port])),

@@ -89,6 +89,10 @@ pub struct Session<C> {
     codec: C,
     own: u64,
     sequence: u64,
+    /// By so many ns between two samples their messages' numbers differ by 1; 0: always.
+    pace: u64,
+    /// When the sample of the last message was taken.
+    last: Option<u64>,
     /// The newest own message that the other has named.
     answered: u64,
     /// When the samples of the last messages were taken.
@@ -100,7 +104,20 @@ impl<C: Codec> Session<C> {
     /// `own` is a number that was never used before, of 64 random bits.
     pub fn new(codec: C, own: u64) -> Self {
         let own = (own & C::SESSIONS).max(1);
-        Session { codec, own, sequence: 0, answered: 0, sent: [0; ROOM], peer: None }
+        Session { codec, own, sequence: 0, pace: 0, last: None, answered: 0, sent: [0; ROOM], peer: None }
+    }
+
+    /// The same with numbers that tell the time between samples, which usually is `pace` ns: they differ by that time over the pace, rounded
+    /// up to a whole number from an eighth on, and by 1 at least. So the time is no longer than 9/8 of what the numbers say.
+    pub fn paced(self, pace: u64) -> Self {
+        Session { pace, ..self }
+    }
+
+    /// By how much the number of a message with a sample of this instant is above the last.
+    fn step(&self, sampled: u64) -> u64 {
+        let since = self.last.map_or(0, |last| sampled.saturating_sub(last));
+        let whole = since.saturating_sub(self.pace / 8);
+        whole.checked_next_multiple_of(self.pace).map_or(1, |up| up / self.pace.max(1)).max(1)
     }
 
     /// Its session, and the newest message that it has sent in it; 0: none.
@@ -111,9 +128,10 @@ impl<C: Codec> Session<C> {
     /// The message that says it, or an introduction where the other has to know the session first. `None`: it cannot be said.
     pub fn send(&mut self, say: &Outgoing) -> Option<C::Bytes> {
         let peer = self.peer.map_or(0, |peer| peer.newest.session);
+        let step = self.step(say.sampled);
         if let Some(most) = C::UNANSWERED {
             let is_met = self.peer.is_some_and(|peer| peer.proved);
-            if !is_met || self.sequence.saturating_sub(self.answered) >= most {
+            if !is_met || self.sequence.saturating_sub(self.answered).saturating_add(step) > most {
                 if self.sequence > 0 {
                     self.begin();
                 }
@@ -121,7 +139,8 @@ impl<C: Codec> Session<C> {
                 return self.codec.write(&Message { from, to, position: 0.0, strength: Strength::NONE });
             }
         }
-        self.sequence = self.sequence.checked_add(1)?;
+        self.sequence = self.sequence.checked_add(step)?;
+        self.last = Some(say.sampled);
         *self.sent.get_mut(self.sequence as usize % ROOM)? = say.sampled;
         let heard = say.heard.filter(|heard| heard.session == peer).map_or(0, |heard| heard.sequence);
         self.codec.write(&Message {
@@ -135,7 +154,7 @@ impl<C: Codec> Session<C> {
     /// The next session: the other has to name it.
     fn begin(&mut self) {
         self.own = if self.own >= C::SESSIONS { 1 } else { self.own + 1 };
-        (self.sequence, self.answered) = (0, 0);
+        (self.sequence, self.answered, self.last) = (0, 0, None);
         self.peer = self.peer.map(|peer| Peer { proved: false, ..peer });
     }
 

@@ -279,3 +279,23 @@ fn what_answers_a_message_too_long_ago_has_no_age() {
     }
     assert_eq!(left.receive(&late, 6).unwrap().unwrap().since, None);
 }
+
+proptest! {
+    // The velocity of a wheel is a way over a time that its messages' numbers tell: (T64) takes the time for 9/8 of that at most.
+    #[test]
+    fn numbers_tell_the_time_between_samples(pace in 1_u64..5 * MS, waits in prop::collection::vec(0..20 * MS, 1..200)) {
+        let mut session = Session::new(datagrams(1, true), 10).paced(pace);
+        let (mut now, mut before) = (1000, None);
+        for wait in waits {
+            now += wait;
+            session.send(&say(now, 0.0, None)).unwrap();
+            let number = session.own().sequence;
+            if let Some((then, last)) = before {
+                let told = (number - last) * pace;
+                prop_assert!(number > last && 8 * (now - then) <= 9 * told.max(pace) + 8, "{} of {told}", now - then);
+                prop_assert!(told <= (now - then) + pace, "{told} of {}", now - then);
+            }
+            before = Some((now, number));
+        }
+    }
+}

@@ -83,14 +83,13 @@ impl Form {
     /// `local`: stiffness and damping between the puck of each station and ground.
     pub fn of(network: &Network, schedule: &Schedule, local: &[[f64; 2]]) -> Form {
         let (mut station, mut first) = (Vec::new(), Vec::new());
-        let is_linked =
-            |at: usize| network.links.iter().any(|link| link.stiffness() > 0.0 && link.between.contains(&at));
+        let is_linked = |at: usize| network.links.iter().any(|link| link.acts() && link.between.contains(&at));
         for (at, clock) in schedule.clocks.iter().enumerate() {
             first.push(station.len());
             station.extend((0..clock.segments()).filter(|_| is_linked(at)).map(|_| at));
         }
         let (mut links, mut local_terms) = (Terms::default(), Terms::default());
-        for link in network.links.iter().filter(|link| link.stiffness() > 0.0) {
+        for link in network.links.iter().filter(|link| link.acts()) {
             for to in link.between {
                 add_end(&mut links, &first, schedule, link, to);
             }

@@ -68,7 +68,7 @@ fn in_form(world: &World) -> Result<Option<[f64; 2]>, Error> {
     is_plain.then(|| slopes::at_puck(world, &world.couplings)).transpose()
 }
 
-fn times_vary(network: &Network) -> Vec<String> {
+fn outside_form(network: &Network) -> Vec<String> {
     let mut reasons = Vec::new();
     for station in &network.stations {
         let (name, world) = (&station.name, &station.world);
@@ -81,8 +81,11 @@ fn times_vary(network: &Network) -> Vec<String> {
             reasons.push(format!("the motor of {name} lags behind its command: device.lag"));
         }
     }
-    for link in network.links.iter().filter(|link| link.stiffness() > 0.0) {
+    for link in network.links.iter().filter(|link| link.acts()) {
         let [one, other] = link.between.map(|at| network.stations[at].name.as_str());
+        if link.damping > 0.0 {
+            reasons.push(format!("the link between {one} and {other} is damped: links.*.damping"));
+        }
         if link.delay_max_s() > link.delay || link.loss > 0.0 {
             reasons.push(format!("the messages between {one} and {other} vary in delay or are lost: delay_max, loss"));
         }
@@ -92,7 +95,7 @@ fn times_vary(network: &Network) -> Vec<String> {
 
 /// The form, or why there is none.
 fn posed(network: &Network, demands: &[Option<f64>]) -> Result<Result<Posed, Vec<String>>, Error> {
-    let reasons = times_vary(network);
+    let reasons = outside_form(network);
     if !reasons.is_empty() {
         return Ok(Err(reasons));
     }
@@ -107,7 +110,7 @@ fn posed(network: &Network, demands: &[Option<f64>]) -> Result<Result<Posed, Vec
             "the periods of the stations and links repeat too rarely, or too often within an age, to be followed",
         );
     }
-    for link in network.links.iter().filter(|link| link.stiffness() > 0.0) {
+    for link in network.links.iter().filter(|link| link.acts()) {
         for to in link.between {
             let age = schedule.way(link, to).age() + network.stations[to].hold();
             if age > link.age_max * (1.0 + 1e-9) {

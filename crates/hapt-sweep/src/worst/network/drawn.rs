@@ -47,7 +47,7 @@ struct Hold {
 
 impl Hold {
     fn see(&mut self, link: &Link, [one, other]: [f64; 2], speed: f64) {
-        let torque = link.torque(one - other).abs();
+        let torque = link.torque(one - other, 0.0).abs();
         if torque > self.torque {
             (self.torque, self.stretch) = (torque, torque / link.stiffness());
         }

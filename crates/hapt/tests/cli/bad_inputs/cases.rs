@@ -412,7 +412,7 @@ fn networks(t: &mut Table) {
     let [stiff, age] = ["links.0.stiffness=0..1", "links.0.age_max=5ms..30ms"];
     for (name, args) in [
         ("an edge over a link that is not there", &["boundary", "--vary", "links.1.stiffness=0..1", "--vary", age][..]),
-        ("an edge over a key that no link has", &["boundary", "--vary", "links.0.damping=0..1", "--vary", age]),
+        ("an edge over a key that no link has", &["boundary", "--vary", "links.0.inertia=0..1", "--vary", age]),
         (
             "an edge over a station that is not there",
             &["boundary", "--vary", "stations.up.device.damping=0..1", "--vary", age],
