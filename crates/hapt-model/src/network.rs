@@ -182,6 +182,18 @@ impl Station {
         }
     }
 
+    /// What its clock shows, in ns from its first sample on, when the network's clock shows `time` ns; `None` before that sample.
+    pub fn shown(&self, time: u64) -> Option<u64> {
+        let since = time.checked_sub((1e9 * self.phase) as u64)?;
+        Some(since.saturating_add_signed((since as f64 * self.drift) as i64))
+    }
+
+    /// The network's time in ns when its clock shows `shown` ns: the inverse of [`Station::shown`].
+    pub fn time_of(&self, shown: u64) -> u64 {
+        let since = shown.saturating_add_signed((-(shown as f64) * self.drift / (1.0 + self.drift)) as i64);
+        since.saturating_add((1e9 * self.phase) as u64)
+    }
+
     /// The true age in s of a position that is `age` old by this station's clock, at most.
     pub fn true_age(&self, age: f64) -> f64 {
         age / (1.0 + self.drift).min(1.0)

@@ -19,10 +19,12 @@ const LONGEST: Duration = Duration::from_millis(100);
 /// The stations of a network, each with what its wheel on the page is to hear, and the messages between them.
 pub struct NetworkPage {
     stations: Vec<Page>,
+    /// With their clocks.
+    network: Network,
     links: SteppedLinks,
     /// Messages are passed on so often: several times in the shortest period.
     slice: Duration,
-    /// The loops' time, and the last instant of the caller's clock.
+    /// The network's time, and the last instant of the caller's clock.
     time: Duration,
     now: Option<Duration>,
 }
@@ -50,7 +52,7 @@ impl NetworkPage {
             .collect::<Result<_, String>>()?;
         let (links, ports) = SteppedLinks::new(&network);
         let first = verdict(&network, &alone);
-        let (shared, ports) = SimulatedNetwork::new(network, first, links.ways(), ports);
+        let (shared, ports) = SimulatedNetwork::new(network.clone(), first, links.ways(), ports);
         let shared = Arc::new(shared);
         let mut stations = Vec::new();
         for (at, ((name, config), ports)) in configs.into_iter().zip(ports).enumerate() {
@@ -63,7 +65,7 @@ impl NetworkPage {
             stations.push(Page::on(config, Machine { network: Some(view), ..machine })?);
         }
         let slice = Duration::from_secs_f64(slice);
-        Ok(NetworkPage { stations, links, slice, time: Duration::ZERO, now: None })
+        Ok(NetworkPage { stations, network, links, slice, time: Duration::ZERO, now: None })
     }
 
     /// A station by its index.
@@ -80,8 +82,11 @@ impl NetworkPage {
         }
         let until = self.time + pause.min(LONGEST);
         loop {
-            self.stations.iter_mut().for_each(|station| station.advance(self.time));
-            self.links.carry(u64::try_from(self.time.as_nanos()).unwrap_or(u64::MAX));
+            let time = u64::try_from(self.time.as_nanos()).unwrap_or(u64::MAX);
+            for (page, station) in self.stations.iter_mut().zip(&self.network.stations) {
+                station.shown(time).into_iter().for_each(|shown| page.advance(Duration::from_nanos(shown)));
+            }
+            self.links.carry(time);
             if self.time >= until {
                 break;
             }

@@ -1,15 +1,16 @@
-//! Links between stations that one thread runs ([`crate::Machine::stepped`]): no sockets, no key, and one clock.
+//! Links between stations that one thread runs ([`crate::Machine::stepped`]): no sockets and no key.
 
 use std::sync::Arc;
 
-use hapt_model::Network;
+use hapt_model::{Network, Station};
 use hapt_rt::{LinkPort, LinkWire, link};
 use hapt_wire::link::{Incoming, Number, Outgoing};
 
 use super::way::Held;
 use super::{Counters, LinkStatus, WayNumbers};
 
-/// The links of all stations of a network. Ages count as over a real network, by the round trip.
+/// The links of all stations of a network. Ages count as over a real network, by the round trip. Each station has its own clock
+/// ([`Station::shown`]), and messages take the time of the network's.
 pub struct SteppedLinks {
     /// Both ends of each link, one after the other.
     ends: Vec<End>,
@@ -17,6 +18,8 @@ pub struct SteppedLinks {
 
 struct End {
     station: usize,
+    /// Whose clock the samples are by.
+    sender: Station,
     wire: LinkWire,
     held: Held<Outgoing>,
     /// Between two messages, in ns, and when the next one is due.
@@ -41,6 +44,7 @@ impl SteppedLinks {
                 let to = &network.stations[joint.between[1 - side]].name;
                 ends.push(End {
                     station,
+                    sender: network.stations[station].clone(),
                     wire,
                     held: Held::new(joint, side),
                     period: (period * 1e9) as u64,
@@ -65,7 +69,7 @@ impl SteppedLinks {
         move || counters.iter().map(|counters| counters.status()).collect()
     }
 
-    /// Sends what the loops have sampled, and passes on what has arrived at `now`, in ns by the loops' clock.
+    /// Sends what the loops have sampled, and passes on what has arrived at `now`, in ns by the network's clock.
     pub fn carry(&mut self, now: u64) {
         for pair in self.ends.chunks_exact_mut(2) {
             let [one, other] = pair else { continue };
@@ -86,7 +90,7 @@ impl End {
         }
         if let Some(outgoing) = newest.filter(|outgoing| outgoing.sampled >= self.next) {
             self.next = outgoing.sampled + self.period;
-            self.held.take(outgoing.sampled, outgoing);
+            self.held.take(self.sender.time_of(outgoing.sampled), outgoing);
         }
     }
 

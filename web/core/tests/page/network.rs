@@ -200,3 +200,30 @@ fn a_world_of_a_station_stays_as_it_is_and_a_page_asleep_holds_nothing() {
     run.pass(2.0);
     assert!(run.place[0] < -0.3, "{:?}", run.place);
 }
+
+/// At equal periods what counts is the round trip in samples: two periods of stations that sample at one instant, one where the instants differ, and
+/// now this, now that where a clock drifts. To it comes the own hold.
+#[test]
+fn every_station_of_a_page_has_the_phase_and_the_clock_of_the_file() {
+    for (clock, ages) in [("phase = 0", [30, 30]), ("phase = \"5 ms\"", [20, 20]), ("drift = 9000", [20, 30])] {
+        let mut source = Source::from_text(
+            "pair.toml",
+            format!(
+                "[stations]\nleft = {{ world = \"w.toml\" }}\nright = {{ world = \"w.toml\", {clock} }}\n[[links]]\nkind = \"spring\"\n\
+                 between = [\"left\", \"right\"]\nstiffness = 0.01\nage_max = \"60 ms\"\n"
+            ),
+        );
+        let wheel = "loop.period = '10 ms'\ndevice = { inertia = '6.4e-4 kg m^2', damping = '20 N mm s/rad' }\n";
+        source.files.insert("w.toml".into(), wheel.into());
+        let mut run = Run::of(&source);
+        run.pass(1.0);
+        let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
+        for _ in 0..300 {
+            run.pass(16e-3);
+            let age = run.info(0)["links"][0]["age_s"].as_f64().unwrap();
+            (least, most) = (least.min(age), most.max(age));
+        }
+        let found = [least, most].map(|age| (1e3 * age).round() as i32);
+        assert!((0..2).all(|at| (found[at] - ages[at]).abs() <= 1), "{clock}: {found:?} ms");
+    }
+}
