@@ -82,8 +82,8 @@ pub use equations::grip::Grip;
 pub use error::Error;
 pub use impedance::rendered::{Elements, Impedance};
 pub use network::{
-    Alone, Demands, FixedExcess, FixedRates, LinkCheck, Linked, NetworkCheck, NetworkRemedies, StationCheck,
-    check_links, check_network,
+    Alone, Demands, FixedExcess, FixedRates, LinkCheck, Linked, NetworkCheck, NetworkRemedies, Rounded, StationCheck,
+    check_links, check_network, rounded,
 };
 pub use numerics::eigenvalues::eigenvalues;
 pub use numerics::nelder_mead;

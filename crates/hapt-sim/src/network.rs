@@ -44,6 +44,8 @@ use crate::schedule::{between, uniform};
 #[derive(Clone, Debug)]
 pub struct NetworkRun {
     stations: Vec<Station>,
+    /// Messages have positions in steps of this; 0: as they are.
+    step: f64,
     joints: Vec<Joint>,
 }
 
@@ -184,7 +186,12 @@ impl NetworkRun {
             ends: [end(index, 0), end(index, 1)],
             link: link.clone(),
         });
-        Ok(NetworkRun { joints: joints.collect(), stations })
+        Ok(NetworkRun { joints: joints.collect(), stations, step: 0.0 })
+    }
+
+    /// The same with positions that messages round to the nearest multiple of `step`, in rad (linear: m), as frames on a CAN bus do.
+    pub fn rounding(self, step: f64) -> Self {
+        NetworkRun { step, ..self }
     }
 
     /// How many rows all stations have together.
@@ -208,10 +215,10 @@ impl NetworkRun {
         let due = |station: &Station| station.run.next_time().map(|time| time + station.phase);
         let times = self.stations.iter().enumerate().filter_map(|(at, station)| Some((at, due(station)?)));
         let (at, time) = times.min_by(|a, b| a.1.total_cmp(&b.1))?;
-        let (joints, station) = (&mut self.joints, &mut self.stations[at]);
+        let (joints, station, step) = (&mut self.joints, &mut self.stations[at], self.step);
         let mut sum = 0.0;
         let result = station.run.next_beside(|seen| {
-            sum = joints.iter_mut().filter_map(|joint| joint.torque(at, time, seen)).sum();
+            sum = joints.iter_mut().filter_map(|joint| joint.torque(at, time, seen, step)).sum();
             sum
         })?;
         if let Err(error) = result {
@@ -227,7 +234,7 @@ impl NetworkRun {
 
 impl Joint {
     /// The torque on the puck of station `at`, which its sample at `time` has `seen` so; `None` where it is no end of this link.
-    fn torque(&mut self, at: usize, time: f64, seen: Puck<f64>) -> Option<f64> {
+    fn torque(&mut self, at: usize, time: f64, seen: Puck<f64>, step: f64) -> Option<f64> {
         let side = self.link.between.iter().position(|end| *end == at)?;
         let Joint { link, random, ends } = self;
         let [first, second] = ends;
@@ -256,7 +263,8 @@ impl Joint {
         own.last = time;
         if time >= own.next - near {
             own.next = own.next.max(time) + own.period;
-            let message = Message { sampled: time, position: seen.position, strength: own.link.said() };
+            let position = if step > 0.0 { (seen.position / step).round() * step } else { seen.position };
+            let message = Message { sampled: time, position, strength: own.link.said() };
             let (lost, way) = (uniform(random) < link.loss, between([link.delay, link.delay_max_s()], uniform(random)));
             if !lost {
                 other.coming.push_back((time + way, message));

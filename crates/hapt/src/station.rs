@@ -5,13 +5,18 @@ use std::io::{self, Read};
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::Path;
 
+#[cfg(target_os = "linux")]
+use hapt_analysis::rounded;
+use hapt_analysis::{NetworkCheck, Rounded};
 use hapt_core::SafetyProfile;
 #[cfg(target_os = "linux")]
 use hapt_host::links::CanAddress;
 use hapt_host::links::{LinkError, LinkStatus, Links};
 use hapt_host::{DeviceAddress, DeviceError};
-use hapt_model::{Network, World, is_network};
+use hapt_model::{Motion, Network, World, is_network};
 use hapt_rt::LinkPort;
+#[cfg(target_os = "linux")]
+use hapt_wire::link::Frames;
 use hapt_wire::link::Refusal;
 
 use crate::args::{RunArgs, StationArgs};
@@ -125,10 +130,26 @@ impl Station {
             return Ok(own);
         }
         let check = hapt_analysis::check_network(&self.network)?;
-        match (check.certified, uncertified) {
-            (true, _) => Ok(own),
-            (false, true) => Ok(SafetyProfile::Uncertified),
-            (false, false) => Err(DeviceError::NotCertified { verdict: check.verdict_sentence() }.into()),
+        let refused = match (check.certified, self.rounded(&check)?) {
+            (true, Some(Rounded { power: None, .. })) => Some(
+                "not certified over CAN: its frames round positions, and with no damping beyond what is required nothing bounds what that feeds".into(),
+            ),
+            (true, _) => None,
+            (false, _) => Some(check.verdict_sentence()),
+        };
+        match (refused, uncertified) {
+            (None, _) => Ok(own),
+            (Some(_), true) => Ok(SafetyProfile::Uncertified),
+            (Some(verdict), false) => Err(DeviceError::NotCertified { verdict }.into()),
+        }
+    }
+
+    /// What rounded positions cost; `None` where messages have them in full.
+    fn rounded(&self, check: &NetworkCheck) -> Result<Option<Rounded>, Failure> {
+        match self.way {
+            Way::Udp { .. } => Ok(None),
+            #[cfg(target_os = "linux")]
+            Way::Can(_) => Ok(Some(rounded(&self.network, check, Frames::STEP)?)),
         }
     }
 
@@ -146,9 +167,27 @@ impl Station {
                      to {:.0} kbit/s",
                     1e-3 * sent
                 ));
+                let check = hapt_analysis::check_network(network)?;
+                messages::say(format_args!("{address}: {}", self.rounding(&check)?));
                 Ok(opened)
             }
         }
+    }
+
+    /// What the frames' rounding of positions means for the certificate, a sentence.
+    #[cfg(target_os = "linux")]
+    fn rounding(&self, check: &NetworkCheck) -> Result<String, Failure> {
+        let unit = match self.network.motion {
+            Motion::Rotary => "rad",
+            Motion::Linear => "m",
+        };
+        let what = match self.rounded(check)?.and_then(|rounded| rounded.power) {
+            _ if !check.certified => "the network is not certified".into(),
+            Some(0.0) => "the friction of the devices covers it".into(),
+            Some(power) => format!("all hands together may draw up to {power:.1e} W by it"),
+            None => "nothing bounds what hands may draw by it".to_string(),
+        };
+        Ok(format!("frames round positions to {:.1e} {unit}; {what}", Frames::STEP))
     }
 
     /// The bus in the summary of a run.

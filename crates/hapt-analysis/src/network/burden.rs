@@ -184,6 +184,19 @@ impl Burden {
         Some(-least_eigenvalue(&self.matrix(&whole())?))
     }
 
+    /// The most power that torques of these sizes, of whatever sign, feed: fᵀ M⁻¹ f/4. `None` where nothing bounds it.
+    pub fn power(&self, torques: &[f64]) -> Option<f64> {
+        let f = DVector::from_column_slice(torques);
+        if f.amax() == 0.0 {
+            return Some(0.0);
+        }
+        let m = self.matrix(&whole())?;
+        if least_eigenvalue(&m) <= 0.0 {
+            return None;
+        }
+        Some(0.25 * f.dot(&m.cholesky()?.solve(&f)) * (1.0 + SAFE))
+    }
+
     /// The eigenvector of M's least eigenvalue, none of whose numbers is below 0.
     pub fn favoured(&self) -> Option<Vec<f64>> {
         let eigen = SymmetricEigen::new(self.matrix(&whole())?);

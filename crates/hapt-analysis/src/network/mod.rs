@@ -22,6 +22,7 @@ mod burden;
 mod demands;
 mod fixed;
 mod linked;
+mod rounded;
 mod text;
 
 use hapt_model::{Damping, End, Law, Link, Network, Station, World};
@@ -38,6 +39,7 @@ use burden::{Burden, bounds_damping};
 pub use demands::{Demands, FixedExcess};
 pub use fixed::FixedRates;
 pub use linked::{Alone, Linked, check_links};
+pub use rounded::{Rounded, rounded};
 
 /// The certificate of a network. It serialises to what `hapt check --json` prints of one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -258,6 +260,16 @@ fn limit(station: &Station, own: &[&Link]) -> Option<String> {
 
 /// What the counts of both ends of every link make of its torque is within the friction of the device, or not.
 fn counts(network: &Network, index: usize, own: &[&Link]) -> Result<Option<String>, Error> {
+    let Some(world) = beside_links(network, index, own) else { return Ok(None) };
+    let is_enough = world.device.friction >= 0.0 && quantisation(&world)?.ok;
+    Ok((!is_enough).then(|| {
+        "encoder counts, here or at the other end of a link, make steps in its torque that the friction of the device does not cover".to_string()
+    }))
+}
+
+/// The world of a station with its links as couplings to ground, and the friction that the counts at their other ends leave; `None` without
+/// counts and levels, or links.
+fn beside_links(network: &Network, index: usize, own: &[&Link]) -> Option<World> {
     let station = &network.stations[index];
     let is_rotary = network.motion == hapt_model::Motion::Rotary;
     let size =
@@ -272,14 +284,11 @@ fn counts(network: &Network, index: usize, own: &[&Link]) -> Result<Option<Strin
         damping += link.damping;
     }
     if here + damping == 0.0 || others + size(&station.world) == 0.0 && step(&station.world) == 0.0 {
-        return Ok(None);
+        return None;
     }
     let mut with_links = station.world.clone();
     with_links.device.friction = station.world.device.friction_range()[0] - others;
     let laws = [Law::Spring { stiffness: here, rest: 0.0 }, Law::Damper { damping: Damping::Fixed(damping) }];
     with_links.couplings.extend(laws.map(|law| law.between(End::Puck, End::Ground)));
-    let is_enough = with_links.device.friction >= 0.0 && quantisation(&with_links)?.ok;
-    Ok((!is_enough).then(|| {
-        "encoder counts, here or at the other end of a link, make steps in its torque that the friction of the device does not cover".to_string()
-    }))
+    Some(with_links)
 }

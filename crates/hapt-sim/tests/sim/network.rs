@@ -536,3 +536,72 @@ fn a_damper_joins_the_speeds_of_two_wheels_and_a_huge_one_is_not_certified() {
         assert!(row.link.is_finite());
     }
 }
+
+/// Hands that make the most of a rounding: the left one moves with the error, and the right one turns that round by a step across half of a `step` before
+/// it moves back. Their motion begins at 0.
+fn with_rounding_hands(mut network: Network, step: f64, speed: f64) -> Network {
+    let (leg, way, late) = (0.4, 0.4 * speed, 20e-3);
+    let (mut left, mut right) = ("time_s,puck_rad\n0,0\n".to_string(), "time_s,puck_rad\n0,0\n".to_string());
+    for k in 1..12 {
+        let time = f64::from(k) * leg;
+        let up = k % 2 == 1;
+        left += &format!("{time},{}\n", if up { 0.0 } else { way });
+        let half = 0.5 * step + if up { 0.02 } else { -0.02 } * step;
+        right += &format!("{},{half}\n{},{half}\n", time - late + 2e-3, time + leg - late - 2e-3);
+    }
+    for (station, path) in network.stations.iter_mut().zip([left, right]) {
+        station.source.files.insert("hand.csv".into(), path);
+        station.source.text += "[scenarios.rounded]\nduration = 4.4\nhand = { kind = \"path\", file = \"hand.csv\" }\n";
+        let set = format!("loop.estimator={}", station.world.sampling.estimator.name());
+        station.world = hapt_model::World::read(&station.source, &[set]).unwrap();
+    }
+    network
+}
+
+/// Messages that round positions: by (T65) all hands draw no more than its power times the time, and friction of K/2 times a step covers it.
+#[test]
+fn rounded_positions_feed_no_more_power_than_their_bound() {
+    let step = 0.01;
+    let mut rng = Rng(7);
+    for damping in [0.0, 0.0, 0.0, 0.0, 0.0005, 0.002] {
+        let mut network = damped("difference", 1.0, damping);
+        let asked = check_network(&network).unwrap().stations[0].required_damping.unwrap();
+        let over = asked * (0.05 + 0.3 * rng.f64());
+        // Each end has K/2 of a step, and D of one in a period; the equal wheels have `over` to spare.
+        let torque = step * (0.5 + damping / 1e-3);
+        network = with_rounding_hands(network, step, 0.25 * step / (asked + over));
+        for station in &mut network.stations {
+            station.world.device.damping = asked + over;
+        }
+        let check = check_network(&network).unwrap();
+        let bound = hapt_analysis::rounded(&network, &check, step).unwrap();
+        assert!((bound.torque[0] / torque - 1.0).abs() < 1e-9);
+        let power = bound.power.unwrap();
+        assert!((power / (0.5 * torque * torque / over) - 1.0).abs() < 1e-6, "{power}");
+        let drawn = |step: f64| {
+            let mut run = NetworkRun::new(&network, "rounded").unwrap().rounding(step);
+            let mut summary = hapt_sim::NetworkSummary::new(&network);
+            while let Some(row) = run.next() {
+                let row = row.unwrap();
+                let time = row.row.time;
+                summary.add(&row);
+                let most = if step > 0.0 { power * time } else { 1e-9 };
+                assert!(summary.had() <= most + summary.blur(), "{} J at {time} s, {step}", summary.had());
+            }
+            summary.had()
+        };
+        // Rounded, the hands draw in the end, and not without it.
+        let (rounded, exact) = (drawn(step), drawn(0.0));
+        assert!(damping > 0.0 || rounded > 1e-3 * power * 4.4 && exact < 0.0, "{rounded} and {exact} J of {power} W");
+        // With just what is required nothing bounds it; with enough friction nothing is left.
+        for station in &mut network.stations {
+            station.world.device.damping = asked * (1.0 - 1e-9);
+        }
+        let edge = check_network(&network).unwrap();
+        assert_eq!(hapt_analysis::rounded(&network, &edge, step).unwrap().power, None);
+        for station in &mut network.stations {
+            station.world.device.friction = torque * (1.0 + 1e-9);
+        }
+        assert_eq!(hapt_analysis::rounded(&network, &edge, step).unwrap().power, Some(0.0));
+    }
+}

@@ -69,6 +69,8 @@ impl Frames {
     pub const RANGES: core::ops::RangeInclusive<u16> = 1..=511;
     /// The range where none is given. Identifiers of 11 bits below 0x400 go first on the bus.
     pub const RANGE: u16 = 256;
+    /// Positions are rounded to the nearest multiple of this, in rad (linear: m).
+    pub const STEP: f64 = 1.0 / STEPS;
     /// Links that have room in a range.
     pub const LINKS: usize = 32;
     /// Bits of a frame on the bus at most, with those stuffed in and the space after it.

@@ -75,6 +75,9 @@ fn feel_each_other(addresses: [&str; 2], cut: impl Fn(bool)) {
     left.until("the link", |_, err| err.contains("the link to right acts"));
     right.until("the link", |_, err| err.contains("the link to left acts"));
     left.until("the bus", |_, err| err.contains("no authentication") && err.contains("kbit/s"));
+    left.until("the rounding", |_, err| {
+        err.contains("frames round positions to 2.4e-7 rad; all hands together may draw up to ")
+    });
     cut(true);
     left.until("the end", |_, err| err.contains("the link to right has let go"));
     cut(false);
