@@ -227,3 +227,34 @@ fn every_station_of_a_page_has_the_phase_and_the_clock_of_the_file() {
         assert!((0..2).all(|at| (found[at] - ages[at]).abs() <= 1), "{clock}: {found:?} ms");
     }
 }
+
+/// A damper alone pulls the other wheel along, against the damping of its device: a wheel that is turned at one speed turns the other at
+/// D/(D + b) of it, and no torque is left where nothing is damped.
+#[test]
+fn a_damped_link_drags_the_other_wheel_along() {
+    for damping in [0.0, 0.02] {
+        let mut source = Source::from_text(
+            "pair.toml",
+            format!(
+                "stations = {{ left = {{ world = \"w.toml\" }}, right = {{ world = \"w.toml\", phase = \"0.4 ms\" }} }}\n[[links]]\nkind = \"spring\"\n\
+                 between = [\"left\", \"right\"]\nstiffness = 0\ndamping = {damping}\ndelay = \"2 ms\"\nage_max = \"60 ms\"\n"
+            ),
+        );
+        let wheel = "loop = { period = '1 ms', estimator = 'difference' }\ndevice = { inertia = '2e-4 kg m^2', damping = '20 N mm s/rad' }\n";
+        source.files.insert("w.toml".into(), wheel.into());
+        let mut run = Run::of(&source);
+        run.pass(0.5);
+        let (mut place, mut begin) = (0.0, [0.0; 2]);
+        for frame in 0..150 {
+            place += 0.02;
+            run.hold(0, Some(place));
+            run.pass(16e-3);
+            if frame == 50 {
+                begin = [run.place[0], run.place[1]];
+            }
+        }
+        let ways = [run.place[0] - begin[0], run.place[1] - begin[1]];
+        let part = ways[1] / ways[0];
+        assert!(ways[0] > 1.0 && (part - damping / (damping + 0.02)).abs() < 0.05, "{damping}: {ways:?}");
+    }
+}
