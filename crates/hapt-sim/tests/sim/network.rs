@@ -539,7 +539,7 @@ fn a_damper_joins_the_speeds_of_two_wheels_and_a_huge_one_is_not_certified() {
 
 /// Hands that make the most of a rounding: the left one moves with the error, and the right one turns that round by a step across half of a `step` before
 /// it moves back. Their motion begins at 0.
-fn with_rounding_hands(mut network: Network, step: f64, speed: f64) -> Network {
+fn with_rounding_hands(network: Network, step: f64, speed: f64) -> Network {
     let (leg, way, late) = (0.4, 0.4 * speed, 20e-3);
     let (mut left, mut right) = ("time_s,puck_rad\n0,0\n".to_string(), "time_s,puck_rad\n0,0\n".to_string());
     for k in 1..12 {
@@ -549,13 +549,42 @@ fn with_rounding_hands(mut network: Network, step: f64, speed: f64) -> Network {
         let half = 0.5 * step + if up { 0.02 } else { -0.02 } * step;
         right += &format!("{},{half}\n{},{half}\n", time - late + 2e-3, time + leg - late - 2e-3);
     }
-    for (station, path) in network.stations.iter_mut().zip([left, right]) {
+    with_paths(network, [left, right])
+}
+
+/// The network with the scenario `paths`, in which hands go along these points.
+fn with_paths(mut network: Network, paths: [String; 2]) -> Network {
+    for (station, path) in network.stations.iter_mut().zip(paths) {
         station.source.files.insert("hand.csv".into(), path);
-        station.source.text += "[scenarios.rounded]\nduration = 4.4\nhand = { kind = \"path\", file = \"hand.csv\" }\n";
+        station.source.text += "[scenarios.paths]\nduration = 4.4\nhand = { kind = \"path\", file = \"hand.csv\" }\n";
         let set = format!("loop.estimator={}", station.world.sampling.estimator.name());
         station.world = hapt_model::World::read(&station.source, &[set]).unwrap();
     }
     network
+}
+
+/// Hands that shake the wheels against each other, by a step there and back in each period: the velocities that the dampers know are those of steps that
+/// are over. So the own one feeds D, and so does the other's. (T64) asks for 3.1 D, since messages may be lost.
+#[test]
+fn hands_that_shake_draw_from_less_damping_than_twice_that_of_the_link() {
+    let points = |k: u32, step: f64| format!("{},{}\n", 0.1 + 1e-3 * f64::from(k), step * f64::from(k % 2));
+    let path = |step| (0..4000).fold("time_s,puck_rad\n0,0\n".to_string(), |path, k| path + &points(k, step));
+    let mut network = with_paths(damped("difference", 0.0, 0.01), [path(1e-3), path(-1e-3)]);
+    let asked = check_network(&network).unwrap().stations[0].required_damping.unwrap();
+    for (damping, draws) in [(0.9 * 0.02, true), (1.1 * 0.02, false), (asked, false)] {
+        for station in &mut network.stations {
+            station.world.device.damping = damping;
+        }
+        let mut run = NetworkRun::new(&network, "paths").unwrap();
+        let mut summary = hapt_sim::NetworkSummary::new(&network);
+        while let Some(row) = run.next() {
+            summary.add(&row.unwrap());
+        }
+        // 2 (2 D - b) v² for 4 s.
+        let drawn = 2.0 * (0.02 - damping) * 4.0;
+        assert_eq!(summary.had() > 0.0, draws, "{damping}: {} J", summary.had());
+        assert!((summary.had() / drawn - 1.0).abs() < 0.05, "{damping}: {} and {drawn} J", summary.had());
+    }
 }
 
 /// Messages that round positions: by (T65) all hands draw no more than its power times the time, and friction of K/2 times a step covers it.
@@ -579,7 +608,7 @@ fn rounded_positions_feed_no_more_power_than_their_bound() {
         let power = bound.power.unwrap();
         assert!((power / (0.5 * torque * torque / over) - 1.0).abs() < 1e-6, "{power}");
         let drawn = |step: f64| {
-            let mut run = NetworkRun::new(&network, "rounded").unwrap().rounding(step);
+            let mut run = NetworkRun::new(&network, "paths").unwrap().rounding(step);
             let mut summary = hapt_sim::NetworkSummary::new(&network);
             while let Some(row) = run.next() {
                 let row = row.unwrap();
