@@ -45,7 +45,7 @@ const STEPS: f64 = (1_u32 << 22) as f64;
 /// strength. It tells networks that differ, and frames of another session, and it is no authentication: there is no key, and 21 bits are guessed in minutes.
 ///
 /// **Numbers that wrap.** A bus may lose frames and hold them back for any time. What an end sends arrives in its order, or within a session is
-/// overtaken by at most 128 later messages. Then no message is mistaken for one of another turn, and each echo is read right:
+/// overtaken by none whose number is more than 128 above its own. Then no message is mistaken for one of another turn, and each echo is read right:
 ///
 /// * Let a be the newest own message that the other has named, and n the newest that was sent. [`Session`](super::Session) sends none
 ///   beyond n = a + 127: it begins a new session instead. The echo in a message is in a..=n, as taken messages are in their order, and

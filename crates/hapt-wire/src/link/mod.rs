@@ -12,6 +12,9 @@
 //! position is no older than the receiver's own message of that number, whose time the receiver knows: the bound is the time of the round trip, by
 //! one clock. A message held back, repeated or reordered by anybody only looks older.
 //!
+//! **Numbers.** A message's number is above the last one's by the periods between their samples, 1 at least ([`Session::paced`]): so the receiver knows
+//! the time between two positions by the sender's clock, and the other's velocity. Numbers in between are never sent.
+//!
 //! **Sessions.** Each start of a station draws a number that has never been before. A position is used only if its message names the
 //! receiver's own number: nothing that was recorded before this start counts. A second sender is refused until the first has been silent for
 //! [`SILENCE`].
