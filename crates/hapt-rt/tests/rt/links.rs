@@ -108,7 +108,7 @@ impl<C: Codec> Station<C> {
             cycle: Cycle::new(Box::new(plan), Box::new(device)).beside(Outside::linked(vec![port])),
             hands,
             wire,
-            session: Session::new(codec, rng.next()),
+            session: Session::new(codec, rng.next()).paced((world.sampling.period * 1e9).round() as u64),
             offset: rng.next() >> 20,
             period: (world.sampling.period * 1e9).round() as u64,
             next: rng.below(2_000_000),
@@ -183,7 +183,7 @@ fn campaign<C: Codec>(network: &Network, codec: fn(bool, bool) -> C, seed: u64, 
                     continue;
                 }
                 Fault::Stranger => {
-                    stations[at].session = Session::new(codec(at == 0, true), rng.next());
+                    stations[at].session = Session::new(codec(at == 0, true), rng.next()).paced(stations[at].period);
                 }
                 _ => {}
             }
