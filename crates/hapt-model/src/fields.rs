@@ -26,6 +26,8 @@ pub(crate) struct Context<'a> {
 pub(crate) struct Fields<'a> {
     context: Context<'a>,
     place: Place,
+    /// What the table may have.
+    rows: Vec<&'static Key>,
     /// The table's own `kind`, where it has one.
     pub kind: Option<&'static str>,
     found: Vec<(&'static str, Place, Found<'a>)>,
@@ -66,8 +68,9 @@ impl<'a> Fields<'a> {
                 return Err(context.document.error(ErrorKind::Value, context.path, message, &place));
             }
         };
-        let mut fields = Fields { context, place, kind: None, found: Vec::new() };
-        if let Some(row) = keys::rows(fields.context.pattern).find(|row| row.name() == "kind") {
+        let rows: Vec<_> = keys::rows(context.pattern).collect();
+        let mut fields = Fields { context, place, rows, kind: None, found: Vec::new() };
+        if let Some(row) = fields.rows.iter().find(|row| row.name() == "kind") {
             match entries.iter().find(|entry| entry.key == "kind") {
                 None => return Err(fields.missing("kind")),
                 Some(entry) => {
@@ -84,8 +87,8 @@ impl<'a> Fields<'a> {
         }
         // A table at the top that is absent is missed by its own required keys, which say more.
         let by_its_keys = |row: &Key| row.takes == Takes::Table && row.table().is_empty();
-        let required = |row: &&Key| row.presence == Presence::Required && !by_its_keys(row);
-        let rows = keys::rows(fields.context.pattern).filter(|row| fields.belongs(row));
+        let required = |row: &&&Key| row.presence == Presence::Required && !by_its_keys(row);
+        let rows = fields.rows.iter().filter(|row| fields.belongs(row));
         if let Some(row) = rows.filter(required).find(|row| fields.found(row.name()).is_none()) {
             return Err(fields.missing(row.name()));
         }
@@ -225,7 +228,7 @@ impl<'a> Fields<'a> {
     }
 
     fn row(&self, name: &str) -> Option<&'static Key> {
-        keys::rows(self.context.pattern).find(|row| row.name() == name && self.belongs(row))
+        self.rows.iter().copied().find(|row| row.name() == name && self.belongs(row))
     }
 
     fn unknown(&self, entry: &Entry) -> Error {

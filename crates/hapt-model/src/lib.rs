@@ -70,7 +70,7 @@ pub use hapt_core::{LASTING, SafetyProfile};
 pub use hapt_plant::spec::{DeviceSpec, Drive, Hand, Handle, Shape, Switching};
 pub use kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind};
 pub use network::{Link, Network, Station, is_network};
-pub use parameters::{Parameter, parameters, unit, unit_size};
+pub use parameters::{Parameter, parameters, parameters_of, unit, unit_size};
 pub use quantity::{Fault, Quantity, QuantityError, parse_quantity};
 pub use safety::Safety;
 pub use schema::schema;

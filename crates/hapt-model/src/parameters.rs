@@ -34,11 +34,19 @@ pub struct Parameter {
 /// # Errors
 /// As [`World::read`].
 pub fn parameters(source: &Source, sets: &[String]) -> Result<Vec<Parameter>, Error> {
-    let World { motion, sampling, .. } = World::read(source, sets)?;
+    parameters_of(&World::read(source, sets)?, source, sets)
+}
+
+/// The same of the `world` that has been read from these.
+///
+/// # Errors
+/// As [`World::read`].
+pub fn parameters_of(world: &World, source: &Source, sets: &[String]) -> Result<Vec<Parameter>, Error> {
+    let World { motion, sampling, .. } = world;
     let document = Document::new(source, sets)?;
     let mut list = Vec::new();
     if let Value::Table(entries) = &document.root.value {
-        table(&mut list, motion, entries, "", "", None);
+        table(&mut list, *motion, entries, "", "", None);
     }
     // A delay in samples is as many seconds as the period makes it.
     for delay in list.iter_mut().filter(|parameter| ["loop.delay", "loop.delay_max"].contains(&parameter.path.as_str()))

@@ -120,7 +120,7 @@ impl VirtualDevice {
             lag,
             works,
             puck: Puck::new(device, friction, lag, works.then_some(lengths)),
-            shaft: handle.map(|handle| Box::new(Shaft::new(handle, device, friction, lag, lengths))),
+            shaft: handle.map(|handle| Shaft::boxed(handle, device, friction, lag, lengths)),
             motor,
             gap: 0.0,
             script: Script::default(),
@@ -175,7 +175,13 @@ impl VirtualDevice {
     /// The motor's torque now, in N·m (linear: N): what it holds, or, with a lag, how far it has come toward that.
     #[inline]
     pub fn applied(&self) -> f64 {
-        if self.lag > 0.0 { self.motor.applied + self.gap } else { self.motor.applied }
+        if self.lag > 0.0 { self.lagging() } else { self.motor.applied }
+    }
+
+    /// Out of line, so that it is not computed where there is no lag.
+    #[inline(never)]
+    fn lagging(&self) -> f64 {
+        self.motor.applied + self.gap
     }
 
     /// The works so far.

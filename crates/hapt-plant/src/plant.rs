@@ -290,7 +290,9 @@ impl Propagator {
         for_occurring!(lags, plant.has_sine(), ramps, OCCURRING => Self::of(OCCURRING, plant, dt))
     }
 
-    /// Of these states, the first three among them; the rows and columns of the others are 0.
+    /// Of these states, the first three among them; the rows and columns of the others are 0. Not inlined, so that few states do not use the
+    /// stack of all.
+    #[inline(never)]
     fn of<const N: usize>(states: [usize; N], plant: &Plant, dt: f64) -> Self {
         let (n, h, halvings) = plant.start(states, dt);
         let varies = N > HELD.len();
@@ -379,10 +381,21 @@ impl Propagator {
         self.sine
     }
 
+    /// Whether a spring holds the puck.
+    pub fn has_spring(&self) -> bool {
+        self.spring
+    }
+
+    /// The same for a torque that is held, without a spring.
+    #[inline(always)] // As `held_stretch`.
+    pub fn free_stretch(&self, y: &Motion) -> Stretch {
+        self.of_states::<2>(y)
+    }
+
     /// The same for a torque that is held.
     #[inline(always)] // So that the few states never leave the registers.
     pub fn held_stretch(&self, y: &Motion) -> Stretch {
-        if self.spring { self.of_states::<3>(y) } else { self.of_states::<2>(y) }
+        if self.spring { self.of_states::<3>(y) } else { self.free_stretch(y) }
     }
 
     /// The same for a torque that is not held.

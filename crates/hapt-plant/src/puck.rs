@@ -135,16 +135,22 @@ impl Puck {
         }
     }
 
-    /// Whether [`Puck::advance_usual`] moves it under torques that are held over the first usual length.
+    /// Whether [`Puck::advance_usual`] moves it, in no grip, under torques that are held over the first usual length.
     pub fn slides_as_usual(&self) -> bool {
-        self.friction == 0.0 && self.now.usual.as_ref().is_some_and(|[(_, usual), _]| !usual.has_sine())
+        let free = |usual: &Propagator| !usual.has_sine() && !usual.has_spring();
+        self.friction == 0.0
+            && self.now.grip.is_none()
+            && self.now.usual.as_ref().is_some_and(|[(_, usual), _]| free(usual))
     }
 
     /// [`Puck::advance`] over the first usual length, with nothing asked ([`Puck::slides_as_usual`]).
     #[inline(always)] // As `slide_held`.
     pub fn advance_usual(&mut self, motor: f64, push: f64, ledger: &mut Ledger) {
         if let Some([(_, usual), _]) = &self.now.usual {
-            [self.position, self.velocity] = self.slide_held(usual, motor, push, ledger);
+            let y = [self.velocity, motor + push, self.position, 0.0, 0.0, 0.0, 0.0];
+            let stretch = usual.free_stretch(&y);
+            self.account(&y, &stretch, y[F] - motor, (motor, 0.0), None, ledger);
+            [self.position, self.velocity] = stretch.end;
         }
     }
 
@@ -153,7 +159,7 @@ impl Puck {
     fn slide_held(&self, usual: &Propagator, motor: f64, push: f64, ledger: &mut Ledger) -> [f64; 2] {
         let y = [self.velocity, motor + push, self.position, 0.0, 0.0, 0.0, 0.0];
         let stretch = usual.held_stretch(&y);
-        self.account(&y, &stretch, y[F] - motor, (motor, 0.0), ledger);
+        self.account(&y, &stretch, y[F] - motor, (motor, 0.0), self.now.grip, ledger);
         stretch.end
     }
 
@@ -185,19 +191,27 @@ impl Puck {
             }
         };
         let stretch = propagator.stretch(y);
-        self.account(&y, &stretch, push, (motor, held), ledger);
+        self.account(&y, &stretch, push, (motor, held), self.now.grip, ledger);
         stretch.end
     }
 
-    /// The works of a stretch from `y`, under the hand's `push`, the torque of the motor and `held` by friction.
+    /// The works of a stretch from `y`, under the hand's `push` and `grip`, the torque of the motor and `held` by friction.
     #[inline(always)] // As `advance`.
-    fn account(&self, y: &Motion, stretch: &Stretch, push: f64, (motor, held): (f64, f64), ledger: &mut Ledger) {
+    fn account(
+        &self,
+        y: &Motion,
+        stretch: &Stretch,
+        push: f64,
+        (motor, held): (f64, f64),
+        grip: Option<Inertia>,
+        ledger: &mut Ledger,
+    ) {
         let &Stretch { end, travel, speed, varying, lagging } = stretch;
         ledger.motor += motor * travel + lagging;
         ledger.friction += held * travel;
         ledger.damping += self.device.damping * speed;
         ledger.hand += push * travel + varying;
-        if let Some(grip) = self.now.grip {
+        if let Some(grip) = grip {
             // The hand's torque on the puck follows from its intended motion, spring, damper and inertia.
             let square = |x: f64| x * x;
             ledger.hand -= grip.damping * speed

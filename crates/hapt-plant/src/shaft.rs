@@ -9,6 +9,8 @@
 //! As with a puck alone, the torques are states too, and one matrix exponential gives motion and works. While friction holds the puck, the
 //! handle swings on: that is another such equation, with v = 0.
 
+use alloc::boxed::Box;
+
 use crate::exponential::{GAUSS, Square, applied, congruent, doubled, folded, halved, series, widened};
 use crate::friction::{MOST_EVENTS, ROUNDING, root};
 use crate::ledger::Ledger;
@@ -312,8 +314,9 @@ fn output<const K: usize>(row: &State, change: &Square<K>) -> [f64; K] {
 }
 
 impl Shaft {
-    /// A free handle at rest on an unloaded shaft.
-    pub fn new(handle: Handle, device: Inertia, friction: f64, lag: f64, lengths: Lengths) -> Self {
+    /// A free handle at rest on an unloaded shaft. Not inlined, so that a device without one does not use its stack.
+    #[inline(never)]
+    pub fn boxed(handle: Handle, device: Inertia, friction: f64, lag: f64, lengths: Lengths) -> Box<Self> {
         let none = || Flow {
             n: [[0.0; STATES]; STATES],
             powers: [[[0.0; STATES]; 2]; 4],
@@ -327,7 +330,7 @@ impl Shaft {
         let mut shaft =
             Shaft { deflection: 0.0, velocity: 0.0, handle, device, friction, decay, lengths, now, other: None };
         shaft.take(Grasp::Free, NO_SINE, false);
-        shaft
+        Box::new(shaft)
     }
 
     fn held(&self, grasp: Grasp, sine: Sine) -> Held {
@@ -527,7 +530,7 @@ mod tests {
         ) {
             let device = Inertia { inertia: motor, damping: 1e-3, stiffness: 0.0 };
             let handle = Handle { inertia, stiffness, damping };
-            let mut shaft = Shaft::new(handle, device, friction, lag, [1e-3; 2]);
+            let mut shaft = Shaft::boxed(handle, device, friction, lag, [1e-3; 2]);
             let grasp = grip.map_or(Grasp::Free, |(inertia, damping, stiffness)| Grasp::Grip(Inertia { inertia, damping, stiffness }));
             shaft.take(grasp, (sine, 0.0, 30.0), false);
             let flow = if stuck { &shaft.now.stuck } else { &shaft.now.sliding };

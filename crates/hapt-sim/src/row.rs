@@ -42,24 +42,27 @@ impl Row {
     /// Whether every number of the row is finite.
     #[inline]
     pub fn is_finite(&self) -> bool {
-        let own =
-            [(self.puck, self.puck_velocity), (self.measured, self.measured_velocity), (self.torque, self.command)];
-        // 0 · x is 0 or NaN, and a NaN stays in a sum: one test instead of one for each number.
-        let (mut a, mut b) = (0.0, 0.0);
-        for (x, y) in own {
-            (a, b) = (a + 0.0 * x, b + 0.0 * y);
-        }
+        let mut a = self.puck + self.measured + self.torque;
+        let mut b = self.puck_velocity + self.measured_velocity + self.command;
         match self.bodies[..] {
             // Most worlds; a loop costs more than its one body.
-            [(x, y)] => (a, b) = (a + 0.0 * x, b + 0.0 * y),
+            [(x, y)] => (a, b) = (a + x, b + y),
             _ => {
                 for (x, y) in &self.bodies {
-                    (a, b) = (a + 0.0 * x, b + 0.0 * y);
+                    (a, b) = (a + x, b + y);
                 }
             }
         }
-        // Few have a handle.
-        a + b == 0.0 && self.handle.is_none_or(|(x, y)| 0.0 * x + 0.0 * y == 0.0)
+        // A number that is not finite stays in a sum, and 0 times that is not 0: one question instead of one for each number. A sum beyond the
+        // range of numbers has to ask each.
+        (0.0 * (a + b) == 0.0 && self.handle.is_none()) || self.has_finite_numbers()
+    }
+
+    /// [`Row::is_finite`], number by number.
+    #[inline(never)]
+    fn has_finite_numbers(&self) -> bool {
+        let own = [self.puck, self.puck_velocity, self.measured, self.measured_velocity, self.torque, self.command];
+        own.iter().all(|x| x.is_finite()) && self.pairs().all(|(x, y)| x.is_finite() && y.is_finite())
     }
 }
 

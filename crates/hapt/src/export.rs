@@ -25,7 +25,7 @@ fn fmu(args: &FmuArgs) -> Result<ExitCode, Failure> {
     output::apart(&[("-o", &args.out)], &inputs)?;
     let own = own_library(args.platforms.is_empty())?;
     let libraries = own.into_iter().chain(args.platforms.iter().cloned()).map(read).collect::<Result<Vec<_>, _>>()?;
-    let written = hapt_model::parameters(&loaded.source, &args.world.sets)?;
+    let written = hapt_model::parameters_of(&loaded.world, &loaded.source, &args.world.sets)?;
     let kind = if args.whole { Kind::Whole } else { Kind::Loop };
     let version = if args.fmi == "3" { Version::Three } else { Version::Two };
     let fmu = hapt_fmi::write(&loaded.world, &written, loaded.title(), kind, version, &libraries);

@@ -124,7 +124,7 @@ pub fn header(loaded: &Loaded, sets: &[String], certified: bool) -> Header {
 fn print_all(loaded: &Loaded, sets: &[String], scenarios: &[&Scenario]) -> Result<(), Failure> {
     let world = &loaded.world;
     // Torques in the unit that the file has them in.
-    let own = Effort::of(&hapt_model::parameters(&loaded.source, sets)?, world.motion);
+    let own = Effort::of(&hapt_model::parameters_of(world, &loaded.source, sets)?, world.motion);
     let mut out = stdout().lock();
     let mut first_failure = None;
     writeln!(out, "{}", loaded.title()).map_err(Failure::stdout)?;
