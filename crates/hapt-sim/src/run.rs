@@ -216,7 +216,7 @@ impl Simulation {
 
     /// The next row; `None` after the last. An error ends the run.
     #[allow(clippy::should_implement_trait)] // The row is lent, not given: an iterator would allocate for each.
-    #[inline(always)] // A call would save registers and give back a row by memory, at every sample.
+    #[inline]
     pub fn next(&mut self) -> Option<Result<&Row, Error>> {
         let taken = self.take(|_, sample| sample.command)?;
         Some(taken.map(|()| &self.row))

@@ -28,12 +28,26 @@ pub(super) fn stated(bodies: usize) -> String {
     file
 }
 
+/// The world file of a chain of `n` bodies on springs.
+fn chain(n: u32) -> String {
+    let mut file = String::from("loop.period = \"1 ms\"\ndevice = { inertia = 6.4e-4, damping = 1.2e-3 }\n");
+    for i in 0..n {
+        file += &format!("[bodies.b{i}]\ninertia = {}\n", 0.01 + 0.001 * f64::from(i));
+    }
+    for i in 0..n {
+        let before = if i == 0 { "puck".into() } else { format!("b{}", i - 1) };
+        file +=
+            &format!("[[couplings]]\nkind = \"spring\"\nbetween = [\"{before}\", \"b{i}\"]\nstiffness = {}\n", 1 + i);
+    }
+    file
+}
+
 impl Bench {
     /// A million worlds of one body with a delay, by the functions of `hapt sweep`, on one core.
     pub(super) fn certificates(&self) -> Result<String> {
         let mut text = String::from(
             "\n## Certificates over a grid\n\n10⁶ worlds of [one body with a delay](../bench/worlds/delayed.toml) over stiffness and delay, by the \
-             functions that `hapt sweep` calls, on one core; two threads take half of it. Worlds that differ by their delay share what does \
+             functions that `hapt sweep` calls, on one core; and the whole process with its file, on two threads. Worlds that differ by their delay share what does \
              not depend on it. A required damping agrees to 1e-10 with that of the search by intervals, a verdict always.\n\n\
              | | s | goal | |\n| --- | --- | --- | --- |\n",
         );
@@ -43,30 +57,35 @@ impl Bench {
             let seconds = times.median() * 1e-3;
             writeln!(text, "| `{measure}` | {seconds:.1} | {} |", goal(seconds, wanted))?;
         }
+        let file = self.folder.join("certified.csv");
+        let sweep = format!(
+            "sweep bench/worlds/delayed.toml --vary couplings.0.stiffness=0.1..3:1000 --vary loop.delay=0.05ms..2.5ms:1000 \
+             --measure certified --threads 2 --out {}",
+            file.to_str().context("a path in UTF-8")?
+        );
+        let [whole] = processes(3, [program(&self.release.join("hapt"), &sweep)])?;
+        let seconds = whole.median() * 1e-3;
+        writeln!(
+            text,
+            "| `hapt sweep --measure certified` with its file, two threads | {seconds:.1} | {} |",
+            goal(seconds, 5.0)
+        )?;
         Ok(text)
     }
 
     /// Whole processes of `hapt check`.
     pub(super) fn checks(&self) -> Result<String> {
-        let mut chain = String::from("loop.period = \"1 ms\"\ndevice = { inertia = 6.4e-4, damping = 1.2e-3 }\n");
-        for i in 0..32 {
-            writeln!(chain, "[bodies.b{i}]\ninertia = {}", 0.01 + 0.001 * f64::from(i))?;
-        }
-        for i in 0..32 {
-            let before = if i == 0 { "puck".into() } else { format!("b{}", i - 1) };
-            writeln!(
-                chain,
-                "[[couplings]]\nkind = \"spring\"\nbetween = [\"{before}\", \"b{i}\"]\nstiffness = {}",
-                1 + i
-            )?;
-        }
-        let file = self.folder.join("chain.toml");
-        fs::write(&file, chain)?;
-        let file = file.to_str().context("a path in UTF-8")?;
+        let undamped = |n: u32| -> Result<String> {
+            let path = self.folder.join(format!("chain{n}.toml"));
+            fs::write(&path, chain(n))?;
+            Ok(path.to_str().context("a path in UTF-8")?.to_owned())
+        };
+        let (eight, many) = (undamped(8)?, undamped(32)?);
         let check = |words: &str| program(&self.release.join("hapt"), &format!("check {words}"));
         let [one] = processes(STARTS, [check("worlds/notes/default.toml")])?;
-        let [quick] = processes(ROUNDS, [check(&format!("{file} --no-remedies"))])?;
-        let [all] = processes(3, [check(file)])?;
+        let [eight] = processes(ROUNDS, [check(&eight)])?;
+        let [quick] = processes(ROUNDS, [check(&format!("{many} --no-remedies"))])?;
+        let [all] = processes(3, [check(&many)])?;
         let of_stated = |n: usize| -> Result<Times> {
             let path = self.folder.join(format!("stated{n}.toml"));
             fs::write(&path, stated(n))?;
@@ -78,7 +97,7 @@ impl Bench {
         let ([one_late], [eight_late]) = (delayed("delayed")?, delayed("chain8")?);
         let [chain_late] = processes(3, [check("bench/worlds/chain32.toml --no-remedies")])?;
         let mut text = String::from(
-            "\n## One check\n\nThe whole process of `hapt check`; the 32 bodies are a chain of springs, those with a delay are [in bench/worlds](../bench/worlds).\n\n\
+            "\n## One check\n\nThe whole process of `hapt check`; 8 and 32 bodies are a chain of springs, those with a delay are [in bench/worlds](../bench/worlds).\n\n\
              | | ms | goal | |\n| --- | --- | --- | --- |\n",
         );
         for (name, times, wanted) in [
@@ -87,7 +106,8 @@ impl Bench {
             ("1 body with times and a tolerance, with remedies", one_stated, 20.0),
             ("8 bodies with times and a tolerance, with remedies", eight_stated, 300.0),
             ("8 damped bodies with a delay, with remedies", eight_late, 300.0),
-            ("32 bodies, without", quick, 100.0),
+            ("8 bodies, with remedies", eight, 300.0),
+            ("32 bodies, without", quick, 60.0),
             ("32 damped bodies with a delay, without", chain_late, 60.0),
             ("32 bodies, with remedies", all, 5000.0),
         ] {

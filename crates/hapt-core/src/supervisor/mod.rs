@@ -164,7 +164,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         let look = if ordinary { Look::ORDINARY } else { self.look(state, world, loop_state, reading, request) };
         // A NaN never enters the world.
         let velocity = reading.velocity.finite_or_zero();
-        let mut sample = world.sample(world, loop_state, state.seen.position - state.offset, velocity);
+        let mut sample = world.step(loop_state, state.seen.position - state.offset, velocity);
         let Puck { position, velocity } = sample.puck;
         let seen = Beside { ready: !look.waits, position, velocity, torque: sample.torque };
         if let Some(torque) = beside(seen) {
