@@ -569,13 +569,15 @@ fn program(path: &Path, words: &str) -> Command {
 
 const RUN_MISSED: &str = "
 What stands in the way: instructions. C needs about 50 for a released sample and 40 for a held one (built without AVX-512, which
-callgrind does not know); hapt needs those of the table below. Of a released sample's, the puck's motion with its works takes 70, the
-loop's step 85, `Simulation::next` 85 with 20 for whether all numbers are finite, the fourteen columns 75. About half are arithmetic. The
+callgrind does not know); hapt needs those of the table below. Of a released sample's 302, the puck's motion with its works takes 63, the
+loop's step 83, `Simulation::next` 80 with 20 for whether all numbers are finite, the fourteen columns 75. About half are arithmetic. The
 others write the numbers into the row that is lent, and from there into the caller's columns, keep time and memory for a state that anybody
 may take, and ask what remains to be asked: whether the next event has come, whether the loop is a usual one of one body, whether samples
 are uneven, whether the motor delays or lags. What a period is (hand, friction, lag, delay, shaft), the device asks once, until the hand or
-the device changes. To come near the bound, which is a single sum's waiting, device, loop and columns would have to be compiled as one for
-their world, as C's are: a form of the run for each kind of device, which takes its time at every compilation of hapt-sim.
+the device changes. Fewer instructions are not always less time: compiled into its caller the sample takes 284 and is 1.4 times as slow,
+as a pair of numbers that a sample stores one by one is then read as one, and waits for both. To come near the bound, which is a single sum's waiting, device, loop
+and columns would have to be compiled as one for their world, as C's are: a form of the run for each kind of device, which takes its time
+at every compilation of hapt-sim.
 ";
 
 const STEP_MISSED: &str = "
@@ -588,10 +590,13 @@ this machine hapt gets vectors of four.
 ";
 
 const START_MISSED: &str = "
-What stands in the way: the system more than hapt. Of 0.9 million instructions a third are the loader's, a tenth the start of the
-standard library, a quarter the world file and its memory, and a tenth the loop and the puck; the rest is the command line and text.
-Most of the time goes where no instruction is counted: 140 page faults (the empty program has 50), and waiting for a core where the
-machine is busy (see the fastest).
+What stands in the way: page faults, as `perf record -e page-faults` has them. Of the time beyond the empty program's somewhat less than half is
+theirs, three to four microseconds each. 77 come where the loader writes the addresses of 14 400 pointers into 290 kB of constants (places of
+panics, tables of functions, names): each is small, so that there is no large table to be made late. 60 are code, in a program of 20 MB, 45
+the system's libraries, 30 each the heap and the stack. A program at a fixed address would have no such pointers and start a seventh sooner;
+it would also have its code where an attacker expects it, and hapt serves pages and reads the files of others. Packed
+relocations (RELR) save the table's 350 kB, and no fault, and need a system of 2022. Of the time that is not a fault, a fourth is the loader's, and a fifth
+hapt's own instructions: a third of them read the world file, the rest is the command line, the signals' thread, one sample and its text.
 ";
 
 const CSV_MISSED: &str = "
