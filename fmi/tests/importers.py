@@ -4,6 +4,8 @@ FMPy validates and simulates both versions against `hapt sim` and against stored
 """
 
 import csv
+import functools
+import re
 import shutil
 import subprocess
 import sys
@@ -25,11 +27,13 @@ from libcosimpy.CosimSlave import CosimLocalSlave
 HAPT, FOLDER = Path(sys.argv[1]), Path(sys.argv[2])
 WORLDS = sorted(Path("worlds").glob("*/*.toml"))
 
-# A hand's torque for half of a second, then none: what a held input can say exactly.
+# Of a push, in periods: a second of most worlds.
+ROWS = 1000
+# A hand's torque for half of the time, then none: what a held input can say exactly.
 PUSH = """
 [scenarios.pushed]
-duration = "1 s"
-hand = { kind = "torque", moves = { kind = "step", to = 0.05 }, release = "0.5 s" }
+duration = "{} ms"
+hand = {{ kind = "torque", moves = {{ kind = "step", to = 0.05 }}, release = "{} ms" }}
 """
 SLIDER = """
 title = "A slider"
@@ -55,13 +59,24 @@ def exported(world, name, fmi, *flags):
     return str(fmu)
 
 
-def simulated(world, scenario, *flags):
-    """The columns of a run by their names."""
+def with_push(text):
+    """A world's text with the scenario `pushed`."""
+    period = float(re.search(r'^(?:loop = { )?period *= *"([\d.]+) ms"', text, re.MULTILINE)[1])
+    return text + PUSH.format(ROWS * period, ROWS * period / 2)
+
+
+@functools.cache
+def ran(world, scenario, *flags):
     hapt("sim", world, "--scenario", scenario, "--out", FOLDER, *flags)
     with open(FOLDER / f"{scenario}.csv") as file:
         names = next(csv.reader(file))
         table = np.array([[float(field) for field in row] for row in csv.reader(file)])
     return dict(zip(names, table.T))
+
+
+def simulated(world, scenario, *flags):
+    """The columns of a run by their names."""
+    return dict(ran(world, scenario, *flags))
 
 
 class Slave:
@@ -135,10 +150,10 @@ def whole(world, name, fmi):
     fmu = exported(world, name, fmi, "--whole")
     run = simulated(world, "pushed")
     times, columns = run.pop("time_s"), list(run)
-    period = times[1]
+    period, end = times[1], times[-1]
     hand = "hand_force_N" if "puck_m" in run else "hand_torque_Nm"
-    pushed = signal([0.0, 0.5, 0.5, 1.0], {hand: [0.05, 0.05, 0.0, 0.0]})
-    result = fmpy.simulate_fmu(fmu, stop_time=1.0, step_size=period, output_interval=period, input=pushed)
+    pushed = signal([0.0, end / 2, end / 2, end], {hand: [0.05, 0.05, 0.0, 0.0]})
+    result = fmpy.simulate_fmu(fmu, stop_time=end, step_size=period, output_interval=period, input=pushed)
     assert len(result) == len(times), (name, len(result), len(times))
     for column in columns:
         assert np.max(np.abs(result[column] - run[column])) <= 1e-12 * max(1.0, np.max(np.abs(run[column]))), (name, column)
@@ -146,7 +161,7 @@ def whole(world, name, fmi):
     slave.fmu.exitInitializationMode()
     for k, at in enumerate(times):
         assert slave.read(columns) == [run[column][k] for column in columns], (name, fmi, k)
-        slave.write(hand, 0.05 if at < 0.5 - 1e-9 else 0.0)
+        slave.write(hand, 0.05 if at < end / 2 - 1e-9 else 0.0)
         slave.step(at, period)
     slave.close()
 
@@ -265,13 +280,13 @@ def scheduled(world):
 def main():
     FOLDER.mkdir(parents=True, exist_ok=True)
     slider = FOLDER / "slider.toml"
-    slider.write_text(SLIDER + PUSH)
+    slider.write_text(with_push(SLIDER))
     pushed = [(slider, "slider")]
     for file in WORLDS:
         for extra in file.parent.glob("*.csv"):
             shutil.copy(extra, FOLDER)
         world = FOLDER / file.name
-        world.write_text(file.read_text() + PUSH)
+        world.write_text(with_push(file.read_text()))
         pushed.append((world, file.stem))
     for world, name in pushed:
         for fmi in (2, 3):
