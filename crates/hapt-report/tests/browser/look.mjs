@@ -2,7 +2,7 @@
 //
 //   node look.mjs BROWSER SCREENSHOTS PAGE.html...
 //
-// One line of JSON a fault; exit code 1 when there is any. Screenshots are written either way.
+// One line of JSON a fault; exit code 1 when there is any. What has a fault leaves a screenshot, with HAPT_SCREENSHOTS set everything does.
 import { chromium } from "playwright-core";
 import { basename, join } from "node:path";
 import { pathToFileURL } from "node:url";
@@ -77,27 +77,35 @@ function faults() {
 const args = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
 const browser = await chromium.launch({ executablePath: browserPath, args });
 let bad = 0;
-const say = (page, view, fault) => {
-  bad += 1;
-  console.log(JSON.stringify({ page: basename(page), view, fault }));
-};
 for (const path of pages) {
+  const context = await browser.newContext({ offline: true });
+  const page = await context.newPage();
+  let view = "loaded";
+  const say = (fault) => {
+    bad += 1;
+    console.log(JSON.stringify({ page: basename(path), view, fault }));
+  };
+  page.on("console", (message) => {
+    if (["error", "warning"].includes(message.type())) say(`console: ${message.text()}`);
+  });
+  page.on("pageerror", (error) => say(`error: ${error.message}`));
+  page.on("request", (request) => {
+    if (request.url() !== pathToFileURL(path).href) say(`asks for ${request.url()}`);
+  });
+  // Loaded once: a page without a script is laid out anew for each view, and remembers nothing of the last.
+  await page.goto(pathToFileURL(path).href);
+  if (await page.locator("script").count()) say("has a script");
   for (const { name, width, height, colorScheme, media = "screen" } of views) {
-    const context = await browser.newContext({ viewport: { width, height }, colorScheme, offline: true });
-    const page = await context.newPage();
-    page.on("console", (message) => {
-      if (["error", "warning"].includes(message.type())) say(path, name, `console: ${message.text()}`);
-    });
-    page.on("pageerror", (error) => say(path, name, `error: ${error.message}`));
-    page.on("request", (request) => {
-      if (request.url() !== pathToFileURL(path).href) say(path, name, `asks for ${request.url()}`);
-    });
+    view = name;
+    await page.setViewportSize({ width, height });
     await page.emulateMedia({ media, colorScheme });
-    await page.goto(pathToFileURL(path).href);
-    for (const fault of await page.evaluate(faults)) say(path, name, fault);
-    await page.screenshot({ path: join(screenshots, `${basename(path, ".html")}-${name}.png`), fullPage: true });
-    await context.close();
+    const found = await page.evaluate(faults);
+    found.forEach(say);
+    if (found.length > 0 || process.env.HAPT_SCREENSHOTS) {
+      await page.screenshot({ path: join(screenshots, `${basename(path, ".html")}-${name}.png`), fullPage: true });
+    }
   }
+  await context.close();
 }
 await browser.close();
 process.exitCode = bad ? 1 : 0;

@@ -49,7 +49,7 @@ fn nothing_overflows_or_overlaps_in_a_browser_wide_or_narrow_light_or_dark() {
     };
     let folder = tempfile::tempdir().unwrap();
     let mut command = Command::new("node");
-    // Kept where the build's other results are, for whoever wants to look too.
+    // Of what has a fault, and with HAPT_SCREENSHOTS set of all; kept where the build's other results are, for whoever wants to look too.
     let screenshots = Path::new(env!("CARGO_TARGET_TMPDIR")).join("screenshots");
     std::fs::create_dir_all(&screenshots).unwrap();
     command.arg("look.mjs").arg(browser).arg(&screenshots).current_dir(script);
@@ -61,5 +61,4 @@ fn nothing_overflows_or_overlaps_in_a_browser_wide_or_narrow_light_or_dark() {
     let looked = command.output().unwrap();
     let said = String::from_utf8_lossy(&looked.stdout);
     assert!(looked.status.success(), "{said}{}", String::from_utf8_lossy(&looked.stderr));
-    println!("screenshots in {}", screenshots.display());
 }
