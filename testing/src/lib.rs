@@ -60,10 +60,12 @@ pub fn cases_from(seed: u64, all: u32) -> Config {
 /// A thread that asks to be woken after 1 ms and is woken so much later has met a machine that keeps no time.
 const LATE: Duration = Duration::from_millis(5);
 /// Attempts of a test on such a machine.
-const ATTEMPTS: u32 = 5;
+const ATTEMPTS: u32 = 8;
+/// Before the second attempt, and twice as long before each further one: what else runs may end meanwhile.
+const PAUSE: Duration = Duration::from_millis(100);
 
 /// Runs a test of what lives by the clock, such as a drive's watchdog. Where it fails while the machine was too busy to keep time, it runs
-/// again, at most five times: what is wrong is wrong in time too.
+/// again, at most eight times: what is wrong is wrong in time too.
 ///
 /// # Panics
 /// As the test, where the machine kept time or the last attempt failed.
@@ -88,6 +90,7 @@ pub fn in_time(test: impl Fn()) {
             Ok(()) => return,
             Err(_) if latest > LATE && attempt < ATTEMPTS => {
                 eprintln!("a thread was woken {latest:?} late: attempt {attempt} does not count");
+                thread::sleep(PAUSE * 2_u32.pow(attempt - 1));
             }
             Err(panic) => resume_unwind(panic),
         }
