@@ -28,7 +28,7 @@ pub fn run(arguments: &[&str]) -> Result<()> {
 
 /// For `cargo xtask test`: every seed and every finding of old, and a few seconds of edits.
 pub fn is_quiet() -> Result<()> {
-    bounded("3", &[])
+    bounded("2", &[])
 }
 
 /// The targets for so long each, then whole commands as long as one of them.

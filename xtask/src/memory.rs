@@ -61,7 +61,7 @@ pub fn command(samples: &str) -> Result<()> {
     Ok(())
 }
 
-/// Thirty times the samples take no more than a megabyte more, which is noise.
+/// Ten times the samples take no more than a megabyte more, which is noise.
 pub fn is_bounded() -> Result<()> {
     if !cfg!(target_os = "linux") {
         println!("        (looked at on Linux only)");
@@ -75,7 +75,7 @@ pub fn is_bounded() -> Result<()> {
             text.split_once("at most ").and_then(|(_, rest)| rest.split_whitespace().next()).context("no peak")?;
         Ok(most.parse()?)
     };
-    let (short, long) = (of("1e5")?, of("3e6")?);
-    ensure!(long - short <= 1.0, "{short} MiB with 1e5 samples, {long} MiB with 3e6");
+    let (short, long) = (of("1e5")?, of("1e6")?);
+    ensure!(long - short <= 1.0, "{short} MiB with 1e5 samples, {long} MiB with 1e6");
     Ok(())
 }

@@ -12,7 +12,7 @@ use crate::notes::world;
 use crate::truth::worlds;
 
 /// Samples of each world. Every thousand the supervisor is armed, disarmed, stopped and cleared.
-const SHORT: u32 = 10_000;
+const SHORT: u32 = 4_000;
 const FULL: u32 = 100_000;
 
 /// Every board makes this machine's bits: of the notes' worlds, and of bent ones, by every method.

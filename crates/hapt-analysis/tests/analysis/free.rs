@@ -259,7 +259,7 @@ fn loops() -> impl Strategy<Value = World> {
 }
 
 proptest! {
-    #![proptest_config(hapt_testing::cases(150))]
+    #![proptest_config(hapt_testing::cases(80))]
 
     #[test]
     fn the_real_loop_on_an_exact_puck_has_the_same_eigenvalues(world in loops()) {
@@ -280,7 +280,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(hapt_testing::cases(150))]
+    #![proptest_config(hapt_testing::cases(80))]
 
     #[test]
     fn the_real_loop_with_a_hand_on_an_exact_puck_grows_as_fast(

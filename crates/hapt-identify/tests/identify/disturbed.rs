@@ -91,7 +91,7 @@ proptest! {
 #[test]
 fn what_moves_the_puck_with_its_position_is_seen_for_what_it_is() {
     let rig = DeviceSpec { damping: 4e-3, ..WHEEL };
-    for seed in hapt_testing::seeds(4) {
+    for seed in hapt_testing::seeds(2) {
         let mut rng = Rng::with_seed(seed);
         let torques = steps(&mut rng, 4000, 0.1);
         let besides: [Besides; 4] = [

@@ -201,7 +201,7 @@ fn bits(outcome: Option<Outcome>) -> Option<[u64; 2]> {
 }
 
 proptest! {
-    #![proptest_config(hapt_testing::cases(400))]
+    #![proptest_config(hapt_testing::cases(160))]
 
     #[test]
     fn a_lane_has_the_bits_of_the_run_alone(seed in any::<u64>(), runaway in any::<bool>()) {

@@ -140,7 +140,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(hapt_testing::cases(50))]
+    #![proptest_config(hapt_testing::cases(24))]
 
     /// A motor's torque that nearly balances friction, and a hand that adds what is missing, again and again: so is rounding's say.
     #[test]
