@@ -1,6 +1,6 @@
 //! `cargo xtask test`: everything that has to hold before a change lands.
 //!
-//! Every test runs once, in the profile `tested`: optimised as what ships, with assertions and overflow checks. The program that
+//! Every test runs once, in the profile `tested`: optimised nearly as what ships, with assertions and overflow checks. The program that
 //! ships, optimised across its crates and without these checks, is built once: it runs every world (its bytes are those of `tested`),
 //! the page in a browser, the tests of the command line's first steps and bad inputs, and the book.
 //!
@@ -21,6 +21,9 @@ use crate::{
 
 /// The one in which every test is built, xtask too (`.cargo/config.toml`).
 pub const PROFILE: &str = "tested";
+
+/// Tests of the command line that live by the clock, as a drive's do.
+const BY_THE_CLOCK: [&str; 4] = ["drives::", "odrive::", "realtime::", "station::"];
 
 /// All that cargo builds for tests. `--all-targets` leaves out the targets that `cargo test` leaves out.
 const TARGETS: &str = "--workspace --lib --bins --examples --test *";
@@ -45,17 +48,28 @@ pub fn run() -> Result<()> {
         Step::check("the Python package builds", python::is_built),
     ];
     // A drive's watchdog runs by the clock: its tests have the machine to themselves.
-    let (drives, programs): (Vec<_>, Vec<_>) =
-        programs.into_iter().partition(|program| program.name().starts_with("hapt-drive/"));
-    let tests = |program: Program| Step::tests(program.name(), program.command());
-    steps.extend(programs.into_iter().map(tests));
+    let tests = |program: &Program| Step::tests(program.name(), program.command());
+    let mut alone = Vec::new();
+    for program in &programs {
+        match program.name().as_str() {
+            name if name.starts_with("hapt-drive/") => alone.push(tests(program)),
+            name @ "hapt/cli" => {
+                let (mut rest, mut timed) = (program.command(), program.command());
+                rest.args(BY_THE_CLOCK.iter().flat_map(|name| ["--skip", name]));
+                timed.args(BY_THE_CLOCK);
+                steps.push(Step::tests(name, rest));
+                alone.push(Step::tests(format!("{name}, by the clock"), timed));
+            }
+            _ => steps.push(tests(program)),
+        }
+    }
     steps.push(Step::tests("examples in the documentation", documented()));
     steps.push(Step::check("documentation", || {
         cargo(&format!("doc --workspace --no-deps --profile {PROFILE}"), "-D warnings")
     }));
     tally.run(steps);
-    for program in drives {
-        tally.run(vec![tests(program)]);
+    for step in alone {
+        tally.run(vec![step]);
     }
 
     let mut firmware = Command::new(std::env::current_exe()?);
