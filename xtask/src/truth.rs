@@ -182,7 +182,7 @@ pub fn networks(words: &[&str]) -> Result<()> {
 pub fn holds() -> Result<()> {
     campaign(&|i, against| one(Part::Even, 2, i, against), 400, Duration::MAX)?;
     campaign(&|i, against| one(Part::Uneven, 2, i, against), 40, Duration::MAX)?;
-    campaign(&|i, against| networks::one(2, i, against), 100, Duration::MAX).map(drop)
+    campaign(&|i, against| networks::one(2, i, against), 60, Duration::MAX).map(drop)
 }
 
 /// What is said against verdicts.
