@@ -591,12 +591,13 @@ this machine hapt gets vectors of four.
 
 const START_MISSED: &str = "
 What stands in the way: page faults, as `perf record -e page-faults` has them. Of the time beyond the empty program's somewhat less than half is
-theirs, three to four microseconds each. 77 come where the loader writes the addresses of 14 400 pointers into 290 kB of constants (places of
-panics, tables of functions, names): each is small, so that there is no large table to be made late. 60 are code, in a program of 20 MB, 45
-the system's libraries, 30 each the heap and the stack. A program at a fixed address would have no such pointers and start a seventh sooner;
+theirs, three to four microseconds each. 76 come where the loader writes the addresses of 14 400 pointers into 290 kB of constants (places
+of panics, tables of functions, names): each is small, so that there is no large table to be made late. 60 are code, in a program of 20 MB, 60
+the system's libraries, 30 the heap and 20 the stack. A program at a fixed address would have no such pointers and start a seventh sooner;
 it would also have its code where an attacker expects it, and hapt serves pages and reads the files of others. Packed
-relocations (RELR) save the table's 350 kB, and no fault, and need a system of 2022. Of the time that is not a fault, a fourth is the loader's, and a fifth
-hapt's own instructions: a third of them read the world file, the rest is the command line, the signals' thread, one sample and its text.
+relocations (RELR) save the table's 350 kB, and no fault, and need a system of 2022. Of 1.5 million instructions a third are the loader's and a
+sixth read the world file; the rest is the start of the standard library, the command line, the file's units, the signals' thread, one
+sample and its text.
 ";
 
 const CSV_MISSED: &str = "
