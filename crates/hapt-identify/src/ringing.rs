@@ -68,7 +68,7 @@ pub(crate) fn ringing(record: &Record, rigid: &Fit) -> Vec<Ringing> {
     let (Some(from), Some(to)) = (motion.first(), motion.last()) else { return Vec::new() };
     let [low, high] =
         [LOWEST / (to.0 - from.0), 1.0 / (HIGHEST * record.period())].map(|hz| std::f64::consts::TAU * hz);
-    if !(low < high) {
+    if low >= high {
         return Vec::new();
     }
     let all: Vec<Ringing> =

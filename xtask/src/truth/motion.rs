@@ -268,7 +268,9 @@ impl Motion {
         let periods = |of: fn(&Step) -> f64| self.steps.iter().map(|step| of(step) / period).collect();
         let timing = Timing::Pattern { intervals: periods(|step| step.interval), delays: periods(|step| step.delay) };
         let drive = Drive::Position(Shape::Path { file: String::new(), points });
-        let scenario = Scenario { name: "motion".into(), duration: time, hand: Hand { drive, release: None }, timing };
+        // The last sample is at the end, up to rounding.
+        let duration = time + 0.5 * self.parts.first().map_or(0.0, |part| part.0);
+        let scenario = Scenario { name: "motion".into(), duration, hand: Hand { drive, release: None }, timing };
         let Ok(mut run) = Simulation::new(&world, &scenario) else { return false };
         let (mut taken, mut drawn, mut lost, mut repetitions) = (0, 0.0, 0.0, 0);
         while let Some(Ok(row)) = run.next() {
