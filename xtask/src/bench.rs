@@ -570,12 +570,11 @@ fn program(path: &Path, words: &str) -> Command {
 const RUN_MISSED: &str = "
 What stands in the way: instructions. C needs about 50 for a released sample and 40 for a held one (built without AVX-512, which
 callgrind does not know); hapt needs those of the table below. Of a released sample's 302, the puck's motion with its works takes 63, the
-loop's step 83, `Simulation::next` 80 with 20 for whether all numbers are finite, the fourteen columns 75. About half are arithmetic. The
+loop's step 83, `Simulation::next` 95, of which 20 ask whether all numbers are finite, and the fourteen columns 75. About half are arithmetic. The
 others write the numbers into the row that is lent, and from there into the caller's columns, keep time and memory for a state that anybody
 may take, and ask what remains to be asked: whether the next event has come, whether the loop is a usual one of one body, whether samples
 are uneven, whether the motor delays or lags. What a period is (hand, friction, lag, delay, shaft), the device asks once, until the hand or
-the device changes. Fewer instructions are not always less time: compiled into its caller the sample takes 284 and is 1.4 times as slow,
-as a pair of numbers that a sample stores one by one is then read as one, and waits for both. To come near the bound, which is a single sum's waiting, device, loop
+the device changes. Fewer instructions are not always less time: compiled into its caller the sample takes 284 and was 1.3 to 1.4 times as slow. To come near the bound, which is a single sum's waiting, device, loop
 and columns would have to be compiled as one for their world, as C's are: a form of the run for each kind of device, which takes its time
 at every compilation of hapt-sim.
 ";

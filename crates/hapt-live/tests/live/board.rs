@@ -87,7 +87,9 @@ fn a_board_waits_to_be_armed_shows_what_it_does_and_lets_go_when_the_page_is_sil
     }
     assert_eq!(board.peak_torque(), 0.0);
     arm(&mut page);
-    assert!((board.torque() - 0.05).abs() < 0.02, "{}", board.torque());
+    // The largest, at first: the wheel comes after, and takes its spring's torque away.
+    patiently(|| board.peak_torque() > 0.03);
+    assert!(board.peak_torque() < 0.07, "{}", board.peak_torque());
     // The puck turns by the motor's torque, and the wheel after it, as the telemetry has it.
     let frame = page.frame_until(|frame| frame.columns[0][0] > 0.01 && frame.columns[8][0] > 0.0);
     let [position, velocity, output] = [0, 1, 6].map(|column| frame.columns[column][0]);
