@@ -80,13 +80,13 @@ pub(super) struct Form {
 }
 
 impl Form {
-    /// `local`: stiffness and damping between the puck of each station and ground.
-    pub fn of(network: &Network, schedule: &Schedule, local: &[[f64; 2]]) -> Form {
+    /// `local`: stiffness and damping between the puck of each station and ground; `counts`: whether anything asks the station's device for
+    /// damping.
+    pub fn of(network: &Network, schedule: &Schedule, local: &[[f64; 2]], counts: &[bool]) -> Form {
         let (mut station, mut first) = (Vec::new(), Vec::new());
-        let is_linked = |at: usize| network.links.iter().any(|link| link.acts() && link.between.contains(&at));
         for (at, clock) in schedule.clocks.iter().enumerate() {
             first.push(station.len());
-            station.extend((0..clock.segments()).filter(|_| is_linked(at)).map(|_| at));
+            station.extend((0..clock.segments()).filter(|_| counts[at]).map(|_| at));
         }
         let (mut links, mut local_terms) = (Terms::default(), Terms::default());
         for link in network.links.iter().filter(|link| link.acts()) {
@@ -95,7 +95,7 @@ impl Form {
             }
         }
         for (at, (clock, [stiffness, damping])) in schedule.clocks.iter().zip(local).enumerate() {
-            if !is_linked(at) {
+            if !counts[at] {
                 continue;
             }
             for segment in 0..clock.segments() {

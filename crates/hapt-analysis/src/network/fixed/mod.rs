@@ -133,7 +133,10 @@ fn posed(network: &Network, demands: &[Option<f64>]) -> Result<Result<Posed, Vec
         local.push(own);
         taken.push(demand);
     }
-    Ok(Ok(Posed { form: Form::of(network, &schedule, &local), taken, common: schedule.common, exact }))
+    let is_linked = |at: usize| network.links.iter().any(|link| link.acts() && link.between.contains(&at));
+    let counts: Vec<bool> =
+        (0..local.len()).map(|at| is_linked(at) || local[at] != [0.0; 2] || taken[at] > 0.0).collect();
+    Ok(Ok(Posed { form: Form::of(network, &schedule, &local, &counts), taken, common: schedule.common, exact }))
 }
 
 impl Posed {
