@@ -213,7 +213,7 @@ fn starts_of(watched: &Watched<'_>) -> Option<Starts> {
             0.0,
         ]
     };
-    let ringing = ringing(record, &rigid);
+    let ringing = ringing(watched, &rigid);
     let (first, others) = ringing.split_first()?;
     let others = others.iter().take(OTHERS).map(|other| (other, 1.0));
     let each: Vec<Parameters> =

@@ -13,7 +13,7 @@ use nalgebra::DVector;
 
 use crate::fit::Fit;
 use crate::puck::{PARAMETERS, Sensitivity};
-use crate::record::Record;
+use crate::record::Watched;
 
 /// Frequencies that are looked at, in equal ratios.
 const FREQUENCIES: usize = 240;
@@ -36,8 +36,9 @@ pub(crate) struct Ringing {
     explains: f64,
 }
 
-/// The most likely shafts, the best first: each explains more than those of frequencies next to it.
-pub(crate) fn ringing(record: &Record, rigid: &Fit) -> Vec<Ringing> {
+/// The most likely shafts, the best first: each explains more than those of frequencies next to it. Empty where the search is stopped.
+pub(crate) fn ringing(watched: &Watched<'_>, rigid: &Fit) -> Vec<Ringing> {
+    let Watched { record, stop } = *watched;
     let mut motion: Vec<(f64, f64)> = Vec::new();
     let mut rows: Vec<(usize, f64, Sensitivity)> = Vec::new();
     rigid.puck.follow(record.times(), record.torques(), rigid.first, |i, z, dz| {
@@ -52,15 +53,15 @@ pub(crate) fn ringing(record: &Record, rigid: &Fit) -> Vec<Ringing> {
     }
     let left = beside.of(DVector::from_iterator(rows.len(), rows.iter().map(|(_, left, _)| *left)));
     let seen = |signal: &[f64]| DVector::from_iterator(rows.len(), rows.iter().map(|(i, _, _)| signal[*i]));
-    let of = |omega: f64| {
-        let mut with = Beside { columns: beside.columns.clone() };
+    let own = beside.columns.len();
+    let mut of = |omega: f64| {
         // It may ring from the start.
-        let own = with.columns.len();
         for begin in [[1.0, 0.0], [0.0, omega]] {
-            with.add(seen(&behind(&motion, omega, begin, false)));
+            beside.add(seen(&behind(&motion, omega, begin, false)));
         }
-        let q = with.of(seen(&behind(&motion, omega, [0.0; 2], true)));
-        let left = with.columns[own..].iter().fold(left.clone(), |left, column| &left - column * column.dot(&left));
+        let q = beside.of(seen(&behind(&motion, omega, [0.0; 2], true)));
+        let left = beside.columns[own..].iter().fold(left.clone(), |left, column| &left - column * column.dot(&left));
+        beside.columns.truncate(own);
         let squares = q.norm_squared();
         let ratio = if squares > 0.0 { q.dot(&left) / squares } else { 0.0 };
         Ringing { omega, ratio, explains: ratio * ratio * squares }
@@ -71,8 +72,11 @@ pub(crate) fn ringing(record: &Record, rigid: &Fit) -> Vec<Ringing> {
     if low >= high {
         return Vec::new();
     }
-    let all: Vec<Ringing> =
-        (0..FREQUENCIES).map(|i| of(low * (high / low).powf(i as f64 / (FREQUENCIES - 1) as f64))).collect();
+    let omega = |i: usize| low * (high / low).powf(i as f64 / (FREQUENCIES - 1) as f64);
+    let all: Vec<Ringing> = (0..FREQUENCIES).take_while(|_| !stop()).map(|i| of(omega(i))).collect();
+    if all.len() < FREQUENCIES {
+        return Vec::new();
+    }
     let explains = |i: usize| all.get(i).map_or(0.0, |one| one.explains);
     let is_peak = |i: usize| explains(i) > explains(i + 1) && (i == 0 || explains(i) >= explains(i - 1));
     let mut peaks: Vec<Ringing> =
@@ -135,7 +139,7 @@ mod tests {
 
     use super::*;
     use crate::estimate::best;
-    use crate::record::Watched;
+    use crate::record::Record;
     use crate::shaft::Shafted;
     use crate::start::starts;
 
@@ -163,7 +167,7 @@ mod tests {
             let record = Record::new(times, positions, torques).unwrap();
             let watched = Watched { record: &record, stop: &|| false };
             let rigid = best(&watched, &starts(&watched)).unwrap();
-            let found = ringing(&record, &rigid);
+            let found = ringing(&watched, &rigid);
             let near = found.iter().take(3).find(|one| (one.omega / omega - 1.0).abs() < 0.1);
             prop_assert!(near.is_some_and(|one| (0.2..5.0).contains(&(one.ratio / share))), "{hz} {share}: {:?}", &found[..found.len().min(4)]);
         }

@@ -100,7 +100,11 @@ impl NetworkCheck {
         match self.proposal() {
             None => {}
             Some((name, _, lines)) if lines.is_empty() => {
-                text += &format!("{name:<9} no single change of these numbers makes it passive\n");
+                let none = match name {
+                    "margins" => "no change of a single number was found that makes it lose its passivity",
+                    _ => "no single change of these numbers makes it passive",
+                };
+                text += &format!("{name:<9} {none}\n");
             }
             Some((name, heading, lines)) => {
                 let lines: String = lines.iter().map(|line| format!("  {line}\n")).collect();
