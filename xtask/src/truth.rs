@@ -263,7 +263,7 @@ fn judge(
     let sampling = &world.sampling;
     let held = held_growth(&world.bodies, &world.couplings, sampling.method, sampling.step())?;
     let answer = passivity(world)?;
-    if held.is_some_and(|growth| growth > MARGINAL) && (answer.passive || answer.required_damping.is_some()) {
+    if held.is_some_and(|growth| growth > MARGINAL) && (answer.passive.holds() || answer.required_damping.is_some()) {
         tell(format!("held it grows by {held:?} per second, and a finite damping is called enough"));
         let claim = if bent { &mut found.proved } else { &mut found.passive };
         claim.contradicted += 1;
@@ -279,13 +279,13 @@ fn judge(
     }
     // What is called proved is proved of the loop as it is.
     let mut device = if bent { world.clone() } else { brute::as_certified(world) };
-    if !answer.passive {
+    if !answer.passive.holds() {
         // What is required is required of hands at the motor.
         device.device.handle = None;
     }
     let worst = worst_grip(&device)?;
     let grows = worst.as_ref().map_or(f64::NEG_INFINITY, |worst| worst.growth_per_s);
-    if !answer.passive {
+    if !answer.passive.holds() {
         // The slopes of what bends are the worst of many, and of bodies that step at every n-th sample not all has a number: only a linear loop
         // of one rate is what is refused.
         if bent || sampling.bodies_every > 1 {
@@ -299,7 +299,7 @@ fn judge(
         found.refused += Claim { loops: 1, confirmed: u64::from(broken), slow: u64::from(!broken), contradicted: 0 };
         return Ok(());
     }
-    if bent && !answer.proved {
+    if bent && !answer.proved.holds() {
         if rounds(world) && rng.u8(..MEASURED) == 0 {
             let broken = hapt_sweep::worst::best_motion(world, OPEN_SAMPLES).is_ok_and(|found| found.0.is_some());
             found.open += Claim { loops: 1, confirmed: u64::from(broken), slow: u64::from(!broken), contradicted: 0 };

@@ -7,7 +7,8 @@
 //! | --- | --- |
 //! | [`network`] | [`check_network()`]: the passivity of stations joined by links |
 //! | [`certificate`] | [`check()`] of a world, [`is_certified`], [`remedies()`] and their [`proposal()`] as lines for the file |
-//! | [`passivity`](mod@passivity) | the damping that [`passivity()`] against every passive hand requires, its proof, [`quantisation()`], [`worst_grip()`] |
+//! | [`theorems`] | the [`theorems::Theorem`]s that claim [`passivity()`] and [`uneven()`], and nothing else does: [`Claimed`] |
+//! | [`passivity`](mod@passivity) | the damping that passivity against every passive hand requires, [`quantisation()`], [`worst_grip()`] |
 //! | [`boundary`] | stability boundaries in a plane of two parameters: [`Decomposition`], [`z_width()`] |
 //! | [`impedance`](mod@impedance) | the [`Impedance`] at the puck against frequency |
 //! | [`batch`] | verdicts on many [`Loops`] of one body in vector lanes, [`Variants`] of one world |
@@ -44,7 +45,7 @@
 //! let required = required_damping(&world)?.unwrap();
 //! assert!((required - 1e-3).abs() < 1e-9);
 //! let check = check(&world)?;
-//! assert!(check.certified && check.free.verdict == Verdict::Stable);
+//! assert!(check.certified.holds() && check.free.verdict == Verdict::Stable);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 #![forbid(unsafe_code)]
@@ -62,6 +63,7 @@ pub mod network;
 pub mod numerics;
 pub mod passivity;
 pub mod stability;
+pub mod theorems;
 
 mod text;
 mod until;
@@ -70,7 +72,7 @@ pub use batch::loops::{Loops, sign};
 pub use batch::variants::{Parameter, Variants};
 pub use boundary::d_decomposition::{Decomposition, Keys, Line};
 pub use boundary::z_width::{self, ZWidth, z_width};
-pub use certificate::check::{Check, check, quick_check};
+pub use certificate::check::{Check, Status, TheoremUse, check, quick_check};
 pub use certificate::is_certified;
 pub use certificate::proposal::{self, Proposal, Remedy, proposal};
 pub use certificate::remedies::{Remedies, remedies};
@@ -87,13 +89,15 @@ pub use network::{
 };
 pub use numerics::eigenvalues::eigenvalues;
 pub use numerics::nelder_mead;
+pub use passivity::Cause;
 pub use passivity::quantisation::{Quantisation, quantisation};
 pub use passivity::worst_grip::{BreakingGrip, WorstGrip, breaking_damping, worst_grip};
-pub use passivity::{Cause, Passivity, Uneven, passivity, required_damping, uneven, uneven_damping};
 pub use stability::clamped::{held_world, held_world_eigenvalues, held_world_growth};
 pub use stability::critical::Critical;
 pub use stability::free::{free, free_eigenvalues, free_growth, gripped_growth, shortest_period};
 pub use stability::held::{held, held_eigenvalues, held_growth, multipliers};
-pub use stability::patterns::{FreePatterns, Pattern, PatternVerdict, with_worst_pattern, worst_pattern};
+pub use stability::patterns::{Pattern, with_worst_pattern, worst_pattern};
 pub use stability::{MARGINAL, Stability, Verdict};
+pub use theorems::passivity::{passivity, required_damping};
+pub use theorems::{Claimed, FreePatterns, Passivity, PatternVerdict, Theorem, Uneven, uneven, uneven_damping};
 pub use until::until;

@@ -181,19 +181,19 @@ pub(crate) fn to_verdict(config: &WorldConfig, check: &Check) -> VerdictMessage 
     };
     let sentence = |what, ok, text| Sentence { what, ok, text };
     let passive = &check.passivity;
-    message.certified = check.certified;
+    message.certified = check.certified.holds();
     message.sentence = check.verdict_sentence();
     message.sentences = vec![
         sentence("held", ok(check.held.verdict), check.sentence()),
         sentence("free", ok(check.free.verdict), check.free_sentence()),
         sentence(
             "passive",
-            (passive.proved || !passive.passive).then_some(passive.passive),
+            (passive.proved.holds() || !passive.passive.holds()).then_some(passive.passive.holds()),
             check.passivity_sentence(),
         ),
     ];
     if let Some(text) = check.uneven_sentence() {
-        message.sentences.push(sentence("uneven", Some(check.uneven.passive), text));
+        message.sentences.push(sentence("uneven", Some(check.uneven.passive.holds()), text));
     }
     if let Some(text) = check.quantisation_sentence() {
         message.sentences.push(sentence("quantisation", Some(check.quantisation.ok), text));

@@ -129,8 +129,8 @@ fn table(reports: &[Report<'_>]) -> Markup {
                 @for report in reports {
                     tr {
                         td { a href={ (report.stem) ".html" } { (report.title) } }
-                        td class={ "state " (if report.check.certified { "stable" } else { "unstable" }) } {
-                            (if report.check.certified { "yes" } else { "no" })
+                        td class={ "state " (if report.check.certified.holds() { "stable" } else { "unstable" }) } {
+                            (if report.check.certified.holds() { "yes" } else { "no" })
                         }
                         td class={ "state " (verdict_name(&report.check.held)) } { (verdict_name(&report.check.held)) }
                         td.number { (report.check.held.growth_per_s.map_or("none".into(), rate)) }

@@ -201,7 +201,7 @@ impl Report<'_> {
                     }
                     (verdict(self.check))
                     @if let Some((heading, lines)) = self.proposal {
-                        p { (if self.check.certified { "Margins: " } else { "Remedies: " }) (heading) "." }
+                        p { (if self.check.certified.holds() { "Margins: " } else { "Remedies: " }) (heading) "." }
                         @if !lines.is_empty() { pre { (lines.join("\n")) } }
                     }
                     @for note in &self.check.notes { p.soft { "Note: " (note) } }
@@ -329,9 +329,10 @@ pub(crate) fn verdict_name(of: &Stability) -> &'static str {
 /// The certificate: the verdict and its reasons.
 fn verdict(check: &Check) -> Markup {
     let sentence = check.verdict_sentence();
-    let (name, capital) = if check.certified { ("certified", "Certified") } else { ("not certified", "Not certified") };
+    let (name, capital) =
+        if check.certified.holds() { ("certified", "Certified") } else { ("not certified", "Not certified") };
     let reason = sentence.strip_prefix(name).unwrap_or(&sentence);
-    let colour = if check.certified { "stable" } else { "unstable" };
+    let colour = if check.certified.holds() { "stable" } else { "unstable" };
     html! {
         p class={ "verdict " (colour) } { b { (capital) } (reason) "." }
         dl {

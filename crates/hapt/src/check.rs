@@ -31,7 +31,7 @@ pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
         };
         check.text(loaded.title(), &loaded.world.sampling, proposed.as_ref())
     };
-    print(&text, check.certified)
+    print(&text, check.certified.holds())
 }
 
 /// Prints a certificate; its exit code.

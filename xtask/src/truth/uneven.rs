@@ -125,9 +125,9 @@ pub fn judge(rng: &mut Rng, world: &World, found: &mut Found, tell: &mut dyn FnM
     let period = world.sampling.period;
     let part = if world.device.handle.is_some() || world.device.lag > 0.0 { FEWER } else { 1.0 };
     let claim = |holds: bool| Claim { loops: 1, confirmed: u64::from(holds), slow: 0, contradicted: u64::from(!holds) };
-    match answer.free.verdict {
+    match answer.free.verdict() {
         PatternVerdict::Open => {
-            *found.patterns_open.entry(answer.free.reason.unwrap_or_default()).or_default() += 1;
+            *found.patterns_open.entry(answer.free.reason().unwrap_or_default().to_string()).or_default() += 1;
         }
         PatternVerdict::Proved => {
             let duration = SAMPLES * part * period;
@@ -145,7 +145,7 @@ pub fn judge(rng: &mut Rng, world: &World, found: &mut Found, tell: &mut dyn FnM
             found.patterns_proved += claim(holds);
         }
         PatternVerdict::Broken => {
-            let Some(pattern) = answer.free.pattern else { return Err(Error::Eigenvalues { order: 0 }) };
+            let Some(pattern) = answer.free.pattern() else { return Err(Error::Eigenvalues { order: 0 }) };
             let growth = pattern.growth_per_s;
             let duration = FOLDS / growth;
             if !(growth > 0.0 && duration < MOST_SAMPLES * period) {
@@ -164,7 +164,8 @@ pub fn judge(rng: &mut Rng, world: &World, found: &mut Found, tell: &mut dyn FnM
         }
     }
     // Commands on their way lend energy: hands act where there are none.
-    if answer.passive && answer.proved && world.sampling.delay_max_s() == 0.0 && world.device.lag == 0.0 {
+    if answer.passive.holds() && answer.proved.holds() && world.sampling.delay_max_s() == 0.0 && world.device.lag == 0.0
+    {
         let hand_samples = (HAND_SAMPLES as f64 * part) as u64;
         let duration = hand_samples as f64 * period;
         let mut holds = true;

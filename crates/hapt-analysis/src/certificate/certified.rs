@@ -1,14 +1,16 @@
-//! The certificate: neither held nor free unstable, and passive.
+//! The certificate: held, free and passive, each by a theorem that covers the world.
 
 use hapt_model::World;
 
 use crate::error::Error;
-use crate::passivity::required::required_damping_wanted;
 use crate::passivity::supremum::{SPARE, Wanted};
-use crate::passivity::uneven::{is_as_certified, is_stated, uneven_damping, uneven_damping_wanted};
+use crate::passivity::timing::Timing;
 use crate::stability::Verdict;
 use crate::stability::clamped::held_world_growth;
 use crate::stability::free::free_growth;
+use crate::theorems::claim::{Claim, least};
+use crate::theorems::stable::is_held_covered;
+use crate::theorems::uneven::is_stated;
 use crate::until::is_over;
 
 /// Relative accuracy of a bound that is far from the damping.
@@ -34,37 +36,50 @@ fn excess_or_sign(world: &World, spare: f64, sign: bool) -> f64 {
             return Err(Error::Stopped);
         }
         // The cheapest first.
-        let held = held_world_growth(world)?;
-        if Verdict::of(held) == Verdict::Unstable {
+        if !is_held_covered(world) || Verdict::of(held_world_growth(world)?) == Verdict::Unstable {
             return Ok(1.0);
         }
         // Of all that the file allows: with the least damping of the device.
-        let stated = is_stated(world);
-        let damping = if stated { world.device.damping_range()[0] } else { world.device.damping };
-        let over = |required: f64| ((required - damping) / damping).clamp(f64::MIN_POSITIVE, 1.0);
-        let wanted = if sign { Wanted::AtMost(damping) } else { Wanted::From(damping) };
-        // The bound for uneven time is cheaper than the proof for a delay of many samples.
-        let mut required = 0.0f64;
-        if stated {
+        let mut excess = f64::NEG_INFINITY;
+        let mut by_friction = false;
+        let mut take = |claim: &Claim| {
+            excess = excess.max(claim.excess());
+            by_friction |= claim.is_by_friction();
+            excess
+        };
+        if is_stated(world) {
+            let (world, timing) = (least(world), Timing::of(world));
+            let damping = world.device.damping;
             // Far from the damping a bound of few digits has the same sign.
-            let Some(rough) = uneven_damping_wanted(Wanted::Bound(ROUGH), world)? else { return Ok(1.0) };
-            let near = (rough - damping).abs() <= 4.0 * ROUGH * rough;
-            let all = if near { uneven_damping(world)? } else { Some(rough) };
-            let Some(all) = all else { return Ok(1.0) };
-            required = all;
+            let rough = Claim::of(&world, timing, Wanted::Bound(ROUGH))?;
+            let near =
+                rough.required.is_some_and(|b| (b - damping).abs() <= 4.0 * ROUGH * b) || rough.speed_max.is_some();
+            let all = take(&if near { Claim::of(&world, timing, Wanted::Least)? } else { rough });
+            // One delay and even samples are among the patterns.
+            if !sign || all > 0.0 {
+                return finish(world_is_free(&world, spare, all, by_friction)?, all);
+            }
         }
-        // One delay and even samples are among the patterns: the search for an end does not look at them by themselves.
-        if !stated || (sign && required <= wanted.enough()) {
-            let Some(even) = required_damping_wanted(wanted, world)? else { return Ok(1.0) };
-            required = required.max(even);
+        let wanted = if sign { Wanted::AtMost(world.device.damping) } else { Wanted::From(world.device.damping) };
+        let mut claim = Claim::of(world, Timing::even(world), wanted)?;
+        if claim.speed_max.is_some() {
+            claim = Claim::of(world, Timing::even(world), Wanted::Least)?;
         }
-        if required > damping {
-            return Ok(over(required));
-        }
-        let excess = if damping > 0.0 { (required - damping) / damping } else { 0.0 };
-        let spare = if spare == 0.0 && is_as_certified(world) { SPARE } else { spare };
-        let grows = (spare == 0.0 || excess > -spare) && Verdict::of(free_growth(world)?) == Verdict::Unstable;
-        Ok(if grows { 1.0 } else { excess })
+        let all = take(&claim);
+        finish(world_is_free(world, spare, all, by_friction)?, all)
     };
     found().unwrap_or(1.0)
+}
+
+fn finish(is_free: bool, excess: f64) -> Result<f64, Error> {
+    Ok(if excess > 0.0 || is_free { excess } else { 1.0 })
+}
+
+/// Whether the loop is stable hands-off: by passivity with something to spare, by the friction that pays, or by its eigenvalues.
+fn world_is_free(world: &World, spare: f64, excess: f64, by_friction: bool) -> Result<bool, Error> {
+    let spare = if spare == 0.0 { SPARE } else { spare };
+    if excess > 0.0 || excess <= -spare || by_friction {
+        return Ok(true);
+    }
+    Ok(Verdict::of(free_growth(world)?) != Verdict::Unstable)
 }

@@ -10,11 +10,12 @@ use crate::equations::laws::{self, Kind, is_nonlinear};
 use crate::equations::slopes::COMBINED;
 use crate::error::Error;
 use crate::passivity::quantisation::{Quantisation, count_power, quantisation};
-use crate::passivity::{Passivity, Uneven, passivity, uneven};
 use crate::stability::clamped::{held_world, held_world_at_this_period};
 use crate::stability::free::{free, free_at_this_period, shortest_period};
 use crate::stability::{Stability, Verdict};
 use crate::text::{short, time, with_unit};
+use crate::theorems::stable::{free_claim, held_claim};
+use crate::theorems::{Claimed, Passivity, PatternVerdict, Theorem, Uneven, passivity, uneven};
 
 /// The result of `check`. It serialises to the mapping that `hapt check --json` prints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -37,8 +38,12 @@ pub struct Check {
     pub quantisation: Quantisation,
     /// Remedies, or the margins of a certified world; `None` where they were not requested.
     pub remedies: Option<Remedies>,
-    /// Neither held nor free unstable, and passive for all that the file allows.
-    pub certified: bool,
+    /// Held, free and passive, each by a theorem that covers the world with all that the file allows.
+    pub certified: Claimed,
+    /// `certified`; `refuted` where something was found against it; otherwise `open`: no theorem covers the world.
+    pub status: Status,
+    /// The theorems that make the claims.
+    pub theorems: Vec<TheoremUse>,
     /// Conditions that apply to the numbers.
     pub notes: Vec<String>,
     #[serde(skip)]
@@ -50,6 +55,29 @@ pub struct Check {
     pub(crate) has_counts: bool,
     #[serde(skip)]
     pub(crate) has_handle: bool,
+}
+
+/// What is known of a world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    /// Theorems claim that it is stable and passive.
+    Certified,
+    /// Nothing was found against it, and no theorem covers it.
+    Open,
+    /// It is unstable, or some passive hand can extract energy, by the linear loop at some slopes.
+    Refuted,
+}
+
+/// A theorem, and what it claims of this world.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TheoremUse {
+    /// Its name in docs/theory.md.
+    pub id: &'static str,
+    /// `held`, `free`, `passive`.
+    pub claims: Vec<&'static str>,
+    /// What it assumes, all of which holds for this world.
+    pub assumes: &'static [&'static str],
 }
 
 /// Analyses a world: its loop's period and method, its bodies and couplings.
@@ -69,9 +97,9 @@ pub struct Check {
 /// "#;
 /// let source = Source::from_text("spring.toml", file);
 /// let soft = check(&World::read(&source, &[])?)?;
-/// assert!(soft.certified && (soft.passivity.required_damping.unwrap() - 1e-3).abs() < 1e-9);
+/// assert!(soft.certified.holds() && (soft.passivity.required_damping.unwrap() - 1e-3).abs() < 1e-9);
 /// let stiff = check(&World::read(&source, &["couplings.0.stiffness=3 N m/rad".to_string()])?)?;
-/// assert!(!stiff.certified);
+/// assert!(!stiff.certified.holds());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
@@ -95,12 +123,27 @@ pub fn quick_check(world: &World) -> Result<Check, Error> {
 fn with_stability(world: &World, held: Stability, free: Stability) -> Result<Check, Error> {
     let sampling = &world.sampling;
     let (passivity, uneven) = (passivity(world)?, uneven(world)?);
-    let holds = |of: &Stability| of.verdict != Verdict::Unstable;
+    let is_stable = |of: &Stability| of.verdict != Verdict::Unstable;
+    let is_passive = passivity.is_certified() && uneven.is_certified();
+    let by_friction = is_passive && (passivity.by_friction || uneven.by_friction);
+    let passive = uneven.passive.and(&passivity.passive).when(is_passive);
+    let held_claim = held_claim(world, &held);
+    let free_claim = free_claim(world, &free, &passive, by_friction);
+    let certified = held_claim.and(&free_claim).and(&passive);
+    let is_broken = uneven.free.verdict() == PatternVerdict::Broken && !by_friction;
+    let is_refuted = !is_stable(&held) || !is_stable(&free) || passivity.is_refuted || uneven.is_refuted || is_broken;
+    let status = match (certified.holds(), is_refuted) {
+        (true, _) => Status::Certified,
+        (false, true) => Status::Refuted,
+        (false, false) => Status::Open,
+    };
     Ok(Check {
         period_s: sampling.period,
         method: sampling.method.name(),
         output: sampling.output.name(),
-        certified: holds(&held) && holds(&free) && passivity.passive && uneven.passive,
+        theorems: theorems([("held", &held_claim), ("free", &free_claim), ("passive", &passive)]),
+        certified,
+        status,
         held,
         free,
         passivity,
@@ -113,6 +156,22 @@ fn with_stability(world: &World, held: Stability, free: Stability) -> Result<Che
         has_counts: world.device.encoder.is_some(),
         has_handle: world.device.handle.is_some(),
     })
+}
+
+/// The theorems of these claims, each once.
+fn theorems(claims: [(&'static str, &Claimed); 3]) -> Vec<TheoremUse> {
+    let mut all: Vec<TheoremUse> = Vec::new();
+    for (claim, claimed) in claims {
+        for theorem in claimed.theorems() {
+            let Theorem { id, assumes, .. } = *theorem;
+            match all.iter_mut().find(|used| used.id == *id) {
+                Some(used) if !used.claims.contains(&claim) => used.claims.push(claim),
+                Some(_) => {}
+                None => all.push(TheoremUse { id, claims: vec![claim], assumes }),
+            }
+        }
+    }
+    all
 }
 
 /// The beginning of the note on the linear estimate.

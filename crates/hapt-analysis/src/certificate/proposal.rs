@@ -76,7 +76,7 @@ pub fn proposal(
 ) -> Result<Option<Proposal>, Error> {
     let file = File { world, source, sets, parameters: parameters(source, sets)? };
     let mut list = Vec::new();
-    let later = |delay: &f64| *delay > 0.0 || !check.certified;
+    let later = |delay: &f64| *delay > 0.0 || !check.certified.holds();
     let numbers = [
         (
             remedies.device_damping,
@@ -98,6 +98,15 @@ pub fn proposal(
     }
     if let Some(output) = remedies.output {
         list.push(Remedy::key("loop.output", output.to_string(), "in [loop]"));
+    }
+    if let Some(estimator) = remedies.estimator {
+        list.push(Remedy::key("loop.estimator", estimator.to_string(), "in [loop]"));
+    }
+    if let Some(speed) = remedies.overspeed {
+        let value = file.value("safety.overspeed", speed, Certified::Below);
+        list.extend(value.map(|value| {
+            Remedy::key("safety.overspeed", value, "in [safety]: below it the device's friction makes up for damping")
+        }));
     }
     if let Some(scale) = remedies.stiffness_scale {
         let stiff: Vec<(usize, &str, f64)> = world.couplings.iter().enumerate().filter_map(stiffness).collect();
@@ -124,7 +133,7 @@ pub fn proposal(
         dampers.is_joint = world.names.len() > 1;
         list.push(dampers);
     }
-    let heading = match (check.certified, list.is_empty()) {
+    let heading = match (check.certified.holds(), list.is_empty()) {
         (true, true) => return Ok(None),
         (false, true) => "none found: no single number makes this loop certified",
         (true, false) => "certified as far as each of these, one at a time",

@@ -8,7 +8,7 @@
 
 use std::collections::BTreeMap;
 
-use hapt_model::{Coupling, Damping, Delay, End, Law, Output, World};
+use hapt_model::{Coupling, Damping, Delay, End, EstimatorKind, Law, Output, World};
 use serde::Serialize;
 
 use crate::certificate::rounding::{Certified, roundest};
@@ -16,8 +16,8 @@ use crate::certificate::{excess, is_certified};
 use crate::equations::delay::MAX_IN_FLIGHT;
 use crate::error::Error;
 use crate::numerics::crossing::{Ranked, Spacing, first_crossing, illinois};
-use crate::passivity::required_damping;
-use crate::passivity::uneven::{is_stated, uneven_damping};
+use crate::theorems::passivity::{passivity, required_damping};
+use crate::theorems::uneven::{is_stated, uneven, uneven_damping};
 
 /// Each value makes the world certified by itself; `None` where none was found. For a certified world these are margins, and
 /// `advance` and `output` are `None`.
@@ -35,6 +35,12 @@ pub struct Remedies {
     pub advance: Option<u32>,
     /// The output.
     pub output: Option<&'static str>,
+    /// An estimator that theorems cover, where that is all that is missing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub estimator: Option<&'static str>,
+    /// The largest `safety.overspeed` with which the device's friction makes up for missing damping, rad/s (linear: m/s).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub overspeed: Option<f64>,
     /// The largest factor on every spring, wall, detent and bristle.
     pub stiffness_scale: Option<f64>,
     /// Where the file states times or tolerances, the longest interval between samples, s; the period does not follow it.
@@ -115,9 +121,29 @@ pub fn remedies(world: &World) -> Result<Remedies, Error> {
         advance: (1..=STEPS)
             .find(|&advance| others(world.sampling.output == Output::End && with_advance(world, advance))),
         output: Output::ALL.into_iter().find(|&output| others(with_output(world, output))).map(Output::name),
+        estimator: Some(EstimatorKind::Difference)
+            .filter(|kind| {
+                others(world.sampling.estimator != *kind && changed(world, |w| w.sampling.estimator = *kind))
+            })
+            .map(EstimatorKind::name),
+        overspeed: if certified { None } else { overspeed(world)? },
         stiffness_scale,
         reasons,
     })
+}
+
+/// The speed below which friction pays, on the certified side.
+fn overspeed(world: &World) -> Result<Option<f64>, Error> {
+    let set = |w: &mut World, speed: f64| {
+        w.safety.overspeed = Some(speed);
+        w.safety.velocity = w.safety.velocity.map(|velocity| velocity.min(speed));
+    };
+    let change = Change { world, set };
+    let even = passivity(world)?.speed_max;
+    let all = if is_stated(world) { uneven(world)?.speed_max } else { None };
+    let Some(speed) = even.into_iter().chain(all).reduce(f64::min) else { return Ok(None) };
+    let found = roundest(speed, Certified::Below, |x| change.is_certified(*x));
+    Ok(Some(found).filter(|found| change.is_certified(*found)))
 }
 
 /// The end of the interval from `low` on in which the world remains certified under `change`, or the reason for none up to `high`.

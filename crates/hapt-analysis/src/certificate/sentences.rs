@@ -4,11 +4,11 @@ use std::f64::consts::TAU;
 
 use hapt_model::keys::Measure;
 
-use crate::certificate::check::{Check, ESTIMATE};
-use crate::passivity::{Cause, Passivity};
-use crate::stability::patterns::{BY_PASSIVITY, FreePatterns, PatternVerdict};
+use crate::certificate::check::{Check, ESTIMATE, Status};
+use crate::passivity::Cause;
 use crate::stability::{Mode, NOT_SEARCHED, Stability, Verdict};
-use crate::text::{short, time};
+use crate::text::{short, time, with_unit};
+use crate::theorems::{Passivity, PatternVerdict};
 
 /// Whether the loop preserves the amplitude of the mode, within the resolution of a verdict.
 fn is_kept(mode: &Mode) -> bool {
@@ -40,25 +40,42 @@ fn pace(growth: f64) -> String {
 impl Check {
     /// The whole verdict in one sentence.
     pub fn verdict_sentence(&self) -> String {
+        let is_lacking = self.passivity.is_refuted;
         let reasons = [
             (self.held.verdict == Verdict::Unstable && !self.has_handle, "it is unstable with the puck held"),
             (self.held.verdict == Verdict::Unstable && self.has_handle, "it is unstable with the handle held"),
             (self.free.verdict == Verdict::Unstable, "it is unstable hands-off"),
-            (!self.passivity.passive && self.bodies_every == 1, "some passive hands can extract energy"),
-            (!self.passivity.passive && self.bodies_every > 1, "it is not known to be passive"),
+            (is_lacking, "the linear loop is not passive"),
+            (!is_lacking && !self.passivity.is_certified(), "no theorem says that it is passive"),
             (
-                self.passivity.passive && !self.uneven.passive,
-                "it is not known to be passive for all times and tolerances that the file allows",
+                self.passivity.is_certified() && !self.uneven.is_certified(),
+                "no theorem says that it is passive for all times and tolerances that the file allows",
             ),
         ];
         let reasons: Vec<&str> = reasons.into_iter().filter(|(holds, _)| *holds).map(|(_, words)| words).collect();
-        match (reasons.is_empty(), self.passivity.proved && self.uneven.proved) {
-            (false, _) => format!("not certified: {}", reasons.join("; ")),
-            (true, true) => "certified: stable held and hands-off, and passive against every passive hand".to_string(),
-            (true, false) => {
-                "certified, as far as the linear loop goes: stable held and hands-off, and passive".to_string()
+        let is_proved = self.passivity.proved.holds() && self.uneven.proved.holds();
+        let below = match self.kept_speed() {
+            Some(speed) => format!(" below {speed}"),
+            None => String::new(),
+        };
+        match self.status {
+            Status::Certified if is_proved => {
+                format!("certified: stable held and hands-off, and passive against every passive hand{below}")
             }
+            Status::Certified => format!(
+                "certified: stable held and hands-off, and passive{below}; what is not proved of the device stands below"
+            ),
+            Status::Open => format!("open, not certified: nothing was found against it, but {}", reasons.join("; ")),
+            Status::Refuted => format!("not certified: {}", reasons.join("; ")),
         }
+    }
+
+    /// The speed below which friction makes it passive, where that is what certifies it.
+    fn kept_speed(&self) -> Option<String> {
+        let speeds =
+            [(self.passivity.by_friction, self.passivity.speed_max), (self.uneven.by_friction, self.uneven.speed_max)];
+        let speeds = speeds.into_iter().filter_map(|(by_friction, speed)| speed.filter(|_| by_friction));
+        speeds.reduce(f64::min).map(|speed| with_unit(speed, Measure::Velocity, self.motion))
     }
 
     /// The verdict on the held world in one sentence, with its reason.
@@ -124,7 +141,14 @@ impl Check {
 
     /// The verdict on the free loop in one sentence, with its reason.
     pub fn free_sentence(&self) -> String {
-        self.loop_sentence(&self.free, "hands-off")
+        let sentence = self.loop_sentence(&self.free, "hands-off");
+        match self.passivity.speed_max.filter(|_| self.free.verdict == Verdict::Unstable) {
+            Some(speed) => format!(
+                "{sentence}; with the friction of the device it comes to rest as long as nothing pushes it faster than {}",
+                with_unit(speed, Measure::Velocity, self.motion)
+            ),
+            None => sentence,
+        }
     }
 
     /// The verdict on the whole loop in one sentence, with its reason; `held` says who holds it.
@@ -175,8 +199,9 @@ impl Check {
 
     /// The verdict on passivity in one sentence, with its reason; dampings in SI.
     pub fn passivity_sentence(&self) -> String {
-        let Passivity { required_damping, device_damping, at_hz, passive, proved, cause, .. } = &self.passivity;
-        let linear = if *proved { "" } else { " (the linear loop)" };
+        let Passivity { required_damping, device_damping, at_hz, passive, proved, cause, is_covered, .. } =
+            &self.passivity;
+        let linear = if proved.holds() { "" } else { " (the linear loop)" };
         let Some(required) = required_damping else {
             let reason = match *cause {
                 Some(Cause::Grows { hz }) => {
@@ -197,8 +222,10 @@ impl Check {
                 Some(Cause::MotorLag { hz }) => {
                     format!("the mode at {} Hz is undamped, and the motor lags behind its command", short(hz))
                 }
-                Some(Cause::BodiesEvery { .. }) => return "not known to be passive at any device damping".to_string(),
-                Some(Cause::Coulomb) | None => "Coulomb friction at the puck has no finite slope".to_string(),
+                Some(Cause::BodiesEvery { .. }) | None => {
+                    return "not known to be passive at any device damping: no theorem covers it".to_string();
+                }
+                Some(Cause::Coulomb) => "Coulomb friction at the puck has no finite slope".to_string(),
             };
             return format!("not passive at any device damping{linear}: {reason}");
         };
@@ -209,21 +236,39 @@ impl Check {
         };
         let unit = Measure::Damping.dimension(self.motion).symbol();
         let (has, wanted) = (short(*device_damping), short(*required));
-        if *passive {
-            format!(
-                "passive against every passive hand{linear}: it requires a device damping of {wanted} {unit}, {place}, and the device has {has}"
-            )
-        } else {
-            let more = short(required - device_damping);
-            if self.bodies_every > 1 {
-                return format!(
-                    "not known to be passive{linear}: a device damping of {wanted} {unit} is enough, and the device has {has}, {more} too little"
-                );
-            }
-            format!(
-                "not passive{linear}: it requires a device damping of {wanted} {unit}, {place}, and the device has {has}, {more} too little"
-            )
+        let requires = format!("{wanted} {unit}, {place}, and the device has {has}");
+        if passive.holds() && self.passivity.by_friction {
+            let speed =
+                self.passivity.speed_max.map_or(String::new(), |v| with_unit(v, Measure::Velocity, self.motion));
+            return format!(
+                "passive against every passive hand that moves the puck no faster than {speed}, and safety.overspeed keeps it below: \
+                 without friction it requires a device damping of {requires}"
+            );
         }
+        if passive.holds() {
+            return format!("passive against every passive hand{linear}: it requires a device damping of {requires}");
+        }
+        if !is_covered && required <= device_damping {
+            return format!(
+                "not known to be passive: no theorem covers it, and the linear loop requires a device damping of {requires} at the worst of its \
+                 slopes"
+            );
+        }
+        let more = short(required - device_damping);
+        let friction = match self.passivity.speed_max {
+            Some(speed) => format!(
+                "; friction of the device makes up for it below {}, which safety.overspeed can keep",
+                with_unit(speed, Measure::Velocity, self.motion)
+            ),
+            None => String::new(),
+        };
+        if !self.passivity.is_refuted {
+            return format!(
+                "not known to be passive{linear}: a device damping of {wanted} {unit} is enough, and the device has {has}, {more} too \
+                 little{friction}"
+            );
+        }
+        format!("not passive{linear}: it requires a device damping of {requires}, {more} too little{friction}")
     }
 
     /// The verdict for all intervals, delays and devices that the file allows, in one sentence; `None` where it states none.
@@ -232,12 +277,14 @@ impl Check {
         if !found.is_stated {
             return None;
         }
-        let linear = if found.proved { "" } else { " (the linear loop)" };
+        let linear = if found.proved.holds() { "" } else { " (the linear loop)" };
         let [least, most] = found.delay_s;
         let delay = if least == most { time(least) } else { format!("{} to {}", time(least), time(most)) };
         let delay = if most > 0.0 { format!("delays of {delay}") } else { "no delay".to_string() };
         let all = if found.is_even {
             "with every device within its tolerances".to_string()
+        } else if found.interval_s[0] == found.interval_s[1] {
+            format!("at even samples under every pattern of {delay}")
         } else {
             format!("under every pattern of intervals up to {} and {delay}", time(found.interval_max_s))
         };
@@ -247,7 +294,7 @@ impl Check {
         };
         let unit = Measure::Damping.dimension(self.motion).symbol();
         let (has, wanted) = (short(found.device_damping), short(required));
-        let verdict = if found.passive { "passive" } else { "not known to be passive" };
+        let verdict = if found.passive.holds() { "passive" } else { "not known to be passive" };
         Some(format!(
             "{verdict} {all}{linear}: a device damping of {wanted} {unit} is enough, and the device has {has} at least; {hands_off}"
         ))
@@ -255,28 +302,21 @@ impl Check {
 
     /// What is known of the hands-off loop under every pattern.
     fn patterns_sentence(&self) -> String {
-        let FreePatterns { verdict, interval_s: [least, longest], proved_by, pattern, reason } = &self.uneven.free;
-        let of_intervals = match *least {
-            0.0 => String::new(),
-            least => format!(" of intervals from {} to {}", time(least), time(*longest)),
-        };
+        let free = &self.uneven.free;
         let (under_none, one) = match self.uneven.is_even {
-            true => ("with no such device".to_string(), "such a device".to_string()),
-            false => (format!("under no pattern{of_intervals}"), format!("a pattern{of_intervals}")),
+            true => ("with no such device", "such a device"),
+            false => ("under no such pattern", "such a pattern"),
         };
-        match (verdict, pattern) {
+        match (free.verdict(), free.pattern()) {
             (PatternVerdict::Broken, Some(found)) => format!(
                 "hands-off it grows by {} per second ({}) under {}",
                 short(found.growth_per_s),
                 pace(found.growth_per_s),
                 found.description()
             ),
-            (PatternVerdict::Proved, _) if *proved_by == Some(BY_PASSIVITY) => {
-                format!("hands-off it then grows {} none", if self.uneven.is_even { "with" } else { "under" })
-            }
             (PatternVerdict::Proved, _) => format!("hands-off it grows {under_none}"),
             (PatternVerdict::Open | PatternVerdict::Broken, _) => {
-                let reason = reason.as_deref().unwrap_or("no proof is known");
+                let reason = free.reason().unwrap_or("no proof is known");
                 format!("hands-off it is not known whether {one} makes it grow: {reason}")
             }
         }

@@ -11,7 +11,7 @@ use crate::stability::{NOT_SEARCHED, Stability};
 impl Check {
     /// Title, verdicts with their numbers, notes, and the remedies or margins that `proposed` has, as lines for a terminal.
     pub fn text(&self, title: &str, sampling: &Sampling, proposed: Option<&Proposal>) -> String {
-        let proposed = proposed.map_or(String::new(), |proposed| proposal(proposed, self.certified));
+        let proposed = proposed.map_or(String::new(), |proposed| proposal(proposed, self.certified.holds()));
         format!("{title}\n\n{}{proposed}", verdicts(sampling, self))
     }
 }

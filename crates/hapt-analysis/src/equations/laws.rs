@@ -163,6 +163,18 @@ pub(crate) fn takes_velocity(law: &Law) -> bool {
     }
 }
 
+/// Whether the torque that the law resists with never falls as the position or the velocity grows.
+pub(crate) fn rises_only(law: &Law) -> bool {
+    match *law {
+        Law::Spring { .. } | Law::Damper { .. } | Law::Wall { .. } | Law::DeadBand { .. } | Law::Constant { .. } => {
+            true
+        }
+        Law::Detent { .. } | Law::Magnet { .. } | Law::Texture { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => {
+            false
+        }
+    }
+}
+
 /// Whether the law has a wall's damping.
 pub(crate) fn is_damped_wall(law: &Law) -> bool {
     match *law {

@@ -6,7 +6,8 @@ use super::burden::Burden;
 use super::fixed;
 use crate::certificate::check::Check;
 use crate::error::Error;
-use crate::passivity::{required_damping, uneven_damping};
+use crate::theorems::passivity::required_damping;
+use crate::theorems::uneven_damping;
 
 /// The device dampings that the world of each station requires alone, in N·m·s/rad (linear: N·s/m); `None` where no finite damping
 /// suffices.

@@ -44,7 +44,7 @@ impl NetworkCheck {
     /// What it has found of each station without its links.
     pub fn alone(&self) -> Vec<Alone> {
         let of = |StationCheck { local, .. }: &StationCheck| Alone {
-            certified: local.certified,
+            certified: local.certified.holds(),
             proved: local.uneven.not_proved.is_empty(),
             required_damping: local.uneven.required_damping,
         };

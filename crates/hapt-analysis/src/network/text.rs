@@ -64,7 +64,7 @@ impl NetworkCheck {
     pub fn verdict_sentence(&self) -> String {
         sentence(self.stations.iter().map(|station| Found {
             name: &station.name,
-            alone: station.local.certified,
+            alone: station.local.certified.holds(),
             bounded: station.required_damping.is_some(),
             passive: station.passive,
             proved: station.proved,
@@ -177,7 +177,7 @@ impl StationCheck {
         let StationCheck { required_damping, device_damping, local, .. } = self;
         let unit = unit(Measure::Damping, local.motion);
         let own = format!("{} {unit}", short(*device_damping));
-        match (local.certified, required_damping) {
+        match (local.certified.holds(), required_damping) {
             (false, _) => local.verdict_sentence().to_string(),
             (true, None) => "no finite damping is known to suffice".into(),
             (true, Some(b)) if self.passive => {

@@ -65,6 +65,8 @@ pub(crate) struct DampingCurve {
     slope: VelocityFilter,
     stiffness: f64,
     direct: f64,
+    /// All stiffness at the puck, and its damping over a period, N·m/rad.
+    size: f64,
     /// Of m, N·m·s/rad.
     constant: f64,
     /// m contains Σ taps\[i\] Re z⁻ⁱ, from i = 1 on.
@@ -113,6 +115,7 @@ impl DampingCurve {
             slope: VelocityFilter::of(filter, period),
             stiffness: transfer.stiffness,
             direct: transfer.direct,
+            size: transfer.at_puck[0] + transfer.at_puck[1] / period,
             constant: 0.5 * period * transfer.stiffness,
             taps: vec![0.0; lag.samples + 2],
             poles: transfer.poles.clone(),
@@ -184,6 +187,21 @@ impl DampingCurve {
         let residue = -at_pole / lambda;
         self.constant += 0.5 * self.period * residue.re;
         residue
+    }
+
+    /// The poles of the curve.
+    pub fn poles(&self) -> &[Pole] {
+        &self.poles
+    }
+
+    /// Takes a pole for one with a modulus of e^`ln_abs` at most.
+    pub fn slow_down(&mut self, pole: &Pole, ln_abs: f64) {
+        self.poles.iter_mut().filter(|p| *p == pole).for_each(|p| p.ln_abs = p.ln_abs.min(ln_abs));
+    }
+
+    /// The scale of residues, N·m/rad: stiffness, and damping over a period.
+    pub fn gain_size(&self) -> f64 {
+        self.size
     }
 
     /// Omits poles.

@@ -26,7 +26,7 @@ use crate::error::Error;
 use crate::impedance::{Discretisation, Pole, TransferFunction};
 use crate::numerics::last::Last;
 use crate::passivity::curve::DampingCurve;
-use crate::passivity::supremum::{Wanted, requirement_beside, supremum};
+use crate::passivity::supremum::{Wanted, damping, requirement_beside, supremum};
 use crate::passivity::two_rates;
 use crate::stability::held::{held_eigenvalues, held_growth};
 use crate::stability::{MARGINAL, Verdict};
@@ -146,9 +146,46 @@ pub(crate) fn requirement_wanted(wanted: Wanted, world: &World, couplings: &[Cou
     Ok(worst.unwrap_or(Requirement { damping: Ok(0.0), at_hz: None }))
 }
 
-/// Whether a pole is on the unit circle. Real ones just below 1 belong to a body with only a very weak damper, which is at rest.
+/// Whether a pole is on the unit circle, or within the resolution of a verdict of it.
 fn is_neutral(pole: &Pole, period: f64) -> bool {
-    pole.ln_abs.abs() < MARGINAL * period && pole.arg != 0.0
+    pole.ln_abs.abs() < MARGINAL * period
+}
+
+/// Whether it is real and that near 1: a body that a strong damper holds, or that a weak one drags along. It moves in years, and what it
+/// carries is felt at once: the stiffness of a spring to a body that is held, or a damping that is gone only in years.
+fn is_slow(pole: &Pole, period: f64) -> bool {
+    pole.arg == 0.0 && is_neutral(pole, period)
+}
+
+/// Distance of a slow pole from 1 at least, and relative size of a residue that is no more than rounding where the pole is on the circle.
+const SLOWEST: f64 = 1e-14;
+
+/// Takes the slow poles out of the curve, and returns what they demand toward 0 Hz beyond what the rest of the curve does there, N·m·s/rad.
+///
+/// One whose residue ρ in Z F is not negative is taken as if it were on the circle: Re ρλ/(z - λ) ≥ -ρ/2 there as for every λ in (0, 1). Of
+/// one with a negative residue, whose damping is missing toward 0 Hz, -T Re ρλ/(z - λ) falls from T|ρ|λ/(1 - λ) at 0 Hz to less than 0, in so
+/// narrow a band that the rest of the curve does not change in it.
+fn slow_poles(curve: &mut DampingCurve, can_extract: bool) -> Result<f64, Cause> {
+    let period = curve.period();
+    let slow: Vec<Pole> = curve.poles().iter().filter(|p| is_slow(p, period)).copied().collect();
+    let mut at_rest = 0.0;
+    for pole in slow {
+        let mut without = curve.clone();
+        let residue = without.extract(|p| *p == pole).iter().map(|(_, rho)| rho.re).sum::<f64>();
+        if residue < 0.0 {
+            curve.drop_poles(|p| *p == pole);
+            if pole.ln_abs < 0.0 {
+                at_rest += period * -residue * pole.ln_abs.exp() / -pole.ln_abs.exp_m1();
+            } else if -residue > SLOWEST * curve.gain_size() {
+                return Err(Cause::NegativeResidue { hz: 0.0 });
+            }
+        } else if can_extract {
+            *curve = without;
+        } else {
+            curve.slow_down(&pole, -SLOWEST);
+        }
+    }
+    Ok(at_rest)
 }
 
 fn of_filter(
@@ -159,7 +196,8 @@ fn of_filter(
     (period, wanted): (f64, Wanted),
 ) -> Result<Requirement, Error> {
     let band = MARGINAL * period;
-    let (seen, neutral) = (|p: &Pole| transfer.has_residue(p, period), |p: &Pole| is_neutral(p, period));
+    let seen = |p: &Pole| transfer.has_residue(p, period);
+    let neutral = |p: &Pole| is_neutral(p, period) && !is_slow(p, period);
     let hz = |p: &Pole| p.arg.abs() / std::f64::consts::TAU / period;
     let lowest = |wanted: &dyn Fn(&Pole) -> bool| transfer.poles.iter().filter(|p| wanted(p)).map(hz).reduce(f64::min);
     let never = |cause: Cause| Ok(Requirement { damping: Err(cause), at_hz: cause.at_hz() });
@@ -177,7 +215,11 @@ fn of_filter(
         return never(Cause::MotorLag { hz });
     }
     let mut curve = DampingCurve::new(transfer, filter, lag, motor, period);
-    curve.drop_poles(|p| p.ln_abs > -band && !(neutral(p) && seen(p)));
+    curve.drop_poles(|p| p.ln_abs > -band && !(is_neutral(p, period) && seen(p)));
+    let at_rest = match slow_poles(&mut curve, lag.fraction == 0.0 && motor == 0.0) {
+        Ok(at_rest) => at_rest,
+        Err(cause) => return never(cause),
+    };
     if !transfer.is_finite() {
         return Err(Error::Eigenvalues { order: transfer.poles.len() });
     }
@@ -187,6 +229,13 @@ fn of_filter(
         return never(Cause::NegativeResidue { hz });
     }
     let found = supremum(&curve, DampingCurve::size(transfer, motor, period), wanted)?;
+    let toward_rest = if at_rest > 0.0 { curve.over::<1>(0.0, 0.0) } else { None };
+    if let Some((m, h)) = toward_rest {
+        let demand = damping(m.c[0] + at_rest, h.c[0].max(0.0));
+        if demand > found.value {
+            return Ok(Requirement { damping: Ok(demand.max(0.0)), at_hz: Some(0.0) });
+        }
+    }
     let at_hz = found.at.map(|angle| angle / std::f64::consts::TAU / period);
     Ok(Requirement { damping: Ok(found.value.max(0.0)), at_hz })
 }
@@ -198,9 +247,14 @@ fn damped(world: &World, couplings: &[Coupling]) -> Result<Option<TransferFuncti
     if !transfer.is_finite() {
         return Err(Error::Eigenvalues { order: transfer.poles.len() });
     }
-    let seen: Vec<Pole> = transfer.poles.iter().filter(|p| transfer.has_residue(p, period)).copied().collect();
+    let mut seen: Vec<Pole> = transfer.poles.iter().filter(|p| transfer.has_residue(p, period)).copied().collect();
+    let is_damped = |p: &Pole| p.ln_abs <= -MARGINAL * period || is_slow(p, period);
+    if !seen.iter().all(is_damped) {
+        return Ok(None);
+    }
+    seen.iter_mut().for_each(|p| p.ln_abs = p.ln_abs.min(-SLOWEST));
     transfer.poles = seen;
-    Ok(transfer.poles.iter().all(|p| p.ln_abs <= -MARGINAL * period).then_some(transfer))
+    Ok(Some(transfer))
 }
 
 /// The supremum of |H| over the unit circle, N·m/rad; `None` where an undamped mode makes it infinite. Where positions move by δ from
@@ -306,11 +360,7 @@ fn is_coulomb_at_puck(coupling: &Coupling) -> bool {
     Kind::of(coupling) == Kind::Coulomb && most(coupling) > 0.0 && laws::at_puck(coupling)
 }
 
-/// The required damping of the linear loop of `world`.
-pub(crate) fn linear_requirement(world: &World) -> Result<Requirement, Error> {
-    linear_requirement_wanted(Wanted::Value, world)
-}
-
+/// The required damping of the linear loop of `world`, or as much of it as is `wanted`.
 pub(crate) fn linear_requirement_wanted(wanted: Wanted, world: &World) -> Result<Requirement, Error> {
     let never = |cause| Ok(Requirement { damping: Err(cause), at_hz: None });
     if world.couplings.iter().any(is_coulomb_at_puck) {
@@ -328,20 +378,4 @@ pub(crate) fn linear_requirement_wanted(wanted: Wanted, world: &World) -> Result
     }
     let damping = requirement.damping.map(|b| requirement_beside(world.device.damping, b));
     Ok(Requirement { damping, ..requirement })
-}
-
-/// [`crate::passivity::Passivity::required_damping`] alone.
-///
-/// # Errors
-/// As [`crate::passivity::passivity`].
-pub fn required_damping(world: &World) -> Result<Option<f64>, Error> {
-    required_damping_wanted(Wanted::Least, world)
-}
-
-/// The same, or as much of it as is `wanted`: the work of a proof is spent only where it can hold.
-///
-/// # Errors
-/// As [`crate::passivity::passivity`].
-pub(crate) fn required_damping_wanted(wanted: Wanted, world: &World) -> Result<Option<f64>, Error> {
-    Ok(linear_requirement_wanted(wanted, world)?.damping.ok())
 }

@@ -9,7 +9,7 @@
 //! b ≥ b₀ L/T is enough. A constant interval of L needs it.
 //!
 //! **Position laws**, with slopes within ±K, do work beyond the change of their energy of at most K (δ²/2 + |δ before| |ε|). With
-//! delays up to D, none longer than the interval that follows its sample, the damping takes b (ε²/D + (δ - ε)²/(L - D)) at least.
+//! even samples and delays up to D, none longer than the period, the damping takes b (ε²/D + (δ - ε)²/(L - D)) at least.
 //! The larger eigenvalue of the forms is the bound of a delay that stays at D, a = D/L:
 //!
 //! ```text
@@ -31,7 +31,7 @@
 //!
 //! **Dampers at the puck** add (B/T) √(L (L + D - least delay)): the held velocity is |δ before|/T for L + D - least delay at most.
 //!
-//! **Every linear loop with a delay** within [D_min, D], none longer than the interval that follows: `required::late_requirement`, (T43).
+//! **Every linear loop with a delay** within [D_min, D], no longer than the period, at even samples: `required::late_requirement`, (T43).
 //!
 //! **A lag that is known to ± Δτ**, at even samples and a fixed delay: two lags differ in their work by at most
 //! Δτ h √(x coth x), x = T/(2 τ), τ the least.
@@ -47,6 +47,8 @@ use crate::error::Error;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Timing {
     pub period: f64,
+    /// Whether every interval is the period. Otherwise intervals are any up to `longest`, as short as they may be.
+    pub has_even_samples: bool,
     /// The longest interval between two samples.
     pub longest: f64,
     /// The least and the largest delay.
@@ -66,6 +68,7 @@ impl Timing {
         let sampling = &world.sampling;
         Timing {
             period: sampling.period,
+            has_even_samples: sampling.interval_max.is_none(),
             longest: sampling.interval_max_s(),
             delay: [sampling.delay_s(), sampling.delay_max_s()],
             lag: world.device.lag_range(),
@@ -76,12 +79,17 @@ impl Timing {
     pub fn even(world: &World) -> Timing {
         let (sampling, lag) = (&world.sampling, world.device.lag);
         let (period, delay) = (sampling.period, sampling.delay_s());
-        Timing { period, longest: period, delay: [delay, delay], lag: [lag, lag] }
+        Timing { period, has_even_samples: true, longest: period, delay: [delay, delay], lag: [lag, lag] }
     }
 
     /// Whether the intervals are even and the delay is one number.
     pub fn is_even(&self) -> bool {
-        self.longest == self.period && self.delay[0] == self.delay[1]
+        self.has_even_samples && self.delay[0] == self.delay[1]
+    }
+
+    /// The least and the largest interval, s.
+    pub fn intervals(&self) -> [f64; 2] {
+        [if self.has_even_samples { self.period } else { 0.0 }, self.longest]
     }
 
     /// Whether the torque changes at the sample.
@@ -89,9 +97,9 @@ impl Timing {
         self.delay[1] == 0.0 && self.lag[1] == 0.0
     }
 
-    /// Whether every command arrives before the next sample: none is taken sooner.
+    /// Whether every command arrives before the next sample.
     pub fn arrives_in_time(&self) -> bool {
-        self.delay[1] <= self.period
+        self.delay[1] == 0.0 || self.has_even_samples && self.delay[1] <= self.period
     }
 
     /// The bound for position laws at the puck with slopes within ±`stiffness` and dampers with a sum of `damping`.
@@ -99,7 +107,7 @@ impl Timing {
     /// # Errors
     /// [`Error::InFlight`].
     pub fn of_laws(&self, [stiffness, damping]: [f64; 2]) -> Result<f64, Error> {
-        let Timing { period, longest, delay: [least, delay], lag: [_, lag] } = *self;
+        let Timing { period, longest, delay: [least, delay], lag: [_, lag], .. } = *self;
         let mut per_stiffness = 2.0 * longest / PI + delay + lag;
         if lag == 0.0 && self.arrives_in_time() {
             let (a, q) = (delay / longest, 1.0 + 2.0 * delay / longest);

@@ -1,6 +1,7 @@
 //! The certificate, the margins and the remedies, against closed forms, the real loop and brute force.
 
 mod check;
+mod claims;
 mod common;
 mod critical;
 mod decomposition;

@@ -8,7 +8,7 @@ mod poles;
 mod proof;
 mod timing;
 
-use hapt_analysis::{Cause, passivity};
+use hapt_analysis::{Cause, Status, passivity};
 use hapt_model::{Coupling, Damping, End, EstimatorKind, Law, Method, Output, Side, Waveform, World};
 
 use crate::common::*;

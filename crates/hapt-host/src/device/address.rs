@@ -191,7 +191,7 @@ impl DeviceAddress {
 
 fn certified(world: &World, uncertified: bool) -> Result<SafetyProfile, DeviceError> {
     let check = hapt_analysis::check(world)?;
-    match (check.certified, uncertified) {
+    match (check.certified.holds(), uncertified) {
         (true, _) => Ok(SafetyProfile::Certified),
         (false, true) => Ok(SafetyProfile::Uncertified),
         (false, false) => Err(DeviceError::NotCertified { verdict: check.verdict_sentence().to_string() }),

@@ -196,10 +196,10 @@ proptest! {
         let hand = Hand { drive: Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), release: None };
         let worst = Scenario { name: "worst".into(), duration: 1.0, hand, timing: Timing::Worst };
         let worst = hapt_analysis::with_worst_pattern(&world, &worst).unwrap().timing.clone();
-        match free.verdict {
+        match free.verdict() {
             hapt_analysis::PatternVerdict::Broken => {
                 let growth = hapt_analysis::worst_pattern(&world).unwrap().growth_per_s;
-                prop_assert!(growth >= 0.9 * free.pattern.unwrap().growth_per_s);
+                prop_assert!(growth >= 0.9 * free.pattern().unwrap().growth_per_s);
                 // Long enough for what grows to overtake all else, and short of the numbers' end.
                 let found = grown(&world, worst, (20.0 / growth).clamp(0.05, 8.0));
                 prop_assert!(growth < 3.0 || found > 0.4 * growth, "{found} {growth}");

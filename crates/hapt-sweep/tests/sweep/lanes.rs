@@ -150,7 +150,7 @@ fn each_number_in_turn(text: &str, seen: &mut [[u32; 2]; 4]) {
             let System::World(mut world) = sweep.system.clone() else { panic!("it is a world") };
             assert!(world.set_number(&parameter.path, row[0].unwrap()));
             let check = check(&world).unwrap();
-            let certified = f64::from(u8::from(check.certified));
+            let certified = f64::from(u8::from(check.certified.holds()));
             let fresh =
                 [check.held.growth_per_s, check.free.growth_per_s, check.passivity.required_damping, Some(certified)];
             assert_eq!(bits(&row[1..]), bits(&fresh), "{axis}");

@@ -48,7 +48,7 @@ fn one_by_one(sets: &[String]) -> [Option<f64>; 5] {
         summary.add(row.unwrap());
     }
     let check = hapt_analysis::check(&world).unwrap();
-    let certified = f64::from(u8::from(check.certified));
+    let certified = f64::from(u8::from(check.certified.holds()));
     let loops = [check.held.growth_per_s, check.free.growth_per_s, check.passivity.required_damping, Some(certified)];
     [Some(summary.peak_torque), loops[0], loops[1], loops[2], loops[3]]
 }

@@ -92,6 +92,25 @@ impl Norm {
         slack.iter().all(|x| x.is_finite()) && Cholesky::new(slack).is_some()
     }
 
+    /// Whether every map of an interval up to `longest` shortens every state, where nothing but the puck moves between two samples, so that the
+    /// map at 0 is 1. With 1 + h E(h), |E(h) - E(h₀)| ≤ h₀ S for h ≤ h₀, S a bound of the second derivative.
+    pub fn covers_from_zero(&self, family: &Family<'_>, longest: f64) -> bool {
+        if !family.stands_at_zero() {
+            return false;
+        }
+        let n = family.order();
+        let e = self.scaled(&family.at(Step { interval: longest, delay: 0.0 })) / longest;
+        let cell = Cell { interval: [0.0, longest], delay: [0.0; 2] };
+        let [along, _] = family.curvature(&self.c, &self.inverse, longest).error(&cell);
+        // The error is that of a chord: S h₀²/8.
+        let apart = 8.0 * along / longest;
+        let size = e.norm() + apart;
+        let slack = -(&e + e.transpose())
+            - DMatrix::<f64>::identity(n, n)
+                * (2.0 * apart + longest * size * size + ROUNDING * (size + 1.0 / longest));
+        slack.iter().all(|x| x.is_finite()) && Cholesky::new(slack).is_some()
+    }
+
     /// Whether every map of the cell shortens every state.
     fn covers(&self, family: &Family<'_>, all: Cell) -> Result<(), Gap> {
         let curvature = family.curvature(&self.c, &self.inverse, all.interval[1]);
@@ -132,15 +151,15 @@ impl Norm {
     }
 }
 
-/// Whether one quadratic form is found that shrinks under every step of `all`. `start` is a norm that the even loop shortens.
-pub(crate) fn is_proved(family: &Family<'_>, all: Cell, even: Step, start: &Norm) -> bool {
+/// The norm of a quadratic form that shrinks under every step of `all`, if one is found. `start` is a norm that the even loop shortens.
+pub(crate) fn shrinking(family: &Family<'_>, all: Cell, even: Step, start: &Norm) -> Option<Norm> {
     let gap = match start.covers(family, all) {
-        Ok(()) => return true,
+        Ok(()) => return Some(start.clone()),
         Err(gap) => gap,
     };
     let n = family.order();
     if n > STATES {
-        return false;
+        return None;
     }
     let mut steps: Vec<Step> = all.corners().into_iter().filter(|step| step.delay <= step.interval).collect();
     steps.extend([even, Step { interval: even.interval, delay: all.delay[1].min(even.interval) }]);
@@ -155,16 +174,33 @@ pub(crate) fn is_proved(family: &Family<'_>, all: Cell, even: Step, start: &Norm
     };
     let mut constraints: Vec<Constraint> = steps.iter().map(constraint).collect();
     for _ in 0..PROPOSALS {
-        let Some((form, slack)) = common_form(&constraints, &DMatrix::identity(n, n)) else { return false };
+        let (form, slack) = common_form(&constraints, &DMatrix::identity(n, n))?;
         if slack <= 0.0 {
-            return false;
+            return None;
         }
-        let Some(norm) = Norm::of(form).and_then(|norm| norm.after(start)) else { return false };
+        let norm = Norm::of(form).and_then(|norm| norm.after(start))?;
         match norm.covers(family, all) {
-            Ok(()) => return true,
-            Err(Gap::TooNarrow) => return false,
+            Ok(()) => return Some(norm),
+            Err(Gap::TooNarrow) => return None,
             Err(Gap::At(step)) => constraints.push(constraint(&step)),
         }
     }
-    false
+    None
+}
+
+/// Whether one quadratic form is found that shrinks under each of these maps, given less 1, and so under every mean of them. A form is proposed
+/// from that of the first.
+pub(crate) fn shrinks_under_all(maps: &[DMatrix<f64>]) -> bool {
+    let Some(start) = maps.first().and_then(Norm::lyapunov) else { return false };
+    let covers = |norm: &Norm| maps.iter().all(|d| norm.is_shrinking(d, 0.0));
+    if covers(&start) {
+        return true;
+    }
+    let n = start.c.nrows();
+    if n > STATES {
+        return false;
+    }
+    let constraints: Vec<Constraint> = maps.iter().map(|d| Constraint { d: start.scaled(d), weight: 1.0 }).collect();
+    let Some((form, slack)) = common_form(&constraints, &DMatrix::identity(n, n)) else { return false };
+    slack > 0.0 && Norm::of(form).and_then(|norm| norm.after(&start)).is_some_and(|norm| covers(&norm))
 }

@@ -78,6 +78,11 @@ impl<'a> Family<'a> {
         Family { parts, damping, port, lag, late, fixed, effect }
     }
 
+    /// Whether nothing but the puck moves from one sample to the next, so that after no time nothing has changed: no bodies, no estimator.
+    pub fn stands_at_zero(&self) -> bool {
+        !self.late && self.fixed.iter().all(|x| *x == 0.0)
+    }
+
     /// The number of states.
     pub fn order(&self) -> usize {
         self.parts.order
@@ -103,7 +108,8 @@ impl<'a> Family<'a> {
         let places = self.parts.places();
         let n = places.len();
         let mut a = DMatrix::zeros(n, n);
-        (a[(0, 1)], a[(1, 1)], a[(1, 2)], a[(2, 2)]) = (1.0, -loss, 1.0, -rate);
+        // Without a lag the command is no state, and its row and column are 0.
+        (a[(0, 1)], a[(1, 1)], a[(1, 2)], a[(2, 2)]) = (1.0, -loss, if self.lag > 0.0 { 1.0 } else { 0.0 }, -rate);
         let mut b = DVector::zeros(n);
         b[if self.lag > 0.0 { 2 } else { 1 }] = if self.lag > 0.0 { rate } else { 1.0 };
         // One unit of each state in q.
@@ -130,11 +136,14 @@ impl<'a> Family<'a> {
         }
         let new = self.parts.command(0) * torque;
         let old = if self.late { self.parts.command(1) * torque } else { new.clone() };
+        // No change depends on where the puck is: A times the first unit vector is 0.
+        let mut before = &a * q + &b * &old;
+        before.row_mut(0).fill(0.0);
         Curvature {
             reference: r,
             back: FRAC_1_SQRT_2 + losses.max(rate),
             gain: (c * &self.effect * outer * &a).norm(),
-            before: ((&a * q + &b * &old) * inverse).norm(),
+            before: (before * inverse).norm(),
             switch: (b * (new - old) * inverse).norm(),
         }
     }

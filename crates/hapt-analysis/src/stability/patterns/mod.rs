@@ -9,20 +9,21 @@ mod search;
 
 use std::borrow::Cow;
 
-use hapt_model::{EstimatorKind, Scenario, Timing, World};
+use hapt_model::{Sampling, Scenario, Timing, World};
 use serde::Serialize;
 
-use crate::equations::closed_loop::ClosedLoop;
+use nalgebra::DMatrix;
+
+use crate::equations::closed_loop::{ClosedLoop, closed_loop};
 use crate::equations::continuous::Slopes;
 use crate::equations::estimator::Filter;
-use crate::equations::laws::is_nonlinear;
 use crate::equations::port::Port;
 use crate::equations::structure::{inertias_with_puck, linearise_with_puck, parts};
 use crate::error::{Error, at_one_rate};
+use crate::stability::MARGINAL;
 use crate::stability::free::free_growth;
-use crate::stability::patterns::common::{Norm, is_proved};
+use crate::stability::patterns::common::{Norm, shrinking, shrinks_under_all};
 use crate::stability::patterns::family::{Cell, Family, Step};
-use crate::stability::{MARGINAL, Verdict};
 use crate::text::time;
 
 /// ln of the modulus from which on an eigenvalue of a whole pattern counts as outside the unit circle. A double eigenvalue 1 is split by
@@ -38,46 +39,6 @@ pub struct Pattern {
     pub delays_s: Vec<f64>,
     /// The growth of the linear hands-off loop under it, 1/s.
     pub growth_per_s: f64,
-}
-
-/// What is known of the hands-off loop under every pattern.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum PatternVerdict {
-    /// It grows under none.
-    Proved,
-    /// It grows under one.
-    Broken,
-    /// Neither is known.
-    Open,
-}
-
-/// The hands-off loop under every pattern of intervals and delays.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FreePatterns {
-    /// The verdict.
-    pub verdict: PatternVerdict,
-    /// The shortest and the longest interval that it is about, s; never shorter than the delay before it.
-    pub interval_s: [f64; 2],
-    /// What proves it: `"passivity"`, `"eigenvalues"` (even samples) or `"common form"`.
-    pub proved_by: Option<&'static str>,
-    /// The pattern that breaks it.
-    pub pattern: Option<Pattern>,
-    /// Why it is open.
-    pub reason: Option<String>,
-}
-
-impl FreePatterns {
-    /// Proved by what also covers intervals as short as any.
-    pub(crate) fn by_passivity(world: &World) -> FreePatterns {
-        FreePatterns {
-            verdict: PatternVerdict::Proved,
-            interval_s: [0.0, world.sampling.interval_max_s()],
-            proved_by: Some(BY_PASSIVITY),
-            pattern: None,
-            reason: None,
-        }
-    }
 }
 
 impl Pattern {
@@ -114,73 +75,76 @@ impl Pattern {
     }
 }
 
-/// As [`FreePatterns::proved_by`] names it.
-pub(crate) const BY_PASSIVITY: &str = "passivity";
+/// Part of the period below which an interval is short: there the form has to shrink as fast as time goes.
+const NEAR_ZERO: f64 = 1e-3;
 
-/// Why a loop has no patterns to search.
-const TOO_LATE: &str = "a delay longer than the period is not analysed under patterns";
+/// What the search for a pattern, and for a quadratic form that no pattern makes grow, has found.
+pub(crate) struct Searched {
+    /// The worst pattern, if it makes the loop grow.
+    pub grows: Option<Pattern>,
+    /// One quadratic form shrinks under all delays and all of these intervals, s.
+    pub form_s: Option<[f64; 2]>,
+}
 
-/// The hands-off loop under every pattern, without a proof by passivity.
+/// The linear hands-off loop under patterns of its intervals and delays. The form is looked for where `wants_form`.
 ///
 /// Work: bounded; some ten thousand products of matrices of the loop's order.
 ///
 /// # Errors
 /// As [`crate::free`].
-pub(crate) fn patterns(world: &World) -> Result<FreePatterns, Error> {
+pub(crate) fn search(world: &World, wants_form: bool) -> Result<Searched, Error> {
     let sampling = &world.sampling;
-    let even_growth = free_growth(world)?;
-    let is_even = sampling.interval_max_s() == sampling.period && sampling.delay_s() == sampling.delay_max_s();
-    let tolerances = &world.device.tolerances;
-    let exact = [tolerances.inertia, tolerances.damping, tolerances.lag] == [0.0; 3];
-    let interval_s = [sampling.interval_min_s(), sampling.interval_max_s()];
-    let answer = |verdict, proved_by, pattern| FreePatterns { verdict, interval_s, proved_by, pattern, reason: None };
-    let open =
-        |reason: &str| FreePatterns { reason: Some(reason.to_string()), ..answer(PatternVerdict::Open, None, None) };
-    let unstable = Verdict::of(even_growth) == Verdict::Unstable;
-    if is_even && exact && !unstable {
-        return Ok(answer(PatternVerdict::Proved, Some("eigenvalues"), None));
-    }
-    if unstable && (is_even || sampling.delay_max_s() > sampling.period) {
-        return Ok(answer(PatternVerdict::Broken, None, Some(even(world, even_growth))));
-    }
-    if sampling.delay_max_s() > sampling.period {
-        return Ok(open(TOO_LATE));
-    }
-    if sampling.bodies_every > 1 {
-        return Ok(open("patterns are searched in loops whose bodies step at every sample"));
-    }
-    if is_even {
-        return Ok(open("tolerances of the device are covered by a proof of passivity only"));
-    }
-    let (found, proved) = with_family(world, |family, all, at, start| {
+    let least = if sampling.interval_max.is_none() { sampling.period } else { sampling.interval_min_s() };
+    let (found, form_s) = with_family(world, |family, all, at, start| {
         let found = search::worst(family, all, at, start.as_ref().unwrap_or(&Norm::balanced(&family.at(at))))?;
-        let breaks = unstable || found.as_ref().is_some_and(|found| found.ln_abs > GROWS);
-        let proved = !breaks && exact && start.as_ref().is_some_and(|start| is_proved(family, all, at, start));
-        Ok((found, proved))
+        let grows = found.as_ref().is_some_and(|found| found.ln_abs > GROWS);
+        let Some(start) = start.filter(|_| wants_form && !grows) else { return Ok((found, None)) };
+        let longest = all.interval[1];
+        // Down to 0 where that can be, else as far below the period as the longest interval is above.
+        let short = NEAR_ZERO * sampling.period;
+        let from_zero = family.stands_at_zero()
+            && sampling.interval_max.is_some()
+            && shrinking(family, Cell { interval: [short, longest], ..all }, at, &start)
+                .is_some_and(|norm| norm.covers_from_zero(family, short));
+        let form_s = match from_zero {
+            true => Some([0.0, longest]),
+            false => {
+                shrinking(family, Cell { interval: [least, longest], ..all }, at, &start).map(|_| [least, longest])
+            }
+        };
+        Ok((found, form_s))
     })?;
-    let grown = found.filter(|found| found.ln_abs > GROWS).map(pattern);
-    let nominal = unstable.then(|| even(world, even_growth));
-    let worse = grown.into_iter().chain(nominal).max_by(|a, b| a.growth_per_s.total_cmp(&b.growth_per_s));
-    if let Some(pattern) = worse.filter(|pattern| pattern.growth_per_s > MARGINAL) {
-        return Ok(answer(PatternVerdict::Broken, None, Some(pattern)));
+    let grows = found.filter(|found| found.ln_abs > GROWS).map(pattern);
+    Ok(Searched { grows: grows.filter(|pattern| pattern.growth_per_s > MARGINAL), form_s })
+}
+
+/// Whether one quadratic form shrinks at every sample of each of these linear loops, at even samples with one delay, and so whatever the loop
+/// changes to between them. They differ in their couplings alone.
+///
+/// # Errors
+/// As [`crate::free`].
+pub(crate) fn have_common_form(worlds: &[World]) -> Result<bool, Error> {
+    let mut maps: Vec<DMatrix<f64>> = Vec::new();
+    for world in worlds {
+        let sampling = &world.sampling;
+        let filters = Filter::of(sampling, sampling.period);
+        let filter = filters.first().ok_or(Error::Eigenvalues { order: 0 })?;
+        let map = closed_loop(&port(world)?, sampling, world.device.damping, filter, sampling.period)?;
+        if maps.first().is_some_and(|first| first.nrows() != map.nrows()) {
+            return Ok(false);
+        }
+        maps.push(map);
     }
-    Ok(if world.couplings.iter().any(is_nonlinear) {
-        open(
-            "nonlinear couplings are covered by a proof of passivity only; no pattern that was tried makes their steepest slopes grow",
-        )
-    } else if !exact {
-        open(
-            "tolerances of the device are covered by a proof of passivity only; no pattern that was tried makes the middle of them grow",
-        )
-    } else if matches!(sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest) {
-        open("FOAW changes its window; no pattern that was tried makes its shortest window grow")
-    } else if proved {
-        answer(PatternVerdict::Proved, Some("common form"), None)
-    } else if Verdict::of(even_growth) == Verdict::Marginal {
-        open("a motion of the loop neither grows nor decays at even samples; no pattern that was tried makes it grow")
-    } else {
-        open("no pattern that was tried makes it grow, and no common quadratic form was found")
-    })
+    Ok(shrinks_under_all(&maps))
+}
+
+/// The puck of a world and what is tied to it.
+fn port(world: &World) -> Result<Port, Error> {
+    let inertia = inertias_with_puck(world)?;
+    let terms = linearise_with_puck(&world.bodies, &world.couplings, &Slopes::Steep)?;
+    let all = parts(&inertia, &terms);
+    let part = all.first().ok_or(Error::Eigenvalues { order: 0 })?;
+    Ok(Port::new(part)?.lagging(world.device.lag).with_handle(world.device.handle))
 }
 
 /// The pattern within the file's intervals and delays that was found to make the linear hands-off loop grow most, or decay least.
@@ -239,12 +203,17 @@ fn pattern(found: search::Found) -> Pattern {
 }
 
 /// Even samples, as the file has them.
-fn even(world: &World, growth: Option<f64>) -> Pattern {
+pub(crate) fn even(world: &World, growth: Option<f64>) -> Pattern {
     Pattern {
         intervals_s: vec![world.sampling.period],
         delays_s: vec![world.sampling.delay_s()],
         growth_per_s: growth.unwrap_or(0.0),
     }
+}
+
+/// The shortest interval of a search: a hundredth of the period where intervals are uneven, but none before the command has arrived.
+fn shortest(sampling: &Sampling) -> f64 {
+    if sampling.interval_max.is_none() { sampling.period } else { (0.01 * sampling.period).max(sampling.delay_s()) }
 }
 
 /// `work` on the maps of the loop, all its steps, the even one, and a norm that the even one shortens, where there is one. Nonlinear
@@ -254,18 +223,14 @@ fn with_family<T>(
     work: impl FnOnce(&Family<'_>, Cell, Step, Option<Norm>) -> Result<T, Error>,
 ) -> Result<T, Error> {
     let (sampling, device) = (&world.sampling, &world.device);
-    let inertia = inertias_with_puck(world)?;
-    let terms = linearise_with_puck(&world.bodies, &world.couplings, &Slopes::Steep)?;
-    let failed = Error::Eigenvalues { order: 0 };
-    let all = parts(&inertia, &terms);
-    let port = Port::new(all.first().ok_or(failed.clone())?)?.lagging(device.lag).with_handle(device.handle);
+    let port = port(world)?;
     let filters = Filter::of(sampling, sampling.period);
-    let filter = filters.first().ok_or(failed)?;
+    let filter = filters.first().ok_or(Error::Eigenvalues { order: 0 })?;
     let late = sampling.delay_max_s() > 0.0;
     let parts = ClosedLoop::new(&port, sampling, filter, sampling.period, usize::from(late))?;
     let family = Family::new(&parts, device.damping, &port, late && !port.is_uncoupled());
     let all = Cell {
-        interval: [sampling.interval_min_s(), sampling.interval_max_s()],
+        interval: [shortest(sampling), sampling.interval_max_s()],
         delay: [sampling.delay_s(), sampling.delay_max_s()],
     };
     let even = Step { interval: sampling.period, delay: sampling.delay_s() };

@@ -16,6 +16,8 @@ use crate::until::is_over;
 /// Steps of one motion, and the longest pattern in it.
 const MOTION: usize = 500;
 const LONGEST: usize = 240;
+/// Times that a step follows another in the first patterns.
+const MOST_OF_ONE: usize = 2;
 /// Starts of a motion.
 const STARTS: usize = 3;
 /// Patterns of one motion whose product is taken.
@@ -70,6 +72,16 @@ pub(crate) fn worst(family: &Family<'_>, all: Cell, even: Step, norm: &Norm) -> 
     let mut search = Search { choices, best: None, growing: Vec::new() };
     for i in 0..search.choices.len() {
         search.take(vec![i])?;
+    }
+    // One step and a few of another, such as a long one after short ones that a lagging motor does not forget.
+    for i in 0..search.choices.len() {
+        for j in (0..search.choices.len()).filter(|j| *j != i) {
+            for times in 1..=MOST_OF_ONE {
+                let mut pattern = vec![i];
+                pattern.extend(std::iter::repeat_n(j, times));
+                search.take(pattern)?;
+            }
+        }
     }
     for price in [0.0, search.rate()] {
         for start in 0..STARTS {

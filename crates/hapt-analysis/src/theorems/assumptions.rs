@@ -1,69 +1,23 @@
-//! The proof beyond the linear loop, and the reasons where there is none.
+//! What the theorems assume of a world, and the reasons where it does not hold.
 //!
-//! The following arguments extend the certificate. τ_k is the torque held while the puck moves from z_k to z_{k+1}, δ = z_{k+1} - z_k;
-//! the device dissipates at least b δ²/T. All other cases are not proved.
+//! [`outside`] are assumptions on couplings, estimator and method without which no theorem covers the world. [`beyond`] is what every theorem
+//! leaves out of the device: counts, levels, the motor's limit and Coulomb friction. These are covered by arguments of their own:
 //!
-//! **With a linear loop.** A coupling between puck and ground with a law f(z) of slope at most K has the energy S, S' = f, and
-//! f(z_k) δ ≥ S(z_{k+1}) - S(z_k) - K δ²/2 for any negative slopes. With a wall's damping B the torque is never more than
-//! B |v_k| away from that, |v_k| = |δ before|/T, which costs B (δ² + δ²before)/2T at most. A delay of d samples changes f(z_k) by at
-//! most K times the d steps between, if no slope is below -K either. The sum is T K (1/2 + d) + B, in addition to the requirement
-//! of the linear rest of the loop. The motor holds 0, not f(z_0), until the first command arrives: that gives the hand at most
-//! |f(z_0)| times the path of the first d samples, once, beyond the energy S(z_0).
-//!
-//! **Saturation of the motor** without bodies is such a law too: the saturated sum of springs has a slope of at most K, and dampers
-//! contribute at most B |v_k|, where |v_k| is at most a mean of earlier steps over T. A fraction a of a sample of delay makes the
-//! bound that of (T32) with m = T K (1/2 + d + a) + B, in both cases; a lag of the motor, that of `timing`.
-//!
-//! **At bodies** the energy theorem: where the step, puck held, does not raise the energy S(z, x), and the torque is -∂S/∂z at
-//! its end, the hand's work is the change of S less K δ²/2 at most. `zoh`, `trapezoidal` and `backward-euler` with their
-//! discrete-gradient step satisfy this. The torque must be that of `end`, without advance and delay. A damper at the puck
-//! requires its B, with the mean velocity. A wall with damping between puck and body is not covered: the damping on the body uses the
-//! middle of the step, that on the puck its end, and only one of them may be inside.
+//! **Saturation of the motor** without bodies is a static law: the saturated sum of springs has a slope of at most K, and dampers
+//! contribute at most B |v_k|, where |v_k| is at most a mean of earlier steps over T. Its bound is that of the laws at the puck
+//! ([`crate::passivity::timing`]). With a body the limit cuts the torque on one end only.
 //!
 //! **Counts and levels** without bodies are compensated by the friction of the device (`quantisation`). With a body they are not.
 
 use hapt_model::keys::Measure;
 use hapt_model::{Coupling, EstimatorKind, Law, Method, Output, World};
 
-use crate::equations::continuous::settled;
-use crate::equations::delay::Delay;
 use crate::equations::laws::{self, Kind, is_nonlinear};
 use crate::equations::slopes::at_puck;
 use crate::error::Error;
 use crate::passivity::quantisation::{Quantisation, quantisation, step};
-use crate::passivity::required::{Cause, Requirement, requirement};
 use crate::passivity::timing::Timing;
 use crate::text::with_unit;
-
-/// The reasons why the verdict on the linear loop is not proved for the whole loop.
-///
-/// `stretch` is the ratio of the damping that sentences name to that of the world: 1, or the longest interval over the period.
-///
-/// # Errors
-/// As [`crate::passivity()`].
-pub(crate) fn unproved(world: &World, found: &Requirement, stretch: f64) -> Result<Vec<String>, Error> {
-    let claimed = claimed(world, found);
-    let mut reasons = reasons_at_any_time(world);
-    if let Err(Cause::BodiesEvery { reason }) = found.damping {
-        reasons.push(reason.to_string());
-    }
-    reasons.extend(limit(world, claimed, stretch)?);
-    let nonlinear: Vec<&Coupling> = world.couplings.iter().filter(|c| is_nonlinear(c)).collect();
-    if !nonlinear.is_empty() {
-        if world.sampling.estimator == EstimatorKind::LowPass {
-            reasons.push(LOW_PASS.to_string());
-        }
-        let bodies: Vec<&Coupling> = nonlinear.iter().copied().filter(|c| laws::at_body(c)).collect();
-        let outside = if bodies.is_empty() {
-            at_puck_only(world, claimed, stretch)?
-        } else {
-            energy_theorem(world, &bodies, claimed, stretch)?
-        };
-        reasons.extend(outside);
-    }
-    reasons.extend(friction(world, &quantisation(world)?));
-    Ok(reasons)
-}
 
 pub(super) const LOW_PASS: &str = "a low-pass delays the velocity, and nonlinear couplings have no proof with that";
 
@@ -78,29 +32,52 @@ pub(super) fn saturated_from(world: &World, bound: f64) -> String {
     format!("a motor at its limit is proved passive from a device damping of {bound} on")
 }
 
-pub(super) fn nonlinear_from(world: &World, bound: f64) -> String {
-    let bound = with_unit(bound, Measure::Damping, world.motion);
-    format!("the nonlinear couplings at the puck are proved passive from a device damping of {bound} on")
-}
-
-/// The reasons that depend neither on times nor on the required damping.
-pub(super) fn reasons_at_any_time(world: &World) -> Vec<String> {
+/// Why no theorem covers the world, whatever its times: the estimator, constants at bodies, bristles that give energy.
+pub(super) fn outside(world: &World) -> Vec<String> {
     let mut reasons = Vec::new();
     reasons.extend(estimator(world));
-    reasons.extend(bodies_and_counts(world));
     reasons.extend(constants(world));
     reasons.extend(bristles(world));
     reasons
+}
+
+/// Whether the number that stands for the world is no theorem's: FOAW changes its window, and a constant at a body is a source. The estimator
+/// `exact` counts as the difference, so that what is claimed is about that.
+pub(super) fn is_estimate(world: &World) -> bool {
+    changes_window(world) || constants(world).is_some()
+}
+
+/// Whether the torque takes a velocity whose estimator changes its window.
+pub(super) fn changes_window(world: &World) -> bool {
+    let takes = || world.couplings.iter().any(|c| laws::at_puck(c) && laws::takes_velocity(&c.law));
+    let changes = matches!(world.sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest);
+    changes && world.sampling.window > 1 && takes()
+}
+
+/// What the claim leaves out of the device: counts and levels, at bodies and at the puck, and the motor's limit. `claimed` is the damping that
+/// the claim is about, `stretch` the ratio of the longest interval to the period.
+pub(super) fn beyond(world: &World, timing: Timing, claimed: Option<f64>) -> Result<Vec<String>, Error> {
+    let mut reasons = Vec::new();
+    reasons.extend(bodies_and_counts(world));
+    reasons.extend(limit(world, timing, claimed)?);
+    // Counts: as at even samples, with the damping of the longest interval.
+    let mut stretched = world.clone();
+    stretched.device.damping *= timing.period / timing.longest;
+    reasons.extend(friction(world, &quantisation(&stretched)?));
+    Ok(reasons)
 }
 
 /// An estimator that the proof does not cover.
 fn estimator(world: &World) -> Option<String> {
     let sampling = &world.sampling;
     match sampling.estimator {
-        EstimatorKind::Foaw | EstimatorKind::FoawBest => Some(format!(
-            "the {} estimator changes its window as the puck moves, and only the longest and the shortest were looked at",
-            sampling.estimator.name()
-        )),
+        EstimatorKind::Foaw | EstimatorKind::FoawBest => changes_window(world).then(|| {
+            format!(
+                "the {} estimator changes its window as the puck moves, and only the longest and the shortest were looked at: \
+                 estimator = \"difference\" or \"low-pass\" has a proof",
+                sampling.estimator.name()
+            )
+        }),
         EstimatorKind::Exact => {
             let takes = world.couplings.iter().filter(|c| laws::at_puck(c) && laws::takes_velocity(&c.law));
             let names = takes.map(|c| {
@@ -149,15 +126,17 @@ pub(super) fn may_saturate(world: &World) -> bool {
 }
 
 /// The motor limit, where the loop can reach it.
-fn limit(world: &World, claimed: Option<f64>, stretch: f64) -> Result<Option<String>, Error> {
+fn limit(world: &World, timing: Timing, claimed: Option<f64>) -> Result<Option<String>, Error> {
     if !may_saturate(world) {
         return Ok(None);
     }
     if !world.bodies.is_empty() {
         return Ok(Some(SATURATION.to_string()));
     }
-    let bound = Timing::even(world).of_laws(at_puck(world, &world.couplings)?)?;
-    Ok(falls_short(claimed, bound).then(|| saturated_from(world, bound * stretch)))
+    let bound = timing.of_laws(at_puck(world, &world.couplings)?)?;
+    // Without a finite required damping there is nothing to prove.
+    let falls_short = claimed.is_some_and(|b| b < bound * (1.0 - 1e-9));
+    Ok(falls_short.then(|| saturated_from(world, bound)))
 }
 
 /// Constant torques at bodies.
@@ -204,52 +183,16 @@ pub(super) fn friction(world: &World, found: &Quantisation) -> Option<String> {
     };
     let [stiffness, most] = [found.stiffness, most].map(|k| with_unit(k, Measure::Stiffness, world.motion));
     Some(format!(
-        "the stiffness at the puck, {stiffness}, is above {most}, the quantisation.max_stiffness at a friction of {}: {what} may keep it \
-         humming",
+        "the stiffness at the puck, {stiffness}, is above the {most} up to which damping and a friction of {} absorb {what}: it may hum",
         torque(found.friction)
     ))
 }
 
-/// The damping of the verdict: that of the device, or the required one if larger.
-fn claimed(world: &World, found: &Requirement) -> Option<f64> {
-    let required = found.damping.ok()?;
-    Some(required.max(world.device.damping))
-}
-
-fn falls_short(claimed: Option<f64>, bound: f64) -> bool {
-    // Without a finite required damping there is nothing to prove.
-    claimed.is_some_and(|b| b < bound * (1.0 - 1e-9))
-}
-
-/// Nonlinear couplings between puck and ground in a loop that is linear otherwise.
-fn at_puck_only(world: &World, claimed: Option<f64>, stretch: f64) -> Result<Option<String>, Error> {
-    // A compensating damper and its springs may fall into different groups.
-    let couplings = settled(&world.couplings, world.sampling.period);
-    let (indices, straight): (Vec<Coupling>, Vec<Coupling>) = couplings.into_iter().partition(is_nonlinear);
-    for coupling in &indices {
-        match Kind::of(coupling) {
-            // Coulomb friction at the puck has no finite required damping.
-            Kind::Potential | Kind::Linear | Kind::Constant | Kind::Coulomb => {}
-            Kind::Lugre => {
-                return Ok(Some(BRISTLE.to_string()));
-            }
-        }
-    }
-    let Ok(rest) = requirement(world, &straight)?.damping else { return Ok(None) };
-    let bound = rest + Timing::even(world).of_laws(at_puck(world, &indices)?)?;
-    Ok(falls_short(claimed, bound).then(|| nonlinear_from(world, bound * stretch)))
-}
-
-/// Nonlinear couplings at bodies: the conditions of the energy theorem.
-fn energy_theorem(
-    world: &World,
-    bodies: &[&Coupling],
-    claimed: Option<f64>,
-    stretch: f64,
-) -> Result<Option<String>, Error> {
+/// Why the energy theorem does not cover a world with nonlinear couplings at bodies; `None` where it does.
+pub(super) fn outside_energy(world: &World, timing: Timing) -> Option<String> {
     let sampling = &world.sampling;
-    let lag = Delay::of_loop(sampling)?;
-    let outside = |why: &str| Ok(Some(format!("the energy theorem does not cover this nonlinear world: {why}")));
+    let outside = |why: &str| Some(format!("the energy theorem does not cover this nonlinear world: {why}"));
+    let bodies = || world.couplings.iter().filter(|c| is_nonlinear(c) && laws::at_body(c));
     match sampling.method {
         Method::Zoh | Method::Trapezoidal | Method::BackwardEuler => {}
         Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 | Method::Tustin | Method::Foh => {
@@ -262,19 +205,19 @@ fn energy_theorem(
     if sampling.advance > 0 {
         return outside("the torque is that of a later step");
     }
-    if lag.samples > 0 || lag.fraction > 0.0 {
+    if timing.delay[1] > 0.0 {
         return outside("the torque comes late");
     }
-    if world.device.lag > 0.0 {
+    if timing.lag[1] > 0.0 {
         return outside("the motor's torque lags behind its command");
     }
-    if bodies.iter().any(|c| laws::at_puck(c) && laws::is_damped_wall(&c.law)) {
+    if bodies().any(|c| laws::at_puck(c) && laws::is_damped_wall(&c.law)) {
         return outside("a wall with damping stands between the puck and a body");
     }
     // The puck receives the torque of the law at the end of the step, the body the torque of the iteration: they agree only where it
     // converges. Clamped springs and dampers and walls do, being the means of convex energies.
-    if bodies.iter().any(|c| laws::at_puck(c) && Kind::of(c) == Kind::Potential && laws::takes_velocity(&c.law))
-        && bodies.iter().any(|c| laws::may_not_settle(&c.law))
+    if bodies().any(|c| laws::at_puck(c) && Kind::of(c) == Kind::Potential && laws::takes_velocity(&c.law))
+        && bodies().any(|c| laws::may_not_settle(&c.law))
     {
         return outside(
             "a damper with a limit stands between the puck and a body, beside detents, friction or damped walls at bodies, whose \
@@ -285,11 +228,5 @@ fn energy_theorem(
     if world.couplings.iter().any(|c| Kind::of(c) == Kind::Lugre) {
         return outside("the sampled bristle of LuGre friction has no proof beyond its steepest slope");
     }
-    let [stiffness, damping] = at_puck(world, &world.couplings)?;
-    let bound = 0.5 * sampling.period * stiffness + damping;
-    if falls_short(claimed, bound) {
-        let bound = with_unit(bound * stretch, Measure::Damping, world.motion);
-        return outside(&format!("it begins at a device damping of {bound}"));
-    }
-    Ok(None)
+    None
 }

@@ -1,0 +1,39 @@
+//! The claims that a loop is stable: held, and hands-off.
+
+use hapt_model::{Method, World};
+
+use crate::equations::laws::{self, is_nonlinear};
+use crate::stability::{Stability, Verdict};
+use crate::theorems::assumptions::changes_window;
+use crate::theorems::{Claimed, FREE_LINEAR, FREE_PASSIVE, HELD_ENERGY, HELD_LINEAR};
+
+fn has_nonlinear_bodies(world: &World) -> bool {
+    world.couplings.iter().any(|c| is_nonlinear(c) && laws::at_body(c))
+}
+
+/// Whether a theorem covers the held world: the linear step by its eigenvalues, a discrete-gradient step by its energy.
+pub(crate) fn is_held_covered(world: &World) -> bool {
+    let keeps_energy = match world.sampling.method {
+        Method::Zoh | Method::Trapezoidal | Method::BackwardEuler => true,
+        Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 | Method::Tustin | Method::Foh => false,
+    };
+    keeps_energy || !has_nonlinear_bodies(world)
+}
+
+/// The claim that the held world, which was found to be `held`, does not grow.
+pub(crate) fn held_claim(world: &World, held: &Stability) -> Claimed {
+    let theorem = if has_nonlinear_bodies(world) { &HELD_ENERGY } else { &HELD_LINEAR };
+    Claimed::by(&[theorem]).when(held.verdict != Verdict::Unstable && is_held_covered(world))
+}
+
+/// The claim that the hands-off loop, found to be `free`, does not grow; `passive` is the claim of passivity, `by_friction` whether it rests on
+/// the device's friction, which `free` leaves out.
+pub(crate) fn free_claim(world: &World, free: &Stability, passive: &Claimed, by_friction: bool) -> Claimed {
+    let is_stable = free.verdict != Verdict::Unstable;
+    let is_linear = !world.couplings.iter().any(is_nonlinear) && !changes_window(world);
+    let claim = match is_linear && is_stable {
+        true => Claimed::by(&[&FREE_LINEAR]),
+        false => passive.and(&Claimed::by(&[&FREE_PASSIVE])),
+    };
+    claim.when(is_stable || by_friction)
+}
