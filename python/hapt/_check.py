@@ -43,6 +43,7 @@ class Passivity(TypedDict):
     device_damping: float
     at_hz: Optional[float]
     passive: bool
+    speed_max: Optional[float]
     proved: bool
     not_proved: list[str]
 
@@ -59,8 +60,7 @@ class FreePatterns(TypedDict):
     """The hands-off loop under every pattern of intervals and delays; `verdict` is "proved", "broken" or "open"."""
 
     verdict: str
-    interval_s: list[float]
-    proved_by: Optional[str]
+    by: Optional[str]
     pattern: Optional[Pattern]
     reason: Optional[str]
 
@@ -68,14 +68,24 @@ class FreePatterns(TypedDict):
 class Uneven(TypedDict):
     """Passivity for all intervals, delays and devices that the world allows; times in s, dampings as in `Passivity`."""
 
+    interval_s: list[float]
     interval_max_s: float
     delay_s: list[float]
     lag_s: list[float]
     required_damping: Optional[float]
     passive: bool
+    speed_max: Optional[float]
     proved: bool
     not_proved: list[str]
     free: FreePatterns
+
+
+class TheoremUse(TypedDict):
+    """A theorem of docs/theory.md, what it claims of this world ("held", "free", "passive"), and what it assumes."""
+
+    id: str
+    claims: list[str]
+    assumes: list[str]
 
 
 class Check(Certificate):
@@ -86,8 +96,18 @@ class Check(Certificate):
 
     @property
     def certified(self) -> bool:
-        """Neither held nor free is unstable, and the loop is passive."""
+        """Held, free and passive, each by a theorem that covers the world."""
         return bool(self._fields["certified"])
+
+    @property
+    def status(self) -> str:
+        """One of "certified"; "open": nothing was found against it, and no theorem covers it; or "refuted"."""
+        return cast(str, self._fields["status"])
+
+    @property
+    def theorems(self) -> list[TheoremUse]:
+        """The theorems that make the claims."""
+        return cast("list[TheoremUse]", self._fields["theorems"])
 
     @property
     def held(self) -> Stability:

@@ -167,7 +167,7 @@ def test_a_check_is_the_contract_s_mapping(world: hapt.World) -> None:
     check = world.check()
     assert check.certified and check and check["certified"] is True
     assert set(check) == {
-        "period_s", "method", "output", "held", "free", "passivity", "uneven", "quantisation", "remedies", "certified", "notes",
+        "period_s", "method", "output", "held", "free", "passivity", "uneven", "quantisation", "remedies", "certified", "status", "theorems", "notes",
     }  # fmt: skip
     assert check.passivity["required_damping"] == pytest.approx(1e-3)  # KT/2
     assert check.uneven["free"]["verdict"] == "proved" and check.uneven["free"]["pattern"] is None

@@ -64,7 +64,8 @@ impl World {
         let or_any = |key: Option<f64>, default: f64| key.unwrap_or(if real { default } else { f64::INFINITY });
         let fastest = thrown.max(FASTEST[motion]);
         let overspeed = or_any(safety.overspeed, fastest);
-        let velocity = or_any(safety.velocity, 2.0 * safety.overspeed.unwrap_or(fastest));
+        // A speed that the file states may be what the certificate rests on: beyond it no torque, however small.
+        let velocity = or_any(safety.velocity.or(safety.overspeed), 2.0 * fastest);
         // A hit by the hand, and the motor's contribution.
         let change =
             HIT * FASTEST[motion] + (limit * period / device.inertia).min(2.0 * safety.overspeed.unwrap_or(fastest));

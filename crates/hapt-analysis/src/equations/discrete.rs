@@ -168,3 +168,12 @@ fn filter(method: Method, a: &DMatrix<f64>, n: usize, period: f64) -> Option<(DM
     };
     Some((unscaled(&f, &s) * period, slope))
 }
+
+/// Whether a step with the puck held does not raise the energy of any world of springs and dampers, nor with the discrete gradient of nonlinear
+/// couplings.
+pub(crate) fn keeps_energy(method: Method) -> bool {
+    match method {
+        Method::Zoh | Method::Trapezoidal | Method::BackwardEuler => true,
+        Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 | Method::Tustin | Method::Foh => false,
+    }
+}

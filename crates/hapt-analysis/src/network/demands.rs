@@ -6,11 +6,12 @@ use super::burden::Burden;
 use super::fixed;
 use crate::certificate::check::Check;
 use crate::error::Error;
-use crate::theorems::passivity::required_damping;
-use crate::theorems::uneven_damping;
+use crate::passivity::supremum::Wanted;
+use crate::passivity::timing::Timing;
+use crate::theorems::claim::{Claim, least};
 
 /// The device dampings that the world of each station requires alone, in N·m·s/rad (linear: N·s/m); `None` where no finite damping
-/// suffices.
+/// suffices, or no theorem covers the world.
 ///
 /// ```
 /// use hapt_analysis::Demands;
@@ -52,7 +53,7 @@ impl Demands {
     /// Of all stations.
     ///
     /// # Errors
-    /// As [`uneven_damping`].
+    /// As [`crate::uneven_damping`].
     pub fn of(network: &Network) -> Result<Demands, Error> {
         let none = vec![None; network.stations.len()];
         let demands = Demands { uneven: none.clone(), even: none };
@@ -62,13 +63,13 @@ impl Demands {
     /// The same, but for these stations of a network that are computed anew.
     ///
     /// # Errors
-    /// As [`uneven_damping`].
+    /// As [`crate::uneven_damping`].
     pub fn renewed(&self, network: &Network, stations: impl IntoIterator<Item = usize>) -> Result<Demands, Error> {
         let mut demands = self.clone();
         for at in stations {
             let world = &network.stations[at].world;
-            demands.uneven[at] = uneven_damping(world)?;
-            demands.even[at] = required_damping(world)?;
+            demands.uneven[at] = Claim::of(&least(world), Timing::of(world), Wanted::Least)?.proved_damping();
+            demands.even[at] = Claim::of(world, Timing::even(world), Wanted::Least)?.proved_damping();
         }
         Ok(demands)
     }
@@ -76,8 +77,8 @@ impl Demands {
     /// Those of checks.
     pub(super) fn found(locals: &[Check]) -> Demands {
         Demands {
-            uneven: locals.iter().map(|local| local.uneven.required_damping).collect(),
-            even: locals.iter().map(|local| local.passivity.required_damping).collect(),
+            uneven: locals.iter().map(|local| local.uneven.proved_damping()).collect(),
+            even: locals.iter().map(|local| local.passivity.proved_damping()).collect(),
         }
     }
 
@@ -85,7 +86,7 @@ impl Demands {
     /// passive. `None` where no finite damping is known to suffice.
     ///
     /// # Errors
-    /// As [`uneven_damping`].
+    /// As [`crate::uneven_damping`].
     pub fn excess(&self, network: &Network) -> Result<Option<f64>, Error> {
         Ok(Burden::of(network, &self.uneven)?.excess())
     }
@@ -93,7 +94,7 @@ impl Demands {
     /// How much each puck moves, in the proportions that ask most of the devices; `None` where no finite damping is known to suffice.
     ///
     /// # Errors
-    /// As [`uneven_damping`].
+    /// As [`crate::uneven_damping`].
     pub fn favoured(&self, network: &Network) -> Result<Option<Vec<f64>>, Error> {
         Ok(Burden::of(network, &self.uneven)?.favoured())
     }
@@ -101,7 +102,7 @@ impl Demands {
     /// How far the network is beyond its edge at its own periods, phases and delays, or why there is no verdict at fixed times.
     ///
     /// # Errors
-    /// As [`uneven_damping`].
+    /// As [`crate::uneven_damping`].
     pub fn fixed_excess(&self, network: &Network) -> Result<Result<FixedExcess, Vec<String>>, Error> {
         let damping: Vec<f64> =
             network.stations.iter().map(|station| station.world.device.damping_range()[0]).collect();

@@ -46,7 +46,7 @@ impl NetworkCheck {
         let of = |StationCheck { local, .. }: &StationCheck| Alone {
             certified: local.certified.holds(),
             proved: local.uneven.not_proved.is_empty(),
-            required_damping: local.uneven.required_damping,
+            required_damping: local.uneven.proved_damping(),
         };
         self.stations.iter().map(of).collect()
     }

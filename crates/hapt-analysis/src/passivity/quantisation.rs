@@ -8,12 +8,13 @@
 //! its work is at most D·|path|, and dampers C that the puck does not move dissipate at least pathᵀ C path/T. The difference is at
 //! most Dᵀ C⁻¹ D/4 times T. For one body with a damper B to ground that is a power of K²Δ²/(16 B).
 
-use hapt_model::{Coupling, End, Method, Output, World};
+use hapt_model::{Coupling, End, Output, World};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use crate::equations::continuous::{LinearCoupling, Slopes, linearise};
 use crate::equations::delay::Delay;
+use crate::equations::discrete::keeps_energy;
 use crate::equations::laws::{self, Kind};
 use crate::equations::slopes::at_puck;
 use crate::error::Error;
@@ -82,14 +83,14 @@ pub fn quantisation(world: &World) -> Result<Quantisation, Error> {
 
 /// Whether the step does not raise the energy while the puck is held, with the torque at its end and without delay: the assumption
 /// of the power bound.
-fn keeps_energy(world: &World) -> Result<bool, Error> {
+fn keeps_energy_on_time(world: &World) -> Result<bool, Error> {
     let sampling = &world.sampling;
-    let method = match sampling.method {
-        Method::Zoh | Method::Trapezoidal | Method::BackwardEuler => true,
-        Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 | Method::Tustin | Method::Foh => false,
-    };
     let lag = Delay::of_loop(sampling)?;
-    Ok(method && sampling.output == Output::End && sampling.advance == 0 && lag.samples == 0 && lag.fraction == 0.0)
+    Ok(keeps_energy(sampling.method)
+        && sampling.output == Output::End
+        && sampling.advance == 0
+        && lag.samples == 0
+        && lag.fraction == 0.0)
 }
 
 /// An upper bound in W of the power that encoder counts feed into damped bodies; `None` without counts, without bodies at the puck, or
@@ -104,7 +105,7 @@ pub(crate) fn count_power(world: &World) -> Result<Option<f64>, Error> {
             || (laws::at_body(c) && laws::at_puck(c) && laws::is_damped_wall(&c.law))
     };
     // Its sum is about steps at every sample.
-    if world.sampling.bodies_every > 1 || !keeps_energy(world)? || world.couplings.iter().any(outside) {
+    if world.sampling.bodies_every > 1 || !keeps_energy_on_time(world)? || world.couplings.iter().any(outside) {
         return Ok(None);
     }
     let period = world.sampling.period;

@@ -13,10 +13,11 @@
 //! whose bodies are fixed to ground. It needs the torque of the end of the step, at once, and every coupling between puck and bodies to be a
 //! law of the position.
 
-use hapt_model::{Coupling, End, Method, Output, World};
+use hapt_model::{Coupling, End, Output, World};
 
 use crate::equations::continuous::of_step;
 use crate::equations::delay::Delay;
+use crate::equations::discrete::keeps_energy;
 use crate::equations::laws;
 use crate::error::Error;
 
@@ -24,12 +25,8 @@ use crate::error::Error;
 pub(crate) fn outside(world: &World, couplings: &[Coupling]) -> Result<Option<&'static str>, Error> {
     let sampling = &world.sampling;
     let lag = Delay::of_loop(sampling)?;
-    let keeps_energy = match sampling.method {
-        Method::Zoh | Method::Trapezoidal | Method::BackwardEuler => true,
-        Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 | Method::Tustin | Method::Foh => false,
-    };
     let is_damped = |c: &Coupling| laws::at_puck(c) && laws::at_body(c) && laws::takes_velocity(&c.law);
-    Ok(if !keeps_energy {
+    Ok(if !keeps_energy(sampling.method) {
         Some("bodies that step every n-th sample are proved with zoh, trapezoidal and backward-euler only")
     } else if sampling.output != Output::End || sampling.advance > 0 {
         Some("bodies that step every n-th sample are proved with the torque of the end of their step only")

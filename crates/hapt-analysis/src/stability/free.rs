@@ -13,6 +13,7 @@ use nalgebra::Complex;
 
 use crate::equations::closed_loop::closed_loop;
 use crate::equations::continuous::{of_step, piecewise};
+use crate::equations::discrete::keeps_energy;
 use crate::equations::estimator::Filter;
 use crate::equations::grip::Grip;
 use crate::equations::modal::Modal;
@@ -472,10 +473,7 @@ fn resonances(port: &Port, sampling: &Sampling, damping: f64) -> Result<Vec<(f64
 /// springs and dampers at the puck, for the torque at the end of a step that does not raise the energy. 0 where it does not apply. It holds
 /// at every shorter period without a search.
 fn passive_below(port: &Port, sampling: &Sampling, damping: f64) -> f64 {
-    let keeps_energy = match sampling.method {
-        Method::Zoh | Method::Trapezoidal | Method::BackwardEuler => sampling.output == Output::End,
-        Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 | Method::Tustin | Method::Foh => false,
-    };
+    let keeps_energy = keeps_energy(sampling.method) && sampling.output == Output::End;
     let at_once = sampling.advance == 0 && sampling.delay.seconds(sampling.period) == 0.0 && port.lag == 0.0;
     // A damper at the puck takes the mean velocity of both its ends, if these move in the same sample.
     let is_mean = sampling.estimator == EstimatorKind::Difference && sampling.bodies_every == 1;

@@ -10,8 +10,9 @@
 //! **Counts and levels** without bodies are compensated by the friction of the device (`quantisation`). With a body they are not.
 
 use hapt_model::keys::Measure;
-use hapt_model::{Coupling, EstimatorKind, Law, Method, Output, World};
+use hapt_model::{Coupling, EstimatorKind, Law, Output, World};
 
+use crate::equations::discrete::keeps_energy;
 use crate::equations::laws::{self, Kind, is_nonlinear};
 use crate::equations::slopes::at_puck;
 use crate::error::Error;
@@ -193,11 +194,8 @@ pub(super) fn outside_energy(world: &World, timing: Timing) -> Option<String> {
     let sampling = &world.sampling;
     let outside = |why: &str| Some(format!("the energy theorem does not cover this nonlinear world: {why}"));
     let bodies = || world.couplings.iter().filter(|c| is_nonlinear(c) && laws::at_body(c));
-    match sampling.method {
-        Method::Zoh | Method::Trapezoidal | Method::BackwardEuler => {}
-        Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 | Method::Tustin | Method::Foh => {
-            return outside(&format!("{} has no discrete-gradient step", sampling.method.name()));
-        }
+    if !keeps_energy(sampling.method) {
+        return outside(&format!("{} has no discrete-gradient step", sampling.method.name()));
     }
     if sampling.output != Output::End {
         return outside("the torque is not that at the end of the step");

@@ -113,12 +113,14 @@ impl Claim {
         self.covered.holds() && self.speed_max.zip(self.overspeed).is_some_and(|(most, kept)| kept <= most)
     }
 
+    /// The required damping, where theorems cover the world with its couplings, delay, estimator and times.
+    pub fn proved_damping(&self) -> Option<f64> {
+        self.required.filter(|_| self.covered.holds() && self.outside.is_empty())
+    }
+
     /// How far the claim is from its edge, over the damping of the device: 0 or less where it holds for the couplings and times of the world.
     pub fn excess(&self) -> f64 {
-        if !self.covered.holds() || !self.outside.is_empty() {
-            return 1.0;
-        }
-        let Some(required) = self.required else { return 1.0 };
+        let Some(required) = self.proved_damping() else { return 1.0 };
         let damping = self.device_damping;
         let lacks = match required > damping {
             true => ((required - damping) / damping).clamp(f64::MIN_POSITIVE, 1.0),

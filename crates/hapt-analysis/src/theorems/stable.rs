@@ -1,7 +1,8 @@
 //! The claims that a loop is stable: held, and hands-off.
 
-use hapt_model::{Method, World};
+use hapt_model::World;
 
+use crate::equations::discrete::keeps_energy;
 use crate::equations::laws::{self, is_nonlinear};
 use crate::stability::{Stability, Verdict};
 use crate::theorems::assumptions::changes_window;
@@ -13,11 +14,7 @@ fn has_nonlinear_bodies(world: &World) -> bool {
 
 /// Whether a theorem covers the held world: the linear step by its eigenvalues, a discrete-gradient step by its energy.
 pub(crate) fn is_held_covered(world: &World) -> bool {
-    let keeps_energy = match world.sampling.method {
-        Method::Zoh | Method::Trapezoidal | Method::BackwardEuler => true,
-        Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 | Method::Tustin | Method::Foh => false,
-    };
-    keeps_energy || !has_nonlinear_bodies(world)
+    keeps_energy(world.sampling.method) || !has_nonlinear_bodies(world)
 }
 
 /// The claim that the held world, which was found to be `held`, does not grow.

@@ -99,6 +99,11 @@ pub fn uneven(world: &World) -> Result<Uneven, Error> {
 }
 
 impl Uneven {
+    /// The required damping, where theorems cover the world.
+    pub fn proved_damping(&self) -> Option<f64> {
+        self.required_damping.filter(|_| self.is_covered)
+    }
+
     /// Whether it is passive, and all of couplings, delay, estimator and times are covered.
     pub fn is_certified(&self) -> bool {
         self.passive.holds() && self.is_covered

@@ -164,11 +164,15 @@ impl<F: Real> Motion<F> {
         let before = seen.step.replace(step);
         let size = distance.abs();
         let jumped = reading.missed == 0 && before.is_some_and(|before| (step - before).abs() > self.jump);
+        let runs_away = size > self.overspeed * periods + self.count && held.abs() > self.friction;
         if jumped {
             Some(Reason::Jump)
+        } else if runs_away && self.velocity <= self.overspeed {
+            // One speed for both: with the motor on it is the puck that is too fast, not the reading.
+            Some(Reason::Overspeed)
         } else if size > self.velocity * periods + self.count {
             Some(Reason::Velocity)
-        } else if size > self.overspeed * periods + self.count && held.abs() > self.friction {
+        } else if runs_away {
             Some(Reason::Overspeed)
         } else if late {
             Some(Reason::Late)

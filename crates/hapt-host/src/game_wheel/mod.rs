@@ -83,7 +83,7 @@ impl Room {
         };
         let uneven = hapt_analysis::uneven(world).map_err(|error| WheelError::Check(error.to_string()))?;
         let [least, _] = world.device.damping_range();
-        let Some(demand) = uneven.required_damping else {
+        let Some(demand) = uneven.proved_damping() else {
             return Err(WheelError::World(
                 "the world by itself is not known to be passive, whatever the damping of its device, and leaves nothing for effects; hapt check \
                  says why"

@@ -136,7 +136,7 @@ pub const KEYS: &[Key] = &[
 
     key("safety", Table, Optional, "What the supervisor holds a live loop to."),
     key("safety.fade", Quantity(Time, Positive), Number(0.1), "How long the torque takes to rise when armed, and to fall when disarmed."),
-    key("safety.velocity", Quantity(Velocity, Positive), Depends("twice the overspeed; any on the simulated device"),
+    key("safety.velocity", Quantity(Velocity, Positive), Depends("the overspeed where the file states it, else twice the overspeed; any on the simulated device"),
         "The largest speed that the device can have; a reading beyond it faults."),
     key("safety.jump", Quantity(Position, Positive), Depends("25 rad/s (linear: 1.25 m/s) and limit times period over inertia, times the period; any on the simulated device"),
         "The largest change of the displacement from one sample to the next; two counts are added."),
