@@ -219,6 +219,23 @@ pub(crate) fn bristles_give(law: &Law) -> bool {
     }
 }
 
+/// Whether LuGre friction is a hysteresis of the way alone: one level for sticking and sliding, bristles without damping. What else there is is a
+/// viscous damper.
+pub(crate) fn is_hysteresis(law: &Law) -> bool {
+    match *law {
+        Law::Lugre { coulomb, stribeck, bristle_damping, .. } => bristle_damping == 0.0 && stribeck == coulomb,
+        Law::Spring { .. }
+        | Law::Damper { .. }
+        | Law::Wall { .. }
+        | Law::Detent { .. }
+        | Law::DeadBand { .. }
+        | Law::Magnet { .. }
+        | Law::Texture { .. }
+        | Law::Coulomb { .. }
+        | Law::Constant { .. } => false,
+    }
+}
+
 /// Whether an end is a body.
 pub(crate) fn at_body(coupling: &Coupling) -> bool {
     let is_body = |end: End| match end {

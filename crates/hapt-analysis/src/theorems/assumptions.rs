@@ -23,7 +23,7 @@ use crate::text::with_unit;
 pub(super) const LOW_PASS: &str = "a low-pass delays the velocity, and nonlinear couplings have no proof with that";
 
 pub(super) const BRISTLE: &str =
-    "the sampled bristle of LuGre friction at the puck has no proof beyond its steepest slope";
+    "LuGre friction at the puck is proved as a hysteresis alone: bristle_damping = 0, and stribeck the same as coulomb";
 
 pub(super) const SATURATION: &str = "the motor's limit cuts the torque on the puck but not its opposite on the bodies: a limit on \
      every coupling at the puck, together no more than the motor's, would cut both";
@@ -60,6 +60,10 @@ pub(super) fn changes_window(world: &World) -> bool {
 pub(super) fn beyond(world: &World, timing: Timing, claimed: Option<f64>) -> Result<Vec<String>, Error> {
     let mut reasons = Vec::new();
     reasons.extend(bodies_and_counts(world));
+    if world.device.encoder.is_some() && world.couplings.iter().any(|c| laws::at_puck(c) && Kind::of(c) == Kind::Lugre)
+    {
+        reasons.push("what the encoder's counts do to the bristles of LuGre friction has no bound".to_string());
+    }
     reasons.extend(limit(world, timing, claimed)?);
     // Counts: as at even samples, with the damping of the longest interval.
     let mut stretched = world.clone();

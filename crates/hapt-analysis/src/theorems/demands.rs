@@ -88,7 +88,7 @@ pub(super) fn estimate(world: &World, timing: Timing, wanted: Wanted) -> Result<
     let mut worst: Option<Demand> = None;
     for slopes in combinations(&piecewise(&world.couplings)) {
         let couplings = straightened(world, &slopes)?;
-        let found = linear(&World { couplings, ..world.clone() }, timing, wanted)?.demand;
+        let found = best(&World { couplings, ..world.clone() }, timing, wanted)?.demand;
         let rank = |demand: &Demand| match demand {
             Demand::Enough { damping, .. } => (0, *damping),
             Demand::Outside(_) => (1, 0.0),
@@ -192,7 +192,15 @@ fn without_delay(world: &World) -> World {
 
 /// (T35), (T39), (T42), (T45), (T46): everything is between puck and ground, linear or not.
 fn at_the_puck(world: &World, timing: Timing) -> Result<Demanded, Error> {
-    Ok(Demanded::enough(timing.of_laws(at_puck(world, &world.couplings)?)?, &LAWS))
+    Ok(Demanded::enough(timing.of_laws(felt(world, &world.couplings)?)?, &LAWS))
+}
+
+/// The stiffness and damping that count at the puck: the steepest slopes, and of bristles twice their stiffness. Where a puck turns round they
+/// go back by up to twice its way, ṡ = q̇ (1 - σ₀ s sgn q̇/F).
+fn felt(world: &World, couplings: &[Coupling]) -> Result<[f64; 2], Error> {
+    let [stiffness, damping] = at_puck(world, couplings)?;
+    let bristles = couplings.iter().filter(|c| laws::at_puck(c) && Kind::of(c) == Kind::Lugre);
+    Ok([stiffness + bristles.map(|c| laws::steepest(&c.law).0).sum::<f64>(), damping])
 }
 
 /// A linear loop, and nonlinear laws between puck and ground. Each of both gets a share of the damping.
@@ -206,6 +214,7 @@ fn sum(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Error>
     for law in &laws {
         match Kind::of(law) {
             Kind::Potential | Kind::Linear | Kind::Constant => {}
+            Kind::Lugre if laws::is_hysteresis(&law.law) => {}
             Kind::Lugre => return Ok(Demanded::outside(BRISTLE)),
             Kind::Coulomb if laws::most(law) > 0.0 => {
                 return Ok(Demanded::new(Demand::Never { cause: Cause::Coulomb, at_hz: None }, &LAWS));
@@ -213,7 +222,7 @@ fn sum(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Error>
             Kind::Coulomb => {}
         }
     }
-    let of_laws = timing.of_laws(at_puck(world, &laws)?)?;
+    let of_laws = timing.of_laws(felt(world, &laws)?)?;
     let rest = best(&World { couplings: straight, ..world.clone() }, timing, shared(wanted, of_laws))?;
     let Demanded { demand: Demand::Enough { damping, at_hz, .. }, mut theorems } = rest else { return Ok(rest) };
     theorems.push(&LAWS);

@@ -110,7 +110,7 @@ pub static LAWS: Theorem = Theorem {
     id: "laws",
     equations: "(T35), (T39), (T41), (T42), (T45), (T46)",
     assumes: &[
-        "the couplings that it is about join puck and ground, with bounded slopes, and dampings that only take energy",
+        "the couplings that it is about join puck and ground, with bounded slopes, and dampings that only take energy; friction with bristles is a hysteresis of the way",
         "every velocity is a mean of earlier displacements",
     ],
 };

@@ -112,6 +112,48 @@ proptest! {
         prop_assert!(!found.passivity.passive.holds() || found.passivity.required_damping.unwrap() <= world.device.damping);
     }
 
+    /// Friction with bristles that are a hysteresis of the way: no motion under any times draws energy at the damping that is called enough.
+    #[test]
+    fn bristles_without_damping_give_no_energy_at_the_damping_that_is_enough(
+        stiffness in 0.1..10.0f64, level in 1e-3..0.1f64, viscous in prop_oneof![Just(0.0), 0.0..1e-3f64], longest in prop::option::of(1.0..2.0f64),
+        late in prop_oneof![Just(0.0), 0.0..1.0f64], size in -2.0..2.0f64,
+        steps in prop::collection::vec((0.01..1.0f64, 0.0..1.0f64, prop::array::uniform4(-1.0..1.0f64)), 20..60),
+    ) {
+        let law = Law::Lugre {
+            coulomb: level, stribeck: level, stribeck_velocity: 0.1, bristle_stiffness: stiffness, bristle_damping: 0.0, viscous,
+        };
+        let mut world = Bench::of(vec![law.between(End::Puck, End::Ground)]).world(Method::Zoh, Output::End, 1e-3);
+        world.sampling.interval_max = longest.map(|longest| longest * 1e-3);
+        world.sampling.delay_max = Some(Delay::Samples(late));
+        let damping = hapt_analysis::uneven_damping(&world).unwrap().unwrap();
+        world.device.damping = damping;
+        prop_assert!(is_certified(&world));
+        // From sample to sample in four straight pieces, by ways like those that bend the bristles.
+        let speed = 10f64.powf(size) * level / stiffness / 1e-3;
+        let (mut z, mut before, mut bristle, mut held, mut drawn, mut moved) = (0.0, 0.0, 0.0, 0.0, 0.0f64, 0.0f64);
+        for (share, delay, velocities) in steps {
+            let interval = longest.map_or(1e-3, |longest| share * longest * 1e-3);
+            let v: f64 = (z - before) / 1e-3;
+            before = z;
+            let rate = stiffness * v.abs() / level;
+            let kept = (-rate * 1e-3).exp();
+            bristle = if rate > 0.0 { bristle * kept + v * (1.0 - kept) / rate } else { bristle };
+            let (next, arrives) = (-(stiffness * bristle + viscous * v), delay * late * 1e-3);
+            for (i, part) in velocities.iter().enumerate() {
+                let velocity = part * speed;
+                let [from, to] = [i as f64, i as f64 + 1.0].map(|i| 0.25 * i * interval);
+                let old = (arrives.clamp(from, to) - from).min(to - from);
+                for (torque, time) in [(held, old), (next, to - from - old)] {
+                    drawn += torque * velocity * time - damping * velocity * velocity * time;
+                    moved += (torque * velocity * time).abs();
+                }
+                z += velocity * (to - from);
+                prop_assert!(drawn <= 1e-9 * moved, "{drawn} of {moved}");
+            }
+            held = next;
+        }
+    }
+
     /// Friction pays for what is missing up to (f - KΔ/2 - ΣB Δ/T)/(b_required - b), less two counts a sample that the supervisor does not see.
     #[test]
     fn friction_makes_up_for_damping_up_to_a_speed(
