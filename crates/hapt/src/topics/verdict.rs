@@ -38,14 +38,15 @@ none.
         name: "verdict",
         aliases: &["verdicts", "certified", "certificate", "not-certified"],
         line: "certified, or not: the answer of `hapt check`",
-        text: r#"certified        stable held and hands-off, and passive against every passive hand      exit code 0
-  ... as far as the linear loop goes: the lines `not proved` list what that leaves open
+        text: r#"certified        theorems say: stable held and hands-off, passive in every passive hand   exit code 0
+                 the lines `not proved` list what they leave out of the device
+open             nothing was found against it, and no theorem covers it                exit code 1
 not certified    unstable held, unstable hands-off, or not passive                      exit code 1
 
 The sentence names the conditions that fail; `remedies` lists changes that certify it. Encoder
 counts have a separate line and do not change the verdict.
 
-  hapt check @notes/default                                verdict   certified, as far as
+  hapt check @notes/default                                verdict   certified: stable held
   hapt check @notes/default --set couplings.0.limit=0.8    verdict   certified: stable held
   hapt check @notes/euler                                  verdict   not certified: it is unstable
 "#,
