@@ -60,7 +60,7 @@ pub fn command(words: &[String]) -> Result<()> {
 /// One exchange with a simulated drive over a serial port, beside that of the makers' own library.
 fn drive(python: &str) -> Result<()> {
     let mut command = Command::new(env!("CARGO"));
-    command.args(["run", "--quiet", "--release", "-p", "hapt-drive", "--example", "exchange", "--", python]);
+    command.args(["run", "--quiet", "--profile", "dist", "-p", "hapt-drive", "--example", "exchange", "--", python]);
     ensure!(command.status()?.success(), "the exchange with the drive does not run");
     Ok(())
 }
@@ -182,7 +182,7 @@ fn guards(record: bool) -> Result<()> {
 
 /// Where the programs are.
 struct Bench {
-    release: PathBuf,
+    programs: PathBuf,
     /// The C programs, and whatever else is made on the way.
     folder: PathBuf,
 }
@@ -255,9 +255,9 @@ impl Bench {
         let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from);
         let folder = target.join("bench");
         fs::create_dir_all(&folder)?;
-        let packages = ["build", "--quiet", "--release", "--package", "hapt-bench"];
+        let packages = ["build", "--quiet", "--profile", "dist", "--package", "hapt-bench"];
         output(Command::new(env!("CARGO")).args(packages).args(["--package", "hapt"]))?;
-        let bench = Bench { release: target.join("release"), folder };
+        let bench = Bench { programs: target.join("dist"), folder };
         bench.compile("empty", "empty", &[])?;
         bench.compile("sweep", "sweep", &["-ffinite-math-only", "-fno-trapping-math", "-fopenmp"])?;
         bench.compile_worlds()?;
@@ -279,23 +279,23 @@ impl Bench {
         let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from);
         let folder = target.join("bench").join(part);
         fs::create_dir_all(&folder)?;
-        output(Command::new(env!("CARGO")).args(["build", "--quiet", "--release", "--package", "hapt-bench"]))?;
-        Ok(Bench { release: target.join("release"), folder })
+        output(Command::new(env!("CARGO")).args(["build", "--quiet", "--profile", "dist", "--package", "hapt-bench"]))?;
+        Ok(Bench { programs: target.join("dist"), folder })
     }
 
     /// hapt-bench for this machine.
     fn native(&self) -> Result<PathBuf> {
         let folder = self.folder.join("native");
         let mut build = Command::new(env!("CARGO"));
-        build.args(["build", "--quiet", "--release", "--package", "hapt-bench", "--target-dir"]).arg(&folder);
+        build.args(["build", "--quiet", "--profile", "dist", "--package", "hapt-bench", "--target-dir"]).arg(&folder);
         output(build.env("RUSTFLAGS", "-C target-cpu=native"))?;
-        Ok(folder.join("release/hapt-bench"))
+        Ok(folder.join("dist/hapt-bench"))
     }
 
     /// The program `hapt` as it ships.
     fn shipped(&self) -> Result<PathBuf> {
-        output(Command::new(env!("CARGO")).args(["build", "--quiet", "--release", "--package", "hapt"]))?;
-        Ok(self.release.join("hapt"))
+        output(Command::new(env!("CARGO")).args(["build", "--quiet", "--profile", "dist", "--package", "hapt"]))?;
+        Ok(self.programs.join("hapt"))
     }
 
     fn compile(&self, source: &str, program: &str, flags: &[&str]) -> Result<()> {
@@ -305,7 +305,7 @@ impl Bench {
     }
 
     fn rust(&self, words: &str) -> Command {
-        program(&self.release.join("hapt-bench"), words)
+        program(&self.programs.join("hapt-bench"), words)
     }
 
     fn c(&self, name: &str, words: &str) -> Command {
@@ -320,7 +320,7 @@ impl Bench {
              Made by `cargo xtask bench --write`; not to be edited. A ratio is the median of {PAIRS} rounds (quartiles behind it) in \
              which the programs run in turns, each in its own process, timing its own loop. Answers agree to 1e-9, or the command \
              fails. Nanoseconds are those of this machine and hour; only the ratios mean something elsewhere.\n\n\
-             - machine: {}, {} cores\n- {}, as released: no flags for this machine, no fused multiply-add\n- {}, `{}`\n",
+             - machine: {}, {} cores\n- {}, as shipped (the profile `dist`): no flags for this machine, no fused multiply-add\n- {}, `{}`\n",
             model.trim_start_matches([' ', '\t', ':']),
             std::thread::available_parallelism()?,
             first_line("rustc", &["--version"])?,
@@ -414,7 +414,7 @@ impl Bench {
 
     fn start(&self) -> Result<String> {
         let sample = "sim worlds/notes/default.toml --set scenarios.step.duration=0.1ms";
-        let hapt = self.release.join("hapt");
+        let hapt = self.programs.join("hapt");
         let (mut own, mut empty) = (Vec::new(), Vec::new());
         for _ in 0..STARTS {
             for (mut command, times) in [(program(&hapt, sample), &mut own), (self.c("empty", ""), &mut empty)] {
@@ -482,7 +482,7 @@ impl Bench {
         }
         let collected = |words: &str| -> Result<f64> {
             let mut valgrind = Command::new("valgrind");
-            valgrind.args(["--tool=callgrind", "--callgrind-out-file=/dev/null"]).arg(self.release.join("hapt-bench"));
+            valgrind.args(["--tool=callgrind", "--callgrind-out-file=/dev/null"]).arg(self.programs.join("hapt-bench"));
             let out = valgrind.args(words.split(' ')).output()?;
             let text = String::from_utf8(out.stderr)?;
             let count =

@@ -15,6 +15,8 @@ const WHEELS: [(&str, &[&str]); 4] = [
     ("x86_64-apple-darwin", &["--zig"]),
     ("aarch64-apple-darwin", &["--zig"]),
 ];
+/// The profile of the program in packages.
+const SHIPPED: &str = "dist";
 /// The Pythons in whose empty environments the wheel for Linux is tried, where they are there.
 const PYTHONS: [&str; 5] = ["3.9", "3.10", "3.11", "3.12", "3.13"];
 /// What each of them runs; the answers are the same. An FMU takes the program, where that is built.
@@ -92,7 +94,7 @@ fn tried(wheel: &Path) -> Result<()> {
         )?;
         let mut tries = Command::new(&python);
         tries.args(["-c", TRY]).current_dir(folder()?);
-        let program = absolute(test::binary("release").get_program())?;
+        let program = absolute(test::binary(SHIPPED).get_program())?;
         if program.exists() {
             tries.env("HAPT_PROGRAM", program);
         }
@@ -140,14 +142,15 @@ fn debian() -> Result<()> {
     done(Command::new(env!("CARGO")).args([
         "build",
         "--quiet",
-        "--release",
+        "--profile",
+        SHIPPED,
         "--locked",
         "--package",
         "hapt",
         "--package",
         "hapt-fmi",
     ]))?;
-    let hapt = absolute(test::binary("release").get_program())?;
+    let hapt = absolute(test::binary(SHIPPED).get_program())?;
     let shell = folder()?.join("shell");
     emptied(&shell)?;
     done(Command::new(&hapt).args(["man", "--out"]).arg(shell.join("man")))?;
@@ -156,7 +159,7 @@ fn debian() -> Result<()> {
     }
     let package = folder()?.join("hapt.deb");
     let mut deb = Command::new(env!("CARGO"));
-    deb.args(["deb", "--quiet", "--no-build", "--package", "hapt", "--output"]).arg(&package);
+    deb.args(["deb", "--quiet", "--no-build", "--profile", SHIPPED, "--package", "hapt", "--output"]).arg(&package);
     done(&mut deb).context("cargo install cargo-deb")?;
     println!("{}", package.display());
     println!("{}", done(Command::new("dpkg-deb").arg("--field").arg(&package))?.trim());

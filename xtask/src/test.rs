@@ -1,8 +1,8 @@
 //! `cargo xtask test`: everything that has to hold before a change lands.
 //!
-//! Every test runs once, in the profile `tested`: optimised nearly as what ships, with assertions and overflow checks. The program that
-//! ships, optimised across its crates and without these checks, is built once: it runs every world (its bytes are those of `tested`),
-//! the page in a browser, the tests of the command line's first steps and bad inputs, and the book.
+//! Every test runs once, in the profile `tested`: optimised nearly as `release`, with assertions and overflow checks. The program of
+//! `cargo run --release`, without these checks, is built once: it runs every world (its bytes are those of `tested`), the page in a browser,
+//! the tests of the command line's bad inputs, and the book.
 //!
 //! Lints, documentation, tests, xtask and the fuzz targets are built in one profile and with one set of features, so that no
 //! dependency is built twice for them. Steps run side by side; the table at the end shows what each took.
@@ -40,11 +40,11 @@ pub fn run() -> Result<()> {
     ]);
     let Ok(programs) = built(&[]) else { std::process::exit(i32::from(!tally.end())) };
 
-    // The shipped program's build ends in one long link on one core: the tests run beside it. So does the Python package's.
-    let mut shipped = Command::new(env!("CARGO"));
-    shipped.args(["build", "--quiet", "--package", "hapt", "--release"]);
+    // Builds end in one crate on one core: the tests run beside them.
+    let mut released = Command::new(env!("CARGO"));
+    released.args(["build", "--quiet", "--package", "hapt", "--release"]);
     let mut steps = vec![
-        Step::command("the program that ships", shipped),
+        Step::command("the released program builds", released),
         Step::check("the Python package builds", python::is_built),
     ];
     // A drive's watchdog runs by the clock: its tests have the machine to themselves.
@@ -83,7 +83,7 @@ pub fn run() -> Result<()> {
         Step::check("the Python package's types", python::has_types),
         Step::check("FMUs in the importers of others", fmi::holds),
         Step::check("drives on a CAN bus, and a wheel on USB", vm::devices),
-        Step::tests("bad inputs with the program that ships", bad_inputs),
+        Step::tests("bad inputs with the released program", bad_inputs),
         Step::check("fuzzing finds nothing in a few seconds", fuzz::is_quiet),
         Step::check("intervals of identified devices cover the truth", identify::holds),
         Step::check("the supervisor catches faults, and nothing else", faults::are_caught),
@@ -209,7 +209,7 @@ pub fn worlds(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// The tested and the shipped program write the same bytes of every scenario and of the verdict, and the latter does so twice.
+/// The tested and the released program write the same bytes of every scenario and of the verdict, and the latter does so twice.
 fn same_bytes(world: &Path) -> Result<()> {
     let scratch = PathBuf::from("target/worlds");
     let mut runs = Vec::new();
@@ -233,7 +233,7 @@ fn same_bytes(world: &Path) -> Result<()> {
         files.push(("the verdict".into(), check.stdout));
         runs.push(files);
     }
-    ensure!(runs[0] == runs[1], "the tested program and the one that ships differ");
+    ensure!(runs[0] == runs[1], "the tested program and the released one differ");
     ensure!(runs[1] == runs[2], "two runs differ");
     Ok(())
 }

@@ -63,7 +63,7 @@ impl Bench {
              --measure certified --threads 2 --out {}",
             file.to_str().context("a path in UTF-8")?
         );
-        let [whole] = processes(3, [program(&self.release.join("hapt"), &sweep)])?;
+        let [whole] = processes(3, [program(&self.programs.join("hapt"), &sweep)])?;
         let seconds = whole.median() * 1e-3;
         writeln!(
             text,
@@ -81,7 +81,7 @@ impl Bench {
             Ok(path.to_str().context("a path in UTF-8")?.to_owned())
         };
         let (eight, many) = (undamped(8)?, undamped(32)?);
-        let check = |words: &str| program(&self.release.join("hapt"), &format!("check {words}"));
+        let check = |words: &str| program(&self.programs.join("hapt"), &format!("check {words}"));
         let [one] = processes(STARTS, [check("worlds/notes/default.toml")])?;
         let [eight] = processes(ROUNDS, [check(&eight)])?;
         let [quick] = processes(ROUNDS, [check(&format!("{many} --no-remedies"))])?;

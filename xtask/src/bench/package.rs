@@ -21,7 +21,7 @@ const SWEEPS: usize = 5;
 /// Prints the tables alone, of so many rounds; with `write`, into the page.
 pub(super) fn alone(rounds: usize, write: bool) -> Result<()> {
     let bench = Bench::of_one("package")?;
-    output(Command::new(env!("CARGO")).args(["build", "--quiet", "--release", "--package", "hapt"]))?;
+    output(Command::new(env!("CARGO")).args(["build", "--quiet", "--profile", "dist", "--package", "hapt"]))?;
     let text = bench.tables(rounds)?;
     println!("{text}");
     if write {
@@ -64,7 +64,7 @@ fn environment(folder: &Path) -> Result<PathBuf> {
             eprintln!("without {package}: {error}");
         }
     }
-    crate::python::install(&environment, "wheel")?;
+    crate::python::install(&environment, "release")?;
     Ok(python)
 }
 
@@ -78,7 +78,7 @@ impl Bench {
     fn tables(&self, rounds: usize) -> Result<String> {
         let python = environment(&self.folder)?;
         let mut package = Command::new(&python);
-        package.arg("bench/python/package.py").arg(self.release.join("hapt-bench")).arg(self.shipped()?);
+        package.arg("bench/python/package.py").arg(self.programs.join("hapt-bench")).arg(self.shipped()?);
         let mut worlds = Command::new(&python);
         worlds.arg("bench/python/worlds.py").arg(rounds.min(SWEEPS).to_string());
         Ok(output(package.arg(rounds.to_string()))? + &output(&mut worlds)?)

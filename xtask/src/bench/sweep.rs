@@ -98,7 +98,7 @@ impl Bench {
             );
             let mut c = self.c("sweep", &c);
             c.env("OMP_NUM_THREADS", "2");
-            let [hapt, c] = processes(ROUNDS, [program(&self.release.join("hapt"), &hapt), c])?;
+            let [hapt, c] = processes(ROUNDS, [program(&self.programs.join("hapt"), &hapt), c])?;
             let difference = difference(&fs::read_to_string(own)?, &fs::read_to_string(other)?)?;
             ensure!(difference < 1e-9, "the tables differ by {difference:e}");
             let (ratio, quartiles) = hapt.over(&c);
@@ -134,7 +134,7 @@ impl Bench {
             let c = self.folder.join(world);
             let mut c = program(&c, &format!("{from} {to} {n} {PERIODS} {other}"));
             c.env("OMP_NUM_THREADS", "2");
-            let [hapt, c] = processes(ROUNDS, [program(&self.release.join("hapt"), &hapt), c])
+            let [hapt, c] = processes(ROUNDS, [program(&self.programs.join("hapt"), &hapt), c])
                 .with_context(|| format!("{world}, of C -DKIND={kind}"))?;
             let difference = difference(&fs::read_to_string(own)?, &fs::read_to_string(other)?)?;
             ensure!(difference < 1e-8, "{world}: the tables differ by {difference:e}");
@@ -193,7 +193,7 @@ impl Bench {
              --measure held_verdict --threads 2 --out {}",
             file.to_str().context("a path in UTF-8")?
         );
-        let [whole] = processes(ROUNDS, [program(&self.release.join("hapt"), &sweep)])?;
+        let [whole] = processes(ROUNDS, [program(&self.programs.join("hapt"), &sweep)])?;
         writeln!(text, "| `hapt sweep`, stable or not | {:.0} | {} | |", whole.median(), goal(whole.median(), 60.0))?;
         match &numpy {
             Some(numpy) => {

@@ -123,7 +123,7 @@ impl Ended {
     }
 }
 
-/// The program that is tested: this build's, or the one that HAPT_PROGRAM names, as `cargo xtask test` does with the one that ships.
+/// The program that is tested: this build's, or the one that HAPT_PROGRAM names, as `cargo xtask test` does with the released one.
 pub fn binary() -> PathBuf {
     std::env::var_os("HAPT_PROGRAM").map_or_else(|| env!("CARGO_BIN_EXE_hapt").into(), PathBuf::from)
 }
