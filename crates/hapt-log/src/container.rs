@@ -1,7 +1,6 @@
 //! Reads MCAP files from the beginning, record by record: <https://mcap.dev/spec>.
 //!
-//! A log may have been cut by a full disk or a killed process, and a file may contain any bytes. The crate that writes logs panics on
-//! some invalid records, so files are read here, with every length checked. A chunk is valid when it is complete and its checksum is
+//! A log may have been cut by a full disk or a killed process, and a file may contain any bytes. So every length is checked. A chunk is valid when it is complete and its checksum is
 //! right; everything after the first invalid one is ignored. Of a chunk in which the file ends, the complete records are valid.
 
 use std::collections::BTreeMap;
@@ -13,11 +12,11 @@ use std::ops::Range;
 pub const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 
 /// Opcodes.
-const CHANNEL: u8 = 0x04;
-const MESSAGE: u8 = 0x05;
-const CHUNK: u8 = 0x06;
-const ATTACHMENT: u8 = 0x09;
-const METADATA: u8 = 0x0c;
+pub(crate) const CHANNEL: u8 = 0x04;
+pub(crate) const MESSAGE: u8 = 0x05;
+pub(crate) const CHUNK: u8 = 0x06;
+pub(crate) const ATTACHMENT: u8 = 0x09;
+pub(crate) const METADATA: u8 = 0x0c;
 pub(crate) const FOOTER: u8 = 0x02;
 pub(crate) const DATA_END: u8 = 0x0f;
 

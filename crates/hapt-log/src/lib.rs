@@ -52,6 +52,7 @@ mod container;
 mod descriptor;
 mod error;
 mod log;
+mod mcap_writer;
 mod recorder;
 mod replay;
 mod schema;

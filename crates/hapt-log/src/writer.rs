@@ -7,12 +7,10 @@ use hapt_core::SafetyProfile;
 use hapt_model::World;
 use hapt_rt::{Record, Snapshot};
 use hapt_sim::Row;
-use mcap::records::{MessageHeader, Metadata};
-use mcap::write::NoSeek;
-use mcap::{Attachment, McapError, WriteOptions};
 
 use crate::Sample;
 use crate::descriptor::{MESSAGE, descriptor};
+use crate::mcap_writer::McapWriter;
 use crate::schema::{Column, Kind, columns, record_values, row_values};
 use crate::{state, wire};
 
@@ -72,7 +70,7 @@ pub enum Origin {
 
 /// Writes a log. Each chunk reaches `out` in one write: everything up to the last flush stays readable.
 pub struct LogWriter<W: Write> {
-    mcap: mcap::Writer<NoSeek<W>>,
+    mcap: McapWriter<W>,
     origin: Origin,
     channel: u16,
     kinds: Vec<Kind>,
@@ -98,25 +96,14 @@ impl<W: Write> LogWriter<W> {
     /// # Errors
     /// Those of `out`, here and below.
     pub fn new(out: W, world: &World, header: &Header, origin: Origin) -> io::Result<Self> {
-        let options = WriteOptions::new()
-            .compression(None)
-            .chunk_size(None)
-            // A chunk is kept in memory and written when it is complete.
-            .disable_seeking(true)
-            .library(format!("hapt {}", env!("CARGO_PKG_VERSION")));
-        let mut mcap = mcap::Writer::with_options(NoSeek::new(out), options).map_err(failed)?;
+        let mut mcap = McapWriter::new(out, &format!("hapt {}", env!("CARGO_PKG_VERSION")))?;
         let time = match origin {
             Origin::Run => 0,
             Origin::Live(epoch) => epoch,
         };
-        let mut attach = |name: &str, kind: &str, text: &str| {
-            let data = text.as_bytes().into();
-            let (name, media_type) = (name.to_string(), kind.to_string());
-            mcap.attach(&Attachment { log_time: time, create_time: time, name, media_type, data }).map_err(failed)
-        };
-        attach("world.toml", "application/toml", &header.world_text)?;
+        mcap.attach(time, "world.toml", "application/toml", header.world_text.as_bytes())?;
         if let Some(json) = &header.certificate_json {
-            attach("certificate.json", "application/json", json)?;
+            mcap.attach(time, "certificate.json", "application/json", json.as_bytes())?;
         }
         let live = origin != Origin::Run;
         let mut values = BTreeMap::from([
@@ -132,7 +119,7 @@ impl<W: Write> LogWriter<W> {
                 .into_iter()
                 .map(|column| (format!("unit.{}", column.name), column.unit.to_string())),
         );
-        mcap.write_metadata(&Metadata { name: "hapt".into(), metadata: values }).map_err(failed)?;
+        mcap.metadata("hapt", &values)?;
         let mut writer = LogWriter {
             mcap,
             origin,
@@ -167,8 +154,8 @@ impl<W: Write> LogWriter<W> {
             ("columns".to_string(), names.join(",")),
             ("world".to_string(), text),
         ]);
-        let schema = self.mcap.add_schema(MESSAGE, "protobuf", &descriptor(&columns)).map_err(failed)?;
-        self.channel = self.mcap.add_channel(schema, TOPIC, "protobuf", &metadata).map_err(failed)?;
+        let schema = self.mcap.schema(MESSAGE, "protobuf", &descriptor(&columns))?;
+        self.channel = self.mcap.channel(schema, TOPIC, "protobuf", &metadata)?;
         self.kinds = columns.iter().map(|column: &Column| column.kind).collect();
         (self.bodies, self.plan, self.period) = (world.bodies.len(), plan, world.sampling.period);
         Ok(())
@@ -202,12 +189,11 @@ impl<W: Write> LogWriter<W> {
 
     /// Writes the loop's state before the next sample, which is taken at `log_time`.
     pub fn write_snapshot(&mut self, log_time: u64, snapshot: &Snapshot) -> io::Result<()> {
-        let data = state::write(snapshot).map_err(io::Error::other)?.into();
-        let (name, media_type) = (format!("{}{}", state::NAME, snapshot.sample), "application/octet-stream".into());
+        let data = state::write(snapshot).map_err(io::Error::other)?;
+        let name = format!("{}{}", state::NAME, snapshot.sample);
         // Earlier samples are flushed with it.
         self.flush()?;
-        let attachment = Attachment { log_time, create_time: log_time, name, media_type, data };
-        self.mcap.attach(&attachment).map_err(failed)
+        self.mcap.attach(log_time, &name, "application/octet-stream", &data)
     }
 
     /// The plan whose samples are written.
@@ -242,9 +228,7 @@ impl<W: Write> LogWriter<W> {
                 Kind::Count | Kind::Choice(_) => wire::count(&mut self.message, field, *value as u64),
             }
         }
-        let header =
-            MessageHeader { channel_id: self.channel, sequence: self.sequence, log_time, publish_time: log_time };
-        self.mcap.write_to_known_channel(&header, &self.message).map_err(failed)?;
+        self.mcap.message(self.channel, self.sequence, log_time, &self.message);
         self.sequence = self.sequence.wrapping_add(1);
         self.pending += self.message.len() + 31;
         if self.pending >= CHUNK { self.flush() } else { Ok(()) }
@@ -253,7 +237,7 @@ impl<W: Write> LogWriter<W> {
     /// Ends the chunk and writes it.
     pub fn flush(&mut self) -> io::Result<()> {
         self.pending = 0;
-        self.mcap.flush().map_err(failed)
+        self.mcap.flush()
     }
 
     /// Bytes of samples since the last flush.
@@ -262,15 +246,7 @@ impl<W: Write> LogWriter<W> {
     }
 
     /// Writes the index and returns the output.
-    pub fn finish(mut self) -> io::Result<W> {
-        self.mcap.finish().map_err(failed)?;
-        let mut out = self.mcap.into_inner().into_inner();
-        out.flush()?;
-        Ok(out)
+    pub fn finish(self) -> io::Result<W> {
+        self.mcap.finish()
     }
-}
-
-/// The system's own error where the cause is one.
-fn failed(error: McapError) -> io::Error {
-    if let McapError::Io(error) = error { error } else { io::Error::other(error) }
 }

@@ -19,7 +19,7 @@ use hapt_core::{Batch, Lanes, Loop, Number};
 use hapt_model::{EstimatorKind, Scenario, Timing, World};
 use hapt_plant::spec::{DeviceSpec, Drive};
 use hapt_plant::{Hand, Motor, Push, VirtualDevice, change_under, slide_under, sliding_direction};
-use pulp::{Simd, WithSimd};
+use pulp::{Arch, Simd, WithSimd};
 
 use crate::energy::world_energy;
 use crate::run::{Machine, rows, script};
@@ -52,8 +52,12 @@ const STRETCH: u64 = 4096;
 type Stop<'s> = dyn Fn() -> bool + 's;
 
 /// Runs scenario number `scenario` of each world, all in one batch. An outcome is `None` where the run stops being finite, or is stopped:
-/// `stop` is asked every 4096 samples. Returns `None` where these worlds cannot run as a batch and must be run one by one.
+/// `stop` is asked every 4096 samples. Returns `None` where these worlds cannot run as a batch and must be run one by one, and on a processor
+/// without vectors of four numbers (x86 before AVX2), where that is as fast.
 pub fn run_batch(worlds: &[World; LANES], scenario: usize, stop: &Stop<'_>) -> Option<[Option<Outcome>; LANES]> {
+    if matches!(Arch::new(), Arch::Scalar) {
+        return None;
+    }
     match worlds[0].bodies.len() {
         0 | 1 => with_bodies::<1>(worlds, scenario, stop),
         2..=4 => with_bodies::<4>(worlds, scenario, stop),
@@ -72,12 +76,12 @@ fn with_bodies<const B: usize>(
     if !matches!(worlds[0].sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest) {
         let loops: Loops<B, 1> = loops(worlds)?;
         if let Some(linear) = Batch::<LANES, B, COUPLINGS, 1, 0>::new(&loops) {
-            return pulp::Arch::new().dispatch(Run::new(worlds, &linear, scenario, stop)?);
+            return Arch::new().dispatch(Run::new(worlds, &linear, scenario, stop)?);
         }
     }
     let loops: Loops<B, { WINDOW + 1 }> = loops(worlds)?;
     let any = Batch::<LANES, B, COUPLINGS, { WINDOW + 1 }, COUPLINGS>::new(&loops)?;
-    pulp::Arch::new().dispatch(Run::new(worlds, &any, scenario, stop)?)
+    Arch::new().dispatch(Run::new(worlds, &any, scenario, stop)?)
 }
 
 /// For up to `B` bodies and a window of `W` - 1.
@@ -435,6 +439,10 @@ impl<const B: usize, const W: usize, const S: usize> WithSimd for Run<'_, B, W, 
     /// The whole run, compiled once for each width of vectors.
     #[inline(always)]
     fn with_simd<V: Simd>(mut self, _: V) -> Self::Output {
+        // Not run there ([`run_batch`]), so not compiled for it: one by one, the instructions of all lanes are most of the crate's code.
+        if V::IS_SCALAR {
+            return None;
+        }
         let compiled = self.compiled;
         let mut state = compiled.start();
         let mut outcomes = [None; LANES];
