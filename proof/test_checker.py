@@ -1,0 +1,269 @@
+"""What the checker accepts, and what it refuses: python3 -m unittest discover proof"""
+
+import json
+import unittest
+
+import checker
+
+# K = 1.5, B = 1e-4: 1e-3 (1.5/2 + 1e-4/1e-3) = 8.5e-4.
+WORLD = """
+title = "a body on a spring"
+[loop]
+period = "1 ms"
+estimator = "difference"
+[device]
+inertia = "6.4e-4 kg m^2"
+damping = "8.5e-4 N m s/rad"
+[bodies.wheel]
+inertia = "0.02 kg m^2"
+[[couplings]]
+kind = "spring"
+between = ["puck", "wheel"]
+stiffness = "1 N m/rad"
+[[couplings]]
+kind = "damper"
+between = ["ground", "puck"]
+damping = "0.1 N mm s/rad"
+[[couplings]]
+kind = "wall"
+between = ["wheel", "ground"]
+side = "below"
+at = "-1 rad"
+stiffness = "30 N m/rad"
+damping = "0.2 N m s/rad"
+[[couplings]]
+kind = "wall"
+between = ["ground", "puck"]
+side = "below"
+at = "-1 rad"
+stiffness = "0.5 N m/rad"
+[scenarios.a]
+anything = "that is simulated"
+"""
+LAWS = [(0, "1", "0"), (1, "0", "1e-4"), (3, "1/2", "0")]
+
+
+def proof(theorem="energy", required="8.5e-4", damping=None, laws=LAWS, claims=("held", "free", "passive"), **times):
+    given = {"period": "1e-3", "intervals": ["0.001", "0.001"], "delay": ["0", "0"], "lag": ["0", "0"]} | times
+    witness = {"kind": "slopes", "laws": [{"coupling": i, "stiffness": k, "damping": b} for i, k, b in laws]}
+    claim = {"theorem": theorem, "times": given, "device_damping": damping or required, "required_damping": required, "witness": witness}
+    return {"format": 1, "claims": [{"claim": name} | claim for name in claims], "without_witness": [], "left_out": []}
+
+
+def code(world, proof):
+    text = proof if isinstance(proof, str) else json.dumps(proof)
+    return checker.judge(lambda: checker.check_proof(checker.World(world), text))
+
+
+# A puck alone, for the laws and the polynomial.
+def alone(loop, damping, *couplings, device=""):
+    tables = "".join(f'[[couplings]]\nbetween = ["puck", "ground"]\n{coupling}\n' for coupling in couplings)
+    return f'[loop]\nperiod = "1 ms"\n{loop}\n[device]\ninertia = 1e-3\ndamping = {damping}\n{device}\n{tables}'
+
+
+SPRING = 'kind = "spring"\nstiffness = "1 N m/rad"'
+
+
+class Checker(unittest.TestCase):
+    def accepts(self, world, proof):
+        result, sentence = code(world, proof)
+        self.assertEqual(result, 0, sentence)
+
+    def refuses(self, world, proof, expected=1):
+        result, sentence = code(world, proof)
+        self.assertEqual(result, expected, sentence)
+
+    def test_a_proof_of_the_world_is_accepted(self):
+        self.accepts(WORLD, proof())
+
+    def test_less_damping_than_the_theorem_requires_is_refused(self):
+        for less in ("8.4999999e-4", "8.49999999999e-4", "0", "-8.5e-4", "-1"):
+            self.refuses(WORLD.replace('"8.5e-4 N', f'"{less} N'), proof())
+            self.refuses(WORLD.replace('"8.5e-4 N', f'"{less} N'), proof(damping=less))
+            self.refuses(WORLD.replace('"8.5e-4 N', f'"{less} N'), proof(required=less))
+
+    def test_a_change_of_the_world_that_the_proof_does_not_cover_is_refused(self):
+        changes = [
+            ('"1 N m/rad"', '"1.00001 N m/rad"'),
+            ('"1 N m/rad"', '"-1 N m/rad"'),
+            ('"1 N m/rad"', '"1 N m"'),
+            ('"1 N m/rad"', '"1 N m/deg"'),
+            ('"1 N m/rad"', '"1 N m/rad ± 1 %"'),
+            ('"1 N m/rad"', "nan"),
+            ('"1 N m/rad"', "inf"),
+            ('"1 N m/rad"', '"inf N m/rad"'),
+            ('"1 N m/rad"', "true"),
+            ('"1 N m/rad"', "1979-05-27"),
+            ('"1 N m/rad"', '"1e99999999999999999999 N m/rad"'),
+            ('"1 N m/rad"', '"１ N m/rad"'),
+            ('"1 N m/rad"', '["1 N m/rad"]'),
+            ('"1 N m/rad"', "2"),
+            ('"0.1 N mm s/rad"', '"0.2 N mm s/rad"'),
+            ('"0.1 N mm s/rad"', '"compensating"'),
+            ('"-1 rad"\nstiffness = "0.5', '"-1 rad"\nstiffness = "0.6'),
+            ('"-1 rad"\nstiffness = "0.5', '"-1 rad"\ndamping = "1e-9 N m s/rad"\nstiffness = "0.5'),
+            ('side = "below"', 'side = "left"'),
+            ('"1 ms"', '"1.1 ms"'),
+            ('"1 ms"', '"1 Ms"'),
+            ('"1 ms"', '"1 samples"'),
+            ('["puck", "wheel"]', '["puck", "weel"]'),
+            ('["puck", "wheel"]', '["puck", "puck"]'),
+            ('["puck", "wheel"]', '["puck", "measured"]'),
+            ('["puck", "wheel"]', '["puck", "wheel", "ground"]'),
+            ('["puck", "wheel"]', '["wheel", "ground"]'),
+            ('["wheel", "ground"]', '["wheel", "puck"]'),
+            ("[bodies.wheel]", "[bodies.ground]"),
+            ("[bodies.wheel]", '[bodies."a b"]'),
+            ("[bodies.wheel]", "[bodies.wheel]\nspin = 1"),
+            ('"0.02 kg m^2"', '"-0.02 kg m^2"'),
+            ('kind = "spring"', 'kind = "springs"'),
+            ('kind = "spring"', 'kind = "spring"\ndamping = 1'),
+            ('kind = "spring"', 'kind = "friction"\ntorque = 1'),
+            ('kind = "spring"', 'kind = "texture"\ntorque = 1'),
+            ("title =", "titel ="),
+            ("[scenarios.a]", "[stations.a]"),
+            ('"difference"', '"exact"'),
+            ('"difference"', '"foaw"'),
+            ('"difference"', '"low-pass"'),
+            ('"difference"', '"low-pass"\ncutoff = "50 Hz"'),
+        ]
+        for before, after in changes:
+            self.assertIn(before, WORLD)
+            with self.subTest(after=after):
+                self.refuses(WORLD.replace(before, after, 1), proof())
+
+    def test_a_key_of_loop_or_device_that_the_proof_does_not_cover_is_refused(self):
+        for key in (
+            'output = "start"', 'output = "middle"', 'method = "rk4"', 'method = "tustin"', 'method = "forward-euler"', "advance = 1",
+            "advance = true", "advance = 0.5", "bodies_every = 2", 'delay = "1e-9 s"', 'delay = "0.5 samples"', 'delay = "1 sample"',
+            'delay_max = "1 us"', 'delay = "-1 us"', 'interval_max = "1.8 ms"', 'interval_max = "0.9 ms"', "horizon = 3",
+        ):  # fmt: skip
+            with self.subTest(key=key):
+                self.refuses(WORLD.replace("[loop]", f"[loop]\n{key}"), proof())
+        for key in ('lag = "0.1 ms"', "backlash = 1", "levels = 2048", "encoder = 4000", "encoder = -1", 'limit = "1 N m"', "handle = {}"):
+            with self.subTest(key=key):
+                self.refuses(WORLD.replace("[device]", f"[device]\n{key}"), proof())
+        for table in ("network = 1", "[device.handle]\ninertia = 0\nstiffness = 1", "[device.handle]\ninertia = 1e-3\nstiffness = 1\nmass = 1"):
+            with self.subTest(table=table):
+                self.refuses(WORLD.replace('title = "a body on a spring"', table), proof())
+
+    def test_what_changes_no_claim_is_accepted(self):
+        for before, after in [
+            ('"1 N m/rad"', "1"),
+            ('"1 N m/rad"', '"1000 N·mm/rad"'),
+            ('"1 N m/rad"', '"1 kg m²/s²/rad"'),
+            ('"1 N m/rad"', '"1 N m/(rad/s)/s"'),
+            ('["puck", "wheel"]', '["wheel", "puck"]'),
+            ('"0.02 kg m^2"', '"0.02 N m s^2/rad"'),
+            ("[loop]", '[loop]\nmethod = "trapezoidal"\noutput = "end"\ndelay = "0 samples"'),
+            ("[loop]", '[loop]\nmethod = "backward-euler"'),
+            ('kind = "spring"', 'kind = "spring"\nlimit = "1 N m"'),
+            ("[bodies.wheel]", '[device.handle]\ninertia = 1e-3\nstiffness = "100 N m/rad"\n[bodies.wheel]'),
+            ('"8.5e-4 N m s/rad"', '"1e-3 N m s/rad +- 15 %"'),
+            ('"8.5e-4 N m s/rad"', '"1e-3 ± 0.15e-3 N m s/rad"'),
+            ('"8.5e-4 N m s/rad"', '"1e-3 N m s/rad +/- 0.15 N mm s/rad"'),
+        ]:
+            with self.subTest(after=after):
+                self.assertIn(before, WORLD)
+                self.accepts(WORLD.replace(before, after, 1), proof())
+
+    def test_a_tolerance_counts_with_its_least_damping_and_its_largest_lag(self):
+        self.refuses(WORLD.replace('"8.5e-4 N m s/rad"', '"1e-3 N m s/rad ± 15.1 %"'), proof())
+        for wrong in ("1e-3 N m s/rad ± 150 %", "1e-3 N m s/rad ± -15 %", "1e-3 ± 15", "1e-3 N m s/rad ± 0.1 N m", "± 15 %"):
+            self.refuses(WORLD.replace('"8.5e-4 N m s/rad"', f'"{wrong}"'), proof())
+
+    def test_what_the_claims_leave_out_of_the_device_is_named(self):
+        world = WORLD.replace("[device]", '[device]\nlimit = "1 N m"\nencoder = 4000')
+        self.refuses(world, proof())
+        self.accepts(world, proof() | {"left_out": ["encoder", "limit"]})
+        self.refuses(WORLD, proof() | {"left_out": ["encoder"]})
+
+    def test_a_compensating_damper_counts_with_the_springs_between_its_ends(self):
+        springs = '[[couplings]]\nkind = "spring"\nbetween = ["{}", "{}"]\nstiffness = 2\n'
+        damper = '[[couplings]]\nkind = "damper"\nbetween = ["{}", "{}"]\ndamping = "compensating"\n'
+        ends = WORLD[: WORLD.index("[[couplings]]")]
+
+        def required(first, *rest):
+            return ends + springs.format(*first) + springs.format("wheel", "ground") + "".join(damper.format(*e) for e in rest)
+
+        # T K: 2e-3 between puck and wheel; a damper from the wheel to ground counts at no puck.
+        self.accepts(
+            required(("puck", "wheel"), ("wheel", "puck")).replace("8.5e-4", "3e-3"),
+            proof(required="3e-3", laws=[(0, "2", "0"), (2, "0", "2e-3")]),
+        )
+        self.accepts(required(("puck", "wheel"), ("wheel", "ground")).replace("8.5e-4", "1e-3"), proof(required="1e-3", laws=[(0, "2", "0")]))
+        self.refuses(required(("puck", "wheel"), ("ground", "puck")), proof(required="1e-3", laws=[(0, "2", "0")]))
+
+    def test_uneven_intervals_count_with_the_longest(self):
+        world = WORLD.replace("[loop]", '[loop]\ninterval_max = "2 ms"').replace("8.5e-4", "1.7e-3")
+        self.accepts(world, proof(required="1.7e-3", intervals=["0", "2e-3"]))
+        self.refuses(world, proof(required="1.7e-3", intervals=["1e-3", "2e-3"]))
+        self.refuses(world, proof(required="8.5e-4", damping="1.7e-3", intervals=["1e-3", "1e-3"]))
+        # The longest equal to the period is still every pattern of intervals.
+        world = WORLD.replace("[loop]", '[loop]\ninterval_max = "1 ms"')
+        self.accepts(world, proof(intervals=["0", "1e-3"]))
+        self.refuses(world, proof())
+
+    def test_a_proof_that_is_not_of_its_form_is_refused(self):
+        for change in (
+            {"format": 2}, {"format": True}, {"claims": []}, {"claims": {}}, {"claims": [1]}, {"extra": 1}, {"without_witness": [{"claim": "held"}]},
+            {"without_witness": [{"claim": "held", "theorem": "held-energy"}]},
+        ):  # fmt: skip
+            self.refuses(WORLD, proof() | change)
+        for claims in (("certified",), ("held", "held")):
+            self.refuses(WORLD, proof(claims=claims))
+        for theorem in ("laws", "linear", "held", "", None):
+            self.refuses(WORLD, proof(theorem=theorem))
+        for laws in (LAWS[:2], LAWS[::-1], LAWS + LAWS[:1], [(2, "30", "0.2")] + LAWS, [(True, "1", "0")] + LAWS[1:]):
+            self.refuses(WORLD, proof(laws=laws))
+        for number in ("nan", "inf", "1e-3 ", "+1", "01", "1_0", "1/0", "0x1", "١", "1e999999999", ""):
+            self.refuses(WORLD, proof(period=number))
+        text = json.dumps(proof())
+        self.refuses(WORLD, text.replace('"8.5e-4"', "8.5e-4"))
+        self.refuses(WORLD, text.replace('"format": 1', '"format": 1, "format": 1'))
+        self.refuses(WORLD, text.replace('"format": 1', '"format": NaN'))
+        self.refuses(WORLD, text[:-1], 2)
+        self.refuses(WORLD, "[" * 100000, 2)
+        self.refuses(WORLD, "[]")
+
+    def test_a_file_that_is_no_world_cannot_be_read(self):
+        for world in ("[loop", WORLD + WORLD, WORLD.replace('"1 ms"', '"1 ms"\nperiod = "1 ms"'), "\ufeff" + WORLD, "x = [" * 50000):
+            self.refuses(world, proof(), 2)
+        self.refuses("", proof())
+
+    def test_laws_at_the_puck_under_a_delay_need_more(self):
+        # K T (1/2 + 2)
+        late = {"theorem": "laws", "delay": ["2e-3", "0.002"], "laws": [(0, "1", "0")]}
+        self.accepts(alone('delay = "2 samples"', 2.5e-3, SPRING), proof(required="2.5e-3", **late))
+        self.accepts(alone('delay = "2 ms"', 2.5e-3, SPRING), proof(required="2.5e-3", **late))
+        self.refuses(alone('delay = "2.001 ms"', 2.5e-3, SPRING), proof(required="2.5e-3", **late))
+        self.refuses(alone('delay = "2 ms"\ndelay_max = "3 ms"', 2.5e-3, SPRING), proof(required="2.5e-3", **late))
+        self.refuses(alone('delay = "2 ms"\ninterval_max = "1 ms"', 2.5e-3, SPRING), proof(required="2.5e-3", **late))
+        self.refuses(alone('delay = "2 ms"', 2.5e-3, SPRING, device="lag = 1e-9"), proof(required="2.5e-3", **late))
+        self.refuses(alone('delay = "2 ms"', 2.5e-3, SPRING, 'kind = "constant"\ntorque = 1'), proof(required="2.5e-3", **late))
+
+    def test_a_polynomial_needs_its_own_coefficients_and_intervals(self):
+        # A spring and a damper behind one sample: with s, K T (3/2 - 2 s) - B (1 - 8 s + 8 s²), K T = 1e-3, B = 2e-4, is largest at 0.
+        world = alone('estimator = "difference"\ndelay = "1 ms"', 1.3e-3, SPRING, 'kind = "damper"\ndamping = 2e-4')
+        witness = {"kind": "polynomial", "coefficients": ["1.3e-3", "-4e-4", "-1.6e-3"], "filter": "0", "intervals": ["0", "1"]}
+
+        def of(required="1.3e-3", **change):
+            whole = proof("linear", required, damping="1.3e-3", delay=["1e-3", "1e-3"])
+            for claim in whole["claims"]:
+                claim["witness"] = witness | change
+            return whole
+
+        self.accepts(world, of())
+        self.accepts(world, of(intervals=["0", "0.25", "1/2", "1"]))
+        for required in ("1.29999e-3", "1.30001e-3", "1e-3", "0", "-1"):
+            self.refuses(world, of(required))
+        for intervals in (["0"], ["0", "0.5"], ["0.5", "1"], ["0", "0.3", "1"], ["0", "0.25", "1"], ["0", "1", "1"], ["0", "1", "0.5", "1"], []):
+            self.refuses(world, of(intervals=intervals))
+        for change in ({"filter": "1"}, {"coefficients": ["1.3e-3", "-4e-4"]}, {"coefficients": ["1.3e-3", "-4e-4", "-1.7e-3"]}, {"kind": "slopes"}):
+            self.refuses(world, of(**change))
+        self.refuses(world.replace('"1 ms"\n[device]', '"1.5 ms"\n[device]'), of())
+        self.refuses(world.replace('kind = "damper"', 'kind = "damper"\nlimit = 1'), of())
+
+
+if __name__ == "__main__":
+    unittest.main()
