@@ -473,6 +473,7 @@ class World:
         top.close()
         if type(couplings) is not list:
             raise Refused("couplings is not a list of tables")
+        self.found = {}  # what each theorem requires, once it has been asked
         self.couplings = [Coupling(Table(f"couplings.{i}", table, is_linear), ends) for i, table in enumerate(couplings)]
         for index, coupling in enumerate(self.couplings):
             if coupling.compensates:
@@ -575,8 +576,9 @@ class World:
 
     def needs_mean_velocity(self):
         """A damping at the puck takes the mean velocity of earlier intervals, and not that of one instant."""
-        takes = any(coupling.damping.high > 0 for _, coupling in self.at_puck())
-        if self.estimator.startswith("foaw") or (self.estimator == "exact" and takes):
+        if all(coupling.damping.high == 0 for _, coupling in self.at_puck()):
+            return
+        if self.estimator not in ("difference", "low-pass"):
             raise Refused(f"the estimator {self.estimator} gives a damping at the puck a velocity that no theorem here covers")
         if self.estimator == "low-pass" and not all(coupling.is_linear() for coupling in self.couplings):
             raise Refused("a velocity from a low-pass beside nonlinear couplings is covered by no theorem here")
@@ -599,7 +601,20 @@ class World:
 
 def energy(world):
     """(T24), (T40): the step does not raise the energy while the puck is held, and the torque is that of its end."""
-    if world.method not in ENERGY_METHODS or world.output != "end" or world.advance or world.bodies_every != 1:
+    if world.bodies_every != 1:
+        raise Refused("the energy theorem is about bodies that step at every sample")
+    return of_energy(world)
+
+
+def two_rates(world):
+    """(T62): the same with bodies that step at every n-th sample, where only laws of the position join puck and bodies."""
+    if any(coupling.is_at("puck") and coupling.is_at_body() and coupling.damping.high > 0 for coupling in world.couplings):
+        raise Refused("bodies at a slower rate are covered where no damping stands between them and the puck")
+    return of_energy(world)
+
+
+def of_energy(world):
+    if world.method not in ENERGY_METHODS or world.output != "end" or world.advance:
         raise Refused("the energy theorem is about zoh, trapezoidal and backward-euler with the torque of the end of each step")
     if not world.comes_at_once():
         raise Refused("the energy theorem is about a torque that comes at once, and this one has a delay or a lag")
@@ -813,18 +828,26 @@ def check_polynomial(world, witness, found, claim):
         raise Refused(f"the required damping is {shown(required)} in the proof, and less is enough")
 
 
-THEOREMS = {"energy": (energy, check_slopes), "laws": (laws, check_slopes), "linear": (requirement, check_polynomial)}
+THEOREMS = {
+    "energy": (energy, check_slopes),
+    "two-rates": (two_rates, check_slopes),
+    "laws": (laws, check_slopes),
+    "linear": (requirement, check_polynomial),
+}
 CLAIMS = ("held", "free", "passive")
 
 
-def check_claim(world, claim, known):
+STATUS = ("certified", "open", "refuted")
+
+
+def check_claim(world, claim):
     keys = ("claim", "theorem", "times", "device_damping", "required_damping", "witness")
     name, theorem, times_of, damping, _, witness = with_keys(claim, keys, "a claim")
     if name not in CLAIMS or theorem not in THEOREMS:
         raise Refused(f"the claim {name!r} by the theorem {theorem!r} is not known here")
     rule, check = THEOREMS[theorem]
-    if theorem not in known:
-        known[theorem] = rule(world)
+    if theorem not in world.found:
+        world.found[theorem] = rule(world)
     period, *ranges = with_keys(times_of, ("period", "intervals", "delay", "lag"), "times")
     same(period, world.period, "the period")
     own = [(world.period if world.is_even else ZERO, world.longest), world.delay, world.lag]
@@ -834,7 +857,7 @@ def check_claim(world, claim, known):
         same(given[0], pair[0], f"the least {what}")
         same(given[1], pair[1], f"the largest {what}")
     same(damping, world.damping, "the device's damping")
-    check(world, witness, known[theorem], claim)
+    check(world, witness, world.found[theorem], claim)
 
 
 def check_proof(world, text):
@@ -853,7 +876,7 @@ def check_proof(world, text):
         proof = json.loads(text, object_pairs_hook=unique, parse_float=no_float, parse_constant=no_float)
     except (ValueError, RecursionError) as error:
         raise Unreadable(f"the proof is not JSON: {error}") from None
-    form, claims, without, left_out = with_keys(proof, ("format", "claims", "without_witness", "left_out"), "the proof")
+    form, status, claims, without, left_out = with_keys(proof, ("format", "status", "claims", "without_witness", "left_out"), "the proof")
     if type(form) is not int or form != 1 or type(claims) is not list or type(without) is not list:
         raise Refused("the proof is not of format 1")
     if left_out != world.left_out:
@@ -865,12 +888,13 @@ def check_proof(world, text):
     names = [claim.get("claim") if type(claim) is dict else None for claim in claims + without]
     if len(names) != len(set(map(str, names))):
         raise Refused("the proof has a claim twice")
+    if status not in STATUS or (status == "certified" and len(names) != len(CLAIMS)):
+        raise Refused(f"the status {status!r} does not go with the claims")
     if not claims:
         raise Refused("no claim of the proof has a witness")
-    known = {}
     for claim in claims:
         try:
-            check_claim(world, claim, known)
+            check_claim(world, claim)
         except Refused as reason:
             raise Refused(f"{claim.get('claim') if type(claim) is dict else 'a claim'}: {reason}") from None
     said = ", ".join(f"{claim['claim']} by {claim['theorem']}" for claim in claims)

@@ -47,7 +47,7 @@ def proof(theorem="energy", required="8.5e-4", damping=None, laws=LAWS, claims=(
     given = {"period": "1e-3", "intervals": ["0.001", "0.001"], "delay": ["0", "0"], "lag": ["0", "0"]} | times
     witness = {"kind": "slopes", "laws": [{"coupling": i, "stiffness": k, "damping": b} for i, k, b in laws]}
     claim = {"theorem": theorem, "times": given, "device_damping": damping or required, "required_damping": required, "witness": witness}
-    return {"format": 1, "claims": [{"claim": name} | claim for name in claims], "without_witness": [], "left_out": []}
+    return {"format": 1, "status": "certified", "claims": [{"claim": name} | claim for name in claims], "without_witness": [], "left_out": []}
 
 
 def code(world, proof):
@@ -194,6 +194,14 @@ class Checker(unittest.TestCase):
         self.accepts(required(("puck", "wheel"), ("wheel", "ground")).replace("8.5e-4", "1e-3"), proof(required="1e-3", laws=[(0, "2", "0")]))
         self.refuses(required(("puck", "wheel"), ("ground", "puck")), proof(required="1e-3", laws=[(0, "2", "0")]))
 
+    def test_bodies_at_a_slower_rate_may_have_no_damping_to_the_puck(self):
+        world = WORLD.replace("[loop]", "[loop]\nbodies_every = 3")
+        self.refuses(world, proof())
+        self.accepts(world, proof("two-rates"))
+        self.accepts(world.replace('"difference"', '"foaw"').replace('["ground", "puck"]\ndamping', '["ground", "wheel"]\ndamping'),
+                     proof("two-rates", "7.5e-4", "8.5e-4", [LAWS[0], LAWS[2]]))  # fmt: skip
+        self.refuses(world.replace('["ground", "puck"]\ndamping', '["wheel", "puck"]\ndamping'), proof("two-rates"))
+
     def test_uneven_intervals_count_with_the_longest(self):
         world = WORLD.replace("[loop]", '[loop]\ninterval_max = "2 ms"').replace("8.5e-4", "1.7e-3")
         self.accepts(world, proof(required="1.7e-3", intervals=["0", "2e-3"]))
@@ -206,7 +214,7 @@ class Checker(unittest.TestCase):
 
     def test_a_proof_that_is_not_of_its_form_is_refused(self):
         for change in (
-            {"format": 2}, {"format": True}, {"claims": []}, {"claims": {}}, {"claims": [1]}, {"extra": 1}, {"without_witness": [{"claim": "held"}]},
+            {"format": 2}, {"status": "proved"}, {"status": None}, {"claims": proof()["claims"][:2]}, {"format": True}, {"claims": []}, {"claims": {}}, {"claims": [1]}, {"extra": 1}, {"without_witness": [{"claim": "held"}]},
             {"without_witness": [{"claim": "held", "theorem": "held-energy"}]},
         ):  # fmt: skip
             self.refuses(WORLD, proof() | change)
