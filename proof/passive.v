@@ -222,7 +222,6 @@ Qed.
 (** * Every hand, every pattern of intervals up to [L]: (T24), (T40) *)
 
 Variables (b L : R).
-Hypothesis HL : 0 < L.
 Hypothesis Hb : L * ((K0 + k + KP) / 2 + (B + c) / T) <= b.
 
 (** The puck at the samples, the body, the torques of dampers and walls; the intervals; the puck's kinetic energy; what its damping takes.
@@ -282,6 +281,65 @@ Proof.
 Qed.
 
 End Body.
+
+(** * A wheel on a spring and a damper, and a damped wall for the puck: the above in numbers *)
+
+Section Wheel.
+
+Variables (T J k c kw bw at_ b L : R).
+Hypotheses (HT : 0 < T) (HJ : 0 <= J) (Hk : 0 <= k) (Hc : 0 <= c) (Hkw : 0 <= kw) (Hbw : 0 <= bw).
+Hypothesis Hb : L * ((kw + k) / 2 + (bw + c) / T) <= b.
+
+(** Pushes while the puck is beyond its face, and never pulls. *)
+Definition wall (q u : R) : R := if Rlt_dec 0 (q - at_) then Rmax 0 (kw * (q - at_) + bw * u) else 0.
+
+Lemma wall_and_spring (q u : R) : Rabs (kw * depth at_ q - wall q u) <= bw * Rabs u.
+Proof.
+  pose proof (Rabs_pos u). unfold wall, depth. destruct (Rlt_dec 0 (q - at_)) as [H0 | H0].
+  - rewrite (Rmax_right 0 (q - at_)) by lra. rewrite Rabs_minus_sym. apply damped_wall; assumption.
+  - rewrite (Rmax_left 0 (q - at_)) by lra. replace (kw * 0 - 0) with 0 by ring. rewrite Rabs_R0. nra.
+Qed.
+
+Variables (z w v h kinetic loss : nat -> R).
+Let u (n : nat) : R := mean T z n.
+
+(** The trapezoidal rule for the wheel, the puck held at its sample with the velocity that the difference gives. *)
+Hypothesis Hw : forall n, w (S n) - w n = T * ((v n + v (S n)) / 2).
+Hypothesis Hv : forall n, J * (v (S n) - v n) = T * (k * (z n - (w n + w (S n)) / 2) - c * ((v n + v (S n)) / 2 - u n)).
+Hypothesis Hh : forall n, 0 < h n <= L.
+Hypothesis Hloss : forall n, b * (way z n * way z n) <= loss n * h n.
+Hypothesis Hkin : forall n, 0 <= kinetic n.
+
+(** The torque on the puck that the loop commands at sample [n]. *)
+Definition commanded (n : nat) : R := k * (w (S n) - z n) + c * ((w (S n) - w n) / T - u n) - wall (z n) (u n).
+
+Fixpoint hand (n : nat) : R :=
+  match n with O => 0 | S n => hand n + (kinetic (S n) - kinetic n + loss n - commanded n * way z n) end.
+
+Theorem wheel_is_passive (n : nat) :
+  - (kinetic 0%nat + J * v 0%nat * v 0%nat / 2 + k * (z 0%nat - w 0%nat) * (z 0%nat - w 0%nat) / 2
+     + kw * depth at_ (z 0%nat) * depth at_ (z 0%nat) / 2) <= hand n.
+Proof.
+  pose (none := fun _ : R => 0).
+  pose (r := fun n => kw * depth at_ (z n) - wall (z n) (u n)).
+  assert (Hnone : rises_by 0 none none) by (intros q d; unfold none; lra).
+  pose proof (passive T J k c 0 none none HT HJ Hk Hc (Rle_refl 0) kw 0 bw
+                (fun q => kw * depth at_ q * depth at_ q / 2) (fun q => kw * depth at_ q) none
+                (wall_rises kw at_ Hkw) Hnone Hkw (Rle_refl 0) Hbw b L) as H.
+  specialize (H ltac:(replace (kw + k + 0) with (kw + k) by ring; exact Hb) z w v r h kinetic loss).
+  specialize (H (fun n => trapezoidal_does_not_gain T J k c 0 0 none none HT (Rle_refl 0)
+                   (z n) (u n) (w n) (v n) (w (S n)) (v (S n)) 0 0
+                   ltac:(unfold takes, none; lra) ltac:(unfold takes, none; lra) (Hw n) ltac:(rewrite Hv; ring))).
+  specialize (H (fun n => wall_and_spring (z n) (u n)) Hh Hloss Hkin).
+  assert (Hwall : forall q, 0 <= kw * depth at_ q * depth at_ q / 2) by (intro q; pose proof (weighted_square kw (depth at_ q) Hkw); lra).
+  specialize (H Hwall (fun _ => Rle_refl 0) (fun _ => Rle_refl 0) n).
+  assert (Hsame : hand n = total T k c (fun q => kw * depth at_ q) none z w r kinetic loss n).
+  { clear H. induction n as [| m IH]; [reflexivity |]. cbn [hand total]. rewrite IH. f_equal.
+    unfold work, torque, commanded, r, none, u. ring. }
+  rewrite Hsame. unfold energy, stored in H. subst none. cbv beta in *. lra.
+Qed.
+
+End Wheel.
 
 (** * A delay of whole samples: (T35) *)
 
@@ -409,4 +467,5 @@ End Delay.
 
 Print Assumptions law_of_slope.
 Print Assumptions passive.
+Print Assumptions wheel_is_passive.
 Print Assumptions passive_late.
