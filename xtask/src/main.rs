@@ -19,6 +19,7 @@ mod memory;
 mod notes;
 mod packages;
 mod page;
+mod proof;
 mod python;
 mod reference;
 mod site;
@@ -42,6 +43,7 @@ cargo xtask test      format, lints, tests, docs, every world file, proofs, docu
 cargo xtask notes     the notes' numbers as a table; with --write, into docs/notes.md
 cargo xtask figure    the documents' pictures, from the runs' CSV, into docs/images
 cargo xtask truth     the certificate against brute force, on random loops: [--n N] [--seed S] [--minutes M]; --write: docs/truth.md
+cargo xtask proof     the proofs of random worlds before proof/checker.py, and Coq's file: [--n N] [--seed S]
 cargo xtask patterns  the same under patterns of intervals and delays
 cargo xtask networks  the same of stations joined by links
 cargo xtask wheel     random sets of effects on random force-feedback wheels, hands off: [--n N] [--seed S]; --write: docs/wheel.md
@@ -91,6 +93,7 @@ fn main() -> Result<()> {
         ["fuzz", ref arguments @ ..] => fuzz::run(arguments),
         ["memory", samples] => memory::command(samples),
         ["truth", ref arguments @ ..] => truth::command(arguments),
+        ["proof", ref arguments @ ..] => proof::command(arguments),
         ["patterns", ref arguments @ ..] => truth::patterns(arguments),
         ["networks", ref arguments @ ..] => truth::networks(arguments),
         ["wheel", "latency", ref arguments @ ..] => wheel_latency::command(arguments),

@@ -16,7 +16,8 @@ use serde_json::Value;
 
 use crate::steps::{Step, Tally};
 use crate::{
-    book, deps, faults, figure, fmi, fuzz, identify, licences, links, memory, notes, page, python, tools, truth, vm,
+    book, deps, faults, figure, fmi, fuzz, identify, licences, links, memory, notes, page, proof, python, tools, truth,
+    vm,
 };
 
 /// The one in which every test is built, xtask too (`.cargo/config.toml`).
@@ -90,6 +91,8 @@ pub fn run() -> Result<()> {
         Step::check("the page's core gives the same bits", page::same_bits),
         Step::check("the page is what its sources build to", page::is_current),
         Step::check("the certificate holds against brute force", truth::holds),
+        Step::check("proofs hold before an independent checker", proof::holds),
+        Step::check("theorems hold before Coq", proof::is_checked_by_coq),
         Step::check("hapt-core cannot panic", cannot_panic),
         Step::check("memory stays bounded", memory::is_bounded),
         Step::check("licences and sources", deps::licences),

@@ -6,7 +6,7 @@
 //! | folder | contents |
 //! | --- | --- |
 //! | [`network`] | [`check_network()`]: the passivity of stations joined by links |
-//! | [`certificate`] | [`check()`] of a world, [`is_certified`], [`remedies()`] and their [`proposal()`] as lines for the file |
+//! | [`certificate`] | [`check()`] of a world, [`is_certified`], [`proof()`] for others to check, [`remedies()`] and their [`proposal()`] as lines for the file |
 //! | [`theorems`] | the [`theorems::Theorem`]s that claim [`passivity()`] and [`uneven()`], and nothing else does: [`Claimed`] |
 //! | [`passivity`](mod@passivity) | the damping that passivity against every passive hand requires, [`quantisation()`], [`worst_grip()`] |
 //! | [`boundary`] | stability boundaries in a plane of two parameters: [`Decomposition`], [`z_width()`] |
@@ -74,6 +74,7 @@ pub use boundary::d_decomposition::{Decomposition, Keys, Line};
 pub use boundary::z_width::{self, ZWidth, z_width};
 pub use certificate::check::{Check, Status, TheoremUse, check, quick_check};
 pub use certificate::is_certified;
+pub use certificate::proof::{self, Proof, proof};
 pub use certificate::proposal::{self, Proposal, Remedy, proposal};
 pub use certificate::remedies::{Remedies, remedies};
 pub use design::{Design, closed_form};

@@ -7,17 +7,31 @@ use crate::args::CheckArgs;
 use crate::colour;
 use crate::failure::Failure;
 use crate::network;
-use crate::world::{Loaded, source};
+use crate::output;
+use crate::world::{Loaded, files, source};
+use crate::worst::{begin, write};
 
 pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
     let source = source(&args.world.path)?;
     if hapt_model::is_network(&source) {
+        if args.proof.is_some() {
+            let message = "--proof: a network has no proof file; expected a world, such as that of one of its stations";
+            return Err(Failure::input(message));
+        }
         return network::check(&source, args);
     }
     let loaded = Loaded::of(source, &args.world)?;
+    output::apart(&output::given(&[("--proof", &args.proof)]), &files(&args.world.path, &loaded.world))?;
+    // An invalid output file is reported before the work.
+    let draft = args.proof.as_deref().map(begin).transpose()?;
     let mut check = hapt_analysis::check(&loaded.world)?;
     if !args.no_remedies {
         check.remedies = Some(hapt_analysis::remedies(&loaded.world)?);
+    }
+    if let Some((path, draft)) = args.proof.as_deref().zip(draft) {
+        let proof = hapt_analysis::proof(&loaded.world, &check)?;
+        let json = serde_json::to_string_pretty(&proof).map_err(|error| Failure::System(error.to_string()))?;
+        write([((path, draft), json + "\n")].into_iter())?;
     }
     let text = if args.json {
         let json = serde_json::to_string_pretty(&check).map_err(|error| Failure::System(error.to_string()))?;

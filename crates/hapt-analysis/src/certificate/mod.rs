@@ -2,6 +2,7 @@
 
 mod certified;
 pub mod check;
+pub mod proof;
 pub mod proposal;
 pub mod remedies;
 pub(crate) mod rounding;

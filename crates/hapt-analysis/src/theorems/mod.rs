@@ -14,6 +14,7 @@ pub(crate) mod free;
 pub(crate) mod passivity;
 pub(crate) mod stable;
 pub(crate) mod uneven;
+pub(crate) mod witness;
 
 use std::fmt;
 

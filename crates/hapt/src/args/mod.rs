@@ -56,6 +56,7 @@ Examples:
 Examples:
   hapt check wheel.toml                              exit code 1 when refused
   hapt check wheel.toml --json                       in numbers
+  hapt check wheel.toml --proof proof.json           what others can check it by
   hapt check wheel.toml --set loop.method=trapezoidal")]
     Check(CheckArgs),
     /// Compute stiffness, inertia and compensating damping from a specification, as a world file.

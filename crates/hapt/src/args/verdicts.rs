@@ -16,6 +16,9 @@ pub struct CheckArgs {
     /// Print the numbers as JSON.
     #[arg(long)]
     pub json: bool,
+    /// Write what makes its claims checkable without hapt here.
+    #[arg(long, value_name = "FILE.json")]
+    pub proof: Option<PathBuf>,
 }
 
 #[derive(Debug, clap::Args)]
