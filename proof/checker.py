@@ -733,7 +733,7 @@ def same(text, own, what, of=None):
 
 
 def shown(number):
-    return f"{float(number):.17g}"
+    return f"{float(number):.17g}" if abs(number) < 10**300 else "beyond 1e300"
 
 
 NUMBER = re.compile(r"(-?)((?:0|[1-9][0-9]*)(?:\.[0-9]+)?)(?:[eE]([+-]?[0-9]+))?")

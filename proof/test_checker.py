@@ -224,7 +224,7 @@ class Checker(unittest.TestCase):
             self.refuses(WORLD, proof(theorem=theorem))
         for laws in (LAWS[:2], LAWS[::-1], LAWS + LAWS[:1], [(2, "30", "0.2")] + LAWS, [(True, "1", "0")] + LAWS[1:]):
             self.refuses(WORLD, proof(laws=laws))
-        for number in ("nan", "inf", "1e-3 ", "+1", "01", "1_0", "1/0", "0x1", "١", "1e999999999", ""):
+        for number in ("nan", "inf", "1e-3 ", "+1", "01", "1_0", "1/0", "0x1", "١", "1e999999999", "1e1400", "-1e1400", ""):
             self.refuses(WORLD, proof(period=number))
         text = json.dumps(proof())
         self.refuses(WORLD, text.replace('"8.5e-4"', "8.5e-4"))

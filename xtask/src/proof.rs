@@ -12,7 +12,9 @@ use std::time::Instant;
 use anyhow::{Context, Result, ensure};
 use fastrand::Rng;
 use hapt_core::Side;
-use hapt_model::{Body, Coupling, Damping, Delay, End, EstimatorKind, Law, Method, Output, Source, World};
+use hapt_model::{
+    Body, Coupling, Damping, Delay, End, EstimatorKind, Handle, Law, Method, Motion, Output, Source, World,
+};
 use rayon::prelude::*;
 use serde_json::Value;
 
@@ -298,6 +300,13 @@ fn random(rng: &mut Rng) -> World {
     if kind == 1 && rng.u8(..3) == 0 {
         world.device.lag = period * log_uniform(rng, -2.0, 1.0);
         world.device.tolerances.lag = if rng.bool() { 0.0 } else { 0.2 };
+    }
+    if rng.u8(..4) == 0 {
+        world.motion = Motion::Linear;
+    }
+    if rng.u8(..8) == 0 {
+        world.device.handle =
+            Some(Handle { inertia: world.device.inertia, stiffness: log_uniform(rng, 1.0, 3.0), damping: 0.0 });
     }
     if rng.u8(..4) == 0 {
         world.device.limit = Some(1.0);

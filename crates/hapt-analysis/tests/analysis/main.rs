@@ -17,4 +17,5 @@ mod published;
 mod remedies;
 mod side;
 mod two_rates;
+mod witnesses;
 mod z_width;

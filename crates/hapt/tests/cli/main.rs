@@ -25,6 +25,7 @@ mod lookups;
 mod network;
 mod odrive;
 mod outputs;
+mod proof;
 mod realtime;
 mod refusals;
 mod report;
