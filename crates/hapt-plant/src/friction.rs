@@ -94,6 +94,11 @@ impl Friction<'_> {
         [y[X], y[V]]
     }
 
+    /// The motor's lag in s where it has not settled, else 0.
+    fn lag(&self, y: &Motion) -> f64 {
+        if y[GAP] != 0.0 { 1.0 / self.plant.decay } else { 0.0 }
+    }
+
     fn direction(&self, y: &Motion) -> f64 {
         sliding_direction(y[V], self.net(y), self.level, self.torques(y))
     }
@@ -122,10 +127,16 @@ impl Friction<'_> {
         if self.plant.slides_freely(y) {
             return self.plant.free_stop(sliding[V], sliding[F]).filter(|stop| *stop < dt);
         }
-        first_crossing(Slices::new(self.plant, dt, y), |t| {
+        let course = |t| {
             let y = after(&sliding, t);
             (-direction * y[V], -direction * self.plant.acceleration(&y))
-        })
+        };
+        let wide = Slices::new(self.plant, dt, self.lag(y));
+        let slices = wide.settling(self.plant.mass / self.plant.damping);
+        let first = first_crossing(&slices, course)?;
+        // Slices that are finer find the same instant with other last bits, unless the wider ones have missed it. Those of the wider ones count.
+        let again = if slices == wide { None } else { first_crossing(&wide, course) };
+        Some(first.root(again, |t| course(t).0))
     }
 
     /// The first instant in (0, dt] at which the net torque on the puck at rest exceeds friction.
@@ -134,11 +145,13 @@ impl Friction<'_> {
         if self.plant.slides_freely(y) {
             return None;
         }
+        let slices = Slices::new(self.plant, dt, self.lag(y));
         let over = |side: f64| {
-            first_crossing(Slices::new(self.plant, dt, y), |t| {
+            let course = |t| {
                 let y = drives_after(self.plant, y, t);
                 (side * self.net(&y) - hold(self.level, self.torques(&y)), side * self.net_slope(&y))
-            })
+            };
+            first_crossing(&slices, course).map(|crossing| crossing.root(None, |t| course(t).0))
         };
         match (over(1.0), over(-1.0)) {
             (Some(up), Some(down)) => Some(up.min(down)),
@@ -163,31 +176,56 @@ fn drives_after(plant: &Plant, y: &Motion, dt: f64) -> Motion {
 
 /// Parts of a stretch, short enough that nothing swings more than a quarter radian: a derivative changes sign at most once. A decay is cut
 /// into parts that begin with half of its time constant and grow with the time since, as the decay slows.
+#[derive(Clone, Copy, PartialEq)]
 struct Slices {
     dt: f64,
     length: f64,
-    /// In s; 0: nothing decays.
-    lag: f64,
+    /// The shortest time constant of what decays, in s; 0: nothing does.
+    decay: f64,
 }
 
 impl Slices {
-    fn new(plant: &Plant, dt: f64, y: &Motion) -> Self {
+    /// With the motor's lag in s; 0: none.
+    fn new(plant: &Plant, dt: f64, lag: f64) -> Self {
         let slices = libm::ceil(plant.swing() * dt / 0.25).clamp(1.0, 1e6);
-        Slices { dt, length: dt / slices, lag: if y[GAP] != 0.0 { 1.0 / plant.decay } else { 0.0 } }
+        Slices { dt, length: dt / slices, decay: lag }
+    }
+
+    /// The same for a velocity that damping settles in `time` s too, where that is shorter than two slices.
+    fn settling(self, time: f64) -> Self {
+        if 0.5 * time >= self.length || self.decay > 0.0 && self.decay <= time {
+            return self;
+        }
+        Slices { decay: time, ..self }
     }
 
     /// The end of part i, from 1, which begins at `from`; the last ends at dt.
     fn end(&self, i: u64, from: f64) -> f64 {
-        if self.lag > 0.0 {
-            return (from + self.length.min(0.5 * self.lag.max(from))).min(self.dt);
+        if self.decay > 0.0 {
+            return (from + self.length.min(0.5 * self.decay.max(from))).min(self.dt);
         }
         if i as f64 >= libm::round(self.dt / self.length) { self.dt } else { self.length * i as f64 }
     }
 }
 
+/// Two instants between which a function becomes positive, and its values there.
+struct Crossing {
+    before: (f64, f64),
+    after: (f64, f64),
+}
+
+impl Crossing {
+    /// The instant, looked for in `wider` where that is a crossing at the same instant.
+    fn root(self, wider: Option<Crossing>, f: impl Fn(f64) -> f64) -> f64 {
+        let within = |t: &f64| *t >= self.before.0 && *t <= self.after.0;
+        let same = wider.map(|wider| root_between(wider.before, wider.after, &f)).filter(within);
+        same.unwrap_or_else(|| root_between(self.before, self.after, f))
+    }
+}
+
 /// The first t in (0, dt] at which g, negative or zero at 0, becomes positive. `g` gives value and derivative. A rise and fall
 /// within a slice is found at its summit, where the derivative changes sign.
-fn first_crossing(slices: Slices, g: impl Fn(f64) -> (f64, f64)) -> Option<f64> {
+fn first_crossing(slices: &Slices, g: impl Fn(f64) -> (f64, f64)) -> Option<Crossing> {
     let (mut from, (mut from_value, mut slope)) = (0.0, g(0.0));
     for i in 1.. {
         let to = slices.end(i, from);
@@ -202,7 +240,7 @@ fn first_crossing(slices: Slices, g: impl Fn(f64) -> (f64, f64)) -> Option<f64> 
         };
         if let Some(positive) = positive {
             let end = if positive == to { value } else { g(positive).0 };
-            return Some(root_between((from, from_value), (positive, end), |t| g(t).0));
+            return Some(Crossing { before: (from, from_value), after: (positive, end) });
         }
         // The negation ends the search at a number that is none, too.
         if !(to < slices.dt && to > from) {

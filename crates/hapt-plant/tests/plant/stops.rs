@@ -1,0 +1,178 @@
+//! Stops and starts of a puck that damping settles faster than a sample, or slower.
+
+use std::f64::consts::FRAC_PI_2;
+
+use hapt_plant::spec::{DeviceSpec, Drive, Hand, Shape};
+use hapt_plant::{Script, VirtualDevice};
+use proptest::prelude::*;
+
+use crate::reference::{Body, Complex, Push, advance};
+
+const T: f64 = 1e-3;
+
+/// A puck, the hand on it, and what the motor is commanded at each sample.
+#[derive(Clone, Debug)]
+struct Case {
+    spec: DeviceSpec,
+    drive: Drive,
+    commands: Vec<f64>,
+}
+
+/// Positions at the samples after the first, by the device.
+fn by_device(case: &Case) -> Vec<f64> {
+    let mut device = VirtualDevice::new(&case.spec);
+    let hand = Hand { drive: case.drive.clone(), release: None };
+    device.begin(&mut Script::new(&hand, 1e3 * case.spec.period, case.spec.period));
+    let step = |command: &f64| {
+        device.command(*command);
+        device.travel();
+        device.puck().0
+    };
+    case.commands.iter().map(step).collect()
+}
+
+/// The same in closed form, and how often the puck stops or starts.
+fn by_closed_form(case: &Case) -> (Vec<f64>, u32) {
+    let DeviceSpec { period, lag, inertia, damping, friction, .. } = case.spec;
+    let (shape, hand) = match &case.drive {
+        Drive::Torque(shape) => (shape, None),
+        Drive::Grip { inertia, damping, stiffness, moves, .. } => (moves, Some((*inertia, *damping, *stiffness))),
+        Drive::Position(_) => unreachable!("a puck that moves by itself"),
+    };
+    let (extra, damper, stiffness) = hand.unwrap_or_default();
+    let body = Body { mass: inertia + extra, damping: damping + damper, stiffness, friction };
+    // What the hand pushes with while it intends to be at `value`, with this velocity.
+    let push = |value: f64, velocity: f64| if hand.is_some() { stiffness * value + damper * velocity } else { value };
+    let (mut x, mut v, mut motor, mut gap, mut all) = (0.0, 0.0, 0.0, 0.0, 0);
+    let mut places = Vec::new();
+    for (k, &command) in case.commands.iter().enumerate() {
+        let t = k as f64 * period;
+        if lag > 0.0 {
+            gap += motor - command;
+        }
+        motor = command;
+        let decay = if lag > 0.0 { 1.0 / lag } else { 0.0 };
+        let mut u = Push { value: motor, gap, decay, ..Push::default() };
+        match *shape {
+            Shape::Sine { amplitude, frequency, phase } => {
+                let omega = std::f64::consts::TAU * frequency;
+                let turned = Complex::polar(amplitude, omega * t + phase);
+                u.omega = omega;
+                u.sine = turned
+                    * if hand.is_some() { Complex::new(stiffness, damper * omega) } else { Complex::new(1.0, 0.0) };
+            }
+            Shape::Ramp { to, over, .. } => {
+                u.value += push(to / over * t, to / over);
+                u.slope = push(to / over, 0.0);
+            }
+            Shape::Step { to, .. } => u.value += push(to, 0.0),
+            Shape::Path { .. } => unreachable!(),
+        }
+        let events;
+        (x, v, events) = advance(body, u, (x, v), period);
+        gap *= (-decay * period).exp();
+        all += events;
+        places.push(x);
+    }
+    (places, all)
+}
+
+fn spec(inertia: f64, damping: f64, friction: f64, lag: f64) -> DeviceSpec {
+    DeviceSpec { period: T, delay: 0.0, lag, inertia, damping, friction, handle: None }
+}
+
+fn compare(case: &Case) -> Result<u32, TestCaseError> {
+    let ((right, events), found) = (by_closed_form(case), by_device(case));
+    // What is far below the way that a torque of friction's size moves it in a sample is rounding.
+    let least = 1e-3 * case.spec.friction * T / case.spec.damping;
+    let size = right.iter().fold(least, |most, x| most.max(x.abs()));
+    for (k, (found, right)) in found.iter().zip(&right).enumerate() {
+        prop_assert!((found - right).abs() <= 1e-8 * size, "{found:e} is not {right:e} after sample {k}: {case:?}");
+    }
+    Ok(events)
+}
+
+/// What friction decides: torques about its level.
+fn about(friction: f64) -> impl Strategy<Value = f64> {
+    let near = (-6.0_f64..-0.5).prop_map(|power| 1.0 + 10_f64.powf(power));
+    (prop_oneof![near, 0.2_f64..3.0], any::<bool>())
+        .prop_map(move |(part, up)| if up { part * friction } else { -part * friction })
+}
+
+/// J/b from 1e-4 T to 10 T.
+fn pucks() -> impl Strategy<Value = DeviceSpec> {
+    let lag = prop_oneof![Just(0.0), (-2.0_f64..1.5).prop_map(|power| T * 10_f64.powf(power))];
+    (-7.0_f64..-2.0, -4.0_f64..1.0, 1e-3_f64..0.3, lag).prop_map(|(inertia, settles, friction, lag)| {
+        let inertia = 10_f64.powf(inertia);
+        spec(inertia, inertia / (T * 10_f64.powf(settles)), friction, lag)
+    })
+}
+
+/// Sines of any phase, and those with a summit, or a valley, in the first samples.
+fn sines(level: f64, most: f64) -> impl Strategy<Value = Shape> {
+    let phase =
+        prop_oneof![(0.0_f64..6.28).prop_map(|phase| (phase, 0.0)), (0.0_f64..4.0).prop_map(|at| (FRAC_PI_2, at))];
+    (about(level), -1.0_f64..most, phase).prop_map(|(amplitude, frequency, (phase, at))| {
+        let frequency = 10_f64.powf(frequency);
+        Shape::Sine { amplitude, frequency, phase: phase - std::f64::consts::TAU * frequency * at * T }
+    })
+}
+
+fn pushed() -> impl Strategy<Value = Case> {
+    pucks().prop_flat_map(|spec| {
+        let sine = sines(spec.friction, 3.0);
+        // As long as the commands last: a ramp's end is an event.
+        let ramp = about(spec.friction).prop_map(|to| Shape::Ramp { to, at: 0.0, over: 8.0 * T });
+        let step = about(spec.friction).prop_map(|to| Shape::Step { to, at: 0.0 });
+        let commands = prop::collection::vec(prop_oneof![Just(0.0), about(spec.friction)], 8);
+        (prop_oneof![3 => sine, 1 => ramp, 1 => step], commands).prop_map(move |(shape, commands)| Case {
+            spec,
+            drive: Drive::Torque(shape),
+            commands,
+        })
+    })
+}
+
+fn gripped() -> impl Strategy<Value = Case> {
+    (pucks(), -2.0_f64..1.0, 0.0_f64..1.0).prop_flat_map(|(mut spec, stiff, share)| {
+        // The spring swings or creeps; the damper is shared between device and hand.
+        let stiffness = spec.damping / T * 10_f64.powf(stiff) * 0.1;
+        let damping = spec.damping * share;
+        spec.damping -= damping;
+        let level = spec.friction / stiffness;
+        let sine = sines(level, 2.7);
+        let ramp = about(level).prop_map(|to| Shape::Ramp { to, at: 0.0, over: 8.0 * T });
+        let step = about(level).prop_map(|to| Shape::Step { to, at: 0.0 });
+        let commands = prop::collection::vec(prop_oneof![Just(0.0), about(spec.friction)], 8);
+        (prop_oneof![2 => sine, 1 => ramp, 1 => step], commands).prop_map(move |(moves, commands)| {
+            let drive = Drive::Grip { inertia: 0.0, damping, stiffness, moves, switching: None };
+            Case { spec, drive, commands }
+        })
+    })
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(1500))]
+
+    #[test]
+    fn a_pushed_puck_stops_and_starts_when_its_equation_says_however_fast_damping_settles_it(case in pushed()) {
+        compare(&case)?;
+    }
+
+    #[test]
+    fn so_does_a_puck_in_a_grip(case in gripped()) {
+        compare(&case)?;
+    }
+}
+
+/// The motor lets go of a puck that it has pushed forward. Damping stops that within microseconds, and the summit of the hand's torque takes it
+/// forward again within the same sample, to its second stop.
+#[test]
+fn a_puck_that_stops_slips_and_stops_within_a_sample_has_not_gone_on() {
+    for (frequency, at) in [(20.0, 3.7), (60.0, 3.3), (100.0, 3.3)] {
+        let phase = FRAC_PI_2 - std::f64::consts::TAU * frequency * at * T;
+        let drive = Drive::Torque(Shape::Sine { amplitude: 0.1001, frequency, phase });
+        let case = Case { spec: spec(1e-7, 0.05, 0.1, 0.0), drive, commands: vec![0.0, 0.0, 0.02, 0.0, 0.0] };
+        assert!(compare(&case).unwrap() > 2, "{case:?}");
+    }
+}
