@@ -84,7 +84,7 @@ impl World {
             let context =
                 Context { path: format!("scenarios.{}", entry.key), pattern: "scenarios.*", ..table("scenarios") };
             let fields = Fields::new(context, Some(&entry.node))?;
-            scenarios.push(scenario(entry.key.clone(), &fields, &sampling, &mut paths)?);
+            scenarios.push(scenario(entry.key.clone(), &fields, (&sampling, &device), &mut paths)?);
         }
         Ok(World { title: top.text("title"), motion, sampling, device, safety, names, bodies, couplings, scenarios })
     }
@@ -396,7 +396,7 @@ fn has_spring(damper: &Coupling, all: &[Coupling]) -> bool {
 fn scenario(
     name: String,
     fields: &Fields<'_>,
-    sampling: &Sampling,
+    (sampling, device): (&Sampling, &Device),
     paths: &mut path::Reader<'_>,
 ) -> Result<Scenario, Error> {
     let duration = fields.number("duration")?;
@@ -409,10 +409,8 @@ fn scenario(
         return Err(fields.error(ErrorKind::Combination, "duration", message));
     }
     let hand = Fields::new(fields.inner("hand", "scenarios.*.hand"), fields.node("hand"))?;
-    let mut moves = |carries| {
-        let moves = Fields::new(hand.inner("moves", "scenarios.*.hand.moves"), hand.node("moves"))?;
-        shape(&moves, carries, paths)
-    };
+    let intended = || Fields::new(hand.inner("moves", "scenarios.*.hand.moves"), hand.node("moves"));
+    let mut moves = |carries| shape(&intended()?, carries, paths);
     let drive = match kind(&hand, HandKind::from_name)? {
         HandKind::Torque => Drive::Torque(moves(Carries::Torque)?),
         HandKind::Grip => Drive::Grip {
@@ -426,8 +424,14 @@ fn scenario(
             Drive::Position(shape(&hand, Carries::Position, paths)?)
         }
     };
-    let hand = Hand { drive, release: hand.optional_number("release")? };
-    Ok(Scenario { name, duration, hand, timing: timing(fields, sampling, duration, paths)? })
+    let held = Hand { drive, release: hand.optional_number("release")? };
+    if let Some((key, message)) = device.hand_fault(&held, sampling) {
+        return Err(match key.strip_prefix("moves.") {
+            Some(key) => intended()?.error(ErrorKind::Combination, key, message),
+            None => hand.error(ErrorKind::Combination, key, message),
+        });
+    }
+    Ok(Scenario { name, duration, hand: held, timing: timing(fields, sampling, duration, paths)? })
 }
 
 fn timing(fields: &Fields<'_>, sampling: &Sampling, duration: f64, files: &path::Reader<'_>) -> Result<Timing, Error> {

@@ -1,7 +1,9 @@
 //! The world file's content, checked and in SI: rad, m, s, kg, N, N·m.
 
+use std::f64::consts::TAU;
+
 use hapt_core::{Body, Coupling, Estimator, Method, Output, Spec};
-use hapt_plant::spec::{DeviceSpec, Hand, Handle};
+use hapt_plant::spec::{DeviceSpec, Drive, Hand, Handle};
 
 use crate::kinds::{EstimatorKind, Motion};
 use crate::safety::Safety;
@@ -213,6 +215,8 @@ impl Sampling {
 
 /// How far a handle's shaft swings in a period beside Coulomb friction, in rad: a run looks for stops and starts at every quarter.
 const MOST_SWING: f64 = 100.0;
+/// The same of a hand that swings the puck: a thousand turns in a period, each of them a stop.
+const MOST_HAND_SWING: f64 = 3000.0;
 
 impl Device {
     /// Why a run at this period in s cannot simulate the device; `None` where it can. A world that was built or changed without its file is
@@ -225,6 +229,42 @@ impl Device {
                 "the shaft swings {swing:.0} rad in a period, and beside device.friction at most {MOST_SWING} are simulated; leave \
                  [device.handle] out and add its inertia to device.inertia: to this loop such a shaft is rigid"
             )
+        })
+    }
+
+    /// Why a run with this sampling cannot simulate the hand on the device, with the key below `hand` that would have to change; `None` where
+    /// it can.
+    pub fn hand_fault(&self, hand: &Hand, sampling: &Sampling) -> Option<(&'static str, String)> {
+        if self.friction == 0.0 {
+            return None;
+        }
+        let (key, shape) = match &hand.drive {
+            Drive::Grip { moves, .. } | Drive::Torque(moves) => ("moves.frequency", Some(moves)),
+            // Nothing but the hand moves a puck without a shaft.
+            Drive::Position(shape) => ("frequency", self.handle.and(Some(shape))),
+        };
+        let interval = sampling.interval_max_s();
+        let most = MOST_HAND_SWING / interval;
+        let too_far = |key, omega: f64, expected: String| {
+            let message = || {
+                format!(
+                    "the hand swings {:.0} rad in {interval:?} s, the longest interval, and beside device.friction at most \
+                     {MOST_HAND_SWING} are simulated; expected {expected} or less, or a shorter loop.period",
+                    omega * interval
+                )
+            };
+            (omega.is_nan() || omega > most).then(|| (key, message()))
+        };
+        let by_spring = match hand.drive {
+            Drive::Grip { inertia, stiffness, .. } => {
+                let inertia = inertia + self.handle.map_or(self.inertia, |handle| handle.inertia);
+                too_far("stiffness", (stiffness / inertia).sqrt(), format!("{:.3e} in SI", most * most * inertia))
+            }
+            Drive::Torque(_) | Drive::Position(_) => None,
+        };
+        by_spring.or_else(|| {
+            let frequency = shape?.frequency()?;
+            too_far(key, TAU * frequency, format!("{:.3e} Hz", most / TAU))
         })
     }
 

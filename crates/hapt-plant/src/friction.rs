@@ -5,8 +5,9 @@ use hapt_core::Number;
 use crate::plant::{COS, F, GAP, Motion, Plant, RAMP, SIN, V, X};
 use crate::puck::Inertia;
 
-/// More stops and starts than this within one stretch is chatter at the edge of friction.
-pub(crate) const MOST_EVENTS: usize = 1000;
+/// More stops and starts than this within one stretch is chatter at the edge of friction: a puck that a hand swings as far as files allow turns
+/// two thousand times.
+pub(crate) const MOST_EVENTS: usize = 10_000;
 
 /// Rounding of a sum of torques and of what an exponential makes of them, in parts of their sizes.
 pub(crate) const ROUNDING: f64 = 256.0 * f64::EPSILON;

@@ -117,3 +117,10 @@ pub enum Shape {
         points: Vec<(f64, f64)>,
     },
 }
+
+impl Shape {
+    /// A sine's frequency in Hz; `None` of what does not swing.
+    pub fn frequency(&self) -> Option<f64> {
+        if let Shape::Sine { frequency, .. } = *self { Some(frequency) } else { None }
+    }
+}

@@ -21,6 +21,16 @@ pub enum Error {
         /// What is wrong, and what would be right.
         reason: String,
     },
+    /// The scenario's hand cannot be simulated on the device.
+    #[error("scenarios.{scenario}.hand.{key}: {reason}")]
+    Hand {
+        /// The scenario's name.
+        scenario: String,
+        /// The key below its hand.
+        key: &'static str,
+        /// What is wrong, and what would be right.
+        reason: String,
+    },
     /// The scenario's timing does not suit the loop.
     #[error("scenarios.{scenario}.timing: {reason}")]
     Timing {
@@ -86,6 +96,7 @@ impl Machine {
     pub fn new(world: &World, scenario: &Scenario, works: bool) -> Result<(Self, u64), Error> {
         let period = world.sampling.period;
         simulated(world)?;
+        holdable(world, scenario)?;
         let even = scenario.timing == Timing::Even;
         if let Some((key, reason)) = scenario.timing.fault(&world.sampling, scenario.duration) {
             return Err(Error::Timing { scenario: scenario.name.clone(), reason: format!("{key}: {reason}") });
@@ -255,10 +266,17 @@ impl Simulation {
     }
 }
 
-/// Compiles the world's loop, and looks at its device. Nothing else can prevent one of its scenarios from starting.
+/// Compiles the world's loop, and looks at its device and its hands. Nothing else can prevent one of its scenarios from starting.
 pub fn check(world: &World) -> Result<(), Error> {
     Control::new(&world.spec())?;
-    simulated(world)
+    simulated(world)?;
+    world.scenarios.iter().try_for_each(|scenario| holdable(world, scenario))
+}
+
+/// Whether the scenario's hand can be simulated.
+fn holdable(world: &World, scenario: &Scenario) -> Result<(), Error> {
+    let fault = world.device.hand_fault(&scenario.hand, &world.sampling);
+    fault.map_or(Ok(()), |(key, reason)| Err(Error::Hand { scenario: scenario.name.clone(), key, reason }))
 }
 
 /// Whether the device can be simulated.

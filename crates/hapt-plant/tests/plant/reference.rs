@@ -84,7 +84,7 @@ impl Push {
     }
 
     /// The same from `t` on.
-    fn later(&self, t: f64) -> Push {
+    pub fn later(&self, t: f64) -> Push {
         let gap = self.gap * (-self.decay * t).exp();
         let sine = self.sine * Complex::polar(1.0, self.omega * t);
         Push { value: self.value + self.slope * t, sine, gap, ..*self }

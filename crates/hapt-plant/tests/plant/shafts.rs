@@ -151,7 +151,7 @@ fn cases() -> impl Strategy<Value = Case> {
             Handle { inertia: other, stiffness: mass * omega * omega, damping: mass * omega * 10_f64.powf(ratio) };
         let spec = DeviceSpec { period: T, delay: 0.0, lag, inertia, damping, friction, handle: None };
         let sine = |level: f64| {
-            (about(level), 0.0_f64..2.3, 0.0_f64..6.28).prop_map(|(amplitude, frequency, phase)| Shape::Sine {
+            (about(level), 0.0_f64..2.3, 0.0_f64..6.3).prop_map(|(amplitude, frequency, phase)| Shape::Sine {
                 amplitude,
                 frequency: 10_f64.powf(frequency),
                 phase,

@@ -68,10 +68,14 @@ fn by_closed_form(case: &Case) -> (Vec<f64>, u32) {
             Shape::Step { to, .. } => u.value += push(to, 0.0),
             Shape::Path { .. } => unreachable!(),
         }
-        let events;
-        (x, v, events) = advance(body, u, (x, v), period);
+        // In parts of a few radians, so that the search for events is as fine in all of them.
+        let parts = (u.omega * period / 3.0).ceil().max(1.0);
+        for part in 0..parts as u32 {
+            let events;
+            (x, v, events) = advance(body, u.later(f64::from(part) * period / parts), (x, v), period / parts);
+            all += events;
+        }
         gap *= (-decay * period).exp();
-        all += events;
         places.push(x);
     }
     (places, all)
@@ -111,7 +115,7 @@ fn pucks() -> impl Strategy<Value = DeviceSpec> {
 /// Sines of any phase, and those with a summit, or a valley, in the first samples.
 fn sines(level: f64, most: f64) -> impl Strategy<Value = Shape> {
     let phase =
-        prop_oneof![(0.0_f64..6.28).prop_map(|phase| (phase, 0.0)), (0.0_f64..4.0).prop_map(|at| (FRAC_PI_2, at))];
+        prop_oneof![(0.0_f64..6.3).prop_map(|phase| (phase, 0.0)), (0.0_f64..4.0).prop_map(|at| (FRAC_PI_2, at))];
     (about(level), -1.0_f64..most, phase).prop_map(|(amplitude, frequency, (phase, at))| {
         let frequency = 10_f64.powf(frequency);
         Shape::Sine { amplitude, frequency, phase: phase - std::f64::consts::TAU * frequency * at * T }
@@ -174,5 +178,50 @@ fn a_puck_that_stops_slips_and_stops_within_a_sample_has_not_gone_on() {
         let drive = Drive::Torque(Shape::Sine { amplitude: 0.1001, frequency, phase });
         let case = Case { spec: spec(1e-7, 0.05, 0.1, 0.0), drive, commands: vec![0.0, 0.0, 0.02, 0.0, 0.0] };
         assert!(compare(&case).unwrap() > 2, "{case:?}");
+    }
+}
+
+/// Twice in each half turn of the torque the puck starts, and stops.
+#[test]
+fn a_torque_that_swings_five_hundred_times_in_a_sample_moves_the_puck_to_its_end() {
+    let shape = Shape::Sine { amplitude: 0.15, frequency: 4700.0, phase: 0.4 };
+    let spec = DeviceSpec { period: 0.1, ..spec(1e-6, 0.05, 0.1, 0.0) };
+    let case = Case { spec, drive: Drive::Torque(shape), commands: vec![0.02, 0.0] };
+    let stops = compare(&case).unwrap();
+    assert!(stops > 2000, "{stops}");
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(40))]
+
+    /// Each half swing is one about a place that friction moves, from turning point to turning point.
+    #[test]
+    fn a_grip_that_swings_a_thousand_times_in_a_sample_swings_on_to_its_end(
+        (inertia, turns) in (1e-5_f64..1e-3, 100.0_f64..950.0), (ratio, to) in (0.0_f64..1e-4, 0.01_f64..1.0), part in 1e-5_f64..1e-3,
+    ) {
+        let period = 0.1;
+        let omega = std::f64::consts::PI * turns / period;
+        let (stiffness, damping) = (inertia * omega * omega, 2.0 * ratio * inertia * omega);
+        let friction = part * stiffness * to;
+        let moves = Shape::Step { to, at: 0.0 };
+        let drive = Drive::Grip { inertia: 0.0, damping: 0.0, stiffness, moves, switching: None };
+        let spec = DeviceSpec { period, ..spec(inertia, damping, friction, 0.0) };
+        let found = by_device(&Case { spec, drive, commands: vec![0.0; 2] });
+        let sigma = ratio * omega;
+        let swing = omega * (1.0 - ratio * ratio).sqrt();
+        let half = std::f64::consts::PI / swing;
+        let (mut at, mut from) = (0.0_f64, 0.0);
+        for (k, found) in found.iter().enumerate() {
+            let end = (k + 1) as f64 * period;
+            while (to - at).abs() > part * to && from + half <= end {
+                let about = to - part * to * (to - at).signum();
+                (at, from) = (about - (at - about) * (-sigma * half).exp(), from + half);
+            }
+            let about = to - part * to * (to - at).signum();
+            let t = end - from;
+            let turned = (swing * t).cos() + sigma / swing * (swing * t).sin();
+            let right = if (to - at).abs() > part * to { about + (at - about) * (-sigma * t).exp() * turned } else { at };
+            prop_assert!((found - right).abs() < 1e-8 * to, "{found} is not {right} after sample {k}");
+        }
     }
 }

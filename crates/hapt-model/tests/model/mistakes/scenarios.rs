@@ -106,3 +106,32 @@ fn a_mistake_in_a_path_file_is_shown_there() {
         "scenarios.s.hand.file: 0.0 s does not come after 0.0 s; times must increase\n --> p.csv:3:1\n  |\n3 | 0,1\n  | ^"
     );
 }
+
+#[test]
+fn a_hand_that_swings_the_puck_thousands_of_radians_in_a_sample_is_refused_beside_friction() {
+    let table = [
+        (
+            "friction = 0.01\n[scenarios.s]\nduration = 1\nhand = { kind = \"grip\", stiffness = 1e10, damping = 0, moves = { kind = \"step\", to = 1 } }",
+            "scenarios.s.hand.stiffness: the hand swings 10000 rad in 0.1 s, the longest interval, and beside device.friction at most 3000 \
+             are simulated; expected 9.000e8 in SI or less, or a shorter loop.period",
+        ),
+        (
+            "friction = 0.01\n[scenarios.s]\nduration = 1\nhand = { kind = \"torque\", moves = { kind = \"sine\", amplitude = 1, frequency = 5e3 } }",
+            "scenarios.s.hand.moves.frequency: the hand swings 3142 rad in 0.1 s, the longest interval, and beside device.friction at most \
+             3000 are simulated; expected 4.775e3 Hz or less, or a shorter loop.period",
+        ),
+        (
+            "friction = 0.01\n[scenarios.s]\nduration = 1\nhand = { kind = \"torque\", moves = { kind = \"sine\", amplitude = 1, frequency = 4.77e3 } }",
+            "(it reads)",
+        ),
+        (
+            "friction = 0.01\n[scenarios.s]\nduration = 1\nhand = { kind = \"sine\", amplitude = 1, frequency = 5e3 }",
+            "(it reads)",
+        ),
+        (
+            "[scenarios.s]\nduration = 1\nhand = { kind = \"grip\", stiffness = 1e10, damping = 0, moves = { kind = \"step\", to = 1 } }",
+            "(it reads)",
+        ),
+    ];
+    check(&table, |given| format!("[loop]\nperiod = \"100 ms\"\n[device]\ninertia = 1\n{given}\n"));
+}
