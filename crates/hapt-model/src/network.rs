@@ -19,6 +19,10 @@ use crate::world::{Scenario, World};
 const SAME_INSTANT: f64 = 1e-6;
 /// The largest drift of a clock, in millionths.
 const MOST_DRIFT: f64 = 10_000.0;
+/// The longest time of a station or a link, in s.
+const MOST_TIME: f64 = 1000.0;
+/// The most messages that may be under way on a link, each way: a run keeps them.
+const MOST_UNDER_WAY: f64 = 1e6;
 
 /// A network file, read and checked. All numbers are in SI.
 ///
@@ -242,6 +246,7 @@ impl Network {
                 return Err(fields.error(ErrorKind::Combination, "world", message));
             }
             let phase = fields.number("phase")?;
+            no_longer(&fields, "phase", Some(phase))?;
             let drift = drift(&fields, &world)?;
             let interval_max = world.sampling.interval_max;
             let name = entry.key.clone();
@@ -334,6 +339,17 @@ fn world(source: &Source, fields: &Fields<'_>, file: &str, sets: &[String]) -> R
     Ok((of_station, world))
 }
 
+/// Refuses a time of a station or a link, in s, that is beyond what any network takes.
+fn no_longer(fields: &Fields<'_>, key: &str, time: Option<f64>) -> Result<(), Error> {
+    match time.filter(|time| *time > MOST_TIME) {
+        None => Ok(()),
+        Some(time) => {
+            let message = format!("{time:?} s is longer than in any network; expected {MOST_TIME:?} s or less");
+            Err(fields.error(ErrorKind::Combination, key, message))
+        }
+    }
+}
+
 /// The drift of a station's clock as a part.
 fn drift(fields: &Fields<'_>, world: &World) -> Result<f64, Error> {
     let millionths = fields.number("drift")?;
@@ -398,6 +414,15 @@ fn link(fields: &Fields<'_>, stations: &[Station]) -> Result<Link, Error> {
         age_max: fields.number("age_max")?,
     };
     let combination = |name, message: String| Err(fields.error(ErrorKind::Combination, name, message));
+    let times = [
+        ("period", link.period),
+        ("delay", Some(delay)),
+        ("delay_max", link.delay_max),
+        ("age_max", Some(link.age_max)),
+    ];
+    for (key, time) in times {
+        no_longer(fields, key, time)?;
+    }
     if link.delay_max_s() < delay {
         return combination(
             "delay_max",
@@ -424,6 +449,16 @@ fn link(fields: &Fields<'_>, stations: &[Station]) -> Result<Link, Error> {
             );
         }
         let between_two = link.between_messages(period);
+        let under_way = link.delay_max_s() / between_two;
+        if under_way > MOST_UNDER_WAY {
+            let key = if link.delay_max.is_some() { "delay_max" } else { "delay" };
+            let most = MOST_UNDER_WAY * between_two;
+            let message = format!(
+                "{name} sends every {between_two:?} s, so that {under_way:.0} messages are under way; at most {MOST_UNDER_WAY:.0} can be; \
+                 expected {most:?} s or less, or a longer period"
+            );
+            return combination(key, message);
+        }
         if between_two > link.age_max {
             let key = if link.period.is_some() { "period" } else { "age_max" };
             return combination(

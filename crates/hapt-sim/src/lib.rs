@@ -43,6 +43,7 @@
 #![warn(clippy::wildcard_enum_match_arm)]
 
 mod batch;
+mod channel;
 mod control;
 mod csv;
 mod energy;
@@ -55,6 +56,7 @@ mod schedule;
 mod summary;
 
 pub use batch::{LANES, Outcome, run_batch};
+pub use channel::Channel;
 pub use control::{DesktopController, DesktopControllerState, DesktopLoop, DesktopState, DesktopSupervisor};
 pub use csv::CsvWriter;
 pub use energy::{DelayWork, world_energy};

@@ -1,13 +1,11 @@
 //! A run of a network: stations on their exact devices, each at its own times, and the messages between them.
 
-use std::collections::VecDeque;
-
 use hapt_core::{Heard, LinkEnd, Puck, Strength};
 use hapt_model::{Drive, Hand, Link, Network, Scenario, Shape, Timing};
 
+use crate::channel::Channel;
 use crate::row::{Row, SIGNALS, Signal, columns};
 use crate::run::{Error, Simulation};
-use crate::schedule::{between, uniform};
 
 /// A scenario of a network, sample by sample, whichever station takes the next.
 ///
@@ -95,8 +93,12 @@ struct Joint {
 /// One station's end of a link.
 #[derive(Clone, Debug)]
 struct End {
-    /// On their way to this end, in the order of their sending: when each arrives, and what it says.
-    coming: VecDeque<(f64, Message)>,
+    /// On their way to this end.
+    coming: Channel<Message>,
+    /// Those that have arrived from a sample at the same instant, which this end's sample there has not heard of.
+    just_sent: Vec<Message>,
+    /// What the other end said before its first sample.
+    at_rest: AtRest,
     /// The one that was sent last of those that have arrived.
     newest: Option<Message>,
     /// Between two messages of this end, and of its samples, s of the network's clock.
@@ -142,15 +144,32 @@ fn hands_off(name: &str, duration: f64) -> Scenario {
     Scenario { name: name.into(), duration, hand, timing: Timing::Even }
 }
 
-/// The messages of a wheel at rest at 0 that are on their way on a link at t = 0, and the last one that has arrived by then.
-fn said_at_rest(link: &Link, sender: &Station) -> VecDeque<(f64, Message)> {
-    let period = link.period.unwrap_or(sender.period) / (1.0 + sender.drift);
-    let before = ((sender.phase + link.delay) / period).floor() + 1.0;
-    let message = |back: u64| {
-        let sampled = sender.phase - back as f64 * period;
-        (sampled + link.delay, Message { sampled, position: 0.0, strength: Strength::WHOLE })
-    };
-    (1..=before as u64).rev().map(message).collect()
+/// What a wheel at rest at 0 has said before its first sample, a message in each period.
+#[derive(Clone, Copy, Debug)]
+struct AtRest {
+    /// How many of these messages have not arrived: those from the last on.
+    left: f64,
+    /// When the wheel takes its first sample, the time between two messages, and how long one is on its way, in s.
+    phase: f64,
+    period: f64,
+    delay: f64,
+}
+
+impl AtRest {
+    /// On this link, with the one that has arrived by t = 0 and those that have not.
+    fn new(link: &Link, sender: &Station) -> Self {
+        let period = link.period.unwrap_or(sender.period) / (1.0 + sender.drift);
+        let left = ((sender.phase + link.delay) / period).floor() + 1.0;
+        AtRest { left, phase: sender.phase, period, delay: link.delay }
+    }
+
+    /// The next of them that has arrived by `now` and was sent before `before`.
+    fn receive(&mut self, now: f64, before: f64) -> Option<Message> {
+        let sampled = self.phase - self.left * self.period;
+        let has_arrived = self.left > 0.0 && sampled + self.delay <= now && sampled < before;
+        self.left -= f64::from(u8::from(has_arrived));
+        has_arrived.then_some(Message { sampled, position: 0.0, strength: Strength::WHOLE })
+    }
 }
 
 impl NetworkRun {
@@ -171,7 +190,9 @@ impl NetworkRun {
         }
         let sender = |index: usize, side: usize| &stations[network.links[index].between[side]];
         let end = |index: usize, side: usize| End {
-            coming: said_at_rest(&network.links[index], sender(index, 1 - side)),
+            coming: Channel::new(&network.links[index]),
+            just_sent: Vec::new(),
+            at_rest: AtRest::new(&network.links[index], sender(index, 1 - side)),
             newest: None,
             period: network.links[index].period.unwrap_or(sender(index, side).period)
                 / (1.0 + sender(index, side).drift),
@@ -241,14 +262,17 @@ impl Joint {
         let (own, other) = if side == 0 { (first, second) } else { (second, first) };
         // An instant within a millionth of a sample is that sample.
         let near = 1e-6 * own.sample;
-        while let Some(place) =
-            own.coming.iter().position(|(arrival, message)| *arrival <= time + near && message.sampled < time - near)
-        {
-            let Some((_, message)) = own.coming.remove(place) else { break };
+        let was_sent = |message: &Message| message.sampled < time - near;
+        let mut arrived = std::mem::take(&mut own.just_sent);
+        arrived.extend(std::iter::from_fn(|| own.at_rest.receive(time + near, time - near)));
+        arrived.extend(std::iter::from_fn(|| own.coming.receive(time + near)));
+        for message in arrived.iter().filter(|message| was_sent(message)) {
             if own.newest.is_none_or(|newest| newest.sampled < message.sampled) {
-                own.newest = Some(message);
+                own.newest = Some(*message);
             }
         }
+        arrived.retain(|message| !was_sent(message));
+        own.just_sent = arrived;
         let heard = own.newest.map(|newest| Heard {
             age: (time - newest.sampled) * (1.0 + own.drift),
             session: 0,
@@ -265,14 +289,7 @@ impl Joint {
             own.next = own.next.max(time) + own.period;
             let position = if step > 0.0 { (seen.position / step).round() * step } else { seen.position };
             let message = Message { sampled: time, position, strength: own.link.said() };
-            let (lost, way) = (uniform(random) < link.loss, between([link.delay, link.delay_max_s()], uniform(random)));
-            if !lost {
-                other.coming.push_back((time + way, message));
-            }
-            if link.duplicate > 0.0 && uniform(random) < link.duplicate && !lost {
-                let way = between([link.delay, link.delay_max_s()], uniform(random));
-                other.coming.push_back((time + way, message));
-            }
+            other.coming.send(random, time, message);
         }
         Some(torque)
     }

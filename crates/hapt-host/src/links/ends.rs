@@ -113,7 +113,9 @@ impl<M: Medium> End<M> {
     /// Counts what the loop's samples have made of the link, and sends the newest of them where one is due.
     fn send(&mut self, medium: &mut M, now: u64) {
         if let Some(held) = &mut self.held {
-            held.arrived(now, |bytes| medium.send(self.to, bytes.as_ref()));
+            while let Some(bytes) = held.arrived(now) {
+                medium.send(self.to, bytes.as_ref());
+            }
         }
         let mut newest = None;
         while let Ok(sample) = self.wire.samples.pop() {

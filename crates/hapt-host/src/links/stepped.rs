@@ -75,8 +75,8 @@ impl SteppedLinks {
             let [one, other] = pair else { continue };
             one.send();
             other.send();
-            one.held.arrived(now, |message| other.receive(&message));
-            other.held.arrived(now, |message| one.receive(&message));
+            one.pass_on(now, other);
+            other.pass_on(now, one);
         }
     }
 }
@@ -91,6 +91,13 @@ impl End {
         if let Some(outgoing) = newest.filter(|outgoing| outgoing.sampled >= self.next) {
             self.next = outgoing.sampled + self.period;
             self.held.take(self.sender.time_of(outgoing.sampled), outgoing);
+        }
+    }
+
+    /// Passes on what has arrived at the other end at `now`.
+    fn pass_on(&mut self, now: u64, to: &mut End) {
+        while let Some(message) = self.held.arrived(now) {
+            to.receive(&message);
         }
     }
 

@@ -1,16 +1,15 @@
-//! The way of a simulated network: what is on it takes time, and is lost.
+//! The way of a simulated network: a channel whose numbers pages change.
 
-use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use hapt_model::Link;
-use hapt_sim::uniform;
+use hapt_sim::Channel;
 
-/// How long the messages of an end take, and how many are lost.
+/// How long the messages of an end take, and how many are lost: changed from any thread.
 #[derive(Debug)]
 pub struct WayNumbers {
-    /// In ns, shortest and longest.
+    /// In s, as bits: shortest and longest.
     delay: [AtomicU64; 2],
     loss: AtomicU64,
 }
@@ -18,7 +17,7 @@ pub struct WayNumbers {
 impl WayNumbers {
     /// From now on every message takes this long, in s.
     pub fn set_delay(&self, delay: f64) {
-        self.delay.iter().for_each(|end| end.store((delay * 1e9) as u64, Ordering::Relaxed));
+        self.delay.iter().for_each(|end| end.store(delay.to_bits(), Ordering::Relaxed));
     }
 
     /// From now on this part of them is lost.
@@ -27,21 +26,20 @@ impl WayNumbers {
     }
 }
 
-/// Messages on their way, in the order of their sending.
+/// Messages on their way, at instants in ns.
 pub(crate) struct Held<T> {
     numbers: Arc<WayNumbers>,
     random: u64,
-    /// When each arrives, in ns.
-    messages: VecDeque<(u64, T)>,
+    channel: Channel<T>,
 }
 
 impl<T: Copy> Held<T> {
     /// From the link's first station, `side` 0, or its second.
     pub fn new(link: &Link, side: usize) -> Self {
         let random = u64::from(link.seed) << 1 | side as u64;
-        let delay = [link.delay, link.delay_max_s()].map(|delay| AtomicU64::new((delay * 1e9) as u64));
-        let numbers = Arc::new(WayNumbers { delay, loss: AtomicU64::new(link.loss.to_bits()) });
-        Held { numbers, random, messages: VecDeque::new() }
+        let number = |value: f64| AtomicU64::new(value.to_bits());
+        let numbers = WayNumbers { delay: [link.delay, link.delay_max_s()].map(number), loss: number(link.loss) };
+        Held { numbers: Arc::new(numbers), random, channel: Channel::new(link) }
     }
 
     /// What may be changed of it.
@@ -49,22 +47,21 @@ impl<T: Copy> Held<T> {
         Arc::clone(&self.numbers)
     }
 
-    /// A message that is sent at `now`, in ns.
+    /// A message that is sent at `now`.
     pub fn take(&mut self, now: u64, message: T) {
-        let [least, most] = self.numbers.delay.each_ref().map(|end| end.load(Ordering::Relaxed));
-        if uniform(&mut self.random) >= f64::from_bits(self.numbers.loss.load(Ordering::Relaxed)) {
-            let way = least + (uniform(&mut self.random) * most.saturating_sub(least) as f64) as u64;
-            self.messages.push_back((now + way, message));
-        }
+        let number = |of: &AtomicU64| f64::from_bits(of.load(Ordering::Relaxed));
+        self.channel.delay = self.numbers.delay.each_ref().map(number);
+        self.channel.loss = number(&self.numbers.loss);
+        self.channel.send(&mut self.random, seconds(now), message);
     }
 
-    /// Passes on what has arrived at `now`. Messages overtake each other.
-    pub fn arrived(&mut self, now: u64, mut each: impl FnMut(T)) {
-        self.messages.retain(|(due, message)| {
-            if *due <= now {
-                each(*message);
-            }
-            *due > now
-        });
+    /// The next message that has arrived at `now`, which counts whole ns.
+    pub fn arrived(&mut self, now: u64) -> Option<T> {
+        self.channel.receive(seconds(now) + 0.5e-9)
     }
+}
+
+/// Of an instant in ns.
+fn seconds(instant: u64) -> f64 {
+    instant as f64 * 1e-9
 }

@@ -113,3 +113,55 @@ fn a_key_that_no_network_has_is_answered_with_the_one_that_was_meant() {
         assert!(message.starts_with(said), "{message}");
     }
 }
+
+/// What a run of a network keeps, and how far it looks ahead, has bounds.
+#[test]
+fn times_of_stations_and_links_beyond_any_network_are_refused_by_their_keys() {
+    let read = |period: &str, station: &str, link: &str| {
+        let text = format!(
+            "[stations.left]\nworld = \"w.toml\"\n{station}\n[stations.right]\nworld = \"w.toml\"\n[[links]]\nkind = \"spring\"\n\
+             between = [\"left\", \"right\"]\nstiffness = 0.2\n{link}\n"
+        );
+        let mut source = Source::from_text("pair.toml", text);
+        let world = format!("loop = {{ period = \"{period}\" }}\ndevice = {{ inertia = 1e-3, damping = 0.02 }}\n");
+        source.files.insert("w.toml".into(), world);
+        System::read(&source, &[]).map_err(|error| error.to_string().lines().next().unwrap().to_string())
+    };
+    let age = "age_max = 1000";
+    let cases = [
+        ("phase = 1000", "age_max = 1", None),
+        (
+            "phase = \"1e9 s\"",
+            "age_max = 1",
+            Some("stations.left.phase: 1000000000.0 s is longer than in any network; expected 1000.0 s or less"),
+        ),
+        ("", &format!("delay = 998\ndelay_max = 1000\n{age}"), None),
+        (
+            "",
+            &format!("delay = 1e6\n{age}"),
+            Some("links.0.delay: 1000000.0 s is longer than in any network; expected 1000.0 s or less"),
+        ),
+        (
+            "",
+            &format!("delay_max = 1001\n{age}"),
+            Some("links.0.delay_max: 1001.0 s is longer than in any network; expected 1000.0 s or less"),
+        ),
+        (
+            "",
+            "age_max = 1e4",
+            Some("links.0.age_max: 10000.0 s is longer than in any network; expected 1000.0 s or less"),
+        ),
+        (
+            "",
+            &format!("period = 1e5\n{age}"),
+            Some("links.0.period: 100000.0 s is longer than in any network; expected 1000.0 s or less"),
+        ),
+    ];
+    for (station, link, expected) in cases {
+        assert_eq!(read("1 ms", station, link).err().as_deref(), expected, "{station} {link}");
+    }
+    let message = "links.0.delay: left sends every 1e-5 s, so that 90000000 messages are under way; at most 1000000 can be; expected \
+                   10.0 s or less, or a longer period";
+    assert_eq!(read("10 us", "", &format!("delay = 900\n{age}")).err().as_deref(), Some(message));
+    assert!(read("10 us", "", &format!("delay = 900\nperiod = \"1 ms\"\n{age}")).is_ok());
+}

@@ -1,5 +1,6 @@
 //! Stations joined by links: how they run, and what the check asks of them. Random networks are in `cargo xtask truth`.
 
+mod channel;
 mod damping;
 
 use hapt_analysis::check_network;
