@@ -13,6 +13,7 @@ import csv
 import errno
 import math
 import os
+import pathlib
 import re
 import signal
 import subprocess
@@ -307,6 +308,31 @@ def ended(run, device, by, code):
     return time.monotonic() - begin
 
 
+def taken_away(hapt):
+    """The kernel takes the wheel away while a constant and a spring play: by its driver, its configuration, or altogether. hapt ends by itself."""
+    for how in ["unbind", "bConfigurationValue", "authorized"]:
+        run, device = attached(hapt, "wheel.toml")
+        for effect in [constant(HALF), condition(ecodes.FF_SPRING, 1)]:
+            device.write(ecodes.EV_FF, device.upload_effect(effect), 1)
+        time.sleep(0.2)
+        usb = next(path.parent for path in pathlib.Path("/sys/bus/usb/devices").glob("*/product") if path.read_text().strip() == "hapt wheel")
+        begin = time.monotonic()
+        if how == "unbind":
+            pathlib.Path("/sys/bus/usb/drivers/usbhid/unbind").write_text(f"{usb.name}:1.0")
+        else:
+            (usb / how).write_text("0")
+        try:
+            run.communicate(timeout=GONE + 5)
+        except subprocess.TimeoutExpired:
+            run.kill()
+            sys.exit(f"the wheel plays on after {how}")
+        if run.returncode != 3:
+            sys.exit(f"{how} ends hapt wheel with {run.returncode}, and not 3")
+        print(f"{how:24} hapt ends after {time.monotonic() - begin:.2f} s")
+        device.close()
+        waited("detachment", detached)
+
+
 def refused(command, code, words):
     """A command that is refused, with its exit code and what it says."""
     done = subprocess.run(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
@@ -452,6 +478,7 @@ def main():
             if by == signal.SIGTERM and all(conformed(hapt, JUDGED) != 0 for _ in range(3)):
                 sys.exit("hapt wheel --conform finds something wrong three times")
             print(f"{by.name:24} nothing is attached after {ended(run, device, by, code):.2f} s")
+        taken_away(hapt)
         refused([hapt, "wheel", "--conform", "--yes"], 3, "there is no wheel with force feedback")
         refused([hapt, "wheel", "--conform"], 3, "there is no wheel with force feedback")
         refused(["setpriv", "--reuid=65534", "--clear-groups", hapt, "wheel"], 3, "needs root")

@@ -19,6 +19,8 @@ pub struct EffectsSample {
     pub position: f64,
     /// How many effects play.
     pub playing: usize,
+    /// The world's torque, before the motor's limit, N·m.
+    pub world: f64,
     /// What was asked and what is given, beside the world's torque.
     pub given: Given<f32>,
 }
@@ -64,7 +66,7 @@ impl EffectsPort {
         let Beside { ready, position, velocity, torque } = beside;
         let narrow = Beside { ready, position: position as f32, velocity: velocity as f32, torque: torque as f32 };
         let (given, playing) = self.player.sample(narrow, now / 1000);
-        let _ = self.samples.push(EffectsSample { sampled: now, position, playing, given });
+        let _ = self.samples.push(EffectsSample { sampled: now, position, playing, world: torque, given });
         f64::from(given.torque)
     }
 }

@@ -20,6 +20,10 @@ pub const IDENTITY: UsbVidPid = UsbVidPid(0x1209, 0x0001);
 pub const PACKET: u16 = 64;
 /// From one look of the host for a report to the next, ms.
 const INTERVAL: u8 = 1;
+/// In µs: a host that takes no report of where the wheel is for so long, while effects play, has no driver any more.
+pub const UNREAD: u64 = 500_000;
+/// In µs: what counts of the time between two reports. A computer that stood still for a moment has not left.
+const COUNTED: u64 = 50_000;
 
 const HID: u8 = 3;
 const HID_DESCRIPTOR: u8 = 0x21;
@@ -48,6 +52,10 @@ pub struct WheelClass<'a, B: UsbBus> {
     output: EndpointOut<'a, B>,
     pool: Pool,
     shown: Input,
+    /// When it was shown, µs.
+    shown_at: u64,
+    /// For how long the host has taken no report while effects play, µs.
+    unread: u64,
     now: u64,
     changed: bool,
     taken: u64,
@@ -64,6 +72,8 @@ impl<'a, B: UsbBus> WheelClass<'a, B> {
             output: bus.interrupt(PACKET, INTERVAL),
             pool: Pool::new(),
             shown: Input::default(),
+            shown_at: 0,
+            unread: 0,
             now: 0,
             changed: false,
             taken: 0,
@@ -98,12 +108,23 @@ impl<'a, B: UsbBus> WheelClass<'a, B> {
     }
 
     /// Tells the host where the wheel is, and starts the effects of buttons. A report for which there is no room yet is left out.
-    pub fn show(&mut self, input: &Input) {
+    ///
+    /// False where the host has taken no report for [`UNREAD`] while effects played: its driver has left the device, and nothing plays any more. A
+    /// driver takes reports for as long as a program has the wheel open, and removes the effects of a program that closes it.
+    pub fn show(&mut self, input: &Input) -> bool {
         let before = self.pool.revision();
         self.pool.press(input.buttons, self.now);
         self.changed |= self.pool.revision() != before;
         self.shown = *input;
-        let _ = self.input.write(&input.write());
+        let is_taken = self.input.write(&input.write()).is_ok();
+        let passed = self.now.saturating_sub(self.shown_at).min(COUNTED);
+        self.shown_at = self.now;
+        self.unread = if is_taken || !self.pool.plays(self.now) { 0 } else { self.unread + passed };
+        let reads = self.unread < UNREAD;
+        if !reads {
+            self.stop_all();
+        }
+        reads
     }
 
     /// Reports taken, and reports refused: malformed ones, and those of effects that are not in the pool.
@@ -167,21 +188,23 @@ impl<'a, B: UsbBus> WheelPort<'a, B> {
         Ok(WheelPort { device, class, half, has_host: false, shown, is_new: false })
     }
 
-    /// Takes and answers what has come, and tells the host where the wheel is. A host that resets, suspends or leaves the device ends all effects.
+    /// Takes and answers what has come, and tells the host where the wheel is. A host that resets, suspends or leaves the device ends all effects, and
+    /// one that reads no reports any more.
     pub fn poll(&mut self) {
         self.class.at(self.shown.now);
         for _ in 0..AT_ONCE {
-            if !self.device.poll(&mut [&mut self.class]) {
+            let goes_on = self.device.poll(&mut [&mut self.class]);
+            let has_host = self.device.state() == UsbDeviceState::Configured;
+            if self.has_host && !has_host {
+                self.class.stop_all();
+            }
+            self.has_host = has_host;
+            if !goes_on {
                 break;
             }
         }
-        let has_host = self.device.state() == UsbDeviceState::Configured;
-        if self.has_host && !has_host {
-            self.class.stop_all();
-        }
-        self.has_host = has_host;
-        if has_host && core::mem::take(&mut self.is_new) {
-            self.class.show(&Input::at(self.shown.position.into(), self.half));
+        if self.has_host && core::mem::take(&mut self.is_new) {
+            let _ = self.class.show(&Input::at(self.shown.position.into(), self.half));
         }
     }
 

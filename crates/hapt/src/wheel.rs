@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use hapt_core::wheel::Shortfall;
-use hapt_host::game_wheel::{GameWheel, Room, WheelError, WheelStatus, reason};
+use hapt_host::game_wheel::{GameWheel, Room, STEERING, WheelError, WheelStatus, reason};
 use hapt_host::{DeviceAddress, WheelView};
 use hapt_model::{Dimension, World, is_network};
 use hapt_rt::EffectsPort;
@@ -28,6 +28,9 @@ pub fn run(args: &WheelArgs) -> Result<ExitCode, Failure> {
         return conform::run(&args.conform, device.as_deref());
     }
     let range = format::positive("--range", &args.range, Dimension::ANGLE)?;
+    if !STEERING.contains(&range) {
+        return Err(Failure::input(format!("--range {}: {}", args.range, WheelError::Range { degrees: range.to_degrees() })));
+    }
     let mut sets = Vec::new();
     if args.path.is_none() {
         sets.extend(STOPS.map(|(key, share)| format!("{key}={} rad", share * range)));
@@ -133,7 +136,7 @@ impl Wheel {
         let room = &self.room;
         let mut text = format!(
             "wheel        the effects share {} N m s/rad of damping: {} at most\n\
-             effects      {taken} reports taken{refused}; effects played in {played} of {samples} samples, {peak:.3} N m at most\n",
+             effects      {taken} reports taken{refused}; effects played in {played} of {samples} samples, the motor gave {peak:.3} N m at most\n",
             format::number(room.damping()),
             stiffness(room),
         );
@@ -153,7 +156,7 @@ fn stiffness(room: &Room) -> String {
 
 fn failure(error: WheelError) -> Failure {
     match error {
-        WheelError::Device(_) | WheelError::World(_) | WheelError::Check(_) => Failure::input(error),
+        WheelError::Device(_) | WheelError::Range { .. } | WheelError::World(_) | WheelError::Check(_) => Failure::input(error),
         WheelError::NoController | WheelError::Permission | WheelError::NoPort | WheelError::Attach(_) => {
             Failure::System(error.to_string())
         }

@@ -218,10 +218,10 @@ impl State {
 
     /// Gives a packet to a transfer, where there are both.
     fn deliver(&mut self, endpoint: usize) {
-        if self.ready[endpoint].is_none() {
-            return;
-        }
-        if let (Some(transfer), Some(packet)) = (self.into[endpoint].pop_front(), self.ready[endpoint].take()) {
+        // A packet without a transfer waits, so that the device knows that nobody has read it.
+        if let Some(packet) = self.ready[endpoint].take_if(|_| !self.into[endpoint].is_empty())
+            && let Some(transfer) = self.into[endpoint].pop_front()
+        {
             self.answer(&transfer, 0, &packet);
             self.gone |= 1 << endpoint;
         }

@@ -8,6 +8,7 @@ mod vhci;
 mod view;
 
 use std::io::{self, Read, Write};
+use std::ops::RangeInclusive;
 use std::os::unix::net::UnixStream;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -20,10 +21,14 @@ use hapt_rt::{EffectsPort, EffectsWire, effects};
 use hapt_wire::pid::{Input, Scale};
 use hapt_wire::usb::WheelClass;
 use usb_device::bus::UsbBusAllocator;
+use usb_device::device::UsbDeviceState;
 
 use bus::{Bus, HEADER, Malformed, data_length};
 use view::Shown;
 pub use view::{View, reason};
+
+/// From one end of the steering to the other, rad: 1° to 100 turns. Outside of it the reports' numbers of an angle say nothing of this wheel.
+pub const STEERING: RangeInclusive<f64> = std::f64::consts::TAU / 360.0..=100.0 * std::f64::consts::TAU;
 
 /// How long the thread waits for the host before it looks at the loop again.
 const LOOK: Duration = Duration::from_millis(1);
@@ -50,6 +55,12 @@ pub enum WheelError {
     /// The device cannot be a wheel.
     #[error("{0}")]
     Device(#[from] Refused),
+    /// The steering turns by an angle that no wheel has.
+    #[error("the steering turns by {degrees:.3e}°; expected 1° to 36000°, such as 900°")]
+    Range {
+        /// From one end to the other.
+        degrees: f64,
+    },
     /// The world is not one of a wheel.
     #[error("{0}")]
     World(String),
@@ -73,8 +84,11 @@ impl Room {
     /// without a game, its end stops and its base feel; the effects get the damping of the device that the world itself does not need.
     ///
     /// # Errors
-    /// The world is linear, or has no limit, or is not certified.
+    /// The range is outside of [`STEERING`]; the world is linear, or has no limit, or is not certified.
     pub fn of(world: &World, range: f64) -> Result<Self, WheelError> {
+        if !STEERING.contains(&range) {
+            return Err(WheelError::Range { degrees: range.to_degrees() });
+        }
         if world.motion != hapt_model::Motion::Rotary {
             return Err(WheelError::World("the world is linear, and a wheel turns; leave `motion` out".into()));
         }
@@ -161,7 +175,7 @@ pub struct WheelStatus {
     pub played: u64,
     /// Effects that play now.
     pub playing: usize,
-    /// The largest torque of effects that was given, N·m.
+    /// The largest torque of the motor while effects played, the world's part in it, N·m.
     pub peak: f64,
     /// Samples in which less was given than asked, for each reason: the host asked for a drive, for more stiffness than is passive, for more
     /// torque than the limit.
@@ -223,13 +237,14 @@ impl GameWheel {
         let shared =
             Arc::new(Shared { status: Mutex::new(status), shown: Mutex::default(), pressed: Mutex::default() });
         let (stops, sees, half, scale) = (Arc::clone(&stop), Arc::clone(&shared), room.half, room.scale());
+        let limit = room.device.limit;
         let work = move || {
             let _detached = Detached(&sees);
             // It owns the rings' ends: what the host has left plays no more when it ends, in whatever way.
-            Worker { host, wire, half, scale, shared: &sees, unsent: false }.run(&stops);
+            Worker { host, wire, half, limit, scale, shared: &sees, unsent: false }.run(&stops);
         };
         let thread = std::thread::Builder::new().name("wheel".into()).spawn(work).map_err(WheelError::Attach)?;
-        Ok((GameWheel { stop, shared, limit: room.device.limit, thread: Some(thread) }, port))
+        Ok((GameWheel { stop, shared, limit, thread: Some(thread) }, port))
     }
 
     /// What has happened so far.
@@ -263,6 +278,8 @@ struct Worker<'a> {
     host: UnixStream,
     wire: EffectsWire,
     half: f64,
+    /// Of the motor, N·m.
+    limit: f64,
     scale: Scale,
     shared: &'a Shared,
     /// The pool has changed, and the ring had no room for it.
@@ -282,18 +299,24 @@ impl Worker<'_> {
             // The loop's samples are its clock.
             class.at(now / 1000);
             let taken = feed(device.bus(), &mut come);
+            let mut has_host = true;
             for _ in 0..AT_ONCE {
-                if !device.poll(&mut [&mut class]) {
+                let was_configured = device.state() == UsbDeviceState::Configured;
+                let goes_on = device.poll(&mut [&mut class]);
+                has_host &= !was_configured || device.state() == UsbDeviceState::Configured;
+                if !goes_on {
                     break;
                 }
             }
             if let Some(position) = position {
-                class.show(&self.input(position));
+                has_host &= class.show(&self.input(position));
                 locked(&self.shared.shown).plays(class.pool(), now / 1000, &self.scale);
             }
             self.pass_on(&mut class);
             let answers = device.bus().answers();
-            if taken.is_err() || !goes_on || self.host.write_all(&answers).is_err() {
+            // The last answers too: the kernel may wait for them.
+            let is_gone = self.host.write_all(&answers).is_err();
+            if taken.is_err() || !goes_on || is_gone || !has_host {
                 break;
             }
         }
@@ -324,9 +347,12 @@ impl Worker<'_> {
             status.samples += 1;
             status.played += u64::from(sample.playing > 0);
             status.playing = sample.playing;
-            status.peak = status.peak.max(f64::from(sample.given.torque.abs()));
+            if sample.playing > 0 {
+                let motor = (sample.world + f64::from(sample.given.torque)).clamp(-self.limit, self.limit);
+                status.peak = status.peak.max(motor.abs());
+            }
             status.scale = status.scale.min(f64::from(sample.given.scale));
-            shown.add(&sample.given);
+            shown.add(&sample, self.limit);
             if let Some(reason) = sample.given.shortfall {
                 status.less[reason_index(reason)] += 1;
             }

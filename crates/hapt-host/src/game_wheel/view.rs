@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use hapt_core::wheel::{Effect, Given, Shortfall, Sides};
+use hapt_rt::EffectsSample;
 use hapt_wire::pid::{EFFECTS, Input, Pool, Scale};
 
 use super::{Shared, locked};
@@ -28,17 +29,22 @@ const PAUSES: &str =
 #[derive(Default)]
 pub(super) struct Shown {
     effects: Vec<Effect<f32>>,
-    /// Least, last and most of what was asked and what was given, N·m.
+    /// Least, last and most of what was asked and what was given, N·m: by how much it changes the motor's torque, which the world alone has too.
     torques: Option<[[f64; 3]; 2]>,
+    /// The last of each.
+    held: [f64; 2],
     last: Option<Given<f32>>,
     why: Option<Shortfall>,
     pauses: bool,
 }
 
 impl Shown {
-    /// A sample.
-    pub(super) fn add(&mut self, given: &Given<f32>) {
-        let now = [given.asked, given.torque].map(f64::from);
+    /// A sample, on a motor with this limit.
+    pub(super) fn add(&mut self, sample: &EffectsSample, limit: f64) {
+        let EffectsSample { given, world, .. } = sample;
+        let motor = |torque: f64| torque.clamp(-limit, limit);
+        let now = [given.asked, given.torque].map(|torque| motor(world + f64::from(torque)) - motor(*world));
+        self.held = now;
         let before = self.torques.unwrap_or(now.map(|torque| [torque; 3]));
         self.torques = Some([0, 1].map(|i| [before[i][0].min(now[i]), now[i], before[i][2].max(now[i])]));
         self.why = given.shortfall.or(self.why);
@@ -73,10 +79,7 @@ impl WheelView for View {
         let status = *locked(&self.shared.status);
         let mut shown = locked(&self.shared.shown);
         let last = shown.last.unwrap_or(Given::NOTHING);
-        let [asked, given] = shown.torques.take().unwrap_or_else(|| {
-            let held = [last.asked, last.torque].map(f64::from);
-            held.map(|torque| [torque; 3])
-        });
+        let [asked, given] = shown.torques.take().unwrap_or(shown.held.map(|torque| [torque; 3]));
         WheelInfo {
             attached: status.is_attached,
             effects: shown.effects.iter().map(|effect| describe(effect, f64::from(last.scale))).collect(),

@@ -17,6 +17,7 @@ use hapt_host::{Machine, PageSession, Session, WheelView, WorldConfig};
 use hapt_model::{Source, World};
 use hapt_rt::{Cycle, Device, Failure, Moment, Outside, Plan, Position, Record};
 use hapt_wire::pid::{Condition, Control, DESCRIPTOR, FULL, Input, Kind, Periodic, Report, SILENCE, id};
+use hapt_wire::usb::UNREAD;
 
 use host::Host;
 
@@ -63,6 +64,8 @@ struct Bench {
     cycle: Cycle,
     path: Arc<Mutex<Path>>,
     host: Host,
+    /// The host takes reports, as a driver does while a program has the wheel open.
+    reads: bool,
     samples: u64,
 }
 
@@ -75,7 +78,7 @@ impl Bench {
         let device = Moved { path: Arc::clone(&path) };
         let plan = Plan::new(&world, SafetyProfile::Simulated).unwrap();
         let cycle = Cycle::new(Box::new(plan), Box::new(device)).beside(Outside::playing(port));
-        let mut bench = Bench { wheel, cycle, path, host: Host::new(other), samples: 0 };
+        let mut bench = Bench { wheel, cycle, path, host: Host::new(other), reads: true, samples: 0 };
         bench.host.configure();
         bench.sample(None);
         bench.sample(Some(Request::Arm));
@@ -100,6 +103,10 @@ impl Bench {
         loop {
             let status = self.wheel.status();
             if status.samples + 1 >= self.samples || !status.is_attached {
+                if status.is_attached && self.reads {
+                    // Any transfer gathers what has been shown.
+                    self.host.feature(id::POOL);
+                }
                 return status;
             }
             assert!(begin.elapsed() < PATIENCE);
@@ -352,14 +359,18 @@ fn a_pool_without_room_says_so_and_malformed_reports_change_nothing() {
     assert_eq!(bench.settle().refused, 5);
 }
 
-#[test]
-fn a_host_that_goes_leaves_no_torque_on() {
+/// A wheel that a constant torque and a spring turn.
+fn playing() -> Bench {
     let mut bench = Bench::new();
     bench.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
     bench.host.play(Kind::Spring, condition(FULL));
     bench.moved(100, |_| 1.0);
     assert!(bench.sample(None).link < -1.0);
-    bench.host.stream.shutdown(std::net::Shutdown::Both).unwrap();
+    bench
+}
+
+/// The wheel is detached, and the loop has no torque of effects any more.
+fn ends_without_torque(bench: &mut Bench) {
     let begin = Instant::now();
     while bench.wheel.status().is_attached {
         assert!(begin.elapsed() < PATIENCE);
@@ -369,17 +380,54 @@ fn a_host_that_goes_leaves_no_torque_on() {
 }
 
 #[test]
+fn a_host_that_goes_leaves_no_torque_on() {
+    let mut bench = playing();
+    bench.host.stream.shutdown(std::net::Shutdown::Both).unwrap();
+    ends_without_torque(&mut bench);
+}
+
+#[test]
+fn a_wheel_that_loses_its_configuration_gives_no_torque() {
+    let mut bench = playing();
+    assert_eq!(bench.host.control([0, 9, 0, 0, 0, 0, 0, 0], &[]).0, 0, "the kernel has its answer");
+    ends_without_torque(&mut bench);
+    // A host that gives it back at once, before the wheel has looked, has taken the driver's effects away too.
+    let mut bench = playing();
+    for configuration in [0, 1] {
+        bench.host.submit(0, false, 0, [0, 9, configuration, 0, 0, 0, 0, 0], &[]);
+    }
+    ends_without_torque(&mut bench);
+}
+
+#[test]
+fn a_wheel_that_no_driver_reads_gives_no_torque() {
+    let mut bench = playing();
+    bench.reads = false;
+    // Some of it is left, since the host may have been busy.
+    assert!(bench.run(UNREAD / 1000 / 2).link < -1.0);
+    // What counts of the time between two looks is bounded, and this loop runs ahead of them.
+    bench.run(4 * UNREAD / 1000);
+    ends_without_torque(&mut bench);
+}
+
+#[test]
+fn a_wheel_that_no_program_has_open_waits_for_the_next() {
+    let mut bench = Bench::new();
+    bench.reads = false;
+    bench.run(10 * UNREAD / 1000);
+    bench.reads = true;
+    bench.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
+    assert!(near(bench.run(4 * UNREAD / 1000).link, -LIMIT));
+    assert!(bench.wheel.status().is_attached);
+}
+
+#[test]
 fn what_is_no_message_of_the_protocol_ends_in_a_detached_wheel_without_torque() {
     let mut bench = Bench::new();
     bench.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
     bench.run(20);
     bench.host.stream.write_all(&[0x5a; 96]).unwrap();
-    let begin = Instant::now();
-    while bench.wheel.status().is_attached {
-        assert!(begin.elapsed() < PATIENCE);
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    assert!(bench.run(50).link.abs() < 1e-6);
+    ends_without_torque(&mut bench);
 }
 
 #[test]

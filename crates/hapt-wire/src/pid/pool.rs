@@ -248,6 +248,13 @@ impl Pool {
         (all, count)
     }
 
+    /// Whether an effect is started and has not ended, whatever its torque is.
+    #[must_use]
+    pub fn plays(&self, now: u64) -> bool {
+        let goes_on = |slot: &Slot| slot.time(now).is_some_and(|time| time.is_some());
+        self.enabled && self.paused.is_none() && self.slots.iter().flatten().any(goes_on)
+    }
+
     /// Whether an effect would play if the host were not silent, at the time of the last [`Pool::effects`].
     #[must_use]
     pub fn pauses(&self) -> bool {
