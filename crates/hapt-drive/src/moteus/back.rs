@@ -86,7 +86,7 @@ struct Status {
     mode: Option<i32>,
     position: Option<f32>,
     velocity: Option<f32>,
-    fault: i32,
+    fault: Option<i32>,
     map: Option<i32>,
 }
 
@@ -182,7 +182,7 @@ impl Moteus {
                 register::MODE => status.mode = Some(value.whole()),
                 register::POSITION => status.position = Some(scaled),
                 register::VELOCITY => status.velocity = Some(scaled),
-                register::FAULT => status.fault = value.whole(),
+                register::FAULT => status.fault = Some(value.whole()),
                 register::MAP => status.map = Some(value.whole()),
                 _ => {}
             }
@@ -328,8 +328,8 @@ impl Moteus {
     }
 
     fn answer(&mut self, status: &Status) -> Result<ShaftState, DriveError> {
-        let mode = status.mode.ok_or(DriveError::Late)?;
-        if let Some(fault) = fault(mode, status.fault) {
+        let (mode, code) = status.mode.zip(status.fault).ok_or(DriveError::Late)?;
+        if let Some(fault) = fault(mode, code) {
             return Err(DriveError::Fault(fault));
         }
         self.ran |= mode == mode::POSITION;
@@ -364,8 +364,8 @@ impl Drive for Moteus {
             let ready = self.torque(0.0, BEFORE);
             self.bus.send(&ready, Instant::now() + PATIENCE).map_err(|_| self.gone())?;
             let status = self.ask_again(Moteus::question)?;
-            let mode = status.mode.unwrap_or(mode::STOPPED);
-            if let Some(fault) = fault(mode, status.fault) {
+            let (mode, code) = status.mode.zip(status.fault).unwrap_or((mode::STOPPED, 0));
+            if let Some(fault) = fault(mode, code) {
                 self.stop();
                 return Err(Error::Fault { drive: self.called(), fault });
             }

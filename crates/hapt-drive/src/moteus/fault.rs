@@ -15,7 +15,9 @@ pub const UNHEARD: DriveFault = DriveFault {
     reason: Some(Reason::Late),
 };
 
-/// The meaning of mode and fault register, where the drive gives no torque, or another one than commanded.
+/// The meaning of mode and fault register, where the drive gives no torque, or may give another one than commanded. A number that is not known
+/// to be harmless is a fault in whatever mode: a new firmware may go on with it. A stopped drive keeps the number of its last fault up to the
+/// next start.
 pub fn fault(mode: i32, code: i32) -> Option<DriveFault> {
     match mode {
         mode::FAULT => Some(named(code)),
@@ -24,16 +26,21 @@ pub fn fault(mode: i32, code: i32) -> Option<DriveFault> {
             what: "its watchdog expired: no command arrived in time",
             reason: Some(Reason::Late),
         }),
-        _ => limit(code),
+        mode::STOPPED => None,
+        _ => match code {
+            0 | FLUX_BRAKING | FIELD_WEAKENING => None,
+            _ => Some(limit(code).unwrap_or_else(|| named(code))),
+        },
     }
 }
 
+/// These put current where it makes no torque, and are harmless.
+const FLUX_BRAKING: i32 = 104;
+const FIELD_WEAKENING: i32 = 105;
+
 /// The drive's own configuration limits its torque: the motor differs from the certified one.
-///
-/// Flux braking (104) and field weakening (105) put current where it makes no torque.
 fn limit(code: i32) -> Option<DriveFault> {
     let (what, reason) = match code {
-        i32::MIN..=95 | 104 | 105 => return None,
         96 => ("it limits its torque above servo.max_velocity: set it above the largest velocity of the wheel", None),
         97 => ("it limits its torque at servo.max_power_W: raise it, or lower device.limit", None),
         98 => ("its supply's voltage is too low for this torque at this speed: raise it, or lower device.limit", None),
@@ -45,9 +52,15 @@ fn limit(code: i32) -> Option<DriveFault> {
             "it limits its torque at its position limits: set servopos.position_min and servopos.position_max to nan",
             None,
         ),
-        _ => ("it limits its output for an unknown reason", None),
+        106.. => ("it limits its output for an unknown reason", None),
+        _ => return None,
     };
-    Some(DriveFault { code: u32::try_from(code).unwrap_or(0), what, reason })
+    Some(DriveFault { code: number(code), what, reason })
+}
+
+/// As the drive prints it: the register is read as 8 bits with a sign.
+fn number(code: i32) -> u32 {
+    u32::from(code as u8)
 }
 
 /// By the number in register 0x00f.
@@ -76,7 +89,7 @@ fn named(code: i32) -> DriveFault {
         50 => ("its velocity control error was larger than servo.fault_velocity_error: set that to nan", None),
         _ => ("an unknown fault", None),
     };
-    DriveFault { code: u32::try_from(code).unwrap_or(0), what, reason }
+    DriveFault { code: number(code), what, reason }
 }
 
 /// The drive is in another mode than the loop has set.

@@ -65,6 +65,32 @@ impl Firmware for WithFaults {
     }
 }
 
+/// A drive that goes on, and says this number in its fault register, where it is not 0.
+struct Goes(Simulated, Arc<AtomicU32>);
+
+impl Firmware for Goes {
+    fn requests_position(&self, frame: &Frame) -> bool {
+        self.0.requests_position(frame)
+    }
+
+    fn receive(&mut self, frame: &Frame, shaft: Shaft, send: &mut dyn FnMut(Frame)) {
+        let code = self.1.load(SeqCst) as u8;
+        self.0.receive(frame, shaft, &mut |answer| {
+            let mut data = answer.data().to_vec();
+            // An answer with one 8-bit number of register 0x00f.
+            let fault = data.windows(2).rposition(|two| two == [0x21, 0x0f]);
+            if let Some(place) = fault.and_then(|at| data.get_mut(at + 2)).filter(|_| code > 0) {
+                *place = code;
+            }
+            send(Frame::fd(answer.id, &data).with_extended(answer.extended));
+        });
+    }
+
+    fn pass(&mut self, seconds: f64, shaft: Shaft, send: &mut dyn FnMut(Frame)) -> f64 {
+        self.0.pass(seconds, shaft, send)
+    }
+}
+
 fn bench(world: &World, id: u8, time: Time) -> TestBench {
     TestBench::new(Make::Moteus, None, Box::new(Simulated::new(id)), world, time)
 }
@@ -208,6 +234,32 @@ fn a_fault_of_the_drive_ends_the_loop_by_name() {
             // A new start is an explicit clear.
             drop(first);
             looped(&bench, &world).run();
+        }
+    });
+}
+
+/// Whatever a firmware means by a number, hapt has certified a drive without it. Flux braking and field weakening take nothing from the torque.
+#[test]
+fn a_drive_that_goes_on_with_any_number_in_its_fault_register_ends_the_loop_unless_the_number_is_harmless() {
+    in_time(|| {
+        let world = world(&[]);
+        for code in [1, 31, 33, 39, 50, 51, 70, 95, 96, 104, 105, 106, 127, 128, 200, 255] {
+            let says = Arc::new(AtomicU32::new(0));
+            let firmware = Box::new(Goes(Simulated::new(1), Arc::clone(&says)));
+            let bench = TestBench::new(Make::Moteus, None, firmware, &world, lockstep(&world));
+            let mut looped = looped(&bench, &world);
+            looped.run();
+            says.store(code, SeqCst);
+            if [104, 105].contains(&code) {
+                for _ in 0..20 {
+                    assert_eq!(looped.sample(None).unwrap().phase, Phase::Running, "{code}");
+                }
+                continue;
+            }
+            match end(&mut looped) {
+                Err(Failure::Drive(fault)) => assert_eq!(fault.code, code),
+                other => panic!("{code}: {other:?}"),
+            }
         }
     });
 }
