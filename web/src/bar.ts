@@ -40,10 +40,13 @@ export function showBar({ up, mine, control, status }: Desk): void {
   watching.hidden = !up || mine;
   if (!watching.hidden) say(byId("watching-text"), control === null ? "You are watching; nobody has control." : `You are watching; visitor ${control} has control.`);
 
+  // A loop that has faded out by itself has a reason too, up to the next arming.
   const fault = byId("fault");
-  fault.hidden = phase !== "faulted";
-  if (status && phase === "faulted") {
-    say(byId("fault-name"), status.code === null ? "Fault:" : `Fault ${status.code}${status.reason ? ` (${status.reason})` : ""}:`);
+  fault.hidden = phase === undefined || (phase !== "faulted" && status?.code == null);
+  byId("clear").hidden = phase !== "faulted";
+  if (status && phase && !fault.hidden) {
+    const what = status.code === null ? PHASES[phase] : `${PHASES[phase]} ${status.code}`;
+    say(byId("fault-name"), `${what}${status.reason ? ` (${status.reason})` : ""}:`);
     say(byId("fault-text"), status.sentence ?? "");
     say(byId("fault-clear"), status.clear ?? "");
   }

@@ -129,6 +129,9 @@ export interface Punctuality {
 
 export type Phase = "disarmed" | "fading-in" | "running" | "fading-out" | "faulted";
 
+/** Whether a torque is possible. */
+export const isLive = (phase: Phase | undefined): boolean => phase !== undefined && phase !== "disarmed" && phase !== "faulted";
+
 export interface Status {
   type: "status";
   phase: Phase;

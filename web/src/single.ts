@@ -15,7 +15,7 @@ import { PhoneCard } from "./phone.ts";
 import { factors, panels } from "./panels.ts";
 import { Plots } from "./plots.ts";
 import { Poles } from "./poles.ts";
-import { COLUMN, VERSION, type Frame, type FromServer, type World } from "./protocol.ts";
+import { COLUMN, VERSION, isLive, type Frame, type FromServer, type World } from "./protocol.ts";
 import { ScenarioStart } from "./scenario.ts";
 import { Legend, Stage } from "./stage.ts";
 import { stopOn } from "./stop.ts";
@@ -200,7 +200,7 @@ export function single(recorded: Recorded | undefined): void {
     if (retry !== null) countdown();
     if (!world || !shown || !frame || !fresh || !desk.up) return;
     fresh = false;
-    stage.frame(frame, hand.intended);
+    stage.frame(frame, hand.intended, isLive(desk.status?.phase));
     if (world.limit === null) gauge.show(stage.strongest, false, shown);
     gauge.frame(frame.last[COLUMN.output]!, shown);
     const quick = reduced.matches ? REDUCED : 0;

@@ -8,7 +8,7 @@ import { rotary } from "./rotary.ts";
 import { COLUMN, type Coupling, type Frame, type World } from "./protocol.ts";
 
 /** A moving part: what it does with the positions and velocities of puck and bodies, ground the last. */
-type Part = (q: Float64Array, v: Float64Array) => void;
+type Part = (q: Float64Array, v: Float64Array, live: boolean) => void;
 
 export class Stage {
   readonly svg: SVGSVGElement;
@@ -51,7 +51,8 @@ export class Stage {
     this.build();
   }
 
-  frame(frame: Frame, intended: number | null): void {
+  /** `live`: a torque is possible; without one no coupling pushes. */
+  frame(frame: Frame, intended: number | null, live: boolean): void {
     const world = this.world;
     const bodies = world?.bodies.length ?? 0;
     if (!world || frame.last.length < COLUMN.bodies + 2 * bodies) return;
@@ -67,7 +68,7 @@ export class Stage {
     this.position = q[0]!;
     const furthest = Math.max(...q.map(Math.abs));
     if (world.motion === "linear" && furthest > this.reach) this.rescale(furthest);
-    for (const part of this.parts) part(q, v);
+    for (const part of this.parts) part(q, v, live);
     say(this.far, this.away.filter((text) => text !== null).join("; "));
     this.hand(q[0]!, intended);
   }
@@ -149,8 +150,8 @@ export class Stage {
     this.svg.append(group);
     const draw = this.pen(coupling, gap, { element, group, outer, inner, first, second });
     const sign = first === outer ? 1 : -1;
-    this.parts.push((q, v) => {
-      const torque = push(coupling, q[first]! - q[second]!, v[first]! - v[second]!);
+    this.parts.push((q, v, live) => {
+      const torque = !live ? 0 : push(coupling, q[first]! - q[second]!, v[first]! - v[second]!);
       if (this.world!.limit === null) this.scale = Math.max(this.scale, Math.abs(torque));
       // Seen from the puck's side: ground's own push is of no interest.
       const share = ((framed ? -sign : sign) * torque) / this.scale;

@@ -6,7 +6,7 @@ import type { Peer } from "./link.ts";
 import { Program } from "./local.ts";
 import { NetworkCard } from "./network.ts";
 import { PHASES } from "./bar.ts";
-import { COLUMN, type Frame, type FromServer, type Network, type NetworkChange, type Status, type ToServer, type World } from "./protocol.ts";
+import { COLUMN, isLive, type Frame, type FromServer, type Network, type NetworkChange, type Status, type ToServer, type World } from "./protocol.ts";
 import { Legend, Stage } from "./stage.ts";
 import { stopOn } from "./stop.ts";
 import { steady, units } from "./units.ts";
@@ -73,7 +73,7 @@ class Station implements Peer {
   draw(now: number): void {
     this.hand.frame(now);
     if (!this.world || !this.frame) return;
-    this.stage.frame(this.frame, this.hand.intended);
+    this.stage.frame(this.frame, this.hand.intended, isLive(this.status?.phase));
     const { position } = units(this.world);
     const places = [COLUMN.puck, ...this.world.bodies.map((_, i) => COLUMN.bodies + 2 * i)].map((column) => this.frame!.last[column]! * position.per);
     this.legend.frame(places.map((place) => `${steady(place, 90)}\u2009${position.name}`));
@@ -92,8 +92,10 @@ class Station implements Peer {
         const { phase, code, sentence } = message;
         attribute(this.phase, "data-phase", phase);
         say(this.phase, PHASES[phase]);
-        const fault = `Fault${code === null ? "" : ` ${code}`}: ${sentence ?? ""} Start over clears it.`;
-        return say(this.fault, phase === "faulted" ? fault : message.warnings.join(" "));
+        // A phase that nobody asked for has a reason.
+        const why = sentence === null ? [] : [`${phase === "faulted" ? "Fault" : PHASES[phase]}${code === null ? "" : ` ${code}`}: ${sentence}`];
+        const then = phase === "faulted" ? ["Start over clears it."] : why.length > 0 && phase === "disarmed" ? ["Start over arms it."] : message.warnings;
+        return say(this.fault, [...why, ...then].join(" "));
       }
       case "refused":
       case "error":

@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import { existsSync, rmSync } from "node:fs";
 import { isAbsolute } from "node:path";
 import { after, test } from "node:test";
-import { extremes, number, open, place, quit, serve, turn, until, world } from "./desk.mjs";
+import { extremes, launch, number, open, place, quit, serve, turn, until, world } from "./desk.mjs";
 
 after(quit);
 
@@ -208,6 +208,59 @@ visit("Space and Escape stop wherever the focus is; a text field keeps its space
   await page.keyboard.press("Space");
   assert.equal(await field.inputValue(), "1 ms ");
   assert.equal(await phase(page)(), "running");
+});
+
+test("a loop that fades out by itself says why, and up to when", { timeout: 90_000 }, async () => {
+  const server = await serve(world("hurried"));
+  const context = await (await launch()).newContext({ viewport: { width: 1280, height: 900 } });
+  try {
+    const page = await context.newPage();
+    await page.goto(server.url);
+    await until(phase(page), (now) => now === "disarmed");
+    await until(() => page.locator("#fault").isVisible(), Boolean);
+    assert.match(await page.textContent("#fault"), /Disarmed 17 \(uneven\): A sample or a command came later than the certificate covers\..*safety\.late/s);
+    assert.ok(await page.locator("#clear").isHidden(), "there is no fault to clear");
+    assert.ok(await page.isEnabled("#arm"));
+  } finally {
+    await context.close();
+    await server.end();
+  }
+});
+
+visit("without a torque none is shown, and no energy, wherever the puck is turned; what starts over begins with its own", "@notes/default", async (page) => {
+  const nothing = async () => {
+    for (const plot of [2, 3]) assert.deepEqual(await extremes(page, trace(page, plot, 0), 0.3), [0, 0]);
+    const pushes = await page.evaluate(() => [...document.querySelectorAll("[data-push]")].map((coupling) => Number(coupling.dataset.push)));
+    assert.ok(pushes.length > 0 && pushes.every((push) => push === 0), `${pushes}`);
+  };
+  for (const [end, at] of [["disarm", "disarmed"], ["stop", "faulted"]]) {
+    await turn(page, 60);
+    await until(() => place(page), (puck) => puck > 40);
+    await page.mouse.up();
+    await page.click(`#${end}`);
+    await until(phase(page), (now) => now === at);
+    const body = await place(page, 1);
+    await turn(page, 120);
+    await page.mouse.up();
+    await nothing();
+    assert.equal(await place(page, 1), body, "the wheel stays where its torque ended");
+    await page.click("#restart");
+    await until(phase(page), (now) => now === "running");
+    await until(() => place(page, 1), (wheel) => wheel === 0);
+  }
+});
+
+visit("a warning goes with the world that it is of", "@notes/default", async (page) => {
+  await page.click("#euler");
+  await until(() => page.inputValue('[data-key="loop.method"] select'), (method) => method === "forward-euler");
+  await set(page, "loop.period", "10 ms");
+  await page.click('#scenarios [data-name="step"]');
+  await until(() => page.textContent("#warnings"), (text) => text.includes("integration method"), 30);
+  await page.click("#reset");
+  await until(verdict(page), (text) => text === "Certified");
+  await until(() => page.locator("#warnings").isHidden(), Boolean);
+  await page.waitForTimeout(1000);
+  assert.ok(await page.locator("#warnings").isHidden(), await page.textContent("#warnings"));
 });
 
 visit("on the keyboard alone: an arrow turns the puck, H keeps hold of it, Tab reaches everything", undefined, async (page) => {

@@ -23,10 +23,10 @@ pub const COLUMNS: [(Signal, Get); 8] = [
     (Signal::PUCK_VELOCITY, |sample| sample.record.velocity),
     (Signal::MEASURED, |sample| sample.record.measured),
     (Signal::MEASURED_VELOCITY, |sample| sample.record.measured_velocity),
-    (Signal::TORQUE, |sample| sample.record.torque),
-    (Signal::COMMAND, |sample| sample.record.command),
+    (Signal::TORQUE, |sample| sample.made(sample.record.torque)),
+    (Signal::COMMAND, |sample| sample.made(sample.record.command)),
     (Signal::OUTPUT, |sample| sample.record.output),
-    (Signal::ENERGY, |sample| world_energy(sample.world, sample.position, sample.bodies(), &[])),
+    (Signal::ENERGY, |sample| sample.made(world_energy(sample.world, sample.position, sample.bodies(), &[]))),
 ];
 
 /// The columns of a world's telemetry.
@@ -43,18 +43,31 @@ pub struct Frames {
     /// Of the last sample.
     time: f64,
     generation: u32,
+    /// A torque was possible in the last sample.
+    is_live: bool,
+    /// Where the bodies are shown, and their velocities.
+    bodies: Vec<(f64, f64)>,
 }
 
 impl Frames {
-    /// Adds a sample.
+    /// Adds a sample. The world begins anew when it is armed; up to then its bodies are shown where they were when the torque ended, as the puck is. What
+    /// puts the puck back to its start before, puts them back too.
     pub fn add(&mut self, sample: &Sample<'_>) {
-        let Sample { generation, time, .. } = *sample;
+        let Sample { generation, time, record, .. } = *sample;
+        let is_live = record.phase.is_active();
+        if is_live || record.announced || self.bodies.len() != sample.bodies().len() {
+            self.bodies.clear();
+            self.bodies.extend_from_slice(sample.bodies());
+        } else {
+            self.bodies.iter_mut().for_each(|(_, velocity)| *velocity = 0.0);
+        }
         let own = COLUMNS.iter().map(|(_, get)| get(sample));
-        let values = own.chain(sample.bodies().iter().flat_map(|&(position, velocity)| [position, velocity]));
-        if generation != self.generation {
+        let values = own.chain(self.bodies.iter().flat_map(|&(position, velocity)| [position, velocity]));
+        // No extreme of another world, or of one that has ended.
+        if generation != self.generation || is_live && !self.is_live {
             self.columns.clear();
         }
-        (self.time, self.generation) = (time, generation);
+        (self.time, self.generation, self.is_live) = (time, generation, is_live);
         if self.columns.is_empty() {
             self.columns.extend(values.map(|value| [value; 3]));
             return;
@@ -91,6 +104,7 @@ impl Frames {
 
 #[cfg(test)]
 mod tests {
+    use hapt_core::Phase;
     use hapt_rt::Record;
     use hapt_sim::Measures;
 
@@ -143,6 +157,48 @@ mod tests {
         add(&mut frames, &world, 1, 3.0, &record(3, |r| r.position = 1.0));
         let (generation, _, columns) = read(&frames.take().unwrap());
         assert_eq!((generation, columns[0]), (1, [1.0, 1.0, 1.0]));
+    }
+
+    /// A page shows a wheel of the notes that is armed, turned, and stopped: then the puck is turned on, and the world stands at its start.
+    #[test]
+    fn where_no_torque_is_possible_none_is_shown_and_no_energy_and_the_bodies_stay_where_they_were() {
+        let world = world();
+        for phase in [Phase::Disarmed, Phase::Faulted] {
+            let mut frames = Frames::default();
+            let at = |sample, phase, position, wheel: (f64, f64)| {
+                record(sample, |r| {
+                    (r.phase, r.position, r.bodies[0]) = (phase, position, wheel);
+                    (r.torque, r.command) = (wheel.0 - position, wheel.0 - position);
+                })
+            };
+            add(&mut frames, &world, 0, 0.0, &at(0, Phase::Running, 1.0, (0.8, 0.3)));
+            frames.take();
+            add(&mut frames, &world, 0, 1.0, &at(1, phase, 1.1, (0.0, 0.0)));
+            add(&mut frames, &world, 0, 2.0, &at(2, phase, 9.0, (0.0, 0.0)));
+            let (_, _, columns) = read(&frames.take().unwrap());
+            for none in [&columns[4..=5], &columns[ENERGY_AT..=ENERGY_AT]].concat() {
+                assert_eq!(none, [0.0; 3], "{columns:?}");
+            }
+            assert_eq!((columns[0], columns[8], columns[9]), ([9.0, 1.1, 9.0], [0.8; 3], [0.0; 3]));
+            // A restart puts both back.
+            let back = record(3, |r| (r.phase, r.announced) = (phase, true));
+            add(&mut frames, &world, 0, 3.0, &back);
+            add(&mut frames, &world, 0, 4.0, &at(4, phase, 0.0, (0.0, 0.0)));
+            let (_, _, columns) = read(&frames.take().unwrap());
+            assert_eq!((columns[0], columns[8]), ([0.0; 3], [0.0; 3]));
+        }
+    }
+
+    #[test]
+    fn a_world_that_is_armed_again_shows_no_torque_of_the_one_before() {
+        let world = world();
+        let mut frames = Frames::default();
+        for (time, phase, torque) in
+            [(0.0, Phase::FadingOut, 10.0), (1.0, Phase::Disarmed, -7.0), (2.0, Phase::FadingIn, 0.25)]
+        {
+            add(&mut frames, &world, 0, time, &record(time as u64, |r| (r.phase, r.torque) = (phase, torque)));
+        }
+        assert_eq!(read(&frames.take().unwrap()).2[4], [0.25; 3]);
     }
 
     #[test]

@@ -82,6 +82,12 @@ impl Sample<'_> {
         let all = &self.record.bodies;
         &all[..self.world.bodies.len().min(all.len())]
     }
+
+    /// A torque or an energy of the world; 0 in a phase in which nothing can act on the puck. The world then stands at its start, wherever the puck is,
+    /// and nobody makes what its couplings would ask for there.
+    pub fn made(&self, value: f64) -> f64 {
+        if self.record.phase.is_active() { value } else { 0.0 }
+    }
 }
 
 /// An event beside the samples.

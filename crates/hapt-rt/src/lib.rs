@@ -204,7 +204,7 @@ pub struct Record {
     pub phase: Phase,
     /// The reason of a fault, or of an automatic fade-out.
     pub reason: Option<Reason>,
-    /// The first limit that was exceeded since arming and only warns.
+    /// A limit that was exceeded since this world was armed and only warns.
     pub warning: Option<Reason>,
     /// From the sample's instant to its reading, in ns.
     pub latency: u32,

@@ -29,7 +29,11 @@ pub fn run(args: &WheelArgs) -> Result<ExitCode, Failure> {
     }
     let range = format::positive("--range", &args.range, Dimension::ANGLE)?;
     if !STEERING.contains(&range) {
-        return Err(Failure::input(format!("--range {}: {}", args.range, WheelError::Range { degrees: range.to_degrees() })));
+        return Err(Failure::input(format!(
+            "--range {}: {}",
+            args.range,
+            WheelError::Range { degrees: range.to_degrees() }
+        )));
     }
     let mut sets = Vec::new();
     if args.path.is_none() {
@@ -156,7 +160,9 @@ fn stiffness(room: &Room) -> String {
 
 fn failure(error: WheelError) -> Failure {
     match error {
-        WheelError::Device(_) | WheelError::Range { .. } | WheelError::World(_) | WheelError::Check(_) => Failure::input(error),
+        WheelError::Device(_) | WheelError::Range { .. } | WheelError::World(_) | WheelError::Check(_) => {
+            Failure::input(error)
+        }
         WheelError::NoController | WheelError::Permission | WheelError::NoPort | WheelError::Attach(_) => {
             Failure::System(error.to_string())
         }

@@ -85,7 +85,7 @@ pub struct SafeOutput<F> {
     pub phase: Phase,
     /// The reason of a fault, or of an automatic fade-out.
     pub reason: Option<Reason>,
-    /// The first limit that was exceeded since arming and only warns.
+    /// A limit that was exceeded since this world was armed and only warns.
     pub warning: Option<Reason>,
     /// Under a torque, this sample came later than the certificate covers, or the command before it did.
     pub outside: bool,

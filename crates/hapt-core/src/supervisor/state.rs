@@ -14,7 +14,7 @@ pub struct SupervisorState<F> {
     pub phase: Phase,
     /// Why it is faulted, or has faded out by itself.
     pub reason: Option<Reason>,
-    /// What would have tripped where it only warns, since it was armed.
+    /// What would have tripped where it only warns, since it was armed with this world.
     pub warning: Option<Reason>,
     /// From 0 to 1: how much of the command reaches the motor.
     pub gain: F,
@@ -63,9 +63,10 @@ impl<F: Real> SupervisorState<F> {
     };
 
     /// From the next sample on the world and its supervisor are others; these are the periods of both, in s. The torque goes on from
-    /// where it was and fades over to the new world's; what that has stored is credited to the ledger.
+    /// where it was and fades over to the new world's; what that has stored is credited to the ledger. A warning was the old world's.
     pub fn swap(&mut self, before: F, after: F) {
         self.swapped = true;
+        self.warning = None;
         self.seen.step = None;
         // The interval before the next sample is one of the old period.
         self.seen.late += after - before;

@@ -108,6 +108,8 @@ mod tests {
     #[test]
     fn every_signal_that_a_board_sends_is_the_same_signal_on_the_page() {
         let sent = Telemetry {
+            // A torque that nobody makes is 0 there.
+            phase: Phase::ALL.iter().position(|phase| *phase == Phase::Running).unwrap() as u8,
             position: 1.0,
             measured: 2.0,
             velocity: 3.0,

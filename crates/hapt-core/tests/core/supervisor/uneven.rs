@@ -73,6 +73,9 @@ fn a_late_sample_that_only_counts_changes_no_torque<F: Real>() {
     }
     assert_eq!(counts.watch.outside(), (0..100).filter(|k| k % 4 == 1 || k % 7 == 0).count() as u32);
     assert_eq!((counts.watch.warning, any.watch.warning), (Some(Reason::Uneven), None));
+    // It was a warning of that world, and not of the next.
+    counts.watch.swap(counts.world.period(), counts.world.period());
+    assert_eq!((counts.at(0.5).warning, counts.step(&at(0.3, 0), None).warning), (None, Some(Reason::Uneven)));
 }
 
 fn a_late_command_is_judged_at_the_next_sample_and_once<F: Real>() {
