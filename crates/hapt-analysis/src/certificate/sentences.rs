@@ -222,7 +222,7 @@ impl Check {
                 Some(Cause::MotorLag { hz }) => {
                     format!("the mode at {} Hz is undamped, and the motor lags behind its command", short(hz))
                 }
-                Some(Cause::BodiesEvery { .. }) | None => {
+                Some(Cause::Outside { .. }) | None => {
                     return "not known to be passive at any device damping: no theorem covers it".to_string();
                 }
                 Some(Cause::Coulomb) => "Coulomb friction at the puck has no finite slope".to_string(),

@@ -2,9 +2,9 @@
 //! [`crate::stability::poles`].
 
 use hapt_model::{Body, Coupling, End, Method, Output};
-use nalgebra::{Complex, DVector};
+use nalgebra::{Complex, DMatrix, DVector};
 
-use crate::equations::continuous::{LinearCoupling, Slopes, linearise};
+use crate::equations::continuous::{Continuous, LinearCoupling, Slopes, linearise};
 use crate::equations::modal::{Coupled, Modal};
 use crate::equations::structure::{Part, inertias, parts};
 use crate::error::{Error, positive};
@@ -31,7 +31,12 @@ pub(crate) struct TransferFunction {
     pub poles: Vec<Pole>,
     /// All stiffness and damping at the puck: the scale for negligible residues.
     pub at_puck: [f64; 2],
+    /// Whether the poles add up to the world's own response. Where rates of a part lie too far apart for double precision they do not.
+    pub is_accurate: bool,
 }
+
+/// Largest error of the poles' sum, relative to stiffness and damping at the puck.
+const INACCURATE: f64 = 1e-7;
 
 impl TransferFunction {
     /// The transfer function of bodies joined by couplings.
@@ -56,13 +61,19 @@ impl TransferFunction {
             terms.iter().filter(|t| t.first == End::Puck || t.second == End::Puck).map(|t| of(t, period)).sum()
         };
         let (stiffness, damping) = (at_puck(|t, _| t.stiffness), at_puck(damping));
-        let mut port =
-            TransferFunction { stiffness, direct: -damping, poles: Vec::new(), at_puck: [stiffness, damping] };
+        let at_puck = [stiffness, damping];
+        let mut port = TransferFunction { stiffness, direct: -damping, poles: Vec::new(), at_puck, is_accurate: true };
+        let mut coupled = Vec::new();
         for part in parts(&inertia, &terms) {
             if !part.members.iter().any(|&body| terms.iter().any(|t| is_between_puck_and(t, body))) {
                 continue;
             }
-            port.add(&part, &terms, rule)?;
+            coupled.extend(port.add(&part, &terms, rule)?);
+        }
+        // Explicit methods are unstable where rates are that large, and semi-implicit Euler has another damping.
+        if coupled.len() > 2 && !method.is_explicit() {
+            let world = Continuous::new(bodies, couplings, slopes)?;
+            port.is_accurate = is_response_of(&coupled, &world, port.stiffness, period);
         }
         Ok(port)
     }
@@ -74,7 +85,14 @@ impl TransferFunction {
         self.stiffness.is_finite() && self.direct.is_finite() && self.poles.iter().all(pole)
     }
 
-    fn add(&mut self, part: &Part, terms: &[LinearCoupling], rule: Discretisation) -> Result<(), Error> {
+    /// Adds the poles of a part, and returns those of the differential equation.
+    fn add(
+        &mut self,
+        part: &Part,
+        terms: &[LinearCoupling],
+        rule: Discretisation,
+    ) -> Result<Vec<ContinuousPole>, Error> {
+        let mut all = Vec::new();
         let modal = Modal::new(part)?;
         let gains = gains_of(part, &modal, terms, rule.period);
         let size = gains.spring.norm();
@@ -87,7 +105,9 @@ impl TransferFunction {
             self.stiffness -= (spring / omega).powi(2);
             if spring.abs() > NEGLIGIBLE * size || damper != 0.0 {
                 let x = omega * rule.period;
-                self.take(&oscillator(*omega, x, (compensation + implicit) * x * x, spring, damper), rule);
+                let poles = oscillator(*omega, x, (compensation + implicit) * x * x, spring, damper);
+                self.take(&poles, rule);
+                all.extend(poles);
             }
         }
         let coupled = &modal.coupled;
@@ -99,19 +119,27 @@ impl TransferFunction {
             [omega] if coupled.order() == 1 => {
                 let x = omega * rule.period;
                 let damping = coupled.damping(rule.period, false)[0] * rule.period + implicit * x * x;
-                self.take(&oscillator(omega, x, damping, gains.spring[0], gains.damper[0]), rule);
+                let poles = oscillator(omega, x, damping, gains.spring[0], gains.damper[0]);
+                self.take(&poles, rule);
+                all.extend(poles);
             }
-            _ => self.take(&coupled_poles(coupled, &gains, rule)?, rule),
+            _ => {
+                let poles = coupled_poles(coupled, &gains, rule)?;
+                self.take(&poles, rule);
+                all.extend(poles);
+            }
         }
-        Ok(())
+        Ok(all)
     }
 
     fn take(&mut self, poles: &[ContinuousPole], rule: Discretisation) {
+        let first = self.poles.len();
         for e in poles {
             let (pole, direct) = discrete(e, rule);
             self.direct += direct;
             self.poles.push(pole);
         }
+        make_real(&mut self.poles[first..]);
     }
 
     /// Whether the residue of a pole is more than rounding: the puck both moves the mode and feels it.
@@ -120,6 +148,45 @@ impl TransferFunction {
         let all = still + back + (moving + moving_back) / period;
         all.is_nan() || all > 1e-18 * (self.at_puck[0] + self.at_puck[1] / period)
     }
+}
+
+/// Residues of real poles are real, and those of a pair conjugate. What rounding adds to that would count 1/φ times near φ = 0.
+fn make_real(poles: &mut [Pole]) {
+    for i in 0..poles.len() {
+        let Pole { ln_abs, arg, gains } = poles[i];
+        if arg == 0.0 || arg.abs() == std::f64::consts::PI {
+            poles[i].gains = gains.map(|gain| C::from(gain.re));
+        } else if arg > 0.0 {
+            let Some(other) = poles.iter().position(|p| p.arg == -arg && p.ln_abs == ln_abs) else { continue };
+            let mean: [C; 4] = std::array::from_fn(|k| 0.5 * (gains[k] + poles[other].gains[k].conj()));
+            poles[i].gains = mean;
+            poles[other].gains = mean.map(|gain| gain.conj());
+        }
+    }
+}
+
+/// Whether poles add up to the response of the world at real s > 0, where M s² + C s + K is positive definite and its solution has no
+/// cancellation: K + s C - rᵀ (M s² + C s + K)⁻¹ r, r what joins bodies and puck, is K₀ + s C + Σ (P + Q) (σ - β) s/(s - s_i).
+fn is_response_of(poles: &[ContinuousPole], world: &Continuous, stiffness: f64, period: f64) -> bool {
+    let n = world.bodies();
+    let damping = world.damping(period);
+    (-24..=6).all(|half_decade| {
+        let s = 10f64.powf(0.5 * f64::from(half_decade)) / period;
+        let whole = &world.stiffness + s * &damping;
+        let mut inner = whole.view((0, 0), (n, n)).into_owned();
+        (0..n).for_each(|i| inner[(i, i)] += s * s * world.inertia[i]);
+        // In units in which the diagonal is 1.
+        let scale = inner.diagonal().map(|x| if x > 0.0 { 1.0 / x.sqrt() } else { 1.0 });
+        let joined = whole.view((0, n), (n, 1)).column(0).component_mul(&scale);
+        let scaled = DMatrix::from_fn(n, n, |i, j| scale[i] * inner[(i, j)] * scale[j]);
+        let Some(root) = scaled.cholesky() else { return false };
+        let response = whole[(n, n)] - joined.dot(&root.solve(&joined));
+        let of = |e: &ContinuousPole| {
+            (e.position + e.velocity) * (e.shape - e.damper) * (s * period / (C::from(s * period) - e.root.z))
+        };
+        let sum = stiffness + s * damping[(n, n)] + poles.iter().map(|e| of(e).re).sum::<f64>();
+        (sum - response).abs() <= INACCURATE * whole[(n, n)]
+    })
 }
 
 fn damping(term: &LinearCoupling, period: f64) -> f64 {

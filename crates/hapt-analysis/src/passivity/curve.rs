@@ -387,7 +387,13 @@ mod tests {
         let (mass, period) = (0.3, 2e-3);
         let gain = C::from(mass / (period * period));
         let pole = Pole { ln_abs: f64::NEG_INFINITY, arg: 0.0, gains: [-gain, gain, C::from(0.0), C::from(0.0)] };
-        let transfer = TransferFunction { stiffness: 0.0, direct: 0.0, poles: vec![pole], at_puck: [gain.re, 0.0] };
+        let transfer = TransferFunction {
+            stiffness: 0.0,
+            direct: 0.0,
+            poles: vec![pole],
+            at_puck: [gain.re, 0.0],
+            is_accurate: true,
+        };
         let filter = Filter { pole: 0.0, taps: Vec::new() };
         let curve = DampingCurve::new(&transfer, &filter, Delay { samples: 0, fraction: 0.0 }, 0.0, period);
         let found = supremum(&curve, DampingCurve::size(&transfer, 0.0, period), Wanted::Value).unwrap();

@@ -31,6 +31,10 @@ use crate::passivity::two_rates;
 use crate::stability::held::{held_eigenvalues, held_growth};
 use crate::stability::{MARGINAL, Verdict};
 
+/// Why the poles of a world decide nothing.
+const FAR_APART: &str = "the rates of bodies, springs and dampers lie too far apart for double precision: a body that a huge damper holds is \
+                         better written as ground, and a very light one left out";
+
 /// Relative imaginary part below which a residue counts as real.
 const REAL: f64 = 1e-9;
 
@@ -64,8 +68,8 @@ pub enum Cause {
     },
     /// Coulomb friction at the puck.
     Coulomb,
-    /// Bodies that do not step at every sample, in a loop without a proof.
-    BodiesEvery {
+    /// No theorem covers the loop.
+    Outside {
         /// What the proof lacks.
         reason: &'static str,
     },
@@ -76,7 +80,7 @@ impl Cause {
     fn at_hz(self) -> Option<f64> {
         match self {
             Cause::NegativeResidue { hz } | Cause::FractionalDelay { hz } | Cause::MotorLag { hz } => Some(hz),
-            Cause::Grows { .. } | Cause::GrowsUnseen { .. } | Cause::Coulomb | Cause::BodiesEvery { .. } => None,
+            Cause::Grows { .. } | Cause::GrowsUnseen { .. } | Cause::Coulomb | Cause::Outside { .. } => None,
         }
     }
 }
@@ -124,13 +128,16 @@ pub(crate) fn requirement_wanted(wanted: Wanted, world: &World, couplings: &[Cou
         (world, couplings)
     } else {
         if let Some(reason) = two_rates::outside(world, couplings)? {
-            return Ok(Requirement { damping: Err(Cause::BodiesEvery { reason }), at_hz: None });
+            return Ok(Requirement { damping: Err(Cause::Outside { reason }), at_hz: None });
         }
         fixed = two_rates::with_fixed_bodies(world, couplings);
         (&fixed, &fixed.couplings[..])
     };
     let period = world.sampling.period;
     let transfer = transfer(world, couplings)?;
+    if !transfer.is_accurate {
+        return Ok(Requirement { damping: Err(Cause::Outside { reason: FAR_APART }), at_hz: None });
+    }
     let lag = Delay::of_loop(&world.sampling)?;
     let mut worst: Option<Requirement> = None;
     for filter in Filter::of(&world.sampling, period) {
@@ -246,6 +253,9 @@ fn damped(world: &World, couplings: &[Coupling]) -> Result<Option<TransferFuncti
     let mut transfer = transfer(world, couplings)?;
     if !transfer.is_finite() {
         return Err(Error::Eigenvalues { order: transfer.poles.len() });
+    }
+    if !transfer.is_accurate {
+        return Ok(None);
     }
     let mut seen: Vec<Pole> = transfer.poles.iter().filter(|p| transfer.has_residue(p, period)).copied().collect();
     let is_damped = |p: &Pole| p.ln_abs <= -MARGINAL * period || is_slow(p, period);
@@ -370,7 +380,7 @@ pub(crate) fn linear_requirement_wanted(wanted: Wanted, world: &World) -> Result
     // A pole outside the unit circle is never passive, however small its residue.
     let (method, period) = (world.sampling.method, world.sampling.step());
     let grows = Verdict::of(held_growth(&world.bodies, &world.couplings, method, period)?) == Verdict::Unstable;
-    if grows && !matches!(requirement.damping, Err(Cause::Grows { .. } | Cause::BodiesEvery { .. })) {
+    if grows && !matches!(requirement.damping, Err(Cause::Grows { .. } | Cause::Outside { .. })) {
         // The first eigenvalue is the largest.
         let listed = held_eigenvalues(&world.bodies, &world.couplings, method, period)?;
         let turn = listed.first().map_or(0.0, |most| most.im.atan2(most.re).abs());

@@ -404,7 +404,8 @@ mod tests {
                     _ => Filter { pole: 0.0, taps: vec![0.5 / period, 0.0, 0.0, -0.5 / period] },
                 };
                 let at_puck = [4.0, 4.0 * period];
-                let transfer = TransferFunction { stiffness, direct: direct * period, poles, at_puck };
+                let transfer =
+                    TransferFunction { stiffness, direct: direct * period, poles, at_puck, is_accurate: true };
                 let curve = DampingCurve::new(&transfer, &filter, Delay { samples, fraction }, 0.0, period);
                 (curve, DampingCurve::size(&transfer, 0.0, period))
             },

@@ -177,7 +177,7 @@ fn linear(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Err
 fn of_requirement(found: Requirement, stretch: f64) -> Demand {
     match found.damping {
         Ok(damping) => Demand::Enough { damping: damping * stretch, at_hz: found.at_hz, is_least: true },
-        Err(Cause::BodiesEvery { reason }) => Demand::Outside(reason.to_string()),
+        Err(Cause::Outside { reason }) => Demand::Outside(reason.to_string()),
         Err(cause) => Demand::Never { cause, at_hz: found.at_hz },
     }
 }

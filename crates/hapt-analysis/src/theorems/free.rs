@@ -188,9 +188,9 @@ const NOTHING: f64 = 1e-250;
 /// at 0, k u + b v < 0, what is needed lies between 0 and a sum of two terms of its own sign. A limit makes all of it smaller by a factor.
 fn corners(world: &World) -> Option<Vec<World>> {
     let all = settled(&world.couplings, world.sampling.period);
-    let linear: Vec<Coupling> = all.into_iter().filter(|c| !is_nonlinear(c)).collect();
+    let linear: Vec<Coupling> = all.iter().filter(|c| !is_nonlinear(c)).copied().collect();
     let mut slopes = Vec::new();
-    for law in world.couplings.iter().filter(|c| is_nonlinear(c)) {
+    for law in all.iter().filter(|c| is_nonlinear(c)) {
         if laws::at_body(law) || !laws::rises_only(&law.law) {
             return None;
         }

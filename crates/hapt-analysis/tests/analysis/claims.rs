@@ -40,6 +40,30 @@ proptest! {
         prop_assert!(!is_certified(&world) && !check(&world).unwrap().certified.holds());
     }
 
+    /// Beside another body the poles may be beyond double precision. Then nothing is claimed.
+    #[test]
+    fn rates_that_lie_too_far_apart_claim_nothing_or_the_right_number(
+        k in 0.1..10.0f64, light in -15.0..-1.0f64, strong in 8.0..16.0f64, other in -6.0..1.0f64, damped in 1e-4..1e-1f64,
+        late in 0..5u32, lag in prop_oneof![Just(0.0), 0.1..5.0f64],
+    ) {
+        let couplings = vec![
+            spring(End::Puck, End::Body(0), k),
+            damper(End::Body(0), End::Ground, k * 10f64.powf(strong)),
+            spring(End::Body(0), End::Body(1), 1.0),
+            damper(End::Body(1), End::Ground, damped),
+        ];
+        let bodies = vec![body(10f64.powf(light)), body(10f64.powf(other))];
+        let mut world = Bench { bodies, couplings }.world(Method::Zoh, Output::End, 1e-3);
+        (world.sampling.delay, world.device.lag) = (Delay::Samples(f64::from(late)), 1e-3 * lag);
+        let mut fixed = Bench::of(vec![spring(End::Puck, End::Ground, k)]).world(Method::Zoh, Output::End, 1e-3);
+        (fixed.sampling.delay, fixed.device.lag) = (world.sampling.delay, world.device.lag);
+        let wanted = required_damping(&fixed).unwrap().unwrap();
+        let found = required_damping(&world).unwrap();
+        prop_assert!(found.is_none_or(|found| found >= wanted * (1.0 - 1e-4)), "{found:?} {wanted}");
+        world.device.damping = 0.99 * wanted;
+        prop_assert!(!is_certified(&world) && !passivity(&world).unwrap().passive.holds());
+    }
+
     /// The damping of a damper to a heavy body is gone toward 0 Hz, however heavy the body is.
     #[test]
     fn a_damper_to_a_heavy_body_pays_for_nothing_at_rest(
