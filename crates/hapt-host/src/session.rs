@@ -515,7 +515,9 @@ impl Session {
         if let Some((client, task)) = self.tasks.pop_front() {
             let (config, profile, folder) = (self.config.clone(), self.profile, self.folder.clone());
             let linked = self.runner.has_outside();
-            self.working = self.worker.begin(Job { client, task: task.clone(), config, profile, folder, linked });
+            let station = self.network.as_ref().map(|network| network.info().station);
+            let job = Job { client, task: task.clone(), config, profile, folder, linked, station };
+            self.working = self.worker.begin(job);
             if !self.working {
                 let message = "hapt's own worker has ended by a defect; start hapt live again";
                 self.refuse(client, &task, message.into());

@@ -51,6 +51,8 @@ pub(crate) struct Job {
     pub folder: PathBuf,
     /// Whether a recording has the torque from outside of the world.
     pub linked: bool,
+    /// The station that the loop is, of a network.
+    pub station: Option<String>,
 }
 
 /// A finished task.
@@ -135,11 +137,14 @@ impl Job {
     }
 
     fn run(self) -> Result<Made, String> {
-        let Job { task, config, profile, folder, linked, .. } = self;
+        let Job { task, config, profile, folder, linked, station, .. } = self;
         let next = match task {
             Task::Sets { sets, .. } => config.with_all(&sets)?,
             Task::Reset => config.reset()?,
-            Task::Record => return Recording::in_folder(&folder, &config, profile, linked).map(Made::Recording),
+            Task::Record => {
+                let station = station.as_deref();
+                return Recording::in_folder(&folder, &config, profile, linked, station).map(Made::Recording);
+            }
         };
         if profile == SafetyProfile::Certified && !is_certified(&next) {
             return Err(UNCERTIFIED.into());

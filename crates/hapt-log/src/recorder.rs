@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
-use std::fs::File;
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -103,17 +103,27 @@ impl Recorder {
     pub fn start(path: impl AsRef<Path>, world: &World, header: Header) -> Result<Self, Error> {
         let path = path.as_ref();
         let failed = |error: io::Error| Error::Write { path: path.display().to_string(), error: error.to_string() };
-        Recorder::start_in(File::create(path).map_err(failed)?, path, world, header)
+        // Emptied when nobody else writes it.
+        let file = OpenOptions::new().write(true).create(true).truncate(false).open(path).map_err(failed)?;
+        let name = path.to_path_buf();
+        if file.metadata().is_ok_and(|there| there.is_file()) {
+            hold(&file).and_then(|()| file.set_len(0)).map_err(failed)?;
+        }
+        Recorder::start_in(file, name, world, header)
     }
 
-    /// Starts a log in an open, empty file of the name `path`. Between any two writes it ends as a complete MCAP file, so that it stays
+    /// Starts a log in an open, empty file of the name `path`, which it holds ([`is_recorded`]). Between any two writes it ends as a complete MCAP file, so that it stays
     /// readable after a crash of this process.
     ///
     /// # Errors
-    /// [`Error::Write`] for a file that cannot be written.
+    /// [`Error::Write`] for a file that cannot be written, or is being written as a log already.
     pub fn start_in(file: File, path: impl AsRef<Path>, world: &World, header: Header) -> Result<Self, Error> {
         // Only regular files can seek.
         if file.metadata().is_ok_and(|there| there.is_file()) {
+            hold(&file).map_err(|error| Error::Write {
+                path: path.as_ref().display().to_string(),
+                error: error.to_string(),
+            })?;
             Recorder::start_on(Complete::new(file), path, world, header)
         } else {
             Recorder::start_on(BufWriter::with_capacity(1 << 16, file), path, world, header)
@@ -237,6 +247,28 @@ impl Drop for Recorder {
     fn drop(&mut self) {
         self.join();
     }
+}
+
+/// Holds a file up to the end of this process, or of its last handle: nobody else is to replace it meanwhile. Elsewhere than on Unix a held file
+/// could not be read, and an open one cannot be replaced anyway. File systems without locks hold nothing.
+fn hold(file: &File) -> io::Result<()> {
+    if !cfg!(unix) {
+        return Ok(());
+    }
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => Err(io::Error::other(RECORDED)),
+        Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
+    }
+}
+
+/// What [`is_recorded`] means, as the end of a message.
+pub const RECORDED: &str = "another run is writing its log there; give another name";
+
+/// Whether a recorder writes this file now, in whatever process.
+pub fn is_recorded(path: &Path) -> bool {
+    let is_file = std::fs::metadata(path).is_ok_and(|there| there.is_file());
+    let held = |file: File| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock));
+    cfg!(unix) && is_file && File::open(path).is_ok_and(held)
 }
 
 /// Writes the queue until all senders are gone.

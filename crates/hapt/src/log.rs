@@ -1,6 +1,5 @@
 //! The log that a command works on.
 
-use std::fs::File;
 use std::io::{BufReader, Read, stdin};
 use std::path::Path;
 
@@ -33,9 +32,14 @@ impl Recording {
         output::format("--log", file, &["mcap"])?;
         let failed =
             |error: std::io::Error| Failure::System(format!("--log {}: cannot write it: {error}", file.display()));
-        let draft = Draft::new(file.to_path_buf()).map_err(failed)?;
-        let recorder = Recorder::start_in(draft.handle().map_err(failed)?, file, world, header());
-        let recorder = recorder.map_err(|error| Failure::System(format!("--log {}: {error}", file.display())))?;
+        let header = header();
+        let started = output::recorded(file, |draft| {
+            let recorder = Recorder::start_in(draft.handle()?, file, world, header);
+            Ok(recorder.map(|recorder| (recorder, draft)))
+        });
+        let started = started.map_err(failed)?;
+        let (recorder, draft) =
+            started.map_err(|error| Failure::System(format!("--log {}: {error}", file.display())))?;
         let recording = hapt_host::Recording::from_the_start(recorder, file.into());
         Ok(Some(Recording { recording, draft }))
     }
@@ -60,7 +64,7 @@ pub fn reader(path: &Path) -> Result<(String, Box<dyn Read>), Failure> {
         return Ok(("<stdin>".into(), Box::new(stdin().lock())));
     }
     let name = path.display().to_string();
-    let file = File::open(path).map_err(|error| missing(path, &error))?;
+    let file = hapt_model::input::open(path).map_err(|error| missing(path, &error))?;
     Ok((name, Box::new(BufReader::with_capacity(1 << 16, file))))
 }
 

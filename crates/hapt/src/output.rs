@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
 
+use hapt_log::{RECORDED, is_recorded};
 use tempfile::{Builder, TempPath};
 
 use crate::failure::Failure;
@@ -60,11 +61,13 @@ impl Draft {
         }
         let target = followed(&named)?;
         let there = protected(&target)?;
+        if is_recorded(&target) {
+            return Err(io::Error::other(RECORDED));
+        }
         let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let name = target.file_name().unwrap_or_default().to_string_lossy();
-        let prefix = format!(".{name}.");
+        let prefix = draft_prefix(&target);
         let mut builder = Builder::new();
-        builder.prefix(&prefix).suffix(".partial");
+        builder.prefix(&prefix).suffix(DRAFT);
         #[cfg(unix)]
         {
             // The permissions of the umask, as for any other file.
@@ -112,6 +115,38 @@ impl Write for Draft {
     fn flush(&mut self) -> io::Result<()> {
         self.file.flush()
     }
+}
+
+/// Starts a log for `named` with `start`, which takes its draft and holds it: refused where another run has its log there, be it in its draft yet. Of
+/// two that start at once one is first.
+pub fn recorded<T>(named: &Path, start: impl FnOnce(Draft) -> io::Result<T>) -> io::Result<T> {
+    let target = followed(named)?;
+    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let _alone = alone(folder);
+    let prefix = draft_prefix(&target);
+    let drafts = fs::read_dir(folder).into_iter().flatten().flatten().filter(|entry| {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        name.starts_with(&prefix) && name.ends_with(DRAFT)
+    });
+    if drafts.into_iter().any(|draft| is_recorded(&draft.path())) {
+        return Err(io::Error::other(RECORDED));
+    }
+    start(Draft::new(named.to_path_buf())?)
+}
+
+/// Keeps other hapts that ask for the same out of a folder's files, where the system has locks for folders, until it is dropped.
+pub fn alone(folder: &Path) -> Option<File> {
+    let folder = File::open(folder).ok().filter(|_| cfg!(unix))?;
+    folder.lock().ok().map(|()| folder)
+}
+
+/// The ending of a draft's name.
+const DRAFT: &str = ".partial";
+
+/// How the name of a target's drafts begins.
+fn draft_prefix(target: &Path) -> String {
+    format!(".{}.", target.file_name().unwrap_or_default().to_string_lossy())
 }
 
 /// An error without the path of the draft, which nobody has asked for.

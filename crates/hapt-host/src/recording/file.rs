@@ -1,5 +1,7 @@
 //! A recording as an MCAP file.
 
+use std::fs::{File, OpenOptions};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use hapt_core::SafetyProfile;
@@ -23,6 +25,20 @@ pub struct Recording {
     length: u64,
 }
 
+/// A new file of the next number in a folder, also where others record into it at the same time.
+fn create(folder: &Path, station: Option<&str>) -> Result<(File, PathBuf), String> {
+    let station = station.map(|name| format!("{name}-")).unwrap_or_default();
+    for number in 1..10_000 {
+        let file = folder.join(format!("live-{station}{number:04}.mcap"));
+        match OpenOptions::new().write(true).create_new(true).open(&file) {
+            Ok(opened) => return Ok((opened, file)),
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            Err(error) => return Err(format!("cannot write {}: {error}", file.display())),
+        }
+    }
+    Err("there are ten thousand recordings here already; --log-dir names another folder".into())
+}
+
 impl Recording {
     /// A recording by `recorder`, which writes to `file`, for a session that has taken no sample yet.
     pub fn from_the_start(recorder: Recorder, file: PathBuf) -> Self {
@@ -30,7 +46,8 @@ impl Recording {
     }
 
     /// Creates a file that does not exist yet, which takes time. The recording begins with the loop's state at one of the samples after
-    /// [`Runner::begin_log`], so that it can be replayed; a board does not report its state. `linked`: as [`Runner::has_outside`].
+    /// [`Runner::begin_log`], so that it can be replayed; a board does not report its state. `linked`: as [`Runner::has_outside`]. Its name has the
+    /// station's, where the loop is one of a network.
     ///
     /// # Errors
     /// In a sentence.
@@ -39,12 +56,9 @@ impl Recording {
         config: &WorldConfig,
         profile: SafetyProfile,
         linked: bool,
+        station: Option<&str>,
     ) -> Result<Self, String> {
-        let free = |n: &u32| !folder.join(format!("live-{n:04}.mcap")).exists();
-        let number = (1..10_000)
-            .find(free)
-            .ok_or("there are ten thousand recordings here already; --log-dir names another folder")?;
-        let file = folder.join(format!("live-{number:04}.mcap"));
+        let (opened, file) = create(folder, station)?;
         let check = hapt_analysis::check(&config.certified_world()).ok();
         let header = Header {
             world_text: config.source().text.clone(),
@@ -56,7 +70,11 @@ impl Recording {
             linked,
             ..Header::default()
         };
-        let recorder = Recorder::start(&file, &config.world, header).map_err(|error| error.to_string())?;
+        let recorder = Recorder::start_in(opened, &file, &config.world, header).map_err(|error| {
+            // A file without a log in it is nobody's.
+            let _ = std::fs::remove_file(&file);
+            error.to_string()
+        })?;
         Ok(Recording { recorder, file, needs_state: true, begun: None, length: 0 })
     }
 

@@ -18,7 +18,13 @@ pub enum Recording {}
 pub(crate) enum Recorder {}
 
 impl Recording {
-    pub(crate) fn in_folder(_: &Path, _: &WorldConfig, _: SafetyProfile, _: bool) -> Result<Self, String> {
+    pub(crate) fn in_folder(
+        _: &Path,
+        _: &WorldConfig,
+        _: SafetyProfile,
+        _: bool,
+        _: Option<&str>,
+    ) -> Result<Self, String> {
         Err(crate::session::NO_FILES.into())
     }
 

@@ -34,12 +34,41 @@ fn source() -> Source {
 
 /// The stations' sessions behind their pages, that run.
 fn pages(network: &Network, ends: Vec<StationEnd>) -> Vec<PageSession> {
+    pages_in(std::path::Path::new("."), network, ends)
+}
+
+/// The same with a folder for their recordings.
+fn pages_in(folder: &std::path::Path, network: &Network, ends: Vec<StationEnd>) -> Vec<PageSession> {
     let page = |(station, StationEnd { ports, view }): (&hapt_model::Station, StationEnd)| {
         let config = WorldConfig::new(station.source.clone(), station.sets.clone()).unwrap();
         let machine = Machine::simulated(&config.world).beside(Outside::linked(ports)).unwrap();
-        PageSession::new(Session::start(config, Machine { network: Some(view), ..machine }).unwrap())
+        let machine = Machine { network: Some(view), ..machine };
+        PageSession::new(Session::start_in(config, machine, folder.into(), || ()).unwrap())
     };
     network.stations.iter().zip(ends).map(page).collect()
+}
+
+#[test]
+fn stations_that_record_at_once_have_a_file_each_with_their_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let network = Network::read(&source(), &[]).unwrap();
+    let mut pages = pages_in(folder.path(), &network, connect(&network).unwrap());
+    for page in &mut pages {
+        say(page, ClientMessage::Record { on: true });
+    }
+    let begin = Instant::now();
+    while pages.iter().any(|page| page.session.recording().is_none_or(|recording| recording.seconds < 0.1)) {
+        assert!(begin.elapsed() < PATIENCE);
+        for page in &mut pages {
+            page.poll(begin.elapsed(), |_, _| ());
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    for (page, station) in pages.iter().zip(["left", "right"]) {
+        let recording = page.session.recording().unwrap();
+        assert_eq!((recording.lost, &recording.error), (0, &None));
+        assert_eq!(recording.file.file_name().unwrap().to_str().unwrap(), format!("live-{station}-0001.mcap"));
+    }
 }
 
 fn info(page: &PageSession) -> NetworkInfo {

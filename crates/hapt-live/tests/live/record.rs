@@ -103,6 +103,40 @@ fn a_recording_beside_what_a_game_plays_has_its_torque_in_a_column_of_its_own() 
     assert_eq!((again.compared, again.first), (links.len() as u64, None));
 }
 
+/// Programs that know nothing of each other, and record into one folder at once.
+#[test]
+fn recordings_into_one_folder_have_a_file_each_and_lose_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let live = |_| {
+        let source = Source::from_text("wheel.toml", WORLD);
+        let address = "127.0.0.1:0".parse().unwrap();
+        Live::start(Options { source, sets: Vec::new(), address, folder: folder.path().into() }).unwrap()
+    };
+    let lives: Vec<Live> = (0..4).map(live).collect();
+    let mut pages: Vec<Page> = lives.iter().map(|live| Page::new(live).0).collect();
+    for page in &mut pages {
+        page.say(json!({ "type": "record", "on": true }));
+    }
+    let mut files = Vec::new();
+    for page in &mut pages {
+        let status = page.hear_until("status", |status| {
+            status["recording"]["seconds"].as_f64().is_some_and(|seconds| seconds > 0.2)
+        });
+        files.push(std::path::PathBuf::from(status["recording"]["file"].as_str().unwrap()));
+        page.say(json!({ "type": "record", "on": false }));
+        page.hear_until("status", |status| status["recording"].is_null());
+    }
+    for file in &files {
+        while !is_whole(file) {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        assert_eq!(replay(&mut Log::open(file).unwrap()).unwrap().first, None);
+    }
+    files.sort();
+    files.dedup();
+    assert_eq!(files.len(), lives.len(), "{files:?}");
+}
+
 fn is_whole(file: &Path) -> bool {
     let mut log = Log::open(file).unwrap();
     while log.next().unwrap().is_some() {}
