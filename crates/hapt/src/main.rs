@@ -39,6 +39,7 @@ mod output;
 mod phone;
 mod plot;
 mod progress;
+mod provenance;
 mod replay;
 mod report;
 mod run;

@@ -14,6 +14,7 @@ use crate::format;
 use crate::messages;
 use crate::output::{self, Draft};
 use crate::progress::Progress;
+use crate::provenance::{Made, Provenance};
 use crate::world::inputs;
 
 /// `hapt check` of a network.
@@ -36,7 +37,7 @@ pub fn sim(source: &Source, args: &SimArgs) -> Result<ExitCode, Failure> {
         hapt_sim::check(&station.world)?;
     }
     match &args.out {
-        Some(folder) => write_all(&network, &scenarios, folder, args)?,
+        Some(folder) => write_all(&network, source, &scenarios, folder, args)?,
         None => print_all(&network, source, &scenarios)?,
     }
     Ok(ExitCode::SUCCESS)
@@ -80,7 +81,13 @@ pub fn rows(
 }
 
 /// A file a scenario and station.
-fn write_all(network: &Network, scenarios: &[&str], folder: &Path, args: &SimArgs) -> Result<(), Failure> {
+fn write_all(
+    network: &Network,
+    source: &Source,
+    scenarios: &[&str],
+    folder: &Path,
+    args: &SimArgs,
+) -> Result<(), Failure> {
     if let Some(format) = args.formats.iter().find(|format| **format != Format::Csv) {
         return Err(Failure::input(format!(
             "--format {}: the stations of a network are written as csv",
@@ -95,6 +102,8 @@ fn write_all(network: &Network, scenarios: &[&str], folder: &Path, args: &SimArg
     let outputs: Vec<_> = targets.iter().map(|path| ("--out", path.as_path())).collect();
     let system = System::Network(network.clone());
     output::apart(&outputs, &inputs(&args.world.path, &system))?;
+    let made = Made::by(&args.world.path, source, network.title.as_deref(), &args.world.sets);
+    let provenance = Provenance::check(folder, made, &targets, args.force)?;
     let mut first_failure = None;
     for name in scenarios {
         let mut run = NetworkRun::new(network, name)?;
@@ -116,12 +125,15 @@ fn write_all(network: &Network, scenarios: &[&str], folder: &Path, args: &SimArg
             let path = || target(name, &network.stations[station].name);
             table.write_numbers(&values).map_err(|error| Failure::write(path().display(), error))
         })?;
+        let mut written = Vec::new();
         for ((table, rows), station) in tables.into_iter().zip(stations()) {
             let path = target(name, &station.name);
             let finished = table.finish().and_then(Draft::finish);
             let path = finished.map_err(|error| Failure::write(path.display(), error))?;
             messages::say(format_args!("wrote {}, {} rows", path.display(), format::count(rows)));
+            written.push(path);
         }
+        provenance.add(&written)?;
         if let Err(error) = end {
             let message = format!("scenario {name}: {error}; its files end before");
             first_failure = first_failure.or(Some(Failure::System(message)));

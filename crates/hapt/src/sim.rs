@@ -15,6 +15,7 @@ use crate::messages;
 use crate::network;
 use crate::output;
 use crate::progress::Progress;
+use crate::provenance::{Made, Provenance};
 use crate::table::Table;
 use crate::world::{Loaded, files, source};
 
@@ -86,6 +87,8 @@ fn write_all(loaded: &Loaded, scenarios: &[&Scenario], folder: &Path, args: &Sim
         scenarios.iter().flat_map(|scenario| formats.iter().map(|format| target(&scenario.name, format))).collect();
     let outputs: Vec<_> = targets.iter().map(|path| ("--out", path.as_path())).collect();
     output::apart(&outputs, &files(&args.world.path, world))?;
+    let made = Made::by(&args.world.path, &loaded.source, world.title.as_deref(), &args.world.sets);
+    let provenance = Provenance::check(folder, made, &targets, args.force)?;
     let mut header = header(loaded, &args.world.sets, formats.contains(&Format::Mcap));
     let mut first_failure = None;
     for scenario in scenarios {
@@ -95,8 +98,10 @@ fn write_all(loaded: &Loaded, scenarios: &[&Scenario], folder: &Path, args: &Sim
         let played = hapt_analysis::with_worst_pattern(world, scenario)?;
         let run = Simulation::new(world, &played)?;
         let end = rows(run, &scenario.name, |row| tables.iter_mut().try_for_each(|table| table.row(row)))?;
+        let mut written = Vec::new();
         for table in tables {
             let path = table.finish()?;
+            written.push(path.clone());
             match &end {
                 Ok(rows) => messages::say(format_args!("wrote {}, {} rows", path.display(), format::count(*rows))),
                 Err(error) => {
@@ -105,6 +110,7 @@ fn write_all(loaded: &Loaded, scenarios: &[&Scenario], folder: &Path, args: &Sim
                 }
             }
         }
+        provenance.add(&written)?;
     }
     first_failure.map_or(Ok(()), Err)
 }

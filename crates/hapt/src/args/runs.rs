@@ -17,6 +17,9 @@ pub struct SimArgs {
     /// Write NAME.csv (or .mcap, .parquet) for each scenario into this folder; without it, print a summary.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+    /// Replace runs of another world in this folder; .hapt-runs.json there says what made each.
+    #[arg(long, requires = "out")]
+    pub force: bool,
     /// The format of the files; repeatable. mcap and parquet need --out.
     #[arg(long = "format", value_name = "FORMAT", value_enum, default_value = "csv")]
     pub formats: Vec<Format>,

@@ -341,10 +341,13 @@ pub fn folder(files: &[(&str, &str)]) -> TempDir {
     folder
 }
 
+/// What `hapt sim` keeps beside the files of runs: which world made each.
+pub const RUNS: &str = ".hapt-runs.json";
+
 /// The names in a folder, sorted, those with a leading point too.
 pub fn names(folder: &Path) -> Vec<String> {
     let name = |entry: std::io::Result<std::fs::DirEntry>| entry.unwrap().file_name().into_string().unwrap();
-    let mut names: Vec<String> = std::fs::read_dir(folder).unwrap().map(name).collect();
+    let mut names: Vec<String> = std::fs::read_dir(folder).unwrap().map(name).filter(|name| name != RUNS).collect();
     names.sort();
     names
 }

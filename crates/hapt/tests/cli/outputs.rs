@@ -8,6 +8,36 @@ const SWEEP: [&str; 7] = ["sweep", "w.toml", "--vary", "device.damping=0..0.01:3
 const BOUNDARY: [&str; 6] =
     ["boundary", "w.toml", "--vary", "loop.period=1ms..2ms", "--vary", "device.damping=0..0.01"];
 
+/// A world's runs are its own: another one's are kept, and what was set, or on which path it is named, makes no other world.
+#[test]
+fn a_run_replaces_no_file_of_another_world_unless_it_is_forced() {
+    let other = WHEEL.replace("45 deg", "30 deg");
+    let at = folder(&[("w.toml", WHEEL), ("other.toml", &other)]);
+    let step = || fs::read(at.path().join("runs/step.csv")).unwrap();
+    let sim = ["sim", "w.toml", "--out", "runs"];
+    hapt(at.path(), sim).done();
+    let first = step();
+    hapt(at.path(), sim.iter().chain(&["--set", "loop.period=2ms"])).done();
+    assert_ne!(step(), first);
+    hapt(at.path(), ["sim", "./w.toml", "--out", "runs"]).done();
+    assert_eq!(step(), first);
+    let theirs = ["sim", "other.toml", "--out", "runs"];
+    hapt(at.path(), theirs).refused(2, &["step.csv is a run of another world", "w.toml", "\"wheel\"", "--force"]);
+    assert_eq!(step(), first);
+    // Their own name beside it is free.
+    hapt(at.path(), theirs.iter().chain(&["--format", "mcap"])).done();
+    hapt(at.path(), theirs.iter().chain(&["--force"])).done();
+    assert_ne!(step(), first);
+    hapt(at.path(), sim).refused(2, &["other.toml"]);
+    assert_eq!(names(&at.path().join("runs")), ["step.csv", "step.mcap"]);
+    // What no list names is nobody's.
+    fs::remove_file(at.path().join("runs/.hapt-runs.json")).unwrap();
+    hapt(at.path(), sim).done();
+    assert_eq!(step(), first);
+    fs::write(at.path().join("runs/.hapt-runs.json"), "mine").unwrap();
+    hapt(at.path(), sim).refused(2, &[".hapt-runs.json", "not a list"]);
+}
+
 #[test]
 fn every_figure_is_a_png_where_its_name_says_so() {
     let at = folder(&[("w.toml", WHEEL)]);

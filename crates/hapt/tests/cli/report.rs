@@ -137,7 +137,8 @@ fn a_run_is_drawn_again_from_its_csv_as_the_report_draws_it() {
     let world = shipped("notes/resonance.toml");
     hapt(at.path(), ["report", &world, "--out", "pages"]).done();
     hapt(at.path(), ["sim", &world, "--out", "runs"]).done();
-    let run = fs::read_dir(at.path().join("runs")).unwrap().next().unwrap().unwrap().path();
+    let runs = at.path().join("runs");
+    let run = runs.join(&names(&runs)[0]);
     let svg = hapt(at.path(), ["plot", run.to_str().unwrap(), "--limit", "822.25 N mm"]).done().out;
     let name = run.file_stem().unwrap().to_str().unwrap().to_string();
     let reported = fs::read_to_string(at.path().join(format!("pages/resonance-{name}-motion.svg"))).unwrap();
