@@ -89,9 +89,20 @@ fn boundary(text: &str, index: usize) -> usize {
     (0..=index.min(text.len())).rev().find(|&index| text.is_char_boundary(index)).unwrap_or(0)
 }
 
-/// A character that does not move the cursor.
-pub(crate) fn visible(c: char) -> char {
-    if c.is_control() { '\u{fffd}' } else { c }
+/// A character as a message or a table shows it: one that moves the cursor, turns the direction of the text around it, or is not to be seen, is replaced.
+///
+/// ```
+/// assert_eq!("5\u{202e}mN 3\u{200b}°".chars().map(hapt_model::visible).collect::<String>(), "5\u{fffd}mN 3\u{fffd}°");
+/// ```
+pub fn visible(c: char) -> char {
+    let hidden = c.is_control()
+        || matches!(c,
+            // Joiners and marks of width 0, and the marks, embeddings, overrides and isolates of direction.
+            '\u{ad}' | '\u{34f}' | '\u{61c}' | '\u{180e}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}'
+            | '\u{2060}'..='\u{206f}' | '\u{feff}' | '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}'
+            // Fillers without a glyph.
+            | '\u{115f}' | '\u{1160}' | '\u{17b4}' | '\u{17b5}' | '\u{3164}' | '\u{ffa0}');
+    if hidden { '\u{fffd}' } else { c }
 }
 
 impl fmt::Display for Error {

@@ -35,6 +35,7 @@ mod document;
 mod ends;
 mod error;
 mod fields;
+pub mod input;
 pub mod keys;
 mod kinds;
 mod limits;
@@ -61,7 +62,7 @@ pub mod world;
 mod write;
 
 pub use dimension::Dimension;
-pub use error::{Error, ErrorKind, Location};
+pub use error::{Error, ErrorKind, Location, visible};
 pub use hapt_core::named;
 pub use hapt_core::spec::{
     Body, Coupling, Damping, End, Estimator, HARMONICS, Law, Linear, Method, Output, Side, Spec, Waveform,

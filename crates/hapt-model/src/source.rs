@@ -1,7 +1,6 @@
 //! A world file's text, and the folder that its path files are relative to.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -42,7 +41,7 @@ impl Source {
         let path = path.as_ref();
         // A name may hold a line's end, or what moves the cursor.
         let name: String = path.display().to_string().chars().map(visible).collect();
-        let file = File::open(path).map_err(|error| unreadable(&name, &error))?;
+        let file = crate::input::open(path).map_err(|error| unreadable(&name, &error))?;
         let folder = match path.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder.to_path_buf(),
             _ => PathBuf::from("."),

@@ -1,6 +1,5 @@
 //! `hapt export`: a world for the simulators of others.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -54,6 +53,8 @@ fn own_library(is_needed: bool) -> Result<Option<PathBuf>, Failure> {
 
 fn read(path: PathBuf) -> Result<(PathBuf, Vec<u8>), Failure> {
     let path: &Path = &path;
-    let bytes = fs::read(path).map_err(|error| Failure::input(format!("cannot read {}: {error}", path.display())))?;
+    let failed = |error| Failure::input(format!("cannot read {}: {error}", path.display()));
+    let mut bytes = Vec::new();
+    hapt_model::input::open(path).and_then(|mut file| file.read_to_end(&mut bytes)).map_err(failed)?;
     Ok((path.to_path_buf(), bytes))
 }

@@ -1,6 +1,5 @@
 //! A station of a network: what runs of it here, and its links to the others.
 
-use std::fs::File;
 use std::io::{self, Read};
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::Path;
@@ -288,7 +287,7 @@ fn resolved(peer: &str, address: &str, listen: SocketAddr) -> Result<SocketAddr,
 /// The key in a file. A line's end after it does not count.
 fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut key = Vec::new();
-    File::open(path)?.take(LONGEST_KEY + 1).read_to_end(&mut key)?;
+    hapt_model::input::open(path)?.take(LONGEST_KEY + 1).read_to_end(&mut key)?;
     if key.len() as u64 > LONGEST_KEY {
         return Err(io::Error::other(format!("has more than {LONGEST_KEY} bytes, and is no key")));
     }

@@ -1,6 +1,5 @@
 //! The positions of a recording: a run's CSV, or a log.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
@@ -21,7 +20,7 @@ const LONGEST: u64 = 1 << 20;
 /// The file cannot be read, or is neither.
 pub(super) fn positions(path: &Path, motion: Motion) -> Result<Vec<Position>, DeviceError> {
     let unreadable = |error| DeviceError::Unreadable { path: path.into(), error };
-    let mut file = BufReader::with_capacity(1 << 16, File::open(path).map_err(unreadable)?);
+    let mut file = BufReader::with_capacity(1 << 16, hapt_model::input::open(path).map_err(unreadable)?);
     let is_log = hapt_log::is_log(file.fill_buf().map_err(unreadable)?);
     let positions = if is_log { logged(path, file)? } else { tabled(path, file, motion)? };
     if positions.is_empty() {
@@ -41,7 +40,7 @@ fn add(positions: &mut Vec<Position>, path: &Path, position: f64, velocity: f64)
     Ok(())
 }
 
-fn logged(path: &Path, file: BufReader<File>) -> Result<Vec<Position>, DeviceError> {
+fn logged(path: &Path, file: BufReader<impl Read>) -> Result<Vec<Position>, DeviceError> {
     let wrong = |error| {
         if let hapt_log::Error::Unreadable(error) = error {
             DeviceError::Unreadable { path: path.into(), error }
@@ -60,7 +59,7 @@ fn logged(path: &Path, file: BufReader<File>) -> Result<Vec<Position>, DeviceErr
     Ok(positions)
 }
 
-fn tabled(path: &Path, mut file: BufReader<File>, motion: Motion) -> Result<Vec<Position>, DeviceError> {
+fn tabled(path: &Path, mut file: BufReader<impl Read>, motion: Motion) -> Result<Vec<Position>, DeviceError> {
     let wrong = |line: usize, message: String| DeviceError::Line { path: path.into(), line, message };
     let columns = match motion {
         Motion::Rotary => ["puck_rad", "puck_rad_per_s"],

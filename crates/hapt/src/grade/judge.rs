@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use hapt_model::{Dimension, Source, Unit, is_network, parameters, parse_quantity};
+use hapt_model::{Dimension, Source, Unit, is_network, parameters, parse_quantity, visible};
 use serde_json::Value;
 
 use super::found::Subject;
@@ -44,7 +44,7 @@ impl Marker<'_> {
     /// Marks the answer to one question.
     ///
     /// # Errors
-    /// A question that cannot be computed, and a world that cannot be read.
+    /// A question that cannot be computed.
     pub fn mark(&self, question: &Question, answer: Option<&Value>) -> Result<Marked, Failure> {
         let about = |failure: Failure| match failure {
             Failure::Input(message) => Failure::Input(format!("{}: {message}", question.id)),
@@ -115,7 +115,10 @@ impl Marker<'_> {
             Some(Value::String(_)) if is_network(self.starter) => {
                 return Ok((text, Some("a network is answered with keys and values for the starter".into())));
             }
-            Some(Value::String(file)) => (Some(pack::open(self.folder, file)?), Vec::new()),
+            Some(Value::String(file)) => match pack::open(self.folder, file) {
+                Ok(source) => (Some(source), Vec::new()),
+                Err(failure) => return unreadable(text, failure),
+            },
             Some(Value::Object(_)) => (None, subject.sets.clone()),
             Some(_) => {
                 return Ok((
@@ -124,8 +127,10 @@ impl Marker<'_> {
                 ));
             }
         };
-        if let Some(source) = &source {
-            Subject { source, sets: Vec::new(), scenario: subject.scenario }.system()?;
+        if let Some(source) = &source
+            && let Err(failure) = (Subject { source, sets: Vec::new(), scenario: subject.scenario }).system()
+        {
+            return unreadable(text, failure);
         }
         let changes = match (answer, &source) {
             (_, Some(source)) if !question.change.is_empty() => match differences(subject, source)? {
@@ -153,14 +158,34 @@ impl Marker<'_> {
         }
         sets.extend(changes.into_iter().map(|(key, value)| format!("{key}={value}")));
         let made = Subject { source, sets, scenario: subject.scenario };
-        made.system()?;
+        if let Err(failure) = made.system() {
+            return unreadable(text, failure);
+        }
         for condition in &question.conditions {
-            let value = made.value(&condition.of)?;
+            let value = match made.value(&condition.of) {
+                Ok(value) => value,
+                Err(failure) => {
+                    // A value that the starter does not have either is asked for by mistake.
+                    subject.value(&condition.of)?;
+                    return unreadable(text, failure);
+                }
+            };
             if let Some(why) = fails(condition, &value)? {
                 return Ok((text, Some(why)));
             }
         }
         Ok((text, None))
+    }
+}
+
+/// The row of an answer that cannot be read: the others are graded all the same.
+fn unreadable(text: String, failure: Failure) -> Result<(String, Option<String>), Failure> {
+    match failure {
+        // The file's lines below the first are for its author.
+        Failure::Input(message) => {
+            Ok((text, Some(format!("cannot be read: {}", message.lines().next().unwrap_or_default()))))
+        }
+        failure @ (Failure::System(_) | Failure::Closed) => Err(failure),
     }
 }
 
@@ -254,7 +279,7 @@ fn word(value: &Value) -> String {
 
 /// A text without what moves the cursor.
 fn plain(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
+    text.chars().map(visible).collect()
 }
 
 /// A value in a table, on one line and not long.

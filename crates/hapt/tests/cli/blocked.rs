@@ -75,6 +75,87 @@ fn a_run_whose_messages_nobody_reads_obeys_every_signal() {
     }
 }
 
+/// The second would have taken the first one's log away when it began.
+#[test]
+fn nothing_replaces_the_log_of_a_run_under_way() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let mut running = Running::start(program(at.path(), ["run", "w.toml", "--log", "step.mcap"]));
+    let log = at.path().join("step.mcap");
+    running.until("samples in its log", |_, _| samples(&log).is_some_and(|(count, _)| count > 100));
+    for second in [
+        &["run", "w.toml", "--duration", "0.1s", "--log", "step.mcap"][..],
+        &["run", "w.toml", "--duration", "0.1s", "--log", "./step.mcap"],
+        &["sim", "w.toml", "--format", "mcap", "--out", "."],
+    ] {
+        hapt(at.path(), second).refused(3, &["step.mcap", "another run is writing its log there"]);
+    }
+    assert_eq!(names(at.path()), ["step.mcap", "w.toml"]);
+    let before = samples(&log).unwrap().0;
+    running.until("more samples in it", |_, _| samples(&log).is_some_and(|(count, _)| count > before + 100));
+    running.signal(SIGNALS[0].0);
+    running.end();
+    assert!(samples(&log).is_some_and(|(_, whole)| whole));
+    // It is over, and the name is free again.
+    hapt(at.path(), ["run", "w.toml", "--duration", "0.1s", "--log", "step.mcap"]).done();
+}
+
+/// Of runs that start at once one has the name, and the others have said so before they had a torque.
+#[test]
+fn of_runs_that_start_at_once_with_one_log_one_has_it() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let run = || Running::start(program(at.path(), ["run", "w.toml", "--duration", "2s", "--log", "r.mcap"]));
+    let ended: Vec<_> = (0..4).map(|_| run()).collect::<Vec<_>>().into_iter().map(Running::end).collect();
+    let done = ended.iter().filter(|ended| ended.code == Some(0)).count();
+    let refused = |ended: &&crate::common::Ended| {
+        ended.code == Some(3) && ended.err.contains("another run is writing its log there") && ended.out.is_empty()
+    };
+    assert_eq!((done, ended.iter().filter(refused).count()), (1, 3), "{ended:?}");
+    assert!(samples(&at.path().join("r.mcap")).is_some_and(|(count, whole)| count > 1500 && whole));
+}
+
+/// A file that is read may be a FIFO, or what a shell makes of `<(...)`.
+#[test]
+fn a_fifo_that_nobody_writes_is_refused_and_one_with_a_writer_is_read() {
+    let network = "[stations.left]\nworld = \"w.toml\"\n[stations.right]\nworld = \"w.toml\"\n\
+                   [[links]]\nkind = \"spring\"\nbetween = [\"left\", \"right\"]\nstiffness = 0.01\nage_max = \"40 ms\"\n";
+    let at = folder(&[("w.toml", WHEEL), ("pair.toml", network), ("key", "0123456789abcdef0123456789abcdef")]);
+    let fifo = at.path().join("f");
+    assert!(Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+    let station = |key| {
+        let ends = ["--listen", "127.0.0.1:0", "--peer", "right=127.0.0.1:9"];
+        [&["run", "pair.toml", "--station", "left", "--duration", "0.1s"][..], &ends, &["--key", key]].concat()
+    };
+    for args in [
+        &["check", "f"][..],
+        &["sim", "f", "--out", "runs"],
+        &station("f"),
+        &["replay", "f"],
+        &["plot", "f", "--out", "f.svg"],
+        &["run", "w.toml", "--device", "replay:f"],
+        &["identify", "f"],
+    ] {
+        hapt(at.path(), args).refused(2, &["f: it is a FIFO without a writer"]);
+    }
+    assert_eq!(names(at.path()), ["f", "key", "pair.toml", "w.toml"]);
+    let shell = |line: &str| {
+        let mut command = Command::new("bash");
+        command.args(["-c", line]).current_dir(at.path()).env("HAPT", binary());
+        let ended = command.output().unwrap();
+        (ended.status.code(), String::from_utf8_lossy(&ended.stderr).into_owned())
+    };
+    for line in [
+        "\"$HAPT\" check <(cat w.toml)",
+        // Slow, in pieces, and longer than a pipe holds.
+        "\"$HAPT\" check <(sleep 0.3; head -c 30 w.toml; sleep 0.3; tail -c +31 w.toml; head -c 200000 /dev/zero | tr '\\0' '\\n')",
+        "{ sleep 0.5; cat w.toml; } > f & \"$HAPT\" check f",
+    ] {
+        assert_eq!(shell(line).0, Some(0), "{line}: {:?}", shell(line));
+    }
+    let station = station("\"$KEYS\"").join(" ").replace("\"$KEYS\"", "<(cat key)");
+    let (code, said) = shell(&format!("\"$HAPT\" {station}"));
+    assert_eq!(code, Some(0), "{said}");
+}
+
 /// Both pipes are full, so that the command can say nothing at all.
 #[test]
 fn a_run_whose_results_nobody_reads_has_no_torque_on_and_obeys_a_signal() {

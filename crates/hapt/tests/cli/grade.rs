@@ -136,12 +136,39 @@ fn an_answer_reads_no_file_outside_of_its_folder_and_nothing_but_files() {
         (".", "leads out of the folder"),
         ("absent.toml", "cannot read"),
     ] {
-        fs::write(inner.join("answer.toml"), format!("wall = {file:?}")).unwrap();
-        grade(&lesson, &inner.join("answer.toml"), &[]).refused(2, &["wall: ", why]);
+        cannot_be_read(&lesson, &inner, file, why);
     }
     fs::create_dir(inner.join("folder.toml")).unwrap();
-    fs::write(inner.join("answer.toml"), "wall = \"folder.toml\"").unwrap();
-    grade(&lesson, &inner.join("answer.toml"), &[]).refused(2, &["is not a file"]);
+    cannot_be_read(&lesson, &inner, "folder.toml", "is not a file");
+    fs::write(inner.join("broken.toml"), "loop.period = \"1 m\"").unwrap();
+    cannot_be_read(&lesson, &inner, "broken.toml", "loop.period");
+}
+
+/// A row says so, and the other answers are graded.
+fn cannot_be_read(lesson: &Path, inner: &Path, file: &str, why: &str) {
+    fs::write(inner.join("answer.toml"), format!("wall = {file:?}\nrequired = 2e-3\n")).unwrap();
+    let ended = grade(lesson, &inner.join("answer.toml"), &[]);
+    assert_eq!(ended.code, Some(1), "{ended:?}");
+    let row = |id: &str| ended.out.lines().find(|line| line.trim_start().starts_with(id)).unwrap().to_string();
+    assert!(row("wall").contains("cannot be read: ") && row("wall").contains(why), "{ended:?}");
+    assert!(row("required").contains("right"), "{ended:?}");
+}
+
+/// Whatever a student writes, the table has the columns that it seems to have.
+#[test]
+fn no_answer_turns_or_hides_a_part_of_the_table() {
+    let lesson = lesson("passivity");
+    let at = folder(&[]);
+    for hidden in
+        ['\u{202e}', '\u{2066}', '\u{200b}', '\u{200f}', '\u{feff}', '\u{9b}', '\u{61c}', '\u{2028}', '\u{e0041}']
+    {
+        let path = at.path().join("answer.toml");
+        fs::write(&path, format!("required = \"a{hidden}b\"\nwall = \"{hidden}.toml\"\n")).unwrap();
+        for more in [&[][..], &["--json"]] {
+            let ended = grade(&lesson, &path, more);
+            assert!(!ended.out.contains(hidden) && ended.out.contains("a\u{fffd}b"), "{ended:?}");
+        }
+    }
 }
 
 #[test]
