@@ -80,6 +80,35 @@ pub(crate) fn solve_nearest<F: Real>(
     found.within(-most, most)
 }
 
+/// Where the motion lies that a law of any shape leaves, nearest to the free motion: two neighbouring numbers, between which the residual
+/// d - free - G F(d) changes its sign. `law` is within ±`most`; `steepest` is G |F'(d)| at its steepest slope. There always is one: the residual
+/// is negative at free - G `most` and positive at free + G `most`.
+pub(crate) fn enclose_nearest<F: Real>(
+    response: &StepResponse<F>,
+    most: F,
+    steepest: F,
+    fine: F,
+    law: impl Fn(F) -> F,
+) -> (F, F) {
+    let reach = response.compliance * most;
+    // So many steps reach both ends.
+    let least = (reach + reach) / F::from_f64(PROBES as f64 - 4.0);
+    let fine = if fine > least { fine } else { least };
+    let ((mut low, mut high), rising) = nearest(response, reach, steepest, fine, |distance| (law(distance), F::ZERO));
+    for _ in 0..STEPS {
+        let middle = low + F::HALF * (high - low);
+        if !(middle > low && middle < high) {
+            break;
+        }
+        if (middle - response.free - response.compliance * law(middle) > F::ZERO) == rising {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    (low, high)
+}
+
 /// Brackets the solution nearest to the free motion, searching on both sides in turn. From a point with the residual
 /// r = d - free - G F no solution is nearer than |r|/(1 + `steepest`). Also returns whether the residual rises through the bracket.
 fn nearest<F: Real>(

@@ -28,7 +28,9 @@
 //! the detent. Friction that brings a body to rest within the step, and a wall whose damping ends within it, have no such function;
 //! in the second half of the rounds friction may only hold or slide, which has one.
 //!
-//! The number of rounds that this takes has no proved bound, so it is limited. If the torques have not converged by then, the energy that
+//! The number of rounds that this takes has no proved bound, so it is limited. If the torques have not converged by then, those along each line,
+//! at one body or between the same two, are solved together (`line.rs`): for one line, and so for every world of one body, by a bracket that can't
+//! miss. Several lines are solved in turn, again for a limited number of rounds. If they have not converged either, the energy that
 //! those of the last round would add, Σ (F d + V(q') - V(q)), is taken from the bodies' motion; if the bodies have less, they stop where
 //! they were. In either case the step gains no energy. [`Contacts`] counts such samples. Over random worlds none occurs as long as
 //! the stiffest coupling at the lightest body oscillates by less than two radians a step.
@@ -114,8 +116,10 @@ impl<F: Real, const B: usize> Gradient<F, B> {
                 unchecked = self.contacts;
             }
         }
-        contacts.unsettled = contacts.unsettled.saturating_add(1);
-        self.dissipate(step, change, &mut contacts.torques);
+        if !self.by_lines(step, change, &mut contacts.torques, PASSES) {
+            contacts.unsettled = contacts.unsettled.saturating_add(1);
+            self.dissipate(step, change, &mut contacts.torques);
+        }
     }
 
     /// How the step moves one coupling as a function of its torque.
@@ -275,7 +279,7 @@ impl<F: Real, const B: usize> Gradient<F, B> {
 impl<F: Real, const B: usize> Step<'_, F, B> {
     /// change += response to a coupling's torque on its two ends
     #[inline]
-    fn push(&self, coupling: &Nonlinear<F>, torque: F, change: &mut Vector<F, B>) {
+    pub(crate) fn push(&self, coupling: &Nonlinear<F>, torque: F, change: &mut Vector<F, B>) {
         for (end, torque) in [(coupling.first, torque), (coupling.second, -torque)] {
             if let End::Body(j) = end {
                 if let Some(response) = self.force.get(j) {
@@ -287,7 +291,7 @@ impl<F: Real, const B: usize> Step<'_, F, B> {
 
     /// The change of another coupling's q and q̇ by a unit of torque at this one.
     #[inline]
-    fn across(&self, one: &Nonlinear<F>, other: &Nonlinear<F>) -> (F, F) {
+    pub(crate) fn across(&self, one: &Nonlinear<F>, other: &Nonlinear<F>) -> (F, F) {
         let entry = |i: End, j: End| {
             let (End::Body(i), End::Body(j)) = (i, j) else { return (F::ZERO, F::ZERO) };
             let of = |row: Option<&F>| row.copied().unwrap_or(F::ZERO);
@@ -301,6 +305,6 @@ impl<F: Real, const B: usize> Step<'_, F, B> {
 
 /// A coupling with a body at an end.
 #[inline]
-fn at_body<F: Real>(coupling: &Option<Nonlinear<F>>) -> Option<&Nonlinear<F>> {
+pub(crate) fn at_body<F: Real>(coupling: &Option<Nonlinear<F>>) -> Option<&Nonlinear<F>> {
     coupling.as_ref().filter(|coupling| coupling.at_body())
 }

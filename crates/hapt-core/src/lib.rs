@@ -54,6 +54,7 @@ mod error;
 mod gradient;
 mod lanes;
 mod law;
+mod line;
 mod link;
 mod matrix;
 mod named;

@@ -194,6 +194,77 @@ impl<F: Real> Nonlinear<F> {
         }
     }
 
+    /// The torque on the first end over a step of 1/`rate` seconds in which q goes from `start` by `distance`; 0 of Coulomb friction, which that
+    /// alone does not say.
+    pub fn over_step(&self, start: F, distance: F, puck_rate: F, rate: F) -> F {
+        match &self.curve {
+            LoopLaw::Wall(wall) => wall.over_step(start, distance, rate),
+            LoopLaw::Damper(damper) => damper.torque(distance * rate + puck_rate),
+            LoopLaw::Spring(_)
+            | LoopLaw::Detent(_)
+            | LoopLaw::DeadBand(_)
+            | LoopLaw::Magnet(_)
+            | LoopLaw::Texture(_) => -self.stored_slope(start, distance),
+            LoopLaw::Coulomb(_) | LoopLaw::Lugre(_) => F::ZERO,
+        }
+    }
+
+    /// Bounds on that torque at the solutions of a step that would go by `free` without it, and on its slope by the distance. What falls with the
+    /// distance everywhere is no larger at a solution than at `free`, where it drives q on.
+    pub fn bounds(&self, start: F, free: F, puck_rate: F, rate: F) -> (F, F) {
+        let pi = F::from_f64(core::f64::consts::PI);
+        let there = self.over_step(start, free, puck_rate, rate).abs();
+        match &self.curve {
+            LoopLaw::Wall(wall) => {
+                let undamped = wall.over_step_undamped(start, free).abs();
+                (if undamped > there { undamped } else { there }, wall.stiffness + wall.damping * rate)
+            }
+            LoopLaw::Spring(spring) => (there, spring.stiffness),
+            LoopLaw::DeadBand(band) => (there, band.stiffness),
+            LoopLaw::Damper(damper) => (there, damper.damping * rate),
+            // A mean torque changes by at most half of the steepest slope.
+            LoopLaw::Detent(detent) => (detent.torque, pi * detent.torque / detent.pitch),
+            LoopLaw::Magnet(magnet) => (magnet.torque, magnet.torque / magnet.width),
+            LoopLaw::Texture(texture) => texture.bounds(),
+            LoopLaw::Coulomb(coulomb) => (coulomb.torque, F::ZERO),
+            LoopLaw::Lugre(_) => (F::ZERO, F::ZERO),
+        }
+    }
+
+    /// How near two solutions are that count as one; `None` where there is one.
+    pub fn fine(&self) -> Option<F> {
+        let part = F::from_f64(1.0 / 64.0);
+        match &self.curve {
+            LoopLaw::Detent(detent) => Some(detent.pitch * part),
+            LoopLaw::Magnet(magnet) => Some(magnet.width * part),
+            LoopLaw::Texture(texture) => Some(texture.fine()),
+            LoopLaw::Wall(_)
+            | LoopLaw::Spring(_)
+            | LoopLaw::Damper(_)
+            | LoopLaw::DeadBand(_)
+            | LoopLaw::Coulomb(_)
+            | LoopLaw::Lugre(_) => None,
+        }
+    }
+
+    /// Coulomb friction's level; `None` of every other law.
+    pub fn coulomb(&self) -> Option<F> {
+        if let LoopLaw::Coulomb(coulomb) = &self.curve { Some(coulomb.torque) } else { None }
+    }
+
+    /// +1 where it is between the same bodies as another, so that both are moved alike by a torque at either, -1 where the other way round; `None`
+    /// where it is not.
+    pub fn along(&self, other: &Self) -> Option<F> {
+        let (own, its) = ([self.first.body(), self.second.body()], [other.first.body(), other.second.body()]);
+        if own == its {
+            Some(F::ONE)
+        } else if own[0] == its[1] && own[1] == its[0] {
+            Some(-F::ONE)
+        } else {
+            None
+        }
+    }
+
     /// Whether it is a wall out of reach from `start` to `start + distance`.
     #[inline]
     pub fn is_clear(&self, start: F, distance: F) -> bool {

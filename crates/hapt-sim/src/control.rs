@@ -69,6 +69,12 @@ impl Control {
         for_each_capacity!(self, running => running.compiled.command(torque))
     }
 
+    /// How many steps have found no nonlinear torques that agree.
+    #[inline]
+    pub fn unsettled(&self) -> u32 {
+        for_each_capacity!(self, running => running.state.contacts.unsettled)
+    }
+
     /// One sample at the puck's true position and velocity, with x_k and the bristles of it.
     #[inline]
     pub fn step(

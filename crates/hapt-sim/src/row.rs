@@ -31,6 +31,8 @@ pub struct Row {
     pub handle: Option<(f64, f64)>,
     /// The device's works up to here.
     pub ledger: Ledger,
+    /// How many steps of the bodies up to here have found no nonlinear torques that agree ([`hapt_core::Contacts`]): such a step loses energy.
+    pub unsettled: u32,
 }
 
 impl Row {

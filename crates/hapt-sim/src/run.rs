@@ -257,6 +257,7 @@ impl Simulation {
         (row.measured, row.measured_velocity) = (sample.puck.position, sample.puck.velocity);
         (row.torque, row.command, row.applied) = (sample.torque, command, machine.device.applied());
         row.ledger = machine.device.ledger();
+        row.unsettled = self.control.unsettled();
         self.sample += 1;
         if !self.row.is_finite() {
             self.rows = 0;

@@ -23,6 +23,8 @@ pub struct Summary<'w> {
     pub clipped: u64,
     /// The first of them, k, and its time in s.
     pub first_clipped: Option<(u64, f64)>,
+    /// The number of steps of the bodies that found no nonlinear torques that agree: such a step loses energy.
+    pub unsettled: u32,
     /// The device's works over the run.
     pub ledger: Ledger,
     limit: f64,
@@ -42,6 +44,7 @@ impl<'w> Summary<'w> {
             peak_time: 0.0,
             clipped: 0,
             first_clipped: None,
+            unsettled: 0,
             ledger: Ledger::default(),
             limit: world.device.limit.unwrap_or(f64::INFINITY),
             last: (0.0, vec![(0.0, 0.0); world.bodies.len()], vec![0.0; world.couplings.len()]),
@@ -69,7 +72,7 @@ impl<'w> Summary<'w> {
         if self.has_bristles {
             self.last.2.clone_from(&row.bristles);
         }
-        self.ledger = row.ledger;
+        (self.ledger, self.unsettled) = (row.ledger, row.unsettled);
     }
 
     /// The energy that the world stores at the last row, in J.

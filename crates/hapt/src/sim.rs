@@ -187,6 +187,15 @@ fn text(world: &World, own: Option<&Effort>, scenario: &Scenario, summary: &Summ
         },
     );
     line("world", format!("stores {} at the end", format::energy(summary.final_energy())));
+    if summary.unsettled > 0 {
+        let steps = format::count(u64::from(summary.unsettled));
+        line(
+            "bodies",
+            format!(
+                "{steps} steps found no torques of all nonlinear couplings that agree, and lost energy; a shorter period has them"
+            ),
+        );
+    }
     let ledger = summary.ledger;
     let shaft = match world.device.handle {
         Some(_) => format!(", the shaft took {}", format::energy(ledger.shaft)),

@@ -1,7 +1,7 @@
 //! The check of a world.
 
 use hapt_model::keys::Measure;
-use hapt_model::{End, EstimatorKind, Law, Method, Motion, World};
+use hapt_model::{Coupling, End, EstimatorKind, Law, Method, Motion, World};
 use serde::Serialize;
 
 use crate::certificate::remedies::Remedies;
@@ -224,6 +224,13 @@ fn notes(world: &World) -> Result<Vec<String>, Error> {
             sampling.window
         ));
     }
+    if may_not_settle(world) {
+        notes.push(
+            "the couplings at bodies may swing the lightest by 2 rad a step or more: a step may find no torques of all couplings that agree, and then \
+             loses energy; hapt sim counts such steps"
+                .to_string(),
+        );
+    }
     if sampling.bodies_every > 1 {
         notes.push(format!(
             "loop.bodies_every: the eigenvalues of held and free are those of {every} samples, a step of the bodies; critical periods are \
@@ -250,6 +257,22 @@ fn notes(world: &World) -> Result<Vec<String>, Error> {
     }
     notes.extend(at_puck(world));
     Ok(notes)
+}
+
+/// Whether a step that finds its nonlinear torques may not find them. Couplings of one body, or between the same two, have one equation, whose
+/// solution a bracket finds; several such equations have been solved in all random worlds where the couplings together swing the lightest body by less
+/// than 2 rad a step.
+fn may_not_settle(world: &World) -> bool {
+    let bodies = |c: &Coupling| {
+        let [a, b] = [c.first.body(), c.second.body()];
+        if a < b { [a, b] } else { [b, a] }
+    };
+    let mut at_bodies = world.couplings.iter().filter(|c| is_nonlinear(c) && laws::at_body(c));
+    let Some(first) = at_bodies.next().filter(|_| world.sampling.method.finds_torques()) else { return false };
+    let lightest = world.bodies.iter().map(|body| body.inertia).fold(f64::INFINITY, f64::min);
+    let stiffness: f64 = world.couplings.iter().filter(|c| laws::at_body(c)).map(|c| c.law.slopes().stiffness).sum();
+    let step = world.sampling.step();
+    at_bodies.any(|c| bodies(c) != bodies(first)) && stiffness / lightest * (step * step) >= 4.0
 }
 
 /// Notes on couplings at the puck that passivity omits or excludes.

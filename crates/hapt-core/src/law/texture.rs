@@ -121,17 +121,33 @@ impl<F: Real> Texture<F> {
     pub fn solve(&self, response: &StepResponse<F>) -> Solution<F> {
         let from = self.turns(response.start);
         let response = &StepResponse { start: from * self.pitch, ..*response };
-        // A harmonic is at most |sine| + |cosine|.
+        let (most, steepest) = self.sizes();
+        // A mean torque changes by at most half of the steepest slope.
+        let turn = response.compliance * steepest * F::from_f64(core::f64::consts::PI) / self.pitch;
+        solve_nearest(response, most, (turn, turn), self.fine(), |distance| self.mean(from, distance))
+    }
+
+    /// How near two solutions are that count as one.
+    pub fn fine(&self) -> F {
+        self.pitch * F::from_f64(1.0 / (64.0 * HARMONICS as f64))
+    }
+
+    /// A bound on the torque, and one on the slope of its mean over a way.
+    pub fn bounds(&self) -> (F, F) {
+        let (most, steepest) = self.sizes();
+        (most, steepest * F::from_f64(core::f64::consts::PI) / self.pitch)
+    }
+
+    /// The harmonics' sizes, and those times their numbers.
+    fn sizes(&self) -> (F, F) {
         let (mut most, mut steepest) = (F::ZERO, F::ZERO);
         for (n, sine, cosine) in self.harmonics() {
+            // A harmonic is at most |sine| + |cosine|.
             let size = sine.abs() + cosine.abs();
             most += size;
             steepest += n * size;
         }
-        // A mean torque changes by at most half of the steepest slope.
-        let turn = response.compliance * steepest * F::from_f64(core::f64::consts::PI) / self.pitch;
-        let fine = self.pitch * F::from_f64(1.0 / (64.0 * HARMONICS as f64));
-        solve_nearest(response, most, (turn, turn), fine, |distance| self.mean(from, distance))
+        (most, steepest)
     }
 
     /// (V(q + distance) - V(q))/distance

@@ -69,6 +69,20 @@ impl<F: Real> Wall<F> {
         Solution { torque: direction * solution.torque, ..solution }
     }
 
+    /// The torque over a step of 1/`rate` seconds in which q goes from `start` by `distance`: damped, where the middle of the way is inside, and
+    /// where it is not.
+    pub fn over_step(&self, start: F, distance: F, rate: F) -> F {
+        let direction = self.direction;
+        let (x, way) = (direction * (start - self.at), direction * distance);
+        let drag = (x + F::HALF * way).if_above(F::ZERO, self.damping * rate, F::ZERO);
+        -(direction * within(self.ramp().mean(x, way).0 + drag * way, F::ZERO, self.limit))
+    }
+
+    /// The same without damping.
+    pub fn over_step_undamped(&self, start: F, distance: F) -> F {
+        Wall { damping: F::ZERO, ..*self }.over_step(start, distance, F::ZERO)
+    }
+
     /// (V(q + distance) - V(q))/distance
     pub fn stored_slope(&self, start: F, distance: F) -> F {
         let direction = self.direction;

@@ -14,6 +14,7 @@ mod linearisation;
 mod network;
 mod notes;
 mod published;
+mod settled;
 mod switching;
 mod uneven;
 mod virtual_device;

@@ -69,6 +69,74 @@ proptest! {
     }
 }
 
+/// One body with several couplings to ground and to the puck, among them detents that its swing passes in a step.
+fn crowded() -> impl Strategy<Value = World> {
+    let ends = prop_oneof![
+        Just((End::Body(0), End::Ground)),
+        Just((End::Ground, End::Body(0))),
+        Just((End::Puck, End::Body(0))),
+        Just((End::Body(0), End::Puck)),
+    ];
+    let detent = (0.1_f64..1.0, 0.05_f64..0.4, 0.0_f64..0.4).prop_map(|(torque, pitch, phase)| Law::Detent {
+        torque,
+        pitch,
+        phase,
+    });
+    let magnet =
+        (0.1_f64..1.0, 0.05_f64..0.3, -0.5_f64..0.5).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at });
+    let wall = (any::<bool>(), -0.3_f64..0.3, 1.0_f64..300.0, prop_oneof![Just(0.0), 0.0_f64..0.3]).prop_map(
+        |(above, at, stiffness, damping)| Law::Wall {
+            side: if above { Side::Above } else { Side::Below },
+            at,
+            stiffness,
+            damping,
+        },
+    );
+    let friction = (0.01_f64..0.3).prop_map(|torque| Law::Coulomb { torque });
+    let law = prop_oneof![4 => detent.clone(), 1 => magnet, 1 => wall, 1 => friction];
+    let more = prop::collection::vec((ends.clone(), law, prop::option::of(0.2_f64..2.0)), 1..4);
+    let steep = prop::collection::vec((ends, detent), 2..4);
+    (steep, more, 1e-3_f64..1e-2, -1.0_f64..1.0, -20.0_f64..20.0).prop_map(
+        |(steep, more, inertia, position, velocity)| {
+            let steep = steep.into_iter().map(|(ends, law)| (ends, law, None));
+            let all = steep.chain(more).map(|((first, second), law, limit)| Coupling {
+                first,
+                second,
+                law,
+                limit: limit.filter(|_| law.takes_limit()),
+            });
+            World { bodies: vec![body(inertia, position, velocity)], couplings: all.collect() }
+        },
+    )
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(400))]
+
+    /// All couplings of one body have one equation together, which a bracket finds however steep they are.
+    #[test]
+    fn every_step_of_one_body_is_the_rules_however_far_its_detents_swing_it(
+        world in crowded(), angle in 0.5_f64..30.0, z in -1.0_f64..1.0, vz in -5.0_f64..5.0,
+    ) {
+        let t = angle / world.fastest();
+        for method in METHODS {
+            let control = Small::new(&world.spec(method, Output::End, t)).unwrap();
+            let mut state = control.start();
+            for _ in 0..50 {
+                control.step(&mut state, z, vz);
+                prop_assert_eq!(state.contacts.unsettled, 0, "{}", method.name());
+                let (x, change) = (list(&state.now, 1), list(&state.change, 1));
+                let next: Vec<f64> = x.iter().zip(&change).map(|(x, d)| x + d).collect();
+                for (coupling, &found) in world.couplings.iter().zip(&state.contacts.torques) {
+                    let Some(expected) = by_the_rule(&world, coupling, &x, &next, (z, vz), t, found) else { continue };
+                    let size = world.torque_scale() * (1.0 + x[0].abs());
+                    prop_assert!((found - expected).abs() < 1e-7 * size, "{} {:?}: {found} {expected}", method.name(), coupling);
+                }
+            }
+        }
+    }
+}
+
 /// The contract's torque of a nonlinear coupling at a body from its start and end; for what may be one of many, `found` when it
 /// is one of them. `None` for couplings that the method takes by its matrices, or that have no body.
 fn by_the_rule(world: &World, c: &Coupling, x: &[f64], next: &[f64], u: (f64, f64), t: f64, found: f64) -> Option<f64> {
