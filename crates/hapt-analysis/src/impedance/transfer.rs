@@ -165,6 +165,9 @@ fn make_real(poles: &mut [Pole]) {
     }
 }
 
+/// Least pivot of a response that is known well enough to compare with.
+const SINGULAR: f64 = 1e-3;
+
 /// Whether poles add up to the response of the world at real s > 0, where M s² + C s + K is positive definite and its solution has no
 /// cancellation: K + s C - rᵀ (M s² + C s + K)⁻¹ r, r what joins bodies and puck, is K₀ + s C + Σ (P + Q) (σ - β) s/(s - s_i).
 fn is_response_of(poles: &[ContinuousPole], world: &Continuous, stiffness: f64, period: f64) -> bool {
@@ -180,6 +183,10 @@ fn is_response_of(poles: &[ContinuousPole], world: &Continuous, stiffness: f64, 
         let joined = whole.view((0, n), (n, 1)).column(0).component_mul(&scale);
         let scaled = DMatrix::from_fn(n, n, |i, j| scale[i] * inner[(i, j)] * scale[j]);
         let Some(root) = scaled.cholesky() else { return false };
+        if root.l_dirty().diagonal().iter().any(|pivot| *pivot < SINGULAR) {
+            // Bodies that only each other hold: so slow, this response has a cancellation too.
+            return true;
+        }
         let response = whole[(n, n)] - joined.dot(&root.solve(&joined));
         let of = |e: &ContinuousPole| {
             (e.position + e.velocity) * (e.shape - e.damper) * (s * period / (C::from(s * period) - e.root.z))
