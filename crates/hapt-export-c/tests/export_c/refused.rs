@@ -1,0 +1,1 @@
+//! Worlds and names that C does not take.
