@@ -16,6 +16,9 @@ const COUNTS: usize = 257;
 /// Relative: far more than rounding to f32 makes, and far less than where f32 ends.
 const ROUNDING: f64 = 1e-4;
 
+/// Every file that is written here has these words in its first lines.
+pub const MARK: &str = "as C by hapt";
+
 macro_rules! part {
     ($name:literal) => {
         include_str!(concat!("parts/", $name))
@@ -162,6 +165,7 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
         ("parts", !stored.is_empty() && !all),
         ("pairs", world.list("pairs").next().is_some() && !all),
         ("is_all", all),
+        ("well", has_bodies || !all),
         ("energy_loop", has_bodies || (!all && (!stored.is_empty() || world.list("pairs").next().is_some()))),
         ("stores_spring", stored.contains(&"spring") || stored.contains(&"dead_band")),
         ("parts_spring", stored.contains(&"spring")),
@@ -198,12 +202,17 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
     facts.text("output", spec.output.name());
     facts.text("period", format!("{} s", spec.period));
     facts.text("bodies", if has_bodies { comment(&about.bodies.join(", ")) } else { "none".to_owned() });
-    let [position, velocity, torque] = if about.is_linear { ["m", "m/s", "N"] } else { ["rad", "rad/s", "N m"] };
+    units(&mut facts, about.is_linear);
+    words(&mut facts);
+    facts
+}
+
+/// The units of an angular or a linear world.
+pub(crate) fn units(facts: &mut Facts, is_linear: bool) {
+    let [position, velocity, torque] = if is_linear { ["m", "m/s", "N"] } else { ["rad", "rad/s", "N m"] };
     for (name, unit) in [("u.position", position), ("u.velocity", velocity), ("u.torque", torque)] {
         facts.text(name, unit);
     }
-    words(&mut facts);
-    facts
 }
 
 /// The code, before its names have their prefix.
@@ -257,7 +266,7 @@ fn head(spec: &Spec, about: &About, prefix: &str, float: Float) -> String {
     if !about.is_certified {
         lines.push("NOT CERTIFIED: this world may gain energy and run away.".to_owned());
     }
-    lines.push(format!("{}, as C by hapt. Made of a world file: change that, not this.", comment(&about.title)));
+    lines.push(format!("{}, written {MARK}. Made of a world file: change that, not this.", comment(&about.title)));
     lines.push(String::new());
     lines.push(format!("world {:08x}, hapt-core {:08x}", about.hash, hapt_core::SOURCE));
     let number = if float == Float::F32 { "float" } else { "double" };

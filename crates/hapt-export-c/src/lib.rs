@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 #![warn(clippy::wildcard_enum_match_arm)]
 
+mod arduino;
 mod compose;
 mod data;
 mod error;
@@ -14,7 +15,8 @@ mod names;
 mod numbers;
 mod template;
 
-pub use compose::export;
+pub use arduino::library;
+pub use compose::{MARK, export};
 pub use error::Error;
 pub use names::Prefix;
 

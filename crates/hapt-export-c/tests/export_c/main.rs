@@ -2,5 +2,6 @@
 
 mod bits;
 mod compiler;
+mod options;
 mod refused;
 mod worlds;

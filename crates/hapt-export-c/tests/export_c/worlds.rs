@@ -142,9 +142,8 @@ fn limits(period: f64) -> impl Strategy<Value = Limits> {
 }
 
 prop_compose! {
-    /// A world of this method, output and estimator that the core takes.
-    fn any_world()(n in 0_usize..4, count in 0_usize..6)(
-        period in 2e-4..4e-3_f64,
+    /// A world of this method.
+    fn any_world(method: Method)(n in 0_usize..4, count in 0_usize..8)(
         bodies in prop::collection::vec(
             (1e-4..0.05_f64, -0.3..0.3_f64, -1.0..1.0_f64)
                 .prop_map(|(inertia, position, velocity)| Body { inertia, position, velocity }),
@@ -152,18 +151,15 @@ prop_compose! {
         ),
         couplings in prop::collection::vec((end(n), end(n), law()), count + 1),
         estimator in estimator(),
-        method in 0..Method::ALL.len(),
         output in 0..Output::ALL.len(),
         advance in prop::option::weighted(0.2, 1_u32..4),
         every in prop::option::weighted(0.2, 2_u32..5),
         encoder in prop::option::of(1e-4..1e-2_f64),
         limit in prop::option::weighted(0.8, 0.1..1.2_f64),
         levels in prop::option::weighted(0.3, 1_u32..200),
-        limits in Just(()).prop_flat_map(|()| (2e-4..4e-3_f64).prop_flat_map(|period| (Just(period), limits(period)))),
+        (period, limits) in (2e-4..4e-3_f64).prop_flat_map(|period| (Just(period), limits(period))),
     ) -> World {
-        let (_, method, output) = (period, Method::ALL[method], Output::ALL[output]);
-        let (period, limits) = limits;
-        let output = if method.takes_new_sample_first() { Output::Start } else { output };
+        let output = if method.takes_new_sample_first() { Output::Start } else { Output::ALL[output] };
         let is_end = output == Output::End;
         let couplings: Vec<Coupling> = couplings
             .into_iter()
@@ -190,9 +186,9 @@ prop_compose! {
     }
 }
 
-/// Worlds that the core takes, of every method in turn.
-pub fn world() -> impl Strategy<Value = World> {
-    any_world().prop_filter("the core takes it", |world| {
+/// Worlds of a method that the core takes.
+pub fn world(method: Method) -> impl Strategy<Value = World> {
+    any_world(method).prop_filter("the core takes it", |world| {
         hapt_core::Controller::<f64, 8, 32, 257>::new(&world.spec(), &world.limits).is_ok()
     })
 }

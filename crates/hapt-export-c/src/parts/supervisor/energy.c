@@ -7,12 +7,14 @@ typedef struct {
     hapt_real given;
 } hapt_energies;
 
+//if well
 /* k/2 x^2 */
 static hapt_real hapt_well(hapt_real half, hapt_real x)
 {
     return half * (x * x);
 }
 
+//end
 //if stores_spring
 /* A spring's energy up to the x at which its torque is `limit`, straight from there on, less V' lag; `side` is 1 above the rest only, -1
  * below it only, 0 on both sides. */
@@ -111,6 +113,7 @@ static hapt_energies hapt_energies_of(const hapt_world *world, const hapt_state 
 //if energy_loop
     int i;
 //end
+    (void)world;
     (void)position;
     (void)velocity;
     (void)state;
