@@ -68,7 +68,8 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
             let response = self.state.get(i / 2)?;
             Some(if i % 2 == 0 { &response.position } else { &response.velocity })
         });
-        let about = "what the puck's position and velocity do: [position, velocity][change of positions, of velocities]";
+        let about =
+            "what the puck's position and velocity do: [position, velocity][change of positions, of velocities]";
         for (name, input) in [("input_new", &self.input_new), ("input_old", &self.input_old)] {
             vectors(to, name, about, &[2, 2, n], n, &|i| Some(if i == 0 { &input.position } else { &input.velocity }));
         }

@@ -19,7 +19,7 @@ pub fn library(about: &About, prefix: &Prefix, spec: &Spec) -> [(String, String)
     // A turn of 4096 counts, where the world has no encoder.
     facts.text("count", format!("{:?}", spec.count.unwrap_or(core::f64::consts::TAU / 4096.0)));
     units(&mut facts, about.is_linear);
-    let fill = |part: &str| facts.fill(part, prefix.as_str());
+    let fill = |part: &str| prefix.rename(&facts.fill(part));
     [
         ("library.properties".to_owned(), fill(include_str!("parts/arduino/library.properties"))),
         ("examples/h_bridge/h_bridge.ino".to_owned(), fill(include_str!("parts/arduino/h_bridge.ino"))),

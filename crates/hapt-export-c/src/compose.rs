@@ -47,28 +47,23 @@ pub fn export(
         }
     };
     let facts = facts(spec, limits, about, &world, float);
-    let prefix = prefix.as_str();
-    let fill = |part: &str| facts.fill(part, prefix);
-    let code = code(&facts);
-    let data = fill(&data(&world, &code, float));
-    let (first, second) = code_around(&code);
-    let head = head(spec, about, prefix, float);
-    let source = format!("{head}#include \"{header}\"\n\n{}{}{data}{}", fill(part!("numbers.c")), fill(first), fill(second));
-    let guard = format!("{}_H", prefix.to_uppercase());
+    let code = facts.fill(&code(&facts));
+    let data = data(&world, &code, float);
+    let (before, after) = code.split_once(WORLD).unwrap_or(("", &code));
+    let head = head(spec, about, prefix.as_str(), float);
+    let code = prefix.rename(&format!("{}{before}{data}{after}", facts.fill(part!("numbers.c"))));
+    let source = format!("{head}#include \"{header}\"\n\n{code}");
+    let declarations = facts.fill(&format!("{}{}", part!("header.h"), part!("supervisor/header.h")));
+    let guard = format!("{}_H", prefix.as_str().to_uppercase());
     let header = format!(
-        "{head}#ifndef {guard}\n#define {guard}\n\n{}{}\n#ifdef __cplusplus\n}}\n#endif\n\n#endif\n",
-        fill(part!("header.h")),
-        fill(part!("supervisor/header.h")),
+        "{head}#ifndef {guard}\n#define {guard}\n\n{}\n#ifdef __cplusplus\n}}\n#endif\n\n#endif\n",
+        prefix.rename(&declarations),
     );
     Ok(Exported { source, header })
 }
 
 /// Divides the code between what needs no world and what takes one.
 const WORLD: &str = "//world\n";
-
-fn code_around(code: &str) -> (&str, &str) {
-    code.split_once(WORLD).unwrap_or(("", code))
-}
 
 fn collected<F: Real>(spec: &Spec, limits: &Limits) -> Result<Collected, Error> {
     let controller = Controller::<F, BODIES, COUPLINGS, COUNTS>::new(spec, limits)?;
@@ -81,7 +76,8 @@ fn collected<F: Real>(spec: &Spec, limits: &Limits) -> Result<Collected, Error> 
 /// Every single number is what it was, to the digits of f32. Those of matrices are sums of large and small, as everywhere.
 fn check(exact: &Collected, rounded: &Collected) -> Result<(), Error> {
     let all = |world: &Collected| {
-        let own: Vec<_> = world.numbers.iter().chain(world.elements.iter().flat_map(|element| &element.numbers)).cloned().collect();
+        let own: Vec<_> =
+            world.numbers.iter().chain(world.elements.iter().flat_map(|element| &element.numbers)).cloned().collect();
         own
     };
     for (exact, rounded) in all(exact).iter().zip(&all(rounded)) {
@@ -270,7 +266,12 @@ fn head(spec: &Spec, about: &About, prefix: &str, float: Float) -> String {
     lines.push(String::new());
     lines.push(format!("world {:08x}, hapt-core {:08x}", about.hash, hapt_core::SOURCE));
     let number = if float == Float::F32 { "float" } else { "double" };
-    lines.push(format!("method {}, output {}, period {} s, in {number}", spec.method.name(), spec.output.name(), spec.period));
+    lines.push(format!(
+        "method {}, output {}, period {} s, in {number}",
+        spec.method.name(),
+        spec.output.name(),
+        spec.period
+    ));
     for (i, body) in about.bodies.iter().enumerate() {
         lines.push(format!("body {i}: {}", comment(body)));
     }
@@ -280,7 +281,9 @@ fn head(spec: &Spec, about: &About, prefix: &str, float: Float) -> String {
     lines.push(String::new());
     lines.extend(about.certificate.iter().map(|line| comment(line)));
     lines.push(String::new());
-    lines.push(format!("Call {prefix}_init() once and {prefix}_step() once a period. Every number and every line below is part of what"));
+    lines.push(format!(
+        "Call {prefix}_init() once and {prefix}_step() once a period. Every number and every line below is part of what"
+    ));
     lines.push("the certificate is about; a change by hand ends it.".to_owned());
     let body: Vec<String> = lines.iter().map(|line| format!(" * {line}").trim_end().to_owned()).collect();
     let first = body.first().map_or("", |line| line.get(3..).unwrap_or(""));

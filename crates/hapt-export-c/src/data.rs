@@ -10,12 +10,13 @@ const PART_NUMBERS: usize = 6;
 pub(crate) fn data(world: &Collected, code: &str, float: Float) -> String {
     let mut lists = Lists { types: String::new(), fields: String::new(), values: Vec::new() };
     for constant in &world.numbers {
-        let is_used = [format!("world->{}", constant.name), format!("hapt_compiled.{}", constant.name)].iter().any(|use_of| {
-            code.match_indices(use_of.as_str()).any(|(at, _)| {
-                let next = code[at + use_of.len()..].chars().next();
-                !next.is_some_and(|next| next.is_ascii_alphanumeric() || next == '_')
-            })
-        });
+        let is_used =
+            [format!("world->{}", constant.name), format!("hapt_compiled.{}", constant.name)].iter().any(|use_of| {
+                code.match_indices(use_of.as_str()).any(|(at, _)| {
+                    let next = code[at + use_of.len()..].chars().next();
+                    !next.is_some_and(|next| next.is_ascii_alphanumeric() || next == '_')
+                })
+            });
         if is_used {
             lists.constant(constant, float);
         }
@@ -130,8 +131,8 @@ fn couplings(world: &Collected, lists: &mut Lists, float: Float) {
     for (i, kind) in kinds.iter().enumerate() {
         lists.types += &format!("#define HAPT_{} {}\n", kind.to_uppercase(), i + 1);
     }
-    lists.types += "\n/* A coupling: its law, its place among those of that law, the ends that take its torque and the opposite (a body, \
-                    HAPT_PUCK or HAPT_GROUND), and whether a step finds its torque. */\n";
+    lists.types += "\n/* A coupling: its law, its place among those of that law, the ends that take its torque and the opposite (a body,\n \
+                    * HAPT_PUCK or HAPT_GROUND), and whether a step finds its torque. */\n";
     lists.types += &structure("coupling", &["law", "place", "first", "second", "found"], &[]);
     let rows: Vec<String> = all
         .iter()
@@ -149,13 +150,7 @@ fn couplings(world: &Collected, lists: &mut Lists, float: Float) {
 }
 
 /// The type and the list of one kind's own numbers.
-fn of_kind(
-    lists: &mut Lists,
-    all: &[&Element],
-    kind: &str,
-    name: &str,
-    float: Float,
-) {
+fn of_kind(lists: &mut Lists, all: &[&Element], kind: &str, name: &str, float: Float) {
     let of = |element: &&&Element| element.kind == kind;
     let Some(first) = all.iter().find(of).filter(|first| !first.numbers.is_empty()) else { return };
     lists.types += &structure(name, &[], &first.numbers.iter().collect::<Vec<_>>());
@@ -186,7 +181,8 @@ fn parts(world: &Collected, lists: &mut Lists, float: Float) {
         lists.types += &format!("#define HAPT_STORED_{} {i}\n", kind.to_uppercase());
     }
     // A law may have a number of the same name.
-    let common = |element: &'_ Element| -> Vec<Constant> { element.numbers.iter().take(PART_NUMBERS).cloned().collect() };
+    let common =
+        |element: &'_ Element| -> Vec<Constant> { element.numbers.iter().take(PART_NUMBERS).cloned().collect() };
     let names: Vec<&str> = ["kind", "index"].into_iter().chain(first.wholes.iter().map(|(name, _)| *name)).collect();
     lists.types += "\n/* What a coupling stores: its kind, its place among those of that kind, its place among all, the bodies at its ends. */\n";
     lists.types += &structure("part", &names, &common(first).iter().collect::<Vec<_>>());
@@ -195,7 +191,8 @@ fn parts(world: &Collected, lists: &mut Lists, float: Float) {
         .zip(places(&all))
         .map(|(part, index)| {
             let kind = kinds.iter().position(|kind| *kind == part.kind).map_or(0, |i| i as i64);
-            let wholes: Vec<i64> = [kind, index].into_iter().chain(part.wholes.iter().map(|(_, value)| *value)).collect();
+            let wholes: Vec<i64> =
+                [kind, index].into_iter().chain(part.wholes.iter().map(|(_, value)| *value)).collect();
             row(&wholes, &common(part).iter().collect::<Vec<_>>(), float)
         })
         .collect();

@@ -29,7 +29,10 @@ impl fmt::Display for Error {
         match self {
             Error::Core(error) => write!(f, "{error}"),
             Error::Number { name, given } => {
-                write!(f, "float cannot hold the compiled world's {name} of {given:e}: --float f64 can, or other units of scale")
+                write!(
+                    f,
+                    "float cannot hold the compiled world's {name} of {given:e}: --float f64 can, or other units of scale"
+                )
             }
             Error::Prefix { given, wanted } => write!(f, "{given:?} cannot begin the names in C: {wanted}"),
         }

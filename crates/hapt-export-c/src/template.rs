@@ -34,8 +34,8 @@ impl Facts {
         self.texts.insert(name.into(), text.to_string());
     }
 
-    /// A part for this world, its names with this prefix.
-    pub fn fill(&self, part: &str, prefix: &str) -> String {
+    /// A part for this world.
+    pub fn fill(&self, part: &str) -> String {
         let mut lines = String::new();
         let mut open: Vec<bool> = Vec::new();
         for line in part.lines() {
@@ -59,6 +59,6 @@ impl Facts {
         for (name, text) in &self.texts {
             filled = filled.replace(&format!("@{name}@"), text);
         }
-        filled.replace("HAPT_", &format!("{}_", prefix.to_uppercase())).replace("hapt_", &format!("{prefix}_"))
+        filled
     }
 }

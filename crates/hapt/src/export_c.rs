@@ -28,7 +28,9 @@ pub fn run(args: &CArgs) -> Result<ExitCode, Failure> {
     let prefix = Prefix::new(&stem).map_err(|error| Failure::input(format!("-o {}: {error}", args.out.display())))?;
 
     if loaded.world.device.limit.is_none() {
-        return Err(Failure::input("device.limit: a motor needs the largest torque that it may be commanded, such as \"800 N mm\""));
+        return Err(Failure::input(
+            "device.limit: a motor needs the largest torque that it may be commanded, such as \"800 N mm\"",
+        ));
     }
     if loaded.world.sampling.estimator == EstimatorKind::Exact && !args.velocity {
         say(format_args!(
@@ -48,7 +50,10 @@ pub fn run(args: &CArgs) -> Result<ExitCode, Failure> {
     let (world, limits) = (&loaded.world, loaded.world.board_limits(profile));
     let about = about(&loaded, &check, hash(world, profile)?);
     let exported = export(&world.spec(), &limits, &about, &prefix, &include, float).map_err(Failure::input)?;
-    let mut drafts = vec![output::draft(&header, exported.header.as_bytes())?, output::draft(&args.out, exported.source.as_bytes())?];
+    let mut drafts = vec![
+        output::draft(&header, exported.header.as_bytes())?,
+        output::draft(&args.out, exported.source.as_bytes())?,
+    ];
     if let Some(folder) = &args.arduino {
         drafts.extend(arduino(folder, world, &about, &prefix, float)?);
     }
@@ -67,8 +72,13 @@ fn finish(draft: Draft) -> Result<(), Failure> {
 /// The name by which the C file includes its header.
 fn included(header: &Path) -> Result<String, Failure> {
     let name = header.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let plain = !name.is_empty() && name.chars().all(|c| c.is_ascii_graphic() && !matches!(c, '"' | '\\' | '<' | '>' | '?'));
-    if plain { Ok(name) } else { Err(Failure::input(format!("--header {}: C cannot include a file of this name", header.display()))) }
+    let plain =
+        !name.is_empty() && name.chars().all(|c| c.is_ascii_graphic() && !matches!(c, '"' | '\\' | '<' | '>' | '?'));
+    if plain {
+        Ok(name)
+    } else {
+        Err(Failure::input(format!("--header {}: C cannot include a file of this name", header.display())))
+    }
 }
 
 /// Refuses to replace a file that this command did not write.
@@ -79,7 +89,10 @@ fn ours(flag: &str, path: &Path) -> Result<(), Failure> {
             if head.contains(hapt_export_c::MARK) {
                 return Ok(());
             }
-            Err(Failure::input(format!("{flag} {}: this file is there, and hapt did not write it; expected another name", path.display())))
+            Err(Failure::input(format!(
+                "{flag} {}: this file is there, and hapt did not write it; expected another name",
+                path.display()
+            )))
         }
         _ => Ok(()),
     }
@@ -114,7 +127,8 @@ fn words(world: &World, coupling: &Coupling) -> String {
         End::Body(i) => world.names.get(i).map_or("?", String::as_str),
     };
     let mut law = coupling.law;
-    let numbers: Vec<String> = law.quantities().map(|quantity| format!("{} {}", quantity.name, quantity.value)).collect();
+    let numbers: Vec<String> =
+        law.quantities().map(|quantity| format!("{} {}", quantity.name, quantity.value)).collect();
     let limit = coupling.limit.map(|limit| format!("limit {limit}"));
     let numbers: Vec<String> = numbers.into_iter().chain(limit).collect();
     let kind = CouplingKind::of(&coupling.law).name();

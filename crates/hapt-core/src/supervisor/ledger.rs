@@ -27,9 +27,9 @@
 //! summed too, never below 0: `made`. Exact zoh, trapezoidal and backward Euler keep it at 0, linear or bent; semi-implicit Euler keeps
 //! its own energy and is measured by that; forward Euler makes (ωT)² of what swings a sample.
 
-use crate::{Constants, Real};
 use crate::supervisor::Limits;
 use crate::supervisor::sums::Step;
+use crate::{Constants, Real};
 
 /// Torques that a delay may hold back; the port's ledger rests with longer delays.
 pub(crate) const HELD: usize = 16;

@@ -80,7 +80,8 @@ impl<F: Real, const B: usize, const C: usize> Springs<F, B, C> {
     }
 
     pub fn constants(&self, n: usize, to: &mut dyn Constants) {
-        let column = |of: fn(&Member<F>) -> F| move |i: usize| self.members.get(i).map_or(0.0, |body| of(body).to_f64());
+        let column =
+            |of: fn(&Member<F>) -> F| move |i: usize| self.members.get(i).map_or(0.0, |body| of(body).to_f64());
         to.array("half_inertia", "J/2 of each body", &[n], &column(|body| body.inertia));
         to.array("puck_half", "k/2 of its springs to the puck", &[n], &column(|body| body.puck.half));
         to.array("puck_rest", "and their rest", &[n], &column(|body| body.puck.rest));

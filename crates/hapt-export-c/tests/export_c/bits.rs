@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use hapt_core::{Controller, Estimator, Method, Reading, Real, Request, SafeOutput};
 use hapt_export_c::{About, Float, Prefix, export};
 use proptest::strategy::{Strategy, ValueTree};
-use proptest::test_runner::TestRunner;
+use proptest::test_runner::{Config, TestRunner};
 
 use crate::compiler::{compile, compilers};
 use crate::worlds::{World, world};
@@ -24,8 +24,18 @@ const IN: usize = 8;
 
 /// Worlds of every method in turn.
 pub fn worlds(count: usize) -> Vec<World> {
-    let mut runner = TestRunner::new(hapt_testing::cases(1));
-    Method::ALL.into_iter().cycle().take(count).map(|method| world(method).new_tree(&mut runner).unwrap().current()).collect()
+    drawn(count, hapt_testing::cases(1))
+}
+
+/// The same with random numbers of this test.
+pub fn drawn(count: usize, config: Config) -> Vec<World> {
+    let mut runner = TestRunner::new(config);
+    Method::ALL
+        .into_iter()
+        .cycle()
+        .take(count)
+        .map(|method| world(method).new_tree(&mut runner).unwrap().current())
+        .collect()
 }
 
 /// A number from 0 to 1.
@@ -44,12 +54,18 @@ pub fn readings(world: &World, seed: u64, is_wild: bool) -> Vec<[f64; IN]> {
         .map(|k| {
             let mut of = || random(&mut seed);
             velocity = 0.995 * velocity + (of() - 0.5) * 0.8;
-            stands = if stands > 0 { stands - 1 } else if of() < 0.01 { (of() * 120.0) as u32 } else { 0 };
+            stands = if stands > 0 {
+                stands - 1
+            } else if of() < 0.01 {
+                (of() * 120.0) as u32
+            } else {
+                0
+            };
             if stands == 0 {
                 position += velocity * world.period;
             }
             let wild = |part: f64, of: &mut dyn FnMut() -> f64| is_wild && of() < part;
-            if wild(0.002, &mut of) {
+            if wild(0.004, &mut of) {
                 position += (of() - 0.5) * 0.4;
             }
             if wild(0.001, &mut of) {
@@ -62,7 +78,13 @@ pub fn readings(world: &World, seed: u64, is_wild: bool) -> Vec<[f64; IN]> {
             let request = match k {
                 3 => 1.0,
                 _ if wild(0.03, &mut of) => (of() * 5.0).floor(),
-                _ if k % 40 == 0 => if k % 80 == 0 { 4.0 } else { 1.0 },
+                _ if k % 40 == 0 => {
+                    if k % 80 == 0 {
+                        4.0
+                    } else {
+                        1.0
+                    }
+                }
                 _ => 0.0,
             };
             let delay = if wild(0.05, &mut of) { of() * 2.0 * world.period } else { f64::NAN };
@@ -109,7 +131,8 @@ fn core<F: Real>(world: &World, readings: &[[f64; IN]]) -> Vec<f64> {
             missed: missed as u32,
             silent: f(silent),
         };
-        let request = [None, Some(Request::Arm), Some(Request::Disarm), Some(Request::Stop), Some(Request::Clear)][request as usize];
+        let request = [None, Some(Request::Arm), Some(Request::Disarm), Some(Request::Stop), Some(Request::Clear)]
+            [request as usize];
         let SafeOutput { sample, output, phase, reason, warning, .. } = controller.step(&mut state, &reading, request);
         let code = |reason: Option<hapt_core::Reason>| reason.map_or(0.0, |reason| f64::from(reason.code()));
         let supervisor = &state.supervisor;
@@ -158,7 +181,8 @@ fn program(worlds: &[World]) -> String {
         );
         for j in 0..world.bodies.len() {
             for half in ["now", "change"] {
-                writeln!(body, "        put(bare{i}.{half}.position[{j}]); put(bare{i}.{half}.velocity[{j}]);").unwrap();
+                writeln!(body, "        put(bare{i}.{half}.position[{j}]); put(bare{i}.{half}.velocity[{j}]);")
+                    .unwrap();
             }
         }
         let source = written(world, i, Float::F64).1;
@@ -194,7 +218,7 @@ pub fn written(world: &World, i: usize, float: Float) -> (String, String) {
     let about = About {
         title: format!("World {i}: */ ?\u{3f}/ \\"),
         bodies: (0..world.bodies.len()).map(|i| format!("body {i}")).collect(),
-        is_certified: i % 2 == 0,
+        is_certified: i.is_multiple_of(2),
         ..About::default()
     };
     let prefix = Prefix::new(&format!("w{i}")).unwrap();
@@ -216,7 +240,8 @@ pub fn agree(worlds: &[World], float: Float, compiler: &str, options: &[&str]) {
     fs::write(folder.path().join("main.c"), program(worlds)).unwrap();
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     compile(compiler, &arguments, folder.path());
-    let readings: Vec<_> = worlds.iter().enumerate().map(|(i, world)| readings(world, i as u64 + 1, i % 3 != 0)).collect();
+    let readings: Vec<_> =
+        worlds.iter().enumerate().map(|(i, world)| readings(world, i as u64 + 1, i % 3 != 0)).collect();
     let input: Vec<u8> = readings.iter().flatten().flatten().flat_map(|x| x.to_le_bytes()).collect();
     let output = run(folder.path(), &input);
     let shown: Vec<f64> = output.chunks_exact(8).map(|x| f64::from_le_bytes(x.try_into().unwrap())).collect();

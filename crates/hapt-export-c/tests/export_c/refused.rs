@@ -1,7 +1,7 @@
 //! Worlds and names that C does not take, and texts that would end a comment.
 
+use hapt_core::{Body, End, Law, Method, Output};
 use hapt_export_c::{About, Error, Float, Prefix, export};
-use hapt_core::{Body, Law, End, Method, Output};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
@@ -42,7 +42,8 @@ fn a_world_of_nine_bodies_is_refused_and_one_of_eight_is_written() {
 #[test]
 fn a_number_that_float_loses_is_refused_by_name_and_double_has_it() {
     let mut wheel = wheel();
-    wheel.couplings[0] = Law::Wall { side: hapt_core::Side::Above, at: 1e-50, stiffness: 1.0, damping: 0.0 }.between(End::Puck, End::Ground);
+    wheel.couplings[0] = Law::Wall { side: hapt_core::Side::Above, at: 1e-50, stiffness: 1.0, damping: 0.0 }
+        .between(End::Puck, End::Ground);
     let refused = written(&wheel, &About::default(), Float::F32).unwrap_err();
     assert_eq!(refused, Error::Number { name: "at", given: 1e-50 });
     assert!(written(&wheel, &About::default(), Float::F64).is_ok());
@@ -53,7 +54,22 @@ fn only_names_of_ones_own_begin_the_names_in_c() {
     for (given, name) in [("wheel", "wheel"), ("My-Knob", "my_knob"), ("a.b", "a_b"), ("x1", "x1")] {
         assert_eq!(Prefix::new(given).unwrap().as_str(), name);
     }
-    for given in ["", "int", "FLT", "double", "_x", "1x", "a__b", "rad\u{e4}", "a/b", "atomic", "new", "x_", "m", &"a".repeat(25)] {
+    for given in [
+        "",
+        "int",
+        "FLT",
+        "double",
+        "_x",
+        "1x",
+        "a__b",
+        "rad\u{e4}",
+        "a/b",
+        "atomic",
+        "new",
+        "x_",
+        "m",
+        &"a".repeat(25),
+    ] {
         assert!(matches!(Prefix::new(given), Err(Error::Prefix { .. })), "{given}");
     }
 }

@@ -54,13 +54,25 @@ fn law() -> impl Strategy<Value = (Law, Option<f64>)> {
                 (Law::Wall { side, at, stiffness, damping: damping.unwrap_or(0.0) }, limit)
             }
         ),
-        (0.0..0.4_f64, 0.05..1.0_f64, -0.3..0.3_f64)
-            .prop_map(move |(torque, pitch, phase)| none(Law::Detent { torque, pitch, phase })),
+        (0.0..0.4_f64, 0.05..1.0_f64, -0.3..0.3_f64).prop_map(move |(torque, pitch, phase)| none(Law::Detent {
+            torque,
+            pitch,
+            phase
+        })),
         (0.0..20.0_f64, -0.3..0.3_f64, 0.0..0.2_f64, limit())
             .prop_map(|(stiffness, rest, width, limit)| (Law::DeadBand { stiffness, rest, width }, limit)),
-        (0.0..0.4_f64, 0.02..0.5_f64, -0.4..0.4_f64)
-            .prop_map(move |(torque, width, at)| none(Law::Magnet { torque, width, at })),
-        (0.0..0.3_f64, 0.1..1.0_f64, -0.3..0.3_f64, prop::array::uniform4(-1.0_f32..1.0), prop::array::uniform4(-1.0_f32..1.0))
+        (0.0..0.4_f64, 0.02..0.5_f64, -0.4..0.4_f64).prop_map(move |(torque, width, at)| none(Law::Magnet {
+            torque,
+            width,
+            at
+        })),
+        (
+            0.0..0.3_f64,
+            0.1..1.0_f64,
+            -0.3..0.3_f64,
+            prop::array::uniform4(-1.0_f32..1.0),
+            prop::array::uniform4(-1.0_f32..1.0)
+        )
             .prop_map(move |(torque, pitch, phase, sine, cosine)| {
                 none(Law::Texture { torque, pitch, phase, waveform: Waveform { sine, cosine } })
             }),
@@ -94,16 +106,27 @@ fn estimator() -> impl Strategy<Value = Estimator> {
 
 /// Limits that a reading often enough exceeds.
 fn limits(period: f64) -> impl Strategy<Value = Limits> {
-    let or_none = |range: std::ops::Range<f64>| prop::option::of(range).prop_map(|x| x.unwrap_or(f64::INFINITY));
-    let heat = move || (or_none(0.05..0.6), 0.01..2.0_f64).prop_map(|(rms, time)| Heat { rms, time });
-    let first = (2.0..40.0_f64, or_none(5.0..80.0), or_none(0.004..0.06), or_none(4.0..60.0), or_none(0.02..0.5), 0.0..0.05_f64);
-    let second = (or_none(0.2..1.5), or_none(0.02..0.6), heat(), heat(), or_none(2.0..20.0), or_none(0.0005..0.2));
-    let time = (or_none(1.0..3.0), or_none(0.0..2.0), 0..3_usize).prop_map(move |(interval, delay, late)| CertifiedTime {
-        interval: interval * period,
-        delay: delay * period,
-        when_late: [WhenLate::Fault, WhenLate::Fade, WhenLate::Count][late],
-    });
-    let third = (prop::option::of(0.02..0.2_f64), prop::option::of(0.001..0.05_f64), prop::option::of(0.0..20.0_f64), time);
+    let or_none =
+        |range: std::ops::Range<f64>| prop::option::weighted(0.5, range).prop_map(|x| x.unwrap_or(f64::INFINITY));
+    let heat = move || (or_none(0.005..0.3), 0.01..2.0_f64).prop_map(|(rms, time)| Heat { rms, time });
+    let first =
+        (2.0..40.0_f64, or_none(1.0..30.0), or_none(0.004..0.06), or_none(0.5..8.0), or_none(0.02..0.5), 0.0..0.05_f64);
+    let second = (
+        or_none(0.2..1.5),
+        or_none(0.005..0.3),
+        heat(),
+        heat(),
+        or_none(0.5..4.0),
+        (-7.0..-1.0_f64).prop_map(|power| 10_f64.powf(power)),
+    );
+    let time =
+        (or_none(1.0..3.0), or_none(0.0..2.0), 0..3_usize).prop_map(move |(interval, delay, late)| CertifiedTime {
+            interval: interval * period,
+            delay: delay * period,
+            when_late: [WhenLate::Fault, WhenLate::Fade, WhenLate::Count][late],
+        });
+    let third =
+        (prop::option::of(0.02..0.2_f64), prop::option::of(0.001..0.05_f64), prop::option::of(0.0..20.0_f64), time);
     (first, second, third, prop::array::uniform4(any::<bool>()), or_none(0.05..0.5)).prop_map(
         move |(first, second, third, [link_faults, world_trips, port_trips, zero_where_armed], link)| {
             let (fade, velocity, jump, overspeed, stuck, stuck_torque) = first;
