@@ -41,12 +41,12 @@ pub fn run(args: &CArgs) -> Result<ExitCode, Failure> {
         loaded.world = World::read(&loaded.source, &sets)?;
     }
     let check = hapt_analysis::check(&loaded.world)?;
-    if !check.certified && !args.uncertified {
+    if !check.certified.holds() && !args.uncertified {
         let verdict = check.verdict_sentence();
         return Err(Failure::input(format!("{verdict}; hapt check says more, --uncertified writes it anyway")));
     }
     let float = if args.float == "f64" { Float::F64 } else { Float::F32 };
-    let profile = if check.certified { SafetyProfile::Certified } else { SafetyProfile::Uncertified };
+    let profile = if check.certified.holds() { SafetyProfile::Certified } else { SafetyProfile::Uncertified };
     let (world, limits) = (&loaded.world, loaded.world.board_limits(profile));
     let about = about(&loaded, &check, hash(world, profile)?);
     let exported = export(&world.spec(), &limits, &about, &prefix, &include, float).map_err(Failure::input)?;
@@ -113,7 +113,7 @@ fn about(loaded: &Loaded, check: &Check, hash: u32) -> About {
         is_linear: world.motion == Motion::Linear,
         bodies: world.names.clone(),
         couplings: world.couplings.iter().map(|coupling| words(world, coupling)).collect(),
-        is_certified: check.certified,
+        is_certified: check.certified.holds(),
         certificate: text.trim().lines().map(str::to_owned).collect(),
         hash,
     }
