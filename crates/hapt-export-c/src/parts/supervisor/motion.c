@@ -129,7 +129,7 @@ static hapt_reason hapt_wrong(const hapt_world *world, hapt_controller *self, co
     const hapt_real missed = (hapt_real)reading->missed;
     const hapt_real periods = (hapt_real)1 + missed;
     hapt_real distance, step, before;
-    int known, had_step, late, is_stuck = 0;
+    int known, had_step, late, runs_away, is_stuck = 0;
     hapt_stand stand;
     if (!hapt_is_finite(reading->position) || !hapt_is_finite(reading->late) || !hapt_is_finite(reading->silent)) {
         return HAPT_REASON_NOT_FINITE;
@@ -162,10 +162,15 @@ static hapt_reason hapt_wrong(const hapt_world *world, hapt_controller *self, co
     if (reading->missed == 0 && had_step && hapt_abs(step - before) > world->jump) {
         return HAPT_REASON_JUMP;
     }
+    runs_away = hapt_abs(distance) > world->overspeed * periods + world->size && hapt_abs(self->output) > world->friction;
+    /* One speed for both: with the motor on it is the puck that is too fast, not the reading. */
+    if (runs_away && world->velocity <= world->overspeed) {
+        return HAPT_REASON_OVERSPEED;
+    }
     if (hapt_abs(distance) > world->velocity * periods + world->size) {
         return HAPT_REASON_VELOCITY;
     }
-    if (hapt_abs(distance) > world->overspeed * periods + world->size && hapt_abs(self->output) > world->friction) {
+    if (runs_away) {
         return HAPT_REASON_OVERSPEED;
     }
     if (late) {
