@@ -3,6 +3,7 @@
 use hapt_model::{Dimension, Motion, Unit};
 
 use crate::Error;
+use crate::table::Table;
 
 /// Names that mean a time, a position, a torque, without their units; the first that a table has counts.
 const TIMES: &[&str] = &["time", "t", "timestamp"];
@@ -24,6 +25,10 @@ pub struct Columns {
     pub coasts: bool,
     /// Counts a revolution (linear: the count's size in m), for positions in `counts`.
     pub counts: Option<f64>,
+    /// The motor's torque constant in N·m/A (N/A), for a torque column in A or mA.
+    pub torque_constant: Option<f64>,
+    /// Turns of the motor for one of the handle, where the torque column is of the motor's side.
+    pub ratio: Option<f64>,
 }
 
 /// What a column's numbers are multiplied by, and where it stands.
@@ -58,66 +63,138 @@ impl Columns {
     }
 
     /// Times, positions and torques of a table in SI, and whether its puck turns: the header names the columns, with their units behind
-    /// the last underscore (`angle_deg`), in parentheses or in brackets. Commas, semicolons or tabs between them; lines that begin with
-    /// # are left out.
+    /// the last underscore (`angle_deg`), in parentheses or in brackets. Commas, semicolons or tabs between them; where these are not
+    /// commas, numbers may have decimal commas. Lines that begin with # or % are left out, and so is a sample that is not there (an empty
+    /// field, NaN) or that repeats the time before it, up to a tenth of all.
     ///
     /// # Errors
     /// [`Error::Columns`] with the line where it can be read no further.
     pub fn read(&self, text: &str) -> Result<([Vec<f64>; 3], Motion), Error> {
-        let mut lines = text.trim_start_matches('\u{feff}').lines().zip(1..).filter(|(line, _)| is_content(line));
-        let (header, _) = lines.next().ok_or_else(|| Error::Columns("the file is empty".into()))?;
-        let separator = [',', ';', '\t'].into_iter().max_by_key(|c| header.matches(*c).count()).unwrap_or(',');
-        let names: Vec<&str> = header.split(separator).map(|name| name.trim().trim_matches('"')).collect();
-        let time = self.place(&names, "time", &self.time, TIMES)?;
-        let position = self.place(&names, "position", &self.position, POSITIONS)?;
-        let time = scale(&names, time, &[Dimension::TIME], None)?.0;
-        let (position, motion) = self.position(&names, position)?;
+        let table = Table::new(text)?;
+        let names = &table.names;
+        let time = self.place(&table, "time", &self.time, TIMES)?;
+        let position = self.place(&table, "position", &self.position, POSITIONS)?;
+        let time = scale(names, time, &[Dimension::TIME], None)?.0;
+        let (position, motion) = self.position(names, position)?;
         let torque = match (self.coasts, self.spring) {
             (true, _) | (_, Some(_)) => None,
             (false, None) => {
-                let place = self.place(&names, "torque", &self.torque, TORQUES)?;
-                let wanted = if motion == Motion::Linear { Dimension::FORCE } else { Dimension::TORQUE };
-                Some(scale(&names, place, &[wanted], None)?.0)
+                let place = self.place(&table, "torque", &self.torque, TORQUES)?;
+                Some(self.torque(&table, place, motion)?)
             }
         };
         let mut rows: [Vec<f64>; 3] = Default::default();
-        for (line, number) in lines {
-            let fields: Vec<&str> = line.split(separator).collect();
-            let value = |scale: Scale| -> Result<f64, Error> {
-                let field = fields.get(scale.column).copied().unwrap_or_default().trim();
-                let value = field.parse::<f64>().ok().filter(|value| value.is_finite());
+        let (mut missing, mut repeated, mut all) = (0, 0, 0);
+        for (line, number) in table.lines() {
+            let fields: Vec<&str> = line.split(table.separator).collect();
+            let value = |scale: Scale| -> Result<Option<f64>, Error> {
+                let field = fields.get(scale.column).copied().unwrap_or_default().trim().trim_matches('"');
                 let shown: String = field.chars().take(40).collect();
                 let name = names[scale.column];
                 let wrong = || Error::Columns(format!("line {number}: {name} is {shown:?}, no finite number"));
-                value.map(|value| value * scale.factor).ok_or_else(wrong)
+                if field.is_empty() || field.eq_ignore_ascii_case("nan") {
+                    return Ok(None);
+                }
+                table.number(field).filter(|value| value.is_finite()).map(|x| Some(x * scale.factor)).ok_or_else(wrong)
             };
-            rows[0].push(value(time)?);
-            rows[1].push(value(position)?);
-            let spring = self.spring.unwrap_or(0.0);
-            let at = rows[1].last().copied().unwrap_or_default();
-            rows[2].push(torque.map_or(Ok(0.0 - spring * at), value)?);
+            all += 1;
+            let (Some(t), Some(at), Some(torque)) =
+                (value(time)?, value(position)?, torque.map_or(Ok(Some(0.0)), value)?)
+            else {
+                missing += 1;
+                continue;
+            };
+            if rows[0].last() == Some(&t) {
+                repeated += 1;
+                continue;
+            }
+            rows[0].push(t);
+            rows[1].push(at);
+            rows[2].push(torque - self.spring.unwrap_or(0.0) * at);
+        }
+        for (count, what) in
+            [(missing, "have no number in one of the columns that are used"), (repeated, "repeat the time before")]
+        {
+            if MOST_LEFT_OUT * count > all {
+                return Err(Error::Columns(format!(
+                    "{count} of {all} lines {what}; up to a tenth of them may; {}",
+                    table.listed()
+                )));
+            }
+        }
+        if let Some(torque) = torque.filter(|_| rows[2].windows(2).all(|pair| pair[0] == pair[1]) && rows[2].len() > 1)
+        {
+            return Err(Error::Columns(format!(
+                "{} stands still at {} throughout, so it was not recorded or never changed; a torque that steps up and down is needed (or --coast for none, --spring where the loop ran one); {}",
+                names[torque.column],
+                rows[2][0] / torque.factor,
+                table.listed()
+            )));
         }
         Ok((rows, motion))
     }
 
-    /// Where the column stands that somebody has named, or the first whose name is one of `usual`.
-    fn place(&self, names: &[&str], what: &str, named: &Option<String>, usual: &[&str]) -> Result<usize, Error> {
-        let found = match named {
-            Some(named) => names.iter().position(|name| name == named),
-            None => usual.iter().find_map(|usual| {
-                let is_it = |name: &&str| split(name).0.eq_ignore_ascii_case(usual);
-                names.iter().position(is_it)
-            }),
+    /// The torque's scale: a torque, or a current with its constant; at the handle.
+    fn torque(&self, table: &Table<'_>, place: usize, motion: Motion) -> Result<Scale, Error> {
+        let wanted = if motion == Motion::Linear { Dimension::FORCE } else { Dimension::TORQUE };
+        let ratio = self.ratio.unwrap_or(1.0);
+        let name = table.names[place];
+        let ampere = match split(name).1 {
+            "A" => Some(1.0),
+            "mA" => Some(1e-3),
+            _ => None,
         };
-        found.ok_or_else(|| {
-            let mut there: Vec<String> = names.iter().take(12).map(|name| name.chars().take(40).collect()).collect();
-            there.resize(there.len().max(1), String::new());
-            let missing = named
-                .as_ref()
-                .map_or(format!("no column looks like a {what}"), |named| format!("there is no column \"{named}\""));
-            let how = format!("--columns {what}=NAME names one");
-            Error::Columns(format!("{missing}; the columns are {}; {how}", there.join(", ")))
-        })
+        if let Some(ampere) = ampere {
+            let missing = || {
+                Error::Columns(format!("column {name} is a current; --torque-constant 0.05 gives the motor's N m/A"))
+            };
+            let constant = self.torque_constant.ok_or_else(missing)?;
+            return Ok(Scale { column: place, factor: ampere * constant * ratio });
+        }
+        if matches!(split(name).1, "V" | "mV") {
+            return Err(Error::Columns(format!(
+                "column {name} is a voltage, which is no torque: the motor's speed takes part in it; expected a torque, or a current with --torque-constant"
+            )));
+        }
+        let scale = scale(&table.names, place, &[wanted], None)?.0;
+        Ok(Scale { factor: scale.factor * ratio, ..scale })
+    }
+
+    /// Where the column stands that somebody has named, or the first whose name is one of `usual`, or the only one that has one of them
+    /// in its name and moves.
+    fn place(&self, table: &Table<'_>, what: &str, named: &Option<String>, usual: &[&str]) -> Result<usize, Error> {
+        let names = &table.names;
+        let how = format!("--columns {what}=NAME names one");
+        let missing = match named {
+            Some(named) => {
+                let is_it = |name: &&str| *name == named || split(name).0 == named;
+                let mut places = (0..names.len()).filter(|i| is_it(&names[*i]));
+                match (places.next(), places.next()) {
+                    (Some(place), None) => return Ok(place),
+                    (Some(_), Some(_)) => format!("two columns are named \"{named}\"; expected different names"),
+                    (None, _) => format!("there is no column \"{named}\""),
+                }
+            }
+            None => {
+                let of = |usual: &&str| {
+                    let places: Vec<usize> =
+                        (0..names.len()).filter(|i| split(names[*i]).0.eq_ignore_ascii_case(usual)).collect();
+                    (!places.is_empty()).then_some(places)
+                };
+                let like = || -> Vec<usize> {
+                    let has = |i: &usize| {
+                        usual.iter().any(|word| word.len() > 2 && split(names[*i]).0.to_lowercase().contains(word))
+                    };
+                    (0..names.len()).filter(has).filter(|i| table.moves(*i) && could_be(names[*i], what)).collect()
+                };
+                match usual.iter().find_map(of).unwrap_or_else(like)[..] {
+                    [place] => return Ok(place),
+                    [] => format!("no column looks like a {what}"),
+                    [one, other, ..] => format!("{} and {} may both be the {what}", names[one], names[other]),
+                }
+            }
+        };
+        Err(Error::Columns(format!("{missing}; {}; {how}", table.listed())))
     }
 
     fn position(&self, names: &[&str], place: usize) -> Result<(Scale, Motion), Error> {
@@ -126,8 +203,25 @@ impl Columns {
     }
 }
 
-fn is_content(line: &&str) -> bool {
-    !line.trim().is_empty() && !line.trim_start().starts_with('#')
+/// One line in so many may be left out.
+const MOST_LEFT_OUT: usize = 10;
+
+/// Whether a column's unit is one of a time, a position or a torque.
+pub(crate) fn could_be(name: &str, what: &str) -> bool {
+    let unit = split(name).1;
+    let is = |wanted: &[Dimension]| {
+        Unit::parse(&plain(unit)).is_ok_and(|unit| wanted.iter().any(|wanted| wanted.accepts(unit.dimension())))
+    };
+    match what {
+        "time" => is(&[Dimension::TIME]),
+        "position" => is(&[Dimension::ANGLE, Dimension::LENGTH]) || matches!(unit, "count" | "counts" | "cts"),
+        _ => is(&[Dimension::TORQUE, Dimension::FORCE]) || matches!(unit, "A" | "mA"),
+    }
+}
+
+/// A unit with the products that this program's units have: `N.m` is `N m`.
+fn plain(unit: &str) -> String {
+    unit.replace('.', " ")
 }
 
 /// A column's name and its unit: what stands in parentheses or brackets, or behind the last underscore.
@@ -152,7 +246,7 @@ fn scale(
         let counts = counts.ok_or_else(missing)?;
         return Ok((Scale { column, factor: std::f64::consts::TAU / counts }, Dimension::ANGLE));
     }
-    let unit = match Unit::parse(unit) {
+    let unit = match Unit::parse(&plain(unit)) {
         Ok(unit) => unit,
         Err(_) => {
             let message =

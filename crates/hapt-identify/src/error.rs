@@ -27,7 +27,7 @@ impl fmt::Display for LargeResidual {
             Some(counts) => write!(f, "{counts:.2} counts rms")?,
             None => write!(f, "{:.3e} rms", self.rms)?,
         }
-        write!(f, ", more than independent noise, and no interval would be valid; ")?;
+        write!(f, ", more than independent noise; ")?;
         if let (None, Some(hz)) = (self.position, self.resonance_hz) {
             return write!(
                 f,

@@ -65,6 +65,8 @@ impl<'k> Intervals<'k> {
         let rate = |i: usize| of(&|puck| puck.parameters()[i], &[(i, 1.0)]);
         // An inertia as uncertain as its value is not determined, and neither is the sign.
         let gained = rate(GAIN).filter(|gain| gain.low * gain.high > 0.0);
+        // A sign has to be told at 99.9 %, by 3.29 standard errors and not 1.96.
+        let sure = |gain: &Interval| gain.value.abs() > 3.29 / 1.96 * (gain.high - gain.low) / 2.0;
         let inertia_of = |puck: &Puck| self.known.inertia.unwrap_or(puck.gain.abs().recip());
         let j = inertia_of(&self.best.puck);
         // A rate times the inertia; with the inertia's own uncertainty where that is fitted too.
@@ -100,7 +102,7 @@ impl<'k> Intervals<'k> {
             lag: lag.zip(late).map(|(lag, late)| no_longer(lag.lag(), late)),
             late,
             offset: scaled(OFFSET).filter(|_| tells),
-            sign: gained.map(|_| Interval { value: sign, low: sign, high: sign }),
+            sign: gained.filter(sure).map(|_| Interval { value: sign, low: sign, high: sign }),
             gain: motor.map(positive),
             counts: lattice.filter(|_| !self.known.is_linear).and_then(counts),
             lattice,

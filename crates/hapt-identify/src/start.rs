@@ -105,6 +105,11 @@ fn glance(record: &Record) -> Glance {
     Glance { sign: sign.collect(), begins: begins(record, record.first())[0] }
 }
 
+/// The sign of the velocity at each sample, 0 where the puck may rest.
+pub(crate) fn signs(record: &Record) -> Vec<f64> {
+    glance(record).sign
+}
+
 /// Which way it goes, from -1 to 1: its way from beginning to end over all of its ways, each over a fiftieth of the record.
 pub(crate) fn direction(record: &Record) -> f64 {
     let places: Vec<f64> = record.positions().iter().step_by(record.positions().len().div_ceil(50)).copied().collect();
@@ -184,7 +189,7 @@ fn regression(record: &Record, glance: &Glance, length: f64, delay: f64) -> Norm
 }
 
 /// The mean torque around each sample, from half way to the one before to half way to the next.
-fn delayed(record: &Record, delay: f64) -> Vec<f64> {
+pub(crate) fn delayed(record: &Record, delay: f64) -> Vec<f64> {
     let (times, torques) = (record.times(), record.torques());
     // The held torque's integral up to each sample.
     let mut sum = 0.0;

@@ -5,4 +5,6 @@ mod bounds;
 mod device;
 mod disturbed;
 mod handle;
+mod richer;
 mod rig;
+mod tables;

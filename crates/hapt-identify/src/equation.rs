@@ -1,0 +1,264 @@
+//! The equation of motion held against the torque, for devices that are richer than the puck of [`crate::Puck`].
+//!
+//! With a bump w(t) that vanishes with its slopes at both ends of a window, every term of
+//!
+//! ```text
+//! τ(t - d) = J z̈ + b ż + f sign ż + c + ...
+//! ```
+//!
+//! is weighed by the same w (order 0) or by ẇ (order 1, which does not see what is constant), and the derivatives of the position pass to
+//! the bump: ∫ w z̈ = ∫ ẅ z. So no position is differentiated, and no term is filtered otherwise than another. One row a window.
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::record::Record;
+use crate::start::noise;
+
+/// Terms of the equation, in the order of the columns.
+pub(crate) const TERMS: usize = 8;
+pub(crate) const INERTIA: usize = 0;
+pub(crate) const DAMPING: usize = 1;
+pub(crate) const FRICTION: usize = 2;
+pub(crate) const CONSTANT: usize = 3;
+pub(crate) const STIFFNESS: usize = 4;
+pub(crate) const DIRECTION: usize = 5;
+pub(crate) const SINE: usize = 6;
+pub(crate) const COSINE: usize = 7;
+
+pub(crate) type Mask = [bool; TERMS];
+type Square = SMatrix<f64, TERMS, TERMS>;
+type Column = SVector<f64, TERMS>;
+
+/// The bump is (1 - u²)^POWER.
+const POWER: i32 = 5;
+/// Windows overlap: so many begin within half of one.
+const OVERLAP: usize = 6;
+/// A window with fewer samples to a side says nothing of a second derivative.
+const FEWEST: usize = 6;
+/// A gap of so many periods is in no window.
+const GAP: f64 = 4.0;
+/// A window in which the puck moves less than this part of the time is left out: at rest friction holds any torque.
+const MOVES: f64 = 0.7;
+/// No real spring is straight and without loss to better than this part: so much of its torque may go with the acceleration.
+const BENT: f64 = 0.05;
+/// Parts of a record that are left out in turn (the jackknife).
+pub(crate) const BLOCKS: usize = 8;
+
+/// How the rows are weighed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Band {
+    /// The length of a window, s.
+    pub length: f64,
+    /// Whether the weight is the bump's slope.
+    pub slope: bool,
+}
+
+/// One window.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Row {
+    pub time: f64,
+    pub terms: [f64; TERMS],
+    pub torque: f64,
+    /// Means under the bump.
+    pub position: f64,
+    pub velocity: f64,
+}
+
+/// All windows of a record.
+pub(crate) struct Rows {
+    pub rows: Vec<Row>,
+    /// What the positions' noise adds to the squares of a row's terms.
+    noise: Square,
+}
+
+/// The bump and its slopes up to the third.
+fn bump(u: f64) -> [f64; 4] {
+    let (q, p) = (1.0 - u * u, f64::from(POWER));
+    let power = |less: i32| q.powi(POWER - less);
+    [
+        power(0),
+        -2.0 * p * u * power(1),
+        -2.0 * p * power(1) + 4.0 * p * (p - 1.0) * u * u * power(2),
+        12.0 * p * (p - 1.0) * u * power(2) - 8.0 * p * (p - 1.0) * (p - 2.0) * u.powi(3) * power(3),
+    ]
+}
+
+impl Rows {
+    /// `signs`: of the velocity at each sample, from -1 to 1; `torques`: what acts at each sample.
+    pub fn new(record: &Record, signs: &[f64], torques: &[f64], band: Band) -> Self {
+        let (times, positions) = (record.times(), record.positions());
+        let half = (0.5 * band.length / record.period()).round() as usize;
+        let mut all = Rows { rows: Vec::new(), noise: Square::zeros() };
+        if half < FEWEST {
+            return all;
+        }
+        let middle = positions.iter().sum::<f64>() / positions.len() as f64;
+        let variance = noise(record).powi(2);
+        let mut centre = half;
+        while centre + half < times.len() {
+            let (low, high) = (centre - half, centre + half);
+            centre += (half / OVERLAP).max(1);
+            if times[low..=high].windows(2).any(|pair| pair[1] - pair[0] > GAP * record.period()) {
+                continue;
+            }
+            let (c, mid) = (0.5 * (times[high] - times[low]), 0.5 * (times[high] + times[low]));
+            let near = positions[(low + high) / 2];
+            let mut row = Row { time: mid, terms: [0.0; TERMS], torque: 0.0, position: 0.0, velocity: 0.0 };
+            let (mut area, mut moving) = (0.0, 0.0);
+            let mut noisy = Square::zeros();
+            for i in low + 1..high {
+                let dt = 0.5 * (times[i + 1] - times[i - 1]) / c;
+                let w = bump((times[i] - mid) / c);
+                let z = positions[i];
+                area += w[0] * dt;
+                moving += w[0] * dt * signs[i].abs();
+                row.position += w[0] * dt * z;
+                row.velocity -= w[1] * dt / c * (z - near);
+                let o = usize::from(band.slope);
+                let (w0, w1, w2) = (w[o] * dt, w[o + 1] * dt / c, w[o + 2] * dt / (c * c));
+                row.torque += w0 * torques[i];
+                row.terms[INERTIA] += w2 * (z - near);
+                row.terms[DAMPING] -= w1 * (z - near);
+                row.terms[FRICTION] += w0 * signs[i];
+                row.terms[CONSTANT] += if band.slope { 0.0 } else { w0 };
+                row.terms[STIFFNESS] += w0 * (z - middle);
+                row.terms[DIRECTION] += w0 * signs[i].abs();
+                row.terms[SINE] += w0 * z.sin();
+                row.terms[COSINE] += w0 * z.cos();
+                noisy[(INERTIA, INERTIA)] += w2 * w2;
+                noisy[(DAMPING, DAMPING)] += w1 * w1;
+            }
+            if moving < MOVES * area {
+                continue;
+            }
+            row.terms.iter_mut().for_each(|term| *term /= area);
+            row.torque /= area;
+            row.position /= area;
+            row.velocity /= area;
+            all.noise += noisy * (variance / (area * area));
+            all.rows.push(row);
+        }
+        all
+    }
+
+    /// The sums over each of the blocks.
+    fn sums(&self) -> Vec<(Square, Column)> {
+        let n = self.rows.len();
+        let blocks = BLOCKS.min(n.max(1));
+        let of = |block: usize| {
+            let rows = &self.rows[block * n / blocks..(block + 1) * n / blocks];
+            let part = rows.len() as f64 / n.max(1) as f64;
+            let mut sums = (-self.noise * part, Column::zeros());
+            for row in rows {
+                let x = Column::from(row.terms);
+                sums.0 += x * x.transpose();
+                sums.1 += x * row.torque;
+            }
+            sums
+        };
+        (0..blocks).map(of).collect()
+    }
+
+    /// The part of the squared accelerations that is noise.
+    pub fn noise_part(&self) -> f64 {
+        let all: f64 = self.rows.iter().map(|row| row.terms[INERTIA].powi(2)).sum();
+        if all > 0.0 { self.noise[(INERTIA, INERTIA)] / all } else { 1.0 }
+    }
+
+    /// The mean square of the torques about their mean.
+    pub fn variance(&self) -> f64 {
+        let n = self.rows.len() as f64;
+        let mean = self.rows.iter().map(|row| row.torque).sum::<f64>() / n;
+        self.rows.iter().map(|row| (row.torque - mean).powi(2)).sum::<f64>() / n
+    }
+}
+
+/// A solution over all windows.
+#[derive(Clone, Debug)]
+pub(crate) struct Solved {
+    pub values: [f64; TERMS],
+    /// Standard errors that hold where what is left is correlated and goes with the motion.
+    pub errors: [f64; TERMS],
+    pub left: Vec<f64>,
+    /// The mean square of what is left over that of the torques.
+    pub share: f64,
+    /// The number of independent values among what is left.
+    pub independent: f64,
+}
+
+fn solve(sums: &(Square, Column), mask: Mask) -> Option<(Column, Square)> {
+    let seen: Mask = std::array::from_fn(|i| mask[i] && sums.0[(i, i)] > 0.0);
+    let scale = Column::from_fn(|i, _| if seen[i] { sums.0[(i, i)].sqrt().recip() } else { 0.0 });
+    let matrix = Square::from_fn(|i, j| if i == j { 1.0 } else { sums.0[(i, j)] * scale[i] * scale[j] });
+    let cholesky = matrix.cholesky()?;
+    let values = cholesky.solve(&sums.1.component_mul(&scale)).component_mul(&scale);
+    let inverse = cholesky.inverse();
+    let inverse = Square::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]);
+    values.iter().chain(inverse.iter()).all(|x| x.is_finite()).then_some((values, inverse))
+}
+
+impl Rows {
+    /// The least squares with these terms, damping and friction of the inertia's sign; `duration` of the record in s.
+    pub fn solved(&self, mask: Mask, duration: f64) -> Option<Solved> {
+        let mut mask = mask;
+        let blocks = self.sums();
+        let all = total(&blocks, None);
+        loop {
+            let (values, inverse) = solve(&all, mask)?;
+            // What drives the puck along its motion is no damping and no friction of it.
+            let wrong = |i: usize| mask[i] && values[i] * values[INERTIA] < 0.0;
+            if let Some(i) = [DAMPING, FRICTION].into_iter().find(|i| wrong(*i)) {
+                mask[i] = false;
+                continue;
+            }
+            let left: Vec<f64> =
+                self.rows.iter().map(|row| row.torque - values.dot(&Column::from(row.terms))).collect();
+            let terms = mask.iter().filter(|is_free| **is_free).count() as f64;
+            let n = left.len() as f64;
+            let square = left.iter().map(|r| r * r).sum::<f64>() / n;
+            let independent = independent(&left).clamp(1.0, most_independent(duration));
+            let freedom = (independent - terms).max(1.0);
+            let mut jack = Column::zeros();
+            for out in 0..blocks.len() {
+                let (without, _) = solve(&total(&blocks, Some(out)), mask)?;
+                jack += (without - values).map(|x| x * x);
+            }
+            let count = blocks.len() as f64;
+            let sum = |term: usize| self.rows.iter().map(|row| row.terms[term].powi(2)).sum::<f64>();
+            let bent = BENT * values[STIFFNESS].abs() * (sum(STIFFNESS) / sum(INERTIA).max(f64::MIN_POSITIVE)).sqrt();
+            let errors = Column::from_fn(|i, _| {
+                let jackknife = jack[i] * (count - 1.0) / count;
+                let plain = inverse[(i, i)].max(0.0) * square * n / freedom;
+                let spring = if i == INERTIA { bent * bent } else { 0.0 };
+                (jackknife.max(plain) + spring).sqrt()
+            });
+            let share = square / self.variance().max(f64::MIN_POSITIVE);
+            return Some(Solved { values: values.into(), errors: errors.into(), left, share, independent });
+        }
+    }
+}
+
+fn total(blocks: &[(Square, Column)], without: Option<usize>) -> (Square, Column) {
+    let kept = blocks.iter().enumerate().filter(|(i, _)| Some(*i) != without);
+    kept.fold((Square::zeros(), Column::zeros()), |sum, (_, block)| (sum.0 + block.0, sum.1 + block.1))
+}
+
+/// What a device leaves beyond the model goes with its motion: so few independent values at most, however long its correlation is found.
+fn most_independent(duration: f64) -> f64 {
+    (3.0 * duration).max(16.0)
+}
+
+/// The number of values over the sum of their correlations up to where these end (Geyer, Statist. Sci. 7 (1992) 473).
+fn independent(left: &[f64]) -> f64 {
+    let n = left.len();
+    let all: f64 = left.iter().map(|r| r * r).sum();
+    let mut sum = 1.0;
+    for lag in 1..n / 2 {
+        let at = left.iter().zip(&left[lag..]).map(|(a, b)| a * b).sum::<f64>() / all.max(f64::MIN_POSITIVE);
+        if at < 0.05 {
+            break;
+        }
+        sum += 2.0 * at;
+    }
+    n as f64 / sum
+}

@@ -1,0 +1,160 @@
+//! What the equation of motion leaves of the torque, by kind.
+
+use crate::equation::{Rows, Solved};
+use crate::spectrum::line;
+
+/// A kind that takes less than this part of what is left is not named.
+const LEAST: f64 = 0.1;
+/// Periods in a turn that are looked for.
+const MOST_TIMES: u32 = 48;
+
+/// What a part of the misfit goes with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind {
+    /// The position: a cable, a spring, gravity, `times_a_turn` from 1 on a torque that repeats (1: gravity; more: cogging), 0: one that grows.
+    Position {
+        /// Periods in a turn.
+        times_a_turn: u32,
+    },
+    /// The velocity: Stribeck's friction, friction by direction, damping that is not linear.
+    Velocity,
+    /// A line in the spectrum: a flexible shaft or mount.
+    Resonance {
+        /// Its frequency.
+        hz: f64,
+    },
+    /// Time: warming, an amplifier's drift.
+    Drift,
+    /// None of them.
+    Unexplained,
+}
+
+/// A kind with its size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Part {
+    /// What it goes with.
+    pub kind: Kind,
+    /// Of the torque's variance.
+    pub share: f64,
+}
+
+/// What the equation leaves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Misfit {
+    /// Of the torque's variance.
+    pub share: f64,
+    /// What it goes with, the largest first; each by itself, so that two of them may share a part.
+    pub kinds: Vec<Part>,
+}
+
+impl Kind {
+    /// The word of the contract.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Kind::Position { .. } => "position",
+            Kind::Velocity => "velocity",
+            Kind::Resonance { .. } => "resonance",
+            Kind::Drift => "drift",
+            Kind::Unexplained => "unexplained",
+        }
+    }
+
+    /// The key of a world's file that takes it in, or what to do.
+    pub fn remedy(&self) -> &'static str {
+        match self {
+            Kind::Position { times_a_turn: 0 } => "a spring from puck to ground takes it in",
+            Kind::Position { times_a_turn: 1 } => "device.gravity takes it in",
+            Kind::Position { .. } => "device.cogging takes it in",
+            Kind::Velocity => "device.friction by direction and Stribeck's velocity take it in",
+            Kind::Resonance { .. } => "device.handle takes it in; hapt identify --handle fits it",
+            Kind::Drift => "no key: warm the device up, or use a shorter part of the record (--from, --to)",
+            Kind::Unexplained => "no key: a hand, a sensor's torque or play may be in the record",
+        }
+    }
+}
+
+pub(crate) fn misfit(rows: &Rows, plain: &Solved, duration: f64, is_linear: bool) -> Misfit {
+    let n = rows.rows.len() as f64;
+    let squares: f64 = plain.left.iter().map(|r| r * r).sum();
+    let begin = rows.rows.first().map_or(0.0, |row| row.time);
+    let speed = (rows.rows.iter().map(|row| row.velocity.powi(2)).sum::<f64>() / n).sqrt();
+    let taken = |columns: &dyn Fn(usize) -> Vec<f64>| taken(&plain.left, rows, columns);
+    let mut parts = Vec::new();
+    let spring = taken(&|i| vec![rows.rows[i].position, rows.rows[i].position.powi(3)]);
+    let times = if is_linear { 0 } else { MOST_TIMES };
+    let turning = (1..=times).map(|times| {
+        let of = |i: usize| {
+            let (sin, cos) = (f64::from(times) * rows.rows[i].position).sin_cos();
+            vec![sin, cos]
+        };
+        (times, taken(&of))
+    });
+    let position = std::iter::once((0, spring)).chain(turning).max_by(|a, b| a.1.total_cmp(&b.1));
+    if let Some((times_a_turn, part)) = position {
+        parts.push((Kind::Position { times_a_turn }, part));
+    }
+    parts.push((
+        Kind::Velocity,
+        taken(&|i| {
+            let v = rows.rows[i].velocity / speed.max(f64::MIN_POSITIVE);
+            vec![v.signum() * (-(4.0 * v).powi(2)).exp(), v * v.abs(), v.abs(), v]
+        }),
+    ));
+    parts.push((
+        Kind::Drift,
+        taken(&|i| {
+            let t = (rows.rows[i].time - begin) / duration;
+            vec![t, t * t]
+        }),
+    ));
+    let timed: Vec<(f64, f64)> = rows.rows.iter().zip(&plain.left).map(|(row, left)| (row.time, *left)).collect();
+    if let Some(line) = line(&timed).filter(|line| line.is_clear()) {
+        let of = |i: usize| {
+            let (sin, cos) = (std::f64::consts::TAU * line.hz * rows.rows[i].time).sin_cos();
+            vec![sin, cos]
+        };
+        parts.push((Kind::Resonance { hz: line.hz }, taken(&of)));
+    }
+    parts.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let named: f64 = parts.iter().filter(|part| part.1 > LEAST).map(|part| part.1).sum();
+    let mut kinds: Vec<Part> = parts
+        .into_iter()
+        .filter(|part| part.1 > LEAST)
+        .map(|(kind, part)| Part { kind, share: part * plain.share })
+        .collect();
+    let rest = (1.0 - named).max(0.0);
+    if rest > LEAST && squares > 0.0 {
+        kinds.push(Part { kind: Kind::Unexplained, share: rest * plain.share });
+    }
+    Misfit { share: plain.share, kinds }
+}
+
+/// The part of what is left that these columns take, each made orthogonal to the ones before it.
+fn taken(left: &[f64], rows: &Rows, columns: &dyn Fn(usize) -> Vec<f64>) -> f64 {
+    let n = rows.rows.len();
+    let all: Vec<Vec<f64>> = (0..n).map(columns).collect();
+    let count = all.first().map_or(0, Vec::len);
+    let squares: f64 = left.iter().map(|r| r * r).sum();
+    // What the equation's own terms take of a column is theirs.
+    let mut basis: Vec<Vec<f64>> = Vec::new();
+    let mut part = 0.0;
+    let own = (0..4).map(|term| rows.rows.iter().map(|row| row.terms[term]).collect::<Vec<f64>>());
+    let extra = (0..count).map(|i| all.iter().map(|row| row[i]).collect::<Vec<f64>>());
+    for (i, mut column) in own.chain(extra).enumerate() {
+        let before: f64 = column.iter().map(|x| x * x).sum();
+        for axis in &basis {
+            let along: f64 = axis.iter().zip(&column).map(|(a, x)| a * x).sum();
+            column.iter_mut().zip(axis).for_each(|(x, a)| *x -= along * a);
+        }
+        let size = column.iter().map(|x| x * x).sum::<f64>();
+        if !(size > 1e-9 * before) {
+            continue;
+        }
+        column.iter_mut().for_each(|x| *x /= size.sqrt());
+        if i >= 4 {
+            part += column.iter().zip(left).map(|(a, r)| a * r).sum::<f64>().powi(2);
+        }
+        basis.push(column);
+    }
+    if squares > 0.0 { (part / squares).clamp(0.0, 1.0) } else { 0.0 }
+}

@@ -1,0 +1,80 @@
+//! A table of another program, before anything is known of its columns.
+
+use crate::Error;
+use crate::columns::could_be;
+
+/// Columns that a message lists.
+const LISTED: usize = 24;
+/// A name in a message.
+const NAME: usize = 40;
+
+/// The header, and the lines below it.
+pub(crate) struct Table<'a> {
+    pub names: Vec<&'a str>,
+    pub separator: char,
+    below: Vec<(&'a str, usize)>,
+}
+
+impl<'a> Table<'a> {
+    pub fn new(text: &'a str) -> Result<Self, Error> {
+        let lines = text.trim_start_matches('\u{feff}').lines().zip(1..).filter(|(line, _)| is_content(line));
+        let mut below: Vec<(&str, usize)> = lines.collect();
+        if below.is_empty() {
+            return Err(Error::Columns("the file is empty".into()));
+        }
+        let (header, _) = below.remove(0);
+        let separator = [',', ';', '\t'].into_iter().max_by_key(|c| header.matches(*c).count()).unwrap_or(',');
+        let names = header.split(separator).map(|name| name.trim().trim_matches('"')).collect();
+        Ok(Table { names, separator, below })
+    }
+
+    pub fn lines(&self) -> impl Iterator<Item = (&'a str, usize)> + '_ {
+        self.below.iter().copied()
+    }
+
+    /// A number, with a decimal comma where commas separate nothing.
+    pub fn number(&self, field: &str) -> Option<f64> {
+        match self.separator {
+            ',' => field.parse().ok(),
+            _ => field.replacen(',', ".", 1).parse().ok(),
+        }
+    }
+
+    /// The least and the largest number of a column; `None` without any.
+    fn range(&self, column: usize) -> Option<(f64, f64)> {
+        let values =
+            self.below.iter().filter_map(|(line, _)| self.number(line.split(self.separator).nth(column)?.trim()));
+        values.filter(|x| x.is_finite()).fold(None, |range, x| match range {
+            None => Some((x, x)),
+            Some((low, high)) => Some((x.min(low), x.max(high))),
+        })
+    }
+
+    pub fn moves(&self, column: usize) -> bool {
+        self.range(column).is_some_and(|(low, high)| low < high)
+    }
+
+    /// The columns with their ranges, and what each may be.
+    pub fn listed(&self) -> String {
+        let of = |(i, name): (usize, &&str)| {
+            let name: String = name.chars().take(NAME).collect();
+            let may: Vec<&str> =
+                ["time", "position", "torque"].into_iter().filter(|what| could_be(&name, what)).collect();
+            match self.range(i) {
+                None => format!("{name} (no numbers)"),
+                Some((low, high)) if low == high => format!("{name} (stands still at {low})"),
+                Some((low, high)) if may.is_empty() => format!("{name} ({low} to {high})"),
+                Some((low, high)) => format!("{name} ({low} to {high}: may be a {})", may.join(" or ")),
+            }
+        };
+        let mut all: Vec<String> = self.names.iter().enumerate().take(LISTED).map(of).collect();
+        if self.names.len() > LISTED {
+            all.push(format!("{} more", self.names.len() - LISTED));
+        }
+        format!("the columns are {}", all.join(", "))
+    }
+}
+
+fn is_content(line: &&str) -> bool {
+    !line.trim().is_empty() && !line.trim_start().starts_with(['#', '%'])
+}

@@ -1,0 +1,232 @@
+//! The answer for devices that no puck of the model explains: means over models and over bands of frequency, and what they leave.
+
+use crate::counts::{Lattice, lattice};
+use crate::equation::{
+    BLOCKS, Band, CONSTANT, COSINE, DAMPING, DIRECTION, FRICTION, INERTIA, Mask, Rows, SINE, STIFFNESS, Solved, TERMS,
+};
+use crate::identified::{Interval, Known};
+use crate::intervals::positive;
+use crate::misfit::{Misfit, misfit};
+use crate::quantile::student;
+use crate::record::Record;
+use crate::start::{delayed, signs};
+
+/// The bands: lengths of the windows in s, and whether the weight is the bump's slope. The longer ones see slow torques, and the slope none
+/// that is constant: where the model is right all agree, and where they differ the interval is as wide as they differ.
+const BANDS: [Band; 7] = [
+    Band { length: 0.03, slope: false },
+    Band { length: 0.06, slope: false },
+    Band { length: 0.1, slope: false },
+    Band { length: 0.15, slope: false },
+    Band { length: 0.06, slope: true },
+    Band { length: 0.1, slope: true },
+    Band { length: 0.15, slope: true },
+];
+/// The band that the picture and the misfit are of.
+const SHOWN: Band = BANDS[1];
+/// Delays that are tried, in s.
+const DELAYS: usize = 11;
+const DELAY_STEP: f64 = 1e-3;
+/// A band in which more than this part of the squared accelerations is noise, or of the torques is left, is not used beside others.
+const NOISY: f64 = 0.1;
+const LEFT: f64 = 0.5;
+/// The part of the likelihood that counts where every model is wrong.
+const TEMPER: f64 = 0.25;
+/// The degrees of freedom of intervals, by the blocks of the jackknife.
+const FREEDOM: f64 = (BLOCKS - 1) as f64;
+/// Student's t of 99.9 % with so many degrees of freedom: a sign is told beyond.
+const SURELY: f64 = 5.408;
+/// An inertia that is less than so many standard errors is not told.
+const TOLD: f64 = 1.2;
+/// More than this part of the torque's variance is left where the motion has nothing to do with it.
+const UNRELATED: f64 = 0.8;
+/// A sine of the position is told from a stiffness over this travel, in rad.
+const TRAVEL: f64 = 1.0;
+
+const fn mask(more: &[usize]) -> Mask {
+    let mut mask = [false; TERMS];
+    mask[INERTIA] = true;
+    mask[DAMPING] = true;
+    mask[FRICTION] = true;
+    mask[CONSTANT] = true;
+    let mut i = 0;
+    while i < more.len() {
+        mask[more[i]] = true;
+        i += 1;
+    }
+    mask
+}
+
+pub(crate) const PLAIN: Mask = mask(&[]);
+const MODELS: [Mask; 4] =
+    [PLAIN, mask(&[STIFFNESS]), mask(&[STIFFNESS, DIRECTION]), mask(&[STIFFNESS, DIRECTION, SINE, COSINE])];
+
+/// The fit of the equation of motion to the torque, with 95 % intervals that hold where the device is richer than the equation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TorqueFit {
+    /// J in kg·m² (linear: kg); from 0 where there may be none, `None` where the record does not tell.
+    pub inertia: Option<Interval>,
+    /// b in N·m·s/rad (N·s/m).
+    pub damping: Option<Interval>,
+    /// Coulomb's, in N·m (N).
+    pub friction: Option<Interval>,
+    /// A constant torque, in N·m (N).
+    pub offset: Option<Interval>,
+    /// The true torque per commanded torque, where the inertia is known beforehand.
+    pub gain: Option<Interval>,
+    /// 1 or -1, where the motion decides it at 99.9 %.
+    pub sign: Option<f64>,
+    /// The lattice of the positions.
+    pub lattice: Option<Lattice>,
+    /// What the equation leaves.
+    pub misfit: Misfit,
+    /// The delay that the fit assumes, in s.
+    pub delay: f64,
+    /// The windows, for a picture.
+    pub windows: Vec<Window>,
+}
+
+/// A window of the record, in SI.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Window {
+    /// In s.
+    pub time: f64,
+    /// In rad (m).
+    pub position: f64,
+    /// In rad/s (m/s).
+    pub velocity: f64,
+    /// The commanded torque, in N·m (N).
+    pub torque: f64,
+    /// What the equation gives.
+    pub fitted: f64,
+}
+
+impl TorqueFit {
+    /// Whether the motion has to do with the torque at all: where not, the columns are not of one device, or a hand moved it.
+    pub fn explains(&self) -> bool {
+        self.inertia.is_some() || self.misfit.share < UNRELATED
+    }
+}
+
+/// A mean over models or bands.
+#[derive(Clone, Copy, Debug)]
+struct Mean {
+    value: f64,
+    variance: f64,
+}
+
+/// The weighted mean, and the variance of one value with their differences: all are of the same record, so many do not narrow it.
+fn mean(parts: impl Iterator<Item = (f64, Mean)> + Clone) -> Option<Mean> {
+    let weight: f64 = parts.clone().map(|part| part.0).sum();
+    let value = parts.clone().map(|(w, part)| w * part.value).sum::<f64>() / weight;
+    let variance = parts.map(|(w, part)| w * (part.variance + (part.value - value).powi(2))).sum::<f64>() / weight;
+    (value.is_finite() && variance.is_finite()).then_some(Mean { value, variance })
+}
+
+/// The models of a band, weighed by their likelihood over the independent values, tempered: none of them is the device (Grünwald, The
+/// safe Bayesian, 2012).
+fn weighed(models: &[Solved]) -> Vec<(f64, &Solved)> {
+    let least = models.iter().map(|model| model.share).fold(f64::INFINITY, f64::min).max(f64::MIN_POSITIVE);
+    let of = |model: &Solved| (model.share.max(least) / least).powf(-0.5 * TEMPER * model.independent.min(30.0));
+    models.iter().map(|model| (of(model), model)).collect()
+}
+
+/// Fits the equation of motion to the torque.
+///
+/// `None` where there is no torque, or where no window of the record moves.
+pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
+    if !record.is_driven() {
+        return None;
+    }
+    let signs = signs(record);
+    let duration = record.period() * record.times().len() as f64;
+    let positions = record.positions();
+    let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
+    let turns = !known.is_linear && high - low > TRAVEL;
+    let models = if turns { &MODELS[..] } else { &MODELS[..3] };
+    let torques_of = |delay: f64| delayed(record, delay);
+    let shown = |delay: f64| {
+        let rows = Rows::new(record, &signs, &torques_of(delay), SHOWN);
+        let solved = rows.solved(MODELS[1], duration)?;
+        Some((delay, solved.share))
+    };
+    let delays = (0..DELAYS).filter_map(|i| shown(i as f64 * DELAY_STEP));
+    let (delay, _) = delays.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let torques = torques_of(delay);
+    let mut bands: Vec<(Band, f64, Vec<Solved>)> = Vec::new();
+    for band in BANDS.into_iter().filter(|band| 4.0 * band.length < duration) {
+        let rows = Rows::new(record, &signs, &torques, band);
+        if rows.rows.len() < 4 * TERMS {
+            continue;
+        }
+        let solved: Vec<Solved> = models.iter().filter_map(|model| rows.solved(*model, duration)).collect();
+        if !solved.is_empty() {
+            bands.push((band, rows.noise_part(), solved));
+        }
+    }
+    let least = |solved: &[Solved]| solved.iter().map(|model| model.share).fold(f64::INFINITY, f64::min);
+    let good = |(_, noise, solved): &(Band, f64, Vec<Solved>)| *noise < NOISY && least(solved) < LEFT;
+    if bands.iter().any(good) {
+        bands.retain(good);
+    }
+    let of = |term: usize, with_slopes: bool| {
+        let bands = bands.iter().filter(|band| with_slopes || !band.0.slope);
+        let means: Vec<(f64, Mean)> = bands
+            .filter_map(|(_, _, solved)| {
+                let parts = weighed(solved).into_iter().map(|(weight, model)| {
+                    (weight, Mean { value: model.values[term], variance: model.errors[term].powi(2) })
+                });
+                mean(parts.collect::<Vec<_>>().into_iter())
+            })
+            .map(|mean| (mean.variance.max(f64::MIN_POSITIVE).recip(), mean))
+            .collect();
+        mean(means.into_iter())
+    };
+    let t = student(FREEDOM);
+    let interval = |mean: Mean, sign: f64| {
+        let (value, half) = (sign * mean.value, t * mean.variance.sqrt());
+        Interval { value, low: value - half, high: value + half }
+    };
+    let inertia = of(INERTIA, true)?;
+    let way = if inertia.value < 0.0 { -1.0 } else { 1.0 };
+    let deviation = inertia.variance.sqrt();
+    let is_told = inertia.value.abs() > TOLD * deviation;
+    let found = is_told.then(|| positive(interval(inertia, way)));
+    // Where the inertia is known, all torques are in parts of the motor's.
+    let gain = known.inertia.map(|known| known / inertia.value.abs()).filter(|gain| gain.is_finite());
+    let scaled = |x: Interval, by: f64| Interval { value: by * x.value, low: by * x.low, high: by * x.high };
+    let torque = |term: usize, way: f64| {
+        let x = of(term, false).map(|mean| interval(mean, way))?;
+        if known.inertia.is_some() { gain.map(|gain| scaled(x, gain)) } else { Some(x) }
+    };
+    let motor = gain.zip(found).map(|(gain, x)| Interval {
+        value: gain,
+        low: gain * x.value / x.high,
+        high: if x.low > 0.0 { gain * x.value / x.low } else { f64::MAX },
+    });
+    let rows = Rows::new(record, &signs, &torques, SHOWN);
+    let plain = rows.solved(PLAIN, duration)?;
+    let windows = rows.rows.iter().zip(&plain.left).map(|(row, left)| Window {
+        time: row.time,
+        position: row.position,
+        velocity: row.velocity,
+        torque: row.torque,
+        fitted: row.torque - left,
+    });
+    Some(TorqueFit {
+        inertia: match known.inertia {
+            Some(known) => Some(Interval { value: known, low: known, high: known }),
+            None => found,
+        },
+        damping: torque(DAMPING, way).filter(|_| is_told).map(positive),
+        friction: torque(FRICTION, way).filter(|_| is_told).map(positive),
+        // A torque of its own acts against the equation's.
+        offset: torque(CONSTANT, -way).filter(|_| is_told),
+        gain: motor.filter(|motor| motor.high < f64::MAX),
+        sign: (inertia.value.abs() > SURELY * deviation).then_some(way),
+        lattice: lattice(positions),
+        misfit: misfit(&rows, &plain, duration, known.is_linear),
+        delay,
+        windows: windows.collect(),
+    })
+}

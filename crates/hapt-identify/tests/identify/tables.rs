@@ -1,0 +1,57 @@
+//! Tables as labs have them.
+
+use hapt_identify::Columns;
+
+fn near(a: &[f64], b: &[f64]) {
+    assert!(a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12), "{a:?} {b:?}");
+}
+
+#[test]
+fn decimal_commas_comments_and_units_in_brackets_are_read() {
+    let text = "% a rig\ntimestamp [s];pos [rad];motor_torque [N.m]\n0,5;1,25;-0,5\n0,6;1,5;0,25\n";
+    let columns = Columns::parse("torque=motor_torque").unwrap();
+    let (rows, _) = columns.read(text).unwrap();
+    near(&rows[0], &[0.5, 0.6]);
+    near(&rows[1], &[1.25, 1.5]);
+    near(&rows[2], &[-0.5, 0.25]);
+}
+
+#[test]
+fn a_current_is_a_torque_with_the_motors_constant_and_a_gear() {
+    let text = "t_s\tangle_rad\tmotor_mA\n0\t0\t500\n1\t1\t-250\n";
+    let columns =
+        Columns { torque_constant: Some(0.05), ratio: Some(15.0), ..Columns::parse("torque=motor_mA").unwrap() };
+    near(&columns.read(text).unwrap().0[2], &[0.375, -0.1875]);
+    let error = Columns::parse("torque=motor_mA").unwrap().read(text).unwrap_err().to_string();
+    assert!(error.contains("--torque-constant"), "{error}");
+}
+
+#[test]
+fn missing_and_repeated_samples_are_left_out_up_to_a_tenth() {
+    let row = |k: usize| match k {
+        20 => "20,,1".to_string(),
+        30 => "30,nan,1".to_string(),
+        41 => "40,1,0".to_string(),
+        _ => format!("{k},{},{}", k % 7, k % 2),
+    };
+    let table = |of: &dyn Fn(usize) -> String| {
+        let rows: String = (0..100).map(|k| of(k) + "\n").collect();
+        Columns::default().read(&format!("t_ms,angle_deg,tau_Nm\n{rows}"))
+    };
+    assert_eq!(table(&row).unwrap().0[0].len(), 97);
+    assert!(table(&|k| if k % 5 == 0 { format!("{k},,1") } else { row(k) }).is_err());
+}
+
+#[test]
+fn what_may_be_meant_is_listed_with_its_range() {
+    let text = "t_s,motor_pos_rad,link_pos_rad,applied_Nm,spare_Nm\n0,0,2,1,7\n1,1,3,-1,7\n";
+    let error = Columns::default().read(text).unwrap_err().to_string();
+    for words in
+        ["may both be the position", "link_pos_rad (2 to 3: may be a position)", "spare_Nm (stands still at 7)"]
+    {
+        assert!(error.contains(words), "{words}: {error}");
+    }
+    // A torque that stands still was not recorded.
+    let error = Columns::parse("position=link_pos_rad,torque=spare_Nm").unwrap().read(text).unwrap_err().to_string();
+    assert!(error.contains("spare_Nm stands still at 7"), "{error}");
+}
