@@ -147,7 +147,7 @@ fn taken(left: &[f64], rows: &Rows, columns: &dyn Fn(usize) -> Vec<f64>) -> f64 
             column.iter_mut().zip(axis).for_each(|(x, a)| *x -= along * a);
         }
         let size = column.iter().map(|x| x * x).sum::<f64>();
-        if !(size > 1e-9 * before) {
+        if size <= 1e-9 * before || !size.is_finite() {
             continue;
         }
         column.iter_mut().for_each(|x| *x /= size.sqrt());
