@@ -5,8 +5,10 @@
 //! passive hand really break?
 
 mod brute;
-mod motion;
+mod friction;
+mod near;
 mod networks;
+mod table;
 mod uneven;
 pub mod worlds;
 
@@ -20,7 +22,8 @@ use brute::{At, Motion};
 use fastrand::Rng;
 use hapt_analysis::MARGINAL;
 use hapt_analysis::{
-    Error, breaking_damping, free_growth, held_growth, held_world_growth, passivity, required_damping, worst_grip,
+    Error, PatternVerdict, Status, breaking_damping, free_growth, held_growth, held_world_growth, passivity,
+    quick_check, required_damping, uneven as for_all_times, worst_grip,
 };
 use hapt_model::{Coupling, EstimatorKind, World};
 use rayon::prelude::*;
@@ -50,7 +53,7 @@ const MEASURED: u8 = 10;
 /// Work that is rounding, in parts of all the work that went round.
 const ROUNDING: f64 = 1e-9;
 
-/// Loops at even samples, or linear ones with bounds of their intervals, delays and lags.
+/// Loops at even samples, or with bounds of their intervals, delays and lags.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Part {
     Even,
@@ -83,8 +86,18 @@ struct Found {
     passive: Claim,
     /// The same beyond the linear loop, where it is called proved.
     proved: Claim,
-    /// Passive as far as the linear loop goes, and not proved: broken by a motion, or (slow) not by any that was tried.
+    /// Hands-off, nonlinear, proved: started from states of several sizes.
+    free_nonlinear: Claim,
+    /// Passive by the device's friction up to a speed, against hands just below it.
+    by_friction: Claim,
+    /// Of these: broken by hands at 1.5 times it.
+    faster: u64,
+    /// Passive, and counts, levels or the like not proved: broken by a motion, or (slow) not by any that was tried.
+    unproved: Claim,
+    /// Open: broken by a hand or a motion, or (slow) not by any that was tried.
     open: Claim,
+    /// Linear loops with a little less than the damping that they require.
+    near: near::Near,
     /// Not passive: broken by a passive hand, or (slow) not by any that was tried.
     refused: Claim,
     /// Up to which part of the damping asked for a hand breaks the loop, for some of the refused.
@@ -117,7 +130,7 @@ impl Found {
         rng.u8(..MEASURED) == 0
     }
 
-    fn claims(&mut self) -> [(&'static str, &mut Claim); 11] {
+    fn claims(&mut self) -> [(&'static str, &mut Claim); 14] {
         [
             ("stable or marginal, held", &mut self.held_stable),
             ("unstable, held", &mut self.held_unstable),
@@ -125,8 +138,11 @@ impl Found {
             ("unstable, free", &mut self.free_unstable),
             ("passive, linear", &mut self.passive),
             ("passive, nonlinear, proved", &mut self.proved),
+            ("free, nonlinear, proved", &mut self.free_nonlinear),
+            ("passive by friction, below `speed_max`", &mut self.by_friction),
             ("not passive", &mut self.refused),
-            ("not proved", &mut self.open),
+            ("not proved", &mut self.unproved),
+            ("open", &mut self.open),
             ("hands-off under patterns, proved", &mut self.patterns_proved),
             ("hands-off under patterns, broken", &mut self.patterns_broken),
             ("passive under patterns", &mut self.uneven_passive),
@@ -143,6 +159,8 @@ impl AddAssign for Found {
             *sum += *more;
         }
         self.reach.append(&mut other.reach);
+        self.near += other.near;
+        self.faster += other.faster;
         for (reason, more) in other.patterns_open {
             *self.patterns_open.entry(reason).or_default() += more;
         }
@@ -157,7 +175,8 @@ impl AddAssign for Found {
 pub fn command(words: &[&str]) -> Result<()> {
     let told = Campaign::parse(words, true)?;
     let time = Duration::from_secs((60.0 * told.minutes) as u64);
-    let text = table(&mut campaign(&|i, against| one(Part::Even, told.seed, i, against), told.n, time)?, told.seed);
+    let text =
+        table::table(&mut campaign(&|i, against| one(Part::Even, told.seed, i, against), told.n, time)?, told.seed);
     told.publish("truth", PAGE, &text)
 }
 
@@ -223,7 +242,7 @@ fn numbers(seed: u64, i: u64) -> Rng {
 /// The loop of number `i`, from a seed of its own.
 fn one(part: Part, seed: u64, i: u64, against: &Against) -> Found {
     let mut rng = numbers(seed, i);
-    let bent = part == Part::Even && i % 2 == 1;
+    let bent = i % 2 == 1;
     let mut world = worlds::random(&mut rng, bent);
     // Of numbers of its own, so that the loops are those without handles too.
     let mut own = Rng::with_seed(!seed.wrapping_add(i));
@@ -237,6 +256,9 @@ fn one(part: Part, seed: u64, i: u64, against: &Against) -> Found {
     {
         world.device.damping = required * (1.0 + JUST);
     }
+    if part == Part::Even && bent {
+        friction::spare(&mut own, &mut world);
+    }
     let mut found = Found { loops: 1, ..Found::default() };
     let mut tell = |what: String| {
         if let Ok(mut against) = against.lock() {
@@ -245,7 +267,7 @@ fn one(part: Part, seed: u64, i: u64, against: &Against) -> Found {
     };
     let judged = match part {
         Part::Even => judge(&mut rng, &world, bent, &mut found, &mut tell),
-        Part::Uneven => uneven::judge(&mut rng, &world, &mut found, &mut tell),
+        Part::Uneven => uneven::judge(&mut rng, &world, bent, &mut found, &mut tell),
     };
     if judged.is_err() {
         found.unanswered += 1;
@@ -277,6 +299,11 @@ fn judge(
         }
         run(rng, world, At::Free, free, found, tell);
     }
+    if bent && for_all_times(world)?.free.verdict() == PatternVerdict::Proved {
+        let holds = uneven::stays(rng, world, &mut found.samples, tell)?;
+        found.free_nonlinear +=
+            Claim { loops: 1, confirmed: u64::from(holds), slow: 0, contradicted: u64::from(!holds) };
+    }
     // What is called proved is proved of the loop as it is.
     let mut device = if bent { world.clone() } else { brute::as_certified(world) };
     if !answer.passive.holds() {
@@ -288,6 +315,17 @@ fn judge(
     if !answer.passive.holds() {
         // The slopes of what bends are the worst of many, and of bodies that step at every n-th sample not all has a number: only a linear loop
         // of one rate is what is refused.
+        if bent
+            && answer.proved.holds()
+            && let Some(speed) = answer.speed_max
+        {
+            friction::judge(rng, world, speed, found, tell);
+            return Ok(());
+        }
+        if bent && quick_check(world)?.status == Status::Open {
+            let broken = breaks(rng, world, &mut found.samples);
+            found.open += Claim { loops: 1, confirmed: u64::from(broken), slow: u64::from(!broken), contradicted: 0 };
+        }
         if bent || sampling.bodies_every > 1 {
             return Ok(());
         }
@@ -295,6 +333,7 @@ fn judge(
         if let Some(required) = answer.required_damping.filter(|_| Found::draws_lots(rng)) {
             let breaking = breaking_damping(&device)?.map_or(0.0, |breaking| breaking.damping);
             found.reach.push(breaking / required);
+            found.near += near::Near::of(&device, required, breaking, &mut found.samples);
         }
         found.refused += Claim { loops: 1, confirmed: u64::from(broken), slow: u64::from(!broken), contradicted: 0 };
         return Ok(());
@@ -302,7 +341,8 @@ fn judge(
     if bent && !answer.proved.holds() {
         if rounds(world) && rng.u8(..MEASURED) == 0 {
             let broken = hapt_sweep::worst::best_motion(world, OPEN_SAMPLES).is_ok_and(|found| found.0.is_some());
-            found.open += Claim { loops: 1, confirmed: u64::from(broken), slow: u64::from(!broken), contradicted: 0 };
+            found.unproved +=
+                Claim { loops: 1, confirmed: u64::from(broken), slow: u64::from(!broken), contradicted: 0 };
         }
         return Ok(());
     }
@@ -330,6 +370,18 @@ fn judge(
     let claim = if bent { &mut found.proved } else { &mut found.passive };
     *claim += Claim { loops: 1, confirmed: u64::from(holds), slow: 0, contradicted: u64::from(!holds) };
     Ok(())
+}
+
+/// Whether one of some random hands draws energy from a world, or of every tenth a motion that is searched for.
+fn breaks(rng: &mut Rng, world: &World, taken: &mut u64) -> bool {
+    for _ in 0..HANDS {
+        let (work, samples) = brute::drawn(world, brute::hand(rng, world), HAND_SAMPLES);
+        *taken += samples;
+        if work > ROUNDING {
+            return true;
+        }
+    }
+    rng.u8(..MEASURED) == 0 && hapt_sweep::worst::best_motion(world, OPEN_SAMPLES).is_ok_and(|found| found.0.is_some())
 }
 
 /// Whether counts, levels, an exact velocity or a constant torque may be why a loop is not proved: what motions are tried against.
@@ -378,43 +430,4 @@ fn run(rng: &mut Rng, world: &World, at: At, growth: Option<f64>, found: &mut Fo
         (At::Free, false) => &mut found.free_stable,
         (At::Free, true) => &mut found.free_unstable,
     } += outcome;
-}
-
-/// The counts in Markdown.
-fn table(found: &mut Found, seed: u64) -> String {
-    let mut text = format!(
-        "{} random loops (seed {seed}), {} samples of the real core on the exact device; {} without an answer (numbers out of range).\n\n\
-         | called | loops | ran as called | too slow to see | contradicted |\n| --- | --- | --- | --- | --- |\n",
-        found.loops, found.samples, found.unanswered
-    );
-    for (name, claim) in found.claims().into_iter().take(6) {
-        let Claim { loops, confirmed, slow, contradicted } = *claim;
-        text += &format!("| {name} | {loops} | {confirmed} | {slow} | {contradicted} |\n");
-    }
-    let refused = found.refused;
-    found.reach.sort_by(f64::total_cmp);
-    text += &format!(
-        "\nOf {} loops called not passive, all linear, a passive hand of a mass and a spring breaks {} ({:.1} %); no hand that was tried breaks the other {}.\n",
-        refused.loops,
-        refused.confirmed,
-        100.0 * refused.confirmed as f64 / refused.loops.max(1) as f64,
-        refused.slow
-    );
-    let open = found.open;
-    text += &format!(
-        "Of {} nonlinear loops called passive and not proved, with counts, levels, an exact velocity or a constant torque, a motion of \
-         {OPEN_SAMPLES} samples draws energy from {} ({:.1} %).\n",
-        open.loops,
-        open.confirmed,
-        100.0 * open.confirmed as f64 / open.loops.max(1) as f64
-    );
-    let at = |part: f64| found.reach.get((part * found.reach.len().saturating_sub(1) as f64).round() as usize);
-    if let (Some(low), Some(middle), Some(high)) = (at(0.1), at(0.5), at(0.9)) {
-        text += &format!(
-            "Where a finite damping is asked for, such a hand breaks the loop up to {middle:.3} of it at the median of {} loops, \
-             {low:.3} and {high:.3} at the tenths.\n",
-            found.reach.len()
-        );
-    }
-    text
 }

@@ -12,7 +12,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
 
-use hapt_analysis::Grip;
+use hapt_analysis::{Grip, Status};
 use hapt_model::keys::Measure;
 use hapt_model::{Drive, Shape, World};
 use hapt_sweep::worst::{Gap, Hand, Motion, Trick, Watch, Worst};
@@ -175,18 +175,27 @@ fn ends_at(worst: &Worst) -> String {
 
 fn verdict(worst: &Worst) -> String {
     let tried = format::count(worst.runs as u64);
-    match (worst.broken, worst.drew, worst.certified) {
-        (true, true, false) if worst.motion.is_some() => "broken: a motion of the hand draws energy from it".into(),
-        (true, true, false) => "broken: a passive hand draws energy from it".into(),
-        (true, false, _) => {
-            "broken: a passive hand makes it grow, too slowly for its energy to be seen in this run".into()
+    let hand = if worst.motion.is_some() { "a motion of the hand" } else { "a passive hand" };
+    let none = format!("none of {tried} passive hands draws energy");
+    match (worst.broken, worst.drew, worst.status) {
+        (true, true, Status::Certified) => {
+            format!("broken, though certified: what `hapt check` calls not proved lets {hand} draw energy")
         }
-        (true, true, true) => {
-            "broken, though the linear loop is certified: what `hapt check` calls not proved lets a hand draw energy"
+        (true, true, Status::Open) => {
+            format!("broken, where no theorem covers the world: {hand} draws energy from it")
+        }
+        (true, true, Status::Refuted) => format!("broken: {hand} draws energy from it"),
+        (true, false, _) => {
+            "broken: a passive hand makes it grow, too slowly for its energy to be seen in this run, or \
+             from a larger motion than this"
                 .into()
         }
-        (false, _, true) => format!("survived, as certified: none of {tried} passive hands draws energy"),
-        (false, _, false) => format!("survived, though not certified: none of {tried} passive hands draws energy"),
+        (false, _, Status::Certified) if worst.linear.is_some() => {
+            format!("survived, as certified by the device's friction up to safety.overspeed: {none}")
+        }
+        (false, _, Status::Certified) => format!("survived, as certified: {none}"),
+        (false, _, Status::Open) => format!("survived, though no theorem covers it (open): {none}"),
+        (false, _, Status::Refuted) => format!("survived, though refuted: {none}"),
     }
 }
 
@@ -252,6 +261,7 @@ fn hand(world: &World, hand: &Hand) -> String {
 
 fn motion(world: &World, motion: &Motion) -> String {
     let does = match motion.trick {
+        Trick::Work => "it is the one for which the motor's work on the linear loop is largest, repeated",
         Trick::Dither => "it dithers along with the error that counts and levels make in the torque",
         Trick::Pump => {
             "it dithers across a count in step with a body's swing, and gives way when the swing is at its end"

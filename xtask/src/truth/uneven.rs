@@ -4,8 +4,9 @@ use fastrand::Rng;
 use hapt_analysis::{Error, PatternVerdict, uneven, uneven_damping, worst_pattern};
 use hapt_model::{Delay, Drive, Hand, Law, Scenario, Shape, Timing, World};
 use hapt_sim::Simulation;
+use hapt_sweep::worst::work_motion;
 
-use super::{Claim, Found, JUST, ROUNDING, brute, motion};
+use super::{Claim, Found, JUST, ROUNDING, brute};
 
 /// Samples of a hands-off run where nothing may grow, and the most where something must.
 const SAMPLES: f64 = 1_000.0;
@@ -78,14 +79,15 @@ fn timings(rng: &mut Rng, world: &World, duration: f64) -> Result<Vec<Timing>, E
     ])
 }
 
-/// How much ln of the energy rises from the middle of a hands-off run to its end: infinite where it leaves the numbers.
-fn rise(rng: &mut Rng, world: &World, timing: Timing, duration: f64, samples: &mut u64) -> f64 {
+/// How much ln of the energy rises from the middle of a hands-off run to its end: infinite where it leaves the numbers. It begins with
+/// speeds in parts `size` of 0.01 rad a sample.
+fn rise(rng: &mut Rng, world: &World, size: f64, timing: Timing, duration: f64, samples: &mut u64) -> f64 {
     let mut world = world.clone();
     let period = world.sampling.period;
     for body in &mut world.bodies {
-        (body.position, body.velocity) = (rng.f64() - 0.5, (rng.f64() - 0.5) / (100.0 * period));
+        (body.position, body.velocity) = (size * (rng.f64() - 0.5), size * (rng.f64() - 0.5) / (100.0 * period));
     }
-    let push = world.device.inertia / (100.0 * period) / period;
+    let push = size * world.device.inertia / (100.0 * period) / period;
     let hand = Hand { drive: Drive::Torque(Shape::Step { to: push, at: 0.0 }), release: Some(period) };
     let scenario = Scenario { name: "free".into(), duration, hand, timing };
     let Ok(mut run) = Simulation::without_works(&world, &scenario) else { return f64::NEG_INFINITY };
@@ -109,11 +111,52 @@ fn rise(rng: &mut Rng, world: &World, timing: Timing, duration: f64, samples: &m
     if end <= 1e-20 * largest { f64::NEG_INFINITY } else { (end / middle).ln() }
 }
 
-/// One linear loop under uneven time.
+/// Sizes of what a nonlinear loop begins with: from within a wall or a dead band to far beyond.
+const SIZES: [f64; 3] = [0.01, 1.0, 30.0];
+
+/// The world on a device without counts, levels, limit and friction, which hands-off verdicts leave out.
+fn linear_device(world: &World) -> World {
+    let mut world = world.clone();
+    let device = &mut world.device;
+    (device.encoder, device.levels, device.limit, device.friction) = (None, None, None, 0.0);
+    world
+}
+
+/// Whether a nonlinear loop that is proved hands-off does not grow, from states of several sizes and under patterns of every kind. What is
+/// proved leaves out counts, levels, the motor's limit and friction.
 ///
 /// # Errors
 /// Numbers out of range.
-pub fn judge(rng: &mut Rng, world: &World, found: &mut Found, tell: &mut dyn FnMut(String)) -> Result<(), Error> {
+pub fn stays(rng: &mut Rng, world: &World, taken: &mut u64, tell: &mut dyn FnMut(String)) -> Result<bool, Error> {
+    let world = linear_device(world);
+    let slow = world.device.handle.is_some() || world.device.lag > 0.0;
+    let duration = SAMPLES * if slow { FEWER } else { 1.0 } * world.sampling.period;
+    let sampling = &world.sampling;
+    let is_even = sampling.interval_max_s() == sampling.period && sampling.delay_s() == sampling.delay_max_s();
+    let timings = if is_even { vec![Timing::Even] } else { timings(rng, &world, duration)? };
+    let mut holds = true;
+    for (timing, size) in timings.iter().flat_map(|timing| SIZES.map(|size| (timing, size))) {
+        let risen = rise(rng, &world, size, timing.clone(), duration, taken);
+        if risen > TURNS {
+            holds = false;
+            let kind = timing.kind();
+            tell(format!("proved hands-off, and from size {size} ln of the energy rises by {risen:e} under {kind:?}"));
+        }
+    }
+    Ok(holds)
+}
+
+/// One loop under uneven time, linear or `bent`.
+///
+/// # Errors
+/// Numbers out of range.
+pub fn judge(
+    rng: &mut Rng,
+    world: &World,
+    bent: bool,
+    found: &mut Found,
+    tell: &mut dyn FnMut(String),
+) -> Result<(), Error> {
     let mut world = brute::as_certified(world);
     stretch(rng, &mut world);
     // Half of them at the damping that is called enough.
@@ -129,11 +172,15 @@ pub fn judge(rng: &mut Rng, world: &World, found: &mut Found, tell: &mut dyn FnM
         PatternVerdict::Open => {
             *found.patterns_open.entry(answer.free.reason().unwrap_or_default().to_string()).or_default() += 1;
         }
+        PatternVerdict::Proved if bent => {
+            let holds = stays(rng, &world, &mut found.samples, tell)?;
+            found.free_nonlinear += claim(holds);
+        }
         PatternVerdict::Proved => {
             let duration = SAMPLES * part * period;
             let mut holds = true;
             for timing in timings(rng, &world, duration)? {
-                let risen = rise(rng, &world, timing.clone(), duration, &mut found.samples);
+                let risen = rise(rng, &world, 1.0, timing.clone(), duration, &mut found.samples);
                 if risen > TURNS {
                     holds = false;
                     tell(format!(
@@ -152,7 +199,8 @@ pub fn judge(rng: &mut Rng, world: &World, found: &mut Found, tell: &mut dyn FnM
                 found.patterns_broken += Claim { loops: 1, slow: 1, ..Claim::default() };
             } else {
                 let duration = duration.max(100.0 * period);
-                let risen = rise(rng, &world, pattern.timing(period), duration, &mut found.samples);
+                let risen =
+                    rise(rng, &linear_device(&world), 1.0, pattern.timing(period), duration, &mut found.samples);
                 let holds = risen > 0.25 * growth * duration;
                 if !holds {
                     tell(format!(
@@ -181,9 +229,10 @@ pub fn judge(rng: &mut Rng, world: &World, found: &mut Found, tell: &mut dyn FnM
                 ));
             }
         }
-        found.uneven_passive += claim(holds);
+        if bent { found.proved += claim(holds) } else { found.uneven_passive += claim(holds) }
     }
-    if let Some(bound) = bound.filter(|bound| *bound > 0.0 && world.bodies.len() < 2 && Found::draws_lots(rng)) {
+    if let Some(bound) = bound.filter(|bound| !bent && *bound > 0.0 && world.bodies.len() < 2 && Found::draws_lots(rng))
+    {
         let sharp = sharpness(&world, bound, &mut found.samples);
         if let Some(sharp) = sharp.filter(|sharp| sharp.reach > 1.0 + JUST) {
             tell(format!("a damping of {bound:e} is called enough, and a motion requires {:e} of it", sharp.reach));
@@ -202,7 +251,7 @@ fn sharpness(world: &World, bound: f64, samples: &mut u64) -> Option<Sharpness> 
     let damped = world.couplings.iter().any(|c| matches!(c.law, Law::Damper { .. }));
     let row = if world.bodies.is_empty() { usize::from(damped) } else { 2 };
     let column = usize::from(world.sampling.delay_max_s() > 0.0) + 2 * usize::from(world.device.lag > 0.0);
-    let found = motion::worst(&world, MOTION[world.bodies.len()])?;
+    let found = work_motion(&world, MOTION[world.bodies.len()])?;
     let reach = found.demand / bound;
     let broken = reach > NEAR && found.draws(&world, NEAR * bound, samples);
     Some(Sharpness { class: (row, column), reach, broken })
@@ -211,7 +260,7 @@ fn sharpness(world: &World, bound: f64, samples: &mut u64) -> Option<Sharpness> 
 /// The counts in Markdown.
 pub fn table(found: &Found, seed: u64) -> String {
     let mut text = format!(
-        "{} random linear loops with bounds of their times (seed {seed}), {} samples of the real core on the exact device; {} without an answer.\n\n\
+        "{} random loops with bounds of their times (seed {seed}), {} samples of the real core on the exact device; {} without an answer.\n\n\
          | called | loops | ran as called | too slow to see | contradicted |\n| --- | --- | --- | --- | --- |\n",
         found.loops, found.samples, found.unanswered
     );
@@ -219,6 +268,8 @@ pub fn table(found: &Found, seed: u64) -> String {
         ("hands-off under patterns, proved", found.patterns_proved),
         ("hands-off under patterns, broken", found.patterns_broken),
         ("passive under patterns", found.uneven_passive),
+        ("nonlinear, hands-off under patterns, proved", found.free_nonlinear),
+        ("nonlinear, passive under patterns, proved", found.proved),
     ];
     for (name, Claim { loops, confirmed, slow, contradicted }) in claims {
         text += &format!("| {name} | {loops} | {confirmed} | {slow} | {contradicted} |\n");

@@ -144,8 +144,16 @@ fn reserve(world: &World) -> Option<f64> {
     Some((0.5 * push.dot(&way) + way.dot(&rest) - start).max(0.0))
 }
 
+/// The speed at which the supervisor takes the torque away, rad/s (linear: m/s), as the certificate has it: what a hand draws beyond that, it
+/// draws from no device.
+fn overspeed(world: &World) -> f64 {
+    let kept = world.safety.overspeed.map(|most| world.safety.velocity.unwrap_or(0.0).max(most));
+    kept.unwrap_or(f64::INFINITY)
+}
+
 /// Runs a scenario and computes at each sample the energy that its hand has drawn. `had` in J is the initial energy of the hand's spring. A
-/// gain of a million times that plus the world's own ends the run, and so does a number that is not finite.
+/// gain of a million times that plus the world's own ends the run, and so does a number that is not finite, and a puck that went faster than
+/// `safety.overspeed` since the last sample.
 ///
 /// # Errors
 /// When the loop cannot be compiled.
@@ -154,10 +162,15 @@ pub fn drawn(world: &World, scenario: &Scenario, had: f64) -> Result<Drawn, Erro
     let mut supply = Supply::new(world);
     let mut most: Option<Drawn> = None;
     let (mut end, mut until_s, mut moved) = (0.0, 0.0, 0.0);
+    let (overspeed, mut last) = (overspeed(world), None);
     while let Some(row) = run.next() {
         let Ok(row) = row else { break };
         if most.is_none() {
             supply.begin(row);
+        }
+        let before = last.replace((row.time, row.puck));
+        if before.is_some_and(|(time, puck)| (row.puck - puck).abs() > overspeed * (row.time - time)) {
+            break;
         }
         let supplied = supply.until(row);
         let ledger = row.ledger;

@@ -82,7 +82,7 @@ fn plain(world: &World) -> f64 {
 
 /// The largest displacement by a kick, rad (linear: m): to a quarter of the motor's limit, or a tenth of a radian (linear: 1 cm), but
 /// by ten counts at least.
-fn reach(world: &World, stiffness: f64) -> f64 {
+pub(super) fn reach(world: &World, stiffness: f64) -> f64 {
     let within = world.device.limit.map_or(f64::INFINITY, |limit| 0.25 * limit / stiffness);
     plain(world).min(within).max(world.count().map_or(0.0, |count| 10.0 * count))
 }

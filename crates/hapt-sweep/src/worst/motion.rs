@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 
 use hapt_analysis::Slopes;
 use hapt_analysis::continuous::linearise;
-use hapt_model::{Coupling, Drive, End, EstimatorKind, Hand as Model, Scenario, Shape, World};
+use hapt_model::{Coupling, Drive, End, EstimatorKind, Hand as Model, Scenario, Shape, Timing, World};
 use hapt_sim::DesktopLoop;
 use serde::Serialize;
 
@@ -18,6 +18,8 @@ use super::search::Error;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Trick {
+    /// It is the motion for which the motor's work on a linear loop is largest beside the damping's ([`super::work_motion`]), repeated.
+    Work,
     /// It moves with the quantisation error of the held torque, sample by sample.
     Dither,
     /// It crosses a count in both directions in phase with a body's oscillation, and yields at the end of the oscillation.
@@ -35,6 +37,8 @@ pub struct Motion {
     pub trick: Trick,
     /// Times in s and positions in rad (linear: m), straight in between.
     pub points: Vec<(f64, f64)>,
+    /// The pattern of intervals and delays under which it is made.
+    pub timing: Timing,
 }
 
 impl Motion {
@@ -45,7 +49,7 @@ impl Motion {
             name: name.into(),
             duration,
             hand: Model { drive: Drive::Position(shape), release: None },
-            timing: Default::default(),
+            timing: self.timing.clone(),
         }
     }
 
@@ -202,7 +206,7 @@ impl Bench<'_> {
             points.push((k as f64 * self.period, position));
             last = Some(position);
         }
-        Motion { trick, points }
+        Motion { trick, points, timing: Timing::Even }
     }
 
     /// With the error of the held torque, from the comparison with a loop without counts and levels. [`Bench::pump`] exploits the errors at
@@ -308,7 +312,7 @@ impl Bench<'_> {
             // Against the held torque: that of one delay ago.
             z -= back * way(k.saturating_sub(self.late.0)) * self.period;
         }
-        Some(Motion { trick: Trick::Reverse, points })
+        Some(Motion { trick: Trick::Reverse, points, timing: Timing::Even })
     }
 
     /// With the constant torques at bodies, at the velocity of least dissipation at the puck.
@@ -322,7 +326,8 @@ impl Bench<'_> {
         let pace = left.max(0.1 * torque.abs()) / (2.0 * (device.damping + self.damping).max(1e-9 * torque.abs()));
         let time = self.samples as f64 * self.period;
         let slow = pace.min(1e3 / time.max(1.0));
-        Some(Motion { trick: Trick::Follow, points: vec![(0.0, 0.0), (time, slow * time * torque.signum())] })
+        let points = vec![(0.0, 0.0), (time, slow * time * torque.signum())];
+        Some(Motion { trick: Trick::Follow, points, timing: Timing::Even })
     }
 }
 

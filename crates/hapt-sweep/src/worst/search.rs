@@ -5,15 +5,17 @@ use std::ops::ControlFlow;
 use hapt_analysis::continuous::linearise;
 use hapt_analysis::nelder_mead::maximise;
 use hapt_analysis::{
-    BreakingGrip, Grip, Slopes, breaking_damping, gripped_growth, is_certified, required_damping, worst_grip,
+    BreakingGrip, Grip, MARGINAL, Slopes, Status, WorstGrip, breaking_damping, free_growth, gripped_growth,
+    quick_check, worst_grip,
 };
-use hapt_model::{End, Scenario, World};
+use hapt_model::{End, EstimatorKind, Scenario, World};
 use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
 
 use super::drawn::{Drawn, drawn};
 use super::hand::{Hand, targets};
-use super::motion::{Motion, motions};
+use super::motion::Motion;
+use super::moved::{best_motion_watched, grain, moved, work};
 
 /// The most and the fewest rows of a run, and its duration otherwise, s.
 const ROWS: f64 = 4_000.0;
@@ -69,14 +71,14 @@ pub struct Gap {
 /// The worst hand found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Worst {
-    /// Whether the world is certified.
-    pub certified: bool,
+    /// Whether the world is certified, open or refuted.
+    pub status: Status,
     /// The linear loop's worst hand, or one nearly as bad with a stronger kick, and its growth in 1/s; `None` where no tried hand makes
     /// it grow.
-    pub linear: Option<hapt_analysis::WorstGrip>,
+    pub linear: Option<WorstGrip>,
     /// The grip that drew most energy from the whole loop.
     pub hand: Hand,
-    /// Where no grip drew energy: the prescribed motion that did.
+    /// Where no grip drew energy in its run: the prescribed motion that did.
     pub motion: Option<Motion>,
     /// The energy that it drew.
     pub drawn: Drawn,
@@ -84,7 +86,8 @@ pub struct Worst {
     pub drew: bool,
     /// The run that shows it, under the name `worst`.
     pub scenario: Scenario,
-    /// Whether a hand draws energy: from the whole loop by a run, or from one that is linear all through, by its growth.
+    /// Whether a hand draws energy: from the whole loop by a run, or from one that grows at large motions as the linear loop does, by that
+    /// growth, whatever the run shows.
     pub broken: bool,
     /// The gap between the linear loop and the certificate.
     pub gap: Gap,
@@ -101,9 +104,10 @@ impl Serialize for Worst {
             points: usize,
         }
         let motion = self.motion.as_ref().map(|motion| Shown { trick: motion.trick, points: motion.points.len() });
-        let mut fields = to.serialize_struct("Worst", 10)?;
+        let mut fields = to.serialize_struct("Worst", 11)?;
         fields.serialize_field("broken", &self.broken)?;
-        fields.serialize_field("certified", &self.certified)?;
+        fields.serialize_field("certified", &self.is_certified())?;
+        fields.serialize_field("status", &self.status)?;
         fields.serialize_field("linear", &self.linear)?;
         fields.serialize_field("hand", &self.hand)?;
         fields.serialize_field("motion", &motion)?;
@@ -116,10 +120,12 @@ impl Serialize for Worst {
     }
 }
 
-/// Samples of a prescribed motion: the fewest, the most, and half swings of the slowest body that hangs on the puck.
-const MOVED: [f64; 3] = [2e4, 2e5, 80.0];
-/// The file of a motion, in the scenario that shows it.
-pub const FILE: &str = "worst.csv";
+impl Worst {
+    /// Whether the world is certified.
+    pub fn is_certified(&self) -> bool {
+        self.status == Status::Certified
+    }
+}
 
 /// A hand tried.
 #[derive(Clone, Copy, Debug)]
@@ -143,62 +149,6 @@ impl Tried {
     }
 }
 
-/// The number of samples of a prescribed motion.
-fn moved(world: &World, stiffness: f64) -> usize {
-    let heaviest = world.bodies.iter().map(|body| body.inertia).fold(0.0, f64::max);
-    let swing = std::f64::consts::PI * (heaviest / stiffness.max(f64::MIN_POSITIVE)).sqrt() / world.sampling.period;
-    let [fewest, most, swings] = MOVED;
-    (swings * swing).clamp(fewest, most) as usize
-}
-
-/// A prescribed motion that draws energy.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Moved {
-    /// The motion.
-    pub motion: Motion,
-    /// The run that shows it, under the name `worst`, its path the file [`FILE`].
-    pub scenario: Scenario,
-    /// The energy that it drew.
-    pub drawn: Drawn,
-}
-
-/// The prescribed motion of at most `samples` samples that draws most energy, if any does; and the number of tried ones.
-///
-/// # Errors
-/// [`Error`].
-pub fn best_motion(world: &World, samples: usize) -> Result<(Option<Moved>, usize), Error> {
-    best_motion_watched(world, samples, &|_| ControlFlow::Continue(()))
-}
-
-/// As [`best_motion`]; `watch` is given how many were tried.
-fn best_motion_watched(world: &World, samples: usize, watch: &Watch<'_>) -> Result<(Option<Moved>, usize), Error> {
-    let stiffness = stiffness(world)?;
-    let period = world.sampling.period;
-    let length = samples as f64 * period;
-    let all = motions(world, &targets(world, stiffness), samples)?;
-    let tried = all.len();
-    let mut best: Option<Moved> = None;
-    for (i, motion) in all.into_iter().enumerate() {
-        go_on(watch, i)?;
-        let scenario = motion.scenario("worst", FILE, length);
-        // The energy of its way: a million times that suffices.
-        let had = (stiffness + world.device.damping / period) * motion.reach().powi(2);
-        let drawn = drawn(world, &scenario, had)?;
-        let gains = drawn.is_gain(4.0 * grain(world, stiffness));
-        if gains && best.as_ref().is_none_or(|best| drawn.gain > best.drawn.gain) {
-            let length = if drawn.until_s < length - period { drawn.until_s } else { length };
-            let scenario = motion.scenario("worst", FILE, length);
-            best = Some(Moved { motion, scenario, drawn });
-        }
-    }
-    Ok((best, tried))
-}
-
-/// The energy of a count, J.
-fn grain(world: &World, stiffness: f64) -> f64 {
-    world.count().map_or(0.0, |count| 0.5 * stiffness * count * count)
-}
-
 /// The runs of one world.
 struct Trials<'w> {
     world: &'w World,
@@ -209,7 +159,7 @@ struct Trials<'w> {
     watch: &'w Watch<'w>,
 }
 
-fn go_on(watch: &Watch<'_>, runs: usize) -> Result<(), Error> {
+pub(super) fn go_on(watch: &Watch<'_>, runs: usize) -> Result<(), Error> {
     match watch(runs) {
         ControlFlow::Continue(()) => Ok(()),
         ControlFlow::Break(()) => Err(Error::Interrupted),
@@ -281,8 +231,8 @@ pub(super) fn stiffness(world: &World) -> Result<f64, Error> {
     Ok(ties.iter().filter(|t| t.first == End::Puck || t.second == End::Puck).fold(0.0, |sum, t| sum + t.stiffness))
 }
 
-/// Whether the loop is linear at small motions, so that its growth is that of the linear loop up to the motor's limit.
-fn is_linear(world: &World) -> bool {
+/// Whether nothing makes a run slow: couplings are linear, without friction, counts and levels.
+fn is_smooth(world: &World) -> bool {
     let device = &world.device;
     world.couplings.iter().all(|c| c.linear().is_some())
         && device.friction == 0.0
@@ -290,17 +240,32 @@ fn is_linear(world: &World) -> bool {
         && device.levels.is_none()
 }
 
+/// Whether couplings and estimator are linear, so that the loop grows as the linear loop does: from any motion up to the motor's limit, or
+/// with friction and counts from a large one.
+fn grows_as_linear(world: &World) -> bool {
+    let changes = matches!(world.sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest);
+    let is_unlimited = world.device.limit.is_none() && world.safety.overspeed.is_none();
+    world.couplings.iter().all(|c| c.linear().is_some())
+        && !(changes && world.sampling.window > 1)
+        && (is_smooth(world) || is_unlimited)
+}
+
+/// The hand of the linear loop that grows most; the hand that lets go where that is the free loop.
+fn growing(world: &World) -> Result<Option<WorstGrip>, Error> {
+    let free = free_growth(world)?.filter(|growth| *growth > MARGINAL);
+    let nothing = Grip { inertia: 0.0, damping: 0.0, stiffness: 0.0 };
+    let free = free.map(|growth_per_s| WorstGrip { grip: nothing, growth_per_s });
+    let found = worst_grip(world)?.into_iter().chain(free);
+    Ok(found.max_by(|a, b| a.growth_per_s.total_cmp(&b.growth_per_s)))
+}
+
 /// The same hand with a stiffer spring, where that keeps half of the growth: a soft one excites mainly a slow oscillation of the whole
 /// loop, and little the growing mode.
-fn with_a_kick(
-    world: &World,
-    worst: hapt_analysis::WorstGrip,
-    stiffness: f64,
-) -> Result<hapt_analysis::WorstGrip, hapt_analysis::Error> {
+fn with_a_kick(world: &World, worst: WorstGrip, stiffness: f64) -> Result<WorstGrip, hapt_analysis::Error> {
     for part in STIFFER {
         let grip = Grip { stiffness: worst.grip.stiffness.max(part * stiffness), ..worst.grip };
         if let Some(growth) = gripped_growth(world, &grip)?.filter(|growth| *growth >= 0.5 * worst.growth_per_s) {
-            return Ok(hapt_analysis::WorstGrip { grip, growth_per_s: growth });
+            return Ok(WorstGrip { grip, growth_per_s: growth });
         }
     }
     Ok(worst)
@@ -320,8 +285,9 @@ pub fn most_runs(world: &World) -> Result<usize, Error> {
 /// Searches for the passive hand that draws most energy from a world's loop.
 ///
 /// The linear loop's worst hand comes first; then hands of three masses on four springs, closed and switching, each kicked toward a few
-/// places, on the exact simulation of the whole device; then a climb from the best of either kind. Where none of them draws energy,
-/// motions against counts, levels, samples and constant torques ([`Motion`]). Deterministic.
+/// places, on the exact simulation of the whole device; then a climb from the best of either kind. Where none of them draws energy, the
+/// motion for which the motor's work on the linear loop is largest ([`work_motion`]), then motions against counts, levels, samples and
+/// constant torques ([`Motion`]). Deterministic.
 ///
 /// Work: some 250 runs of up to 12 000 samples, and the eigenvalues of [`breaking_damping`].
 ///
@@ -358,7 +324,8 @@ pub fn search(world: &World) -> Result<Worst, Error> {
 /// As [`search`]; [`Error::Interrupted`].
 pub fn search_watched(world: &World, watch: &Watch<'_>) -> Result<Worst, Error> {
     hapt_sim::check(world)?;
-    let (linear, breaking) = (worst_grip(world)?, breaking_damping(world)?);
+    let (linear, breaking) = (growing(world)?, breaking_damping(world)?);
+    let check = quick_check(world)?;
     let period = world.sampling.period;
     let stiffness = stiffness(world)?;
     let targets = targets(world, stiffness);
@@ -403,7 +370,7 @@ pub fn search_watched(world: &World, watch: &Watch<'_>) -> Result<Worst, Error> 
     let Trials { mut runs, best, .. } = trials;
     let gains = |tried: &Tried| tried.drawn.is_gain(grain);
     let mut shown = Vec::new();
-    let longest = period * SHOWN[usize::from(!is_linear(world))];
+    let longest = period * SHOWN[usize::from(!is_smooth(world))];
     // The linear loop's hand, for long enough to show its growth; where none grows, the one nearest to growth.
     if let Some(first) = held.first() {
         let length = linear.map_or(duration, |w| (GROWN / w.growth_per_s).clamp(duration, longest.max(duration)));
@@ -419,6 +386,9 @@ pub fn search_watched(world: &World, watch: &Watch<'_>) -> Result<Worst, Error> 
     };
     let (mut scenario, mut drawn, mut motion) = (scenario, drawn, None);
     let mut drew = drawn.is_gain(grain);
+    if !drew && let Some(found) = work(world, watch, &mut runs)? {
+        (scenario, drawn, motion, drew) = (found.scenario, found.drawn, Some(found.motion), true);
+    }
     if !drew {
         let (found, tried) = best_motion_watched(world, moved(world, stiffness), &|tried| watch(runs + tried))?;
         runs += tried;
@@ -426,9 +396,9 @@ pub fn search_watched(world: &World, watch: &Watch<'_>) -> Result<Worst, Error> 
             (scenario, drawn, motion, drew) = (found.scenario, found.drawn, Some(found.motion), true);
         }
     }
-    let broken = drew || (linear.is_some() && is_linear(world));
+    let broken = drew || (linear.is_some() && grows_as_linear(world));
     Ok(Worst {
-        certified: is_certified(world),
+        status: check.status,
         linear,
         hand,
         motion,
@@ -437,7 +407,7 @@ pub fn search_watched(world: &World, watch: &Watch<'_>) -> Result<Worst, Error> 
         scenario,
         broken,
         gap: Gap {
-            required_damping: required_damping(world)?,
+            required_damping: check.passivity.required_damping,
             breaking_damping: breaking.map(|b| b.damping),
             device_damping: world.device.damping,
         },

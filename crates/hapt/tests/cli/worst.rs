@@ -81,7 +81,10 @@ fn a_motion_that_breaks_a_world_is_written_beside_it() {
     let at = folder(&[("w.toml", world)]);
     let ended = hapt(at.path(), ["worst", "w.toml", "--out", "b.toml"]);
     assert_eq!(ended.code, Some(1), "{ended:?}");
-    assert!(ended.out.contains("broken, though the linear loop is certified"), "{ended:?}");
+    assert!(
+        ended.out.contains("broken, where no theorem covers the world: a motion of the hand draws energy"),
+        "{ended:?}"
+    );
     assert!(ended.out.contains("turns round within each sample"), "{ended:?}");
     assert_eq!(names(at.path()), ["b-motion.csv", "b.toml", "w.toml"]);
     let shown = hapt(at.path(), ["sim", "b.toml"]).done();
@@ -89,6 +92,19 @@ fn a_motion_that_breaks_a_world_is_written_beside_it() {
     // Proved of the difference, and no motion breaks that.
     let proved = hapt(at.path(), ["worst", "w.toml", "--set", "loop.estimator=difference"]).done();
     assert!(proved.out.contains("survived, as certified"), "{proved:?}");
+}
+
+/// A loop that grows is called certified only for the reason that holds it.
+#[test]
+fn a_wheel_that_friction_certifies_says_so_beside_its_growth() {
+    let world = "safety = { overspeed = \"0.5 rad/s\" }\n[loop]\nperiod = \"1 ms\"\n[device]\ninertia = 6.4e-4\ndamping = 1.2e-3\nfriction = 0.02\n\
+        [[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\nstiffness = 3\n";
+    let at = folder(&[("w.toml", world)]);
+    let kept = hapt(at.path(), ["worst", "w.toml"]).done();
+    assert!(kept.out.contains("survived, as certified by the device's friction up to safety.overspeed"), "{kept:?}");
+    assert!(kept.out.contains("the loop grows by"), "{kept:?}");
+    let fast = hapt(at.path(), ["worst", "w.toml", "--set", "device.friction=0"]);
+    assert!(fast.code == Some(1) && fast.out.contains("verdict   broken: a passive hand"), "{fast:?}");
 }
 
 #[test]

@@ -8,8 +8,9 @@
 //! What is claimed of it is tested by the real core on the exact device: the motion returns to its start and is repeated. A loop that gives
 //! energy in each repetition is not passive.
 
-use hapt_model::{Drive, Hand, Scenario, Shape, Timing, World};
+use hapt_model::{Drive, EstimatorKind, Hand, Law, Scenario, Shape, Timing, World};
 use hapt_sim::{DesktopLoop, Simulation};
+use nalgebra::DMatrix;
 
 /// Parts of an interval before and after the command arrives, of a motor that lags.
 const PARTS: usize = 4;
@@ -21,6 +22,8 @@ const TURNS: usize = 6;
 const SETTLED: f64 = 1e-4;
 /// Repetitions of a motion; the first pays for the puck's speed, and is not counted.
 const REPEATED: usize = 4;
+/// A delay is a whole number of samples up to this part of one.
+const WHOLE: f64 = 1e-6;
 
 /// What follows on a sample, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,7 +34,7 @@ struct Step {
 
 /// A motion over some samples, and the pattern under which it is made.
 #[derive(Clone, Debug)]
-pub struct Motion {
+pub struct WorkMotion {
     /// The damping of the device up to which it draws energy, N·m·s/rad.
     pub demand: f64,
     steps: Vec<Step>,
@@ -43,13 +46,15 @@ pub struct Motion {
 struct Form<'a> {
     core: &'a DesktopLoop,
     lag: f64,
+    /// Whole samples by which every command is late, beside the delays of the steps.
+    whole: usize,
     steps: Vec<Step>,
     /// Of each part: its sample, its length in s, and whether the command of the sample has arrived.
     parts: Vec<(usize, f64, bool)>,
 }
 
 impl<'a> Form<'a> {
-    fn new(core: &'a DesktopLoop, lag: f64, steps: Vec<Step>) -> Self {
+    fn new(core: &'a DesktopLoop, lag: f64, whole: usize, steps: Vec<Step>) -> Self {
         let mut parts = Vec::new();
         for (k, step) in steps.iter().enumerate() {
             for (length, arrived) in [(step.delay, false), (step.interval - step.delay, true)] {
@@ -59,7 +64,7 @@ impl<'a> Form<'a> {
                 parts.extend((0..count).map(|i| (k, at(i + 1) - at(i), arrived)).filter(|part| part.1 > 0.0));
             }
         }
-        Form { core, lag, steps, parts }
+        Form { core, lag, whole, steps, parts }
     }
 
     /// The torques of the real core at the samples, from rest.
@@ -83,6 +88,11 @@ impl<'a> Form<'a> {
         positions
     }
 
+    /// The sample whose command acts on a part; `None`: one before the first.
+    fn acting(&self, k: usize, arrived: bool) -> Option<usize> {
+        k.checked_sub(self.whole + usize::from(!arrived))
+    }
+
     /// What of a torque at its start a part has as mean, and at its end.
     fn kept(&self, length: f64) -> [f64; 2] {
         if self.lag > 0.0 {
@@ -97,7 +107,7 @@ impl<'a> Form<'a> {
     fn means(&self, commands: &[f64]) -> Vec<f64> {
         let mut motor = 0.0;
         let mean = |&(k, length, arrived): &(usize, f64, bool)| {
-            let target = if arrived { commands[k] } else { k.checked_sub(1).map_or(0.0, |k| commands[k]) };
+            let target = self.acting(k, arrived).map_or(0.0, |k| commands[k]);
             let [mean, end] = self.kept(length);
             let found = target + (motor - target) * mean;
             motor = target + (motor - target) * end;
@@ -116,7 +126,7 @@ impl<'a> Form<'a> {
             let [mean, end] = self.kept(length);
             let share = way * (1.0 - mean) + motor * (1.0 - end);
             motor = way * mean + motor * end;
-            if let Some(k) = if arrived { Some(k) } else { k.checked_sub(1) } {
+            if let Some(k) = self.acting(k, arrived) {
                 commands[k] += share;
             }
         }
@@ -134,7 +144,7 @@ impl<'a> Form<'a> {
     }
 
     /// The motion that returns to its start and requires most damping.
-    fn worst(&self, from: Option<&[f64]>) -> Motion {
+    fn worst(&self, from: Option<&[f64]>) -> WorkMotion {
         let root: Vec<f64> = self.parts.iter().map(|part| part.1.sqrt()).collect();
         let total: f64 = self.parts.iter().map(|part| part.1).sum();
         let returning = |y: &mut [f64]| {
@@ -143,10 +153,10 @@ impl<'a> Form<'a> {
         };
         let mut start: Vec<f64> = match from {
             Some(ways) => ways.iter().zip(&root).map(|(way, root)| way / root).collect(),
-            // Slow and fast motions alike, the same each time.
+            // Slow and fast motions alike: one whose frequency rises evenly up to that of the parts.
             None => {
-                let mut rng = fastrand::Rng::with_seed(1);
-                root.iter().map(|root| root * (rng.f64() - 0.2)).collect()
+                let rise = 0.5 * std::f64::consts::PI / root.len() as f64;
+                root.iter().enumerate().map(|(i, root)| root * libm::cos(rise * (i * i) as f64)).collect()
             }
         };
         returning(&mut start);
@@ -171,7 +181,7 @@ impl<'a> Form<'a> {
             beside.push(size);
             basis.push(scaled(&next, 1.0 / size));
         }
-        let small = nalgebra::DMatrix::from_fn(diagonal.len(), diagonal.len(), |i, j| match i.abs_diff(j) {
+        let small = DMatrix::from_fn(diagonal.len(), diagonal.len(), |i, j| match i.abs_diff(j) {
             0 => diagonal[i],
             1 => beside[i.min(j)],
             _ => 0.0,
@@ -187,11 +197,11 @@ impl<'a> Form<'a> {
         let work = dot(&self.means(&self.torques(self.positions(&ways).into_iter())), &ways);
         let parts: Vec<(f64, f64)> = self.parts.iter().zip(ways).map(|(part, way)| (part.1, way)).collect();
         let lost: f64 = parts.iter().map(|(length, way)| way * way / length).sum();
-        Motion { demand: work / lost, steps: self.steps.clone(), parts }
+        WorkMotion { demand: work / lost, steps: self.steps.clone(), parts }
     }
 
     /// The delays that let this motion draw most: -u d δ/L + u² d (L - d)/(4 b L), u the change of the command and δ the way of the interval.
-    fn delays(&self, motion: &Motion, [least, largest]: [f64; 2]) -> Vec<Step> {
+    fn delays(&self, motion: &WorkMotion, [least, largest]: [f64; 2]) -> Vec<Step> {
         let ways: Vec<f64> = motion.parts.iter().map(|part| part.1).collect();
         let mut positions = self.positions(&ways);
         let commands = self.torques(positions.clone().into_iter());
@@ -214,14 +224,58 @@ fn scaled(a: &[f64], factor: f64) -> Vec<f64> {
     a.iter().map(|a| a * factor).collect()
 }
 
-/// The worst motion that was found over `samples` samples, of a linear world without a handle; `None` where the core refuses it.
-pub fn worst(world: &World, samples: usize) -> Option<Motion> {
-    let core = DesktopLoop::new(&world.spec()).ok()?;
+/// The loop whose work is a quadratic form: it moves about 0, where nothing is stored. `None` where it is not linear, where bodies step at
+/// every n-th sample, or where the hand is at a handle and not at the motor.
+fn about_rest(world: &World) -> Option<World> {
+    let sampling = &world.sampling;
+    let changes = matches!(sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest) && sampling.window > 1;
+    let is_linear = world.couplings.iter().all(|c| c.linear().is_some());
+    if !is_linear || changes || sampling.bodies_every > 1 || world.device.handle.is_some() {
+        return None;
+    }
+    let mut rest = world.clone();
+    // The velocity of the way: what an exact one differs by is found by motions of another kind.
+    if sampling.estimator == EstimatorKind::Exact {
+        rest.sampling.estimator = EstimatorKind::Difference;
+    }
+    (rest.device.encoder, rest.device.levels, rest.device.limit) = (None, None, None);
+    for body in &mut rest.bodies {
+        (body.position, body.velocity) = (0.0, 0.0);
+    }
+    for c in &mut rest.couplings {
+        match &mut c.law {
+            Law::Spring { rest, .. } => *rest = 0.0,
+            Law::Constant { torque } => *torque = 0.0,
+            Law::Damper { .. }
+            | Law::Wall { .. }
+            | Law::Detent { .. }
+            | Law::DeadBand { .. }
+            | Law::Magnet { .. }
+            | Law::Texture { .. }
+            | Law::Coulomb { .. }
+            | Law::Lugre { .. } => {}
+        }
+    }
+    Some(rest)
+}
+
+/// The motion over `samples` samples that was found to draw most, of a linear world without a handle; `None` where it is not one, or the core
+/// refuses it.
+pub fn work_motion(world: &World, samples: usize) -> Option<WorkMotion> {
+    let rest = about_rest(world)?;
+    let core = DesktopLoop::new(&rest.spec()).ok()?;
     let (sampling, lag) = (&world.sampling, world.device.lag);
     let (longest, shortest) = (sampling.interval_max_s(), sampling.interval_min_s());
     let bounds = [sampling.delay_s(), sampling.delay_max_s()];
     let [least, largest] = bounds;
-    let long = |delay: f64| Step { interval: longest, delay };
+    // Whole samples are apart; with intervals or delays that vary, only a delay within the sample is analysed.
+    let is_even = longest == shortest && least == largest;
+    let whole = if is_even { (least / longest + WHOLE).floor() } else { 0.0 };
+    if largest > sampling.period && !is_even {
+        return None;
+    }
+    let long = |delay: f64| Step { interval: longest, delay: (delay - whole * longest).max(0.0) };
+    let whole = whole as usize;
     let mut patterns = vec![vec![long(largest)]];
     if least < largest {
         patterns.extend([vec![long(least)], vec![long(largest), long(least)]]);
@@ -229,14 +283,14 @@ pub fn worst(world: &World, samples: usize) -> Option<Motion> {
     if lag > 0.0 {
         patterns.push(vec![long(largest), Step { interval: shortest.max(largest), delay: largest }]);
     }
-    let form = |pattern: &[Step]| Form::new(&core, lag, pattern.iter().copied().cycle().take(samples).collect());
+    let form = |pattern: &[Step]| Form::new(&core, lag, whole, pattern.iter().copied().cycle().take(samples).collect());
     let all = patterns.iter().map(|pattern| form(pattern).worst(None));
     let mut best = all.max_by(|a, b| a.demand.total_cmp(&b.demand))?;
     for _ in 0..TURNS {
         let ways: Vec<f64> = best.parts.iter().map(|part| part.1).collect();
-        let same = Form::new(&core, lag, best.steps.clone());
+        let same = Form::new(&core, lag, whole, best.steps.clone());
         let found = if lag == 0.0 && least < largest {
-            Form::new(&core, lag, same.delays(&best, bounds)).worst(None)
+            Form::new(&core, lag, whole, same.delays(&best, bounds)).worst(None)
         } else {
             same.worst(Some(&ways))
         };
@@ -248,29 +302,66 @@ pub fn worst(world: &World, samples: usize) -> Option<Motion> {
             break;
         }
     }
-    Some(best)
+    best.demand.is_finite().then_some(best)
 }
 
-impl Motion {
-    /// Whether the real core on the exact device gives energy to this motion in each repetition, with `damping` of the device.
+impl WorkMotion {
+    /// Its duration, s.
+    pub fn duration(&self) -> f64 {
+        self.parts.iter().map(|part| part.0).sum()
+    }
+
+    /// Its largest distance from its start, rad (linear: m).
+    pub fn reach(&self) -> f64 {
+        self.points(1, 1.0).iter().map(|point| point.1.abs()).fold(0.0, f64::max)
+    }
+
+    /// It so many times, `size` times as large.
+    pub(super) fn points(&self, repeated: usize, size: f64) -> Vec<(f64, f64)> {
+        let mut points = Vec::with_capacity(repeated * self.parts.len() + 1);
+        points.push((0.0, 0.0));
+        let mut before = 0.0;
+        for _ in 0..repeated {
+            let (mut time, mut position) = (0.0, 0.0);
+            for (length, way) in &self.parts {
+                time += length;
+                position += size * way;
+                points.push((before + time, position));
+            }
+            before += time;
+        }
+        points
+    }
+
+    /// It so many times, as large as `speed` in rad/s (linear: m/s) allows: times in s, and positions.
+    pub fn at_speed(&self, repeated: usize, speed: f64) -> Vec<(f64, f64)> {
+        let fastest = self.parts.iter().map(|(length, way)| way.abs() / length).fold(0.0, f64::max);
+        self.points(repeated, speed / fastest)
+    }
+
+    /// The pattern under which it is made.
+    pub(super) fn timing(&self, world: &World) -> Timing {
+        let (sampling, first) = (&world.sampling, self.steps.first());
+        let period = sampling.period;
+        let is_even =
+            sampling.delay_s() == sampling.delay_max_s() || self.steps.iter().all(|s| s.delay == sampling.delay_s());
+        if is_even && self.steps.iter().all(|step| step.interval == period && Some(step) == first) {
+            return Timing::Even;
+        }
+        let periods = |of: fn(&Step) -> f64| self.steps.iter().map(|step| of(step) / period).collect();
+        Timing::Pattern { intervals: periods(|step| step.interval), delays: periods(|step| step.delay) }
+    }
+
+    /// Whether the real core on the exact device gives energy to this motion in each repetition, with `damping` of the device. `samples`
+    /// grows by those of the run.
     pub fn draws(&self, world: &World, damping: f64, samples: &mut u64) -> bool {
         let mut world = world.clone();
         world.device.damping = damping;
-        let period = world.sampling.period;
-        let (mut time, mut position, mut points) = (0.0, 0.0, vec![(0.0, 0.0)]);
-        for _ in 0..REPEATED {
-            for (length, way) in &self.parts {
-                time += length;
-                position += way;
-                points.push((time, position));
-            }
-        }
-        let periods = |of: fn(&Step) -> f64| self.steps.iter().map(|step| of(step) / period).collect();
-        let timing = Timing::Pattern { intervals: periods(|step| step.interval), delays: periods(|step| step.delay) };
-        let drive = Drive::Position(Shape::Path { file: String::new(), points });
+        let drive = Drive::Position(Shape::Path { file: String::new(), points: self.points(REPEATED, 1.0) });
         // The last sample is at the end, up to rounding.
-        let duration = time + 0.5 * self.parts.first().map_or(0.0, |part| part.0);
-        let scenario = Scenario { name: "motion".into(), duration, hand: Hand { drive, release: None }, timing };
+        let duration = REPEATED as f64 * self.duration() + 0.5 * self.parts.first().map_or(0.0, |part| part.0);
+        let hand = Hand { drive, release: None };
+        let scenario = Scenario { name: "motion".into(), duration, hand, timing: self.timing(&world) };
         let Ok(mut run) = Simulation::new(&world, &scenario) else { return false };
         let (mut taken, mut drawn, mut lost, mut repetitions) = (0, 0.0, 0.0, 0);
         while let Some(Ok(row)) = run.next() {
