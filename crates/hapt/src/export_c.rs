@@ -32,10 +32,8 @@ pub fn run(args: &CArgs) -> Result<ExitCode, Failure> {
             "device.limit: a motor needs the largest torque that it may be commanded, such as \"800 N mm\"",
         ));
     }
-    if loaded.world.sampling.estimator == EstimatorKind::Exact && !args.velocity {
-        say(format_args!(
-            "note: an encoder gives no true velocity: estimator difference in place of exact; --velocity for a device that measures it"
-        ));
+    let takes_difference = loaded.world.sampling.estimator == EstimatorKind::Exact && !args.velocity;
+    if takes_difference {
         let mut sets = args.world.sets.clone();
         sets.push("loop.estimator=difference".into());
         loaded.world = World::read(&loaded.source, &sets)?;
@@ -44,6 +42,11 @@ pub fn run(args: &CArgs) -> Result<ExitCode, Failure> {
     if !check.certified.holds() && !args.uncertified {
         let verdict = check.verdict_sentence();
         return Err(Failure::input(format!("{verdict}; hapt check says more, --uncertified writes it anyway")));
+    }
+    if takes_difference {
+        say(format_args!(
+            "note: an encoder gives no true velocity: estimator difference in place of exact; --velocity for a device that measures it"
+        ));
     }
     let float = if args.float == "f64" { Float::F64 } else { Float::F32 };
     let profile = if check.certified.holds() { SafetyProfile::Certified } else { SafetyProfile::Uncertified };

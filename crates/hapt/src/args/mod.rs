@@ -96,7 +96,7 @@ Examples:
     #[command(after_help = "\
 Examples:
   hapt export fmu wheel.toml -o wheel.fmu            the loop as an FMU
-  hapt export c wheel.toml -o wheel.c                the loop and its supervisor as one C file")]
+  hapt export c @devices/magnets -o knob.c           as one C file")]
     Export {
         #[command(subcommand)]
         command: ExportCommand,

@@ -137,9 +137,9 @@ Examples:
     /// Write one C99 file and its header: the loop and its supervisor, with the bits of hapt's own, for any board.
     #[command(after_help = "\
 Examples:
-  hapt export c wheel.toml -o wheel.c                     wheel.c and wheel.h, in float
-  hapt export c wheel.toml -o wheel.c --float f64         in double
-  hapt export c wheel.toml -o wheel.c --arduino Wheel     and as a library for the Arduino IDE")]
+  hapt export c @devices/magnets -o knob.c                    knob.c and knob.h
+  hapt export c @devices/magnets -o knob.c --float f64        in double
+  hapt export c @devices/magnets -o knob.c --arduino Knob     for the Arduino IDE")]
     C(CArgs),
 }
 

@@ -38,13 +38,12 @@ none.
         name: "verdict",
         aliases: &["verdicts", "certified", "certificate", "not-certified"],
         line: "certified, or not: the answer of `hapt check`",
-        text: r#"certified        theorems say: stable held and hands-off, passive in every passive hand   exit code 0
-                 the lines `not proved` list what they leave out of the device
-open             nothing was found against it, and no theorem covers it                exit code 1
-not certified    unstable held, unstable hands-off, or not passive                      exit code 1
+        text: r#"certified        by theorems: stable held and hands-off, and passive     exit code 0
+open             nothing was found against it, no theorem covers it      exit code 1
+not certified    unstable held, unstable hands-off, or not passive       exit code 1
 
-The sentence names the conditions that fail; `remedies` lists changes that certify it. Encoder
-counts have a separate line and do not change the verdict.
+The sentence names the conditions that fail; `remedies` lists changes that certify it. The lines
+`not proved` say what theorems leave out, of counts, levels and limit of the device too.
 
   hapt check @notes/default                                verdict   certified: stable held
   hapt check @notes/default --set couplings.0.limit=0.8    verdict   certified: stable held

@@ -66,6 +66,8 @@ fn the_fields_are_those_of_the_contract() {
                 "quantisation",
                 "remedies",
                 "certified",
+                "status",
+                "theorems",
                 "notes",
             ],
         );

@@ -294,7 +294,7 @@ mod linux {
             \"$0\" sim w.toml --out small --set scenarios.step.duration=5; echo \"code $?\"
             test \"$before\" = \"$(cksum small/step.csv)\" && ls -A small";
         let Some(ended) = on_a_small_file_system(at.path(), script) else { return };
-        assert_eq!(ended.out, "code 3\nstep.csv\n", "{ended:?}");
+        assert_eq!(ended.out, "code 3\n.hapt-runs.json\nstep.csv\n", "{ended:?}");
         assert!(ended.err.starts_with("hapt: cannot write small/step.csv: "), "{ended:?}");
     }
 

@@ -37,8 +37,8 @@ fn what_cannot_be_a_wheel_is_refused_with_the_reason_and_leaves_nothing() {
     let cases: &[(&[&str], &[&str])] = &[
         (&["rig.toml", "--range", "0 deg"], &["--range", "must be positive"]),
         (&["rig.toml", "--range=-900 deg"], &["--range", "must be positive"]),
-        (&["rig.toml", "--range", "1e300"], &["--range 1e300", "1° to 36000°"]),
-        (&["--range", "1e300"], &["--range 1e300", "1° to 36000°"]),
+        (&["rig.toml", "--range", "1e300 rad"], &["--range 1e300 rad", "1° to 36000°"]),
+        (&["--range", "1e300 rad"], &["--range 1e300 rad", "1° to 36000°"]),
         (&["rig.toml", "--range", "0.5 deg", "--page"], &["--range 0.5 deg", "1° to 36000°"]),
         (&["rig.toml", "--range", "3 N"], &["--range", "an angle"]),
         (&["rig.toml", "--duration", "1 deg"], &["--duration", "a time"]),
