@@ -170,7 +170,10 @@ pub fn judge(
     let claim = |holds: bool| Claim { loops: 1, confirmed: u64::from(holds), slow: 0, contradicted: u64::from(!holds) };
     match answer.free.verdict() {
         PatternVerdict::Open => {
-            *found.patterns_open.entry(answer.free.reason().unwrap_or_default().to_string()).or_default() += 1;
+            // Of a reason with numbers of its own what is before them.
+            let reason = answer.free.reason().unwrap_or_default();
+            let reason = reason.split(" from ").next().unwrap_or(reason).to_string();
+            *found.patterns_open.entry(reason).or_default() += 1;
         }
         PatternVerdict::Proved if bent => {
             let holds = stays(rng, &world, &mut found.samples, tell)?;

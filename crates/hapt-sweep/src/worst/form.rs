@@ -153,10 +153,14 @@ impl<'a> Form<'a> {
         };
         let mut start: Vec<f64> = match from {
             Some(ways) => ways.iter().zip(&root).map(|(way, root)| way / root).collect(),
-            // Slow and fast motions alike: one whose frequency rises evenly up to that of the parts.
+            // Slow and fast motions alike, the same each time: Knuth's linear congruential numbers, from -0.2 to 0.8.
             None => {
-                let rise = 0.5 * std::f64::consts::PI / root.len() as f64;
-                root.iter().enumerate().map(|(i, root)| root * libm::cos(rise * (i * i) as f64)).collect()
+                let mut state = 1u64;
+                let mut next = || {
+                    state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                    (state >> 11) as f64 / (1u64 << 53) as f64
+                };
+                root.iter().map(|root| root * (next() - 0.2)).collect()
             }
         };
         returning(&mut start);
