@@ -122,8 +122,9 @@ impl Columns {
                 )));
             }
         }
-        if let Some(torque) = torque.filter(|_| rows[2].windows(2).all(|pair| pair[0] == pair[1]) && rows[2].len() > 1)
-        {
+        // Where nothing moves at all, that is what is wrong.
+        let still = |list: &[f64]| list.windows(2).all(|pair| pair[0] == pair[1]);
+        if let Some(torque) = torque.filter(|_| still(&rows[2]) && !still(&rows[1])) {
             return Err(Error::Columns(format!(
                 "{} stands still at {} throughout, so it was not recorded or never changed; a torque that steps up and down is needed (or --coast for none, --spring where the loop ran one); {}",
                 names[torque.column],

@@ -91,6 +91,12 @@ pub struct IdentifyArgs {
     /// Counts a revolution, for positions in counts.
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     pub counts: Option<f64>,
+    /// The motor's torque constant in N m/A (linear: N/A), for a torque column in A or mA.
+    #[arg(long, value_name = "N_M_PER_A", allow_hyphen_values = true)]
+    pub torque_constant: Option<f64>,
+    /// Turns of the motor for one of the handle, where the torque column is of the motor's side.
+    #[arg(long, value_name = "N", allow_hyphen_values = true)]
+    pub ratio: Option<f64>,
     /// Use the record from this time on.
     #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     pub from: Option<String>,

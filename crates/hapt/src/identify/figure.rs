@@ -1,6 +1,6 @@
 //! The fit over the positions, and its residuals.
 
-use hapt_identify::{Comparison, Identified, Lattice};
+use hapt_identify::{Comparison, Identified, Lattice, TorqueFit, Window};
 use hapt_model::Motion;
 use hapt_report::figure::{Axis, Figure, Panel, Style};
 
@@ -10,24 +10,47 @@ use crate::format;
 /// Points of a curve; of more, the extremes of as many stretches as half of them.
 const MOST: usize = 1200;
 
+/// Stretches of an axis over which residuals are summed up.
+const STRETCHES: usize = 60;
+
 /// A fit, and what it leaves.
 pub struct Drawn {
     fitted: Vec<(f64, f64)>,
     residuals: Vec<(f64, f64)>,
     lattice: Option<Lattice>,
     rms: f64,
+    /// The fit to the torque.
+    windows: Vec<Window>,
 }
 
 impl Drawn {
-    pub fn of(given: &Given, found: &Identified) -> Self {
+    pub fn of(given: &Given, found: &Identified, by_torque: Option<&TorqueFit>) -> Self {
         let (fitted, residuals) = (found.fitted(&given.record), found.residuals(&given.record));
-        Drawn { fitted, residuals, lattice: found.lattice, rms: found.residual.rms }
+        let windows = by_torque.map_or(Vec::new(), |fit| fit.windows.clone());
+        Drawn { fitted, residuals, lattice: found.lattice, rms: found.residual.rms, windows }
     }
 
     pub fn of_best(found: &Comparison) -> Self {
         let (fitted, residuals) = (found.fitted.clone(), found.residuals.clone());
-        Drawn { fitted, residuals, lattice: found.lattice, rms: found.residual.rms }
+        Drawn { fitted, residuals, lattice: found.lattice, rms: found.residual.rms, windows: Vec::new() }
     }
+
+    pub fn of_torque(fit: &TorqueFit) -> Self {
+        Drawn {
+            fitted: Vec::new(),
+            residuals: Vec::new(),
+            lattice: fit.lattice,
+            rms: 0.0,
+            windows: fit.windows.clone(),
+        }
+    }
+}
+
+/// The encoder's counts a revolution, where they are whole.
+pub fn counts(given: &Given, fit: &TorqueFit) -> Option<f64> {
+    let counts = std::f64::consts::TAU / fit.lattice.filter(|_| given.motion == Motion::Rotary)?.step;
+    let whole = counts.round();
+    ((counts - whole).abs() < 1e-3 && whole > 0.0).then_some(whole)
 }
 
 pub fn figure(given: &Given, found: &Drawn) -> Figure {
@@ -35,6 +58,7 @@ pub fn figure(given: &Given, found: &Drawn) -> Figure {
         Motion::Rotary => ("deg", 1f64.to_degrees()),
         Motion::Linear => ("mm", 1e3),
     };
+    let speed = if given.motion == Motion::Linear { "mm/s" } else { "deg/s" };
     let (fine, finer) = match (found.lattice, given.motion) {
         (Some(lattice), _) => ("counts", lattice.step.recip()),
         (None, Motion::Rotary) => ("mdeg", 1e3 * factor),
@@ -43,36 +67,88 @@ pub fn figure(given: &Given, found: &Drawn) -> Figure {
     let (effort, per_si) = if given.motion == Motion::Linear { ("N", 1.0) } else { ("N mm", 1e3) };
     let record = &given.record;
     let (times, positions) = (record.times(), record.positions());
-    let scaled = |points: Vec<(f64, f64)>, factor: f64| -> Vec<(f64, f64)> {
-        thinned(&points.into_iter().map(|(t, x)| (t, factor * x)).collect::<Vec<_>>())
+    let scaled = |points: &[(f64, f64)], factor: f64| -> Vec<(f64, f64)> {
+        points.iter().map(|(t, x)| (*t, factor * x)).collect()
     };
     let pairs = |values: &[f64]| times.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();
-    let measured = scaled(pairs(positions), factor);
-    let fitted = scaled(found.fitted.clone(), factor);
-    let left = scaled(found.residuals.clone(), finer);
-    let torques = scaled(pairs(record.torques()), per_si);
-    let panel = |name: &str, unit: &str, points: &[(f64, f64)]| {
+    let over = |name: &str, unit: &str, points: &[(f64, f64)]| {
         let time = Axis::from_to("time", "s", times[0], times[times.len() - 1]);
         Panel::new("", time, Axis::around(name, unit, points.iter().map(|point| point.1)))
     };
-    let mut above = panel("position", unit, &measured);
-    above.curve("measured", Style::Beneath, measured);
-    above.curve("fit", Style::Signal(0), fitted);
-    let mut middle = panel("residual", fine, &left);
-    middle.curve("", Style::Signal(1), left);
-    let mut below = panel("commanded torque", effort, &torques);
-    below.curve("", Style::Signal(2), torques);
-    let alt = format!(
-        "Positions over {} and the fit, the residuals ({} {fine} rms), and the commanded torque.",
-        format::time(times[times.len() - 1] - times[0]),
-        format::number((found.rms * finer * 1e3).round() / 1e3)
-    );
-    Figure {
-        title: format!("{}: the fit and its residuals", given.name),
-        alt,
-        panels: vec![above, middle, below],
-        columns: 1,
+    let measured = thinned(&scaled(&pairs(positions), factor));
+    let mut motion = over("position", unit, &measured);
+    motion.curve("measured", Style::Beneath, measured);
+    let mut panels = Vec::new();
+    let mut alt = format!("Positions over {}", format::time(times[times.len() - 1] - times[0]));
+    if !found.fitted.is_empty() {
+        motion.curve("fit", Style::Signal(0), thinned(&scaled(&found.fitted, factor)));
+        let torques = thinned(&scaled(&pairs(record.torques()), per_si));
+        let mut commanded = over("commanded torque", effort, &torques);
+        commanded.curve("", Style::Signal(2), torques);
+        let residuals = scaled(&found.residuals, finer);
+        panels = vec![
+            motion,
+            commanded,
+            summed("residual", fine, Axis::from_to("time", "s", times[0], times[times.len() - 1]), &residuals),
+        ];
+        alt += &format!(
+            " and the fit, the residuals ({} {fine} rms), and the commanded torque",
+            format::number((found.rms * finer * 1e3).round() / 1e3)
+        );
+    } else {
+        panels.push(motion);
+        let of = |value: &dyn Fn(&Window) -> f64| -> Vec<(f64, f64)> {
+            thinned(&found.windows.iter().map(|window| (window.time, per_si * value(window))).collect::<Vec<_>>())
+        };
+        let (measured, fitted) = (of(&|window| window.torque), of(&|window| window.fitted));
+        let mut torque = over("torque", effort, &measured);
+        torque.curve("measured", Style::Beneath, measured);
+        torque.curve("fit", Style::Signal(0), fitted);
+        panels.push(torque);
+        alt += ", the torque and its fit by the equation of motion";
     }
+    if !found.windows.is_empty() {
+        let left = |value: &dyn Fn(&Window) -> f64| -> Vec<(f64, f64)> {
+            let of = |window: &Window| (value(window), per_si * (window.torque - window.fitted));
+            found.windows.iter().map(of).collect()
+        };
+        let (time, place) = (left(&|window| window.time), left(&|window| factor * window.position));
+        let velocity = left(&|window| factor * window.velocity);
+        let around =
+            |name: &str, unit: &str, points: &[(f64, f64)]| Axis::around(name, unit, points.iter().map(|x| x.0));
+        panels.push(summed("residual torque", effort, around("time", "s", &time), &time));
+        panels.push(summed("residual torque", effort, around("position", unit, &place), &place));
+        panels.push(summed("residual torque", effort, around("velocity", speed, &velocity), &velocity));
+        alt += ", and what is left of the torque over time, position and velocity";
+    }
+    let columns = if panels.len() > 3 { 2 } else { 1 };
+    Figure { title: format!("{}: the fit and its residuals", given.name), alt: alt + ".", panels, columns }
+}
+
+/// Residuals over an axis: the middle and the range of nine tenths of them in each stretch.
+fn summed(name: &str, unit: &str, x: Axis, points: &[(f64, f64)]) -> Panel {
+    let mut stretches: Vec<Vec<f64>> = vec![Vec::new(); STRETCHES];
+    let width = (x.high - x.low) / STRETCHES as f64;
+    for (at, value) in points.iter().filter(|point| point.1.is_finite()) {
+        let place = ((at - x.low) / width).max(0.0) as usize;
+        stretches[place.min(STRETCHES - 1)].push(*value);
+    }
+    let at = |part: f64| -> Vec<(f64, f64)> {
+        let of = |(i, values): (usize, &Vec<f64>)| {
+            let mut values = values.clone();
+            values.sort_by(f64::total_cmp);
+            let value = values.get((part * values.len().saturating_sub(1) as f64).round() as usize)?;
+            Some((x.low + (i as f64 + 0.5) * width, *value))
+        };
+        stretches.iter().enumerate().filter_map(of).collect()
+    };
+    let (low, middle, high) = (at(0.05), at(0.5), at(0.95));
+    let y = Axis::around(name, unit, low.iter().chain(&high).map(|point| point.1).chain([0.0]));
+    let mut panel = Panel::new("", x, y);
+    panel.curve("nine tenths", Style::Limit, low);
+    panel.curve("", Style::Limit, high);
+    panel.curve("median", Style::Signal(1), middle);
+    panel
 }
 
 /// Few enough points that look the same.

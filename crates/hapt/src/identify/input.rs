@@ -46,8 +46,10 @@ pub fn read(args: &IdentifyArgs, world: Option<World>) -> Result<Given, Failure>
     let mut from = BufReader::with_capacity(1 << 16, from);
     let first = from.fill_buf().map_err(|error| Failure::input(format!("cannot read {name}: {error}")))?;
     let (lists, motion, world) = if hapt_log::is_log(first) {
-        if args.columns.is_some() || args.spring.is_some() {
-            return Err(Failure::input("--columns and --spring are for tables; a log has its columns and torques"));
+        if args.columns.is_some() || args.spring.is_some() || args.torque_constant.is_some() || args.ratio.is_some() {
+            return Err(Failure::input(
+                "--columns, --spring, --torque-constant and --ratio are for tables; a log has its columns and torques",
+            ));
         }
         let log = Log::read(Box::new(from) as Box<dyn Read>).map_err(|error| log::failure(&name, error))?;
         logged(Opened { name: name.clone(), log }, world, args.coast)?
@@ -72,10 +74,15 @@ fn table(args: &IdentifyArgs, name: &str, from: impl Read) -> Result<(Lists, Mot
     let text = String::from_utf8(bytes).map_err(|_| Failure::input(format!("{name} is not text in UTF-8")))?;
     let mut columns = Columns::parse(args.columns.as_deref().unwrap_or_default())
         .map_err(|error| Failure::input(format!("--columns: {error}")))?;
-    if args.counts.is_some_and(|counts| !(counts > 0.0 && counts.is_finite())) {
-        return Err(Failure::input("--counts: expected a positive number"));
+    for (flag, value) in
+        [("--counts", args.counts), ("--torque-constant", args.torque_constant), ("--ratio", args.ratio)]
+    {
+        if value.is_some_and(|value| !(value > 0.0 && value.is_finite())) {
+            return Err(Failure::input(format!("{flag}: expected a positive number")));
+        }
     }
     (columns.counts, columns.coasts) = (args.counts, args.coast);
+    (columns.torque_constant, columns.ratio) = (args.torque_constant, args.ratio);
     let spring = |motion| args.spring.as_ref().map(|text| positive("--spring", text, Measure::Stiffness, motion));
     // Whether it is a torsional spring shows with the position's unit.
     columns.spring = spring(Motion::Rotary).transpose().or_else(|error| match spring(Motion::Linear) {

@@ -6,13 +6,14 @@ mod guided;
 mod handle;
 mod input;
 mod print;
+mod richer;
 
 use std::io::{Write, stdout};
 use std::path::Path;
 use std::process::ExitCode;
 
 use hapt_host::DeviceAddress;
-use hapt_identify::{Known, Record, identify};
+use hapt_identify::{Error, Known, Record, fit_torque, identify};
 use hapt_model::keys::Measure;
 use hapt_model::{Motion, World};
 use hapt_report::Width;
@@ -67,28 +68,41 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
     }
     let known =
         Known { inertia: inertia(args, given.motion)?, is_linear: given.motion == Motion::Linear, ..Known::default() };
-    let found = identify(&given.record, &known).map_err(|error| Failure::input(format!("{}: {error}", given.name)))?;
+    let by_torque = fit_torque(&given.record, &known);
+    let found = match (identify(&given.record, &known), &by_torque) {
+        (Ok(found), _) => found,
+        // The device is richer than the model: the fit to the torque is the answer.
+        (Err(error @ (Error::Residual(_) | Error::Unexplained)), Some(fit)) if fit.explains() => {
+            return richer::run(args, &given, fit, &error);
+        }
+        (Err(error), _) => return Err(Failure::input(format!("{}: {error}", given.name))),
+    };
     for warning in found.warnings().into_iter().chain(print::unmodelled(&given, &found)) {
         messages::say(format_args!("warning: {warning}"));
     }
-    if found.sign.is_none() && known.inertia.is_none() {
+    if found.sign.is_none() && known.inertia.is_none() && !given.record.is_driven() {
         messages::say(
             "note: without a torque only damping/inertia and friction/inertia show; --inertia gives the rest",
         );
     }
     let table = print::table(&given, &found);
-    let drawn = Drawn::of(&given, &found);
+    let drawn = Drawn::of(&given, &found, by_torque.as_ref());
     let drafts = [
         args.write.as_deref().map(|target| output::draft(target, table.as_bytes())).transpose()?,
         plot(args, &given, &drawn)?,
     ];
     written(drafts)?;
     let text = if args.json {
-        print::json(&found)?
+        print::json(&found, by_torque.as_ref())?
     } else {
         let table = if args.write.is_some() { String::new() } else { format!("\n{table}") };
         print::text(&given, &found, known.inertia.is_some()) + &print::certificate(&given, &found)? + &table
     };
+    said(&text)
+}
+
+/// Prints the answer.
+fn said(text: &str) -> Result<ExitCode, Failure> {
     let mut out = stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
     Ok(ExitCode::SUCCESS)

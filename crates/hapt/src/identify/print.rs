@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use hapt_identify::{Identified, Interval, PositionTorque};
+use hapt_identify::{Identified, Interval, Part, PositionTorque, TorqueFit};
 use hapt_model::keys::Measure;
 use hapt_model::{Delay, Motion, World};
 use serde_json::{Value, json};
@@ -16,11 +16,23 @@ use crate::format;
 const LEAST_TOLERANCE: f64 = 1.0;
 
 /// The contract's six, lag, time to the torque and constant torque, each with its interval or null.
-pub fn json(found: &Identified) -> Result<String, Failure> {
+pub fn json(found: &Identified, by_torque: Option<&TorqueFit>) -> Result<String, Failure> {
+    named(&found.named(), by_torque)
+}
+
+/// The numbers by their names, and the misfit.
+pub fn named(numbers: &[(&str, Option<Interval>)], by_torque: Option<&TorqueFit>) -> Result<String, Failure> {
     let value = |interval: Option<Interval>| -> Value {
         interval.map_or(Value::Null, |x| json!({ "value": x.value, "low": x.low, "high": x.high }))
     };
-    let json: Value = found.named().into_iter().map(|(name, interval)| (name, value(interval))).collect();
+    let mut json: serde_json::Map<String, Value> =
+        numbers.iter().map(|(name, interval)| (name.to_string(), value(*interval))).collect();
+    let kind = |part: &Part| json!({ "kind": part.kind.word(), "share": part.share, "remedy": part.kind.remedy() });
+    let misfit = by_torque.map_or(Value::Null, |fit| {
+        let kinds: Vec<Value> = fit.misfit.kinds.iter().map(kind).collect();
+        json!({ "share": fit.misfit.share, "kinds": kinds })
+    });
+    json.insert("misfit".into(), misfit);
     let text = serde_json::to_string_pretty(&json).map_err(|error| Failure::System(error.to_string()))?;
     Ok(text + "\n")
 }
@@ -67,6 +79,7 @@ pub fn text(given: &Given, found: &Identified, inertia_is_known: bool) -> String
     line(
         "sign",
         match found.sign {
+            None if given.record.is_driven() => "not told".into(),
             None => "not in this record".into(),
             Some(sign) if sign.value < 0.0 => "-1: a positive torque makes the position fall".into(),
             Some(_) => "1: a positive torque makes the position grow".into(),

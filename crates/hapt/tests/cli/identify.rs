@@ -40,7 +40,8 @@ fn identify(at: &Path, args: &[&str]) -> Ended {
 fn holds(json: &str, delay: f64) {
     let json: serde_json::Value = serde_json::from_str(json).unwrap();
     let keys: Vec<&String> = json.as_object().unwrap().keys().collect();
-    let named = ["inertia", "damping", "friction", "delay_s", "lag_s", "late_s", "offset", "sign", "counts_per_rev"];
+    let named =
+        ["inertia", "damping", "friction", "delay_s", "lag_s", "late_s", "offset", "sign", "counts_per_rev", "misfit"];
     assert_eq!(keys, named);
     for (name, truth) in TRUTH.into_iter().chain([("delay_s", delay)]) {
         let number = |key: &str| json[name][key].as_f64().unwrap_or_else(|| panic!("no {name}: {json}"));

@@ -558,13 +558,40 @@ fn identify(t: &mut Table) {
     log("a log with a position in newtons", swing("t_ms,angle_N,tau_mNm", 600, good), &[]);
     log("a log with a torque without a unit", swing("t_ms,angle_deg,tau", 600, good), &[]);
     log("a log with counts, and nobody says how many", swing("t_ms,angle_counts,tau_mNm", 600, good), &[]);
-    log("a log with NaN in it", swing(header, 600, |k| if k == 300 { "300,1,nan".into() } else { good(k) }), &[]);
+    log(
+        "a log of which every fifth sample is NaN",
+        swing(header, 600, |k| if k % 5 == 0 { format!("{k},1,nan") } else { good(k) }),
+        &[],
+    );
+    log("a log of NaN alone", swing(header, 600, |k| format!("{k},nan,nan")), &[]);
+    log("a log with words in it", swing(header, 600, |k| if k == 300 { "300,1,off".into() } else { good(k) }), &[]);
+    log("a log in which time runs backwards", swing(header, 600, |k| good(600 - k)), &[]);
+    log("a log of three samples", swing(header, 3, |k| format!("{k},{k},{}", k % 2)), &[]);
+    log(
+        "a log with two columns of one name",
+        swing("t_ms,angle_deg,angle_deg", 600, good),
+        &["--columns", "position=angle_deg,torque=angle_deg"],
+    );
+    log(
+        "a log with two positions",
+        swing("t_ms,angle_deg,angle_rad,tau_mNm", 600, |k| format!("{k},{0},{0},{0}", at(k))),
+        &[],
+    );
+    log("a log in volts", swing("t_ms,angle_deg,torque_V", 600, good), &[]);
+    log("a log in milliamperes, and nobody says what they make", swing("t_ms,angle_deg,torque_mA", 600, good), &[]);
+    log(
+        "a motor that makes less than nothing of a current",
+        swing("t_ms,angle_deg,torque_mA", 600, good),
+        &["--torque-constant", "-1"],
+    );
+    log("a gear of no turns", swing(header, 600, good), &["--ratio", "0"]);
+    log("a log whose torque stands still at 0", swing(header, 600, |k| format!("{k},{},0", at(k))), &[]);
     log("a log in which time stands still", swing(header, 600, |k| good(k.min(400))), &[]);
     log("a log of a tenth of a second", swing(header, 100, good), &[]);
     log("a log in which nothing moves", swing(header, 600, |k| format!("{k},0,1")), &[]);
     log("a log without excitation", swing(header, 600, |k| format!("{k},{},5", at(k))), &[]);
     log("a log whose motion no torque makes", swing(header, 3000, good), &[]);
-    log("a column that is not there", swing(header, 600, good), &["--columns", "position=angle"]);
+    log("a column that is not there", swing(header, 600, good), &["--columns", "position=elbow_deg"]);
     log("a column for something else", swing(header, 600, good), &["--columns", "speed=angle_deg"]);
     log("nothing between two times", swing(header, 600, good), &["--from", "0.5 s", "--to", "0.2 s"]);
     log("an inertia in grams", swing(header, 600, good), &["--inertia", "5 g"]);

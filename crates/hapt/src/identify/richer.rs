@@ -1,0 +1,137 @@
+//! The answer for a device that is richer than the model: the fit to the torque, with its misfit by kind.
+
+use std::fmt::Write as _;
+use std::process::ExitCode;
+
+use hapt_identify::{Error, Interval, Kind, TorqueFit};
+use hapt_model::Motion;
+
+use super::figure::{self, Drawn};
+use super::print::{effort, named, sized, toml, units};
+use super::{Given, plot, said, written};
+use crate::args::IdentifyArgs;
+use crate::failure::Failure;
+use crate::format;
+use crate::messages;
+use crate::output;
+
+pub fn run(args: &IdentifyArgs, given: &Given, fit: &TorqueFit, error: &Error) -> Result<ExitCode, Failure> {
+    messages::say(format_args!("note: {error}"));
+    messages::say("note: the numbers are those of the torque's equation; their intervals allow for what it leaves");
+    let table = table(given, fit);
+    if fit.inertia.is_none() {
+        messages::say(
+            "note: no inertia can be told from this record; record faster motion in both directions, free of hands",
+        );
+    }
+    let write = args.write.as_deref().filter(|_| fit.inertia.is_some());
+    let drafts = [
+        write.map(|target| output::draft(target, table.as_bytes())).transpose()?,
+        plot(args, given, &Drawn::of_torque(fit))?,
+    ];
+    written(drafts)?;
+    let exactly = |value: f64| Interval { value, low: value, high: value };
+    let counts = figure::counts(given, fit);
+    let text = if args.json {
+        let numbers = [
+            ("inertia", fit.inertia),
+            ("damping", fit.damping),
+            ("friction", fit.friction),
+            ("delay_s", None),
+            ("lag_s", None),
+            ("late_s", None),
+            ("offset", fit.offset),
+            ("sign", fit.sign.map(exactly)),
+            ("counts_per_rev", counts.map(exactly)),
+        ];
+        named(&numbers, Some(fit))?
+    } else {
+        text(given, fit, args.inertia.is_some())
+            + &if args.write.is_some() || fit.inertia.is_none() { String::new() } else { format!("\n{table}") }
+    };
+    said(&text)
+}
+
+fn text(given: &Given, fit: &TorqueFit, inertia_is_known: bool) -> String {
+    let times = given.record.times();
+    let mut text = format!(
+        "{}: {} samples over {}, {} apart\n\n",
+        given.name,
+        format::count(times.len() as u64),
+        format::time(times[times.len() - 1] - times[0]),
+        format::time(given.record.period())
+    );
+    let [inertia, damping] = units(given.motion);
+    let (effort, per_si) = effort(given.motion);
+    let mut line = |name: &str, words: String| {
+        let _ = writeln!(text, "{name:<9} {words}");
+    };
+    let within = |x: Option<Interval>, factor: f64, unit: &str| x.map_or("not told".into(), |x| sized(x, factor, unit));
+    if inertia_is_known {
+        line("inertia", format!("{} {inertia}, as given", format::number(fit.inertia.map_or(0.0, |x| x.value))));
+        line("gain", within(fit.gain, 1.0, "of the commanded torque"));
+    } else {
+        line("inertia", within(fit.inertia, 1.0, &inertia));
+    }
+    line("damping", within(fit.damping, 1.0, &damping));
+    line("friction", within(fit.friction, per_si, effort));
+    line("delay", "not told beside the misfit".into());
+    if let Some(offset) = fit.offset.filter(|offset| !offset.covers(0.0)) {
+        line("offset", format!("{}: a constant torque that was not commanded", sized(offset, per_si, effort)));
+    }
+    line(
+        "sign",
+        match fit.sign {
+            Some(sign) if sign < 0.0 => "-1: a positive torque makes the position fall".into(),
+            Some(_) => "1: a positive torque makes the position grow".into(),
+            None => "not told".into(),
+        },
+    );
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    line(
+        "misfit",
+        format!(
+            "{} of the torque's variance, at a fit by inertia, damping, friction and a constant",
+            percent(fit.misfit.share)
+        ),
+    );
+    for part in &fit.misfit.kinds {
+        line("", format!("{} {}: {}", percent(part.share), described(part.kind), part.kind.remedy()));
+    }
+    text
+}
+
+fn described(kind: Kind) -> String {
+    match kind {
+        Kind::Position { times_a_turn: 0 } => "goes with the position".into(),
+        Kind::Position { times_a_turn: 1 } => "goes with the position, once a turn".into(),
+        Kind::Position { times_a_turn } => format!("goes with the position, {times_a_turn} times a turn"),
+        Kind::Velocity => "goes with the velocity".into(),
+        Kind::Resonance { hz } => format!("is a resonance at {hz:.1} Hz"),
+        Kind::Drift => "drifts over time".into(),
+        Kind::Unexplained => "goes with none of position, velocity and time".into(),
+    }
+}
+
+/// The `[device]` table.
+fn table(given: &Given, fit: &TorqueFit) -> String {
+    let [inertia, damping] = units(given.motion);
+    let (effort, per_si) = effort(given.motion);
+    let mut text = format!("[device] # identified from {}\n", given.name.escape_default());
+    let mut line = |key: &str, x: Option<Interval>, factor: f64, unit: &str| {
+        let _ = match x {
+            Some(x) => writeln!(text, "{key:<8} = {}", toml(x, factor, unit)),
+            None => writeln!(text, "# {key}: not told by this record"),
+        };
+    };
+    line("inertia", fit.inertia, 1.0, &inertia);
+    line("damping", fit.damping, 1.0, &damping);
+    line("friction", fit.friction, per_si, effort);
+    if let Some(counts) = figure::counts(given, fit).filter(|_| given.motion == Motion::Rotary) {
+        let _ = writeln!(text, "encoder  = {counts}");
+    }
+    if fit.sign.is_some_and(|sign| sign < 0.0) {
+        text += "# the motor's sign is -1: turn its leads over, or its sign in the driver, before a world runs on it\n";
+    }
+    text
+}
