@@ -184,6 +184,8 @@ pub(crate) struct Solved {
     pub share: f64,
     /// The number of independent values among what is left.
     pub independent: f64,
+    /// Whether a constant is among the terms: motion in one direction does not tell it from friction.
+    pub has_constant: bool,
 }
 
 fn solve(sums: &(Square, Column), mask: Mask) -> Option<(Column, Square)> {
@@ -204,7 +206,15 @@ impl Rows {
         let blocks = self.sums();
         let all = total(&blocks, None);
         loop {
-            let (values, inverse) = solve(&all, mask)?;
+            let solution = solve(&all, mask);
+            let without = |out: usize| solve(&total(&blocks, Some(out)), mask).map(|(values, _)| values);
+            let others: Option<Vec<Column>> = (0..blocks.len()).map(without).collect();
+            let (Some((values, inverse)), Some(others)) = (solution, others) else {
+                // Of motion in one direction, these are the same as friction.
+                let same = [DIRECTION, CONSTANT].into_iter().find(|i| mask[*i])?;
+                mask[same] = false;
+                continue;
+            };
             // What drives the puck along its motion is no damping and no friction of it.
             let wrong = |i: usize| mask[i] && values[i] * values[INERTIA] < 0.0;
             if let Some(i) = [DAMPING, FRICTION].into_iter().find(|i| wrong(*i)) {
@@ -218,11 +228,7 @@ impl Rows {
             let square = left.iter().map(|r| r * r).sum::<f64>() / n;
             let independent = independent(&left).clamp(1.0, most_independent(duration));
             let freedom = (independent - terms).max(1.0);
-            let mut jack = Column::zeros();
-            for out in 0..blocks.len() {
-                let (without, _) = solve(&total(&blocks, Some(out)), mask)?;
-                jack += (without - values).map(|x| x * x);
-            }
+            let jack = others.iter().fold(Column::zeros(), |sum, other| sum + (other - values).map(|x| x * x));
             let count = blocks.len() as f64;
             let sum = |term: usize| self.rows.iter().map(|row| row.terms[term].powi(2)).sum::<f64>();
             let bent = BENT * values[STIFFNESS].abs() * (sum(STIFFNESS) / sum(INERTIA).max(f64::MIN_POSITIVE)).sqrt();
@@ -233,7 +239,15 @@ impl Rows {
                 (jackknife.max(plain) + spring).sqrt()
             });
             let share = square / self.variance().max(f64::MIN_POSITIVE);
-            return Some(Solved { values: values.into(), errors: errors.into(), left, share, independent });
+            let has_constant = mask[CONSTANT];
+            return Some(Solved {
+                values: values.into(),
+                errors: errors.into(),
+                left,
+                share,
+                independent,
+                has_constant,
+            });
         }
     }
 }

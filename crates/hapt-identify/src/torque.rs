@@ -40,6 +40,15 @@ const SURELY: f64 = 5.408;
 const TOLD: f64 = 1.2;
 /// More than this part of the torque's variance is left where the motion has nothing to do with it.
 const UNRELATED: f64 = 0.8;
+/// A torque that position and velocity alone give to within this part of its variance is the law of the loop, or the spring that the device
+/// met: beside it no inertia is told.
+const LAW_LEAVES: f64 = 0.02;
+const LAW: Mask = {
+    let mut law = mask(&[STIFFNESS]);
+    law[INERTIA] = false;
+    law[FRICTION] = false;
+    law
+};
 /// A sine of the position is told from a stiffness over this travel, in rad.
 const TRAVEL: f64 = 1.0;
 
@@ -147,7 +156,7 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
     let torques_of = |delay: f64| delayed(record, delay);
     let shown = |delay: f64| {
         let rows = Rows::new(record, &signs, &torques_of(delay), SHOWN);
-        let solved = rows.solved(MODELS[1], duration)?;
+        let solved = [MODELS[1], PLAIN].into_iter().find_map(|model| rows.solved(model, duration))?;
         Some((delay, solved.share))
     };
     let delays = (0..DELAYS).filter_map(|i| shown(i as f64 * DELAY_STEP));
@@ -173,7 +182,8 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
         let bands = bands.iter().filter(|band| with_slopes || !band.0.slope);
         let means: Vec<(f64, Mean)> = bands
             .filter_map(|(_, _, solved)| {
-                let parts = weighed(solved).into_iter().map(|(weight, model)| {
+                let has = |model: &Solved| term != CONSTANT || model.has_constant;
+                let parts = weighed(solved).into_iter().filter(|(_, model)| has(model)).map(|(weight, model)| {
                     (weight, Mean { value: model.values[term], variance: model.errors[term].powi(2) })
                 });
                 mean(parts.collect::<Vec<_>>().into_iter())
@@ -190,7 +200,10 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
     let inertia = of(INERTIA, true)?;
     let way = if inertia.value < 0.0 { -1.0 } else { 1.0 };
     let deviation = inertia.variance.sqrt();
-    let is_told = inertia.value.abs() > TOLD * deviation;
+    let rows = Rows::new(record, &signs, &torques, SHOWN);
+    let plain = rows.solved(PLAIN, duration)?;
+    let is_a_law = rows.solved(LAW, duration).is_some_and(|law| law.share < LAW_LEAVES);
+    let is_told = inertia.value.abs() > TOLD * deviation && !is_a_law;
     let found = is_told.then(|| positive(interval(inertia, way)));
     // Where the inertia is known, all torques are in parts of the motor's.
     let gain = known.inertia.map(|known| known / inertia.value.abs()).filter(|gain| gain.is_finite());
@@ -204,8 +217,6 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
         low: gain * x.value / x.high,
         high: if x.low > 0.0 { gain * x.value / x.low } else { f64::MAX },
     });
-    let rows = Rows::new(record, &signs, &torques, SHOWN);
-    let plain = rows.solved(PLAIN, duration)?;
     let windows = rows.rows.iter().zip(&plain.left).map(|(row, left)| Window {
         time: row.time,
         position: row.position,
@@ -223,7 +234,7 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
         // A torque of its own acts against the equation's.
         offset: torque(CONSTANT, -way).filter(|_| is_told),
         gain: motor.filter(|motor| motor.high < f64::MAX),
-        sign: (inertia.value.abs() > SURELY * deviation).then_some(way),
+        sign: (is_told && inertia.value.abs() > SURELY * deviation).then_some(way),
         lattice: lattice(positions),
         misfit: misfit(&rows, &plain, duration, known.is_linear),
         delay,

@@ -106,6 +106,20 @@ fn nine_in_ten_intervals_of_rich_devices_hold_their_inertia_and_no_sign_is_wrong
     assert!(10 * held >= 9 * told - 10, "{held} of {told} intervals hold the inertia");
 }
 
+/// With a spring to a place that stands still, the torque says nothing that the position does not: a fit would find the loop's law.
+#[test]
+fn a_loops_own_law_is_not_taken_for_the_device() {
+    for seed in hapt_testing::seeds(8) {
+        let mut rng = Rng::with_seed(seed);
+        let lever = Lever { loop_stiffness: 1.0, ..Lever::new(&mut rng) };
+        let record = lever.record(4.0, &mut rng);
+        let torques = record.positions().iter().map(|z| -1.3 * z).collect();
+        let record = Record::new(record.times().to_vec(), record.positions().to_vec(), torques).unwrap();
+        let found = fit(&record);
+        assert_eq!((found.inertia, found.sign), (None, None), "seed {seed}");
+    }
+}
+
 #[test]
 fn two_halves_of_one_record_agree() {
     let (mut agree, mut all) = (0, 0);
