@@ -202,8 +202,10 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
     let deviation = inertia.variance.sqrt();
     let rows = Rows::new(record, &signs, &torques, SHOWN);
     let plain = rows.solved(PLAIN, duration)?;
+    // Motion of one frequency does not tell an inertia from a spring, nor from what a hand does.
+    let is_apart = rows.solved(MODELS[1], duration).is_some();
     let is_a_law = rows.solved(LAW, duration).is_some_and(|law| law.share < LAW_LEAVES);
-    let is_told = inertia.value.abs() > TOLD * deviation && !is_a_law;
+    let is_told = inertia.value.abs() > TOLD * deviation && !is_a_law && is_apart;
     let found = is_told.then(|| positive(interval(inertia, way)));
     // Where the inertia is known, all torques are in parts of the motor's.
     let gain = known.inertia.map(|known| known / inertia.value.abs()).filter(|gain| gain.is_finite());

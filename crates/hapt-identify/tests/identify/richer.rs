@@ -121,6 +121,20 @@ fn a_loops_own_law_is_not_taken_for_the_device() {
 }
 
 #[test]
+fn one_frequency_does_not_tell_an_inertia_from_a_spring() {
+    for seed in hapt_testing::seeds(8) {
+        let mut rng = Rng::with_seed(seed);
+        let (turns, phase) = (2.0 + 4.0 * rng.f64(), 6.0 * rng.f64());
+        let times: Vec<f64> = (0..4000).map(|k| f64::from(k) * PERIOD).collect();
+        let at = |t: &f64| (std::f64::consts::TAU * turns * t + phase).sin();
+        let positions = counted(&times.iter().map(at).collect::<Vec<_>>(), 20_000.0, 0.3, &mut rng);
+        let torques = times.iter().map(|t| -0.4 * at(&(t - 0.011))).collect();
+        let found = fit(&Record::new(times, positions, torques).unwrap());
+        assert!(found.sign.is_none() && found.inertia.is_none_or(|x| x.low == 0.0), "seed {seed}: {:?}", found.inertia);
+    }
+}
+
+#[test]
 fn two_halves_of_one_record_agree() {
     let (mut agree, mut all) = (0, 0);
     for seed in hapt_testing::seeds(20) {
