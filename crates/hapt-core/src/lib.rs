@@ -48,7 +48,6 @@ mod actuate;
 mod array;
 mod branches;
 mod compile;
-mod constants;
 mod contact;
 mod controller;
 mod error;
@@ -69,7 +68,6 @@ mod supervisor;
 mod transfer;
 pub mod wheel;
 
-pub use constants::{Constants, GROUND, PUCK};
 pub use controller::{Controller, ControllerState};
 pub use error::Error;
 pub use gradient::Contacts;

@@ -8,12 +8,11 @@ use hapt_fmi::{Kind, LIBRARY, Version, places};
 use crate::args::{ExportCommand, FmuArgs};
 use crate::failure::Failure;
 use crate::world::{files, load};
-use crate::{export_c, messages, output};
+use crate::{messages, output};
 
 pub fn run(command: &ExportCommand) -> Result<ExitCode, Failure> {
     match command {
         ExportCommand::Fmu(args) => fmu(args),
-        ExportCommand::C(args) => export_c::run(args),
     }
 }
 

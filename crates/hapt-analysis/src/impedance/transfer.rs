@@ -182,11 +182,9 @@ fn is_response_of(poles: &[ContinuousPole], world: &Continuous, stiffness: f64, 
         let scale = inner.diagonal().map(|x| if x > 0.0 { 1.0 / x.sqrt() } else { 1.0 });
         let joined = whole.view((0, n), (n, 1)).column(0).component_mul(&scale);
         let scaled = DMatrix::from_fn(n, n, |i, j| scale[i] * inner[(i, j)] * scale[j]);
-        let Some(root) = scaled.cholesky() else { return false };
-        if root.l_dirty().diagonal().iter().any(|pivot| *pivot < SINGULAR) {
-            // Bodies that only each other hold: so slow, this response has a cancellation too.
-            return true;
-        }
+        // Bodies that only each other hold: so slow, this response has a cancellation too.
+        let root = scaled.cholesky().filter(|root| root.l_dirty().diagonal().iter().all(|pivot| *pivot >= SINGULAR));
+        let Some(root) = root else { return true };
         let response = whole[(n, n)] - joined.dot(&root.solve(&joined));
         let of = |e: &ContinuousPole| {
             (e.position + e.velocity) * (e.shape - e.damper) * (s * period / (C::from(s * period) - e.root.z))

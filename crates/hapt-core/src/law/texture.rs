@@ -50,11 +50,11 @@ impl Waveform {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Texture<F> {
-    pub pitch: F,
-    pub phase: F,
+    pitch: F,
+    phase: F,
     /// Times the torque, as the cosines.
-    pub sine: [F; HARMONICS],
-    pub cosine: [F; HARMONICS],
+    sine: [F; HARMONICS],
+    cosine: [F; HARMONICS],
 }
 
 /// What it stores at q.

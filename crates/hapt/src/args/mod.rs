@@ -92,11 +92,10 @@ Examples:
   hapt convert runs/step.mcap -o step.csv            the bytes of hapt sim's own
   hapt convert runs/step.mcap -o step.parquet        units as metadata")]
     Convert(ConvertArgs),
-    /// Export a world for the simulators and the boards of others.
+    /// Export a world for the simulators of others.
     #[command(after_help = "\
 Examples:
-  hapt export fmu wheel.toml -o wheel.fmu            the loop as an FMU
-  hapt export c @devices/magnets -o knob.c           as one C file")]
+  hapt export fmu wheel.toml -o wheel.fmu            the loop as an FMU")]
     Export {
         #[command(subcommand)]
         command: ExportCommand,
