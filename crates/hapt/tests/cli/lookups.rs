@@ -189,7 +189,7 @@ fn the_licences_name_the_crates_that_the_program_is_built_of_and_bring_their_tex
     let text = hapt(Path::new("."), ["licences"]).done().out;
     let lock = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../Cargo.lock")).unwrap();
     let list: Vec<&str> = text.lines().skip(3).take_while(|line| !line.is_empty()).collect();
-    for name in ["clap", "serde", "toml", "tungstenite", "mcap", "parquet", "uPlot", "DejaVu"] {
+    for name in ["clap", "serde", "toml", "tungstenite", "rustix", "parquet", "uPlot", "DejaVu"] {
         assert!(list.iter().any(|line| line.starts_with(name)), "{name}");
     }
     let no_crate = |line: &str| ["uPlot", "uqr", "Rust's", "DejaVu"].iter().any(|name| line.starts_with(name));
