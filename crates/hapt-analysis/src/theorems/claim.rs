@@ -10,7 +10,7 @@ use crate::passivity::required::Cause;
 use crate::passivity::supremum::{Wanted, requirement_beside};
 use crate::passivity::timing::Timing;
 use crate::theorems::assumptions::{beyond, is_estimate, outside};
-use crate::theorems::demands::{Demand, best, estimate};
+use crate::theorems::demands::{Demand, best, estimate, steepest_at_hz};
 use crate::theorems::{Claimed, FRICTION};
 
 /// The claim that a loop is passive against every passive hand.
@@ -79,6 +79,7 @@ impl Claim {
                 (None, None, None)
             }
         };
+        let at_hz = if wanted == Wanted::Value { steepest_at_hz(world, timing)?.unwrap_or(at_hz) } else { at_hz };
         let covered = Claimed::by(&demanded.theorems).when(is_covered);
         let speed_max = match required {
             Some(required) if covered.holds() && required > device_damping => speed_max(world, timing, required)?,

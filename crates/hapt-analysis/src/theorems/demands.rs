@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use hapt_model::{Coupling, EstimatorKind, World};
 
-use crate::equations::continuous::{piecewise, settled};
+use crate::equations::continuous::{Slopes, piecewise, settled};
 use crate::equations::laws;
 use crate::equations::laws::{Kind, is_nonlinear};
 use crate::equations::slopes::{at_puck, combinations, straightened};
@@ -99,6 +99,19 @@ pub(super) fn estimate(world: &World, timing: Timing, wanted: Wanted) -> Result<
         }
     }
     Ok(worst.unwrap_or(Demand::Outside("there is nothing to estimate".into())))
+}
+
+/// The frequency that asks for most where nonlinear couplings have their steepest slopes: theorems on them know none. `None` for a linear world,
+/// and where there is no such number.
+pub(super) fn steepest_at_hz(world: &World, timing: Timing) -> Result<Option<Option<f64>>, Error> {
+    if !world.couplings.iter().any(is_nonlinear) {
+        return Ok(None);
+    }
+    let couplings = straightened(world, &Slopes::Steep)?;
+    Ok(match linear(&World { couplings, ..world.clone() }, timing, Wanted::Value)?.demand {
+        Demand::Enough { at_hz, .. } => Some(at_hz),
+        Demand::Never { .. } | Demand::Outside(_) => None,
+    })
 }
 
 /// (T29) and what follows of it: the linear loop.
@@ -256,8 +269,7 @@ fn energy(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Err
     let mut demanded = Demanded::enough(bound, &ENERGY);
     if world.sampling.bodies_every > 1 {
         // The linear part decides whether the slower rate is covered.
-        let flat =
-            World { couplings: straightened(world, &crate::equations::continuous::Slopes::Steep)?, ..world.clone() };
+        let flat = World { couplings: straightened(world, &Slopes::Steep)?, ..world.clone() };
         let of_rates = linear(&flat, timing, wanted)?;
         if of_rates.damping().is_none() {
             return Ok(of_rates);

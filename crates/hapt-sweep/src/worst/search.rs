@@ -308,7 +308,7 @@ pub fn most_runs(world: &World) -> Result<usize, Error> {
 /// "#;
 /// let world = World::read(&Source::from_text("spring.toml", file), &[])?;
 /// let worst = search(&world)?;
-/// assert!(!worst.certified && worst.broken, "0.1 mN m s/rad, and KT/2 is 0.5");
+/// assert!(worst.status == hapt_analysis::Status::Refuted && worst.broken, "0.1 mN m s/rad, and KT/2 is 0.5");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
