@@ -286,7 +286,7 @@ pub fn most_runs(world: &World) -> Result<usize, Error> {
 ///
 /// The linear loop's worst hand comes first; then hands of three masses on four springs, closed and switching, each kicked toward a few
 /// places, on the exact simulation of the whole device; then a climb from the best of either kind. Where none of them draws energy, the
-/// motion for which the motor's work on the linear loop is largest ([`work_motion`]), then motions against counts, levels, samples and
+/// motion for which the motor's work on the linear loop is largest ([`super::work_motion`]), then motions against counts, levels, samples and
 /// constant torques ([`Motion`]). Deterministic.
 ///
 /// Work: some 250 runs of up to 12 000 samples, and the eigenvalues of [`breaking_damping`].
