@@ -67,7 +67,8 @@ def with_push(text):
 
 @functools.cache
 def ran(world, scenario, *flags):
-    hapt("sim", world, "--scenario", scenario, "--out", FOLDER, *flags)
+    # One folder for the runs of all worlds: each replaces the file of the world before.
+    hapt("sim", world, "--scenario", scenario, "--out", FOLDER, "--force", *flags)
     with open(FOLDER / f"{scenario}.csv") as file:
         names = next(csv.reader(file))
         table = np.array([[float(field) for field in row] for row in csv.reader(file)])

@@ -121,6 +121,8 @@ pub fn holds() -> Result<()> {
         ensure!(start.elapsed() < PATIENCE && running.try_wait()?.is_none(), "{}", fs::read_to_string(&said)?);
         std::thread::sleep(Duration::from_millis(20));
     }
+    // A log of the first few samples alone has no two in a row when the machine is busy.
+    std::thread::sleep(Duration::from_secs(2));
     board.emulator.kill()?;
     let out = String::from_utf8(running.wait_with_output()?.stdout)?;
     let err = fs::read_to_string(&said)?;
