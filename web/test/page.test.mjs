@@ -239,6 +239,8 @@ visit("without a torque none is shown, and no energy, wherever the puck is turne
     await page.mouse.up();
     await page.click(`#${end}`);
     await until(phase(page), (now) => now === at);
+    // The phase is shown at once, places some frames later.
+    await nothing();
     const body = await place(page, 1);
     await turn(page, 120);
     await page.mouse.up();

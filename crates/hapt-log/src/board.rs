@@ -72,6 +72,7 @@ pub(crate) fn replay<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(
     let profile = log.header.profile;
     let mut running: Option<Box<Running>> = None;
     let mut next = None;
+    let mut consecutive = 0;
     while let Some(sample) = log.next()? {
         let Some(inputs) = sample.inputs() else { continue };
         let Reading { position, velocity, announced, late, missed, silent } = inputs.reading;
@@ -79,6 +80,8 @@ pub(crate) fn replay<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(
         if next.is_some_and(|next| next != first) {
             result.gaps += 1;
             running = None;
+        } else {
+            consecutive += 1;
         }
         next = Some(inputs.sample + 1);
         // A board changes its world only while it is disarmed.
@@ -113,8 +116,8 @@ pub(crate) fn replay<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(
         let torques = [(TORQUE, guarded.sample.torque), (COMMAND, guarded.sample.command), (output, guarded.output)];
         result.compare(&sample, inputs.sample, &torques.map(|(place, torque)| (place, f64::from(torque))));
     }
-    // No two consecutive samples: telemetry was set to every nth one.
-    if result.gaps > 0 && result.compared <= result.gaps {
+    // Hardly two consecutive samples: telemetry was set to every nth one.
+    if result.gaps > consecutive {
         return Err(Error::NoReplay(
             "a board's log can be replayed only where every sample is in it, and this one skips some between each two: record it over a \
              faster line (hapt:PATH@BAUD), or with a longer loop.period"

