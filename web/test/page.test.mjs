@@ -239,7 +239,8 @@ visit("without a torque none is shown, and no energy, wherever the puck is turne
     await page.mouse.up();
     await page.click(`#${end}`);
     await until(phase(page), (now) => now === at);
-    // The phase is shown at once, places some frames later.
+    // The phase is shown at once, plots and places some frames later.
+    for (const plot of [2, 3]) await until(trace(page, plot, 0), (shown) => shown === 0);
     await nothing();
     const body = await place(page, 1);
     await turn(page, 120);
@@ -271,9 +272,8 @@ visit("on the keyboard alone: an arrow turns the puck, H keeps hold of it, Tab r
   await until(() => place(page), (puck) => puck > 30);
   await page.keyboard.press("h");
   await page.keyboard.up("ArrowRight");
-  await page.waitForTimeout(1500);
-  const [low, high] = await extremes(page, () => place(page), 0.5);
-  assert.ok(high - low < 20 && low > 20, `held, the puck stays about where it is: ${low} to ${high} degrees`);
+  // A busy machine may show a jump of the hand late: it comes to rest all the same.
+  await until(() => extremes(page, () => place(page), 0.5), ([low, high]) => high - low < 20 && low > 20);
   await page.keyboard.press("h");
   await until(() => page.getAttribute("#stage", "data-held"), (held) => held === null);
   const reached = new Set();
