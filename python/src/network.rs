@@ -134,7 +134,7 @@ impl Network {
         let (model, title) = (Arc::clone(&self.model), self.title().to_string());
         let work = move || -> Result<_, hapt_analysis::Error> {
             let check = hapt_analysis::check_network(&model)?.with_remedies(&model, true)?;
-            Ok((serde_json::to_string(&check), check.text(&title)))
+            Ok((serde_json::to_string(&check), check.text(&title, false)))
         };
         let until = move |stop: &Stop| hapt_analysis::until(stop.flag(), work);
         let (json, text) = interruptible(py, until)?.ok_or_else(unwanted)?.map_err(value)?;

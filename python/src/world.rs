@@ -182,7 +182,7 @@ impl World {
                 proposed = hapt_analysis::proposal(&model, &source, &sets, &check, &found)?;
                 check.remedies = Some(found);
             }
-            let text = check.text(&title, &model.sampling, proposed.as_ref());
+            let text = check.text(&title, &model.sampling, proposed.as_ref(), false);
             Ok((serde_json::to_string(&check), text))
         };
         let until = move |stop: &Stop| hapt_analysis::until(stop.flag(), work);

@@ -43,7 +43,7 @@ pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
             }
             None => None,
         };
-        check.text(loaded.title(), &loaded.world.sampling, proposed.as_ref())
+        check.text(loaded.title(), &loaded.world.sampling, proposed.as_ref(), args.why)
     };
     print(&text, check.certified.holds())
 }

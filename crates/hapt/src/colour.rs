@@ -25,6 +25,13 @@ const ANSWERS: &[(&str, Colour)] = &[
     ("survived", Colour::Green),
 ];
 
+/// Beginnings of an answer's first line.
+const HEADLINES: &[(&str, Colour)] = &[
+    ("Not certified, for want of a theorem", Colour::Yellow),
+    ("Not certified", Colour::Red),
+    ("Certified", Colour::Green),
+];
+
 /// The lines that hold an answer: `verdict   certified`.
 const LINES: &[&str] = &["verdict", "held", "free", "passive", ""];
 
@@ -71,6 +78,9 @@ fn coloured(text: &str) -> String {
 
 fn line(line: &str) -> String {
     let plain = || line.to_string();
+    if let Some((answer, colour)) = HEADLINES.iter().find(|(answer, _)| line.starts_with(answer)) {
+        return format!("\x1b[1;{}m{answer}\x1b[0m{}", colour.code(), &line[answer.len()..]);
+    }
     let Some((name, rest)) = line.split_at_checked(10) else { return plain() };
     if !LINES.contains(&name.trim()) {
         return plain();
@@ -93,12 +103,12 @@ mod tests {
 
     #[test]
     fn an_answer_is_coloured_and_nothing_else_changes() {
-        let text =
-            "verdict   not certified: it is unstable\nheld      marginal: it swings\nnote      stable\nper second\n";
+        let text = "Not certified: not safe\nverdict   not certified: it is unstable\nheld      marginal: it swings\nnote      stable\n\
+                    per second\n";
         let shown = coloured(text);
         assert_eq!(
             shown,
-            "verdict   \x1b[1;31mnot certified\x1b[0m: it is unstable\nheld      \x1b[1;33mmarginal\x1b[0m: it swings\n\
+            "\x1b[1;31mNot certified\x1b[0m: not safe\nverdict   \x1b[1;31mnot certified\x1b[0m: it is unstable\nheld      \x1b[1;33mmarginal\x1b[0m: it swings\n\
              note      stable\nper second\n"
         );
         let mut plain = shown;

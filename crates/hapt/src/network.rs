@@ -24,7 +24,7 @@ pub fn check(source: &Source, args: &CheckArgs) -> Result<ExitCode, Failure> {
     let text = if args.json {
         serde_json::to_string_pretty(&check).map_err(|error| Failure::System(error.to_string()))? + "\n"
     } else {
-        check.text(network.title.as_deref().unwrap_or(&source.name))
+        check.text(network.title.as_deref().unwrap_or(&source.name), args.why)
     };
     print(&text, check.certified)
 }

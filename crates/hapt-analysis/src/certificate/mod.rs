@@ -1,7 +1,9 @@
 //! The certificate of a world, its remedies, and the margins of a certified world.
 
 mod certified;
+
 pub mod check;
+mod headline;
 pub mod proof;
 pub mod proposal;
 pub mod remedies;

@@ -71,7 +71,7 @@ impl Check {
     }
 
     /// The speed below which friction makes it passive, where that is what certifies it.
-    fn kept_speed(&self) -> Option<String> {
+    pub(super) fn kept_speed(&self) -> Option<String> {
         let speeds =
             [(self.passivity.by_friction, self.passivity.speed_max), (self.uneven.by_friction, self.uneven.speed_max)];
         let speeds = speeds.into_iter().filter_map(|(by_friction, speed)| speed.filter(|_| by_friction));

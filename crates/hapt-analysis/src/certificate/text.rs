@@ -9,10 +9,20 @@ use crate::certificate::proposal::{Proposal, number};
 use crate::stability::{NOT_SEARCHED, Stability};
 
 impl Check {
-    /// Title, verdicts with their numbers, notes, and the remedies or margins that `proposed` has, as lines for a terminal.
-    pub fn text(&self, title: &str, sampling: &Sampling, proposed: Option<&Proposal>) -> String {
+    /// The answer, the world that it is about, a line each for held, free and passive, and the remedies or margins that `proposed` has. With
+    /// `why` the eigenvalues, reasons and notes instead of these lines.
+    pub fn text(&self, title: &str, sampling: &Sampling, proposed: Option<&Proposal>, why: bool) -> String {
         let proposed = proposed.map_or(String::new(), |proposed| proposal(proposed, self.certified.holds()));
-        format!("{title}\n\n{}{proposed}", verdicts(sampling, self))
+        let verdicts = if why { verdicts(self) } else { self.summary() };
+        format!(
+            "{}\n\nworld     {title}: {} at {} a sample{}, torque from the {} of the step{}\n{verdicts}{proposed}",
+            self.headline(),
+            self.method,
+            time(self.period_s),
+            rates(sampling),
+            self.output,
+            late(sampling)
+        )
     }
 }
 
@@ -55,16 +65,8 @@ fn proposal(proposal: &Proposal, certified: bool) -> String {
     format!("{name:<9} {}{end}\n{lines}", proposal.heading)
 }
 
-fn verdicts(sampling: &Sampling, check: &Check) -> String {
-    let mut text = format!(
-        "loop      {} at {} a sample{}, torque from the {} of the step{}\n",
-        check.method,
-        time(check.period_s),
-        rates(sampling),
-        check.output,
-        late(sampling)
-    );
-    let _ = writeln!(text, "verdict   {}", check.verdict_sentence());
+fn verdicts(check: &Check) -> String {
+    let mut text = format!("verdict   {}\n", check.verdict_sentence());
     about(&mut text, check, "held", &check.sentence(), &check.held);
     about(&mut text, check, "free", &check.free_sentence(), &check.free);
     let _ = writeln!(text, "passive   {}", check.passivity_sentence());

@@ -54,6 +54,12 @@ pub(super) fn sentence<'a>(stations: impl Iterator<Item = Found<'a>> + Clone) ->
     }
 }
 
+/// A sentence as the first line of an answer.
+fn capitalised(sentence: &str) -> String {
+    let mut rest = sentence.chars();
+    rest.next().map_or_else(String::new, |first| first.to_uppercase().chain(rest).collect())
+}
+
 /// The symbol of a measure's unit.
 fn unit(measure: Measure, motion: Motion) -> String {
     measure.dimension(motion).symbol()
@@ -71,12 +77,13 @@ impl NetworkCheck {
         }))
     }
 
-    /// Title, verdicts with their numbers, remedies or margins, and notes, as lines for a terminal.
-    pub fn text(&self, title: &str) -> String {
-        let mut text = format!("{title}\n\nverdict   {}\n", self.verdict_sentence());
+    /// Title, verdicts with their numbers, and remedies or margins, as lines for a terminal; with `why` the reasons why something is not proved,
+    /// and notes.
+    pub fn text(&self, title: &str, why: bool) -> String {
+        let mut text = format!("{}\n\nnetwork   {title}\n", capitalised(&self.verdict_sentence()));
         for station in &self.stations {
             let _ = writeln!(text, "station   {}: {}", station.name, station.sentence());
-            for reason in &station.not_proved {
+            for reason in station.not_proved.iter().filter(|_| why) {
                 let _ = writeln!(text, "          not proved: {reason}");
             }
         }
@@ -111,7 +118,7 @@ impl NetworkCheck {
                 text += &format!("{name:<9} {heading}:\n{lines}");
             }
         }
-        for note in &self.notes {
+        for note in self.notes.iter().filter(|_| why) {
             let _ = writeln!(text, "note      {note}");
         }
         text

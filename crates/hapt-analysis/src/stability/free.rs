@@ -543,9 +543,42 @@ fn critical_period(
         let steps = seen.map(|(_, apart)| apart * ((step / apart * (1.0 + 1e-9)).floor() + 1.0));
         steps.fold(f64::INFINITY, f64::min) / every
     };
-    Ok(match first_crossing_within(growths, Spacing::period(sampling.delay), next, [from, high], 0.0)? {
-        Some(period) if period <= low => Critical::Never,
-        Some(period) => Critical::Period(period),
-        None => Critical::Unbounded,
-    })
+    let mut from = from;
+    for left in (0..TOUCHES).rev() {
+        let found = first_crossing_within(&mut growths, Spacing::period(sampling.delay), next, [from, high], 0.0)?;
+        let Some(period) = found else { break };
+        if period <= low {
+            return Ok(Critical::Never);
+        }
+        if left == 0 || !touches(&mut growths, period, every)? {
+            return Ok(Critical::Period(period));
+        }
+        from = period * (1.0 + TOUCH);
+        if from >= high {
+            break;
+        }
+    }
+    Ok(Critical::Unbounded)
+}
+
+/// Relative width of what may be a touch.
+const TOUCH: f64 = 1e-3;
+
+/// Growth per step at most that is rounding where two eigenvalues meet: the root of that of a single one, with room.
+const MEETING: f64 = 1e-6;
+
+/// Largest number of touches that the search passes.
+const TOUCHES: usize = 200;
+
+/// Whether the growth comes to 0 at this period and goes back without a crossing, as at each period that is half an oscillation of an undamped
+/// mode or a multiple: there the puck does not move it, and its two eigenvalues meet on the circle, where a growth is known to the root of the
+/// rounding error only.
+fn touches(growths: &mut impl FnMut(f64) -> Result<Ranked, Error>, period: f64, every: f64) -> Result<bool, Error> {
+    for part in [1e-3, 1e-2, 0.1, 0.3] {
+        let there = period * (1.0 + part * TOUCH);
+        if growths(there)?.max() * every * there > MEETING {
+            return Ok(false);
+        }
+    }
+    Ok(growths(period * (1.0 + TOUCH))?.max() <= 0.0)
 }

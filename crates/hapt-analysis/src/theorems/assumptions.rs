@@ -28,6 +28,19 @@ pub(super) const BRISTLE: &str =
 pub(super) const SATURATION: &str = "the motor's limit cuts the torque on the puck but not its opposite on the bodies: a limit on \
      every coupling at the puck, together no more than the motor's, would cut both";
 
+/// What a claim leaves out of the device.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Omission {
+    /// In two words, for a headline.
+    pub what: &'static str,
+    /// A sentence, with its numbers.
+    pub why: String,
+}
+
+const CLIPPING: &str = "clipping by the motor's limit";
+const COUNTS: &str = "the encoder's counts";
+const LEVELS: &str = "the motor's levels";
+
 pub(super) fn saturated_from(world: &World, bound: f64) -> String {
     let bound = with_unit(bound, Measure::Damping, world.motion);
     format!("a motor at its limit is proved passive from a device damping of {bound} on")
@@ -57,19 +70,21 @@ pub(super) fn changes_window(world: &World) -> bool {
 
 /// What the claim leaves out of the device: counts and levels, at bodies and at the puck, and the motor's limit. `claimed` is the damping that
 /// the claim is about, `stretch` the ratio of the longest interval to the period.
-pub(super) fn beyond(world: &World, timing: Timing, claimed: Option<f64>) -> Result<Vec<String>, Error> {
-    let mut reasons = Vec::new();
-    reasons.extend(bodies_and_counts(world));
+pub(super) fn beyond(world: &World, timing: Timing, claimed: Option<f64>) -> Result<Vec<Omission>, Error> {
+    let mut omissions = Vec::new();
+    omissions.extend(bodies_and_counts(world));
     if world.device.encoder.is_some() && world.couplings.iter().any(|c| laws::at_puck(c) && Kind::of(c) == Kind::Lugre)
     {
-        reasons.push("what the encoder's counts do to the bristles of LuGre friction has no bound".to_string());
+        let why = "what the encoder's counts do to the bristles of LuGre friction has no bound".to_string();
+        omissions.push(Omission { what: COUNTS, why });
     }
-    reasons.extend(limit(world, timing, claimed)?);
+    omissions.extend(limit(world, timing, claimed)?.map(|why| Omission { what: CLIPPING, why }));
     // Counts: as at even samples, with the damping of the longest interval.
     let mut stretched = world.clone();
     stretched.device.damping *= timing.period / timing.longest;
-    reasons.extend(friction(world, &quantisation(&stretched)?));
-    Ok(reasons)
+    let what = if world.device.encoder.is_some() { COUNTS } else { LEVELS };
+    omissions.extend(friction(world, &quantisation(&stretched)?).map(|why| Omission { what, why }));
+    Ok(omissions)
 }
 
 /// An estimator that the proof does not cover.
@@ -107,19 +122,23 @@ fn estimator(world: &World) -> Option<String> {
 }
 
 /// Quantisation with bodies, whose motion the friction of the puck does not damp.
-fn bodies_and_counts(world: &World) -> Option<String> {
+fn bodies_and_counts(world: &World) -> Option<Omission> {
     if world.bodies.is_empty() {
         return None;
     }
     match (world.device.encoder.is_some(), world.device.levels.is_some()) {
         (false, false) => None,
-        (true, levels) => Some(format!(
-            "the encoder's counts{} push at a body, whose motion the puck's friction does not see: a hand that dithers across a count \
-             may pump it",
-            if levels { " and the motor's levels" } else { "" }
-        )),
+        (true, levels) => {
+            let why = format!(
+                "the encoder's counts{} push at a body, whose motion the puck's friction does not see: a hand that dithers across a count \
+                 may pump it",
+                if levels { " and the motor's levels" } else { "" }
+            );
+            Some(Omission { what: COUNTS, why })
+        }
         (false, true) => {
-            Some("the motor's levels round the torque on the puck but not its opposite on the bodies".to_string())
+            let why = "the motor's levels round the torque on the puck but not its opposite on the bodies".to_string();
+            Some(Omission { what: LEVELS, why })
         }
     }
 }

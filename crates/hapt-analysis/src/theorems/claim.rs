@@ -9,7 +9,7 @@ use crate::passivity::quantisation::quantisation;
 use crate::passivity::required::Cause;
 use crate::passivity::supremum::{Wanted, requirement_beside};
 use crate::passivity::timing::Timing;
-use crate::theorems::assumptions::{beyond, is_estimate, outside};
+use crate::theorems::assumptions::{Omission, beyond, is_estimate, outside};
 use crate::theorems::demands::{Demand, best, estimate, steepest_at_hz};
 use crate::theorems::{Claimed, FRICTION};
 
@@ -135,7 +135,7 @@ impl Claim {
     }
 
     /// The claim, with what is left out of it: counts, levels, the motor's limit and friction of the device.
-    pub fn beyond(&self, world: &World, timing: Timing) -> Result<Vec<String>, Error> {
+    pub fn beyond(&self, world: &World, timing: Timing) -> Result<Vec<Omission>, Error> {
         beyond(world, timing, self.required.map(|b| b.max(self.device_damping)))
     }
 }

@@ -8,6 +8,7 @@ use crate::passivity::required::Cause;
 use crate::passivity::supremum::Wanted;
 use crate::passivity::timing::Timing;
 use crate::theorems::Claimed;
+use crate::theorems::assumptions::Omission;
 use crate::theorems::claim::Claim;
 
 /// The result of the passivity analysis.
@@ -30,6 +31,9 @@ pub struct Passivity {
     pub proved: Claimed,
     /// The reasons why it is not proved, one sentence each.
     pub not_proved: Vec<String>,
+    /// What is left out of the device, each in a few words and once.
+    #[serde(skip)]
+    pub omits: Vec<&'static str>,
     /// Why `required_damping` is `None`.
     #[serde(skip)]
     pub cause: Option<Cause>,
@@ -45,8 +49,11 @@ pub struct Passivity {
 }
 
 impl Passivity {
-    pub(super) fn new(claim: &Claim, beyond: Vec<String>) -> Passivity {
-        let not_proved = [claim.outside.clone(), beyond].concat();
+    pub(super) fn new(claim: &Claim, beyond: Vec<Omission>) -> Passivity {
+        let mut omits: Vec<&'static str> = beyond.iter().map(|omission| omission.what).collect();
+        omits.dedup();
+        let mut not_proved = claim.outside.clone();
+        not_proved.extend(beyond.into_iter().map(|omission| omission.why));
         Passivity {
             required_damping: claim.required,
             device_damping: claim.device_damping,
@@ -55,6 +62,7 @@ impl Passivity {
             speed_max: claim.speed_max,
             proved: claim.covered.clone().when(not_proved.is_empty()),
             not_proved,
+            omits,
             cause: claim.cause,
             is_covered: claim.covered.holds() && claim.outside.is_empty(),
             is_refuted: claim.is_refuted,

@@ -33,6 +33,9 @@ pub struct Uneven {
     pub proved: Claimed,
     /// The reasons why it is not proved, one sentence each.
     pub not_proved: Vec<String>,
+    /// What is left out of the device, each in a few words and once.
+    #[serde(skip)]
+    pub omits: Vec<&'static str>,
     /// The hands-off loop under every such pattern.
     pub free: FreePatterns,
     /// The least damping of the device, in the same unit.
@@ -91,6 +94,7 @@ pub fn uneven(world: &World) -> Result<Uneven, Error> {
         speed_max: found.speed_max,
         proved: found.proved,
         not_proved: found.not_proved,
+        omits: found.omits,
         free,
         device_damping: claim.device_damping,
         is_stated: is_stated(world),

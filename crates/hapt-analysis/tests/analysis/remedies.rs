@@ -1,7 +1,7 @@
 //! Remedies are what they say: each certifies the world by itself, and a hundredth beyond it does not. Margins are the ends of
 //! intervals without gaps.
 
-use hapt_analysis::{check, is_certified, quick_check, remedies};
+use hapt_analysis::{Verdict, check, is_certified, quick_check, remedies};
 use hapt_model::{Coupling, Damping, Delay, End, Law, Source, World};
 use proptest::prelude::*;
 
@@ -280,9 +280,8 @@ impl Rng {
 
 #[test]
 fn a_margin_is_the_end_of_an_interval_that_is_certified_all_through() {
-    let (mut judged, mut seed) = (0, 0);
-    while judged < 25 {
-        seed += 1;
+    let mut judged = 0;
+    for seed in hapt_testing::seeds(100) {
         let world = random(&mut Rng(seed));
         if !is_certified(&world) {
             continue;
@@ -312,6 +311,67 @@ fn a_margin_is_the_end_of_an_interval_that_is_certified_all_through() {
                 let beyond = if name == "delay_s" { 2e-6 * period } else { 0.0 };
                 assert!(!certified(end * (1.0 + 2e-6) + beyond), "{seed}: {name} {end} goes on");
             }
+        }
+    }
+    assert!(judged > 0);
+}
+
+/// The same loop with all its times times `factor`: the same motion, later. Stiffnesses stay.
+fn slower(world: &World, factor: f64) -> World {
+    let mut world = world.clone();
+    world.sampling.period *= factor;
+    world.sampling.delay = Delay::Seconds(factor * world.sampling.delay_s());
+    world.sampling.cutoff = world.sampling.cutoff.map(|cutoff| cutoff / factor);
+    world.device.inertia *= factor * factor;
+    world.device.damping *= factor;
+    for body in &mut world.bodies {
+        body.inertia *= factor * factor;
+    }
+    for coupling in &mut world.couplings {
+        if let Law::Damper { damping: Damping::Fixed(damping) } = &mut coupling.law {
+            *damping *= factor;
+        }
+    }
+    world
+}
+
+#[test]
+fn a_touch_of_the_circle_is_no_critical_period() {
+    // At each half period of the oscillation of an undamped body the puck does not move it. Nothing grows before or behind.
+    let world = random(&mut Rng(1224));
+    let found = check(&world).unwrap().free.critical_period_s.unwrap();
+    let touch = std::f64::consts::PI * (7.933988656333276e-5f64 / 0.03378691847475031).sqrt();
+    assert!(found > 2.5 * touch, "{found} {touch}");
+    for part in [0.999, 1.0, 1.001, 1.5, 2.0, 2.001, 0.999 * found / touch, 1.001 * found / touch] {
+        let mut world = world.clone();
+        world.sampling.period = part * touch;
+        let verdict = quick_check(&world).unwrap().free.verdict;
+        assert_eq!(verdict == Verdict::Unstable, part * touch > found, "{part}");
+    }
+}
+
+#[test]
+fn seconds_are_a_choice() {
+    for seed in hapt_testing::seeds(60) {
+        let world = random(&mut Rng(seed));
+        let found = check(&world).unwrap();
+        // Powers of two, which round nothing.
+        for factor in [1.0 / 1024.0, 1024.0] {
+            let other = check(&slower(&world, factor)).unwrap();
+            assert_eq!(found.status, other.status, "{seed}: {factor}");
+            let near = |name: &str, one: Option<f64>, other: Option<f64>, scale: f64| match (one, other) {
+                (Some(one), Some(other)) => {
+                    assert!((scale * one - other).abs() <= 1e-6 * other.abs(), "{seed}: {name} {one} {other}");
+                }
+                (one, other) => assert_eq!(one, other, "{seed}: {name}, all times {factor} times"),
+            };
+            near("held", found.held.critical_period_s, other.held.critical_period_s, factor);
+            near("free", found.free.critical_period_s, other.free.critical_period_s, factor);
+            // A mode that decays by less than 1e-9 a second counts as undamped: then no damping is enough instead of an absurd one.
+            let sensible = |damping: Option<f64>, device: f64| damping.filter(|damping| *damping < 1e3 * device);
+            let [one, other] = [(&found, world.device.damping), (&other, factor * world.device.damping)]
+                .map(|(found, device)| sensible(found.passivity.required_damping, device));
+            near("damping", one, other, factor);
         }
     }
 }

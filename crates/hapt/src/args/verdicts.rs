@@ -13,6 +13,9 @@ pub struct CheckArgs {
     /// Omit the search for remedies and margins.
     #[arg(long)]
     pub no_remedies: bool,
+    /// Print eigenvalues, modes, reasons and notes too.
+    #[arg(long, conflicts_with = "json")]
+    pub why: bool,
     /// Print the numbers as JSON.
     #[arg(long)]
     pub json: bool,

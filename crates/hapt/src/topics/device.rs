@@ -18,7 +18,7 @@ spring is passive with a device damping of kT/2. "middle": the mean of both. tus
 It has no effect on the held world, but on the hand: with "start" no device damping makes an
 undamped oscillation passive.
 
-  hapt check @notes/wheel --set loop.output=end            verdict   certified
+  hapt check @notes/wheel --set loop.output=end            Certified
 "#,
     },
     Topic {
@@ -43,7 +43,7 @@ See delay.
 stand still in between. The torque has the puck's newest position at every sample. A spring then
 requires KT/2 of the fast period T, and the method steps by nT.
 
-  hapt check @devices/two-rates | grep ^passive            0.0005013
+  hapt check @devices/two-rates --why | grep ^passive      0.0005013
 
 That is proved for zoh, trapezoidal and backward-euler with output "end", without a delay, and
 with no damper or friction between the puck and a body. The others have no required damping.
@@ -58,7 +58,7 @@ delay, and before the first command the motor gives 0. A delay comes on top of t
 a spring K, released, then needs about K(T/2 + delay) of device damping.
 
   hapt sim @notes/released --set loop.delay=1ms            scenario release
-  hapt check @notes/default --set loop.delay=1ms | grep ^free      unstable: hands-off
+  hapt check @notes/default --why --set loop.delay=1ms | grep ^free   unstable: hands-off
 
 The held world is unaffected. Prediction compensates in part for whole periods: see advance. With a
 fraction of a period no device damping makes an undamped oscillation passive: extend the delay to a
@@ -138,7 +138,7 @@ the total stiffness at the puck, walls at their steepest, is below. It is not pa
 but a line `not proved` reports it. Beside a body no friction is enough: see proved. Without
 `encoder` and `levels` there is no such line.
 
-  hapt check @devices/eth-wall --set loop.period=0.9ms     up to 2.889 N m/rad at the puck
+  hapt check @devices/eth-wall --why --set loop.period=0.9ms   up to 2.889 N m/rad at the puck
   hapt check @devices/eth-wall --set loop.period=0.9ms --set device.friction=0    it may buzz
 "#,
     },
@@ -166,8 +166,8 @@ alone, while the full spring acts on the body, which can generate energy. Spring
 clamped to the motor's limit or less prevent clipping, and the verdict can then cover the whole
 loop.
 
-  hapt check @notes/default                                not proved: the motor's limit cuts
-  hapt check @notes/default --set couplings.0.limit=0.8    verdict   certified: stable held
+  hapt check @notes/default --why                          not proved: the motor's limit cuts
+  hapt check @notes/default --set couplings.0.limit=0.8    Certified: safe to let go
   hapt sim @notes/default --set couplings.0.limit=0.5      500 N mm
 
 A clamped coupling is nonlinear: `held` and `free` evaluate it with its slope and without.
@@ -196,7 +196,7 @@ Euler it keeps an undamped oscillation at constant amplitude, for ωT < 2, of z0
 
   hapt check @notes/damped | grep ^held                                marginal
   hapt check @notes/damped | grep ^passive                             not passive at any
-  hapt check @notes/damped --set loop.method=zoh | grep note           only damps
+  hapt check @notes/damped --why --set loop.method=zoh | grep note     only damps
 
 That is enough for the held world; for passivity the torque from the start of the step stays out of
 phase. Under the other methods it is an ordinary damper.

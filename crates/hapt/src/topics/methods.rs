@@ -26,7 +26,7 @@ It takes every coupling at a body, as semi-implicit-euler and rk4 do.
 λ = 1/(1 - sT) is inside the unit circle at every period. The price: an undamped oscillation decays,
 at the rate at which it grows under forward Euler.
 
-  hapt check @notes/default --set loop.method=backward-euler        growth -0.0197388 per second
+  hapt check @notes/default --why --set loop.method=backward-euler   growth -0.0197388 per second
 
 It supports walls, detents and Coulomb friction at a body: see nonlinear-at-a-body.
 "#,
@@ -53,7 +53,7 @@ With "middle" an undamped oscillation is passive from kT/2 of device damping on;
 λ = (1 + sT/2)/(1 - sT/2): an undamped mode stays on the unit circle at every period; its phase
 advances by 2 atan(ωT/2) a sample, slightly slow.
 
-  hapt check @notes/default --set loop.method=trapezoidal      in this loop 0.999997 Hz, 0
+  hapt check @notes/default --why --set loop.method=trapezoidal   in this loop 0.999997 Hz, 0
 
 tustin is the same rule with the new sample taken first. It supports walls, detents and Coulomb
 friction at a body: see nonlinear-at-a-body.
@@ -67,8 +67,8 @@ friction at a body: see nonlinear-at-a-body.
 exponential, computed once. λ = e^(sT) exactly: frequencies and damping are those of the world, at
 every period. The remaining error is the hold of the puck's position, and of the motor.
 
-  hapt check @notes/default                                in this loop 1 Hz, 0
-  hapt check @notes/default --set loop.period=2ms          in this loop 1 Hz, 0
+  hapt check @notes/default --why                          in this loop 1 Hz, 0
+  hapt check @notes/default --why --set loop.period=2ms    in this loop 1 Hz, 0
 
 It supports walls, detents and Coulomb friction at a body: see nonlinear-at-a-body.
 "#,
@@ -80,7 +80,7 @@ It supports walls, detents and Coulomb friction at a body: see nonlinear-at-a-bo
         text: r#"The classical Runge-Kutta rule, with the sample u_k held over the step. Its λ is e^(sT) up to the
 fourth power of sT. A slow oscillation loses almost nothing; beyond ωT = 2√2 it grows.
 
-  hapt check @notes/default --set loop.method=rk4                            period 450.158 ms
+  hapt check @notes/default --why --set loop.method=rk4                      period 450.158 ms
   hapt check @notes/default --set loop.method=rk4 --set loop.period=460ms    unstable
 
 It supports every coupling at a body, evaluated at its four stages.
@@ -94,7 +94,7 @@ It supports every coupling at a body, evaluated at its four stages.
 world to now, then takes the torque from x_k. So its output is "start", and no other is possible.
 Its eigenvalues are those of trapezoidal. It does nothing at the first sample.
 
-  hapt check @notes/default --set loop.method=tustin | grep Hz      in this loop 0.999997 Hz, 0
+  hapt check @notes/default --why --set loop.method=tustin | grep Hz   in this loop 0.999997 Hz, 0
 
 With that output no device damping makes an undamped oscillation passive. It supports no nonlinear
 coupling at a body, not even a constant.
@@ -108,7 +108,7 @@ coupling at a body, not even a constant.
 this one. It takes the new sample first; its output is "start". Second order in T for any motion of
 the puck: use it for a hand that moves smoothly, such as a sine.
 
-  hapt check @notes/resonance | grep Hz                    in this loop 1 Hz, 0
+  hapt check @notes/resonance --why | grep Hz              in this loop 1 Hz, 0
   hapt sim @notes/resonance                                sample 2982 (2.982 s)
 
 It supports no nonlinear coupling at a body. No device damping makes an undamped oscillation
@@ -126,7 +126,7 @@ LuGre friction has no such step, and neither have tustin and foh. hapt refuses t
 instead of a silent approximation. The explicit methods accept all, with weaker guarantees. Under
 zoh, with a spring that is clamped at 0.8 N m:
 
-  hapt check @notes/default --set couplings.0.limit=0.8                passive against every
+  hapt check @notes/default --why --set couplings.0.limit=0.8          passive against every
 
 Between puck and ground every method supports such couplings: @devices/eth-wall has them with zoh.
 "#,

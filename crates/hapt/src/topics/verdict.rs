@@ -27,8 +27,8 @@ eigenvalues of one sample of length T. Below 0 it decays. Forward Euler on an un
 angular frequency ω has ln(1 + ω²T²)/(2T), about ω²T/2: half the period gives half the growth, never
 none.
 
-  hapt check @notes/euler                              growth 0.0197388 per second
-  hapt check @notes/euler --set loop.period=0.5ms      growth 0.00986956 per second
+  hapt check @notes/euler --why                        growth 0.0197388 per second
+  hapt check @notes/euler --why --set loop.period=0.5ms   growth 0.00986956 per second
   hapt sim @notes/euler                                0.0197388 predicted
 
 `hapt sim` fits the same number to the run, if the hand holds still for long enough.
@@ -45,9 +45,9 @@ not certified    unstable held, unstable hands-off, or not passive       exit co
 The sentence names the conditions that fail; `remedies` lists changes that certify it. The lines
 `not proved` say what theorems leave out, of counts, levels and limit of the device too.
 
-  hapt check @notes/default                                verdict   certified: stable held
-  hapt check @notes/default --set couplings.0.limit=0.8    verdict   certified: stable held
-  hapt check @notes/euler                                  verdict   not certified: it is unstable
+  hapt check @notes/default                                Certified: safe to let go
+  hapt check @notes/default --set couplings.0.limit=0.8    Certified: safe to let go
+  hapt check @notes/euler                                  Not certified: it grows
 "#,
     },
     Topic {
@@ -58,7 +58,7 @@ The sentence names the conditions that fail; `remedies` lists changes that certi
 (`held`), or of bodies and wheel (`free`), decays, by at least the printed rate. Held, a world
 without bodies has no state, and is stable too.
 
-  hapt check @notes/euler --set loop.method=backward-euler      stable: a disturbance
+  hapt check @notes/euler --why --set loop.method=backward-euler   stable: a disturbance
   hapt check @devices/eth-wall --set loop.period=0.9ms          nothing is left to move
 
 Stable does not mean accurate: backward Euler dissipates the energy of an undamped oscillation. Nor
@@ -105,9 +105,9 @@ slower.
 the free loop. "none, unstable from 0 on": no period is short enough. "none, never unstable": every
 period is stable. For a passive hand see the period among the margins: it is often shorter.
 
-  hapt check @notes/default                                critical period 2.35619 ms
+  hapt check @notes/default --why                          critical period 2.35619 ms
   hapt check @notes/damped --set loop.period=320ms         unstable
-  hapt check @notes/euler                                  none, unstable from 0 on
+  hapt check @notes/euler --why                            none, unstable from 0 on
 
 Held, the notes' wheel with b = Tk has 318.31 ms, 2/ω for 1 Hz.
 "#,
@@ -120,9 +120,9 @@ Held, the notes' wheel with b = Tk has 318.31 ms, 2/ω for 1 Hz.
 damping ratio -Re s/|s|, of the differential equation; then the same in the loop, from ln(λ)/T. A
 method may change both. A negative ratio in the loop is an oscillation that grows.
 
-  hapt check @notes/euler                in this loop 0.999992 Hz, -0.00314156
-  hapt check @notes/default --set loop.method=trapezoidal          in this loop 0.999997 Hz, 0
-  hapt check @notes/default              in this loop 1 Hz, 0
+  hapt check @notes/euler --why          in this loop 0.999992 Hz, -0.00314156
+  hapt check @notes/default --why --set loop.method=trapezoidal    in this loop 0.999997 Hz, 0
+  hapt check @notes/default --why        in this loop 1 Hz, 0
 
 "It does not swing" means that the pair has become two real eigenvalues in the loop.
 "#,
@@ -138,7 +138,7 @@ method. Damping of the device, more than kT/2, or a shorter period compensates f
 encoder, levels and Coulomb friction are left out.
 
   hapt check @notes/default                                            free      stable
-  hapt check @notes/default --set device.damping=0 | grep ^free        unstable: hands-off
+  hapt check @notes/default --why --set device.damping=0 | grep ^free   unstable: hands-off
 "#,
     },
     Topic {
@@ -151,8 +151,8 @@ no such hand can make the loop shake (Colgate and Schenkel 1997, exactly, for th
 spring K needs KT/2; a damper B by differences B more; a delay of d samples KTd more. "not passive
 at any device damping": the torque is out of phase, and damping cannot compensate; see output.
 
-  hapt check @notes/default                           a device damping of 0.0005093 N m s/rad
-  hapt check @notes/default --set loop.period=2ms     a device damping of 0.001019 N m s/rad
+  hapt check @notes/default --why                     a device damping of 0.0005093 N m s/rad
+  hapt check @notes/default --why --set loop.period=2ms   a device damping of 0.001019 N m s/rad
   hapt check @notes/wheel | grep ^passive             not passive at any device damping
 
 Passivity and stability are different properties: see verdict, proved and remedies.
@@ -169,8 +169,8 @@ little friction, a constant torque at a body, the exact velocity in a damper at 
 wall behind a low-pass. The verdict then covers the linear loop alone. The energy theorem covers
 zoh, trapezoidal and backward-euler with output "end", undamped walls at bodies too.
 
-  hapt check @notes/default                                not proved: the motor's limit cuts
-  hapt check @notes/default --set couplings.0.limit=0.8    passive against every passive hand:
+  hapt check @notes/default --why                          not proved: the motor's limit cuts
+  hapt check @notes/default --why --set couplings.0.limit=0.8   passive against every passive hand:
 
 "not proved" does not mean "wrong": simulate it, with the device as it is. See limit and energy.
 "#,

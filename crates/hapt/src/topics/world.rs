@@ -11,7 +11,7 @@ pub const TOPICS: &[Topic] = &[
 It is a physical body with the inertia, damping and friction of [device]; couplings connect the
 virtual world to it, and the motor renders their torque. A positive torque pushes toward larger z.
 
-  hapt check @notes/default --set device.inertia='1e-3 kg m^2'      verdict   certified
+  hapt check @notes/default --set device.inertia='1e-3 kg m^2'      Certified
 
 In a world file an end is called "puck", "ground" or by the name of a body: see body and coupling.
 "#,
@@ -47,7 +47,7 @@ See coupling for the ends, and signs for the sign of a torque.
 on q, the position of the first end relative to the second; its torque acts on the first end and the
 opposite on the second. Overrides count couplings from 0, in file order:
 
-  hapt check @notes/default --set couplings.0.stiffness='10 N mm/deg'      verdict   certified
+  hapt check @notes/default --set couplings.0.stiffness='10 N mm/deg'      Certified
 
 Each kind is a topic of its own: spring, damper, wall, detent, friction.
 "#,
@@ -60,8 +60,8 @@ Each kind is a topic of its own: spring, damper, wall, detent, friction.
 q = `rest`. With the torque from the end of the step, a spring to a body requires a device damping
 of stiffness · T/2; a stiffer spring needs a shorter period or more damping.
 
-  hapt check @notes/default                                                 0.0005093
-  hapt check @notes/default --set couplings.0.stiffness='35.56 N mm/deg'   0.001019
+  hapt check @notes/default --why                                           0.0005093
+  hapt check @notes/default --why --set couplings.0.stiffness='35.56 N mm/deg'   0.001019
 
 See passivity, period and z-width.
 "#,
@@ -74,7 +74,7 @@ See passivity, period and z-width.
 (device.damping, which is physical and dissipates what sampling generates), a damper in the world,
 and a wall. A virtual damper at the puck depends on the velocity estimate from the encoder.
 
-  hapt check @notes/default --set device.damping=0 | grep ^verdict      not certified
+  hapt check @notes/default --set device.damping=0                      Not certified
   hapt check @notes/damped                                              held
 
 See estimator, required-damping and compensating.
@@ -102,7 +102,7 @@ See z-width for the stiffest wall of a device.
 from there, where it is steepest, with 2π · torque/pitch. That slope counts as its stiffness.
 
   hapt sim @devices/smartknob-detents --scenario settle      scenario settle
-  hapt check @devices/smartknob-detents                      verdict
+  hapt check @devices/smartknob-detents                      Not certified
 
 Halfway between two stable positions the slope falls, which requires no damping.
 "#,
@@ -132,7 +132,7 @@ counts as its stiffness.
 
   kind = "magnet", torque = "30 N mm", width = "3 deg", at = "90 deg"
 
-  hapt check @devices/magnets                                verdict   certified
+  hapt check @devices/magnets                                Certified
 
 Beyond `width` the pull falls with the distance: a falling slope, which costs nothing. Detents pull
 at equal distances, magnets where they are put.
@@ -164,7 +164,7 @@ keys, whose bristles let it stick. The device's own friction, device.friction, i
 the puck, prevents a buzz of the encoder's counts, and never counts as damping.
 
   hapt sim @notes/released --set device.friction='5 N mm'      friction took
-  hapt check @notes/default --set device.friction='5 N mm'     verdict   certified
+  hapt check @notes/default --set device.friction='5 N mm'     Certified
 
 See counts.
 "#,
@@ -190,8 +190,8 @@ The certificate covers every passive hand: one that stores and dissipates energy
         text: r#"Once in a period the loop reads the puck, advances the world and sends a torque, which is then held.
 The torque is late by T/2 on average: halving T halves the device damping that a spring requires.
 
-  hapt check @notes/default | grep ^passive                             0.0005093
-  hapt check @notes/default --set loop.period=0.5ms | grep ^passive     0.0002546
+  hapt check @notes/default --why | grep ^passive                       0.0005093
+  hapt check @notes/default --why --set loop.period=0.5ms | grep ^passive   0.0002546
 
 A delay in samples (loop.delay = "1.5 samples") follows the period. See critical-period.
 "#,
@@ -217,8 +217,8 @@ With a real motor the file's [device] and [safety] are ceilings: nothing widens 
 [[couplings]] the world, [scenarios] the hands. The method advances the bodies: zoh, exact for a
 held puck, is the default; forward-euler is there for comparison.
 
-  hapt check @notes/default      verdict   certified
-  hapt check @notes/euler        verdict   not certified
+  hapt check @notes/default      Certified
+  hapt check @notes/euler        Not certified
 
 `hapt init` makes a file to start from; `hapt worlds` lists those that are built in.
 "#,

@@ -115,7 +115,7 @@ fn every_world_that_comes_along_gives_whole_csv_files() {
 fn every_world_that_comes_along_is_checked_and_held_only_forward_euler_alone_is_unstable() {
     for world in every_world() {
         let unstable = world.ends_with("notes/euler.toml");
-        let words = hapt(Path::new("."), ["check".as_ref(), world.as_os_str()]);
+        let words = hapt(Path::new("."), ["check".as_ref(), world.as_os_str(), "--why".as_ref()]);
         let numbers = hapt(Path::new("."), ["check".as_ref(), world.as_os_str(), "--json".as_ref()]);
         let json: Value = serde_json::from_str(&numbers.out).unwrap();
         let certified = json["certified"].as_bool().unwrap();
@@ -123,7 +123,7 @@ fn every_world_that_comes_along_is_checked_and_held_only_forward_euler_alone_is_
             assert_eq!(ended.code, Some(i32::from(!certified)), "{}: {ended:?}", world.display());
             assert_eq!(ended.err, "", "{}", world.display());
         }
-        assert_eq!(words.out.contains("\nverdict   certified"), certified, "{}", words.out);
+        assert_eq!(words.out.starts_with("Certified: "), certified, "{}", words.out);
         assert_eq!(words.out.contains("\nmargins "), certified, "{}", words.out);
         let verdict = json["held"]["verdict"].as_str().unwrap();
         assert_eq!(verdict == "unstable", unstable, "{}", world.display());
@@ -131,6 +131,41 @@ fn every_world_that_comes_along_is_checked_and_held_only_forward_euler_alone_is_
         assert!(sentence.starts_with(&format!("{verdict}: ")), "{sentence}");
         for note in json["notes"].as_array().unwrap() {
             assert!(words.out.contains(note.as_str().unwrap()), "{note} is not in {}", words.out);
+        }
+    }
+}
+
+/// The first lines are what somebody reads aloud: no more of them than that, and with every number that matters for all that comes along.
+#[test]
+fn a_check_begins_with_its_answer_and_a_line_each_for_held_free_and_passive() {
+    for world in every_world() {
+        let said = hapt(Path::new("."), ["check".as_ref(), world.as_os_str(), "--no-remedies".as_ref()]).out;
+        let json: Value = serde_json::from_str(
+            &hapt(Path::new("."), ["check".as_ref(), world.as_os_str(), "--no-remedies".as_ref(), "--json".as_ref()])
+                .out,
+        )
+        .unwrap();
+        let first = said.lines().next().unwrap();
+        let grows = json["free"]["verdict"] == "unstable";
+        assert_eq!(first.starts_with("Certified: "), json["certified"] == true, "{said}");
+        assert!(
+            !grows || first.contains("not safe to let go") || first.contains("as long as its speed is kept"),
+            "{said}"
+        );
+        assert_eq!(
+            first.contains("; safe in any passive hand"),
+            json["passivity"]["passive"] == true && json["uneven"]["passive"] == true,
+            "{said}"
+        );
+        let rows: Vec<&str> = said.lines().skip(2).map(|line| line.split(' ').next().unwrap()).collect();
+        assert!(rows.starts_with(&["world", "held", "free", "passive"]) && rows.len() <= 6, "{said}");
+        let share = json["passivity"]["required_damping"].as_f64().zip(json["passivity"]["device_damping"].as_f64());
+        if let Some((required, device)) =
+            share.filter(|(required, device)| required <= device && json["certified"] == true && *required > 0.0)
+        {
+            let line = said.lines().find(|line| line.starts_with("passive ")).unwrap();
+            let percent: f64 = line.split_once("with ").unwrap().1.split(' ').next().unwrap().parse().unwrap();
+            assert!((percent / (100.0 * required / device) - 1.0).abs() < 1e-3, "{line}");
         }
     }
 }
@@ -327,8 +362,7 @@ fn design_warns_where_its_damper_no_longer_balances_and_prints_the_world_all_the
 #[test]
 fn a_world_without_a_title_goes_by_its_files_name() {
     let at = folder(&[("w.toml", &WHEEL.replace("title = \"wheel\"\n", ""))]);
-    for command in ["sim", "check"] {
-        assert!(hapt(at.path(), [command, "w.toml"]).done().out.starts_with("w.toml\n"));
-    }
+    assert!(hapt(at.path(), ["sim", "w.toml"]).done().out.starts_with("w.toml\n"));
+    assert!(hapt(at.path(), ["check", "w.toml"]).done().out.contains("\nworld     w.toml: zoh at"));
     assert_eq!(simulated(WHEEL, &[]).rows.len(), 501);
 }
