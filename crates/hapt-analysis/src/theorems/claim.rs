@@ -135,7 +135,7 @@ impl Claim {
     }
 
     /// The claim, with what is left out of it: counts, levels, the motor's limit and friction of the device.
-    pub fn beyond(&self, world: &World, timing: Timing) -> Result<Vec<Omission>, Error> {
+    pub(super) fn beyond(&self, world: &World, timing: Timing) -> Result<Vec<Omission>, Error> {
         beyond(world, timing, self.required.map(|b| b.max(self.device_damping)))
     }
 }

@@ -1,6 +1,7 @@
 //! The arguments of the command line.
 
 mod devices;
+mod groups;
 mod runs;
 mod usage;
 mod verdicts;
@@ -25,6 +26,7 @@ pub use verdicts::*;
     bin_name = "hapt",
     version,
     max_term_width = 100,
+    help_template = groups::TEMPLATE,
     after_help = "\
 Examples:
   hapt                                     the notes' wheel under four methods
