@@ -165,6 +165,13 @@ impl Rows {
         if all > 0.0 { self.noise[(INERTIA, INERTIA)] / all } else { 1.0 }
     }
 
+    /// The part of the torques' variance that a solution leaves, and that the positions' noise does not explain.
+    pub fn unexplained(&self, solved: &Solved) -> f64 {
+        let values = Column::from(solved.values);
+        let noise = (values.transpose() * self.noise * values)[(0, 0)] / self.rows.len().max(1) as f64;
+        solved.share - noise / self.variance().max(f64::MIN_POSITIVE)
+    }
+
     /// The mean square of the torques about their mean.
     pub fn variance(&self) -> f64 {
         let n = self.rows.len() as f64;

@@ -14,6 +14,7 @@ use crate::position::position_torque;
 use crate::puck::{DELAY, OFFSET, Puck};
 use crate::record::{LONGEST_DELAY, Record, Watched};
 use crate::start::{Begin, begins, direction, starts};
+use crate::torque::{TorqueFit, fit_torque};
 use crate::{Error, LargeResidual};
 
 /// The residual variance, as a part of the positions' variance, above which the fit explains nothing.
@@ -26,6 +27,10 @@ const ALIKE: f64 = 1.2;
 const MOST: f64 = 0.9;
 /// A record of more s is fitted from its beginning on.
 const LONG: f64 = 8.0;
+/// A torque of which the equation of motion leaves more than this part beyond noise is of a device that may be richer than the puck.
+const RICH: f64 = 3e-3;
+/// The shortest beginning that is searched for a puck that explains it, s.
+const BRIEF: f64 = 0.6;
 /// Parts of the record that are fitted before all of it, where a fit of all of it goes wrong.
 const BEGINNINGS: [f64; 3] = [0.125, 0.25, 0.5];
 /// If those fail too: the number of starts around the best, and how far each number may be off, as a part of itself.
@@ -47,7 +52,7 @@ pub fn identify_until(record: &Record, known: &Known, stop: &dyn Fn() -> bool) -
 }
 
 fn identified(record: &Watched<'_>, known: &Known) -> Result<Identified, Error> {
-    let found = search(record, known)?;
+    let found = if is_richer(record, known) { glimpse(record, known)? } else { search(record, known)? };
     match found.wrong {
         Some(wrong) => Err(wrong),
         None => Ok(found.identified(record, known)),
@@ -78,6 +83,40 @@ impl Found {
         let spread = spread(record, &bounded.fit);
         Intervals::new(bounded, self.lag.as_ref(), known).identified(record, residual, spread)
     }
+}
+
+/// Whether the device is richer than the puck: its equation of motion leaves more of the torque than the positions' noise explains, and a
+/// thorough search finds no puck that explains the record's beginning.
+fn is_richer(record: &Watched<'_>, known: &Known) -> bool {
+    let leaves = |fit: TorqueFit| fit.beyond_noise > RICH && fit.beyond_noise > 0.5 * fit.misfit.share;
+    if !fit_torque(record, known).is_some_and(leaves) {
+        return false;
+    }
+    let duration = record.period() * record.times().len() as f64;
+    let parts = std::iter::successors(Some(BRIEF / duration), |part| Some(2.0 * part));
+    let Some(beginning) = parts.take_while(|part| *part < 0.5).find_map(|part| record.beginning(part)) else {
+        return false;
+    };
+    let beginning = Watched { record: &beginning, ..*record };
+    let starts = starts(&beginning);
+    let explains =
+        |starts: &[Puck]| best(&beginning, starts).is_some_and(|fit| judged(&beginning, known, fit).wrong.is_none());
+    !explains(&starts) && !explains(&again(&beginning, &starts))
+}
+
+/// One fit, for what it leaves, where none explains the record.
+fn glimpse(record: &Watched<'_>, known: &Known) -> Result<Found, Error> {
+    let squares = |puck: &Puck| {
+        let at = |(z, seen): (f64, &f64)| (seen - z).powi(2);
+        let seen = &record.positions()[record.first()..];
+        fitted(record, puck, record.first()).into_iter().zip(seen).map(at).sum::<f64>()
+    };
+    let starts = starts(record).into_iter().map(|puck| (squares(&puck), puck));
+    let start = starts.filter(|start| start.0.is_finite()).min_by(|a, b| a.0.total_cmp(&b.0));
+    let start = start.ok_or(Error::Unexplained)?.1;
+    let best = fit(record, start, free(record, record.is_driven()), record.first()).ok_or(Error::Unexplained)?;
+    let wrong = Some(unexplained(record, &best).unwrap_or_else(|| large(record, known, &best)));
+    Ok(Found { best, lag: None, wrong })
 }
 
 /// The search for the best fit. A long record is fitted from its beginning on: the fit of a part leads to that of one twice as long, and a

@@ -89,6 +89,8 @@ pub struct TorqueFit {
     pub lattice: Option<Lattice>,
     /// What the equation leaves.
     pub misfit: Misfit,
+    /// The part of the torque's variance that the equation leaves, and that the positions' noise does not explain.
+    pub beyond_noise: f64,
     /// The delay that the fit assumes, in s.
     pub delay: f64,
     /// The windows, for a picture.
@@ -239,6 +241,7 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
         sign: (is_told && inertia.value.abs() > SURELY * deviation).then_some(way),
         lattice: lattice(positions),
         misfit: misfit(&rows, &plain, duration, known.is_linear),
+        beyond_noise: rows.unexplained(&plain),
         delay,
         windows: windows.collect(),
     })
