@@ -14,7 +14,7 @@ use crate::position::position_torque;
 use crate::puck::{DELAY, OFFSET, Puck};
 use crate::record::{LONGEST_DELAY, Record, Watched};
 use crate::start::{Begin, begins, direction, starts};
-use crate::torque::{TorqueFit, fit_torque};
+use crate::torque::fit_torque;
 use crate::{Error, LargeResidual};
 
 /// The residual variance, as a part of the positions' variance, above which the fit explains nothing.
@@ -27,8 +27,6 @@ const ALIKE: f64 = 1.2;
 const MOST: f64 = 0.9;
 /// A record of more s is fitted from its beginning on.
 const LONG: f64 = 8.0;
-/// A torque of which the equation of motion leaves more than this part beyond noise is of a device that may be richer than the puck.
-const RICH: f64 = 3e-3;
 /// The shortest beginning that is searched for a puck that explains it, s.
 const BRIEF: f64 = 0.6;
 /// Parts of the record that are fitted before all of it, where a fit of all of it goes wrong.
@@ -88,8 +86,7 @@ impl Found {
 /// Whether the device is richer than the puck: its equation of motion leaves more of the torque than the positions' noise explains, and a
 /// thorough search finds no puck that explains the record's beginning.
 fn is_richer(record: &Watched<'_>, known: &Known) -> bool {
-    let leaves = |fit: TorqueFit| fit.beyond_noise > RICH && fit.beyond_noise > 0.5 * fit.misfit.share;
-    if !fit_torque(record, known).is_some_and(leaves) {
+    if !fit_torque(record, known).is_some_and(|fit| fit.leaves_more_than_noise()) {
         return false;
     }
     let duration = record.period() * record.times().len() as f64;

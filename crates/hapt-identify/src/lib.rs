@@ -62,6 +62,7 @@ mod spectrum;
 mod start;
 mod stretch;
 mod table;
+mod terms;
 mod torque;
 mod warnings;
 
@@ -76,4 +77,5 @@ pub use identified::{CorrelatedPair, Identified, Interval, Known, PositionTorque
 pub use misfit::{Kind, Misfit, Part};
 pub use puck::{Puck, Sensitivity};
 pub use record::{LONGEST_DELAY, Record};
+pub use terms::{Term, TermKind};
 pub use torque::{TorqueFit, Window, fit_torque};

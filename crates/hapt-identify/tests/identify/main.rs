@@ -5,6 +5,8 @@ mod bounds;
 mod device;
 mod disturbed;
 mod handle;
+mod lever;
 mod richer;
 mod rig;
 mod tables;
+mod terms;
