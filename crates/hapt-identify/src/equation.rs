@@ -247,7 +247,7 @@ pub(crate) struct Solved {
     pub share: f64,
     /// The number of independent values among what is left.
     pub independent: f64,
-    /// Whether a constant is among the terms: motion in one direction does not tell it from friction.
+    /// Whether a constant is told: motion in one direction does not tell it from friction, nor do both from a friction by direction.
     pub has_constant: bool,
 }
 
@@ -313,7 +313,7 @@ impl Rows {
             let plain = errors[INERTIA] * motion / values[INERTIA];
             let by_motion = (motion, jack.sqrt().max(plain.abs()));
             let share = square / self.variance().max(f64::MIN_POSITIVE);
-            let has_constant = mask[CONSTANT];
+            let has_constant = mask[CONSTANT] && !mask[DIRECTION];
             return Some(Solved {
                 values: values.into(),
                 errors: errors.into(),

@@ -5,9 +5,11 @@ use crate::equation::{
     BLOCKS, Band, CONSTANT, COSINE, DAMPING, DIRECTION, FORCE, FRICTION, INERTIA, Mask, Rows, SINE, STIFFNESS, Solved,
     TERMS,
 };
+use crate::foretold::foretold;
 use crate::identified::{Interval, Known};
 use crate::intervals::positive;
 use crate::misfit::{Kind, Misfit, misfit};
+use crate::puck::Puck;
 use crate::quantile::student;
 use crate::record::Record;
 use crate::start::{delayed, signs};
@@ -124,6 +126,9 @@ pub struct TorqueFit {
     pub beyond_noise: f64,
     /// The delay that the fit assumes, in s.
     pub delay: f64,
+    /// Times and positions that the fit foretells, begun anew every [`crate::FORETOLD`] s from the measured ones; none without an inertia,
+    /// and none beside a second torque.
+    pub motion: Vec<(f64, f64)>,
     /// The windows, for a picture.
     pub windows: Vec<Window>,
 }
@@ -144,6 +149,29 @@ pub struct Window {
 }
 
 impl TorqueFit {
+    /// What `hapt identify --json` gives, in its order, as [`crate::Identified::named`]; delay and lag are not told.
+    pub fn named(&self, is_linear: bool) -> [(&'static str, Option<Interval>); 9] {
+        let exactly = |value: f64| Interval { value, low: value, high: value };
+        [
+            ("inertia", self.inertia),
+            ("damping", self.damping),
+            ("friction", self.friction),
+            ("delay_s", None),
+            ("lag_s", None),
+            ("late_s", None),
+            ("offset", self.offset),
+            ("sign", self.sign.map(exactly)),
+            ("counts_per_rev", self.counts().filter(|_| !is_linear).map(exactly)),
+        ]
+    }
+
+    /// The encoder's counts a revolution, where they are whole.
+    pub fn counts(&self) -> Option<f64> {
+        let counts = std::f64::consts::TAU / self.lattice?.step;
+        let whole = counts.round();
+        ((counts - whole).abs() < 1e-3 && whole > 0.0).then_some(whole)
+    }
+
     /// Whether the inertias by the torque and by the motion differ by more than their intervals.
     pub fn sides_differ(&self) -> bool {
         self.inertia_by_torque.zip(self.inertia_by_motion).is_some_and(|(a, b)| a.high < b.low || b.high < a.low)
@@ -279,6 +307,19 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
         low: gain * x.value / x.high,
         high: if x.low > 0.0 { gain * x.value / x.low } else { f64::MAX },
     });
+    // Of the equation that the picture shows.
+    let moves = is_told && record.forces().is_none() && plain.values[INERTIA] * way > 0.0;
+    let per_inertia = |term: usize| plain.values[term] / plain.values[INERTIA];
+    let puck = moves.then(|| Puck {
+        gain: plain.values[INERTIA].recip(),
+        damping: per_inertia(DAMPING),
+        friction: per_inertia(FRICTION),
+        delay,
+        offset: -per_inertia(CONSTANT),
+        position: 0.0,
+        velocity: 0.0,
+        lag: 0.0,
+    });
     let windows = rows.rows.iter().zip(&plain.left).map(|(row, left)| Window {
         time: row.time,
         position: row.position,
@@ -291,7 +332,7 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
             Some(known) => Some(Interval { value: known, low: known, high: known }),
             None => found,
         },
-        damping: torque(DAMPING, way).filter(|_| is_told).map(positive),
+        damping: torque(DAMPING, way).filter(|_| is_told).map(|damping| known.own(positive(damping))),
         friction: torque(FRICTION, way).filter(|_| is_told).map(positive),
         // A torque of its own acts against the equation's.
         offset: torque(CONSTANT, -way).filter(|_| is_told),
@@ -306,6 +347,7 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
         is_moved_by_another: is_moved,
         terms: found_terms,
         delay,
+        motion: puck.map_or(Vec::new(), |puck| foretold(record, puck)),
         windows: windows.collect(),
     })
 }

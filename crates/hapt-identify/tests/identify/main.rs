@@ -6,6 +6,7 @@ mod device;
 mod disturbed;
 mod handle;
 mod lever;
+mod mat;
 mod richer;
 mod rig;
 mod tables;

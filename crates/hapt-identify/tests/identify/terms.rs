@@ -118,3 +118,32 @@ fn a_hand_that_nothing_measures_gives_no_wrong_sign() {
     }
     assert!(10 * held >= 9 * told - 10, "{held} of {told}");
 }
+
+/// A motor on a voltage u gives k/R (u - k ω): with k/R u as the torque, the damping that is found is the device's own.
+#[test]
+fn a_motors_back_voltage_is_no_damping_of_the_device() {
+    for seed in hapt_testing::seeds(8) {
+        let mut rng = Rng::with_seed(seed);
+        let back = 0.02 + 0.02 * rng.f64();
+        let lever = Lever { loop_stiffness: 0.0, delay: 0.0, ..plain(&mut rng) };
+        let driven = Lever { damping: lever.damping + back, ..lever };
+        let record = driven.record(5.0, &mut rng);
+        let known = Known { back_damping: back, ..Known::default() };
+        let (with, without) = (fit_torque(&record, &known).unwrap(), fit_torque(&record, &Known::default()).unwrap());
+        let (own, all) = (with.damping.unwrap(), without.damping.unwrap());
+        assert!(own.covers(lever.damping) && all.covers(driven.damping), "seed {seed}: {own:?} {all:?} {lever:?}");
+        assert_eq!(with.inertia, without.inertia);
+    }
+}
+
+#[test]
+fn the_motion_is_foretold_over_a_quarter_second() {
+    let mut rng = Rng::with_seed(4);
+    let record = Lever { loop_stiffness: 0.0, delay: 0.0, ..plain(&mut rng) }.record(4.0, &mut rng);
+    let motion = fit(&record).motion;
+    assert_eq!(motion.len(), record.times().len());
+    let squares = |of: &dyn Fn(usize) -> f64| (0..motion.len()).map(|i| of(i).powi(2)).sum::<f64>();
+    let middle = record.positions().iter().sum::<f64>() / motion.len() as f64;
+    let left = squares(&|i| motion[i].1 - record.positions()[i]);
+    assert!(left < 0.01 * squares(&|i| record.positions()[i] - middle), "{left}");
+}
