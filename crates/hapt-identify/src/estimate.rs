@@ -27,7 +27,7 @@ const ALIKE: f64 = 1.2;
 const MOST: f64 = 0.9;
 /// A record of more s is fitted from its beginning on.
 const LONG: f64 = 8.0;
-/// The shortest beginning that is searched for a puck that explains it, s.
+/// The shortest stretch that is searched for a puck that explains it, s.
 const BRIEF: f64 = 0.6;
 /// Parts of the record that are fitted before all of it, where a fit of all of it goes wrong.
 const BEGINNINGS: [f64; 3] = [0.125, 0.25, 0.5];
@@ -85,21 +85,17 @@ impl Found {
 }
 
 /// Whether the device is richer than the puck: its equation of motion leaves more of the torque than the positions' noise explains, and a
-/// thorough search finds no puck that explains the record's beginning.
+/// search finds no puck that explains the stretch of the record that moves most.
 fn is_richer(record: &Watched<'_>, known: &Known) -> bool {
     if !fit_torque(record, known).is_some_and(|fit| fit.leaves_more_than_noise()) {
         return false;
     }
-    let duration = record.period() * record.times().len() as f64;
-    let parts = std::iter::successors(Some(BRIEF / duration), |part| Some(2.0 * part));
-    let Some(beginning) = parts.take_while(|part| *part < 0.5).find_map(|part| record.beginning(part)) else {
-        return false;
-    };
-    let beginning = Watched { record: &beginning, ..*record };
-    let starts = starts(&beginning);
+    let Some(stretch) = record.liveliest(BRIEF) else { return false };
+    let stretch = Watched { record: &stretch, ..*record };
+    let starts = starts(&stretch);
     let explains =
-        |starts: &[Puck]| best(&beginning, starts).is_some_and(|fit| judged(&beginning, known, fit).wrong.is_none());
-    !explains(&starts) && !explains(&again(&beginning, &starts))
+        |starts: &[Puck]| best(&stretch, starts).is_some_and(|fit| judged(&stretch, known, fit).wrong.is_none());
+    !explains(&starts) && !explains(&again(&stretch, &starts))
 }
 
 /// One fit, for what it leaves, where none explains the record.

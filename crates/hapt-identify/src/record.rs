@@ -107,6 +107,24 @@ impl Record {
         Record::new(times?, positions?, torques?).ok()
     }
 
+    /// A stretch of about so many s, or of twice as long and so on up to half of the record, in which the puck goes farthest; `None` where
+    /// all are too still for a fit.
+    pub(crate) fn liveliest(&self, duration: f64) -> Option<Record> {
+        let n = self.times.len();
+        let shortest = ((duration / self.period()).ceil() as usize).max(FEWEST_SAMPLES);
+        let lengths = std::iter::successors(Some(shortest), |length| Some(2 * length));
+        let way = |from: usize, length: usize| {
+            self.positions[from..from + length].windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum::<f64>()
+        };
+        lengths.take_while(|length| 2 * length <= n).find_map(|length| {
+            let starts = (0..=n - length).step_by(length.div_ceil(2));
+            let best = starts.max_by(|a, b| way(*a, length).total_cmp(&way(*b, length)))?;
+            let [times, positions, torques] =
+                [&self.times, &self.positions, &self.torques].map(|x| x[best..best + length].to_vec());
+            Record::new(times, positions, torques).ok()
+        })
+    }
+
     /// In s.
     pub fn times(&self) -> &[f64] {
         &self.times
