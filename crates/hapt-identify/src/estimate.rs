@@ -50,7 +50,7 @@ pub fn identify_until(record: &Record, known: &Known, stop: &dyn Fn() -> bool) -
 }
 
 fn identified(record: &Watched<'_>, known: &Known) -> Result<Identified, Error> {
-    let found = if is_richer(record, known) { glimpse(record, known)? } else { search(record, known)? };
+    let found = search_or_glimpse(record, known)?;
     match found.wrong {
         Some(wrong) => Err(wrong),
         None => Ok(found.identified(record, known)),
@@ -82,6 +82,11 @@ impl Found {
         let found = Intervals::new(bounded, self.lag.as_ref(), known).identified(record, residual, spread);
         Identified { damping: found.damping.map(|damping| known.own(damping)), ..found }
     }
+}
+
+/// The search for the best fit, or one fit where the device is richer than the puck.
+pub(crate) fn search_or_glimpse(record: &Watched<'_>, known: &Known) -> Result<Found, Error> {
+    if is_richer(record, known) { glimpse(record, known) } else { search(record, known) }
 }
 
 /// Whether the device is richer than the puck: its equation of motion leaves more of the torque than the positions' noise explains, and a
