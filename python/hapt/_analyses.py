@@ -33,6 +33,7 @@ class Identified(Answer):
     """`inertia`, `damping`, `friction`, `delay_s`, `lag_s`, `late_s`, `offset`, `sign`, `counts_per_rev`.
 
     Each `{"value", "low", "high"}` (95 %) or None. A lag from 0 is not told from a delay: `delay_s` is then both together, as `late_s` is.
+    Of a device that is richer than the model the numbers are those of the torque's equation; a warning says so, and delay and lag are None.
     """
 
     def __init__(self, fields: dict[str, Any], warnings: list[str]) -> None:

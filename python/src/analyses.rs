@@ -141,8 +141,18 @@ pub fn identify(
     let work = move |stop: &Stop| {
         let record = Record::new(times, positions, torques)?;
         let known = Known { inertia, is_linear: linear, ..Known::default() };
-        let found = hapt_identify::identify_until(&record, &known, &|| stop.is_set()).transpose()?;
-        Ok::<_, hapt_identify::Error>(found.map(|found| (found.named(), found.warnings())))
+        let found = match hapt_identify::identify_until(&record, &known, &|| stop.is_set()) {
+            None => return Ok(None),
+            Some(Ok(found)) => (found.named(), found.warnings()),
+            // The device is richer than the model: the fit to the torque is the answer, as on the command line.
+            Some(Err(error)) => {
+                let richer = matches!(error, hapt_identify::Error::Residual(_) | hapt_identify::Error::Unexplained);
+                let fit = richer.then(|| hapt_identify::fit_torque(&record, &known)).flatten();
+                let fit = fit.filter(|fit| fit.explains()).ok_or_else(|| error.clone())?;
+                (fit.named(linear), vec![error.to_string()])
+            }
+        };
+        Ok::<_, hapt_identify::Error>(Some(found))
     };
     let (named, warnings) = interruptible(py, work)?.map_err(value)?.ok_or_else(unwanted)?;
     let json: Value = named

@@ -5,6 +5,7 @@
 
 mod bench;
 mod handle;
+mod records;
 
 use anyhow::{Context, Result, ensure};
 use hapt_identify::{Error, Known, Record, identify};
@@ -62,9 +63,12 @@ const HANDLE: (&str, &str) = (
     "Random steps on motors that lag, with a handle on a flexible shaft; every second device has uneven samples, of 0.4 to 1.6 periods",
 );
 
-/// `[mixed|guided|quiet|lagging|offset|cogged|handle] [--n N] [--seed S] [--write]`; all of them where none is named.
+/// The word of the records of real levers.
+const RECORDS: &str = "records";
+
+/// `[mixed|guided|quiet|lagging|offset|cogged|handle|records] [--n N] [--seed S] [--write]`; all of them where none is named.
 pub fn command(words: &[&str]) -> Result<()> {
-    let mut all = CAMPAIGNS.iter().map(|campaign| campaign.1).chain([HANDLE.0]);
+    let mut all = CAMPAIGNS.iter().map(|campaign| campaign.1).chain([HANDLE.0, RECORDS]);
     let named = words.first().filter(|word| all.any(|campaign| campaign == **word));
     let told = Campaign::parse(&words[usize::from(named.is_some())..], false)?;
     for (kind, word, title) in CAMPAIGNS.into_iter().filter(|campaign| named.is_none_or(|named| *named == campaign.1)) {
@@ -77,6 +81,12 @@ pub fn command(words: &[&str]) -> Result<()> {
         let table = handle::table(&handle::campaign(told.n, told.seed)?);
         let text = format!("{title}: {} random devices, seed {}.\n\n{table}", told.n, told.seed);
         told.publish(&format!("identify {word}"), PAGE, &text)?;
+    }
+    if named.is_none_or(|named| *named == RECORDS) {
+        match records::text()? {
+            Some(text) => told.publish(&format!("identify {RECORDS}"), PAGE, &text)?,
+            None => println!("the records of real levers are not at hand: their table stays as it is"),
+        }
     }
     Ok(())
 }

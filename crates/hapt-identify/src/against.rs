@@ -4,7 +4,7 @@ use hapt_model::keys::Measure;
 use hapt_model::{DeviceSpec, Handle, World};
 use serde_json::{Value, json};
 
-use crate::estimate::{left, residual, search, search_from};
+use crate::estimate::{left, residual, search_from, search_or_glimpse};
 use crate::fit::Fit;
 use crate::handle::{self, WithHandle};
 use crate::identified::{Identified, Interval, Known, Residual};
@@ -223,7 +223,7 @@ fn compared(record: &Watched<'_>, claims: &Claims, is_linear: bool) -> Result<Co
 fn rigid(record: &Watched<'_>, claims: &Claims, is_linear: bool) -> Result<Comparison, Error> {
     let lag = middle(claims.lag);
     let known = Known { is_linear, lag: (lag > 0.0).then_some(lag), ..Known::default() };
-    let mut found = search(record, &known)?;
+    let mut found = search_or_glimpse(record, &known)?;
     if found.wrong.is_some()
         && let Some(near) = search_from(record, &known, claims.puck(record)).filter(|near| near.wrong.is_none())
     {

@@ -19,16 +19,38 @@ pub struct Columns {
     pub position: Option<String>,
     /// The same.
     pub torque: Option<String>,
+    /// The same, of a second torque that a sensor measured; `None`: there is none.
+    pub force: Option<String>,
     /// A spring from the puck to ground that the loop ran, in N·m/rad (N/m): the torques where the table has none.
     pub spring: Option<f64>,
     /// There is no torque: a coast-down.
     pub coasts: bool,
     /// Counts a revolution (linear: the count's size in m), for positions in `counts`.
     pub counts: Option<f64>,
-    /// The motor's torque constant in N·m/A (N/A), for a torque column in A or mA.
+    /// The motor's torque constant in N·m/A (N/A), for a torque column in A or mA, and in V or mV.
     pub torque_constant: Option<f64>,
+    /// The motor's winding resistance in Ω, for a torque column in V or mV.
+    pub resistance: Option<f64>,
     /// Turns of the motor for one of the handle, where the torque column is of the motor's side.
     pub ratio: Option<f64>,
+}
+
+/// What a table has of a motion, in SI.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Read {
+    /// In s.
+    pub times: Vec<f64>,
+    /// In rad (m).
+    pub positions: Vec<f64>,
+    /// In N·m (N); of a voltage what the motor would give at rest.
+    pub torques: Vec<f64>,
+    /// A second torque, in its column's unit.
+    pub forces: Option<Vec<f64>>,
+    /// Whether the puck turns.
+    pub motion: Motion,
+    /// The damping k²/R of a motor that is driven by a voltage, at the handle, in N·m·s/rad (N·s/m); else 0. See
+    /// [`crate::Known::back_damping`].
+    pub back_damping: f64,
 }
 
 /// What a column's numbers are multiplied by, and where it stands.
@@ -41,20 +63,25 @@ pub struct Scale {
 }
 
 impl Columns {
-    /// From `time=NAME,position=NAME,torque=NAME`; any of them may be left out.
+    /// From `time=NAME,position=NAME,torque=NAME,force=NAME`; any of them may be left out.
     ///
     /// # Errors
     /// What is no such list.
     pub fn parse(text: &str) -> Result<Self, Error> {
         let mut columns = Columns::default();
         for part in text.split(',').filter(|part| !part.trim().is_empty()) {
-            let wrong =
-                || Error::Columns(format!("\"{}\" is none of time=NAME, position=NAME, torque=NAME", part.trim()));
+            let wrong = || {
+                Error::Columns(format!(
+                    "\"{}\" is none of time=NAME, position=NAME, torque=NAME, force=NAME",
+                    part.trim()
+                ))
+            };
             let (what, name) = part.split_once('=').ok_or_else(wrong)?;
             let place = match what.trim() {
                 "time" => &mut columns.time,
                 "position" => &mut columns.position,
                 "torque" => &mut columns.torque,
+                "force" => &mut columns.force,
                 _ => return Err(wrong()),
             };
             *place = Some(name.trim().to_string());
@@ -70,7 +97,21 @@ impl Columns {
     /// # Errors
     /// [`Error::Columns`] with the line where it can be read no further.
     pub fn read(&self, text: &str) -> Result<([Vec<f64>; 3], Motion), Error> {
-        let table = Table::new(text)?;
+        let Read { times, positions, torques, motion, .. } = self.read_all(text)?;
+        Ok(([times, positions, torques], motion))
+    }
+
+    /// The same with a second torque, and with what a motor on a voltage adds to the damping. A column whose header has no unit is named
+    /// with one: `angle [deg]`.
+    ///
+    /// # Errors
+    /// Those of [`Columns::read`].
+    pub fn read_all(&self, text: &str) -> Result<Read, Error> {
+        let mut table = Table::new(text)?;
+        for named in [&self.time, &self.position, &self.torque, &self.force].into_iter().flatten() {
+            table.give_unit(named, split(named));
+        }
+        let table = table;
         let names = &table.names;
         let time = self.place(&table, "time", &self.time, TIMES)?;
         let position = self.place(&table, "position", &self.position, POSITIONS)?;
@@ -83,7 +124,11 @@ impl Columns {
                 Some(self.torque(&table, place, motion)?)
             }
         };
-        let mut rows: [Vec<f64>; 3] = Default::default();
+        let force = match &self.force {
+            None => None,
+            Some(_) => Some(Scale { column: self.place(&table, "force", &self.force, &[])?, factor: 1.0 }),
+        };
+        let mut rows: [Vec<f64>; 4] = Default::default();
         let (mut missing, mut repeated, mut all) = (0, 0, 0);
         for (line, number) in table.lines() {
             let fields: Vec<&str> = line.split(table.separator).collect();
@@ -98,8 +143,9 @@ impl Columns {
                 table.number(field).filter(|value| value.is_finite()).map(|x| Some(x * scale.factor)).ok_or_else(wrong)
             };
             all += 1;
-            let (Some(t), Some(at), Some(torque)) =
-                (value(time)?, value(position)?, torque.map_or(Ok(Some(0.0)), value)?)
+            let no = Ok(Some(0.0));
+            let (Some(t), Some(at), Some(torque), Some(force)) =
+                (value(time)?, value(position)?, torque.map_or(no.clone(), value)?, force.map_or(no, value)?)
             else {
                 missing += 1;
                 continue;
@@ -111,6 +157,7 @@ impl Columns {
             rows[0].push(t);
             rows[1].push(at);
             rows[2].push(torque - self.spring.unwrap_or(0.0) * at);
+            rows[3].push(force);
         }
         for (count, what) in
             [(missing, "have no number in one of the columns that are used"), (repeated, "repeat the time before")]
@@ -132,7 +179,14 @@ impl Columns {
                 table.listed()
             )));
         }
-        Ok((rows, motion))
+        let back_damping = match (torque, self.torque_constant, self.resistance) {
+            (Some(torque), Some(constant), Some(resistance)) if is_voltage(names[torque.column]) => {
+                (constant * self.ratio.unwrap_or(1.0)).powi(2) / resistance
+            }
+            _ => 0.0,
+        };
+        let [times, positions, torques, forces] = rows;
+        Ok(Read { times, positions, torques, forces: force.map(|_| forces), motion, back_damping })
     }
 
     /// The torque's scale: a torque, or a current with its constant; at the handle.
@@ -152,10 +206,14 @@ impl Columns {
             let constant = self.torque_constant.ok_or_else(missing)?;
             return Ok(Scale { column: place, factor: ampere * constant * ratio });
         }
-        if matches!(split(name).1, "V" | "mV") {
-            return Err(Error::Columns(format!(
-                "column {name} is a voltage, which is no torque: the motor's speed takes part in it; expected a torque, or a current with --torque-constant"
-            )));
+        if is_voltage(name) {
+            let (Some(constant), Some(resistance)) = (self.torque_constant, self.resistance) else {
+                return Err(Error::Columns(format!(
+                    "column {name} is a voltage, and a motor's torque is k/R (u - k ω); --torque-constant 0.05 gives its k in N m/A, --resistance 2.3 its R in ohm"
+                )));
+            };
+            let volt = if split(name).1 == "mV" { 1e-3 } else { 1.0 };
+            return Ok(Scale { column: place, factor: volt * constant / resistance * ratio });
         }
         let scale = scale(&table.names, place, &[wanted], None)?.0;
         Ok(Scale { factor: scale.factor * ratio, ..scale })
@@ -188,7 +246,15 @@ impl Columns {
                     };
                     (0..names.len()).filter(has).filter(|i| table.moves(*i) && could_be(names[*i], what)).collect()
                 };
-                match usual.iter().find_map(of).unwrap_or_else(like)[..] {
+                // Without a name that tells: the only one with such a unit that moves.
+                let by_unit = || -> Vec<usize> {
+                    (0..names.len()).filter(|i| table.moves(*i) && could_be(names[*i], what)).collect()
+                };
+                let only = |places: Vec<usize>| {
+                    let units = if places.is_empty() { by_unit() } else { Vec::new() };
+                    if units.len() == 1 { units } else { places }
+                };
+                match usual.iter().find_map(of).unwrap_or_else(|| only(like()))[..] {
                     [place] => return Ok(place),
                     [] => format!("no column looks like a {what}"),
                     [one, other, ..] => format!("{} and {} may both be the {what}", names[one], names[other]),
@@ -207,6 +273,10 @@ impl Columns {
 /// One line in so many may be left out.
 const MOST_LEFT_OUT: usize = 10;
 
+fn is_voltage(name: &str) -> bool {
+    matches!(split(name).1, "V" | "mV")
+}
+
 /// Whether a column's unit is one of a time, a position or a torque.
 pub(crate) fn could_be(name: &str, what: &str) -> bool {
     let unit = split(name).1;
@@ -216,7 +286,7 @@ pub(crate) fn could_be(name: &str, what: &str) -> bool {
     match what {
         "time" => is(&[Dimension::TIME]),
         "position" => is(&[Dimension::ANGLE, Dimension::LENGTH]) || matches!(unit, "count" | "counts" | "cts"),
-        _ => is(&[Dimension::TORQUE, Dimension::FORCE]) || matches!(unit, "A" | "mA"),
+        _ => is(&[Dimension::TORQUE, Dimension::FORCE]) || matches!(unit, "A" | "mA" | "V" | "mV"),
     }
 }
 
@@ -250,8 +320,15 @@ fn scale(
     let unit = match Unit::parse(&plain(unit)) {
         Ok(unit) => unit,
         Err(_) => {
-            let message =
-                format!("column {name} has no known unit; expected {wants}, such as in angle_deg, t_ms or tau_mNm");
+            let base = split(name).0;
+            let given = match wanted {
+                [Dimension::TIME] => format!("time=\"{base} [ms]\""),
+                [Dimension::ANGLE, ..] => format!("position=\"{base} [deg]\""),
+                _ => format!("torque=\"{base} [N m]\""),
+            };
+            let message = format!(
+                "column {name} has no known unit; expected {wants}, such as in angle_deg, t_ms or tau_mNm; --columns {given} gives it one"
+            );
             return Err(Error::Columns(message));
         }
     };

@@ -15,7 +15,7 @@ use crate::record::Record;
 use crate::start::noise;
 
 /// Terms of the equation, in the order of the columns.
-pub(crate) const TERMS: usize = 8;
+pub(crate) const TERMS: usize = 9;
 pub(crate) const INERTIA: usize = 0;
 pub(crate) const DAMPING: usize = 1;
 pub(crate) const FRICTION: usize = 2;
@@ -24,10 +24,32 @@ pub(crate) const STIFFNESS: usize = 4;
 pub(crate) const DIRECTION: usize = 5;
 pub(crate) const SINE: usize = 6;
 pub(crate) const COSINE: usize = 7;
+/// A second torque, measured.
+pub(crate) const FORCE: usize = 8;
 
 pub(crate) type Mask = [bool; TERMS];
 type Square = SMatrix<f64, TERMS, TERMS>;
 type Column = SVector<f64, TERMS>;
+
+/// Sums of products over rows.
+#[derive(Clone, Copy, Debug)]
+struct Sums {
+    terms: Square,
+    torque: Column,
+    squares: f64,
+}
+
+impl std::ops::Add<&Sums> for Sums {
+    type Output = Sums;
+
+    fn add(self, other: &Sums) -> Sums {
+        Sums {
+            terms: self.terms + other.terms,
+            torque: self.torque + other.torque,
+            squares: self.squares + other.squares,
+        }
+    }
+}
 
 /// The bump is (1 - u²)^POWER.
 const POWER: i32 = 5;
@@ -62,6 +84,9 @@ pub(crate) struct Row {
     /// Means under the bump.
     pub position: f64,
     pub velocity: f64,
+    /// The first and the last sample, and the bump's integral over half of the window's length.
+    span: (usize, usize),
+    area: f64,
 }
 
 /// All windows of a record.
@@ -94,6 +119,7 @@ impl Rows {
         }
         let middle = positions.iter().sum::<f64>() / positions.len() as f64;
         let variance = noise(record).powi(2);
+        let forces = record.forces();
         let mut centre = half;
         while centre + half < times.len() {
             let (low, high) = (centre - half, centre + half);
@@ -103,7 +129,15 @@ impl Rows {
             }
             let (c, mid) = (0.5 * (times[high] - times[low]), 0.5 * (times[high] + times[low]));
             let near = positions[(low + high) / 2];
-            let mut row = Row { time: mid, terms: [0.0; TERMS], torque: 0.0, position: 0.0, velocity: 0.0 };
+            let mut row = Row {
+                time: mid,
+                terms: [0.0; TERMS],
+                torque: 0.0,
+                position: 0.0,
+                velocity: 0.0,
+                span: (low, high),
+                area: 0.0,
+            };
             let (mut area, mut moving) = (0.0, 0.0);
             let mut noisy = Square::zeros();
             for i in low + 1..high {
@@ -125,6 +159,7 @@ impl Rows {
                 row.terms[DIRECTION] += w0 * signs[i].abs();
                 row.terms[SINE] += w0 * z.sin();
                 row.terms[COSINE] += w0 * z.cos();
+                row.terms[FORCE] += forces.map_or(0.0, |forces| w0 * forces[i]);
                 noisy[(INERTIA, INERTIA)] += w2 * w2;
                 noisy[(DAMPING, DAMPING)] += w1 * w1;
             }
@@ -135,24 +170,43 @@ impl Rows {
             row.torque /= area;
             row.position /= area;
             row.velocity /= area;
+            row.area = area;
             all.noise += noisy * (variance / (area * area));
             all.rows.push(row);
         }
         all
     }
 
+    /// What lists of values at the samples are under each row's bump, a list of rows for each.
+    pub fn weighed(&self, record: &Record, lists: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let times = record.times();
+        let mut all = vec![Vec::with_capacity(self.rows.len()); lists.len()];
+        for row in &self.rows {
+            let (low, high) = row.span;
+            let (c, mid) = (0.5 * (times[high] - times[low]), 0.5 * (times[high] + times[low]));
+            let weight =
+                |i: usize| bump((times[i] - mid) / c)[0] * 0.5 * (times[i + 1] - times[i - 1]) / (c * row.area);
+            let weights: Vec<f64> = (low + 1..high).map(weight).collect();
+            for (values, all) in lists.iter().zip(&mut all) {
+                all.push(weights.iter().zip(&values[low + 1..high]).map(|(w, x)| w * x).sum());
+            }
+        }
+        all
+    }
+
     /// The sums over each of the blocks.
-    fn sums(&self) -> Vec<(Square, Column)> {
+    fn sums(&self) -> Vec<Sums> {
         let n = self.rows.len();
         let blocks = BLOCKS.min(n.max(1));
         let of = |block: usize| {
             let rows = &self.rows[block * n / blocks..(block + 1) * n / blocks];
             let part = rows.len() as f64 / n.max(1) as f64;
-            let mut sums = (-self.noise * part, Column::zeros());
+            let mut sums = Sums { terms: -self.noise * part, torque: Column::zeros(), squares: 0.0 };
             for row in rows {
                 let x = Column::from(row.terms);
-                sums.0 += x * x.transpose();
-                sums.1 += x * row.torque;
+                sums.terms += x * x.transpose();
+                sums.torque += x * row.torque;
+                sums.squares += row.torque * row.torque;
             }
             sums
         };
@@ -163,6 +217,13 @@ impl Rows {
     pub fn noise_part(&self) -> f64 {
         let all: f64 = self.rows.iter().map(|row| row.terms[INERTIA].powi(2)).sum();
         if all > 0.0 { self.noise[(INERTIA, INERTIA)] / all } else { 1.0 }
+    }
+
+    /// The part of the torques' variance that a solution leaves, and that the positions' noise does not explain.
+    pub fn unexplained(&self, solved: &Solved) -> f64 {
+        let values = Column::from(solved.values);
+        let noise = (values.transpose() * self.noise * values)[(0, 0)] / self.rows.len().max(1) as f64;
+        solved.share - noise / self.variance().max(f64::MIN_POSITIVE)
     }
 
     /// The mean square of the torques about their mean.
@@ -179,21 +240,23 @@ pub(crate) struct Solved {
     pub values: [f64; TERMS],
     /// Standard errors that hold where what is left is correlated and goes with the motion.
     pub errors: [f64; TERMS],
+    /// The inertia by the regression of the acceleration on the torque, and its standard error.
+    pub by_motion: (f64, f64),
     pub left: Vec<f64>,
     /// The mean square of what is left over that of the torques.
     pub share: f64,
     /// The number of independent values among what is left.
     pub independent: f64,
-    /// Whether a constant is among the terms: motion in one direction does not tell it from friction.
+    /// Whether a constant is told: motion in one direction does not tell it from friction, nor do both from a friction by direction.
     pub has_constant: bool,
 }
 
-fn solve(sums: &(Square, Column), mask: Mask) -> Option<(Column, Square)> {
-    let seen: Mask = std::array::from_fn(|i| mask[i] && sums.0[(i, i)] > 0.0);
-    let scale = Column::from_fn(|i, _| if seen[i] { sums.0[(i, i)].sqrt().recip() } else { 0.0 });
-    let matrix = Square::from_fn(|i, j| if i == j { 1.0 } else { sums.0[(i, j)] * scale[i] * scale[j] });
+fn solve(sums: &Sums, mask: Mask) -> Option<(Column, Square)> {
+    let seen: Mask = std::array::from_fn(|i| mask[i] && sums.terms[(i, i)] > 0.0);
+    let scale = Column::from_fn(|i, _| if seen[i] { sums.terms[(i, i)].sqrt().recip() } else { 0.0 });
+    let matrix = Square::from_fn(|i, j| if i == j { 1.0 } else { sums.terms[(i, j)] * scale[i] * scale[j] });
     let cholesky = matrix.cholesky()?;
-    let values = cholesky.solve(&sums.1.component_mul(&scale)).component_mul(&scale);
+    let values = cholesky.solve(&sums.torque.component_mul(&scale)).component_mul(&scale);
     let inverse = cholesky.inverse();
     let inverse = Square::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]);
     values.iter().chain(inverse.iter()).all(|x| x.is_finite()).then_some((values, inverse))
@@ -203,12 +266,17 @@ impl Rows {
     /// The least squares with these terms, damping and friction of the inertia's sign; `duration` of the record in s.
     pub fn solved(&self, mask: Mask, duration: f64) -> Option<Solved> {
         let mut mask = mask;
+        // Of a damping or friction that is 0 because it would be below.
+        let mut at_bound = Column::zeros();
         let blocks = self.sums();
         let all = total(&blocks, None);
         loop {
             let solution = solve(&all, mask);
-            let without = |out: usize| solve(&total(&blocks, Some(out)), mask).map(|(values, _)| values);
-            let others: Option<Vec<Column>> = (0..blocks.len()).map(without).collect();
+            let without = |out: usize| {
+                let sums = total(&blocks, Some(out));
+                solve(&sums, mask).map(|(values, inverse)| (values, by_motion(&sums, &values, &inverse)))
+            };
+            let others: Option<Vec<(Column, f64)>> = (0..blocks.len()).map(without).collect();
             let (Some((values, inverse)), Some(others)) = (solution, others) else {
                 // Of motion in one direction, these are the same as friction.
                 let same = [DIRECTION, CONSTANT].into_iter().find(|i| mask[*i])?;
@@ -217,8 +285,11 @@ impl Rows {
             };
             // What drives the puck along its motion is no damping and no friction of it.
             let wrong = |i: usize| mask[i] && values[i] * values[INERTIA] < 0.0;
+            let count = blocks.len() as f64;
             if let Some(i) = [DAMPING, FRICTION].into_iter().find(|i| wrong(*i)) {
                 mask[i] = false;
+                let jack: f64 = others.iter().map(|other| (other.0[i] - values[i]).powi(2)).sum();
+                at_bound[i] = (jack * (count - 1.0) / count).sqrt();
                 continue;
             }
             let left: Vec<f64> =
@@ -228,21 +299,25 @@ impl Rows {
             let square = left.iter().map(|r| r * r).sum::<f64>() / n;
             let independent = independent(&left).clamp(1.0, most_independent(duration));
             let freedom = (independent - terms).max(1.0);
-            let jack = others.iter().fold(Column::zeros(), |sum, other| sum + (other - values).map(|x| x * x));
-            let count = blocks.len() as f64;
+            let jack = others.iter().fold(Column::zeros(), |sum, other| sum + (other.0 - values).map(|x| x * x));
             let sum = |term: usize| self.rows.iter().map(|row| row.terms[term].powi(2)).sum::<f64>();
             let bent = BENT * values[STIFFNESS].abs() * (sum(STIFFNESS) / sum(INERTIA).max(f64::MIN_POSITIVE)).sqrt();
             let errors = Column::from_fn(|i, _| {
                 let jackknife = jack[i] * (count - 1.0) / count;
                 let plain = inverse[(i, i)].max(0.0) * square * n / freedom;
                 let spring = if i == INERTIA { bent * bent } else { 0.0 };
-                (jackknife.max(plain) + spring).sqrt()
+                (jackknife.max(plain) + spring).sqrt().max(at_bound[i])
             });
+            let motion = by_motion(&all, &values, &inverse);
+            let jack = others.iter().map(|other| (other.1 - motion).powi(2)).sum::<f64>() * (count - 1.0) / count;
+            let plain = errors[INERTIA] * motion / values[INERTIA];
+            let by_motion = (motion, jack.sqrt().max(plain.abs()));
             let share = square / self.variance().max(f64::MIN_POSITIVE);
-            let has_constant = mask[CONSTANT];
+            let has_constant = mask[CONSTANT] && !mask[DIRECTION];
             return Some(Solved {
                 values: values.into(),
                 errors: errors.into(),
+                by_motion,
                 left,
                 share,
                 independent,
@@ -252,9 +327,18 @@ impl Rows {
     }
 }
 
-fn total(blocks: &[(Square, Column)], without: Option<usize>) -> (Square, Column) {
+fn total(blocks: &[Sums], without: Option<usize>) -> Sums {
     let kept = blocks.iter().enumerate().filter(|(i, _)| Some(*i) != without);
-    kept.fold((Square::zeros(), Column::zeros()), |sum, (_, block)| (sum.0 + block.0, sum.1 + block.1))
+    let none = Sums { terms: Square::zeros(), torque: Column::zeros(), squares: 0.0 };
+    kept.fold(none, |sum, (_, block)| sum + block)
+}
+
+/// The inertia that the same rows give where the motion, not the torque, has the errors: the regression of the acceleration on the
+/// torque. Least squares bias the inertia of the torque towards 0 by what acts on the puck besides, and this one away from it, where the
+/// torque does not follow the motion.
+fn by_motion(sums: &Sums, values: &Column, inverse: &Square) -> f64 {
+    let left = (sums.squares - values.dot(&sums.torque)).max(0.0);
+    values[INERTIA] + left * inverse[(INERTIA, INERTIA)] / values[INERTIA]
 }
 
 /// What a device leaves beyond the model goes with its motion: so few independent values at most, however long its correlation is found.

@@ -66,10 +66,24 @@ pub enum Error {
     NotFinite {
         /// From 0.
         sample: usize,
-        /// time, position or torque.
+        /// time, position, torque or force.
         what: &'static str,
         /// NaN or infinite.
         value: f64,
+    },
+    /// The list of forces is of another length.
+    #[error("{forces} forces and {samples} samples; a record has one force for every sample")]
+    Forces {
+        /// How many.
+        forces: usize,
+        /// How many.
+        samples: usize,
+    },
+    /// The force is the same all the time.
+    #[error("the force is {force} throughout; expected the column of a sensor that measured one")]
+    StillForce {
+        /// In the column's unit.
+        force: f64,
     },
     /// Time stands still or runs backward.
     #[error("sample {sample}: the time is {time} s after {before} s; times must increase")]

@@ -14,6 +14,7 @@ use crate::position::position_torque;
 use crate::puck::{DELAY, OFFSET, Puck};
 use crate::record::{LONGEST_DELAY, Record, Watched};
 use crate::start::{Begin, begins, direction, starts};
+use crate::torque::fit_torque;
 use crate::{Error, LargeResidual};
 
 /// The residual variance, as a part of the positions' variance, above which the fit explains nothing.
@@ -26,6 +27,8 @@ const ALIKE: f64 = 1.2;
 const MOST: f64 = 0.9;
 /// A record of more s is fitted from its beginning on.
 const LONG: f64 = 8.0;
+/// The shortest stretch that is searched for a puck that explains it, s.
+const BRIEF: f64 = 0.6;
 /// Parts of the record that are fitted before all of it, where a fit of all of it goes wrong.
 const BEGINNINGS: [f64; 3] = [0.125, 0.25, 0.5];
 /// If those fail too: the number of starts around the best, and how far each number may be off, as a part of itself.
@@ -47,7 +50,7 @@ pub fn identify_until(record: &Record, known: &Known, stop: &dyn Fn() -> bool) -
 }
 
 fn identified(record: &Watched<'_>, known: &Known) -> Result<Identified, Error> {
-    let found = search(record, known)?;
+    let found = search_or_glimpse(record, known)?;
     match found.wrong {
         Some(wrong) => Err(wrong),
         None => Ok(found.identified(record, known)),
@@ -76,8 +79,43 @@ impl Found {
         let bounded = lag.map_or_else(|| Bounded::new(record, self.best), |lag| lag.bounded(record));
         let residual = residual(&left(record, &bounded.fit));
         let spread = spread(record, &bounded.fit);
-        Intervals::new(bounded, self.lag.as_ref(), known).identified(record, residual, spread)
+        let found = Intervals::new(bounded, self.lag.as_ref(), known).identified(record, residual, spread);
+        Identified { damping: found.damping.map(|damping| known.own(damping)), ..found }
     }
+}
+
+/// The search for the best fit, or one fit where the device is richer than the puck.
+pub(crate) fn search_or_glimpse(record: &Watched<'_>, known: &Known) -> Result<Found, Error> {
+    if is_richer(record, known) { glimpse(record, known) } else { search(record, known) }
+}
+
+/// Whether the device is richer than the puck: its equation of motion leaves more of the torque than the positions' noise explains, and a
+/// search finds no puck that explains the stretch of the record that moves most.
+fn is_richer(record: &Watched<'_>, known: &Known) -> bool {
+    if !fit_torque(record, known).is_some_and(|fit| fit.leaves_more_than_noise()) {
+        return false;
+    }
+    let Some(stretch) = record.liveliest(BRIEF) else { return false };
+    let stretch = Watched { record: &stretch, ..*record };
+    let starts = starts(&stretch);
+    let explains =
+        |starts: &[Puck]| best(&stretch, starts).is_some_and(|fit| judged(&stretch, known, fit).wrong.is_none());
+    !explains(&starts) && !explains(&again(&stretch, &starts))
+}
+
+/// One fit, for what it leaves, where none explains the record.
+fn glimpse(record: &Watched<'_>, known: &Known) -> Result<Found, Error> {
+    let squares = |puck: &Puck| {
+        let at = |(z, seen): (f64, &f64)| (seen - z).powi(2);
+        let seen = &record.positions()[record.first()..];
+        fitted(record, puck, record.first()).into_iter().zip(seen).map(at).sum::<f64>()
+    };
+    let starts = starts(record).into_iter().map(|puck| (squares(&puck), puck));
+    let start = starts.filter(|start| start.0.is_finite()).min_by(|a, b| a.0.total_cmp(&b.0));
+    let start = start.ok_or(Error::Unexplained)?.1;
+    let best = fit(record, start, free(record, record.is_driven()), record.first()).ok_or(Error::Unexplained)?;
+    let wrong = Some(unexplained(record, &best).unwrap_or_else(|| large(record, known, &best)));
+    Ok(Found { best, lag: None, wrong })
 }
 
 /// The search for the best fit. A long record is fitted from its beginning on: the fit of a part leads to that of one twice as long, and a

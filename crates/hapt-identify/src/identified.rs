@@ -12,6 +12,16 @@ pub struct Known {
     pub is_linear: bool,
     /// The motor lags, by about so many s: the fits start there, and the other numbers are those of a fit with a lag.
     pub lag: Option<f64>,
+    /// The damping k²/R that a motor on a voltage adds, in N·m·s/rad (N·s/m): the damping that is found is the rest.
+    pub back_damping: f64,
+}
+
+impl Known {
+    /// The damping of the device alone.
+    pub(crate) fn own(&self, damping: Interval) -> Interval {
+        let less = |x: f64| (x - self.back_damping).max(0.0);
+        Interval { value: less(damping.value), low: less(damping.low), high: less(damping.high) }
+    }
 }
 
 /// A value with its 95 % interval.

@@ -1,6 +1,6 @@
 //! What the equation of motion leaves of the torque, by kind.
 
-use crate::equation::{Rows, Solved};
+use crate::equation::{CONSTANT, DAMPING, FORCE, FRICTION, INERTIA, Rows, Solved};
 use crate::spectrum::line;
 
 /// A kind that takes less than this part of what is left is not named.
@@ -45,6 +45,13 @@ pub struct Misfit {
     pub share: f64,
     /// What it goes with, the largest first; each by itself, so that two of them may share a part.
     pub kinds: Vec<Part>,
+}
+
+impl Misfit {
+    /// The share of a kind; 0 where it is not among them.
+    pub fn share_of(&self, kind: Kind) -> f64 {
+        self.kinds.iter().filter(|part| part.kind == kind).map(|part| part.share).sum()
+    }
 }
 
 impl Kind {
@@ -138,7 +145,8 @@ fn taken(left: &[f64], rows: &Rows, columns: &dyn Fn(usize) -> Vec<f64>) -> f64 
     // What the equation's own terms take of a column is theirs.
     let mut basis: Vec<Vec<f64>> = Vec::new();
     let mut part = 0.0;
-    let own = (0..4).map(|term| rows.rows.iter().map(|row| row.terms[term]).collect::<Vec<f64>>());
+    let terms = [INERTIA, DAMPING, FRICTION, CONSTANT, FORCE];
+    let own = terms.into_iter().map(|term| rows.rows.iter().map(|row| row.terms[term]).collect::<Vec<f64>>());
     let extra = (0..count).map(|i| all.iter().map(|row| row[i]).collect::<Vec<f64>>());
     for (i, mut column) in own.chain(extra).enumerate() {
         let before: f64 = column.iter().map(|x| x * x).sum();
@@ -151,7 +159,7 @@ fn taken(left: &[f64], rows: &Rows, columns: &dyn Fn(usize) -> Vec<f64>) -> f64 
             continue;
         }
         column.iter_mut().for_each(|x| *x /= size.sqrt());
-        if i >= 4 {
+        if i >= terms.len() {
             part += column.iter().zip(left).map(|(a, r)| a * r).sum::<f64>().powi(2);
         }
         basis.push(column);

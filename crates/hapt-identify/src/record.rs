@@ -35,6 +35,8 @@ pub struct Record {
     times: Vec<f64>,
     positions: Vec<f64>,
     torques: Vec<f64>,
+    /// A second torque on the puck, measured.
+    forces: Option<Vec<f64>>,
     /// Whether a position says more than the one before it.
     news: Vec<bool>,
 }
@@ -75,7 +77,26 @@ impl Record {
         let news = positions
             .chunk_by(|a, b| a == b)
             .flat_map(|equal| (0..equal.len()).map(|i| i == 0 || equal.len() < AT_REST));
-        Ok(Record { news: news.collect(), times, positions, torques })
+        Ok(Record { news: news.collect(), forces: None, times, positions, torques })
+    }
+
+    /// The same with a second torque that acts on the puck, from a sensor: one value a sample, in N·m (N) or any multiple of it, of either
+    /// sign. [`crate::fit_torque`] finds what it is multiplied by.
+    ///
+    /// # Errors
+    /// As many values as samples are needed, all finite, and not all the same.
+    pub fn with_force(mut self, forces: Vec<f64>) -> Result<Self, Error> {
+        if let Some((sample, value)) = forces.iter().enumerate().find(|(_, value)| !value.is_finite()) {
+            return Err(Error::NotFinite { sample, what: "force", value: *value });
+        }
+        if forces.len() != self.times.len() {
+            return Err(Error::Forces { forces: forces.len(), samples: self.times.len() });
+        }
+        if forces.iter().all(|force| *force == forces[0]) {
+            return Err(Error::StillForce { force: forces[0] });
+        }
+        self.forces = Some(forces);
+        Ok(self)
     }
 
     /// The first part of it, 1: all; `None` where that is too short or too still for a fit.
@@ -84,6 +105,24 @@ impl Record {
         let [times, positions, torques] =
             [&self.times, &self.positions, &self.torques].map(|x| x.get(..n).map(<[f64]>::to_vec));
         Record::new(times?, positions?, torques?).ok()
+    }
+
+    /// A stretch of about so many s, or of twice as long and so on up to half of the record, in which the puck goes farthest; `None` where
+    /// all are too still for a fit.
+    pub(crate) fn liveliest(&self, duration: f64) -> Option<Record> {
+        let n = self.times.len();
+        let shortest = ((duration / self.period()).ceil() as usize).max(FEWEST_SAMPLES);
+        let lengths = std::iter::successors(Some(shortest), |length| Some(2 * length));
+        let way = |from: usize, length: usize| {
+            self.positions[from..from + length].windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum::<f64>()
+        };
+        lengths.take_while(|length| 2 * length <= n).find_map(|length| {
+            let starts = (0..=n - length).step_by(length.div_ceil(2));
+            let best = starts.max_by(|a, b| way(*a, length).total_cmp(&way(*b, length)))?;
+            let [times, positions, torques] =
+                [&self.times, &self.positions, &self.torques].map(|x| x[best..best + length].to_vec());
+            Record::new(times, positions, torques).ok()
+        })
     }
 
     /// In s.
@@ -99,6 +138,11 @@ impl Record {
     /// In N·m (N).
     pub fn torques(&self) -> &[f64] {
         &self.torques
+    }
+
+    /// The second torque, where one was measured.
+    pub fn forces(&self) -> Option<&[f64]> {
+        self.forces.as_deref()
     }
 
     /// Whether the position of a sample is a measurement, or repeats the one before it while the puck rests on a count.

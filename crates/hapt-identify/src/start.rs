@@ -105,6 +105,12 @@ fn glance(record: &Record) -> Glance {
     Glance { sign: sign.collect(), begins: begins(record, record.first())[0] }
 }
 
+/// The velocity at each sample, by a straight line through the positions around it.
+pub(crate) fn velocities(record: &Record) -> Vec<f64> {
+    let (n, half) = (record.positions().len(), half(record, GLANCE));
+    (0..n).map(|i| slope(record, i.saturating_sub(half), (i + half).min(n - 1)).0).collect()
+}
+
 /// The sign of the velocity at each sample, 0 where the puck may rest.
 pub(crate) fn signs(record: &Record) -> Vec<f64> {
     glance(record).sign

@@ -28,6 +28,17 @@ impl<'a> Table<'a> {
         Ok(Table { names, separator, below })
     }
 
+    /// Renames the only column of a base name to the name with a unit that somebody gave it, where the header has none of that name.
+    pub fn give_unit(&mut self, named: &'a str, (base, unit): (&str, &str)) {
+        if unit.is_empty() || self.names.contains(&named) {
+            return;
+        }
+        let mut places = (0..self.names.len()).filter(|i| self.names[*i] == base);
+        if let (Some(place), None) = (places.next(), places.next()) {
+            self.names[place] = named;
+        }
+    }
+
     pub fn lines(&self) -> impl Iterator<Item = (&'a str, usize)> + '_ {
         self.below.iter().copied()
     }

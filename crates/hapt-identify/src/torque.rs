@@ -2,14 +2,18 @@
 
 use crate::counts::{Lattice, lattice};
 use crate::equation::{
-    BLOCKS, Band, CONSTANT, COSINE, DAMPING, DIRECTION, FRICTION, INERTIA, Mask, Rows, SINE, STIFFNESS, Solved, TERMS,
+    BLOCKS, Band, CONSTANT, COSINE, DAMPING, DIRECTION, FORCE, FRICTION, INERTIA, Mask, Rows, SINE, STIFFNESS, Solved,
+    TERMS,
 };
+use crate::foretold::foretold;
 use crate::identified::{Interval, Known};
 use crate::intervals::positive;
-use crate::misfit::{Misfit, misfit};
+use crate::misfit::{Kind, Misfit, misfit};
+use crate::puck::Puck;
 use crate::quantile::student;
 use crate::record::Record;
 use crate::start::{delayed, signs};
+use crate::terms::{Term, terms};
 
 /// The bands: lengths of the windows in s, and whether the weight is the bump's slope. The longer ones see slow torques, and the slope none
 /// that is constant: where the model is right all agree, and where they differ the interval is as wide as they differ.
@@ -34,12 +38,18 @@ const LEFT: f64 = 0.5;
 const TEMPER: f64 = 0.25;
 /// The degrees of freedom of intervals, by the blocks of the jackknife.
 const FREEDOM: f64 = (BLOCKS - 1) as f64;
+/// Student's t of 95 % at one end, with so many degrees of freedom.
+const ONE_SIDED: f64 = 1.895;
 /// Student's t of 99.9 % with so many degrees of freedom: a sign is told beyond.
 const SURELY: f64 = 5.408;
 /// An inertia that is less than so many standard errors is not told.
 const TOLD: f64 = 1.2;
 /// More than this part of the torque's variance is left where the motion has nothing to do with it.
 const UNRELATED: f64 = 0.8;
+/// More than this part of the torque's variance, beyond noise, goes with none of position, velocity and time where a hand moves the puck.
+const STRANGE: f64 = 0.1;
+/// A torque of which the equation of motion leaves more than this part beyond noise is of a device that may be richer than the puck.
+const RICH: f64 = 3e-3;
 /// A torque that position and velocity alone give to within this part of its variance is the law of the loop, or the spring that the device
 /// met: beside it no inertia is told.
 const LAW_LEAVES: f64 = 0.02;
@@ -70,10 +80,21 @@ pub(crate) const PLAIN: Mask = mask(&[]);
 const MODELS: [Mask; 4] =
     [PLAIN, mask(&[STIFFNESS]), mask(&[STIFFNESS, DIRECTION]), mask(&[STIFFNESS, DIRECTION, SINE, COSINE])];
 
+fn is_rich(beyond_noise: f64, share: f64) -> bool {
+    beyond_noise > RICH && beyond_noise > 0.5 * share
+}
+
+/// A model, with the second torque where the record has one.
+fn with_force(mut model: Mask, record: &Record) -> Mask {
+    model[FORCE] = record.forces().is_some();
+    model
+}
+
 /// The fit of the equation of motion to the torque, with 95 % intervals that hold where the device is richer than the equation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TorqueFit {
-    /// J in kg·m² (linear: kg); from 0 where there may be none, `None` where the record does not tell.
+    /// J in kg·m² (linear: kg), by the torque, up to where it is by the motion (for what lies between two estimates: Imbens and Manski,
+    /// Econometrica 72 (2004) 1845); from 0 where there may be none, `None` where the record does not tell.
     pub inertia: Option<Interval>,
     /// b in N·m·s/rad (N·s/m).
     pub damping: Option<Interval>,
@@ -85,12 +106,29 @@ pub struct TorqueFit {
     pub gain: Option<Interval>,
     /// 1 or -1, where the motion decides it at 99.9 %.
     pub sign: Option<f64>,
+    /// The inertia by least squares of the torque alone, kg·m² (kg): biased towards 0 by what acts on the puck besides, unless the torque
+    /// follows the motion.
+    pub inertia_by_torque: Option<Interval>,
+    /// The inertia by the regression of the acceleration on the torque: biased away from 0 by what the torque has besides the device.
+    pub inertia_by_motion: Option<Interval>,
+    /// What the second torque of the record is multiplied by, of either sign: so it acts on the puck, along the position.
+    pub force: Option<Interval>,
+    /// The terms that the record carries beside these, in parts of the commanded torque.
+    pub terms: Vec<Term>,
+    /// Whether more than a tenth of the torque goes with none of position, velocity and time: then something else moves the puck, and no
+    /// inertia is told.
+    pub is_moved_by_another: bool,
     /// The lattice of the positions.
     pub lattice: Option<Lattice>,
     /// What the equation leaves.
     pub misfit: Misfit,
+    /// The part of the torque's variance that the equation leaves, and that the positions' noise does not explain.
+    pub beyond_noise: f64,
     /// The delay that the fit assumes, in s.
     pub delay: f64,
+    /// Times and positions that the fit foretells, begun anew every [`crate::FORETOLD`] s from the measured ones; none without an inertia,
+    /// and none beside a second torque.
+    pub motion: Vec<(f64, f64)>,
     /// The windows, for a picture.
     pub windows: Vec<Window>,
 }
@@ -111,6 +149,39 @@ pub struct Window {
 }
 
 impl TorqueFit {
+    /// What `hapt identify --json` gives, in its order, as [`crate::Identified::named`]; delay and lag are not told.
+    pub fn named(&self, is_linear: bool) -> [(&'static str, Option<Interval>); 9] {
+        let exactly = |value: f64| Interval { value, low: value, high: value };
+        [
+            ("inertia", self.inertia),
+            ("damping", self.damping),
+            ("friction", self.friction),
+            ("delay_s", None),
+            ("lag_s", None),
+            ("late_s", None),
+            ("offset", self.offset),
+            ("sign", self.sign.map(exactly)),
+            ("counts_per_rev", self.counts().filter(|_| !is_linear).map(exactly)),
+        ]
+    }
+
+    /// The encoder's counts a revolution, where they are whole.
+    pub fn counts(&self) -> Option<f64> {
+        let counts = std::f64::consts::TAU / self.lattice?.step;
+        let whole = counts.round();
+        ((counts - whole).abs() < 1e-3 && whole > 0.0).then_some(whole)
+    }
+
+    /// Whether the inertias by the torque and by the motion differ by more than their intervals.
+    pub fn sides_differ(&self) -> bool {
+        self.inertia_by_torque.zip(self.inertia_by_motion).is_some_and(|(a, b)| a.high < b.low || b.high < a.low)
+    }
+
+    /// Whether the equation of motion leaves more of the torque than the positions' noise explains, as of a device that is richer.
+    pub fn leaves_more_than_noise(&self) -> bool {
+        is_rich(self.beyond_noise, self.misfit.share)
+    }
+
     /// Whether the motion has to do with the torque at all: where not, the columns are not of one device, or a hand moved it.
     pub fn explains(&self) -> bool {
         self.inertia.is_some() || self.misfit.share < UNRELATED
@@ -152,11 +223,13 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
     let positions = record.positions();
     let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
     let turns = !known.is_linear && high - low > TRAVEL;
-    let models = if turns { &MODELS[..] } else { &MODELS[..3] };
+    let count = if turns { MODELS.len() } else { MODELS.len() - 1 };
+    let models = MODELS.map(|model| with_force(model, record));
+    let (plain_terms, spring_terms, models) = (models[0], models[1], &models[..count]);
     let torques_of = |delay: f64| delayed(record, delay);
     let shown = |delay: f64| {
         let rows = Rows::new(record, &signs, &torques_of(delay), SHOWN);
-        let solved = [MODELS[1], PLAIN].into_iter().find_map(|model| rows.solved(model, duration))?;
+        let solved = [spring_terms, plain_terms].into_iter().find_map(|model| rows.solved(model, duration))?;
         Some((delay, solved.share))
     };
     let delays = (0..DELAYS).filter_map(|i| shown(i as f64 * DELAY_STEP));
@@ -178,19 +251,22 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
     if bands.iter().any(good) {
         bands.retain(good);
     }
-    let of = |term: usize, with_slopes: bool| {
+    let over = |pick: &dyn Fn(&Solved) -> Option<(f64, f64)>, with_slopes: bool| {
         let bands = bands.iter().filter(|band| with_slopes || !band.0.slope);
         let means: Vec<(f64, Mean)> = bands
             .filter_map(|(_, _, solved)| {
-                let has = |model: &Solved| term != CONSTANT || model.has_constant;
-                let parts = weighed(solved).into_iter().filter(|(_, model)| has(model)).map(|(weight, model)| {
-                    (weight, Mean { value: model.values[term], variance: model.errors[term].powi(2) })
-                });
-                mean(parts.collect::<Vec<_>>().into_iter())
+                let part = |(weight, model): (f64, &Solved)| {
+                    pick(model).map(|(value, error)| (weight, Mean { value, variance: error.powi(2) }))
+                };
+                mean(weighed(solved).into_iter().filter_map(part).collect::<Vec<_>>().into_iter())
             })
             .map(|mean| (mean.variance.max(f64::MIN_POSITIVE).recip(), mean))
             .collect();
         mean(means.into_iter())
+    };
+    let of = |term: usize, with_slopes: bool| {
+        let has = |model: &Solved| term != CONSTANT || model.has_constant;
+        over(&|model| has(model).then(|| (model.values[term], model.errors[term])), with_slopes)
     };
     let t = student(FREEDOM);
     let interval = |mean: Mean, sign: f64| {
@@ -201,12 +277,24 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
     let way = if inertia.value < 0.0 { -1.0 } else { 1.0 };
     let deviation = inertia.variance.sqrt();
     let rows = Rows::new(record, &signs, &torques, SHOWN);
-    let plain = rows.solved(PLAIN, duration)?;
+    let plain = rows.solved(plain_terms, duration)?;
     // Motion of one frequency does not tell an inertia from a spring, nor from what a hand does.
-    let is_apart = rows.solved(MODELS[1], duration).is_some();
-    let is_a_law = rows.solved(LAW, duration).is_some_and(|law| law.share < LAW_LEAVES);
-    let is_told = inertia.value.abs() > TOLD * deviation && !is_a_law && is_apart;
-    let found = is_told.then(|| positive(interval(inertia, way)));
+    let is_apart = rows.solved(spring_terms, duration).is_some();
+    // A sensor's torque tells the spring that the device met from the device.
+    let is_a_law = record.forces().is_none() && rows.solved(LAW, duration).is_some_and(|law| law.share < LAW_LEAVES);
+    let (misfit, beyond_noise) = (misfit(&rows, &plain, duration, known.is_linear), rows.unexplained(&plain));
+    // What goes with none of position, velocity and time, beyond the positions' noise, is another torque.
+    let strange = misfit.share_of(Kind::Unexplained).min(beyond_noise);
+    let is_moved = is_rich(beyond_noise, misfit.share) && strange > STRANGE;
+    let is_told = inertia.value.abs() > TOLD * deviation && !is_a_law && !is_moved && is_apart;
+    let inertia_by_motion = over(&|model| Some(model.by_motion), true).filter(|_| is_told);
+    // The truth lies between the two where the torque does not follow the motion: an end is that of one side.
+    let reach = inertia_by_motion.map_or(0.0, |mean| way * mean.value + ONE_SIDED * mean.variance.sqrt());
+    let whole = interval(inertia, way);
+    let found = is_told.then(|| positive(Interval { high: whole.high.max(reach), ..whole }));
+    let inertia_by_torque = is_told.then(|| positive(whole));
+    let carries = is_told && is_rich(beyond_noise, misfit.share);
+    let found_terms = if carries { terms(record, &rows, way, known.is_linear) } else { Vec::new() };
     // Where the inertia is known, all torques are in parts of the motor's.
     let gain = known.inertia.map(|known| known / inertia.value.abs()).filter(|gain| gain.is_finite());
     let scaled = |x: Interval, by: f64| Interval { value: by * x.value, low: by * x.low, high: by * x.high };
@@ -218,6 +306,19 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
         value: gain,
         low: gain * x.value / x.high,
         high: if x.low > 0.0 { gain * x.value / x.low } else { f64::MAX },
+    });
+    // Of the equation that the picture shows.
+    let moves = is_told && record.forces().is_none() && plain.values[INERTIA] * way > 0.0;
+    let per_inertia = |term: usize| plain.values[term] / plain.values[INERTIA];
+    let puck = moves.then(|| Puck {
+        gain: plain.values[INERTIA].recip(),
+        damping: per_inertia(DAMPING),
+        friction: per_inertia(FRICTION),
+        delay,
+        offset: -per_inertia(CONSTANT),
+        position: 0.0,
+        velocity: 0.0,
+        lag: 0.0,
     });
     let windows = rows.rows.iter().zip(&plain.left).map(|(row, left)| Window {
         time: row.time,
@@ -231,15 +332,22 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
             Some(known) => Some(Interval { value: known, low: known, high: known }),
             None => found,
         },
-        damping: torque(DAMPING, way).filter(|_| is_told).map(positive),
+        damping: torque(DAMPING, way).filter(|_| is_told).map(|damping| known.own(positive(damping))),
         friction: torque(FRICTION, way).filter(|_| is_told).map(positive),
         // A torque of its own acts against the equation's.
         offset: torque(CONSTANT, -way).filter(|_| is_told),
         gain: motor.filter(|motor| motor.high < f64::MAX),
         sign: (is_told && inertia.value.abs() > SURELY * deviation).then_some(way),
         lattice: lattice(positions),
-        misfit: misfit(&rows, &plain, duration, known.is_linear),
+        misfit,
+        beyond_noise,
+        inertia_by_torque,
+        inertia_by_motion: inertia_by_motion.map(|mean| positive(interval(mean, way))),
+        force: record.forces().and_then(|_| torque(FORCE, -way)).filter(|_| is_told),
+        is_moved_by_another: is_moved,
+        terms: found_terms,
         delay,
+        motion: puck.map_or(Vec::new(), |puck| foretold(record, puck)),
         windows: windows.collect(),
     })
 }

@@ -55,3 +55,34 @@ fn what_may_be_meant_is_listed_with_its_range() {
     let error = Columns::parse("position=link_pos_rad,torque=spare_Nm").unwrap().read(text).unwrap_err().to_string();
     assert!(error.contains("spare_Nm stands still at 7"), "{error}");
 }
+
+#[test]
+fn a_voltage_is_a_torque_at_rest_and_a_damping_that_the_motor_adds() {
+    let text = "t_s,angle_rad,drive_V\n0,0,2\n1,1,-1\n";
+    let columns = Columns {
+        torque_constant: Some(0.05),
+        resistance: Some(2.0),
+        ratio: Some(3.0),
+        ..Columns::parse("torque=drive_V").unwrap()
+    };
+    let read = columns.read_all(text).unwrap();
+    near(&read.torques, &[0.15, -0.075]);
+    near(&[read.back_damping], &[0.15 * 0.15 / 2.0]);
+    for missing in [Columns { resistance: None, ..columns.clone() }, Columns { torque_constant: None, ..columns }] {
+        let error = missing.read_all(text).unwrap_err().to_string();
+        assert!(error.contains("--torque-constant") && error.contains("--resistance"), "{error}");
+    }
+}
+
+#[test]
+fn a_unit_can_be_given_to_a_column_without_one() {
+    let text = "t,angle,u,sensor\n0,0,2,5\n1000,180,-1,6\n";
+    let columns = Columns::parse("time=t [ms],position=angle [deg],torque=u [mN.m],force=sensor").unwrap();
+    let read = columns.read_all(text).unwrap();
+    near(&read.times, &[0.0, 1.0]);
+    near(&read.positions, &[0.0, std::f64::consts::PI]);
+    near(&read.torques, &[2e-3, -1e-3]);
+    near(&read.forces.unwrap(), &[5.0, 6.0]);
+    let error = Columns::default().read_all(text).unwrap_err().to_string();
+    assert!(error.contains("no known unit") || error.contains("looks like"), "{error}");
+}

@@ -76,6 +76,15 @@ pub struct IdentifyArgs {
     /// The columns of a CSV, with units after their last underscore; default: the usual names.
     #[arg(long, value_name = "time=NAME,position=NAME,torque=NAME")]
     pub columns: Option<String>,
+    /// The time's column, as in --columns; "t [ms]" gives a column its unit.
+    #[arg(long, value_name = "COLUMN")]
+    pub time: Option<String>,
+    /// The position's column.
+    #[arg(long, value_name = "COLUMN")]
+    pub position: Option<String>,
+    /// The column of a second torque on the device, from a sensor; its sign and scale are found.
+    #[arg(long, value_name = "COLUMN", conflicts_with_all = ["coast", "handle", "against"])]
+    pub force: Option<String>,
     /// The spring to ground of the recorded loop, for a CSV without torques.
     #[arg(long, value_name = "Q", allow_hyphen_values = true, conflicts_with = "coast")]
     pub spring: Option<String>,
@@ -91,9 +100,12 @@ pub struct IdentifyArgs {
     /// Counts a revolution, for positions in counts.
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     pub counts: Option<f64>,
-    /// The motor's torque constant in N m/A (linear: N/A), for a torque column in A or mA.
+    /// The motor's torque constant in N m/A (linear: N/A), for a torque column in A, mA, V or mV.
     #[arg(long, value_name = "N_M_PER_A", allow_hyphen_values = true)]
     pub torque_constant: Option<f64>,
+    /// The motor's winding resistance in ohm, for a torque column in V or mV: its torque is k/R (u - k w).
+    #[arg(long, value_name = "OHM", allow_hyphen_values = true, conflicts_with = "inertia")]
+    pub resistance: Option<f64>,
     /// Turns of the motor for one of the handle, where the torque column is of the motor's side.
     #[arg(long, value_name = "N", allow_hyphen_values = true)]
     pub ratio: Option<f64>,
@@ -112,8 +124,8 @@ pub struct IdentifyArgs {
     /// Override a key of that world by its dotted path, such as loop.period=2ms; repeatable.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
-    /// The experiment's largest torque; default: a tenth of the motor's limit.
-    #[arg(long, value_name = "Q", allow_hyphen_values = true)]
+    /// A table's column of torques; for an experiment its largest torque, by default a tenth of the motor's limit.
+    #[arg(long, value_name = "COLUMN|Q", allow_hyphen_values = true)]
     pub torque: Option<String>,
     /// The duration of the experiment.
     #[arg(long, value_name = "Q", allow_hyphen_values = true, default_value = "5 s")]

@@ -159,7 +159,7 @@ Examples:
   hapt convert wheel.mcap -o log.csv && \\
       hapt identify log.csv \\
       --columns time=time_s,position=measured_rad,torque=applied_Nm")]
-    Identify(IdentifyArgs),
+    Identify(Box<IdentifyArgs>),
     /// List serial ports and CAN interfaces, and the drives that may be behind them.
     #[command(after_help = "\
 Examples:

@@ -1,6 +1,6 @@
 //! The fit over the positions, and its residuals.
 
-use hapt_identify::{Comparison, Identified, Lattice, TorqueFit, Window};
+use hapt_identify::{Comparison, FORETOLD, Identified, Lattice, TorqueFit, Window};
 use hapt_model::Motion;
 use hapt_report::figure::{Axis, Figure, Panel, Style};
 
@@ -19,6 +19,8 @@ pub struct Drawn {
     residuals: Vec<(f64, f64)>,
     lattice: Option<Lattice>,
     rms: f64,
+    /// What the fit to the torque foretells of the motion.
+    foretold: Vec<(f64, f64)>,
     /// The fit to the torque.
     windows: Vec<Window>,
 }
@@ -27,12 +29,19 @@ impl Drawn {
     pub fn of(given: &Given, found: &Identified, by_torque: Option<&TorqueFit>) -> Self {
         let (fitted, residuals) = (found.fitted(&given.record), found.residuals(&given.record));
         let windows = by_torque.map_or(Vec::new(), |fit| fit.windows.clone());
-        Drawn { fitted, residuals, lattice: found.lattice, rms: found.residual.rms, windows }
+        Drawn { fitted, residuals, lattice: found.lattice, rms: found.residual.rms, foretold: Vec::new(), windows }
     }
 
     pub fn of_best(found: &Comparison) -> Self {
         let (fitted, residuals) = (found.fitted.clone(), found.residuals.clone());
-        Drawn { fitted, residuals, lattice: found.lattice, rms: found.residual.rms, windows: Vec::new() }
+        Drawn {
+            fitted,
+            residuals,
+            lattice: found.lattice,
+            rms: found.residual.rms,
+            foretold: Vec::new(),
+            windows: Vec::new(),
+        }
     }
 
     pub fn of_torque(fit: &TorqueFit) -> Self {
@@ -41,16 +50,10 @@ impl Drawn {
             residuals: Vec::new(),
             lattice: fit.lattice,
             rms: 0.0,
+            foretold: fit.motion.clone(),
             windows: fit.windows.clone(),
         }
     }
-}
-
-/// The encoder's counts a revolution, where they are whole.
-pub fn counts(given: &Given, fit: &TorqueFit) -> Option<f64> {
-    let counts = std::f64::consts::TAU / fit.lattice.filter(|_| given.motion == Motion::Rotary)?.step;
-    let whole = counts.round();
-    ((counts - whole).abs() < 1e-3 && whole > 0.0).then_some(whole)
 }
 
 pub fn figure(given: &Given, found: &Drawn) -> Figure {
@@ -96,6 +99,10 @@ pub fn figure(given: &Given, found: &Drawn) -> Figure {
             format::number((found.rms * finer * 1e3).round() / 1e3)
         );
     } else {
+        if !found.foretold.is_empty() {
+            let name = format!("foretold, {} s each", format::number(FORETOLD));
+            motion.curve(&name, Style::Signal(0), thinned(&scaled(&found.foretold, factor)));
+        }
         panels.push(motion);
         let of = |value: &dyn Fn(&Window) -> f64| -> Vec<(f64, f64)> {
             thinned(&found.windows.iter().map(|window| (window.time, per_si * value(window))).collect::<Vec<_>>())

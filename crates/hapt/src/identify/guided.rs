@@ -73,7 +73,7 @@ pub fn experiment(args: &IdentifyArgs, device: &DeviceAddress, world: Option<Wor
             format::effort(torque, world.motion)
         ))
     })?;
-    Ok(Given { name, record, motion: world.motion, world: Some(world) })
+    Ok(Given { name, record, motion: world.motion, world: Some(world), back_damping: 0.0 })
 }
 
 fn torque(args: &IdentifyArgs, world: &World) -> Result<f64, Failure> {

@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use hapt_host::DeviceAddress;
-use hapt_identify::{Columns, Record};
+use hapt_identify::{Columns, Read as Table, Record, is_mat, mat_table};
 use hapt_log::{Log, Origin};
 use hapt_model::keys::Measure;
 use hapt_model::{Motion, World};
@@ -45,54 +45,81 @@ pub fn read(args: &IdentifyArgs, world: Option<World>) -> Result<Given, Failure>
     let (name, from) = log::reader(path)?;
     let mut from = BufReader::with_capacity(1 << 16, from);
     let first = from.fill_buf().map_err(|error| Failure::input(format!("cannot read {name}: {error}")))?;
-    let (lists, motion, world) = if hapt_log::is_log(first) {
-        if args.columns.is_some() || args.spring.is_some() || args.torque_constant.is_some() || args.ratio.is_some() {
+    let (lists, motion, world, forces, back_damping) = if hapt_log::is_log(first) {
+        let named = [&args.columns, &args.time, &args.position, &args.torque, &args.force, &args.spring];
+        let numbers = [args.torque_constant, args.resistance, args.ratio];
+        if named.into_iter().any(Option::is_some) || numbers.into_iter().any(|number| number.is_some()) {
             return Err(Failure::input(
-                "--columns, --spring, --torque-constant and --ratio are for tables; a log has its columns and torques",
+                "--columns, --time, --position, --torque, --force, --spring, --torque-constant, --resistance and --ratio are for tables; a log has its columns and torques",
             ));
         }
         let log = Log::read(Box::new(from) as Box<dyn Read>).map_err(|error| log::failure(&name, error))?;
-        logged(Opened { name: name.clone(), log }, world, args.coast)?
+        let (lists, motion, world) = logged(Opened { name: name.clone(), log }, world, args.coast)?;
+        (lists, motion, world, None, 0.0)
     } else {
-        let (lists, motion) = table(args, &name, from)?;
-        (lists, motion, world)
+        let Table { times, positions, torques, forces, motion, back_damping } = table(args, &name, from)?;
+        ([times, positions, torques], motion, world, forces, back_damping)
     };
-    let lists = cut(args, lists)?;
+    let (lists, forces) = cut(args, lists, forces)?;
     let [times, positions, torques] = lists;
-    let record = Record::new(times, positions, torques).map_err(|error| Failure::input(format!("{name}: {error}")))?;
-    Ok(Given { name, record, motion, world })
+    let wrong = |error| Failure::input(format!("{name}: {error}"));
+    let mut record = Record::new(times, positions, torques).map_err(wrong)?;
+    if let Some(forces) = forces {
+        record = record.with_force(forces).map_err(wrong)?;
+    }
+    Ok(Given { name, record, motion, world, back_damping })
 }
 
 /// A table with a header.
-fn table(args: &IdentifyArgs, name: &str, from: impl Read) -> Result<(Lists, Motion), Failure> {
+fn table(args: &IdentifyArgs, name: &str, from: impl Read) -> Result<Table, Failure> {
     let mut bytes = Vec::new();
     let read = from.take(LARGEST + 1).read_to_end(&mut bytes);
     read.map_err(|error| Failure::input(format!("cannot read {name}: {error}")))?;
     if bytes.len() as u64 > LARGEST {
-        return Err(Failure::input(format!("{name} is larger than 256 MiB; --from and --to cut a log, not a table")));
+        return Err(Failure::input(format!(
+            "{name} is larger than 256 MiB; expected a shorter record, such as every tenth line of it"
+        )));
     }
-    let text = String::from_utf8(bytes).map_err(|_| Failure::input(format!("{name} is not text in UTF-8")))?;
+    let wrong = |error| Failure::input(format!("{name}: {error}"));
+    let text = match is_mat(&bytes) {
+        true => mat_table(&bytes).map_err(wrong)?,
+        false => String::from_utf8(bytes).map_err(|_| Failure::input(format!("{name} is not text in UTF-8")))?,
+    };
     let mut columns = Columns::parse(args.columns.as_deref().unwrap_or_default())
         .map_err(|error| Failure::input(format!("--columns: {error}")))?;
-    for (flag, value) in
-        [("--counts", args.counts), ("--torque-constant", args.torque_constant), ("--ratio", args.ratio)]
-    {
+    let places = [
+        ("--time", &args.time, &mut columns.time),
+        ("--position", &args.position, &mut columns.position),
+        ("--torque", &args.torque, &mut columns.torque),
+        ("--force", &args.force, &mut columns.force),
+    ];
+    for (flag, given, place) in places.into_iter().filter(|(_, given, _)| given.is_some()) {
+        if place.is_some() && place != given {
+            return Err(Failure::input(format!("{flag} and --columns name two columns; expected one of the two")));
+        }
+        place.clone_from(given);
+    }
+    for (flag, value) in [
+        ("--counts", args.counts),
+        ("--torque-constant", args.torque_constant),
+        ("--resistance", args.resistance),
+        ("--ratio", args.ratio),
+    ] {
         if value.is_some_and(|value| !(value > 0.0 && value.is_finite())) {
             return Err(Failure::input(format!("{flag}: expected a positive number")));
         }
     }
     (columns.counts, columns.coasts) = (args.counts, args.coast);
-    (columns.torque_constant, columns.ratio) = (args.torque_constant, args.ratio);
+    (columns.torque_constant, columns.resistance, columns.ratio) = (args.torque_constant, args.resistance, args.ratio);
     let spring = |motion| args.spring.as_ref().map(|text| positive("--spring", text, Measure::Stiffness, motion));
     // Whether it is a torsional spring shows with the position's unit.
     columns.spring = spring(Motion::Rotary).transpose().or_else(|error| match spring(Motion::Linear) {
         Some(Ok(linear)) => Ok(Some(linear)),
         _ => Err(error),
     })?;
-    let wrong = |error| Failure::input(format!("{name}: {error}"));
-    let (lists, motion) = columns.read(&text).map_err(wrong)?;
-    spring(motion).transpose()?;
-    Ok((lists, motion))
+    let table = columns.read_all(&text).map_err(wrong)?;
+    spring(table.motion).transpose()?;
+    Ok(table)
 }
 
 /// A log of hapt: the commands of a run; the output of the supervisor of a loop in real time.
@@ -121,7 +148,7 @@ fn logged(mut opened: Opened, named: Option<World>, coasts: bool) -> Result<(Lis
 }
 
 /// The part between --from and --to.
-fn cut(args: &IdentifyArgs, lists: Lists) -> Result<Lists, Failure> {
+fn cut(args: &IdentifyArgs, lists: Lists, forces: Option<Vec<f64>>) -> Result<(Lists, Option<Vec<f64>>), Failure> {
     let bound = |flag: &str, text: &Option<String>| text.as_deref().map(|text| time(flag, text)).transpose();
     let from = bound("--from", &args.from)?.unwrap_or(f64::NEG_INFINITY);
     let to = bound("--to", &args.to)?.unwrap_or(f64::INFINITY);
@@ -130,5 +157,5 @@ fn cut(args: &IdentifyArgs, lists: Lists) -> Result<Lists, Failure> {
     }
     let keep: Vec<bool> = lists[0].iter().map(|t| !(*t < from || *t > to)).collect();
     let kept = |list: Vec<f64>| list.into_iter().zip(&keep).filter_map(|(x, keep)| keep.then_some(x)).collect();
-    Ok(lists.map(kept))
+    Ok((lists.map(kept), forces.map(kept)))
 }

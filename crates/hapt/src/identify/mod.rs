@@ -13,7 +13,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use hapt_host::DeviceAddress;
-use hapt_identify::{Error, Known, Record, fit_torque, identify};
+use hapt_identify::{Error, Known, Record, TorqueFit, fit_torque, identify};
 use hapt_model::keys::Measure;
 use hapt_model::{Motion, World};
 use hapt_report::Width;
@@ -35,6 +35,8 @@ pub struct Given {
     pub motion: Motion,
     /// The world that ran, or the one that --world names.
     pub world: Option<World>,
+    /// What a motor on a voltage adds to the damping, in N·m·s/rad (N·s/m).
+    pub back_damping: f64,
 }
 
 pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
@@ -54,6 +56,11 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
         return Err(Failure::input("--set needs --world or --against: it changes a key of that world"));
     }
     let given = match device(&args.what) {
+        Some(_) if [&args.time, &args.position, &args.force].into_iter().any(Option::is_some) => {
+            return Err(Failure::input(
+                "--time, --position and --force name columns of a table; an experiment has none",
+            ));
+        }
         Some(device) => match (guided::experiment(args, &device, world), output::signalled()) {
             (_, Some(code)) => return Ok(ExitCode::from(code)),
             (given, None) => given?,
@@ -66,19 +73,32 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
     if args.against.is_some() {
         return against::run(args, &given);
     }
-    let known =
-        Known { inertia: inertia(args, given.motion)?, is_linear: given.motion == Motion::Linear, ..Known::default() };
+    let known = Known {
+        inertia: inertia(args, given.motion)?,
+        is_linear: given.motion == Motion::Linear,
+        back_damping: given.back_damping,
+        ..Known::default()
+    };
     let by_torque = fit_torque(&given.record, &known);
+    // Beside a second torque the motion does not follow from the commanded one.
+    if given.record.forces().is_some() {
+        let none = || Failure::input(format!("{}: {}", given.name, Error::Unexplained));
+        let fit = by_torque.filter(TorqueFit::explains).ok_or_else(none)?;
+        return richer::run(args, &given, &fit, None);
+    }
     let found = match (identify(&given.record, &known), &by_torque) {
         (Ok(found), _) => found,
         // The device is richer than the model: the fit to the torque is the answer.
         (Err(error @ (Error::Residual(_) | Error::Unexplained)), Some(fit)) if fit.explains() => {
-            return richer::run(args, &given, fit, &error);
+            return richer::run(args, &given, fit, Some(&error));
         }
         (Err(error), _) => return Err(Failure::input(format!("{}: {error}", given.name))),
     };
     for warning in found.warnings().into_iter().chain(print::unmodelled(&given, &found)) {
         messages::say(format_args!("warning: {warning}"));
+    }
+    if let Some(words) = print::sides(&given, found.inertia, by_torque.as_ref()) {
+        messages::say(format_args!("warning: {words}"));
     }
     if found.sign.is_none() && known.inertia.is_none() && !given.record.is_driven() {
         messages::say(

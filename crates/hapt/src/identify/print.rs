@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use hapt_identify::{Identified, Interval, Part, PositionTorque, TorqueFit};
+use hapt_identify::{Identified, Interval, Part, PositionTorque, Term, TermKind, TorqueFit};
 use hapt_model::keys::Measure;
 use hapt_model::{Delay, Motion, World};
 use serde_json::{Value, json};
@@ -17,11 +17,29 @@ const LEAST_TOLERANCE: f64 = 1.0;
 
 /// The contract's six, lag, time to the torque and constant torque, each with its interval or null.
 pub fn json(found: &Identified, by_torque: Option<&TorqueFit>) -> Result<String, Failure> {
-    named(&found.named(), by_torque)
+    named(&found.named(), by_torque, &[])
 }
 
-/// The numbers by their names, and the misfit.
-pub fn named(numbers: &[(&str, Option<Interval>)], by_torque: Option<&TorqueFit>) -> Result<String, Failure> {
+/// Where the inertia by the motion is another than by the torque's equation, with the likely reason.
+pub fn sides(given: &Given, by_motion: Option<Interval>, by_torque: Option<&TorqueFit>) -> Option<String> {
+    let (motion, torque) = (by_motion?, by_torque?.inertia_by_torque?);
+    let differ = motion.high < torque.low || torque.high < motion.low;
+    let [unit, _] = units(given.motion);
+    differ.then(|| {
+        format!(
+            "the inertia by the motion ({}) and by the torque ({}) differ by more than their intervals: the likely reason is a closed loop, in which the torque answers what else acts on the device, or a delay that the fit does not have",
+            sized(motion, 1.0, &unit),
+            sized(torque, 1.0, &unit)
+        )
+    })
+}
+
+/// The numbers by their names, the misfit, and terms where there are some.
+pub fn named(
+    numbers: &[(&str, Option<Interval>)],
+    by_torque: Option<&TorqueFit>,
+    terms: &[Term],
+) -> Result<String, Failure> {
     let value = |interval: Option<Interval>| -> Value {
         interval.map_or(Value::Null, |x| json!({ "value": x.value, "low": x.low, "high": x.high }))
     };
@@ -33,8 +51,26 @@ pub fn named(numbers: &[(&str, Option<Interval>)], by_torque: Option<&TorqueFit>
         json!({ "share": fit.misfit.share, "kinds": kinds })
     });
     json.insert("misfit".into(), misfit);
+    if !terms.is_empty() {
+        json.insert("terms".into(), terms.iter().map(term).collect());
+    }
     let text = serde_json::to_string_pretty(&json).map_err(|error| Failure::System(error.to_string()))?;
     Ok(text + "\n")
+}
+
+/// A term with what its kind has besides, in SI.
+fn term(term: &Term) -> Value {
+    let mut json =
+        json!({ "kind": term.kind.word(), "value": term.size.value, "low": term.size.low, "high": term.size.high });
+    match term.kind {
+        TermKind::Turn { times, phase } => {
+            json["times_a_turn"] = times.into();
+            json["phase_rad"] = phase.into();
+        }
+        TermKind::Stribeck { velocity } => json["velocity"] = velocity.into(),
+        TermKind::Stiffness | TermKind::Drag => {}
+    }
+    json
 }
 
 /// A line for each number.

@@ -3,26 +3,38 @@
 use std::fmt::Write as _;
 use std::process::ExitCode;
 
-use hapt_identify::{Error, Interval, Kind, TorqueFit};
+use hapt_identify::{Error, Interval, Kind, Term, TermKind, TorqueFit};
 use hapt_model::Motion;
+use hapt_model::keys::Measure;
 
-use super::figure::{self, Drawn};
-use super::print::{effort, named, sized, toml, units};
-use super::{Given, plot, said, written};
+use super::figure::Drawn;
+use super::print::{effort, named, sized, to, toml, units};
+use super::{Given, plot, print, said, written};
 use crate::args::IdentifyArgs;
 use crate::failure::Failure;
 use crate::format;
 use crate::messages;
 use crate::output;
 
-pub fn run(args: &IdentifyArgs, given: &Given, fit: &TorqueFit, error: &Error) -> Result<ExitCode, Failure> {
-    messages::say(format_args!("note: {error}"));
+pub fn run(args: &IdentifyArgs, given: &Given, fit: &TorqueFit, error: Option<&Error>) -> Result<ExitCode, Failure> {
+    if let Some(error) = error {
+        messages::say(format_args!("note: {error}"));
+    }
     messages::say("note: the numbers are those of the torque's equation; their intervals allow for what it leaves");
     let table = table(given, fit);
-    if fit.inertia.is_none() {
+    if fit.is_moved_by_another {
         messages::say(
-            "note: no inertia can be told from this record; record faster motion in both directions, free of hands",
+            "note: no inertia can be told from this record: more than a tenth of the torque goes with nothing that moves, so something else moves the device, such as a hand; --force COLUMN takes in its sensor",
         );
+    } else if fit.inertia.is_none() {
+        messages::say(
+            "note: no inertia can be told from this record; record faster motion in both directions, free of hands or with --force COLUMN for their sensor",
+        );
+    }
+    if fit.sides_differ()
+        && let Some(words) = print::sides(given, fit.inertia_by_motion, Some(fit))
+    {
+        messages::say(format_args!("warning: {words}"));
     }
     let write = args.write.as_deref().filter(|_| fit.inertia.is_some());
     let drafts = [
@@ -30,21 +42,15 @@ pub fn run(args: &IdentifyArgs, given: &Given, fit: &TorqueFit, error: &Error) -
         plot(args, given, &Drawn::of_torque(fit))?,
     ];
     written(drafts)?;
-    let exactly = |value: f64| Interval { value, low: value, high: value };
-    let counts = figure::counts(given, fit);
     let text = if args.json {
-        let numbers = [
-            ("inertia", fit.inertia),
-            ("damping", fit.damping),
-            ("friction", fit.friction),
-            ("delay_s", None),
-            ("lag_s", None),
-            ("late_s", None),
-            ("offset", fit.offset),
-            ("sign", fit.sign.map(exactly)),
-            ("counts_per_rev", counts.map(exactly)),
+        let numbers = fit.named(given.motion == Motion::Linear);
+        let more = [
+            ("inertia_by_torque", fit.inertia_by_torque),
+            ("inertia_by_motion", fit.inertia_by_motion),
+            ("force", fit.force),
         ];
-        named(&numbers, Some(fit))?
+        let more = more.into_iter().filter(|(name, _)| *name != "force" || given.record.forces().is_some());
+        named(&numbers.into_iter().chain(more).collect::<Vec<_>>(), Some(fit), &fit.terms)?
     } else {
         text(given, fit, args.inertia.is_some())
             + &if args.write.is_some() || fit.inertia.is_none() { String::new() } else { format!("\n{table}") }
@@ -63,6 +69,7 @@ fn text(given: &Given, fit: &TorqueFit, inertia_is_known: bool) -> String {
     );
     let [inertia, damping] = units(given.motion);
     let (effort, per_si) = effort(given.motion);
+    let effort_si = if given.motion == Motion::Linear { "N" } else { "N m" };
     let mut line = |name: &str, words: String| {
         let _ = writeln!(text, "{name:<9} {words}");
     };
@@ -72,12 +79,32 @@ fn text(given: &Given, fit: &TorqueFit, inertia_is_known: bool) -> String {
         line("gain", within(fit.gain, 1.0, "of the commanded torque"));
     } else {
         line("inertia", within(fit.inertia, 1.0, &inertia));
+        if let (Some(torque), Some(motion)) = (fit.inertia_by_torque, fit.inertia_by_motion) {
+            line("", format!("{} by the torque alone", sized(torque, 1.0, &inertia)));
+            line("", format!("{} by the motion alone", sized(motion, 1.0, &inertia)));
+        }
     }
     line("damping", within(fit.damping, 1.0, &damping));
     line("friction", within(fit.friction, per_si, effort));
     line("delay", "not told beside the misfit".into());
     if let Some(offset) = fit.offset.filter(|offset| !offset.covers(0.0)) {
         line("offset", format!("{}: a constant torque that was not commanded", sized(offset, per_si, effort)));
+        // It brakes one way and drives the other.
+        if let Some(friction) = fit.friction.filter(|friction| friction.value > offset.value.abs()) {
+            let (with, against) = (friction.value - offset.value, friction.value + offset.value);
+            let shown = |x: f64| to(per_si * x, 0.5 * per_si * (friction.high - friction.low));
+            line(
+                "",
+                format!("or friction by direction: {} {effort} forward, {} backward", shown(with), shown(against)),
+            );
+        }
+    }
+    if given.record.forces().is_some() {
+        line("force", within(fit.force, 1.0, &format!("{effort_si} for one of its column")));
+    }
+    for term in &fit.terms {
+        let (name, words) = term_words(given, term);
+        line(name, words);
     }
     line(
         "sign",
@@ -99,6 +126,25 @@ fn text(given: &Given, fit: &TorqueFit, inertia_is_known: bool) -> String {
         line("", format!("{} {}: {}", percent(part.share), described(part.kind), part.kind.remedy()));
     }
     text
+}
+
+/// A term's name, and its size in words.
+fn term_words(given: &Given, term: &Term) -> (&'static str, String) {
+    let (effort, per_si) = effort(given.motion);
+    let is_linear = given.motion == Motion::Linear;
+    let size = |factor: f64, unit: &str| sized(term.size, factor, unit);
+    let words = match term.kind {
+        TermKind::Stiffness => size(1.0, &Measure::Stiffness.dimension(given.motion).symbol()),
+        TermKind::Turn { times, phase } => {
+            format!("{}, {times} times a turn, sin({times} angle {:+.2} rad)", size(per_si, effort), phase)
+        }
+        TermKind::Stribeck { velocity } => {
+            let unit = if is_linear { "m/s" } else { "rad/s" };
+            format!("{} more at rest, falling within {} {unit}", size(per_si, effort), print::digits(velocity, 2))
+        }
+        TermKind::Drag => size(1.0, if is_linear { "N s^2/m^2" } else { "N m s^2/rad^2" }),
+    };
+    (term.kind.word(), format!("{words}; foretells {:.0} % of what is left without", 100.0 * term.foretells))
 }
 
 fn described(kind: Kind) -> String {
@@ -127,7 +173,7 @@ fn table(given: &Given, fit: &TorqueFit) -> String {
     line("inertia", fit.inertia, 1.0, &inertia);
     line("damping", fit.damping, 1.0, &damping);
     line("friction", fit.friction, per_si, effort);
-    if let Some(counts) = figure::counts(given, fit).filter(|_| given.motion == Motion::Rotary) {
+    if let Some(counts) = fit.counts().filter(|_| given.motion == Motion::Rotary) {
         let _ = writeln!(text, "encoder  = {counts}");
     }
     if fit.sign.is_some_and(|sign| sign < 0.0) {

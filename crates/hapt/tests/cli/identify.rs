@@ -253,3 +253,86 @@ stall = "10 s"
         }
     }
 }
+
+/// A lever of 1.6e-3 kg m² on a loop, pushed by a hand whose sensor shows -0.25 of its torque, as a table with semicolons and decimal commas.
+fn pushed() -> String {
+    let (mut z, mut v) = (0.1, 0.0);
+    let mut text = String::from("% a rig\nzeit [s];arm [rad];motor [N.m];sensor [N]\n");
+    for k in 0..8000 {
+        let t = f64::from(k) * 5e-4;
+        let hand = 0.06 * ((9.0 * t).sin() + (23.0 * t + 1.0).sin() + (41.0 * t).cos());
+        let motor = 1.2 * (0.3 * (13.0 * t).sin() + 0.1 * (31.0 * t).sin() - z) - 0.02 * v;
+        let line = format!("{t:.4};{z:.6};{motor:.6};{:.6}\n", -0.25 * hand);
+        text += &line.replace('.', ",");
+        for _ in 0..10 {
+            let free = v + 5e-5 * (motor + hand - 0.3 * z - 3e-3 * v) / 1.6e-3;
+            let brake = 5e-5 * 0.02 / 1.6e-3;
+            v = if f64::abs(free) <= brake { 0.0 } else { free - brake * free.signum() };
+            z += 5e-5 * v;
+        }
+    }
+    text
+}
+
+#[test]
+fn a_second_torque_and_a_cable_are_told_beside_the_inertia() {
+    let at = folder(&[("rig.csv", &pushed())]);
+    let columns = ["rig.csv", "--time", "zeit", "--position", "arm", "--torque", "motor", "--force", "sensor"];
+    let json = identify(at.path(), &[&columns[..], &["--json"]].concat()).done().out;
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let holds = |x: &serde_json::Value, truth: f64| {
+        assert!(x["low"].as_f64().unwrap() <= truth && truth <= x["high"].as_f64().unwrap(), "{truth}: {json}");
+    };
+    holds(&json["inertia"], 1.6e-3);
+    holds(&json["force"], -4.0);
+    assert_eq!(json["terms"][0]["kind"], "stiffness", "{json}");
+    let stiffness = json["terms"][0]["value"].as_f64().unwrap();
+    assert!((stiffness / 0.3 - 1.0).abs() < 0.15, "{json}");
+    assert_ne!(json["sign"]["value"], -1.0, "{json}");
+    let text = identify(at.path(), &[&columns[..], &["--plot", "fit.svg"]].concat()).done();
+    for line in ["by the torque alone", "by the motion alone", "force     ", "stiffness "] {
+        assert!(text.out.contains(line), "{line}: {}", text.out);
+    }
+    // Without its sensor: an answer all the same, or that none can be told.
+    identify(at.path(), &columns[..7]).done();
+}
+
+/// A motor on a voltage: k = 0.05 N m/A, R = 2 ohm, a gear of 3, so that the motor adds 0.01125 N m s/rad.
+#[test]
+fn a_record_of_volts_is_one_of_torques_with_the_motors_constants() {
+    let (mut z, mut v) = (0.0, 0.0);
+    let mut text = String::from("t_s,arm_deg,drive_V\n");
+    let (constant, resistance, ratio) = (0.05, 2.0, 3.0);
+    for k in 0..5000 {
+        let t = f64::from(k) * 1e-3;
+        let level = f64::from((k / 137 * 7919 + k / 61 * 104_729) % 7 - 3);
+        text += &format!("{t:.4},{:.5},{level}\n", f64::to_degrees(z));
+        for _ in 0..20 {
+            let torque = constant * ratio / resistance * (level - constant * ratio * v);
+            let free = v + 5e-5 * (torque - 2e-3 * v) / 1e-3;
+            let brake = 5e-5 * 5e-3 / 1e-3;
+            v = if f64::abs(free) <= brake { 0.0 } else { free - brake * free.signum() };
+            z += 5e-5 * v;
+        }
+    }
+    let at = folder(&[("volts.csv", &text)]);
+    let args = [
+        "volts.csv",
+        "--torque",
+        "drive_V",
+        "--torque-constant",
+        "0.05",
+        "--resistance",
+        "2",
+        "--ratio",
+        "3",
+        "--json",
+    ];
+    let json = identify(at.path(), &args).done().out;
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    for (name, truth, within) in [("inertia", 1e-3, 0.02), ("damping", 2e-3, 0.1), ("friction", 5e-3, 0.1)] {
+        let value = json[name]["value"].as_f64().unwrap();
+        assert!((value / truth - 1.0).abs() < within, "{name} {value}: {json}");
+    }
+    assert_eq!(json["sign"]["value"], 1.0, "{json}");
+}

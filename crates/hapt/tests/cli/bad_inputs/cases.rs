@@ -578,6 +578,25 @@ fn identify(t: &mut Table) {
         &[],
     );
     log("a log in volts", swing("t_ms,angle_deg,torque_V", 600, good), &[]);
+    log(
+        "a log in volts with a constant alone",
+        swing("t_ms,angle_deg,torque_V", 600, good),
+        &["--torque-constant", "0.05"],
+    );
+    log("a motor without resistance", swing("t_ms,angle_deg,torque_V", 600, good), &["--resistance", "0"]);
+    log("a log with a header without units", swing("t,angle,tau", 600, good), &[]);
+    log(
+        "a log with a force that stands still",
+        swing("t_ms,angle_deg,tau_mNm,push_N", 600, |k| good(k) + ",3"),
+        &["--force", "push_N"],
+    );
+    log("a force that is not there", swing(header, 600, good), &["--force", "push_N"]);
+    log("a torque named twice", swing(header, 600, good), &["--torque", "tau_mNm", "--columns", "torque=angle_deg"]);
+    let mut mat = b"MATLAB 5.0 MAT-file".to_vec();
+    mat.resize(124, b' ');
+    log("a .mat file without arrays", [&mat[..], b"\x00\x01IM"].concat(), &[]);
+    log("a .mat file of level 7.3", [&mat[..], b"\x00\x02IM"].concat(), &[]);
+    log("a .mat file that is cut short", mat, &[]);
     log("a log in milliamperes, and nobody says what they make", swing("t_ms,angle_deg,torque_mA", 600, good), &[]);
     log(
         "a motor that makes less than nothing of a current",
@@ -609,6 +628,7 @@ fn identify(t: &mut Table) {
     t.typed("neither a log nor a device", &["identify", "wheel.csv"]);
     t.typed("a device without a world", &["identify", "sim"]);
     t.typed("more torque than the motor has", &["identify", "sim", "--world", "w.toml", "--torque", "1 N m"]);
+    t.typed("an experiment with a column", &["identify", "sim", "--world", "w.toml", "--position", "arm_rad"]);
     t.typed("an experiment of no time", &["identify", "sim", "--world", "w.toml", "--duration", "1 ms"]);
     t.typed("a coast-down by an experiment", &["identify", "sim", "--world", "w.toml", "--coast"]);
     t.typed("a motor that nobody has agreed to move", &["identify", "moteus:/dev/ttyACM0", "--world", "w.toml"]);

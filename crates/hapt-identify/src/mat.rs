@@ -1,0 +1,206 @@
+//! MATLAB's files of level 5 (`save -v6`, `-v7`): the numeric arrays of one length as a table.
+//!
+//! The format is that of MathWorks, "MAT-File Format", 2021. Read are real numeric arrays of any class, also those in structs, also
+//! compressed ones; what else is in a file is left out. Those of level 7.3 are HDF5 and are not read.
+
+use std::io::Read as _;
+
+use flate2::read::ZlibDecoder;
+
+use crate::Error;
+
+const HEADER: usize = 128;
+/// Of all arrays, uncompressed.
+const LARGEST: u64 = 256 << 20;
+/// Structs in structs.
+const DEEPEST: usize = 4;
+/// Columns of a matrix that are taken each by itself.
+const WIDEST: usize = 64;
+
+const MATRIX: u32 = 14;
+const COMPRESSED: u32 = 15;
+const STRUCT: u32 = 2;
+/// The numeric classes of arrays: double, single, and whole numbers of 8 to 64 bits.
+const NUMERIC: std::ops::RangeInclusive<u32> = 6..=15;
+const COMPLEX: u32 = 0x0800;
+
+/// A column with its name.
+type Column = (String, Vec<f64>);
+
+/// Whether bytes are those of a MATLAB file, of any level that has a header.
+pub fn is_mat(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"MATLAB ")
+}
+
+/// The table of a MATLAB file as text with commas, for [`crate::Columns::read_all`]: the arrays of the longest length that two of them have.
+/// A column of a matrix is `name:1`, a field of a struct `name.field`.
+///
+/// # Errors
+/// [`Error::Columns`] for a file of another level, one that is cut short, and one without two numeric arrays of one length.
+pub fn mat_table(bytes: &[u8]) -> Result<String, Error> {
+    let wrong = |what: &str| Error::Columns(format!("the .mat file {what}"));
+    let Some(header) = bytes.get(..HEADER) else { return Err(wrong("is cut short: its header alone has 128 bytes")) };
+    let is_big = match &header[126..] {
+        b"MI" => true,
+        b"IM" => false,
+        _ => return Err(wrong("has no mark of its byte order; expected one of level 5, as save -v7 writes it")),
+    };
+    let version = if is_big { header[124] } else { header[125] };
+    if version != 1 {
+        return Err(wrong("is of level 7.3 (HDF5); expected level 5: save('file.mat', '-v7') in MATLAB writes it"));
+    }
+    let mut columns: Vec<Column> = Vec::new();
+    let mut reader = Reader { bytes: &bytes[HEADER..], is_big };
+    let mut room = LARGEST;
+    while !reader.bytes.is_empty() {
+        let (kind, data) = reader.element().ok_or_else(|| wrong("is cut short in the middle of an array"))?;
+        match kind {
+            MATRIX => array(data, is_big, None, 0, &mut columns),
+            COMPRESSED => {
+                let mut inflated = Vec::new();
+                let read = ZlibDecoder::new(data).take(room + 1).read_to_end(&mut inflated);
+                read.map_err(|_| wrong("has a compressed array that is broken"))?;
+                room = match room.checked_sub(inflated.len() as u64) {
+                    Some(room) => room,
+                    None => return Err(wrong("has more than 256 MiB of arrays; expected a shorter record")),
+                };
+                let mut inner = Reader { bytes: &inflated, is_big };
+                if let Some((MATRIX, data)) = inner.element() {
+                    array(data, is_big, None, 0, &mut columns);
+                }
+            }
+            _ => {}
+        }
+    }
+    let count = |length: usize| columns.iter().filter(|column| column.1.len() == length).count();
+    let lengths = columns.iter().map(|column| column.1.len());
+    let Some(length) = lengths.filter(|length| *length > 1 && count(*length) > 1).max() else {
+        return Err(wrong(
+            "has no two numeric arrays of one length; expected a time, a position and a torque, each an array of its own or a column of one",
+        ));
+    };
+    columns.retain(|column| column.1.len() == length);
+    let names: Vec<&str> = columns.iter().map(|column| column.0.as_str()).collect();
+    let mut text = names.join(",") + "\n";
+    for i in 0..length {
+        let line: Vec<String> = columns.iter().map(|column| column.1[i].to_string()).collect();
+        text += &line.join(",");
+        text.push('\n');
+    }
+    Ok(text)
+}
+
+/// Takes elements from the front.
+struct Reader<'a> {
+    bytes: &'a [u8],
+    is_big: bool,
+}
+
+impl<'a> Reader<'a> {
+    fn word(&self, at: usize) -> Option<u32> {
+        let word: [u8; 4] = self.bytes.get(at..at + 4)?.try_into().ok()?;
+        Some(if self.is_big { u32::from_be_bytes(word) } else { u32::from_le_bytes(word) })
+    }
+
+    /// The kind of the next element and its data; `None` where it is cut short.
+    fn element(&mut self) -> Option<(u32, &'a [u8])> {
+        let (first, second) = (self.word(0)?, self.word(4)?);
+        // Up to four bytes stand in the tag itself.
+        if first >> 16 != 0 {
+            let data = self.bytes.get(4..4 + (first >> 16) as usize).filter(|data| data.len() <= 4)?;
+            self.bytes = self.bytes.get(8..)?;
+            return Some((first & 0xffff, data));
+        }
+        let size = second as usize;
+        let data = self.bytes.get(8..)?.get(..size)?;
+        let padded = if first == COMPRESSED { size } else { size.next_multiple_of(8) };
+        self.bytes = &self.bytes[(8 + padded).min(self.bytes.len())..];
+        Some((first, data))
+    }
+
+    /// Whole numbers of 32 bits.
+    fn words(&mut self) -> Option<Vec<u32>> {
+        let is_big = self.is_big;
+        let (_, bytes) = self.element()?;
+        let inner = Reader { bytes, is_big };
+        (0..bytes.len() / 4).map(|i| inner.word(4 * i)).collect()
+    }
+}
+
+/// Adds the columns of an array, or of the arrays in a struct; what is no such array adds none.
+fn array(data: &[u8], is_big: bool, parent: Option<&str>, depth: usize, columns: &mut Vec<Column>) {
+    let mut reader = Reader { bytes: data, is_big };
+    let Some((flags, dimensions, name)) = head(&mut reader) else { return };
+    let name = match parent {
+        Some(parent) => parent.to_string(),
+        None => name,
+    };
+    let class = flags & 0xff;
+    if class == STRUCT && depth < DEEPEST {
+        let Some(length) = reader.words().and_then(|words| words.first().map(|length| *length as usize)) else {
+            return;
+        };
+        let Some((_, names)) = reader.element() else { return };
+        if length == 0 || dimensions.iter().any(|size| *size != 1) {
+            return;
+        }
+        for field in names.chunks(length) {
+            let Some((MATRIX, data)) = reader.element() else { return };
+            array(data, is_big, Some(&format!("{name}.{}", word_of(field))), depth + 1, columns);
+        }
+        return;
+    }
+    let is_numeric = NUMERIC.contains(&class) && flags & COMPLEX == 0;
+    let (Some((kind, data)), true, [rows, width]) = (reader.element(), is_numeric, &dimensions[..]) else { return };
+    let (rows, width) = if *rows == 1 { (*width, 1) } else { (*rows, *width) };
+    let Some(values) = numbers(kind, data, is_big) else { return };
+    if rows == 0 || width == 0 || width > WIDEST || rows.checked_mul(width) != Some(values.len()) {
+        return;
+    }
+    for (i, column) in values.chunks(rows).enumerate() {
+        columns.push((if width == 1 { name.clone() } else { format!("{name}:{}", i + 1) }, column.to_vec()));
+    }
+}
+
+/// An array's flags, dimensions and name.
+fn head(reader: &mut Reader<'_>) -> Option<(u32, Vec<usize>, String)> {
+    let flags = *reader.words()?.first()?;
+    let dimensions = reader.words()?.into_iter().map(|size| size as usize).collect();
+    let (_, name) = reader.element()?;
+    Some((flags, dimensions, word_of(name)))
+}
+
+/// A name up to its end, without what would end a column of a table.
+fn word_of(bytes: &[u8]) -> String {
+    let bytes = bytes.split(|byte| *byte == 0).next().unwrap_or_default();
+    String::from_utf8_lossy(bytes).replace([',', '\n', '\r'], " ")
+}
+
+/// Numbers of any of the format's types.
+fn numbers(kind: u32, data: &[u8], is_big: bool) -> Option<Vec<f64>> {
+    let size = match kind {
+        1 | 2 => 1,
+        3 | 4 => 2,
+        5..=7 => 4,
+        9 | 12 | 13 => 8,
+        _ => return None,
+    };
+    let of = |bytes: &[u8]| {
+        let mut word = [0; 8];
+        // Little end first.
+        for (i, byte) in bytes.iter().enumerate() {
+            word[if is_big { size - 1 - i } else { i }] = *byte;
+        }
+        let word = u64::from_le_bytes(word);
+        match kind {
+            1 => f64::from(word as i8),
+            3 => f64::from(word as i16),
+            5 => f64::from(word as i32),
+            7 => f64::from(f32::from_bits(word as u32)),
+            9 => f64::from_bits(word),
+            12 => word as i64 as f64,
+            _ => word as f64,
+        }
+    };
+    Some(data.chunks_exact(size).map(of).collect())
+}

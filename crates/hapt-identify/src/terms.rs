@@ -1,0 +1,241 @@
+//! Terms that a record carries beside inertia, damping, friction and a constant: a stiffness, gravity, cogging, Stribeck's friction, drag.
+//!
+//! They are added one at a time, the one first that foretells most of the torque in parts of the record that were left out of its fit, and
+//! only while it foretells certainly more there than the equation without it. A term that merely fits more is not found.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::equation::{BLOCKS, CONSTANT, DAMPING, FORCE, FRICTION, INERTIA, Rows};
+use crate::identified::Interval;
+use crate::quantile::student;
+use crate::record::Record;
+use crate::start::velocities;
+
+/// Periods in a turn that are looked for.
+const MOST_TIMES: u32 = 48;
+/// Stribeck's velocities that are tried, in parts of the rms velocity.
+const STRIBECK: [f64; 3] = [0.1, 0.2, 0.4];
+/// A term foretells at least this part of what is left without any, by so many standard errors of the blocks.
+const LEAST: f64 = 0.05;
+const SURELY: f64 = 3.0;
+/// So many periods of a torque that repeats fit into the travel, and so many more of one that is told from it.
+const PERIODS: f64 = 1.0;
+/// Terms of one device.
+const MOST: usize = 4;
+/// A sine of the position is told from a stiffness over this travel, in rad.
+const TRAVEL: f64 = 1.0;
+
+/// What a term is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum TermKind {
+    /// k z, about the middle of the motion, k in N·m/rad (N/m): a cable, a spring, a tilt.
+    Stiffness,
+    /// A sin(n z + phase), A in N·m: gravity where n is 1, else cogging.
+    Turn {
+        /// Periods in a turn, n.
+        times: u32,
+        /// In rad.
+        phase: f64,
+    },
+    /// F sign(v) exp(-(v/velocity)²), F in N·m (N): Stribeck's addition to Coulomb's friction.
+    Stribeck {
+        /// In rad/s (m/s).
+        velocity: f64,
+    },
+    /// c v |v|, c in N·m·s²/rad² (N·s²/m²): drag beyond the linear one.
+    Drag,
+}
+
+/// A term with its size, as a torque against the motion's direction: what the motor gives to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Term {
+    /// Which.
+    pub kind: TermKind,
+    /// Its factor with a 95 % interval, see the kind.
+    pub size: Interval,
+    /// The part of what the equation leaves without any of these terms that it foretells.
+    pub foretells: f64,
+}
+
+impl TermKind {
+    /// The word of `--json`.
+    pub fn word(&self) -> &'static str {
+        match self {
+            TermKind::Stiffness => "stiffness",
+            TermKind::Turn { times: 1, .. } => "gravity",
+            TermKind::Turn { .. } => "cogging",
+            TermKind::Stribeck { .. } => "stribeck",
+            TermKind::Drag => "drag",
+        }
+    }
+}
+
+/// The size of a term in a solution.
+type Size<'a> = Box<dyn Fn(&DVector<f64>) -> f64 + 'a>;
+
+/// Columns that are taken or left together.
+struct Group {
+    kind: TermKind,
+    columns: Vec<usize>,
+}
+
+/// The sums of one block: products of columns, with the torque, and its squares.
+struct Block {
+    gram: DMatrix<f64>,
+    torque: DVector<f64>,
+    squares: f64,
+}
+
+struct Table {
+    blocks: Vec<Block>,
+}
+
+impl Table {
+    fn new(columns: &[Vec<f64>], torque: &[f64]) -> Self {
+        let n = torque.len();
+        let of = |block: usize| {
+            let rows = block * n / BLOCKS..(block + 1) * n / BLOCKS;
+            let x = DMatrix::from_fn(rows.len(), columns.len(), |i, j| columns[j][rows.start + i]);
+            let y = DVector::from_column_slice(&torque[rows]);
+            Block { gram: x.tr_mul(&x), torque: x.tr_mul(&y), squares: y.norm_squared() }
+        };
+        Table { blocks: (0..BLOCKS).map(of).collect() }
+    }
+
+    /// The least squares with these columns over all blocks but one.
+    fn solved(&self, columns: &[usize], without: Option<usize>) -> Option<DVector<f64>> {
+        let k = columns.len();
+        let (mut gram, mut right) = (DMatrix::zeros(k, k), DVector::zeros(k));
+        for (_, block) in self.blocks.iter().enumerate().filter(|(i, _)| Some(*i) != without) {
+            gram += DMatrix::from_fn(k, k, |i, j| block.gram[(columns[i], columns[j])]);
+            right += DVector::from_fn(k, |i, _| block.torque[columns[i]]);
+        }
+        let scale = DVector::from_fn(k, |i, _| gram[(i, i)].sqrt().recip());
+        let scaled = DMatrix::from_fn(k, k, |i, j| gram[(i, j)] * scale[i] * scale[j]);
+        let solution = scaled.cholesky()?.solve(&right.component_mul(&scale)).component_mul(&scale);
+        solution.iter().all(|x| x.is_finite()).then_some(solution)
+    }
+
+    /// What each block leaves of its torque where it was left out of the fit.
+    fn foretold(&self, columns: &[usize]) -> Option<Vec<f64>> {
+        let of = |(out, block): (usize, &Block)| {
+            let values = self.solved(columns, Some(out))?;
+            let k = columns.len();
+            let gram = DMatrix::from_fn(k, k, |i, j| block.gram[(columns[i], columns[j])]);
+            let right = DVector::from_fn(k, |i, _| block.torque[columns[i]]);
+            Some(block.squares - 2.0 * values.dot(&right) + values.dot(&(&gram * &values)))
+        };
+        self.blocks.iter().enumerate().map(of).collect()
+    }
+}
+
+/// The terms that a record carries, the one first that foretells most; `way` is the motor's sign.
+pub(crate) fn terms(record: &Record, rows: &Rows, way: f64, is_linear: bool) -> Vec<Term> {
+    let positions = record.positions();
+    let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
+    let middle = positions.iter().sum::<f64>() / positions.len() as f64;
+    let speeds = velocities(record);
+    let rms = (speeds.iter().map(|v| v * v).sum::<f64>() / speeds.len() as f64).sqrt();
+    if rows.rows.len() < 8 * BLOCKS || rms <= 0.0 || rms.is_nan() {
+        return Vec::new();
+    }
+    let mut lists: Vec<Vec<f64>> = Vec::new();
+    let mut groups: Vec<(TermKind, usize)> = Vec::new();
+    let mut add = |kind: TermKind, values: &[&dyn Fn(usize) -> f64]| {
+        groups.push((kind, values.len()));
+        lists.extend(values.iter().map(|value| (0..positions.len()).map(value).collect::<Vec<f64>>()));
+    };
+    add(TermKind::Stiffness, &[&|i| positions[i] - middle]);
+    add(TermKind::Drag, &[&|i| speeds[i] * speeds[i].abs()]);
+    for part in STRIBECK {
+        let velocity = part * rms;
+        let of = |i: usize| speeds[i].signum() * (-(speeds[i] / velocity).powi(2)).exp();
+        add(TermKind::Stribeck { velocity }, &[&of]);
+    }
+    // The torque comes again at another place.
+    let least = (PERIODS * std::f64::consts::TAU / (high - low).max(f64::MIN_POSITIVE)).ceil().max(2.0) as u32;
+    let gravity = (high - low > TRAVEL).then_some(1);
+    for times in gravity.into_iter().chain(least..=MOST_TIMES).filter(|_| !is_linear) {
+        let n = f64::from(times);
+        add(TermKind::Turn { times, phase: 0.0 }, &[&|i| (n * positions[i]).sin(), &|i| (n * positions[i]).cos()]);
+    }
+    let own: Vec<usize> =
+        [INERTIA, DAMPING, FRICTION, CONSTANT].into_iter().chain(record.forces().map(|_| FORCE)).collect();
+    let mut columns: Vec<Vec<f64>> =
+        own.iter().map(|term| rows.rows.iter().map(|row| row.terms[*term]).collect()).collect();
+    let torque: Vec<f64> = rows.rows.iter().map(|row| row.torque).collect();
+    let begin = columns.len();
+    columns.extend(rows.weighed(record, &lists));
+    let mut next = begin;
+    let groups: Vec<Group> = groups
+        .into_iter()
+        .map(|(kind, count)| {
+            next += count;
+            Group { kind, columns: (next - count..next).collect() }
+        })
+        .collect();
+    let table = Table::new(&columns, &torque);
+    chosen(&table, (0..begin).collect(), &groups, way, least)
+}
+
+fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], way: f64, apart: u32) -> Vec<Term> {
+    let Some(mut left) = table.foretold(&kept) else { return Vec::new() };
+    let mut taken: Vec<(&Group, f64)> = Vec::new();
+    let all: f64 = left.iter().sum();
+    while taken.len() < MOST {
+        let same = |a: TermKind, b: TermKind| std::mem::discriminant(&a) == std::mem::discriminant(&b);
+        let is_new = |group: &&Group| {
+            taken.iter().all(|(old, _)| match (old.kind, group.kind) {
+                (TermKind::Turn { times: a, .. }, TermKind::Turn { times: b, .. }) => a.abs_diff(b) >= apart,
+                (a, b) => !same(a, b),
+            })
+        };
+        let tried = groups.iter().filter(is_new).filter_map(|group| {
+            let columns: Vec<usize> = kept.iter().chain(&group.columns).copied().collect();
+            let then = table.foretold(&columns)?;
+            // Friction that falls towards rest, and drag that drives, are those of no device.
+            let drives = |column: usize| way * table.solved(&columns, None).map_or(0.0, |x| x[column]) <= 0.0;
+            let is_loss = matches!(group.kind, TermKind::Stribeck { .. } | TermKind::Drag);
+            if is_loss && drives(columns.len() - 1) {
+                return None;
+            }
+            let gains: Vec<f64> = left.iter().zip(&then).map(|(before, after)| before - after).collect();
+            let mean = gains.iter().sum::<f64>() / gains.len() as f64;
+            let spread =
+                gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (gains.len() * (gains.len() - 1)) as f64;
+            let is_sure = mean > SURELY * spread.sqrt() && mean * gains.len() as f64 > LEAST * all;
+            is_sure.then_some((group, columns, then, mean))
+        });
+        let Some((group, columns, then, mean)) = tried.max_by(|a, b| a.3.total_cmp(&b.3)) else { break };
+        taken.push((group, mean * left.len() as f64 / all));
+        (kept, left) = (columns, then);
+    }
+    let Some(whole) = table.solved(&kept, None) else { return Vec::new() };
+    let others: Option<Vec<DVector<f64>>> = (0..BLOCKS).map(|out| table.solved(&kept, Some(out))).collect();
+    let Some(others) = others else { return Vec::new() };
+    let of = |(group, foretells): (&Group, f64)| {
+        let at = |values: &DVector<f64>, column: usize| {
+            kept.iter().position(|kept| *kept == column).map_or(0.0, |i| way * values[i])
+        };
+        let (kind, size): (TermKind, Size<'_>) = match (group.kind, &group.columns[..]) {
+            (TermKind::Turn { times, .. }, [sine, cosine]) => {
+                let (p, q) = (at(&whole, *sine), at(&whole, *cosine));
+                let phase = q.atan2(p);
+                // Along the phase that was found, so that none is about 0 and not above.
+                let size =
+                    move |values: &DVector<f64>| at(values, *sine) * phase.cos() + at(values, *cosine) * phase.sin();
+                (TermKind::Turn { times, phase }, Box::new(size))
+            }
+            (kind, columns) => {
+                let column = columns[0];
+                (kind, Box::new(move |values: &DVector<f64>| at(values, column)))
+            }
+        };
+        let value = size(&whole);
+        let count = others.len() as f64;
+        let jack = others.iter().map(|other| (size(other) - value).powi(2)).sum::<f64>() * (count - 1.0) / count;
+        let half = student(count - 1.0) * jack.sqrt();
+        Term { kind, size: Interval { value, low: value - half, high: value + half }, foretells }
+    };
+    taken.into_iter().map(of).collect()
+}

@@ -1,0 +1,149 @@
+//! Terms that a record carries, a second torque, and the two ways to an inertia.
+
+use fastrand::Rng;
+use hapt_identify::{Known, Record, Term, TermKind, TorqueFit, fit_torque};
+
+use crate::lever::{Lever, SCALE};
+
+fn fit(record: &Record) -> TorqueFit {
+    fit_torque(record, &Known::default()).unwrap()
+}
+
+/// Without anything but inertia, damping and friction.
+fn plain(rng: &mut Rng) -> Lever {
+    Lever {
+        cable: 0.0,
+        cogging: 0.0,
+        gravity: 0.0,
+        friction: [0.02; 2],
+        sign: 1.0,
+        loop_stiffness: 1.5,
+        ..Lever::new(rng)
+    }
+}
+
+fn found(fit: &TorqueFit, is: impl Fn(TermKind) -> bool) -> Option<Term> {
+    fit.terms.iter().copied().find(|term| is(term.kind))
+}
+
+#[test]
+fn a_cable_a_cogging_and_stribecks_friction_are_found_with_their_sizes() {
+    let (mut told, mut held, mut all) = (0, 0, 0);
+    for seed in hapt_testing::seeds(8) {
+        let mut rng = Rng::with_seed(seed);
+        let lever = plain(&mut rng);
+        let mut between = |low: f64, high: f64| low + (high - low) * rng.f64();
+        let (cable, cogging, stribeck) = (between(0.15, 0.6), between(0.02, 0.04), between(0.04, 0.06));
+        let mut count = |lever: Lever, is: fn(TermKind) -> bool, truth: f64| {
+            let fit = fit(&lever.record(5.0, &mut Rng::with_seed(seed)));
+            let term = found(&fit, is);
+            all += 1;
+            told += i32::from(term.is_some());
+            held += i32::from(term.is_some_and(|term| (term.size.value / truth - 1.0).abs() < 0.4));
+            assert!(fit.terms.len() < 4, "seed {seed}: {:?}", fit.terms);
+        };
+        count(Lever { cable, ..lever }, |kind| kind == TermKind::Stiffness, cable);
+        count(Lever { cogging, ..lever }, |kind| matches!(kind, TermKind::Turn { times: 10..=12, .. }), cogging);
+        count(Lever { stribeck, ..lever }, |kind| matches!(kind, TermKind::Stribeck { .. }), stribeck);
+    }
+    assert!(10 * told >= 8 * all && 10 * held >= 7 * all, "{told} found, {held} of their size, of {all}");
+}
+
+#[test]
+fn a_device_without_such_terms_is_given_none() {
+    let with_terms = hapt_testing::seeds(12).filter(|seed| {
+        let mut rng = Rng::with_seed(*seed);
+        let lever = plain(&mut rng);
+        !fit(&lever.record(4.0, &mut rng)).terms.is_empty()
+    });
+    let count = with_terms.count();
+    assert!(count <= 1, "{count} of 12 devices were given terms that they do not have");
+}
+
+#[test]
+fn a_hand_that_a_sensor_measures_hides_nothing_and_its_scale_is_told() {
+    let (mut told, mut held, mut scaled, mut all) = (0, 0, 0, 0);
+    for seed in hapt_testing::seeds(16) {
+        let mut rng = Rng::with_seed(seed);
+        let lever = Lever { hand: 0.05, ..Lever::new(&mut rng) };
+        let found = fit(&lever.record(4.0, &mut rng));
+        assert!(found.sign.is_none_or(|sign| sign == lever.sign), "seed {seed}");
+        all += 1;
+        let Some(inertia) = found.inertia else { continue };
+        told += 1;
+        held += i32::from(inertia.covers(lever.inertia));
+        scaled += i32::from(found.force.is_some_and(|force| force.covers(1.0 / SCALE)));
+    }
+    assert!(10 * told >= 7 * all, "{told} of {all}");
+    assert!(10 * held >= 9 * told - 10 && 10 * scaled >= 9 * told - 10, "{held} inertias, {scaled} scales of {told}");
+}
+
+/// What acts on the puck besides makes the torque's inertia too small and the motion's too large, where the torque does not answer it.
+#[test]
+fn in_an_open_loop_the_true_inertia_lies_between_the_torques_and_the_motions() {
+    for seed in hapt_testing::seeds(12) {
+        let mut rng = Rng::with_seed(seed);
+        let lever = Lever { hand: 0.0, loop_stiffness: 0.0, cogging: 0.01, delay: 0.0, ..plain(&mut rng) };
+        let found = fit(&lever.record(5.0, &mut rng));
+        let (Some(torque), Some(motion)) = (found.inertia_by_torque, found.inertia_by_motion) else { continue };
+        assert!(torque.value < motion.value, "seed {seed}: {torque:?}, {motion:?}");
+        assert!(torque.low < lever.inertia && lever.inertia < motion.high, "seed {seed}: {torque:?}, {motion:?}");
+    }
+}
+
+#[test]
+fn forces_that_are_no_record_of_one_are_refused() {
+    let mut rng = Rng::with_seed(3);
+    let record = plain(&mut rng).record(1.0, &mut rng);
+    let n = record.times().len();
+    for forces in [vec![0.0; n], vec![1.0; n - 1], [vec![f64::NAN], vec![1.0; n - 1]].concat()] {
+        assert!(record.clone().with_force(forces).is_err());
+    }
+}
+
+/// A hand on the lever that nothing measures: an inertia that is told all the same is mostly right, and no sign is wrong.
+#[test]
+fn a_hand_that_nothing_measures_gives_no_wrong_sign() {
+    let (mut told, mut held) = (0, 0);
+    for seed in hapt_testing::seeds(24) {
+        let mut rng = Rng::with_seed(seed);
+        let lever = Lever { hand: 0.03 + 0.05 * rng.f64(), ..Lever::new(&mut rng) };
+        let record = lever.record(4.0, &mut rng);
+        let [times, positions, torques] = [record.times(), record.positions(), record.torques()].map(<[f64]>::to_vec);
+        let found = fit(&Record::new(times, positions, torques).unwrap());
+        assert!(found.sign.is_none_or(|sign| sign == lever.sign), "seed {seed}: {lever:?}");
+        let Some(inertia) = found.inertia else { continue };
+        told += 1;
+        held += i32::from(inertia.covers(lever.inertia));
+    }
+    assert!(10 * held >= 9 * told - 10, "{held} of {told}");
+}
+
+/// A motor on a voltage u gives k/R (u - k ω): with k/R u as the torque, the damping that is found is the device's own.
+#[test]
+fn a_motors_back_voltage_is_no_damping_of_the_device() {
+    for seed in hapt_testing::seeds(8) {
+        let mut rng = Rng::with_seed(seed);
+        let back = 0.02 + 0.02 * rng.f64();
+        let lever = Lever { loop_stiffness: 0.0, delay: 0.0, ..plain(&mut rng) };
+        let driven = Lever { damping: lever.damping + back, ..lever };
+        let record = driven.record(5.0, &mut rng);
+        let known = Known { back_damping: back, ..Known::default() };
+        let (with, without) = (fit_torque(&record, &known).unwrap(), fit_torque(&record, &Known::default()).unwrap());
+        let (own, all) = (with.damping.unwrap(), without.damping.unwrap());
+        assert!(own.covers(lever.damping) && all.covers(driven.damping), "seed {seed}: {own:?} {all:?} {lever:?}");
+        assert_eq!(with.inertia, without.inertia);
+    }
+}
+
+#[test]
+fn the_motion_is_foretold_over_a_quarter_second() {
+    let mut rng = Rng::with_seed(4);
+    let record = Lever { loop_stiffness: 0.0, delay: 0.0, ..plain(&mut rng) }.record(4.0, &mut rng);
+    let motion = fit(&record).motion;
+    assert_eq!(motion.len(), record.times().len());
+    let squares = |of: &dyn Fn(usize) -> f64| (0..motion.len()).map(|i| of(i).powi(2)).sum::<f64>();
+    let middle = record.positions().iter().sum::<f64>() / motion.len() as f64;
+    let left = squares(&|i| motion[i].1 - record.positions()[i]);
+    assert!(left < 0.01 * squares(&|i| record.positions()[i] - middle), "{left}");
+}
