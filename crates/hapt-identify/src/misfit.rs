@@ -66,13 +66,13 @@ impl Kind {
         }
     }
 
-    /// The key of a world's file that takes it in, or what to do.
+    /// The key of a world's file that takes it in, or what it may be and what to do.
     pub fn remedy(&self) -> &'static str {
         match self {
             Kind::Position { times_a_turn: 0 } => "a spring from puck to ground takes it in",
-            Kind::Position { times_a_turn: 1 } => "device.gravity takes it in",
-            Kind::Position { .. } => "device.cogging takes it in",
-            Kind::Velocity => "device.friction by direction and Stribeck's velocity take it in",
+            Kind::Position { times_a_turn: 1 } => "no key: gravity, so balance the handle or level its axis",
+            Kind::Position { .. } => "no key: cogging of the motor, or its commutation",
+            Kind::Velocity => "no key: friction that falls with the velocity, or more damping one way than the other",
             Kind::Resonance { .. } => "device.handle takes it in; hapt identify --handle fits it",
             Kind::Drift => "no key: warm the device up, or use a shorter part of the record (--from, --to)",
             Kind::Unexplained => "no key: a hand, a sensor's torque or play may be in the record",
