@@ -72,6 +72,11 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Controller<F, B, C
         &self.world
     }
 
+    /// The supervisor.
+    pub fn supervisor(&self) -> &Supervisor<F, B, C> {
+        &self.supervisor
+    }
+
     /// T in s.
     pub fn period(&self) -> F {
         self.world.period()

@@ -48,6 +48,7 @@ mod actuate;
 mod array;
 mod branches;
 mod compile;
+mod constants;
 mod contact;
 mod controller;
 mod error;
@@ -68,6 +69,7 @@ mod supervisor;
 mod transfer;
 pub mod wheel;
 
+pub use constants::{Constants, GROUND, PUCK};
 pub use controller::{Controller, ControllerState};
 pub use error::Error;
 pub use gradient::Contacts;

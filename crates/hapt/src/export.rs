@@ -8,11 +8,12 @@ use hapt_fmi::{Kind, LIBRARY, Version, places};
 use crate::args::{ExportCommand, FmuArgs};
 use crate::failure::Failure;
 use crate::world::{files, load};
-use crate::{messages, output};
+use crate::{export_c, messages, output};
 
 pub fn run(command: &ExportCommand) -> Result<ExitCode, Failure> {
     match command {
         ExportCommand::Fmu(args) => fmu(args),
+        ExportCommand::C(args) => export_c::run(args),
     }
 }
 

@@ -19,6 +19,7 @@ mod design;
 mod drives;
 mod explain;
 mod export;
+mod export_c;
 mod failure;
 mod finished;
 mod flash;

@@ -50,11 +50,11 @@ impl Waveform {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Texture<F> {
-    pitch: F,
-    phase: F,
+    pub pitch: F,
+    pub phase: F,
     /// Times the torque, as the cosines.
-    sine: [F; HARMONICS],
-    cosine: [F; HARMONICS],
+    pub sine: [F; HARMONICS],
+    pub cosine: [F; HARMONICS],
 }
 
 /// What it stores at q.

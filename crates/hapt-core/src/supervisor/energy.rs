@@ -7,7 +7,7 @@ use crate::law::HARMONICS;
 use crate::spec::sign_at_puck;
 use crate::supervisor::springs::{Springs, Well};
 use crate::supervisor::sums::{Step, Sums};
-use crate::{Coupling, Damping, End, Law, Method, Real, Side, Spec, State};
+use crate::{Constants, Coupling, Damping, End, Law, Method, Real, Side, Spec, State};
 
 /// √e
 const ROOT_E: f64 = 1.648_721_270_700_128_2;
@@ -139,6 +139,17 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
         energy
     }
 
+    pub fn constants(&self, to: &mut dyn Constants) {
+        self.springs.constants(self.bodies, to);
+        to.number("lag", "T/2 where the method keeps V - T/2 V' q', else 0", self.lag.to_f64());
+        to.whole("holds", "whether a step is made with the puck held", i64::from(self.holds));
+        to.whole("is_all", "whether the bodies' own energies are all", i64::from(self.is_all));
+        to.number("constant", "the torques of all constants on the puck", self.constant.to_f64());
+        for part in self.parts.iter().take(self.part_count) {
+            part.constants(to);
+        }
+    }
+
     fn add(&mut self, place: usize, part: Part<F>) {
         // At the puck alone, or between bodies, a damper has no part in what is counted here.
         let counts = part.carries || part.constant != F::ZERO || !matches!(part.potential, Potential::Nothing);
@@ -231,6 +242,59 @@ impl<F: Real> Part<F> {
         constant: F::ZERO,
         carries: false,
     };
+
+    fn constants(&self, to: &mut dyn Constants) {
+        let kind = match self.potential {
+            Potential::Nothing => "nothing",
+            Potential::Spring { .. } => "spring",
+            Potential::Detent { .. } => "detent",
+            Potential::DeadBand { .. } => "dead_band",
+            Potential::Magnet { .. } => "magnet",
+            Potential::Texture { .. } => "texture",
+            Potential::Bristle { .. } => "bristle",
+        };
+        to.element("parts", kind);
+        to.whole("place", "of its coupling", self.place as i64);
+        to.whole("first", "body", self.ends.first.0 as i64);
+        to.whole("second", "body", self.ends.second.0 as i64);
+        to.whole("carries", "whether it brings the puck's motion into a step", i64::from(self.carries));
+        for (name, value) in [
+            ("puck", self.ends.puck),
+            ("of_first", self.ends.first.1),
+            ("of_second", self.ends.second.1),
+            ("damping", self.damping),
+            ("friction", self.friction),
+            ("constant", self.constant),
+        ] {
+            to.number(name, "", value.to_f64());
+        }
+        let mut numbers = |numbers: &[(&'static str, F)]| {
+            for (name, value) in numbers {
+                to.number(name, "", value.to_f64());
+            }
+        };
+        match self.potential {
+            Potential::Nothing => {}
+            Potential::Spring { stiffness, rest, side, limit } => {
+                numbers(&[("stiffness", stiffness), ("rest", rest), ("side", side), ("limit", limit)]);
+            }
+            Potential::Detent { torque, pitch, phase } => {
+                numbers(&[("torque", torque), ("pitch", pitch), ("phase", phase)]);
+            }
+            Potential::DeadBand { stiffness, rest, width, limit } => {
+                numbers(&[("stiffness", stiffness), ("rest", rest), ("width", width), ("limit", limit)]);
+            }
+            Potential::Magnet { torque, width, at } => numbers(&[("torque", torque), ("width", width), ("at", at)]),
+            Potential::Texture { pitch, phase, base, sine, cosine } => {
+                numbers(&[("pitch", pitch), ("phase", phase), ("base", base)]);
+                for (name, factors) in [("sine", sine), ("cosine", cosine)] {
+                    to.array(name, "", &[HARMONICS], &|i| factors.get(i).map_or(0.0, |x| x.to_f64()));
+                }
+            }
+            Potential::Bristle { stiffness } => numbers(&[("stiffness", stiffness)]),
+        }
+        to.end();
+    }
 
     /// What it stores, where it is a spring on both sides and without an end.
     fn well(&self) -> Option<Well<F>> {

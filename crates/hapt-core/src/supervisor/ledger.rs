@@ -27,9 +27,9 @@
 //! summed too, never below 0: `made`. Exact zoh, trapezoidal and backward Euler keep it at 0, linear or bent; semi-implicit Euler keeps
 //! its own energy and is measured by that; forward Euler makes (ωT)² of what swings a sample.
 
-use crate::Real;
 use crate::supervisor::Limits;
 use crate::supervisor::sums::Step;
+use crate::{Constants, Real};
 
 /// Torques that a delay may hold back; the port's ledger rests with longer delays.
 pub(crate) const HELD: usize = 16;
@@ -101,6 +101,17 @@ impl<F: Real> Ledger<F> {
             whole: delay < HELD - 2 && part <= F::ZERO,
             under_way: [share * limits.damping / period, samples / (samples + 1.0)].map(F::from_f64),
         }
+    }
+
+    pub fn constants(&self, to: &mut dyn Constants) {
+        to.number("energy", "the most energy beyond what is stored, J", self.most.to_f64());
+        to.number("ledger_damping", "the device's damping over T", self.damping.to_f64());
+        to.whole("ledger_delay", "whole samples of the delay", self.delay as i64);
+        to.number("ledger_part", "the part of a sample beyond them", self.part.to_f64());
+        to.whole("ledger_whole", "whether there is none", i64::from(self.whole));
+        let [share, left] = self.under_way;
+        to.number("ledger_share", "what is charged later, by displacement squared", share.to_f64());
+        to.number("ledger_left", "what is left of it a sample later", left.to_f64());
     }
 
     /// Whether it keeps the account at the port: not with a delay of more samples than it remembers.

@@ -24,7 +24,7 @@ mod state;
 mod sums;
 mod thermal;
 
-use crate::{Error, Loop, Puck, Real, Sample, Spec, State};
+use crate::{Constants, Error, Loop, Puck, Real, Sample, Spec, State};
 use energy::Energy;
 use ledger::Ledger;
 pub use limits::{CertifiedTime, Heat, Limits, SafetyProfile, WhenLate};
@@ -118,6 +118,27 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             zero_where_armed: limits.zero_where_armed,
             announcements: limits.announcements,
         })
+    }
+
+    /// All numbers that it compares and counts with.
+    pub fn constants(&self, to: &mut dyn Constants) {
+        to.number("fade", "1 over the samples of a fade", self.fade.to_f64());
+        self.motion.constants(to);
+        self.energy.constants(to);
+        self.ledger.constants(to);
+        self.motor.constants(to, "motor_part", "motor_most");
+        self.driver.constants(to, "driver_part", "driver_most");
+        if let Some(pulse) = &self.pulse {
+            pulse.constants(to);
+        }
+        to.number("torque", "the largest command", self.torque.to_f64());
+        to.number("slew", "the largest change of torque in a sample", self.slew.to_f64());
+        to.number("brake", "torque per displacement of a sample after a fault; 0: none", self.brake.to_f64());
+        to.whole("when_late", "beyond the certified times: 0 fault, 1 fade, 2 count", i64::from(self.when_late as u8));
+        to.whole("link_faults", "whether a lost link is a fault", i64::from(self.link_faults));
+        to.whole("world_trips", "whether the world's ledger trips", i64::from(self.world_trips));
+        to.whole("port_trips", "whether the ledger at the port trips", i64::from(self.port_trips));
+        to.whole("zero_where_armed", "whether arming sets the position to 0", i64::from(self.zero_where_armed));
     }
 
     /// One sample of `world`, guarded.

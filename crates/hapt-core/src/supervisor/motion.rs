@@ -2,7 +2,7 @@
 
 use crate::supervisor::standing::{Stand, Standing};
 use crate::supervisor::{Limits, Reading, Reason, are_finite};
-use crate::{Real, Spec};
+use crate::{Constants, Real, Spec};
 
 /// The limits of a reading, in the displacement of one sample.
 #[derive(Clone, Copy, Debug)]
@@ -85,6 +85,28 @@ impl<F: Real> Motion<F> {
             standing: Standing::new(limits, spec),
             ordinary,
         }
+    }
+
+    pub fn constants(&self, to: &mut dyn Constants) {
+        let Ordinary { distance, jump, late, interval, delay, silent } = self.ordinary;
+        for (name, about, value) in [
+            ("velocity", "the largest displacement of a sample", self.velocity),
+            ("overspeed", "the same with the motor on", self.overspeed),
+            ("jump", "the largest change of it", self.jump),
+            ("size", "one count of the encoder; 0: ideal", self.count),
+            ("stall", "the latest sample, s", self.stall),
+            ("link", "the longest silence of the link, s", self.link),
+            ("friction", "of the device", self.friction),
+            ("ordinary_distance", "within all of these no other look is needed", distance),
+            ("ordinary_jump", "", jump),
+            ("ordinary_late", "s", late),
+            ("ordinary_interval", "s", interval),
+            ("ordinary_delay", "s", delay),
+            ("ordinary_silent", "s", silent),
+        ] {
+            to.number(name, about, value.to_f64());
+        }
+        self.standing.constants(to);
     }
 
     /// Whether a reading is ordinary: within every limit, on time, the link alive. Then it is recorded in `seen`. Otherwise `seen` is

@@ -10,7 +10,7 @@
 //! feign (two), and less than that is no motion: the encoder is absent, or a hand is in the way.
 
 use crate::supervisor::{Limits, Reason};
-use crate::{Real, Spec};
+use crate::{Constants, Real, Spec};
 
 /// How far a pulse should move the puck where there are no counts, in rad or m.
 const FAR: f64 = 1e-3;
@@ -72,6 +72,13 @@ impl<F: Real> Pulse<F> {
             delay: delay as u32,
             least: F::from_f64(least),
         })
+    }
+
+    pub fn constants(&self, to: &mut dyn Constants) {
+        to.number("pulse_torque", "of the sign test", self.torque.to_f64());
+        to.whole("pulse_samples", "of each of its stretches", i64::from(self.samples));
+        to.whole("pulse_delay", "samples that the motor is behind", i64::from(self.delay));
+        to.number("pulse_least", "the least motion that counts", self.least.to_f64());
     }
 
     pub fn sample(&self, testing: &mut Testing<F>, position: F) -> SignTest<F> {

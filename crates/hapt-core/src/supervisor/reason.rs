@@ -119,7 +119,7 @@ impl Reason {
     }
 
     /// Whether the measured velocity is still valid after it, so that damping may bring the puck to rest.
-    pub(crate) const fn trusts_the_encoder(self) -> bool {
+    pub const fn trusts_the_encoder(self) -> bool {
         match self {
             Reason::Stop | Reason::Overspeed | Reason::Link | Reason::PortEnergy | Reason::WorldEnergy => true,
             Reason::NotFinite

@@ -4,7 +4,7 @@
 //! when the world is compiled: their energies are sums without a question.
 
 use crate::supervisor::sums::Sums;
-use crate::{End, Real, Spec, State};
+use crate::{Constants, End, Real, Spec, State};
 
 /// What springs between the same two ends store together: k/2 · (x - rest)².
 #[derive(Clone, Copy, Debug)]
@@ -76,6 +76,27 @@ impl<F: Real, const B: usize, const C: usize> Springs<F, B, C> {
         };
         if let Some(together) = together {
             self.least += together.add(well);
+        }
+    }
+
+    pub fn constants(&self, n: usize, to: &mut dyn Constants) {
+        let column =
+            |of: fn(&Member<F>) -> F| move |i: usize| self.members.get(i).map_or(0.0, |body| of(body).to_f64());
+        to.array("half_inertia", "J/2 of each body", &[n], &column(|body| body.inertia));
+        to.array("puck_half", "k/2 of its springs to the puck", &[n], &column(|body| body.puck.half));
+        to.array("puck_rest", "and their rest", &[n], &column(|body| body.puck.rest));
+        to.array("ground_half", "k/2 of its springs to ground", &[n], &column(|body| body.ground.half));
+        to.array("ground_rest", "and their rest", &[n], &column(|body| body.ground.rest));
+        to.number("own_half", "k/2 of the springs from the puck to ground", self.own.half.to_f64());
+        to.number("own_rest", "and their rest", self.own.rest.to_f64());
+        to.number("least", "what springs that disagree about their rest store at their best, J", self.least.to_f64());
+        for pair in self.pairs.iter().take(self.pair_count) {
+            to.element("pairs", "pair");
+            to.whole("first", "body", pair.bodies[0] as i64);
+            to.whole("second", "body", pair.bodies[1] as i64);
+            to.number("half", "k/2 of the spring between them", pair.well.half.to_f64());
+            to.number("rest", "", pair.well.rest.to_f64());
+            to.end();
         }
     }
 

@@ -16,7 +16,7 @@
 //! the sum.
 
 use crate::supervisor::Limits;
-use crate::{Real, Spec};
+use crate::{Constants, Real, Spec};
 
 /// In counts; and in rad or m where there are none.
 const COUNTS: f64 = 4.0;
@@ -83,6 +83,20 @@ impl<F: Real> Standing<F> {
             stuck: samples(limits.stuck),
             most: samples(0.25 * limits.stuck),
         }
+    }
+
+    pub fn constants(&self, to: &mut dyn Constants) {
+        for (name, about, value) in [
+            ("stuck_torque", "a torque within it counts as none", self.torque),
+            ("stuck_push", "the displacement of a sample by a unit of torque", self.push),
+            ("stuck_friction", "and by friction", self.friction),
+            ("stuck_drag", "the damping's part of it", self.drag),
+            ("stuck_far", "what a free puck should have moved", self.far),
+        ] {
+            to.number(name, about, value.to_f64());
+        }
+        to.whole("stuck", "samples", i64::from(self.stuck));
+        to.whole("stuck_most", "samples that count at once", i64::from(self.most));
     }
 
     /// Whether there is anything to be remembered of a sample of standing still under the torque `held`.

@@ -1,6 +1,6 @@
 //! i²t: a first-order model of what a winding or a transistor bears.
 
-use crate::{Heat, Real};
+use crate::{Constants, Heat, Real};
 
 /// heat += (τ² - heat) · part, part = 1 - exp(-T/time): what a torque held for ever would have been, squared.
 #[derive(Clone, Copy, Debug)]
@@ -13,6 +13,11 @@ pub(crate) struct Thermal<F> {
 impl<F: Real> Thermal<F> {
     pub fn new(heat: &Heat, period: f64) -> Self {
         Thermal { part: F::from_f64(-libm::expm1(-period / heat.time)), most: F::from_f64(heat.rms * heat.rms) }
+    }
+
+    pub fn constants(&self, to: &mut dyn Constants, part: &'static str, most: &'static str) {
+        to.number(part, "of the heat that a sample adds", self.part.to_f64());
+        to.number(most, "the most heat, torque squared", self.most.to_f64());
     }
 
     /// One sample at a torque; whether it is too hot.

@@ -94,10 +94,11 @@ Examples:
   hapt convert runs/step.mcap -o step.csv            the bytes of hapt sim's own
   hapt convert runs/step.mcap -o step.parquet        units as metadata")]
     Convert(ConvertArgs),
-    /// Export a world for the simulators of others.
+    /// Export a world for the simulators and the boards of others.
     #[command(after_help = "\
 Examples:
-  hapt export fmu wheel.toml -o wheel.fmu            the loop as an FMU")]
+  hapt export fmu wheel.toml -o wheel.fmu            the loop as an FMU
+  hapt export c @devices/magnets -o knob.c           as one C file")]
     Export {
         #[command(subcommand)]
         command: ExportCommand,

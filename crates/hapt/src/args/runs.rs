@@ -134,6 +134,37 @@ Examples:
   hapt export fmu wheel.toml -o wheel3.fmu --fmi 3   by FMI 3.0
   hapt export fmu wheel.toml -o whole.fmu --whole    with its exact device")]
     Fmu(FmuArgs),
+    /// Write one C99 file and its header: the loop and its supervisor, with the bits of hapt's own, for any board.
+    #[command(after_help = "\
+Examples:
+  hapt export c @devices/magnets -o knob.c                    knob.c and knob.h
+  hapt export c @devices/magnets -o knob.c --float f64        in double
+  hapt export c @devices/magnets -o knob.c --arduino Knob     for the Arduino IDE")]
+    C(CArgs),
+}
+
+#[derive(Debug, clap::Args)]
+pub struct CArgs {
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// The output: FILE.c. Its name begins all names in it.
+    #[arg(short, long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// The header; default: FILE.h.
+    #[arg(long, value_name = "FILE")]
+    pub header: Option<PathBuf>,
+    /// The numbers that it computes with.
+    #[arg(long, value_name = "f32|f64", value_parser = ["f32", "f64"], default_value = "f32")]
+    pub float: String,
+    /// The device measures the velocity: a step takes it, where the estimator is exact.
+    #[arg(long)]
+    pub velocity: bool,
+    /// Write a world that is not certified.
+    #[arg(long)]
+    pub uncertified: bool,
+    /// Write an Arduino library with examples into this folder too.
+    #[arg(long, value_name = "DIR")]
+    pub arduino: Option<PathBuf>,
 }
 
 #[derive(Debug, clap::Args)]

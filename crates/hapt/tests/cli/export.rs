@@ -1,4 +1,4 @@
-//! `hapt export`: FMUs as files. What is in them, and what importers make of it, is tested in `fmi/`.
+//! `hapt export`: FMUs and C as files. What is in them is tested in `fmi/` and `crates/hapt-export-c`.
 
 use std::fs;
 
@@ -51,4 +51,64 @@ fn a_missing_library_is_named_with_its_places() {
         assert!(said.contains(words), "{words} in {said}");
     }
     assert!(!at.path().join("o.fmu").exists());
+}
+
+/// A passive world that is certified with a velocity from an encoder.
+const SPRING: &str = r#"title = "A spring"
+[loop]
+period = "1 ms"
+[device]
+inertia = "6.4e-4 kg m^2"
+damping = "1.2e-3 N m s/rad"
+limit = "822.25 N mm"
+[[couplings]]
+kind = "spring"
+between = ["puck", "ground"]
+stiffness = "1 N m/rad"
+"#;
+
+#[test]
+fn a_world_as_c_is_a_file_and_its_header_the_same_every_time() {
+    let at = folder(&[("w.toml", SPRING)]);
+    let read = |name: &str| fs::read_to_string(at.path().join(name)).unwrap();
+    let done = hapt(at.path(), ["export", "c", "w.toml", "-o", "knob.c"]).done();
+    assert!(done.err.contains("wrote knob.h") && done.err.contains("wrote knob.c"), "{}", done.err);
+    let (source, header) = (read("knob.c"), read("knob.h"));
+    assert!(source.contains("#include \"knob.h\"") && header.contains("knob_arm(knob_controller"), "{header}");
+    assert!(
+        source.starts_with("/* A spring, written as C by hapt") && source.contains("verdict   certified"),
+        "{source}"
+    );
+    // What hapt wrote it may write again.
+    hapt(at.path(), ["export", "c", "w.toml", "-o", "knob.c", "--arduino", "Knob"]).done();
+    assert!(source == read("knob.c") && source == read("Knob/src/knob.c") && header == read("Knob/src/knob.h"));
+    assert!(read("Knob/library.properties").contains("includes=knob.h"));
+    assert!(read("Knob/examples/simplefoc/simplefoc.ino").contains("knob_step_reading"));
+    hapt(at.path(), ["export", "c", "w.toml", "-o", "knob.c", "--header", "other.h", "--float", "f64"]).done();
+    assert!(read("knob.c").contains("#include \"other.h\"") && read("other.h").contains("typedef double knob_real;"));
+}
+
+#[test]
+fn a_world_that_c_cannot_hold_or_that_is_not_certified_writes_nothing() {
+    let unlimited = SPRING.replace("limit = \"822.25 N mm\"\n", "");
+    let stiff = SPRING.replace("1 N m/rad", "1000 N m/rad");
+    let files =
+        [("w.toml", SPRING), ("u.toml", unlimited.as_str()), ("s.toml", stiff.as_str()), ("mine.h", "int mine;\n")];
+    let at = folder(&files);
+    let refused = |args: &[&str], words: &[&str]| {
+        hapt(at.path(), ["export", "c"].iter().chain(args)).refused(2, words);
+        assert!(!at.path().join("o.c").exists() && !at.path().join("o.h").exists() && !at.path().join("O").exists());
+        assert_eq!(fs::read_to_string(at.path().join("mine.h")).unwrap(), "int mine;\n");
+    };
+    refused(&["w.toml", "-o", "o.cpp"], &["-o o.cpp: expected FILE.c"]);
+    refused(&["w.toml", "-o", "int.c"], &["-o int.c: \"int\" cannot begin the names in C"]);
+    refused(&["w.toml", "-o", "o.c", "--header", "mine.h"], &["--header mine.h: this file is there"]);
+    refused(&["u.toml", "-o", "o.c"], &["device.limit"]);
+    refused(&["s.toml", "-o", "o.c", "--arduino", "O"], &["not certified", "--uncertified"]);
+    hapt(at.path(), ["export", "c", "s.toml", "-o", "o.c", "--uncertified"]).done();
+    let source = fs::read_to_string(at.path().join("o.c")).unwrap();
+    assert!(
+        source.lines().next().unwrap().contains("NOT CERTIFIED") && source.contains("o_arm_uncertified"),
+        "{source}"
+    );
 }

@@ -1,0 +1,28 @@
+//! What an Arduino library has beside the C file and its header.
+
+use hapt_core::{Estimator, Spec};
+
+use crate::About;
+use crate::compose::units;
+use crate::names::{Prefix, comment};
+use crate::template::Facts;
+
+/// The other files of an Arduino library, each with its place in the library's folder: its description, and examples for SimpleFOC and for an
+/// H-bridge.
+pub fn library(about: &About, prefix: &Prefix, spec: &Spec) -> [(String, String); 3] {
+    let mut facts = Facts::default();
+    facts.set("exact", spec.estimator == Estimator::Exact);
+    facts.text("prefix", prefix.as_str());
+    facts.text("title", comment(&about.title));
+    facts.text("arm", if about.is_certified { "arm" } else { "arm_uncertified" });
+    facts.text("period_us", (1e6 * spec.period).round());
+    // A turn of 4096 counts, where the world has no encoder.
+    facts.text("count", format!("{:?}", spec.count.unwrap_or(core::f64::consts::TAU / 4096.0)));
+    units(&mut facts, about.is_linear);
+    let fill = |part: &str| prefix.rename(&facts.fill(part));
+    [
+        ("library.properties".to_owned(), fill(include_str!("parts/arduino/library.properties"))),
+        ("examples/h_bridge/h_bridge.ino".to_owned(), fill(include_str!("parts/arduino/h_bridge.ino"))),
+        ("examples/simplefoc/simplefoc.ino".to_owned(), fill(include_str!("parts/arduino/simplefoc.ino"))),
+    ]
+}

@@ -1,0 +1,48 @@
+//! Why a world is not written as C.
+
+use std::fmt;
+
+/// Why a world is not written as C.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Error {
+    /// The core does not compile it, or not into the room that a C file has.
+    Core(hapt_core::Error),
+    /// A number that the C's numbers cannot hold.
+    Number {
+        /// Which of the compiled world's.
+        name: &'static str,
+        /// What it is.
+        given: f64,
+    },
+    /// A prefix that is no name in C, or one that C and its libraries use themselves.
+    Prefix {
+        /// What was given.
+        given: String,
+        /// What would be right.
+        wanted: &'static str,
+    },
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Error::Core(error) => write!(f, "{error}"),
+            Error::Number { name, given } => {
+                write!(
+                    f,
+                    "float cannot hold the compiled world's {name} of {given:e}: --float f64 can, or other units of scale"
+                )
+            }
+            Error::Prefix { given, wanted } => write!(f, "{given:?} cannot begin the names in C: {wanted}"),
+        }
+    }
+}
+
+impl std::error::Error for Error {}
+
+impl From<hapt_core::Error> for Error {
+    fn from(error: hapt_core::Error) -> Self {
+        Error::Core(error)
+    }
+}

@@ -1,0 +1,111 @@
+/* ---- The nonlinear couplings ---- */
+
+/* q or q' of a coupling, from that of the puck and those of the bodies. */
+static hapt_real hapt_end_at(int end, hapt_real puck, const hapt_real *bodies)
+{
+    return end >= 0 ? bodies[end] : (end == HAPT_PUCK ? puck : (hapt_real)0);
+}
+
+static hapt_real hapt_relative(const hapt_coupling *coupling, hapt_real puck, const hapt_real *bodies)
+{
+    return hapt_end_at(coupling->first, puck, bodies) - hapt_end_at(coupling->second, puck, bodies);
+}
+
+/* The torque on the first end, in @u.torque@, from q, q' and the bend of the bristle. */
+static hapt_real hapt_torque(const hapt_world *world, const hapt_coupling *coupling, hapt_real q, hapt_real velocity,
+                             hapt_real bristle)
+{
+    (void)q;
+    (void)velocity;
+    (void)bristle;
+    (void)world;
+    switch (coupling->law) {
+//if wall
+    case HAPT_WALL:
+        return hapt_wall_torque(&world->wall[coupling->place], q, velocity);
+//end
+//if spring
+    case HAPT_SPRING:
+        return hapt_spring_torque(&world->spring[coupling->place], q);
+//end
+//if damper
+    case HAPT_DAMPER:
+        return hapt_damper_torque(&world->damper[coupling->place], velocity);
+//end
+//if detent
+    case HAPT_DETENT:
+        return hapt_detent_torque(&world->detent[coupling->place], q);
+//end
+//if dead_band
+    case HAPT_DEAD_BAND:
+        return hapt_dead_band_torque(&world->dead_band[coupling->place], q);
+//end
+//if magnet
+    case HAPT_MAGNET:
+        return hapt_magnet_torque(&world->magnet[coupling->place], q);
+//end
+//if texture
+    case HAPT_TEXTURE:
+        return hapt_texture_torque(&world->texture[coupling->place], q);
+//end
+//if coulomb
+    case HAPT_COULOMB:
+        return hapt_coulomb_torque(&world->coulomb[coupling->place], velocity);
+//end
+//if lugre
+    case HAPT_LUGRE:
+        return hapt_lugre_torque(&world->lugre[coupling->place], bristle, velocity);
+//end
+    default:
+        return (hapt_real)0;
+    }
+}
+
+/* The couplings' torque on the puck. */
+static hapt_real hapt_nonlinear_torque(const hapt_world *world, const hapt_vector *bodies, hapt_real position, hapt_real velocity,
+                                       const hapt_real *bristle, const hapt_real *contact)
+{
+    hapt_real torque = (hapt_real)0;
+    int i;
+    (void)bristle;
+    (void)contact;
+    for (i = 0; i < HAPT_COUPLINGS; i++) {
+        const hapt_coupling *coupling = &world->couplings[i];
+        const int at_first = coupling->first == HAPT_PUCK, at_second = coupling->second == HAPT_PUCK;
+        if (coupling->law != HAPT_LINEAR && at_first != at_second) {
+            hapt_real part;
+//if gradient
+            if (coupling->found) {
+                part = contact[i];
+            } else
+//end
+            {
+                const hapt_real q = hapt_relative(coupling, position, bodies->position);
+                const hapt_real rate = hapt_relative(coupling, velocity, bodies->velocity);
+//if lugre
+                part = hapt_torque(world, coupling, q, rate, bristle[i]);
+//else
+                part = hapt_torque(world, coupling, q, rate, (hapt_real)0);
+//end
+            }
+            torque += (at_first ? (hapt_real)1 : (hapt_real)-1) * part;
+        }
+    }
+    return torque;
+}
+
+//if lugre
+/* Every bristle over one period, with q' as it is at this sample. */
+static void hapt_bend(const hapt_world *world, hapt_real *bristle, hapt_real velocity, const hapt_vector *bodies)
+{
+    int i;
+    for (i = 0; i < HAPT_COUPLINGS; i++) {
+        const hapt_coupling *coupling = &world->couplings[i];
+        if (coupling->law == HAPT_LUGRE) {
+            const hapt_real rate = hapt_relative(coupling, velocity, bodies->velocity);
+            bristle[i] = hapt_lugre_bend(&world->lugre[coupling->place], bristle[i], rate, world->period);
+        }
+    }
+}
+
+//end

@@ -1,0 +1,332 @@
+//! What the C does at every sample, against the core.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::io::Write as _;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use hapt_core::{Controller, Estimator, Method, Reading, Real, Request, SafeOutput};
+use hapt_export_c::{About, Float, Prefix, export};
+use proptest::strategy::{Strategy, ValueTree};
+use proptest::test_runner::{Config, TestRunner};
+
+use crate::compiler::{ARM, CORTEX_M4F, QEMU, compile, compilers, has_board};
+use crate::worlds::{World, world};
+
+pub const BODIES: usize = 8;
+pub const COUPLINGS: usize = 32;
+pub const COUNTS: usize = 257;
+/// Samples of each run.
+const SAMPLES: usize = 600;
+/// Numbers of a sample in: position, velocity, late, missed, silent, request, the delay of the last command or NaN, a reason to trip or 0.
+const IN: usize = 8;
+
+/// Worlds of every method in turn.
+pub fn worlds(count: usize) -> Vec<World> {
+    drawn(count, hapt_testing::cases(1))
+}
+
+/// The same with random numbers of this test.
+pub fn drawn(count: usize, config: Config) -> Vec<World> {
+    let mut runner = TestRunner::new(config);
+    Method::ALL
+        .into_iter()
+        .cycle()
+        .take(count)
+        .map(|method| world(method).new_tree(&mut runner).unwrap().current())
+        .collect()
+}
+
+/// A number from 0 to 1.
+fn random(seed: &mut u64) -> f64 {
+    *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*seed >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+/// Readings of a puck that a hand moves, with what goes wrong on a device: jumps, standstills, NaN, lateness, silence, requests. What is
+/// not a number of the C's is rounded to one.
+pub fn readings(world: &World, seed: u64, is_wild: bool) -> Vec<[f64; IN]> {
+    let mut seed = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    let (mut position, mut velocity, mut stands) = (0.0, 0.0, 0_u32);
+    let (mut silent, mut late) = (0.0, 0.0);
+    (0..SAMPLES)
+        .map(|k| {
+            let mut of = || random(&mut seed);
+            velocity = 0.995 * velocity + (of() - 0.5) * 0.8;
+            stands = if stands > 0 {
+                stands - 1
+            } else if of() < 0.01 {
+                (of() * 120.0) as u32
+            } else {
+                0
+            };
+            if stands == 0 {
+                position += velocity * world.period;
+            }
+            let wild = |part: f64, of: &mut dyn FnMut() -> f64| is_wild && of() < part;
+            if wild(0.004, &mut of) {
+                position += (of() - 0.5) * 0.4;
+            }
+            if wild(0.001, &mut of) {
+                position += (of() - 0.5) * 1e9;
+            }
+            let shown = if wild(0.001, &mut of) { [f64::NAN, f64::INFINITY][(of() * 2.0) as usize] } else { position };
+            late = if wild(0.03, &mut of) { of() * 3.0 * world.period } else { 0.5 * late };
+            let missed = if wild(0.01, &mut of) { (of() * 4.0).floor() } else { 0.0 };
+            silent = if wild(0.02, &mut of) { silent + of() * 0.3 } else { 0.0 };
+            let request = match k {
+                3 => 1.0,
+                _ if wild(0.03, &mut of) => (of() * 5.0).floor(),
+                _ if k % 40 == 0 => {
+                    if k % 80 == 0 {
+                        4.0
+                    } else {
+                        1.0
+                    }
+                }
+                _ => 0.0,
+            };
+            let delay = if wild(0.05, &mut of) { of() * 2.0 * world.period } else { f64::NAN };
+            let trip = if wild(0.002, &mut of) { 16.0 } else { 0.0 };
+            [shown, velocity, late, missed, silent, request, delay, trip]
+        })
+        .collect()
+}
+
+/// What the core does with them, as the C shows it.
+fn core<F: Real>(world: &World, readings: &[[f64; IN]]) -> Vec<f64> {
+    let spec = world.spec();
+    let controller = Controller::<F, BODIES, COUPLINGS, COUNTS>::new(&spec, &world.limits).unwrap();
+    let (mut bare, mut state) = (controller.world().start(), controller.start());
+    let (mut shown, f) = (Vec::new(), F::from_f64);
+    let count = couplings(&controller);
+    for &[position, velocity, late, missed, silent, request, delay, trip] in readings {
+        let sample = controller.world().step(&mut bare, f(position), f(velocity));
+        for x in [sample.puck.position, sample.puck.velocity, sample.torque, sample.command] {
+            shown.push(x.to_f64());
+        }
+        for i in 0..world.bodies.len() {
+            for x in [bare.now.position[i], bare.now.velocity[i], bare.change.position[i], bare.change.velocity[i]] {
+                shown.push(x.to_f64());
+            }
+        }
+        for i in 0..count {
+            shown.push(bare.bristles[i].to_f64());
+            shown.push(bare.contacts.torques[i].to_f64());
+        }
+        shown.push(f64::from(bare.contacts.unsettled));
+        if !delay.is_nan() {
+            state.commanded(f(delay));
+        }
+        if trip > 0.0 {
+            state.trip(hapt_core::Reason::from_code(trip as u8).unwrap());
+        }
+        let velocity = if world.estimator == Estimator::Exact { velocity } else { 0.0 };
+        let reading = Reading {
+            position: f(position),
+            velocity: f(velocity),
+            announced: false,
+            late: f(late),
+            missed: missed as u32,
+            silent: f(silent),
+        };
+        let request = [None, Some(Request::Arm), Some(Request::Disarm), Some(Request::Stop), Some(Request::Clear)]
+            [request as usize];
+        let SafeOutput { sample, output, phase, reason, warning, .. } = controller.step(&mut state, &reading, request);
+        let code = |reason: Option<hapt_core::Reason>| reason.map_or(0.0, |reason| f64::from(reason.code()));
+        let supervisor = &state.supervisor;
+        let phase = f64::from(phase as u8);
+        shown.extend([output.to_f64(), phase, code(reason), code(warning), sample.torque.to_f64()]);
+        shown.extend([supervisor.account().to_f64(), supervisor.made().to_f64(), supervisor.gain.to_f64()]);
+        shown.extend([supervisor.offset.to_f64(), f64::from(supervisor.outside())]);
+    }
+    shown
+}
+
+/// Couplings up to the last nonlinear one.
+fn couplings<F: Real>(controller: &Controller<F, BODIES, COUPLINGS, COUNTS>) -> usize {
+    struct Count(usize);
+    impl hapt_core::Constants for Count {
+        fn whole(&mut self, _: &'static str, _: &'static str, _: i64) {}
+        fn number(&mut self, _: &'static str, _: &'static str, _: f64) {}
+        fn array(&mut self, _: &'static str, _: &'static str, _: &[usize], _: &dyn Fn(usize) -> f64) {}
+        fn element(&mut self, list: &'static str, _: &'static str) {
+            self.0 += usize::from(list == "couplings");
+        }
+        fn end(&mut self) {}
+    }
+    let mut count = Count(0);
+    controller.world().constants(&mut count);
+    count.0
+}
+
+/// A program in C, one translation unit, that takes the readings of each world and gives what it shows.
+fn program(worlds: &[World]) -> String {
+    let mut main = String::from("#include \"ports.c\"\n");
+    for i in 0..worlds.len() {
+        writeln!(main, "#include \"w{i}.c\"").unwrap();
+    }
+    for (i, world) in worlds.iter().enumerate() {
+        let controller = Controller::<f64, BODIES, COUPLINGS, COUNTS>::new(&world.spec(), &world.limits).unwrap();
+        let count = couplings(&controller);
+        let exact = world.estimator == Estimator::Exact;
+        let velocity = if exact { ", (w_real)in[1]" } else { "" };
+        let mut body = format!(
+            "static w_state bare{i};\nstatic w_controller self{i};\nstatic void run{i}(void) {{\n    double in[{IN}];\n    int k;\n    \
+             w_state_init(&bare{i}); w_init(&self{i});\n    for (k = 0; k < {SAMPLES}; k++) {{\n        w_sample sample; w_reading reading;\n        \
+             if (!get(in, sizeof in)) return;\n        sample = w_state_step(&bare{i}, (w_real)in[0]{velocity});\n        \
+             put(sample.position); put(sample.velocity); put(sample.torque); put(sample.command);\n"
+        );
+        for j in 0..world.bodies.len() {
+            for half in ["now", "change"] {
+                writeln!(body, "        put(bare{i}.{half}.position[{j}]); put(bare{i}.{half}.velocity[{j}]);")
+                    .unwrap();
+            }
+        }
+        let source = written(world, i, Float::F64).1;
+        let (lugre, gradient) = (source.contains("bristle["), source.contains("contact["));
+        for j in 0..count {
+            let of = |has: bool, name: &str| if has { format!("bare{i}.{name}[{j}]") } else { "0".to_owned() };
+            writeln!(body, "        put({}); put({});", of(lugre, "bristle"), of(gradient, "contact")).unwrap();
+        }
+        let unsettled = if gradient { format!("bare{i}.unsettled") } else { "0".to_owned() };
+        let given = if exact { "reading.velocity = (w_real)in[1]; " } else { "" };
+        let arm = if i % 2 == 0 { "w_arm" } else { "w_arm_uncertified" };
+        write!(
+            body,
+            "        put({unsettled});\n        if (in[6] == in[6]) w_commanded(&self{i}, (w_real)in[6]);\n        \
+             if (in[7] > 0) w_trip(&self{i}, (w_reason)(int)in[7]);\n        \
+             if (in[5] == 1) {arm}(&self{i}); else if (in[5] == 2) w_disarm(&self{i}); else if (in[5] == 3) w_stop(&self{i}); \
+             else if (in[5] == 4) w_clear(&self{i});\n        reading.position = (w_real)in[0]; {given}reading.late = (w_real)in[2]; \
+             reading.missed = (uint32_t)in[3]; reading.silent = (w_real)in[4];\n        put(w_step_reading(&self{i}, &reading));\n        \
+             put(self{i}.phase); put(self{i}.reason); put(self{i}.warning); put(self{i}.sample.torque); put(self{i}.account); \
+             put(self{i}.made); put(self{i}.gain); put(self{i}.offset); put(self{i}.outside);\n    }}\n}}\n"
+        )
+        .unwrap();
+        main += &body.replace("w_", &format!("w{i}_"));
+    }
+    main += "int main(void) {\n";
+    for i in 0..worlds.len() {
+        writeln!(main, "    run{i}();").unwrap();
+    }
+    main + "    return 0;\n}\n"
+}
+
+pub fn written(world: &World, i: usize, float: Float) -> (String, String) {
+    let about = About {
+        title: format!("World {i}: */ ?\u{3f}/ \\"),
+        bodies: (0..world.bodies.len()).map(|i| format!("body {i}")).collect(),
+        is_certified: i.is_multiple_of(2),
+        ..About::default()
+    };
+    let prefix = Prefix::new(&format!("w{i}")).unwrap();
+    let written = export(&world.spec(), &world.limits, &about, &prefix, &format!("w{i}.h"), float).unwrap();
+    (written.source, written.header)
+}
+
+/// Compiles the worlds in one run of the compiler and compares every number of every sample. What [`ARM`] compiles runs under QEMU.
+pub fn agree(worlds: &[World], float: Float, compiler: &str, options: &[&str]) {
+    let folder = tempfile::tempdir().unwrap();
+    for (i, world) in worlds.iter().enumerate() {
+        let (source, header) = written(world, i, float);
+        fs::write(folder.path().join(format!("w{i}.c")), source).unwrap();
+        fs::write(folder.path().join(format!("w{i}.h")), header).unwrap();
+    }
+    fs::write(folder.path().join("main.c"), program(worlds)).unwrap();
+    let ports = if compiler == ARM { include_str!("cortex_m4.c") } else { include_str!("desktop.c") };
+    fs::write(folder.path().join("ports.c"), ports).unwrap();
+    fs::write(folder.path().join("board.ld"), include_str!("cortex_m4.ld")).unwrap();
+    let board: &[&str] = if compiler == ARM { &CORTEX_M4F } else { &[] };
+    let arguments = [&["-std=c99", "-o", "program", "main.c"], board, options].concat();
+    compile(compiler, &arguments, folder.path());
+    let readings: Vec<_> =
+        worlds.iter().enumerate().map(|(i, world)| readings(world, i as u64 + 1, i % 3 != 0)).collect();
+    let input: Vec<u8> = readings.iter().flatten().flatten().flat_map(|x| x.to_le_bytes()).collect();
+    let output = if compiler == ARM { run_on_board(folder.path(), &input) } else { run(folder.path(), &input) };
+    let shown: Vec<f64> = output.chunks_exact(8).map(|x| f64::from_le_bytes(x.try_into().unwrap())).collect();
+    let mut at = 0;
+    for (i, (world, readings)) in worlds.iter().zip(&readings).enumerate() {
+        let wanted = match float {
+            Float::F32 => core::<f32>(world, readings),
+            Float::F64 => core::<f64>(world, readings),
+        };
+        let each = wanted.len() / SAMPLES;
+        for (j, wanted) in wanted.iter().enumerate() {
+            let given = shown[at + j];
+            let same = given.to_bits() == wanted.to_bits() || (given.is_nan() && wanted.is_nan());
+            assert!(
+                same,
+                "world {i} by {compiler} {options:?} {float:?}, sample {}, number {} of {each}: {given:?}, not {wanted:?}; {world:?}",
+                j / each,
+                j % each
+            );
+        }
+        at += wanted.len();
+    }
+    assert_eq!(at, shown.len());
+}
+
+fn run(folder: &Path, input: &[u8]) -> Vec<u8> {
+    let mut child = Command::new(folder.join("program"))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::inherit())
+        .spawn()
+        .unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    std::thread::scope(|scope| {
+        scope.spawn(move || stdin.write_all(input));
+        let output = child.wait_with_output().unwrap();
+        assert!(output.status.success(), "the program in C ended with {}", output.status);
+        output.stdout
+    })
+}
+
+fn run_on_board(folder: &Path, input: &[u8]) -> Vec<u8> {
+    fs::write(folder.join("in"), input).unwrap();
+    let mut qemu = Command::new(QEMU);
+    qemu.args(["-machine", "mps2-an386", "-display", "none", "-serial", "none", "-monitor", "none"]);
+    qemu.args(["-semihosting-config", "enable=on,target=native", "-kernel", "program"]);
+    let ran = qemu.current_dir(folder).stdin(Stdio::null()).output().unwrap();
+    assert!(
+        ran.status.success(),
+        "the board's program ended with {}: {}",
+        ran.status,
+        String::from_utf8_lossy(&ran.stderr)
+    );
+    fs::read(folder.join("out")).unwrap()
+}
+
+/// So many worlds in `cargo test`; eight times as many with `HAPT_CASES`.
+pub fn some(count: u64) -> usize {
+    hapt_testing::seeds(8 * count).end as usize
+}
+
+/// Random worlds of all methods, estimators and laws, by one compiler as it is used most.
+#[test]
+fn the_c_of_a_world_has_the_cores_bits() {
+    for (i, worlds) in worlds(some(3)).chunks(8).enumerate() {
+        agree(worlds, [Float::F32, Float::F64][i % 2], "gcc", &["-O2"]);
+    }
+}
+
+/// A handful of worlds, by every compiler and with every degree of optimisation.
+#[test]
+fn no_compiler_and_no_optimisation_changes_a_bit() {
+    let worlds = worlds(4);
+    for compiler in compilers() {
+        for (i, option) in ["-O0", "-O1", "-O2", "-O3"].into_iter().enumerate() {
+            agree(&worlds, [Float::F32, Float::F64][i % 2], compiler, &[option]);
+        }
+    }
+}
+
+#[test]
+fn a_cortex_m4f_has_the_cores_bits() {
+    if has_board() {
+        let worlds = worlds(2);
+        agree(&worlds, Float::F32, ARM, &["-O2"]);
+        agree(&worlds[..1], Float::F64, ARM, &["-Os"]);
+    }
+}

@@ -1,0 +1,7 @@
+//! Worlds as C: the same bits as the core's, and no world that C cannot hold.
+
+mod bits;
+mod compiler;
+mod options;
+mod refused;
+mod worlds;

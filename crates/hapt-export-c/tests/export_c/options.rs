@@ -1,0 +1,233 @@
+//! The same C under other options: sanitizers, C++, contraction, and options that would change the bits.
+
+use std::fs;
+use std::process::Command;
+
+use hapt_core::{Body, Controller, Damping, End, Estimator, Law, Method, Output, Reading, Reason, Request};
+use hapt_export_c::{About, Float, Prefix, library};
+
+use crate::bits::{BODIES, COUNTS, COUPLINGS, agree, drawn, readings, some, worlds, written};
+use crate::compiler::{compile, compilers};
+use crate::worlds::World;
+
+const SANITIZERS: [&str; 4] = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"];
+
+#[test]
+fn no_sample_does_what_c_leaves_undefined() {
+    for (i, worlds) in worlds(some(1)).chunks(8).enumerate() {
+        agree(worlds, [Float::F32, Float::F64][i % 2], "gcc", &SANITIZERS);
+    }
+}
+
+/// What a linear coupling stores or takes is booked behind the last one that has a place in the state.
+#[test]
+fn linear_couplings_behind_a_friction_at_a_body_read_nothing_beyond_the_state() {
+    let some = drawn(1, hapt_testing::cases_from(1, 1)).remove(0);
+    for method in Method::ALL {
+        let friction = Law::Lugre {
+            coulomb: 0.02,
+            stribeck: 0.03,
+            stribeck_velocity: 0.1,
+            bristle_stiffness: 20.0,
+            bristle_damping: 0.01,
+            viscous: 0.001,
+        };
+        let mut couplings = vec![friction.between(End::Puck, End::Body(0))];
+        couplings.retain(|coupling| coupling.goes_with(method));
+        if couplings.is_empty() {
+            continue;
+        }
+        for torque in [0.01, -0.02, 0.03] {
+            couplings.push(Law::Constant { torque }.between(End::Body(0), End::Ground));
+            couplings.push(Law::Damper { damping: Damping::Fixed(torque.abs()) }.between(End::Body(0), End::Puck));
+        }
+        let world = World {
+            method,
+            output: if method.takes_new_sample_first() { Output::Start } else { Output::End },
+            advance: 0,
+            bodies_every: 1,
+            bodies: vec![Body { inertia: 0.01, position: 0.1, velocity: 0.0 }],
+            couplings,
+            ..some.clone()
+        };
+        agree(&[world], Float::F32, "gcc", &SANITIZERS);
+    }
+}
+
+/// gcc makes one rounding of a product and a sum where the processor can, unless it is told not to: the file tells it.
+#[test]
+#[cfg(target_arch = "x86_64")]
+fn a_processor_that_contracts_products_and_sums_gives_the_same_bits() {
+    if is_x86_with_fma() {
+        let worlds = worlds(3);
+        for compiler in compilers() {
+            agree(&worlds, Float::F32, compiler, &["-O2", "-std=gnu99", "-march=haswell"]);
+            agree(&worlds, Float::F64, compiler, &["-O2", "-std=gnu99", "-march=haswell"]);
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+fn is_x86_with_fma() -> bool {
+    std::arch::is_x86_feature_detected!("fma") && std::arch::is_x86_feature_detected!("avx2")
+}
+
+#[test]
+fn options_that_change_the_bits_are_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let (source, header) = written(&worlds(1)[0], 0, Float::F32);
+    fs::write(folder.path().join("w0.c"), source).unwrap();
+    fs::write(folder.path().join("w0.h"), header).unwrap();
+    let ends = |compiler: &str, option: &str| {
+        let arguments = ["-std=c99", "-fsyntax-only", option, "w0.c"];
+        Command::new(compiler).args(arguments).current_dir(folder.path()).output().unwrap().status.success()
+    };
+    for compiler in compilers() {
+        assert!(ends(compiler, "-O3"));
+        for option in ["-ffast-math", "-Ofast", "-ffinite-math-only"] {
+            assert!(!ends(compiler, option), "{compiler} {option}");
+        }
+    }
+}
+
+/// `-Werror`: as C, and as C++, every world compiles without a warning.
+#[test]
+fn every_world_is_c_and_cpp_without_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let worlds = worlds(some(3));
+    let mut names = Vec::new();
+    for (i, world) in worlds.iter().enumerate() {
+        let (source, header) = written(world, i, [Float::F32, Float::F64][i % 2]);
+        fs::write(folder.path().join(format!("w{i}.c")), source).unwrap();
+        fs::write(folder.path().join(format!("w{i}.h")), header).unwrap();
+        names.push(format!("w{i}.c"));
+    }
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    for compiler in compilers() {
+        compile(compiler, &[&["-std=c99", "-pedantic", "-fsyntax-only"], &names[..]].concat(), folder.path());
+        compile(compiler, &[&["-x", "c++", "-std=c++11", "-fsyntax-only"], &names[..]].concat(), folder.path());
+    }
+    for name in names {
+        let source = fs::read_to_string(folder.path().join(name)).unwrap();
+        let includes: Vec<&str> = source.lines().filter(|line| line.starts_with("#include")).collect();
+        assert_eq!(includes.len(), 1, "{includes:?}");
+        let words = ["malloc", "printf", "math.h", "//if", "//end", "hapt_", "HAPT_", "(void)unused"];
+        assert!(!words.iter().any(|word| source.contains(word)) && !source.contains(" @"), "{name}");
+    }
+}
+
+/// The sketches against the names that they use of Arduino and SimpleFOC.
+#[test]
+fn the_sketches_of_an_arduino_library_are_cpp() {
+    let folder = tempfile::tempdir().unwrap();
+    for (i, world) in worlds(6).iter().enumerate() {
+        let about = About { title: "a\nworld".to_owned(), is_certified: i.is_multiple_of(2), ..About::default() };
+        let prefix = Prefix::new(&format!("w{i}")).unwrap();
+        let (_, header) = written(world, i, Float::F32);
+        fs::write(folder.path().join(format!("w{i}.h")), header).unwrap();
+        fs::write(folder.path().join("Arduino.h"), ARDUINO).unwrap();
+        fs::write(folder.path().join("SimpleFOC.h"), SIMPLE_FOC).unwrap();
+        let [(properties, text), sketches @ ..] = library(&about, &prefix, &world.spec());
+        assert_eq!(properties, "library.properties");
+        let keys: Vec<&str> = text.lines().map(|line| line.split_once('=').expect("a key and a value").0).collect();
+        let wanted = [
+            "name",
+            "version",
+            "author",
+            "maintainer",
+            "sentence",
+            "paragraph",
+            "category",
+            "url",
+            "architectures",
+            "includes",
+        ];
+        assert_eq!(keys, wanted);
+        for (place, sketch) in sketches {
+            let name = place.rsplit('/').next().unwrap();
+            // An example has its folder's name.
+            assert_eq!(place, format!("examples/{0}/{0}.ino", name.strip_suffix(".ino").unwrap()));
+            fs::write(folder.path().join(name), sketch).unwrap();
+            let arguments = ["-x", "c++", "-std=c++11", "-fsyntax-only", "-I.", "-include", "Arduino.h", name];
+            compile("g++", &arguments, folder.path());
+        }
+    }
+}
+
+const ARDUINO: &str = "
+#include <stdint.h>
+#define INPUT_PULLUP 2
+#define OUTPUT 1
+#define HIGH 1
+#define LOW 0
+#define CHANGE 1
+unsigned long micros(void); void pinMode(int, int); void digitalWrite(int, int); int digitalRead(int); void analogWrite(int, int);
+int digitalPinToInterrupt(int); void attachInterrupt(int, void (*)(void), int); void noInterrupts(void); void interrupts(void);
+struct Port { void begin(long); int available(); int read(); void println(const char *); };
+extern Port Serial;
+";
+
+const SIMPLE_FOC: &str = "
+struct SensorConfig { int address; };
+extern SensorConfig AS5600_I2C;
+struct Sensor { float getAngle(); float getVelocity(); };
+struct MagneticSensorI2C : Sensor { explicit MagneticSensorI2C(SensorConfig); void init(); };
+struct BLDCDriver3PWM { BLDCDriver3PWM(int, int, int, int); float voltage_power_supply; int init(); };
+enum class MotionControlType { torque };
+enum class TorqueControlType { voltage };
+struct BLDCMotor {
+  explicit BLDCMotor(int); void linkSensor(Sensor *); void linkDriver(BLDCDriver3PWM *); int init(); int initFOC(); void loopFOC();
+  void move(float); MotionControlType controller; TorqueControlType torque_controller;
+};
+";
+
+/// A comparison of what never occurs compares nothing.
+#[test]
+fn the_random_worlds_have_every_method_estimator_law_and_reason() {
+    let worlds = drawn(160, hapt_testing::cases_from(1, 1));
+    let has = |holds: &dyn Fn(&World) -> bool| worlds.iter().any(holds);
+    for method in Method::ALL {
+        assert!(has(&|world| world.method == method && !world.bodies.is_empty()), "{method:?}");
+    }
+    let windowed = |world: &World| world.count.is_some();
+    assert!(has(&|world| matches!(world.estimator, Estimator::Foaw { .. }) && windowed(world)));
+    assert!(has(&|world| matches!(world.estimator, Estimator::FoawBest { .. }) && windowed(world)));
+    assert!(has(&|world| matches!(world.estimator, Estimator::LowPass { .. })));
+    assert!(has(&|world| world.estimator == Estimator::Exact));
+    assert!(has(&|world| world.advance > 0 && !world.bodies.is_empty()) && has(&|world| world.bodies_every > 1));
+    let at_body = |of: fn(&Law) -> bool| {
+        has(&|world| {
+            world.method.finds_torques()
+                && world.couplings.iter().any(|coupling| coupling.is_at_body() && of(&coupling.law))
+        })
+    };
+    assert!(at_body(|law| matches!(law, Law::Wall { .. })) && at_body(|law| matches!(law, Law::Detent { .. })));
+    assert!(at_body(|law| matches!(law, Law::DeadBand { .. })) && at_body(|law| matches!(law, Law::Magnet { .. })));
+    assert!(at_body(|law| matches!(law, Law::Texture { .. })) && at_body(|law| matches!(law, Law::Coulomb { .. })));
+    assert!(has(&|world| world.couplings.iter().any(|coupling| coupling.law.has_bristle() && coupling.is_at_body())));
+
+    let mut seen = [false; 18];
+    for (i, world) in worlds.iter().enumerate() {
+        let controller = Controller::<f64, BODIES, COUPLINGS, COUNTS>::new(&world.spec(), &world.limits).unwrap();
+        let mut state = controller.start();
+        for [position, velocity, late, missed, silent, request, delay, trip] in
+            readings(world, i as u64 + 1, i % 3 != 0)
+        {
+            if !delay.is_nan() {
+                state.commanded(delay);
+            }
+            if trip > 0.0 {
+                state.trip(Reason::Driver);
+            }
+            let reading = Reading { position, velocity, announced: false, late, missed: missed as u32, silent };
+            let request = [None, Some(Request::Arm), Some(Request::Disarm), Some(Request::Stop), Some(Request::Clear)]
+                [request as usize];
+            let output = controller.step(&mut state, &reading, request);
+            for reason in [output.reason, output.warning].into_iter().flatten() {
+                seen[usize::from(reason.code())] = true;
+            }
+        }
+    }
+    let missing: Vec<Reason> = Reason::ALL.into_iter().filter(|reason| !seen[usize::from(reason.code())]).collect();
+    assert!(missing.is_empty(), "{missing:?}");
+}

@@ -1,0 +1,162 @@
+//! `hapt export c`: a world as one C file, for the boards of others.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use hapt_analysis::Check;
+use hapt_core::{Coupling, End, SafetyProfile};
+use hapt_export_c::{About, Exported, Float, Prefix, export, library};
+use hapt_model::{CouplingKind, EstimatorKind, Motion, World};
+
+use crate::args::CArgs;
+use crate::failure::Failure;
+use crate::messages::say;
+use crate::output::{self, Draft};
+use crate::world::{Loaded, files, load};
+
+pub fn run(args: &CArgs) -> Result<ExitCode, Failure> {
+    output::format("-o", &args.out, &["c"])?;
+    let header = args.header.clone().unwrap_or_else(|| args.out.with_extension("h"));
+    output::format("--header", &header, &["h", "hpp"])?;
+    let include = included(&header)?;
+    let mut loaded = load(&args.world)?;
+    let inputs = files(&args.world.path, &loaded.world);
+    output::apart(&[("-o", &args.out), ("--header", &header)], &inputs)?;
+    ours("-o", &args.out)?;
+    ours("--header", &header)?;
+    let stem = args.out.file_stem().unwrap_or_default().to_string_lossy();
+    let prefix = Prefix::new(&stem).map_err(|error| Failure::input(format!("-o {}: {error}", args.out.display())))?;
+
+    if loaded.world.device.limit.is_none() {
+        return Err(Failure::input(
+            "device.limit: a motor needs the largest torque that it may be commanded, such as \"800 N mm\"",
+        ));
+    }
+    let takes_difference = loaded.world.sampling.estimator == EstimatorKind::Exact && !args.velocity;
+    if takes_difference {
+        let mut sets = args.world.sets.clone();
+        sets.push("loop.estimator=difference".into());
+        loaded.world = World::read(&loaded.source, &sets)?;
+    }
+    let check = hapt_analysis::check(&loaded.world)?;
+    if !check.certified.holds() && !args.uncertified {
+        let verdict = check.verdict_sentence();
+        return Err(Failure::input(format!("{verdict}; hapt check says more, --uncertified writes it anyway")));
+    }
+    if takes_difference {
+        say(format_args!(
+            "note: an encoder gives no true velocity: estimator difference in place of exact; --velocity for a device that measures it"
+        ));
+    }
+    let float = if args.float == "f64" { Float::F64 } else { Float::F32 };
+    let profile = if check.certified.holds() { SafetyProfile::Certified } else { SafetyProfile::Uncertified };
+    let (world, limits) = (&loaded.world, loaded.world.board_limits(profile));
+    let about = about(&loaded, &check, hash(world, profile)?);
+    let exported = export(&world.spec(), &limits, &about, &prefix, &include, float).map_err(Failure::input)?;
+    let mut drafts = vec![
+        output::draft(&header, exported.header.as_bytes())?,
+        output::draft(&args.out, exported.source.as_bytes())?,
+    ];
+    if let Some(folder) = &args.arduino {
+        drafts.extend(arduino(folder, world, &about, &prefix, float)?);
+    }
+    for draft in drafts {
+        finish(draft)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn finish(draft: Draft) -> Result<(), Failure> {
+    let path = draft.finish().map_err(|error| Failure::write("the file", error))?;
+    say(format_args!("wrote {}", path.display()));
+    Ok(())
+}
+
+/// The name by which the C file includes its header.
+fn included(header: &Path) -> Result<String, Failure> {
+    let name = header.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let plain =
+        !name.is_empty() && name.chars().all(|c| c.is_ascii_graphic() && !matches!(c, '"' | '\\' | '<' | '>' | '?'));
+    if plain {
+        Ok(name)
+    } else {
+        Err(Failure::input(format!("--header {}: C cannot include a file of this name", header.display())))
+    }
+}
+
+/// Refuses to replace a file that this command did not write.
+fn ours(flag: &str, path: &Path) -> Result<(), Failure> {
+    match std::fs::read(path) {
+        Ok(there) if path.is_file() && !there.is_empty() => {
+            let head = String::from_utf8_lossy(&there[..there.len().min(4096)]).into_owned();
+            if head.contains(hapt_export_c::MARK) {
+                return Ok(());
+            }
+            Err(Failure::input(format!(
+                "{flag} {}: this file is there, and hapt did not write it; expected another name",
+                path.display()
+            )))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The hash that `hapt flash` prints of the same world and limits.
+fn hash(world: &World, profile: SafetyProfile) -> Result<u32, Failure> {
+    let mut room = vec![0; 1 << 16];
+    let bytes = hapt_wire::pack(&world.spec(), &world.board_limits(profile), &mut room).map_err(Failure::input)?;
+    Ok(hapt_wire::hash(bytes))
+}
+
+fn about(loaded: &Loaded, check: &Check, hash: u32) -> About {
+    let world = &loaded.world;
+    let text = check.text("", &world.sampling, None);
+    About {
+        title: loaded.title().to_owned(),
+        is_linear: world.motion == Motion::Linear,
+        bodies: world.names.clone(),
+        couplings: world.couplings.iter().map(|coupling| words(world, coupling)).collect(),
+        is_certified: check.certified.holds(),
+        certificate: text.trim().lines().map(str::to_owned).collect(),
+        hash,
+    }
+}
+
+/// A coupling in the words of its file, in SI.
+fn words(world: &World, coupling: &Coupling) -> String {
+    let end = |end: End| match end {
+        End::Puck => "puck",
+        End::Ground => "ground",
+        End::Body(i) => world.names.get(i).map_or("?", String::as_str),
+    };
+    let mut law = coupling.law;
+    let numbers: Vec<String> =
+        law.quantities().map(|quantity| format!("{} {}", quantity.name, quantity.value)).collect();
+    let limit = coupling.limit.map(|limit| format!("limit {limit}"));
+    let numbers: Vec<String> = numbers.into_iter().chain(limit).collect();
+    let kind = CouplingKind::of(&coupling.law).name();
+    format!("{kind} between {} and {}: {}", end(coupling.first), end(coupling.second), numbers.join(", "))
+}
+
+/// The drafts of an Arduino library.
+fn arduino(folder: &Path, world: &World, about: &About, prefix: &Prefix, float: Float) -> Result<Vec<Draft>, Failure> {
+    let profile = if about.is_certified { SafetyProfile::Certified } else { SafetyProfile::Uncertified };
+    let name = format!("{}.h", prefix.as_str());
+    let Exported { source, header } =
+        export(&world.spec(), &world.board_limits(profile), about, prefix, &name, float).map_err(Failure::input)?;
+    let files = library(about, prefix, &world.spec());
+    let code = [(format!("src/{}.c", prefix.as_str()), source), (format!("src/{}.h", prefix.as_str()), header)];
+    let files: Vec<(PathBuf, String)> =
+        code.into_iter().chain(files).map(|(place, text)| (folder.join(place), text)).collect();
+    for (path, _) in &files {
+        ours("--arduino", path)?;
+    }
+    let mut drafts = Vec::new();
+    for (path, text) in files {
+        if let Some(folder) = path.parent() {
+            output::folder("--arduino", folder)?;
+        }
+        drafts.push(output::draft(&path, text.as_bytes())?);
+    }
+    Ok(drafts)
+}
