@@ -34,7 +34,7 @@ Draw and share:
                   log
   report          Write a page a world: diagram, verdict, eigenvalues, motion, torque and energy
                   over time
-  export          Export a world for the simulators of others
+  export          Export a world for the simulators and the boards of others
   replay          Run a log's inputs through the present core and compare the torques bit by bit
   convert         Convert a log to CSV or Parquet, or repair a truncated log
   grade           Grade the answers to a pack of questions, such as a lesson of the course
