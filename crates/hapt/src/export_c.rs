@@ -110,7 +110,7 @@ fn hash(world: &World, profile: SafetyProfile) -> Result<u32, Failure> {
 
 fn about(loaded: &Loaded, check: &Check, hash: u32) -> About {
     let world = &loaded.world;
-    let text = check.text("", &world.sampling, None);
+    let text = check.text(loaded.title(), &world.sampling, None, true);
     About {
         title: loaded.title().to_owned(),
         is_linear: world.motion == Motion::Linear,
