@@ -50,8 +50,12 @@ pub struct Passivity {
 
 impl Passivity {
     pub(super) fn new(claim: &Claim, beyond: Vec<Omission>) -> Passivity {
-        let mut omits: Vec<&'static str> = beyond.iter().map(|omission| omission.what).collect();
-        omits.dedup();
+        let mut omits: Vec<&'static str> = Vec::new();
+        for Omission { what, .. } in &beyond {
+            if !omits.contains(what) {
+                omits.push(what);
+            }
+        }
         let mut not_proved = claim.outside.clone();
         not_proved.extend(beyond.into_iter().map(|omission| omission.why));
         Passivity {
