@@ -8,6 +8,7 @@ use hapt_model::keys::Measure;
 use crate::certificate::check::{Check, Status};
 use crate::stability::{Stability, Verdict};
 use crate::text::{short, time, with_unit};
+use crate::theorems::PatternVerdict;
 
 impl Check {
     /// The answer: whether it is certified, whether it is safe to let go and safe in a hand, and what of the device is not proved.
@@ -37,13 +38,20 @@ impl Check {
         self.theorems.iter().any(|theorem| theorem.claims.contains(&claim))
     }
 
+    /// Hands-off, at even samples and under all that the file allows.
     fn let_go(&self) -> &'static str {
+        let is_certified = self.certified.holds();
+        let under_all = self.uneven.free.verdict();
+        if self.uneven.is_stated && !is_certified && under_all != PatternVerdict::Proved {
+            let grows = under_all == PatternVerdict::Broken || self.free.verdict == Verdict::Unstable;
+            return if grows { "not safe to let go" } else { "not proved safe to let go" };
+        }
         match (self.free.verdict, self.claims("free")) {
             (Verdict::Unstable, true) => "safe to let go, as long as its speed is kept",
             (Verdict::Unstable, false) => "not safe to let go",
             (Verdict::Marginal, true) => "safe to let go, though it may never come to rest",
             (Verdict::Stable, true) => "safe to let go",
-            (_, false) => "not proved safe to let go",
+            (Verdict::Marginal | Verdict::Stable, false) => "not proved safe to let go",
         }
     }
 
