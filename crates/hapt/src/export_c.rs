@@ -22,10 +22,10 @@ pub fn run(args: &CArgs) -> Result<ExitCode, Failure> {
     let mut loaded = load(&args.world)?;
     let inputs = files(&args.world.path, &loaded.world);
     output::apart(&[("-o", &args.out), ("--header", &header)], &inputs)?;
-    ours("-o", &args.out)?;
-    ours("--header", &header)?;
     let stem = args.out.file_stem().unwrap_or_default().to_string_lossy();
     let prefix = Prefix::new(&stem).map_err(|error| Failure::input(format!("-o {}: {error}", args.out.display())))?;
+    ours("-o", &args.out, Some(&prefix))?;
+    ours("--header", &header, Some(&prefix))?;
 
     if loaded.world.device.limit.is_none() {
         return Err(Failure::input(
@@ -84,18 +84,24 @@ fn included(header: &Path) -> Result<String, Failure> {
     }
 }
 
-/// Refuses to replace a file that this command did not write.
-fn ours(flag: &str, path: &Path) -> Result<(), Failure> {
+/// Refuses to replace a file that this command did not write; one of C or its header also where it has other names than those of `prefix`.
+fn ours(flag: &str, path: &Path, prefix: Option<&Prefix>) -> Result<(), Failure> {
     match std::fs::read(path) {
         Ok(there) if path.is_file() && !there.is_empty() => {
-            let head = String::from_utf8_lossy(&there[..there.len().min(4096)]).into_owned();
-            if head.contains(hapt_export_c::MARK) {
-                return Ok(());
+            let head = String::from_utf8_lossy(&there);
+            let expected = "expected another name";
+            if !head.contains(hapt_export_c::MARK) {
+                let message =
+                    format!("{flag} {}: this file is there, and hapt did not write it; {expected}", path.display());
+                return Err(Failure::input(message));
             }
-            Err(Failure::input(format!(
-                "{flag} {}: this file is there, and hapt did not write it; expected another name",
-                path.display()
-            )))
+            match prefix.map(|prefix| format!(" {}_init()", prefix.as_str())) {
+                Some(init) if !head.contains(&init) => Err(Failure::input(format!(
+                    "{flag} {}: this file is there, without{init}; {expected}",
+                    path.display()
+                ))),
+                _ => Ok(()),
+            }
         }
         _ => Ok(()),
     }
@@ -149,7 +155,7 @@ fn arduino(folder: &Path, world: &World, about: &About, prefix: &Prefix, float: 
     let files: Vec<(PathBuf, String)> =
         code.into_iter().chain(files).map(|(place, text)| (folder.join(place), text)).collect();
     for (path, _) in &files {
-        ours("--arduino", path)?;
+        ours("--arduino", path, None)?;
     }
     let mut drafts = Vec::new();
     for (path, text) in files {

@@ -91,6 +91,10 @@ fn a_world_as_c_is_a_file_and_its_header_the_same_every_time() {
     assert!(source == read("knob.c") && source == read("Knob/src/knob.c") && header == read("Knob/src/knob.h"));
     assert!(read("Knob/library.properties").contains("includes=knob.h"));
     assert!(read("Knob/examples/simplefoc/simplefoc.ino").contains("knob_step_reading"));
+    // The header of another file is not replaced.
+    let words = ["export", "c", "w.toml", "-o", "two.c", "--header", "knob.h"];
+    hapt(at.path(), words).refused(2, &["--header knob.h: this file is there, without two_init()"]);
+    assert!(header == read("knob.h") && !at.path().join("two.c").exists());
     hapt(at.path(), ["export", "c", "w.toml", "-o", "knob.c", "--header", "other.h", "--float", "f64"]).done();
     assert!(read("knob.c").contains("#include \"other.h\"") && read("other.h").contains("typedef double knob_real;"));
 }
