@@ -76,7 +76,7 @@ pub struct IdentifyArgs {
     /// The columns of a CSV, with units after their last underscore; default: the usual names.
     #[arg(long, value_name = "time=NAME,position=NAME,torque=NAME")]
     pub columns: Option<String>,
-    /// The time's column, as in --columns; "t [ms]" gives a column its unit.
+    /// The time's column, as in --columns; a unit in brackets behind the name is the column's.
     #[arg(long, value_name = "COLUMN")]
     pub time: Option<String>,
     /// The position's column.

@@ -250,12 +250,12 @@ fn every_command_in_an_explanation_runs_and_prints_what_stands_beside_it() {
 #[test]
 fn completions_and_manual_know_every_command() {
     let help = printed(&["--help"]);
-    let (_, commands) = help.split_once("Commands:\n").unwrap();
+    let (_, commands) = help.split_once("Try it:\n").unwrap();
+    let (commands, _) = commands.split_once("Options:\n").unwrap();
     let commands: Vec<&str> = commands
         .lines()
-        .take_while(|line| !line.is_empty())
-        // A longer description goes on below, indented further.
-        .filter(|line| !line.starts_with("   "))
+        // Between the names of groups; a longer description goes on below, indented further.
+        .filter(|line| line.starts_with("  ") && !line.starts_with("   "))
         .filter_map(|line| line.split_whitespace().next())
         .collect();
     assert!(NEW.iter().chain(&["sim", "check", "design"]).all(|command| commands.contains(command)), "{commands:?}");
