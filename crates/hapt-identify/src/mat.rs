@@ -10,8 +10,8 @@ use flate2::read::ZlibDecoder;
 use crate::Error;
 
 const HEADER: usize = 128;
-/// Of all arrays, uncompressed.
-const LARGEST: u64 = 256 << 20;
+/// What compressed arrays may grow to in all, bytes.
+const LARGEST: u64 = 64 << 20;
 /// Structs in structs.
 const DEEPEST: usize = 4;
 /// Columns of a matrix that are taken each by itself.
@@ -62,7 +62,7 @@ pub fn mat_table(bytes: &[u8]) -> Result<String, Error> {
                 read.map_err(|_| wrong("has a compressed array that is broken"))?;
                 room = match room.checked_sub(inflated.len() as u64) {
                     Some(room) => room,
-                    None => return Err(wrong("has more than 256 MiB of arrays; expected a shorter record")),
+                    None => return Err(wrong("has more than 64 MiB of compressed arrays; expected a shorter record")),
                 };
                 let mut inner = Reader { bytes: &inflated, is_big };
                 if let Some((MATRIX, data)) = inner.element() {

@@ -86,25 +86,24 @@ fn included(header: &Path) -> Result<String, Failure> {
 
 /// Refuses to replace a file that this command did not write; one of C or its header also where it has other names than those of `prefix`.
 fn ours(flag: &str, path: &Path, prefix: Option<&Prefix>) -> Result<(), Failure> {
-    match std::fs::read(path) {
-        Ok(there) if path.is_file() && !there.is_empty() => {
-            let head = String::from_utf8_lossy(&there);
-            let expected = "expected another name";
-            if !head.contains(hapt_export_c::MARK) {
-                let message =
-                    format!("{flag} {}: this file is there, and hapt did not write it; {expected}", path.display());
-                return Err(Failure::input(message));
-            }
-            match prefix.map(|prefix| format!(" {}_init()", prefix.as_str())) {
-                Some(init) if !head.contains(&init) => Err(Failure::input(format!(
-                    "{flag} {}: this file is there, without{init}; {expected}",
-                    path.display()
-                ))),
-                _ => Ok(()),
-            }
-        }
-        _ => Ok(()),
+    // What is no file is not read: a pipe would wait for its writer.
+    if !path.is_file() {
+        return match path.exists() {
+            true => Err(Failure::input(format!("{flag} {}: this is no file; expected a new name", path.display()))),
+            false => Ok(()),
+        };
     }
+    let there = std::fs::read(path).map_err(|error| Failure::input(format!("{flag} {}: {error}", path.display())))?;
+    if there.is_empty() {
+        return Ok(());
+    }
+    let text = String::from_utf8_lossy(&there);
+    let whose = match prefix.map(|prefix| format!(" {}_init()", prefix.as_str())) {
+        _ if !text.contains(hapt_export_c::MARK) => "and hapt did not write it".to_string(),
+        Some(init) if !text.contains(&init) => format!("without{init}"),
+        _ => return Ok(()),
+    };
+    Err(Failure::input(format!("{flag} {}: this file is there, {whose}; expected another name", path.display())))
 }
 
 /// The hash that `hapt flash` prints of the same world and limits.

@@ -46,7 +46,10 @@ impl Check {
             let grows = under_all == PatternVerdict::Broken || self.free.verdict == Verdict::Unstable;
             return if grows { "not safe to let go" } else { "not proved safe to let go" };
         }
+        // What friction alone keeps from growing, at even samples or at others.
+        let by_friction = is_certified && self.uneven.is_stated && under_all != PatternVerdict::Proved;
         match (self.free.verdict, self.claims("free")) {
+            (_, true) if by_friction => "safe to let go, as long as its speed is kept",
             (Verdict::Unstable, true) => "safe to let go, as long as its speed is kept",
             (Verdict::Unstable, false) => "not safe to let go",
             (Verdict::Marginal, true) => "safe to let go, though it may never come to rest",

@@ -106,6 +106,7 @@ fn a_world_that_c_cannot_hold_or_that_is_not_certified_writes_nothing() {
     let files =
         [("w.toml", SPRING), ("u.toml", unlimited.as_str()), ("s.toml", stiff.as_str()), ("mine.h", "int mine;\n")];
     let at = folder(&files);
+    fs::create_dir(at.path().join("folder.h")).unwrap();
     let refused = |args: &[&str], words: &[&str]| {
         hapt(at.path(), ["export", "c"].iter().chain(args)).refused(2, words);
         assert!(!at.path().join("o.c").exists() && !at.path().join("o.h").exists() && !at.path().join("O").exists());
@@ -114,6 +115,12 @@ fn a_world_that_c_cannot_hold_or_that_is_not_certified_writes_nothing() {
     refused(&["w.toml", "-o", "o.cpp"], &["-o o.cpp: expected FILE.c"]);
     refused(&["w.toml", "-o", "int.c"], &["-o int.c: \"int\" cannot begin the names in C"]);
     refused(&["w.toml", "-o", "o.c", "--header", "mine.h"], &["--header mine.h: this file is there"]);
+    refused(&["w.toml", "-o", "o.c", "--header", "folder.h"], &["--header folder.h: it is a folder"]);
+    #[cfg(unix)]
+    {
+        assert!(std::process::Command::new("mkfifo").arg(at.path().join("pipe.h")).status().unwrap().success());
+        refused(&["w.toml", "-o", "o.c", "--header", "pipe.h"], &["--header pipe.h: this is no file"]);
+    }
     refused(&["u.toml", "-o", "o.c"], &["device.limit"]);
     refused(&["s.toml", "-o", "o.c", "--arduino", "O"], &["not certified", "--uncertified"]);
     hapt(at.path(), ["export", "c", "s.toml", "-o", "o.c", "--uncertified"]).done();
