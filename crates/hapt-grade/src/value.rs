@@ -16,14 +16,14 @@ use super::pack::{Of, Take};
 use crate::failure::Failure;
 
 /// The limits of a world that is graded: far beyond a lesson's, and soon computed.
-const MOST_BODIES: usize = 8;
-const MOST_COUPLINGS: usize = 16;
-const MOST_SAMPLES: f64 = 1e6;
-const MOST_IN_FLIGHT: f64 = 64.0;
+const MAX_BODIES: usize = 8;
+const MAX_COUPLINGS: usize = 16;
+const MAX_SAMPLES: f64 = 1e6;
+const MAX_PERIODS: f64 = 64.0;
 /// The longest that one value may take.
-const LONGEST: Duration = Duration::from_secs(60);
+const TIME_LIMIT: Duration = Duration::from_secs(60);
 
-const MOST_STATIONS: usize = 16;
+const MAX_STATIONS: usize = 16;
 
 /// A world or a network whose values are asked for.
 pub struct Subject<'a> {
@@ -39,7 +39,7 @@ impl Subject<'_> {
         match &system {
             System::World(world) => self.within_limits(world)?,
             System::Network(network) => {
-                self.most_of("stations", network.stations.len(), MOST_STATIONS)?;
+                self.most_of("stations", network.stations.len(), MAX_STATIONS)?;
                 for station in &network.stations {
                     self.within_limits(&station.world)?;
                 }
@@ -63,7 +63,7 @@ impl Subject<'_> {
             return Ok(());
         }
         let name = &self.source.name;
-        Err(Failure::input(format!("{name}: {what}: {is:.0} are more than the {most:.0} that hapt grade takes")))
+        Err(Failure::input(format!("{name}: {what}: {is:.0} are more than the {most:.0} that hapt-grade takes")))
     }
 
     #[allow(clippy::cast_precision_loss)] // Counts of a file of 1 MiB.
@@ -73,13 +73,13 @@ impl Subject<'_> {
 
     fn within_limits(&self, world: &World) -> Result<(), Failure> {
         let sampling = &world.sampling;
-        self.most_of("bodies", world.bodies.len(), MOST_BODIES)?;
-        self.most_of("couplings", world.couplings.len(), MOST_COUPLINGS)?;
-        self.most("samples of delay", sampling.delay_max_s() / sampling.period, MOST_IN_FLIGHT)?;
-        self.most("periods of interval_max", sampling.interval_max_s() / sampling.period, MOST_IN_FLIGHT)?;
+        self.most_of("bodies", world.bodies.len(), MAX_BODIES)?;
+        self.most_of("couplings", world.couplings.len(), MAX_COUPLINGS)?;
+        self.most("samples of delay", sampling.delay_max_s() / sampling.period, MAX_PERIODS)?;
+        self.most("periods of interval_max", sampling.interval_max_s() / sampling.period, MAX_PERIODS)?;
         for scenario in &world.scenarios {
             let samples = scenario.duration / sampling.period;
-            self.most(&format!("samples of the scenario {}", scenario.name), samples, MOST_SAMPLES)?;
+            self.most(&format!("samples of the scenario {}", scenario.name), samples, MAX_SAMPLES)?;
         }
         Ok(())
     }
@@ -124,7 +124,7 @@ impl Subject<'_> {
         let own = format!("loop.period={}..{}:1", world.sampling.period, world.sampling.period);
         let sweep = Sweep::new(self.source, &self.sets, &[own], &[measure], self.scenario)?;
         let begun = Instant::now();
-        let rows = sweep.rows_until(0..1, &|| begun.elapsed() > LONGEST);
+        let rows = sweep.rows_until(0..1, &|| begun.elapsed() > TIME_LIMIT);
         let rows = rows.ok_or_else(too_long)?;
         Ok(rows.iter().next().and_then(|row| row.last().copied().flatten()))
     }
@@ -172,7 +172,7 @@ impl Subject<'_> {
                 row.numbers(&mut values);
                 series.extend(values.get(column));
             }
-            if begun.elapsed() > LONGEST {
+            if begun.elapsed() > TIME_LIMIT {
                 return Err(too_long());
             }
         }
@@ -196,7 +196,7 @@ impl Subject<'_> {
             let mut values =
                 hapt_sim::SIGNALS.iter().map(|signal| (signal.get)(row)).chain(row.pairs().flat_map(|(x, v)| [x, v]));
             series.extend(values.nth(at));
-            if begun.elapsed() > LONGEST {
+            if begun.elapsed() > TIME_LIMIT {
                 return Err(too_long());
             }
         }
@@ -233,8 +233,8 @@ fn field(of: &impl serde::Serialize, pointer: &str) -> Result<Value, Failure> {
 }
 
 fn too_long() -> Failure {
-    let seconds = LONGEST.as_secs();
-    Failure::input(format!("a value takes longer than the {seconds} s that hapt grade gives it; take a smaller world"))
+    let seconds = TIME_LIMIT.as_secs();
+    Failure::input(format!("a value takes longer than the {seconds} s that hapt-grade gives it; take a smaller world"))
 }
 
 /// The result of an analysis, which ends when its time is over.
@@ -246,7 +246,7 @@ fn in_time<T>(work: impl FnOnce() -> T) -> Result<T, Failure> {
         move || {
             let begun = Instant::now();
             while ends.recv_timeout(Duration::from_millis(50)) == Err(RecvTimeoutError::Timeout) {
-                if begun.elapsed() > LONGEST {
+                if begun.elapsed() > TIME_LIMIT {
                     stop.store(true, Ordering::Relaxed);
                 }
             }
