@@ -85,7 +85,7 @@ Examples:
 Examples:
   hapt log convert runs/step.mcap -o step.csv        the bytes of hapt sim's own
   hapt log convert runs/step.mcap -o step.parquet    units as metadata
-  hapt log convert cut.mcap -o whole.mcap            with the index again")]
+  hapt log convert runs/step.mcap -o whole.mcap      a truncated one repaired")]
     Convert(ConvertArgs),
 }
 
