@@ -7,7 +7,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use hapt_analysis::Design;
-use hapt_model::{Dimension, Network, Source, System, World, parse_quantity};
+use hapt_model::{Dimension, Source, System, World, parse_quantity};
 use hapt_sim::{NetworkRun, Simulation, network_columns};
 use hapt_sweep::{Measure, Sweep};
 use serde_json::Value;
@@ -36,26 +36,20 @@ impl Subject<'_> {
     /// What is asked for, within the limits.
     pub fn system(&self) -> Result<System, Failure> {
         let system = System::read(self.source, &self.sets)?;
-        match &system {
-            System::World(world) => self.within_limits(world)?,
-            System::Network(network) => {
-                self.most_of("stations", network.stations.len(), MAX_STATIONS)?;
-                for station in &network.stations {
-                    self.within_limits(&station.world)?;
-                }
-            }
+        self.most_of("stations", system.stations.len(), MAX_STATIONS)?;
+        for station in &system.stations {
+            self.within_limits(&station.world)?;
         }
         Ok(system)
     }
 
     fn world(&self) -> Result<World, Failure> {
-        match self.system()? {
-            System::World(world) => Ok(*world),
-            System::Network(_) => Err(Failure::input(format!(
-                "{}: is a network; of it there are fields of hapt check, and columns of a station",
-                self.source.name
-            ))),
-        }
+        self.system()?.into_world().map_err(|_| {
+            let name = &self.source.name;
+            Failure::input(format!(
+                "{name}: is a network; of it there are fields of hapt check, and columns of a station"
+            ))
+        })
     }
 
     fn most(&self, what: &str, is: f64, most: f64) -> Result<(), Failure> {
@@ -92,9 +86,9 @@ impl Subject<'_> {
             Of::Key(key) => Ok(number(self.world()?.number(key))),
             Of::Measure(name) => self.measure(name).map(number),
             Of::Check(pointer) => self.check(pointer),
-            Of::Column { name, take, station } => match self.system()? {
-                System::World(world) => self.column(&world, name, *take),
-                System::Network(network) => self.column_of(&network, station.as_deref(), name, *take),
+            Of::Column { name, take, station } => match self.system()?.into_world() {
+                Ok(world) => self.column(&world, name, *take),
+                Err(network) => self.column_of(&network, station.as_deref(), name, *take),
             }
             .map(Value::from),
             Of::Design { travel, torque, frequency, period, gives } => {
@@ -130,8 +124,8 @@ impl Subject<'_> {
     }
 
     fn check(&self, pointer: &str) -> Result<Value, Failure> {
-        match self.system()? {
-            System::World(world) => {
+        match self.system()?.into_world() {
+            Ok(world) => {
                 let check = in_time(|| {
                     let mut check = hapt_analysis::check(&world)?;
                     if pointer.starts_with("/remedies") {
@@ -141,12 +135,12 @@ impl Subject<'_> {
                 })?;
                 field(&check?, pointer)
             }
-            System::Network(network) => field(&in_time(|| hapt_analysis::check_network(&network))??, pointer),
+            Err(network) => field(&in_time(|| hapt_analysis::check_network(&network))??, pointer),
         }
     }
 
     /// The same of a station in a run of its network.
-    fn column_of(&self, network: &Network, station: Option<&str>, name: &str, take: Take) -> Result<f64, Failure> {
+    fn column_of(&self, network: &System, station: Option<&str>, name: &str, take: Take) -> Result<f64, Failure> {
         let names: Vec<&str> = network.stations.iter().map(|station| station.name.as_str()).collect();
         let at = station.and_then(|station| names.iter().position(|known| *known == station));
         let at = at.ok_or_else(|| {
