@@ -3,7 +3,7 @@
 /// An instant within this part of a period of a whole sample is that sample.
 const SNAP: f64 = 1e-6;
 /// The most samples of one communication step.
-const MOST: f64 = 1e10;
+const MAX_SAMPLES: f64 = 1e10;
 
 /// An instant on the samples of a loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +36,7 @@ impl Clock {
     /// In a sentence: more than 10^10 samples.
     pub fn after(&self, at: f64, length: f64) -> Result<Clock, String> {
         let periods = length / self.period;
-        if periods > MOST {
+        if periods > MAX_SAMPLES {
             return Err(format!("a step of {length} s has {periods:.0} samples; one step has at most 10^10"));
         }
         let whole = periods.round();

@@ -19,10 +19,10 @@ const MEMORY_PER_BYTE: usize = 512;
 struct Counting;
 
 static HELD: AtomicUsize = AtomicUsize::new(0);
-static MOST: AtomicUsize = AtomicUsize::new(0);
+static PEAK_BYTES: AtomicUsize = AtomicUsize::new(0);
 
 fn took(bytes: usize) {
-    MOST.fetch_max(HELD.fetch_add(bytes, Relaxed) + bytes, Relaxed);
+    PEAK_BYTES.fetch_max(HELD.fetch_add(bytes, Relaxed) + bytes, Relaxed);
 }
 
 // SAFETY: every call goes to the system's allocator as it came.
@@ -57,9 +57,9 @@ static ALLOCATOR: Counting = Counting;
 /// Beyond them, and when the target does.
 pub fn judged(target: &Target, input: &[u8]) -> u64 {
     let held = HELD.load(Relaxed);
-    MOST.store(held, Relaxed);
+    PEAK_BYTES.store(held, Relaxed);
     let (outcome, took) = timed(target, input);
-    let most = MOST.load(Relaxed).saturating_sub(held);
+    let most = PEAK_BYTES.load(Relaxed).saturating_sub(held);
     let allowed = MEMORY + MEMORY_PER_BYTE * input.len();
     assert!(most <= allowed, "{} bytes of input held {most} bytes at once; {allowed} are allowed", input.len());
     // On a busy machine a single slow run proves nothing, nor does the time in which others run: a slow input takes the processor every time.

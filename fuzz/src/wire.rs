@@ -6,7 +6,7 @@
 use hapt_core::SafetyProfile;
 use hapt_model::{Source, World};
 use hapt_wire::device::{Board, Endpoint, Measurement, WorldStorage};
-use hapt_wire::{Command, DeviceMessage, HostMessage, LONGEST, PROTOCOL, Parameter, Reader, frame, hash, pack};
+use hapt_wire::{Command, DeviceMessage, HostMessage, MAX_FRAME_BYTES, PROTOCOL, Parameter, Reader, frame, hash, pack};
 
 use crate::messages::outcome;
 
@@ -68,7 +68,7 @@ pub fn run(bytes: &[u8]) -> u64 {
 /// A host's reader, and one that receives the board's input.
 struct Ears {
     host: Reader<512>,
-    board: Reader<LONGEST>,
+    board: Reader<MAX_FRAME_BYTES>,
 }
 
 impl Ears {
@@ -85,7 +85,7 @@ impl Ears {
     }
 
     fn listen(&mut self, station: &mut Endpoint<'_>, answers: &mut u64) {
-        let mut room = [0; LONGEST];
+        let mut room = [0; MAX_FRAME_BYTES];
         while let Some(bytes) = station.answer(&mut room) {
             let mut read = false;
             for byte in bytes {
@@ -108,7 +108,7 @@ impl Ears {
 
 fn framed(sequence: u32, not_after: u64, command: Command) -> Vec<u8> {
     let message = HostMessage { sequence, not_after, command };
-    frame(&message, &mut [0; LONGEST]).map(<[u8]>::to_vec).unwrap_or_else(|error| panic!("{error}"))
+    frame(&message, &mut [0; MAX_FRAME_BYTES]).map(<[u8]>::to_vec).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// A host's commands: hello, upload, and with `whole` arm, disarm, get and stop.

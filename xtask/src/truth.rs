@@ -18,7 +18,7 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, ensure};
-use brute::{At, Motion};
+use brute::{At, Outcome};
 use fastrand::Rng;
 use hapt_analysis::MARGINAL;
 use hapt_analysis::{
@@ -73,7 +73,7 @@ struct Claim {
 
 /// What a campaign has found.
 #[derive(Clone, Debug, Default, PartialEq)]
-struct Found {
+struct Counts {
     loops: u64,
     samples: u64,
     /// Numbers that left double precision, and worlds that the loop refuses.
@@ -124,7 +124,7 @@ impl AddAssign for Claim {
     }
 }
 
-impl Found {
+impl Counts {
     /// Whether a loop's reach is measured, which takes as long as all else.
     fn draws_lots(rng: &mut Rng) -> bool {
         rng.u8(..MEASURED) == 0
@@ -150,7 +150,7 @@ impl Found {
     }
 }
 
-impl AddAssign for Found {
+impl AddAssign for Counts {
     fn add_assign(&mut self, mut other: Self) {
         self.loops += other.loops;
         self.samples += other.samples;
@@ -209,13 +209,13 @@ type Against = Mutex<Vec<String>>;
 
 /// Judges and runs `n` loops by `one`, which takes their numbers, or the first of them, for as long as they begin within `time`; an error
 /// where one contradicts its verdict.
-fn campaign(one: &(dyn Fn(u64, &Against) -> Found + Sync), n: u64, time: Duration) -> Result<Found> {
+fn campaign(one: &(dyn Fn(u64, &Against) -> Counts + Sync), n: u64, time: Duration) -> Result<Counts> {
     let started = Instant::now();
     let against = Against::default();
-    let mut found = Found::default();
+    let mut found = Counts::default();
     while found.loops < n && started.elapsed() < time {
         let batch = found.loops..n.min(found.loops + BATCH);
-        found += batch.into_par_iter().map(|i| one(i, &against)).reduce(Found::default, |mut a, b| {
+        found += batch.into_par_iter().map(|i| one(i, &against)).reduce(Counts::default, |mut a, b| {
             a += b;
             a
         });
@@ -240,7 +240,7 @@ fn numbers(seed: u64, i: u64) -> Rng {
 }
 
 /// The loop of number `i`, from a seed of its own.
-fn one(part: Part, seed: u64, i: u64, against: &Against) -> Found {
+fn one(part: Part, seed: u64, i: u64, against: &Against) -> Counts {
     let mut rng = numbers(seed, i);
     let bent = i % 2 == 1;
     let mut world = worlds::random(&mut rng, bent);
@@ -259,7 +259,7 @@ fn one(part: Part, seed: u64, i: u64, against: &Against) -> Found {
     if part == Part::Even && bent {
         friction::spare(&mut own, &mut world);
     }
-    let mut found = Found { loops: 1, ..Found::default() };
+    let mut found = Counts { loops: 1, ..Counts::default() };
     let mut tell = |what: String| {
         if let Ok(mut against) = against.lock() {
             against.push(format!("loop {i}: {what}\n{}", world.to_toml()));
@@ -279,7 +279,7 @@ fn judge(
     rng: &mut Rng,
     world: &World,
     bent: bool,
-    found: &mut Found,
+    found: &mut Counts,
     tell: &mut dyn FnMut(String),
 ) -> Result<(), Error> {
     let sampling = &world.sampling;
@@ -330,7 +330,7 @@ fn judge(
             return Ok(());
         }
         let broken = grows > MARGINAL;
-        if let Some(required) = answer.required_damping.filter(|_| Found::draws_lots(rng)) {
+        if let Some(required) = answer.required_damping.filter(|_| Counts::draws_lots(rng)) {
             let breaking = breaking_damping(&device)?.map_or(0.0, |breaking| breaking.damping);
             found.reach.push(breaking / required);
             found.near += near::Near::of(&device, required, breaking, &mut found.samples);
@@ -395,7 +395,7 @@ fn rounds(world: &World) -> bool {
 }
 
 /// One claim on growth against a run.
-fn run(rng: &mut Rng, world: &World, at: At, growth: Option<f64>, found: &mut Found, tell: &mut dyn FnMut(String)) {
+fn run(rng: &mut Rng, world: &World, at: At, growth: Option<f64>, found: &mut Counts, tell: &mut dyn FnMut(String)) {
     let growth = growth.unwrap_or(f64::NEG_INFINITY);
     let unstable = growth > MARGINAL;
     let claim = |confirmed, slow, contradicted| Claim { loops: 1, confirmed, slow, contradicted };
@@ -406,9 +406,9 @@ fn run(rng: &mut Rng, world: &World, at: At, growth: Option<f64>, found: &mut Fo
         found.samples += taken;
         // Of an amplitude; an energy's is twice that.
         let rate = match motion {
-            Motion::Gone => f64::NEG_INFINITY,
-            Motion::Grown => f64::INFINITY,
-            Motion::Rate(rate) => 0.5 * rate,
+            Outcome::Gone => f64::NEG_INFINITY,
+            Outcome::Grown => f64::INFINITY,
+            Outcome::Rate(rate) => 0.5 * rate,
         };
         outcome = match unstable {
             false if rate < seen(samples) => claim(1, 0, 0),

@@ -9,8 +9,8 @@ use crate::{End, Number, Real};
 
 /// The places of a sample at which its numbers are looked at.
 pub(crate) trait Branches<F, const B: usize, const C: usize, const W: usize> {
-    /// Whether the world is known to be a usual one ([`Usual`]).
-    const USUAL: bool = false;
+    /// Whether the world is known to be linear and ideal ([`LinearFastPath`]).
+    const IS_LINEAR: bool = false;
 
     /// The velocity from this position and those before.
     fn estimate(&self, memory: &Memory<F, W>, position: F) -> F;
@@ -33,7 +33,7 @@ pub(crate) trait Branches<F, const B: usize, const C: usize, const W: usize> {
     );
 
     /// The linear `torque` on the puck with the nonlinear couplings'.
-    fn bent<const L: usize>(
+    fn with_nonlinear_torque<const L: usize>(
         &self,
         torque: F,
         bodies: &Vector<F, L>,
@@ -79,7 +79,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, 
     }
 
     #[inline(always)]
-    fn bent<const L: usize>(
+    fn with_nonlinear_torque<const L: usize>(
         &self,
         torque: F,
         bodies: &Vector<F, L>,
@@ -102,11 +102,11 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, 
 }
 
 /// What most worlds are, asked once a sample in place of question by question: linear, with an ideal encoder and the true velocity, by a method
-/// that holds u_k, with the torque from the end of the step ([`Loop::is_usual`]). The sample is the same, with its answers known.
-pub(crate) struct Usual<'l, F, const B: usize, const C: usize, const W: usize>(pub &'l Loop<F, B, C, W>);
+/// that holds u_k, with the torque from the end of the step ([`Loop::has_fast_path`]). The sample is the same, with its answers known.
+pub(crate) struct LinearFastPath<'l, F, const B: usize, const C: usize, const W: usize>(pub &'l Loop<F, B, C, W>);
 
-impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, W> for Usual<'_, F, B, C, W> {
-    const USUAL: bool = true;
+impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, W> for LinearFastPath<'_, F, B, C, W> {
+    const IS_LINEAR: bool = true;
 
     #[inline(always)]
     fn estimate(&self, _: &Memory<F, W>, _: F) -> F {
@@ -131,7 +131,14 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, 
     }
 
     #[inline(always)]
-    fn bent<const L: usize>(&self, torque: F, _: &Vector<F, L>, _: Puck<F>, _: &[F; C], _: &Contacts<F, C>) -> F {
+    fn with_nonlinear_torque<const L: usize>(
+        &self,
+        torque: F,
+        _: &Vector<F, L>,
+        _: Puck<F>,
+        _: &[F; C],
+        _: &Contacts<F, C>,
+    ) -> F {
         torque
     }
 

@@ -267,7 +267,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
             new_sample_first: spec.method.takes_new_sample_first(),
             skips: spec.bodies_every.saturating_sub(1),
             staged,
-            is_usual: false,
+            has_fast_path: false,
             moment: match spec.output {
                 Output::Start => Moment::Start,
                 Output::Middle => Moment::Middle,
@@ -298,7 +298,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
             sensor: Sensor::new::<W>(spec)?,
             actuator: Actuator::new(spec)?,
         };
-        compiled.is_usual = compiled.asks_as_usual();
+        compiled.has_fast_path = compiled.allows_fast_path();
         if compiled.is_finite() { Ok(compiled) } else { Err(Error::NotFinite) }
     }
 

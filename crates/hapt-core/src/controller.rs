@@ -1,6 +1,8 @@
 //! A loop under its supervisor, and the states of both.
 
-use crate::supervisor::{Beside, Limits, Reading, Reason, Request, SafeOutput, Supervisor, SupervisorState};
+use crate::supervisor::{
+    ExternalTorqueInput, Limits, Reading, Reason, Request, SafeOutput, Supervisor, SupervisorState,
+};
 use crate::{Error, Loop, Real, Spec, State};
 
 /// A world compiled with its supervisor: what a thread, a timer's interrupt or a page runs, once a period.
@@ -98,15 +100,15 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Controller<F, B, C
         self.supervisor.step(&mut state.supervisor, &self.world, &mut state.world, reading, request)
     }
 
-    /// The same with a torque on the puck from outside of the world: see [`Supervisor::step_beside`].
-    pub fn step_beside(
+    /// The same with a torque on the puck from outside of the world: see [`Supervisor::step_with`].
+    pub fn step_with(
         &self,
         state: &mut ControllerState<F, B, C, W>,
         reading: &Reading<F>,
         request: Option<Request>,
-        torque: impl FnOnce(Beside<F>) -> Option<F>,
+        torque: impl FnOnce(ExternalTorqueInput<F>) -> Option<F>,
     ) -> SafeOutput<F> {
-        self.supervisor.step_beside(&mut state.supervisor, &self.world, &mut state.world, reading, request, torque)
+        self.supervisor.step_with(&mut state.supervisor, &self.world, &mut state.world, reading, request, torque)
     }
 
     /// The state with which this controller replaces `before`, whose state is `state`, between two samples: a bumpless transfer. The torque

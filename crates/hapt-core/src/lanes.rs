@@ -294,7 +294,7 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize, const S: us
     }
 
     #[inline(always)]
-    fn bent<const L: usize>(
+    fn with_nonlinear_torque<const L: usize>(
         &self,
         torque: Lanes<N>,
         bodies: &Vector<Lanes<N>, L>,
@@ -342,7 +342,7 @@ impl<'w, const N: usize, const B: usize, const C: usize, const W: usize, const S
             rate: each(worlds, |w| w.rate),
             new_sample_first: first.new_sample_first,
             skips: first.skips,
-            is_usual: false,
+            has_fast_path: false,
             staged: false,
             moment: first.moment,
             start: vector(worlds, |w| &w.start),

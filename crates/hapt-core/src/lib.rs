@@ -74,15 +74,15 @@ pub use controller::{Controller, ControllerState};
 pub use error::Error;
 pub use gradient::Contacts;
 pub use lanes::{Batch, Lanes};
-pub use link::{Heard, LASTING, LinkEnd, LinkTerms, Strength};
+pub use link::{LASTING, LinkEnd, LinkTerms, RemoteState, Strength};
 pub use matrix::Vector;
 pub use real::{Number, Real};
 pub use sense::{Memory, Puck};
 pub use spec::{Body, Coupling, Damping, End, Estimator, HARMONICS, Law, Method, Output, Side, Spec, Waveform};
 pub use step::{Loop, Sample, State};
 pub use supervisor::{
-    Beside, CertifiedTime, Heat, Limits, Phase, Reading, Reason, Request, SafeOutput, SafetyProfile, Supervisor,
-    SupervisorState, WhenLate,
+    CertifiedTime, ExternalTorqueInput, Heat, Limits, Phase, Reading, Reason, Request, SafeOutput, SafetyProfile,
+    Supervisor, SupervisorState, WhenLate,
 };
 
 /// A hash of this crate's source: programs that show the same one compute the same.

@@ -59,7 +59,7 @@ pub struct LinkTerms {
 
 /// The newest message of the other end.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Heard {
+pub struct RemoteState {
     /// How old its position is at most, in s.
     pub age: f64,
     /// The run of the other end in which it was sent: instants of two runs say nothing of each other.
@@ -110,10 +110,10 @@ struct Mean {
 /// Neither adds energy beyond a bound: docs/theory.md, (T54) and (T55).
 ///
 /// ```
-/// use hapt_core::{Heard, LinkEnd, LinkTerms, Strength};
+/// use hapt_core::{RemoteState, LinkEnd, LinkTerms, Strength};
 ///
 /// let mut end = LinkEnd::new(true, LinkTerms { age_max: 20e-3, hold: 1e-3, period: 1e-3, soft: 0.01 });
-/// let heard = |age, position| Some(Heard { age, session: 1, taken: 0.0, position, strength: Strength::WHOLE });
+/// let heard = |age, position| Some(RemoteState { age, session: 1, taken: 0.0, position, strength: Strength::WHOLE });
 /// let mut sample = |age, other: f64| end.sample(1e-3, true, heard(age, other), |other, _| -2.0 * (0.1 - other));
 /// // The ends are apart: they are drawn together softly, for as long as they are.
 /// let drawn: Vec<f64> = (0..500).map(|_| sample(5e-3, 0.0)).collect();
@@ -190,7 +190,7 @@ impl LinkEnd {
         &mut self,
         elapsed: f64,
         ready: bool,
-        heard: Option<Heard>,
+        heard: Option<RemoteState>,
         torque: impl Fn(f64, Option<f64>) -> f64,
     ) -> f64 {
         self.take(elapsed, heard);
@@ -235,11 +235,11 @@ impl LinkEnd {
     }
 
     /// Keeps the newest position that the other sent while it acted, or could.
-    fn take(&mut self, elapsed: f64, heard: Option<Heard>) {
+    fn take(&mut self, elapsed: f64, heard: Option<RemoteState>) {
         let LinkTerms { hold, period, .. } = self.terms;
         let before = self.used.map(|used| used.later(elapsed));
         self.used = match heard {
-            Some(Heard { age, session, taken, position, strength }) if strength.acts() => {
+            Some(RemoteState { age, session, taken, position, strength }) if strength.acts() => {
                 let same = before.filter(|before| before.age - age <= NEWER);
                 let mean = before.filter(|before| before.session == session).and_then(|before| {
                     // The same position says nothing new.

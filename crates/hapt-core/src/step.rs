@@ -1,7 +1,7 @@
 //! The loop: a world compiled once, and one sample of it.
 
 use crate::actuate::Actuator;
-use crate::branches::{Branches, Usual};
+use crate::branches::{Branches, LinearFastPath};
 use crate::gradient::{Contacts, Gradient};
 use crate::matrix::{ROWS, Response, Vector, each_place};
 use crate::nonlinear::Nonlinear;
@@ -23,8 +23,8 @@ pub struct Loop<F, const B: usize, const C: usize, const W: usize> {
     /// How many samples after each step of the bodies they stand still: `bodies_every` less 1.
     pub(crate) skips: u32,
     pub(crate) staged: bool,
-    /// Whether it is what most worlds are: [`Usual`].
-    pub(crate) is_usual: bool,
+    /// Whether its samples take the [`LinearFastPath`].
+    pub(crate) has_fast_path: bool,
     pub(crate) moment: Moment,
     pub(crate) start: Vector<F, B>,
     /// The method's matrix: what each body does to all.
@@ -143,8 +143,8 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         State { now: self.start, ..State::EMPTY }
     }
 
-    /// Whether a sample asks for no more than [`Usual`].
-    pub(crate) fn asks_as_usual(&self) -> bool {
+    /// Whether the [`LinearFastPath`] gives the same sample.
+    pub(crate) fn allows_fast_path(&self) -> bool {
         let ideal = self.sensor.count.is_none() && self.sensor.velocity.is_none();
         ideal && !self.new_sample_first && self.skips == 0 && self.moment == Moment::End && self.nonlinear_count == 0
     }
@@ -221,13 +221,13 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     /// looks at.
     #[inline]
     pub fn step(&self, state: &mut State<F, B, C, W>, position: F, velocity: F) -> Sample<F> {
-        if self.is_usual {
-            return self.sample(&Usual(self), state, position, velocity);
+        if self.has_fast_path {
+            return self.sample(&LinearFastPath(self), state, position, velocity);
         }
         self.step_of_any(state, position, velocity)
     }
 
-    /// Out of line: what a usual world does not ask would take its registers.
+    /// Out of line, so that the fast path keeps its registers.
     #[inline(never)]
     fn step_of_any(&self, state: &mut State<F, B, C, W>, position: F, velocity: F) -> Sample<F> {
         self.sample(self, state, position, velocity)
@@ -267,14 +267,14 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         position: F,
         velocity: F,
     ) -> Sample<F> {
-        let position = if X::USUAL { position } else { self.sensor.position(&mut state.memory, position) };
-        let is_true = X::USUAL || self.sensor.velocity.is_none();
+        let position = if X::IS_LINEAR { position } else { self.sensor.position(&mut state.memory, position) };
+        let is_true = X::IS_LINEAR || self.sensor.velocity.is_none();
         let velocity = if is_true { velocity } else { with.estimate(&state.memory, position) };
         let puck = Puck { position, velocity };
         let State { now, change, until_step, bristles, contacts, memory } = state;
-        if X::USUAL || !self.new_sample_first {
+        if X::IS_LINEAR || !self.new_sample_first {
             // A state may be anybody's.
-            let waits = if X::USUAL { 0 } else { (*until_step).min(self.skips) };
+            let waits = if X::IS_LINEAR { 0 } else { (*until_step).min(self.skips) };
             if waits == 0 {
                 now.add(n, F::ONE, change);
             }
@@ -282,7 +282,7 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
             if waits == 0 {
                 with.change(n, change, now, None, puck, bristles, contacts);
             }
-            if !X::USUAL {
+            if !X::IS_LINEAR {
                 *until_step = if waits == 0 { self.skips } else { waits - 1 };
             }
         } else {
@@ -313,7 +313,7 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
     ) -> F {
         let (mut bodies, change) = (state.now.rows::<L>(0), state.change.rows::<L>(0));
         // What is the default is asked for first.
-        if X::USUAL || self.moment == Moment::End {
+        if X::IS_LINEAR || self.moment == Moment::End {
             bodies.add(n, F::ONE, &change);
             bodies.velocity = self.mean_velocities(n, &change);
         } else if self.moment == Moment::Middle {
@@ -367,6 +367,6 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         for product in products.iter().take(n) {
             torque += *product;
         }
-        with.bent(torque, bodies, puck, bristles, contacts)
+        with.with_nonlinear_torque(torque, bodies, puck, bristles, contacts)
     }
 }

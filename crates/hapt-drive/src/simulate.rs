@@ -22,7 +22,7 @@ const LOOK: Duration = Duration::from_millis(1);
 /// Lockstep changes to real time after this long without a frame.
 const QUIET: Duration = Duration::from_millis(50);
 /// An answer that the bus does not accept for this long is lost.
-const PATIENCE: Duration = Duration::from_millis(20);
+const WRITE_TIMEOUT: Duration = Duration::from_millis(20);
 
 /// The firmware of a simulated drive: its protocol, its state, its watchdog.
 pub trait Firmware: Send {
@@ -105,7 +105,7 @@ impl Simulator {
             let frame = self.bus.receive(Instant::now() + LOOK)?;
             let Simulator { bus, inside, time, now } = self;
             // An answer that the bus does not accept is lost, as on a real bus.
-            let mut send = |frame: Frame| drop(bus.send(&frame, Instant::now() + PATIENCE));
+            let mut send = |frame: Frame| drop(bus.send(&frame, Instant::now() + WRITE_TIMEOUT));
             let then = std::mem::replace(now, Instant::now());
             let longest = if *time == Time::Real { LONGEST_PAUSE } else { LONGEST_PAUSE_IN_LOCKSTEP };
             let passed = (*now - then).min(longest);

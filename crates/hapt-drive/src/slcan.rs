@@ -29,7 +29,7 @@ const NO: &[u8] = b"\x07";
 /// The longest time of an adapter for a command outside the loop.
 const A_WORD: Duration = Duration::from_millis(200);
 /// The longest line: the kind, 8 digits of identifier, the length, 16 digits of data, the end.
-const LONGEST: usize = 1 + 8 + 1 + 16 + 1;
+const MAX_LINE_BYTES: usize = 1 + 8 + 1 + 16 + 1;
 
 /// The bit rate of the bus behind an adapter; 1 Mbit/s by default, as exchanges take longer at lower rates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,7 +89,7 @@ impl Client {
 
 impl Bus for Client {
     fn send(&mut self, frame: &Frame, until: Instant) -> io::Result<()> {
-        let mut room = [0; LONGEST];
+        let mut room = [0; MAX_LINE_BYTES];
         let length = write(frame, &mut room).ok_or(io::ErrorKind::InvalidInput)?;
         self.0.write(&room[..length], until)
     }
@@ -125,7 +125,7 @@ impl Bus for Adapter {
         if !self.is_open {
             return Ok(());
         }
-        let mut room = [0; LONGEST];
+        let mut room = [0; MAX_LINE_BYTES];
         let length = write(frame, &mut room).ok_or(io::ErrorKind::InvalidInput)?;
         self.lines.write(&room[..length], until)
     }
@@ -157,7 +157,7 @@ impl Bus for Adapter {
 }
 
 /// Writes a frame as a line, and returns its length; `None`: it is CAN FD, or its identifier is out of range.
-fn write(frame: &Frame, line: &mut [u8; LONGEST]) -> Option<usize> {
+fn write(frame: &Frame, line: &mut [u8; MAX_LINE_BYTES]) -> Option<usize> {
     let (kind, digits) = match (frame.extended, frame.remote) {
         (false, false) => (b't', 3),
         (true, false) => (b'T', 8),
@@ -248,7 +248,7 @@ mod tests {
     use super::*;
 
     fn line(frame: &Frame) -> Vec<u8> {
-        let mut room = [0; LONGEST];
+        let mut room = [0; MAX_LINE_BYTES];
         let length = write(frame, &mut room).unwrap();
         room[..length].to_vec()
     }
@@ -313,7 +313,7 @@ mod tests {
         #[test]
         fn garbage_is_a_frame_or_not_but_no_panic(line: Vec<u8>) {
             if let Some(frame) = read(&line) {
-                let mut room = [0; LONGEST];
+                let mut room = [0; MAX_LINE_BYTES];
                 proptest::prop_assert!(write(&frame, &mut room).is_some());
             }
         }

@@ -6,7 +6,7 @@ use std::time::Instant;
 use crate::serial::Line;
 
 /// Longer lines are discarded.
-const LONGEST: usize = 512;
+const MAX_LINE_BYTES: usize = 512;
 /// The number of reads after the deadline, so that an endless stream does not delay the loop.
 const READS: usize = 64;
 /// The bytes that end a line: both newlines, and the bell of a negative slcan answer.
@@ -16,7 +16,7 @@ const ENDS: [u8; 3] = [b'\r', b'\n', 0x07];
 #[derive(Debug)]
 pub struct Lines {
     line: Line,
-    room: [u8; LONGEST],
+    room: [u8; MAX_LINE_BYTES],
     /// The filled part of the buffer, and the part already returned.
     filled: usize,
     given: usize,
@@ -27,7 +27,7 @@ pub struct Lines {
 impl Lines {
     /// Reads lines of text from `line`.
     pub fn new(line: Line) -> Self {
-        Lines { line, room: [0; LONGEST], filled: 0, given: 0, skips: false }
+        Lines { line, room: [0; MAX_LINE_BYTES], filled: 0, given: 0, skips: false }
     }
 
     /// The next line with the byte that ended it, empty only before a bell; `None` if none is complete until that instant. An incomplete
@@ -52,7 +52,7 @@ impl Lines {
             self.room.copy_within(self.given..self.filled, 0);
             self.filled -= self.given;
             self.given = 0;
-            if self.filled == LONGEST {
+            if self.filled == MAX_LINE_BYTES {
                 (self.filled, self.skips) = (0, true);
             }
             let count = self.line.read(&mut self.room[self.filled..], until)?;

@@ -109,7 +109,7 @@ const TAKEN: [&str; 98] = [
 ];
 
 /// C99 tells names apart by their first 31 characters: enough for the longest name behind a prefix.
-const LONGEST: usize = 24;
+const MAX_NAME_CHARS: usize = 24;
 
 impl Prefix {
     /// A prefix; it is made small letters, and hyphens and dots become underscores.
@@ -129,7 +129,7 @@ impl Prefix {
         if name.contains("__") || name.ends_with('_') {
             return refuse("C++ keeps names with two underscores in a row; name the file without them");
         }
-        if name.len() > LONGEST {
+        if name.len() > MAX_NAME_CHARS {
             return refuse("it has 24 characters at most");
         }
         if TAKEN.contains(&name.as_str()) {

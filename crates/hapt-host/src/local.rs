@@ -13,7 +13,7 @@ use crate::recording::Recorder;
 use crate::runner::{Runner, RunnerEvent};
 
 /// The longest time that a loop without a thread catches up at once; a longer pause is no time for it.
-const LONGEST: Duration = Duration::from_millis(100);
+const MAX_CATCH_UP: Duration = Duration::from_millis(100);
 
 /// The loop of this computer.
 pub(crate) struct LocalLoop {
@@ -96,7 +96,7 @@ impl Runner for LocalLoop {
     fn advance(&mut self, now: Duration) {
         if let Some(steps) = &mut self.steps {
             let before = steps.now.replace(now).unwrap_or(now);
-            steps.until += now.saturating_sub(before).min(LONGEST);
+            steps.until += now.saturating_sub(before).min(MAX_CATCH_UP);
         }
     }
 

@@ -8,7 +8,7 @@ mod server;
 mod status;
 mod world_file;
 
-pub use client::{ClientMessage, Command, Controls, FARTHEST, LONGEST, NetworkChange};
+pub use client::{ClientMessage, Command, Controls, FARTHEST, MAX_MESSAGE_BYTES, NetworkChange};
 pub use describe::describe;
 pub use server::*;
 pub use world_file::{NetworkFile, WorldFile};

@@ -9,7 +9,7 @@ use hapt_analysis::Linked;
 use hapt_model::{System, World};
 use hapt_rt::{LinkPort, LinkTuning};
 
-use crate::links::{LinkStatus, WayNumbers};
+use crate::links::{ChannelNumbers, LinkStatus};
 use crate::machine::StationView;
 use crate::messages::{LinkInfo, NetworkChange, NetworkInfo, NetworkRemedy};
 
@@ -19,7 +19,7 @@ const MARGIN: f64 = 0.98;
 /// What all stations share.
 pub struct SimulatedNetwork {
     state: Mutex<State>,
-    ways: Vec<Arc<WayNumbers>>,
+    ways: Vec<Arc<ChannelNumbers>>,
     /// Of each link, the end at its first station, and at its second.
     tuning: Vec<[LinkTuning; 2]>,
 }
@@ -89,7 +89,7 @@ impl SimulatedNetwork {
     pub fn new(
         network: System,
         verdict: Linked,
-        ways: Vec<Arc<WayNumbers>>,
+        ways: Vec<Arc<ChannelNumbers>>,
         ports: Vec<Vec<LinkPort>>,
     ) -> (Self, Vec<Vec<LinkPort>>) {
         let tuning: Vec<[LinkTuning; 2]> = (network.links.iter().enumerate())

@@ -18,7 +18,7 @@ use hapt_wire::link::{Datagrams, Outgoing, Refusal};
 
 const KEY: &[u8] = b"both stations know this one";
 /// Beyond this something is broken, and not just slow.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// A pair with ages that a busy computer keeps.
 fn network() -> System {
@@ -41,7 +41,7 @@ fn free() -> SocketAddr {
 }
 
 /// One way of a network that delays, loses and can be cut.
-struct Way {
+struct DelayedPath {
     at: SocketAddr,
     cut: Arc<AtomicBool>,
     passed: Arc<AtomicU64>,
@@ -49,7 +49,7 @@ struct Way {
     thread: Option<JoinHandle<()>>,
 }
 
-impl Way {
+impl DelayedPath {
     fn to(target: SocketAddr, delay: Duration) -> Self {
         let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         socket.set_nonblocking(true).unwrap();
@@ -78,11 +78,11 @@ impl Way {
                 sleep(Duration::from_micros(200));
             }
         });
-        Way { at, cut, passed, stop, thread: Some(thread) }
+        DelayedPath { at, cut, passed, stop, thread: Some(thread) }
     }
 }
 
-impl Drop for Way {
+impl Drop for DelayedPath {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         let _ = self.thread.take().map(JoinHandle::join);
@@ -130,14 +130,14 @@ fn until(what: &str, stations: &mut [Station; 2], is_so: impl Fn(&[LinkStatus; 2
         if is_so(&status, stations) {
             return;
         }
-        assert!(begin.elapsed() < PATIENCE, "{what}: {status:?}");
+        assert!(begin.elapsed() < TEST_TIMEOUT, "{what}: {status:?}");
         sleep(Duration::from_millis(5));
     }
 }
 
-fn pair(network: &System) -> ([Station; 2], [Way; 2], [SocketAddr; 2]) {
+fn pair(network: &System) -> ([Station; 2], [DelayedPath; 2], [SocketAddr; 2]) {
     let at = [free(), free()];
-    let ways = [Way::to(at[1], Duration::from_millis(3)), Way::to(at[0], Duration::from_millis(3))];
+    let ways = [DelayedPath::to(at[1], Duration::from_millis(3)), DelayedPath::to(at[0], Duration::from_millis(3))];
     let stations = [0, 1].map(|station| Station::start(network, station, at[station], ways[station].at, KEY));
     (stations, ways, at)
 }
@@ -181,7 +181,7 @@ fn two_stations_let_go_when_the_network_is_cut_and_meet_again_after() {
     drop(right);
     let begin = Instant::now();
     while left.poll().acts {
-        assert!(begin.elapsed() < PATIENCE);
+        assert!(begin.elapsed() < TEST_TIMEOUT);
         sleep(Duration::from_millis(5));
     }
 }
@@ -208,7 +208,7 @@ fn strangers_are_counted_by_what_is_wrong_with_them_and_change_nothing() {
         if refused(Refusal::Size) > 100 && refused(Refusal::Key) > 50 && refused(Refusal::Link) > 50 {
             break;
         }
-        assert!(begin.elapsed() < PATIENCE, "{link:?}");
+        assert!(begin.elapsed() < TEST_TIMEOUT, "{link:?}");
         sleep(Duration::from_millis(5));
     }
     until("both act still", &mut stations, |links, _| links.iter().all(|link| link.acts));
@@ -294,7 +294,7 @@ fn a_computer_too_slow_for_its_stations_ends_them_without_a_torque() {
     let network = System::read(&source, &[]).unwrap();
     let (links, ports) = SteppedLinks::new(&network);
     let verdict = check_network(&network).unwrap().linked();
-    let (shared, ports) = SimulatedNetwork::new(network.clone(), verdict, links.ways(), ports);
+    let (shared, ports) = SimulatedNetwork::new(network.clone(), verdict, links.channels(), ports);
     let shared = Arc::new(shared);
     let (of_hundred, written) = (Arc::new(AtomicU64::new(0)), Arc::<AtomicU64>::default());
     let mut sessions: Vec<Session> = (network.stations.iter().zip(ports).enumerate())

@@ -9,7 +9,7 @@ use crate::fit::Fit;
 use crate::handle::{self, WithHandle};
 use crate::identified::{Identified, Interval, Known, Residual};
 use crate::puck::Puck;
-use crate::record::{Record, Watched};
+use crate::record::{CancellableRecord, Record};
 use crate::start::{Begin, begins, noise};
 use crate::{Error, Lattice, lattice};
 
@@ -199,7 +199,7 @@ impl Comparison {
 /// # Errors
 /// [`Error::Unexplained`] where not even a start for a fit is found.
 pub fn against(record: &Record, claims: &Claims, is_linear: bool) -> Result<Comparison, Error> {
-    compared(&Watched { record, stop: &|| false }, claims, is_linear)
+    compared(&CancellableRecord { record, stop: &|| false }, claims, is_linear)
 }
 
 /// The same, or `None` once `stop` is true.
@@ -209,18 +209,18 @@ pub fn against_until(
     is_linear: bool,
     stop: &dyn Fn() -> bool,
 ) -> Option<Result<Comparison, Error>> {
-    let result = compared(&Watched { record, stop }, claims, is_linear);
+    let result = compared(&CancellableRecord { record, stop }, claims, is_linear);
     (!stop()).then_some(result)
 }
 
-fn compared(record: &Watched<'_>, claims: &Claims, is_linear: bool) -> Result<Comparison, Error> {
+fn compared(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Result<Comparison, Error> {
     match &claims.handle {
         Some(handle) => with_handle(record, claims, handle),
         None => rigid(record, claims, is_linear),
     }
 }
 
-fn rigid(record: &Watched<'_>, claims: &Claims, is_linear: bool) -> Result<Comparison, Error> {
+fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Result<Comparison, Error> {
     let lag = middle(claims.lag);
     let known = Known { is_linear, lag: (lag > 0.0).then_some(lag), ..Known::default() };
     let mut found = search_or_glimpse(record, &known)?;
@@ -249,7 +249,7 @@ fn rigid(record: &Watched<'_>, claims: &Claims, is_linear: bool) -> Result<Compa
 }
 
 /// A search for seven numbers and a beginning can miss the device: what it does not explain is no verdict.
-fn with_handle(record: &Watched<'_>, claims: &Claims, shaft: &Handle) -> Result<Comparison, Error> {
+fn with_handle(record: &CancellableRecord<'_>, claims: &Claims, shaft: &Handle) -> Result<Comparison, Error> {
     let found = handle::search(record, Some(&claims.device()))?;
     let (fitted, residuals, residual) = (found.fitted(record), found.residuals(record), found.residual);
     let told = found.told()?;

@@ -13,7 +13,7 @@
 use crate::fit::{Fit, Free, fit};
 use crate::puck::{DAMPING, DELAY, FRICTION, Puck};
 use crate::quantile::student;
-use crate::record::{LONGEST_DELAY, Watched};
+use crate::record::{CancellableRecord, LONGEST_DELAY};
 
 /// What no puck has below 0.
 const BOUNDED: [usize; 3] = [DAMPING, FRICTION, DELAY];
@@ -44,7 +44,7 @@ enum Profile {
 
 impl Bounded {
     /// From the best fit without bounds. Where the record surely says that they are broken, it stays as it is.
-    pub fn new(record: &Watched<'_>, best: Fit) -> Self {
+    pub fn new(record: &CancellableRecord<'_>, best: Fit) -> Self {
         if is_within(&best.puck, best.free) {
             return Bounded { fit: best, ends: Vec::new() };
         }
@@ -56,7 +56,7 @@ impl Bounded {
         found.map_or(Bounded { fit: best, ends: Vec::new() }, |fit| Bounded::from_fit(record, fit))
     }
 
-    fn from_fit(record: &Watched<'_>, mut fit: Fit) -> Self {
+    fn from_fit(record: &CancellableRecord<'_>, mut fit: Fit) -> Self {
         for _ in 0..ROUNDS {
             match profiles(record, &fit) {
                 Profile::Ends(ends) => return Bounded { fit, ends },
@@ -74,7 +74,7 @@ fn is_within(puck: &Puck, free: Free) -> bool {
 
 /// The least squares with the bounds kept, from `start`. Where the fit without bounds breaks one, any set of the parameters may be at 0:
 /// of those sets beside which the other parameters stay above 0, the one with the least squares.
-fn within(record: &Watched<'_>, start: Puck, free: Free, first: usize) -> Option<Fit> {
+fn within(record: &CancellableRecord<'_>, start: Puck, free: Free, first: usize) -> Option<Fit> {
     let alone = fit(record, start, free, first)?;
     if is_within(&alone.puck, free) {
         return Some(alone);
@@ -95,7 +95,7 @@ fn within(record: &Watched<'_>, start: Puck, free: Free, first: usize) -> Option
 }
 
 /// The profiles of all parameters that a fit has at 0.
-fn profiles(record: &Watched<'_>, fit: &Fit) -> Profile {
+fn profiles(record: &CancellableRecord<'_>, fit: &Fit) -> Profile {
     let p = fit.puck.parameters();
     let mut ends = Vec::new();
     for i in BOUNDED.into_iter().filter(|i| fit.free[*i] && p[*i] == 0.0) {
@@ -108,7 +108,7 @@ fn profiles(record: &Watched<'_>, fit: &Fit) -> Profile {
 }
 
 /// Where the squares reach t² s² more than those of the fit, as parameter `i` goes up from 0.
-fn profile(record: &Watched<'_>, fit: &Fit, i: usize) -> Profile {
+fn profile(record: &CancellableRecord<'_>, fit: &Fit, i: usize) -> Profile {
     let mut ends = Vec::new();
     let Some(covariance) = fit.inverse() else { return Profile::Ends(ends) };
     let allowed = student(fit.freedom()).powi(2) * fit.variance();

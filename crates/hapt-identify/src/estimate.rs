@@ -12,7 +12,7 @@ use crate::intervals::{Intervals, separates_offset};
 use crate::lag::Lag;
 use crate::position::position_torque;
 use crate::puck::{DELAY, OFFSET, Puck};
-use crate::record::{LONGEST_DELAY, Record, Watched};
+use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
 use crate::start::{Begin, begins, direction, starts};
 use crate::torque::fit_torque;
 use crate::{Error, LargeResidual};
@@ -24,7 +24,7 @@ const SURELY: f64 = 5.0;
 /// A fit over more samples of the same motion has at most this times the residual variance.
 const ALIKE: f64 = 1.2;
 /// A torque that depends on the position is the cause where it explains more than this part of the residuals.
-const MOST: f64 = 0.9;
+const MIN_EXPLAINED: f64 = 0.9;
 /// A record of more s is fitted from its beginning on.
 const LONG: f64 = 8.0;
 /// The shortest stretch that is searched for a puck that explains it, s.
@@ -40,16 +40,16 @@ const AROUND: [f64; 3] = [0.3, 0.1, 0.03];
 /// # Errors
 /// [`Error::Unexplained`] where no puck explains the motion, [`Error::Residual`] where one does, but not to within counts and noise.
 pub fn identify(record: &Record, known: &Known) -> Result<Identified, Error> {
-    identified(&Watched { record, stop: &|| false }, known)
+    identified(&CancellableRecord { record, stop: &|| false }, known)
 }
 
 /// The same, or `None` once `stop` is true: it is asked at every step of a fit, which takes a look at each sample.
 pub fn identify_until(record: &Record, known: &Known, stop: &dyn Fn() -> bool) -> Option<Result<Identified, Error>> {
-    let result = identified(&Watched { record, stop }, known);
+    let result = identified(&CancellableRecord { record, stop }, known);
     (!stop()).then_some(result)
 }
 
-fn identified(record: &Watched<'_>, known: &Known) -> Result<Identified, Error> {
+fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identified, Error> {
     let found = search_or_glimpse(record, known)?;
     match found.wrong {
         Some(wrong) => Err(wrong),
@@ -58,7 +58,7 @@ fn identified(record: &Watched<'_>, known: &Known) -> Result<Identified, Error> 
 }
 
 /// The best fit that was found, whether or not it explains the record.
-pub(crate) struct Found {
+pub(crate) struct BestFit {
     pub best: Fit,
     /// The same with a lag.
     pub lag: Option<Lag>,
@@ -66,7 +66,7 @@ pub(crate) struct Found {
     pub wrong: Option<Error>,
 }
 
-impl Found {
+impl BestFit {
     /// Where a fit of more of the record starts; it finds its own lag.
     fn lead(&self) -> Puck {
         let puck = self.lag.as_ref().filter(|lag| lag.is_told()).map_or(self.best.puck, |lag| lag.fit.puck);
@@ -74,7 +74,7 @@ impl Found {
     }
 
     /// The numbers with their intervals.
-    pub fn identified(&self, record: &Watched<'_>, known: &Known) -> Identified {
+    pub fn identified(&self, record: &CancellableRecord<'_>, known: &Known) -> Identified {
         let lag = self.lag.as_ref().filter(|lag| known.lag.is_some() || lag.is_seen() || !is_right(record, &self.best));
         let bounded = lag.map_or_else(|| Bounded::new(record, self.best), |lag| lag.bounded(record));
         let residual = residual(&left(record, &bounded.fit));
@@ -85,18 +85,18 @@ impl Found {
 }
 
 /// The search for the best fit, or one fit where the device is richer than the puck.
-pub(crate) fn search_or_glimpse(record: &Watched<'_>, known: &Known) -> Result<Found, Error> {
+pub(crate) fn search_or_glimpse(record: &CancellableRecord<'_>, known: &Known) -> Result<BestFit, Error> {
     if is_richer(record, known) { glimpse(record, known) } else { search(record, known) }
 }
 
 /// Whether the device is richer than the puck: its equation of motion leaves more of the torque than the positions' noise explains, and a
 /// search finds no puck that explains the stretch of the record that moves most.
-fn is_richer(record: &Watched<'_>, known: &Known) -> bool {
+fn is_richer(record: &CancellableRecord<'_>, known: &Known) -> bool {
     if !fit_torque(record, known).is_some_and(|fit| fit.leaves_more_than_noise()) {
         return false;
     }
     let Some(stretch) = record.liveliest(BRIEF) else { return false };
-    let stretch = Watched { record: &stretch, ..*record };
+    let stretch = CancellableRecord { record: &stretch, ..*record };
     let starts = starts(&stretch);
     let explains =
         |starts: &[Puck]| best(&stretch, starts).is_some_and(|fit| judged(&stretch, known, fit).wrong.is_none());
@@ -104,7 +104,7 @@ fn is_richer(record: &Watched<'_>, known: &Known) -> bool {
 }
 
 /// One fit, for what it leaves, where none explains the record.
-fn glimpse(record: &Watched<'_>, known: &Known) -> Result<Found, Error> {
+fn glimpse(record: &CancellableRecord<'_>, known: &Known) -> Result<BestFit, Error> {
     let squares = |puck: &Puck| {
         let at = |(z, seen): (f64, &f64)| (seen - z).powi(2);
         let seen = &record.positions()[record.first()..];
@@ -115,20 +115,20 @@ fn glimpse(record: &Watched<'_>, known: &Known) -> Result<Found, Error> {
     let start = start.ok_or(Error::Unexplained)?.1;
     let best = fit(record, start, free(record, record.is_driven()), record.first()).ok_or(Error::Unexplained)?;
     let wrong = Some(unexplained(record, &best).unwrap_or_else(|| large(record, known, &best)));
-    Ok(Found { best, lag: None, wrong })
+    Ok(BestFit { best, lag: None, wrong })
 }
 
 /// The search for the best fit. A long record is fitted from its beginning on: the fit of a part leads to that of one twice as long, and a
 /// part that nothing explains ends the search.
-pub(crate) fn search(record: &Watched<'_>, known: &Known) -> Result<Found, Error> {
+pub(crate) fn search(record: &CancellableRecord<'_>, known: &Known) -> Result<BestFit, Error> {
     let duration = record.period() * record.times().len() as f64;
     let beginning = || BEGINNINGS.into_iter().find_map(|part| Some((part, record.beginning(part)?)));
     let Some((mut part, beginning)) = (duration > LONG).then(beginning).flatten() else { return whole(record, known) };
-    let mut found = search(&Watched { record: &beginning, ..*record }, known)?;
+    let mut found = search(&CancellableRecord { record: &beginning, ..*record }, known)?;
     while found.wrong.is_none() && part < 1.0 && !(record.stop)() {
         part *= 2.0;
         let longer = if part < 1.0 { record.beginning(part) } else { None };
-        let longer = Watched { record: longer.as_ref().unwrap_or(record), ..*record };
+        let longer = CancellableRecord { record: longer.as_ref().unwrap_or(record), ..*record };
         found = best(&longer, &[found.lead()]).map(|fit| judged(&longer, known, fit)).ok_or(Error::Unexplained)?;
     }
     if part < 1.0
@@ -140,12 +140,12 @@ pub(crate) fn search(record: &Watched<'_>, known: &Known) -> Result<Found, Error
 }
 
 /// The same from one puck, which is near the best one.
-pub(crate) fn search_from(record: &Watched<'_>, known: &Known, start: Puck) -> Option<Found> {
+pub(crate) fn search_from(record: &CancellableRecord<'_>, known: &Known, start: Puck) -> Option<BestFit> {
     best(record, &[start]).map(|fit| judged(record, known, fit))
 }
 
 /// The search over all of a record at once.
-fn whole(record: &Watched<'_>, known: &Known) -> Result<Found, Error> {
+fn whole(record: &CancellableRecord<'_>, known: &Known) -> Result<BestFit, Error> {
     let starts = starts(record);
     let first = best(record, &starts);
     if let Some(found) = first.map(|fit| judged(record, known, fit)).filter(|found| found.wrong.is_none()) {
@@ -164,14 +164,14 @@ fn whole(record: &Watched<'_>, known: &Known) -> Result<Found, Error> {
 }
 
 /// A fit, with a lag beside it where that is told or explains what the fit without does not, and whether it explains the record.
-fn judged(record: &Watched<'_>, known: &Known, best: Fit) -> Found {
+fn judged(record: &CancellableRecord<'_>, known: &Known, best: Fit) -> BestFit {
     let explains = is_right(record, &best);
     let lag = Lag::new(record, &best, explains, known.lag).filter(|lag| explains || is_right(record, &lag.fit));
     let wrong = match explains || lag.is_some() {
         true => unexplained(record, lag.as_ref().filter(|_| !explains).map_or(&best, |lag| &lag.fit)),
         false => Some(unexplained(record, &best).unwrap_or_else(|| large(record, known, &best))),
     };
-    Found { best, lag, wrong }
+    BestFit { best, lag, wrong }
 }
 
 /// Whether counts and noise explain what a fit leaves.
@@ -181,7 +181,7 @@ pub(crate) fn is_right(record: &Record, fit: &Fit) -> bool {
 
 /// The torque that goes with the position, where that explains most of what a fit leaves.
 fn blamed(record: &Record, known: &Known, fit: &Fit) -> Option<PositionTorque> {
-    position_torque(record, fit, known.is_linear).filter(|x| (MOST..=1.0).contains(&x.explains))
+    position_torque(record, fit, known.is_linear).filter(|x| (MIN_EXPLAINED..=1.0).contains(&x.explains))
 }
 
 fn large(record: &Record, known: &Known, best: &Fit) -> Error {
@@ -216,11 +216,11 @@ fn free(record: &Record, offset: bool) -> Free {
 }
 
 /// The results of fits to longer and longer beginnings of the record, from each start and from the same without friction.
-fn again(record: &Watched<'_>, starts: &[Puck]) -> Vec<Puck> {
+fn again(record: &CancellableRecord<'_>, starts: &[Puck]) -> Vec<Puck> {
     let beginnings: Vec<Record> = BEGINNINGS.iter().filter_map(|part| record.beginning(*part)).collect();
     let lead = |start: Puck| {
         beginnings.iter().fold(start, |puck, part| {
-            let part = Watched { record: part, ..*record };
+            let part = CancellableRecord { record: part, ..*record };
             let found = fit(&part, puck, free(record, record.is_driven()), part.first()).map_or(puck, |fit| fit.puck);
             Puck { damping: found.damping.max(0.0), friction: found.friction.max(0.0), ..found }
         })
@@ -229,7 +229,7 @@ fn again(record: &Watched<'_>, starts: &[Puck]) -> Vec<Puck> {
 }
 
 /// The best of the fits that start around one, each of its numbers off by up to this part of itself.
-fn around(record: &Watched<'_>, best: &Fit, part: f64) -> Fit {
+fn around(record: &CancellableRecord<'_>, best: &Fit, part: f64) -> Fit {
     // xorshift64 (Marsaglia 2003): the same places each time.
     let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
     let mut off = || {
@@ -259,7 +259,7 @@ fn around(record: &Watched<'_>, best: &Fit, part: f64) -> Fit {
 }
 
 /// The fit over all of the record that can be used, with a constant torque where it shows.
-pub(crate) fn best(record: &Watched<'_>, starts: &[Puck]) -> Option<Fit> {
+pub(crate) fn best(record: &CancellableRecord<'_>, starts: &[Puck]) -> Option<Fit> {
     let is_driven = record.is_driven();
     let with = |offset: bool| {
         let free = free(record, offset);
@@ -304,7 +304,7 @@ fn shared(record: &Record, puck: &Puck) -> Option<Puck> {
 
 /// The same fit from the first sample on by which every torque of this delay has been recorded: what a rest before the first step says of
 /// the first position counts as much as any motion. `None` where that is no earlier, or where those samples are of another motion.
-fn earlier(record: &Watched<'_>, late: &Fit) -> Option<Fit> {
+fn earlier(record: &CancellableRecord<'_>, late: &Fit) -> Option<Fit> {
     let error = (late.inverse()?[(DELAY, DELAY)] * late.variance()).sqrt();
     let first = record.first_after(late.puck.delay + SURELY * error);
     if first >= late.first {

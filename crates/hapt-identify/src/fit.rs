@@ -3,7 +3,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use crate::puck::{DELAY, LAG, PARAMETERS, Puck};
-use crate::record::{LONGEST_DELAY, Record, Watched};
+use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
 
 /// Which of the parameters are fitted.
 pub(crate) type Free = [bool; PARAMETERS];
@@ -129,7 +129,7 @@ fn normal(record: &Record, puck: &Puck, first: usize) -> Option<Normal> {
 
 /// The puck nearest to `start` whose positions from sample `first` on have the least squared error, delay and lag together
 /// between -10 ms and [`LONGEST_DELAY`].
-pub(crate) fn fit(record: &Watched<'_>, start: Puck, free: Free, first: usize) -> Option<Fit> {
+pub(crate) fn fit(record: &CancellableRecord<'_>, start: Puck, free: Free, first: usize) -> Option<Fit> {
     let mut best = Fit { puck: start, normal: normal(record, &start, first)?, free, first };
     let least = (SHORTEST_LAG * record.period()).powi(2);
     let mut damping = 1e-3;

@@ -10,13 +10,13 @@ mod intervals;
 use hapt_model::Handle;
 use hapt_plant::spec::DeviceSpec;
 
-use self::fit::{Fit, Free, MOST, POSITION, Parameters, SOME, VARIANCE, measured, positions};
+use self::fit::{FEW_ITERATIONS, Fit, Free, MAX_ITERATIONS, POSITION, Parameters, VARIANCE, measured, positions};
 use crate::counts::lattice;
 use crate::error::{Error, LargeResidual};
 use crate::estimate::{best, residual, variance};
 use crate::explained::explained;
 use crate::identified::{CorrelatedPair, Interval, Residual};
-use crate::record::{LONGEST_DELAY, Record, Watched};
+use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
 use crate::ringing::{Ringing, ringing};
 use crate::spectrum::{Line, line};
 use crate::start::{Begin, begins, starts};
@@ -74,11 +74,11 @@ pub fn identify_handle(record: &Record) -> Result<WithHandle, Error> {
 /// # Errors
 /// As [`identify_handle`].
 pub fn identify_handle_until(record: &Record, stop: &dyn Fn() -> bool) -> Result<WithHandle, Error> {
-    search(&Watched { record, stop }, None)?.told()
+    search(&CancellableRecord { record, stop }, None)?.told()
 }
 
 /// The best fit of a search.
-pub(crate) struct Found {
+pub(crate) struct HandleSearch {
     fit: Fit,
     /// Devices that explain the record as well, far from it.
     others: Vec<Parameters>,
@@ -87,7 +87,7 @@ pub(crate) struct Found {
     pub residual: Residual,
 }
 
-impl Found {
+impl HandleSearch {
     /// The numbers, or why there are none.
     pub fn told(self) -> Result<WithHandle, Error> {
         match self.wrong {
@@ -108,8 +108,8 @@ impl Found {
 }
 
 /// The search for the device that explains a record. A search that begins near a device ends with it where that explains the record.
-pub(crate) fn search(watched: &Watched<'_>, near: Option<&DeviceSpec>) -> Result<Found, Error> {
-    let Watched { record, stop } = *watched;
+pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>) -> Result<HandleSearch, Error> {
+    let CancellableRecord { record, stop } = *watched;
     let (lattice, spread) = (lattice(record.positions()), variance(record.positions()).sqrt());
     let explains = |fit: &Fit| explained(record, &fit.left, lattice, spread);
     let from = |(rests, p): (bool, Parameters)| {
@@ -131,7 +131,7 @@ pub(crate) fn search(watched: &Watched<'_>, near: Option<&DeviceSpec>) -> Result
         let mut fits: Vec<Fit> = starts.into_iter().filter_map(from).collect();
         fits.sort_by(by_squares);
         fits.truncate(FOLLOWED);
-        let with_lag = |fit: Fit| fit.lagging(record).improved(record, SOME, stop);
+        let with_lag = |fit: Fit| fit.lagging(record).improved(record, FEW_ITERATIONS, stop);
         let mut fits: Vec<Fit> = fits.into_iter().filter_map(with_lag).collect();
         fits.sort_by(by_squares);
         for fit in fits {
@@ -139,7 +139,7 @@ pub(crate) fn search(watched: &Watched<'_>, near: Option<&DeviceSpec>) -> Result
                 seen.push(fit);
                 continue;
             }
-            best = best.into_iter().chain(fit.improved(record, MOST, stop)).min_by(by_squares);
+            best = best.into_iter().chain(fit.improved(record, MAX_ITERATIONS, stop)).min_by(by_squares);
         }
         if best.as_ref().is_some_and(explains) {
             break;
@@ -153,7 +153,7 @@ pub(crate) fn search(watched: &Watched<'_>, near: Option<&DeviceSpec>) -> Result
     let counts = lattice.map(|lattice| residual.rms / lattice.step);
     let wrong = LargeResidual { rms: residual.rms, counts, position: None, resonance_hz: None };
     let wrong = (!explains(&fit)).then_some(Error::Residual(wrong));
-    Ok(Found { fit, others, wrong, residual })
+    Ok(HandleSearch { fit, others, wrong, residual })
 }
 
 /// Where fits start: from rest or in motion, and with which parameters. A small velocity that friction ends within some samples hardly shows
@@ -190,7 +190,7 @@ fn moving(record: &Record, mut start: Parameters) -> Parameters {
 }
 
 /// Where the handle of a rigid device's record seems to ring; `None` where nothing does.
-fn starts_of(watched: &Watched<'_>) -> Option<Starts> {
+fn starts_of(watched: &CancellableRecord<'_>) -> Option<Starts> {
     let record = watched.record;
     let rigid = best(watched, &starts(watched))?;
     let whole = rigid.puck.gain.recip();

@@ -10,7 +10,7 @@ use crate::fit::{Fit, SHORTEST_LAG, fit};
 use crate::identified::Interval;
 use crate::puck::{DELAY, LAG, Puck};
 use crate::quantile::student;
-use crate::record::{LONGEST_DELAY, Record, Watched};
+use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
 use crate::start::{Begin, begins};
 
 /// A torque that has come up for so many lags has arrived.
@@ -44,7 +44,7 @@ pub(crate) struct Late {
 impl Lag {
     /// The fit from the best one without a lag; `None` where there is no torque to lag. A fit that is right without one is near the best
     /// with one: a short lag first tells whether there is any. `likely`: one to start from before all others.
-    pub fn new(record: &Watched<'_>, best: &Fit, is_right: bool, likely: Option<f64>) -> Option<Self> {
+    pub fn new(record: &CancellableRecord<'_>, best: &Fit, is_right: bool, likely: Option<f64>) -> Option<Self> {
         if !record.is_driven() || !best.puck.delay.is_finite() {
             return None;
         }
@@ -98,7 +98,7 @@ impl Lag {
     }
 
     /// The same within the bounds.
-    pub fn bounded(&self, record: &Watched<'_>) -> Bounded {
+    pub fn bounded(&self, record: &CancellableRecord<'_>) -> Bounded {
         Bounded::new(record, self.fit)
     }
 }

@@ -51,7 +51,7 @@ const MOST_EVENTS: usize = 8;
 
 /// The motion under way.
 #[derive(Clone, Debug)]
-struct Motion {
+struct SimulatedPuck {
     puck: Puck,
     z: f64,
     v: f64,
@@ -91,7 +91,7 @@ impl Puck {
     /// Gives each time's index from `first` on, the position there and its sensitivities to `see`; the motion starts at `first`.
     pub fn follow(&self, times: &[f64], torques: &[f64], first: usize, mut see: impl FnMut(usize, f64, &Sensitivity)) {
         let (Some(&start), Some(&held)) = (times.get(first), torques.first()) else { return };
-        let mut motion = Motion::new(*self, held);
+        let mut motion = SimulatedPuck::new(*self, held);
         // What has arrived before the start; a motor that lags remembers it.
         let (mut next, mut now) = (0, f64::NEG_INFINITY);
         while let (Some(&at), Some(&torque)) = (times.get(next), torques.get(next)) {
@@ -135,11 +135,11 @@ impl Puck {
     }
 }
 
-impl Motion {
+impl SimulatedPuck {
     fn new(puck: Puck, torque: f64) -> Self {
         let none = [0.0; PARAMETERS];
         let (z, v) = (puck.position, puck.velocity);
-        let mut motion = Motion { puck, z, v, gap: 0.0, way: 0.0, torque, dz: none, dv: none, dgap: none };
+        let mut motion = SimulatedPuck { puck, z, v, gap: 0.0, way: 0.0, torque, dz: none, dv: none, dgap: none };
         (motion.dz[POSITION], motion.dv[VELOCITY]) = (1.0, 1.0);
         motion
     }

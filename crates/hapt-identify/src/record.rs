@@ -16,12 +16,12 @@ const AT_REST: usize = 100;
 
 /// A record, and whether anyone still waits for what it says.
 #[derive(Clone, Copy)]
-pub(crate) struct Watched<'a> {
+pub(crate) struct CancellableRecord<'a> {
     pub record: &'a Record,
     pub stop: &'a dyn Fn() -> bool,
 }
 
-impl std::ops::Deref for Watched<'_> {
+impl std::ops::Deref for CancellableRecord<'_> {
     type Target = Record;
 
     fn deref(&self) -> &Record {

@@ -13,7 +13,7 @@ use nalgebra::DVector;
 
 use crate::fit::Fit;
 use crate::puck::{PARAMETERS, Sensitivity};
-use crate::record::Watched;
+use crate::record::CancellableRecord;
 
 /// Frequencies that are looked at, in equal ratios.
 const FREQUENCIES: usize = 240;
@@ -37,8 +37,8 @@ pub(crate) struct Ringing {
 }
 
 /// The most likely shafts, the best first: each explains more than those of frequencies next to it. Empty where the search is stopped.
-pub(crate) fn ringing(watched: &Watched<'_>, rigid: &Fit) -> Vec<Ringing> {
-    let Watched { record, stop } = *watched;
+pub(crate) fn ringing(watched: &CancellableRecord<'_>, rigid: &Fit) -> Vec<Ringing> {
+    let CancellableRecord { record, stop } = *watched;
     let mut motion: Vec<(f64, f64)> = Vec::new();
     let mut rows: Vec<(usize, f64, Sensitivity)> = Vec::new();
     rigid.puck.follow(record.times(), record.torques(), rigid.first, |i, z, dz| {
@@ -47,7 +47,7 @@ pub(crate) fn ringing(watched: &Watched<'_>, rigid: &Fit) -> Vec<Ringing> {
         }
         motion.push((record.times()[i], z));
     });
-    let mut beside = Beside::default();
+    let mut beside = ExternalTorqueInput::default();
     for i in 0..PARAMETERS {
         beside.add(DVector::from_iterator(rows.len(), rows.iter().map(|(_, _, dz)| dz[i])));
     }
@@ -108,11 +108,11 @@ fn behind(motion: &[(f64, f64)], omega: f64, [mut q, mut rate]: [f64; 2], follow
 
 /// Orthonormal columns, beside which others are seen.
 #[derive(Default)]
-struct Beside {
+struct ExternalTorqueInput {
     columns: Vec<DVector<f64>>,
 }
 
-impl Beside {
+impl ExternalTorqueInput {
     /// What is left of a column beside them, twice projected for the sake of rounding.
     fn of(&self, column: DVector<f64>) -> DVector<f64> {
         let once = |left: DVector<f64>| self.columns.iter().fold(left, |left, own| &left - own * own.dot(&left));
@@ -165,7 +165,7 @@ mod tests {
             let noisy = |z: &f64| z + noise * rings * (rng.f64() + rng.f64() + rng.f64() - 1.5) * 2.0;
             let positions = clean.iter().map(noisy).collect();
             let record = Record::new(times, positions, torques).unwrap();
-            let watched = Watched { record: &record, stop: &|| false };
+            let watched = CancellableRecord { record: &record, stop: &|| false };
             let rigid = best(&watched, &starts(&watched)).unwrap();
             let found = ringing(&watched, &rigid);
             let near = found.iter().take(3).find(|one| (one.omega / omega - 1.0).abs() < 0.1);

@@ -14,7 +14,7 @@
 use hapt_plant::spec::Handle;
 
 /// The longest step, over the sum of the rates of the motion: 0.5^12/12! is 5e-13.
-const LONGEST: f64 = 0.5;
+const MAX_STEP_TIMES_RATE: f64 = 0.5;
 const TERMS: usize = 13;
 /// A lag's rate above so many times the others' is taken out of the state.
 const FAST: f64 = 2.0;
@@ -50,12 +50,12 @@ impl Shafted {
     /// Whether its motion can be followed over samples that are `period` s apart.
     pub fn is_followed(&self, period: f64) -> bool {
         let rate = self.rate();
-        rate.is_finite() && rate * period < MOST_STEPS * LONGEST
+        rate.is_finite() && rate * period < MOST_STEPS * MAX_STEP_TIMES_RATE
     }
 
     /// The motor's position at each of the times, under torques that are commanded at them.
     pub fn follow(&self, times: &[f64], torques: &[f64], begins: Begins, mut see: impl FnMut(usize, f64)) {
-        let mut motion = Motion::new(*self, begins);
+        let mut motion = SimulatedShaft::new(*self, begins);
         let Some(&start) = times.first() else { return };
         let (mut next, mut now) = (0, start);
         for (i, &to) in times.iter().enumerate() {
@@ -88,7 +88,7 @@ struct Decaying {
 }
 
 /// The device under way.
-struct Motion {
+struct SimulatedShaft {
     device: Shafted,
     rate: f64,
     /// 1/λ; 0 without a lag.
@@ -186,7 +186,7 @@ impl Series {
     }
 }
 
-impl Motion {
+impl SimulatedShaft {
     fn new(device: Shafted, [position, v, theta, beyond]: Begins) -> Self {
         let (rate, decay) = (device.rate(), if device.lag > 0.0 { device.lag.recip() } else { 0.0 });
         let apart = (decay > FAST * rate).then(|| {
@@ -197,8 +197,19 @@ impl Motion {
             let v = (device.damping - device.inertia * decay - q * (part - 1.0)).recip();
             Decaying { position: -v / decay, v, theta: -v * (part - 1.0) / decay, w: v * part }
         });
-        let mut motion =
-            Motion { device, rate, decay, apart, position, v, theta, w: v + beyond, torque: 0.0, gap: 0.0, way: 0.0 };
+        let mut motion = SimulatedShaft {
+            device,
+            rate,
+            decay,
+            apart,
+            position,
+            v,
+            theta,
+            w: v + beyond,
+            torque: 0.0,
+            gap: 0.0,
+            way: 0.0,
+        };
         motion.set_out();
         motion
     }
@@ -235,7 +246,7 @@ impl Motion {
         let mut events = 0;
         while rest > 0.0 {
             let slow = if self.apart.is_some() { 0.0 } else { self.decay };
-            let steps = (rest * (self.rate + slow) / LONGEST).ceil().max(1.0);
+            let steps = (rest * (self.rate + slow) / MAX_STEP_TIMES_RATE).ceil().max(1.0);
             let step = rest / steps;
             let rests = self.way == 0.0 && self.device.friction > 0.0;
             let series = self.series(step, rests);

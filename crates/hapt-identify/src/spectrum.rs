@@ -11,7 +11,7 @@ const HIGHEST: f64 = 2.5;
 const PART: f64 = 0.1;
 const ABOVE: f64 = 30.0;
 /// More samples than this are not looked at.
-const MOST: usize = 8000;
+const MAX_SAMPLES: usize = 8000;
 
 /// A line.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,7 +31,7 @@ impl Line {
 
 /// The frequency whose velocity is largest in these values, each with its time in s; under Hann's window.
 pub(crate) fn line(values: &[(f64, f64)]) -> Option<Line> {
-    let values = &values[..values.len().min(MOST)];
+    let values = &values[..values.len().min(MAX_SAMPLES)];
     let n = values.len() as f64;
     let (from, to) = (values.first()?.0, values.last()?.0);
     let period = (to - from) / (n - 1.0).max(1.0);

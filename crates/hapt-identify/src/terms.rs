@@ -21,7 +21,7 @@ const SURELY: f64 = 3.0;
 /// So many periods of a torque that repeats fit into the travel, and so many more of one that is told from it.
 const PERIODS: f64 = 1.0;
 /// Terms of one device.
-const MOST: usize = 4;
+const MAX_TERMS: usize = 4;
 /// A sine of the position is told from a stiffness over this travel, in rad.
 const TRAVEL: f64 = 1.0;
 
@@ -182,7 +182,7 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], way: f64, apart
     let Some(mut left) = table.foretold(&kept) else { return Vec::new() };
     let mut taken: Vec<(&Group, f64)> = Vec::new();
     let all: f64 = left.iter().sum();
-    while taken.len() < MOST {
+    while taken.len() < MAX_TERMS {
         let same = |a: TermKind, b: TermKind| std::mem::discriminant(&a) == std::mem::discriminant(&b);
         let is_new = |group: &&Group| {
             taken.iter().all(|(old, _)| match (old.kind, group.kind) {

@@ -1,10 +1,10 @@
-//! Control: one client has it at a time. The first client gets it, others take it on purpose. A client that is silent for [`PATIENCE`] keeps
+//! Control: one client has it at a time. The first client gets it, others take it on purpose. A client that is silent for [`CONTROL_TIMEOUT`] keeps
 //! control, but its hand releases the puck.
 
 use std::time::{Duration, Instant};
 
 /// How long the client in control may be silent before its hand releases the puck.
-pub const PATIENCE: Duration = Duration::from_millis(300);
+pub const CONTROL_TIMEOUT: Duration = Duration::from_millis(300);
 
 /// A client's number, never used twice.
 pub type Client = u64;
@@ -54,9 +54,9 @@ impl Control {
         }
     }
 
-    /// Whether a client has control and its last message came within [`PATIENCE`].
+    /// Whether a client has control and its last message came within [`CONTROL_TIMEOUT`].
     pub fn is_responsive(&self, now: Instant) -> bool {
-        self.holder.is_some_and(|(_, last)| now.saturating_duration_since(last) < PATIENCE)
+        self.holder.is_some_and(|(_, last)| now.saturating_duration_since(last) < CONTROL_TIMEOUT)
     }
 }
 

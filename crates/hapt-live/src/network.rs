@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use hapt_analysis::{Error, Linked, NetworkCheck, check_network};
 use hapt_host::StationView;
-use hapt_host::links::{LinkError, Links, Way, random_key};
+use hapt_host::links::{LinkError, Links, Transport, random_key};
 use hapt_host::simulated_network::{Question, SimulatedNetwork};
 use hapt_model::System;
 use hapt_rt::LinkPort;
@@ -45,8 +45,8 @@ pub fn connect_by(
     let key = random_key()?;
     let (mut all, mut ports, mut ways) = (Vec::new(), Vec::new(), Vec::new());
     for (at, (_, socket)) in sockets.into_iter().enumerate() {
-        let (links, own) = Links::on(socket, network, at, &peers, &key, Way::AsWritten)?;
-        ways.extend(links.ways());
+        let (links, own) = Links::on(socket, network, at, &peers, &key, Transport::AsWritten)?;
+        ways.extend(links.channels());
         all.push(links);
         ports.push(own);
     }

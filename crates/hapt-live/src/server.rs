@@ -34,7 +34,7 @@ const PENDING: usize = 64;
 /// A page that is silent for this long is closed where another needs its place.
 const SILENT: Duration = Duration::from_secs(10);
 /// The time limit for a request's head.
-const PATIENCE: Duration = Duration::from_secs(10);
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
 /// The size limit of a request's head in bytes, and its most headers.
 const HEAD: usize = 16 * 1024;
 const FIELDS: usize = 64;
@@ -222,7 +222,7 @@ async fn serve(stream: TcpStream, state: Arc<ServerState>) {
                     let own = Arc::clone(&state);
                     let task = tokio::spawn(async move {
                         let place = place;
-                        if let Ok(Ok(upgraded)) = tokio::time::timeout(PATIENCE, upgrade).await {
+                        if let Ok(Ok(upgraded)) = tokio::time::timeout(REQUEST_TIMEOUT, upgrade).await {
                             socket::serve(TokioIo::new(upgraded), own, place.client).await;
                         }
                     });
@@ -236,7 +236,7 @@ async fn serve(stream: TcpStream, state: Arc<ServerState>) {
         }
     });
     let mut http = http1::Builder::new();
-    http.timer(TokioTimer::new()).header_read_timeout(PATIENCE).max_buf_size(HEAD).max_headers(FIELDS);
+    http.timer(TokioTimer::new()).header_read_timeout(REQUEST_TIMEOUT).max_buf_size(HEAD).max_headers(FIELDS);
     // A connection that breaks off or speaks no HTTP is no error of the server.
     let _ = http.serve_connection(TokioIo::new(stream), service).with_upgrades().await;
 }

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use futures_util::{SinkExt, StreamExt};
-use hapt_host::messages::{ClientMessage, Command, LONGEST, ServerMessage, VERSION};
+use hapt_host::messages::{ClientMessage, Command, MAX_MESSAGE_BYTES, ServerMessage, VERSION};
 use hyper::upgrade::Upgraded;
 use hyper_util::rt::TokioIo;
 use tokio::sync::mpsc;
@@ -45,9 +45,9 @@ const TOO_MANY: Close = (CloseCode::Policy, "more than 200 messages a second");
 /// Serves a page until either side closes the websocket.
 pub async fn serve(io: TokioIo<Upgraded>, state: Arc<ServerState>, client: u64) {
     let config = WebSocketConfig::default()
-        .max_message_size(Some(LONGEST))
-        .max_frame_size(Some(LONGEST))
-        .read_buffer_size(LONGEST)
+        .max_message_size(Some(MAX_MESSAGE_BYTES))
+        .max_frame_size(Some(MAX_MESSAGE_BYTES))
+        .read_buffer_size(MAX_MESSAGE_BYTES)
         .write_buffer_size(0)
         .max_write_buffer_size(1 << 20);
     let allowance = Arc::new(Mutex::new(Allowance::new(Instant::now())));

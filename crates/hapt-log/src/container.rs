@@ -21,7 +21,7 @@ pub(crate) const FOOTER: u8 = 0x02;
 pub(crate) const DATA_END: u8 = 0x0f;
 
 /// The longest accepted record, far beyond those of a log: its chunks have a quarter of a MiB.
-const LONGEST: u64 = 1 << 26;
+const MAX_RECORD_BYTES: u64 = 1 << 26;
 
 /// The end of a log.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -175,7 +175,7 @@ impl<R: Read> Container<R> {
         }
         let head: [u8; 9] = self.body[..].try_into().unwrap_or_default();
         let (opcode, length) = (head[0], Bytes(&head[1..]).u64().unwrap_or(0));
-        if length > LONGEST {
+        if length > MAX_RECORD_BYTES {
             self.damaged("a record is longer than any of a log");
             return Ok(None);
         }

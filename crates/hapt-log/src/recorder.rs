@@ -21,7 +21,7 @@ use crate::writer::{Header, LogWriter, Origin};
 /// The queue's capacity in records: 16 s of a loop at 1 kHz, some 12 MB.
 const WAITING: usize = 1 << 14;
 /// The longest time between flushes.
-const PATIENCE: Duration = Duration::from_secs(1);
+const FLUSH_INTERVAL: Duration = Duration::from_secs(1);
 /// The number of consecutive samples without a loss that ends a gap.
 const CALM: u32 = 256;
 
@@ -276,7 +276,7 @@ fn write<W: Write>(mut writer: LogWriter<W>, entries: &Receiver<Entry>, shared: 
     let mut waiting = 0;
     // Snapshots by their samples, whose records follow.
     let mut snapshots = BTreeMap::new();
-    let mut due = Instant::now() + PATIENCE;
+    let mut due = Instant::now() + FLUSH_INTERVAL;
     let end = loop {
         let next = match entries.recv_timeout(due.saturating_duration_since(Instant::now())) {
             Ok(Entry::Snapshot(snapshot)) => {
@@ -314,7 +314,7 @@ fn write<W: Write>(mut writer: LogWriter<W>, entries: &Receiver<Entry>, shared: 
             if let Err(error) = writer.flush() {
                 break Err(error);
             }
-            due = Instant::now() + PATIENCE;
+            due = Instant::now() + FLUSH_INTERVAL;
         }
         if writer.pending() == 0 {
             shared.written.fetch_add(waiting, Ordering::Relaxed);

@@ -88,7 +88,7 @@ fn live<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
             Some(running) => {
                 running.change(sample.plan)?;
                 let Running { plan, state, .. } = &mut **running;
-                let guarded = plan.step_beside(state, &inputs.reading, inputs.request, |_| inputs.link);
+                let guarded = plan.step_with(state, &inputs.reading, inputs.request, |_| inputs.link);
                 state.commanded(inputs.computation);
                 let torques =
                     [(TORQUE, guarded.sample.torque), (COMMAND, guarded.sample.command), (output, guarded.output)];

@@ -30,11 +30,11 @@ pub(crate) struct Fields<'a> {
     rows: Vec<&'static Key>,
     /// The table's own `kind`, where it has one.
     pub kind: Option<&'static str>,
-    found: Vec<(&'static str, Place, Found<'a>)>,
+    found: Vec<(&'static str, Place, CheckedValue<'a>)>,
 }
 
 /// A checked value.
-enum Found<'a> {
+enum CheckedValue<'a> {
     Text(String),
     Name(&'static str),
     Number(f64),
@@ -74,7 +74,7 @@ impl<'a> Fields<'a> {
             match entries.iter().find(|entry| entry.key == "kind") {
                 None => return Err(fields.missing("kind")),
                 Some(entry) => {
-                    if let Found::Name(kind) = fields.check(row, &entry.node)? {
+                    if let CheckedValue::Name(kind) = fields.check(row, &entry.node)? {
                         fields.kind = Some(kind);
                     }
                 }
@@ -109,8 +109,8 @@ impl<'a> Fields<'a> {
     /// The same, `None` when absent and without a default.
     pub fn optional_number(&self, name: &str) -> Result<Option<f64>, Error> {
         match self.found(name) {
-            Some(Found::Number(number) | Found::Within(number, _)) => Ok(Some(*number)),
-            Some(Found::Whole(whole)) => Ok(Some(*whole as f64)),
+            Some(CheckedValue::Number(number) | CheckedValue::Within(number, _)) => Ok(Some(*number)),
+            Some(CheckedValue::Whole(whole)) => Ok(Some(*whole as f64)),
             _ => Ok(match self.row(name).map(|row| row.presence) {
                 Some(Presence::Number(default)) => Some(default),
                 _ => None,
@@ -120,13 +120,13 @@ impl<'a> Fields<'a> {
 
     /// The tolerance of a quantity, as a fraction of it; 0 without one.
     pub fn tolerance(&self, name: &str) -> f64 {
-        if let Some(Found::Within(_, tolerance)) = self.found(name) { *tolerance } else { 0.0 }
+        if let Some(CheckedValue::Within(_, tolerance)) = self.found(name) { *tolerance } else { 0.0 }
     }
 
     /// A time in s, or a number of samples; the row's default when absent.
     pub fn delay(&self, name: &str) -> Result<Delay, Error> {
         match self.found(name) {
-            Some(Found::Samples(samples)) => Ok(Delay::Samples(*samples)),
+            Some(CheckedValue::Samples(samples)) => Ok(Delay::Samples(*samples)),
             _ => Ok(Delay::Seconds(self.number(name)?)),
         }
     }
@@ -149,7 +149,7 @@ impl<'a> Fields<'a> {
     /// One of the row's names; its default when absent; `None` without one, and for a quantity in its place.
     pub fn name(&self, name: &str) -> Option<&'static str> {
         match (self.found(name), self.row(name).map(|row| row.presence)) {
-            (Some(Found::Name(found)), _) => Some(found),
+            (Some(CheckedValue::Name(found)), _) => Some(found),
             (None, Some(Presence::Name(default))) => Some(default),
             _ => None,
         }
@@ -158,7 +158,7 @@ impl<'a> Fields<'a> {
     /// A text, `None` when absent.
     pub fn text(&self, name: &str) -> Option<String> {
         match self.found(name) {
-            Some(Found::Text(text)) => Some(text.clone()),
+            Some(CheckedValue::Text(text)) => Some(text.clone()),
             _ => None,
         }
     }
@@ -166,7 +166,7 @@ impl<'a> Fields<'a> {
     /// An array of plain numbers; `None` when absent.
     pub fn numbers(&self, name: &str) -> Option<&[f64]> {
         match self.found(name) {
-            Some(Found::Numbers(numbers)) => Some(numbers),
+            Some(CheckedValue::Numbers(numbers)) => Some(numbers),
             _ => None,
         }
     }
@@ -174,7 +174,7 @@ impl<'a> Fields<'a> {
     /// The two names of a pair of ends, with their places.
     pub fn ends(&self, name: &str) -> Result<[(&'a str, &'a Place); 2], Error> {
         match self.found(name) {
-            Some(Found::Ends(ends)) => Ok(*ends),
+            Some(CheckedValue::Ends(ends)) => Ok(*ends),
             _ => Err(self.missing(name)),
         }
     }
@@ -182,7 +182,7 @@ impl<'a> Fields<'a> {
     /// A table or an array of tables, unread.
     pub fn node(&self, name: &str) -> Option<&'a Node> {
         match self.found(name) {
-            Some(Found::Node(node)) => Some(node),
+            Some(CheckedValue::Node(node)) => Some(node),
             _ => None,
         }
     }
@@ -219,7 +219,7 @@ impl<'a> Fields<'a> {
         if table.is_empty() { name.to_string() } else { format!("{table}.{name}") }
     }
 
-    fn found(&self, name: &str) -> Option<&Found<'a>> {
+    fn found(&self, name: &str) -> Option<&CheckedValue<'a>> {
         self.found.iter().find(|(found, ..)| *found == name).map(|(_, _, value)| value)
     }
 
@@ -315,7 +315,7 @@ impl<'a> Fields<'a> {
     }
 
     /// Checks a value against its row.
-    fn check(&self, row: &'static Key, node: &'a Node) -> Result<Found<'a>, Error> {
+    fn check(&self, row: &'static Key, node: &'a Node) -> Result<CheckedValue<'a>, Error> {
         let motion = self.context.motion;
         let fail = |kind: ErrorKind, message: String| {
             Err(self.context.document.error(kind, self.path(row.name()), message, &node.place))
@@ -327,7 +327,7 @@ impl<'a> Fields<'a> {
         };
         if let Some(samples) = samples {
             return match Range::ZeroOrMore.contains(samples) {
-                true => Ok(Found::Samples(samples)),
+                true => Ok(CheckedValue::Samples(samples)),
                 false => given(format!("{} {}", written(&node.value), fault(Range::ZeroOrMore, samples))),
             };
         }
@@ -335,20 +335,20 @@ impl<'a> Fields<'a> {
             return given(format!("{} is a time, which safety.stall takes", written(&node.value)));
         }
         match (row.takes, &node.value) {
-            (Takes::Text, Value::Text(text)) => Ok(Found::Text(text.clone())),
+            (Takes::Text, Value::Text(text)) => Ok(CheckedValue::Text(text.clone())),
             // Nobody puts quotes inside a shell's quotes to call a world 1984.
             (Takes::Text, _) if node.place.set.is_some() => {
                 let text = self.context.document.text(&node.place).get(node.place.span.clone());
-                Ok(Found::Text(text.unwrap_or_default().to_string()))
+                Ok(CheckedValue::Text(text.unwrap_or_default().to_string()))
             }
             (Takes::Name(names), Value::Text(text)) => match names.iter().find(|name| **name == text.as_str()) {
-                Some(name) => Ok(Found::Name(name)),
+                Some(name) => Ok(CheckedValue::Name(name)),
                 None => match words::did_you_mean(text, names.iter().copied()) {
                     hint if hint.is_empty() => given(format!("{} is not known here", words::quoted(text))),
                     hint => fail(ErrorKind::Value, format!("{} is not known here{hint}", words::quoted(text))),
                 },
             },
-            (Takes::QuantityOr(_, _, word), Value::Text(text)) if text == word => Ok(Found::Name(word)),
+            (Takes::QuantityOr(_, _, word), Value::Text(text)) if text == word => Ok(CheckedValue::Name(word)),
             (Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples, Value::Text(_) | Value::Number(_)) => {
                 let (measure, range) = row.takes.quantity().unwrap_or((Measure::Ratio, Range::Any));
                 let (value, tolerance) = match self.tolerated(row, measure, range, node) {
@@ -357,9 +357,9 @@ impl<'a> Fields<'a> {
                 };
                 match quantity(measure, motion, value.as_ref().unwrap_or(&node.value)) {
                     Ok(value) if range.contains(value) && tolerance.is_some() => {
-                        Ok(Found::Within(value, tolerance.unwrap_or(0.0)))
+                        Ok(CheckedValue::Within(value, tolerance.unwrap_or(0.0)))
                     }
-                    Ok(value) if range.contains(value) => Ok(Found::Number(value)),
+                    Ok(value) if range.contains(value) => Ok(CheckedValue::Number(value)),
                     Ok(value) => given(format!("{} {}", written(&node.value), fault(range, value))),
                     Err(_) if matches!(&node.value, Value::Text(text) if keys::in_samples(text).is_some()) => {
                         given(format!("{} is in samples, which a delay alone can be", written(&node.value)))
@@ -388,7 +388,7 @@ impl<'a> Fields<'a> {
                 }
                 Some(whole) if whole % i128::from(step) != 0 => given(format!("{} is odd", shortened(text))),
                 // Between u64s by the arm above.
-                Some(whole) => Ok(Found::Whole(whole as u64)),
+                Some(whole) => Ok(CheckedValue::Whole(whole as u64)),
             },
             (Takes::Numbers { least, most }, Value::Array(items)) => {
                 if !(least..=most).contains(&items.len()) {
@@ -403,17 +403,17 @@ impl<'a> Fields<'a> {
                     let fault = || format!("{given}; {}", row.wanted(motion));
                     found.ok_or_else(|| self.error_at(ErrorKind::Value, row.name(), fault(), &item.place))
                 };
-                Ok(Found::Numbers(items.iter().map(read).collect::<Result<_, _>>()?))
+                Ok(CheckedValue::Numbers(items.iter().map(read).collect::<Result<_, _>>()?))
             }
             (Takes::Ends(_), Value::Array(items)) => match items.as_slice() {
                 [
                     Node { value: Value::Text(first), place: at_first, .. },
                     Node { value: Value::Text(second), place: at_second, .. },
-                ] => Ok(Found::Ends([(first, at_first), (second, at_second)])),
+                ] => Ok(CheckedValue::Ends([(first, at_first), (second, at_second)])),
                 [_, _] => given("an end is text in quotes".to_string()),
                 items => given(format!("an array of {} stands here", items.len())),
             },
-            (Takes::Table, Value::Table(_)) => Ok(Found::Node(node)),
+            (Takes::Table, Value::Table(_)) => Ok(CheckedValue::Node(node)),
             (Takes::Named { most, what, letter_first, reserved }, Value::Table(entries)) => {
                 let wrong =
                     entries.iter().find_map(|entry| Some((entry, no_name(&entry.key, letter_first, reserved)?)));
@@ -423,13 +423,13 @@ impl<'a> Fields<'a> {
                     let message = format!("{} cannot name a {what}: {why}", words::quoted(&entry.key));
                     Err(self.context.document.error(ErrorKind::Name, self.path(row.name()), message, &entry.place))
                 } else {
-                    Ok(Found::Node(node))
+                    Ok(CheckedValue::Node(node))
                 }
             }
             (Takes::List { most, what }, Value::Array(items)) if items.len() > most => {
                 fail(ErrorKind::Combination, too_many(items.len(), most, what))
             }
-            (Takes::List { .. }, Value::Array(_)) => Ok(Found::Node(node)),
+            (Takes::List { .. }, Value::Array(_)) => Ok(CheckedValue::Node(node)),
             _ => given(node.described()),
         }
     }

@@ -30,7 +30,7 @@ mod fifo {
     use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 
     /// The time that a FIFO waits for a writer.
-    const PATIENCE: Duration = Duration::from_secs(2);
+    const WRITER_TIMEOUT: Duration = Duration::from_secs(2);
     /// From one look for it to the next.
     const LOOK: Duration = Duration::from_millis(10);
 
@@ -42,7 +42,9 @@ mod fifo {
         // Nothing to read and no writer is an end; nothing to read from a writer would block.
         let length = loop {
             match file.read(&mut first) {
-                Ok(0) if start.elapsed() > PATIENCE => return Err(io::Error::other("it is a FIFO without a writer")),
+                Ok(0) if start.elapsed() > WRITER_TIMEOUT => {
+                    return Err(io::Error::other("it is a FIFO without a writer"));
+                }
                 Ok(0) => std::thread::sleep(LOOK),
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => break 0,
                 read => break read?,

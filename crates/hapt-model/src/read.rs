@@ -22,7 +22,7 @@ use crate::world::{Delay, Device, Mounting, Sampling, Scenario, Tolerances, Worl
 /// Samples in a scenario.
 const MOST_SAMPLES: f64 = 1e10;
 /// The delay, in periods.
-const LONGEST_DELAY: f64 = 1e6;
+const MAX_DELAY_PERIODS: f64 = 1e6;
 
 impl World {
     /// Reads and checks a world. Each of `sets` is an override `KEY=VALUE` of a key by its dotted path; the last of a key
@@ -181,10 +181,10 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
     let period = sampling.period;
     for (key, delay) in [("delay", Some(sampling.delay)), ("delay_max", sampling.delay_max)] {
         match delay {
-            Some(Delay::Seconds(delay)) if delay > LONGEST_DELAY * period => {
+            Some(Delay::Seconds(delay)) if delay > MAX_DELAY_PERIODS * period => {
                 return combination(key, format!("{delay:?} s is more than a million periods of {period:?} s"));
             }
-            Some(Delay::Samples(samples)) if samples > LONGEST_DELAY => {
+            Some(Delay::Samples(samples)) if samples > MAX_DELAY_PERIODS => {
                 return combination(key, format!("{samples:?} samples are more than a million"));
             }
             Some(Delay::Seconds(_) | Delay::Samples(_)) | None => {}

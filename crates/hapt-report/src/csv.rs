@@ -43,7 +43,7 @@ struct Columns {
 }
 
 /// The longest accepted line: 64 bodies in full digits take a tenth of it.
-const LONGEST: u64 = 1 << 20;
+const MAX_LINE_BYTES: u64 = 1 << 20;
 
 /// Reads the CSV of `hapt sim --out`, a line at a time; `limit` returns the motor's limit in SI, which a CSV lacks, once the motion is
 /// known. Rows outside of `window`, in s, are read and omitted.
@@ -63,13 +63,13 @@ pub fn read_csv(
     loop {
         line += 1;
         text.clear();
-        let mut bounded = std::io::Read::take(&mut from, LONGEST);
+        let mut bounded = std::io::Read::take(&mut from, MAX_LINE_BYTES);
         let length = bounded.read_until(b'\n', &mut text).map_err(|error| CsvError::Unreadable { line, error })?;
         let wrong = |message: String| CsvError::Wrong { line, message };
         if length == 0 {
             break;
         }
-        if length as u64 == LONGEST {
+        if length as u64 == MAX_LINE_BYTES {
             return Err(wrong("the line does not end within 1 MiB".into()));
         }
         let row =

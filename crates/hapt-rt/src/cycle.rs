@@ -157,7 +157,7 @@ impl Cycle {
         let guarded = if outside.is_none() && !cfg!(target_family = "wasm") {
             plan.step(state, &reading, request)
         } else {
-            plan.step_beside(state, &reading, request, |beside| {
+            plan.step_with(state, &reading, request, |beside| {
                 let torque = (!outside.is_none()).then(|| outside.sample(beside, moment.now));
                 link = torque.unwrap_or(0.0);
                 torque

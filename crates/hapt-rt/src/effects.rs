@@ -1,6 +1,6 @@
 //! The effects of a wheel for games beside the world: a ring with what plays, and what becomes of it at a sample.
 
-use hapt_core::Beside;
+use hapt_core::ExternalTorqueInput;
 use hapt_core::wheel::{Given, Wheel};
 use hapt_wire::pid::{Player, Pool, Scale};
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -52,7 +52,7 @@ pub fn effects(wheel: Wheel<f32>, scale: Scale) -> (EffectsPort, EffectsWire) {
 
 impl EffectsPort {
     /// The torque of the effects beside the world's, in the sample that is taken at `now`, in ns by the loop's clock.
-    pub(crate) fn sample(&mut self, beside: Beside<f64>, now: u64) -> f64 {
+    pub(crate) fn sample(&mut self, beside: ExternalTorqueInput<f64>, now: u64) -> f64 {
         for _ in 0..POOLS {
             match self.incoming.pop() {
                 Ok(pool) => self.player.replace(&pool),
@@ -63,8 +63,9 @@ impl EffectsPort {
             self.abandoned = true;
             self.player.stop_all();
         }
-        let Beside { ready, position, velocity, torque } = beside;
-        let narrow = Beside { ready, position: position as f32, velocity: velocity as f32, torque: torque as f32 };
+        let ExternalTorqueInput { ready, position, velocity, torque } = beside;
+        let narrow =
+            ExternalTorqueInput { ready, position: position as f32, velocity: velocity as f32, torque: torque as f32 };
         let (given, playing) = self.player.sample(narrow, now / 1000);
         let _ = self.samples.push(EffectsSample { sampled: now, position, playing, world: torque, given });
         f64::from(given.torque)

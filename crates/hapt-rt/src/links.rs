@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use hapt_core::{Beside, Heard, LinkEnd, LinkTerms};
+use hapt_core::{ExternalTorqueInput, LinkEnd, LinkTerms, RemoteState};
 use hapt_model::Link;
 use hapt_wire::link::{Incoming, Outgoing};
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -95,7 +95,7 @@ impl LinkPort {
     }
 
     /// The torque on the puck in the sample that is taken at `now`, in ns by the loop's clock.
-    pub(crate) fn sample(&mut self, own: &Beside<f64>, now: u64) -> f64 {
+    pub(crate) fn sample(&mut self, own: &ExternalTorqueInput<f64>, now: u64) -> f64 {
         for _ in 0..ROOM {
             match self.incoming.pop() {
                 Ok(incoming) => self.newest = Some(incoming),
@@ -113,11 +113,11 @@ impl LinkPort {
         let heard = self.newest.and_then(|newest| {
             let Incoming { number, since, position, strength } = newest;
             let taken = number.sequence as f64 * self.tick;
-            Some(Heard { age: age(since?)?, session: number.session, taken, position, strength })
+            Some(RemoteState { age: age(since?)?, session: number.session, taken, position, strength })
         });
         let elapsed = self.before.replace(now).map_or(0.0, |before| now.saturating_sub(before) as f64 * 1e-9);
         let LinkPort { link, first, .. } = self;
-        let Beside { ready, position, velocity, .. } = *own;
+        let ExternalTorqueInput { ready, position, velocity, .. } = *own;
         let torque =
             self.end.sample(elapsed, ready, heard, |other, at| link.torque_at(*first, [position, velocity], other, at));
         let outgoing = Outgoing {

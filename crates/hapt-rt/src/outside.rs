@@ -1,6 +1,6 @@
 //! Torques on the puck that do not come from the world.
 
-use hapt_core::Beside;
+use hapt_core::ExternalTorqueInput;
 
 use crate::{EffectsPort, LinkPort};
 
@@ -30,9 +30,9 @@ impl Outside {
     }
 
     /// Their sum in the sample that is taken at `now`, in ns by the loop's clock.
-    pub(crate) fn sample(&mut self, beside: Beside<f64>, now: u64) -> f64 {
+    pub(crate) fn sample(&mut self, beside: ExternalTorqueInput<f64>, now: u64) -> f64 {
         let links: f64 = self.links.iter_mut().map(|port| port.sample(&beside, now)).sum();
-        let beside = Beside { torque: beside.torque + links, ..beside };
+        let beside = ExternalTorqueInput { torque: beside.torque + links, ..beside };
         // A page has no host, and its program stays small.
         let effects = self.effects.as_mut().filter(|_| !cfg!(target_family = "wasm"));
         links + effects.map_or(0.0, |effects| effects.sample(beside, now))

@@ -1,6 +1,6 @@
 //! A world compiled for the loop's thread, with all memory that it needs there.
 
-use hapt_core::{Beside, Reading, Request, SafeOutput, SafetyProfile};
+use hapt_core::{ExternalTorqueInput, Reading, Request, SafeOutput, SafetyProfile};
 use hapt_model::{End, World};
 use hapt_sim::{DesktopController, DesktopControllerState, Motor, VirtualDevice};
 
@@ -80,15 +80,15 @@ impl Plan {
         self.controller.step(state, reading, request)
     }
 
-    /// The same with a torque on the puck from outside of the world: see [`hapt_core::Controller::step_beside`].
-    pub fn step_beside(
+    /// The same with a torque on the puck from outside of the world: see [`hapt_core::Controller::step_with`].
+    pub fn step_with(
         &self,
         state: &mut PlanState,
         reading: &Reading<f64>,
         request: Option<Request>,
-        torque: impl FnOnce(Beside<f64>) -> Option<f64>,
+        torque: impl FnOnce(ExternalTorqueInput<f64>) -> Option<f64>,
     ) -> SafeOutput<f64> {
-        self.controller.step_beside(state, reading, request, torque)
+        self.controller.step_with(state, reading, request, torque)
     }
 
     /// Lets periods pass with the command `torque`, that of the last sample.

@@ -36,7 +36,7 @@ pub struct CsvWriter<W> {
 }
 
 /// The longest number, -2.2250738585072014e-308, and a comma.
-const LONGEST: usize = 25;
+const MAX_NUMBER_CHARS: usize = 25;
 
 impl<W: Write> CsvWriter<W> {
     /// Writes the header. `out` is written a line at a time: hand in a buffered one.
@@ -53,7 +53,7 @@ impl<W: Write> CsvWriter<W> {
 
     /// Writes a line of numbers, one for each column, at least one.
     pub fn write_numbers(&mut self, numbers: &[f64]) -> io::Result<()> {
-        let room = LONGEST * numbers.len();
+        let room = MAX_NUMBER_CHARS * numbers.len();
         if self.line.len() < room {
             self.line.resize(room, 0);
         }
@@ -64,7 +64,7 @@ impl<W: Write> CsvWriter<W> {
 
     /// Writes one row.
     pub fn write(&mut self, row: &Row) -> io::Result<()> {
-        let room = LONGEST * (SIGNALS.len() + 2 * row.bodies.len() + 2);
+        let room = MAX_NUMBER_CHARS * (SIGNALS.len() + 2 * row.bodies.len() + 2);
         if self.line.len() < room {
             self.line.resize(room, 0);
         }

@@ -1,6 +1,6 @@
 //! A run of a network: stations on their exact devices, each at its own times, and the messages between them.
 
-use hapt_core::{Heard, LinkEnd, Puck, Strength};
+use hapt_core::{LinkEnd, Puck, RemoteState, Strength};
 use hapt_model::{Drive, Hand, Link, Scenario, Shape, System, Timing};
 
 use crate::channel::Channel;
@@ -238,7 +238,7 @@ impl NetworkRun {
         let (at, time) = times.min_by(|a, b| a.1.total_cmp(&b.1))?;
         let (joints, station, step) = (&mut self.joints, &mut self.stations[at], self.step);
         let mut sum = 0.0;
-        let result = station.run.next_beside(|seen| {
+        let result = station.run.next_with(|seen| {
             sum = joints.iter_mut().filter_map(|joint| joint.torque(at, time, seen, step)).sum();
             sum
         })?;
@@ -273,7 +273,7 @@ impl Joint {
         }
         arrived.retain(|message| !was_sent(message));
         own.just_sent = arrived;
-        let heard = own.newest.map(|newest| Heard {
+        let heard = own.newest.map(|newest| RemoteState {
             age: (time - newest.sampled) * (1.0 + own.drift),
             session: 0,
             taken: newest.sampled * (1.0 + other.drift),

@@ -234,7 +234,7 @@ impl Simulation {
     }
 
     /// The same with a torque on the puck from outside of the world, of its measured position; `row.torque` is the world's alone.
-    pub(crate) fn next_beside(&mut self, torque: impl FnOnce(Puck<f64>) -> f64) -> Option<Result<(), Error>> {
+    pub(crate) fn next_with(&mut self, torque: impl FnOnce(Puck<f64>) -> f64) -> Option<Result<(), Error>> {
         self.take(|control, sample| control.command(sample.torque + torque(sample.puck)))
     }
 

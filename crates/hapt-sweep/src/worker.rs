@@ -44,7 +44,7 @@ pub(crate) struct WorldWorker<'s> {
     stop: &'s Stop<'s>,
     /// `None` where the sweep measures held loops of one body only.
     worlds: Option<Box<[World; LANES]>>,
-    variants: Option<Held>,
+    variants: Option<HeldLoops>,
     /// The axes' values in each world.
     values: [Vec<f64>; LANES],
     /// For each measure of the loop: the axis values that it depends on, and its last value at those.
@@ -52,7 +52,7 @@ pub(crate) struct WorldWorker<'s> {
 }
 
 /// The held loops of a world of one body.
-struct Held {
+struct HeldLoops {
     variants: Variants<LANES>,
     /// For each axis.
     numbers: Vec<Option<Parameter>>,
@@ -60,11 +60,11 @@ struct Held {
     verdicts: [f64; LANES],
 }
 
-impl Held {
+impl HeldLoops {
     fn new(sweep: &Sweep, world: &World) -> Option<Self> {
         let variants = Variants::new(world)?;
         let numbers = sweep.grid.axes.iter().map(|axis| Parameter::of(world, &axis.key)).collect();
-        Some(Held { variants, numbers, growths: [f64::NAN; LANES], verdicts: [f64::NAN; LANES] })
+        Some(HeldLoops { variants, numbers, growths: [f64::NAN; LANES], verdicts: [f64::NAN; LANES] })
     }
 
     /// Computes the measures of the held loops.
@@ -82,7 +82,7 @@ impl Held {
 impl<'s> WorldWorker<'s> {
     fn new(sweep: &'s Sweep, world: &'s World, ticks: &'s Ticks<'s>, stop: &'s Stop<'s>) -> Self {
         let variants =
-            sweep.measures.iter().any(|measure| measure.of_held_loop()).then(|| Held::new(sweep, world)).flatten();
+            sweep.measures.iter().any(|measure| measure.of_held_loop()).then(|| HeldLoops::new(sweep, world)).flatten();
         let others = variants.is_none() || !sweep.measures.iter().all(|measure| measure.of_held_loop());
         // NaN differs from every first value.
         let values = from_fn(|_| vec![f64::NAN; sweep.grid.axes.len()]);

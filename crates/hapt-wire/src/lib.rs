@@ -60,8 +60,8 @@ const SUM: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_3740);
 pub use frame::{Reader, frame};
 pub use load::{LARGEST, hash, pack, pack_wheel, unpack};
 pub use message::{
-    BODIES, Command, DeviceMessage, Hello, HostMessage, LONGEST, PIECE, PROTOCOL, Parameter, ROOM, Refusal, States,
-    Telemetry,
+    BODIES, Command, DeviceMessage, Hello, HostMessage, MAX_FRAME_BYTES, PIECE, PROTOCOL, Parameter, ROOM, Refusal,
+    States, Telemetry,
 };
 
 #[doc(inline)]

@@ -16,7 +16,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 /// The version of the protocol. Only [`Command::Hello`] and [`DeviceMessage::Hello`] keep their form in every version.
 pub const PROTOCOL: u16 = 1;
 /// The longest frame to a board, its 0 too.
-pub const LONGEST: usize = 256;
+pub const MAX_FRAME_BYTES: usize = 256;
 /// The most bytes of a [`Command::Piece`] that fit into one.
 pub const PIECE: usize = 224;
 /// Capacity of a board: bodies, couplings, and counts of its velocity estimator (a FOAW window and one).

@@ -11,7 +11,7 @@ use usb_device::class_prelude::{
 use usb_device::control::{Recipient, Request, RequestType};
 use usb_device::device::{StringDescriptors, UsbDevice, UsbDeviceBuilder, UsbDeviceState, UsbVidPid};
 
-use crate::device::{Shown, WheelMailbox};
+use crate::device::{WheelMailbox, WheelStatus};
 use crate::pid::{DESCRIPTOR, Input, Pool, Report};
 
 /// The identity of a device for tests, of pid.codes; a product needs its own.
@@ -170,7 +170,7 @@ pub struct WheelPort<'a, B: UsbBus> {
     half: f64,
     has_host: bool,
     /// What the sampler has shown last, and whether the host has not seen it yet.
-    shown: Shown,
+    shown: WheelStatus,
     is_new: bool,
 }
 

@@ -5,7 +5,7 @@ use std::io::{Write, stdout};
 use std::process::ExitCode;
 
 use hapt_model::{System, parse_quantity, unit};
-use hapt_sweep::boundary::{Boundary, Edge, Piece, Plane, Point, Way};
+use hapt_sweep::boundary::{Boundary, Edge, EdgeMethod, Piece, Plane, Point};
 use hapt_sweep::{Axis, table};
 
 use crate::args::BoundaryArgs;
@@ -17,7 +17,7 @@ use crate::output;
 use crate::world::{inputs, source};
 
 /// An axis in the unit in which it was typed.
-pub struct Shown {
+pub struct DisplayedAxis {
     pub key: String,
     pub unit: String,
     /// So much of SI is one of it.
@@ -27,7 +27,7 @@ pub struct Shown {
     pub logarithmic: bool,
 }
 
-impl Shown {
+impl DisplayedAxis {
     /// A value without its unit, rounded to a pixel of the range.
     fn value(&self, si: f64) -> String {
         let step = if self.logarithmic {
@@ -110,7 +110,7 @@ fn claims(names: &[String]) -> Result<Vec<Edge>, Failure> {
 }
 
 /// The axes in the units of their ends as typed, or else in SI.
-fn shown(plane: &Plane, typed: &[String]) -> [Shown; 2] {
+fn shown(plane: &Plane, typed: &[String]) -> [DisplayedAxis; 2] {
     [0, 1].map(|i| {
         let axis = &plane.axes[i];
         let range = typed.get(i).and_then(|text| text.split_once('=')).map_or("", |(_, range)| range);
@@ -122,7 +122,7 @@ fn shown(plane: &Plane, typed: &[String]) -> [Shown; 2] {
             Some((unit, size))
         });
         let (unit, size) = own.unwrap_or_else(|| (axis.unit.clone(), 1.0));
-        Shown { key: axis.key.clone(), unit, size, from: axis.from, to: axis.to, logarithmic: axis.logarithmic }
+        DisplayedAxis { key: axis.key.clone(), unit, size, from: axis.from, to: axis.to, logarithmic: axis.logarithmic }
     })
 }
 
@@ -151,7 +151,7 @@ fn csv(boundary: &Boundary) -> String {
 }
 
 /// The result as text.
-fn summary(boundary: &Boundary, axes: &[Shown; 2]) -> String {
+fn summary(boundary: &Boundary, axes: &[DisplayedAxis; 2]) -> String {
     let mut text = format!("plane     {}\n          {}\n", axes[0].range(), axes[1].range());
     for claim in &boundary.claims {
         let _ = match claim.everywhere {
@@ -193,11 +193,11 @@ fn summary(boundary: &Boundary, axes: &[Shown; 2]) -> String {
 }
 
 /// A sentence about a connected edge: its place, its method, and its sides.
-fn about(piece: &Piece, axes: &[Shown; 2]) -> String {
+fn about(piece: &Piece, axes: &[DisplayedAxis; 2]) -> String {
     let place = |point: &Point| format!("({}, {})", axes[0].value(point.values[0]), axes[1].value(point.values[1]));
     let way = match piece.way {
-        Way::Equation => "by its equation",
-        Way::Continuation => "by continuation",
+        EdgeMethod::Equation => "by its equation",
+        EdgeMethod::Continuation => "by continuation",
     };
     let (Some(first), Some(last), Some(middle)) =
         (piece.points.first(), piece.points.last(), piece.points.get(piece.points.len() / 2))

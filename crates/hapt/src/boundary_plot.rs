@@ -5,7 +5,7 @@ use hapt_report::figure::{Axis, Figure, Fill, Panel, Shape, Style};
 use hapt_report::{Point, Width};
 use hapt_sweep::boundary::{Boundary, Edge, Place};
 
-use crate::boundary::Shown;
+use crate::boundary::DisplayedAxis;
 
 /// The name of the mark at the file's own values.
 const OWN: &str = "the file's own world";
@@ -58,12 +58,18 @@ fn network_regions(asked: impl Fn(Edge) -> bool) -> Regions {
 
 /// The whole figure as SVG.
 /// `own` is where the file's own world is, in SI; `None` where it is elsewhere.
-pub fn svg(boundary: &Boundary, axes: &[Shown; 2], own: Option<[f64; 2]>, title: &str, summary: &str) -> String {
+pub fn svg(
+    boundary: &Boundary,
+    axes: &[DisplayedAxis; 2],
+    own: Option<[f64; 2]>,
+    title: &str,
+    summary: &str,
+) -> String {
     let point = |place: Place| -> Point {
         let [x, y] = boundary.plane.values(place);
         (x / axes[0].size, y / axes[1].size)
     };
-    let axis = |shown: &Shown| {
+    let axis = |shown: &DisplayedAxis| {
         let (from, to) = (shown.from / shown.size, shown.to / shown.size);
         match shown.logarithmic && from > 0.0 {
             true => Axis::logarithmic(&shown.key, &shown.unit, from, to),

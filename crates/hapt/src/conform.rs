@@ -5,7 +5,7 @@ use std::io::{IsTerminal, Write, stdin, stdout};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use hapt_host::conform::evdev::{Evdev, Found, wheels};
+use hapt_host::conform::evdev::{Evdev, WheelDevice, wheels};
 use hapt_host::conform::{Case, ConformError, Conformance, Finding, KnownError, Law, Verdict, cases, conform};
 use hapt_report::{ConformanceCase, ConformanceReport};
 
@@ -80,7 +80,7 @@ fn only() -> Result<PathBuf, Failure> {
     };
     match found.as_slice() {
         [] => Err(Failure::System(format!("there is no wheel with force feedback{unseen}"))),
-        [Found { path, .. }] => Ok(path.clone()),
+        [WheelDevice { path, .. }] => Ok(path.clone()),
         several => {
             let list: Vec<String> =
                 several.iter().map(|wheel| format!("\n  {}  {}", wheel.path.display(), wheel.name)).collect();

@@ -23,14 +23,14 @@ use crate::progress::Progress;
 use crate::world::{Loaded, files, load};
 
 /// The most rows.
-const MOST: usize = 100_000;
+const MAX_ROWS: usize = 100_000;
 /// The most dampers of a Z-width, each of which is a search.
 const MOST_DAMPERS: usize = 2_000;
 /// The approximate number of printed rows.
 const PRINTED: usize = 14;
 
 pub fn run(args: &ImpedanceArgs) -> Result<ExitCode, Failure> {
-    let most = if args.z_width { MOST_DAMPERS } else { MOST };
+    let most = if args.z_width { MOST_DAMPERS } else { MAX_ROWS };
     if args.points == Some(0) || args.points.is_some_and(|points| points > most) {
         let given = args.points.unwrap_or_default();
         return Err(Failure::input(format!("--points {given}: expected 1 to {most}")));

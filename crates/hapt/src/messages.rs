@@ -12,7 +12,7 @@ static QUEUE: OnceLock<SyncSender<Message>> = OnceLock::new();
 /// The most messages that wait; further ones are dropped.
 const WAITING: usize = 1024;
 /// The time that the program waits at its end for messages to be printed.
-const PATIENCE: Duration = Duration::from_secs(1);
+const PRINT_TIMEOUT: Duration = Duration::from_secs(1);
 
 enum Message {
     Line(String),
@@ -67,7 +67,7 @@ pub fn notes(notes: &[String]) {
 pub fn settle() {
     let (settled, printed) = sync_channel(1);
     if QUEUE.get().is_some_and(|queue| queue.try_send(Message::Settled(settled)).is_ok()) {
-        let _ = printed.recv_timeout(PATIENCE);
+        let _ = printed.recv_timeout(PRINT_TIMEOUT);
     }
 }
 

@@ -49,7 +49,7 @@ pub struct Draft {
 
 #[derive(Debug)]
 enum Place {
-    Beside { path: TempPath, target: PathBuf, named: PathBuf },
+    ExternalTorqueInput { path: TempPath, target: PathBuf, named: PathBuf },
     Through(PathBuf),
 }
 
@@ -83,7 +83,10 @@ impl Draft {
             // The new file has the permissions of the old one. A file system without permissions has none to keep.
             let _ = file.set_permissions(there);
         }
-        Ok(Draft { file: BufWriter::with_capacity(1 << 16, file), place: Place::Beside { path, target, named } })
+        Ok(Draft {
+            file: BufWriter::with_capacity(1 << 16, file),
+            place: Place::ExternalTorqueInput { path, target, named },
+        })
     }
 
     /// The file, for writing after it is in its place.
@@ -97,7 +100,7 @@ impl Draft {
         file.into_inner().map_err(io::IntoInnerError::into_error)?;
         match place {
             Place::Through(named) => Ok(named),
-            Place::Beside { path, target, named } => {
+            Place::ExternalTorqueInput { path, target, named } => {
                 let mut list = drafts();
                 list.retain(|draft| *draft != *path);
                 path.persist(&target).map_err(|error| error.error)?;
@@ -189,7 +192,7 @@ fn through(path: &Path) -> io::Result<Option<File>> {
     use rustix::io::Errno;
 
     /// The time that a FIFO waits for a reader.
-    const PATIENCE: Duration = Duration::from_secs(2);
+    const READER_TIMEOUT: Duration = Duration::from_secs(2);
 
     if [Path::new("/dev/stdout"), Path::new("/dev/fd/1")].contains(&path) {
         // The same open file, so that it continues at its offset.
@@ -213,7 +216,7 @@ fn through(path: &Path) -> io::Result<Option<File>> {
     let file = loop {
         match OpenOptions::new().write(true).custom_flags(flags).open(path) {
             Err(error) if error.raw_os_error() == Some(Errno::NXIO.raw_os_error()) && kind.is_fifo() => {
-                if start.elapsed() > PATIENCE {
+                if start.elapsed() > READER_TIMEOUT {
                     return Err(io::Error::other("it is a FIFO without a reader"));
                 }
                 std::thread::sleep(Duration::from_millis(20));

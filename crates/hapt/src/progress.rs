@@ -11,7 +11,7 @@ use crate::messages;
 /// Rows between two looks at the clock: often enough for people, too seldom to cost.
 const EVERY: u64 = 1 << 14;
 /// A run that is done by then needs no bar.
-const PATIENCE: Duration = Duration::from_secs(1);
+const QUICK_RUN: Duration = Duration::from_secs(1);
 /// The period of progress lines without a terminal.
 const LINES: Duration = Duration::from_secs(5);
 
@@ -43,7 +43,7 @@ impl Progress {
 
     /// Shows a text before the first item is done.
     pub fn begins(&mut self, what: &str) {
-        if self.started.elapsed() >= PATIENCE && self.last_line.is_none_or(|last| last.elapsed() > LINES) {
+        if self.started.elapsed() >= QUICK_RUN && self.last_line.is_none_or(|last| last.elapsed() > LINES) {
             self.last_line = Some(Instant::now());
             messages::say(format_args!("{}: {what}, {:.0} s so far", self.name, self.started.elapsed().as_secs_f64()));
         }
@@ -52,7 +52,7 @@ impl Progress {
     /// Sets the number of done items.
     pub fn reached(&mut self, done: u64) {
         let elapsed = self.started.elapsed();
-        if elapsed < PATIENCE {
+        if elapsed < QUICK_RUN {
             return;
         }
         if stderr().is_terminal() {
@@ -96,7 +96,7 @@ mod tests {
     #[test]
     fn more_than_was_thought_is_all_of_it() {
         let mut progress = Progress::new("worst", "hands", 3, 0);
-        if let Some(long_ago) = Instant::now().checked_sub(2 * PATIENCE) {
+        if let Some(long_ago) = Instant::now().checked_sub(2 * QUICK_RUN) {
             progress.started = long_ago;
         }
         progress.reached(4);

@@ -23,7 +23,7 @@ use crate::log::Recording;
 use crate::messages;
 use crate::output;
 use crate::sim;
-use crate::station::{self, Chosen, Station, Told};
+use crate::station::{self, Chosen, LastReported, Station};
 use crate::wheel::Wheel;
 use crate::world::{Loaded, files};
 
@@ -119,7 +119,7 @@ pub fn with(args: &RunArgs, range: Option<f64>) -> Result<ExitCode, Failure> {
         seen: Seen::default(),
         links,
         wheel,
-        told: Told::default(),
+        told: LastReported::default(),
     };
     let how = run.until_it_ends();
     // Before anything waits for a disk or for a reader.
@@ -219,7 +219,7 @@ struct Run {
     links: Option<Links>,
     /// What the computer sees of the device.
     wheel: Option<Wheel>,
-    told: Told,
+    told: LastReported,
 }
 
 impl Run {

@@ -38,11 +38,11 @@ pub struct Chosen {
 pub struct Station {
     network: System,
     at: usize,
-    way: Way,
+    way: Transport,
 }
 
 /// How its messages go.
-enum Way {
+enum Transport {
     Udp {
         listen: SocketAddr,
         peers: Vec<(usize, SocketAddr)>,
@@ -146,9 +146,9 @@ impl Station {
     /// What rounded positions cost; `None` where messages have them in full.
     fn rounded(&self, check: &NetworkCheck) -> Result<Option<Rounded>, Failure> {
         match self.way {
-            Way::Udp { .. } => Ok(None),
+            Transport::Udp { .. } => Ok(None),
             #[cfg(target_os = "linux")]
-            Way::Can(_) => Ok(Some(rounded(&self.network, check, Frames::STEP)?)),
+            Transport::Can(_) => Ok(Some(rounded(&self.network, check, Frames::STEP)?)),
         }
     }
 
@@ -156,9 +156,9 @@ impl Station {
     pub fn open(&self) -> Result<(Links, Vec<LinkPort>), Failure> {
         let Station { network, at, way } = self;
         match way {
-            Way::Udp { listen, peers, key } => Links::open(network, *at, *listen, peers, key).map_err(failure),
+            Transport::Udp { listen, peers, key } => Links::open(network, *at, *listen, peers, key).map_err(failure),
             #[cfg(target_os = "linux")]
-            Way::Can(address) => {
+            Transport::Can(address) => {
                 let sent = address.load(network).map_err(Failure::input)?;
                 let opened = Links::over_can(network, *at, address).map_err(failure)?;
                 messages::say(format_args!(
@@ -192,9 +192,11 @@ impl Station {
     /// The bus in the summary of a run.
     pub fn summary(&self) -> String {
         match &self.way {
-            Way::Udp { .. } => String::new(),
+            Transport::Udp { .. } => String::new(),
             #[cfg(target_os = "linux")]
-            Way::Can(address) => format!("bus          {address}; frames without authentication, for a closed bus\n"),
+            Transport::Can(address) => {
+                format!("bus          {address}; frames without authentication, for a closed bus\n")
+            }
         }
     }
 }
@@ -209,7 +211,7 @@ fn failure(error: LinkError) -> Failure {
 }
 
 /// Over UDP, to the addresses of the arguments.
-fn over_udp(network: &System, at: usize, listen: &str, args: &StationArgs) -> Result<Way, Failure> {
+fn over_udp(network: &System, at: usize, listen: &str, args: &StationArgs) -> Result<Transport, Failure> {
     let name = &network.stations[at].name;
     let listen: SocketAddr = listen.parse().map_err(|_| {
         Failure::input(format!(
@@ -247,11 +249,11 @@ fn over_udp(network: &System, at: usize, listen: &str, args: &StationArgs) -> Re
         ))
     })?;
     let key = read(key).map_err(|error| Failure::input(format!("--key {}: {error}", key.display())))?;
-    Ok(Way::Udp { listen, peers, key })
+    Ok(Transport::Udp { listen, peers, key })
 }
 
 /// Over the CAN bus of this address, where all stations are.
-fn over_can(listen: &str, args: &StationArgs) -> Result<Way, Failure> {
+fn over_can(listen: &str, args: &StationArgs) -> Result<Transport, Failure> {
     if let Some(peer) = args.peers.first() {
         let text = format!("--peer {peer}: on a CAN bus the stations need no addresses; leave it out");
         return Err(Failure::input(text));
@@ -263,7 +265,7 @@ fn over_can(listen: &str, args: &StationArgs) -> Result<Way, Failure> {
         )));
     }
     #[cfg(target_os = "linux")]
-    return listen.parse().map(Way::Can).map_err(|error| Failure::input(format!("--listen {listen}: {error}")));
+    return listen.parse().map(Transport::Can).map_err(|error| Failure::input(format!("--listen {listen}: {error}")));
     #[cfg(not(target_os = "linux"))]
     Err(Failure::input(format!("--listen {listen}: a CAN bus needs Linux")))
 }
@@ -302,13 +304,13 @@ const CHANGES: u32 = 20;
 
 /// What was said of the links.
 #[derive(Default)]
-pub struct Told {
+pub struct LastReported {
     acts: Vec<bool>,
     changes: u32,
     refused: [bool; Refusal::ALL.len()],
 }
 
-impl Told {
+impl LastReported {
     /// Says what is new: that a link acts or has let go, and messages that are not of this network.
     pub fn say(&mut self, links: &[LinkStatus]) {
         self.acts.resize(links.len(), false);

@@ -15,7 +15,7 @@ use std::time::Duration;
 use hapt_analysis::{Grip, Status};
 use hapt_model::keys::Measure;
 use hapt_model::{Drive, Shape, World};
-use hapt_sweep::worst::{Gap, Hand, Motion, Trick, Watch, Worst};
+use hapt_sweep::worst::{Exploit, Gap, Hand, Motion, Watch, Worst};
 
 use crate::args::WorstArgs;
 use crate::colour;
@@ -261,15 +261,15 @@ fn hand(world: &World, hand: &Hand) -> String {
 
 fn motion(world: &World, motion: &Motion) -> String {
     let does = match motion.trick {
-        Trick::Work => "it is the one for which the motor's work on the linear loop is largest, repeated",
-        Trick::Dither => "it dithers along with the error that counts and levels make in the torque",
-        Trick::Pump => {
+        Exploit::Work => "it is the one for which the motor's work on the linear loop is largest, repeated",
+        Exploit::Dither => "it dithers along with the error that counts and levels make in the torque",
+        Exploit::Pump => {
             "it dithers across a count in step with a body's swing, and gives way when the swing is at its end"
         }
-        Trick::Reverse => {
+        Exploit::Reverse => {
             "it turns round within each sample, so that the exact velocity of the instant is not that of the way"
         }
-        Trick::Follow => "it moves with the constant torque at a steady pace",
+        Exploit::Follow => "it moves with the constant torque at a steady pace",
     };
     let reach = match world.motion {
         hapt_model::Motion::Rotary => format!("{} deg", format::number(motion.reach().to_degrees())),
@@ -299,7 +299,7 @@ fn shown_run(worst: &Worst) -> String {
 /// The assumptions of the numbers.
 fn notes(world: &World, worst: &Worst) -> Vec<String> {
     let mut notes = Vec::new();
-    if worst.motion.as_ref().is_none_or(|motion| motion.trick != Trick::Follow)
+    if worst.motion.as_ref().is_none_or(|motion| motion.trick != Exploit::Follow)
         && world.couplings.iter().any(|c| c.law.constant().is_some_and(|torque| torque != 0.0))
     {
         notes.push(

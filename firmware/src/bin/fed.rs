@@ -9,7 +9,7 @@ use cortex_m_rt::entry;
 use hapt_firmware::Here;
 use hapt_firmware::board::{Board, Line};
 use hapt_firmware::halt::halt;
-use hapt_wire::LONGEST;
+use hapt_wire::MAX_FRAME_BYTES;
 use hapt_wire::device::{Endpoint, WorldStorage};
 
 const BOARD: hapt_wire::device::Board = hapt_wire::device::Board {
@@ -25,7 +25,7 @@ fn main() -> ! {
     let [one, other] = SLOTS;
     let (mut line, _) = Here::start();
     let mut station = Endpoint::new(BOARD, one, other);
-    let mut room = [0; LONGEST];
+    let mut room = [0; MAX_FRAME_BYTES];
     loop {
         if let Some(byte) = line.receive() {
             station.push(byte);

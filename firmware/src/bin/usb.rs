@@ -25,7 +25,7 @@ use usb_device::endpoint::{In, Out};
 #[allow(dead_code)] // The tests use all of it.
 mod bus;
 
-use bus::{Controller, Host, LONGEST};
+use bus::{Controller, Host, MAX_TRANSFER_BYTES};
 
 static WHEEL: &[u8] = include_bytes!("../../worlds/game-wheel.bin");
 static HOST: Host = Host::new();
@@ -44,7 +44,7 @@ fn main() -> ! {
     let Ok(mut port) = WheelPort::new(&bus, sampler.half()) else { exit(2) };
     let mut mailbox = WheelMailbox::new();
     let mut console = File::console();
-    let mut room = [0; LONGEST];
+    let mut room = [0; MAX_TRANSFER_BYTES];
     let mut turn = |mailbox: &mut WheelMailbox| {
         port.poll();
         port.exchange(mailbox);

@@ -9,7 +9,7 @@ use hapt_firmware::board::{Board, Device, Line};
 use hapt_firmware::halt::halt;
 use hapt_firmware::shared::Shared;
 use hapt_firmware::{Here, sample, ticks};
-use hapt_wire::LONGEST;
+use hapt_wire::MAX_FRAME_BYTES;
 use hapt_wire::device::{CommandHandler, Mailbox, Sampler, WorldStorage};
 
 const BOARD: hapt_wire::device::Board = hapt_wire::device::Board {
@@ -37,7 +37,7 @@ fn main() -> ! {
     let sampler = Sampler::new(&BOARD, other);
     every(sampler.period());
     LOOP.put(Loop { sampler, mail: Mailbox::new(), device });
-    let mut room = [0; LONGEST];
+    let mut room = [0; MAX_FRAME_BYTES];
     let (mut length, mut sent) = (0, 0);
     loop {
         if let Some(byte) = line.receive() {

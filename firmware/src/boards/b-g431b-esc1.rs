@@ -22,9 +22,9 @@ const COUNTS: f32 = 4096.0;
 /// The motor's torque at a whole duty, standing still at your supply, in N·m. The sign turns the motor around.
 const TORQUE: f32 = 3.1625;
 /// The duty stays so near to 1/2: the lab's 24 to 76 %.
-const MOST: f32 = 0.26;
+const MAX_DUTY_OFFSET: f32 = 0.26;
 /// Beyond this current, in A, the comparators turn the bridges off.
-const MOST_CURRENT: f32 = 10.0;
+const MAX_CURRENT_A: f32 = 10.0;
 /// The lower transistors' shunts, in Ω.
 const SHUNT: f32 = 3e-3;
 /// The comparators' threshold, in steps of the 12-bit DAC from 0 to 3.3 V.
@@ -39,7 +39,7 @@ const SHUNT: f32 = 3e-3;
 /// 128.6 mV without a current, and 1.714 mV more for each A at 3 mΩ. (The board's amplifiers, 16 times this, give its well known gain of
 /// 64/7.) DAC and bias share their 3.3 V, which cancels. A step of the DAC is 0.47 A, and a millivolt of the comparator's own offset
 /// 0.58 A: with some millivolts of that and resistors of 1 %, 10 A may be 4 to 16 A without a calibration.
-const LIMIT: u32 = ((0.9 + 4.0 * SHUNT * MOST_CURRENT) / 7.0 * (4096.0 / 3.3) + 0.5) as u32;
+const LIMIT: u32 = ((0.9 + 4.0 * SHUNT * MAX_CURRENT_A) / 7.0 * (4096.0 / 3.3) + 0.5) as u32;
 
 /// The board.
 pub struct Here;
@@ -120,7 +120,7 @@ impl Device for Motor {
 
     fn hold(&mut self, torque: f32, on: bool) {
         let on = on && torque.is_finite();
-        let part = if on { (torque / TORQUE).clamp(-MOST, MOST) } else { 0.0 };
+        let part = if on { (torque / TORQUE).clamp(-MAX_DUTY_OFFSET, MAX_DUTY_OFFSET) } else { 0.0 };
         let duty = ((0.5 + part) * HALF_PERIOD as f32) as u32;
         PWM_U.set(duty);
         PWM_V.set(duty);

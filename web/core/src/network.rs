@@ -14,7 +14,7 @@ use hapt_rt::Outside;
 use crate::page::{ASLEEP, Page};
 
 /// The longest time that is caught up at once; a longer pause is no time for the loops.
-const LONGEST: Duration = Duration::from_millis(100);
+const MAX_CATCH_UP: Duration = Duration::from_millis(100);
 
 /// The stations of a network, each with what its wheel on the page is to hear, and the messages between them.
 pub struct NetworkPage {
@@ -52,7 +52,7 @@ impl NetworkPage {
             .collect::<Result<_, String>>()?;
         let (links, ports) = SteppedLinks::new(&network);
         let first = verdict(&network, &alone);
-        let (shared, ports) = SimulatedNetwork::new(network.clone(), first, links.ways(), ports);
+        let (shared, ports) = SimulatedNetwork::new(network.clone(), first, links.channels(), ports);
         let shared = Arc::new(shared);
         let mut stations = Vec::new();
         for (at, ((name, config), ports)) in configs.into_iter().zip(ports).enumerate() {
@@ -80,7 +80,7 @@ impl NetworkPage {
         if pause > ASLEEP {
             self.stations.iter_mut().for_each(Page::release);
         }
-        let until = self.time + pause.min(LONGEST);
+        let until = self.time + pause.min(MAX_CATCH_UP);
         loop {
             let time = u64::try_from(self.time.as_nanos()).unwrap_or(u64::MAX);
             for (page, station) in self.stations.iter_mut().zip(&self.network.stations) {

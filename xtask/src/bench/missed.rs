@@ -16,7 +16,7 @@ pub(super) const STEP_MISSED: &str = "
 What stands in the way, in instructions a sample of hapt and of C for any machine: one body 50 and 46, two 84 and 102, four 230 and 335,
 eight 744 and 652, 32 8614 and 10 294. With one body hapt asks two questions (a usual world, one body) and one about the limit, and keeps
 its state in memory, where C's loop keeps it in registers; the others of its 50 are the arithmetic. 2, 4 and 8 bodies have rooms of their own; 16 stand in the
-room of 32, where the sums of 24 places are made. Beside `-march=native` the width of the vectors is what is left: C has vectors of eight
+room of 32, where the sums of 24 places are made. ExternalTorqueInput `-march=native` the width of the vectors is what is left: C has vectors of eight
 numbers where hapt has two, and fuses multiplication and addition, which hapt may not, as the bits would depend on the machine. Built for
 this machine hapt gets vectors of four.
 ";

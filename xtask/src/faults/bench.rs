@@ -92,7 +92,7 @@ pub struct Hand {
     intended: f64,
     /// Where it does something from, and what.
     from: f64,
-    way: Way,
+    way: HandMotion,
     /// Samples since it began, and until it does something else.
     sample: u32,
     last: u32,
@@ -103,7 +103,7 @@ pub struct Hand {
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Way {
+enum HandMotion {
     Still,
     /// To another place, as fast as it can.
     Bang(f64),
@@ -122,7 +122,16 @@ const SOFT: f64 = 300.0;
 
 impl Hand {
     pub fn new() -> Self {
-        Hand { grip: None, intended: 0.0, from: 0.0, way: Way::Still, sample: 0, last: 0, tremor: 0.0, rate: 0.0 }
+        Hand {
+            grip: None,
+            intended: 0.0,
+            from: 0.0,
+            way: HandMotion::Still,
+            sample: 0,
+            last: 0,
+            tremor: 0.0,
+            rate: 0.0,
+        }
     }
 
     /// One sample.
@@ -134,9 +143,9 @@ impl Hand {
         if self.grip.is_some() {
             let t = f64::from(self.sample);
             let place = match self.way {
-                Way::Still => 0.0,
-                Way::Bang(to) => to,
-                Way::Sine { amplitude, rate } => amplitude * (rate * t).sin(),
+                HandMotion::Still => 0.0,
+                HandMotion::Bang(to) => to,
+                HandMotion::Sine { amplitude, rate } => amplitude * (rate * t).sin(),
             };
             let wanted = self.from + place + self.tremor * (self.rate * t).sin();
             let most = FASTEST * world.sampling.period;
@@ -171,12 +180,12 @@ impl Hand {
         let inertia = grip.inertia + world.device.inertia;
         let farthest = FASTEST * (inertia / grip.stiffness).sqrt();
         self.way = match rng.u8(..4) {
-            0 => Way::Still,
-            1 | 2 => Way::Bang(farthest.min(3.0) * (2.0 * rng.f64() - 1.0)),
+            0 => HandMotion::Still,
+            1 | 2 => HandMotion::Bang(farthest.min(3.0) * (2.0 * rng.f64() - 1.0)),
             _ => {
                 let frequency = log(rng, 0.1, (0.25 / period).min(100.0));
                 let amplitude = (FASTEST / (TAU * frequency)).min(3.0) * rng.f64();
-                Way::Sine { amplitude, rate: TAU * frequency * period }
+                HandMotion::Sine { amplitude, rate: TAU * frequency * period }
             }
         };
     }

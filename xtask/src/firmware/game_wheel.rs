@@ -57,7 +57,7 @@ fn of_this_computer(requests: &[[u8; 8]]) -> Result<Vec<Vec<u8>>> {
     use hapt_host::game_wheel::GameWheel;
     use std::io::{Read as _, Write as _};
     let (own, mut host) = std::os::unix::net::UnixStream::pair()?;
-    host.set_read_timeout(Some(super::line::PATIENCE))?;
+    host.set_read_timeout(Some(super::line::BOARD_TIMEOUT))?;
     let (_wheel, _port) = GameWheel::on(own, &room(Path::new(WORLD))?.1)?;
     let mut answers = Vec::new();
     for (number, setup) in (1..).zip(requests) {

@@ -11,16 +11,16 @@ use anyhow::{Context, Result, bail, ensure};
 use fastrand::Rng;
 use hapt_core::Limits;
 use hapt_model::World;
-use hapt_wire::{Command, DeviceMessage, HostMessage, LONGEST, PIECE, PROTOCOL, Reader, frame, hash, pack};
+use hapt_wire::{Command, DeviceMessage, HostMessage, MAX_FRAME_BYTES, PIECE, PROTOCOL, Reader, frame, hash, pack};
 
 /// A board that does not answer for so long is dead.
-pub const PATIENCE: Duration = Duration::from_secs(20);
+pub const BOARD_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// An emulated board, and the line to it.
 pub struct Board {
     emulator: Child,
     line: BufReader<UnixStream>,
-    reader: Reader<LONGEST>,
+    reader: Reader<MAX_FRAME_BYTES>,
     sequence: u32,
     /// The number of the next sample.
     pub sample: u64,
@@ -59,7 +59,7 @@ impl Board {
         let line = loop {
             match UnixStream::connect(&socket) {
                 Ok(line) => break line,
-                Err(_) if start.elapsed() < PATIENCE => std::thread::sleep(Duration::from_millis(20)),
+                Err(_) if start.elapsed() < BOARD_TIMEOUT => std::thread::sleep(Duration::from_millis(20)),
                 Err(error) => return Err(error).context("the emulator opens no line"),
             }
         };
@@ -76,7 +76,7 @@ impl Board {
             match heard {
                 Some((sequence, sample, its)) if its == fed => break (sequence, sample),
                 Some(_) => bail!("another firmware"),
-                None => ensure!(start.elapsed() < PATIENCE, "the board does not answer"),
+                None => ensure!(start.elapsed() < BOARD_TIMEOUT, "the board does not answer"),
             }
         };
         Ok(board)
@@ -85,7 +85,7 @@ impl Board {
     /// Whether the emulator ends by itself, as a watchdog makes it.
     pub fn has_ended(&mut self) -> Result<bool> {
         let start = Instant::now();
-        while start.elapsed() < PATIENCE {
+        while start.elapsed() < BOARD_TIMEOUT {
             if self.emulator.try_wait()?.is_some() {
                 return Ok(true);
             }
@@ -101,7 +101,7 @@ impl Board {
         }
         self.sequence += 1;
         let message = HostMessage { sequence: self.sequence, not_after: self.sample + 30_000, command };
-        let mut room = [0; LONGEST];
+        let mut room = [0; MAX_FRAME_BYTES];
         self.line.get_mut().write_all(frame(&message, &mut room)?)?;
         Ok(self.sequence)
     }
@@ -131,7 +131,7 @@ impl Board {
     /// Sends a command, and waits until it is executed.
     pub fn done(&mut self, command: Command<'_>) -> Result<()> {
         let asked = self.ask(command)?;
-        let said = self.hear(PATIENCE, |says| match says {
+        let said = self.hear(BOARD_TIMEOUT, |says| match says {
             DeviceMessage::Done { sequence } | DeviceMessage::Value { sequence, .. } if sequence == asked => {
                 Some(Ok(()))
             }

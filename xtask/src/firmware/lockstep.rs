@@ -7,7 +7,7 @@ use hapt_core::{Limits, Phase, Reason, SafetyProfile};
 use hapt_sim::{Simulation, VirtualDevice, script};
 use hapt_wire::{Command, DeviceMessage, Telemetry};
 
-use super::line::{Board, PATIENCE};
+use super::line::{BOARD_TIMEOUT, Board};
 use super::{BOARDS, Extent, has_tools, on_all_boards};
 use crate::notes::world;
 
@@ -65,7 +65,7 @@ impl Board {
         let (position, velocity) = (position as f32, velocity as f32);
         self.ask(Command::Sample { sample, position, velocity, late: 0.0, announced })?;
         self.sample += 1;
-        let said = self.hear(PATIENCE, |says| match says {
+        let said = self.hear(BOARD_TIMEOUT, |says| match says {
             DeviceMessage::Telemetry(telemetry) if telemetry.sample == sample => Some(telemetry),
             _ => None,
         })?;

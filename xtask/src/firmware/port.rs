@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail, ensure};
 use hapt_wire::{Command as BoardCommand, HostMessage, PROTOCOL, frame};
 
-use super::line::PATIENCE;
+use super::line::BOARD_TIMEOUT;
 use super::{BUILT, control, has_tools, program};
 use crate::test;
 
@@ -68,7 +68,7 @@ impl Board {
                 board.port = after.split_whitespace().next().unwrap_or_default().into();
                 return Ok(board);
             }
-            ensure!(start.elapsed() < PATIENCE, "the emulator gives no pseudoterminal: {said}");
+            ensure!(start.elapsed() < BOARD_TIMEOUT, "the emulator gives no pseudoterminal: {said}");
             std::thread::sleep(Duration::from_millis(20));
         }
     }
@@ -129,7 +129,7 @@ fn cut(folder: &Path, mut board: Board) -> Result<()> {
     let mut running = running.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(File::create(&said)?).spawn()?;
     let start = Instant::now();
     while !fs::read_to_string(&said)?.contains("at full torque") {
-        ensure!(start.elapsed() < PATIENCE && running.try_wait()?.is_none(), "{}", fs::read_to_string(&said)?);
+        ensure!(start.elapsed() < BOARD_TIMEOUT && running.try_wait()?.is_none(), "{}", fs::read_to_string(&said)?);
         std::thread::sleep(Duration::from_millis(20));
     }
     board.emulator.kill()?;

@@ -5,7 +5,7 @@ use hapt_core::{Limits, Phase, SafetyProfile};
 use hapt_model::EstimatorKind;
 use hapt_wire::{Command, DeviceMessage, Parameter};
 
-use super::line::{Board, PATIENCE};
+use super::line::{BOARD_TIMEOUT, Board};
 use super::{Extent, has_tools, program};
 use crate::notes::world;
 
@@ -37,7 +37,7 @@ pub fn holds(extent: Extent) -> Result<()> {
     let start = board.sample;
     let mut shown = 0;
     while board.sample < start + samples {
-        let said = board.hear(PATIENCE, |says| match says {
+        let said = board.hear(BOARD_TIMEOUT, |says| match says {
             DeviceMessage::Telemetry(telemetry) => Some(telemetry),
             _ => None,
         })?;
@@ -48,7 +48,7 @@ pub fn holds(extent: Extent) -> Result<()> {
         shown += 1;
     }
     let asked = board.ask(Command::Get { parameter: Parameter::MostUsed as u8 })?;
-    let most = board.hear(PATIENCE, |says| match says {
+    let most = board.hear(BOARD_TIMEOUT, |says| match says {
         DeviceMessage::Value { sequence, value, .. } if sequence == asked => Some(value),
         _ => None,
     })?;
@@ -69,7 +69,7 @@ pub fn counts_and_watches() -> Result<()> {
     let mut board = Board::start("mps2-an386", &program, &off, false)?;
     board.done(Command::Set { parameter: Parameter::Divider as u8, value: 100 })?;
     let mut missed = None;
-    let ended = board.hear(PATIENCE, |says| {
+    let ended = board.hear(BOARD_TIMEOUT, |says| {
         if let DeviceMessage::Telemetry(telemetry) = says
             && telemetry.sample > SLOW
         {

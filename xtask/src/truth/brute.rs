@@ -11,7 +11,7 @@ const GROWN: f64 = 1e20;
 
 /// What became of a motion over some samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Motion {
+pub enum Outcome {
     /// It has died out, or left the numbers.
     Gone,
     /// It has grown beyond all bounds.
@@ -38,7 +38,7 @@ pub fn energy(world: &World, row: &Row) -> f64 {
 }
 
 /// The world from a random start, all its bodies moving, for `samples` samples; with how many were taken.
-pub fn motion(rng: &mut Rng, world: &World, at: At, samples: u64) -> (Motion, u64) {
+pub fn motion(rng: &mut Rng, world: &World, at: At, samples: u64) -> (Outcome, u64) {
     let mut world = world.clone();
     let period = world.sampling.period;
     for body in &mut world.bodies {
@@ -62,12 +62,12 @@ pub fn motion(rng: &mut Rng, world: &World, at: At, samples: u64) -> (Motion, u6
         hand: Hand { drive, release },
         timing: Default::default(),
     };
-    let Ok(mut run) = Simulation::new(&world, &scenario) else { return (Motion::Gone, 0) };
+    let Ok(mut run) = Simulation::new(&world, &scenario) else { return (Outcome::Gone, 0) };
     let (mut first, mut middle, mut end, mut largest) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
     let mut taken = 0;
     while let Some(row) = run.next() {
         // A loop that runs away leaves the numbers.
-        let Ok(row) = row else { return (Motion::Grown, taken) };
+        let Ok(row) = row else { return (Outcome::Grown, taken) };
         let energy = energy(&world, row);
         largest = largest.max(energy);
         if taken == 2 {
@@ -81,16 +81,16 @@ pub fn motion(rng: &mut Rng, world: &World, at: At, samples: u64) -> (Motion, u6
             end = end.max(energy);
         }
         if taken > 2 && energy > GROWN * first && first > 0.0 {
-            return (Motion::Grown, taken);
+            return (Outcome::Grown, taken);
         }
         if taken.is_multiple_of(4096) && energy < 1e-3 * NOTHING * largest && middle < NOTHING * largest {
-            return (Motion::Gone, taken);
+            return (Outcome::Gone, taken);
         }
     }
     if middle <= NOTHING * largest {
-        return (Motion::Gone, taken);
+        return (Outcome::Gone, taken);
     }
-    (Motion::Rate((end / middle).ln() / samples as f64 / period), taken)
+    (Outcome::Rate((end / middle).ln() / samples as f64 / period), taken)
 }
 
 /// The most that a hand has got out of the loop at any sample beyond what was stored in it and what its delay has lent, in parts of all the work that went

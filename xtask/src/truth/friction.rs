@@ -5,7 +5,7 @@ use hapt_analysis::required_damping;
 use hapt_model::{Drive, Hand, Shape, World};
 use hapt_sweep::worst::work_motion;
 
-use super::{Claim, Found, ROUNDING, brute};
+use super::{Claim, Counts, ROUNDING, brute};
 
 /// Samples of a motion, and motions a loop.
 const SAMPLES: usize = 3_000;
@@ -61,7 +61,7 @@ fn drawn(rng: &mut Rng, world: &World, speed: f64, taken: &mut u64) -> f64 {
 }
 
 /// A loop that lacks damping, and whose friction pays for it up to `speed`.
-pub fn judge(rng: &mut Rng, world: &World, speed: f64, found: &mut Found, tell: &mut dyn FnMut(String)) {
+pub fn judge(rng: &mut Rng, world: &World, speed: f64, found: &mut Counts, tell: &mut dyn FnMut(String)) {
     let work = drawn(rng, world, BELOW * speed, &mut found.samples);
     let holds = work <= ROUNDING;
     if !holds {

@@ -7,7 +7,7 @@ use hapt_analysis::{Error, NetworkCheck, check_network};
 use hapt_model::{Source, System};
 use hapt_sim::{NetworkRun, NetworkSummary};
 
-use super::{Against, Claim, Found, JUST, ROUNDING, numbers};
+use super::{Against, Claim, Counts, JUST, ROUNDING, numbers};
 
 /// What all hands do.
 const SCENARIO: &str = "all";
@@ -169,8 +169,8 @@ fn drawn(network: &System) -> Drawn {
 }
 
 /// The network of number `i`, from a seed of its own.
-pub fn one(seed: u64, i: u64, against: &Against) -> Found {
-    let mut found = Found { loops: 1, ..Found::default() };
+pub fn one(seed: u64, i: u64, against: &Against) -> Counts {
+    let mut found = Counts { loops: 1, ..Counts::default() };
     let mut tell = |what: String| {
         if let Ok(mut against) = against.lock() {
             against.push(format!("network {i} of seed {seed}: {what}"));
@@ -183,7 +183,7 @@ pub fn one(seed: u64, i: u64, against: &Against) -> Found {
 }
 
 /// Judges and runs it. Errors where numbers are out of range.
-fn judge(rng: &mut Rng, found: &mut Found, tell: &mut dyn FnMut(String)) -> Result<(), Error> {
+fn judge(rng: &mut Rng, found: &mut Counts, tell: &mut dyn FnMut(String)) -> Result<(), Error> {
     let n = 2 + (10.0 * rng.f64().powi(3)) as usize;
     let times = [Times::Own, Times::Common, Times::Common, Times::Exact][rng.usize(..4)];
     let Some(network) = random(rng, n, times).filter(|network| !network.scenarios().is_empty()) else {
@@ -244,7 +244,7 @@ fn compare(
 }
 
 /// The counts in Markdown.
-pub fn table(found: &Found, seed: u64) -> String {
+pub fn table(found: &Counts, seed: u64) -> String {
     let [any, fixed] = &found.networks;
     let mut text = format!(
         "{} random networks of 2 to 11 stations (seed {seed}), {} samples; in {} a link let go, and they are not judged. \

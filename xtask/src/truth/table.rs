@@ -1,9 +1,9 @@
 //! The counts of `cargo xtask truth`.
 
-use super::{Claim, Found, OPEN_SAMPLES};
+use super::{Claim, Counts, OPEN_SAMPLES};
 
 /// The counts in Markdown.
-pub fn table(found: &mut Found, seed: u64) -> String {
+pub fn table(found: &mut Counts, seed: u64) -> String {
     let mut text = format!(
         "{} random loops (seed {seed}), {} samples of the real core on the exact device; {} without an answer (numbers out of range).\n\n\
          | called | loops | ran as called | too slow to see | contradicted |\n| --- | --- | --- | --- | --- |\n",

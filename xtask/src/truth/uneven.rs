@@ -6,7 +6,7 @@ use hapt_model::{Delay, Drive, Hand, Law, Scenario, Shape, Timing, World};
 use hapt_sim::Simulation;
 use hapt_sweep::worst::work_motion;
 
-use super::{Claim, Found, JUST, ROUNDING, brute};
+use super::{Claim, Counts, JUST, ROUNDING, brute};
 
 /// Samples of a hands-off run where nothing may grow, and the most where something must.
 const SAMPLES: f64 = 1_000.0;
@@ -154,7 +154,7 @@ pub fn judge(
     rng: &mut Rng,
     world: &World,
     bent: bool,
-    found: &mut Found,
+    found: &mut Counts,
     tell: &mut dyn FnMut(String),
 ) -> Result<(), Error> {
     let mut world = brute::as_certified(world);
@@ -234,7 +234,8 @@ pub fn judge(
         }
         if bent { found.proved += claim(holds) } else { found.uneven_passive += claim(holds) }
     }
-    if let Some(bound) = bound.filter(|bound| !bent && *bound > 0.0 && world.bodies.len() < 2 && Found::draws_lots(rng))
+    if let Some(bound) =
+        bound.filter(|bound| !bent && *bound > 0.0 && world.bodies.len() < 2 && Counts::draws_lots(rng))
     {
         let sharp = sharpness(&world, bound, &mut found.samples);
         if let Some(sharp) = sharp.filter(|sharp| sharp.reach > 1.0 + JUST) {
@@ -261,7 +262,7 @@ fn sharpness(world: &World, bound: f64, samples: &mut u64) -> Option<Sharpness> 
 }
 
 /// The counts in Markdown.
-pub fn table(found: &Found, seed: u64) -> String {
+pub fn table(found: &Counts, seed: u64) -> String {
     let mut text = format!(
         "{} random loops with bounds of their times (seed {seed}), {} samples of the real core on the exact device; {} without an answer.\n\n\
          | called | loops | ran as called | too slow to see | contradicted |\n| --- | --- | --- | --- | --- |\n",

@@ -51,7 +51,7 @@ pub fn forward_euler_torque(stiffness: f64, z0: f64, omega: f64, period: f64, k:
 /// The first sample whose torque, as above, is beyond ±`limit`; `None` when that takes more than 10^10 samples, or never
 /// happens. The work does not depend on the number of samples.
 pub fn forward_euler_exceeds(stiffness: f64, z0: f64, omega: f64, period: f64, limit: f64) -> Option<u64> {
-    const MOST: f64 = 1e10;
+    const MAX_SAMPLES: f64 = 1e10;
     let exceeds = |k: f64| forward_euler_torque(stiffness, z0, omega, period, k as u64).abs() > limit;
     if exceeds(0.0) {
         return Some(0);
@@ -61,7 +61,7 @@ pub fn forward_euler_exceeds(stiffness: f64, z0: f64, omega: f64, period: f64, l
     let (angle, rate) = (x.atan(), 0.5 * (x * x).ln_1p());
     // No sample before the envelope, size e^(rate k), has reached the limit.
     let start = ((limit / size).ln() / rate - 1.0).max(0.0);
-    if !(rate > 0.0 && rate.is_finite() && start <= MOST) {
+    if !(rate > 0.0 && rate.is_finite() && start <= MAX_SAMPLES) {
         return None;
     }
     // Between two zeros of the cosine the torque rises to one peak, at tan(angle k) = rate/angle, and falls.
@@ -69,7 +69,7 @@ pub fn forward_euler_exceeds(stiffness: f64, z0: f64, omega: f64, period: f64, l
     loop {
         let from = ((lobe - 0.5) * PI / angle).ceil().max(0.0);
         let top = ((lobe * PI + (rate / angle).atan()) / angle).floor().max(from);
-        if from > MOST {
+        if from > MAX_SAMPLES {
             return None;
         }
         if exceeds(top) {

@@ -4,7 +4,7 @@ use hapt_model::System;
 use serde::{Deserialize, Serialize};
 
 use super::burden::Burden;
-use super::text::{Found, sentence};
+use super::text::{StationVerdict, sentence};
 use super::{NetworkCheck, StationCheck, unproved_of_links};
 use crate::error::Error;
 
@@ -72,7 +72,7 @@ pub fn check_links(network: &System, alone: &[Alone]) -> Result<Linked, Error> {
     let required = burden.required();
     let mut found = Vec::new();
     for (index, (station, alone)) in network.stations.iter().zip(alone).enumerate() {
-        found.push(Found {
+        found.push(StationVerdict {
             name: &station.name,
             alone: alone.certified,
             bounded: required[index].is_some(),

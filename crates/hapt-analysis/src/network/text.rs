@@ -16,7 +16,7 @@ fn up_to(x: f64) -> String {
 
 /// What the sentence says of a station.
 #[derive(Clone, Copy)]
-pub(super) struct Found<'a> {
+pub(super) struct StationVerdict<'a> {
     pub name: &'a str,
     /// Whether it is certified without links.
     pub alone: bool,
@@ -28,8 +28,8 @@ pub(super) struct Found<'a> {
 }
 
 /// One sentence: certified, or why not.
-pub(super) fn sentence<'a>(stations: impl Iterator<Item = Found<'a>> + Clone) -> String {
-    let named = |which: &dyn Fn(&Found<'_>) -> bool| {
+pub(super) fn sentence<'a>(stations: impl Iterator<Item = StationVerdict<'a>> + Clone) -> String {
+    let named = |which: &dyn Fn(&StationVerdict<'_>) -> bool| {
         let names: Vec<&str> = stations.clone().filter(|station| which(station)).map(|station| station.name).collect();
         names.join(", ")
     };
@@ -68,7 +68,7 @@ fn unit(measure: Measure, motion: Motion) -> String {
 impl NetworkCheck {
     /// One sentence: certified, or why not.
     pub fn verdict_sentence(&self) -> String {
-        sentence(self.stations.iter().map(|station| Found {
+        sentence(self.stations.iter().map(|station| StationVerdict {
             name: &station.name,
             alone: station.local.certified.holds(),
             bounded: station.required_damping.is_some(),

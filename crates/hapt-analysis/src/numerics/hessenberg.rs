@@ -6,7 +6,7 @@ use nalgebra::linalg::Hessenberg;
 use nalgebra::{Complex, DMatrix};
 
 /// Largest number of steps per eigenvalue. Three is typical.
-const PATIENCE: usize = 60;
+const MAX_ITERATIONS: usize = 60;
 
 /// The eigenvalues of a square matrix, complex ones as exact conjugates; `None` when the iteration does not converge.
 pub(crate) fn eigenvalues(a: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
@@ -33,7 +33,7 @@ pub(crate) fn eigenvalues(a: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
             (end, tried) = (end - 2, 0);
             continue;
         }
-        if tried == PATIENCE {
+        if tried == MAX_ITERATIONS {
             return None;
         }
         // The lower right 2 × 2 block gives both shifts: their sum and their product.

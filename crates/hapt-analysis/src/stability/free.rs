@@ -36,7 +36,7 @@ const SHORTEST: (f64, f64) = (1e-3, 1.0 / 64.0);
 
 /// The search ends at this multiple of the longest time constant. Beyond it every product of a rate and the period is large, and
 /// stability no longer changes.
-const LONGEST: f64 = 100.0;
+const MAX_PERIOD_RATIO: f64 = 100.0;
 
 /// Relative distance above a proved period at which a growth means that the proof ends where the stability does.
 const CLOSE: f64 = 1e-10;
@@ -494,7 +494,7 @@ fn critical_period(
 ) -> Result<Critical, Error> {
     let low = shortest_period(sampling);
     let slowest = port.slowest(damping).max(sampling.period).max(sampling.delay_s());
-    let high = (LONGEST * slowest).min(known.period().unwrap_or(f64::INFINITY));
+    let high = (MAX_PERIOD_RATIO * slowest).min(known.period().unwrap_or(f64::INFINITY));
     if port.is_uncoupled() || known == Critical::Never || high <= low {
         return Ok(Critical::Unbounded);
     }

@@ -28,8 +28,8 @@ use crate::{Constants, Error, Loop, Puck, Real, Sample, Spec, State};
 use energy::Energy;
 use ledger::Ledger;
 pub use limits::{CertifiedTime, Heat, Limits, SafetyProfile, WhenLate};
-use motion::Motion;
-pub use phase::{Beside, Phase, Reading, Request, SafeOutput};
+use motion::ReadingLimits;
+pub use phase::{ExternalTorqueInput, Phase, Reading, Request, SafeOutput};
 use pulse::{Pulse, SignTest, Testing};
 pub use reason::Reason;
 use standing::Stand;
@@ -46,18 +46,18 @@ fn are_finite<F: Real, const N: usize>(numbers: [F; N]) -> bool {
 
 /// The evaluation of a reading and a request.
 #[derive(Clone, Copy)]
-struct Look {
+struct Evaluation {
     wrong: Option<Reason>,
     /// The world stays at its start, and no energy is booked.
-    waits: bool,
+    is_idle: bool,
     /// The torque may jump.
-    leaps: bool,
-    /// Outside of what the certificate covers.
-    outside: bool,
+    may_jump: bool,
+    /// The certificate does not cover the sample.
+    is_uncertified: bool,
 }
 
-impl Look {
-    const ORDINARY: Self = Look { wrong: None, waits: false, leaps: false, outside: false };
+impl Evaluation {
+    const ORDINARY: Self = Evaluation { wrong: None, is_idle: false, may_jump: false, is_uncertified: false };
 }
 
 /// The limits, compiled once, for a loop with room for B bodies and C couplings.
@@ -65,7 +65,7 @@ impl Look {
 pub struct Supervisor<F, const B: usize, const C: usize> {
     /// 1/samples of a fade.
     fade: F,
-    motion: Motion<F>,
+    motion: ReadingLimits<F>,
     energy: Energy<F, B, C>,
     ledger: Ledger<F>,
     motor: Thermal<F>,
@@ -101,7 +101,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         let fade = libm::ceil(limits.fade / spec.period);
         Ok(Supervisor {
             fade: f(1.0 / fade),
-            motion: Motion::new(limits, spec),
+            motion: ReadingLimits::new(limits, spec),
             energy: Energy::new(spec),
             ledger: Ledger::new(limits, spec.period, periods),
             motor: Thermal::new(&limits.motor, spec.period),
@@ -158,14 +158,14 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
 
     /// The same with a torque on the puck from outside of the world, of the measured position: it is added to the world's before levels and
     /// limit. The ledgers stay those of the world alone. `None`: there is none, to the bit.
-    pub fn step_beside<const W: usize>(
+    pub fn step_with<const W: usize>(
         &self,
         state: &mut SupervisorState<F>,
         world: &Loop<F, B, C, W>,
         loop_state: &mut State<F, B, C, W>,
         reading: &Reading<F>,
         request: Option<Request>,
-        torque: impl FnOnce(Beside<F>) -> Option<F>,
+        torque: impl FnOnce(ExternalTorqueInput<F>) -> Option<F>,
     ) -> SafeOutput<F> {
         self.guarded(state, world, loop_state, reading, request, torque)
     }
@@ -178,28 +178,29 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         loop_state: &mut State<F, B, C, W>,
         reading: &Reading<F>,
         request: Option<Request>,
-        beside: impl FnOnce(Beside<F>) -> Option<F>,
+        external: impl FnOnce(ExternalTorqueInput<F>) -> Option<F>,
     ) -> SafeOutput<F> {
         let ordinary =
             request.is_none() && state.is_steady() && self.motion.is_ordinary(&mut state.seen, reading, state.output);
-        let look = if ordinary { Look::ORDINARY } else { self.look(state, world, loop_state, reading, request) };
+        let evaluation =
+            if ordinary { Evaluation::ORDINARY } else { self.evaluate(state, world, loop_state, reading, request) };
         // A NaN never enters the world.
         let velocity = reading.velocity.finite_or_zero();
         let mut sample = world.step(loop_state, state.seen.position - state.offset, velocity);
         let Puck { position, velocity } = sample.puck;
-        let seen = Beside { ready: !look.waits, position, velocity, torque: sample.torque };
-        if let Some(torque) = beside(seen) {
+        let seen = ExternalTorqueInput { ready: !evaluation.is_idle, position, velocity, torque: sample.torque };
+        if let Some(torque) = external(seen) {
             if !are_finite([torque]) {
                 state.fault_where_active(Reason::NotFinite);
             }
             sample.command = world.command(sample.torque + torque.finite_or_zero());
         }
-        if !look.waits {
+        if !evaluation.is_idle {
             self.book(state, loop_state, &sample, reading);
         }
         let whole = state.whole(sample.command);
         let goes_on = ordinary && state.phase == Phase::Running && (whole - state.output).abs() <= self.slew;
-        let held = if goes_on { whole } else { self.held(state, &sample, look) };
+        let held = if goes_on { whole } else { self.held(state, &sample, evaluation) };
         let mut output = held;
         if self.motor.warm(&mut state.heat[0], held) && state.fault_where_active(Reason::Heat) {
             output = F::ZERO;
@@ -209,20 +210,20 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         }
         state.output = output;
         let SupervisorState { phase, reason, warning, .. } = *state;
-        SafeOutput { sample, output, phase, reason, warning, outside: look.outside }
+        SafeOutput { sample, output, phase, reason, warning, outside: evaluation.is_uncertified }
     }
 
     /// A sample that is not like the last, before the world takes it.
     #[cold]
     #[inline(never)]
-    fn look<const W: usize>(
+    fn evaluate<const W: usize>(
         &self,
         state: &mut SupervisorState<F>,
         world: &Loop<F, B, C, W>,
         loop_state: &mut State<F, B, C, W>,
         reading: &Reading<F>,
         request: Option<Request>,
-    ) -> Look {
+    ) -> Evaluation {
         let announced = reading.announced && self.announcements;
         let keeps_time = self.motion.keeps_time(&mut state.seen, reading);
         let wrong = self.motion.wrong(&mut state.seen, reading, announced, state.output);
@@ -232,21 +233,21 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             state.calm += 1;
         }
         // Without a torque before it, a late sample is no matter.
-        let outside = !keeps_time && state.phase.is_active();
+        let is_uncertified = !keeps_time && state.phase.is_active();
         self.ask(state, request, wrong, self.motion.link_is_lost(reading), announced);
-        if outside {
+        if is_uncertified {
             state.outside = state.outside.saturating_add(1);
             state.lapse(self.when_late);
         }
 
         let testing = state.testing.is_some();
-        let waits = !state.phase.is_active() || testing;
-        if waits || state.fresh {
+        let is_idle = !state.phase.is_active() || testing;
+        if is_idle || state.fresh {
             *loop_state = world.start();
             state.books.reopen();
             state.fresh = false;
         }
-        Look { wrong, waits, leaps: announced || testing, outside }
+        Evaluation { wrong, is_idle, may_jump: announced || testing, is_uncertified }
     }
 
     /// What somebody asks for, and what the reading says.
@@ -412,12 +413,12 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     /// The torque that the motor is to hold, where it is not just the world's command.
     #[cold]
     #[inline(never)]
-    fn held(&self, state: &mut SupervisorState<F>, sample: &Sample<F>, look: Look) -> F {
+    fn held(&self, state: &mut SupervisorState<F>, sample: &Sample<F>, evaluation: Evaluation) -> F {
         let wanted = self.wanted(state, sample);
-        if (wanted - state.output).abs() > self.slew && !look.leaps {
+        if (wanted - state.output).abs() > self.slew && !evaluation.may_jump {
             state.fault_where_active(Reason::Slew);
         }
-        if state.phase == Phase::Faulted { self.braked(state, look.wrong) } else { wanted }
+        if state.phase == Phase::Faulted { self.braked(state, evaluation.wrong) } else { wanted }
     }
 
     /// What the phase makes of the world's command, and the phase after this sample.

@@ -6,7 +6,7 @@ use crate::{Constants, Real, Spec};
 
 /// The limits of a reading, in the displacement of one sample.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Motion<F> {
+pub(crate) struct ReadingLimits<F> {
     period: F,
     /// The largest displacement of a sample, without the encoder's own.
     velocity: F,
@@ -56,7 +56,7 @@ impl<F: Real> Seen<F> {
         Seen { position: F::ZERO, step: None, known: false, late: F::ZERO, delay: F::ZERO, stand: Stand::NONE };
 }
 
-impl<F: Real> Motion<F> {
+impl<F: Real> ReadingLimits<F> {
     pub fn new(limits: &Limits, spec: &Spec) -> Self {
         let f = F::from_f64;
         let count = spec.count.unwrap_or(0.0);
@@ -73,7 +73,7 @@ impl<F: Real> Motion<F> {
             delay: finite(delay),
             silent: finite(limits.silence(spec.period)),
         };
-        Motion {
+        ReadingLimits {
             period: f(spec.period),
             velocity: f(limits.velocity * spec.period),
             overspeed: f(limits.overspeed * spec.period),
@@ -110,7 +110,7 @@ impl<F: Real> Motion<F> {
     }
 
     /// Whether a reading is ordinary: within every limit, on time, the link alive. Then it is recorded in `seen`. Otherwise `seen` is
-    /// unchanged, and [`Motion::wrong`] gives the reason.
+    /// unchanged, and [`ReadingLimits::wrong`] gives the reason.
     #[inline(always)]
     pub fn is_ordinary(&self, seen: &mut Seen<F>, reading: &Reading<F>, held: F) -> bool {
         let (step, within) = (reading.position - seen.position, &self.ordinary);

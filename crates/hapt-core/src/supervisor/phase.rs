@@ -63,7 +63,7 @@ pub struct Reading<F> {
 
 /// What a torque from outside of the world is computed from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Beside<F> {
+pub struct ExternalTorqueInput<F> {
     /// Whether the world's own torque counts: not while disarmed or tested, when the position has no zero yet.
     pub ready: bool,
     /// Of the puck, measured, rad (linear: m).

@@ -15,7 +15,7 @@ use crate::{Constants, Real, Spec};
 /// How far a pulse should move the puck where there are no counts, in rad or m.
 const FAR: f64 = 1e-3;
 /// The longest that a stretch may be, in s.
-const LONGEST: f64 = 0.5;
+const MAX_STRETCH_S: f64 = 0.5;
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pulse<F> {
@@ -59,7 +59,7 @@ impl<F: Real> Pulse<F> {
         let push = period * (limits.pulse - limits.friction) / limits.inertia;
         let drag = 1.0 + period * limits.damping / limits.inertia;
         let (mut samples, mut way, mut velocity) = (0, 0.0, 0.0);
-        while way < far && (samples < 2 || f64::from(samples) * period < LONGEST) {
+        while way < far && (samples < 2 || f64::from(samples) * period < MAX_STRETCH_S) {
             velocity = (velocity + push) / drag;
             way += velocity * period;
             samples += 1;

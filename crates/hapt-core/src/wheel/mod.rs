@@ -44,7 +44,7 @@ const BLEND: f64 = 2e-3;
 const SPRINGS_SHARE: f64 = 0.5;
 
 /// A device, as far as effects may use it. What its wheel does before a host asks for anything, its end stops and its base feel, is a world
-/// beside the effects ([`Wheel::step_beside`]), and has taken its part of the damping and the friction. SI units.
+/// beside the effects ([`Wheel::step_with`]), and has taken its part of the damping and the friction. SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Device {
@@ -188,12 +188,12 @@ impl<F: Real> Wheel<F> {
     /// One sample: the torque for the position, in rad. `revision` differs from the last sample's where the host has changed the effects;
     /// the jump of the torque that the change would make fades within milliseconds. A position that is not finite gives no torque.
     pub fn step(&self, state: &mut WheelState<F>, position: F, effects: &[Effect<F>], revision: u32) -> Given<F> {
-        self.step_beside(state, position, F::ZERO, effects, revision)
+        self.step_with(state, position, F::ZERO, effects, revision)
     }
 
     /// The same beside a torque that acts on the wheel already, in N·m: what is given is to be added to it, and the sum is within the limit.
     /// The device's damping has to pay for both: [`Device::damping`] is then what that torque's law leaves of it.
-    pub fn step_beside(
+    pub fn step_with(
         &self,
         state: &mut WheelState<F>,
         position: F,

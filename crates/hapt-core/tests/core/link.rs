@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use hapt_core::{Heard, LASTING, LinkEnd, LinkTerms, Strength};
+use hapt_core::{LASTING, LinkEnd, LinkTerms, RemoteState, Strength};
 use proptest::prelude::*;
 
 #[derive(Clone, Copy)]
@@ -50,7 +50,7 @@ fn drawn(stiffness: f64, soft: f64, stretch: f64, way: usize, wall: bool) -> (f6
                 end.coming.pop_front();
                 end.newest = Some(message);
             }
-            let heard = end.newest.map(|newest| Heard {
+            let heard = end.newest.map(|newest| RemoteState {
                 age: time - newest.sampled,
                 session: 1,
                 taken: newest.sampled,
@@ -103,7 +103,7 @@ fn a_torque_fades_over_a_quarter_of_the_age_and_not_at_once() {
     let terms = LinkTerms { age_max: 40e-3, hold: 1e-3, period: 1e-3, soft: 0.1 };
     for first in [true, false] {
         let mut end = LinkEnd::new(first, terms);
-        let heard = |age, position, strength| Some(Heard { age, session: 1, taken: 0.0, position, strength });
+        let heard = |age, position, strength| Some(RemoteState { age, session: 1, taken: 0.0, position, strength });
         let law = |other: f64, _: Option<f64>| -(1.0 - other);
         end.sample(1e-3, true, heard(2e-3, 1.0, Strength::NONE), law);
         end.sample(1e-3, true, heard(2e-3, 1.0, Strength::WHOLE), law);
@@ -182,7 +182,7 @@ proptest! {
                     newest = Some((*taken, *position));
                 }
             }
-            let heard = newest.map(|(taken, position)| Heard {
+            let heard = newest.map(|(taken, position)| RemoteState {
                 age: now - taken, session: 1, taken, position, strength: Strength::WHOLE,
             });
             let velocity = std::cell::Cell::new(0.0);
@@ -206,7 +206,7 @@ fn the_others_velocity_is_its_mean_between_two_messages_for_four_times_as_long()
     let mut end = LinkEnd::holding(false, terms);
     let mut sample = |age: f64, session, taken: f64| {
         let velocity = std::cell::Cell::new(None);
-        let heard = Heard { age, session, taken, position: 3.0 * taken, strength: Strength::WHOLE };
+        let heard = RemoteState { age, session, taken, position: 3.0 * taken, strength: Strength::WHOLE };
         end.sample(1e-3, true, Some(heard), |_, known| {
             velocity.set(known.or(velocity.get()));
             0.0

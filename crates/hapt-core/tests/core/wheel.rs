@@ -93,7 +93,7 @@ fn drawn(
         if step == next {
             let seen = if real.count > 0.0 { (z / real.count + 0.5).floor() * real.count } else { z };
             let beside = (-stops * (seen - seen.clamp(-0.02, 0.02))).clamp(-device.limit, device.limit);
-            let given = wheel.step_beside(&mut state, seen, beside, effects, 0);
+            let given = wheel.step_with(&mut state, seen, beside, effects, 0);
             pending.push((step + pattern.delay, given.torque + beside));
             next += pattern.shortest + (dice.roll() * (pattern.longest - pattern.shortest + 1) as f64) as usize;
             // A hand that turns at the samples asks most of the hold.

@@ -12,7 +12,7 @@ use crate::drive::{Drive, DriveError, DriveFault, DriveLimits, Error, OTHERS, Sh
 use crate::frame::Frame;
 
 /// Timeout of an answer before the loop runs, and the number of attempts.
-const PATIENCE: Duration = Duration::from_millis(50);
+const REPLY_TIMEOUT: Duration = Duration::from_millis(50);
 const TRIES: usize = 5;
 /// Timeout of switching the motor on.
 const READY: Duration = Duration::from_secs(2);
@@ -279,7 +279,7 @@ impl Moteus {
     fn ask_again(&mut self, question: fn(&mut Moteus) -> Writer) -> Result<Status, Error> {
         for _ in 0..TRIES {
             let frame = question(self).frame();
-            match self.ask(&frame, Instant::now() + PATIENCE) {
+            match self.ask(&frame, Instant::now() + REPLY_TIMEOUT) {
                 Ok(status) => return Ok(status),
                 Err(DriveError::Gone) => return Err(self.gone()),
                 Err(_) => {}
@@ -295,7 +295,7 @@ impl Moteus {
     /// The other drives on the bus, as the end of a sentence.
     fn others(&mut self) -> String {
         let everybody = Writer::new(REPLY | EVERYBODY).read(register::MODE, 1, Resolution::Int8).frame();
-        let until = Instant::now() + PATIENCE;
+        let until = Instant::now() + REPLY_TIMEOUT;
         let mut seen = Vec::new();
         if self.bus.send(&everybody, until).is_ok() {
             while let Ok(Some(frame)) = self.bus.receive(until) {
@@ -349,7 +349,7 @@ impl Drive for Moteus {
         (self.command, self.lost, self.unanswered) = (None, 0, 0);
         // Alone, because a bus that is down says so here.
         let stop = self.stopping();
-        let sent = self.bus.send(&stop, Instant::now() + PATIENCE);
+        let sent = self.bus.send(&stop, Instant::now() + REPLY_TIMEOUT);
         sent.map_err(|error| Error::Gone { name: self.name.clone(), error })?;
         let status = self.ask_again(|drive| drive.asking_and_stopping().read(register::MAP, 1, Resolution::Int32))?;
         self.numbers.forget();
@@ -362,7 +362,7 @@ impl Drive for Moteus {
         let until = Instant::now() + READY;
         loop {
             let ready = self.torque(0.0, BEFORE);
-            self.bus.send(&ready, Instant::now() + PATIENCE).map_err(|_| self.gone())?;
+            self.bus.send(&ready, Instant::now() + REPLY_TIMEOUT).map_err(|_| self.gone())?;
             let status = self.ask_again(Moteus::question)?;
             let (mode, code) = status.mode.zip(status.fault).unwrap_or((mode::STOPPED, 0));
             if let Some(fault) = fault(mode, code) {
@@ -426,7 +426,7 @@ impl Drive for Moteus {
     fn stop(&mut self) {
         for _ in 0..TRIES {
             let frame = self.asking_and_stopping().frame();
-            match self.ask(&frame, Instant::now() + PATIENCE) {
+            match self.ask(&frame, Instant::now() + REPLY_TIMEOUT) {
                 Err(DriveError::Silent | DriveError::Late) => {}
                 // It has stopped, or it is absent.
                 _ => return,

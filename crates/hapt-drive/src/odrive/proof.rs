@@ -16,10 +16,10 @@ const IDLE: (u32, f64) = (10, 0.15);
 /// Samples without an answer that fail.
 const UNPROVEN: u32 = 30;
 /// The tolerances, relative to the torque and to the largest one: of the setpoint, and of the motor's torque.
-const USED: [f64; 2] = [0.01, 1e-3];
-const MADE: [f64; 2] = [0.5, 0.02];
+const USED_TOLERANCE: [f64; 2] = [0.01, 1e-3];
+const MADE_TOLERANCE: [f64; 2] = [0.5, 0.02];
 /// The part of the largest torque above which a current determines the motor's constant.
-const TELLS: f64 = 0.02;
+const MIN_TORQUE_RATIO: f64 = 0.02;
 
 const DISAGREES: DriveFault = DriveFault {
     code: Command::Torques as u32,
@@ -79,7 +79,7 @@ impl Proof {
     /// the one before.
     pub fn receive(&mut self, uses: f64, makes: f64, is_fresh: bool) {
         let [last, before] = self.commanded;
-        if self.constant.is_none() && is_fresh && last.abs() > TELLS * self.most && uses != 0.0 {
+        if self.constant.is_none() && is_fresh && last.abs() > MIN_TORQUE_RATIO * self.most && uses != 0.0 {
             self.constant = Some(last / uses);
         }
         let agrees = |said: f64, [part, floor]: [f64; 2]| match self.constant {
@@ -89,10 +89,10 @@ impl Proof {
                 near(last) || !is_fresh && near(before)
             }
             // Small currents are inconclusive until the motor's constant is known.
-            None => last.abs() <= TELLS * self.most,
+            None => last.abs() <= MIN_TORQUE_RATIO * self.most,
         };
-        let lets_go = (self.constant.unwrap_or(1.0) * uses).abs() <= USED[1] * self.most;
-        let (uses, makes) = (agrees(uses, USED), agrees(makes, MADE));
+        let lets_go = (self.constant.unwrap_or(1.0) * uses).abs() <= USED_TOLERANCE[1] * self.most;
+        let (uses, makes) = (agrees(uses, USED_TOLERANCE), agrees(makes, MADE_TOLERANCE));
         // A setpoint of zero means idle, and the heartbeat reports the reason.
         self.wrong = if uses || lets_go { 0 } else { self.wrong + 1 };
         self.idle = if makes && (uses || !lets_go) { (0, 0.0) } else { (self.idle.0 + 1, self.idle.1) };

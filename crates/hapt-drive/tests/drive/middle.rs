@@ -16,7 +16,7 @@ use codec::Command;
 use crate::bench::{Direction, Looped, TestBench, lockstep, world};
 
 /// Longer than an answer takes and shorter than the timeout of lockstep, ms.
-const PATIENCE: u64 = 30;
+const ANSWER_MS: u64 = 30;
 /// The rounding of a torque of 32 bits, relative to the world's limit.
 const SAME: f64 = 1e-6;
 
@@ -39,7 +39,7 @@ where
     let world = world(&[]);
     for _ in 0..20 {
         let bench = TestBench::new(make, None, Box::new(firmware.clone()), &world, lockstep(&world));
-        let mut looped = bench.running(&world, PATIENCE);
+        let mut looped = bench.running(&world, ANSWER_MS);
         bench.faults.intercept(middle());
         let (ends, stood_still) = looped.ends_or_stands_still(within);
         if stood_still && make == Make::Odrive {
@@ -222,7 +222,7 @@ fn a_moteus_that_is_stopped_once_between_question_and_command_stays_stopped() {
     in_time(|| {
         let world = world(&["loop.period=20 ms", "couplings.0.stiffness=0.02", "safety.pulse=0", "safety.stall=1"]);
         let bench = TestBench::new(Make::Moteus, None, Box::new(moteus()), &world, lockstep(&world));
-        let mut looped = bench.running(&world, PATIENCE);
+        let mut looped = bench.running(&world, ANSWER_MS);
         let mut is_stopped = false;
         bench.faults.intercept(move |way, frame| {
             let is_first = commands(way, &frame) && !is_stopped;
@@ -309,7 +309,7 @@ fn a_tuned_moteus_makes_the_torque_that_it_is_asked_for_and_no_other() {
         for integrator in [(1.0, 0.3), (10.0, 5.0), (400.0, 50.0)] {
             let firmware = moteus().with_tuning(Tuning { integrator, ..Tuning::TUNED });
             let bench = TestBench::new(Make::Moteus, None, Box::new(firmware), &world, lockstep(&world));
-            bench.wait_for(PATIENCE);
+            bench.wait_for(ANSWER_MS);
             let mut wheel = bench.wheel(&world);
             let mut hold = |torque: f64| wheel.read().and_then(|_| wheel.write(torque)).unwrap();
             // A push, then no torque: the wheel turns on, away from the initial position of position mode.
@@ -342,7 +342,7 @@ fn whatever_holds_a_moteus_torque_back_ends_the_loop_by_its_code() {
             let world = world(&["safety.pulse=0"]);
             let firmware = moteus().with_tuning(tuning);
             let bench = TestBench::new(Make::Moteus, None, Box::new(firmware), &world, lockstep(&world));
-            bench.wait_for(PATIENCE);
+            bench.wait_for(ANSWER_MS);
             let mut looped = Looped::on(Box::new(bench.wheel(&world)), &world);
             let mut request = Some(hapt_core::Request::Arm);
             let ended = (0..2000).find_map(|_| looped.sample(request.take()).err());
@@ -406,7 +406,7 @@ fn is_safe(
 ) {
     let world = world(&[]);
     let bench = TestBench::new(make, None, firmware, &world, lockstep(&world));
-    let mut looped = bench.running(&world, PATIENCE);
+    let mut looped = bench.running(&world, ANSWER_MS);
     let mut past = VecDeque::new();
     bench.faults.intercept(move |way, frame| {
         if !is_kind(way, &frame) {

@@ -16,7 +16,7 @@ use hapt_testing::in_time;
 use crate::bench::{Looped, TestBench, lockstep, soon, world};
 
 /// Longer than a busy machine needs to answer, ms.
-const PATIENCE: u64 = 200;
+const ANSWER_MS: u64 = 200;
 /// Shorter than the timeout of lockstep.
 const STILL: Duration = Duration::from_millis(30);
 const TERMS: DriveLimits = DriveLimits { watchdog: 0.01, torque: 1.0 };
@@ -94,7 +94,7 @@ fn in_lockstep_the_loop_on_the_drive_is_the_loop_on_the_exact_device() {
 /// The loop on both devices from rest, and its last sample; `None`: the machine paused.
 fn both(firmware: Simulated, world: &World) -> Option<Record> {
     let bench = with(firmware, world, lockstep(world));
-    let mut drive = bench.looped(world, PATIENCE);
+    let mut drive = bench.looped(world, ANSWER_MS);
     let mut exact = Looped::on(Box::new(hapt_rt::SimulatedDevice::new(world).0), world);
     // The drive's first command arms it.
     drive.sample(None).ok()?;
@@ -125,7 +125,7 @@ fn a_drive_that_dies_is_gone_within_five_samples() {
     in_time(|| {
         let world = world(&[]);
         let bench = bench(&world, lockstep(&world));
-        let mut looped = bench.running(&world, PATIENCE);
+        let mut looped = bench.running(&world, ANSWER_MS);
         bench.faults.dead.store(true, SeqCst);
         assert_eq!(looped.ends(5), Some(Err(Failure::Gone)));
         // Only its own watchdog can remove the torque.
@@ -183,7 +183,7 @@ fn an_error_of_the_drive_ends_the_loop_by_name_and_only_a_new_start_clears_it() 
         let world = world(&["safety.pulse=0"]);
         let (bench, error) = struck(&world, lockstep(&world));
         for (bits, reason) in [(0x2000, Some(Reason::Heat)), (0x8000, Some(Reason::Overspeed)), (0x200, None)] {
-            let mut looped = bench.running(&world, PATIENCE);
+            let mut looped = bench.running(&world, ANSWER_MS);
             error.store(bits, SeqCst);
             // A heartbeat reports it, every 100 ms.
             match looped.ends(150) {
@@ -309,7 +309,7 @@ fn an_error_of_the_old_firmware_has_its_own_number() {
             lockstep(&world),
         );
         for (bits, reason) in [(0x4_0000, Some(Reason::DriverHeat)), (0x40, None)] {
-            let mut looped = bench.running(&world, PATIENCE);
+            let mut looped = bench.running(&world, ANSWER_MS);
             error.store(bits, SeqCst);
             match looped.ends(150) {
                 Some(Err(Failure::Drive(fault))) => assert_eq!((fault.code, fault.reason), (bits, reason)),
@@ -371,7 +371,7 @@ fn a_loop_that_is_dropped_leaves_the_drive_disarmed_at_once() {
     in_time(|| {
         let world = world(&[]);
         let bench = bench(&world, lockstep(&world));
-        drop(bench.running(&world, PATIENCE));
+        drop(bench.running(&world, ANSWER_MS));
         bench.torque_goes_off();
         // Disarmed before the watchdog expired: no error is left.
         let bus = bus(&bench);
@@ -402,7 +402,7 @@ fn a_cable_that_is_pulled_out_ends_the_loop() {
     in_time(|| {
         let world = world(&[]);
         let mut bench = bench(&world, lockstep(&world));
-        let mut looped = bench.running(&world, PATIENCE);
+        let mut looped = bench.running(&world, ANSWER_MS);
         bench.unplug();
         assert_eq!(looped.ends(2), Some(Err(Failure::Unplugged)));
     });

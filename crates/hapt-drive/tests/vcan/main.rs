@@ -23,7 +23,7 @@ use hapt_rt::Failure;
 /// One test at a time uses the bus.
 static BUS: Mutex<()> = Mutex::new(());
 /// Longer than an answer takes and shorter than the timeout of lockstep, ms.
-const PATIENCE: u64 = 40;
+const ANSWER_MS: u64 = 40;
 /// The longest accepted time in s: an emulated machine pauses now and then.
 const WATCHDOG: f64 = 0.095;
 const TERMS: DriveLimits = DriveLimits { watchdog: 0.1, torque: 1.0 };
@@ -55,7 +55,7 @@ fn bench(make: Make, interface: &str, world: &World, time: Time) -> TestBench {
 /// A running loop on such a drive.
 fn running(make: Make, interface: &str, world: &World, firmware: Box<dyn Firmware>) -> (TestBench, Looped) {
     let bench = TestBench::new(make, Some(interface), firmware, world, lockstep(world));
-    let looped = bench.running(world, PATIENCE);
+    let looped = bench.running(world, ANSWER_MS);
     (bench, looped)
 }
 
@@ -133,7 +133,7 @@ fn a_bus_that_goes_down_and_up_again_brings_no_torque_back() {
         stays_over(&mut looped, &bench);
         // A new start is a deliberate request.
         drop(looped);
-        bench.looped(&world, PATIENCE).sample(None).unwrap();
+        bench.looped(&world, ANSWER_MS).sample(None).unwrap();
     });
 }
 
@@ -144,7 +144,7 @@ fn lost_frames_are_missed_samples_and_too_many_are_the_end() {
             let world = world(&[]);
             let (bench, mut looped) = running(make, interface, &world, firmware(make, 1));
             // Two of them in a row do not end lockstep.
-            bench.wait_for(PATIENCE / 2);
+            bench.wait_for(ANSWER_MS / 2);
             bench.faults.loss.store(loss, SeqCst);
             let before = looped.samples;
             let (ends, stood_still) = looped.ends_or_stands_still(1000);
@@ -170,7 +170,7 @@ fn a_drive_that_answers_late_is_late() {
     on_the_bus(|make, interface| {
         let world = world(&[]);
         let (bench, mut looped) = running(make, interface, &world, firmware(make, 1));
-        bench.faults.late.store(PATIENCE * 3 / 2, SeqCst);
+        bench.faults.late.store(ANSWER_MS * 3 / 2, SeqCst);
         let ends = looped.ends(100);
         let by_drive = |fault: hapt_rt::DriveFault| fault.reason == Some(Reason::Late);
         let is_right = match ends {

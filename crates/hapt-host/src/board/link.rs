@@ -7,7 +7,8 @@ use std::time::{Duration, Instant};
 
 use hapt_core::Phase;
 use hapt_wire::{
-    Command, DeviceMessage, HostMessage, LONGEST, PIECE, PROTOCOL, Parameter, Reader, Refusal, Telemetry, frame, hash,
+    Command, DeviceMessage, HostMessage, MAX_FRAME_BYTES, PIECE, PROTOCOL, Parameter, Reader, Refusal, Telemetry,
+    frame, hash,
 };
 
 use super::{Board, Error, Line, SPEED};
@@ -17,7 +18,7 @@ const TELEMETRY: f64 = 920.0;
 /// The longest frame of a board.
 const FRAME: usize = 512;
 /// How long a command counts, in s. A line that holds it back for longer has it refused.
-const PATIENCE: f64 = 0.25;
+const COMMAND_LIFETIME_S: f64 = 0.25;
 /// The time limit of an acknowledgement; compiling a world takes longest.
 const ANSWER: Duration = Duration::from_millis(500);
 /// The polling period of what interrupts the wait.
@@ -344,12 +345,13 @@ impl Link {
     fn write(&mut self, command: Command) -> Result<u32, Error> {
         self.sequence = self.sequence.wrapping_add(1);
         let (sample, sent, period) = self.clock;
-        let passed = if self.board.externally_clocked { 0.0 } else { sent.elapsed().as_secs_f64() + PATIENCE };
+        let passed =
+            if self.board.externally_clocked { 0.0 } else { sent.elapsed().as_secs_f64() + COMMAND_LIFETIME_S };
         let ahead = if self.board.externally_clocked { 1000 } else { ((passed / period) as u64).max(8) };
         let not_after =
             if let Command::Sample { sample, .. } = command { sample } else { sample.saturating_add(ahead) };
         let message = HostMessage { sequence: self.sequence, not_after, command };
-        let mut room = [0; LONGEST + 1];
+        let mut room = [0; MAX_FRAME_BYTES + 1];
         // A 0 before it ends a frame that noise has begun.
         let Some((first, rest)) = room.split_first_mut() else { return Ok(self.sequence) };
         *first = 0;

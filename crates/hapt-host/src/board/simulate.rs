@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::DeviceSpec;
-use hapt_wire::LONGEST;
+use hapt_wire::MAX_FRAME_BYTES;
 use hapt_wire::device::{Board, Endpoint, Measurement, WorldStorage};
 
 use super::{Line, pty};
@@ -17,7 +17,7 @@ use super::{Line, pty};
 /// The most samples that a late thread catches up; the board's time stands still in a longer pause.
 const BURST: u32 = 50;
 /// The time limit of a write to a host that does not read.
-const PATIENCE: Duration = Duration::from_millis(100);
+const WRITE_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// A simulated board. Dropped, it ends.
 #[derive(Debug)]
@@ -186,11 +186,11 @@ impl Bench {
 
     /// Writes the answers that wait.
     fn write_answers(&mut self, endpoint: &mut Endpoint<'_>) {
-        let mut room = [0; LONGEST];
+        let mut room = [0; MAX_FRAME_BYTES];
         while let Some(frame) = endpoint.answer(&mut room) {
             let frame: Vec<u8> = frame.iter().map(|byte| self.corrupted(*byte)).collect();
             if let Some(line) = &mut self.line {
-                let _ = line.write(&frame, Instant::now() + PATIENCE);
+                let _ = line.write(&frame, Instant::now() + WRITE_TIMEOUT);
             }
         }
     }

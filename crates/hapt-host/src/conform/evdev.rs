@@ -26,7 +26,7 @@ const EVENTS: usize = 64;
 
 /// A device that may be a wheel.
 #[derive(Clone, Debug)]
-pub struct Found {
+pub struct WheelDevice {
     /// /dev/input/event5
     pub path: PathBuf,
     /// As it names itself.
@@ -37,7 +37,7 @@ pub struct Found {
 ///
 /// # Errors
 /// The system shows no input devices.
-pub fn wheels() -> io::Result<(Vec<Found>, usize)> {
+pub fn wheels() -> io::Result<(Vec<WheelDevice>, usize)> {
     let (mut found, mut closed) = (Vec::new(), 0);
     let mut paths: Vec<PathBuf> = std::fs::read_dir(FOLDER)?.filter_map(|entry| Some(entry.ok()?.path())).collect();
     paths.sort();
@@ -46,7 +46,7 @@ pub fn wheels() -> io::Result<(Vec<Found>, usize)> {
         .filter(|path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("event")))
     {
         match open(&path) {
-            Ok(handle) if is_wheel(&handle) => found.push(Found { name: name(&handle), path }),
+            Ok(handle) if is_wheel(&handle) => found.push(WheelDevice { name: name(&handle), path }),
             Ok(_) => {}
             Err(_) => closed += 1,
         }

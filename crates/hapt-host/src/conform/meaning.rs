@@ -77,7 +77,7 @@ known_errors! {
 
 /// How a wheel moves at an instant, in shares of half of the steering range and s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Motion {
+pub struct WheelMotion {
     /// To the right.
     pub position: f64,
     /// 1/s
@@ -138,7 +138,7 @@ impl Played {
     }
 
     /// The torque at `time`, under an error.
-    fn torque(&self, time: f64, motion: &Motion, error: Option<KnownError>) -> Option<Torque> {
+    fn torque(&self, time: f64, motion: &WheelMotion, error: Option<KnownError>) -> Option<Torque> {
         let (since, count, asked) = self.at(time, error)?;
         let delay = if error == Some(KnownError::Delay) { 0.0 } else { asked.delay };
         let count = if error == Some(KnownError::Count) { 1 } else { count };
@@ -171,7 +171,7 @@ impl Played {
 }
 
 /// The sum of effects, of which the last of the list is the last that was started.
-pub fn torque(effects: &[Played], gain: f64, time: f64, motion: &Motion, error: Option<KnownError>) -> Torque {
+pub fn torque(effects: &[Played], gain: f64, time: f64, motion: &WheelMotion, error: Option<KnownError>) -> Torque {
     let gain = if error == Some(KnownError::Gain) { 1.0 } else { gain };
     let mut sum = Torque::default();
     for effect in effects {
@@ -235,7 +235,7 @@ fn waved(wave: Wave, turn: f64, error: Option<KnownError>) -> f64 {
     }
 }
 
-fn condition(law: Law, axes: &[Condition; 2], motion: &Motion, error: Option<KnownError>) -> Torque {
+fn condition(law: Law, axes: &[Condition; 2], motion: &WheelMotion, error: Option<KnownError>) -> Torque {
     let [first, second] = axes;
     let numbers = if error == Some(KnownError::SecondAxis) { second } else { first };
     let rests = motion.velocity.abs() < SLOW;

@@ -19,7 +19,7 @@ mod tests;
 pub use asked::{Asked, Condition, Envelope, Form, LEFT, Law, RIGHT, Wave};
 pub use cases::{Case, Scale, cases};
 pub use judge::{Finding, Judge, NEAR, Verdict};
-pub use meaning::{KnownError, Motion, torque};
+pub use meaning::{KnownError, WheelMotion, torque};
 pub use plant::Plant;
 pub use run::{ConformError, Wheel};
 

@@ -4,7 +4,7 @@
 //! both ends of the window, is a mean of the positions with a smooth weight. The same mean of all that acts on the wheel is equal to it by
 //! Newton's law.
 
-use super::meaning::Motion;
+use super::meaning::WheelMotion;
 
 /// Of the even grid, s.
 pub const STEP: f64 = 2e-3;
@@ -19,7 +19,7 @@ pub struct Course {
     /// When it begins, s.
     pub begin: f64,
     /// At each step, smoothed.
-    pub motion: Vec<Motion>,
+    pub motion: Vec<WheelMotion>,
     /// The acceleration by second differences.
     pub raw: Vec<f64>,
 }
@@ -64,9 +64,9 @@ impl Course {
             inner.map(|k| (positions[k + 1] - 2.0 * positions[k] + positions[k - 1]) / (STEP * STEP)).collect();
         // The differences begin a step later than the positions.
         let middles = half..raw.len().saturating_sub(half);
-        let motion: Vec<Motion> = middles
+        let motion: Vec<WheelMotion> = middles
             .clone()
-            .map(|at| Motion {
+            .map(|at| WheelMotion {
                 position: mean(&weights, &positions[1..], at),
                 velocity: mean(&weights, &velocity, at),
                 acceleration: mean(&weights, &raw, at),

@@ -30,8 +30,9 @@ const LATENCIES: u32 = 60;
 impl Plant {
     /// The plant that explains the course best, where `push` is the torque that was asked for at a time.
     pub fn fit(course: &Course, push: impl Fn(f64) -> f64) -> Option<Self> {
-        let all =
-            |of: fn(&super::meaning::Motion) -> f64| course.means(&course.motion.iter().map(of).collect::<Vec<_>>());
+        let all = |of: fn(&super::meaning::WheelMotion) -> f64| {
+            course.means(&course.motion.iter().map(of).collect::<Vec<_>>())
+        };
         let acceleration = course.means(&course.raw);
         let known = [
             all(|motion| -motion.velocity),

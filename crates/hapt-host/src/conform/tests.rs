@@ -3,7 +3,7 @@
 use hapt_core::wheel::{Device, Timing};
 use hapt_wire::pid::{self, FULL, INFINITE, Kind, Operation, Pool, Report, Scale as Full};
 
-use super::meaning::{Action, Motion, Played, torque};
+use super::meaning::{Action, Played, WheelMotion, torque};
 use super::*;
 
 /// What a simulated wheel renders.
@@ -85,10 +85,10 @@ impl Simulated {
             let (_, sent) = self.sent.remove(0);
             self.renderer.take(sent, self.time);
         }
-        let motion = Motion { position: self.position, velocity: self.velocity, acceleration: 0.0 };
+        let motion = WheelMotion { position: self.position, velocity: self.velocity, acceleration: 0.0 };
         // It is linear in the acceleration.
         let rest = self.renderer.torque(self.time, &motion);
-        let unit = self.renderer.torque(self.time, &Motion { acceleration: 1.0, ..motion }) - rest;
+        let unit = self.renderer.torque(self.time, &WheelMotion { acceleration: 1.0, ..motion }) - rest;
         let (rest, unit) = match &mut self.renderer {
             Renderer::Meaning { .. } => (rest, unit),
             Renderer::Own { pool, wheel, state } => {
@@ -115,7 +115,7 @@ impl Simulated {
 }
 
 impl Renderer {
-    fn torque(&self, time: f64, motion: &Motion) -> f64 {
+    fn torque(&self, time: f64, motion: &WheelMotion) -> f64 {
         let Renderer::Meaning { played, order, gain, error, scales } = self else { return 0.0 };
         let one = |at: &usize| {
             let effect = played[*at].clone()?;

@@ -10,9 +10,9 @@ use hapt_rt::Position;
 use super::DeviceError;
 
 /// The most positions of a recording: more than three hours at 1 kHz, some 300 MB.
-const MOST: usize = 12_000_000;
+const MAX_SAMPLES: usize = 12_000_000;
 /// A longer line is no run's: 64 bodies in full digits take a tenth of it.
-const LONGEST: u64 = 1 << 20;
+const MAX_LINE_BYTES: u64 = 1 << 20;
 
 /// The puck's positions and velocities in a run's CSV, or in a log.
 ///
@@ -32,8 +32,9 @@ pub(super) fn positions(path: &Path, motion: Motion) -> Result<Vec<Position>, De
 
 /// Adds a position, unless the recording does not end.
 fn add(positions: &mut Vec<Position>, path: &Path, position: f64, velocity: f64) -> Result<(), DeviceError> {
-    if positions.len() == MOST {
-        let message = format!("it has more than {} million samples; expected a shorter recording", MOST / 1_000_000);
+    if positions.len() == MAX_SAMPLES {
+        let message =
+            format!("it has more than {} million samples; expected a shorter recording", MAX_SAMPLES / 1_000_000);
         return Err(DeviceError::Recording { path: path.into(), message });
     }
     positions.push(Position { position, velocity, announced: true });
@@ -70,10 +71,10 @@ fn tabled(path: &Path, mut file: BufReader<impl Read>, motion: Motion) -> Result
     let mut text = Vec::new();
     for line in 1.. {
         text.clear();
-        let read = (&mut file).take(LONGEST).read_until(b'\n', &mut text);
+        let read = (&mut file).take(MAX_LINE_BYTES).read_until(b'\n', &mut text);
         match read.map_err(|error| wrong(line, error.to_string()))? as u64 {
             0 => break,
-            LONGEST => return Err(wrong(line, "the line does not end within 1 MiB".into())),
+            MAX_LINE_BYTES => return Err(wrong(line, "the line does not end within 1 MiB".into())),
             _ => {}
         }
         let row = std::str::from_utf8(&text).map_err(|_| wrong(line, "it is not UTF-8 text".into()))?;

@@ -13,9 +13,9 @@ use usb_device::{UsbDirection, UsbError};
 /// The length of every message without its data, in bytes.
 pub const HEADER: usize = 48;
 /// The most data of a transfer, in bytes; a wheel's own are far shorter.
-const LONGEST: usize = 4096;
+const MAX_TRANSFER_BYTES: usize = 4096;
 /// What the device takes of a control transfer, in bytes.
-const LONGEST_CONTROL: usize = 128;
+const MAX_CONTROL_BYTES: usize = 128;
 /// Endpoints in each direction, with the control pipe.
 const ENDPOINTS: usize = 3;
 
@@ -26,7 +26,7 @@ const UNLINKED: u32 = 4;
 /// The kernel's -EPIPE: the endpoint has stalled.
 const STALLED: i32 = -32;
 /// The kernel's -ECONNRESET: the transfer was taken back in time.
-const TAKEN_BACK: i32 = -104;
+const ECONNRESET: i32 = -104;
 
 /// What comes on the stream is no message of the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,7 +114,7 @@ pub fn data_length(header: &[u8; HEADER]) -> Result<usize, Malformed> {
     match word(header, 0) {
         SUBMIT => {
             let length = usize::try_from(word(header, 24)).map_err(|_| Malformed)?;
-            match (length <= LONGEST, is_out) {
+            match (length <= MAX_TRANSFER_BYTES, is_out) {
                 (false, _) => Err(Malformed),
                 (true, true) => Ok(length),
                 (true, false) => Ok(0),
@@ -204,7 +204,7 @@ impl State {
                 found = true;
             }
         }
-        self.say(UNLINKED, number, if found { TAKEN_BACK } else { 0 }, 0);
+        self.say(UNLINKED, number, if found { ECONNRESET } else { 0 }, 0);
     }
 
     /// Ends the first control transfer.
@@ -288,7 +288,7 @@ impl State {
                     let is_out = transfer.setup[0] & 0x80 == 0;
                     // The setup says something else than the transfer.
                     let contradicts = is_out == transfer.is_in && length > 0 || is_out && transfer.data.len() != length;
-                    if contradicts || is_out && length > LONGEST_CONTROL {
+                    if contradicts || is_out && length > MAX_CONTROL_BYTES {
                         self.end_control(STALLED);
                     } else {
                         self.stage = Stage::Setup;
@@ -526,7 +526,7 @@ mod tests {
         fn what_is_no_message_is_refused(bytes in any::<[u8; HEADER]>()) {
             let command = u32::from_be_bytes(bytes[..4].try_into().unwrap());
             prop_assert_eq!(data_length(&bytes).is_err(), !(command == SUBMIT || command == UNLINK) || command == SUBMIT && {
-                u32::from_be_bytes(bytes[24..28].try_into().unwrap()) > super::LONGEST as u32
+                u32::from_be_bytes(bytes[24..28].try_into().unwrap()) > super::MAX_TRANSFER_BYTES as u32
             });
         }
     }

@@ -24,7 +24,7 @@ use usb_device::bus::UsbBusAllocator;
 use usb_device::device::UsbDeviceState;
 
 use bus::{Bus, HEADER, Malformed, data_length};
-use view::Shown;
+use view::PlayedEffects;
 pub use view::{View, reason};
 
 /// From one end of the steering to the other, rad: 1° to 100 turns. Outside of it the reports' numbers of an angle say nothing of this wheel.
@@ -33,7 +33,7 @@ pub const STEERING: RangeInclusive<f64> = std::f64::consts::TAU / 360.0..=100.0 
 /// How long the thread waits for the host before it looks at the loop again.
 const LOOK: Duration = Duration::from_millis(1);
 /// The host takes its answers within this, or is gone.
-const PATIENCE: Duration = Duration::from_secs(2);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(2);
 /// Packets that the device takes before the thread looks at the loop again.
 const AT_ONCE: usize = 1000;
 
@@ -187,7 +187,7 @@ pub struct WheelStatus {
 /// What the thread shares with those who look at the wheel. Whoever holds a part of it does so for microseconds.
 pub(crate) struct Shared {
     status: Mutex<WheelStatus>,
-    shown: Mutex<Shown>,
+    shown: Mutex<PlayedEffects>,
     /// Pedals and buttons.
     pressed: Mutex<Input>,
 }
@@ -231,7 +231,7 @@ impl GameWheel {
     pub fn on(host: UnixStream, room: &Room) -> Result<(Self, EffectsPort), WheelError> {
         let (port, wire) = effects(Wheel::new(&room.device)?, room.scale());
         host.set_read_timeout(Some(LOOK)).map_err(WheelError::Attach)?;
-        host.set_write_timeout(Some(PATIENCE)).map_err(WheelError::Attach)?;
+        host.set_write_timeout(Some(ANSWER_TIMEOUT)).map_err(WheelError::Attach)?;
         let stop = Arc::new(AtomicBool::new(false));
         let status = WheelStatus { is_attached: true, scale: 1.0, ..WheelStatus::default() };
         let shared =

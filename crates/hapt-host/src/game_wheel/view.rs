@@ -27,7 +27,7 @@ const PAUSES: &str =
 
 /// What plays, and what became of it since someone looked.
 #[derive(Default)]
-pub(super) struct Shown {
+pub(super) struct PlayedEffects {
     effects: Vec<Effect<f32>>,
     /// Least, last and most of what was asked and what was given, N·m: by how much it changes the motor's torque, which the world alone has too.
     torques: Option<[[f64; 3]; 2]>,
@@ -38,7 +38,7 @@ pub(super) struct Shown {
     pauses: bool,
 }
 
-impl Shown {
+impl PlayedEffects {
     /// A sample, on a motor with this limit.
     pub(super) fn add(&mut self, sample: &EffectsSample, limit: f64) {
         let EffectsSample { given, world, .. } = sample;

@@ -11,10 +11,10 @@ use hapt_rt::LinkPort;
 use hapt_wire::link::{Codec, Frames};
 
 use super::ends::{Arrived, Medium};
-use super::station::{CanLimit, LinkError, Links, Way};
+use super::station::{CanLimit, LinkError, Links, Transport};
 
 /// How long a frame waits for room on the way to the bus, before it is lost.
-const PATIENCE: Duration = Duration::from_millis(1);
+const SEND_TIMEOUT: Duration = Duration::from_millis(1);
 
 /// A CAN bus of a network's links: `can:can0`, `can:/dev/ttyACM0@500k`, each with `#RANGE`.
 ///
@@ -129,7 +129,7 @@ impl Medium for Can {
     fn send(&mut self, (): (), bytes: &[u8]) {
         if let Some((id, data)) = bytes.split_first_chunk() {
             let frame = Frame::classic(u32::from_le_bytes(*id), data).with_extended(true);
-            let _ = self.bus.send(&frame, Instant::now() + PATIENCE);
+            let _ = self.bus.send(&frame, Instant::now() + SEND_TIMEOUT);
         }
     }
 }
@@ -155,7 +155,7 @@ impl Links {
         let own = network.links.iter().enumerate().filter(|(_, link)| link.between.contains(&station));
         let links = own.map(|(at, _)| codec(at, true, 0)).collect::<Result<_, _>>()?;
         let medium = Can { bus, links };
-        Links::start(medium, network, station, Way::Real, |at, first, number| Ok((codec(at, first, number)?, ())))
+        Links::start(medium, network, station, Transport::Real, |at, first, number| Ok((codec(at, first, number)?, ())))
     }
 }
 

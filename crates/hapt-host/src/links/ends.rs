@@ -9,7 +9,7 @@ use hapt_rt::LinkWire;
 use hapt_wire::link::{Codec, Outgoing, Refusal, SIZE, Session};
 
 use super::Counters;
-use super::way::Held;
+use super::channel::InFlight;
 
 /// Messages that are read at a time. More is a flood, and waits in the socket or is lost there.
 const AT_ONCE: usize = 64;
@@ -51,7 +51,7 @@ pub struct End<M: Medium> {
     pub next: u64,
     pub last: Option<Outgoing>,
     /// Where messages are on their way before they are sent.
-    pub held: Option<Held<<M::Codec as Codec>::Bytes>>,
+    pub in_flight: Option<InFlight<<M::Codec as Codec>::Bytes>>,
     pub counters: Arc<Counters>,
 }
 
@@ -112,8 +112,8 @@ fn receive<M: Medium>(ends: &mut [End<M>], bytes: &[u8], now: u64) {
 impl<M: Medium> End<M> {
     /// Counts what the loop's samples have made of the link, and sends the newest of them where one is due.
     fn send(&mut self, medium: &mut M, now: u64) {
-        if let Some(held) = &mut self.held {
-            while let Some(bytes) = held.arrived(now) {
+        if let Some(in_flight) = &mut self.in_flight {
+            while let Some(bytes) = in_flight.arrived(now) {
                 medium.send(self.to, bytes.as_ref());
             }
         }
@@ -129,8 +129,8 @@ impl<M: Medium> End<M> {
         }
         self.next = outgoing.sampled + self.period;
         let Some(bytes) = self.session.send(&outgoing) else { return };
-        match &mut self.held {
-            Some(held) => held.take(now, bytes),
+        match &mut self.in_flight {
+            Some(in_flight) => in_flight.take(now, bytes),
             None => medium.send(self.to, bytes.as_ref()),
         }
     }

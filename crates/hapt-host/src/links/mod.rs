@@ -2,6 +2,7 @@
 
 #[cfg(target_os = "linux")]
 mod can;
+mod channel;
 #[cfg(not(target_family = "wasm"))]
 mod ends;
 #[cfg(not(target_family = "wasm"))]
@@ -10,13 +11,12 @@ mod status;
 mod stepped;
 #[cfg(not(target_family = "wasm"))]
 mod udp;
-mod way;
 
 #[cfg(target_os = "linux")]
 pub use can::CanAddress;
+pub use channel::ChannelNumbers;
 #[cfg(not(target_family = "wasm"))]
-pub use station::{CanLimit, LinkError, Links, Way, random_key};
+pub use station::{CanLimit, LinkError, Links, Transport, random_key};
 pub(crate) use status::Counters;
 pub use status::LinkStatus;
 pub use stepped::SteppedLinks;
-pub use way::WayNumbers;

@@ -1,7 +1,7 @@
 //! The links of a station over UDP or CAN: a thread between the loop's rings and a socket.
 //!
 //! The loop never waits for it. Between stations of one program the messages can take as long, and be lost as often, as the network's file says
-//! ([`Way::AsWritten`]): what a person feels then is what a network does. What the messages are, and whom they are taken from, is [`hapt_wire::link`].
+//! ([`Transport::AsWritten`]): what a person feels then is what a network does. What the messages are, and whom they are taken from, is [`hapt_wire::link`].
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
@@ -14,10 +14,10 @@ use hapt_model::{System, World};
 use hapt_rt::{LinkPort, link};
 use hapt_wire::link::{Datagrams, Frames, SHORTEST_KEY, Session, number};
 
+use super::channel::InFlight;
 use super::ends::{End, Medium, run};
 use super::udp::Udp;
-use super::way::Held;
-use super::{Counters, LinkStatus, WayNumbers};
+use super::{ChannelNumbers, Counters, LinkStatus};
 
 /// Why links do not start.
 #[derive(Debug, thiserror::Error)]
@@ -107,7 +107,7 @@ pub enum CanLimit {
 
 /// What happens to the messages of this station on their way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum Transport {
     /// Whatever the network does.
     Real,
     /// They take the time of the links' `delay` and `delay_max`, and are lost as their `loss` says, before the network has them.
@@ -119,7 +119,7 @@ pub struct Links {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
     links: Vec<Arc<Counters>>,
-    ways: Vec<Arc<WayNumbers>>,
+    channels: Vec<Arc<ChannelNumbers>>,
 }
 
 /// All numbers of a network on which the certificate of any of its stations depends, as text.
@@ -166,7 +166,7 @@ impl Links {
             return Err(LinkError::Key { given: key.len() });
         }
         let socket = UdpSocket::bind(listen).map_err(|error| LinkError::Listen { address: listen, error })?;
-        Links::on(socket, network, station, peers, key, Way::Real)
+        Links::on(socket, network, station, peers, key, Transport::Real)
     }
 
     /// The same on a socket that listens.
@@ -179,13 +179,13 @@ impl Links {
         station: usize,
         peers: &[(usize, SocketAddr)],
         key: &[u8],
-        way: Way,
+        transport: Transport,
     ) -> Result<(Self, Vec<LinkPort>), LinkError> {
         if key.len() < SHORTEST_KEY {
             return Err(LinkError::Key { given: key.len() });
         }
         socket.set_nonblocking(true).map_err(|error| LinkError::System { what: "socket that does not wait", error })?;
-        Links::start(Udp(socket), network, station, way, |at, first, number| {
+        Links::start(Udp(socket), network, station, transport, |at, first, number| {
             let other = network.links[at].between[usize::from(first)];
             let to = peers.iter().find(|(peer, _)| *peer == other).map(|(_, to)| *to);
             let to = to.ok_or_else(|| LinkError::Peer { name: network.stations[other].name.clone() })?;
@@ -199,12 +199,12 @@ impl Links {
         medium: M,
         network: &System,
         station: usize,
-        way: Way,
+        transport: Transport,
         end: impl Fn(usize, bool, u64) -> Result<(M::Codec, M::To), LinkError>,
     ) -> Result<(Self, Vec<LinkPort>), LinkError> {
         let text = text(network);
         let own = &network.stations[station];
-        let (mut ends, mut ports, mut links, mut ways) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut ends, mut ports, mut links, mut channels) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for (at, joint) in network.links.iter().enumerate() {
             let Some(side) = joint.between.iter().position(|end| *end == station) else { continue };
             let other = joint.between[1 - side];
@@ -221,9 +221,18 @@ impl Links {
             let counters = Arc::new(Counters::new(&network.stations[other].name, joint.age_max));
             links.push(Arc::clone(&counters));
             ports.push(port);
-            let held = (way == Way::AsWritten).then(|| Held::new(joint, side));
-            ways.extend(held.iter().map(Held::numbers));
-            ends.push(End { wire, session, to, period: (period * 1e9) as u64, next: 0, last: None, held, counters });
+            let in_flight = (transport == Transport::AsWritten).then(|| InFlight::new(joint, side));
+            channels.extend(in_flight.iter().map(InFlight::numbers));
+            ends.push(End {
+                wire,
+                session,
+                to,
+                period: (period * 1e9) as u64,
+                next: 0,
+                last: None,
+                in_flight,
+                counters,
+            });
         }
         let stop = Arc::new(AtomicBool::new(false));
         // Several looks a sample: a message is to wait for a small part of one only.
@@ -234,12 +243,12 @@ impl Links {
             run(medium, ends, &stops, nap);
         });
         let thread = thread.map_err(|error| LinkError::System { what: "thread", error })?;
-        Ok((Links { stop, thread: Some(thread), links, ways }, ports))
+        Ok((Links { stop, thread: Some(thread), links, channels }, ports))
     }
 
     /// What happens to the messages of each end; none on a real network.
-    pub fn ways(&self) -> impl Iterator<Item = Arc<WayNumbers>> {
-        self.ways.iter().map(Arc::clone)
+    pub fn channels(&self) -> impl Iterator<Item = Arc<ChannelNumbers>> {
+        self.channels.iter().map(Arc::clone)
     }
 
     /// What each link has done so far.

@@ -6,8 +6,8 @@ use hapt_model::{Station, System};
 use hapt_rt::{LinkPort, LinkWire, link};
 use hapt_wire::link::{Incoming, Number, Outgoing};
 
-use super::way::Held;
-use super::{Counters, LinkStatus, WayNumbers};
+use super::channel::InFlight;
+use super::{ChannelNumbers, Counters, LinkStatus};
 
 /// The links of all stations of a network. Ages count as over a real network, by the round trip. Each station has its own clock
 /// ([`Station::shown`]), and messages take the time of the network's.
@@ -21,7 +21,7 @@ struct End {
     /// Whose clock the samples are by.
     sender: Station,
     wire: LinkWire,
-    held: Held<Outgoing>,
+    in_flight: InFlight<Outgoing>,
     /// Between two messages, in ns, and when the next one is due.
     period: u64,
     next: u64,
@@ -46,7 +46,7 @@ impl SteppedLinks {
                     station,
                     sender: network.stations[station].clone(),
                     wire,
-                    held: Held::new(joint, side),
+                    in_flight: InFlight::new(joint, side),
                     period: (period * 1e9) as u64,
                     next: 0,
                     newest: None,
@@ -58,8 +58,8 @@ impl SteppedLinks {
     }
 
     /// What happens to the messages of each end.
-    pub fn ways(&self) -> Vec<Arc<WayNumbers>> {
-        self.ends.iter().map(|end| end.held.numbers()).collect()
+    pub fn channels(&self) -> Vec<Arc<ChannelNumbers>> {
+        self.ends.iter().map(|end| end.in_flight.numbers()).collect()
     }
 
     /// What the links of a station have done so far, whenever it is called.
@@ -90,13 +90,13 @@ impl End {
         }
         if let Some(outgoing) = newest.filter(|outgoing| outgoing.sampled >= self.next) {
             self.next = outgoing.sampled + self.period;
-            self.held.take(self.sender.time_of(outgoing.sampled), outgoing);
+            self.in_flight.take(self.sender.time_of(outgoing.sampled), outgoing);
         }
     }
 
     /// Passes on what has arrived at the other end at `now`.
     fn pass_on(&mut self, now: u64, to: &mut End) {
-        while let Some(message) = self.held.arrived(now) {
+        while let Some(message) = self.in_flight.arrived(now) {
             to.receive(&message);
         }
     }

@@ -5,13 +5,13 @@ use serde::Deserialize;
 use super::VERSION;
 
 /// The longest message that a page may send, in bytes.
-pub const LONGEST: usize = 4096;
+pub const MAX_MESSAGE_BYTES: usize = 4096;
 
 /// The largest position of a hand either way, in rad (linear: m).
 pub const FARTHEST: f64 = 1e4;
 
 /// The longest key, value, or scenario's name, in bytes.
-const LONGEST_WORD: usize = 256;
+const MAX_WORD_BYTES: usize = 256;
 
 /// A message of a page.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -131,7 +131,7 @@ impl ClientMessage {
     /// Reads a message; the error is a sentence.
     pub fn read(text: &str) -> Result<ClientMessage, String> {
         let message: ClientMessage = serde_json::from_str(text).map_err(|error| {
-            let why: String = error.to_string().chars().take(LONGEST_WORD).collect();
+            let why: String = error.to_string().chars().take(MAX_WORD_BYTES).collect();
             format!("no message of version {VERSION}: {why}")
         })?;
         let words: Vec<&str> = match &message {
@@ -164,8 +164,8 @@ impl ClientMessage {
             | ClientMessage::Network(_)
             | ClientMessage::Alive => Vec::new(),
         };
-        match words.iter().any(|word| word.len() > LONGEST_WORD) {
-            true => Err(format!("a key, a value, a name has at most {LONGEST_WORD} bytes")),
+        match words.iter().any(|word| word.len() > MAX_WORD_BYTES) {
+            true => Err(format!("a key, a value, a name has at most {MAX_WORD_BYTES} bytes")),
             false => Ok(message),
         }
     }
@@ -237,7 +237,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..LONGEST)) {
+        fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..MAX_MESSAGE_BYTES)) {
             let _ = ClientMessage::read(&String::from_utf8_lossy(&bytes));
         }
 

@@ -5,7 +5,7 @@ use std::os::unix::net::UnixStream;
 
 use hapt_wire::pid::{Common, FULL, INFINITE, Kind, Operation, Report, id};
 
-use crate::PATIENCE;
+use crate::TEST_TIMEOUT;
 
 /// A transfer's answer: its status and its data.
 pub type Answer = (i32, Vec<u8>);
@@ -21,7 +21,7 @@ pub struct Host {
 
 impl Host {
     pub fn new(stream: UnixStream) -> Self {
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        stream.set_read_timeout(Some(TEST_TIMEOUT)).unwrap();
         Host { stream, number: 0, waiting: None, shown: Vec::new() }
     }
 

@@ -22,7 +22,7 @@ use hapt_wire::usb::UNREAD;
 use host::Host;
 
 /// Beyond this something is broken, and not just slow.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 const RANGE: f64 = 5.0 * std::f64::consts::PI;
 const LIMIT: f64 = 5.0;
 /// 1/3 N·m s/rad pays for more than 300 N·m/rad at 1 ms.
@@ -109,7 +109,7 @@ impl Bench {
                 }
                 return status;
             }
-            assert!(begin.elapsed() < PATIENCE);
+            assert!(begin.elapsed() < TEST_TIMEOUT);
             std::thread::sleep(Duration::from_millis(1));
         }
     }
@@ -186,7 +186,7 @@ fn the_host_sees_where_the_wheel_is() {
             if last == input.write() {
                 break;
             }
-            assert!(begin.elapsed() < PATIENCE, "{last:?} for {turn}");
+            assert!(begin.elapsed() < TEST_TIMEOUT, "{last:?} for {turn}");
             bench.run(1);
         }
     }
@@ -212,7 +212,7 @@ fn a_page_sees_the_effects_and_presses_what_a_simulated_wheel_has() {
         if what(&info, host) {
             break info;
         }
-        assert!(begin.elapsed() < PATIENCE, "{info:?} {:?}", host.shown.last());
+        assert!(begin.elapsed() < TEST_TIMEOUT, "{info:?} {:?}", host.shown.last());
         std::thread::sleep(Duration::from_millis(2));
     };
     let block = host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL / 2 });
@@ -373,7 +373,7 @@ fn playing() -> Bench {
 fn ends_without_torque(bench: &mut Bench) {
     let begin = Instant::now();
     while bench.wheel.status().is_attached {
-        assert!(begin.elapsed() < PATIENCE);
+        assert!(begin.elapsed() < TEST_TIMEOUT);
         std::thread::sleep(Duration::from_millis(1));
     }
     assert!(bench.run(50).link.abs() < 1e-6);

@@ -30,8 +30,8 @@ const EARLIEST: f64 = 0.2 * LONGEST_DELAY;
 /// Of [`PARAMETERS`], those that enter by their logarithms.
 pub(super) const LOGARITHMS: [usize; 3] = [0, 4, 5];
 /// Steps of a fit that is compared with others, with a lag or beside the best, and of one that is followed to its end.
-pub(super) const SOME: usize = 20;
-pub(super) const MOST: usize = 100;
+pub(super) const FEW_ITERATIONS: usize = 20;
+pub(super) const MAX_ITERATIONS: usize = 100;
 /// χ² of three numbers at 95 %.
 const BEGINS: f64 = 7.815;
 /// The lag from which one is looked for, in periods.
@@ -181,7 +181,7 @@ impl Fit {
         p[AT_REST..].fill(0.0);
         let enough = self.squares * (1.0 + BEGINS / self.left.len() as f64);
         let resting = if self.rests { None } else { Fit::of(record, p, true) };
-        let resting = resting.and_then(|fit| fit.improved(record, MOST, stop));
+        let resting = resting.and_then(|fit| fit.improved(record, MAX_ITERATIONS, stop));
         resting.filter(|fit| fit.squares < enough).unwrap_or(self)
     }
 
@@ -195,7 +195,7 @@ impl Fit {
                 LATE => p[VARIANCE] = (part * p[LATE]).powi(2),
                 i => p[i] *= part,
             }
-            let beside = Fit::of(record, p, self.rests).and_then(|fit| fit.improved(record, SOME, stop));
+            let beside = Fit::of(record, p, self.rests).and_then(|fit| fit.improved(record, FEW_ITERATIONS, stop));
             if let Some(better) = beside.filter(|fit| fit.squares < self.squares) {
                 self = better;
             }

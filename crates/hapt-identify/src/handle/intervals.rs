@@ -4,7 +4,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::WithHandle;
 use super::fit::{
-    AT_REST, FRICTION, Fit, Free, LATE, LOGARITHMS, NOT_BELOW_0, POSITION, Parameters, SHARE, SOME, VARIANCE, inertias,
+    AT_REST, FEW_ITERATIONS, FRICTION, Fit, Free, LATE, LOGARITHMS, NOT_BELOW_0, POSITION, Parameters, SHARE, VARIANCE,
+    inertias,
 };
 use crate::identified::{CorrelatedPair, Interval, Residual};
 use crate::intervals::{CORRELATED, VAGUE, no_longer, positive};
@@ -52,7 +53,7 @@ impl Fit {
                     reach *= FURTHER;
                 }
             }
-            let better = better.and_then(|fit| fit.fitting(Free::All).improved(record, SOME, stop));
+            let better = better.and_then(|fit| fit.fitting(Free::All).improved(record, FEW_ITERATIONS, stop));
             match better {
                 Some(better) if better.squares < best.squares - NOTICEABLE * best.unit() => best = better,
                 _ => return (best, others),

@@ -11,7 +11,7 @@ use tokio_tungstenite::tungstenite::handshake::client::Request;
 use tokio_tungstenite::tungstenite::{Error, Message, WebSocket, client};
 
 /// Longer than anything here takes on the slowest machine.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// A wheel on a spring to the puck, the puck on one to ground: what is let go comes back.
 pub const WORLD: &str = r#"title = "wheel"
@@ -82,7 +82,7 @@ pub fn arm(page: &mut Page) {
 /// What the server answers to these bytes, up to the end of the connection.
 pub fn answer(address: SocketAddr, request: &str) -> String {
     let mut stream = TcpStream::connect(address).unwrap();
-    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    stream.set_read_timeout(Some(TEST_TIMEOUT)).unwrap();
     stream.write_all(request.as_bytes()).unwrap();
     let mut bytes = Vec::new();
     stream.read_to_end(&mut bytes).unwrap();
@@ -115,7 +115,7 @@ impl Page {
 
     pub fn connect(address: SocketAddr) -> Result<Page, String> {
         let stream = TcpStream::connect(address).map_err(|error| error.to_string())?;
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        stream.set_read_timeout(Some(TEST_TIMEOUT)).unwrap();
         let request = Request::builder()
             .uri(format!("ws://{address}/ws"))
             .header("Host", address.to_string())

@@ -12,7 +12,7 @@ use hapt_model::{Source, System};
 use hapt_rt::Outside;
 
 /// Beyond this something is broken, and not just slow.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 
 fn source() -> Source {
     let mut source = Source::from_text(
@@ -58,7 +58,7 @@ fn stations_that_record_at_once_have_a_file_each_with_their_name() {
     }
     let begin = Instant::now();
     while pages.iter().any(|page| page.session.recording().is_none_or(|recording| recording.seconds < 0.1)) {
-        assert!(begin.elapsed() < PATIENCE);
+        assert!(begin.elapsed() < TEST_TIMEOUT);
         for page in &mut pages {
             page.poll(begin.elapsed(), |_, _| ());
         }
@@ -103,7 +103,7 @@ fn until(what: &str, pages: &mut [PageSession], mut is_so: impl FnMut(&[PageSess
             assert!(ended.is_none(), "{ended:?}");
             *frames += usize::from(page.frame().is_some());
         }
-        assert!(begin.elapsed() < PATIENCE, "{what}: {counts:?}, {:?}", info(&pages[0]));
+        assert!(begin.elapsed() < TEST_TIMEOUT, "{what}: {counts:?}, {:?}", info(&pages[0]));
         std::thread::sleep(Duration::from_millis(2));
     }
 }
@@ -164,7 +164,7 @@ fn a_slow_verdict_holds_up_nobody() {
     let before = info(&pages[0]);
     assert!(before.certified && !before.outdated);
     soften(&mut pages[0], 5.0);
-    assert_eq!(enters.recv_timeout(PATIENCE), Ok(0.25));
+    assert_eq!(enters.recv_timeout(TEST_TIMEOUT), Ok(0.25));
     for more in 1..=20 {
         soften(&mut pages[more % 2], 5.0 + more as f64);
         set(&mut pages[0], "couplings.0.stiffness", &format!("{}", 1.0 + 0.1 * more as f64));

@@ -14,14 +14,14 @@ use rayon::prelude::*;
 /// The margin along each side of the frame.
 pub(crate) const INSET: f64 = 1e-6;
 /// Steps, in parts of the frame.
-const LONGEST: f64 = 0.02;
+const MAX_STEP: f64 = 0.02;
 const SHORTEST: f64 = 1e-5;
 /// The largest angle between the edge and a step, in rad, except for the shortest step.
 const TURN: f64 = 0.12;
 /// The accuracy of a point.
 const ON_EDGE: f64 = 1e-13;
 /// The most points of an edge.
-const MOST: usize = 20_000;
+const MAX_POINTS: usize = 20_000;
 /// Intervals of each side of the square, and of each line through it, that are searched for a change of sign.
 const STRETCHES: usize = 48;
 /// The distance from their ends.
@@ -219,7 +219,7 @@ fn follow<E>(
     let (mut p, mut step, mut length) = (start, 10.0 * SHORTEST, 0.0);
     // The direction of the last step; at first only a half plane is known, as behind a corner.
     let mut last: Option<f64> = None;
-    while points.len() < MOST {
+    while points.len() < MAX_POINTS {
         if may_close && length > 4.0 * step && distance(p, start) <= step {
             return Ok(Trace { points, closed: true });
         }
@@ -257,7 +257,7 @@ fn follow<E>(
                 // The curvature continues, except at a corner.
                 heading = if turn.abs() <= TURN { towards + turn } else { towards };
                 if turn.abs() < 0.3 * TURN {
-                    step = (2.0 * step).min(LONGEST);
+                    step = (2.0 * step).min(MAX_STEP);
                 }
                 (p, last) = (q, Some(towards));
             }

@@ -14,10 +14,10 @@ use crate::boundary::plane::{Edge, Plane};
 use crate::error::Error;
 
 /// The distance of the verdicts on both sides of a point, in parts of the frame.
-pub(crate) const BESIDE: f64 = 1e-6;
+pub(crate) const VERDICT_OFFSET: f64 = 1e-6;
 /// The largest distance of a chord from the curve, and its largest length, in parts of the frame.
 const CHORD: f64 = 1e-4;
-const LONGEST: f64 = 0.01;
+const MAX_STEP: f64 = 0.01;
 /// The largest distance of joined ends.
 const MEETS: f64 = 1e-3;
 /// The smallest φ, and the smallest distance of φ from π or of a place from its line's end, relative to the range.
@@ -27,7 +27,7 @@ const DEEPEST: usize = 24;
 
 /// An edge, and at each of its points the frequency in Hz and the direction beyond it, of length 1.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Found {
+pub(crate) struct TracedEdge {
     pub trace: Trace,
     pub known: Vec<(f64, [f64; 2])>,
 }
@@ -94,7 +94,7 @@ impl BoundaryCurve<'_> {
                     high + room < 0.0 || low - room > 1.0
                 };
                 let chord = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
-                apart(0) || apart(1) || (distance(chord, m) < CHORD && distance(a, b) < LONGEST)
+                apart(0) || apart(1) || (distance(chord, m) < CHORD && distance(a, b) < MAX_STEP)
             }
             (None, None, None) => true,
             _ => false,
@@ -107,9 +107,9 @@ impl BoundaryCurve<'_> {
     }
 
     /// The parts that are the edge, with the region beyond it on their left.
-    fn stretches(&self, base: &[f64]) -> Result<Vec<Found>, Error> {
+    fn stretches(&self, base: &[f64]) -> Result<Vec<TracedEdge>, Error> {
         let parameters = self.parameters(base);
-        let mut all: Vec<Found> = Vec::new();
+        let mut all: Vec<TracedEdge> = Vec::new();
         let mut stretch: Vec<f64> = Vec::new();
         let mut before: Option<(f64, Option<Side>)> = None;
         for t in parameters {
@@ -144,12 +144,12 @@ impl BoundaryCurve<'_> {
         Ok(here)
     }
 
-    fn found(&self, stretch: Vec<f64>, side: Option<Side>) -> Option<Found> {
+    fn found(&self, stretch: Vec<f64>, side: Option<Side>) -> Option<TracedEdge> {
         let side = side?;
         let points = stretch.iter().map(|t| self.place(*t)).collect::<Option<Vec<Place>>>()?;
         let known = |t: &f64| Some(((self.hz)(*t), normal(self.along(*t)?, side)));
         let known = stretch.iter().map(known).collect::<Option<Vec<_>>>()?;
-        let mut found = Found { trace: Trace { points, closed: false }, known };
+        let mut found = TracedEdge { trace: Trace { points, closed: false }, known };
         if side == Side::Right {
             found.trace.points.reverse();
             found.known.reverse();
@@ -171,7 +171,7 @@ pub(crate) fn side(plane: &Plane, edge: Edge, p: Place, along: [f64; 2]) -> Resu
         if !to.iter().all(|x| x.is_finite()) {
             return Ok(None);
         }
-        let beside = Plane::inside([0, 1].map(|i| p[i] + BESIDE * to[i]));
+        let beside = Plane::inside([0, 1].map(|i| p[i] + VERDICT_OFFSET * to[i]));
         Ok(Some(plane.beyond(edge, beside)? > 0.0))
     };
     Ok(match (is_beyond(Side::Left)?, is_beyond(Side::Right)?) {
@@ -182,7 +182,7 @@ pub(crate) fn side(plane: &Plane, edge: Edge, p: Place, along: [f64; 2]) -> Resu
 }
 
 /// The edge by the equations; `None` where the parts do not close it, so that it has to be traced.
-pub(crate) fn edges(plane: &Plane, edge: Edge, equations: &[Decomposition]) -> Result<Option<Vec<Found>>, Error> {
+pub(crate) fn edges(plane: &Plane, edge: Edge, equations: &[Decomposition]) -> Result<Option<Vec<TracedEdge>>, Error> {
     let mut stretches = Vec::new();
     for equation in equations {
         let period = plane.system.number("loop.period").unwrap_or(f64::NAN);
@@ -246,11 +246,11 @@ fn through(plane: &Plane, line: Line) -> Option<[[f64; 2]; 2]> {
     };
     let first = *ends.first()?;
     let last = *ends.iter().max_by(|p, q| far(&first, p).total_cmp(&far(&first, q)))?;
-    (far(&first, &last) > BESIDE).then_some([first, last])
+    (far(&first, &last) > VERDICT_OFFSET).then_some([first, last])
 }
 
 /// Joins adjacent parts; `None` where the result ends neither at the frame nor at its start.
-fn together(mut stretches: Vec<Found>) -> Option<Vec<Found>> {
+fn together(mut stretches: Vec<TracedEdge>) -> Option<Vec<TracedEdge>> {
     let mut whole = Vec::new();
     while let Some(mut chain) = stretches.pop() {
         loop {
@@ -259,7 +259,7 @@ fn together(mut stretches: Vec<Found>) -> Option<Vec<Found>> {
                 break;
             }
             // A part that continues at the end, or before the start.
-            let gap = |found: &Found| {
+            let gap = |found: &TracedEdge| {
                 let ends = found.trace.points.first().zip(found.trace.points.last());
                 let (first, last) = ends.map_or((f64::INFINITY, f64::INFINITY), |(first, last)| {
                     let behind = if on_frame(end) { f64::INFINITY } else { distance(end, *first) };

@@ -15,14 +15,14 @@ use rayon::prelude::*;
 
 use crate::error::Error;
 use continuation::{Trace, trace};
-use equation::{BESIDE, Found, Side, edges, normal, side};
+use equation::{Side, TracedEdge, VERDICT_OFFSET, edges, normal, side};
 
 pub use continuation::Place;
 pub use plane::{Edge, Plane};
 
 /// The method that found an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum EdgeMethod {
     /// By its equation.
     Equation,
     /// Traced by the change of the verdict.
@@ -48,7 +48,7 @@ pub struct Piece {
     /// The claim.
     pub edge: Edge,
     /// The method that found it.
-    pub way: Way,
+    pub way: EdgeMethod,
     /// The points in their order.
     pub points: Vec<Point>,
     /// Whether it is closed; else both ends are at the frame, or [lost](Claim::lost).
@@ -173,10 +173,10 @@ fn claim(plane: &Plane, edge: Edge, stop: &(dyn Fn() -> bool + Sync)) -> Result<
     let corner = plane.beyond(edge, Plane::inside([0.0, 0.0]))? > 0.0;
     let mut pieces: Vec<Piece> = Vec::new();
     for found in known {
-        pieces.extend(piece(plane, edge, Way::Equation, found)?);
+        pieces.extend(piece(plane, edge, EdgeMethod::Equation, found)?);
     }
     for trace in more.into_iter().filter(|trace| trace.points.len() > 1) {
-        pieces.extend(piece(plane, edge, Way::Continuation, Found { trace, known: Vec::new() })?);
+        pieces.extend(piece(plane, edge, EdgeMethod::Continuation, TracedEdge { trace, known: Vec::new() })?);
     }
     let lost: Vec<[f64; 2]> = all.iter().flat_map(Trace::lost).map(|place| plane.values(place)).collect();
     let everywhere = all.is_empty().then_some(corner);
@@ -186,8 +186,8 @@ fn claim(plane: &Plane, edge: Edge, stop: &(dyn Fn() -> bool + Sync)) -> Result<
 
 /// A trace with the data of its points. At each point of a traced edge the verdict is computed on both sides, across both neighbours, or
 /// across one of them near a corner; points of an equation have been checked.
-fn piece(plane: &Plane, edge: Edge, way: Way, found: Found) -> Result<Option<Piece>, Error> {
-    let Found { trace: Trace { points, closed }, known } = found;
+fn piece(plane: &Plane, edge: Edge, way: EdgeMethod, found: TracedEdge) -> Result<Option<Piece>, Error> {
+    let TracedEdge { trace: Trace { points, closed }, known } = found;
     let n = points.len();
     let point = |i: usize| -> Result<Option<Point>, Error> {
         let here = points[i];
@@ -203,7 +203,7 @@ fn piece(plane: &Plane, edge: Edge, way: Way, found: Found) -> Result<Option<Pie
             let along = [b[0] - a[0], b[1] - a[1]];
             if side(plane, edge, here, along)? == Some(Side::Left) {
                 let beyond = normal(along, Side::Left);
-                let beside = Plane::inside([0, 1].map(|j| here[j] + BESIDE * beyond[j]));
+                let beside = Plane::inside([0, 1].map(|j| here[j] + VERDICT_OFFSET * beyond[j]));
                 return Ok(made(plane.hz(edge, beside)?, beyond));
             }
         }

@@ -6,7 +6,7 @@
 //!
 //! * [`search`] runs the whole search on one world and returns a [`Worst`].
 //! * [`Hand`] is a hand with its initial kick, and the scenario that shows it.
-//! * [`Motion`] is a prescribed path, for worlds from which no grip draws energy: the one for which the motor's work is largest, or one
+//! * [`HandMotion`] is a prescribed path, for worlds from which no grip draws energy: the one for which the motor's work is largest, or one
 //!   against counts, levels and samples.
 //! * [`work_motion`] is the former of a linear loop, by the largest eigenvalue of the work as a quadratic form of the motion.
 //! * [`search_together`] is the search for the hands at all stations of a network, and returns a [`WorstTogether`].
@@ -26,7 +26,7 @@ mod search;
 pub use drawn::{Drawn, drawn};
 pub use form::{WorkMotion, work_motion};
 pub use hand::Hand;
-pub use motion::{Motion, Trick};
+pub use motion::{Exploit, HandMotion};
 pub use moved::{FILE, Moved, best_motion};
 pub use network::{DrawnTogether, MOST_TOGETHER, WorstTogether, search_together};
 pub use search::{Error, Gap, Watch, Worst, most_runs, search, search_watched};

@@ -17,7 +17,7 @@ use super::search::Error;
 /// The kind of a motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Trick {
+pub enum Exploit {
     /// It is the motion for which the motor's work on a linear loop is largest beside the damping's ([`super::work_motion`]), repeated.
     Work,
     /// It moves with the quantisation error of the held torque, sample by sample.
@@ -32,16 +32,16 @@ pub enum Trick {
 
 /// A motion that the hand prescribes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Motion {
+pub struct HandMotion {
     /// Its kind.
-    pub trick: Trick,
+    pub trick: Exploit,
     /// Times in s and positions in rad (linear: m), straight in between.
     pub points: Vec<(f64, f64)>,
     /// The pattern of intervals and delays under which it is made.
     pub timing: Timing,
 }
 
-impl Motion {
+impl HandMotion {
     /// The scenario that shows it; its path is the file `file`.
     pub fn scenario(&self, name: &str, file: &str, duration: f64) -> Scenario {
         let shape = Shape::Path { file: file.into(), points: self.points.clone() };
@@ -103,7 +103,7 @@ impl Running {
 }
 
 /// All motions that are worth a run, for as many samples.
-pub(crate) fn motions(world: &World, targets: &[f64], samples: usize) -> Result<Vec<Motion>, Error> {
+pub(crate) fn motions(world: &World, targets: &[f64], samples: usize) -> Result<Vec<HandMotion>, Error> {
     let (mut stiffness, mut damping, mut pulls) = (0.0, 0.0, Vec::new());
     let period = world.sampling.period;
     for tie in linearise(&world.bodies, &world.couplings, &Slopes::Steep).map_err(Error::Linear)? {
@@ -196,7 +196,7 @@ impl Bench<'_> {
     }
 
     /// Positions at the samples as a path that stands still until the command arrives, and moves then.
-    fn path(&self, trick: Trick, positions: &[f64]) -> Motion {
+    fn path(&self, trick: Exploit, positions: &[f64]) -> HandMotion {
         let mut points = Vec::with_capacity(2 * positions.len());
         let mut last = None;
         for (k, &position) in positions.iter().enumerate() {
@@ -206,12 +206,12 @@ impl Bench<'_> {
             points.push((k as f64 * self.period, position));
             last = Some(position);
         }
-        Motion { trick, points, timing: Timing::Even }
+        HandMotion { trick, points, timing: Timing::Even }
     }
 
     /// With the error of the held torque, from the comparison with a loop without counts and levels. [`Bench::pump`] exploits the errors at
     /// bodies.
-    fn dither(&self, place: f64, part: f64) -> Result<Option<Motion>, Error> {
+    fn dither(&self, place: f64, part: f64) -> Result<Option<HandMotion>, Error> {
         let Some(step) = self.grain().map(|grain| part * grain) else { return Ok(None) };
         let mut ideal = self.world.clone();
         (ideal.device.encoder, ideal.device.levels) = (None, None);
@@ -241,12 +241,12 @@ impl Bench<'_> {
             // Without an error yet, move on until there is one.
             z += if errors.pop_front().unwrap_or(0.0) < 0.0 { -step } else { step };
         }
-        Ok(Some(self.path(Trick::Dither, &positions)))
+        Ok(Some(self.path(Exploit::Dither, &positions)))
     }
 
     /// Crosses a count so that the bodies' oscillation grows, and after `swings` half periods yields at its end, by `yielding` of the
     /// torque's demand per sample.
-    fn pump(&self, place: f64, swings: u32, yielding: f64) -> Result<Option<Motion>, Error> {
+    fn pump(&self, place: f64, swings: u32, yielding: f64) -> Result<Option<HandMotion>, Error> {
         let (Some(count), true) = (self.world.count(), self.stiffness > 0.0) else { return Ok(None) };
         let friction = self.world.device.friction;
         let mut running = Running::new(self.world)?;
@@ -287,11 +287,11 @@ impl Bench<'_> {
                 z = center + if rising { step } else { -step };
             }
         }
-        Ok(Some(self.path(Trick::Pump, &positions)))
+        Ok(Some(self.path(Exploit::Pump, &positions)))
     }
 
     /// The velocity at each sample is opposite to that in between.
-    fn reverse(&self, place: f64, back: f64) -> Option<Motion> {
+    fn reverse(&self, place: f64, back: f64) -> Option<HandMotion> {
         let device = &self.world.device;
         // The damper's torque is well above friction, and within the motor's limit.
         let torque = device
@@ -312,11 +312,11 @@ impl Bench<'_> {
             // Against the held torque: that of one delay ago.
             z -= back * way(k.saturating_sub(self.late.0)) * self.period;
         }
-        Some(Motion { trick: Trick::Reverse, points, timing: Timing::Even })
+        Some(HandMotion { trick: Exploit::Reverse, points, timing: Timing::Even })
     }
 
     /// With the constant torques at bodies, at the velocity of least dissipation at the puck.
-    fn follow(&self) -> Option<Motion> {
+    fn follow(&self) -> Option<HandMotion> {
         let torque: f64 = self.world.couplings.iter().filter_map(constant).sum();
         let device = &self.world.device;
         if torque == 0.0 {
@@ -327,7 +327,7 @@ impl Bench<'_> {
         let time = self.samples as f64 * self.period;
         let slow = pace.min(1e3 / time.max(1.0));
         let points = vec![(0.0, 0.0), (time, slow * time * torque.signum())];
-        Some(Motion { trick: Trick::Follow, points, timing: Timing::Even })
+        Some(HandMotion { trick: Exploit::Follow, points, timing: Timing::Even })
     }
 }
 

@@ -7,7 +7,7 @@ use hapt_model::{Scenario, World};
 use super::drawn::{Drawn, drawn};
 use super::form::work_motion;
 use super::hand::{reach, targets};
-use super::motion::{Motion, Trick, motions};
+use super::motion::{Exploit, HandMotion, motions};
 use super::search::{Error, Watch, go_on, stiffness};
 
 /// Samples of a prescribed motion: the fewest, the most, and half swings of the slowest body that hangs on the puck.
@@ -35,7 +35,7 @@ pub(super) fn moved(world: &World, stiffness: f64) -> usize {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Moved {
     /// The motion.
-    pub motion: Motion,
+    pub motion: HandMotion,
     /// The run that shows it, under the name `worst`, its path the file [`FILE`].
     pub scenario: Scenario,
     /// The energy that it drew.
@@ -99,7 +99,7 @@ pub(super) fn work(world: &World, watch: &Watch<'_>, runs: &mut usize) -> Result
                 continue;
             }
             let points = motion.points(repetitions, size);
-            let moves = Motion { trick: Trick::Work, points, timing: motion.timing(world) };
+            let moves = HandMotion { trick: Exploit::Work, points, timing: motion.timing(world) };
             let length = repetitions as f64 * motion.duration();
             let scenario =
                 moves.scenario("worst", FILE, (length / world.sampling.period).round() * world.sampling.period);

@@ -14,7 +14,7 @@ use serde::{Serialize, Serializer};
 
 use super::drawn::{Drawn, drawn};
 use super::hand::{Hand, targets};
-use super::motion::Motion;
+use super::motion::HandMotion;
 use super::moved::{best_motion_watched, grain, moved, work};
 
 /// The most and the fewest rows of a run, and its duration otherwise, s.
@@ -79,7 +79,7 @@ pub struct Worst {
     /// The grip that drew most energy from the whole loop.
     pub hand: Hand,
     /// Where no grip drew energy in its run: the prescribed motion that did.
-    pub motion: Option<Motion>,
+    pub motion: Option<HandMotion>,
     /// The energy that it drew.
     pub drawn: Drawn,
     /// Whether that exceeds rounding and a count of the encoder.
@@ -99,11 +99,11 @@ pub struct Worst {
 impl Serialize for Worst {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         #[derive(Serialize)]
-        struct Shown {
-            trick: super::motion::Trick,
+        struct Summary {
+            trick: super::motion::Exploit,
             points: usize,
         }
-        let motion = self.motion.as_ref().map(|motion| Shown { trick: motion.trick, points: motion.points.len() });
+        let motion = self.motion.as_ref().map(|motion| Summary { trick: motion.trick, points: motion.points.len() });
         let mut fields = to.serialize_struct("Worst", 11)?;
         fields.serialize_field("broken", &self.broken)?;
         fields.serialize_field("certified", &self.is_certified())?;
@@ -287,7 +287,7 @@ pub fn most_runs(world: &World) -> Result<usize, Error> {
 /// The linear loop's worst hand comes first; then hands of three masses on four springs, closed and switching, each kicked toward a few
 /// places, on the exact simulation of the whole device; then a climb from the best of either kind. Where none of them draws energy, the
 /// motion for which the motor's work on the linear loop is largest ([`super::work_motion`]), then motions against counts, levels, samples and
-/// constant torques ([`Motion`]). Deterministic.
+/// constant torques ([`HandMotion`]). Deterministic.
 ///
 /// Work: some 250 runs of up to 12 000 samples, and the eigenvalues of [`breaking_damping`].
 ///
@@ -379,9 +379,9 @@ pub fn search_watched(world: &World, watch: &Watch<'_>) -> Result<Worst, Error> 
     if let Some(best) = best.filter(gains) {
         shown.push(show(world, best.hand, 8.0 * duration)?);
     }
-    let more = |a: &Shown, b: &Shown| a.drawn.gain.total_cmp(&b.drawn.gain);
+    let more = |a: &ShownHand, b: &ShownHand| a.drawn.gain.total_cmp(&b.drawn.gain);
     // Three masses are always tried.
-    let Some(Shown { hand, scenario, drawn }) = shown.into_iter().max_by(more) else {
+    let Some(ShownHand { hand, scenario, drawn }) = shown.into_iter().max_by(more) else {
         return Err(Error::Linear(hapt_analysis::Error::Eigenvalues { order: 0 }));
     };
     let (mut scenario, mut drawn, mut motion) = (scenario, drawn, None);
@@ -416,15 +416,15 @@ pub fn search_watched(world: &World, watch: &Watch<'_>) -> Result<Worst, Error> 
 }
 
 /// A hand, and the run that shows it.
-struct Shown {
+struct ShownHand {
     hand: Hand,
     scenario: Scenario,
     drawn: Drawn,
 }
 
 /// A run of `length`, or until the loop runs away.
-fn show(world: &World, hand: Hand, length: f64) -> Result<Shown, Error> {
+fn show(world: &World, hand: Hand, length: f64) -> Result<ShownHand, Error> {
     let drawn = drawn(world, &hand.scenario("worst", length), hand.energy())?;
     let length = if drawn.until_s < length - world.sampling.period { drawn.until_s } else { length };
-    Ok(Shown { hand, scenario: hand.scenario("worst", length), drawn })
+    Ok(ShownHand { hand, scenario: hand.scenario("worst", length), drawn })
 }

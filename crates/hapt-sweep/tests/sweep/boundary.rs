@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use hapt_analysis::{Verdict, free_growth, held_growth, required_damping};
 use hapt_model::{Source, World};
 use hapt_sweep::Error;
-use hapt_sweep::boundary::{Boundary, Claim, Edge, Way};
+use hapt_sweep::boundary::{Boundary, Claim, Edge, EdgeMethod};
 use proptest::prelude::*;
 
 /// T, b and J of the wall below.
@@ -68,7 +68,7 @@ fn claim(file: &str, sets: &[&str], axes: [&str; 2], edge: Edge) -> Claim {
 
 /// Every point of the edge by its closed form, of which no more than `most` is left, relatively. There is one piece, of so many
 /// points at least.
-fn is(claim: &Claim, way: Way, least: usize, most: f64, left: impl Fn([f64; 2]) -> f64) {
+fn is(claim: &Claim, way: EdgeMethod, least: usize, most: f64, left: impl Fn([f64; 2]) -> f64) {
     let [piece] = &claim.pieces[..] else { panic!("{} pieces", claim.pieces.len()) };
     assert_eq!(piece.way, way);
     assert!(piece.points.len() >= least, "{} points", piece.points.len());
@@ -83,10 +83,10 @@ fn is(claim: &Claim, way: Way, least: usize, most: f64, left: impl Fn([f64; 2]) 
 fn the_edge_of_passivity_of_a_wall_is_a_line() {
     let axes = ["couplings.0.stiffness=0..5", "couplings.0.damping=0..0.05"];
     let of = |sets: &[&str]| claim(WALL, sets, axes, Edge::Passive);
-    is(&of(&[]), Way::Continuation, 5, 1e-9, |[k, b]| (0.5 * k * PERIOD + b) / DAMPING - 1.0);
+    is(&of(&[]), EdgeMethod::Continuation, 5, 1e-9, |[k, b]| (0.5 * k * PERIOD + b) / DAMPING - 1.0);
     let low_pass = of(&["loop.estimator=low-pass", "loop.cutoff=40Hz"]);
     let share = PERIOD / (PERIOD + 2.0 / (TAU * 40.0));
-    is(&low_pass, Way::Continuation, 5, 1e-9, |[k, b]| (0.5 * k * PERIOD + share * b) / DAMPING - 1.0);
+    is(&low_pass, EdgeMethod::Continuation, 5, 1e-9, |[k, b]| (0.5 * k * PERIOD + share * b) / DAMPING - 1.0);
     // A half of the sampling rate is where a damper is dearest.
     assert!(low_pass.pieces[0].points.iter().all(|p| p.hz.is_none_or(|hz| (hz - 500.0).abs() < 1e-6)));
 }
@@ -96,7 +96,7 @@ fn the_edge_of_passivity_of_a_wall_is_a_line() {
 fn delay_against_stiffness_is_the_known_curve() {
     let axes = ["loop.delay=0..4ms", "couplings.0.stiffness=0..5"];
     let found = claim(WALL, &["couplings.0.damping=0"], axes, Edge::Passive);
-    is(&found, Way::Continuation, 40, 1e-9, |[delay, k]| {
+    is(&found, EdgeMethod::Continuation, 40, 1e-9, |[delay, k]| {
         let a = (delay / PERIOD).fract();
         let q = 1.0 + 2.0 * delay / PERIOD;
         0.25 * k * PERIOD * (q + (q * q + 4.0 * a * (1.0 - a)).sqrt()) / DAMPING - 1.0
@@ -134,9 +134,9 @@ fn continuation_and_equation_are_one_curve() {
     // Short of β = 2, where a loop without a spring leaves the circle as well.
     let damping = "couplings.1.damping=0.02..1.2";
     let by_equation = claim(file, &[], ["couplings.0.stiffness=10..1000", damping], Edge::Free);
-    is(&by_equation, Way::Equation, 100, 1e-9, |[k, b]| left(k, b));
+    is(&by_equation, EdgeMethod::Equation, 100, 1e-9, |[k, b]| left(k, b));
     let followed = claim(file, &["couplings.2.torque=10"], ["couplings.2.pitch=0.06..6:log", damping], Edge::Free);
-    is(&followed, Way::Continuation, 50, 1e-7, |[pitch, b]| left(TAU * 10.0 / pitch, b));
+    is(&followed, EdgeMethod::Continuation, 50, 1e-7, |[pitch, b]| left(TAU * 10.0 / pitch, b));
 }
 
 /// The notes' (2.14) and what it leaves out: forward Euler holds for T ≤ 2ζ/ω, and from ζ = 1 on for Tω ≤ 2(ζ - √(ζ² - 1)).
@@ -147,7 +147,7 @@ fn forward_euler_against_damping_has_a_corner_at_critical_damping() {
     let axes = ["couplings.1.damping=1e-3..2:log", "loop.period=1ms..1s:log"];
     let found = claim(WHEEL, &[], axes, Edge::Held);
     // A growth of 1e-9 per second counts as none: 2e-9/(ω²T) of T at light damping.
-    is(&found, Way::Continuation, 60, 1e-7, |[damping, period]| {
+    is(&found, EdgeMethod::Continuation, 60, 1e-7, |[damping, period]| {
         let zeta = damping / (2.0 * j * omega);
         let limit = if zeta < 1.0 { 2.0 * zeta } else { 2.0 * (zeta - (zeta * zeta - 1.0).sqrt()) };
         period * omega / limit - 1.0
@@ -162,7 +162,9 @@ fn forward_euler_against_damping_has_a_corner_at_critical_damping() {
     let found = claim(WHEEL, &["loop.period=50ms"], axes, Edge::Held);
     let t = 0.05;
     let crossings = |[k, c]: [f64; 2]| [c / (k * t) - 1.0, (2.0 * c * t - k * t * t) / (4.0 * j) - 1.0];
-    is(&found, Way::Equation, 50, 1e-9, |values| crossings(values).map(f64::abs).into_iter().fold(1.0, f64::min));
+    is(&found, EdgeMethod::Equation, 50, 1e-9, |values| {
+        crossings(values).map(f64::abs).into_iter().fold(1.0, f64::min)
+    });
 }
 
 /// Where nothing depends on the keys, or no value makes a difference, there is no edge, and all is on one side.
@@ -344,7 +346,7 @@ proptest! {
             format!("couplings.2.stiffness={:?}..{k:?}{end}", from * k),
         ];
         let found = boundary(&file, &[], &axes.each_ref().map(String::as_str), &[Edge::Free]).unwrap();
-        prop_assert!(found.claims[0].pieces.iter().all(|piece| piece.way == Way::Equation), "{:?}", axes);
+        prop_assert!(found.claims[0].pieces.iter().all(|piece| piece.way == EdgeMethod::Equation), "{:?}", axes);
         is_true(&found, &file, &asked)?;
     }
 }

@@ -9,7 +9,7 @@ use hapt_analysis::{Status, is_certified, passivity, required_damping};
 use hapt_model::{
     Body, Coupling, Damping, Drive, End, Hand, Law, Method, Output, Scenario, Shape, Side, Source, World,
 };
-use hapt_sweep::worst::{Trick, best_motion, drawn, most_runs, search, search_watched, work_motion};
+use hapt_sweep::worst::{Exploit, best_motion, drawn, most_runs, search, search_watched, work_motion};
 use proptest::prelude::*;
 use proptest::sample::select;
 
@@ -296,7 +296,7 @@ fn fixed(damping: f64) -> Law {
 }
 
 /// What a motion of `samples` samples draws, and that the scenario shows it again.
-fn moved(world: &World, samples: usize) -> Option<Trick> {
+fn moved(world: &World, samples: usize) -> Option<Exploit> {
     let found = best_motion(world, samples).unwrap().0?;
     let had = 1e6 * found.drawn.gain;
     let again = drawn(world, &found.scenario, had).unwrap();
@@ -331,7 +331,7 @@ proptest! {
         // Errors of counts, dampers and levels do not all come at once where the torque is late.
         world.device.friction = if late > 0 || which == 2 { 0.3 } else { 0.6 } * least(&world);
         prop_assert!(!passivity(&world).unwrap().proved.holds());
-        prop_assert_eq!(moved(&world, 6000), Some(Trick::Dither));
+        prop_assert_eq!(moved(&world, 6000), Some(Exploit::Dither));
         world.device.friction = 1.000001 * least(&world);
         let cut = late == 0 || damping == 0.0 || world.device.limit.is_none();
         prop_assert!(passivity(&world).unwrap().proved.holds() || !cut, "{:?}", passivity(&world).unwrap().not_proved);
@@ -359,7 +359,7 @@ proptest! {
         world.device.friction = 0.5 * k * world.count().unwrap() * friction;
         let answer = passivity(&world).unwrap();
         prop_assert!(answer.passive.holds() && !answer.proved.holds());
-        prop_assert_eq!(moved(&world, 20_000), Some(Trick::Pump));
+        prop_assert_eq!(moved(&world, 20_000), Some(Exploit::Pump));
     }
 
     /// The true velocity of an instant says nothing of the way until the next. In 4000 samples a weaker damper gives less than the puck's
@@ -372,7 +372,7 @@ proptest! {
         prop_assume!(world.device.damping < 4.0 * damping);
         world.device.friction = friction;
         prop_assert!(!passivity(&world).unwrap().proved.holds());
-        prop_assert_eq!(moved(&world, 4000), Some(Trick::Reverse));
+        prop_assert_eq!(moved(&world, 4000), Some(Exploit::Reverse));
         world.sampling.estimator = hapt_model::EstimatorKind::Difference;
         prop_assert!(passivity(&world).unwrap().proved.holds());
         prop_assert_eq!(moved(&world, 4000), None);
@@ -396,6 +396,6 @@ proptest! {
         }
         world.device.damping = required_damping(&world).unwrap().unwrap() * 1.1;
         prop_assert!(!passivity(&world).unwrap().proved.holds());
-        prop_assert_eq!(moved(&world, 20_000), (!held).then_some(Trick::Follow));
+        prop_assert_eq!(moved(&world, 20_000), (!held).then_some(Exploit::Follow));
     }
 }

@@ -1,7 +1,7 @@
 //! Both halves in one thread: for externally clocked boards, emulators and tests.
 
 use super::{Board, CommandHandler, Mailbox, Measurement, Motor, Sampler, WorldStorage};
-use crate::LONGEST;
+use crate::MAX_FRAME_BYTES;
 
 /// Command handler, sampler, and the mailbox between them.
 #[derive(Debug)]
@@ -35,7 +35,7 @@ impl<'w> Endpoint<'w> {
     }
 
     /// The next frame for the host, if there is one. On an externally clocked board: all of them after each byte, so that none is lost.
-    pub fn answer<'r>(&mut self, room: &'r mut [u8; LONGEST]) -> Option<&'r [u8]> {
+    pub fn answer<'r>(&mut self, room: &'r mut [u8; MAX_FRAME_BYTES]) -> Option<&'r [u8]> {
         self.handler.answer(room)
     }
 

@@ -3,7 +3,7 @@
 use core::fmt;
 
 use hapt_core::wheel::Wheel;
-use hapt_core::{Beside, ControllerState, Phase, Reading, Reason, Request};
+use hapt_core::{ControllerState, ExternalTorqueInput, Phase, Reading, Reason, Request};
 
 use super::sampler::{Measurement, Motor};
 use super::storage::BoardController;
@@ -16,7 +16,7 @@ pub const UNSERVED: f32 = 0.02;
 
 /// What the sampler shows the main loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shown {
+pub struct WheelStatus {
     /// Time since the first sample, in µs: the clock of the host's reports.
     pub now: u64,
     /// The wheel's position, rad.
@@ -37,7 +37,7 @@ pub struct WheelMailbox {
     served: bool,
     /// A host has taken the device.
     claimed: bool,
-    shown: Shown,
+    shown: WheelStatus,
 }
 
 impl Default for WheelMailbox {
@@ -50,18 +50,18 @@ impl WheelMailbox {
     /// Empty.
     #[must_use]
     pub const fn new() -> Self {
-        let shown = Shown { now: 0, position: 0.0, phase: Phase::Disarmed, reason: None, playing: 0 };
+        let shown = WheelStatus { now: 0, position: 0.0, phase: Phase::Disarmed, reason: None, playing: 0 };
         WheelMailbox { pool: None, served: false, claimed: false, shown }
     }
 
     /// What the sampler has shown last.
     #[must_use]
-    pub fn shown(&self) -> Shown {
+    pub fn shown(&self) -> WheelStatus {
         self.shown
     }
 
     /// The main loop comes by: with the pool where it has changed, and whether a host has taken the device. What the sampler shows.
-    pub fn serve(&mut self, changed: Option<&Pool>, claimed: bool) -> Shown {
+    pub fn serve(&mut self, changed: Option<&Pool>, claimed: bool) -> WheelStatus {
         if let Some(pool) = changed {
             self.pool = Some(*pool);
         }
@@ -172,12 +172,13 @@ impl WheelSampler {
             silent: 0.0,
         };
         let (player, mut playing, mut seen) = (&mut self.player, 0, 0.0);
-        let guarded = self.controller.step_beside(&mut self.state, &reading, request, |beside: Beside<f32>| {
-            let (given, count) = player.sample(beside, now);
-            (playing, seen) = (count, beside.position);
-            Some(given.torque)
-        });
-        mailbox.shown = Shown { now, position: seen, phase: guarded.phase, reason: guarded.reason, playing };
+        let guarded =
+            self.controller.step_with(&mut self.state, &reading, request, |beside: ExternalTorqueInput<f32>| {
+                let (given, count) = player.sample(beside, now);
+                (playing, seen) = (count, beside.position);
+                Some(given.torque)
+            });
+        mailbox.shown = WheelStatus { now, position: seen, phase: guarded.phase, reason: guarded.reason, playing };
         Motor { torque: guarded.output, on: guarded.phase.is_active() }
     }
 

@@ -1,8 +1,8 @@
 //! The half in the main loop: it receives bytes, sends answers, and uploads and compiles worlds.
 
 use crate::{
-    Command, DeviceMessage, Error, Hello, HostMessage, LARGEST, LONGEST, PROTOCOL, Parameter, ROOM, Reader, Refusal,
-    Telemetry, frame, hash, unpack,
+    Command, DeviceMessage, Error, Hello, HostMessage, LARGEST, MAX_FRAME_BYTES, PROTOCOL, Parameter, ROOM, Reader,
+    Refusal, Telemetry, frame, hash, unpack,
 };
 use hapt_core::{Estimator, Phase, Request};
 
@@ -30,7 +30,7 @@ pub struct Board {
 /// Receives bytes and answers commands; receives worlds and compiles them.
 #[derive(Debug)]
 pub struct CommandHandler<'w> {
-    reader: Reader<LONGEST>,
+    reader: Reader<MAX_FRAME_BYTES>,
     state: State<'w>,
 }
 
@@ -114,7 +114,7 @@ impl<'w> CommandHandler<'w> {
     }
 
     /// The next frame for the host, if there is one.
-    pub fn answer<'r>(&mut self, room: &'r mut [u8; LONGEST]) -> Option<&'r [u8]> {
+    pub fn answer<'r>(&mut self, room: &'r mut [u8; MAX_FRAME_BYTES]) -> Option<&'r [u8]> {
         let next_message = self.state.next_message()?;
         frame(&next_message, room).ok()
     }

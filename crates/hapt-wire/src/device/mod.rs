@@ -11,7 +11,7 @@
 //! at a time (a critical section in the main loop, the interrupt's own priority there).
 //!
 //! ```no_run
-//! # use hapt_wire::{LONGEST, device::*};
+//! # use hapt_wire::{MAX_FRAME_BYTES, device::*};
 //! # fn byte() -> Option<u8> { None }
 //! # fn send(_: &[u8]) {}
 //! # fn encoder() -> f32 { 0.0 }
@@ -29,7 +29,7 @@
 //!     handler.push(byte);
 //! }
 //! handler.exchange(&mut mailbox);
-//! while let Some(frame) = handler.answer(&mut [0; LONGEST]) {
+//! while let Some(frame) = handler.answer(&mut [0; MAX_FRAME_BYTES]) {
 //!     send(frame);
 //! }
 //!
@@ -58,7 +58,7 @@ mod sampler;
 mod storage;
 
 pub use endpoint::Endpoint;
-pub use game_wheel::{NoWheel, Shown, UNSERVED, WheelMailbox, WheelSampler};
+pub use game_wheel::{NoWheel, UNSERVED, WheelMailbox, WheelSampler, WheelStatus};
 pub use handler::{Board, CommandHandler};
 pub use mailbox::Mailbox;
 pub use sampler::{Measurement, Motor, Sampler};

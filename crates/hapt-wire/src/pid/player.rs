@@ -1,6 +1,6 @@
 //! A pool of effects beside a loop's world, sample by sample.
 
-use hapt_core::Beside;
+use hapt_core::ExternalTorqueInput;
 use hapt_core::wheel::{Given, Wheel, WheelState};
 
 use super::pool::{Pool, Scale};
@@ -37,7 +37,7 @@ impl Player {
 
     /// The torque of the effects beside the world's in the sample that is taken at `now`, in µs by the clock of the pool's reports, and how
     /// many of them play.
-    pub fn sample(&mut self, beside: Beside<f32>, now: u64) -> (Given<f32>, usize) {
+    pub fn sample(&mut self, beside: ExternalTorqueInput<f32>, now: u64) -> (Given<f32>, usize) {
         let before = self.pool.revision();
         let (effects, playing) = self.pool.effects(now, &self.scale);
         if self.pool.revision() != before {
@@ -49,7 +49,7 @@ impl Player {
             return (Given::NOTHING, playing);
         }
         let effects = effects.get(..playing).unwrap_or_default();
-        let given = self.wheel.step_beside(&mut self.state, beside.position, beside.torque, effects, self.revision);
+        let given = self.wheel.step_with(&mut self.state, beside.position, beside.torque, effects, self.revision);
         (given, playing)
     }
 }

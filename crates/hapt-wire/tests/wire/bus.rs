@@ -10,7 +10,7 @@ use usb_device::{Result, UsbDirection, UsbError};
 
 const PACKET: usize = 64;
 /// Of the longest answer.
-pub const LONGEST: usize = 1024;
+pub const MAX_TRANSFER_BYTES: usize = 1024;
 
 /// What lies between device and host.
 struct State {
@@ -19,7 +19,7 @@ struct State {
     /// To the control pipe, and to the endpoint of reports.
     out: [Option<([u8; PACKET], usize)>; 2],
     /// What the device has written to the control pipe since the last setup.
-    answer: ([u8; LONGEST], usize),
+    answer: ([u8; MAX_TRANSFER_BYTES], usize),
     /// Packets written and not yet told of.
     written: u16,
     stalled: bool,
@@ -36,7 +36,7 @@ impl Host {
             event: None,
             setup: None,
             out: [None; 2],
-            answer: ([0; LONGEST], 0),
+            answer: ([0; MAX_TRANSFER_BYTES], 0),
             written: 0,
             stalled: false,
             report: ([0; PACKET], 0),
@@ -57,7 +57,7 @@ impl Host {
         &self,
         setup: [u8; 8],
         data: &[u8],
-        room: &'r mut [u8; LONGEST],
+        room: &'r mut [u8; MAX_TRANSFER_BYTES],
         mut poll: impl FnMut(),
     ) -> Option<&'r [u8]> {
         self.with(|state| {
@@ -71,7 +71,7 @@ impl Host {
             }
         }
         // A packet of the answer a look, and the last one is told of.
-        for _ in 0..2 + LONGEST / PACKET {
+        for _ in 0..2 + MAX_TRANSFER_BYTES / PACKET {
             poll();
         }
         if setup[0] & 0x80 != 0 {

@@ -5,7 +5,8 @@ use hapt_core::{Phase, SafetyProfile};
 use hapt_model::{Source, World};
 use hapt_wire::device::{Board, Endpoint, Measurement, Motor, WorldStorage};
 use hapt_wire::{
-    Command, DeviceMessage, HostMessage, LONGEST, PIECE, PROTOCOL, Reader, Refusal, Telemetry, frame, hash, pack,
+    Command, DeviceMessage, HostMessage, MAX_FRAME_BYTES, PIECE, PROTOCOL, Reader, Refusal, Telemetry, frame, hash,
+    pack,
 };
 
 /// With an encoder.
@@ -88,7 +89,7 @@ impl<'w> TestHost<'w> {
     }
 
     pub fn framed_as(&self, sequence: u32, not_after: u64, command: Command) -> Vec<u8> {
-        frame(&HostMessage { sequence, not_after, command }, &mut [0; LONGEST]).unwrap().to_vec()
+        frame(&HostMessage { sequence, not_after, command }, &mut [0; MAX_FRAME_BYTES]).unwrap().to_vec()
     }
 
     pub fn send(&mut self, command: Command) {
@@ -115,7 +116,7 @@ impl<'w> TestHost<'w> {
     }
 
     fn listen(&mut self) {
-        let mut room = [0; LONGEST];
+        let mut room = [0; MAX_FRAME_BYTES];
         while let Some(bytes) = self.endpoint.answer(&mut room) {
             for byte in bytes {
                 self.received.extend(self.reader.push::<DeviceMessage>(*byte).map(|message| match message {

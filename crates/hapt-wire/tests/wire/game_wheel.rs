@@ -3,14 +3,14 @@
 use hapt_core::{CertifiedTime, Phase, Reason, SafetyProfile};
 use hapt_model::{Source, World};
 use hapt_plant::VirtualDevice;
-use hapt_wire::device::{Measurement, Motor, Shown, UNSERVED, WheelMailbox, WheelSampler};
+use hapt_wire::device::{Measurement, Motor, UNSERVED, WheelMailbox, WheelSampler, WheelStatus};
 use hapt_wire::pid::{Common, Condition, Control, FULL, INFINITE, Input, Kind, Operation, Report, SILENCE, id};
 use hapt_wire::usb::WheelPort;
 use usb_device::UsbDirection;
 use usb_device::bus::{PollResult, UsbBusAllocator};
 use usb_device::endpoint::EndpointAddress;
 
-use crate::bus::{Controller, Host, LONGEST};
+use crate::bus::{Controller, Host, MAX_TRANSFER_BYTES};
 
 const LIMIT: f64 = 5.0;
 const HALF: f64 = 2.5 * std::f64::consts::PI;
@@ -55,7 +55,7 @@ impl Bench<'_> {
     }
 
     /// So many samples, the main loop in between.
-    fn run(&mut self, samples: usize) -> (f64, Shown) {
+    fn run(&mut self, samples: usize) -> (f64, WheelStatus) {
         let mut torque = 0.0;
         for _ in 0..samples {
             (self.turn)(&mut self.mailbox);
@@ -72,7 +72,7 @@ struct Game<'h> {
 
 impl Game<'_> {
     fn control(&self, bench: &mut Bench<'_>, setup: [u8; 8], data: &[u8]) -> Option<Vec<u8>> {
-        let mut room = [0; LONGEST];
+        let mut room = [0; MAX_TRANSFER_BYTES];
         let Bench { turn, mailbox, .. } = bench;
         self.host.control(setup, data, &mut room, || turn(mailbox)).map(<[u8]>::to_vec)
     }

@@ -5,8 +5,8 @@ use hapt_core::{
     Supervisor,
 };
 use hapt_wire::{
-    Command, DeviceMessage, Hello, HostMessage, LARGEST, LONGEST, PIECE, PROTOCOL, Parameter, Reader, Refusal, States,
-    Telemetry, frame, hash, pack, unpack,
+    Command, DeviceMessage, Hello, HostMessage, LARGEST, MAX_FRAME_BYTES, PIECE, PROTOCOL, Parameter, Reader, Refusal,
+    States, Telemetry, frame, hash, pack, unpack,
 };
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -219,7 +219,7 @@ fn the_largest_world_of_a_board_fits_into_its_room_and_a_full_piece_into_a_frame
     assert!(bytes.len() <= LARGEST, "{} bytes", bytes.len());
     let command = Command::Piece { at: u16::MAX, bytes: &[0; PIECE] };
     let longest = HostMessage { sequence: u32::MAX, not_after: u64::MAX, command };
-    assert!(frame(&longest, &mut [0; LONGEST]).is_ok());
+    assert!(frame(&longest, &mut [0; MAX_FRAME_BYTES]).is_ok());
 }
 
 #[test]

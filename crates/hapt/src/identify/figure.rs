@@ -8,7 +8,7 @@ use super::Given;
 use crate::format;
 
 /// Points of a curve; of more, the extremes of as many stretches as half of them.
-const MOST: usize = 1200;
+const MAX_POINTS: usize = 1200;
 
 /// Stretches of an axis over which residuals are summed up.
 const STRETCHES: usize = 60;
@@ -160,11 +160,11 @@ fn summed(name: &str, unit: &str, x: Axis, points: &[(f64, f64)]) -> Panel {
 
 /// Few enough points that look the same.
 fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    if points.len() <= MOST {
+    if points.len() <= MAX_POINTS {
         return points.to_vec();
     }
-    let mut thin = Vec::with_capacity(MOST);
-    for stretch in points.chunks(points.len().div_ceil(MOST / 2)) {
+    let mut thin = Vec::with_capacity(MAX_POINTS);
+    for stretch in points.chunks(points.len().div_ceil(MAX_POINTS / 2)) {
         let by = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
         let (Some(low), Some(high)) = (stretch.iter().min_by(by), stretch.iter().max_by(by)) else { continue };
         let (first, second) = if low.0 <= high.0 { (low, high) } else { (high, low) };

@@ -20,7 +20,7 @@ use crate::suggest;
 /// A larger table is refused: 256 MiB.
 const LARGEST: u64 = 256 << 20;
 /// A log of more samples is refused: as many as a table of that size may have.
-const MOST: usize = 1 << 23;
+const MAX_SAMPLES: usize = 1 << 23;
 /// The places of the values in every log.
 const TIME: usize = 0;
 const PUCK: usize = 1;
@@ -130,8 +130,8 @@ fn logged(mut opened: Opened, named: Option<World>, coasts: bool) -> Result<(Lis
     let torque = if opened.log.origin == Origin::Run { COMMAND } else { APPLIED };
     let mut lists = Lists::default();
     while let Some(sample) = opened.log.next().map_err(|error| log::failure(&opened.name, error))? {
-        if lists[0].len() == MOST {
-            let most = format::count(MOST as u64);
+        if lists[0].len() == MAX_SAMPLES {
+            let most = format::count(MAX_SAMPLES as u64);
             return Err(Failure::input(format!(
                 "{} has more than {most} samples; expected a shorter log",
                 opened.name

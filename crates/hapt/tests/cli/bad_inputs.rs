@@ -15,7 +15,7 @@ use std::process::{Command, Stdio};
 use cases::{Case, cases};
 
 /// Messages are for people: longer than this nobody reads.
-const LONGEST: usize = 2000;
+const MAX_ANSWER_CHARS: usize = 2000;
 
 #[test]
 fn every_bad_input_is_answered_in_the_reviewed_words() {
@@ -78,7 +78,7 @@ fn answered(case: &Case) -> String {
     assert!(code == 2, "{name}: exit code {code}: {}", String::from_utf8_lossy(&output.stderr));
     assert!(output.stdout.is_empty(), "{name}: {}", String::from_utf8_lossy(&output.stdout));
     let message = String::from_utf8(output.stderr).unwrap();
-    assert!(message.len() < LONGEST, "{name}: {} bytes of message", message.len());
+    assert!(message.len() < MAX_ANSWER_CHARS, "{name}: {} bytes of message", message.len());
     assert!(message.chars().all(|c| c == '\n' || !c.is_control()), "{name}: control characters in {message:?}");
     assert_eq!(fs::read_dir(at.path()).unwrap().count(), case.files.len(), "{name}: files were left");
     format!("$ {}\nexit {code}\n{message}", case.typed())

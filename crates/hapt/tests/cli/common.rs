@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// Longer than anything here takes on the slowest machine.
-pub const PATIENCE: Duration = Duration::from_secs(120);
+pub const TEST_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// The notes' wheel, as most tests take it.
 pub const WHEEL: &str = r#"title = "wheel"
@@ -174,8 +174,8 @@ pub fn hapt_reads<A: AsRef<OsStr>>(folder: &Path, text: &str, args: impl IntoIte
 pub struct Running {
     child: Child,
     input: Option<ChildStdin>,
-    out: Heard,
-    err: Heard,
+    out: Output,
+    err: Output,
 }
 
 impl Running {
@@ -188,7 +188,7 @@ impl Running {
     /// Starts a command whose standard output and error are as they stand in it.
     pub fn start_as_it_is(mut command: Command) -> Running {
         let mut child = command.spawn().unwrap();
-        let (out, err) = (Heard::from(child.stdout.take()), Heard::from(child.stderr.take()));
+        let (out, err) = (Output::from(child.stdout.take()), Output::from(child.stderr.take()));
         Running { input: child.stdin.take(), child, out, err }
     }
 
@@ -212,7 +212,7 @@ impl Running {
             if self.child.try_wait().unwrap().is_some() {
                 return false;
             }
-            assert!(start.elapsed() < PATIENCE, "waited too long for {what}");
+            assert!(start.elapsed() < TEST_TIMEOUT, "waited too long for {what}");
             thread::sleep(Duration::from_millis(5));
         }
         true
@@ -258,7 +258,7 @@ impl Running {
             if let Some(status) = self.child.try_wait().unwrap() {
                 return status;
             }
-            assert!(start.elapsed() < PATIENCE, "it does not end");
+            assert!(start.elapsed() < TEST_TIMEOUT, "it does not end");
             thread::sleep(Duration::from_millis(1));
         }
     }
@@ -272,13 +272,13 @@ impl Drop for Running {
 }
 
 /// What came out of a pipe up to now.
-struct Heard {
+struct Output {
     bytes: Arc<Mutex<Vec<u8>>>,
     listener: Option<JoinHandle<()>>,
 }
 
-impl Heard {
-    fn from(pipe: Option<impl Read + Send + 'static>) -> Heard {
+impl Output {
+    fn from(pipe: Option<impl Read + Send + 'static>) -> Output {
         let bytes = Arc::new(Mutex::new(Vec::new()));
         let listener = pipe.map(|mut pipe| {
             let bytes = Arc::clone(&bytes);
@@ -289,7 +289,7 @@ impl Heard {
                 }
             })
         });
-        Heard { bytes, listener }
+        Output { bytes, listener }
     }
 
     fn text(&self) -> String {

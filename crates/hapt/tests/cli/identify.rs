@@ -178,7 +178,7 @@ mod asked {
     use std::time::{Duration, Instant};
 
     use super::{folder, hapt, names};
-    use crate::common::{Ended, PATIENCE, Running, Table, drive, program};
+    use crate::common::{Ended, Running, TEST_TIMEOUT, Table, drive, program};
 
     /// A wheel on a drive, with a loop that any machine keeps.
     const DRIVEN: &str = r#"[loop]
@@ -241,7 +241,7 @@ stall = "10 s"
         let begin = Instant::now();
         let mut largest = 0.0;
         while largest <= 5e-3 {
-            assert!(begin.elapsed() < PATIENCE, "{largest} N m");
+            assert!(begin.elapsed() < TEST_TIMEOUT, "{largest} N m");
             let ended = answered(at.path(), &device, "y\n");
             assert!(ended.err.contains("Go on? [y/N]"), "{}", ended.err);
             if hapt(at.path(), ["log", "convert", "run.mcap", "-o", "run.csv"]).code != Some(0) {

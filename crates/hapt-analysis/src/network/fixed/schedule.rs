@@ -31,7 +31,7 @@ pub(super) struct Schedule {
 
 /// The positions of `sender` that `receiver` has of a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Way {
+pub(super) struct MessageTiming {
     /// Between two messages, s.
     period: f64,
     /// On the way, s.
@@ -132,14 +132,19 @@ impl Schedule {
     }
 
     /// How the station `to` hears the other end of a link.
-    pub fn way(&self, link: &Link, to: usize) -> Way {
+    pub fn way(&self, link: &Link, to: usize) -> MessageTiming {
         let from = link.between[usize::from(link.between[0] == to)];
         let sender = self.clocks[from];
-        Way { period: link.between_messages(sender.period), delay: link.delay, sender, receiver: self.clocks[to] }
+        MessageTiming {
+            period: link.between_messages(sender.period),
+            delay: link.delay,
+            sender,
+            receiver: self.clocks[to],
+        }
     }
 }
 
-impl Way {
+impl MessageTiming {
     /// The instant of the other's position that is used at the sample of a number.
     pub fn used(&self, sample: i64) -> f64 {
         let time = self.receiver.sample(sample);

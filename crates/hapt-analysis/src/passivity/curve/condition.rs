@@ -22,7 +22,7 @@ use crate::passivity::supremum::damping;
 type C = Complex<f64>;
 
 /// Largest number of coefficients of P.
-const MOST: usize = 26;
+const MAX_TERMS: usize = 26;
 
 /// Bound of the rounding of a coefficient, relative to the sum of its terms' absolute values: above that of some dozen operations one after the other.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
@@ -39,14 +39,14 @@ const STEPS: usize = 16;
 /// A polynomial, and the same with the absolute values of all terms.
 #[derive(Clone, Copy, Debug)]
 struct Polynomial {
-    c: [f64; MOST],
-    size: [f64; MOST],
+    c: [f64; MAX_TERMS],
+    size: [f64; MAX_TERMS],
     /// Number of coefficients.
     n: usize,
 }
 
 impl Polynomial {
-    const ZERO: Self = Polynomial { c: [0.0; MOST], size: [0.0; MOST], n: 1 };
+    const ZERO: Self = Polynomial { c: [0.0; MAX_TERMS], size: [0.0; MAX_TERMS], n: 1 };
 
     fn constant(value: f64) -> Self {
         let mut p = Self::ZERO;
@@ -69,7 +69,7 @@ impl Polynomial {
         }
     }
 
-    /// The caller keeps within [`MOST`] coefficients.
+    /// The caller keeps within [`MAX_TERMS`] coefficients.
     fn times(&self, other: &Self) -> Self {
         let mut p = Polynomial { n: self.n + other.n - 1, ..Self::ZERO };
         for i in 0..self.n {
@@ -90,13 +90,13 @@ impl Polynomial {
     }
 }
 
-/// Re wⁿ as a polynomial in s, for n below [`MOST`]: the coefficients, all of one sign times (-1)^(their power).
-const TURNS: [[f64; MOST]; MOST] = {
-    let mut all = [[0.0; MOST]; MOST];
+/// Re wⁿ as a polynomial in s, for n below [`MAX_TERMS`]: the coefficients, all of one sign times (-1)^(their power).
+const TURNS: [[f64; MAX_TERMS]; MAX_TERMS] = {
+    let mut all = [[0.0; MAX_TERMS]; MAX_TERMS];
     all[0][0] = 1.0;
     all[1][1] = -2.0;
     let mut n = 2;
-    while n < MOST {
+    while n < MAX_TERMS {
         let mut i = 1;
         while i <= n {
             all[n][i] = -4.0 * (all[n - 1][i - 1] + all[n - 2][i - 1]);
@@ -158,7 +158,11 @@ impl Condition {
         let back = taps.len();
         let order = poles.len() + usize::from(own);
         let d = curve.lag.samples;
-        if curve.motor > 0.0 || curve.is_gain || curve.taps.len() + order > MOST || order + d + back + 2 > MOST {
+        if curve.motor > 0.0
+            || curve.is_gain
+            || curve.taps.len() + order > MAX_TERMS
+            || order + d + back + 2 > MAX_TERMS
+        {
             return None;
         }
         let mut mu: Vec<C> = poles.iter().map(|pole| exp_m1(C::new(pole.ln_abs, pole.arg))).collect();
@@ -298,8 +302,8 @@ fn highest(f: [f64; 3]) -> usize {
 
 /// A product of factors w - μ.
 struct Factors {
-    c: [C; MOST],
-    size: [f64; MOST],
+    c: [C; MAX_TERMS],
+    size: [f64; MAX_TERMS],
     n: usize,
 }
 
@@ -317,7 +321,7 @@ impl Factors {
 
 /// ∏ (w - μ) over all but one.
 fn factors(mu: &[C], without: Option<usize>) -> Factors {
-    let mut all = Factors { c: [C::from(0.0); MOST], size: [0.0; MOST], n: 1 };
+    let mut all = Factors { c: [C::from(0.0); MAX_TERMS], size: [0.0; MAX_TERMS], n: 1 };
     (all.c[0], all.size[0]) = (C::from(1.0), 1.0);
     for (_, mu) in mu.iter().enumerate().filter(|(i, _)| Some(*i) != without) {
         let norm = mu.norm();
@@ -340,7 +344,7 @@ enum Decided {
 
 /// A polynomial over an interval by its Bernstein coefficients.
 struct Bernstein {
-    c: [f64; MOST],
+    c: [f64; MAX_TERMS],
     n: usize,
     ends: [f64; 2],
 }
@@ -394,7 +398,7 @@ impl Bernstein {
         *left -= 1;
         // De Casteljau in the middle.
         let mut right = self.c;
-        let mut half = [0.0; MOST];
+        let mut half = [0.0; MAX_TERMS];
         for (i, first) in half.iter_mut().enumerate().take(n) {
             *first = right[0];
             for k in 0..n - 1 - i {

@@ -194,7 +194,7 @@ pub fn with_worst_pattern<'a>(world: &World, scenario: &'a Scenario) -> Result<C
     Ok(Cow::Owned(Scenario { timing, ..scenario.clone() }))
 }
 
-fn pattern(found: search::Found) -> Pattern {
+fn pattern(found: search::WorstPattern) -> Pattern {
     Pattern {
         intervals_s: found.steps.iter().map(|step| step.interval).collect(),
         delays_s: found.steps.iter().map(|step| step.delay).collect(),

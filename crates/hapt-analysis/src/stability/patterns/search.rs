@@ -15,7 +15,7 @@ use crate::until::is_over;
 
 /// Steps of one motion, and the longest pattern in it.
 const MOTION: usize = 500;
-const LONGEST: usize = 240;
+const MAX_PATTERN_SAMPLES: usize = 240;
 /// Times that a step follows another in the first patterns.
 const MOST_OF_ONE: usize = 2;
 /// Starts of a motion.
@@ -29,7 +29,7 @@ const NEARLY: f64 = 0.95;
 
 /// Steps that repeat, and the growth under them, 1/s.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Found {
+pub(crate) struct WorstPattern {
     pub steps: Vec<Step>,
     pub growth_per_s: f64,
     /// ln of the modulus of the largest eigenvalue of the whole pattern.
@@ -53,7 +53,7 @@ struct Search {
 ///
 /// # Errors
 /// [`Error::Eigenvalues`], [`Error::Stopped`].
-pub(crate) fn worst(family: &Family<'_>, all: Cell, even: Step, norm: &Norm) -> Result<Option<Found>, Error> {
+pub(crate) fn worst(family: &Family<'_>, all: Cell, even: Step, norm: &Norm) -> Result<Option<WorstPattern>, Error> {
     if family.order() == 0 {
         return Ok(None);
     }
@@ -98,7 +98,7 @@ pub(crate) fn worst(family: &Family<'_>, all: Cell, even: Step, norm: &Norm) -> 
     let best = if most > 0.0 { shortest.cloned() } else { search.best };
     Ok(best.map(|(pattern, growth_per_s, ln_abs)| {
         let steps = pattern.into_iter().map(|i| search.choices[i].step).collect();
-        Found { steps, growth_per_s, ln_abs }
+        WorstPattern { steps, growth_per_s, ln_abs }
     }))
 }
 
@@ -165,7 +165,7 @@ impl Search {
             times.push(time);
         }
         let end = taken.len();
-        let mut returns: Vec<(f64, usize)> = (1..=LONGEST.min(end / 2))
+        let mut returns: Vec<(f64, usize)> = (1..=MAX_PATTERN_SAMPLES.min(end / 2))
             .filter_map(|p| {
                 let from = end - p;
                 let turned = states[from].dot(&states[end]).powi(2);

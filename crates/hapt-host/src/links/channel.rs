@@ -1,4 +1,4 @@
-//! The way of a simulated network: a channel whose numbers pages change.
+//! The channel of a simulated network, whose numbers pages change.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -8,13 +8,13 @@ use hapt_sim::Channel;
 
 /// How long the messages of an end take, and how many are lost: changed from any thread.
 #[derive(Debug)]
-pub struct WayNumbers {
+pub struct ChannelNumbers {
     /// In s, as bits: shortest and longest.
     delay: [AtomicU64; 2],
     loss: AtomicU64,
 }
 
-impl WayNumbers {
+impl ChannelNumbers {
     /// From now on every message takes this long, in s.
     pub fn set_delay(&self, delay: f64) {
         self.delay.iter().for_each(|end| end.store(delay.to_bits(), Ordering::Relaxed));
@@ -27,23 +27,23 @@ impl WayNumbers {
 }
 
 /// Messages on their way, at instants in ns.
-pub(crate) struct Held<T> {
-    numbers: Arc<WayNumbers>,
+pub(crate) struct InFlight<T> {
+    numbers: Arc<ChannelNumbers>,
     random: u64,
     channel: Channel<T>,
 }
 
-impl<T: Copy> Held<T> {
+impl<T: Copy> InFlight<T> {
     /// From the link's first station, `side` 0, or its second.
     pub fn new(link: &Link, side: usize) -> Self {
         let random = u64::from(link.seed) << 1 | side as u64;
         let number = |value: f64| AtomicU64::new(value.to_bits());
-        let numbers = WayNumbers { delay: [link.delay, link.delay_max_s()].map(number), loss: number(link.loss) };
-        Held { numbers: Arc::new(numbers), random, channel: Channel::new(link) }
+        let numbers = ChannelNumbers { delay: [link.delay, link.delay_max_s()].map(number), loss: number(link.loss) };
+        InFlight { numbers: Arc::new(numbers), random, channel: Channel::new(link) }
     }
 
     /// What may be changed of it.
-    pub fn numbers(&self) -> Arc<WayNumbers> {
+    pub fn numbers(&self) -> Arc<ChannelNumbers> {
         Arc::clone(&self.numbers)
     }
 
