@@ -3,10 +3,11 @@
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
+use hapt_model::{Source, System};
+
 use crate::args::CheckArgs;
 use crate::colour;
 use crate::failure::Failure;
-use crate::network;
 use crate::output;
 use crate::world::{Loaded, files, source};
 use crate::worst::{begin, write};
@@ -18,7 +19,7 @@ pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
             let message = "--proof: a network has no proof file; expected a world, such as that of one of its stations";
             return Err(Failure::input(message));
         }
-        return network::check(&source, args);
+        return check_network(&source, args);
     }
     let loaded = Loaded::of(source, &args.world)?;
     output::apart(&output::given(&[("--proof", &args.proof)]), &files(&args.world.path, &loaded.world))?;
@@ -46,6 +47,18 @@ pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
         check.text(loaded.title(), &loaded.world.sampling, proposed.as_ref(), args.why)
     };
     print(&text, check.certified.holds())
+}
+
+/// The same of a network.
+fn check_network(source: &Source, args: &CheckArgs) -> Result<ExitCode, Failure> {
+    let network = System::read(source, &args.world.sets)?;
+    let check = hapt_analysis::check_network(&network)?.with_remedies(&network, !args.no_remedies)?;
+    let text = if args.json {
+        serde_json::to_string_pretty(&check).map_err(|error| Failure::System(error.to_string()))? + "\n"
+    } else {
+        check.text(network.title.as_deref().unwrap_or(&source.name), args.why)
+    };
+    print(&text, check.certified)
 }
 
 /// Prints a certificate; its exit code.

@@ -20,8 +20,6 @@ use parquet::schema::types::Type;
 
 use hapt_sweep::table::{self, Column};
 
-use crate::finished::Rows;
-
 /// Rows in memory at once, and in a row group.
 const GROUP: usize = 1 << 16;
 
@@ -119,11 +117,14 @@ pub fn write<W: Write + Send>(columns: &[Column], csv: impl BufRead, out: W) -> 
     writer.finish()
 }
 
+/// How many rows a table has, and the values of the first one; none where it has no row.
+pub type FirstRow = (u64, Vec<Option<f64>>);
+
 /// The rows of a finished table of these columns; `None`: it is another file.
 ///
 /// # Errors
 /// The file cannot be read.
-pub fn rows(path: &Path, columns: &[Column]) -> io::Result<Option<Rows>> {
+pub fn rows(path: &Path, columns: &[Column]) -> io::Result<Option<FirstRow>> {
     let file = File::open(path)?;
     // A file that is no Parquet file, or whose rows cannot be decoded, is another file.
     let Ok(file) = SerializedFileReader::new(file) else { return Ok(None) };
@@ -137,7 +138,7 @@ pub fn rows(path: &Path, columns: &[Column]) -> io::Result<Option<Rows>> {
         Some(Ok(row)) => (0..columns.len()).map(|i| row.get_double(i).ok()).collect(),
         Some(Err(_)) => return Ok(None),
     };
-    Ok(Some(Rows { count, first }))
+    Ok(Some((count, first)))
 }
 
 #[cfg(test)]

@@ -2,12 +2,13 @@
 
 use std::fmt::Display;
 use std::io;
+use std::path::Path;
 use std::process::ExitCode;
 
 use hapt_host::DeviceError;
 
-use crate::log;
 use crate::messages;
+use crate::suggest;
 
 /// Why a command stops.
 #[derive(Debug)]
@@ -23,6 +24,11 @@ pub enum Failure {
 impl Failure {
     pub fn input(message: impl Display) -> Self {
         Failure::Input(message.to_string())
+    }
+
+    /// A file that cannot be opened, and the one that was probably meant.
+    pub fn unreadable(path: &Path, error: &io::Error) -> Self {
+        Failure::input(format!("cannot read {}: {error}{}", path.display(), suggest::file(path)))
     }
 
     /// A failed write to `what`.
@@ -106,7 +112,7 @@ impl From<DeviceError> for Failure {
             DeviceError::Board(error) => error.into(),
             #[cfg(target_os = "linux")]
             DeviceError::Drive { .. } => Failure::System(format!("--device {error}")),
-            DeviceError::Unreadable { path, error } => log::missing(&path, &error),
+            DeviceError::Unreadable { path, error } => Failure::unreadable(&path, &error),
             DeviceError::NotCertified { .. } => {
                 Failure::input(format!("{error}. --uncertified runs it regardless, with tighter limits"))
             }

@@ -14,10 +14,10 @@ use crate::format;
 
 /// The rows of a finished table.
 #[derive(Debug, PartialEq)]
-pub struct Rows {
-    pub count: u64,
+struct Rows {
+    count: u64,
     /// The values of the first row; empty: there is none.
-    pub first: Vec<Option<f64>>,
+    first: Vec<Option<f64>>,
 }
 
 /// Refuses `--resume` where `target` holds other rows than those of `cells`: finishing would replace them.
@@ -32,7 +32,7 @@ pub fn check(
         return Ok(());
     }
     let read = if target.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("parquet")) {
-        columnar::rows(target, columns)
+        columnar::rows(target, columns).map(|read| read.map(|(count, first)| Rows { count, first }))
     } else {
         lines(target, columns)
     };

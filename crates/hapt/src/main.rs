@@ -4,7 +4,6 @@
 
 mod args;
 mod boundary;
-mod boundary_plot;
 mod check;
 mod colour;
 #[cfg(feature = "parquet")]
@@ -55,7 +54,6 @@ mod wheel;
 mod world;
 mod worlds;
 mod worst;
-mod worst_together;
 
 use std::process::ExitCode;
 

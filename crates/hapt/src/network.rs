@@ -1,4 +1,4 @@
-//! Networks of stations: their certificate and their runs.
+//! Runs of networks of stations.
 
 use std::io::{Write, stdout};
 use std::path::{Path, PathBuf};
@@ -7,8 +7,7 @@ use std::process::ExitCode;
 use hapt_model::{Source, System};
 use hapt_sim::{CsvWriter, Error, NetworkRow, NetworkRun, NetworkSummary, network_columns};
 
-use crate::args::{CheckArgs, Format, SimArgs};
-use crate::check::print;
+use crate::args::{Format, SimArgs};
 use crate::failure::Failure;
 use crate::format;
 use crate::messages;
@@ -16,18 +15,6 @@ use crate::output::{self, Draft};
 use crate::progress::Progress;
 use crate::provenance::{Made, Provenance};
 use crate::world::inputs;
-
-/// `hapt check` of a network.
-pub fn check(source: &Source, args: &CheckArgs) -> Result<ExitCode, Failure> {
-    let network = System::read(source, &args.world.sets)?;
-    let check = hapt_analysis::check_network(&network)?.with_remedies(&network, !args.no_remedies)?;
-    let text = if args.json {
-        serde_json::to_string_pretty(&check).map_err(|error| Failure::System(error.to_string()))? + "\n"
-    } else {
-        check.text(network.title.as_deref().unwrap_or(&source.name), args.why)
-    };
-    print(&text, check.certified)
-}
 
 /// `hapt sim` of a network.
 pub fn sim(source: &Source, args: &SimArgs) -> Result<ExitCode, Failure> {

@@ -7,8 +7,6 @@ use std::path::Path;
 
 use hapt_sweep::table::Column;
 
-use crate::finished::Rows;
-
 fn missing() -> io::Error {
     io::Error::new(io::ErrorKind::Unsupported, "this hapt was built without its feature parquet")
 }
@@ -33,7 +31,10 @@ impl<W: Write> Writer<W> {
     }
 }
 
-pub fn rows(_: &Path, _: &[Column]) -> io::Result<Option<Rows>> {
+/// How many rows a table has, and the values of the first one.
+pub type FirstRow = (u64, Vec<Option<f64>>);
+
+pub fn rows(_: &Path, _: &[Column]) -> io::Result<Option<FirstRow>> {
     Err(missing())
 }
 

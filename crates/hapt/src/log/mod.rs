@@ -15,7 +15,6 @@ use crate::failure::Failure;
 use crate::format;
 use crate::messages;
 use crate::output::{self, Draft};
-use crate::suggest;
 
 pub fn run(command: &LogCommand) -> Result<ExitCode, Failure> {
     match command {
@@ -76,13 +75,8 @@ pub fn reader(path: &Path) -> Result<(String, Box<dyn Read>), Failure> {
         return Ok(("<stdin>".into(), Box::new(stdin().lock())));
     }
     let name = path.display().to_string();
-    let file = hapt_model::input::open(path).map_err(|error| missing(path, &error))?;
+    let file = hapt_model::input::open(path).map_err(|error| Failure::unreadable(path, &error))?;
     Ok((name, Box::new(BufReader::with_capacity(1 << 16, file))))
-}
-
-/// A file that cannot be opened, and the one that was probably meant.
-pub fn missing(path: &Path, error: &std::io::Error) -> Failure {
-    Failure::input(format!("cannot read {}: {error}{}", path.display(), suggest::file(path)))
 }
 
 /// The error of the log of this name.

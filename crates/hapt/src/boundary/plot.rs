@@ -5,7 +5,7 @@ use hapt_report::figure::{Axis, Figure, Fill, Panel, Shape, Style};
 use hapt_report::{Point, Width};
 use hapt_sweep::boundary::{Boundary, Edge, Place};
 
-use crate::boundary::DisplayedAxis;
+use super::DisplayedAxis;
 
 /// The name of the mark at the file's own values.
 const OWN: &str = "the file's own world";

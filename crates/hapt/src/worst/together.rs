@@ -9,13 +9,13 @@ use hapt_model::keys::Measure;
 use hapt_model::{Motion, Source, Station, System};
 use hapt_sweep::worst::{Hand, MOST_TOGETHER, WorstTogether, search_together};
 
+use super::{begin, grip, pasted, unit, watched, write};
 use crate::args::WorstArgs;
 use crate::colour;
 use crate::failure::Failure;
 use crate::format;
 use crate::output;
 use crate::world::inputs;
-use crate::worst::{begin, grip, pasted, unit, watched, write};
 
 pub fn run(source: &Source, args: &WorstArgs) -> Result<ExitCode, Failure> {
     let network = System::read(source, &args.world.sets)?;

@@ -1,5 +1,9 @@
 //! `hapt boundary`: where in the plane of two keys a loop stops being stable or passive, or a network passive.
 
+mod plot;
+
+pub use plot::own_name;
+
 use std::fmt::Write as _;
 use std::io::{Write, stdout};
 use std::process::ExitCode;
@@ -9,7 +13,6 @@ use hapt_sweep::boundary::{Boundary, Edge, EdgeMethod, Piece, Plane, Point};
 use hapt_sweep::{Axis, table};
 
 use crate::args::BoundaryArgs;
-use crate::boundary_plot;
 use crate::failure::Failure;
 use crate::format;
 use crate::messages;
@@ -68,7 +71,7 @@ pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
         files.push((output::draft(target, csv.as_bytes())?, target));
     }
     if let Some(target) = &args.plot {
-        let svg = boundary_plot::svg(&boundary, &axes, own, &title, &summary);
+        let svg = plot::svg(&boundary, &axes, own, &title, &summary);
         files.push((output::figure("--plot", target, &svg)?, target));
     }
     // Both are there before one is in its place.

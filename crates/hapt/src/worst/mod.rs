@@ -1,5 +1,7 @@
 //! `hapt worst`: the passive hand that draws most energy from a world's loop, and the scenario that shows it.
 
+mod together;
+
 use std::fmt::Write as _;
 use std::io::{Write, stdout};
 use std::ops::ControlFlow;
@@ -15,7 +17,7 @@ use std::time::Duration;
 use hapt_analysis::{Grip, Status};
 use hapt_model::keys::Measure;
 use hapt_model::{Drive, Shape, World};
-use hapt_sweep::worst::{Exploit, Gap, Hand, Motion, Watch, Worst};
+use hapt_sweep::worst::{Exploit, Gap, Hand, HandMotion, Watch, Worst};
 
 use crate::args::WorstArgs;
 use crate::colour;
@@ -35,7 +37,7 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
     }
     let source = source(&args.world.path)?;
     if hapt_model::is_network(&source) {
-        return crate::worst_together::run(&source, args);
+        return together::run(&source, args);
     }
     let loaded = Loaded::of(source, &args.world)?;
     if let Some(path) = &args.out {
@@ -259,7 +261,7 @@ fn hand(world: &World, hand: &Hand) -> String {
     }
 }
 
-fn motion(world: &World, motion: &Motion) -> String {
+fn motion(world: &World, motion: &HandMotion) -> String {
     let does = match motion.trick {
         Exploit::Work => "it is the one for which the motor's work on the linear loop is largest, repeated",
         Exploit::Dither => "it dithers along with the error that counts and levels make in the torque",
