@@ -12,7 +12,7 @@ use anyhow::{Context, Result, ensure};
 use fastrand::Rng;
 use serde_json::Value;
 
-use crate::test;
+use crate::programs;
 
 /// As typed.
 pub const NAME: &str = "commands";
@@ -24,7 +24,7 @@ const LONG: u32 = 600;
 
 /// Runs commands on random worlds for so long, one after the other, the same ones in every run from the same seed.
 pub fn campaign(time: Duration, seed: u64) -> Result<()> {
-    test::program("hapt")?;
+    programs::program("hapt")?;
     fs::create_dir_all(SCRATCH)?;
     let (started, mut number, mut runs, mut found) = (Instant::now(), 0, 0, 0);
     while started.elapsed() < time {
@@ -306,7 +306,7 @@ fn consistent(check: &Value, code: i32) -> Result<()> {
 fn bounded(line: &Line) -> Result<Output> {
     let shell = format!("ulimit -t {}; exec \"$0\" \"$@\"", line.seconds);
     let mut command = Command::new("sh");
-    command.args(["-c", &shell]).arg(test::binary(test::PROFILE).get_program()).args(&line.words);
+    command.args(["-c", &shell]).arg(programs::binary(programs::PROFILE).get_program()).args(&line.words);
     command.env("NO_COLOR", "1").stdin(Stdio::null());
     command.output().context("sh")
 }

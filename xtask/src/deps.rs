@@ -9,6 +9,11 @@ use anyhow::{Context, Result, ensure};
 /// The core's, and the newest of the compilers that are looked for.
 const CORE: &str = "1.85";
 
+/// The target of the boards.
+pub const BOARD_TARGET: &str = "thumbv7em-none-eabihf";
+/// The target of the page's core.
+pub const PAGE_TARGET: &str = "wasm32-unknown-unknown";
+
 /// `cargo deny`, where it is installed. Its advisories are not looked at here: their database is on the network.
 pub fn licences() -> Result<()> {
     let there = Command::new("cargo-deny").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();

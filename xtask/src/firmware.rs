@@ -19,11 +19,11 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::{deps, marked};
+use crate::deps::{self, BOARD_TARGET};
+use crate::marked;
 
 const FOLDER: &str = "firmware";
 const BUILT: &str = "target/firmware";
-const TARGET: &str = "thumbv7em-none-eabihf";
 const PAGE: &str = "docs/firmware.md";
 /// The same target for gcc.
 const ARM: [&str; 4] = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"];
@@ -145,7 +145,7 @@ fn sizes() -> Result<String> {
 
 /// cargo for the target: with rustup's where it is installed, else with the distribution's compiler and sources.
 fn compiler() -> Command {
-    if has_target() {
+    if deps::has_target(BOARD_TARGET) {
         return Command::new(env!("CARGO"));
     }
     // Debian: apt-get install rustc-web cargo-web rust-web-src lld. There is no standard library for the target, so it is built.
@@ -156,8 +156,8 @@ fn compiler() -> Command {
 }
 
 fn target_arguments() -> Vec<&'static str> {
-    let mut arguments = vec!["--target", TARGET];
-    if !has_target() {
+    let mut arguments = vec!["--target", BOARD_TARGET];
+    if !deps::has_target(BOARD_TARGET) {
         arguments.extend(["-Zbuild-std=core", "-Zbuild-std-features=compiler-builtins-mem"]);
     }
     arguments
@@ -183,11 +183,11 @@ fn program(board: &str, name: &str, c_step: Option<&Path>) -> Result<PathBuf> {
     if let Some(object) = c_step {
         command.env("HAPT_C_STEP", object);
     }
-    let status = command.status().with_context(|| format!("no compiler: rustup target add {TARGET}"))?;
-    ensure!(status.success(), "the firmware's {name} does not build: rustup target add {TARGET}");
+    let status = command.status().with_context(|| format!("no compiler: rustup target add {BOARD_TARGET}"))?;
+    ensure!(status.success(), "the firmware's {name} does not build: rustup target add {BOARD_TARGET}");
     // The next board's program has the same name.
     let kept = folder.join(format!("{board}-{name}"));
-    fs::copy(folder.join(TARGET).join(profile).join(binary), &kept)?;
+    fs::copy(folder.join(BOARD_TARGET).join(profile).join(binary), &kept)?;
     Ok(kept)
 }
 
@@ -217,11 +217,6 @@ fn qemu(machine: &str, program: &Path, cases: &[u8], more: &[&str]) -> Result<St
     Ok(text)
 }
 
-/// Whether rustup's compiler builds for the boards.
-pub fn has_target() -> bool {
-    deps::has_target(TARGET)
-}
-
 /// Whether there is what builds and runs the firmware; with `CI` set it has to be.
 fn has_tools() -> Result<bool> {
     let there = |program| {
@@ -229,8 +224,8 @@ fn has_tools() -> Result<bool> {
         said.is_ok_and(|status| status.success())
     };
     let all = || {
-        let compiler =
-            has_target() || (there("/usr/bin/rustc") && Path::new("/usr/lib/rustlib/src").exists() && there("ld.lld"));
+        let compiler = deps::has_target(BOARD_TARGET)
+            || (there("/usr/bin/rustc") && Path::new("/usr/lib/rustlib/src").exists() && there("ld.lld"));
         compiler && there("qemu-system-arm") && there("arm-none-eabi-gcc")
     };
     const PACKAGES: [&str; 6] =

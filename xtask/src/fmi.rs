@@ -7,7 +7,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{test, tools};
+use crate::{programs, tools};
 
 /// What the library may need at run time: the C library and the compiler's, which are on every Linux.
 const LIBRARIES: [&str; 5] =
@@ -17,9 +17,9 @@ pub use reference::write;
 
 /// In the environment that [`tools::installed`] makes; without it the importers are skipped.
 pub fn holds() -> Result<()> {
-    let hapt = test::program("hapt")?.get_program().to_os_string();
+    let hapt = programs::program("hapt")?.get_program().to_os_string();
     if cfg!(target_os = "linux") {
-        stands_alone(&test::target().join(test::PROFILE).join("deps/libhapt_fmi.so"))?;
+        stands_alone(&programs::target().join(programs::PROFILE).join("deps/libhapt_fmi.so"))?;
     }
     reference::is_current()?;
     let Some(environment) = tools::environment("fmi") else {
@@ -27,7 +27,7 @@ pub fn holds() -> Result<()> {
         return Ok(());
     };
     let mut importers = tools::python(&environment)?;
-    importers.arg("fmi/tests/importers.py").arg(hapt).arg(test::target().join("fmus"));
+    importers.arg("fmi/tests/importers.py").arg(hapt).arg(programs::target().join("fmus"));
     let said = importers.output()?;
     let [out, errors] = [&said.stdout, &said.stderr].map(|text| String::from_utf8_lossy(text));
     ensure!(said.status.success(), "{out}{errors}");

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::{commands, test};
+use crate::{commands, programs};
 
 /// Where builds, corpora and logs are, beside those of the workspace.
 const SCRATCH: &str = "target/fuzz";
@@ -51,7 +51,7 @@ fn drive(seconds: &str, names: &[&str]) -> Result<()> {
 
 /// The driver on stable, built in the tests' profile: its overflow checks and assertions are what a run is for.
 fn driver() -> Result<Command> {
-    test::program("bounded")
+    programs::program("bounded")
 }
 
 /// All targets in the order of the driver, by the folders of their seeds.

@@ -5,7 +5,7 @@ use std::process::Command;
 
 use anyhow::{Result, ensure};
 
-use crate::test::{self, PROFILE};
+use crate::programs::{self, PROFILE};
 use crate::tools;
 
 const TARGETS: [&str; 2] = ["aarch64-apple-darwin", "x86_64-apple-darwin"];
@@ -28,7 +28,7 @@ pub fn holds() -> Result<()> {
         link.env("PATH", tools::path_with(&environment.join("bin"))?);
         ensure!(link.status()?.success(), "links for {target}");
         for file in ["hapt", "libhapt_fmi.dylib"] {
-            let path = test::target().join(target).join(PROFILE).join(file);
+            let path = programs::target().join(target).join(PROFILE).join(file);
             let bytes = std::fs::read(&path)?;
             ensure!(bytes.starts_with(&[0xcf, 0xfa, 0xed, 0xfe]), "{} is no program for macOS", path.display());
             println!("{target}: linked {file}, {} bytes; not run", bytes.len());

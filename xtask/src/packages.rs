@@ -6,7 +6,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::{macos, test, tools};
+use crate::{macos, programs, tools};
 
 /// The wheels: the target, and what maturin is told of it. zig links for an old glibc, and for macOS.
 const WHEELS: [(&str, &[&str]); 4] = [
@@ -49,7 +49,7 @@ pub fn command(arguments: &[String]) -> Result<()> {
 
 /// Where the packages are written.
 fn folder() -> Result<PathBuf> {
-    let folder = absolute(test::target().join("packages"))?;
+    let folder = absolute(programs::target().join("packages"))?;
     fs::create_dir_all(&folder)?;
     Ok(folder)
 }
@@ -94,7 +94,7 @@ fn tried(wheel: &Path) -> Result<()> {
         )?;
         let mut tries = Command::new(&python);
         tries.args(["-c", TRY]).current_dir(folder()?);
-        let program = absolute(test::binary(SHIPPED).get_program())?;
+        let program = absolute(programs::binary(SHIPPED).get_program())?;
         if program.exists() {
             tries.env("HAPT_PROGRAM", program);
         }
@@ -150,7 +150,7 @@ fn debian() -> Result<()> {
         "--package",
         "hapt-fmi",
     ]))?;
-    let hapt = absolute(test::binary(SHIPPED).get_program())?;
+    let hapt = absolute(programs::binary(SHIPPED).get_program())?;
     let shell = folder()?.join("shell");
     emptied(&shell)?;
     done(Command::new(&hapt).args(["explain", "man", "--out"]).arg(shell.join("man")))?;
@@ -208,7 +208,7 @@ fn crates() -> Result<()> {
         package.args(["--exclude", name]);
     }
     done(&mut package)?;
-    let packages = fs::read_dir(test::target().join("package"))?;
+    let packages = fs::read_dir(programs::target().join("package"))?;
     let names = packages.filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()));
     let mut names: Vec<String> = names.filter(|name| name.ends_with(".crate")).collect();
     names.sort();

@@ -14,6 +14,7 @@ use hapt_sim::DesktopLoop;
 use hapt_web::Page;
 use serde_json::json;
 
+use crate::deps::{self, PAGE_TARGET};
 use crate::truth::worlds;
 
 const CORE: &str = "web/core";
@@ -32,7 +33,6 @@ const SOURCES: [&str; 9] = [
     "crates/hapt-wire",
     CORE,
 ];
-const TARGET: &str = "wasm32-unknown-unknown";
 /// Samples of each method.
 const EACH: u32 = 100_000;
 /// What a page without a server loads beside its files, in bytes: much of it reads world files. 65 000 of them are networks: their file, their
@@ -42,7 +42,7 @@ const LARGEST: usize = 1_010_000;
 /// Builds the core for the browser: with rustup's target where it is installed, else with the distribution's compiler and sources.
 pub fn build() -> Result<()> {
     let folder = "target/page";
-    let mut command = if has_target() {
+    let mut command = if deps::has_target(PAGE_TARGET) {
         Command::new(env!("CARGO"))
     } else {
         // Debian: apt-get install rustc-web cargo-web rust-web-src lld. There is no standard library for the target, so it is built.
@@ -61,9 +61,9 @@ pub fn build() -> Result<()> {
         "hapt-web",
         "--lib",
         "--target",
-        TARGET,
+        PAGE_TARGET,
     ]);
-    if !has_target() {
+    if !deps::has_target(PAGE_TARGET) {
         command.arg("-Zbuild-std=std,panic_abort");
     }
     command.args(["--target-dir", folder]);
@@ -75,12 +75,12 @@ pub fn build() -> Result<()> {
     let remap = format!("--remap-path-prefix={home}=cargo --remap-path-prefix={}=hapt", here.display());
     command.env("RUSTFLAGS", format!("{stack} {remap}"));
     let status = command.status().context("no compiler for the browser: rustup target add wasm32-unknown-unknown")?;
-    ensure!(status.success(), "the page's core does not build: rustup target add {TARGET}");
-    let bytes = fs::read(format!("{folder}/{TARGET}/web/hapt_web.wasm"))?;
+    ensure!(status.success(), "the page's core does not build: rustup target add {PAGE_TARGET}");
+    let bytes = fs::read(format!("{folder}/{PAGE_TARGET}/web/hapt_web.wasm"))?;
     ensure!(bytes.len() <= LARGEST, "the page's core has {} bytes, more than {LARGEST}", bytes.len());
     println!("{BUILT}: {} bytes", bytes.len());
     fs::write(BUILT, &bytes)?;
-    let rustc = if has_target() { "rustc" } else { "/usr/bin/rustc" };
+    let rustc = if deps::has_target(PAGE_TARGET) { "rustc" } else { "/usr/bin/rustc" };
     let said = Command::new(rustc).arg("--version").output()?;
     fs::write(STAMP, format!("{}{}", stamp()?, String::from_utf8_lossy(&said.stdout)))?;
     same_bits()
@@ -119,12 +119,6 @@ fn list(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Whether this compiler has the target's standard library.
-/// Whether rustup's compiler builds for the browser.
-pub fn has_target() -> bool {
-    crate::deps::has_target(TARGET)
 }
 
 /// The built page gives the bits of this machine's, for every method over 10^5 samples of a random world: loop, supervisor, device, the
@@ -192,7 +186,7 @@ fn has_npm() -> Result<bool> {
 fn npm(arguments: &[&str]) -> Result<()> {
     let mut command = Command::new("npm");
     command.args(arguments).current_dir("web").env("HAPT", fs::canonicalize(program())?);
-    command.env("WHEEL_PAGE", std::path::absolute(crate::test::example("wheel_page")?)?);
+    command.env("WHEEL_PAGE", std::path::absolute(crate::programs::example("wheel_page")?)?);
     let said = command.output()?;
     let text = [said.stdout, said.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).join("\n");
     // Either reporter of node's: what passed before the first failure tells nothing.
@@ -204,7 +198,7 @@ fn npm(arguments: &[&str]) -> Result<()> {
 }
 
 fn program() -> PathBuf {
-    PathBuf::from(crate::test::binary("release").get_program())
+    PathBuf::from(crate::programs::binary("release").get_program())
 }
 
 /// A random world of this method in hands, all that is done to it, and every number that it gives; `None` where it does not stay finite.

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 use serde_json::Value;
 
 use crate::campaign::Campaign;
-use crate::test;
+use crate::programs;
 
 const CHECKER: &str = "proof/checker.py";
 const COQ: &str = "proof/passive.v";
@@ -74,7 +74,7 @@ impl Python {
 /// Draws `n` worlds and has their proofs checked. What was accepted and refused, or the first that was not as it should be.
 fn check(n: u64, seed: u64) -> Result<String> {
     let python = python().context("the checker of proofs needs Python 3.11 or newer")?;
-    let folder = test::target().join("proofs");
+    let folder = programs::target().join("proofs");
     if folder.exists() {
         fs::remove_dir_all(&folder)?;
     }
@@ -368,7 +368,7 @@ pub fn is_checked_by_coq() -> Result<()> {
         return Ok(());
     }
     // The compiler writes beside its source.
-    let folder = test::target().join("proofs-by-coq");
+    let folder = programs::target().join("proofs-by-coq");
     fs::create_dir_all(&folder)?;
     let text = fs::read_to_string(COQ).context(COQ)?;
     for word in ["Admitted", "admit", "Axiom", "Parameter", "Conjecture", "Abort"] {

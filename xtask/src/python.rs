@@ -7,7 +7,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{test, tools};
+use crate::{programs, tools};
 
 /// All of it.
 pub fn holds() -> Result<()> {
@@ -24,7 +24,7 @@ pub fn is_built() -> Result<()> {
         );
         return Ok(());
     };
-    install(&environment, test::PROFILE)
+    install(&environment, programs::PROFILE)
 }
 
 /// Its tests, and the examples of its documentation.
@@ -38,7 +38,7 @@ pub fn works() -> Result<()> {
 pub fn has_types() -> Result<()> {
     let Some(environment) = tools::environment("hapt") else { return Ok(()) };
     let module = |name: &str| module(&environment, name);
-    let cache = test::target().join("mypy");
+    let cache = programs::target().join("mypy");
     run(module("mypy")?.arg("--cache-dir").arg(&cache).args(["python/hapt", "python/tests"]))?;
     run(module("pyright")?.arg("--pythonpath").arg(tools::python(&environment)?.get_program()))?;
     run(module("mypy.stubtest")?.args([
@@ -52,10 +52,10 @@ pub fn has_types() -> Result<()> {
 /// Builds the package and makes an environment import it: the library beside the sources, and their folder on Python's path. A wheel by
 /// maturin holds the same files, and would compile most dependencies again with other features (`cargo xtask packages` makes wheels).
 pub fn install(environment: &Path, profile: &str) -> Result<()> {
-    let packages: &[&str] = if profile == test::PROFILE { &["--workspace"] } else { &["--package", "hapt-python"] };
+    let packages: &[&str] = if profile == programs::PROFILE { &["--workspace"] } else { &["--package", "hapt-python"] };
     let mut build = Command::new(env!("CARGO"));
     run(build.args(["build", "--quiet", "--lib", "--profile", profile]).args(packages))?;
-    let root = std::path::absolute(test::target())?;
+    let root = std::path::absolute(programs::target())?;
     let package = root.join("python").join(profile).join("hapt");
     if package.exists() {
         fs::remove_dir_all(&package)?;

@@ -10,7 +10,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::{links, test};
+use crate::{links, programs};
 
 const COPY: &str = "target/site";
 const SITE: &str = "book";
@@ -23,7 +23,7 @@ const LESSONS: &str = "course";
 /// Builds the site and checks it.
 pub fn build() -> Result<()> {
     let mdbook = mdbook()?;
-    let mut report = test::program("hapt")?;
+    let mut report = programs::program("hapt")?;
     for folder in [COPY, SITE] {
         if Path::new(folder).exists() {
             fs::remove_dir_all(folder)?;

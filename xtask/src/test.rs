@@ -9,25 +9,19 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
-use serde_json::Value;
 
+use crate::programs::{PROFILE, Program, TARGETS, binary, built, cargo, worlds};
 use crate::steps::{Step, Tally};
 use crate::{
-    book, deps, faults, figure, fmi, fuzz, identify, licences, links, memory, notes, page, proof, python, tools, truth,
-    vm,
+    book, deps, faults, figure, fmi, fuzz, identify, licences, links, memory, modules, notes, page, proof, python,
+    tools, truth, vm,
 };
-
-/// The one in which every test is built, xtask too (`.cargo/config.toml`).
-pub const PROFILE: &str = "tested";
 
 /// Tests of the command line that live by the clock, as a drive's do.
 const BY_THE_CLOCK: [&str; 4] = ["drives::", "odrive::", "realtime::", "station::"];
-
-/// All that cargo builds for tests. `--all-targets` leaves out the targets that `cargo test` leaves out.
-const TARGETS: &str = "--workspace --lib --bins --examples --test *";
 
 pub fn run() -> Result<()> {
     let mut tally = Tally::new();
@@ -102,6 +96,7 @@ pub fn run() -> Result<()> {
         Step::check("docs/notes.md names tests that exist", notes::names_real_tests),
         Step::check("the pictures are current", figure::is_current),
         Step::check("links of the documents", links::hold),
+        Step::check("no circles of modules", modules::are_acyclic),
     ];
     for world in [worlds(Path::new("worlds"))?, worlds(Path::new("networks"))?].concat() {
         steps.push(Step::check(world.display().to_string(), move || same_bytes(&world)));
@@ -113,103 +108,11 @@ pub fn run() -> Result<()> {
     std::process::exit(i32::from(!tally.end()))
 }
 
-/// A program of tests, and the folder of its crate.
-pub struct Program {
-    file: PathBuf,
-    folder: PathBuf,
-}
-
-impl Program {
-    /// Ready to run, with every case of random tests.
-    pub fn command(&self) -> Command {
-        let mut command = Command::new(&self.file);
-        command.current_dir(&self.folder).env("CARGO_MANIFEST_DIR", &self.folder).env("HAPT_CASES", "all");
-        command
-    }
-
-    /// The same by another program, such as an emulator's.
-    pub fn through(&self, mut command: Command) -> Command {
-        command.arg(&self.file).current_dir(&self.folder).env("CARGO_MANIFEST_DIR", &self.folder);
-        command
-    }
-
-    /// The crate's, and the program's without the hash of its file.
-    pub fn name(&self) -> String {
-        let [folder, file] =
-            [&self.folder, &self.file].map(|path| path.file_name().unwrap_or_default().to_string_lossy());
-        format!("{folder}/{}", file.rsplit_once('-').map_or(&*file, |(name, _)| name))
-    }
-
-    /// Its file.
-    pub fn file(&self) -> &Path {
-        &self.file
-    }
-}
-
-/// Builds the tests of these names, all of them when there are none. The whole workspace is chosen every time, for the features of
-/// dependencies depend on the choice: what has been built stays as it is.
-pub fn built(names: &[&str]) -> Result<Vec<Program>> {
-    let mut command = Command::new(env!("CARGO"));
-    command.args(["test", "--quiet", "--profile", PROFILE, "--no-run", "--message-format", "json-render-diagnostics"]);
-    if names.is_empty() {
-        command.args(TARGETS.split_whitespace());
-    } else {
-        command.arg("--workspace").args(names.iter().flat_map(|name| ["--test", name]));
-    }
-    programs(command)
-}
-
-/// The programs of tests that cargo builds, by its messages in JSON.
-pub fn programs(mut command: Command) -> Result<Vec<Program>> {
-    let output = command.stderr(Stdio::inherit()).output()?;
-    ensure!(output.status.success(), "the tests do not build");
-    let mut programs = Vec::new();
-    for line in String::from_utf8_lossy(&output.stdout).lines() {
-        let Ok(message) = serde_json::from_str::<Value>(line) else { continue };
-        let (Some(file), true) = (message["executable"].as_str(), message["profile"]["test"] == true) else { continue };
-        let manifest = message["manifest_path"].as_str().context("no manifest")?;
-        let folder = Path::new(manifest).parent().context("no folder")?.to_path_buf();
-        programs.push(Program { file: file.into(), folder });
-    }
-    Ok(programs)
-}
-
-/// Builds a program of the workspace in the tests' profile.
-pub fn program(name: &str) -> Result<Command> {
-    cargo(&format!("build --quiet --workspace --bin {name} --profile {PROFILE}"), "")?;
-    Ok(binary_of(PROFILE, name))
-}
-
 /// The examples of the documentation, all of them even where one fails.
 fn documented() -> Command {
     let mut command = Command::new(env!("CARGO"));
     command.args(["test", "--no-fail-fast", "--workspace", "--doc", "--profile", PROFILE]);
     command
-}
-
-fn cargo(arguments: &str, rustdoc_flags: &str) -> Result<()> {
-    let status = Command::new(env!("CARGO"))
-        .args(arguments.split_whitespace())
-        .env("RUSTDOCFLAGS", rustdoc_flags)
-        .stdout(Stdio::null())
-        .status()?;
-    ensure!(status.success(), "cargo {arguments}");
-    Ok(())
-}
-
-/// Every world file in a folder.
-pub fn worlds(folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    for entry in fs::read_dir(folder)? {
-        let path = entry?.path();
-        if path.is_dir() {
-            files.extend(worlds(&path)?);
-        } else if path.extension().is_some_and(|extension| extension == "toml") {
-            files.push(path);
-        }
-    }
-    files.sort();
-    Ok(files)
 }
 
 /// The tested and the released program write the same bytes of every scenario and of the verdict, and the latter does so twice.
@@ -239,26 +142,6 @@ fn same_bytes(world: &Path) -> Result<()> {
     ensure!(runs[0] == runs[1], "the tested program and the released one differ");
     ensure!(runs[1] == runs[2], "two runs differ");
     Ok(())
-}
-
-/// The command line of a profile, which is built.
-pub fn binary(build: &str) -> Command {
-    binary_of(build, "hapt")
-}
-
-/// Builds an example of the workspace in the tests' profile. `cargo test` leaves the programs of examples out.
-pub fn example(name: &str) -> Result<PathBuf> {
-    cargo(&format!("build --quiet --workspace --example {name} --profile {PROFILE}"), "")?;
-    Ok(target().join(PROFILE).join("examples").join(format!("{name}{}", std::env::consts::EXE_SUFFIX)))
-}
-
-fn binary_of(build: &str, name: &str) -> Command {
-    Command::new(target().join(build).join(format!("{name}{}", std::env::consts::EXE_SUFFIX)))
-}
-
-/// Where cargo builds.
-pub fn target() -> PathBuf {
-    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from)
 }
 
 /// Links the core alone and looks for the standard panic routines; a control with a way to panic must show them.

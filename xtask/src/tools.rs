@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
 
-use crate::{firmware, page, test};
+use crate::{deps, programs};
 
 /// What installs the environments below.
 const UV: &str = "uv==0.13.9";
@@ -76,7 +76,7 @@ pub fn installed() -> Result<()> {
     }
     let mut missing: Vec<&str> =
         PROGRAMS.iter().filter(|(test, _)| !holds(test)).map(|&(_, package)| package).collect();
-    let is_cross = firmware::has_target() && page::has_target() || holds(CROSS.0);
+    let is_cross = deps::has_target(deps::BOARD_TARGET) && deps::has_target(deps::PAGE_TARGET) || holds(CROSS.0);
     if !is_cross {
         missing.extend(CROSS.1);
     }
@@ -142,13 +142,13 @@ pub fn python(environment: &Path) -> Result<Command> {
     let absolute = |path: &Path| std::path::absolute(path).with_context(|| path.display().to_string());
     let mut command = Command::new(absolute(environment)?.join("bin/python"));
     command.env("VIRTUAL_ENV", absolute(environment)?);
-    command.env("PYTHONPYCACHEPREFIX", absolute(&test::target().join("pycache"))?);
+    command.env("PYTHONPYCACHEPREFIX", absolute(&programs::target().join("pycache"))?);
     Ok(command)
 }
 
 /// Where the environments are: `CARGO_TARGET_TMPDIR` of the tests.
 pub fn environments() -> PathBuf {
-    test::target().join("tmp")
+    programs::target().join("tmp")
 }
 
 /// Whether a line of shell succeeds; the administrator's programs are on its path.

@@ -35,7 +35,7 @@ pub fn devices() -> Result<()> {
 
 /// The line that runs tests of this program, those of a filter, on a virtual CAN bus.
 fn bus(program: &str, filter: &str) -> Result<String> {
-    let programs = crate::test::built(&[program])?;
+    let programs = crate::programs::built(&[program])?;
     let test = programs.first().with_context(|| format!("there is no test {program}"))?.file();
     Ok(format!(
         "{{ [ -e /sys/class/net/vcan0 ] || {{ ip link add vcan0 type vcan && ip link set vcan0 mtu 72; }}; }} && \
@@ -67,7 +67,7 @@ pub fn conform(cases: &[&str]) -> Result<()> {
 /// The line that tries the wheel.
 fn wheel(mode: &str) -> Result<String> {
     let script = std::path::absolute("xtask/guest/wheel.py")?;
-    let hapt = std::path::absolute(crate::test::program("hapt")?.get_program())?;
+    let hapt = std::path::absolute(crate::programs::program("hapt")?.get_program())?;
     Ok(format!("/usr/bin/python3 {} {} {mode}", script.display(), hapt.display()))
 }
 

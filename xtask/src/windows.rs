@@ -8,8 +8,8 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
+use crate::programs::{self, PROFILE};
 use crate::steps::{Step, Tally};
-use crate::test::{self, PROFILE};
 
 const TARGET: &str = "x86_64-pc-windows-gnu";
 const COMPILER: &str = "x86_64-w64-mingw32-gcc";
@@ -28,13 +28,13 @@ pub fn holds() -> Result<()> {
     let mut tally = Tally::new();
     let mut built = cargo("test", TESTS);
     built.args(["--no-run", "--message-format", "json-render-diagnostics"]);
-    let programs = test::programs(built)?;
+    let programs = programs::programs(built)?;
     let run = |words: &str| -> Result<()> {
         ensure!(cargo("build", words).status()?.success(), "cargo build {words} for {TARGET}");
         Ok(())
     };
     run("--package hapt --package hapt-fmi")?;
-    let native = absolute(test::program("hapt")?.get_program())?;
+    let native = absolute(programs::program("hapt")?.get_program())?;
     let wine = Wine::ready()?;
 
     let mut steps = Vec::new();
@@ -46,7 +46,7 @@ pub fn holds() -> Result<()> {
         }
         steps.push(Step::tests(name, command));
     }
-    for world in test::worlds(Path::new("worlds"))? {
+    for world in programs::worlds(Path::new("worlds"))? {
         let (wine, native) = (wine.clone(), native.clone());
         steps.push(Step::check(world.display().to_string(), move || same_bytes(&wine, &native, &world)));
     }
@@ -66,7 +66,7 @@ fn cargo(verb: &str, words: &str) -> Command {
 
 /// Where cargo puts the programs of this target.
 fn built() -> Result<PathBuf> {
-    Ok(absolute(test::target().join(TARGET).join(PROFILE))?)
+    Ok(absolute(programs::target().join(TARGET).join(PROFILE))?)
 }
 
 /// Wine with a disk of its own.
@@ -82,7 +82,7 @@ impl Wine {
         // Debian's `wine` speaks of 32 bits first.
         let places = ["/usr/lib/wine/wine64", "/usr/bin/wine64", "/usr/bin/wine"].map(PathBuf::from);
         let program = places.into_iter().find(|path| path.exists()).context("Debian: apt-get install wine wine64")?;
-        let wine = Wine { program, disk: absolute(test::target().join("wine"))? };
+        let wine = Wine { program, disk: absolute(programs::target().join("wine"))? };
         if !wine.disk.join(SYSTEM).exists() {
             wine.printed(&["wineboot", "--init"].map(String::from))?;
         }
@@ -119,7 +119,7 @@ fn compiled(name: &str, to: &Path, options: &[&str]) -> Result<()> {
 /// The runs, the printed verdict and the report of a world are the same bytes there and here.
 fn same_bytes(wine: &Wine, native: &Path, world: &Path) -> Result<()> {
     let name = world.file_stem().context("a name")?;
-    let scratch = absolute(test::target().join("windows").join(name))?;
+    let scratch = absolute(programs::target().join("windows").join(name))?;
     let (mut outputs, mut verdicts) = (Vec::new(), Vec::new());
     for system in ["linux", "windows"] {
         let out = scratch.join(system);
@@ -188,7 +188,7 @@ fn read(folder: &Path) -> Result<Vec<(String, Vec<u8>)>> {
 /// Ctrl-C in a console ends a run with 130, and nothing half-written stays; a log keeps what was recorded.
 fn interrupted(wine: &Wine) -> Result<()> {
     let hapt = built()?.join("hapt.exe");
-    let out = absolute(test::target().join("windows/interrupted"))?;
+    let out = absolute(programs::target().join("windows/interrupted"))?;
     emptied(&out)?;
     let world = absolute("worlds/notes/default.toml")?;
     let [hapt, folder, world] = [&hapt, &out, &world].map(|path| format!("Z:{}", path.display()));
@@ -219,7 +219,7 @@ fn emptied(folder: &Path) -> Result<()> {
 
 /// A host in C loads the library of an FMU here and there, and prints the same bits.
 fn same_fmu(wine: &Wine, native: &Path) -> Result<()> {
-    let folder = absolute(test::target().join("windows/fmu"))?;
+    let folder = absolute(programs::target().join("windows/fmu"))?;
     emptied(&folder)?;
     let library = built()?.join("hapt_fmi.dll");
     let fmu = folder.join("wheel.fmu");

@@ -11,12 +11,11 @@ use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 use crate::Number;
 use crate::actuate::Actuator;
-use crate::branches::Branches;
 use crate::gradient::Contacts;
 use crate::matrix::{Response, Vector};
 use crate::nonlinear::Nonlinear;
 use crate::sense::{Memory, Puck, Sensor, Velocity, longest_windows};
-use crate::step::{Loop, Port, Sample, State};
+use crate::step::{Branches, Loop, Port, Sample, State};
 
 /// N numbers, each in its own lane.
 ///

@@ -46,7 +46,6 @@
 mod actuate;
 #[cfg(feature = "serde")]
 mod array;
-mod branches;
 mod compile;
 mod constants;
 mod contact;

@@ -63,7 +63,6 @@ mod shaft;
 mod spectrum;
 mod start;
 mod stretch;
-mod table;
 mod terms;
 mod torque;
 mod warnings;

@@ -1,4 +1,4 @@
-//! The kinds of motions, estimators, couplings, hands and shapes, each with its name in world files.
+//! The kinds of motions, estimators, couplings, hands, shapes and timings, each with its name in world files.
 //!
 //! The table of keys takes its names from here, and the reader, the writer and whoever names a kind match on these: a kind that is new
 //! does not compile before each of them has an arm for it.
@@ -216,5 +216,23 @@ mod tests {
                 assert_eq!(range.map(|range| format!("{range:?}")), wanted, "{} of {}", quantity.name, kind.name());
             }
         }
+    }
+}
+
+hapt_core::named! {
+    /// The kinds of timing, of a scenario.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub enum TimingKind {
+        /// [`crate::Timing::Even`]
+        #[default]
+        Even => "even",
+        /// [`crate::Timing::Random`]
+        Random => "random",
+        /// [`crate::Timing::Pattern`]
+        Pattern => "pattern",
+        /// [`crate::Timing::Recorded`]
+        Recorded => "recorded",
+        /// [`crate::Timing::Worst`]
+        Worst => "worst",
     }
 }

@@ -1,32 +1,13 @@
 //! When the samples of a scenario are truly taken, and how late their commands arrive: `[scenarios.NAME.timing]`.
 
-use hapt_core::named;
-
 use crate::error::{Error, ErrorKind, Location};
 use crate::fields::Fields;
+use crate::kinds::TimingKind;
 use crate::path;
 use crate::quantity::parse_in_unit;
 use crate::unit::Unit;
 use crate::words;
 use crate::world::Sampling;
-
-named! {
-    /// The kinds of timing.
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-    pub enum TimingKind {
-        /// [`Timing::Even`]
-        #[default]
-        Even => "even",
-        /// [`Timing::Random`]
-        Random => "random",
-        /// [`Timing::Pattern`]
-        Pattern => "pattern",
-        /// [`Timing::Recorded`]
-        Recorded => "recorded",
-        /// [`Timing::Worst`]
-        Worst => "worst",
-    }
-}
 
 /// When samples are taken and commands arrive. World and estimator step by the nominal period whatever the true intervals are.
 #[derive(Clone, Debug, Default, PartialEq)]

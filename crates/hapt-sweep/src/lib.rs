@@ -39,17 +39,12 @@
 mod axis;
 pub mod boundary;
 mod error;
-mod measure;
-mod network_worker;
 mod shard;
 mod sweep;
-pub mod table;
-mod worker;
 pub mod worst;
 
 pub use axis::{Axis, Grid, Ticks};
 pub use boundary::Boundary;
 pub use error::Error;
-pub use measure::Measure;
 pub use shard::Shard;
-pub use sweep::{Lines, Rows, Sweep};
+pub use sweep::{Lines, Measure, Rows, Sweep, table};

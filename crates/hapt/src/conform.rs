@@ -13,6 +13,7 @@ use crate::args::ConformArgs;
 use crate::failure::Failure;
 use crate::messages;
 use crate::output;
+use crate::signals;
 
 /// What is asked before anything moves.
 const QUESTION: &str = "it will swing by itself for about two minutes, hands off; type yes to go on: ";
@@ -30,8 +31,8 @@ pub fn run(args: &ConformArgs, device: Option<&Path>) -> Result<ExitCode, Failur
         output::Draft::new(out).map_err(|error| Failure::write(name, error))
     });
     let draft = draft.transpose()?;
-    output::end_in_order();
-    let wheel = Evdev::open(&path, || output::signalled().is_some());
+    signals::end_in_order();
+    let wheel = Evdev::open(&path, || signals::signalled().is_some());
     let mut wheel = wheel.map_err(|error| Failure::System(error.to_string()))?;
     let name = wheel.name().to_string();
     if !args.yes {
@@ -42,7 +43,7 @@ pub fn run(args: &ConformArgs, device: Option<&Path>) -> Result<ExitCode, Failur
         messages::say(format_args!("{:22} {}", finding.name, said(finding.verdict)));
     });
     drop(wheel);
-    if let Some(code) = output::signalled() {
+    if let Some(code) = signals::signalled() {
         return Ok(ExitCode::from(code));
     }
     let found = match outcome {

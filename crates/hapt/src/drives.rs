@@ -26,7 +26,7 @@ mod linux {
     use super::*;
     use crate::latency::time;
     use crate::messages::say;
-    use crate::output;
+    use crate::signals;
     use crate::world::source;
 
     pub fn devices() -> Result<ExitCode, Failure> {
@@ -69,16 +69,16 @@ mod linux {
         };
         let mut simulator = Simulator::new(bus, firmware, &world, clock);
         writeln!(stdout(), "{name}").and_then(|()| stdout().flush()).map_err(Failure::stdout)?;
-        output::end_in_order();
+        signals::end_in_order();
         say(format_args!("{} with id {} is simulated at {name}; Ctrl-C takes it away", make.one(), args.id));
         if let Some(scenario) = scenario {
             simulator.play(&world, &scenario.name);
         }
         let begun = Instant::now();
         let is_over = || ends_at.is_some_and(|ends_at| begun.elapsed().as_secs_f64() >= ends_at);
-        let ran = simulator.run(|| output::signalled().is_some() || is_over());
+        let ran = simulator.run(|| signals::signalled().is_some() || is_over());
         ran.map_err(|error| Failure::System(format!("{name} is gone: {error}")))?;
-        Ok(output::signalled().map_or(ExitCode::SUCCESS, ExitCode::from))
+        Ok(signals::signalled().map_or(ExitCode::SUCCESS, ExitCode::from))
     }
 }
 

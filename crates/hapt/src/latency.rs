@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use crate::args::{LatencyArgs, RealtimeArgs};
 use crate::failure::Failure;
 use crate::host::Stolen;
-use crate::{format, output, world};
+use crate::{format, signals, world};
 
 /// The polling period of records.
 pub const LOOK: Duration = Duration::from_millis(5);
@@ -33,14 +33,14 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
         Box::new(device),
         settings(&args.realtime, &world)?,
     )?;
-    output::end_in_order();
+    signals::end_in_order();
     let handle = engine.handle().clone();
-    output::stop_with(move || handle.end());
+    signals::stop_with(move || handle.end());
     let _ = engine.send(LoopCommand::Request(Request::Arm));
     let stolen = Stolen::until_now();
     let mut timing = Timing::new();
     let mut latest = 0;
-    while (latest as f64) < duration * 1e9 && output::signalled().is_none() && engine.ended().is_none() {
+    while (latest as f64) < duration * 1e9 && signals::signalled().is_none() && engine.ended().is_none() {
         std::thread::sleep(LOOK);
         while let Ok(record) = engine.records.pop() {
             timing.add(&record);
@@ -53,7 +53,7 @@ pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
         if args.json { json(&world, &timing, realtime, stolen) } else { text(&world, &timing, realtime, stolen) };
     let mut out = stdout().lock();
     let printed = out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout);
-    match output::signalled() {
+    match signals::signalled() {
         // The terminal may be closed.
         Some(code) => Ok(ExitCode::from(code)),
         None => printed.map(|()| ExitCode::SUCCESS),

@@ -21,6 +21,7 @@ use crate::latency::settings;
 use crate::messages::{notes, print, say};
 use crate::output;
 use crate::phone;
+use crate::signals;
 use crate::wheel::Wheel;
 use crate::world::source;
 
@@ -49,7 +50,7 @@ pub fn with(args: &LiveArgs, range: Option<f64>) -> Result<ExitCode, Failure> {
     let options = Options { source, sets, address, folder: args.log_dir.clone() };
     output::folder("--log-dir", &args.log_dir)?;
     // Before anything can hold a torque: a signal takes it off first.
-    output::end_in_order();
+    signals::end_in_order();
     let mut wheel = None;
     let live = Live::start_on(options, |world| match range {
         None => machine(args, &device, world),
@@ -60,7 +61,7 @@ pub fn with(args: &LiveArgs, range: Option<f64>) -> Result<ExitCode, Failure> {
         }
     })?;
     let handle = live.handle();
-    output::stop_with(move || handle.end());
+    signals::stop_with(move || handle.end());
 
     if device.has_motor() {
         say(drives::NOT_CERTIFIED);
@@ -98,7 +99,7 @@ fn serve(
         open(live.link());
     }
     loop {
-        if let Some(code) = output::signalled() {
+        if let Some(code) = signals::signalled() {
             drop(lives);
             return Ok(ExitCode::from(code));
         }
@@ -133,7 +134,7 @@ fn stations(
     }
     let network = System::read(source, &args.sets)?;
     output::folder("--log-dir", &args.log_dir)?;
-    output::end_in_order();
+    signals::end_in_order();
     let ends = network::connect(&network).map_err(|error| match error {
         LinkError::Check(error) => Failure::input(error),
         error @ (LinkError::Listen { .. }
@@ -172,7 +173,7 @@ fn stations(
         lives.push(Live::start_on(options, machine)?);
     }
     let handles: Vec<_> = lives.iter().map(Live::handle).collect();
-    output::stop_with(move || handles.iter().for_each(hapt_rt::LoopHandle::end));
+    signals::stop_with(move || handles.iter().for_each(hapt_rt::LoopHandle::end));
     let widest = network.stations.iter().map(|station| station.name.chars().count()).max().unwrap_or(0);
     let names = network.stations.iter().map(|station| station.name.as_str());
     serve(args, lives, None, |links| names.zip(links).map(|(name, link)| format!("{name:widest$}  {link}\n")).collect())

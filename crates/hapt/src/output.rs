@@ -10,7 +10,6 @@ use hapt_log::{RECORDED, is_recorded};
 use tempfile::{Builder, TempPath};
 
 use crate::failure::Failure;
-pub use crate::signals::{end_in_order, signalled, stop_with, when_interrupted};
 
 /// The unfinished files, to be removed when a signal ends the program.
 static DRAFTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());

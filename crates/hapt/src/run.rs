@@ -22,6 +22,7 @@ use crate::live::DETACHED;
 use crate::log::Recording;
 use crate::messages;
 use crate::output;
+use crate::signals;
 use crate::sim;
 use crate::station::{self, Chosen, LastReported, Station};
 use crate::wheel::Wheel;
@@ -75,11 +76,11 @@ pub fn with(args: &RunArgs, range: Option<f64>) -> Result<ExitCode, Failure> {
     let (wheel, effects) = room.map(Wheel::attach).transpose()?.unzip();
     if address.has_motor() {
         // Before anything can hold a torque: a signal takes it off first, and no message holds anybody up.
-        output::end_in_order();
+        signals::end_in_order();
     }
     let every = if args.log.is_some() { 0.0 } else { SHOWN };
     let opened = address.machine(world, profile, settings(&args.realtime, world)?, every)?;
-    output::end_in_order();
+    signals::end_in_order();
     messages::notes(&opened.notes);
     let (mut machine, on) = (opened.machine, opened.description);
     if let Some(why) = machine.clear_fault()? {
@@ -98,7 +99,7 @@ pub fn with(args: &RunArgs, range: Option<f64>) -> Result<ExitCode, Failure> {
     let config = WorldConfig::new(loaded.source.clone(), sets).map_err(Failure::input)?;
     let mut session = Session::start(config, machine)?;
     let handle = session.handle();
-    output::stop_with(move || handle.end());
+    signals::stop_with(move || handle.end());
     if let Some(recording) = recording {
         session.record(recording.begin()?);
     }
@@ -226,7 +227,7 @@ impl Run {
     /// Arms, plays the scenario, disarms, and looks at every record.
     fn until_it_ends(&mut self) -> Result<How, Failure> {
         self.keep();
-        if output::signalled().is_none() {
+        if signals::signalled().is_none() {
             self.request(Request::Arm)?;
         }
         // When the time began to count, in ns from the start.
@@ -291,7 +292,7 @@ impl Run {
 
     /// The end of the run; `None` while it runs.
     fn how(&mut self, ended: Option<Result<(), Error>>, is_over: bool) -> Option<How> {
-        if let Some(signal) = output::signalled() {
+        if let Some(signal) = signals::signalled() {
             return Some(How::Signal(signal));
         }
         while let Some(event) = self.session.event() {

@@ -27,6 +27,7 @@ use crate::format;
 use crate::messages;
 use crate::output::{self, Draft};
 use crate::progress::Progress;
+use crate::signals;
 use crate::world::{inputs, source};
 
 /// The largest number of threads.
@@ -242,7 +243,7 @@ impl Partial {
             ));
         }
         let words = format!("the rows so far are in {}; the same command with --resume continues", path.display());
-        output::when_interrupted(Some(words));
+        signals::when_interrupted(Some(words));
         Ok(partial)
     }
 
@@ -305,7 +306,7 @@ impl Partial {
                 fs::remove_file(&self.path).map_err(|error| Failure::write(self.path.display(), error))?;
             }
         }
-        output::when_interrupted(None);
+        signals::when_interrupted(None);
         Ok(())
     }
 }

@@ -7,8 +7,8 @@ use hapt_report::figure::{self, Figure, Panel, Shape, Style};
 use hapt_report::{Extremes, Map, Scale, Width};
 use hapt_sweep::{Axis, Measure, Sweep, table};
 
-use crate::boundary::within;
 use crate::boundary::own_name;
+use crate::boundary::within;
 use crate::failure::Failure;
 use crate::format;
 use crate::messages;

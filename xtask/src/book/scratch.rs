@@ -9,7 +9,7 @@ use std::process::{Child, Command, Stdio};
 use anyhow::{Context, Result, ensure};
 
 use super::NOT_RUN;
-use crate::{test, tools};
+use crate::{programs, tools};
 
 /// Packages that `python` blocks import, and the environments that have them.
 const PYTHON: [(&str, &str); 2] = [("hapt", "hapt"), ("fmpy", "fmi")];
@@ -97,7 +97,7 @@ impl Scratch {
 
     /// A line of shell with the shipped program on its path.
     fn shell(&self, line: &str) -> Result<Command> {
-        let hapt = PathBuf::from(test::binary("release").get_program());
+        let hapt = PathBuf::from(programs::binary("release").get_program());
         let folders = [std::path::absolute(hapt)?.parent().context("no folder")?.to_path_buf()];
         let path = std::env::var_os("PATH").unwrap_or_default();
         let path = std::env::join_paths(folders.into_iter().chain(std::env::split_paths(&path)))?;

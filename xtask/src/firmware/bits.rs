@@ -46,7 +46,7 @@ pub fn same(extent: Extent) -> Result<()> {
 /// Worlds in a microcontroller's room, none of which runs away.
 fn cases(samples: u32) -> Result<Vec<(String, Vec<u8>)>> {
     let mut cases = Vec::new();
-    for path in crate::test::worlds(Path::new("worlds/notes"))? {
+    for path in crate::programs::worlds(Path::new("worlds/notes"))? {
         let name = path.file_stem().context("a name")?.to_string_lossy().into_owned();
         cases.push((name.clone(), bytes(&world(&name)?)?));
     }

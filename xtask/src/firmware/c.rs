@@ -9,7 +9,9 @@ use hapt_core::{Controller, Reading, Request, SafetyProfile};
 use hapt_model::World;
 
 use super::trace::{BODIES, COUNTS, COUPLINGS, Trace};
-use super::{ARM, BUILT, TARGET, chip, compiler, control, qemu};
+use crate::deps::BOARD_TARGET;
+
+use super::{ARM, BUILT, chip, compiler, control, qemu};
 use crate::notes::world;
 
 const HOST: [&str; 6] = ["-O2", "-Wall", "-Wextra", "-Werror", "-std=c11", "-ffp-contract=off"];
@@ -31,7 +33,7 @@ pub fn same_bits() -> Result<()> {
     let said = String::from_utf8(Command::new(&pc).output()?.stdout)?;
     ensure!(said == wanted, "the example in C on this machine: {said}, not {wanted}");
 
-    let library = self::library(Some(TARGET))?;
+    let library = self::library(Some(BOARD_TARGET))?;
     let board = folder.join("mps2");
     let mut gcc = Command::new("arm-none-eabi-gcc");
     gcc.args(ARM)

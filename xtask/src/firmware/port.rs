@@ -11,7 +11,7 @@ use hapt_wire::{Command as BoardCommand, HostMessage, PROTOCOL, frame};
 
 use super::line::BOARD_TIMEOUT;
 use super::{BUILT, control, has_tools, program};
-use crate::test;
+use crate::programs;
 
 /// A wheel on a spring, certified. The board's puck swings by itself and minds no torque: it is not asked for a test of its motor.
 const WORLD: &str = r#"
@@ -84,7 +84,7 @@ pub fn holds() -> Result<()> {
     if !has_tools()? {
         return Ok(());
     }
-    test::program("hapt")?;
+    programs::program("hapt")?;
     let folder = std::env::current_dir()?.join(BUILT).join("port");
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder)?;
@@ -180,7 +180,7 @@ impl Ended {
 }
 
 fn hapt_program() -> Result<PathBuf> {
-    let program = PathBuf::from(test::binary(test::PROFILE).get_program());
+    let program = PathBuf::from(programs::binary(programs::PROFILE).get_program());
     program.canonicalize().with_context(|| program.display().to_string())
 }
 

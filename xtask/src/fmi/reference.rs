@@ -31,7 +31,7 @@ pub fn is_current() -> Result<()> {
 
 /// Does something with every file and the text that belongs into it.
 fn each(does: impl Fn(&Path, &str) -> Result<()>) -> Result<()> {
-    for world in crate::test::worlds(Path::new(FOLDER))? {
+    for world in crate::programs::worlds(Path::new(FOLDER))? {
         let name = world.file_stem().context("a name")?.to_string_lossy().into_owned();
         for (ending, text) in files(&world)? {
             let file = world.with_file_name(format!("{name}{ending}"));

@@ -20,7 +20,7 @@ use crate::args::IdentifyArgs;
 use crate::failure::Failure;
 use crate::latency::{LOOK, plan, settings, time};
 use crate::log::Recording;
-use crate::{format, messages, output};
+use crate::{format, messages, signals};
 
 /// The polling period of records.
 const MOMENT: Duration = Duration::from_millis(20);
@@ -152,12 +152,12 @@ impl Experiment {
         let header = || Header { world_text: bare.to_toml(), device: args.what.clone(), profile, ..Header::default() };
         let recording = Recording::start(args.log.as_deref(), &bare, header)?;
         // Before anything can hold a torque: a signal takes it off first, and no message holds anybody up.
-        output::end_in_order();
+        signals::end_in_order();
         let opened = device.open(world)?;
         messages::notes(&opened.notes);
         let engine = Engine::start_with(first.clone(), opened.device, settings)?;
         let handle = engine.handle().clone();
-        output::stop_with(move || handle.end());
+        signals::stop_with(move || handle.end());
         let recorder = recording.map(Recording::begin).transpose()?.map(hapt_host::Recording::into_recorder);
         for warning in &engine.realtime().warnings {
             messages::say(format_args!("warning: {warning}"));
@@ -255,7 +255,7 @@ impl Experiment {
                 return Err(Failure::System(words));
             }
         }
-        if output::signalled().is_some() {
+        if signals::signalled().is_some() {
             return Err(Failure::System("interrupted, the torque off".into()));
         }
         match ended {

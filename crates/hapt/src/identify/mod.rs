@@ -23,6 +23,7 @@ use crate::failure::Failure;
 use crate::format;
 use crate::messages;
 use crate::output::{self, Draft};
+use crate::signals;
 use crate::world::{files, source};
 
 use figure::Drawn;
@@ -61,7 +62,7 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
                 "--time, --position and --force name columns of a table; an experiment has none",
             ));
         }
-        Some(device) => match (guided::experiment(args, &device, world), output::signalled()) {
+        Some(device) => match (guided::experiment(args, &device, world), signals::signalled()) {
             (_, Some(code)) => return Ok(ExitCode::from(code)),
             (given, None) => given?,
         },

@@ -5,7 +5,7 @@ use hapt_analysis::{Verdict, free_growth, held_world_growth, is_certified, requi
 use hapt_model::{Motion, Scenario, System, World};
 use hapt_sim::{Outcome, Simulation, Summary};
 
-use crate::sweep::Stop;
+use super::Stop;
 
 hapt_model::named! {
     /// A number of a world, or of a run of it.

@@ -5,14 +5,14 @@ use std::fmt::{self, Write};
 use hapt_core::Law;
 
 use crate::keys::{self, Key};
-use crate::link::Link;
 use crate::numbers::NumberSlot::{Number, Optional, Whole};
 use crate::numbers::NumberSlots;
-use crate::system::{Station, System};
 use crate::write::text;
 
+use super::{Link, Station, System};
+
 /// A clock's drift is in millionths in files.
-pub(crate) const MILLIONTH: f64 = 1e-6;
+pub(super) const MILLIONTH: f64 = 1e-6;
 
 /// A link's kind and its numbers.
 fn numbers(link: &mut Link) -> (&'static str, NumberSlots<'_>) {

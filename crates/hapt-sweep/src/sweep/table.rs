@@ -1,6 +1,6 @@
 //! The table of a sweep: its columns, and its rows as CSV.
 
-use crate::sweep::Sweep;
+use super::Sweep;
 
 /// A column.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,8 +7,9 @@ use crate::error::{Error, ErrorKind};
 use crate::fields::Fields;
 use crate::kinds::Motion;
 use crate::read::{kind, one_of};
-use crate::system::{Station, System, no_longer};
 use crate::words;
+
+use super::{Station, System, no_longer};
 
 /// An instant within this part of a period of another is that one, as in the loop.
 const SAME_INSTANT: f64 = 1e-6;
@@ -120,7 +121,7 @@ impl System {
     }
 }
 
-pub(crate) fn read(fields: &Fields<'_>, stations: &[Station]) -> Result<Link, Error> {
+pub(super) fn read(fields: &Fields<'_>, stations: &[Station]) -> Result<Link, Error> {
     let ends = fields.ends("between")?;
     let station = |(name, place): (&str, &Place)| {
         stations.iter().position(|station| station.name == name).ok_or_else(|| {

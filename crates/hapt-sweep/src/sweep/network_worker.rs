@@ -6,9 +6,9 @@ use hapt_analysis::{NetworkCheck, check_network};
 use hapt_model::System;
 use hapt_sim::{NetworkRun, NetworkSummary};
 
+use super::measure::{Measure, STRETCH};
+use super::{Stop, Sweep};
 use crate::axis::{Place, Ticks};
-use crate::measure::{Measure, STRETCH};
-use crate::sweep::{Stop, Sweep};
 
 /// A network of the grid.
 pub(crate) struct NetworkWorker<'s> {

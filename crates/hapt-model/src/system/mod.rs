@@ -1,18 +1,22 @@
 //! What a file describes: stations, each a world with its own clock, and the links between their pucks. A world file is one station.
 
+mod link;
+mod numbers;
+
 use crate::document::Document;
 use crate::error::{Error, ErrorKind};
 use crate::fields::{Context, Fields};
 use crate::keys::NETWORK_FILE;
 use crate::kinds::Motion;
-use crate::link::{self, Link};
 use crate::path;
 use crate::read::{items, named};
 use crate::source::Source;
-use crate::system_numbers::MILLIONTH;
 use crate::timing::Timing;
 use crate::words;
 use crate::world::{Scenario, World};
+use numbers::MILLIONTH;
+
+pub use link::Link;
 
 /// The largest drift of a clock, in millionths.
 const MAX_DRIFT_MILLIONTHS: f64 = 10_000.0;
@@ -313,7 +317,7 @@ fn world(source: &Source, fields: &Fields<'_>, file: &str, sets: &[String]) -> R
 }
 
 /// Refuses a time of a station or a link, in s, that is beyond what any network takes.
-pub(crate) fn no_longer(fields: &Fields<'_>, key: &str, time: Option<f64>) -> Result<(), Error> {
+fn no_longer(fields: &Fields<'_>, key: &str, time: Option<f64>) -> Result<(), Error> {
     match time.filter(|time| *time > MAX_TIME_S) {
         None => Ok(()),
         Some(time) => {

@@ -1,9 +1,11 @@
 //! A record from a table of another program: CSV with named columns, units in the names.
 
+mod table;
+
 use hapt_model::{Dimension, Motion, Unit};
 
 use crate::Error;
-use crate::table::Table;
+use table::Table;
 
 /// Names that mean a time, a position, a torque, without their units; the first that a table has counts.
 const TIMES: &[&str] = &["time", "t", "timestamp"];
@@ -278,7 +280,7 @@ fn is_voltage(name: &str) -> bool {
 }
 
 /// Whether a column's unit is one of a time, a position or a torque.
-pub(crate) fn could_be(name: &str, what: &str) -> bool {
+fn could_be(name: &str, what: &str) -> bool {
     let unit = split(name).1;
     let is = |wanted: &[Dimension]| {
         Unit::parse(&plain(unit)).is_ok_and(|unit| wanted.iter().any(|wanted| wanted.accepts(unit.dimension())))

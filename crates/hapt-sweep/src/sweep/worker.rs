@@ -8,10 +8,10 @@ use hapt_analysis::{Parameter, Variants};
 use hapt_model::{Method, World};
 use hapt_sim::{LANES, run_batch};
 
+use super::measure::{self, Measure, OfRun};
+use super::network_worker::NetworkWorker;
+use super::{Stop, Sweep};
 use crate::axis::{Place, Ticks};
-use crate::measure::{self, Measure, OfRun};
-use crate::network_worker::NetworkWorker;
-use crate::sweep::{Stop, Sweep};
 
 /// Computes cells: worlds, or networks.
 pub(crate) enum Worker<'s> {

@@ -1,7 +1,7 @@
 //! A table of another program, before anything is known of its columns.
 
+use super::could_be;
 use crate::Error;
-use crate::columns::could_be;
 
 /// Columns that a message lists.
 const LISTED: usize = 24;

@@ -1,5 +1,11 @@
 //! A grid of a world with the measures of its cells.
 
+pub mod table;
+
+mod measure;
+mod network_worker;
+mod worker;
+
 use std::ops::Range;
 
 use hapt_model::{Source, System, did_you_mean};
@@ -8,9 +14,10 @@ use rayon::prelude::*;
 
 use crate::axis::{Grid, Place, Ticks};
 use crate::error::Error;
-use crate::measure::Measure;
-use crate::table::Text;
-use crate::worker::Worker;
+use table::Text;
+use worker::Worker;
+
+pub use measure::Measure;
 
 /// The most samples of a run with a settling time: they are kept until its end.
 const MOST_KEPT: f64 = 1e8;

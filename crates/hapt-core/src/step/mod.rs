@@ -1,12 +1,15 @@
 //! The loop: a world compiled once, and one sample of it.
 
+mod branches;
+
 use crate::actuate::Actuator;
-use crate::branches::{Branches, LinearFastPath};
 use crate::gradient::{Contacts, Gradient};
 use crate::matrix::{ROWS, Response, Vector, each_place};
 use crate::nonlinear::Nonlinear;
 use crate::sense::{Memory, Puck, Sensor};
 use crate::{Number, Real};
+pub(crate) use branches::Branches;
+use branches::LinearFastPath;
 
 /// A world compiled for at most B bodies, C couplings and W remembered counts (a FOAW window of W - 1), on numbers F.
 ///
