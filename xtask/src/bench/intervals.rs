@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::{Bench, output};
 
-const PAGE: &str = "docs/time.md";
+const PAGE: &str = "docs/realtime.md";
 const BLOCK: &str = "cargo xtask bench intervals";
 /// What each measurement takes.
 const DURATION: &str = "20s";
