@@ -72,20 +72,13 @@ fn keys() -> Result<String> {
     let mut text = String::new();
     for table in tables {
         let rows: Vec<&Key> = keys::rows(table).collect();
-        let owned = rows.iter().any(|key| !owner(key).is_empty());
-        let (of, rule) = if owned { (" of |", " --- |") } else { ("", "") };
         writeln!(text, "## {}\n", heading(table))?;
-        writeln!(text, "| key |{of} takes | without it | meaning |\n| --- |{rule} --- | --- | --- |")?;
+        writeln!(text, "| key | takes | default | meaning |\n| --- | --- | --- | --- |")?;
         for key in rows {
-            let of = if owned { format!(" {} |", owner(key)) } else { String::new() };
-            writeln!(
-                text,
-                "| `{}` |{of} {} | {} | {} |",
-                key.name(),
-                takes(key),
-                without(key),
-                key.doc.replace('|', "\\|")
-            )?;
+            let of = owner(key);
+            let of = if of.is_empty() { of } else { format!(" ({of})") };
+            let doc = key.doc.replace('|', "\\|");
+            writeln!(text, "| `{}`{of} | {} | {} | {doc} |", key.name(), takes(key), without(key))?;
         }
         text.push('\n');
     }
@@ -125,49 +118,52 @@ fn owner(key: &Key) -> String {
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
-fn takes(key: &Key) -> String {
-    let quantity = |measure: Measure, range: Range| {
-        let (rotary, linear) = (measure.described(Motion::Rotary), measure.described(Motion::Linear));
-        let dimension = match key.motion {
-            Some(motion) => measure.described(motion),
-            None if rotary == linear => rotary,
-            None => format!("{rotary}; linear: {linear}"),
-        };
-        let range = match range {
-            Range::Any => "",
-            Range::ZeroOrMore => ", 0 or more",
-            Range::Positive => ", above 0",
-        };
-        let tolerance = if key.tolerance { ", also with a tolerance (`± 20 %`)" } else { "" };
-        format!("{dimension}{range}{tolerance}")
+/// The unit in SI, both where the motion decides it; the range, and whether it may carry a tolerance.
+fn quantity(key: &Key, measure: Measure, range: Range) -> String {
+    let unit = |motion: Motion| {
+        let dimension = measure.described(motion);
+        let unit = dimension.split_once('(').and_then(|(_, unit)| unit.strip_suffix(')'));
+        unit.map_or_else(|| "a number".to_string(), |unit| unit.replace(' ', "·"))
     };
+    let (rotary, linear) = (unit(Motion::Rotary), unit(Motion::Linear));
+    let unit = match key.motion {
+        Some(motion) => unit(motion),
+        None if rotary == linear => rotary,
+        None => format!("{rotary}, linear {linear}"),
+    };
+    let range = match range {
+        Range::Any => "",
+        Range::ZeroOrMore => ", ≥ 0",
+        Range::Positive => ", > 0",
+    };
+    format!("{unit}{range}{}", if key.tolerance { ", ±" } else { "" })
+}
+
+fn takes(key: &Key) -> String {
     match key.takes {
         Takes::Text => "text".to_string(),
         Takes::Name(names) => names.iter().map(|name| format!("`\"{name}\"`")).collect::<Vec<_>>().join(", "),
-        Takes::Quantity(measure, range) => quantity(measure, range),
-        Takes::QuantityOr(measure, range, word) => format!("{}, or `\"{word}\"`", quantity(measure, range)),
+        Takes::Quantity(measure, range) => quantity(key, measure, range),
+        Takes::QuantityOr(measure, range, word) => format!("{}, or `\"{word}\"`", quantity(key, measure, range)),
         Takes::TimeOrSamples => {
-            format!("{}, or a number of samples, `\"1.5 samples\"`", quantity(Measure::Time, Range::ZeroOrMore))
+            format!("{}, or `\"1.5 samples\"`", quantity(key, Measure::Time, Range::ZeroOrMore))
         }
-        Takes::Whole { least, most, step } => {
-            format!("{} whole number from {least} to {most}", if step == 2 { "an even" } else { "a" })
-        }
-        Takes::Numbers { least, most } => format!("an array of {least} to {most} plain numbers"),
+        Takes::Whole { least, most, step } => format!("{least} to {most}{}", if step == 2 { ", even" } else { "" }),
+        Takes::Numbers { least, most } => format!("{least} to {most} numbers"),
         Takes::Ends(_) => "two different ends".to_string(),
         Takes::Table => "a table".to_string(),
-        Takes::Named { most, what, reserved, .. } => {
-            let taken =
-                if reserved.is_empty() { String::new() } else { format!(", never called {}", reserved.join(", ")) };
-            format!("a table for each {what}, {most} at most{taken}")
+        Takes::Named { most, reserved, .. } => {
+            let taken = if reserved.is_empty() { String::new() } else { format!(", not {}", reserved.join(", ")) };
+            format!("{most} tables at most{taken}")
         }
-        Takes::List { most, what } => format!("a table for each {what}, {most} at most"),
+        Takes::List { most, .. } => format!("{most} tables at most"),
     }
 }
 
 fn without(key: &Key) -> String {
     match key.presence {
-        Presence::Required => "an error".to_string(),
-        Presence::Optional => "nothing".to_string(),
+        Presence::Required => "required".to_string(),
+        Presence::Optional => "none".to_string(),
         Presence::Number(number) => number.to_string(),
         Presence::Name(name) => format!("`\"{name}\"`"),
         Presence::Depends(text) => text.to_string(),
