@@ -107,7 +107,7 @@ fn with_part(page: &str, text: &str) -> Result<String> {
     Ok(format!("{}{text}{}", &page[..begin], &page[end..]))
 }
 
-/// Measures everything and prints it; with `write`, into [`PAGE`].
+/// Measures the page's parts and prints them; with `write`, into [`PAGE`]. The others are printed by their names.
 fn run(write: bool) -> Result<()> {
     let bench = Bench::build()?;
     let mut page = bench.head()?;
@@ -115,15 +115,12 @@ fn run(write: bool) -> Result<()> {
         Bench::runs,
         Bench::steps,
         Bench::start,
-        Bench::csv,
-        Bench::instructions,
         Bench::package,
         Bench::sweeps,
         Bench::worlds,
         Bench::loops,
         Bench::certificates,
         Bench::checks,
-        Bench::edges,
         Bench::realtime,
     ];
     for part in parts {
