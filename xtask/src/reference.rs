@@ -73,12 +73,10 @@ fn keys() -> Result<String> {
     for table in tables {
         let rows: Vec<&Key> = keys::rows(table).collect();
         writeln!(text, "## {}\n", heading(table))?;
-        writeln!(text, "| key | takes | default | meaning |\n| --- | --- | --- | --- |")?;
         for key in rows {
             let of = owner(key);
             let of = if of.is_empty() { of } else { format!(" ({of})") };
-            let doc = key.doc.replace('|', "\\|");
-            writeln!(text, "| `{}`{of} | {} | {} | {doc} |", key.name(), takes(key), without(key))?;
+            writeln!(text, "- `{}`{of}: {}{}. {}", key.name(), takes(key), without(key), key.doc)?;
         }
         text.push('\n');
     }
@@ -162,11 +160,12 @@ fn takes(key: &Key) -> String {
 
 fn without(key: &Key) -> String {
     match key.presence {
-        Presence::Required => "required".to_string(),
-        Presence::Optional => "none".to_string(),
-        Presence::Number(number) => number.to_string(),
-        Presence::Name(name) => format!("`\"{name}\"`"),
-        Presence::Depends(text) => text.to_string(),
+        Presence::Required => ", required".to_string(),
+        Presence::Optional => String::new(),
+        Presence::Number(number) => format!("; default {number}"),
+        Presence::Name(name) => format!("; default `\"{name}\"`"),
+        Presence::Depends(text) if text.starts_with("required") => format!(", {text}"),
+        Presence::Depends(text) => format!("; default {text}"),
     }
 }
 
