@@ -114,10 +114,8 @@ fn run(write: bool) -> Result<()> {
     let parts = [
         Bench::runs,
         Bench::steps,
-        Bench::start,
         Bench::package,
         Bench::sweeps,
-        Bench::worlds,
         Bench::loops,
         Bench::certificates,
         Bench::checks,
