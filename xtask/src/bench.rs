@@ -116,8 +116,6 @@ fn run(write: bool) -> Result<()> {
         Bench::steps,
         Bench::package,
         Bench::sweeps,
-        Bench::loops,
-        Bench::certificates,
         Bench::checks,
         Bench::realtime,
     ];
