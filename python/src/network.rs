@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use hapt_model::{Network as Model, Source};
+use hapt_model::{Source, System};
 use hapt_sim::{NetworkRun, network_columns};
 use hapt_sweep::worst::search_together;
 use numpy::IntoPyArray;
@@ -24,7 +24,7 @@ use crate::sweep::Sweep;
 pub struct Network {
     source: Source,
     sets: Vec<String>,
-    model: Arc<Model>,
+    model: Arc<System>,
 }
 
 /// The texts of files that come with a network, by the names that it has for them.
@@ -53,7 +53,7 @@ pub fn read_network(
 
 impl Network {
     fn new(py: Python<'_>, source: Source, sets: Vec<String>) -> PyResult<Network> {
-        let model = Model::read(&source, &sets).map_err(|error| of_world(py, error, "set"))?;
+        let model = System::read_network(&source, &sets).map_err(|error| of_world(py, error, "set"))?;
         Ok(Network { source, sets, model: Arc::new(model) })
     }
 
@@ -65,7 +65,7 @@ impl Network {
 /// The columns of each station, and why the run ended early.
 type Run = (Vec<Vec<Vec<f64>>>, Option<String>);
 
-fn run(model: &Model, scenario: &str, is_over: &mut dyn FnMut() -> bool) -> Result<Run, Failure> {
+fn run(model: &System, scenario: &str, is_over: &mut dyn FnMut() -> bool) -> Result<Run, Failure> {
     let mut run = NetworkRun::new(model, scenario).map_err(|error| Failure::Input(error.to_string()))?;
     let mut tables = Vec::new();
     for at in 0..model.stations.len() {

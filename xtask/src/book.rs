@@ -69,7 +69,9 @@ pub fn write() -> Result<()> {
 
 /// Builds the command line and the Python package that the pages run.
 fn build() -> Result<()> {
-    let status = Command::new(env!("CARGO")).args(["build", "--quiet", "--release", "--package", "hapt"]).status()?;
+    let status = Command::new(env!("CARGO"))
+        .args(["build", "--quiet", "--release", "--package", "hapt", "--package", "hapt-grade"])
+        .status()?;
     ensure!(status.success(), "hapt does not build");
     python::is_built()
 }

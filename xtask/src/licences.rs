@@ -8,8 +8,8 @@ use std::process::Command;
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
-/// What `hapt licences` prints.
-const FILE: &str = "crates/hapt/src/licences.txt";
+/// What `hapt explain licences` prints.
+const FILE: &str = "crates/hapt/src/explain/licences.txt";
 /// What may be chosen, the first first.
 const CHOICE: [&str; 8] =
     ["MIT", "Apache-2.0", "Zlib", "Unicode-3.0", "CC0-1.0", "MIT-0", "BSD-2-Clause", "BSD-3-Clause"];

@@ -49,7 +49,7 @@ cargo xtask networks  the same of stations joined by links
 cargo xtask wheel     random sets of effects on random force-feedback wheels, hands off: [--n N] [--seed S]; --write: docs/wheel.md
                       latency: from a game's report to the torque, in simulated time
 cargo xtask page      the page's core in WebAssembly, into web/core
-cargo xtask licences  the licences of what is in the program, into crates/hapt/src/licences.txt
+cargo xtask licences  the licences of what is in the program, into crates/hapt/src/explain/licences.txt
 cargo xtask firmware  the firmware on emulated boards: the same bits, instructions a sample, sizes; --write: docs/firmware.md
 cargo xtask faults    the supervisor against faults of every kind, and against none: [--n N] [--clean SAMPLES] [--seed S]; with
                       --write, into docs/safety.md

@@ -153,9 +153,9 @@ fn debian() -> Result<()> {
     let hapt = absolute(test::binary(SHIPPED).get_program())?;
     let shell = folder()?.join("shell");
     emptied(&shell)?;
-    done(Command::new(&hapt).args(["man", "--out"]).arg(shell.join("man")))?;
+    done(Command::new(&hapt).args(["explain", "man", "--out"]).arg(shell.join("man")))?;
     for (name, file) in [("bash", "hapt"), ("zsh", "_hapt"), ("fish", "hapt.fish")] {
-        fs::write(shell.join(file), done(Command::new(&hapt).args(["completions", name]))?)?;
+        fs::write(shell.join(file), done(Command::new(&hapt).args(["explain", "completions", name]))?)?;
     }
     let package = folder()?.join("hapt.deb");
     let mut deb = Command::new(env!("CARGO"));

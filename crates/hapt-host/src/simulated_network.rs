@@ -6,7 +6,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use hapt_analysis::Linked;
-use hapt_model::{Network, World};
+use hapt_model::{System, World};
 use hapt_rt::{LinkPort, LinkTuning};
 
 use crate::links::{LinkStatus, WayNumbers};
@@ -26,7 +26,7 @@ pub struct SimulatedNetwork {
 
 struct State {
     /// As in its file, but for the worlds that pages have changed.
-    network: Network,
+    network: System,
     delay: f64,
     loss: f64,
     factors: Factors,
@@ -49,7 +49,7 @@ struct Factors {
 #[derive(Clone, Debug)]
 pub struct Question {
     /// As it is now.
-    pub network: Network,
+    pub network: System,
     revision: u64,
     factors: Factors,
 }
@@ -57,7 +57,7 @@ pub struct Question {
 impl Factors {
     const ONE: Factors = Factors { stiffness: 1.0, age: 1.0 };
 
-    fn of(self, network: &Network) -> Network {
+    fn of(self, network: &System) -> System {
         let mut network = network.clone();
         for link in &mut network.links {
             *link = link.with_stiffness(self.stiffness * link.stiffness());
@@ -87,7 +87,7 @@ impl SimulatedNetwork {
     /// The network of a file with its verdict. `ports` are the loops' ends, by station and in the order of its links, which are given back
     /// with numbers that follow the network's; `ways` those of its messages.
     pub fn new(
-        network: Network,
+        network: System,
         verdict: Linked,
         ways: Vec<Arc<WayNumbers>>,
         ports: Vec<Vec<LinkPort>>,

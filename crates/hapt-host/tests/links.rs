@@ -12,7 +12,7 @@ use hapt_core::{Request, Strength};
 use hapt_host::links::{LinkError, LinkStatus, Links, SteppedLinks};
 use hapt_host::simulated_network::SimulatedNetwork;
 use hapt_host::{Backend, Error, Machine, Session, WorldConfig};
-use hapt_model::{Network, Source};
+use hapt_model::{Source, System};
 use hapt_rt::{Device, Failure, Outside, Plan, Position};
 use hapt_wire::link::{Datagrams, Outgoing, Refusal};
 
@@ -21,7 +21,7 @@ const KEY: &[u8] = b"both stations know this one";
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A pair with ages that a busy computer keeps.
-fn network() -> Network {
+fn network() -> System {
     let mut source = Source::from_text(
         "pair.toml",
         r#"
@@ -32,7 +32,7 @@ fn network() -> Network {
     );
     let wheel = "loop.period = '2 ms'\ndevice = { inertia = '6.4e-4 kg m^2', damping = '5 N mm s/rad' }\nsafety.stall = '10 s'\n";
     source.files.insert("wheel.toml".into(), wheel.into());
-    Network::read(&source, &[]).unwrap()
+    System::read(&source, &[]).unwrap()
 }
 
 /// An address of this computer that was free a moment ago.
@@ -100,7 +100,7 @@ struct Station {
 }
 
 impl Station {
-    fn start(network: &Network, at: usize, listen: SocketAddr, to: SocketAddr, key: &[u8]) -> Self {
+    fn start(network: &System, at: usize, listen: SocketAddr, to: SocketAddr, key: &[u8]) -> Self {
         let (links, ports) = Links::open(network, at, listen, &[(1 - at, to)], key).unwrap();
         let station = &network.stations[at];
         let config = WorldConfig::new(station.source.clone(), station.sets.clone()).unwrap();
@@ -135,7 +135,7 @@ fn until(what: &str, stations: &mut [Station; 2], is_so: impl Fn(&[LinkStatus; 2
     }
 }
 
-fn pair(network: &Network) -> ([Station; 2], [Way; 2], [SocketAddr; 2]) {
+fn pair(network: &System) -> ([Station; 2], [Way; 2], [SocketAddr; 2]) {
     let at = [free(), free()];
     let ways = [Way::to(at[1], Duration::from_millis(3)), Way::to(at[0], Duration::from_millis(3))];
     let stations = [0, 1].map(|station| Station::start(network, station, at[station], ways[station].at, KEY));
@@ -291,7 +291,7 @@ fn a_computer_too_slow_for_its_stations_ends_them_without_a_torque() {
     let wheel = "loop.period = '4 ms'\ndevice = { inertia = '6.4e-4 kg m^2', damping = '5 N mm s/rad' }\n\
                  couplings = [{ kind = 'constant', between = ['puck', 'ground'], torque = 0.01 }]\n";
     source.files.insert("wheel.toml".into(), wheel.into());
-    let network = Network::read(&source, &[]).unwrap();
+    let network = System::read(&source, &[]).unwrap();
     let (links, ports) = SteppedLinks::new(&network);
     let verdict = check_network(&network).unwrap().linked();
     let (shared, ports) = SimulatedNetwork::new(network.clone(), verdict, links.ways(), ports);

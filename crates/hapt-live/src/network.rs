@@ -8,7 +8,7 @@ use hapt_analysis::{Error, Linked, NetworkCheck, check_network};
 use hapt_host::StationView;
 use hapt_host::links::{LinkError, Links, Way, random_key};
 use hapt_host::simulated_network::{Question, SimulatedNetwork};
-use hapt_model::Network;
+use hapt_model::System;
 use hapt_rt::LinkPort;
 
 use crate::certifier::{BROKEN, Latest, VERDICTS, lower_priority};
@@ -26,7 +26,7 @@ pub struct StationEnd {
 ///
 /// # Errors
 /// The network has no certificate, or the system gives no socket, thread or random numbers.
-pub fn connect(network: &Network) -> Result<Vec<StationEnd>, LinkError> {
+pub fn connect(network: &System) -> Result<Vec<StationEnd>, LinkError> {
     connect_by(network, check_network)
 }
 
@@ -35,8 +35,8 @@ pub fn connect(network: &Network) -> Result<Vec<StationEnd>, LinkError> {
 /// # Errors
 /// As [`connect`].
 pub fn connect_by(
-    network: &Network,
-    certify: impl Fn(&Network) -> Result<NetworkCheck, Error> + Send + 'static,
+    network: &System,
+    certify: impl Fn(&System) -> Result<NetworkCheck, Error> + Send + 'static,
 ) -> Result<Vec<StationEnd>, LinkError> {
     let failed = |error| LinkError::System { what: "socket", error };
     let bound = |_: &_| UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|socket| Ok((socket.local_addr()?, socket)));
@@ -67,7 +67,7 @@ struct NetworkCertifier(Arc<Latest<Question>>);
 impl NetworkCertifier {
     fn start(
         network: Arc<SimulatedNetwork>,
-        certify: impl Fn(&Network) -> Result<NetworkCheck, Error> + Send + 'static,
+        certify: impl Fn(&System) -> Result<NetworkCheck, Error> + Send + 'static,
     ) -> Result<Self, LinkError> {
         let asked: Arc<Latest<Question>> = Arc::default();
         let questions = Arc::clone(&asked);

@@ -14,7 +14,7 @@ use hapt_analysis::{Check, NetworkCheck, Proposal};
 use hapt_core::SafetyProfile;
 use hapt_host::messages::{NetworkFile, ServerMessage, VerdictMessage, WorldFile};
 use hapt_host::{SettableKey, WorldConfig, rule};
-use hapt_model::{Network, Source, World};
+use hapt_model::{Source, System, World};
 use hapt_rt::Plan;
 use serde_json::{Value, json};
 
@@ -79,7 +79,7 @@ impl PageNetwork {
     ///
     /// # Errors
     /// In words, why it has no page: as [`PageWorld::new`], for each of its stations.
-    pub fn new(source: &Source, sets: Vec<String>, network: &Network, check: &NetworkCheck) -> Result<Self, String> {
+    pub fn new(source: &Source, sets: Vec<String>, network: &System, check: &NetworkCheck) -> Result<Self, String> {
         is_built()?;
         let file = NetworkFile::new(source, sets, network, check)?;
         for station in file.network()?.stations {

@@ -1,7 +1,7 @@
 //! A network of stations as one page.
 
 use hapt_analysis::NetworkCheck;
-use hapt_model::{Law, Motion, Network, Parameter};
+use hapt_model::{Law, Motion, Parameter, System};
 use hapt_sim::NetworkRow;
 use maud::{Markup, html};
 
@@ -39,7 +39,7 @@ struct StationRun {
 
 impl NetworkScenario {
     /// The scenario `name` before its first row.
-    pub fn new(network: &Network, name: &str) -> Self {
+    pub fn new(network: &System, name: &str) -> Self {
         let station = |station: &hapt_model::Station| StationRun {
             name: station.name.clone(),
             traces: Traces::new(network.motion, &station.world.names, station.world.device.limit),
@@ -111,7 +111,7 @@ impl NetworkScenario {
         }
     }
 
-    fn text(&self, network: &Network) -> Markup {
+    fn text(&self, network: &System) -> Markup {
         html! {
             @if let Some(failure) = &self.failure { p.verdict.unstable { b { "Ended early" } ": " (failure) } }
             dl {
@@ -136,7 +136,7 @@ impl NetworkScenario {
     }
 }
 
-fn between(network: &Network, ends: [usize; 2]) -> String {
+fn between(network: &System, ends: [usize; 2]) -> String {
     let [one, other] = ends.map(|at| network.stations[at].name.as_str());
     format!("{one} to {other}")
 }
@@ -149,7 +149,7 @@ pub struct NetworkReport<'n> {
     /// The file's name without folder and ending, under which its files are written.
     pub stem: String,
     /// In SI.
-    pub network: &'n Network,
+    pub network: &'n System,
     /// The text of each station's world.
     pub parameters: &'n [Vec<Parameter>],
     /// Its certificate.

@@ -77,7 +77,7 @@ pub struct LinkWire {
     pub samples: Consumer<LinkSample>,
 }
 
-/// A link's end at its first or second station, on its terms ([`hapt_model::Network::end`]). The other end takes its positions `tick`
+/// A link's end at its first or second station, on its terms ([`hapt_model::System::end`]). The other end takes its positions `tick`
 /// seconds apart for each 1 by which the numbers of its messages differ.
 pub fn link(link: &Link, first: bool, terms: LinkTerms, tick: f64) -> (LinkPort, LinkWire) {
     let (coming, incoming) = RingBuffer::new(ROOM);

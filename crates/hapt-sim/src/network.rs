@@ -1,7 +1,7 @@
 //! A run of a network: stations on their exact devices, each at its own times, and the messages between them.
 
 use hapt_core::{Heard, LinkEnd, Puck, Strength};
-use hapt_model::{Drive, Hand, Link, Network, Scenario, Shape, Timing};
+use hapt_model::{Drive, Hand, Link, Scenario, Shape, System, Timing};
 
 use crate::channel::Channel;
 use crate::row::{Row, SIGNALS, Signal, columns};
@@ -14,7 +14,7 @@ use crate::run::{Error, Simulation};
 /// said so.
 ///
 /// ```
-/// use hapt_model::{Network, Source};
+/// use hapt_model::{System, Source};
 /// use hapt_sim::NetworkRun;
 ///
 /// let mut source = Source::from_text("pair.toml", r#"
@@ -26,7 +26,7 @@ use crate::run::{Error, Simulation};
 /// let push = "[scenarios.push]\nduration = '1 s'\nhand = { kind = 'step', to = '10 deg', at = '0.1 s' }\n";
 /// source.files.insert("wheel.toml".into(), wheel.into());
 /// source.files.insert("push.toml".into(), format!("{wheel}{push}"));
-/// let network = Network::read(&source, &[])?;
+/// let network = System::read(&source, &[])?;
 /// let mut run = NetworkRun::new(&network, "push")?;
 /// let mut right = 0.0;
 /// while let Some(row) = run.next() {
@@ -69,7 +69,7 @@ impl NetworkRow<'_> {
 }
 
 /// The columns of a station's run: those of its world, and the torque of its links. None where there is no such station.
-pub fn network_columns(network: &Network, at: usize) -> Vec<String> {
+pub fn network_columns(network: &System, at: usize) -> Vec<String> {
     let own = network.stations.get(at).map(|station| columns(&station.world)).unwrap_or_default();
     own.into_iter().chain([Signal::LINK.column(network.motion)]).map(|column| column.name).collect()
 }
@@ -174,7 +174,7 @@ impl AtRest {
 
 impl NetworkRun {
     /// The scenario `name` of a network. Errors where a station's loop or timing cannot be run.
-    pub fn new(network: &Network, name: &str) -> Result<Self, Error> {
+    pub fn new(network: &System, name: &str) -> Result<Self, Error> {
         let scenarios = network.scenario(name);
         let duration = scenarios.iter().flatten().map(|scenario| scenario.duration).next().unwrap_or(0.0);
         let mut stations = Vec::new();

@@ -1,6 +1,6 @@
 //! The summary of a network's run: peaks at each station, and what the hands have had from all of it.
 
-use hapt_model::{Network, Timing};
+use hapt_model::{System, Timing};
 
 use crate::network::NetworkRow;
 
@@ -38,7 +38,7 @@ pub struct StationSummary {
 }
 
 /// Whether all stations take a sample at each of the slowest one's.
-fn is_common(network: &Network) -> bool {
+fn is_common(network: &System) -> bool {
     let slowest = network.stations.iter().map(|station| station.world.sampling.period).fold(0.0, f64::max);
     let is_even = |scenario: &hapt_model::Scenario| scenario.timing == Timing::Even;
     network.stations.iter().all(|station| {
@@ -52,7 +52,7 @@ fn is_common(network: &Network) -> bool {
 
 impl NetworkSummary {
     /// Before the first row of a run of this network.
-    pub fn new(network: &Network) -> Self {
+    pub fn new(network: &System) -> Self {
         let none = StationSummary { time: f64::NEG_INFINITY, ..StationSummary::default() };
         let stations = vec![none; network.stations.len()];
         NetworkSummary { stations, drawn: 0.0, exchanged: 0.0, is_common: is_common(network) }

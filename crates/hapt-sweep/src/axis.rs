@@ -218,7 +218,7 @@ impl Grid {
                     format!("{} takes whole numbers, between which no edge can lie: hapt sweep varies it", parts.key);
                 return Err(wrong(text, message));
             }
-            let axis = axis(&parts, key, system.motion()).map_err(|message| wrong(text, message))?;
+            let axis = axis(&parts, key, system.motion).map_err(|message| wrong(text, message))?;
             let cells = grid.cells.checked_mul(axis.count).filter(|cells| *cells <= MOST_CELLS);
             grid.cells = match cells {
                 Some(cells) => cells,

@@ -80,7 +80,7 @@ impl Measure {
 
     /// Those of a world, or of a network.
     pub fn of(system: &System) -> impl Iterator<Item = Measure> + Clone {
-        let is_network = matches!(system, System::Network(_));
+        let is_network = system.world().is_none();
         Measure::ALL.into_iter().filter(move |measure| match measure {
             Measure::PeakTorque | Measure::Certified => true,
             Measure::FinalEnergy

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use hapt_analysis::{NetworkCheck, check_network};
-use hapt_model::Network;
+use hapt_model::System;
 use hapt_sim::{NetworkRun, NetworkSummary};
 
 use crate::axis::{Place, Ticks};
@@ -15,7 +15,7 @@ pub(crate) struct NetworkWorker<'s> {
     sweep: &'s Sweep,
     ticks: &'s Ticks<'s>,
     stop: &'s Stop<'s>,
-    network: Network,
+    network: System,
 }
 
 /// A run in numbers.
@@ -25,7 +25,7 @@ struct OfRun {
 }
 
 impl<'s> NetworkWorker<'s> {
-    pub fn new(sweep: &'s Sweep, network: &Network, ticks: &'s Ticks<'s>, stop: &'s Stop<'s>) -> Self {
+    pub fn new(sweep: &'s Sweep, network: &System, ticks: &'s Ticks<'s>, stop: &'s Stop<'s>) -> Self {
         NetworkWorker { sweep, ticks, stop, network: network.clone() }
     }
 

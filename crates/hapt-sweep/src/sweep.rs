@@ -84,7 +84,7 @@ impl Sweep {
 
     /// Whether the longest run at a corner can be kept.
     fn fits_memory(&self) -> Result<(), Error> {
-        let System::World(world) = &self.system else { return Ok(()) };
+        let Some(world) = self.system.world() else { return Ok(()) };
         let Some(scenario) = self.scenario.and_then(|i| world.scenarios.get(i)) else { return Ok(()) };
         let longest = |key: &str, now: f64, pick: fn(f64, f64) -> f64| {
             let axis = self.grid.axes.iter().find(|axis| axis.key == key);
@@ -200,11 +200,11 @@ impl Sweep {
 fn chosen(system: &System, measures: &[Measure], scenario: Option<&str>) -> Result<Option<usize>, Error> {
     let names = system.scenarios();
     let of_a_run = measures.iter().find(|measure| measure.of_a_run());
-    match (scenario, of_a_run, system) {
-        (Some(name), _, System::World(world)) => {
+    match (scenario, of_a_run, system.world()) {
+        (Some(name), _, Some(world)) => {
             world.scenario(name)?;
         }
-        (Some(name), _, System::Network(_)) if !names.contains(&name) => {
+        (Some(name), _, None) if !names.contains(&name) => {
             let hint = match did_you_mean(name, names.iter().copied()) {
                 hint if hint.is_empty() => format!("; there is {}", names.join(", ")),
                 hint => hint,
@@ -223,7 +223,7 @@ fn chosen(system: &System, measures: &[Measure], scenario: Option<&str>) -> Resu
             return Err(Error::Measure(message));
         }
         (None, None, _) => return Ok(None),
-        (Some(_), _, System::Network(_)) | (None, Some(_), _) => {}
+        (Some(_), _, None) | (None, Some(_), _) => {}
     }
     Ok(match scenario {
         Some(name) => names.iter().position(|known| *known == name),

@@ -14,7 +14,7 @@ pub struct Column {
 /// The axes, slowest first, then the measures.
 pub fn columns(sweep: &Sweep) -> Vec<Column> {
     let axes = sweep.grid.axes.iter().map(|axis| Column { name: axis.key.clone(), unit: axis.unit.clone() });
-    let motion = sweep.system.motion();
+    let motion = sweep.system.motion;
     let measures = sweep
         .measures
         .iter()

@@ -5,7 +5,7 @@ use std::array::from_fn;
 use std::ops::Range;
 
 use hapt_analysis::{Parameter, Variants};
-use hapt_model::{Method, System, World};
+use hapt_model::{Method, World};
 use hapt_sim::{LANES, run_batch};
 
 use crate::axis::{Place, Ticks};
@@ -21,9 +21,9 @@ pub(crate) enum Worker<'s> {
 
 impl<'s> Worker<'s> {
     pub fn new(sweep: &'s Sweep, ticks: &'s Ticks<'s>, stop: &'s Stop<'s>) -> Self {
-        match &sweep.system {
-            System::World(world) => Worker::World(Box::new(WorldWorker::new(sweep, world, ticks, stop))),
-            System::Network(network) => Worker::Network(NetworkWorker::new(sweep, network, ticks, stop)),
+        match sweep.system.world() {
+            Some(world) => Worker::World(Box::new(WorldWorker::new(sweep, world, ticks, stop))),
+            None => Worker::Network(NetworkWorker::new(sweep, &sweep.system, ticks, stop)),
         }
     }
 

@@ -59,7 +59,7 @@ pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
     let [x, y] = [0, 1].map(|i| within(&boundary.plane.axes[i], system.number(&boundary.plane.axes[i].key)));
     let own = x.zip(y).map(|(x, y)| [x, y]);
     let axes = shown(&boundary.plane, &args.axes);
-    let title = system.title().unwrap_or("edges").to_string();
+    let title = system.title.as_deref().unwrap_or("edges").to_string();
     let summary = summary(&boundary, &axes);
 
     let csv = csv(&boundary);
@@ -116,7 +116,7 @@ fn shown(plane: &Plane, typed: &[String]) -> [Shown; 2] {
         let range = typed.get(i).and_then(|text| text.split_once('=')).map_or("", |(_, range)| range);
         let ends = range.strip_suffix(":log").unwrap_or(range).split("..");
         let measure = plane.system.key(&axis.key).and_then(|key| key.takes.quantity());
-        let dimension = measure.map(|(measure, _)| measure.dimension(plane.system.motion()));
+        let dimension = measure.map(|(measure, _)| measure.dimension(plane.system.motion));
         let own = ends.map(unit).filter(|unit| !unit.is_empty()).find_map(|unit| {
             let size = parse_quantity(&format!("1 {unit}"), dimension?).ok()?;
             Some((unit, size))

@@ -13,10 +13,7 @@ const OWN_NETWORK: &str = "the file's own network";
 
 /// What a mark at the file's own values is called.
 pub fn own_name(system: &System) -> &'static str {
-    match system {
-        System::World(_) => OWN,
-        System::Network(_) => OWN_NETWORK,
-    }
+    if system.world().is_some() { OWN } else { OWN_NETWORK }
 }
 
 /// The name of the region in which all claims hold, and the regions beyond edges.
@@ -75,9 +72,9 @@ pub fn svg(boundary: &Boundary, axes: &[Shown; 2], own: Option<[f64; 2]>, title:
     };
     let mut panel = Panel::new("", axis(&axes[0]), axis(&axes[1]));
     let asked = |edge: Edge| boundary.claims.iter().any(|claim| claim.edge == edge && claim.undecided.is_none());
-    let (all, worse) = match boundary.plane.system {
-        System::World(_) => world_regions(asked),
-        System::Network(_) => network_regions(asked),
+    let (all, worse) = match boundary.plane.system.world() {
+        Some(_) => world_regions(asked),
+        None => network_regions(asked),
     };
     // Worse regions cover better ones.
     let frame = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];

@@ -11,7 +11,7 @@ use hapt_host::links::LinkError;
 use hapt_host::{DeviceAddress, Machine};
 use hapt_live::network::{self, StationEnd};
 use hapt_live::{Error, Live, Options};
-use hapt_model::{Network, Source, World, is_network};
+use hapt_model::{Source, System, World, is_network};
 use hapt_rt::{Outside, Settings};
 
 use crate::args::{LiveArgs, device};
@@ -131,7 +131,7 @@ fn stations(
             "--device {device}: of a network hapt live simulates every station; hapt run --station NAME runs one on a motor"
         )));
     }
-    let network = Network::read(source, &args.sets)?;
+    let network = System::read(source, &args.sets)?;
     output::folder("--log-dir", &args.log_dir)?;
     output::end_in_order();
     let ends = network::connect(&network).map_err(|error| match error {

@@ -14,7 +14,6 @@ mod columnar;
 mod columnar;
 #[cfg(target_os = "linux")]
 mod conform;
-mod convert;
 mod design;
 mod drives;
 mod explain;
@@ -24,13 +23,11 @@ mod failure;
 mod finished;
 mod flash;
 mod format;
-mod grade;
 mod host;
 mod identify;
 mod impedance;
 mod init;
 mod latency;
-mod licences;
 mod live;
 mod log;
 mod messages;
@@ -41,11 +38,8 @@ mod phone;
 mod plot;
 mod progress;
 mod provenance;
-mod replay;
 mod report;
 mod run;
-mod schema;
-mod shell;
 mod signals;
 mod sim;
 mod station;
@@ -53,7 +47,6 @@ mod suggest;
 mod sweep;
 mod sweep_plot;
 mod table;
-mod topics;
 #[cfg(target_os = "linux")]
 mod wheel;
 #[cfg(not(target_os = "linux"))]
@@ -87,8 +80,7 @@ fn main() -> ExitCode {
         Some(Command::Design(args)) => design::run(args),
         Some(Command::Report(args)) => report::run(args),
         Some(Command::Plot(args)) => plot::run(args),
-        Some(Command::Replay(args)) => replay::run(args),
-        Some(Command::Convert(args)) => convert::run(args),
+        Some(Command::Log { command }) => log::run(command),
         Some(Command::Export { command }) => export::run(command),
         Some(Command::Sweep(args)) => sweep::run(args),
         Some(Command::Impedance(args)) => impedance::run(args),
@@ -103,13 +95,8 @@ fn main() -> ExitCode {
         Some(Command::Live(args)) => live::run(args),
         Some(Command::Wheel(args)) => wheel::run(args),
         Some(Command::Init(args)) => init::run(args),
-        Some(Command::Grade(args)) => grade::run(args),
         Some(Command::Worlds) => worlds::run(),
         Some(Command::Explain(args)) => explain::run(args),
-        Some(Command::Licences) => licences::run(),
-        Some(Command::Schema) => schema::run(),
-        Some(Command::Completions(args)) => shell::completions(args),
-        Some(Command::Man(args)) => shell::man(args),
     };
     let code = match done {
         Ok(code) => code,

@@ -4,7 +4,7 @@ use std::io::{Write, stdout};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use hapt_model::{Network, Source, System};
+use hapt_model::{Source, System};
 use hapt_sim::{CsvWriter, Error, NetworkRow, NetworkRun, NetworkSummary, network_columns};
 
 use crate::args::{CheckArgs, Format, SimArgs};
@@ -19,7 +19,7 @@ use crate::world::inputs;
 
 /// `hapt check` of a network.
 pub fn check(source: &Source, args: &CheckArgs) -> Result<ExitCode, Failure> {
-    let network = Network::read(source, &args.world.sets)?;
+    let network = System::read(source, &args.world.sets)?;
     let check = hapt_analysis::check_network(&network)?.with_remedies(&network, !args.no_remedies)?;
     let text = if args.json {
         serde_json::to_string_pretty(&check).map_err(|error| Failure::System(error.to_string()))? + "\n"
@@ -31,7 +31,7 @@ pub fn check(source: &Source, args: &CheckArgs) -> Result<ExitCode, Failure> {
 
 /// `hapt sim` of a network.
 pub fn sim(source: &Source, args: &SimArgs) -> Result<ExitCode, Failure> {
-    let network = Network::read(source, &args.world.sets)?;
+    let network = System::read(source, &args.world.sets)?;
     let scenarios = named(&network, &args.scenarios)?;
     for station in &network.stations {
         hapt_sim::check(&station.world)?;
@@ -44,7 +44,7 @@ pub fn sim(source: &Source, args: &SimArgs) -> Result<ExitCode, Failure> {
 }
 
 /// The scenarios named, each once, in the order of the stations; all when none is.
-fn named<'n>(network: &'n Network, names: &[String]) -> Result<Vec<&'n str>, Failure> {
+fn named<'n>(network: &'n System, names: &[String]) -> Result<Vec<&'n str>, Failure> {
     let all = network.scenarios();
     if all.is_empty() {
         return Err(Failure::input(
@@ -82,7 +82,7 @@ pub fn rows(
 
 /// A file a scenario and station.
 fn write_all(
-    network: &Network,
+    network: &System,
     source: &Source,
     scenarios: &[&str],
     folder: &Path,
@@ -100,8 +100,7 @@ fn write_all(
     let targets: Vec<PathBuf> =
         scenarios.iter().flat_map(|name| stations().map(|station| target(name, &station.name))).collect();
     let outputs: Vec<_> = targets.iter().map(|path| ("--out", path.as_path())).collect();
-    let system = System::Network(network.clone());
-    output::apart(&outputs, &inputs(&args.world.path, &system))?;
+    output::apart(&outputs, &inputs(&args.world.path, network))?;
     let made = Made::by(&args.world.path, source, network.title.as_deref(), &args.world.sets);
     let provenance = Provenance::check(folder, made, &targets, args.force)?;
     let mut first_failure = None;
@@ -142,7 +141,7 @@ fn write_all(
     first_failure.map_or(Ok(()), Err)
 }
 
-fn print_all(network: &Network, source: &Source, scenarios: &[&str]) -> Result<(), Failure> {
+fn print_all(network: &System, source: &Source, scenarios: &[&str]) -> Result<(), Failure> {
     let mut text = format!("{}\n", network.title.as_deref().unwrap_or(&source.name));
     let mut first_failure = None;
     for name in scenarios {

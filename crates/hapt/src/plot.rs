@@ -153,7 +153,7 @@ fn logged(
         if sample.plan.columns != plan.columns {
             let (name, number) = (&opened.name, sample.plan.number);
             return Err(Failure::input(format!(
-                "{name}: plan {number} has other columns than those before it; hapt convert --plan {number} gives it alone"
+                "{name}: plan {number} has other columns than those before it; hapt log convert --plan {number} gives it alone"
             )));
         }
         sample.fill(&mut row);

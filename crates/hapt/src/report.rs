@@ -7,7 +7,7 @@ use std::process::ExitCode;
 
 use hapt_analysis::{Check, NetworkCheck, Proposal};
 use hapt_live::standalone::{self, File, PageInput, PageNetwork, PageWorld};
-use hapt_model::{Network, Parameter, Source, World, is_network};
+use hapt_model::{Parameter, Source, System, World, is_network};
 use hapt_report::{Drawing, NetworkReport, NetworkScenario, Report, Run, index_drawings, index_page};
 use hapt_sim::{NetworkRun, Simulation};
 
@@ -38,7 +38,7 @@ struct Ready {
 struct ReadyNetwork {
     title: String,
     stem: String,
-    network: Network,
+    network: System,
     /// Of the world of each station.
     parameters: Vec<Vec<Parameter>>,
     check: NetworkCheck,
@@ -148,7 +148,7 @@ fn titled(title: Option<&str>, stem: &str) -> String {
 
 impl ReadyNetwork {
     fn of(path: &Path, source: &Source, sets: &[String], taken: &mut HashSet<String>) -> Result<Self, Failure> {
-        let network = Network::read(source, sets)?;
+        let network = System::read(source, sets)?;
         for station in &network.stations {
             hapt_sim::check(&station.world)?;
         }

@@ -12,7 +12,7 @@ use hapt_core::SafetyProfile;
 use hapt_host::links::CanAddress;
 use hapt_host::links::{LinkError, LinkStatus, Links};
 use hapt_host::{DeviceAddress, DeviceError};
-use hapt_model::{Motion, Network, World, is_network};
+use hapt_model::{Motion, System, World, is_network};
 use hapt_rt::LinkPort;
 #[cfg(target_os = "linux")]
 use hapt_wire::link::Frames;
@@ -36,7 +36,7 @@ pub struct Chosen {
 
 /// A station among the others.
 pub struct Station {
-    network: Network,
+    network: System,
     at: usize,
     way: Way,
 }
@@ -60,7 +60,7 @@ impl Chosen {
         let name = match (is_network(&source), &args.station.station) {
             (true, Some(name)) => name,
             (true, None) => {
-                let network = Network::read(&source, &sets)?;
+                let network = System::read(&source, &sets)?;
                 return Err(Failure::input(format!(
                     "{} is a network; give the station that runs here: --station {}",
                     source.name,
@@ -83,12 +83,12 @@ impl Chosen {
                 "--station: a board runs its loop by itself, and has no network; a link needs a loop of this computer",
             ));
         }
-        let network = Network::read(&source, &sets)?;
+        let network = System::read(&source, &sets)?;
         let at = index(&network, "--station", name)?;
         // As if they stood in the file, so that the certificate and the other stations know them.
         let own = address.overrides(&network.stations[at].world)?;
         sets.extend(own.into_iter().map(|set| format!("stations.{name}.{set}")));
-        let network = Network::read(&source, &sets)?;
+        let network = System::read(&source, &sets)?;
         let station = Station::new(network, at, &args.station)?;
         let hapt_model::Station { world, source, sets, .. } = station.network.stations[at].clone();
         let loaded = Loaded { name: source.name.clone(), world, source };
@@ -96,11 +96,11 @@ impl Chosen {
     }
 }
 
-fn names(network: &Network) -> Vec<&str> {
+fn names(network: &System) -> Vec<&str> {
     network.stations.iter().map(|station| station.name.as_str()).collect()
 }
 
-fn index(network: &Network, flag: &str, name: &str) -> Result<usize, Failure> {
+fn index(network: &System, flag: &str, name: &str) -> Result<usize, Failure> {
     let names = names(network);
     names.iter().position(|known| *known == name).ok_or_else(|| {
         let hint = hapt_model::did_you_mean(name, names.iter().copied());
@@ -110,7 +110,7 @@ fn index(network: &Network, flag: &str, name: &str) -> Result<usize, Failure> {
 }
 
 impl Station {
-    fn new(network: Network, at: usize, args: &StationArgs) -> Result<Self, Failure> {
+    fn new(network: System, at: usize, args: &StationArgs) -> Result<Self, Failure> {
         let name = &network.stations[at].name;
         let listen = args.listen.as_deref().ok_or_else(|| {
             Failure::input(format!(
@@ -209,7 +209,7 @@ fn failure(error: LinkError) -> Failure {
 }
 
 /// Over UDP, to the addresses of the arguments.
-fn over_udp(network: &Network, at: usize, listen: &str, args: &StationArgs) -> Result<Way, Failure> {
+fn over_udp(network: &System, at: usize, listen: &str, args: &StationArgs) -> Result<Way, Failure> {
     let name = &network.stations[at].name;
     let listen: SocketAddr = listen.parse().map_err(|_| {
         Failure::input(format!(

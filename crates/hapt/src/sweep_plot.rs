@@ -43,7 +43,7 @@ pub fn draw(sweep: &Sweep, own: &[Option<f64>], rows: impl BufRead, target: &Pat
 fn measured(sweep: &Sweep) -> (String, &'static str) {
     let measure = sweep.measures[0];
     let name = measure.name().trim_end_matches("_per_s").replace('_', " ");
-    (name, measure.unit(sweep.system.motion()))
+    (name, measure.unit(sweep.system.motion))
 }
 
 /// The value on whose two sides a measure means two things.
@@ -66,7 +66,7 @@ fn edge(measure: Measure) -> Option<f64> {
 
 fn title(sweep: &Sweep) -> String {
     let (name, _) = measured(sweep);
-    match sweep.system.title() {
+    match sweep.system.title.as_deref() {
         Some(title) => format!("{title}: {name}"),
         None => name,
     }

@@ -48,12 +48,11 @@ pub fn files(path: &Path, world: &World) -> Vec<(&'static str, PathBuf)> {
 
 /// The same of a network: its own file, those of its stations, and theirs.
 pub fn inputs(path: &Path, system: &System) -> Vec<(&'static str, PathBuf)> {
-    let network = match system {
-        System::World(world) => return files(path, world),
-        System::Network(network) => network,
-    };
+    if let Some(world) = system.world() {
+        return files(path, world);
+    }
     let home = path.parent().unwrap_or(Path::new(""));
-    let of_stations = network.stations.iter().flat_map(|station| files(&home.join(&station.file), &station.world));
+    let of_stations = system.stations.iter().flat_map(|station| files(&home.join(&station.file), &station.world));
     [("the network", path.to_path_buf())].into_iter().chain(of_stations).collect()
 }
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use hapt_model::keys::Measure;
-use hapt_model::{Motion, Network, Source, Station, System};
+use hapt_model::{Motion, Source, Station, System};
 use hapt_sweep::worst::{Hand, MOST_TOGETHER, WorstTogether, search_together};
 
 use crate::args::WorstArgs;
@@ -18,13 +18,13 @@ use crate::world::inputs;
 use crate::worst::{begin, grip, pasted, unit, watched, write};
 
 pub fn run(source: &Source, args: &WorstArgs) -> Result<ExitCode, Failure> {
-    let network = Network::read(source, &args.world.sets)?;
+    let network = System::read(source, &args.world.sets)?;
     let files = args.out.as_deref().map(|path| Files::of(path, &network));
     if let Some(files) = &files {
         // Other files stand beside it.
         files.all().try_for_each(|path| output::regular("--out", path))?;
         let all: Vec<_> = files.all().map(|path| ("--out", path)).collect();
-        output::apart(&all, &inputs(&args.world.path, &System::Network(network.clone())))?;
+        output::apart(&all, &inputs(&args.world.path, &network))?;
     }
     // An invalid output file is reported before the search.
     let drafts = files.iter().flat_map(Files::all).map(begin).collect::<Result<Vec<_>, _>>()?;
@@ -53,7 +53,7 @@ struct Files {
 }
 
 impl Files {
-    fn of(path: &Path, network: &Network) -> Files {
+    fn of(path: &Path, network: &System) -> Files {
         let beside = |station: &Station| {
             let mut name = path.file_stem().unwrap_or_default().to_os_string();
             name.push(format!("-{}.toml", station.name));

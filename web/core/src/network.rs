@@ -8,7 +8,7 @@ use hapt_host::links::SteppedLinks;
 use hapt_host::messages::NetworkFile;
 use hapt_host::simulated_network::SimulatedNetwork;
 use hapt_host::{Machine, WorldConfig, rule};
-use hapt_model::Network;
+use hapt_model::System;
 use hapt_rt::Outside;
 
 use crate::page::{ASLEEP, Page};
@@ -20,7 +20,7 @@ const LONGEST: Duration = Duration::from_millis(100);
 pub struct NetworkPage {
     stations: Vec<Page>,
     /// With their clocks.
-    network: Network,
+    network: System,
     links: SteppedLinks,
     /// Messages are passed on so often: several times in the shortest period.
     slice: Duration,
@@ -29,7 +29,7 @@ pub struct NetworkPage {
     now: Option<Duration>,
 }
 
-fn verdict(network: &Network, alone: &[Alone]) -> Linked {
+fn verdict(network: &System, alone: &[Alone]) -> Linked {
     check_links(network, alone).unwrap_or_else(|error| Linked::refused(&error.to_string()))
 }
 

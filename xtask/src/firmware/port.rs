@@ -100,12 +100,12 @@ pub fn holds() -> Result<()> {
     half_a_world(&board.port)?;
     let run = ["run", "w.toml", "--device", &device, "--duration", "0.5 s", "--log", "run.mcap"];
     hapt(&run)?.with(0, &["on the board mps2", "at full torque; ended in order", "none missed"])?;
-    hapt(&["replay", "run.mcap"])?.with(0, &["same       all torques of", " samples, to the bit"])?;
+    hapt(&["log", "replay", "run.mcap"])?.with(0, &["same       all torques of", " samples, to the bit"])?;
     // From every twentieth sample the ones in between cannot be inferred.
     let slow = format!("{device}@57600");
     hapt(&["run", "w.toml", "--device", &slow, "--duration", "0.2 s", "--log", "slow.mcap"])?
         .with(0, &["ended in order"])?;
-    hapt(&["replay", "slow.mcap"])?.with(2, &["only where every sample is in it", "hapt:PATH@BAUD"])?;
+    hapt(&["log", "replay", "slow.mcap"])?.with(2, &["only where every sample is in it", "hapt:PATH@BAUD"])?;
     // The board's own refusal, and then the world that it still has.
     let sets = ["--set", "loop.period=20ms", "--uncertified"];
     hapt(&[&["flash", "w.toml", "--device", &device], &sets[..]].concat())?
@@ -136,7 +136,7 @@ fn cut(folder: &Path, mut board: Board) -> Result<()> {
     let out = String::from_utf8(running.wait_with_output()?.stdout)?;
     let err = fs::read_to_string(&said)?;
     ensure!(out.contains("broken off") && err.contains("is gone: "), "the board has gone: {out}{err}");
-    let replayed = ended(folder, &["replay", "cut.mcap"])?;
+    let replayed = ended(folder, &["log", "replay", "cut.mcap"])?;
     // On a busy machine the log may lack the sample at which the torque began: then nothing of it can be replayed, and it says so.
     if replayed.said.contains("can be replayed: it has neither the loop's first sample") {
         return replayed.with(2, &[]);

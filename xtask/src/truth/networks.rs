@@ -4,7 +4,7 @@ use std::ops::AddAssign;
 
 use fastrand::Rng;
 use hapt_analysis::{Error, NetworkCheck, check_network};
-use hapt_model::{Network, Source};
+use hapt_model::{Source, System};
 use hapt_sim::{NetworkRun, NetworkSummary};
 
 use super::{Against, Claim, Found, JUST, ROUNDING, numbers};
@@ -58,7 +58,7 @@ enum Times {
 }
 
 /// A network of `n` stations with random devices, clocks, links and hands; `None` where the reader refuses it.
-fn random(rng: &mut Rng, n: usize, times: Times) -> Option<Network> {
+fn random(rng: &mut Rng, n: usize, times: Times) -> Option<System> {
     let mut source = Source::from_text("network.toml", "");
     let base = 1e-3;
     let (common, exact) = (times != Times::Own, times == Times::Exact);
@@ -130,7 +130,7 @@ fn random(rng: &mut Rng, n: usize, times: Times) -> Option<Network> {
         );
     }
     source.text = text;
-    Network::read(&source, &[]).ok()
+    System::read(&source, &[]).ok()
 }
 
 /// What hands have had out of a network.
@@ -145,7 +145,7 @@ struct Drawn {
     samples: u64,
 }
 
-fn drawn(network: &Network) -> Drawn {
+fn drawn(network: &System) -> Drawn {
     let Ok(mut run) = NetworkRun::new(network, SCENARIO) else {
         return Drawn { drawn: 0.0, round: 0.0, slack: 0.0, let_go: 0, samples: 0 };
     };
@@ -204,7 +204,7 @@ fn judge(rng: &mut Rng, found: &mut Found, tell: &mut dyn FnMut(String)) -> Resu
 
 /// Compares a verdict, by which dampings are `enough`, with hands on devices that have just these, and less.
 fn compare(
-    network: &Network,
+    network: &System,
     asked: &[f64],
     enough: impl Fn(NetworkCheck) -> bool,
     judged: &mut Judged,

@@ -1,6 +1,6 @@
 //! What links ask of the stations' devices: the matrix M of the network, and what keeps it from being indefinite.
 
-use hapt_model::{EstimatorKind, LASTING, Law, Link, Network, Station};
+use hapt_model::{EstimatorKind, LASTING, Law, Link, Station, System};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use crate::error::Error;
@@ -47,7 +47,7 @@ impl Late {
     /// Numbers of messages tell the time between two samples this part too short at most.
     const SHORT: f64 = 9.0 / 8.0;
 
-    fn of(network: &Network, link: &Link, side: usize) -> Late {
+    fn of(network: &System, link: &Link, side: usize) -> Late {
         let own = &network.stations[link.between[side]];
         let other = &network.stations[link.between[1 - side]];
         let shortest = link.period.unwrap_or(other.world.sampling.period);
@@ -93,7 +93,7 @@ fn whole() -> Parts<impl Fn(usize) -> f64> {
 }
 
 impl Burden {
-    pub fn of(network: &Network, demand: &[Option<f64>]) -> Result<Burden, Error> {
+    pub fn of(network: &System, demand: &[Option<f64>]) -> Result<Burden, Error> {
         let mut links = Vec::new();
         for link in &network.links {
             let [one, other] = link.between.map(|at| &network.stations[at]);

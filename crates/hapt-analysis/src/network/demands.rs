@@ -1,6 +1,6 @@
 //! What the worlds of a network's stations require alone. It does not depend on the links, so that a study of links computes it once.
 
-use hapt_model::Network;
+use hapt_model::System;
 
 use super::burden::Burden;
 use super::fixed;
@@ -15,7 +15,7 @@ use crate::theorems::claim::{Claim, least};
 ///
 /// ```
 /// use hapt_analysis::Demands;
-/// use hapt_model::{Network, Source};
+/// use hapt_model::{System, Source};
 ///
 /// let mut source = Source::from_text("pair.toml", r#"
 /// stations.left.world = "wheel.toml"
@@ -23,7 +23,7 @@ use crate::theorems::claim::{Claim, least};
 /// links = [{ kind = "spring", between = ["left", "right"], stiffness = 0.2, age_max = "20 ms" }]
 /// "#);
 /// source.files.insert("wheel.toml".into(), "loop.period = '1 ms'\ndevice = { inertia = 1e-3, damping = 0.005 }".into());
-/// let mut network = Network::read(&source, &[])?;
+/// let mut network = System::read(&source, &[])?;
 /// let demands = Demands::of(&network)?;
 /// // (T53): K (T/2 + age_max) of 0.0041, and the devices have 0.005.
 /// assert!((demands.excess(&network)?.unwrap() - (0.2 * 20.5e-3 - 0.005)).abs() < 1e-9);
@@ -54,7 +54,7 @@ impl Demands {
     ///
     /// # Errors
     /// As [`crate::uneven_damping`].
-    pub fn of(network: &Network) -> Result<Demands, Error> {
+    pub fn of(network: &System) -> Result<Demands, Error> {
         let none = vec![None; network.stations.len()];
         let demands = Demands { uneven: none.clone(), even: none };
         demands.renewed(network, 0..network.stations.len())
@@ -64,7 +64,7 @@ impl Demands {
     ///
     /// # Errors
     /// As [`crate::uneven_damping`].
-    pub fn renewed(&self, network: &Network, stations: impl IntoIterator<Item = usize>) -> Result<Demands, Error> {
+    pub fn renewed(&self, network: &System, stations: impl IntoIterator<Item = usize>) -> Result<Demands, Error> {
         let mut demands = self.clone();
         for at in stations {
             let world = &network.stations[at].world;
@@ -87,7 +87,7 @@ impl Demands {
     ///
     /// # Errors
     /// As [`crate::uneven_damping`].
-    pub fn excess(&self, network: &Network) -> Result<Option<f64>, Error> {
+    pub fn excess(&self, network: &System) -> Result<Option<f64>, Error> {
         Ok(Burden::of(network, &self.uneven)?.excess())
     }
 
@@ -95,7 +95,7 @@ impl Demands {
     ///
     /// # Errors
     /// As [`crate::uneven_damping`].
-    pub fn favoured(&self, network: &Network) -> Result<Option<Vec<f64>>, Error> {
+    pub fn favoured(&self, network: &System) -> Result<Option<Vec<f64>>, Error> {
         Ok(Burden::of(network, &self.uneven)?.favoured())
     }
 
@@ -103,7 +103,7 @@ impl Demands {
     ///
     /// # Errors
     /// As [`crate::uneven_damping`].
-    pub fn fixed_excess(&self, network: &Network) -> Result<Result<FixedExcess, Vec<String>>, Error> {
+    pub fn fixed_excess(&self, network: &System) -> Result<Result<FixedExcess, Vec<String>>, Error> {
         let damping: Vec<f64> =
             network.stations.iter().map(|station| station.world.device.damping_range()[0]).collect();
         fixed::excess(network, &self.even, &damping)

@@ -1,6 +1,6 @@
 //! The verdict on other links between stations whose own certificates are known: what a page computes that has no room for all of them.
 
-use hapt_model::Network;
+use hapt_model::System;
 use serde::{Deserialize, Serialize};
 
 use super::burden::Burden;
@@ -66,7 +66,7 @@ impl NetworkCheck {
 ///
 /// # Errors
 /// As [`super::check_network`].
-pub fn check_links(network: &Network, alone: &[Alone]) -> Result<Linked, Error> {
+pub fn check_links(network: &System, alone: &[Alone]) -> Result<Linked, Error> {
     let demands: Vec<Option<f64>> = alone.iter().map(|alone| alone.required_damping).collect();
     let burden = Burden::of(network, &demands)?;
     let required = burden.required();

@@ -25,7 +25,7 @@ mod linked;
 mod rounded;
 mod text;
 
-use hapt_model::{Damping, End, Law, Link, Network, Station, World};
+use hapt_model::{Damping, End, Law, Link, Station, System, World};
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
@@ -129,7 +129,7 @@ fn pairs<S: Serializer>(pairs: &[(String, Option<f64>)], to: S) -> Result<S::Ok,
 ///
 /// # Errors
 /// As [`check`] of a station's world.
-pub fn check_network(network: &Network) -> Result<NetworkCheck, Error> {
+pub fn check_network(network: &System) -> Result<NetworkCheck, Error> {
     let locals = network.stations.iter().map(|station| check(&station.world)).collect::<Result<Vec<_>, _>>()?;
     let demands = Demands::found(&locals);
     let burden = Burden::of(network, &demands.uneven)?;
@@ -192,7 +192,7 @@ impl NetworkCheck {
     ///
     /// # Errors
     /// As [`remedies`].
-    pub fn with_remedies(mut self, network: &Network, wanted: bool) -> Result<Self, Error> {
+    pub fn with_remedies(mut self, network: &System, wanted: bool) -> Result<Self, Error> {
         self.remedies = self.remedies.filter(|_| wanted);
         for (checked, station) in self.stations.iter_mut().zip(&network.stations) {
             checked.local.remedies = wanted.then(|| remedies(&station.world)).transpose()?;
@@ -201,7 +201,7 @@ impl NetworkCheck {
     }
 }
 
-fn notes(network: &Network) -> Vec<String> {
+fn notes(network: &System) -> Vec<String> {
     let mut notes = vec![
         "the claim holds for any clocks, any order and any loss, as long as no position acts beyond its age_max; a link that lets go keeps \
          it, and one that takes hold again adds at most its soft torque times its stretch, and a little where one end acts before the other"
@@ -223,7 +223,7 @@ fn notes(network: &Network) -> Vec<String> {
 }
 
 /// Why the claim is not proved of a station's whole loop with its links, beyond its world alone.
-fn unproved_of_links(network: &Network, index: usize) -> Result<Vec<String>, Error> {
+fn unproved_of_links(network: &System, index: usize) -> Result<Vec<String>, Error> {
     let station = &network.stations[index];
     let own: Vec<&Link> = network.links.iter().filter(|link| link.between.contains(&index)).collect();
     let mut reasons = Vec::new();
@@ -259,7 +259,7 @@ fn limit(station: &Station, own: &[&Link]) -> Option<String> {
 }
 
 /// What the counts of both ends of every link make of its torque is within the friction of the device, or not.
-fn counts(network: &Network, index: usize, own: &[&Link]) -> Result<Option<String>, Error> {
+fn counts(network: &System, index: usize, own: &[&Link]) -> Result<Option<String>, Error> {
     let Some(world) = beside_links(network, index, own) else { return Ok(None) };
     let is_enough = world.device.friction >= 0.0 && quantisation(&world)?.ok;
     Ok((!is_enough).then(|| {
@@ -269,7 +269,7 @@ fn counts(network: &Network, index: usize, own: &[&Link]) -> Result<Option<Strin
 
 /// The world of a station with its links as couplings to ground, and the friction that the counts at their other ends leave; `None` without
 /// counts and levels, or links.
-fn beside_links(network: &Network, index: usize, own: &[&Link]) -> Option<World> {
+fn beside_links(network: &System, index: usize, own: &[&Link]) -> Option<World> {
     let station = &network.stations[index];
     let is_rotary = network.motion == hapt_model::Motion::Rotary;
     let size =

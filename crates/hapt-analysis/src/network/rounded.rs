@@ -1,6 +1,6 @@
 //! What hands draw from a network whose messages round positions (docs/theory.md, (T65)).
 
-use hapt_model::{Link, Network};
+use hapt_model::{Link, System};
 
 use super::burden::Burden;
 use super::demands::Demands;
@@ -22,7 +22,7 @@ pub struct Rounded {
 ///
 /// # Errors
 /// As [`super::check_network`].
-pub fn rounded(network: &Network, check: &NetworkCheck, step: f64) -> Result<Rounded, Error> {
+pub fn rounded(network: &System, check: &NetworkCheck, step: f64) -> Result<Rounded, Error> {
     let locals: Vec<_> = check.stations.iter().map(|station| station.local.clone()).collect();
     let burden = Burden::of(network, &Demands::found(&locals).uneven)?;
     let mut torque = Vec::new();
@@ -43,7 +43,7 @@ pub fn rounded(network: &Network, check: &NetworkCheck, step: f64) -> Result<Rou
 }
 
 /// The friction of a device that the counts of both ends of its links leave, N·m (linear: N).
-fn friction_left(network: &Network, at: usize, own: &[&Link]) -> Result<f64, Error> {
+fn friction_left(network: &System, at: usize, own: &[&Link]) -> Result<f64, Error> {
     let Some(world) = beside_links(network, at, own) else {
         return Ok(network.stations[at].world.device.friction_range()[0]);
     };

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use std::time::{Duration, Instant};
 
 use hapt_drive::{Bus, BusAddress, Frame};
-use hapt_model::Network;
+use hapt_model::System;
 use hapt_rt::LinkPort;
 use hapt_wire::link::{Codec, Frames};
 
@@ -72,7 +72,7 @@ impl CanAddress {
     ///
     /// # Errors
     /// A bus does not carry this network: too many links, too many messages within an `age_max`, or more than the adapter's rate.
-    pub fn load(&self, network: &Network) -> Result<f64, CanLimit> {
+    pub fn load(&self, network: &System) -> Result<f64, CanLimit> {
         if network.links.len() > Frames::LINKS {
             return Err(CanLimit::Many { count: network.links.len() });
         }
@@ -140,7 +140,7 @@ impl Links {
     /// # Errors
     /// The bus cannot be opened, or does not carry this network: [`LinkError`].
     pub fn over_can(
-        network: &Network,
+        network: &System,
         station: usize,
         address: &CanAddress,
     ) -> Result<(Self, Vec<LinkPort>), LinkError> {

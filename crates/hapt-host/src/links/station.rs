@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use hapt_model::{Network, World};
+use hapt_model::{System, World};
 use hapt_rt::{LinkPort, link};
 use hapt_wire::link::{Datagrams, Frames, SHORTEST_KEY, Session, number};
 
@@ -123,7 +123,7 @@ pub struct Links {
 }
 
 /// All numbers of a network on which the certificate of any of its stations depends, as text.
-fn text(network: &Network) -> String {
+fn text(network: &System) -> String {
     let mut text = String::new();
     for station in &network.stations {
         let world = World { scenarios: Vec::new(), title: None, ..station.world.clone() };
@@ -156,7 +156,7 @@ impl Links {
     /// # Errors
     /// See [`LinkError`]. Peers without a link are none.
     pub fn open(
-        network: &Network,
+        network: &System,
         station: usize,
         listen: SocketAddr,
         peers: &[(usize, SocketAddr)],
@@ -175,7 +175,7 @@ impl Links {
     /// As [`Links::open`].
     pub fn on(
         socket: UdpSocket,
-        network: &Network,
+        network: &System,
         station: usize,
         peers: &[(usize, SocketAddr)],
         key: &[u8],
@@ -197,7 +197,7 @@ impl Links {
     /// network, whether it is the link's first end, and the link's number.
     pub(super) fn start<M: Medium>(
         medium: M,
-        network: &Network,
+        network: &System,
         station: usize,
         way: Way,
         end: impl Fn(usize, bool, u64) -> Result<(M::Codec, M::To), LinkError>,

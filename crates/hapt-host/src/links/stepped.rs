@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use hapt_model::{Network, Station};
+use hapt_model::{Station, System};
 use hapt_rt::{LinkPort, LinkWire, link};
 use hapt_wire::link::{Incoming, Number, Outgoing};
 
@@ -32,7 +32,7 @@ struct End {
 
 impl SteppedLinks {
     /// The second are the loops' ends, by station.
-    pub fn new(network: &Network) -> (Self, Vec<Vec<LinkPort>>) {
+    pub fn new(network: &System) -> (Self, Vec<Vec<LinkPort>>) {
         let mut ports: Vec<Vec<LinkPort>> = network.stations.iter().map(|_| Vec::new()).collect();
         let mut ends = Vec::new();
         for (at, joint) in network.links.iter().enumerate() {

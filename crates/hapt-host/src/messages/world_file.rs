@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use hapt_analysis::{Alone, NetworkCheck};
-use hapt_model::{Network, Source};
+use hapt_model::{Source, System};
 use serde::{Deserialize, Serialize};
 
 use crate::config::WorldConfig;
@@ -55,8 +55,8 @@ impl NetworkFile {
     /// The network that was read from `source` under `sets`, with its certificate and all files that it names.
     ///
     /// # Errors
-    /// In a sentence: two different files have one name, or as [`Network::read`].
-    pub fn new(source: &Source, sets: Vec<String>, network: &Network, check: &NetworkCheck) -> Result<Self, String> {
+    /// In a sentence: two different files have one name, or as [`System::read_network`].
+    pub fn new(source: &Source, sets: Vec<String>, network: &System, check: &NetworkCheck) -> Result<Self, String> {
         let mut files = source.files.clone();
         for station in &network.stations {
             let own = station.source.with_files(&station.sets).map_err(|error| error.to_string())?;
@@ -73,10 +73,10 @@ impl NetworkFile {
     /// The network; it is read from nothing but this.
     ///
     /// # Errors
-    /// In a sentence: as [`Network::read`].
-    pub fn network(&self) -> Result<Network, String> {
+    /// In a sentence: as [`System::read_network`].
+    pub fn network(&self) -> Result<System, String> {
         let WorldFile { name, text, files, sets } = &self.file;
         let source = Source { files: files.clone(), ..Source::from_text(name, text) };
-        Network::read(&source, sets).map_err(|error| error.to_string())
+        System::read_network(&source, sets).map_err(|error| error.to_string())
     }
 }

@@ -8,7 +8,7 @@ use hapt_analysis::check_network;
 use hapt_host::messages::{ClientMessage, NetworkChange, NetworkInfo, ServerMessage};
 use hapt_host::{Machine, PageSession, Session, WorldConfig};
 use hapt_live::network::{StationEnd, connect, connect_by};
-use hapt_model::{Network, Source};
+use hapt_model::{Source, System};
 use hapt_rt::Outside;
 
 /// Beyond this something is broken, and not just slow.
@@ -33,12 +33,12 @@ fn source() -> Source {
 }
 
 /// The stations' sessions behind their pages, that run.
-fn pages(network: &Network, ends: Vec<StationEnd>) -> Vec<PageSession> {
+fn pages(network: &System, ends: Vec<StationEnd>) -> Vec<PageSession> {
     pages_in(std::path::Path::new("."), network, ends)
 }
 
 /// The same with a folder for their recordings.
-fn pages_in(folder: &std::path::Path, network: &Network, ends: Vec<StationEnd>) -> Vec<PageSession> {
+fn pages_in(folder: &std::path::Path, network: &System, ends: Vec<StationEnd>) -> Vec<PageSession> {
     let page = |(station, StationEnd { ports, view }): (&hapt_model::Station, StationEnd)| {
         let config = WorldConfig::new(station.source.clone(), station.sets.clone()).unwrap();
         let machine = Machine::simulated(&config.world).beside(Outside::linked(ports)).unwrap();
@@ -51,7 +51,7 @@ fn pages_in(folder: &std::path::Path, network: &Network, ends: Vec<StationEnd>) 
 #[test]
 fn stations_that_record_at_once_have_a_file_each_with_their_name() {
     let folder = tempfile::tempdir().unwrap();
-    let network = Network::read(&source(), &[]).unwrap();
+    let network = System::read(&source(), &[]).unwrap();
     let mut pages = pages_in(folder.path(), &network, connect(&network).unwrap());
     for page in &mut pages {
         say(page, ClientMessage::Record { on: true });
@@ -111,7 +111,7 @@ fn until(what: &str, pages: &mut [PageSession], mut is_so: impl FnMut(&[PageSess
 /// Whatever key of whichever station is set, the verdict becomes the one of the files with that key.
 #[test]
 fn the_verdict_follows_the_settings_of_every_station() {
-    let network = Network::read(&source(), &[]).unwrap();
+    let network = System::read(&source(), &[]).unwrap();
     let mut pages = pages(&network, connect(&network).unwrap());
     let mut sets: Vec<String> = Vec::new();
     let mut verdicts = [0, 0];
@@ -127,7 +127,7 @@ fn the_verdict_follows_the_settings_of_every_station() {
         until("a new world", &mut pages, |_, counts| counts[station][0] == 1);
         until("its verdict", &mut pages, |pages, _| !info(&pages[0]).outdated);
         sets.push(format!("stations.{}.{key}={value}", network.stations[station].name));
-        let check = check_network(&Network::read(&source(), &sets).unwrap()).unwrap();
+        let check = check_network(&System::read(&source(), &sets).unwrap()).unwrap();
         for page in &pages {
             let shown = info(page);
             assert_eq!((shown.certified, shown.sentence), (check.certified, check.verdict_sentence()), "{sets:?}");
@@ -139,7 +139,7 @@ fn the_verdict_follows_the_settings_of_every_station() {
     soften(&mut pages[1], 10.0);
     until("the verdict of stiffer links", &mut pages, |pages, _| !info(&pages[0]).outdated);
     sets.push("links.0.stiffness=0.5".into());
-    let check = check_network(&Network::read(&source(), &sets).unwrap()).unwrap();
+    let check = check_network(&System::read(&source(), &sets).unwrap()).unwrap();
     assert_eq!(info(&pages[0]).sentence, check.verdict_sentence());
     assert!(!check.certified && !info(&pages[0]).remedies.is_empty());
 }
@@ -147,11 +147,11 @@ fn the_verdict_follows_the_settings_of_every_station() {
 /// While a verdict is computed the loops run on, and so do their pages, which say that they show an older one. Of many questions the newest is answered.
 #[test]
 fn a_slow_verdict_holds_up_nobody() {
-    let network = Network::read(&source(), &[]).unwrap();
+    let network = System::read(&source(), &[]).unwrap();
     let (entered, enters) = channel();
     let (leave, leaves) = channel::<()>();
     let leaves = Mutex::new(leaves);
-    let slow = move |network: &Network| {
+    let slow = move |network: &System| {
         let check = check_network(network);
         entered.send(network.links[0].stiffness()).unwrap();
         // An error: the test is over.

@@ -1,6 +1,6 @@
 //! Numbers of networks by their keys.
 
-use hapt_model::{Source, System};
+use hapt_model::{Source, System, World};
 
 /// A number set by its path is the number that an override of that path would have been read as.
 #[test]
@@ -59,25 +59,22 @@ fn every_number_of_a_network_is_where_its_override_goes() {
         assert!(system.key(path).is_some(), "{path}");
         let mut changed = system.clone();
         assert!(changed.set_number(path, value), "{path}");
-        let of = |system: &System| match system {
-            System::Network(network) => {
-                let mut network = network.clone();
-                network.stations.iter_mut().for_each(|station| station.sets.clear());
-                network
-            }
-            System::World(_) => panic!("it has stations"),
+        let of = |system: &System| {
+            let mut system = system.clone();
+            system.stations.iter_mut().for_each(|station| station.sets.clear());
+            system
         };
         let read = System::read(&source, &[format!("{path}={value}")]).unwrap();
         assert_eq!(of(&changed), of(&read), "{path}");
         assert!((changed.number(path).unwrap() - value).abs() < 1e-12 * value.abs(), "{path}");
     }
     // Written and read again it is the same.
-    let System::Network(network) = &system else { panic!("it has stations") };
+    let network = &system;
     let mut written = Source::from_text("pair.toml", network.to_toml(&["left.toml".into(), "right.toml".into()]));
     for station in &network.stations {
         written.files.insert(format!("{}.toml", station.name), station.stated_world().to_toml());
     }
-    let System::Network(read) = System::read(&written, &[]).unwrap() else { panic!("it has stations") };
+    let read = System::read(&written, &[]).unwrap();
     assert_eq!((&read.links, read.stations.len()), (&network.links, 2));
     for (read, own) in read.stations.iter().zip(&network.stations) {
         assert_eq!((&read.world, read.phase), (&own.world, own.phase));
@@ -164,4 +161,34 @@ fn times_of_stations_and_links_beyond_any_network_are_refused_by_their_keys() {
                    10.0 s or less, or a longer period";
     assert_eq!(read("10 us", "", &format!("delay = 900\n{age}")).err().as_deref(), Some(message));
     assert!(read("10 us", "", &format!("delay = 900\nperiod = \"1 ms\"\n{age}")).is_ok());
+}
+
+#[test]
+fn a_world_file_is_one_station_without_links_whose_keys_have_no_prefix() {
+    let file = "title = \"w\"\n[loop]\nperiod = \"1 ms\"\ninterval_max = \"2 ms\"\n[device]\ninertia = \"6.4e-4 kg m^2\"\n\
+                [scenarios.push]\nduration = \"1 s\"\nhand = { kind = \"step\", to = \"10 deg\" }\n";
+    let source = Source::from_text("w.toml", file);
+    let sets = ["device.damping=0.01".to_string()];
+    let mut system = System::read(&source, &sets).unwrap();
+    let mut world = World::read(&source, &sets).unwrap();
+    assert_eq!((system.kind(), system.title.as_deref(), system.scenarios()), ("world", Some("w"), vec!["push"]));
+    assert_eq!((system.stations.len(), system.links.len(), system.world()), (1, 0, Some(&world)));
+    for key in ["loop.period", "loop.interval_max", "device.damping", "scenarios.push.duration"] {
+        assert_eq!((system.number(key), system.key(key)), (world.number(key), world.key(key)), "{key}");
+        assert_eq!((system.set_number(key, 0.003), world.set_number(key, 0.003)), (true, true), "{key}");
+        assert_eq!(system.world(), Some(&world), "{key}");
+    }
+    for key in ["phase", "drift", "links.0.stiffness", "stations..loop.period"] {
+        assert!(system.key(key).is_none() && system.number(key).is_none() && !system.set_number(key, 1.0), "{key}");
+    }
+    assert_eq!(system.into_world().unwrap(), world);
+    assert!(System::read_network(&source, &[]).is_err(), "it has no stations");
+}
+
+#[test]
+fn no_station_of_a_network_is_without_a_name() {
+    let mut source = Source::from_text("n.toml", "stations.\"\".world = \"w.toml\"\n");
+    source.files.insert("w.toml".into(), "loop.period = '1 ms'\ndevice.inertia = 1e-3\n".into());
+    let error = System::read(&source, &[]).unwrap_err().to_string();
+    assert!(error.contains("stations"), "{error}");
 }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use hapt_core::{Phase, Reason, Request, SafetyProfile};
-use hapt_model::{Network, Source};
+use hapt_model::{Source, System};
 use hapt_rt::{Cycle, HandCommand, Hands, LinkWire, Moment, Outside, Plan, Record, SimulatedDevice, link};
 use hapt_sim::Grip;
 use hapt_wire::link::{Codec, Datagrams, Frames, Number, Session};
@@ -99,7 +99,7 @@ struct Station<C> {
 }
 
 impl<C: Codec> Station<C> {
-    fn new(network: &Network, at: usize, codec: C, rng: &mut Rng) -> Self {
+    fn new(network: &System, at: usize, codec: C, rng: &mut Rng) -> Self {
         let world = &network.stations[at].world;
         let (device, hands) = SimulatedDevice::new(world);
         let (port, wire) = link(&network.links[0], at == 0, network.end(0, at), 1e-3);
@@ -132,7 +132,7 @@ struct Seen {
     faulted: u64,
 }
 
-fn network() -> Network {
+fn network() -> System {
     let mut source = Source::from_text(
         "pair.toml",
         r#"
@@ -146,10 +146,10 @@ fn network() -> Network {
     };
     source.files.insert("wheel.toml".into(), wheel("1 ms"));
     source.files.insert("slow.toml".into(), wheel("2 ms"));
-    Network::read(&source, &[]).unwrap()
+    System::read(&source, &[]).unwrap()
 }
 
-fn campaign<C: Codec>(network: &Network, codec: fn(bool, bool) -> C, seed: u64, seen: &mut Seen) {
+fn campaign<C: Codec>(network: &System, codec: fn(bool, bool) -> C, seed: u64, seen: &mut Seen) {
     let mut rng = Rng(seed);
     let fault = fault(&mut rng);
     let struck = rng.below(2) as usize;

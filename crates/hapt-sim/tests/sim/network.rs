@@ -4,11 +4,11 @@ mod channel;
 mod damping;
 
 use hapt_analysis::check_network;
-use hapt_model::{Network, Source};
+use hapt_model::{Source, System};
 use hapt_sim::NetworkRun;
 
 /// Two equal wheels, joined by a spring of K over a way that takes nearly all of the age, one of them pushed for a moment.
-fn pair(stiffness: f64, damping: f64, more: &str) -> Network {
+fn pair(stiffness: f64, damping: f64, more: &str) -> System {
     let mut source = Source::from_text(
         "pair.toml",
         format!(
@@ -21,11 +21,11 @@ fn pair(stiffness: f64, damping: f64, more: &str) -> Network {
     source.files.insert("push.csv".into(), "time_s,torque_Nm\n0,0\n0.2,0\n0.21,0.05\n0.22,0\n".into());
     source.files.insert("pushed.toml".into(), format!("{wheel}[scenarios.all]\nduration = \"6 s\"\n{hand}\n"));
     source.files.insert("wheel.toml".into(), wheel);
-    Network::read(&source, &[]).unwrap()
+    System::read(&source, &[]).unwrap()
 }
 
 /// The largest speeds of the first wheel from 1 s to 2 s, and from 5 s on.
-fn speeds(network: &Network) -> [f64; 2] {
+fn speeds(network: &System) -> [f64; 2] {
     let mut run = NetworkRun::new(network, "all").unwrap();
     let mut speeds = [0.0f64; 2];
     while let Some(row) = run.next() {
@@ -40,7 +40,7 @@ fn speeds(network: &Network) -> [f64; 2] {
 
 #[test]
 fn two_wheels_on_a_late_spring_ring_below_what_is_asked_of_them_and_not_at_it() {
-    let required = |network: &Network| check_network(network).unwrap().stations[0].required_damping.unwrap();
+    let required = |network: &System| check_network(network).unwrap().stations[0].required_damping.unwrap();
     let asked = required(&pair(1.0, 0.0, ""));
     // K (T/2 + A): the own hold, and half of the ages of both.
     assert!((asked - (0.5e-3 + 20e-3)).abs() < 1e-12, "{asked}");
@@ -128,7 +128,7 @@ fn a_link_whose_messages_all_come_is_its_spring() {
             .files
             .insert("moved.toml".into(), format!("{wheel}[scenarios.all]\nduration = \"1 s\"\nhand = {hand}\n"));
         source.files.insert("wheel.toml".into(), wheel.into());
-        let network = Network::read(&source, &[]).unwrap();
+        let network = System::read(&source, &[]).unwrap();
         let mut run = NetworkRun::new(&network, "all").unwrap();
         let mut seen = [vec![], vec![]];
         while let Some(row) = run.next() {
@@ -196,7 +196,7 @@ impl Rng {
 }
 
 /// A pair of equal wheels at one period, with a way of `delay`, the second's samples `phase` later.
-fn even(period: f64, delay: f64, phase: f64, more: [&str; 2]) -> Network {
+fn even(period: f64, delay: f64, phase: f64, more: [&str; 2]) -> System {
     let mut source = Source::from_text(
         "pair.toml",
         format!(
@@ -209,14 +209,14 @@ fn even(period: f64, delay: f64, phase: f64, more: [&str; 2]) -> Network {
         let world = format!("loop.period = {period}\ndevice = {{ inertia = 1e-3, damping = 0.01 }}\n{more}");
         source.files.insert(name.into(), world);
     }
-    Network::read(&source, &[]).unwrap()
+    System::read(&source, &[]).unwrap()
 }
 
-fn fixed(network: &Network) -> hapt_analysis::FixedRates {
+fn fixed(network: &System) -> hapt_analysis::FixedRates {
     check_network(network).unwrap().fixed
 }
 
-fn requires(network: &Network, station: usize) -> f64 {
+fn requires(network: &System, station: usize) -> f64 {
     fixed(network).required_damping[station].1.unwrap()
 }
 
@@ -303,7 +303,7 @@ fn the_edge_is_that_of_the_multivariable_condition_of_colgate_and_schenkel() {
                 );
             }
         }
-        let mut network = Network::read(&source, &[]).unwrap();
+        let mut network = System::read(&source, &[]).unwrap();
         let required = fixed(&network).required_damping;
         let delay = |at: usize| (network.stations[at].world.sampling.delay_s() / period).round();
         let least = |part: f64| {
@@ -356,7 +356,7 @@ fn the_wall_of_a_lab_asks_for_many_times_the_damping_of_its_wheels() {
         );
         let world = format!("loop.period = {period}\ndevice = {{ inertia = 4.5e-4, damping = {DAMPING} }}");
         source.files.insert("lab.toml".into(), world);
-        Network::read(&source, &[]).unwrap()
+        System::read(&source, &[]).unwrap()
     };
     let parts = |period| {
         let check = check_network(&lab(period)).unwrap();
@@ -373,7 +373,7 @@ fn the_wall_of_a_lab_asks_for_many_times_the_damping_of_its_wheels() {
 }
 
 /// Periods of small ratios, phases, delays of loops and links, links that send seldom.
-fn rational(rng: &mut Rng) -> Network {
+fn rational(rng: &mut Rng) -> System {
     let n = 2 + rng.usize(0..2);
     let mut source = Source::from_text("network.toml", "");
     for i in 0..n {
@@ -396,7 +396,7 @@ fn rational(rng: &mut Rng) -> Network {
             5e-3 * rng.f64()
         );
     }
-    Network::read(&source, &[]).unwrap()
+    System::read(&source, &[]).unwrap()
 }
 
 #[test]

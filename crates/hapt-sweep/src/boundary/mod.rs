@@ -10,7 +10,7 @@ mod outline;
 mod plane;
 
 use hapt_analysis::Decomposition;
-use hapt_model::{Source, System};
+use hapt_model::Source;
 use rayon::prelude::*;
 
 use crate::error::Error;
@@ -77,7 +77,7 @@ pub struct Claim {
 /// The edges of the claims about a world or network in the plane of two keys.
 ///
 /// ```
-/// use hapt_model::{Source, System};
+/// use hapt_model::Source;
 /// use hapt_sweep::boundary::{Boundary, Edge};
 ///
 /// let file = r#"
@@ -157,10 +157,10 @@ fn claim(plane: &Plane, edge: Edge, stop: &(dyn Fn() -> bool + Sync)) -> Result<
     }
     let middle = [0.5, 0.5];
     let failed = |error| plane.failed(middle, error);
-    let equations = match (&plane.system, edge) {
-        (System::World(world), Edge::Held) => Decomposition::held(world, plane.keys()).map_err(failed)?,
-        (System::World(world), Edge::Free) => Decomposition::free(world, plane.keys()).map_err(failed)?,
-        (System::World(_) | System::Network(_), _) => None,
+    let equations = match (plane.system.world(), edge) {
+        (Some(world), Edge::Held) => Decomposition::held(world, plane.keys()).map_err(failed)?,
+        (Some(world), Edge::Free) => Decomposition::free(world, plane.keys()).map_err(failed)?,
+        (None, _) | (_, Edge::Passive | Edge::Fixed) => None,
     };
     let known = match &equations {
         Some(equations) => edges(plane, edge, equations)?.unwrap_or_default(),

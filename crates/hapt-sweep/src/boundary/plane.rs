@@ -7,7 +7,7 @@ use hapt_analysis::{Demands, FixedExcess, Keys};
 use hapt_analysis::{
     free_eigenvalues, free_growth, held_world_eigenvalues, held_world_growth, passivity, required_damping,
 };
-use hapt_model::{Network, Source, System, World};
+use hapt_model::{Source, System, World};
 
 use crate::axis::{Axis, Grid};
 use crate::boundary::continuation::{INSET, Place};
@@ -39,10 +39,10 @@ impl Edge {
     }
 
     /// The claims about a world, or about a network.
-    pub const fn of(system: &System) -> &'static [Edge] {
-        match system {
-            System::World(_) => &[Edge::Held, Edge::Free, Edge::Passive],
-            System::Network(_) => &[Edge::Passive, Edge::Fixed],
+    pub fn of(system: &System) -> &'static [Edge] {
+        match system.world() {
+            Some(_) => &[Edge::Held, Edge::Free, Edge::Passive],
+            None => &[Edge::Passive, Edge::Fixed],
         }
     }
 }
@@ -81,14 +81,15 @@ impl Plane {
         match &grid.axes[..] {
             [x, y] => {
                 let mut plane = Plane { axes: [rising(x), rising(y)], system, asked: None };
-                if let System::Network(network) = &plane.system {
-                    let demands = Demands::of(network).map_err(|error| plane.failed([0.0, 0.0], error))?;
+                if plane.system.world().is_none() {
+                    let stations = &plane.system.stations;
+                    let demands = Demands::of(&plane.system).map_err(|error| plane.failed([0.0, 0.0], error))?;
                     let is_varied = |name: &str| {
                         let own = format!("stations.{name}.");
                         plane.axes.iter().any(|axis| axis.key.starts_with(&own))
                     };
-                    let change = (0..network.stations.len()).filter(|at| is_varied(&network.stations[*at].name));
-                    plane.asked = Some(Asked { demands, change: change.collect() });
+                    let change = (0..stations.len()).filter(|at| is_varied(&stations[*at].name)).collect();
+                    plane.asked = Some(Asked { demands, change });
                 }
                 Ok(plane)
             }
@@ -135,16 +136,15 @@ impl Plane {
     /// # Errors
     /// [`Error::At`]; [`Error::Claim`] for a claim that is none about such a file.
     pub fn beyond(&self, edge: Edge, place: Place) -> Result<f64, Error> {
-        match (self.at(place), edge) {
-            (System::World(world), Edge::Held | Edge::Free | Edge::Passive) => self.beyond_world(edge, place, &world),
-            (System::Network(network), Edge::Passive) => {
-                let excess = self.demands(&network).and_then(|demands| demands.excess(&network));
+        let system = self.at(place);
+        match (system.world(), edge) {
+            (Some(world), Edge::Held | Edge::Free | Edge::Passive) => self.beyond_world(edge, place, world),
+            (None, Edge::Passive) => {
+                let excess = self.demands(&system).and_then(|demands| demands.excess(&system));
                 Ok(excess.map_err(|error| self.failed(place, error))?.unwrap_or(f64::INFINITY))
             }
-            (System::Network(network), Edge::Fixed) => {
-                Ok(self.fixed(&network, place)?.map_or(f64::INFINITY, |excess| excess.value))
-            }
-            (system, _) => Err(Plane::foreign(edge, &system)),
+            (None, Edge::Fixed) => Ok(self.fixed(&system, place)?.map_or(f64::INFINITY, |excess| excess.value)),
+            (Some(_), Edge::Fixed) | (None, Edge::Held | Edge::Free) => Err(Plane::foreign(edge, &system)),
         }
     }
 
@@ -158,7 +158,7 @@ impl Plane {
         ))
     }
 
-    fn demands(&self, network: &Network) -> Result<Cow<'_, Demands>, hapt_analysis::Error> {
+    fn demands(&self, network: &System) -> Result<Cow<'_, Demands>, hapt_analysis::Error> {
         match &self.asked {
             Some(Asked { demands, change }) if change.is_empty() => Ok(Cow::Borrowed(demands)),
             Some(Asked { demands, change }) => demands.renewed(network, change.iter().copied()).map(Cow::Owned),
@@ -167,7 +167,7 @@ impl Plane {
     }
 
     /// Of a network at fixed times, or why there is no verdict.
-    fn fixed(&self, network: &Network, place: Place) -> Result<Result<FixedExcess, Vec<String>>, Error> {
+    fn fixed(&self, network: &System, place: Place) -> Result<Result<FixedExcess, Vec<String>>, Error> {
         let excess = self.demands(network).and_then(|demands| demands.fixed_excess(network));
         excess.map_err(|error| self.failed(place, error))
     }
@@ -183,8 +183,11 @@ impl Plane {
         }
         let mut reason = None;
         for place in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [0.5, 0.5]].map(Plane::inside) {
-            let System::Network(network) = self.at(place) else { return Ok(None) };
-            match self.fixed(&network, place)? {
+            let system = self.at(place);
+            if system.world().is_some() {
+                return Ok(None);
+            }
+            match self.fixed(&system, place)? {
                 Ok(_) => return Ok(None),
                 Err(reasons) => reason = reason.or(Some(reasons.join("; "))),
             }
@@ -214,19 +217,19 @@ impl Plane {
     /// # Errors
     /// [`Error::At`].
     pub(crate) fn hz(&self, edge: Edge, place: Place) -> Result<Option<f64>, Error> {
-        let world = match self.at(place) {
-            System::World(world) => world,
-            System::Network(network) if edge == Edge::Fixed => {
-                return Ok(self.fixed(&network, place)?.ok().and_then(|excess| excess.hz));
-            }
-            System::Network(_) => return Ok(None),
+        let system = self.at(place);
+        let Some(world) = system.world() else {
+            return match edge {
+                Edge::Fixed => Ok(self.fixed(&system, place)?.ok().and_then(|excess| excess.hz)),
+                Edge::Held | Edge::Free | Edge::Passive => Ok(None),
+            };
         };
         let sampling = &world.sampling;
         let eigenvalues = match edge {
-            Edge::Held => held_world_eigenvalues(&world),
-            Edge::Free => free_eigenvalues(&world),
+            Edge::Held => held_world_eigenvalues(world),
+            Edge::Free => free_eigenvalues(world),
             Edge::Passive | Edge::Fixed => {
-                return passivity(&world).map(|p| p.at_hz).map_err(|error| self.failed(place, error));
+                return passivity(world).map(|p| p.at_hz).map_err(|error| self.failed(place, error));
             }
         };
         let eigenvalues = eigenvalues.map_err(|error| self.failed(place, error))?;

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use hapt_analysis::check_network;
-use hapt_model::{Network, Source, System};
+use hapt_model::{Source, System};
 use hapt_sim::NetworkRun;
 use hapt_sweep::boundary::{Boundary, Claim, Edge};
 use hapt_sweep::worst::search_together;
@@ -85,11 +85,9 @@ fn row(numbers: &[f64; 8], law: &str) -> Source {
     source
 }
 
-fn network(system: System) -> Network {
-    match system {
-        System::Network(network) => network,
-        System::World(_) => panic!("the file has stations"),
-    }
+fn network(system: System) -> System {
+    assert!(system.world().is_none(), "the file has stations");
+    system
 }
 
 proptest! {
@@ -168,7 +166,7 @@ fn a_cell_of_a_network_is_its_check_and_its_run_alone() {
     for row in &rows {
         let sets = [("links.0.stiffness", row[0]), ("stations.right.device.damping", row[1])];
         let sets = sets.map(|(key, value)| format!("{key}={:?}", value.unwrap()));
-        let network = Network::read(&source, &sets).unwrap();
+        let network = System::read(&source, &sets).unwrap();
         let check = check_network(&network).unwrap();
         let mut run = NetworkRun::new(&network, "push").unwrap();
         let (mut hands, mut times, mut drawn, mut peak) = ([0.0; 2], [-1.0; 2], 0.0f64, 0.0f64);
@@ -233,8 +231,8 @@ fn a_measure_that_is_of_the_other_kind_of_file_is_refused_with_those_that_there_
 }
 
 /// Devices with this part of the damping that the certificate requires of them.
-fn damped(source: &Source, part: f64) -> Network {
-    let mut network = Network::read(source, &[]).unwrap();
+fn damped(source: &Source, part: f64) -> System {
+    let mut network = System::read(source, &[]).unwrap();
     let check = check_network(&network).unwrap();
     for (station, check) in network.stations.iter_mut().zip(&check.stations) {
         station.world.device.damping = part * check.required_damping.unwrap();
@@ -255,7 +253,7 @@ proptest! {
         spring in 0.0..0.5f64,
         delay in 0.2e-3..3e-3f64,
     ) {
-        let of = |network: &Network| search_together(network, &|_| ControlFlow::Continue(())).unwrap();
+        let of = |network: &System| search_together(network, &|_| ControlFlow::Continue(())).unwrap();
         let source = |law| row(&[0.1, 0.1, 0.1, stiff[0], stiff[1], age, spring, delay], law);
         let safe = of(&damped(&source(WALL), 1.0 + 1e-6));
         prop_assert!(safe.certified && !safe.broken && safe.drawn.gain <= safe.drawn.blur, "{:?}", safe.drawn);

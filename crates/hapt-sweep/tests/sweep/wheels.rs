@@ -2,7 +2,7 @@
 
 use hapt_analysis::sign;
 use hapt_analysis::{Verdict, held_growth};
-use hapt_model::{Method, Source, System};
+use hapt_model::{Method, Source};
 use hapt_sweep::{Measure, Sweep};
 use proptest::prelude::*;
 
@@ -86,7 +86,7 @@ proptest! {
         let sweep = Sweep::new(&Source::from_text("w.toml", &text), &sets, &axes, &measures, None).unwrap();
         let middle = (cut * sweep.cells() as f64) as u64;
         for row in [sweep.rows(0..middle), sweep.rows(middle..sweep.cells())].iter().flatten() {
-            let System::World(mut world) = sweep.system.clone() else { panic!("it is a world") };
+            let mut world = sweep.system.clone().into_world().unwrap();
             for (axis, value) in sweep.grid.axes.iter().zip(row) {
                 prop_assert!(world.set_number(&axis.key, value.unwrap()));
             }

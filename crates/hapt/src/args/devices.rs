@@ -264,7 +264,7 @@ pub struct ConformArgs {
     #[arg(long, value_name = "CASE,...", value_delimiter = ',', requires = "conform")]
     pub only: Vec<String>,
     /// Write a page with every case and its curves.
-    #[arg(long, value_name = "FILE.html", requires = "conform")]
+    #[arg(short, long, value_name = "FILE.html", requires = "conform")]
     pub out: Option<PathBuf>,
 }
 

@@ -6,7 +6,7 @@ pub const TEMPLATE: &str = "\
 {usage-heading} {usage}
 
 Try it:
-  worlds          List the built-in worlds, which stand wherever a world file does
+  worlds          List the built-in worlds, each with its verdict
   init            Write a commented world file to start from, and its schema for editors
   design          Compute stiffness, inertia and compensating damping from a specification, as a
                   world file
@@ -35,17 +35,11 @@ Draw and share:
   report          Write a page a world: diagram, verdict, eigenvalues, motion, torque and energy
                   over time
   export          Export a world for the simulators and the boards of others
-  replay          Run a log's inputs through the present core and compare the torques bit by bit
-  convert         Convert a log to CSV or Parquet, or repair a truncated log
-  grade           Grade the answers to a pack of questions, such as a lesson of the course
+  log             Replay a log through the present core, or convert it to CSV or Parquet
 
 Reference:
-  explain         Explain a term of a message or a verdict
-  schema          Print the JSON schema of world files, with which editors complete keys and check
-                  units
-  man             Print the manual page, or write a page for each command
-  completions     Print a shell's completion script
-  licences        Print the licences of everything in this program, with their texts
+  explain         Explain a term of a message or a verdict; print the schema, manual, completions,
+                  licences
   help            Print this message or the help of the given subcommand(s)
 
 Options:

@@ -82,18 +82,15 @@ Examples:
   hapt plot runs/step.csv --limit 822.25Nmm --out step.svg
   hapt plot runs/step.csv runs/step.mcap --to 0.2s --signals torque > both.svg")]
     Plot(PlotArgs),
-    /// Run a log's inputs through the present core and compare the torques bit by bit.
+    /// Replay a log through the present core, or convert it to CSV or Parquet.
     #[command(after_help = "\
 Examples:
-  hapt replay runs/step.mcap                         exit code 1 if not
-  hapt replay runs/step.mcap --json                  with the first difference")]
-    Replay(ReplayArgs),
-    /// Convert a log to CSV or Parquet, or repair a truncated log.
-    #[command(after_help = "\
-Examples:
-  hapt convert runs/step.mcap -o step.csv            the bytes of hapt sim's own
-  hapt convert runs/step.mcap -o step.parquet        units as metadata")]
-    Convert(ConvertArgs),
+  hapt log replay runs/step.mcap                     exit code 1 if not the same
+  hapt log convert runs/step.mcap -o step.csv        the bytes of hapt sim's own")]
+    Log {
+        #[command(subcommand)]
+        command: LogCommand,
+    },
     /// Export a world for the simulators and the boards of others.
     #[command(after_help = "\
 Examples:
@@ -157,7 +154,7 @@ Examples:
   hapt identify sim --world wheel.toml --duration 2s --log wheel.mcap
   hapt identify wheel.mcap --plot fit.svg            from a log, with a picture
   hapt identify wheel.mcap --against wheel.toml      is it the file's device?
-  hapt convert wheel.mcap -o log.csv && \\
+  hapt log convert wheel.mcap -o log.csv && \\
       hapt identify log.csv \\
       --columns time=time_s,position=measured_rad,torque=applied_Nm")]
     Identify(Box<IdentifyArgs>),
@@ -202,52 +199,20 @@ Examples:
   hapt init                                          a spring and a mass, here
   hapt init my-wall --template wall                  in a folder of its own")]
     Init(InitArgs),
-    /// Grade the answers to a pack of questions, such as a lesson of the course.
-    #[command(after_help = "\
-Examples:
-  hapt grade wall                                    the pack's questions
-  hapt grade wall --student ada                      with ada's numbers
-  hapt grade wall answer.toml                        exit code 1 if one is wrong
-  hapt grade wall answer.toml --key --json           with what was expected")]
-    Grade(GradeArgs),
-    /// List the built-in worlds, which stand wherever a world file does.
+    /// List the built-in worlds, each with its verdict.
     #[command(after_help = "\
 Examples:
   hapt worlds
   hapt sim @notes/euler                              one of them")]
     Worlds,
-    /// Explain a term of a message or a verdict.
+    /// Explain a term of a message or a verdict; print the schema, manual, completions, licences.
     #[command(after_help = "\
 Examples:
   hapt explain                                       the topics
-  hapt explain critical-period")]
+  hapt explain critical-period
+  hapt explain schema > hapt.schema.json             for editors
+  hapt explain completions bash > hapt.bash          then: . ./hapt.bash")]
     Explain(ExplainArgs),
-    /// Print the licences of everything in this program, with their texts.
-    #[command(
-        alias = "licenses",
-        after_help = "\
-Examples:
-  hapt licences | less
-  hapt licences > THIRD-PARTY.txt                    to go along with it"
-    )]
-    Licences,
-    /// Print the JSON schema of world files, with which editors complete keys and check units.
-    #[command(after_help = "\
-Examples:
-  hapt schema > hapt.schema.json                     as hapt init does")]
-    Schema,
-    /// Print a shell's completion script.
-    #[command(after_help = "\
-Examples:
-  hapt completions bash > hapt.bash                  then: . ./hapt.bash
-  hapt completions fish > hapt.fish                  where fish looks")]
-    Completions(CompletionsArgs),
-    /// Print the manual page, or write a page for each command.
-    #[command(after_help = "\
-Examples:
-  hapt man > hapt.1                                  then: man -l hapt.1
-  hapt man --out man                                 a page for each command")]
-    Man(ManArgs),
 }
 
 // The world, as every command takes it. Flattened arguments have no doc comment: it would become the command's own.

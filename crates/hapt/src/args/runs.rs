@@ -15,7 +15,7 @@ pub struct SimArgs {
     #[arg(long = "scenario", value_name = "NAME", allow_hyphen_values = true)]
     pub scenarios: Vec<String>,
     /// Write NAME.csv (or .mcap, .parquet) for each scenario into this folder; without it, print a summary.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Replace runs of another world in this folder; .hapt-runs.json there says what made each.
     #[arg(long, requires = "out")]
@@ -46,7 +46,7 @@ pub struct ReportArgs {
     pub sets: Vec<String>,
     /// Write NAME.html, NAME-FIGURE.svg and live/NAME.html, an interactive page, for each world into this folder, and index.html for
     /// several.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
 }
 
@@ -68,8 +68,25 @@ pub struct PlotArgs {
     #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     pub limit: Option<String>,
     /// Write the figure here; default: standard output.
-    #[arg(long, value_name = "FILE.svg|png")]
+    #[arg(short, long, value_name = "FILE.svg|png")]
     pub out: Option<PathBuf>,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum LogCommand {
+    /// Run a log's inputs through the present core and compare the torques bit by bit.
+    #[command(after_help = "\
+Examples:
+  hapt log replay runs/step.mcap                     exit code 1 if not the same
+  hapt log replay runs/step.mcap --json              with the first difference")]
+    Replay(ReplayArgs),
+    /// Convert a log to CSV or Parquet, or repair a truncated log.
+    #[command(after_help = "\
+Examples:
+  hapt log convert runs/step.mcap -o step.csv        the bytes of hapt sim's own
+  hapt log convert runs/step.mcap -o step.parquet    units as metadata
+  hapt log convert runs/step.mcap -o whole.mcap      a truncated one repaired")]
+    Convert(ConvertArgs),
 }
 
 #[derive(Debug, clap::Args)]
@@ -109,7 +126,7 @@ pub struct SweepArgs {
     #[arg(long, value_name = "NAME", allow_hyphen_values = true)]
     pub scenario: Option<String>,
     /// Write the table here: FILE.csv or FILE.parquet.
-    #[arg(long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE")]
     pub out: PathBuf,
     /// Draw the first measure: a curve over one axis, a map over two.
     #[arg(long, value_name = "FILE.svg|png")]

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use clap::Subcommand;
+
 #[derive(Debug, clap::Args)]
 pub struct InitArgs {
     /// The folder for world.toml and hapt.schema.json; created if missing.
@@ -13,10 +15,44 @@ pub struct InitArgs {
 }
 
 #[derive(Debug, clap::Args)]
+#[command(args_conflicts_with_subcommands = true)]
 pub struct ExplainArgs {
     /// A term of a message or a verdict, such as growth; default: list the topics.
     #[arg(value_name = "TOPIC")]
     pub topic: Option<String>,
+    #[command(subcommand)]
+    pub reference: Option<ReferenceCommand>,
+}
+
+// What is printed for reference beside the topics. A doc comment would become the command's own.
+#[derive(Debug, Subcommand)]
+pub enum ReferenceCommand {
+    /// Print the JSON schema of world files, with which editors complete keys and check units.
+    #[command(after_help = "\
+Examples:
+  hapt explain schema > hapt.schema.json             as hapt init does")]
+    Schema,
+    /// Print the manual page, or write a page for each command.
+    #[command(after_help = "\
+Examples:
+  hapt explain man > hapt.1                          then: man -l hapt.1
+  hapt explain man --out man                         a page for each command")]
+    Man(ManArgs),
+    /// Print a shell's completion script.
+    #[command(after_help = "\
+Examples:
+  hapt explain completions bash > hapt.bash          then: . ./hapt.bash
+  hapt explain completions fish > hapt.fish          where fish looks")]
+    Completions(CompletionsArgs),
+    /// Print the licences of everything in this program, with their texts.
+    #[command(
+        alias = "licenses",
+        after_help = "\
+Examples:
+  hapt explain licences | less
+  hapt explain licences > THIRD-PARTY.txt            to go along with it"
+    )]
+    Licences,
 }
 
 #[derive(Debug, clap::Args)]
@@ -29,25 +65,6 @@ pub struct CompletionsArgs {
 #[derive(Debug, clap::Args)]
 pub struct ManArgs {
     /// Write hapt.1 and a page for each command into this folder.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-}
-
-#[derive(Debug, clap::Args)]
-pub struct GradeArgs {
-    /// The folder of the pack, with pack.toml and its starter world.
-    #[arg(value_name = "PACK")]
-    pub pack: PathBuf,
-    /// The answers, a TOML file with one `id = "value unit"` a line; default: print the questions.
-    #[arg(value_name = "ANSWER.toml")]
-    pub answer: Option<PathBuf>,
-    /// The name or number of a student, which chooses the starter's numbers.
-    #[arg(long, value_name = "NAME", allow_hyphen_values = true)]
-    pub student: Option<String>,
-    /// Show the expected answers.
-    #[arg(long)]
-    pub key: bool,
-    /// Print the table as JSON.
-    #[arg(long)]
-    pub json: bool,
 }

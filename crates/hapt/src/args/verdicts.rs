@@ -48,7 +48,7 @@ pub struct WorstArgs {
     #[command(flatten)]
     pub world: WorldArgs,
     /// Write the world with the scenario `worst` here; default: print the scenario.
-    #[arg(long, value_name = "FILE.toml")]
+    #[arg(short, long, value_name = "FILE.toml")]
     pub out: Option<PathBuf>,
     /// Print the numbers as JSON.
     #[arg(long)]
@@ -75,7 +75,7 @@ pub struct ImpedanceArgs {
     #[arg(long, conflicts_with_all = ["from", "to", "slopes"])]
     pub z_width: bool,
     /// Write the rows here, and print no summary.
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(short, long, value_name = "FILE.csv")]
     pub out: Option<PathBuf>,
     /// Draw them.
     #[arg(long, value_name = "FILE.svg|png")]
@@ -105,7 +105,7 @@ pub struct BoundaryArgs {
     #[arg(long = "of", value_name = "NAME,...", value_delimiter = ',')]
     pub claims: Vec<String>,
     /// Write the edges' points here; default: standard output.
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(short, long, value_name = "FILE.csv")]
     pub out: Option<PathBuf>,
     /// Draw the plane, each side of each edge in its colour.
     #[arg(long, value_name = "FILE.svg|png")]

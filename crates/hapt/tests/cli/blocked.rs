@@ -129,7 +129,7 @@ fn a_fifo_that_nobody_writes_is_refused_and_one_with_a_writer_is_read() {
         &["check", "f"][..],
         &["sim", "f", "--out", "runs"],
         &station("f"),
-        &["replay", "f"],
+        &["log", "replay", "f"],
         &["plot", "f", "--out", "f.svg"],
         &["run", "w.toml", "--device", "replay:f"],
         &["identify", "f"],

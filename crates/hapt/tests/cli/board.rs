@@ -63,12 +63,12 @@ fn a_world_is_sent_to_the_board_once_and_runs_there() {
     assert!(board.peak_torque() > 0.01, "{}", board.peak_torque());
     assert_eq!(board.torque(), 0.0);
     // The log shows the same: the motor's 20 N mm, pushing the puck.
-    hapt(at.path(), ["convert", "run.mcap", "-o", "run.csv"]).done();
+    hapt(at.path(), ["log", "convert", "run.mcap", "-o", "run.csv"]).done();
     let table = Table::read(&at.path().join("run.csv"));
     let largest = table.column("applied_Nm").iter().fold(0.0_f64, |most, torque| most.max(torque.abs()));
     assert!((largest - f64::from(board.peak_torque())).abs() < 2e-3, "{largest} and {}", board.peak_torque());
     // The board's f32 on this machine: the same bits.
-    let ended = hapt(at.path(), ["replay", "run.mcap"]).done();
+    let ended = hapt(at.path(), ["log", "replay", "run.mcap"]).done();
     assert!(ended.out.contains("same       all torques of "), "{ended:?}");
     assert!(table.column("request").contains(&1.0), "it was armed");
 }
@@ -80,7 +80,7 @@ fn a_boards_log_with_samples_left_out_is_not_replayed_and_says_what_would_be_rig
     // What a slow line carries.
     let slow = format!("{spec}@9600");
     hapt(at.path(), ["run", "w.toml", "--device", &slow, "--duration", "0.3 s", "--log", "run.mcap"]).done();
-    hapt(at.path(), ["replay", "run.mcap"]).refused(2, &["only where every sample is in it", "hapt:PATH@BAUD"]);
+    hapt(at.path(), ["log", "replay", "run.mcap"]).refused(2, &["only where every sample is in it", "hapt:PATH@BAUD"]);
 }
 
 /// A port where somebody answers: each frame that comes is shown to `answer`, and what it gives goes back; with `None` the port goes away.
@@ -222,7 +222,7 @@ fn a_board_that_is_pulled_out_ends_the_run_with_code_three_and_its_torque() {
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
     // What was logged up to then is whole.
-    hapt(at.path(), ["convert", "run.mcap", "-o", "run.csv"]).done();
+    hapt(at.path(), ["log", "convert", "run.mcap", "-o", "run.csv"]).done();
 }
 
 #[test]

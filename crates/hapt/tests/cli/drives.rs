@@ -46,7 +46,7 @@ fn a_certified_world_runs_on_a_simulated_drive_and_its_log_replays_to_the_bit() 
     assert!(ended.out.contains("at full torque; ended in order"), "{ended:?}");
     assert!(ended.err.contains("lag and jitter only as the file states them"), "{ended:?}");
     // The velocity was differenced, as it is certified, and the log knows it.
-    hapt(at.path(), ["replay", "run.mcap"]).done();
+    hapt(at.path(), ["log", "replay", "run.mcap"]).done();
     drive.signal("TERM");
     assert_eq!(drive.end().code, Some(143));
 }

@@ -1,4 +1,4 @@
-//! The first commands of somebody new: init, schema, worlds, explain, completions, man.
+//! The first commands of somebody new: init, worlds, explain with its schema, completions and manual.
 
 use std::fs;
 use std::io::pipe;
@@ -12,7 +12,7 @@ use crate::common::{Running, every_world, folder, hapt, hapt_reads, names, progr
 
 const TEMPLATES: [&str; 8] =
     ["spring-mass", "wall", "detents", "damper", "inertia", "friction", "end-stops", "two-wheels"];
-const NEW: [&str; 6] = ["init", "worlds", "explain", "schema", "completions", "man"];
+const NEW: [&str; 3] = ["init", "worlds", "explain"];
 
 /// What a command prints; it says nothing else.
 fn printed(args: &[&str]) -> String {
@@ -75,7 +75,7 @@ fn without_a_template_it_is_the_spring_and_mass_in_the_current_folder() {
     hapt(at.path(), ["init", "deep/er", "--template", "spring-mass"]).done();
     let read = |path: &str| fs::read(at.path().join(path)).unwrap();
     assert!(read("world.toml") == read("deep/er/world.toml"));
-    assert!(read("hapt.schema.json") == printed(&["schema"]).into_bytes());
+    assert!(read("hapt.schema.json") == printed(&["explain", "schema"]).into_bytes());
 }
 
 #[test]
@@ -111,7 +111,7 @@ fn init_in_a_file_or_from_an_unknown_template_is_refused() {
 
 #[test]
 fn the_schema_is_json_of_a_draft_that_editors_know() {
-    let schema: Value = serde_json::from_str(&printed(&["schema"])).unwrap();
+    let schema: Value = serde_json::from_str(&printed(&["explain", "schema"])).unwrap();
     assert_eq!(schema["$schema"], "http://json-schema.org/draft-07/schema#");
 }
 
@@ -126,15 +126,15 @@ fn every_world_that_comes_along_is_built_in() {
         let name = format!("@{}", name.to_str().unwrap().replace('\\', "/"));
         let world = World::read(&Source::open(&path).unwrap(), &[]).unwrap();
         let title = world.title.unwrap();
-        assert!(
-            listed.iter().any(|line| line.split_once(' ').is_some_and(|(at, rest)| at == name && rest.trim() == title))
-        );
+        let row = listed.iter().find(|line| line.split_once(' ').is_some_and(|(at, _)| at == name)).unwrap();
+        assert!(row.ends_with(&title), "{row}");
 
         // The same, but for the name in messages.
         let [built_in, file] =
             [name.as_str().as_ref(), path.as_os_str()].map(|world| hapt(at.path(), ["check".as_ref(), world]));
         assert_eq!((built_in.code, &built_in.out), (file.code, &file.out));
         assert!(built_in.out.contains(&format!("\nworld     {title}: ")));
+        assert_eq!(row.contains(" certified "), built_in.code == Some(0), "{row}");
     }
 }
 
@@ -260,18 +260,18 @@ fn completions_and_manual_know_every_command() {
         .collect();
     assert!(NEW.iter().chain(&["sim", "check", "design"]).all(|command| commands.contains(command)), "{commands:?}");
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
-        let script = printed(&["completions", shell]);
+        let script = printed(&["explain", "completions", shell]);
         for command in &commands {
             assert!(script.contains(command), "{shell}: {command}");
         }
         assert!(script.contains("--set") || script.contains("-l set"), "{shell}");
     }
-    hapt(Path::new("."), ["completions", "tcsh"]).refused(2, &["tcsh", "bash"]);
+    hapt(Path::new("."), ["explain", "completions", "tcsh"]).refused(2, &["tcsh", "bash"]);
 
-    let page = printed(&["man"]);
+    let page = printed(&["explain", "man"]);
     assert!(page.contains(".TH hapt 1"), "{page}");
     let at = folder(&[]);
-    hapt(at.path(), ["man", "--out", "man"]).done();
+    hapt(at.path(), ["explain", "man", "--out", "man"]).done();
     for command in commands.into_iter().filter(|command| *command != "help") {
         // A hyphen is written so, that no reader makes a minus of it.
         let name = format!("hapt-{command}").replace('-', "\\-");
@@ -280,18 +280,18 @@ fn completions_and_manual_know_every_command() {
         assert!(own.contains("Examples:") && own.contains(".SH SYNOPSIS"), "{own}");
     }
     assert_eq!(fs::read_to_string(at.path().join("man/hapt.1")).unwrap(), page);
-    hapt(at.path(), ["man", "--out", "man/hapt.1"]).refused(2, &["is a file; expected a folder"]);
+    hapt(at.path(), ["explain", "man", "--out", "man/hapt.1"]).refused(2, &["is a file; expected a folder"]);
 }
 
 #[test]
 fn a_reader_that_is_gone_ends_them_quietly() {
     for args in [
         &["worlds"][..],
-        &["schema"],
+        &["explain", "schema"],
         &["explain"],
         &["explain", "growth"],
-        &["completions", "bash"],
-        &["man"],
+        &["explain", "completions", "bash"],
+        &["explain", "man"],
         &["check", "@notes/euler"],
     ] {
         let (reader, writer) = pipe().unwrap();
@@ -306,7 +306,9 @@ fn a_reader_that_is_gone_ends_them_quietly() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_the_systems_failure() {
-    for args in [&["worlds"][..], &["schema"], &["explain"], &["completions", "zsh"], &["man"]] {
+    for args in
+        [&["worlds"][..], &["explain", "schema"], &["explain"], &["explain", "completions", "zsh"], &["explain", "man"]]
+    {
         let mut command = program(Path::new("."), args);
         command.stdout(fs::OpenOptions::new().write(true).open("/dev/full").unwrap()).stderr(Stdio::piped());
         let ended = Running::start_as_it_is(command).end();

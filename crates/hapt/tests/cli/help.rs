@@ -10,8 +10,7 @@ const COMMANDS: &[&str] = &[
     "design",
     "report",
     "plot",
-    "replay",
-    "convert",
+    "log",
     "export",
     "sweep",
     "impedance",
@@ -26,13 +25,20 @@ const COMMANDS: &[&str] = &[
     "live",
     "wheel",
     "init",
-    "grade",
     "worlds",
     "explain",
-    "licences",
-    "schema",
-    "completions",
-    "man",
+];
+
+/// Those below a command.
+const SUBCOMMANDS: &[&[&str]] = &[
+    &["export", "fmu"],
+    &["export", "c"],
+    &["log", "replay"],
+    &["log", "convert"],
+    &["explain", "schema"],
+    &["explain", "man"],
+    &["explain", "completions"],
+    &["explain", "licences"],
 ];
 
 /// The examples at the end of a help text, without the words beside them; a line that ends in \\ goes on.
@@ -114,12 +120,11 @@ fn every_example_runs_as_it_stands() {
     let at = folder(&[("wheel.toml", WHEEL), ("pair.toml", pair)]);
     std::os::unix::fs::symlink(worlds(), at.path().join("worlds")).unwrap();
 
-    let course = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/course/wall").canonicalize().unwrap();
-    std::os::unix::fs::symlink(course, at.path().join("wall")).unwrap();
-    std::fs::write(at.path().join("answer.toml"), include_str!("../course/wall/right.toml")).unwrap();
-
     let mut lines = examples(&help(&["--help"]));
     lines.extend(COMMANDS.iter().flat_map(|command| examples(&help(&[command, "--help"]))));
+    for below in SUBCOMMANDS {
+        lines.extend(examples(&help(&[*below, &["--help"]].concat())));
+    }
     let proposed = help(&[]);
     let (_, proposed) = proposed.split_once("Next:\n").unwrap();
     lines.extend(examples(&format!("Examples:\n{proposed}")));

@@ -244,7 +244,7 @@ stall = "10 s"
             assert!(begin.elapsed() < PATIENCE, "{largest} N m");
             let ended = answered(at.path(), &device, "y\n");
             assert!(ended.err.contains("Go on? [y/N]"), "{}", ended.err);
-            if hapt(at.path(), ["convert", "run.mcap", "-o", "run.csv"]).code != Some(0) {
+            if hapt(at.path(), ["log", "convert", "run.mcap", "-o", "run.csv"]).code != Some(0) {
                 continue;
             }
             let torques = Table::read(&at.path().join("run.csv")).column("applied_Nm");

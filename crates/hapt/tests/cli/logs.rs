@@ -26,7 +26,7 @@ fn a_run_has_a_file_of_each_format_and_each_converts_to_the_others_bytes() {
     let of_a_run = at.path().join("r");
     assert_eq!(names(&of_a_run), ["step.csv", "step.mcap", "step.parquet"]);
     for name in ["step.csv", "step.mcap", "step.parquet"] {
-        hapt(at.path(), ["convert", "r/step.mcap", "-o", name]).done();
+        hapt(at.path(), ["log", "convert", "r/step.mcap", "-o", name]).done();
         assert!(read(at.path().join(name)) == read(of_a_run.join(name)), "{name}");
     }
     // Without a format, and beside others: the same CSV.
@@ -55,7 +55,7 @@ fn a_log_carries_its_world_its_overrides_and_its_certificate() {
 fn the_same_run_is_the_same_bits_again_wherever_its_log_went() {
     let at = folder(&[("w.toml", WHEEL)]);
     run(at.path());
-    let told = hapt(at.path(), ["replay", "r/step.mcap"]).done();
+    let told = hapt(at.path(), ["log", "replay", "r/step.mcap"]).done();
     assert_eq!(
         told.out,
         format!(
@@ -68,7 +68,7 @@ fn the_same_run_is_the_same_bits_again_wherever_its_log_went() {
         let folder = world.trim_end_matches(".toml");
         hapt(at.path(), ["sim", &shipped(world), "--out", folder, "--format", "mcap"]).done();
         for log in names(&at.path().join(folder)) {
-            hapt(at.path(), ["replay", &format!("{folder}/{log}")]).done();
+            hapt(at.path(), ["log", "replay", &format!("{folder}/{log}")]).done();
         }
     }
 }
@@ -90,17 +90,18 @@ fn a_log_of_several_worlds_converts_each_by_its_number() {
     }
     fs::write(at.path().join("two.mcap"), writer.finish().unwrap()).unwrap();
 
-    assert!(hapt(at.path(), ["replay", "two.mcap"]).done().out.contains("all torques of 1 002 samples"));
-    hapt(at.path(), ["convert", "two.mcap", "-o", "x.csv"]).refused(2, &["plan 1", "--plan 1 converts it alone"]);
+    assert!(hapt(at.path(), ["log", "replay", "two.mcap"]).done().out.contains("all torques of 1 002 samples"));
+    hapt(at.path(), ["log", "convert", "two.mcap", "-o", "x.csv"])
+        .refused(2, &["plan 1", "--plan 1 converts it alone"]);
     hapt(at.path(), ["plot", "two.mcap"]).refused(2, &["plan 1 has other columns"]);
     assert_eq!(names(at.path()), ["two.mcap", "w.toml"]);
     for (plan, text) in [("0", WHEEL), ("1", &other)] {
         fs::write(at.path().join("w.toml"), text).unwrap();
-        hapt(at.path(), ["convert", "two.mcap", "-o", "x.csv", "--plan", plan]).done();
+        hapt(at.path(), ["log", "convert", "two.mcap", "-o", "x.csv", "--plan", plan]).done();
         hapt(at.path(), ["sim", "w.toml", "--out", "r"]).done();
         assert!(read(at.path().join("x.csv")) == read(at.path().join("r/step.csv")), "plan {plan}");
     }
-    hapt(at.path(), ["convert", "two.mcap", "-o", "both.mcap"]).done();
+    hapt(at.path(), ["log", "convert", "two.mcap", "-o", "both.mcap"]).done();
     assert!(read(at.path().join("both.mcap")) == read(at.path().join("two.mcap")));
 }
 
@@ -126,7 +127,7 @@ fn a_torque_that_is_another_is_named_with_its_bits_and_ends_with_1() {
     run(at.path());
     tampered(at.path());
     let right = Table::read(&at.path().join("r/step.csv")).column("command_Nm")[7];
-    let Ended { code, out, err } = hapt(at.path(), ["replay", "other.mcap"]);
+    let Ended { code, out, err } = hapt(at.path(), ["log", "replay", "other.mcap"]);
     assert_eq!((code, err.as_str()), (Some(1), ""));
     let wanted = format!(
         "other.mcap: by hapt 0.0.9 on device sim\n\
@@ -135,7 +136,7 @@ fn a_torque_that_is_another_is_named_with_its_bits_and_ends_with_1() {
         right.to_bits()
     );
     assert_eq!(out, wanted);
-    let Ended { code, out, .. } = hapt(at.path(), ["replay", "other.mcap", "--json"]);
+    let Ended { code, out, .. } = hapt(at.path(), ["log", "replay", "other.mcap", "--json"]);
     let json: serde_json::Value = serde_json::from_str(&out).unwrap();
     assert_eq!((code, &json["same"], &json["first"]["sample"]), (Some(1), &false.into(), &7.into()));
     assert_eq!(json["first"]["replayed"].as_f64().unwrap().to_bits(), right.to_bits());
@@ -148,18 +149,19 @@ fn a_log_that_was_cut_is_read_as_far_as_it_goes_and_says_so() {
     let bytes = read(at.path().join("r/step.mcap"));
     fs::write(at.path().join("cut.mcap"), &bytes[..bytes.len() / 2]).unwrap();
     let cut = format!("cut.mcap: cut off behind {} bytes, before its writer ended it", bytes.len() / 2);
-    let told = hapt(at.path(), ["replay", "cut.mcap"]).done();
+    let told = hapt(at.path(), ["log", "replay", "cut.mcap"]).done();
     assert!(told.out.contains("\nsame       all torques of "), "{}", told.out);
     assert_eq!(told.err, format!("{cut}; what is there was replayed\n"));
-    let told = hapt(at.path(), ["convert", "cut.mcap", "-o", "cut.csv"]).done();
+    let told = hapt(at.path(), ["log", "convert", "cut.mcap", "-o", "cut.csv"]).done();
     assert!(told.err.starts_with(&format!("{cut}; ")), "{}", told.err);
     let (half, whole) = (read(at.path().join("cut.csv")), read(at.path().join("r/step.csv")));
     assert!(half.len() > 1000 && half.len() < whole.len() && whole.starts_with(&half));
 
-    hapt(at.path(), ["convert", "cut.mcap", "-o", "mended.mcap"]).done();
-    assert_eq!(hapt(at.path(), ["replay", "mended.mcap"]).done().err, "");
+    hapt(at.path(), ["log", "convert", "cut.mcap", "-o", "mended.mcap"]).done();
+    assert_eq!(hapt(at.path(), ["log", "replay", "mended.mcap"]).done().err, "");
     fs::write(at.path().join("stub.mcap"), &bytes[..200]).unwrap();
-    hapt(at.path(), ["replay", "stub.mcap"]).refused(2, &["stub.mcap: it holds no sample: cut off behind 200 bytes"]);
+    hapt(at.path(), ["log", "replay", "stub.mcap"])
+        .refused(2, &["stub.mcap: it holds no sample: cut off behind 200 bytes"]);
 }
 
 #[test]
@@ -176,11 +178,12 @@ fn a_logs_figure_is_its_csvs_with_the_limit_that_the_log_knows() {
 fn a_conversion_that_fails_leaves_nothing() {
     let at = folder(&[("w.toml", WHEEL)]);
     run(at.path());
-    hapt(at.path(), ["convert", "r/step.mcap", "-o", "no/step.csv"]).refused(3, &["cannot write no/step.csv"]);
-    hapt(at.path(), ["convert", "r/step.mcap", "-o", "x.csv", "--plan", "4"]).refused(2, &["no samples of plan 4"]);
-    hapt(at.path(), ["convert", "r/step.mcap", "-o", "x.xlsx"])
+    hapt(at.path(), ["log", "convert", "r/step.mcap", "-o", "no/step.csv"]).refused(3, &["cannot write no/step.csv"]);
+    hapt(at.path(), ["log", "convert", "r/step.mcap", "-o", "x.csv", "--plan", "4"])
+        .refused(2, &["no samples of plan 4"]);
+    hapt(at.path(), ["log", "convert", "r/step.mcap", "-o", "x.xlsx"])
         .refused(2, &["--out x.xlsx", "expected FILE.csv, FILE.parquet or FILE.mcap"]);
-    hapt_reads(at.path(), "time_s,puck_rad\n", ["replay", "-"]).refused(2, &["<stdin>: it is not a log"]);
+    hapt_reads(at.path(), "time_s,puck_rad\n", ["log", "replay", "-"]).refused(2, &["<stdin>: it is not a log"]);
     assert_eq!(names(at.path()), ["r", "w.toml"]);
 }
 
@@ -192,7 +195,7 @@ fn a_run_that_runs_away_keeps_its_rows_up_to_there_in_every_format() {
     let formats = ["--format", "csv", "--format", "mcap"];
     hapt(at.path(), ["sim", "w.toml", "--out", "r"].into_iter().chain(formats).chain(sets))
         .refused(3, &["scenario step", "ends before"]);
-    let told = hapt(at.path(), ["replay", "r/step.mcap"]).done();
+    let told = hapt(at.path(), ["log", "replay", "r/step.mcap"]).done();
     let rows = Table::read(&at.path().join("r/step.csv")).rows.len();
     assert!(told.out.contains(&format!("all torques of {rows} samples")), "{}", told.out);
 }
@@ -257,7 +260,7 @@ fn pythons_own_reader_reads_every_sample_of_a_killed_recording() {
     running.end();
     let killed = count(&log).unwrap();
     assert!(killed > 1000 && by_python() == killed, "{killed} {}", by_python());
-    let ended = hapt(at.path(), ["convert", "runs/step.mcap", "-o", "step.csv"]).done();
+    let ended = hapt(at.path(), ["log", "convert", "runs/step.mcap", "-o", "step.csv"]).done();
     assert!(ended.err.contains("before its writer ended it"), "{ended:?}");
 
     hapt(at.path(), ["run", "w.toml", "--scenario", "step", "--log", "runs/step.mcap"]).done();

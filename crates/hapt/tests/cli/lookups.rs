@@ -14,7 +14,7 @@ fn what_is_misspelt_is_answered_with_what_was_meant() {
     refused(&["sim", "notes/eulr"], "did you mean \"@notes/euler\"?");
     refused(&["check", "@euler"], "did you mean \"@notes/euler\"?");
     refused(&["plot", "stpe.csv"], "did you mean \"step.csv\"?");
-    refused(&["replay", "stpe.csv"], "did you mean \"step.csv\"?");
+    refused(&["log", "replay", "stpe.csv"], "did you mean \"step.csv\"?");
     refused(&["explain", "stifness"], "did you mean \"stiffness\"?");
     refused(&["explain", "eigenvalues"], "it stands in: held");
     refused(&["run", "wheel.toml", "--device", "moteous:/dev/x"], "did you mean \"moteus\"?");
@@ -186,7 +186,7 @@ fn a_delay_is_said_with_the_loop_and_its_unit_is_looked_for() {
 /// What is listed is what is built in: every crate is in the lock in that version, and brings a text.
 #[test]
 fn the_licences_name_the_crates_that_the_program_is_built_of_and_bring_their_texts() {
-    let text = hapt(Path::new("."), ["licences"]).done().out;
+    let text = hapt(Path::new("."), ["explain", "licences"]).done().out;
     let lock = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../Cargo.lock")).unwrap();
     let list: Vec<&str> = text.lines().skip(3).take_while(|line| !line.is_empty()).collect();
     for name in ["clap", "serde", "toml", "tungstenite", "rustix", "parquet", "uPlot", "DejaVu"] {

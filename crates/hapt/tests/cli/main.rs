@@ -15,7 +15,6 @@ mod drives;
 mod endings;
 mod export;
 mod first_steps;
-mod grade;
 mod help;
 mod identify;
 mod impedance;

@@ -87,7 +87,7 @@ fn an_ending_that_contradicts_the_format_is_refused_and_nothing_is_written() {
         (with(&["identify", "step.csv", "--write"], &["d.json"]), "d.json", "FILE.toml"),
         (with(&["identify", "step.csv", "--plot"], &["d.txt"]), "d.txt", "FILE.svg or FILE.png"),
         (with(&["identify", "sim", "--world", "w.toml", "--log"], &["d.csv"]), "d.csv", "FILE.mcap"),
-        (with(&["convert", "step.csv", "-o"], &["c.png"]), "c.png", "FILE.csv, FILE.parquet or FILE.mcap"),
+        (with(&["log", "convert", "step.csv", "-o"], &["c.png"]), "c.png", "FILE.csv, FILE.parquet or FILE.mcap"),
         (with(&["sim", "w.toml", "--out"], &["step2.csv"]), "step2.csv", "a folder"),
         (with(&["sim", "w.toml", "--out"], &["step.JSON"]), "step.JSON", "a folder"),
         (with(&["sim", "w.toml", "--out"], &["step.txt"]), "step.txt", "a folder"),

@@ -92,10 +92,10 @@ fn a_replay_ends_with_its_recording() {
 fn a_log_of_a_run_gives_the_torques_again() {
     let at = folder(&[("w.toml", WHEEL)]);
     hapt(at.path(), ["run", "w.toml", "--scenario", "step", "--log", "a.mcap"]).done();
-    let told = hapt(at.path(), ["replay", "a.mcap"]).done();
+    let told = hapt(at.path(), ["log", "replay", "a.mcap"]).done();
     assert!(told.out.contains("\nsame       all torques of ") && !told.out.contains("skipped"), "{told:?}");
-    hapt(at.path(), ["convert", "a.mcap", "-o", "b.mcap"]).done();
-    assert_eq!(hapt(at.path(), ["replay", "b.mcap"]).done().out, told.out.replace("a.mcap", "b.mcap"));
+    hapt(at.path(), ["log", "convert", "a.mcap", "-o", "b.mcap"]).done();
+    assert_eq!(hapt(at.path(), ["log", "replay", "b.mcap"]).done().out, told.out.replace("a.mcap", "b.mcap"));
 
     // From the middle on, with the loop's state there and without it.
     let middle = |with_state: bool| {
@@ -120,10 +120,10 @@ fn a_log_of_a_run_gives_the_torques_again() {
         sample - 200
     };
     let samples = middle(true);
-    let told = hapt(at.path(), ["replay", "middle.mcap"]).done();
+    let told = hapt(at.path(), ["log", "replay", "middle.mcap"]).done();
     assert!(told.out.contains(&format!("all torques of {samples} samples")), "{told:?}");
     middle(false);
-    hapt(at.path(), ["replay", "middle.mcap"]).refused(2, &["middle.mcap", "nor its state at a later one"]);
+    hapt(at.path(), ["log", "replay", "middle.mcap"]).refused(2, &["middle.mcap", "nor its state at a later one"]);
 }
 
 #[test]

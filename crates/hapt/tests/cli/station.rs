@@ -43,9 +43,9 @@ fn two_programs_feel_each_other_and_the_log_needs_no_network() {
     assert!(ended.out.contains("of 400.0 ms"), "{ended:?}");
     other.until("the other's end", |_, err| err.contains("the link to left has let go"));
     drop(other);
-    let replayed = hapt(at.path(), ["replay", "left.mcap"]).done().out;
+    let replayed = hapt(at.path(), ["log", "replay", "left.mcap"]).done().out;
     assert!(replayed.contains("same ") && replayed.contains("to the bit"), "{replayed}");
-    hapt(at.path(), ["convert", "left.mcap", "--out", "left.csv"]).done();
+    hapt(at.path(), ["log", "convert", "left.mcap", "--out", "left.csv"]).done();
     let table = fs::read_to_string(at.path().join("left.csv")).unwrap();
     assert!(table.lines().next().unwrap().ends_with(",link_Nm"), "{table}");
 }

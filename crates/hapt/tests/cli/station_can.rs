@@ -95,7 +95,7 @@ fn feel(addresses: [&str; 2], cut: &impl Fn(bool)) {
     assert!(ended.out.contains("for a closed bus"), "{ended:?}");
     right.until("the other's end", |_, err| err.rfind("has let go") > err.rfind("the link to left acts"));
     drop(right);
-    let replayed = hapt(at.path(), ["replay", "left.mcap"]).done().out;
+    let replayed = hapt(at.path(), ["log", "replay", "left.mcap"]).done().out;
     assert!(replayed.contains("to the bit"), "{replayed}");
 }
 

@@ -6,14 +6,14 @@ use std::time::Duration;
 
 use hapt_analysis::check_network;
 use hapt_host::messages::NetworkFile;
-use hapt_model::{Network, Source};
+use hapt_model::{Source, System};
 use hapt_web::{Message, NetworkPage};
 use serde_json::{Value, json};
 
 /// A page whose time passes in frames of 16 ms.
 struct Run {
     page: NetworkPage,
-    network: Network,
+    network: System,
     frame: u64,
     /// Of each station: the last status, and where its puck was in the last frame.
     status: Vec<Value>,
@@ -23,7 +23,7 @@ struct Run {
 
 impl Run {
     fn of(source: &Source) -> Run {
-        let network = Network::read(source, &[]).unwrap();
+        let network = System::read(source, &[]).unwrap();
         let file = NetworkFile::new(source, Vec::new(), &network, &check_network(&network).unwrap()).unwrap();
         let page = NetworkPage::new(&json!(file).to_string()).unwrap();
         let stations = network.stations.len();

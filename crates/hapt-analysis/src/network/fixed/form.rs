@@ -15,7 +15,7 @@
 
 use std::collections::BTreeMap;
 
-use hapt_model::{Link, Network};
+use hapt_model::{Link, System};
 use nalgebra::{Complex, DMatrix};
 
 use super::schedule::{Clock, Schedule};
@@ -82,7 +82,7 @@ pub(super) struct Form {
 impl Form {
     /// `local`: stiffness and damping between the puck of each station and ground; `counts`: whether anything asks the station's device for
     /// damping.
-    pub fn of(network: &Network, schedule: &Schedule, local: &[[f64; 2]], counts: &[bool]) -> Form {
+    pub fn of(network: &System, schedule: &Schedule, local: &[[f64; 2]], counts: &[bool]) -> Form {
         let (mut station, mut first) = (Vec::new(), Vec::new());
         for (at, clock) in schedule.clocks.iter().enumerate() {
             first.push(station.len());

@@ -9,7 +9,7 @@ mod schedule;
 
 use std::f64::consts::{PI, TAU};
 
-use hapt_model::{End, EstimatorKind, Law, Network, World};
+use hapt_model::{End, EstimatorKind, Law, System, World};
 use serde::Serialize;
 
 use super::FixedExcess;
@@ -68,7 +68,7 @@ fn in_form(world: &World) -> Result<Option<[f64; 2]>, Error> {
     is_plain.then(|| slopes::at_puck(world, &world.couplings)).transpose()
 }
 
-fn outside_form(network: &Network) -> Vec<String> {
+fn outside_form(network: &System) -> Vec<String> {
     let mut reasons = Vec::new();
     for station in &network.stations {
         let (name, world) = (&station.name, &station.world);
@@ -94,7 +94,7 @@ fn outside_form(network: &Network) -> Vec<String> {
 }
 
 /// The form, or why there is none.
-fn posed(network: &Network, demands: &[Option<f64>]) -> Result<Result<Posed, Vec<String>>, Error> {
+fn posed(network: &System, demands: &[Option<f64>]) -> Result<Result<Posed, Vec<String>>, Error> {
     let reasons = outside_form(network);
     if !reasons.is_empty() {
         return Ok(Err(reasons));
@@ -160,7 +160,7 @@ impl Posed {
 /// The verdict; `required`: what any clocks require, whose proportions the dampings at the edge have where those of the devices are not
 /// enough.
 pub(super) fn fixed(
-    network: &Network,
+    network: &System,
     demands: &[Option<f64>],
     burden: &Burden,
     required: &[Option<f64>],
@@ -208,7 +208,7 @@ pub(super) fn fixed(
 
 /// How far the network is beyond the edge at the file's own times; else why there is no verdict.
 pub(super) fn excess(
-    network: &Network,
+    network: &System,
     demands: &[Option<f64>],
     damping: &[f64],
 ) -> Result<Result<FixedExcess, Vec<String>>, Error> {

@@ -1,6 +1,6 @@
 //! When stations take their samples and which of the other's positions each of them uses, where all of it repeats.
 
-use hapt_model::{Link, Network, Station};
+use hapt_model::{Link, Station, System};
 
 use crate::equations::delay::Delay;
 use crate::error::Error;
@@ -107,7 +107,7 @@ impl Clock {
 
 impl Schedule {
     /// `None` where the periods have no common multiple of few samples.
-    pub fn of(network: &Network) -> Result<Option<Schedule>, Error> {
+    pub fn of(network: &System) -> Result<Option<Schedule>, Error> {
         let Some(first) = network.stations.first().map(|station| station.world.sampling.period) else {
             return Ok(None);
         };

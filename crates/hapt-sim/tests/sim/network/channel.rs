@@ -1,10 +1,10 @@
 //! Messages under way: when they arrive, and how many are kept.
 
-use hapt_model::{Network, Source};
+use hapt_model::{Source, System};
 use hapt_sim::{Channel, NetworkRun, uniform};
 use proptest::prelude::*;
 
-fn pair(keys: &str, stations: &str, duration: &str) -> Network {
+fn pair(keys: &str, stations: &str, duration: &str) -> System {
     let text = format!(
         "stations = {{ left = {{ world = \"l.toml\"{stations} }}, right = {{ world = \"r.toml\" }} }}\n[[links]]\nkind = \"spring\"\n\
          between = [\"left\", \"right\"]\nstiffness = 0.1\n{keys}\n"
@@ -14,11 +14,11 @@ fn pair(keys: &str, stations: &str, duration: &str) -> Network {
     let hand = "hand = { kind = \"step\", to = 0.5 }";
     source.files.insert("l.toml".into(), format!("{wheel}[scenarios.all]\nduration = \"{duration}\"\n{hand}\n"));
     source.files.insert("r.toml".into(), wheel.into());
-    Network::read(&source, &[]).unwrap()
+    System::read(&source, &[]).unwrap()
 }
 
 /// The largest |link| at the right station.
-fn felt(network: &Network) -> f64 {
+fn felt(network: &System) -> f64 {
     let mut run = NetworkRun::new(network, "all").unwrap();
     let mut most = 0.0_f64;
     while let Some(row) = run.next() {

@@ -1,7 +1,7 @@
 //! Links with damping, and what rounded positions feed.
 
 use hapt_analysis::check_network;
-use hapt_model::{Network, Source};
+use hapt_model::{Source, System};
 use hapt_sim::NetworkRun;
 
 use super::{Rng, pair};
@@ -44,7 +44,7 @@ fn a_damped_link_to_a_wheel_that_is_held_is_the_coupling_to_ground() {
             );
             source.files.insert("moved.toml".into(), world("", moved));
             source.files.insert("held.toml".into(), world("", "{ kind = \"step\", to = 0, at = 0 }"));
-            let network = Network::read(&source, &[]).unwrap();
+            let network = System::read(&source, &[]).unwrap();
             let mut run = NetworkRun::new(&network, "all").unwrap();
             let mut single = hapt_sim::Simulation::new(&alone, &alone.scenarios[0]).unwrap();
             let (mut last, mut sample, mut pushed) = (0.0, 0, false);
@@ -70,7 +70,7 @@ fn a_damped_link_to_a_wheel_that_is_held_is_the_coupling_to_ground() {
 }
 
 /// A pair with the estimator, stiffness and damping.
-fn damped(estimator: &str, stiffness: f64, damping: f64) -> Network {
+fn damped(estimator: &str, stiffness: f64, damping: f64) -> System {
     let mut network = pair(stiffness, 0.05, &format!("damping = {damping}\n"));
     for station in &mut network.stations {
         station.world = hapt_model::World::read(
@@ -137,7 +137,7 @@ fn a_damper_joins_the_speeds_of_two_wheels_and_a_huge_one_is_not_certified() {
 
 /// Hands that make the most of a rounding: the left one moves with the error, and the right one turns that round by a step across half of a `step` before
 /// it moves back. Their motion begins at 0.
-fn with_rounding_hands(network: Network, step: f64, speed: f64) -> Network {
+fn with_rounding_hands(network: System, step: f64, speed: f64) -> System {
     let (leg, way, late) = (0.4, 0.4 * speed, 20e-3);
     let (mut left, mut right) = ("time_s,puck_rad\n0,0\n".to_string(), "time_s,puck_rad\n0,0\n".to_string());
     for k in 1..12 {
@@ -151,7 +151,7 @@ fn with_rounding_hands(network: Network, step: f64, speed: f64) -> Network {
 }
 
 /// The network with the scenario `paths`, in which hands go along these points.
-fn with_paths(mut network: Network, paths: [String; 2]) -> Network {
+fn with_paths(mut network: System, paths: [String; 2]) -> System {
     for (station, path) in network.stations.iter_mut().zip(paths) {
         station.source.files.insert("hand.csv".into(), path);
         station.source.text += "[scenarios.paths]\nduration = 4.4\nhand = { kind = \"path\", file = \"hand.csv\" }\n";

@@ -1,6 +1,6 @@
 //! The energy that all hands together have drawn from a network, from the ledgers of a run.
 
-use hapt_model::{Link, Network};
+use hapt_model::{Link, System};
 use hapt_sim::{Error, NetworkRun, NetworkSummary};
 use serde::Serialize;
 
@@ -63,7 +63,7 @@ impl Hold {
 }
 
 /// The energy of a count at each puck, J.
-fn grain(network: &Network) -> f64 {
+fn grain(network: &System) -> f64 {
     let of = |(at, station): (usize, &hapt_model::Station)| {
         let links = network.links.iter().filter(|link| link.between.contains(&at));
         let stiffness: f64 = links.map(Link::stiffness).sum();
@@ -78,7 +78,7 @@ fn grain(network: &Network) -> f64 {
 ///
 /// # Errors
 /// When a loop cannot be compiled.
-pub fn drawn_together(network: &Network, name: &str, begins: f64, had: f64) -> Result<DrawnTogether, Error> {
+pub fn drawn_together(network: &System, name: &str, begins: f64, had: f64) -> Result<DrawnTogether, Error> {
     let mut run = NetworkRun::new(network, name)?;
     let mut summary = NetworkSummary::new(network);
     let mut supplies: Vec<Supply> = network.stations.iter().map(|station| Supply::new(&station.world)).collect();

@@ -11,7 +11,7 @@
 //! v is a mode of the frequency ω, whatever the network: the hand's inertia is m_i less the device's.
 
 use hapt_analysis::Grip;
-use hapt_model::{Link, Motion, Network};
+use hapt_model::{Link, Motion, System};
 
 use crate::worst::hand::Hand;
 
@@ -29,12 +29,12 @@ pub(super) struct Mode {
     pub share: f64,
 }
 
-fn joined(network: &Network) -> impl Iterator<Item = &Link> {
+fn joined(network: &System) -> impl Iterator<Item = &Link> {
     network.links.iter().filter(|link| link.stiffness() > 0.0)
 }
 
 /// Signs that differ at the two ends of every link, as far as circles of links allow; 0 without a link.
-pub(super) fn opposite(network: &Network) -> Vec<f64> {
+pub(super) fn opposite(network: &System) -> Vec<f64> {
     let mut signs = vec![0.0; network.stations.len()];
     for start in 0..signs.len() {
         if signs[start] != 0.0 || !joined(network).any(|link| link.between.contains(&start)) {
@@ -58,7 +58,7 @@ pub(super) fn opposite(network: &Network) -> Vec<f64> {
 
 impl Mode {
     /// S_i, N·m/rad (linear: N/m), for the stiffness at each puck that its own world has.
-    fn felt(&self, network: &Network, own: &[f64]) -> Vec<f64> {
+    fn felt(&self, network: &System, own: &[f64]) -> Vec<f64> {
         let mut felt = own.to_vec();
         for link in joined(network) {
             let [i, j] = link.between;
@@ -72,7 +72,7 @@ impl Mode {
     }
 
     /// The hands, for pucks that swing about `reach` times the shape, with as much to each side.
-    pub fn hands(&self, network: &Network, own: &[f64], reach: f64) -> Vec<Option<Hand>> {
+    pub fn hands(&self, network: &System, own: &[f64], reach: f64) -> Vec<Option<Hand>> {
         let felt = self.felt(network, own);
         let hand = |(at, station): (usize, &hapt_model::Station)| {
             if self.shape[at] == 0.0 || felt[at] <= 0.0 {
@@ -94,7 +94,7 @@ impl Mode {
 
 /// How far pucks go: a tenth of a radian (linear: 1 cm), within a quarter of the limits of links and motors, at least ten counts, and inside
 /// of every wall.
-pub(super) fn reach(network: &Network) -> f64 {
+pub(super) fn reach(network: &System) -> f64 {
     let plain = match network.motion {
         Motion::Rotary => 0.1,
         Motion::Linear => 0.01,

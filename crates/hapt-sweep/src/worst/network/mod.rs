@@ -11,7 +11,7 @@ use std::ops::ControlFlow;
 
 use hapt_analysis::nelder_mead::maximise;
 use hapt_analysis::{Demands, check_network};
-use hapt_model::{Drive, Network, Scenario, Shape};
+use hapt_model::{Drive, Scenario, Shape, System};
 use serde::ser::{SerializeMap, SerializeStruct};
 use serde::{Serialize, Serializer};
 
@@ -59,7 +59,7 @@ pub struct WorstTogether {
     /// The energy that they drew.
     pub drawn: DrawnTogether,
     /// The network as it was run, with the scenario `worst` alone.
-    pub network: Network,
+    pub network: System,
     /// The duration of that, s.
     pub duration_s: f64,
     /// For each station the damping that the certificate requires, where there is one, and the device's, N·m·s/rad (linear: N·s/m).
@@ -111,7 +111,7 @@ struct Tried {
     mode: Mode,
     hands: Vec<Option<Hand>>,
     drawn: DrawnTogether,
-    network: Network,
+    network: System,
     duration: f64,
 }
 
@@ -136,7 +136,7 @@ struct Trials<'w> {
 }
 
 impl Trials<'_> {
-    fn run(&mut self, network: &Network, mode: Mode) -> Result<Tried, Error> {
+    fn run(&mut self, network: &System, mode: Mode) -> Result<Tried, Error> {
         let shortest = network.stations.iter().map(|of| of.world.sampling.period).fold(f64::INFINITY, f64::min);
         let longest = network.stations.iter().map(|of| of.world.sampling.period).fold(0.0, f64::max);
         let [fewest, most] = SAMPLES.map(|samples| samples * shortest);
@@ -157,7 +157,7 @@ impl Trials<'_> {
     }
 
     /// The best of modes from slow to fast, and of a climb from one that draws.
-    fn best(&mut self, network: &Network, shapes: &[Vec<f64>]) -> Result<Option<Tried>, Error> {
+    fn best(&mut self, network: &System, shapes: &[Vec<f64>]) -> Result<Option<Tried>, Error> {
         let oldest = network.links.iter().map(|link| link.age_max).fold(0.0, f64::max);
         let mut best: Option<Tried> = None;
         let better =
@@ -206,7 +206,7 @@ fn beginning(hand: &Hand, duration: f64, begins: f64) -> Scenario {
 }
 
 /// The same network with messages that take as long as leaves positions `part` of their `age_max` old at most, and all arrive.
-fn late(network: &Network, part: f64) -> Network {
+fn late(network: &System, part: f64) -> System {
     let mut late = network.clone();
     for (index, link) in late.links.iter_mut().enumerate() {
         let taken = [0, 1].map(|side| {
@@ -226,7 +226,7 @@ pub const MOST_TOGETHER: usize = 3 * (2 * ANGLES.len() * SHARES.len() + CLIMB + 
 /// Searches for the passive hands that draw most energy together.
 ///
 /// ```
-/// use hapt_model::{Network, Source};
+/// use hapt_model::{System, Source};
 /// use hapt_sweep::worst::search_together;
 ///
 /// let mut source = Source::from_text("pair.toml", r#"
@@ -235,7 +235,7 @@ pub const MOST_TOGETHER: usize = 3 * (2 * ANGLES.len() * SHARES.len() + CLIMB + 
 /// links = [{ kind = "spring", between = ["left", "right"], stiffness = 0.2, age_max = "30 ms" }]
 /// "#);
 /// source.files.insert("wheel.toml".into(), "loop.period = '1 ms'\ndevice = { inertia = 1e-3, damping = 0.004 }".into());
-/// let worst = search_together(&Network::read(&source, &[])?, &|_| std::ops::ControlFlow::Continue(()))?;
+/// let worst = search_together(&System::read(&source, &[])?, &|_| std::ops::ControlFlow::Continue(()))?;
 /// // K (T/2 + age_max) are 0.0061.
 /// assert!(!worst.certified && worst.broken);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -243,7 +243,7 @@ pub const MOST_TOGETHER: usize = 3 * (2 * ANGLES.len() * SHARES.len() + CLIMB + 
 ///
 /// # Errors
 /// [`Error`].
-pub fn search_together(network: &Network, watch: &Watch<'_>) -> Result<WorstTogether, Error> {
+pub fn search_together(network: &System, watch: &Watch<'_>) -> Result<WorstTogether, Error> {
     for station in &network.stations {
         hapt_sim::check(&station.world)?;
     }
@@ -298,7 +298,7 @@ pub fn search_together(network: &Network, watch: &Watch<'_>) -> Result<WorstToge
 }
 
 /// What pucks do in the modes that are tried: all the same, and as the network's matrix favours.
-fn shapes(network: &Network, signs: &[f64]) -> Result<Vec<Vec<f64>>, Error> {
+fn shapes(network: &System, signs: &[f64]) -> Result<Vec<Vec<f64>>, Error> {
     let mut shapes = vec![signs.to_vec()];
     if let Some(favoured) = Demands::of(network)?.favoured(network)? {
         let most = favoured.iter().copied().fold(0.0, f64::max);
@@ -311,7 +311,7 @@ fn shapes(network: &Network, signs: &[f64]) -> Result<Vec<Vec<f64>>, Error> {
 }
 
 /// The same network with devices that have this part of the required dampings.
-fn damped(network: &Network, required: &[f64], part: f64) -> Network {
+fn damped(network: &System, required: &[f64], part: f64) -> System {
     let mut damped = network.clone();
     for (station, required) in damped.stations.iter_mut().zip(required) {
         station.world.device.damping = part * required;
@@ -322,7 +322,7 @@ fn damped(network: &Network, required: &[f64], part: f64) -> Network {
 /// The largest part of the required dampings with which hands of a mode draw, by halving; `None` where they draw with none.
 fn breaking(
     trials: &mut Trials<'_>,
-    network: &Network,
+    network: &System,
     required: Option<&[f64]>,
     mode: &Mode,
 ) -> Result<Option<f64>, Error> {

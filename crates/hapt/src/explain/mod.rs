@@ -1,15 +1,27 @@
-//! `hapt explain`: the meaning of a term in a message or a verdict.
+//! `hapt explain`: the meaning of a term in a message or a verdict, and what else is printed for reference.
+
+mod licences;
+mod schema;
+mod shell;
+mod topics;
 
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
 use hapt_model::did_you_mean;
 
-use crate::args::ExplainArgs;
+use crate::args::{ExplainArgs, ReferenceCommand};
 use crate::failure::Failure;
-use crate::topics::{Topic, topics};
+use topics::{Topic, topics};
 
 pub fn run(args: &ExplainArgs) -> Result<ExitCode, Failure> {
+    match &args.reference {
+        None => {}
+        Some(ReferenceCommand::Schema) => return schema::run(),
+        Some(ReferenceCommand::Man(args)) => return shell::man(args),
+        Some(ReferenceCommand::Completions(args)) => return shell::completions(args),
+        Some(ReferenceCommand::Licences) => return licences::run(),
+    }
     let text = match args.topic.as_deref().filter(|topic| !topic.trim().is_empty()) {
         None => list(),
         Some(name) => find(name)?.text.to_string(),

@@ -2,10 +2,45 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use serde_json::Value;
+use tempfile::TempDir;
 
-use crate::common::{Ended, folder, hapt};
+/// How a run ended, and what it said.
+#[derive(Debug)]
+struct Ended {
+    code: Option<i32>,
+    out: String,
+    err: String,
+}
+
+impl Ended {
+    fn done(self) -> Ended {
+        assert_eq!((self.code, self.err.as_str()), (Some(0), ""), "{self:?}");
+        self
+    }
+
+    fn refused(self, code: i32, words: &[&str]) {
+        assert_eq!((self.code, self.out.as_str()), (Some(code), ""), "{self:?}");
+        assert!(words.iter().all(|word| self.err.contains(word)), "{words:?}: {self:?}");
+    }
+}
+
+fn hapt_grade<'a>(at: &Path, args: impl IntoIterator<Item = &'a str>) -> Ended {
+    let output = Command::new(env!("CARGO_BIN_EXE_hapt-grade")).args(args).current_dir(at).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    Ended { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
+}
+
+/// A folder with these files.
+fn folder(files: &[(&str, &str)]) -> TempDir {
+    let at = TempDir::new().unwrap();
+    for (name, text) in files {
+        fs::write(at.path().join(name), text).unwrap();
+    }
+    at
+}
 
 /// The lessons: every folder of the course.
 fn lessons() -> Vec<PathBuf> {
@@ -27,9 +62,9 @@ fn kept(lesson: &Path, which: &str) -> PathBuf {
 }
 
 fn grade(pack: &Path, answer: &Path, more: &[&str]) -> Ended {
-    let mut args = vec!["grade", pack.to_str().unwrap(), answer.to_str().unwrap()];
+    let mut args = vec![pack.to_str().unwrap(), answer.to_str().unwrap()];
     args.extend(more);
-    hapt(Path::new("."), &args)
+    hapt_grade(Path::new("."), args)
 }
 
 /// The marked questions, each with its id and whether it is right.
@@ -95,7 +130,7 @@ fn the_expected_answers_follow_the_students_numbers() {
     let expected = |student: &str| grade(&wall, &answer, &["--key", "--student", student]).out;
     let all: std::collections::BTreeSet<String> = ["ada", "bob", "cyd", "dan", "eve"].map(expected).into();
     assert!(all.len() > 1, "{all:?}");
-    let questions = hapt(Path::new("."), ["grade", wall.to_str().unwrap(), "--student", "ada"]).done();
+    let questions = hapt_grade(Path::new("."), [wall.to_str().unwrap(), "--student", "ada"]).done();
     assert!(questions.out.contains("--set 'couplings.0.stiffness="), "{}", questions.out);
 }
 
@@ -246,7 +281,7 @@ fn a_question_about_a_network_that_only_a_world_answers_is_refused_by_its_name()
         let pack = format!("title = \"t\"\n[[questions]]\nid = \"q\"\ntext = \"?\"\n{question}\n");
         let at =
             folder(&[("pack.toml", &pack), ("starter.toml", starter), ("w.toml", world), ("answer.toml", "q = 1")]);
-        hapt(at.path(), ["grade", ".", "answer.toml"]).refused(2, &["q", says]);
+        hapt_grade(at.path(), [".", "answer.toml"]).refused(2, &["q", says]);
     }
     // What is there is graded: the first wheel is held at 10°.
     let pack = format!(
@@ -259,5 +294,39 @@ fn a_question_about_a_network_that_only_a_world_answers_is_refused_by_its_name()
         ("w.toml", world),
         ("answer.toml", "q = \"10 deg\""),
     ]);
-    hapt(at.path(), ["grade", ".", "answer.toml"]).done();
+    hapt_grade(at.path(), [".", "answer.toml"]).done();
+}
+
+#[test]
+fn a_template_is_a_file_of_answers_with_a_line_a_question() {
+    for lesson in lessons() {
+        let pack = lesson.to_str().unwrap();
+        let template = hapt_grade(Path::new("."), [pack, "--template"]).done().out;
+        let right = fs::read_to_string(kept(&lesson, "right")).unwrap();
+        let mut filled = template.clone();
+        for line in right.lines() {
+            let id = line.split(' ').next().unwrap();
+            let empty = template.lines().find(|line| line.starts_with(&format!("# {id} = "))).unwrap();
+            filled = filled.replace(empty, line);
+        }
+        let at = folder(&[("empty.toml", &template), ("answer.toml", &filled)]);
+        for file in fs::read_dir(kept(&lesson, "right").parent().unwrap()).unwrap() {
+            let file = file.unwrap().path();
+            fs::copy(&file, at.path().join(file.file_name().unwrap())).unwrap();
+        }
+        grade(&lesson, &at.path().join("answer.toml"), &[]).done();
+        let empty = grade(&lesson, &at.path().join("empty.toml"), &[]);
+        assert!(empty.code == Some(1) && empty.out.contains("\n0 of "), "{empty:?}");
+    }
+}
+
+#[test]
+fn the_key_is_of_answers_and_a_bad_usage_is_refused() {
+    let wall = lesson("wall");
+    let wall = wall.to_str().unwrap();
+    hapt_grade(Path::new("."), [wall, "--key"]).refused(2, &["ANSWER.toml"]);
+    hapt_grade(Path::new("."), [wall, "answer.toml", "--template"]).refused(2, &["--template"]);
+    hapt_grade(Path::new("."), ["no-such-pack"]).refused(2, &["no-such-pack", "cannot read"]);
+    let help = hapt_grade(Path::new("."), ["--help"]).done().out;
+    assert!(help.contains("--student <NAME>") && help.contains("Examples:"), "{help}");
 }

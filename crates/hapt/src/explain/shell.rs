@@ -1,4 +1,4 @@
-//! `hapt completions` and `hapt man`: shell completions and manual pages from the definition of the command line.
+//! `hapt explain completions` and `hapt explain man`: shell completions and manual pages from the definition of the command line.
 
 use std::io::{self, Write, stdout};
 use std::path::Path;

@@ -7,7 +7,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use hapt_analysis::Design;
-use hapt_model::{Dimension, Network, Source, System, World, parse_quantity};
+use hapt_model::{Dimension, Source, System, World, parse_quantity};
 use hapt_sim::{NetworkRun, Simulation, network_columns};
 use hapt_sweep::{Measure, Sweep};
 use serde_json::Value;
@@ -16,14 +16,14 @@ use super::pack::{Of, Take};
 use crate::failure::Failure;
 
 /// The limits of a world that is graded: far beyond a lesson's, and soon computed.
-const MOST_BODIES: usize = 8;
-const MOST_COUPLINGS: usize = 16;
-const MOST_SAMPLES: f64 = 1e6;
-const MOST_IN_FLIGHT: f64 = 64.0;
+const MAX_BODIES: usize = 8;
+const MAX_COUPLINGS: usize = 16;
+const MAX_SAMPLES: f64 = 1e6;
+const MAX_PERIODS: f64 = 64.0;
 /// The longest that one value may take.
-const LONGEST: Duration = Duration::from_secs(60);
+const TIME_LIMIT: Duration = Duration::from_secs(60);
 
-const MOST_STATIONS: usize = 16;
+const MAX_STATIONS: usize = 16;
 
 /// A world or a network whose values are asked for.
 pub struct Subject<'a> {
@@ -36,26 +36,20 @@ impl Subject<'_> {
     /// What is asked for, within the limits.
     pub fn system(&self) -> Result<System, Failure> {
         let system = System::read(self.source, &self.sets)?;
-        match &system {
-            System::World(world) => self.within_limits(world)?,
-            System::Network(network) => {
-                self.most_of("stations", network.stations.len(), MOST_STATIONS)?;
-                for station in &network.stations {
-                    self.within_limits(&station.world)?;
-                }
-            }
+        self.most_of("stations", system.stations.len(), MAX_STATIONS)?;
+        for station in &system.stations {
+            self.within_limits(&station.world)?;
         }
         Ok(system)
     }
 
     fn world(&self) -> Result<World, Failure> {
-        match self.system()? {
-            System::World(world) => Ok(*world),
-            System::Network(_) => Err(Failure::input(format!(
-                "{}: is a network; of it there are fields of hapt check, and columns of a station",
-                self.source.name
-            ))),
-        }
+        self.system()?.into_world().map_err(|_| {
+            let name = &self.source.name;
+            Failure::input(format!(
+                "{name}: is a network; of it there are fields of hapt check, and columns of a station"
+            ))
+        })
     }
 
     fn most(&self, what: &str, is: f64, most: f64) -> Result<(), Failure> {
@@ -63,7 +57,7 @@ impl Subject<'_> {
             return Ok(());
         }
         let name = &self.source.name;
-        Err(Failure::input(format!("{name}: {what}: {is:.0} are more than the {most:.0} that hapt grade takes")))
+        Err(Failure::input(format!("{name}: {what}: {is:.0} are more than the {most:.0} that hapt-grade takes")))
     }
 
     #[allow(clippy::cast_precision_loss)] // Counts of a file of 1 MiB.
@@ -73,13 +67,13 @@ impl Subject<'_> {
 
     fn within_limits(&self, world: &World) -> Result<(), Failure> {
         let sampling = &world.sampling;
-        self.most_of("bodies", world.bodies.len(), MOST_BODIES)?;
-        self.most_of("couplings", world.couplings.len(), MOST_COUPLINGS)?;
-        self.most("samples of delay", sampling.delay_max_s() / sampling.period, MOST_IN_FLIGHT)?;
-        self.most("periods of interval_max", sampling.interval_max_s() / sampling.period, MOST_IN_FLIGHT)?;
+        self.most_of("bodies", world.bodies.len(), MAX_BODIES)?;
+        self.most_of("couplings", world.couplings.len(), MAX_COUPLINGS)?;
+        self.most("samples of delay", sampling.delay_max_s() / sampling.period, MAX_PERIODS)?;
+        self.most("periods of interval_max", sampling.interval_max_s() / sampling.period, MAX_PERIODS)?;
         for scenario in &world.scenarios {
             let samples = scenario.duration / sampling.period;
-            self.most(&format!("samples of the scenario {}", scenario.name), samples, MOST_SAMPLES)?;
+            self.most(&format!("samples of the scenario {}", scenario.name), samples, MAX_SAMPLES)?;
         }
         Ok(())
     }
@@ -92,9 +86,9 @@ impl Subject<'_> {
             Of::Key(key) => Ok(number(self.world()?.number(key))),
             Of::Measure(name) => self.measure(name).map(number),
             Of::Check(pointer) => self.check(pointer),
-            Of::Column { name, take, station } => match self.system()? {
-                System::World(world) => self.column(&world, name, *take),
-                System::Network(network) => self.column_of(&network, station.as_deref(), name, *take),
+            Of::Column { name, take, station } => match self.system()?.into_world() {
+                Ok(world) => self.column(&world, name, *take),
+                Err(network) => self.column_of(&network, station.as_deref(), name, *take),
             }
             .map(Value::from),
             Of::Design { travel, torque, frequency, period, gives } => {
@@ -124,14 +118,14 @@ impl Subject<'_> {
         let own = format!("loop.period={}..{}:1", world.sampling.period, world.sampling.period);
         let sweep = Sweep::new(self.source, &self.sets, &[own], &[measure], self.scenario)?;
         let begun = Instant::now();
-        let rows = sweep.rows_until(0..1, &|| begun.elapsed() > LONGEST);
+        let rows = sweep.rows_until(0..1, &|| begun.elapsed() > TIME_LIMIT);
         let rows = rows.ok_or_else(too_long)?;
         Ok(rows.iter().next().and_then(|row| row.last().copied().flatten()))
     }
 
     fn check(&self, pointer: &str) -> Result<Value, Failure> {
-        match self.system()? {
-            System::World(world) => {
+        match self.system()?.into_world() {
+            Ok(world) => {
                 let check = in_time(|| {
                     let mut check = hapt_analysis::check(&world)?;
                     if pointer.starts_with("/remedies") {
@@ -141,12 +135,12 @@ impl Subject<'_> {
                 })?;
                 field(&check?, pointer)
             }
-            System::Network(network) => field(&in_time(|| hapt_analysis::check_network(&network))??, pointer),
+            Err(network) => field(&in_time(|| hapt_analysis::check_network(&network))??, pointer),
         }
     }
 
     /// The same of a station in a run of its network.
-    fn column_of(&self, network: &Network, station: Option<&str>, name: &str, take: Take) -> Result<f64, Failure> {
+    fn column_of(&self, network: &System, station: Option<&str>, name: &str, take: Take) -> Result<f64, Failure> {
         let names: Vec<&str> = network.stations.iter().map(|station| station.name.as_str()).collect();
         let at = station.and_then(|station| names.iter().position(|known| *known == station));
         let at = at.ok_or_else(|| {
@@ -172,7 +166,7 @@ impl Subject<'_> {
                 row.numbers(&mut values);
                 series.extend(values.get(column));
             }
-            if begun.elapsed() > LONGEST {
+            if begun.elapsed() > TIME_LIMIT {
                 return Err(too_long());
             }
         }
@@ -196,7 +190,7 @@ impl Subject<'_> {
             let mut values =
                 hapt_sim::SIGNALS.iter().map(|signal| (signal.get)(row)).chain(row.pairs().flat_map(|(x, v)| [x, v]));
             series.extend(values.nth(at));
-            if begun.elapsed() > LONGEST {
+            if begun.elapsed() > TIME_LIMIT {
                 return Err(too_long());
             }
         }
@@ -233,8 +227,8 @@ fn field(of: &impl serde::Serialize, pointer: &str) -> Result<Value, Failure> {
 }
 
 fn too_long() -> Failure {
-    let seconds = LONGEST.as_secs();
-    Failure::input(format!("a value takes longer than the {seconds} s that hapt grade gives it; take a smaller world"))
+    let seconds = TIME_LIMIT.as_secs();
+    Failure::input(format!("a value takes longer than the {seconds} s that hapt-grade gives it; take a smaller world"))
 }
 
 /// The result of an analysis, which ends when its time is over.
@@ -246,7 +240,7 @@ fn in_time<T>(work: impl FnOnce() -> T) -> Result<T, Failure> {
         move || {
             let begun = Instant::now();
             while ends.recv_timeout(Duration::from_millis(50)) == Err(RecvTimeoutError::Timeout) {
-                if begun.elapsed() > LONGEST {
+                if begun.elapsed() > TIME_LIMIT {
                     stop.store(true, Ordering::Relaxed);
                 }
             }

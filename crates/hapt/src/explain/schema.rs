@@ -1,4 +1,4 @@
-//! `hapt schema`: the JSON schema of world files.
+//! `hapt explain schema`: the JSON schema of world files.
 
 use std::io::{Write, stdout};
 use std::process::ExitCode;

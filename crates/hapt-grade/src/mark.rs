@@ -8,10 +8,10 @@ use std::path::Path;
 use hapt_model::{Dimension, Source, Unit, is_network, parameters, parse_quantity, visible};
 use serde_json::Value;
 
-use super::found::Subject;
-use super::pack::{self, Condition, Of, Question};
 use crate::failure::Failure;
-use crate::format::number;
+use crate::pack::{self, Condition, Of, Question};
+use crate::value::Subject;
+use hapt_analysis::proposal::number;
 
 /// An answer with its verdict.
 pub struct Marked {
@@ -297,14 +297,14 @@ fn shown(value: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grade::pack::Pack;
+    use crate::pack::Pack;
     use proptest::prelude::*;
     use std::path::PathBuf;
 
     /// The pack of a lesson.
     fn lesson(name: &str) -> (PathBuf, Pack, Source) {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/course").join(name);
-        let (pack, starter) = Pack::open(&folder).unwrap_or_else(|failure| panic!("{}", failure.message()));
+        let (pack, starter) = Pack::open(&folder).unwrap_or_else(|failure| panic!("{failure:?}"));
         (folder, pack, starter)
     }
 

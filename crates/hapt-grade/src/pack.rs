@@ -12,7 +12,7 @@ use toml::de::{DeTable, DeValue};
 use crate::failure::Failure;
 
 /// The most questions of a pack.
-const MOST_QUESTIONS: usize = 200;
+const MAX_QUESTIONS: usize = 200;
 
 /// What `pack.toml` says.
 #[derive(Debug, Deserialize)]
@@ -127,14 +127,14 @@ impl Pack {
         let name = path.display().to_string();
         let tree = tree(&open(folder, "pack.toml")?)?;
         let pack: Pack = serde_json::from_value(tree).map_err(|error| Failure::input(format!("{name}: {error}")))?;
-        pack.holds().map_err(|error| Failure::input(format!("{name}: {error}")))?;
+        pack.check().map_err(|error| Failure::input(format!("{name}: {error}")))?;
         let source = open(folder, &pack.world)?;
         Ok((pack, source))
     }
 
-    fn holds(&self) -> Result<(), String> {
-        if self.questions.is_empty() || self.questions.len() > MOST_QUESTIONS {
-            return Err(format!("{} questions; a pack has 1 to {MOST_QUESTIONS}", self.questions.len()));
+    fn check(&self) -> Result<(), String> {
+        if self.questions.is_empty() || self.questions.len() > MAX_QUESTIONS {
+            return Err(format!("{} questions; a pack has 1 to {MAX_QUESTIONS}", self.questions.len()));
         }
         if let Some((key, _)) = self.student.iter().find(|(_, values)| values.is_empty()) {
             return Err(format!("student.\"{key}\" has no values; give those to choose from"));

@@ -1,4 +1,4 @@
-//! `hapt convert`: a log in another form.
+//! `hapt log convert`: a log in another form.
 
 use std::process::ExitCode;
 

@@ -1,16 +1,28 @@
-//! The log that a command works on.
+//! `hapt log`, and the log that any command works on.
+
+mod convert;
+mod replay;
 
 use std::io::{BufReader, Read, stdin};
 use std::path::Path;
+use std::process::ExitCode;
 
 use hapt_log::{Ending, Error, Header, Log, Recorder};
 use hapt_model::World;
 
+use crate::args::LogCommand;
 use crate::failure::Failure;
 use crate::format;
 use crate::messages;
 use crate::output::{self, Draft};
 use crate::suggest;
+
+pub fn run(command: &LogCommand) -> Result<ExitCode, Failure> {
+    match command {
+        LogCommand::Replay(args) => replay::run(args),
+        LogCommand::Convert(args) => convert::run(args),
+    }
+}
 
 /// A log and its name in messages.
 pub struct Opened {

@@ -1,27 +1,68 @@
-//! `hapt grade`: answers to a pack of questions against what the software computes.
+//! `hapt-grade`: the answers to a pack of questions, such as a lesson of the course, against what hapt computes.
 
-mod found;
-mod judge;
+mod failure;
+mod mark;
 mod pack;
+mod value;
 
 use std::collections::BTreeMap;
 use std::io::{Write, stdout};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use clap::Parser;
 use hapt_model::did_you_mean;
 use serde_json::{Value, json};
 
-use crate::args::GradeArgs;
-use crate::failure::Failure;
-use judge::{Marked, Marker};
+use failure::Failure;
+use mark::{Marked, Marker};
 use pack::Pack;
 
-pub fn run(args: &GradeArgs) -> Result<ExitCode, Failure> {
+/// Grade the answers to a pack of questions, such as a lesson of the course.
+#[derive(Debug, Parser)]
+#[command(
+    name = "hapt-grade",
+    version,
+    max_term_width = 100,
+    after_help = "\
+Examples:
+  hapt-grade wall                                    the pack's questions
+  hapt-grade wall --student ada                      with ada's numbers
+  hapt-grade wall --template > answer.toml           a line a question, to fill in
+  hapt-grade wall answer.toml                        exit code 1 if one is wrong
+  hapt-grade wall answer.toml --key --json           with what was expected"
+)]
+struct Args {
+    /// The folder of the pack, with pack.toml and its starter world.
+    #[arg(value_name = "PACK")]
+    pack: PathBuf,
+    /// The answers, a TOML file with one `id = "value unit"` a line; default: print the questions.
+    #[arg(value_name = "ANSWER.toml")]
+    answer: Option<PathBuf>,
+    /// The name or number of a student, which chooses the starter's numbers.
+    #[arg(long, value_name = "NAME", allow_hyphen_values = true)]
+    student: Option<String>,
+    /// Print a file for the answers: a line a question.
+    #[arg(long, conflicts_with_all = ["answer", "json"])]
+    template: bool,
+    /// Show the expected answers.
+    #[arg(long, requires = "answer")]
+    key: bool,
+    /// Print the table as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+fn main() -> ExitCode {
+    run(&Args::parse()).unwrap_or_else(Failure::report)
+}
+
+fn run(args: &Args) -> Result<ExitCode, Failure> {
     let (pack, starter) = Pack::open(&args.pack)?;
     let sets = pack.of_student(args.student.as_deref());
     let Some(path) = &args.answer else {
-        print(&questions(&pack, &sets, args.json)?)?;
+        let text = if args.template { template(&pack, &sets) } else { questions(&pack, &sets, args.json)? };
+        print(&text)?;
         return Ok(ExitCode::SUCCESS);
     };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -64,6 +105,25 @@ fn questions(pack: &Pack, sets: &[String], as_json: bool) -> Result<String, Fail
     Ok(text)
 }
 
+/// A file for the answers, in which each question is a comment above its line.
+fn template(pack: &Pack, sets: &[String]) -> String {
+    let comment = |text: &str| text.trim().lines().map(|line| format!("# {}\n", line.trim())).collect::<String>();
+    let mut text = comment(&pack.title);
+    for set in sets {
+        text += &format!("#   --set '{set}'\n");
+    }
+    for question in &pack.questions {
+        let (id, unit) = (&question.id, &question.unit);
+        let answer = match (&question.from, unit.as_str()) {
+            (None, _) => "\"my-world.toml\"".to_string(),
+            (Some(_), "") => "\"\"".to_string(),
+            (Some(_), unit) => format!("\" {unit}\""),
+        };
+        text += &format!("\n{}# {id} = {answer}\n", comment(&question.text));
+    }
+    text
+}
+
 fn table(pack: &Pack, marked: &[Marked], key: bool) -> String {
     let width = |cell: fn(&Marked) -> &str| marked.iter().map(|marked| cell(marked).chars().count()).max().unwrap_or(0);
     let (ids, given) = (width(|marked| &marked.id), width(|marked| &marked.given));
@@ -85,7 +145,7 @@ fn table(pack: &Pack, marked: &[Marked], key: bool) -> String {
     text + &format!("\n{earned} of {of} points\n")
 }
 
-fn as_json(pack: &Pack, marked: &[Marked], args: &GradeArgs) -> Value {
+fn as_json(pack: &Pack, marked: &[Marked], args: &Args) -> Value {
     let row = |marked: &Marked| {
         let mut row = json!({
             "id": marked.id, "given": marked.given, "right": marked.right, "points": marked.earned(), "of": marked.points,

@@ -32,13 +32,13 @@ is a factor of 57.3. Only an inertia has both forms, kg m^2 or N m s^2/rad.
     },
     Topic {
         name: "unknown-key",
-        aliases: &["key", "keys", "schema", "did-you-mean"],
+        aliases: &["key", "keys", "did-you-mean"],
         line: "a key that does not exist at that place of the world file",
         text: r#"Every key has a name and a place, so that a misspelt key is an error and not a default. The message
 names the nearest key, or the place of the key. A key of one kind of coupling or hand is unknown to
 the others. All keys, with docs and defaults, for your editor:
 
-  hapt schema                                              "compensating"
+  hapt explain schema                                              "compensating"
   hapt init my-world --template wall
 
 An editor with taplo (Even Better TOML) reads the schema by the file's first line, #:schema.

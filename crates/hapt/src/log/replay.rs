@@ -1,4 +1,4 @@
-//! `hapt replay`: a log's inputs through today's core, and whether the torques are the same bits.
+//! `hapt log replay`: a log's inputs through today's core, and whether the torques are the same bits.
 
 use std::fmt::Write as _;
 use std::io::{Write, stdout};

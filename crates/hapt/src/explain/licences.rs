@@ -1,4 +1,4 @@
-//! `hapt licences`: the dependencies of the program and their licences.
+//! `hapt explain licences`: the dependencies of the program and their licences.
 
 use std::io::{Write, stdout};
 use std::process::ExitCode;

@@ -1,13 +1,14 @@
-//! Every number of a network under its key's name: what a sweep changes, and what the writer writes.
+//! Every number of a system under its key's name: what a sweep changes, and what the writer writes.
 
 use std::fmt::{self, Write};
 
 use hapt_core::Law;
 
 use crate::keys::{self, Key};
-use crate::network::{Link, Network, Station};
+use crate::link::Link;
 use crate::numbers::NumberSlot::{Number, Optional, Whole};
 use crate::numbers::NumberSlots;
+use crate::system::{Station, System};
 use crate::write::text;
 
 /// A clock's drift is in millionths in files.
@@ -34,6 +35,8 @@ fn numbers(link: &mut Link) -> (&'static str, NumberSlots<'_>) {
 impl Station {
     fn number(&self, key: &str) -> Option<f64> {
         match key {
+            // A world file has no clock but its own.
+            "phase" | "drift" if self.name.is_empty() => None,
             "phase" => Some(self.phase),
             "drift" => Some(self.drift / MILLIONTH),
             "loop.interval_max" => self.interval_max,
@@ -44,6 +47,7 @@ impl Station {
     fn set_number(&mut self, key: &str, value: f64) -> bool {
         self.world.sampling.interval_max = self.interval_max;
         let is_set = match key {
+            "phase" | "drift" if self.name.is_empty() => false,
             "phase" => {
                 self.phase = value;
                 true
@@ -60,9 +64,12 @@ impl Station {
     }
 }
 
-impl Network {
+impl System {
     /// Of a dotted path to a key of a station, or of its world, the station's number and the rest of the path.
     fn of_station<'p>(&self, path: &'p str) -> Option<(usize, &'p str)> {
+        if self.world().is_some() {
+            return Some((0, path));
+        }
         let (name, key) = path.strip_prefix("stations.")?.split_once('.')?;
         Some((self.stations.iter().position(|station| station.name == name)?, key))
     }
@@ -73,10 +80,11 @@ impl Network {
         Some((index.parse().ok().filter(|index| *index < self.links.len())?, key))
     }
 
-    /// Puts a number, in the key's SI unit, where the dotted path of its key leads: `links.0.stiffness`,
-    /// `stations.left.device.damping`. Nothing is checked, as of a world's ([`World::set_number`](crate::World::set_number)).
+    /// Puts a number, in the key's SI unit, where the dotted path of its key leads: `device.damping` of a world, of a
+    /// network `links.0.stiffness` or `stations.left.device.damping`. Nothing is checked, as in
+    /// [`World::set_number`](crate::World::set_number).
     ///
-    /// `false`, and nothing is changed, where this network has no number under that key, or one that takes no such value.
+    /// `false`, and nothing is changed, where this system has no number under that key, or one that takes no such value.
     pub fn set_number(&mut self, path: &str, value: f64) -> bool {
         if let Some((at, key)) = self.of_station(path) {
             return self.stations[at].set_number(key, value);
@@ -96,11 +104,11 @@ impl Network {
         numbers(&mut link).1.iter().find(|(name, _)| *name == key)?.1.get()
     }
 
-    /// The row of the table of keys for a dotted path to a number of this network; `None` where there is no number.
+    /// The row of the table of keys for a dotted path to a number of this system; `None` where there is no number.
     pub fn key(&self, path: &str) -> Option<&'static Key> {
         if let Some((at, key)) = self.of_station(path) {
-            let own =
-                || keys::rows("network.stations.*").find(|row| row.name() == key && row.takes.quantity().is_some());
+            let is_own = |row: &&Key| row.name() == key && row.takes.quantity().is_some();
+            let own = || keys::rows("network.stations.*").find(is_own).filter(|_| self.world().is_none());
             return own().or_else(|| self.stations[at].world.key(key));
         }
         let (at, key) = self.of_link(path)?;
@@ -111,7 +119,7 @@ impl Network {
     }
 }
 
-impl Network {
+impl System {
     /// The network as a TOML file, its numbers in SI: its stations' worlds are in `files`. Reading it gives an equal network, where each of
     /// these files has [`Station::stated_world`].
     pub fn to_toml(&self, files: &[String]) -> String {
