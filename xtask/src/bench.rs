@@ -113,7 +113,6 @@ fn run(write: bool) -> Result<()> {
     let mut page = bench.head()?;
     let parts = [
         Bench::runs,
-        Bench::steps,
         Bench::package,
         Bench::sweeps,
         Bench::checks,
