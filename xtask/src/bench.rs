@@ -111,13 +111,7 @@ fn with_part(page: &str, text: &str) -> Result<String> {
 fn run(write: bool) -> Result<()> {
     let bench = Bench::build()?;
     let mut page = bench.head()?;
-    let parts = [
-        Bench::runs,
-        Bench::package,
-        Bench::sweeps,
-        Bench::checks,
-        Bench::realtime,
-    ];
+    let parts = [Bench::runs, Bench::package, Bench::sweeps, Bench::checks, Bench::realtime];
     for part in parts {
         let text = part(&bench)?;
         eprintln!("{text}");

@@ -145,7 +145,10 @@ const FIGURES: &[Figure] = &[
         y: ANGLE,
         span: (0.0, 4.0),
         curves: &[
-            PlottedCurve { scenario: "late", ..curve("one sample in four 1.5 ms late", RED, "realtime/late", "puck_rad") },
+            PlottedCurve {
+                scenario: "late",
+                ..curve("one sample in four 1.5 ms late", RED, "realtime/late", "puck_rad")
+            },
             PlottedCurve {
                 scenario: "late",
                 sets: &["scenarios.late.timing.intervals=[1]"],
