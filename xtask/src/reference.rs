@@ -23,10 +23,10 @@ pub fn tables(name: &str) -> Result<String> {
 
 /// Why the supervisor takes the torque away.
 fn reasons() -> String {
-    let mut text = String::from("| code | name | what happened | what to do |\n| --- | --- | --- | --- |\n");
+    let mut text = String::new();
     for reason in Reason::ALL {
         let (code, name) = (reason.code(), reason.name());
-        text += &format!("| {code} | `{name}` | {} | {} |\n", reason.sentence(), reason.remedy());
+        text += &format!("- {code} `{name}`: {} {}\n", reason.sentence(), reason.remedy());
     }
     text
 }
