@@ -177,11 +177,14 @@ fn signals() -> Result<String> {
         );
         World::read(&Source::from_text("columns", text), &[]).map(|world| columns(&world))
     };
-    let mut text =
-        String::from("| column, rotary | unit | column, linear | unit | meaning |\n| --- | --- | --- | --- | --- |\n");
+    let mut text = String::new();
     for (rotary, linear) in of(Motion::Rotary, "1 kg m^2")?.iter().zip(of(Motion::Linear, "1 kg")?) {
         let (name, unit, doc) = (&rotary.name, rotary.unit, rotary.doc);
-        writeln!(text, "| `{name}` | {unit} | `{}` | {} | {doc} |", linear.name, linear.unit)?;
+        if *name == linear.name {
+            writeln!(text, "- `{name}` ({unit}): {doc}")?;
+        } else {
+            writeln!(text, "- `{name}` ({unit}), linear `{}` ({}): {doc}", linear.name, linear.unit)?;
+        }
     }
     Ok(text)
 }
@@ -191,7 +194,7 @@ fn logged() -> Result<String> {
     let text = "loop.period = 1\ndevice.inertia = 1\n";
     let world = World::read(&Source::from_text("columns", text), &[])?;
     let run = columns(&world).len();
-    let mut text = String::from("| column | unit | meaning |\n| --- | --- | --- |\n");
+    let mut text = String::new();
     for column in hapt_log::columns(&world, true, true).iter().skip(run) {
         let codes = match column.kind {
             Kind::Choice(choice) => {
@@ -200,7 +203,8 @@ fn logged() -> Result<String> {
             }
             _ => String::new(),
         };
-        writeln!(text, "| `{}` | {} | {}{codes} |", column.name, column.unit, column.doc)?;
+        let unit = if column.unit.is_empty() { String::new() } else { format!(" ({})", column.unit) };
+        writeln!(text, "- `{}`{unit}: {}{codes}", column.name, column.doc)?;
     }
     Ok(text)
 }
