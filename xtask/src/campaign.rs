@@ -30,13 +30,17 @@ impl Campaign {
         Ok(Campaign { n: n as u64, seed: seed as u64, minutes, write, started })
     }
 
-    /// Prints what `cargo xtask` and this word have found, and writes it into the page where that is asked for.
+    /// Prints what `cargo xtask` and this word have found. Writes it into the page where that is asked for and the page has its place.
     pub fn publish(&self, word: &str, page: &str, text: &str) -> Result<()> {
         println!("{text}");
         eprintln!("{:.0} s", self.started.elapsed().as_secs_f64());
         if self.write {
-            let old = fs::read_to_string(page).context(page.to_string())?;
-            fs::write(page, marked::replaced(&old, &format!("cargo xtask {word}"), text)?).context(page.to_string())?;
+            let (old, command) = (fs::read_to_string(page).context(page.to_string())?, format!("cargo xtask {word}"));
+            if old.contains(&marked::begin(&command)) {
+                fs::write(page, marked::replaced(&old, &command, text)?).context(page.to_string())?;
+            } else {
+                eprintln!("{page} has no place for {command}");
+            }
         }
         Ok(())
     }

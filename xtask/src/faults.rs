@@ -231,8 +231,7 @@ fn trial(seed: u64, i: u64) -> Result<Option<Trial>> {
 /// The counts in Markdown.
 fn table(trials: &[Trial]) -> String {
     let mut text = String::from(
-        "| fault | tried | caught, by | median | longest | to the hand | not caught | to the hand, median | at most |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+        "| fault | caught, by | not caught | median, ms | longest, ms | to the hand, J |\n| --- | --- | --- | --- | --- | --- |\n",
     );
     for kind in Kind::ALL {
         let (caught, missed): (Vec<&Trial>, Vec<&Trial>) =
@@ -244,25 +243,18 @@ fn table(trials: &[Trial]) -> String {
         let mut by: Vec<_> = reasons.into_iter().collect();
         by.sort_by_key(|(_, count)| usize::MAX - count);
         let by: Vec<String> = by.into_iter().map(|(name, count)| format!("{name} {count}")).collect();
-        let sorted = |of: &[&Trial], what: fn(&Trial) -> f64| {
-            let mut all: Vec<f64> = of.iter().map(|trial| what(trial)).collect();
-            all.sort_by(f64::total_cmp);
-            all
-        };
-        let times = sorted(&caught, |trial| trial.caught.map_or(0.0, |(_, _, seconds)| 1e3 * seconds));
-        let (given, kept) = (sorted(&caught, |trial| trial.given), sorted(&missed, |trial| trial.given));
-        let show = |number: Option<&f64>, unit: &str| number.map_or("-".into(), |number| format!("{number:.3} {unit}"));
+        let mut times: Vec<f64> =
+            caught.iter().filter_map(|trial| trial.caught).map(|(_, _, seconds)| 1e3 * seconds).collect();
+        times.sort_by(f64::total_cmp);
+        let given = caught.iter().chain(&missed).map(|trial| trial.given).fold(0.0, f64::max);
+        let show = |number: Option<&f64>| number.map_or("-".into(), |number| format!("{number:.3}"));
         text += &format!(
-            "| {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
+            "| {} | {} | {} | {} | {} | {given:.3} |\n",
             kind.name(),
-            caught.len() + missed.len(),
             if by.is_empty() { "-".into() } else { by.join(", ") },
-            show(times.get(times.len() / 2), "ms"),
-            show(times.last(), "ms"),
-            show(given.last(), "J"),
             missed.len(),
-            show(kept.get(kept.len() / 2), "J"),
-            show(kept.last(), "J"),
+            show(times.get(times.len() / 2)),
+            show(times.last()),
         );
     }
     let peak = trials.iter().map(|trial| trial.peak).fold(0.0, f64::max);

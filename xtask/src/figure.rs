@@ -145,11 +145,14 @@ const FIGURES: &[Figure] = &[
         y: ANGLE,
         span: (0.0, 4.0),
         curves: &[
-            PlottedCurve { scenario: "late", ..curve("one sample in four 1.5 ms late", RED, "time/late", "puck_rad") },
+            PlottedCurve {
+                scenario: "late",
+                ..curve("one sample in four 1.5 ms late", RED, "realtime/late", "puck_rad")
+            },
             PlottedCurve {
                 scenario: "late",
                 sets: &["scenarios.late.timing.intervals=[1]"],
-                ..curve("even samples", BLUE, "time/late", "puck_rad")
+                ..curve("even samples", BLUE, "realtime/late", "puck_rad")
             },
         ],
         limit: false,

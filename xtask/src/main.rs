@@ -62,7 +62,7 @@ cargo xtask book      checks the book's commands, worlds, outputs and links; --w
 cargo xtask bench     speed beside plain C; --write into docs/performance.md; realtime, or --guards (instruction counts), alone;
                       drive [PYTHON]: an exchange with a motor drive, beside its makers' own library's; python [--short|--write]: the
                       Python package beside the crates and other tools; scale [--short]: a sweep of 1e8 loops in shards; with
-                      --write, into docs/scale.md
+                      --write, into docs/python.md
 cargo xtask guest     drives and a link on a CAN bus, and a wheel on USB, in an emulated machine; with a line of shell, that
                       link: the link alone; storm: 1000 changes of an effect a second for a minute; conform [CASE,...]: hapt wheel --conform on hapt's own
 cargo xtask fuzz      [--seconds N] random bytes, on stable; --minutes N with libFuzzer; targets by their names, `commands` among them:

@@ -4,9 +4,14 @@ use anyhow::{Context, Result};
 
 const END: &str = "<!-- end -->";
 
+/// The line that begins the part of a command.
+pub fn begin(command: &str) -> String {
+    format!("<!-- {command} -->")
+}
+
 /// The page with what stands behind `<!-- command -->` made anew.
 pub fn replaced(page: &str, command: &str, text: &str) -> Result<String> {
-    let begin = format!("<!-- {command} -->");
+    let begin = begin(command);
     let (head, rest) = page.split_once(&begin).with_context(|| format!("the page has no {begin}"))?;
     let (_, tail) = rest.split_once(END).with_context(|| format!("{begin} has no {END}"))?;
     Ok(format!("{head}{begin}\n\n{text}\n{END}{tail}"))

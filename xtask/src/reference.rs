@@ -23,10 +23,10 @@ pub fn tables(name: &str) -> Result<String> {
 
 /// Why the supervisor takes the torque away.
 fn reasons() -> String {
-    let mut text = String::from("| code | name | what happened | what to do |\n| --- | --- | --- | --- |\n");
+    let mut text = String::new();
     for reason in Reason::ALL {
         let (code, name) = (reason.code(), reason.name());
-        text += &format!("| {code} | `{name}` | {} | {} |\n", reason.sentence(), reason.remedy());
+        text += &format!("- {code} `{name}`: {} {}\n", reason.sentence(), reason.remedy());
     }
     text
 }
@@ -72,20 +72,11 @@ fn keys() -> Result<String> {
     let mut text = String::new();
     for table in tables {
         let rows: Vec<&Key> = keys::rows(table).collect();
-        let owned = rows.iter().any(|key| !owner(key).is_empty());
-        let (of, rule) = if owned { (" of |", " --- |") } else { ("", "") };
         writeln!(text, "## {}\n", heading(table))?;
-        writeln!(text, "| key |{of} takes | without it | meaning |\n| --- |{rule} --- | --- | --- |")?;
         for key in rows {
-            let of = if owned { format!(" {} |", owner(key)) } else { String::new() };
-            writeln!(
-                text,
-                "| `{}` |{of} {} | {} | {} |",
-                key.name(),
-                takes(key),
-                without(key),
-                key.doc.replace('|', "\\|")
-            )?;
+            let of = owner(key);
+            let of = if of.is_empty() { of } else { format!(" ({of})") };
+            writeln!(text, "- `{}`{of}: {}{}. {}", key.name(), takes(key), without(key), key.doc)?;
         }
         text.push('\n');
     }
@@ -125,52 +116,56 @@ fn owner(key: &Key) -> String {
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
-fn takes(key: &Key) -> String {
-    let quantity = |measure: Measure, range: Range| {
-        let (rotary, linear) = (measure.described(Motion::Rotary), measure.described(Motion::Linear));
-        let dimension = match key.motion {
-            Some(motion) => measure.described(motion),
-            None if rotary == linear => rotary,
-            None => format!("{rotary}; linear: {linear}"),
-        };
-        let range = match range {
-            Range::Any => "",
-            Range::ZeroOrMore => ", 0 or more",
-            Range::Positive => ", above 0",
-        };
-        let tolerance = if key.tolerance { ", also with a tolerance (`± 20 %`)" } else { "" };
-        format!("{dimension}{range}{tolerance}")
+/// The unit in SI, both where the motion decides it; the range, and whether it may carry a tolerance.
+fn quantity(key: &Key, measure: Measure, range: Range) -> String {
+    let unit = |motion: Motion| {
+        let dimension = measure.described(motion);
+        let unit = dimension.split_once('(').and_then(|(_, unit)| unit.strip_suffix(')'));
+        unit.map_or_else(|| "a number".to_string(), |unit| unit.replace(' ', "·"))
     };
+    let (rotary, linear) = (unit(Motion::Rotary), unit(Motion::Linear));
+    let unit = match key.motion {
+        Some(motion) => unit(motion),
+        None if rotary == linear => rotary,
+        None => format!("{rotary}, linear {linear}"),
+    };
+    let range = match range {
+        Range::Any => "",
+        Range::ZeroOrMore => ", ≥ 0",
+        Range::Positive => ", > 0",
+    };
+    format!("{unit}{range}{}", if key.tolerance { ", ±" } else { "" })
+}
+
+fn takes(key: &Key) -> String {
     match key.takes {
         Takes::Text => "text".to_string(),
         Takes::Name(names) => names.iter().map(|name| format!("`\"{name}\"`")).collect::<Vec<_>>().join(", "),
-        Takes::Quantity(measure, range) => quantity(measure, range),
-        Takes::QuantityOr(measure, range, word) => format!("{}, or `\"{word}\"`", quantity(measure, range)),
+        Takes::Quantity(measure, range) => quantity(key, measure, range),
+        Takes::QuantityOr(measure, range, word) => format!("{}, or `\"{word}\"`", quantity(key, measure, range)),
         Takes::TimeOrSamples => {
-            format!("{}, or a number of samples, `\"1.5 samples\"`", quantity(Measure::Time, Range::ZeroOrMore))
+            format!("{}, or `\"1.5 samples\"`", quantity(key, Measure::Time, Range::ZeroOrMore))
         }
-        Takes::Whole { least, most, step } => {
-            format!("{} whole number from {least} to {most}", if step == 2 { "an even" } else { "a" })
-        }
-        Takes::Numbers { least, most } => format!("an array of {least} to {most} plain numbers"),
+        Takes::Whole { least, most, step } => format!("{least} to {most}{}", if step == 2 { ", even" } else { "" }),
+        Takes::Numbers { least, most } => format!("{least} to {most} numbers"),
         Takes::Ends(_) => "two different ends".to_string(),
         Takes::Table => "a table".to_string(),
-        Takes::Named { most, what, reserved, .. } => {
-            let taken =
-                if reserved.is_empty() { String::new() } else { format!(", never called {}", reserved.join(", ")) };
-            format!("a table for each {what}, {most} at most{taken}")
+        Takes::Named { most, reserved, .. } => {
+            let taken = if reserved.is_empty() { String::new() } else { format!(", not {}", reserved.join(", ")) };
+            format!("{most} tables at most{taken}")
         }
-        Takes::List { most, what } => format!("a table for each {what}, {most} at most"),
+        Takes::List { most, .. } => format!("{most} tables at most"),
     }
 }
 
 fn without(key: &Key) -> String {
     match key.presence {
-        Presence::Required => "an error".to_string(),
-        Presence::Optional => "nothing".to_string(),
-        Presence::Number(number) => number.to_string(),
-        Presence::Name(name) => format!("`\"{name}\"`"),
-        Presence::Depends(text) => text.to_string(),
+        Presence::Required => ", required".to_string(),
+        Presence::Optional => String::new(),
+        Presence::Number(number) => format!("; default {number}"),
+        Presence::Name(name) => format!("; default `\"{name}\"`"),
+        Presence::Depends(text) if text.starts_with("required") => format!(", {text}"),
+        Presence::Depends(text) => format!("; default {text}"),
     }
 }
 
@@ -182,11 +177,14 @@ fn signals() -> Result<String> {
         );
         World::read(&Source::from_text("columns", text), &[]).map(|world| columns(&world))
     };
-    let mut text =
-        String::from("| column, rotary | unit | column, linear | unit | meaning |\n| --- | --- | --- | --- | --- |\n");
+    let mut text = String::new();
     for (rotary, linear) in of(Motion::Rotary, "1 kg m^2")?.iter().zip(of(Motion::Linear, "1 kg")?) {
         let (name, unit, doc) = (&rotary.name, rotary.unit, rotary.doc);
-        writeln!(text, "| `{name}` | {unit} | `{}` | {} | {doc} |", linear.name, linear.unit)?;
+        if *name == linear.name {
+            writeln!(text, "- `{name}` ({unit}): {doc}")?;
+        } else {
+            writeln!(text, "- `{name}` ({unit}), linear `{}` ({}): {doc}", linear.name, linear.unit)?;
+        }
     }
     Ok(text)
 }
@@ -196,7 +194,7 @@ fn logged() -> Result<String> {
     let text = "loop.period = 1\ndevice.inertia = 1\n";
     let world = World::read(&Source::from_text("columns", text), &[])?;
     let run = columns(&world).len();
-    let mut text = String::from("| column | unit | meaning |\n| --- | --- | --- |\n");
+    let mut text = String::new();
     for column in hapt_log::columns(&world, true, true).iter().skip(run) {
         let codes = match column.kind {
             Kind::Choice(choice) => {
@@ -205,7 +203,8 @@ fn logged() -> Result<String> {
             }
             _ => String::new(),
         };
-        writeln!(text, "| `{}` | {} | {}{codes} |", column.name, column.unit, column.doc)?;
+        let unit = if column.unit.is_empty() { String::new() } else { format!(" ({})", column.unit) };
+        writeln!(text, "- `{}`{unit}: {}{codes}", column.name, column.doc)?;
     }
     Ok(text)
 }

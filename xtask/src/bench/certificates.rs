@@ -114,14 +114,6 @@ impl Bench {
             let ms = times.median();
             writeln!(text, "| {name} | {ms:.1} | {} |", goal(ms, wanted))?;
         }
-        text += "\nThe free loop of this chain keeps its energy up to the period 2b/K, and grows just above it, so that its critical period takes \
-                 two eigenvalue problems of puck and bodies together. Where the energy theorem does not apply, or the bodies are damped, \
-                 there are some hundred periods to look at. With six bodies or more the roots near the circle are followed there, by a \
-                 function of O(n) operations: of the damped chain's check it takes two fifths, as each root takes some seven evaluations. A \
-                 quarter is still eigenvalue problems, a dozen, of the periods at which a root is within rounding of the circle, and a \
-                 fifth the search for the passivity's damping. Of each problem a good half is the reduction to Hessenberg form and QR, and \
-                 nearly all of the rest a second look, with vectors, at the eigenvalues within rounding of the circle: with a lossless \
-                 chain, all of its modes.\n";
         Ok(text)
     }
 

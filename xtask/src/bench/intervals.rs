@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::{Bench, output};
 
-const PAGE: &str = "docs/time.md";
+const PAGE: &str = "docs/realtime.md";
 const BLOCK: &str = "cargo xtask bench intervals";
 /// What each measurement takes.
 const DURATION: &str = "20s";
@@ -87,27 +87,6 @@ impl Bench {
         row("**longest, ms**", &|v| ms(&v["longest_gap_us"]))?;
         row("samples, missed", &|v| Ok(format!("{}, {}", v["samples"], v["missed"])))?;
         row("taken away by the hypervisor, s", &|v| Ok(format!("{:.2}", number(&v["stolen_s"]).unwrap_or(0.0))))?;
-        text += &histogram(&names, &measured)?;
         Ok(text)
     }
-}
-
-/// How many samples came how late, from the bins of all measurements.
-fn histogram(names: &[&str], measured: &[Value]) -> Result<String> {
-    let bins = |of: &Value| -> Result<Vec<(f64, u64)>> {
-        let bins = of["histogram"].as_array().context("no histogram")?;
-        Ok(bins.iter().filter_map(|bin| Some((bin["to_us"].as_f64()?, bin["count"].as_u64()?))).collect())
-    };
-    let all = measured.iter().map(bins).collect::<Result<Vec<_>>>()?;
-    let mut edges: Vec<f64> = all.iter().flatten().map(|(to, _)| *to).collect();
-    edges.sort_by(f64::total_cmp);
-    edges.dedup();
-    let mut text = format!("\n| samples later by | {} |\n| ---{} |\n", names.join(" | "), " | ---".repeat(names.len()));
-    for to in edges {
-        let count = |of: &Vec<(f64, u64)>| of.iter().find(|bin| bin.0 == to).map_or(0, |bin| bin.1);
-        let cells: Vec<String> = all.iter().map(|of| count(of).to_string()).collect();
-        let edge = if to < 1000.0 { format!("{to} µs") } else { format!("{} ms", to * 1e-3) };
-        writeln!(text, "| less than {edge} | {} |", cells.join(" | "))?;
-    }
-    Ok(text)
 }

@@ -8,7 +8,7 @@ use anyhow::Result;
 
 use super::{Bench, PAGE, PAIRS, output};
 
-const SCALE: &str = "docs/scale.md";
+const SCALE: &str = "docs/python.md";
 const BLOCK: &str = "cargo xtask bench python";
 
 /// What is installed beside the package; Drake has no wheel for some systems.

@@ -283,12 +283,12 @@ pub fn table(found: &Counts, seed: u64) -> String {
         text += &format!("- {loops}: {reason}\n");
     }
     text.push('\n');
-    text += "| bound for all times | torque | loops | the real core gives energy to a motion at 0.95 of it | reach of that motion: a tenth below | half below |\n\
+    text += "| bound for all times | torque | loops | break at 0.95 of it | reach of the motion: a tenth below | half below |\n\
              | --- | --- | --- | --- | --- | --- |\n";
     let share = |broken: usize, of: usize| format!("{broken} ({:.1} %)", 100.0 * broken as f64 / of.max(1) as f64);
     for (row, name) in ROWS.iter().enumerate() {
-        let of_row = |column: Option<usize>| {
-            let fits = |s: &&Sharpness| s.class.0 == row && column.is_none_or(|column| s.class.1 == column);
+        let of_row = |column: usize| {
+            let fits = |s: &&Sharpness| s.class.0 == row && s.class.1 == column;
             let mut reach: Vec<f64> = found.sharpness.iter().filter(fits).map(|s| s.reach).collect();
             reach.sort_by(f64::total_cmp);
             let broken = found.sharpness.iter().filter(fits).filter(|s| s.broken).count();
@@ -296,9 +296,10 @@ pub fn table(found: &Counts, seed: u64) -> String {
             format!("{} | {} | {:.3} | {:.3} |\n", reach.len(), share(broken, reach.len()), at(10), at(2))
         };
         for (column, time) in TIMES.iter().enumerate() {
-            text += &format!("| {name} | {time} | {}", of_row(Some(column)));
+            if found.sharpness.iter().any(|s| s.class.0 == row && s.class.1 == column) {
+                text += &format!("| {name} | {time} | {}", of_row(column));
+            }
         }
-        text += &format!("| {name} | all | {}", of_row(None));
     }
     text
 }

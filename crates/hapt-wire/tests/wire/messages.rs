@@ -162,7 +162,7 @@ fn the_page_names_every_code() {
     }
     for parameter in Parameter::ALL {
         assert_eq!(Parameter::from_code(parameter as u8), Some(parameter));
-        assert!(PAGE.contains(&format!("| {} | {parameter:?} |", parameter as u8)), "{parameter:?}");
+        assert!(PAGE.contains(&format!("- {} {parameter:?}:", parameter as u8)), "{parameter:?}");
     }
     let whys = [
         Refusal::Hello,
@@ -189,7 +189,7 @@ fn the_page_names_every_code() {
         let code = frame(&why, &mut [0; 16]).unwrap().to_vec();
         // A code below 128 is one byte; 0 is stuffed.
         let code = if code[0] == 1 { 0 } else { code[1] };
-        assert!(PAGE.contains(&format!("| {code} | {why:?} |")), "| {code} | {why:?} |");
+        assert!(PAGE.contains(&format!("- {code} {why:?}:")), "- {code} {why:?}");
     }
 }
 
