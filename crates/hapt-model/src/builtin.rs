@@ -29,6 +29,20 @@ const WORLDS: &[(&str, &str)] = worlds! {
     "devices/game-wheel"
     "devices/road-wheel"
     "devices/two-rates"
+    "knob/unbounded"
+    "knob/bounded"
+    "knob/multi-turn"
+    "knob/on-off"
+    "knob/return-to-center"
+    "knob/fine"
+    "knob/fine-detents"
+    "knob/coarse-strong"
+    "knob/coarse-weak"
+    "knob/magnetic"
+    "knob/return-with-detents"
+    "knob/flywheel"
+    "knob/spring-mass"
+    "knob/texture"
 };
 
 /// The names, each with its `@`.

@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_4, PI, TAU};
 
 use hapt_analysis::closed_form::*;
 use hapt_analysis::{Continuous, Design, Discrete, Slopes, check};
-use hapt_model::{Coupling, End, EstimatorKind, Law, Method, Output, Side, Waveform, World};
+use hapt_model::{Coupling, End, EstimatorKind, Law, Method, Output, Side, Waveform, World, builtin};
 use proptest::prelude::*;
 
 use crate::common::*;
@@ -326,4 +326,17 @@ fn passivity_is_said_with_what_is_missing_and_where() {
             .unwrap()
             .ends_with("only up to 0 N m/rad at the puck, and there is more: it may buzz")
     );
+}
+
+/// Whoever writes one of them onto a board turns it without a check of their own.
+#[test]
+fn every_knob_that_comes_along_is_certified_within_what_is_known_of_its_motor() {
+    let knobs: Vec<String> = builtin::names().filter(|name| name.starts_with("@knob/")).collect();
+    assert!(knobs.len() >= 14, "{knobs:?}");
+    for name in knobs {
+        let world = World::read(&builtin::source(&name).unwrap(), &[]).unwrap();
+        assert!(world.device.tolerances.inertia > 0.0, "{name}");
+        let check = check(&world).unwrap();
+        assert!(check.certified.holds(), "{name}: {}", check.headline());
+    }
 }
