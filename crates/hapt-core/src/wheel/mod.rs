@@ -6,8 +6,9 @@
 //! is behind it. The device's damping therefore bounds a sum of stiffnesses, which is known at every sample, and what the host asks for beyond
 //! that sum is scaled to it.
 //!
-//! Constant, ramp and periodic effects do not depend on the motion. They do work, at most their torque times the way, and add nothing to what
-//! the wheel's motion makes of itself: without them every motion of the free wheel has bounded energy.
+//! Constant, ramp and periodic effects have levels that the host sets. Held, they do work of at most their torque times the way, and without them
+//! every motion of the free wheel has bounded energy. A game that computes a level from the wheel's position closes a loop of its own, which is late:
+//! [`game_loop`] has what that asks of the device.
 //!
 //! ```
 //! use hapt_core::wheel::{Device, Effect, Sides, Timing, Wheel};
@@ -25,6 +26,7 @@
 mod bound;
 mod effect;
 mod element;
+pub mod game_loop;
 
 use core::fmt;
 
@@ -263,7 +265,7 @@ impl<F: Real> Wheel<F> {
     }
 }
 
-/// The torque of springs as asked and of what does not depend on the motion; the same with springs scaled.
+/// The torque of springs as asked and of levels that the host sets; the same with springs scaled.
 fn direct<F: Real>(effects: &[Effect<F>], position: F, scale: F) -> (F, F) {
     let (mut wanted, mut scaled) = (F::ZERO, F::ZERO);
     for effect in effects {

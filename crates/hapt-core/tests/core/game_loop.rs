@@ -1,0 +1,4 @@
+//! The loop that a game closes over the wheel.
+
+mod cost;
+mod free_wheel;
