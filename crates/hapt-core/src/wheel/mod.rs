@@ -211,9 +211,11 @@ impl<F: Real> Wheel<F> {
         state.last = Some(position);
         let shares = self.shares(effects);
         let (wanted, scaled) = direct(effects, position, shares.scale);
+        let before = state.direct - state.fading;
         state.fading = state.fading * self.fade;
         if state.revision != revision {
-            state.fading = (state.direct - scaled).finite_or_zero();
+            // What fades goes on to: a host that changes its level at every sample holds nothing up.
+            state.fading = (state.fading + before - scaled).finite_or_zero();
             state.revision = revision;
         }
         state.direct = scaled + state.fading;
@@ -240,6 +242,11 @@ impl<F: Real> Wheel<F> {
             None
         };
         Given { torque, asked, scale: shares.scale, used: shares.used, shortfall }
+    }
+
+    /// The static torque of effects at a position, N·m: springs as they are given, and levels.
+    pub fn level(&self, position: F, effects: &[Effect<F>]) -> F {
+        direct(effects, position, self.shares(effects).scale).1
     }
 
     /// Springs take the stiffness, or half of it where elements play; elements share the rest.

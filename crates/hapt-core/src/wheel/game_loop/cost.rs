@@ -63,22 +63,31 @@ impl<F: Real> Damper<F> {
         (sharp + blunt, sharp * sharp + two * sharp * blunt + spread)
     }
 
+    /// J' and θ of (T68); none where the damper is too late for this inertia.
+    fn reserve(&self) -> Option<(F, F)> {
+        let (first, second) = self.age();
+        let inertia = self.inertia - self.damping * first;
+        (inertia > F::ZERO).then(|| (inertia, self.damping * second / inertia))
+    }
+
+    /// The damping that a host's law of this stiffness lacks on a wheel of the damping `device`, N·m·s/rad, were the damper as late as this one is;
+    /// the largest number where it is too late. (T69)
+    pub fn lacking(&self, device: F, host: &HostTime<F>, stiffness: F) -> F {
+        let Some((inertia, theta)) = self.reserve() else { return F::MAX };
+        let aged = stiffness * host.oldest();
+        stiffness * (host.cost() + theta) + F::HALF * aged * aged * theta / inertia - device
+    }
+
     /// The stiffness of a host's law, in N·m/rad, that the free wheel stays quiet with: `device` is the wheel's own damping.
     ///
     /// (T69): with δ₁ and δ₂² the mean age of the velocity and that of its square, J' = J - B δ₁, θ = B δ₂²/J' and p = θ/(2 J'), the largest K with
     /// b + B ≥ K (c + θ) + p (K α)². It is b/c without a damper, and 0 where J' ≤ 0.
     pub fn stiffness(&self, device: F, host: &HostTime<F>) -> F {
         let two = F::ONE + F::ONE;
-        let (first, second) = self.age();
-        let inertia = self.inertia - self.damping * first;
         let damping = device + self.damping;
-        if inertia <= F::ZERO && self.damping > F::ZERO {
-            return F::ZERO;
-        }
-        let theta = if self.damping > F::ZERO { self.damping * second / inertia } else { F::ZERO };
-        let cost = host.cost() + theta;
-        let age = host.oldest();
-        let square = if theta > F::ZERO { age * age * theta / (two * inertia) } else { F::ZERO };
+        let Some((inertia, theta)) = self.reserve() else { return F::ZERO };
+        let (cost, age) = (host.cost() + theta, host.oldest());
+        let square = age * age * theta / (two * inertia);
         let late = cost + root(cost * cost + two * two * square * damping);
         // Of the two forms of the root, the one without a difference.
         if late > F::ZERO { (two * damping / late).finite_or_zero() } else { F::MAX }
