@@ -80,6 +80,6 @@ pub enum Effect<F> {
     /// Resists the acceleration, in kg·m²: of both sides' coefficients and torques the smaller counts, the band is not used. A mass that differs by side
     /// or begins beyond an acceleration is no passive body.
     Inertia(Sides<F>),
-    /// A torque that does not depend on the motion, N·m: constant, ramp and periodic effects.
+    /// A torque whose level the host sets, N·m: constant, ramp and periodic effects.
     Torque(F),
 }

@@ -6,8 +6,9 @@
 //! is behind it. The device's damping therefore bounds a sum of stiffnesses, which is known at every sample, and what the host asks for beyond
 //! that sum is scaled to it.
 //!
-//! Constant, ramp and periodic effects do not depend on the motion. They do work, at most their torque times the way, and add nothing to what
-//! the wheel's motion makes of itself: without them every motion of the free wheel has bounded energy.
+//! Constant, ramp and periodic effects have levels that the host sets. Held, they do work of at most their torque times the way, and without them
+//! every motion of the free wheel has bounded energy. A game that computes a level from the wheel's position closes a loop of its own, which is late:
+//! [`game_loop`] has what that asks of the device.
 //!
 //! ```
 //! use hapt_core::wheel::{Device, Effect, Sides, Timing, Wheel};
@@ -25,6 +26,7 @@
 mod bound;
 mod effect;
 mod element;
+pub mod game_loop;
 
 use core::fmt;
 
@@ -209,9 +211,11 @@ impl<F: Real> Wheel<F> {
         state.last = Some(position);
         let shares = self.shares(effects);
         let (wanted, scaled) = direct(effects, position, shares.scale);
+        let before = state.direct - state.fading;
         state.fading = state.fading * self.fade;
         if state.revision != revision {
-            state.fading = (state.direct - scaled).finite_or_zero();
+            // What fades goes on to: a host that changes its level at every sample holds nothing up.
+            state.fading = (state.fading + before - scaled).finite_or_zero();
             state.revision = revision;
         }
         state.direct = scaled + state.fading;
@@ -240,6 +244,11 @@ impl<F: Real> Wheel<F> {
         Given { torque, asked, scale: shares.scale, used: shares.used, shortfall }
     }
 
+    /// The static torque of effects at a position, N·m: springs as they are given, and levels.
+    pub fn level(&self, position: F, effects: &[Effect<F>]) -> F {
+        direct(effects, position, self.shares(effects).scale).1
+    }
+
     /// Springs take the stiffness, or half of it where elements play; elements share the rest.
     fn shares(&self, effects: &[Effect<F>]) -> Shares<F> {
         let (mut springs, mut drags, mut masses) = (F::ZERO, false, false);
@@ -263,7 +272,7 @@ impl<F: Real> Wheel<F> {
     }
 }
 
-/// The torque of springs as asked and of what does not depend on the motion; the same with springs scaled.
+/// The torque of springs as asked and of levels that the host sets; the same with springs scaled.
 fn direct<F: Real>(effects: &[Effect<F>], position: F, scale: F) -> (F, F) {
     let (mut wanted, mut scaled) = (F::ZERO, F::ZERO);
     for effect in effects {

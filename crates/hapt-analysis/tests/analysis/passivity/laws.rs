@@ -126,3 +126,20 @@ fn a_compensating_damper_is_proved_as_the_damping_that_it_is() {
         }
     }
 }
+
+#[test]
+fn a_law_that_a_host_computes_asks_for_what_a_loop_at_its_rate_does() {
+    for (hold, lateness) in [(1.0 / 60.0, 0.016), (0.01, 0.0), (0.01, 0.02), (3e-3, 0.0571)] {
+        let mut world = plain(
+            vec![Coupling {
+                first: End::Puck,
+                second: End::Ground,
+                law: Law::Spring { stiffness: 1.0, rest: 0.0 },
+                limit: None,
+            }],
+            hold,
+        );
+        world.sampling.delay = hapt_model::Delay::Seconds(lateness);
+        near(required(&world), hapt_core::wheel::game_loop::HostTime { hold, lateness }.cost(), 1e-9);
+    }
+}

@@ -1,0 +1,102 @@
+//! What a hand does, by its work: what motor, damping and friction leave to explain of the wheel's energy.
+
+use super::super::Timing;
+use super::Rotor;
+use crate::Real;
+use crate::contact::within;
+
+/// Works are averaged over so much time, s.
+const WINDOW: f64 = 0.1;
+/// A hand that has worked is believed in for a time of this constant, s: its work passes through 0 where it turns round.
+const BELIEF: f64 = 0.12;
+/// Speeds below this, rad/s, are rest.
+const REST: f64 = 0.02;
+/// The part of the lacking damping, and of what motor and damping exchange with the wheel, that errors of the device may pass for.
+const ERRORS: [f64; 2] = [0.25, 0.1];
+
+/// Compiled for a device.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hand<F> {
+    period: F,
+    /// The part of a period in which the command before the last one acts.
+    late: F,
+    inertia: F,
+    damping: F,
+    friction: F,
+    /// Of the velocity, and of works: the part of the new in a sample.
+    fresh: F,
+    averaged: F,
+    kept: F,
+}
+
+/// What it remembers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Works<F> {
+    commands: [F; 2],
+    /// The mean velocity of the last interval, and the torque of motor, damping and friction there; both as smooth.
+    velocity: F,
+    other: F,
+    /// Averages: the hand's power and the size of the others', W, and the square of the velocity.
+    hand: F,
+    size: F,
+    square: F,
+    /// The hand's work relative to that of the lacking damping, of late.
+    share: F,
+}
+
+impl<F: Real> Works<F> {
+    pub fn command(&mut self, torque: F) {
+        self.commands = [torque.finite_or_zero(), self.commands[0]];
+    }
+}
+
+impl<F: Real> Hand<F> {
+    pub fn new(timing: Timing, rotor: &Rotor, count: f64) -> Self {
+        let of = F::from_f64;
+        let period = timing.period;
+        // A count makes 0.05 rad/s at most.
+        let smoothing = (2.0 * period).max(count / 0.05);
+        let late = (timing.delay + timing.lag) / period;
+        Hand {
+            period: of(period),
+            late: of(late.min(1.0)),
+            inertia: of(rotor.inertia),
+            damping: of(rotor.damping),
+            friction: of(rotor.friction),
+            fresh: of(period / (period + smoothing)),
+            averaged: of(period / (period + WINDOW)),
+            kept: of(libm::exp(-period / BELIEF)),
+        }
+    }
+
+    pub fn start(&self) -> Works<F> {
+        let zero = F::ZERO;
+        Works { commands: [zero; 2], velocity: zero, other: zero, hand: zero, size: zero, square: zero, share: zero }
+    }
+
+    /// The wheel has gone `way` since the last sample: the damping, N·m·s/rad, that does as much work as the hand does, whichever way.
+    pub fn resists(&self, works: &mut Works<F>, way: F) -> F {
+        let speed = way / self.period;
+        let torque = works.commands[0] + self.late * (works.commands[1] - works.commands[0]);
+        let dry = speed.if_above(F::ZERO, self.friction, F::ZERO) - (-speed).if_above(F::ZERO, self.friction, F::ZERO);
+        let (before, other) = (works.velocity, works.other);
+        works.velocity += self.fresh * (speed - before);
+        works.other += self.fresh * (torque - self.damping * speed - dry - other);
+        // Newton's law from the middle of one interval to that of the next: what the motor, damping and friction leave is the hand's. Every part is as smooth.
+        let (mean, moved) = (F::HALF * (before + works.velocity), F::HALF * (other + works.other));
+        let hand = self.inertia * (works.velocity - before) / self.period - moved;
+        works.hand += self.averaged * (hand * mean - works.hand);
+        works.size += self.averaged * ((moved * mean).abs() - works.size);
+        works.square += self.averaged * (mean * mean - works.square);
+        let work = works.hand.abs() - F::from_f64(ERRORS[1]) * works.size;
+        if work > F::ZERO { work / (works.square + F::from_f64(REST * REST)) } else { F::ZERO }
+    }
+
+    /// The part of a remedy against this lack of damping that a hand with this work leaves to do.
+    pub fn leaves(&self, works: &mut Works<F>, resists: F, lacking: F) -> F {
+        let now = if lacking > F::ZERO { within(resists / lacking, F::ZERO, F::ONE + F::HALF) } else { F::ZERO };
+        works.share = works.share * self.kept;
+        works.share = if now > works.share { now } else { works.share };
+        within(F::ONE + F::from_f64(ERRORS[0]) - works.share, F::ZERO, F::ONE)
+    }
+}

@@ -1,0 +1,299 @@
+//! The loop that a game closes: it computes a torque from the wheel's position, late and at a rate of its own.
+//!
+//! [`GameLoop`] finds that law from the levels and the motion, and adds the damping that it lacks, (T69), on the lower end of what the device has and the upper
+//! end of what the law may be. What no damper of this device gives is held back of the level. Where a hand does the work that the damping would do, both fade: what a hand
+//! feels is the game's torque. A law that cannot be told changes nothing.
+
+mod cost;
+mod hand;
+mod law;
+
+pub use cost::{Damper, HostTime};
+pub use law::GameLaw;
+
+use super::{BLEND, Device, Refused};
+use crate::Real;
+use crate::contact::within;
+use hand::{Hand, Works};
+use law::{Memory, SPAN, Search};
+
+/// The largest torque that a count of the encoder may make through the damper, N·m: its velocity is as smooth as this needs.
+const COUNT_STEP: f64 = 0.03;
+/// The damper takes at most this part of the inertia, J/(B δ₁) of (T68).
+const PART_OF_INERTIA: f64 = 0.25;
+/// By which the damping is more than what is lacking.
+const SPARE: f64 = 1.1;
+/// In s: a remedy comes in this time at the soonest.
+const RISE: f64 = 0.05;
+/// What was found of a law that cost more is believed for a time of this constant in motion, s; the second where nothing can be told any more.
+const BELIEF: [f64; 2] = [5.0, 1.0];
+/// Steps of the search for the damping that pays for its own lateness too; it grows from below.
+const ROUNDS: usize = 8;
+
+/// What is peculiar about a game's levels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Oddity {
+    /// The torque pushes away from where the wheel was: no damping keeps such a wheel in the middle.
+    Outward,
+    /// It may be later than what is looked for.
+    Late,
+    /// The intervals differ by more than half of their mean.
+    Uneven,
+    /// The levels follow the motion in a small part only.
+    Loose,
+}
+
+/// What a game's loop is, and what is done about it, at a sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GameReport<F> {
+    /// What is known of the law; none where nothing can be told.
+    pub law: Option<GameLaw<F>>,
+    /// What is peculiar about it.
+    pub oddity: Option<Oddity>,
+    /// The damping that the law lacks on this device, hands off, N·m·s/rad.
+    pub lacking: F,
+    /// The damping that is added, N·m·s/rad.
+    pub damping: F,
+    /// The part of the level that is held back, 0 to 1.
+    pub held_back: F,
+    /// The part of the remedy that the hands leave to do, 0 to 1; 1 hands off.
+    pub hands_off: F,
+    /// The torque that is added to the game's, N·m.
+    pub torque: F,
+}
+
+/// The wheel itself, whatever of it is spent on a world. SI units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rotor {
+    /// kg·m²: certainly not less than this.
+    pub inertia: f64,
+    /// N·m·s/rad
+    pub damping: f64,
+    /// N·m
+    pub friction: f64,
+}
+
+/// What the host has done at a sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HostLevel<F> {
+    /// Its level, N·m: the sum of what its reports have changed of the static torque.
+    pub level: F,
+    /// Whether it has changed it.
+    pub changed: bool,
+    /// The torque of constant, ramp and periodic effects now, of which a part may be held back, N·m.
+    pub torque: F,
+}
+
+/// Finds a game's law and keeps the free wheel quiet; compiled from a device.
+#[derive(Clone, Copy, Debug)]
+pub struct GameLoop<F> {
+    search: Search<F>,
+    hand: Hand<F>,
+    /// Without damping: what the device gives.
+    damper: Damper<F>,
+    device: F,
+    /// What the loop adds to a host's lateness: delay, lag, and the fading of a change, s.
+    later: F,
+    count: F,
+    /// The largest damping that can be rendered, N·m·s/rad.
+    most: F,
+    /// By which a torque may change in a second, N·m/s.
+    slew: F,
+    acts: bool,
+}
+
+/// What changes from sample to sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GameLoopState<F> {
+    memory: Memory<F>,
+    works: Works<F>,
+    last: Option<F>,
+    velocity: F,
+    /// The dearest law of late.
+    dearest: Option<(F, HostTime<F>)>,
+    /// What it needs, hands off: damping, and the part that is held back.
+    wanted: (F, F),
+    report: GameReport<F>,
+}
+
+impl<F: Real> GameReport<F> {
+    /// Nothing is known, and nothing done.
+    pub const NOTHING: Self = GameReport {
+        law: None,
+        oddity: None,
+        lacking: F::ZERO,
+        damping: F::ZERO,
+        held_back: F::ZERO,
+        hands_off: F::ONE,
+        torque: F::ZERO,
+    };
+}
+
+impl<F: Real> GameLoopState<F> {
+    /// What was found and done in the last sample.
+    pub fn report(&self) -> &GameReport<F> {
+        &self.report
+    }
+}
+
+impl<F: Real> GameLoop<F> {
+    /// On a device with what is left of its damping for effects, and its wheel. `acts`: or it only measures.
+    ///
+    /// # Errors
+    /// Names the number that is out of range.
+    pub fn new(device: &Device, rotor: &Rotor, acts: bool) -> Result<Self, Refused> {
+        super::Wheel::<F>::new(device)?;
+        let &Rotor { inertia, .. } = rotor;
+        let is_resistance = |x: f64| x.is_finite() && x >= 0.0;
+        let numbers = [
+            ("inertia", inertia.is_finite() && inertia > 0.0),
+            ("damping", is_resistance(rotor.damping)),
+            ("friction", is_resistance(rotor.friction)),
+        ];
+        if let Some((name, _)) = numbers.iter().find(|(_, holds)| !holds) {
+            return Err(Refused(name));
+        }
+        let of = F::from_f64;
+        let fade = libm::exp(-device.timing.period / BLEND);
+        let &Device { timing, damping, count, limit, .. } = device;
+        let damper = Damper {
+            damping: F::ZERO,
+            inertia: of(inertia),
+            period: of(timing.period),
+            delay: of(timing.delay),
+            lag: of(timing.lag),
+            smoothing: F::ZERO,
+        };
+        Ok(GameLoop {
+            search: Search::new(timing.period, count),
+            hand: Hand::new(timing, rotor, count),
+            damper,
+            device: of(damping),
+            later: of(timing.delay + timing.lag + timing.period / (1.0 - fade)),
+            count: of(count),
+            most: of(most_damping(inertia, timing.period, timing.delay + timing.lag, count)),
+            slew: of(limit / RISE),
+            acts,
+        })
+    }
+
+    /// The largest damping that this device can render, N·m·s/rad.
+    pub fn most_damping(&self) -> F {
+        self.most
+    }
+
+    /// Before the first sample.
+    pub fn start(&self) -> GameLoopState<F> {
+        GameLoopState {
+            memory: self.search.start(),
+            works: self.hand.start(),
+            last: None,
+            velocity: F::ZERO,
+            dearest: None,
+            wanted: (F::ZERO, F::ZERO),
+            report: GameReport::NOTHING,
+        }
+    }
+
+    /// A sample: the torque to add to the game's, N·m, for the wheel's position in rad. What is not finite forgets everything.
+    pub fn step(&self, state: &mut GameLoopState<F>, position: F, heard: HostLevel<F>) -> F {
+        if !position.is_finite() {
+            *state = self.start();
+            return F::ZERO;
+        }
+        let way = state.last.map_or(F::ZERO, |last| position - last);
+        state.last = Some(position);
+        let level = heard.level.finite_or_zero();
+        if let Some(told) = self.search.sample(&mut state.memory, position, level, heard.changed) {
+            self.judge(state, told);
+        }
+        let period = self.damper.period;
+        let resists = self.hand.resists(&mut state.works, way);
+        let mut report = state.report;
+        report.hands_off = self.hand.leaves(&mut state.works, resists, report.lacking);
+        let live = self.acts && self.search.is_live(&state.memory);
+        let (damping, held_back) = if live { state.wanted } else { (F::ZERO, F::ZERO) };
+        // A remedy comes no faster than a torque may.
+        let smoothing = self.smoothing(report.damping);
+        state.velocity += period / (period + smoothing) * (way / period - state.velocity);
+        let speed = state.velocity.abs();
+        let size = heard.torque.abs();
+        let slowed = |most: F, by: F| if most * by > self.slew * period { self.slew * period / by } else { most };
+        let rise = period * F::from_f64(1.0 / RISE);
+        report.damping += (damping * report.hands_off - report.damping).within(slowed(self.most * rise, speed));
+        report.held_back += (held_back * report.hands_off - report.held_back).within(slowed(rise, size));
+        report.torque = -(report.held_back * heard.torque + report.damping * state.velocity);
+        if !report.torque.is_finite() {
+            *state = self.start();
+            return F::ZERO;
+        }
+        state.report = report;
+        report.torque
+    }
+
+    /// The whole torque that the motor has been commanded in this sample, N·m: a hand's work is what it leaves to explain.
+    pub fn commanded(&self, state: &mut GameLoopState<F>, torque: F) {
+        state.works.command(torque);
+    }
+
+    fn smoothing(&self, damping: F) -> F {
+        let smoothing = damping * self.count * F::from_f64(1.0 / COUNT_STEP) - self.damper.period;
+        if smoothing > F::ZERO { smoothing } else { F::ZERO }
+    }
+
+    fn damper(&self, damping: F) -> Damper<F> {
+        Damper { damping, smoothing: self.smoothing(damping), ..self.damper }
+    }
+
+    /// What the law needs, by what a span has told of it.
+    fn judge(&self, state: &mut GameLoopState<F>, told: Option<GameLaw<F>>) {
+        state.report.law = told;
+        state.report.oddity = told.as_ref().and_then(oddity);
+        let belief = F::from_f64(if told.is_some() { BELIEF[0] } else { BELIEF[1] });
+        let kept = belief / (belief + F::from_f64(SPAN));
+        let believed = state.dearest.map(|(stiffness, host)| (stiffness * kept, host));
+        let found = told.map(|law| {
+            let (stiffness, host) = law.worst;
+            (stiffness, HostTime { lateness: host.lateness + self.later, ..host })
+        });
+        let cost = |law: Option<(F, HostTime<F>)>| law.map_or(F::ZERO, |(stiffness, host)| stiffness * host.cost());
+        state.dearest = if cost(believed) > cost(found) { believed } else { found };
+        let Some((stiffness, host)) = state.dearest else { return };
+        let lacking = stiffness * host.cost() - self.device;
+        let mut damping = F::ZERO;
+        for _ in 0..ROUNDS {
+            let next = self.damper(damping).lacking(self.device, &host, stiffness) * F::from_f64(SPARE);
+            damping = within(next, F::ZERO, self.most);
+        }
+        let quiet = self.damper(damping).stiffness(self.device, &host);
+        let held_back = if quiet < stiffness { F::ONE - quiet / stiffness } else { F::ZERO };
+        state.wanted = (damping, held_back);
+        state.report.lacking = if lacking > F::ZERO { lacking } else { F::ZERO };
+    }
+}
+
+fn oddity<F: Real>(law: &GameLaw<F>) -> Option<Oddity> {
+    if law.stiffness_range[1] < F::ZERO {
+        Some(Oddity::Outward)
+    } else if law.beyond {
+        Some(Oddity::Late)
+    } else if law.uneven > F::HALF * law.hold {
+        Some(Oddity::Uneven)
+    } else if law.explained < F::HALF {
+        Some(Oddity::Loose)
+    } else {
+        None
+    }
+}
+
+/// B such that B δ₁ is the part of the inertia, with the velocity as smooth as counts need.
+fn most_damping(inertia: f64, period: f64, later: f64, count: f64) -> f64 {
+    let part = PART_OF_INERTIA * inertia;
+    let sharp = part / (later + 2.0 * period);
+    let smooth = count / COUNT_STEP;
+    if sharp * smooth <= period {
+        return sharp;
+    }
+    let late = later + period;
+    2.0 * part / (late + libm::sqrt(late * late + 4.0 * smooth * part))
+}
