@@ -68,7 +68,7 @@ pub use hapt_core::spec::{
     Body, Coupling, Damping, End, Estimator, HARMONICS, Law, Linear, Method, Output, Side, Spec, Waveform,
 };
 pub use hapt_core::{LASTING, SafetyProfile};
-pub use hapt_plant::spec::{DeviceSpec, Drive, Hand, Handle, Shape, Switching};
+pub use hapt_plant::spec::{Cogging, DeviceSpec, DeviceTorque, Drive, Gravity, Hand, Handle, Shape, Switching};
 pub use kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind};
 pub use network::{Link, Network, Station, is_network};
 pub use parameters::{Parameter, parameters, parameters_of, unit, unit_size};

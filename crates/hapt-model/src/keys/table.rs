@@ -24,6 +24,8 @@ const WAVEFORM: Presence = Presence::Depends("a texture has sine and cosine, or 
 
 const LUGRE: Presence = Presence::Depends("the six LuGre keys stand together, in place of torque");
 
+const COGGING: Presence = Presence::Depends("cogging has sine, cosine or both");
+
 /// What stands for a lost link, and for what the world's own ledger finds.
 pub(crate) const LINK_LOST: [&str; 2] = ["fade-out", "fault"];
 pub(crate) const WORLD_LEDGER: [&str; 2] = ["warn", "trip"];
@@ -88,6 +90,17 @@ pub const KEYS: &[Key] = &[
     key("device.handle.inertia", Quantity(Inertia, Positive), Required, "The inertia (linear: mass) of the handle beyond the shaft."),
     key("device.handle.stiffness", Quantity(Stiffness, Positive), Required, "The shaft's stiffness: torque per angle between handle and puck."),
     key("device.handle.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "The shaft's damping: torque per relative velocity of handle and puck."),
+
+    key("device.gravity", Table, Optional, "The torque of an unbalanced puck: torque · sin(z + phase) on it. It stores energy, and over a turn it gives none.").only(Motion::Rotary),
+    key("device.gravity.torque", Quantity(Torque, ZeroOrMore), Required, "Its size: weight times the distance of the centre of mass from the axis.").only(Motion::Rotary),
+    key("device.gravity.phase", Quantity(Angle, Any), Number(0.0),
+        "The angle at z = 0 from where it would be balanced upside down: 0 stands on its head, 180 deg hangs, 90 deg is level.").only(Motion::Rotary),
+    key("device.cogging", Table, Optional, "The torque of a motor without current against its position, as the waveform of a texture. It stores energy, and over a pitch it gives none."),
+    key("device.cogging.torque", Quantity(Torque, ZeroOrMore), Required, "The torque on the puck where the waveform is 1."),
+    key("device.cogging.pitch", Quantity(Position, Positive), Required, "One period of the waveform: \"1 rev\" for the harmonics of a turn."),
+    key("device.cogging.phase", Quantity(Position, Any), Number(0.0), "Where a period of the waveform begins."),
+    key("device.cogging.sine", WAVES, COGGING, "The waveform's harmonics: of sin θ, sin 2θ and so on, θ = 2π (z - phase)/pitch."),
+    key("device.cogging.cosine", WAVES, COGGING, "The waveform's harmonics: of cos θ, cos 2θ and so on."),
 
     key("bodies", BODIES, Optional, "The virtual inertias, by name."),
     key("bodies.*.inertia", Quantity(Inertia, Positive), Required, "Its inertia (linear: mass)."),
