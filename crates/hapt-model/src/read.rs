@@ -10,6 +10,7 @@ use crate::error::{Error, ErrorKind};
 use crate::fields::{Context, Fields};
 use crate::keys;
 use crate::kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind};
+use crate::motor;
 use crate::path::{self, Carries};
 use crate::safety::Safety;
 use crate::source::Source;
@@ -211,7 +212,7 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
 
 fn device(fields: &Fields<'_>, period: f64) -> Result<Device, Error> {
     let (inertia, friction) = (fields.number("inertia")?, fields.number("friction")?);
-    let device = Device {
+    let mut device = Device {
         inertia,
         damping: fields.number("damping")?,
         friction,
@@ -229,6 +230,7 @@ fn device(fields: &Fields<'_>, period: f64) -> Result<Device, Error> {
         handle: handle(fields)?,
         torque: DeviceTorque { gravity: gravity(fields)?, cogging: cogging(fields)? },
     };
+    motor::add(&mut device, fields)?;
     if device.levels.is_some() && device.limit.is_none() {
         let message = "levels divide the range of the motor: they need device.limit";
         return Err(fields.error(ErrorKind::Combination, "levels", message));
