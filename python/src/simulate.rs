@@ -69,6 +69,7 @@ pub fn simulate(world: &World, scenario: &Scenario, is_over: &mut dyn FnMut() ->
         ("damping_energy", Some(ledger.damping)),
         ("friction_energy", Some(ledger.friction)),
         ("shaft_energy", Some(ledger.shaft)),
+        ("field_energy", Some(ledger.field)),
     ];
     let (rows, clipped) = (summary.rows, summary.clipped);
     Ok(Run { names, values: table.finish(), rows, clipped, summary: numbers, ended })

@@ -49,6 +49,9 @@ pub struct SettableKey {
 /// A logarithmic slider covers this factor in either direction.
 const DECADE: f64 = 10.0;
 
+/// What a motor behind a gear adds to.
+const REFLECTED: [&str; 3] = ["device.inertia", "device.damping", "device.friction"];
+
 /// Every key that can be set, with sliders about the values of the file under `given`, the overrides of the command line.
 ///
 /// # Errors
@@ -60,7 +63,12 @@ pub fn keys(source: &Source, given: &[String], sets: &[String]) -> Result<Vec<Se
     let mut now = parameters(source, sets)?;
     add_output(&mut own, &file);
     add_output(&mut now, &world);
-    let shown = now.iter().filter(|parameter| is_settable(&parameter.path) && has_effect(&world, &parameter.path));
+    // A slider is about a number of the puck; beside a motor of its own side the file's number is a part of that.
+    let is_geared = now.iter().any(|parameter| parameter.path.starts_with("device.motor."));
+    let is_part = |path: &str| is_geared && REFLECTED.contains(&path);
+    let shown = now.iter().filter(|parameter| {
+        is_settable(&parameter.path) && has_effect(&world, &parameter.path) && !is_part(&parameter.path)
+    });
     Ok(shown
         .filter_map(|parameter| {
             let before = own.iter().find(|own| own.path == parameter.path);
@@ -73,7 +81,7 @@ pub fn keys(source: &Source, given: &[String], sets: &[String]) -> Result<Vec<Se
 fn is_settable(path: &str) -> bool {
     let names: Vec<&str> = path.split('.').collect();
     match names[..] {
-        ["loop" | "device", _] | ["device", "handle", _] => true,
+        ["loop" | "device", _] | ["device", "handle" | "gravity" | "cogging", _] => true,
         ["bodies", _, name] => !matches!(name, "position" | "velocity"),
         ["couplings", _, name] => !matches!(name, "kind" | "between"),
         _ => false,
@@ -191,6 +199,8 @@ pub fn row(world: &World, path: &str) -> Option<&'static Key> {
         ["loop" | "device", _] => (path.to_string(), None),
         // The numbers of a handle that is there: one alone makes none.
         ["device", "handle", _] if world.device.handle.is_some() => (path.to_string(), None),
+        ["device", "gravity", _] if world.device.torque.gravity.is_some() => (path.to_string(), None),
+        ["device", "cogging", _] if world.device.torque.cogging.is_some() => (path.to_string(), None),
         // Only an existing name: any other text would be read as part of an override, up to its own `=`.
         ["bodies", body, name] if world.names.iter().any(|own| own == body) && !body.contains('=') => {
             (format!("bodies.*.{name}"), None)

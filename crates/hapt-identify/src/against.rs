@@ -158,6 +158,7 @@ impl Claims {
             delay: middle(self.delay),
             period: self.period,
             handle: self.handle,
+            torque: Default::default(),
         }
     }
 }

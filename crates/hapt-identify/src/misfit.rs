@@ -70,8 +70,8 @@ impl Kind {
     pub fn remedy(&self) -> &'static str {
         match self {
             Kind::Position { times_a_turn: 0 } => "a spring from puck to ground takes it in",
-            Kind::Position { times_a_turn: 1 } => "no key: gravity, so balance the handle or level its axis",
-            Kind::Position { .. } => "no key: cogging of the motor, or its commutation",
+            Kind::Position { times_a_turn: 1 } => "device.gravity takes it in, or balance the handle",
+            Kind::Position { .. } => "device.cogging takes it in, unless it is the motor's commutation",
             Kind::Velocity => "no key: friction that falls with the velocity, or more damping one way than the other",
             Kind::Resonance { .. } => "device.handle takes it in; hapt identify --handle fits it",
             Kind::Drift => "no key: warm the device up, or use a shorter part of the record (--from, --to)",

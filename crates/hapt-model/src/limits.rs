@@ -69,10 +69,12 @@ impl World {
         // A hit by the hand, and the motor's contribution.
         let change =
             HIT * FASTEST[motion] + (limit * period / device.inertia).min(2.0 * safety.overspeed.unwrap_or(fastest));
-        let nudge = 2.0 * device.friction + if limit.is_finite() { 0.05 * limit } else { 0.0 };
+        // What may hold the puck, or push it the other way.
+        let holds = device.friction + device.torque.most();
+        let nudge = 2.0 * holds + if limit.is_finite() { 0.05 * limit } else { 0.0 };
         // On a device with much damping and coarse counts this would not show the direction of the motion.
         let seen = self.count().map_or(SEEN, |count| SEEN_COUNTS * count);
-        let moves = device.friction + (device.damping + 2.0 * device.inertia / TEST) * seen / TEST;
+        let moves = holds + (device.damping + 2.0 * device.inertia / TEST) * seen / TEST;
         let pulse = nudge.max(moves.min(0.5 * limit));
         // An explicit method generates energy even in a certified world, and its dampers dissipate it: the certificate accounts for both.
         let trips = match profile {

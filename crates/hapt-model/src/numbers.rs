@@ -3,7 +3,7 @@
 #![warn(clippy::wildcard_enum_match_arm)]
 
 use hapt_core::{Body, Coupling};
-use hapt_plant::spec::{Drive, Hand, Handle, Shape, Switching};
+use hapt_plant::spec::{Cogging, Drive, Gravity, Hand, Handle, Shape, Switching};
 
 use crate::keys::{self, Key};
 use crate::kinds::{CouplingKind, HandKind, ShapeKind};
@@ -102,6 +102,18 @@ pub(crate) fn mounting(drive: &mut Mounting) -> NumberSlots<'_> {
 pub(crate) fn handle(handle: &mut Option<Handle>) -> NumberSlots<'_> {
     let Some(Handle { inertia, stiffness, damping }) = handle else { return Vec::new() };
     vec![("inertia", Number(inertia)), ("stiffness", Number(stiffness)), ("damping", Number(damping))]
+}
+
+/// Those of a gravity that is there.
+pub(crate) fn gravity(gravity: &mut Option<Gravity>) -> NumberSlots<'_> {
+    let Some(Gravity { torque, phase }) = gravity else { return Vec::new() };
+    vec![("torque", Number(torque)), ("phase", Number(phase))]
+}
+
+/// Those of a cogging that is there, without its waveform.
+pub(crate) fn cogging(cogging: &mut Option<Cogging>) -> NumberSlots<'_> {
+    let Some(Cogging { torque, pitch, phase, waveform: _ }) = cogging else { return Vec::new() };
+    vec![("torque", Number(torque)), ("pitch", Number(pitch)), ("phase", Number(phase))]
 }
 
 pub(crate) fn safety(safety: &mut Safety) -> NumberSlots<'_> {
@@ -213,6 +225,8 @@ impl World {
             ["device"] => plain("device", device(&mut self.device)),
             ["device", "drive"] => plain("device.drive", mounting(&mut self.device.drive)),
             ["device", "handle"] => plain("device.handle", handle(&mut self.device.handle)),
+            ["device", "gravity"] => plain("device.gravity", gravity(&mut self.device.torque.gravity)),
+            ["device", "cogging"] => plain("device.cogging", cogging(&mut self.device.torque.cogging)),
             ["safety"] => plain("safety", safety(&mut self.safety)),
             ["bodies", name] => {
                 let index = self.names.iter().position(|body| body == name)?;

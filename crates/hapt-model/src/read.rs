@@ -3,13 +3,14 @@
 #![warn(clippy::wildcard_enum_match_arm)]
 
 use hapt_core::{Body, Coupling, Damping, End, Law, Method, Output, Side, WhenLate};
-use hapt_plant::spec::{Drive, Hand, Handle, Shape, Switching};
+use hapt_plant::spec::{Cogging, DeviceTorque, Drive, Gravity, Hand, Handle, Shape, Switching};
 
 use crate::document::{Document, Entry, Node, Place, Value};
 use crate::error::{Error, ErrorKind};
 use crate::fields::{Context, Fields};
 use crate::keys;
 use crate::kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
+use crate::motor;
 use crate::path::{self, Carries};
 use crate::safety::Safety;
 use crate::source::Source;
@@ -211,7 +212,7 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
 
 fn device(fields: &Fields<'_>, period: f64) -> Result<Device, Error> {
     let (inertia, friction) = (fields.number("inertia")?, fields.number("friction")?);
-    let device = Device {
+    let mut device = Device {
         inertia,
         damping: fields.number("damping")?,
         friction,
@@ -227,14 +228,17 @@ fn device(fields: &Fields<'_>, period: f64) -> Result<Device, Error> {
         levels: fields.optional_whole("levels")?,
         drive: mounting(&Fields::new(fields.inner("drive", "device.drive"), fields.node("drive"))?)?,
         handle: handle(fields)?,
+        torque: DeviceTorque { gravity: gravity(fields)?, cogging: cogging(fields)? },
     };
+    motor::add(&mut device, fields)?;
     if device.levels.is_some() && device.limit.is_none() {
         let message = "levels divide the range of the motor: they need device.limit";
         return Err(fields.error(ErrorKind::Combination, "levels", message));
     }
-    if let Some(message) = device.fault(period) {
-        let fields = Fields::new(fields.inner("handle", "device.handle"), fields.node("handle"))?;
-        return Err(fields.error(ErrorKind::Combination, "stiffness", message));
+    if let Some((table, key, message)) = device.fault(period) {
+        let pattern = keys::rows("device").find(|row| row.name() == table).map_or("device", |row| row.path);
+        let fields = Fields::new(fields.inner(table, pattern), fields.node(table))?;
+        return Err(fields.error(ErrorKind::Combination, key, message));
     }
     Ok(device)
 }
@@ -246,6 +250,23 @@ fn handle(fields: &Fields<'_>) -> Result<Option<Handle>, Error> {
         inertia: fields.number("inertia")?,
         stiffness: fields.number("stiffness")?,
         damping: fields.number("damping")?,
+    }))
+}
+
+fn gravity(fields: &Fields<'_>) -> Result<Option<Gravity>, Error> {
+    let Some(node) = fields.node("gravity") else { return Ok(None) };
+    let fields = Fields::new(fields.inner("gravity", "device.gravity"), Some(node))?;
+    Ok(Some(Gravity { torque: fields.number("torque")?, phase: fields.number("phase")? }))
+}
+
+fn cogging(fields: &Fields<'_>) -> Result<Option<Cogging>, Error> {
+    let Some(node) = fields.node("cogging") else { return Ok(None) };
+    let fields = Fields::new(fields.inner("cogging", "device.cogging"), Some(node))?;
+    Ok(Some(Cogging {
+        torque: fields.number("torque")?,
+        pitch: fields.number("pitch")?,
+        phase: fields.number("phase")?,
+        waveform: waveform::of_harmonics(&fields)?,
     }))
 }
 

@@ -21,9 +21,7 @@ const HEADER: &str = "waveform";
 pub(crate) fn read(fields: &Fields<'_>, files: &path::Reader<'_>) -> Result<Waveform, Error> {
     let given: Vec<&str> = ["sine", "cosine", "samples", "file"].into_iter().filter(|key| fields.has(key)).collect();
     match given[..] {
-        ["sine"] | ["cosine"] | ["sine", "cosine"] => {
-            Ok(Waveform { sine: harmonics(fields, "sine"), cosine: harmonics(fields, "cosine") })
-        }
+        ["sine"] | ["cosine"] | ["sine", "cosine"] => of_harmonics(fields),
         ["samples"] => {
             let samples = fields.numbers("samples").unwrap_or_default();
             of_samples(samples).map_err(|message| fields.error(ErrorKind::Value, "samples", message))
@@ -45,6 +43,14 @@ pub(crate) fn read(fields: &Fields<'_>, files: &path::Reader<'_>) -> Result<Wave
             Err(fields.error(ErrorKind::Combination, key, message))
         }
     }
+}
+
+/// The waveform of a table that has harmonics alone.
+pub(crate) fn of_harmonics(fields: &Fields<'_>) -> Result<Waveform, Error> {
+    if !fields.has("sine") && !fields.has("cosine") {
+        return Err(fields.missing("sine"));
+    }
+    Ok(Waveform { sine: harmonics(fields, "sine"), cosine: harmonics(fields, "cosine") })
 }
 
 fn harmonics(fields: &Fields<'_>, key: &str) -> [f32; HARMONICS] {

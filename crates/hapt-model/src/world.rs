@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use hapt_core::{Body, Coupling, Estimator, Method, Output, Spec};
-use hapt_plant::spec::{DeviceSpec, Drive, Hand, Handle};
+use hapt_plant::spec::{DeviceSpec, DeviceTorque, Drive, Hand, Handle};
 
 use crate::kinds::{EstimatorKind, Motion};
 use crate::safety::Safety;
@@ -111,6 +111,8 @@ pub struct Device {
     /// The `[device.handle]` table: a handle on a flexible shaft. The numbers above are then of the motor's side, the puck. `None`: the
     /// puck is the handle.
     pub handle: Option<Handle>,
+    /// The `[device.gravity]` and `[device.cogging]` tables.
+    pub torque: DeviceTorque,
 }
 
 /// The half widths within which numbers of the device are known, as fractions of them from 0 to 1: 0.2 is ± 20 %. A number that is
@@ -219,9 +221,13 @@ const MOST_SWING: f64 = 100.0;
 const MOST_HAND_SWING: f64 = 3000.0;
 
 impl Device {
-    /// Why a run at this period in s cannot simulate the device; `None` where it can. A world that was built or changed without its file is
-    /// checked by this again.
-    pub fn fault(&self, period: f64) -> Option<String> {
+    /// Why a run at this period in s cannot simulate the device, with the table below `device` and the key in it that would have to change;
+    /// `None` where it can. A world that was built or changed without its file is checked by this again.
+    pub fn fault(&self, period: f64) -> Option<(&'static str, &'static str, String)> {
+        self.shaft_fault(period).map(|message| ("handle", "stiffness", message)).or_else(|| self.torque_fault(period))
+    }
+
+    fn shaft_fault(&self, period: f64) -> Option<String> {
         let shaft = self.handle.filter(|_| self.friction > 0.0)?;
         let swing = (shaft.stiffness * (self.inertia.recip() + shaft.inertia.recip())).sqrt() * period;
         (swing.is_nan() || swing > MOST_SWING).then(|| {
@@ -232,10 +238,31 @@ impl Device {
         })
     }
 
+    /// Under gravity and cogging a period is cut into parts in which nothing goes further than half a radian.
+    fn torque_fault(&self, period: f64) -> Option<(&'static str, &'static str, String)> {
+        if self.torque.is_none() {
+            return None;
+        }
+        let table = if self.torque.cogging.is_some() { "cogging" } else { "gravity" };
+        let shaft = self.handle.map_or(0.0, |shaft| {
+            let masses = self.inertia.recip() + shaft.inertia.recip();
+            (shaft.stiffness * masses).sqrt() + shaft.damping * masses
+        });
+        let rate = (self.torque.steepest() / self.inertia).sqrt() + self.damping / self.inertia + shaft;
+        let turned = rate * period;
+        (turned.is_nan() || turned > MOST_SWING).then(|| {
+            let message = format!(
+                "under it, its damping and its shaft the puck swings or decays by {turned:.0} rad in a period, and at most {MOST_SWING} are \
+                 simulated; expected a smaller torque, or a shorter loop.period"
+            );
+            (table, "torque", message)
+        })
+    }
+
     /// Why a run with this sampling cannot simulate the hand on the device, with the key below `hand` that would have to change; `None` where
     /// it can.
     pub fn hand_fault(&self, hand: &Hand, sampling: &Sampling) -> Option<(&'static str, String)> {
-        if self.friction == 0.0 {
+        if self.friction == 0.0 && self.torque.is_none() {
             return None;
         }
         let (key, shape) = match &hand.drive {
@@ -243,12 +270,13 @@ impl Device {
             // Nothing but the hand moves a puck without a shaft.
             Drive::Position(shape) => ("frequency", self.handle.and(Some(shape))),
         };
+        let beside = if self.friction > 0.0 { "device.friction" } else { "device.gravity and device.cogging" };
         let interval = sampling.interval_max_s();
         let most = MOST_HAND_SWING / interval;
         let too_far = |key, omega: f64, expected: String| {
             let message = || {
                 format!(
-                    "the hand swings {:.0} rad in {interval:?} s, the longest interval, and beside device.friction at most \
+                    "the hand swings {:.0} rad in {interval:?} s, the longest interval, and beside {beside} at most \
                      {MOST_HAND_SWING} are simulated; expected {expected} or less, or a shorter loop.period",
                     omega * interval
                 )
@@ -256,9 +284,11 @@ impl Device {
             (omega.is_nan() || omega > most).then(|| (key, message()))
         };
         let by_spring = match hand.drive {
-            Drive::Grip { inertia, stiffness, .. } => {
+            Drive::Grip { inertia, damping, stiffness, .. } => {
                 let inertia = inertia + self.handle.map_or(self.inertia, |handle| handle.inertia);
+                let damps = if self.torque.is_none() { 0.0 } else { damping / inertia };
                 too_far("stiffness", (stiffness / inertia).sqrt(), format!("{:.3e} in SI", most * most * inertia))
+                    .or_else(|| too_far("damping", damps, format!("{:.3e} in SI", most * inertia)))
             }
             Drive::Torque(_) | Drive::Position(_) => None,
         };
@@ -297,9 +327,9 @@ fn within(middle: f64, tolerance: f64) -> [f64; 2] {
 impl World {
     /// What a device in simulation is made from.
     pub fn device_spec(&self) -> DeviceSpec {
-        let Device { inertia, damping, friction, lag, handle, .. } = self.device;
+        let Device { inertia, damping, friction, lag, handle, torque, .. } = self.device;
         let (period, delay) = (self.sampling.period, self.sampling.delay_s());
-        DeviceSpec { period, delay, lag, inertia, damping, friction, handle }
+        DeviceSpec { period, delay, lag, inertia, damping, friction, handle, torque }
     }
 
     /// What the loop is compiled from.

@@ -50,6 +50,16 @@ impl World {
             writeln!(f, "\n[device.handle]")?;
             lines(f, self.rows("device.handle", None, None, numbers::handle(&mut handle)))?;
         }
+        let mut torque = self.device.torque;
+        if torque.gravity.is_some() {
+            writeln!(f, "\n[device.gravity]")?;
+            lines(f, table("device.gravity", numbers::gravity(&mut torque.gravity)))?;
+        }
+        if let Some(cogging) = torque.cogging {
+            writeln!(f, "\n[device.cogging]")?;
+            lines(f, table("device.cogging", numbers::cogging(&mut torque.cogging)))?;
+            harmonics(f, &cogging.waveform)?;
+        }
         if self.safety != Safety::default() {
             writeln!(f, "\n[safety]")?;
             self.safety.names().try_for_each(|(key, name)| writeln!(f, "{key} = {}", text(name)))?;
@@ -89,10 +99,7 @@ impl World {
         }
         lines(f, self.rows("couplings.*", Some(kind), None, slots))?;
         // Samples are written as the harmonics that they were read as.
-        coupling
-            .law
-            .waveform()
-            .map_or(Ok(()), |Waveform { sine, cosine }| writeln!(f, "sine = {sine:?}\ncosine = {cosine:?}"))
+        coupling.law.waveform().map_or(Ok(()), |waveform| harmonics(f, waveform))
     }
 
     fn hand(&self, hand: &mut Hand) -> String {
@@ -183,6 +190,10 @@ fn file(shape: &Shape) -> Option<(&'static str, String)> {
         Shape::Path { file, .. } => Some(("file", text(file))),
         Shape::Step { .. } | Shape::Ramp { .. } | Shape::Sine { .. } => None,
     }
+}
+
+fn harmonics(f: &mut String, Waveform { sine, cosine }: &Waveform) -> fmt::Result {
+    writeln!(f, "sine = {sine:?}\ncosine = {cosine:?}")
 }
 
 fn lines(f: &mut String, rows: Vec<(&str, String)>) -> fmt::Result {

@@ -5,12 +5,13 @@ mod hands;
 
 use alloc::boxed::Box;
 
+use crate::field::Field;
 use crate::hand::{Script, grip_push};
 use crate::ledger::Ledger;
 use crate::motor::Motor;
 use crate::puck::{Inertia, Lengths, Puck, Push};
 use crate::shaft::Shaft;
-use crate::spec::DeviceSpec;
+use crate::spec::{DeviceSpec, DeviceTorque};
 use crate::trajectory::Piece;
 
 /// A hand on the puck: its inertia moves with the puck, a spring and a damper connect the puck to the intended position.
@@ -68,6 +69,11 @@ pub struct VirtualDevice {
     period: f64,
     device: Inertia,
     friction: f64,
+    torque: DeviceTorque,
+    /// Where the puck's 0 is, by that of `torque`.
+    zero: f64,
+    /// The two as one.
+    field: Option<Field>,
     delay: f64,
     /// The time constant in s with which the motor's torque follows what it holds; 0: at once.
     lag: f64,
@@ -108,7 +114,9 @@ impl VirtualDevice {
     }
 
     fn with_works(spec: &DeviceSpec, works: bool) -> Self {
-        let &DeviceSpec { period, delay, lag, inertia, damping, friction, handle } = spec;
+        let &DeviceSpec { period, delay, lag, inertia, damping, friction, handle, torque } = spec;
+        let field = Field::new(&torque, 0.0);
+        let holds = (friction, field);
         let device = Inertia { inertia, damping, stiffness: 0.0 };
         let motor = Motor::new(delay, period);
         let lengths = lengths(&motor, period);
@@ -116,11 +124,14 @@ impl VirtualDevice {
             period,
             device,
             friction,
+            torque,
+            zero: 0.0,
+            field,
             delay,
             lag,
             works,
-            puck: Puck::new(device, friction, lag, works.then_some(lengths)),
-            shaft: handle.map(|handle| Shaft::boxed(handle, device, friction, lag, lengths)),
+            puck: Puck::new(device, holds, lag, works.then_some(lengths)),
+            shaft: handle.map(|handle| Shaft::boxed(handle, device, holds, lag, lengths)),
             motor,
             gap: 0.0,
             script: Script::default(),
@@ -209,6 +220,10 @@ impl VirtualDevice {
     /// the new 0. Allocates nothing.
     pub fn shift(&mut self, by: f64) {
         self.puck.position -= by;
+        if self.field.is_some() {
+            self.zero += by;
+            self.refit_field();
+        }
         if let HandMode::Grip(hand) = &mut self.mode {
             let (intended, slope) = hand.intended.at(self.now);
             hand.intended = Piece::straight(self.now, intended - by, slope);
@@ -262,7 +277,7 @@ impl VirtualDevice {
         let key = |device: &Self| {
             let Inertia { inertia, damping, .. } = device.device;
             let handle = device.shaft.as_ref().map(|shaft| shaft.handle);
-            (device.period, inertia, damping, device.friction, device.delay, device.lag, handle)
+            (device.period, inertia, damping, device.friction, device.torque, device.delay, device.lag, handle)
         };
         if key(self) == key(to) {
             return;
@@ -275,6 +290,7 @@ impl VirtualDevice {
         }
         core::mem::swap(&mut self.device, &mut to.device);
         core::mem::swap(&mut self.friction, &mut to.friction);
+        core::mem::swap(&mut self.torque, &mut to.torque);
         core::mem::swap(&mut self.lag, &mut to.lag);
         if self.lag == 0.0 {
             self.gap = 0.0;
@@ -289,7 +305,8 @@ impl VirtualDevice {
             self.script.last = (self.script.last.saturating_sub(self.sample) as f64 * ratio) as u64;
             (self.origin, self.sample) = (self.now, 0);
         }
-        let lengths = lengths(&self.motor, self.period);
+        self.field = Field::new(&self.torque, self.zero);
+        let (lengths, holds) = (lengths(&self.motor, self.period), (self.friction, self.field));
         let held_by = self.shaft.is_some();
         match (&mut self.shaft, &to.shaft) {
             (Some(shaft), Some(new)) => shaft.handle = new.handle,
@@ -298,14 +315,23 @@ impl VirtualDevice {
             (Some(_), None) | (None, Some(_)) => core::mem::swap(&mut self.shaft, &mut to.shaft),
         }
         if let Some(shaft) = &mut self.shaft {
-            shaft.refit(self.device, self.friction, self.lag, lengths);
+            shaft.refit(self.device, holds, self.lag, lengths);
             if !held_by {
                 shaft.velocity = self.puck.velocity;
             }
         }
-        self.puck.refit(self.device, self.friction, self.lag, self.works.then_some(lengths));
+        self.puck.refit(self.device, holds, self.lag, self.works.then_some(lengths));
         if held_by != self.shaft.is_some() {
             self.change_hands();
+        }
+    }
+
+    /// Gravity and cogging by the puck's 0.
+    fn refit_field(&mut self) {
+        self.field = Field::new(&self.torque, self.zero);
+        self.puck.place(self.field);
+        if let Some(shaft) = &mut self.shaft {
+            shaft.place(self.field);
         }
     }
 
@@ -509,12 +535,14 @@ impl VirtualDevice {
         let motor = self.motor.applied * (position - self.puck.position) + lagging;
         let before = self.puck.velocity;
         let moving = 0.5 * self.device.inertia * (velocity - before) * (velocity + before);
+        let field = self.field.map_or(0.0, |field| field.work(self.puck.position, position));
         (self.puck.position, self.puck.velocity) = (position, velocity);
         let ledger = &mut self.ledger;
         ledger.motor += motor;
         ledger.damping += damping;
         ledger.friction += friction;
-        ledger.hand += moving + damping + friction - motor;
+        ledger.field += field;
+        ledger.hand += moving + damping + friction - motor - field;
     }
 }
 

@@ -100,7 +100,7 @@ impl Friction<'_> {
         if y[GAP] != 0.0 { 1.0 / self.plant.decay } else { 0.0 }
     }
 
-    fn direction(&self, y: &Motion) -> f64 {
+    pub fn direction(&self, y: &Motion) -> f64 {
         sliding_direction(y[V], self.net(y), self.level, self.torques(y))
     }
 
@@ -141,7 +141,7 @@ impl Friction<'_> {
     }
 
     /// The first instant in (0, dt] at which the net torque on the puck at rest exceeds friction.
-    fn first_slip(&self, y: &Motion, dt: f64) -> Option<f64> {
+    pub fn first_slip(&self, y: &Motion, dt: f64) -> Option<f64> {
         // A torque that is held, and is not above friction now, never is.
         if self.plant.slides_freely(y) {
             return None;
@@ -162,7 +162,7 @@ impl Friction<'_> {
 }
 
 /// The drives alone move on while the puck rests.
-fn drives_after(plant: &Plant, y: &Motion, dt: f64) -> Motion {
+pub(crate) fn drives_after(plant: &Plant, y: &Motion, dt: f64) -> Motion {
     let mut out = *y;
     out[F] += y[RAMP] * dt;
     if plant.omega != 0.0 {

@@ -18,7 +18,7 @@ use crate::puck::{Inertia, NO_SINE, Sine};
 use crate::shaft::Grasp;
 
 /// How many states there are.
-const STATES: usize = 7;
+pub(crate) const STATES: usize = 7;
 /// v, f, x, f', σ, κ, d.
 pub(crate) type Motion = [f64; STATES];
 /// Their indices.
@@ -139,7 +139,7 @@ impl Plant {
     }
 
     /// ẏ = N y; rows of N by state.
-    fn generator(&self) -> Matrix {
+    pub fn generator(&self) -> Matrix {
         let m = self.mass;
         let mut n = [[0.0; STATES]; STATES];
         n[X][V] = 1.0;
@@ -151,9 +151,14 @@ impl Plant {
         n
     }
 
+    /// The fastest rate in it once the motor has settled, in 1/s.
+    pub fn rate_without_lag(&self) -> f64 {
+        (self.damping / self.mass).max(self.swing())
+    }
+
     /// The fastest rate in it, in 1/s.
-    fn rate(&self) -> f64 {
-        (self.damping / self.mass).max(self.swing()).max(self.decay)
+    pub fn rate(&self) -> f64 {
+        self.rate_without_lag().max(self.decay)
     }
 
     /// The highest frequency of oscillation, in rad/s; damping alone only decays.

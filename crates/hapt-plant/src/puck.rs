@@ -1,8 +1,9 @@
 //! The puck alone: pushed by motor and hand, held by Coulomb friction ([`crate::friction`]).
 
-use crate::friction::Friction;
+use crate::field::{Field, Fielded};
+use crate::friction::{Friction, MOST_EVENTS, drives_after};
 use crate::ledger::Ledger;
-use crate::plant::{F, Motion, Plant, Propagator, Stretch, V, X};
+use crate::plant::{F, GAP, Motion, Plant, Propagator, Stretch, V, X};
 
 /// The physical puck and, while it is held, the hand's inertia, damping and stiffness on it.
 #[derive(Clone, Debug)]
@@ -13,6 +14,8 @@ pub(crate) struct Puck {
     pub velocity: f64,
     device: Inertia,
     friction: f64,
+    /// Gravity and cogging, where there are any.
+    field: Option<Field>,
     /// The rate in 1/s at which the motor approaches its command; 0: at once.
     decay: f64,
     /// `None`: the motion alone, without its works.
@@ -97,10 +100,10 @@ impl Held {
 
 impl Puck {
     /// Resets it to rest at 0, free. Without `lengths` the motion alone, without its works: sooner made, and slower where time steps recur.
-    pub fn new(device: Inertia, friction: f64, lag: f64, lengths: Option<Lengths>) -> Self {
+    pub fn new(device: Inertia, (friction, field): (f64, Option<Field>), lag: f64, lengths: Option<Lengths>) -> Self {
         let decay = decay(lag);
         let now = Held::new(device, None, NO_SINE, decay, lengths);
-        Puck { position: 0.0, velocity: 0.0, device, friction, decay, lengths, now, other: None }
+        Puck { position: 0.0, velocity: 0.0, device, friction, field, decay, lengths, now, other: None }
     }
 
     /// A hand grips the puck, with this `grip` and `sine`. One that `switches` alternately opens and closes: open, only its inertia stays
@@ -115,10 +118,22 @@ impl Puck {
     }
 
     /// The same puck, in the same hand, on another device. Allocates nothing.
-    pub fn refit(&mut self, device: Inertia, friction: f64, lag: f64, lengths: Option<Lengths>) {
-        (self.device, self.friction, self.decay, self.lengths) = (device, friction, decay(lag), lengths);
+    pub fn refit(
+        &mut self,
+        device: Inertia,
+        (friction, field): (f64, Option<Field>),
+        lag: f64,
+        lengths: Option<Lengths>,
+    ) {
+        (self.device, self.friction, self.field) = (device, friction, field);
+        (self.decay, self.lengths) = (decay(lag), lengths);
         self.now = self.now.refitted(device, self.decay, lengths);
         self.other = self.other.as_ref().map(|other| other.refitted(device, self.decay, lengths));
+    }
+
+    /// Gravity and cogging where the puck's 0 has moved.
+    pub fn place(&mut self, field: Option<Field>) {
+        self.field = field;
     }
 
     /// Moves for `dt` under the motor's torque and the hand's push; the works go to the ledger. The motor's torque is `motor`, and `gap`
@@ -126,7 +141,7 @@ impl Puck {
     #[inline]
     pub fn advance(&mut self, dt: f64, motor: f64, gap: f64, push: Push, ledger: &mut Ledger) {
         // What most periods are never leaves the registers: a held torque over a usual length, without friction.
-        let held = gap == 0.0 && push.slope == 0.0 && self.friction == 0.0;
+        let held = gap == 0.0 && push.slope == 0.0 && self.friction == 0.0 && self.field.is_none();
         match self.now.usual(dt) {
             Some(usual) if held && !usual.has_sine() => {
                 [self.position, self.velocity] = self.slide_held(usual, motor, push.value, ledger);
@@ -139,6 +154,7 @@ impl Puck {
     pub fn slides_as_usual(&self) -> bool {
         let free = |usual: &Propagator| !usual.has_sine() && !usual.has_spring();
         self.friction == 0.0
+            && self.field.is_none()
             && self.now.grip.is_none()
             && self.now.usual.as_ref().is_some_and(|[(_, usual), _]| free(usual))
     }
@@ -167,6 +183,10 @@ impl Puck {
     #[inline(never)]
     fn advance_any(&mut self, dt: f64, motor: f64, gap: f64, push: Push, ledger: &mut Ledger) {
         let y = [self.velocity, motor + push.value, self.position, push.slope, push.sin, push.cos, gap];
+        if let Some(field) = self.field.filter(|field| !field.is_passed(self.velocity, dt)) {
+            [self.position, self.velocity] = self.move_in(&field, y, dt, motor, ledger);
+            return;
+        }
         [self.position, self.velocity] = if self.friction == 0.0 {
             self.slide(y, dt, motor, 0.0, ledger)
         } else {
@@ -174,6 +194,80 @@ impl Puck {
             Friction { plant: &self.now.plant, level: self.friction }
                 .advance(y, dt, after, |y, taken, direction| self.slide(*y, taken, motor, direction, ledger))
         };
+    }
+
+    /// Position and velocity after `dt` under gravity and cogging.
+    #[inline(never)]
+    fn move_in(&self, field: &Field, mut y: Motion, dt: f64, motor: f64, ledger: &mut Ledger) -> [f64; 2] {
+        let plant = &self.now.plant;
+        let friction = Friction { plant, level: self.friction };
+        let mut left = dt;
+        // Each pass ends in a stop or a start.
+        for _ in 0..MOST_EVENTS {
+            if left <= 0.0 {
+                break;
+            }
+            // What friction holds stays where the torque of the field is this.
+            let mut held = y;
+            held[F] += field.torque(y[X]);
+            let direction = if self.friction > 0.0 { Some(friction.direction(&held)) } else { None };
+            if direction == Some(0.0) {
+                let taken = friction.first_slip(&held, left).unwrap_or(left);
+                y = drives_after(plant, &y, taken);
+                left -= taken;
+            } else {
+                left = self.slide_in(field, &mut y, left, (motor, direction), ledger);
+            }
+        }
+        [y[X], y[V]]
+    }
+
+    /// Slides for `left` s, to the stop where friction is against `direction`; what is left of the time then.
+    fn slide_in(
+        &self,
+        field: &Field,
+        y: &mut Motion,
+        mut left: f64,
+        (motor, direction): (f64, Option<f64>),
+        ledger: &mut Ledger,
+    ) -> f64 {
+        let plant = &self.now.plant;
+        let (n, lags) = (plant.generator(), y[GAP].abs());
+        let against = self.friction * direction.unwrap_or(0.0);
+        let without_lag = plant.rate_without_lag();
+        while left > 0.0 {
+            // What is rounding of the lag that was there no longer makes steps short.
+            if y[GAP].abs() <= 1e-3 * f64::EPSILON * lags {
+                y[GAP] = 0.0;
+            }
+            let rate = if y[GAP] != 0.0 { plant.rate() } else { without_lag };
+            let fielded = Fielded { field, n: &n, rate, mass: plant.mass, v: V, x: X };
+            let mut sliding = *y;
+            sliding[F] -= against;
+            let series = fielded.series(&sliding, left);
+            let stop = direction.and_then(|direction| fielded.first_stop(&series, direction));
+            let taken = stop.unwrap_or(series.length);
+            let mut end = series.after(taken);
+            let [speed, varying, lagging] = series.works(taken, |y| {
+                let drive = plant.drive(y) - y[GAP] - sliding[F];
+                [y[V] * y[V], drive * y[V], y[GAP] * y[V]]
+            });
+            let travel = end[X] - y[X];
+            let stretch = Stretch { end: [end[X], end[V]], travel, speed, varying, lagging };
+            self.account(&sliding, &stretch, y[F] - motor, (motor, against), self.now.grip, ledger);
+            ledger.field += field.work(y[X], end[X]);
+            end[F] += against;
+            if stop.is_some() {
+                end[V] = 0.0;
+            }
+            *y = end;
+            // Whole steps leave no time below rounding.
+            left = if taken < left { left - taken } else { 0.0 };
+            if stop.is_some() || !y[X].is_finite() {
+                break;
+            }
+        }
+        left
     }
 
     /// Slides for `dt` with friction against `direction` (0: none); gives position and velocity at the end.

@@ -12,6 +12,7 @@
 use alloc::boxed::Box;
 
 use crate::exponential::{GAUSS, Square, applied, congruent, doubled, folded, halved, series, widened};
+use crate::field::{Field, Fielded};
 use crate::friction::{MOST_EVENTS, ROUNDING, root};
 use crate::ledger::Ledger;
 use crate::puck::{Inertia, Lengths, NO_SINE, Push, Sine, decay};
@@ -56,6 +57,8 @@ pub(crate) struct Shaft {
     pub handle: Handle,
     device: Inertia,
     friction: f64,
+    /// Gravity and cogging on the puck, where there are any.
+    field: Option<Field>,
     /// The rate in 1/s at which the motor approaches its command; 0: at once.
     decay: f64,
     lengths: Lengths,
@@ -82,8 +85,9 @@ struct Flow {
     /// Powers, each a product of two linear outputs: of the motor's torque beyond the held one, lost in the puck's damping and in the
     /// shaft's, and of the hand without its spring and inertia.
     powers: [[State; 2]; 4],
-    /// The fastest rate in it and the highest frequency of oscillation, in 1/s.
+    /// The fastest rate in it and the highest frequency of oscillation, in 1/s; the same once the motor has settled.
     rate: f64,
+    settled_rate: f64,
     swing: f64,
     usual: [(f64, Propagator); 2],
     /// The time in which the fastest goes a quarter radian, and exp(N t) - I over it.
@@ -153,10 +157,18 @@ impl Flow {
 
         let masses = 1.0 / own.inertia + 1.0 / mass;
         let swing = libm::sqrt(stiffness * masses + grip.stiffness / mass).max(sine.2);
-        let rate = (damping * masses + own.damping / own.inertia + grip.damping / mass).max(swing).max(decay);
+        let settled_rate = (damping * masses + own.damping / own.inertia + grip.damping / mass).max(swing);
+        let rate = settled_rate.max(decay);
         let quarter = (0.25 / rate, series(&n, 0.25 / rate));
-        let mut flow =
-            Flow { n, powers, rate, swing, usual: core::array::from_fn(|_| (0.0, Propagator::NONE)), quarter };
+        let mut flow = Flow {
+            n,
+            powers,
+            rate,
+            settled_rate,
+            swing,
+            usual: core::array::from_fn(|_| (0.0, Propagator::NONE)),
+            quarter,
+        };
         let [first, second] = shaft.lengths;
         let long = flow.propagator(first);
         let short = if second == first { long.clone() } else { flow.propagator(second) };
@@ -316,11 +328,18 @@ fn output<const K: usize>(row: &State, change: &Square<K>) -> [f64; K] {
 impl Shaft {
     /// A free handle at rest on an unloaded shaft. Not inlined, so that a device without one does not use its stack.
     #[inline(never)]
-    pub fn boxed(handle: Handle, device: Inertia, friction: f64, lag: f64, lengths: Lengths) -> Box<Self> {
+    pub fn boxed(
+        handle: Handle,
+        device: Inertia,
+        (friction, field): (f64, Option<Field>),
+        lag: f64,
+        lengths: Lengths,
+    ) -> Box<Self> {
         let none = || Flow {
             n: [[0.0; STATES]; STATES],
             powers: [[[0.0; STATES]; 2]; 4],
             rate: 0.0,
+            settled_rate: 0.0,
             swing: 0.0,
             usual: core::array::from_fn(|_| (0.0, Propagator::NONE)),
             quarter: (0.0, [[0.0; STATES]; STATES]),
@@ -328,7 +347,7 @@ impl Shaft {
         let now = Held { grasp: Grasp::Free, sine: NO_SINE, sliding: none(), stuck: none() };
         let decay = decay(lag);
         let mut shaft =
-            Shaft { deflection: 0.0, velocity: 0.0, handle, device, friction, decay, lengths, now, other: None };
+            Shaft { deflection: 0.0, velocity: 0.0, handle, device, friction, field, decay, lengths, now, other: None };
         shaft.take(Grasp::Free, NO_SINE, false);
         Box::new(shaft)
     }
@@ -350,10 +369,16 @@ impl Shaft {
     }
 
     /// The same hand on another device. Allocates nothing.
-    pub fn refit(&mut self, device: Inertia, friction: f64, lag: f64, lengths: Lengths) {
-        (self.device, self.friction, self.decay, self.lengths) = (device, friction, decay(lag), lengths);
+    pub fn refit(&mut self, device: Inertia, (friction, field): (f64, Option<Field>), lag: f64, lengths: Lengths) {
+        (self.device, self.friction, self.field) = (device, friction, field);
+        (self.decay, self.lengths) = (decay(lag), lengths);
         self.now = self.held(self.now.grasp, self.now.sine);
         self.other = self.other.as_ref().map(|other| self.held(other.grasp, other.sine));
+    }
+
+    /// Gravity and cogging where the puck's 0 has moved.
+    pub fn place(&mut self, field: Option<Field>) {
+        self.field = field;
     }
 
     /// Opens or closes a switching hand.
@@ -376,6 +401,7 @@ impl Shaft {
     ) -> [f64; 2] {
         let mut y = [v, self.velocity, self.deflection, x, motor, gap, push.value, push.slope, push.sin, push.cos];
         let mut left = dt;
+        let field = self.field.filter(|field| !field.is_passed(v, dt));
         // Where a slip starts, its direction is known. The net torque there is friction's, and rounding could call it either.
         let mut slips = None;
         // Each pass ends in a stop or a start.
@@ -383,11 +409,18 @@ impl Shaft {
             if left <= 0.0 {
                 break;
             }
-            let direction = slips.take().or_else(|| self.direction(&y));
+            // What friction holds stays where the torque of the field is this.
+            let mut held = y;
+            held[MOTOR] += field.map_or(0.0, |field| field.torque(y[X]));
+            let direction = slips.take().or_else(|| self.direction(&held));
+            if let (Some(field), Some(direction)) = (&field, direction) {
+                left = self.slide_in(field, &mut y, left, direction, ledger);
+                continue;
+            }
             let event = match direction {
                 Some(0.0) => None,
                 Some(direction) => self.first_stop(&y, left, direction),
-                None => self.first_slip(&y, left).map(|(start, side)| {
+                None => self.first_slip(&held, left).map(|(start, side)| {
                     slips = Some(side);
                     start
                 }),
@@ -464,6 +497,59 @@ impl Shaft {
         }
     }
 
+    /// The puck slides in `direction` (0: without friction) under gravity and cogging for `left` s, or to its stop; what is left of the time then.
+    fn slide_in(&self, field: &Field, y: &mut State, mut left: f64, direction: f64, ledger: &mut Ledger) -> f64 {
+        let flow = &self.now.sliding;
+        let (motor, held, lags) = (y[MOTOR], self.friction * direction, y[GAP].abs());
+        while left > 0.0 {
+            // What is rounding of the lag that was there no longer makes steps short.
+            if y[GAP].abs() <= 1e-3 * f64::EPSILON * lags {
+                y[GAP] = 0.0;
+            }
+            let rate = if y[GAP] != 0.0 { flow.rate } else { flow.settled_rate };
+            let fielded = Fielded { field, n: &flow.n, rate, mass: self.device.inertia, v: V, x: X };
+            y[MOTOR] -= held;
+            let series = fielded.series(y, left);
+            let stop = if direction == 0.0 { None } else { fielded.first_stop(&series, direction) };
+            let taken = stop.unwrap_or(series.length);
+            let mut end = series.after(taken);
+            let works = series.works(taken, |y| {
+                let along = |row: &State| row.iter().zip(y).map(|(gain, y)| gain * y).sum::<f64>();
+                flow.powers.each_ref().map(|[p, q]| along(p) * along(q))
+            });
+            let (travel, way) = (end[X] - y[X], end[X] - y[X] + (end[S] - y[S]));
+            self.account(y, &end, (motor, held), [travel, way], works, ledger);
+            ledger.field += field.work(y[X], end[X]);
+            end[MOTOR] = motor;
+            if stop.is_some() {
+                end[V] = 0.0;
+            }
+            *y = end;
+            left = if taken < left { left - taken } else { 0.0 };
+            if stop.is_some() || !y[X].is_finite() {
+                break;
+            }
+        }
+        left
+    }
+
+    /// The works of a stretch from `y` to `end`, in which the puck and the handle go these ways.
+    fn account(
+        &self,
+        y: &State,
+        end: &State,
+        (motor, held): (f64, f64),
+        [travel, way]: [f64; 2],
+        [lagging, damping, shaft, hand]: [f64; 4],
+        ledger: &mut Ledger,
+    ) {
+        ledger.motor += motor * travel + lagging;
+        ledger.friction += held * travel;
+        ledger.damping += damping;
+        ledger.shaft += shaft;
+        ledger.hand += hand + self.kept(y, end, way);
+    }
+
     /// Moves for `dt`: the puck slides in `direction` (0: without friction), or friction holds it.
     fn pass(&self, y: &mut State, dt: f64, direction: Option<f64>, ledger: &mut Ledger) {
         let flow = if direction.is_some() { &self.now.sliding } else { &self.now.stuck };
@@ -477,18 +563,14 @@ impl Shaft {
                 &fresh
             }
         };
-        let [lagging, damping, shaft, hand] = works.each_ref().map(|form| {
+        let works = works.each_ref().map(|form| {
             let row = |i: usize| y[i] * (i..STATES).map(|j| form[i][j] * y[j]).sum::<f64>();
             (0..STATES).map(row).sum::<f64>()
         });
         let mut end = applied(change, y);
         let along = |row: usize| change[row].iter().zip(&*y).map(|(x, y)| x * y).sum::<f64>();
         let (travel, bend) = (along(X), along(S));
-        ledger.motor += motor * travel + lagging;
-        ledger.friction += held * travel;
-        ledger.damping += damping;
-        ledger.shaft += shaft;
-        ledger.hand += hand + self.kept(y, &end, travel + bend);
+        self.account(y, &end, (motor, held), [travel, travel + bend], works, ledger);
         end[MOTOR] = motor;
         *y = end;
     }
@@ -530,7 +612,7 @@ mod tests {
         ) {
             let device = Inertia { inertia: motor, damping: 1e-3, stiffness: 0.0 };
             let handle = Handle { inertia, stiffness, damping };
-            let mut shaft = Shaft::boxed(handle, device, friction, lag, [1e-3; 2]);
+            let mut shaft = Shaft::boxed(handle, device, (friction, None), lag, [1e-3; 2]);
             let grasp = grip.map_or(Grasp::Free, |(inertia, damping, stiffness)| Grasp::Grip(Inertia { inertia, damping, stiffness }));
             shaft.take(grasp, (sine, 0.0, 30.0), false);
             let flow = if stuck { &shaft.now.stuck } else { &shaft.now.sliding };

@@ -3,6 +3,8 @@
 use alloc::string::String;
 use alloc::vec::Vec;
 
+use hapt_core::Waveform;
+
 /// The parameters of a [`crate::VirtualDevice`]: the device and the loop's times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -21,6 +23,79 @@ pub struct DeviceSpec {
     pub friction: f64,
     /// A handle on a flexible shaft; `None`: the puck is the handle.
     pub handle: Option<Handle>,
+    /// Gravity and cogging, which act on the puck.
+    pub torque: DeviceTorque,
+}
+
+/// The torques of the device's own that depend on its position: it stores their energy, and over a turn they give none.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct DeviceTorque {
+    /// Of an unbalanced puck or handle.
+    pub gravity: Option<Gravity>,
+    /// Of the motor without current.
+    pub cogging: Option<Cogging>,
+}
+
+/// torque · sin(z + phase) on the puck. It turns with the angle: rotary devices have it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Gravity {
+    /// In N·m, zero or more.
+    pub torque: f64,
+    /// In rad.
+    pub phase: f64,
+}
+
+/// torque · Σ (sineₙ sin nθ + cosineₙ cos nθ) on the puck, θ = 2π (z - phase)/pitch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Cogging {
+    /// In N·m (linear: N), zero or more.
+    pub torque: f64,
+    /// One period, in rad (linear: m), positive.
+    pub pitch: f64,
+    /// Where a period begins, in the same unit.
+    pub phase: f64,
+    /// Its harmonics.
+    pub waveform: Waveform,
+}
+
+impl DeviceTorque {
+    /// Whether there is none.
+    pub fn is_none(&self) -> bool {
+        self.most() == 0.0
+    }
+
+    /// A bound on it, in N·m (linear: N): the sizes of all sines.
+    pub fn most(&self) -> f64 {
+        self.sum(|_| 1.0)
+    }
+
+    /// A bound on its slope of either sign, in N·m/rad (linear: N/m): the steepest slopes of all sines.
+    pub fn steepest(&self) -> f64 {
+        self.sum(|rate| rate)
+    }
+
+    /// On the puck at `z` rad (linear: m), in N·m (linear: N).
+    pub fn at(&self, z: f64) -> f64 {
+        let gravity = self.gravity.map_or(0.0, |gravity| gravity.torque * libm::sin(z + gravity.phase));
+        let cogging = self.cogging.map_or(0.0, |cogging| {
+            cogging.torque * cogging.waveform.at(core::f64::consts::TAU * (z - cogging.phase) / cogging.pitch)
+        });
+        gravity + cogging
+    }
+
+    /// The sizes of all sines, each times a weight of its rate in 1/rad (linear: 1/m).
+    fn sum(&self, weight: impl Fn(f64) -> f64) -> f64 {
+        let gravity = self.gravity.map_or(0.0, |gravity| gravity.torque * weight(1.0));
+        let cogging = self.cogging.map_or(0.0, |Cogging { torque, pitch, waveform, .. }| {
+            let rate = core::f64::consts::TAU / pitch;
+            let size = |(n, sine, cosine): (f64, f64, f64)| torque * libm::hypot(sine, cosine) * weight(n * rate);
+            waveform.harmonics().map(size).sum()
+        });
+        gravity + cogging
+    }
 }
 
 /// A handle that a flexible shaft connects to the puck: the motor and the encoder are at the puck, the hand is at the handle.

@@ -199,6 +199,7 @@ impl<'w> Lane<'w> {
             Drive::Grip { switching, .. } => device.friction == 0.0 && switching.is_none(),
         };
         device.handle.is_none()
+            && device.torque.is_none()
             && self.scenario.timing == Timing::Even
             && pushed
             && (device.lag == 0.0 || !self.moves())

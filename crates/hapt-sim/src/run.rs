@@ -16,8 +16,12 @@ pub enum Error {
     #[error("{0}")]
     Loop(#[from] hapt_core::Error),
     /// The device cannot be simulated.
-    #[error("device.handle: {reason}")]
+    #[error("device.{table}.{key}: {reason}")]
     Device {
+        /// The table below `device`.
+        table: &'static str,
+        /// The key in it.
+        key: &'static str,
         /// What is wrong, and what would be right.
         reason: String,
     },
@@ -282,7 +286,10 @@ fn holdable(world: &World, scenario: &Scenario) -> Result<(), Error> {
 
 /// Whether the device can be simulated.
 fn simulated(world: &World) -> Result<(), Error> {
-    world.device.fault(world.sampling.period).map_or(Ok(()), |reason| Err(Error::Device { reason }))
+    world
+        .device
+        .fault(world.sampling.period)
+        .map_or(Ok(()), |(table, key, reason)| Err(Error::Device { table, key, reason }))
 }
 
 /// A delay of less than a period, within 1e-6 of a whole sample that sample.

@@ -201,10 +201,14 @@ fn text(world: &World, own: Option<&Effort>, scenario: &Scenario, summary: &Summ
         Some(_) => format!(", the shaft took {}", format::energy(ledger.shaft)),
         None => String::new(),
     };
+    let own = match world.device.torque.is_none() {
+        false => format!(", gravity and cogging gave {}", format::energy(ledger.field)),
+        true => String::new(),
+    };
     line(
         "device",
         format!(
-            "hand gave {}, motor gave {}; damping took {}, friction took {}{shaft}",
+            "hand gave {}, motor gave {}{own}; damping took {}, friction took {}{shaft}",
             format::energy(ledger.hand),
             format::energy(ledger.motor),
             format::energy(ledger.damping),

@@ -100,6 +100,7 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
         levels: None,
         drive: Default::default(),
         handle: None,
+        torque: Default::default(),
     };
     if bent && rng.u8(..4) > 0 {
         device.encoder = rng.bool().then(|| log_uniform(rng, 3.0, 6.0).round());

@@ -255,8 +255,27 @@ fn notes(world: &World) -> Result<Vec<String>, Error> {
                 .to_string(),
         );
     }
+    notes.extend(device_torque(world));
     notes.extend(at_puck(world));
     Ok(notes)
+}
+
+/// What gravity and cogging are to the verdicts.
+fn device_torque(world: &World) -> Option<String> {
+    let torque = &world.device.torque;
+    let of = match (torque.gravity.is_some(), torque.cogging.is_some()) {
+        (true, true) => "device.gravity and device.cogging",
+        (true, false) => "device.gravity",
+        (false, _) => "device.cogging",
+    };
+    (!torque.is_none()).then(|| {
+        format!(
+            "{of}: a torque that stores energy and gives none over a turn is a part of the passive hand, so passive and uneven hold whatever it \
+             is; free takes its slope as 0 and as {steepest} that hold the puck, the worse of the two; where it falls as steeply it pushes the puck \
+             away from rest, and a hands-off puck settles elsewhere unless springs at it are stiffer",
+            steepest = with_unit(torque.steepest(), Measure::Stiffness, world.motion)
+        )
+    })
 }
 
 /// Whether a step that finds its nonlinear torques may not find them. Couplings of one body, or between the same two, have one equation, whose

@@ -162,6 +162,16 @@ impl Port {
         (self, damping + grip.damping)
     }
 
+    /// The port with a spring of the device's own between puck and ground.
+    pub fn anchored(mut self, stiffness: f64) -> Port {
+        if stiffness > 0.0 && !self.grounded {
+            self.grounded = true;
+            self.shifts -= 1;
+        }
+        self.spring += stiffness;
+        self
+    }
+
     /// The port with this handle on a shaft, free.
     pub fn with_handle(mut self, handle: Option<Handle>) -> Port {
         self.handle = handle.map(|handle| (handle, Grip::default()));

@@ -432,6 +432,9 @@ fn notes(world: &World, slopes: &Slopes, transfer: &TransferFunction) -> Vec<Str
             "rendered and ideal are at the puck, resonances with the puck held; the whole is felt at the handle, beyond its shaft".into(),
         );
     }
+    if !world.device.torque.is_none() {
+        notes.push("gravity and cogging of the device are not linear and are left out".into());
+    }
     let band = MARGINAL * world.sampling.period;
     if transfer.poles.iter().any(|p| p.ln_abs >= band) {
         notes.push(

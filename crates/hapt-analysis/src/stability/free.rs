@@ -1,5 +1,6 @@
 //! Stability of the free loop: world, estimator, delay, hold and device together, with a handle on a shaft where there is one, hands-off. Levels, encoder, limit and Coulomb
-//! friction are omitted; nonlinear couplings enter by their slopes.
+//! friction are omitted; nonlinear couplings enter by their slopes, and so do gravity and cogging of the device: as nothing, and as a spring from
+//! puck to ground of their steepest slope.
 //!
 //! Modes decoupled from the puck keep their eigenvalues of the held world, with their closed forms. The rest is one matrix, that of
 //! `closed_loop`. Shifts that change no torque are removed before the eigenvalue solver. Momentum, where the scheme conserves it, is
@@ -139,7 +140,22 @@ pub fn free_eigenvalues(world: &World) -> Result<Vec<Eigenvalue>, Error> {
     Ok(analyse(world, &Grip::default(), Extent::Eigenvalues)?.eigenvalues)
 }
 
+/// Of gravity and cogging their flat slope counts and the steepest that holds the puck, the worse of the two.
 pub(crate) fn analyse(world: &World, grip: &Grip, extent: Extent) -> Result<Stability, Error> {
+    let (flat, most) = analyse_anchored(world, grip, 0.0, extent)?;
+    let steepest = world.device.torque.steepest();
+    if steepest == 0.0 {
+        return Ok(flat);
+    }
+    let (steep, critical) = analyse_anchored(world, grip, steepest, extent)?;
+    let critical = critical.min(most);
+    let growth = |found: &Stability| found.growth_per_s.unwrap_or(f64::NEG_INFINITY);
+    let worse = if growth(&steep) > growth(&flat) + MARGINAL { steep } else { flat };
+    Ok(Stability { critical_period_s: critical.period(), critical_period_reason: critical.reason(), ..worse })
+}
+
+/// With a spring of the device's own from puck to ground.
+fn analyse_anchored(world: &World, grip: &Grip, anchor: f64, extent: Extent) -> Result<(Stability, Critical), Error> {
     // The critical period is searched where it may be below this.
     let mut critical = if extent == Extent::Whole { Critical::Unbounded } else { Critical::Never };
     let sampling = &world.sampling;
@@ -159,7 +175,7 @@ pub(crate) fn analyse(world: &World, grip: &Grip, extent: Extent) -> Result<Stab
                 Some((_, found)) => found.clone(),
                 None => {
                     let found = match index {
-                        0 => puck_part(&part, (sampling, &world.device), grip, critical, extent)?,
+                        0 => puck_part(&part, (sampling, &world.device), (grip, anchor), critical, extent)?,
                         _ => decoupled_part(&part, sampling, critical)?,
                     };
                     known.push((part, found.clone()));
@@ -188,7 +204,7 @@ pub(crate) fn analyse(world: &World, grip: &Grip, extent: Extent) -> Result<Stab
         Critical::Period(period) if period <= shortest_period(sampling) => Critical::Never,
         Critical::Period(_) | Critical::Never | Critical::Unbounded => critical,
     };
-    Ok(assemble(&all, &without_shifts, &pairs, critical, period))
+    Ok((assemble(&all, &without_shifts, &pairs, critical, period), critical))
 }
 
 /// The period in s at which the search for the critical period begins.
@@ -220,12 +236,12 @@ fn of_bodies(modes: &Modal, sampling: &Sampling, known: Critical) -> Result<Crit
 fn puck_part(
     part: &Part,
     (sampling, device): (&Sampling, &Device),
-    grip: &Grip,
+    (grip, anchor): (&Grip, f64),
     known: Critical,
     extent: Extent,
 ) -> Result<PartResult, Error> {
     let period = sampling.step();
-    let port = Port::new(part)?.lagging(device.lag).with_handle(device.handle);
+    let port = Port::new(part)?.lagging(device.lag).with_handle(device.handle).anchored(anchor);
     let (port, damping) = port.gripped(device.damping, grip);
     let (unobservable, _) = spectrum(&port.unobservable, sampling.method, period)?;
     let mut critical = of_bodies(&port.unobservable, sampling, known)?;
@@ -244,7 +260,7 @@ fn puck_part(
         if worst.as_ref().is_none_or(|(growth, _)| most > growth + MARGINAL) {
             worst = Some((most, multipliers));
         }
-        let conserved = !part.grounded && damping == 0.0 && conserves_momentum(sampling, &port);
+        let conserved = !port.grounded && damping == 0.0 && conserves_momentum(sampling, &port);
         critical = critical.min(critical_period(&port, sampling, damping, index, conserved, known.min(critical))?);
         if !port.has_damper() {
             // The velocity is not used.

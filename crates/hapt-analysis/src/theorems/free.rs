@@ -105,6 +105,15 @@ impl FreePatterns {
         if [tolerances.inertia, tolerances.damping, tolerances.lag] != [0.0; 3] {
             return Ok(FreePatterns::open("tolerances of the device are covered by a proof of passivity only"));
         }
+        if !world.device.torque.is_none() {
+            let growth = free_growth(world)?;
+            if timing.is_even() && Verdict::of(growth) == Verdict::Unstable {
+                return Ok(FreePatterns::broken(even(world, growth)));
+            }
+            return Ok(FreePatterns::open(
+                "gravity and cogging of the device are covered by a proof of passivity only",
+            ));
+        }
         if world.couplings.iter().any(is_nonlinear) {
             return of_laws(world, timing);
         }

@@ -27,7 +27,9 @@ pub(crate) fn held_claim(world: &World, held: &Stability) -> Claimed {
 /// the device's friction, which `free` leaves out.
 pub(crate) fn free_claim(world: &World, free: &Stability, passive: &Claimed, by_friction: bool) -> Claimed {
     let is_stable = free.verdict != Verdict::Unstable;
-    let is_linear = !world.couplings.iter().any(is_nonlinear) && !changes_window(world);
+    // What gravity and cogging are between their slopes, eigenvalues do not tell.
+    let is_linear =
+        world.device.torque.is_none() && !world.couplings.iter().any(is_nonlinear) && !changes_window(world);
     let claim = match is_linear && is_stable {
         true => Claimed::by(&[&FREE_LINEAR]),
         false => passive.and(&Claimed::by(&[&FREE_PASSIVE])),

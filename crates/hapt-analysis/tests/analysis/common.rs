@@ -48,6 +48,7 @@ impl Bench {
                 levels: None,
                 drive: Default::default(),
                 handle: None,
+                torque: Default::default(),
             },
             safety: Safety::default(),
             names: (0..self.bodies.len()).map(|i| format!("body{i}")).collect(),

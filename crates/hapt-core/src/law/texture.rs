@@ -15,6 +15,7 @@ pub const HARMONICS: usize = 4;
 /// One period of a texture as a Fourier sum without a mean: Σ (sineₙ sin nθ + cosineₙ cos nθ), θ from 0 to 2π. Its factors are f32: a
 /// board of 32 KiB holds several copies of every coupling while it compiles a world.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Waveform {
     /// Of sin θ, sin 2θ, and so on.
     pub sine: [f32; HARMONICS],

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use fastrand::Rng;
 use hapt_plant::VirtualDevice;
-use hapt_plant::spec::DeviceSpec;
+use hapt_plant::spec::{DeviceSpec, DeviceTorque};
 
 pub const WHEEL: DeviceSpec = DeviceSpec {
     lag: 0.0,
@@ -14,6 +14,7 @@ pub const WHEEL: DeviceSpec = DeviceSpec {
     damping: 1.2e-3,
     friction: 5e-3,
     handle: None,
+    torque: DeviceTorque { gravity: None, cogging: None },
 };
 
 /// Torques that step up and down at random, in N·m.

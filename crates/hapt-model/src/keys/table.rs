@@ -23,6 +23,8 @@ const WAVEFORM: Presence = Presence::Depends("a texture has sine and cosine, or 
 
 const LUGRE: Presence = Presence::Depends("the six LuGre keys stand together, in place of torque");
 
+const COGGING: Presence = Presence::Depends("cogging has sine, cosine or both");
+
 /// What stands for a lost link, and for what the world's own ledger finds.
 pub(crate) const LINK_LOST: [&str; 2] = ["fade-out", "fault"];
 pub(crate) const WORLD_LEDGER: [&str; 2] = ["warn", "trip"];
@@ -75,8 +77,19 @@ pub const KEYS: &[Key] = &[
     key("device.encoder", Quantity(Position, Positive), Optional, "The size of one count; absent: ideal.").only(Motion::Linear),
     key("device.levels", Whole { least: 2, most: u32::MAX as u64, step: 2 }, Optional,
         "Torque resolution: steps of 2 limit/levels. Needs a limit; absent: ideal."),
+    key("device.motor", Table, Optional,
+        "A motor that turns the puck through a gear or a cable, with its numbers on its own side: they are added to those of the device, which are at the puck.").only(Motion::Rotary),
+    key("device.motor.ratio", Quantity(Ratio, Positive), Required, "Revolutions of the motor for one of the puck.").only(Motion::Rotary),
+    key("device.motor.inertia", Quantity(Inertia, ZeroOrMore), Number(0.0), "The rotor's inertia; at the puck it counts ratio² times.").only(Motion::Rotary),
+    key("device.motor.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "The motor's viscous damping; at the puck it counts ratio² times.").only(Motion::Rotary),
+    key("device.motor.friction", Quantity(Torque, ZeroOrMore), Number(0.0), "The motor's Coulomb friction; at the puck it counts ratio times.").only(Motion::Rotary),
+    key("device.motor.limit", Quantity(Torque, Positive), Optional, "The largest torque of the motor's shaft, in place of device.limit, which is ratio times as much.").only(Motion::Rotary),
+    key("device.motor.torque_constant", Quantity(Ratio, Positive), Depends("required with device.motor.current"), "The motor's torque for its current, in N m/A.").only(Motion::Rotary),
+    key("device.motor.current", Quantity(Ratio, Positive), Optional, "The largest current, in A: with torque_constant in place of device.motor.limit.").only(Motion::Rotary),
+    key("device.motor.encoder", Whole { least: 1, most: 1 << 53, step: 1 }, Optional,
+        "Counts in a revolution of the motor, in place of device.encoder; at the puck they are ratio times as many, to a whole number.").only(Motion::Rotary),
     key("device.drive", Table, Optional, "How the puck hangs on a motor drive, where there is one (--device moteus:... and odrive:...)."),
-    key("device.drive.gear", Quantity(Ratio, Positive), Depends("1"), "Revolutions of the drive for one of the puck.").only(Motion::Rotary),
+    key("device.drive.gear", Quantity(Ratio, Positive), Depends("device.motor.ratio, or 1"), "Revolutions of the drive for one of the puck.").only(Motion::Rotary),
     key("device.drive.gear", Quantity(Position, Positive), Depends("required with a drive"), "How far the puck goes in one revolution of the drive.").only(Motion::Linear),
     key("device.drive.direction", Takes::Name(&DIRECTION), Name(DIRECTION[0]),
         "Whether the drive's positions rise with the puck's (\"forward\") or fall (\"reverse\"); its torques go the same way."),
@@ -87,6 +100,17 @@ pub const KEYS: &[Key] = &[
     key("device.handle.inertia", Quantity(Inertia, Positive), Required, "The inertia (linear: mass) of the handle beyond the shaft."),
     key("device.handle.stiffness", Quantity(Stiffness, Positive), Required, "The shaft's stiffness: torque per angle between handle and puck."),
     key("device.handle.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "The shaft's damping: torque per relative velocity of handle and puck."),
+
+    key("device.gravity", Table, Optional, "The torque of an unbalanced puck: torque · sin(z + phase) on it. It stores energy, and over a turn it gives none.").only(Motion::Rotary),
+    key("device.gravity.torque", Quantity(Torque, ZeroOrMore), Required, "Its size: weight times the distance of the centre of mass from the axis.").only(Motion::Rotary),
+    key("device.gravity.phase", Quantity(Angle, Any), Number(0.0),
+        "The angle at z = 0 from where it would be balanced upside down: 0 stands on its head, 180 deg hangs, 90 deg is level.").only(Motion::Rotary),
+    key("device.cogging", Table, Optional, "The torque of a motor without current against its position, as the waveform of a texture. It stores energy, and over a pitch it gives none."),
+    key("device.cogging.torque", Quantity(Torque, ZeroOrMore), Required, "The torque on the puck where the waveform is 1."),
+    key("device.cogging.pitch", Quantity(Position, Positive), Required, "One period of the waveform: \"1 rev\" for the harmonics of a turn."),
+    key("device.cogging.phase", Quantity(Position, Any), Number(0.0), "Where a period of the waveform begins."),
+    key("device.cogging.sine", WAVES, COGGING, "The waveform's harmonics: of sin θ, sin 2θ and so on, θ = 2π (z - phase)/pitch."),
+    key("device.cogging.cosine", WAVES, COGGING, "The waveform's harmonics: of cos θ, cos 2θ and so on."),
 
     key("bodies", BODIES, Optional, "The virtual inertias, by name."),
     key("bodies.*.inertia", Quantity(Inertia, Positive), Required, "Its inertia (linear: mass)."),

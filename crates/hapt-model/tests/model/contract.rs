@@ -95,6 +95,7 @@ fn the_documented_example_reads_to_its_numbers() {
         levels: Some(2048),
         drive: Default::default(),
         handle: None,
+        torque: Default::default(),
     };
     assert_eq!(world.device, device);
     assert_eq!(world.names, ["wheel"]);
@@ -151,6 +152,7 @@ fn what_is_absent_has_its_default() {
         levels: None,
         drive: Default::default(),
         handle: None,
+        torque: Default::default(),
     };
     assert_eq!(world.device, device);
     let moves = Shape::Step { to: 1.0, at: 0.0 };
@@ -200,6 +202,7 @@ hand = { kind = "sine", amplitude = "3 mm", frequency = "2 Hz", phase = "90 deg"
         levels: Some(16),
         drive: Default::default(),
         handle: None,
+        torque: Default::default(),
     };
     assert_eq!(world.device, device);
     assert_eq!(world.count(), Some(5e-6));

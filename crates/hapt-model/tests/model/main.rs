@@ -3,6 +3,7 @@
 mod contract;
 mod laws;
 mod mistakes;
+mod motor;
 mod networks;
 mod overrides;
 mod parts;

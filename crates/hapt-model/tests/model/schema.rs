@@ -18,7 +18,9 @@ fn every_key_is_there_with_its_doc() {
             described(table)
                 || ["loop", "device", "safety"].iter().any(|name| described(&table["properties"][*name]))
                 || ["bodies", "scenarios", "stations"].iter().any(|name| each(name))
-                || ["drive", "handle"].iter().any(|name| described(&table["properties"]["device"]["properties"][*name]))
+                || ["motor", "drive", "handle", "gravity", "cogging"]
+                    .iter()
+                    .any(|name| described(&table["properties"]["device"]["properties"][*name]))
         };
         assert!(definitions.values().any(inside), "{}", key.path);
     }

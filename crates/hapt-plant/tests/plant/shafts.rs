@@ -149,7 +149,16 @@ fn cases() -> impl Strategy<Value = Case> {
         let (omega, mass) = (10_f64.powf(angle) / T, 1.0 / (1.0 / inertia + 1.0 / other));
         let handle =
             Handle { inertia: other, stiffness: mass * omega * omega, damping: mass * omega * 10_f64.powf(ratio) };
-        let spec = DeviceSpec { period: T, delay: 0.0, lag, inertia, damping, friction, handle: None };
+        let spec = DeviceSpec {
+            period: T,
+            delay: 0.0,
+            lag,
+            inertia,
+            damping,
+            friction,
+            handle: None,
+            torque: Default::default(),
+        };
         let sine = |level: f64| {
             (about(level), 0.0_f64..2.3, 0.0_f64..6.3).prop_map(|(amplitude, frequency, phase)| Shape::Sine {
                 amplitude,

@@ -82,7 +82,7 @@ fn by_closed_form(case: &Case) -> (Vec<f64>, u32) {
 }
 
 fn spec(inertia: f64, damping: f64, friction: f64, lag: f64) -> DeviceSpec {
-    DeviceSpec { period: T, delay: 0.0, lag, inertia, damping, friction, handle: None }
+    DeviceSpec { period: T, delay: 0.0, lag, inertia, damping, friction, handle: None, torque: Default::default() }
 }
 
 fn compare(case: &Case) -> Result<u32, TestCaseError> {

@@ -82,6 +82,8 @@ fn world(seed: u64, lane: u64, runaway: bool) -> World {
     (device.friction, device.lag) = (some((1e-3, 0.05)), some((1e-4, 5e-3)));
     let handle = Handle { inertia: some((1e-4, 1e-3)), stiffness: 20.0, damping: some((0.0, 1e-3)) };
     device.handle = (handle.inertia > 0.0).then_some(handle);
+    let gravity = Gravity { torque: some((1e-3, 0.1)), phase: 1.0 };
+    device.torque.gravity = (gravity.torque > 0.0).then_some(gravity);
 
     let n = shape.below(5);
     let new_sample_first = world.sampling.method.takes_new_sample_first();

@@ -32,6 +32,7 @@ pub fn bare() -> World {
             levels: None,
             drive: Default::default(),
             handle: None,
+            torque: Default::default(),
         },
         safety: Default::default(),
         names: vec![],

@@ -356,6 +356,9 @@ fn a_shaft_too_stiff_beside_friction_is_refused_in_a_world_that_was_built() {
     let scenario = scenario(0.2, torque(Shape::Step { to: 0.1, at: 0.0 }), None);
     for refused in [hapt_sim::check(&world).err(), Simulation::new(&world, &scenario).err()] {
         let message = refused.unwrap().to_string();
-        assert!(message.starts_with("device.handle: the shaft swings") && message.contains("at most 100"), "{message}");
+        assert!(
+            message.starts_with("device.handle.stiffness: the shaft swings") && message.contains("at most 100"),
+            "{message}"
+        );
     }
 }

@@ -104,6 +104,13 @@ impl Measure {
         if key.starts_with("device.handle.") {
             return self != Measure::RequiredDamping;
         }
+        if key.starts_with("device.gravity.") || key.starts_with("device.cogging.") {
+            return match self {
+                Measure::RequiredDamping => false,
+                Measure::HeldGrowth | Measure::HeldVerdict => has_handle,
+                _ => true,
+            };
+        }
         let mut names = key.split('.');
         let (table, last) = (names.next().unwrap_or_default(), names.next_back().unwrap_or_default());
         match self {

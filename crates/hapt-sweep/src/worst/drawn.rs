@@ -174,7 +174,8 @@ pub fn drawn(world: &World, scenario: &Scenario, had: f64) -> Result<Drawn, Erro
         }
         let supplied = supply.until(row);
         let ledger = row.ledger;
-        let gain = -ledger.hand - supplied;
+        // Gravity and cogging of the device are a part of the hand: what they store is not drawn.
+        let gain = -(ledger.hand + ledger.field) - supplied;
         if !gain.is_finite() {
             break;
         }

@@ -373,7 +373,7 @@ impl WorkMotion {
             taken += 1;
             if taken % self.steps.len() == 1 && taken > 1 {
                 // The puck's speed is the same at the end of each.
-                let [now, then] = [-row.ledger.hand, row.ledger.damping];
+                let [now, then] = [-(row.ledger.hand + row.ledger.field), row.ledger.damping];
                 if repetitions > 0 && now - drawn <= 1e-6 * (then - lost) {
                     return false;
                 }

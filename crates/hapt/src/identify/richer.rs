@@ -1,5 +1,6 @@
 //! The answer for a device that is richer than the model: the fit to the torque, with its misfit by kind.
 
+use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::process::ExitCode;
 
@@ -179,5 +180,41 @@ fn table(given: &Given, fit: &TorqueFit) -> String {
     if fit.sign.is_some_and(|sign| sign < 0.0) {
         text += "# the motor's sign is -1: turn its leads over, or its sign in the driver, before a world runs on it\n";
     }
+    text + &own_torques(given, fit)
+}
+
+/// `[device.gravity]` and `[device.cogging]` of the terms that repeat: the largest of those of cogging, as a file has one pitch.
+fn own_torques(given: &Given, fit: &TorqueFit) -> String {
+    let (effort, per_si) = effort(given.motion);
+    let way = fit.sign.unwrap_or(1.0);
+    let mut text = String::new();
+    let mut terms: Vec<(u32, f64, f64)> = Vec::new();
+    for term in &fit.terms {
+        if let TermKind::Turn { times, phase } = term.kind {
+            // The term is what the motor gives against the device's torque.
+            terms.push((times, way * term.size.value, phase + PI));
+        }
+    }
+    terms.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+    let turning = |size: f64, angle: f64| if size < 0.0 { (-size, angle + PI) } else { (size, angle) };
+    if let Some((_, size, angle)) = terms.iter().find(|(times, ..)| *times == 1) {
+        let (size, angle) = turning(*size, *angle);
+        let (torque, phase) = (print::digits(size * per_si, 3), print::digits(wrapped(angle), 3));
+        let _ = write!(text, "\n[device.gravity]\ntorque = \"{torque} {effort}\"\nphase  = \"{phase} rad\"\n");
+    }
+    if let Some((times, size, angle)) = terms.iter().find(|(times, ..)| *times > 1) {
+        let (size, angle) = turning(*size, *angle);
+        let (torque, pitch) = (print::digits(size * per_si, 3), 360.0 / f64::from(*times));
+        let phase = print::digits(-wrapped(angle) / f64::from(*times), 3);
+        let _ = write!(
+            text,
+            "\n[device.cogging]\ntorque = \"{torque} {effort}\"\npitch  = \"{pitch} deg\"\nphase  = \"{phase} rad\"\nsine   = [1.0]\n"
+        );
+    }
     text
+}
+
+/// An angle within half a turn of 0.
+fn wrapped(angle: f64) -> f64 {
+    angle - TAU * (angle / TAU).round()
 }

@@ -1,0 +1,105 @@
+//! Gravity and cogging of the device: what they change of a certificate, and what they do not.
+
+use hapt_analysis::{Grip, PatternVerdict, Verdict, check, free, free_growth, gripped_growth, passivity, uneven};
+use hapt_model::{
+    Cogging, Coupling, Damping, DeviceTorque, End, EstimatorKind, Gravity, Law, Method, Output, Waveform, World,
+};
+use proptest::prelude::*;
+
+use crate::common::*;
+
+prop_compose! {
+    pub fn any_torque()(
+        gravity in prop::option::of((0.001_f64..0.5, -3.0_f64..3.0)), cogging in (0.001_f64..0.05, 0.05_f64..1.0, -1.0_f64..1.0),
+        sine in prop::array::uniform4(-1.0_f32..1.0), cosine in prop::array::uniform4(-1.0_f32..1.0),
+    ) -> DeviceTorque {
+        let (torque, pitch, phase) = cogging;
+        DeviceTorque {
+            gravity: gravity.map(|(torque, phase)| Gravity { torque, phase }),
+            cogging: Some(Cogging { torque, pitch, phase, waveform: Waveform { sine, cosine } }),
+        }
+    }
+}
+
+fn damper(damping: f64) -> Coupling {
+    Coupling {
+        first: End::Puck,
+        second: End::Ground,
+        law: Law::Damper { damping: Damping::Fixed(damping) },
+        limit: None,
+    }
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(200))]
+
+    /// They stand between the motor and the hand, store, and give none: a passive hand has them too.
+    #[test]
+    fn a_torque_that_only_stores_asks_for_no_damping(bench in worlds(Dampers::Fixed, true), torque in any_torque(), x in 0.01..1.0f64) {
+        let plain = bench.world(Method::Zoh, Output::End, x / fastest(&bench));
+        let mut world = plain.clone();
+        world.device.torque = torque;
+        prop_assert_eq!(passivity(&world).unwrap(), passivity(&plain).unwrap());
+        let (with, without) = (uneven(&world).unwrap(), uneven(&plain).unwrap());
+        prop_assert_eq!((with.required_damping, with.passive.holds()), (without.required_damping, without.passive.holds()));
+        // No verdict gets better by them.
+        let (with, without) = (check(&world).unwrap(), check(&plain).unwrap());
+        prop_assert!(without.certified.holds() || !with.certified.holds());
+        prop_assert_eq!(with.held, without.held);
+    }
+
+    /// Their slope is that of a hand which holds the puck by a spring, the flat one that of no hand.
+    #[test]
+    fn free_is_the_worse_of_no_slope_and_the_steepest(bench in worlds(Dampers::Fixed, false), torque in any_torque(), x in 0.01..1.0f64) {
+        let mut world = bench.world(Method::Zoh, Output::End, x / fastest(&bench));
+        let spring = Grip { inertia: 0.0, damping: 0.0, stiffness: torque.steepest() };
+        let worse = [gripped_growth(&world, &Grip::default()), gripped_growth(&world, &spring)];
+        let worse = worse.into_iter().filter_map(|growth| growth.unwrap()).fold(f64::NEG_INFINITY, f64::max);
+        world.device.torque = torque;
+        let found = free_growth(&world).unwrap().unwrap_or(f64::NEG_INFINITY);
+        prop_assert!(found == worse || (found - worse).abs() <= 1e-9, "{found} {worse}");
+    }
+
+    /// Their steepest slope is a bound on every one, and so is their size.
+    #[test]
+    fn no_slope_is_steeper_than_the_bound(torque in any_torque(), z in -5.0..5.0f64) {
+        let h = 1e-6;
+        let slope = (torque.at(z + h) - torque.at(z - h)) / (2.0 * h);
+        prop_assert!(slope.abs() <= torque.steepest() + 1e-4 && torque.at(z).abs() <= torque.most() + 1e-12);
+    }
+}
+
+/// b = 0 and B = 0.2 J/T is stable and not passive: eigenvalues prove it of the linear loop, and no theorem of the one that cogs.
+#[test]
+fn what_only_eigenvalues_tell_is_open_under_gravity() {
+    let mut world: World = Bench::of(vec![damper(0.128)]).world(Method::Zoh, Output::End, 1e-3);
+    (world.device.damping, world.sampling.estimator) = (0.0, EstimatorKind::Difference);
+    let plain = uneven(&world).unwrap();
+    assert_eq!((plain.free.verdict(), plain.passive.holds()), (PatternVerdict::Proved, false));
+    world.device.torque.gravity = Some(Gravity { torque: 0.01, phase: 0.0 });
+    let found = uneven(&world).unwrap();
+    assert_eq!(found.free.verdict(), PatternVerdict::Open);
+    assert!(found.free.reason().unwrap().contains("gravity"));
+    // Passive, it is proved with gravity too.
+    world.device.damping = 0.2;
+    let found = check(&world).unwrap();
+    assert_eq!((found.uneven.free.verdict(), found.certified.holds()), (PatternVerdict::Proved, true));
+    assert!(found.notes.iter().any(|note| note.starts_with("device.gravity: ")));
+    assert!(found.theorems.iter().all(|theorem| theorem.id != "free-eigenvalues"), "{:?}", found.theorems);
+}
+
+/// A puck between two teeth rings at √(k/J), and a slow command excites it: the hands-off loop with a late damper finds it.
+#[test]
+fn a_cogging_that_rings_is_seen() {
+    let mut world: World = Bench::of(vec![damper(5e-3)]).world(Method::Zoh, Output::End, 1e-3);
+    world.device.damping = 0.0;
+    world.sampling.delay = hapt_model::Delay::Seconds(2e-3);
+    assert_ne!(free(&world).unwrap().verdict, Verdict::Unstable);
+    let waveform = Waveform { sine: [-1.0, 0.0, 0.0, 0.0], cosine: [0.0; 4] };
+    // At 200 Hz a delay of 2 ms and a half sample is more than a quarter turn.
+    let stiffness = 6.4e-4 * (std::f64::consts::TAU * 200.0_f64).powi(2);
+    let pitch = 0.1;
+    world.device.torque.cogging =
+        Some(Cogging { torque: stiffness * pitch / std::f64::consts::TAU, pitch, phase: 0.0, waveform });
+    assert_eq!(free(&world).unwrap().verdict, Verdict::Unstable);
+}

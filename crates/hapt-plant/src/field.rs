@@ -1,0 +1,232 @@
+//! The torques of the device's own that depend on its position, gravity and cogging, and the motion under them.
+//!
+//! ```text
+//! ẏ = N y + e_v τ(x)/m,    τ(x) = Σ (a sin rx + b cos rx) = -V'(x)
+//! ```
+//!
+//! N is the linear motion without them ([`crate::plant`], [`crate::shaft`]). A step is the Taylor series of the solution: the coefficients of
+//! sin rx and cos rx follow from those of x, by s' = r x' c and c' = -r x' s. A step is as long as its last terms are rounding, so that it is
+//! exact as the linear motion is, and stops are located on the series.
+
+use core::f64::consts::TAU;
+
+use hapt_core::HARMONICS;
+
+use crate::exponential::{GAUSS, Square};
+use crate::friction::root;
+use crate::spec::DeviceTorque;
+
+/// Sines: gravity's, and the harmonics of cogging.
+const WAVES: usize = 1 + HARMONICS;
+/// Terms of a step's series.
+const TERMS: usize = 19;
+/// Radians of the fastest rate in a step at most.
+const STEP: f64 = 0.5;
+/// A puck that passes more radians of a wave in one stretch feels its mean, which is 0.
+const MOST_WAVES: f64 = 1e5;
+
+/// a sin rx + b cos rx
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+struct Wave {
+    rate: f64,
+    sine: f64,
+    cosine: f64,
+}
+
+/// A sum of sines of the position. In N·m and rad (linear: N, m).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Field {
+    waves: [Wave; WAVES],
+}
+
+impl Wave {
+    /// torque · sin(rx + angle), or the same of cos.
+    fn new(rate: f64, angle: f64, sine: f64, cosine: f64) -> Self {
+        let (s, c) = libm::sincos(angle);
+        Wave { rate, sine: sine * c - cosine * s, cosine: sine * s + cosine * c }
+    }
+
+    fn size(&self) -> f64 {
+        libm::hypot(self.sine, self.cosine)
+    }
+}
+
+impl Field {
+    /// The device's, where the puck's 0 is `origin` by the device's; `None` where there are no such torques.
+    pub fn new(torque: &DeviceTorque, origin: f64) -> Option<Self> {
+        let mut waves = [Wave::default(); WAVES];
+        if let Some(gravity) = &torque.gravity {
+            waves[0] = Wave::new(1.0, origin + gravity.phase, gravity.torque, 0.0);
+        }
+        if let Some(cogging) = &torque.cogging {
+            for (wave, (n, sine, cosine)) in waves[1..].iter_mut().zip(cogging.waveform.harmonics()) {
+                let rate = TAU * n / cogging.pitch;
+                *wave =
+                    Wave::new(rate, rate * (origin - cogging.phase), cogging.torque * sine, cogging.torque * cosine);
+            }
+        }
+        waves.iter().any(|wave| wave.size() > 0.0).then_some(Field { waves })
+    }
+
+    /// Those that are not 0.
+    fn waves(&self) -> impl Iterator<Item = &Wave> {
+        self.waves.iter().filter(|wave| wave.sine != 0.0 || wave.cosine != 0.0)
+    }
+
+    /// On the puck at x.
+    pub fn torque(&self, x: f64) -> f64 {
+        let of = |wave: &Wave| {
+            let (s, c) = libm::sincos(wave.rate * x);
+            wave.sine * s + wave.cosine * c
+        };
+        self.waves().map(of).sum()
+    }
+
+    /// What it does on a puck that goes from `from` to `to`.
+    pub fn work(&self, from: f64, to: f64) -> f64 {
+        let of = |wave: &Wave| {
+            let way = 0.5 * wave.rate * (to - from);
+            let (s, c) = libm::sincos(0.5 * wave.rate * (to + from));
+            (wave.sine * s + wave.cosine * c) * 2.0 * libm::sin(way) / wave.rate
+        };
+        self.waves().map(of).sum()
+    }
+
+    /// The fastest rate in 1/s that it adds to a puck of this mass and velocity.
+    fn rate(&self, mass: f64, velocity: f64) -> f64 {
+        let stiffness: f64 = self.waves().map(|wave| wave.rate * wave.size()).sum();
+        let fastest = self.waves().map(|wave| wave.rate).fold(0.0, f64::max);
+        libm::sqrt(stiffness / mass) + fastest * velocity.abs()
+    }
+
+    /// Whether a puck of this velocity passes so many waves in `dt` s that it feels their mean.
+    pub fn is_passed(&self, velocity: f64, dt: f64) -> bool {
+        // Written so that no number is passed too.
+        let slowest = self.waves().map(|wave| wave.rate).fold(f64::INFINITY, f64::min);
+        !(slowest.max(1.0) * velocity.abs() * dt <= MOST_WAVES)
+    }
+}
+
+/// A puck in a field: its linear motion, the fastest rate in that, its mass, and where its velocity and position stand.
+pub(crate) struct Fielded<'a, const K: usize> {
+    pub field: &'a Field,
+    pub n: &'a Square<K>,
+    pub rate: f64,
+    pub mass: f64,
+    pub v: usize,
+    pub x: usize,
+}
+
+/// The series of a motion from a state on, in parts of its length.
+pub(crate) struct Series<const K: usize> {
+    terms: [[f64; K]; TERMS],
+    /// In s.
+    pub length: f64,
+}
+
+impl<const K: usize> Fielded<'_, K> {
+    /// From `y` on, for `left` s at most.
+    pub fn series(&self, y: &[f64; K], left: f64) -> Series<K> {
+        let rate = self.rate + self.field.rate(self.mass, y[self.v]);
+        let h = if rate * left > STEP { STEP / rate } else { left };
+        let mut terms = [[0.0; K]; TERMS];
+        terms[0] = *y;
+        let mut sines = [[(0.0, 0.0); TERMS]; WAVES];
+        for (series, wave) in sines.iter_mut().zip(self.field.waves()) {
+            series[0] = libm::sincos(wave.rate * y[self.x]);
+        }
+        for j in 1..TERMS {
+            let part = h / j as f64;
+            let before = terms[j - 1];
+            for (x, row) in terms[j].iter_mut().zip(self.n) {
+                *x = row.iter().zip(&before).map(|(n, y)| n * y).sum::<f64>() * part;
+            }
+            let torque: f64 = sines
+                .iter()
+                .zip(self.field.waves())
+                .map(|(series, wave)| wave.sine * series[j - 1].0 + wave.cosine * series[j - 1].1)
+                .sum();
+            terms[j][self.v] += torque / self.mass * part;
+            for (series, wave) in sines.iter_mut().zip(self.field.waves()) {
+                let (mut s, mut c) = (0.0, 0.0);
+                for i in 1..=j {
+                    let turn = i as f64 * terms[i][self.x];
+                    s += turn * series[j - i].1;
+                    c -= turn * series[j - i].0;
+                }
+                let factor = wave.rate / j as f64;
+                series[j] = (factor * s, factor * c);
+            }
+        }
+        let mut series = Series { terms, length: h };
+        series.shorten(self.v);
+        series
+    }
+
+    /// The first instant in (0, length] at which a slide in `direction` comes to rest: where -direction v becomes positive.
+    pub fn first_stop(&self, series: &Series<K>, direction: f64) -> Option<f64> {
+        let course = |t: f64| -direction * series.after(t)[self.v];
+        let slope = |t: f64| -direction * series.slope(t, self.v);
+        let end = series.length;
+        let positive = if course(end) > 0.0 {
+            end
+        } else if slope(0.0) > 0.0 && slope(end) < 0.0 {
+            // It turns twice within the step: at the summit between, or not at all.
+            let summit = root(0.0, end, |t| -slope(t));
+            (course(summit) > 0.0).then_some(summit)?
+        } else {
+            return None;
+        };
+        Some(root(0.0, positive, course))
+    }
+}
+
+impl<const K: usize> Series<K> {
+    /// To where the last terms of the velocity are rounding.
+    fn shorten(&mut self, v: usize) {
+        let last = self.terms[TERMS - 1][v].abs().max(self.terms[TERMS - 2][v].abs());
+        let most = self.terms[1..].iter().map(|term| term[v].abs()).fold(0.0, f64::max);
+        let allowed = f64::EPSILON * 0.25 * most;
+        if last > allowed && allowed > 0.0 {
+            let part = libm::pow(allowed / last, 1.0 / (TERMS - 2) as f64).clamp(0.05, 1.0);
+            self.length *= part;
+            let mut power = 1.0;
+            for term in &mut self.terms[1..] {
+                power *= part;
+                term.iter_mut().for_each(|x| *x *= power);
+            }
+        }
+    }
+
+    /// The state after `t` s.
+    pub fn after(&self, t: f64) -> [f64; K] {
+        let part = t / self.length;
+        let mut y = [0.0; K];
+        for term in self.terms.iter().rev() {
+            for (y, x) in y.iter_mut().zip(term) {
+                *y = *y * part + x;
+            }
+        }
+        y
+    }
+
+    /// The derivative of one of the states after `t` s.
+    fn slope(&self, t: f64, state: usize) -> f64 {
+        let part = t / self.length;
+        let terms = self.terms.iter().enumerate().skip(1).rev();
+        terms.fold(0.0, |sum, (j, term)| sum * part + j as f64 * term[state]) / self.length
+    }
+
+    /// The integrals of powers over `t` s.
+    pub fn works<const N: usize>(&self, t: f64, powers: impl Fn(&[f64; K]) -> [f64; N]) -> [f64; N] {
+        let mut works = [0.0; N];
+        for (node, weight) in GAUSS {
+            for (work, power) in works.iter_mut().zip(powers(&self.after(node * t))) {
+                *work += weight * t * power;
+            }
+        }
+        works
+    }
+}
