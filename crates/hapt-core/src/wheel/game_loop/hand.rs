@@ -7,8 +7,13 @@ use crate::contact::within;
 
 /// Works are averaged over so much time, s.
 const WINDOW: f64 = 0.1;
-/// A hand that has worked is believed in for a time of this constant, s: its work passes through 0 where it turns round.
-const BELIEF: f64 = 0.12;
+/// A hand that has worked is believed in for a time of this constant, s, while it still holds a torque: its work passes through 0 where it turns
+/// round, and its torque does not at the same time. The second one is that where it holds none.
+const BELIEF: [f64; 2] = [0.5, 0.05];
+/// Torques are averaged over this, s.
+const GRASP: f64 = 0.05;
+/// The part of the torque of motor and damping beyond which a hand holds one.
+const HOLDS: f64 = 0.25;
 /// Speeds below this, rad/s, are rest.
 const REST: f64 = 0.02;
 /// The part of the lacking damping, and of what motor and damping exchange with the wheel, that errors of the device may pass for.
@@ -23,10 +28,11 @@ pub(super) struct Hand<F> {
     inertia: F,
     damping: F,
     friction: F,
-    /// Of the velocity, and of works: the part of the new in a sample.
+    /// Of the velocity, of works, and of torques: the part of the new in a sample; what is kept of a belief.
     fresh: F,
     averaged: F,
-    kept: F,
+    grasped: F,
+    kept: [F; 2],
 }
 
 /// What it remembers.
@@ -40,6 +46,9 @@ pub(super) struct Works<F> {
     hand: F,
     size: F,
     square: F,
+    /// Averages of the sizes of the hand's torque and of the others', N·m.
+    holds: F,
+    others: F,
     /// The hand's work relative to that of the lacking damping, of late.
     share: F,
 }
@@ -65,13 +74,24 @@ impl<F: Real> Hand<F> {
             friction: of(rotor.friction),
             fresh: of(period / (period + smoothing)),
             averaged: of(period / (period + WINDOW)),
-            kept: of(libm::exp(-period / BELIEF)),
+            grasped: of(period / (period + GRASP)),
+            kept: BELIEF.map(|time| of(libm::exp(-period / time))),
         }
     }
 
     pub fn start(&self) -> Works<F> {
         let zero = F::ZERO;
-        Works { commands: [zero; 2], velocity: zero, other: zero, hand: zero, size: zero, square: zero, share: zero }
+        Works {
+            commands: [zero; 2],
+            velocity: zero,
+            other: zero,
+            hand: zero,
+            size: zero,
+            square: zero,
+            holds: zero,
+            others: zero,
+            share: zero,
+        }
     }
 
     /// The wheel has gone `way` since the last sample: the damping, N·m·s/rad, that does as much work as the hand does, whichever way.
@@ -85,6 +105,8 @@ impl<F: Real> Hand<F> {
         // Newton's law from the middle of one interval to that of the next: what the motor, damping and friction leave is the hand's. Every part is as smooth.
         let (mean, moved) = (F::HALF * (before + works.velocity), F::HALF * (other + works.other));
         let hand = self.inertia * (works.velocity - before) / self.period - moved;
+        works.holds += self.grasped * (hand.abs() - works.holds);
+        works.others += self.grasped * (moved.abs() - works.others);
         works.hand += self.averaged * (hand * mean - works.hand);
         works.size += self.averaged * ((moved * mean).abs() - works.size);
         works.square += self.averaged * (mean * mean - works.square);
@@ -95,7 +117,9 @@ impl<F: Real> Hand<F> {
     /// The part of a remedy against this lack of damping that a hand with this work leaves to do.
     pub fn leaves(&self, works: &mut Works<F>, resists: F, lacking: F) -> F {
         let now = if lacking > F::ZERO { within(resists / lacking, F::ZERO, F::ONE + F::HALF) } else { F::ZERO };
-        works.share = works.share * self.kept;
+        let [slow, fast] = self.kept;
+        let holds = works.holds > F::from_f64(HOLDS) * works.others;
+        works.share = works.share * if holds { slow } else { fast };
         works.share = if now > works.share { now } else { works.share };
         within(F::ONE + F::from_f64(ERRORS[0]) - works.share, F::ZERO, F::ONE)
     }

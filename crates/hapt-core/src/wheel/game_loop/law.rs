@@ -12,11 +12,12 @@ use crate::contact::within;
 
 /// Lags of the search.
 const LAGS: usize = 32;
-/// From one lag to the next, s, where the period allows it: up to 78 ms.
+/// From one lag to the next, s, where the period allows it, up to so many of them.
 const LAG: f64 = 2.5e-3;
-/// Samples from one lag to the next, at most.
-const STRIDE: usize = 16;
-const RING: usize = LAGS * STRIDE;
+const EVEN: usize = 20;
+/// Beyond, each is so much larger than the one before, up to a quarter of a second: a car answers the steering late itself.
+const RATIO: f64 = 1.14;
+const RING: usize = 1024;
 /// The time constant of the slow parts, s.
 const SLOW: f64 = 0.2;
 /// Frames count less by a factor of e after so much time in motion, s.
@@ -25,6 +26,8 @@ const MEMORY: f64 = 1.0;
 pub(super) const SPAN: f64 = 0.012;
 /// A level that stays is looked at after so many of its usual intervals: a law at its largest torque stays.
 const STAYS: f64 = 3.0;
+/// Below this, rad/s, intervals are not those of a game's frames.
+const SLOW_SPEED: f64 = 0.2;
 /// An interval beyond this is a pause, s.
 const PAUSE: f64 = 0.5;
 /// A level that has not changed for so long is no loop, s. A law at its largest torque does not change either, while the wheel swings far out.
@@ -72,9 +75,8 @@ impl<F: Real> GameLaw<F> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Search<F> {
     period: F,
-    stride: usize,
-    /// s
-    lag: F,
+    /// Samples.
+    lags: [usize; LAGS],
     /// The position without its slow part below which the wheel counts as at rest, rad.
     rest: F,
     /// The part of the new in a slow part.
@@ -120,15 +122,15 @@ pub(super) struct Memory<F> {
 
 impl<F: Real> Search<F> {
     pub fn new(period: f64, count: f64) -> Self {
-        let stride = (libm::ceil(LAG / period) as usize).clamp(1, STRIDE);
         let of = F::from_f64;
-        Search {
-            period: of(period),
-            stride,
-            lag: of(stride as f64 * period),
-            rest: of((3.0 * count).max(1e-5)),
-            slow: of(period / (period + SLOW)),
+        let mut lags = [0; LAGS];
+        let mut time = 0.0;
+        for (index, lag) in lags.iter_mut().enumerate().skip(1) {
+            time = if index <= EVEN { LAG * index as f64 } else { time * RATIO };
+            // At least a sample each, in a ring that holds them.
+            *lag = (libm::ceil(time / period) as usize).max(index).min(RING - LAGS + index);
         }
+        Search { period: of(period), lags, rest: of((3.0 * count).max(1e-5)), slow: of(period / (period + SLOW)) }
     }
 
     pub fn start(&self) -> Memory<F> {
@@ -171,14 +173,15 @@ impl<F: Real> Search<F> {
         memory.filled = if memory.filled < RING { memory.filled + 1 } else { RING };
         memory.since = memory.since.saturating_add(1);
         memory.unseen = memory.unseen.saturating_add(1);
-        if memory.filled < LAGS * self.stride {
+        if memory.filled <= self.lags.last().copied().unwrap_or(0) {
             return None;
         }
         let interval = self.time(memory.since);
         let is_pause = interval > F::from_f64(PAUSE);
         if changed {
             memory.since = 0;
-            if !is_pause && memory.moved > self.rest {
+            // In slow motion a level stays for several frames.
+            if !is_pause && memory.moved > F::from_f64(SLOW_SPEED) * interval {
                 memory.rhythm(interval);
             }
             memory.moved = F::ZERO;
@@ -211,7 +214,19 @@ impl<F: Real> Search<F> {
 
     /// The place in the rings of the position so many lags ago.
     fn place(&self, memory: &Memory<F>, lag: usize) -> usize {
-        (memory.at + RING - lag * self.stride) % RING
+        (memory.at + RING - self.samples(lag)) % RING
+    }
+
+    /// Of a lag.
+    fn samples(&self, lag: usize) -> usize {
+        self.lags.get(lag).copied().unwrap_or(0)
+    }
+
+    /// From a lag to the next larger one, s.
+    fn gap(&self, lag: usize) -> F {
+        let next = if lag + 1 < LAGS { lag + 1 } else { lag };
+        let before = if next > 0 { next - 1 } else { 0 };
+        self.time(self.samples(next) - self.samples(before))
     }
 
     fn time(&self, samples: usize) -> F {
@@ -262,7 +277,7 @@ impl<F: Real> Search<F> {
         let fits = |lag: &usize| residuals.get(*lag).is_some_and(|residual| *residual <= bound);
         let first = (0..best).rev().take_while(|lag| fits(lag)).last().unwrap_or(best);
         let last = (best + 1..LAGS).take_while(|lag| fits(lag)).last().unwrap_or(best);
-        let time = |lag: usize| of(lag as f64) * self.lag;
+        let time = |lag: usize| self.time(self.samples(lag));
         let hold = memory.hold + of(ERRORS) * memory.uneven;
         let (mut worst, mut dearest) = ((F::ZERO, HostTime { hold, lateness: F::ZERO }), F::ZERO);
         let mut range = [stiffness, stiffness];
@@ -277,18 +292,18 @@ impl<F: Real> Search<F> {
             range[0] = if low < range[0] { low } else { range[0] };
             range[1] = if high > range[1] { high } else { range[1] };
             let steepest = stiffness.abs() + wide;
-            let host = HostTime { hold, lateness: time(lag) + F::HALF * self.lag };
+            let host = HostTime { hold, lateness: time(lag) + F::HALF * self.gap(lag) };
             let cost = steepest * host.cost();
             if cost > dearest {
                 (worst, dearest) = ((steepest, host), cost);
             }
         }
-        let early = time(first) - self.lag;
+        let early = time(first) - self.gap(first);
         Some(GameLaw {
             stiffness,
             stiffness_range: range,
-            lateness: time(best) + self.lag * between(&residuals, best),
-            lateness_range: [if early > F::ZERO { early } else { F::ZERO }, time(last) + self.lag],
+            lateness: time(best) + self.gap(best) * between(&residuals, best),
+            lateness_range: [if early > F::ZERO { early } else { F::ZERO }, time(last) + self.gap(last)],
             hold: memory.hold,
             uneven: memory.uneven,
             explained: if memory.squares > F::ZERO { F::ONE - smallest / memory.squares } else { F::ZERO },

@@ -119,7 +119,7 @@ fn a_turned_sign_is_named() {
 
 #[test]
 fn a_law_that_is_later_than_the_search_is_named() {
-    let mut game = Game::new(Law::Line(5.0), [100; 2], [990; 2]);
+    let mut game = Game::new(Law::Line(5.0), [100; 2], [2600; 2]);
     let mut dice = Dice(3);
     let report =
         found(10, 2.0, |t| 0.5 * (4.0 * t).sin() + 0.1 * (9.0 * t).sin(), |step, z| game.torque(step, z, &mut dice));
