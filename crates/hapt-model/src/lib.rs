@@ -32,6 +32,7 @@
 pub mod builtin;
 mod dimension;
 mod document;
+mod edit;
 mod ends;
 mod error;
 mod fields;
