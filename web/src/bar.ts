@@ -1,27 +1,47 @@
 // What stands above everything: phase, faults, who has control, the recording, the connection.
 
 import { byId, say } from "./dom.ts";
-import type { Status } from "./protocol.ts";
-import { number } from "./units.ts";
+import type { Key, Sets, Status, World } from "./protocol.ts";
+import { micros, number, plain, pretty } from "./units.ts";
 
 export const PHASES = { disarmed: "Disarmed", "fading-in": "Fading in", running: "Running", "fading-out": "Fading out", faulted: "Fault" };
 
 export interface Desk {
   /** There is a connection. */
   up: boolean;
+  /** There was a connection, or the attempt has failed. */
+  lost: boolean;
   /** This page has control. */
   mine: boolean;
   /** Who has it. */
   control: number | null;
   status: Status | null;
+  world: World | null;
 }
 
-export function showBar({ up, mine, control, status }: Desk): void {
+const UNEVEN = 17;
+const STOPPED = 1;
+/** How much more than measured is allowed for. */
+const ROOM = 1.25;
+
+/** Times that the certificate has to cover for this computer to keep them: what was measured, and a quarter more. Nothing where they are kept, or
+ * cannot be set. */
+export function lateness({ status, world }: Desk): Sets {
+  const certified = status?.timing?.certified;
+  if (!certified || !world) return [];
+  const key = (path: string) => world.keys.find((key) => key.path === path && !key.fixed);
+  const written = (key: Key, seconds: number): [string, string] => [key.path, `${plain((ROOM * seconds) / (key.factor ?? 1), 3)} ${key.unit ?? "s"}`];
+  const interval = key("loop.interval_max");
+  return interval && certified.longest_us > certified.interval_max_us ? [written(interval, 1e-6 * certified.longest_us)] : [];
+}
+
+export function showBar(desk: Desk): void {
+  const { up, mine, control, status, world } = desk;
   const able = up && mine;
   const phase = up ? status?.phase : undefined;
   const pill = byId("phase");
   pill.dataset["phase"] = phase ?? "off";
-  say(pill, phase ? PHASES[phase] : "Not connected");
+  say(pill, phase ? PHASES[phase] : desk.lost ? "Not connected" : "Connecting");
   for (const [id, on] of [
     ["arm", phase === "disarmed"],
     ["disarm", phase === "running" || phase === "fading-in"],
@@ -48,8 +68,14 @@ export function showBar({ up, mine, control, status }: Desk): void {
     const what = status.code === null ? PHASES[phase] : `${PHASES[phase]} ${status.code}`;
     say(byId("fault-name"), `${what}${status.reason ? ` (${status.reason})` : ""}:`);
     say(byId("fault-text"), status.sentence ?? "");
-    say(byId("fault-clear"), status.clear ?? "");
+    // A page has no stop switch to release.
+    const isOwn = status.code === STOPPED && world?.device === "sim";
+    say(byId("fault-clear"), isOwn ? "Clear it, then arm." : (status.clear ?? ""));
   }
+  const meets = status?.code === UNEVEN ? lateness(desk) : [];
+  byId("meet").hidden = meets.length === 0;
+  byId<HTMLButtonElement>("meet").disabled = !able;
+  if (meets.length > 0) say(byId("meet"), `Certify ${meets.map(([key, value]) => `${key.replace("loop.", "")} ${pretty(value)}`).join(", ")} (${micros(status?.timing?.certified?.longest_us ?? 0)} measured)`);
   const warnings = byId("warnings");
   const texts = up && status ? [...status.warnings, ...(status.network?.warnings ?? [])] : [];
   warnings.hidden = texts.length === 0;

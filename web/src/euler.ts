@@ -1,24 +1,41 @@
 // One press to forward Euler, by which a swing without damping grows, and one back.
 
 import { button } from "./dom.ts";
-import type { Verdict, World } from "./protocol.ts";
+import type { Key, Sets, Verdict, World } from "./protocol.ts";
 
 const METHOD = "loop.method";
 const EULER = "forward-euler";
+const PERIOD = "loop.period";
+/** Growth is w²T/2 a second: at this period it is seen within seconds. */
+const COARSE = { written: "5 ms", seconds: 5e-3 };
 
 export class Euler {
   readonly button: HTMLButtonElement;
   private method = "";
   private before = "zoh";
+  /** The period to go back to; nothing where it was left alone. */
+  private period: string | null = null;
+  private now: Key | undefined;
   private breaks = false;
 
-  constructor(set: (key: string, value: string) => void) {
-    this.button = button("", () => set(METHOD, this.method === EULER ? this.before : EULER), { id: "euler", title: "shows with the puck held: in a step, or by hand" });
+  constructor(set: (sets: Sets) => void) {
+    this.button = button("", () => set(this.press()), { id: "euler", title: "With a period of 5 ms, where it is shorter; shows with the puck held: in a step, or by hand" });
     this.show();
+  }
+
+  private press(): Sets {
+    if (this.method === EULER) {
+      const period = this.now && this.now.written === COARSE.written ? this.period : null;
+      return [[METHOD, this.before], ...(period === null ? [] : ([[PERIOD, period]] as Sets))];
+    }
+    const coarser = this.now !== undefined && (this.now.value ?? COARSE.seconds) < COARSE.seconds;
+    this.period = coarser ? this.now!.written : null;
+    return [[METHOD, EULER], ...(coarser ? ([[PERIOD, COARSE.written]] as Sets) : [])];
   }
 
   world(world: World): void {
     const key = world.keys.find((key) => key.path === METHOD && !key.fixed);
+    this.now = world.keys.find((key) => key.path === PERIOD && !key.fixed);
     this.button.hidden = key === undefined;
     this.method = key?.written ?? "";
     if (key && this.method !== EULER) this.before = this.method;

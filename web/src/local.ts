@@ -1,5 +1,6 @@
 // The page without a server: the same messages, answered by hapt's own session as WebAssembly.
 
+import { quoted } from "./changes.ts";
 import type { Listener, Peer } from "./link.ts";
 import { decode, type Frame, type FromServer, type Key, type ToServer, type Verdict, type World } from "./protocol.ts";
 
@@ -79,9 +80,6 @@ export class Program {
     return new Uint8Array(this.core.memory.buffer, this.core.message(), this.core.length()).slice();
   }
 }
-
-/** As a shell takes it. */
-const quoted = (word: string) => (/^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replace(/'/g, "'\\''")}'`);
 
 /** Whether the one key that has been changed is in its certified range; `null` where that is not known. */
 function inside(changed: Key[], ranges: Recorded["ranges"]): boolean | null {

@@ -9,11 +9,11 @@ export type Sets = [key: string, value: string][];
 
 export type ToServer =
   | { type: "hello"; v: number; token?: string }
-  | { type: "take" | "give" | "reset" | "restart" | "alive" }
+  | { type: "take" | "give" | "reset" | "restart" | "file" | "alive" }
   | { type: "order"; order: Order }
   | { type: "hand"; grip: boolean; position: number }
   | { type: "set"; key: string; value: string }
-  | { type: "sets"; sets: Sets }
+  | { type: "sets"; sets: Sets; only?: boolean }
   | { type: "scenario"; name: string | null }
   | { type: "record"; on: boolean }
   | { type: "focus"; key: string }
@@ -54,6 +54,8 @@ export interface Key {
   max?: number | null;
   log?: boolean | null;
   choices?: string[] | null;
+  /** As the file has it; nothing in a coupling that the file does not have. */
+  own?: string | null;
   changed: boolean;
   /** It can only be looked at. */
   fixed?: boolean;
@@ -74,6 +76,8 @@ export interface World {
   couplings: Coupling[];
   scenarios: { name: string; duration_s: number; hand: string }[];
   keys: Key[];
+  /** What has been set over the file. */
+  changes: Sets;
   columns: { name: string; unit: string }[];
 }
 
@@ -95,7 +99,7 @@ export interface Verdict {
   required_damping: number | null;
   device_damping: number;
   notes?: string[];
-  /** Without sets it takes a new coupling. */
+  /** Without sets it takes what the attached motor does not let change. */
   remedies: { sets: Sets; text: string }[] | null;
   ms: number | null;
 }
@@ -196,6 +200,7 @@ export type FromServer =
   | { type: "control"; control: number | null }
   | { type: "refused"; key?: string | null; message: string }
   | { type: "error"; message: string }
+  | { type: "file"; name: string; text: string }
   | World
   | Verdict
   | Range

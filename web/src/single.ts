@@ -1,6 +1,7 @@
 // One loop: wires the link, what is drawn, and what the visitor does.
 
-import { showBar, type Desk } from "./bar.ts";
+import { lateness, showBar, type Desk } from "./bar.ts";
+import { Changes, download, told } from "./changes.ts";
 import { attribute, button, byId, html, say } from "./dom.ts";
 import { Euler } from "./euler.ts";
 import { Gauge } from "./gauge.ts";
@@ -32,7 +33,7 @@ const REDUCED = 250;
 
 /** `recorded`: what a page without a server runs. */
 export function single(recorded: Recorded | undefined): void {
-  const desk: Desk = { up: false, mine: false, control: null, status: null };
+  const desk: Desk = { up: false, lost: false, mine: false, control: null, status: null, world: null };
   let client: number | null = null;
   let world: World | null = null;
   let shown: Units | null = null;
@@ -53,11 +54,17 @@ export function single(recorded: Recorded | undefined): void {
   const link: Peer = recorded ? new Local(listener, recorded) : new Link(listener);
   const hand = new Hand(stage, link);
   const set = (key: string, value: string) => void link.send({ type: "set", key, value });
-  const verdict = new VerdictCard(byId("sentences"), byId("verdict"), byId("strip"), (sets) => void link.send({ type: "sets", sets }), named);
+  const verdict = new VerdictCard(byId("sentences"), byId("verdict"), byId("strip"), (sets) => void link.send({ type: "sets", sets }), (key, value) => told(key, value, world?.keys.find(({ path }) => path === key)));
+  const changes = new Changes(
+    byId("changes"),
+    byId("reset"),
+    (sets) => void link.send(sets.length > 0 ? { type: "sets", sets, only: true } : { type: "reset" }),
+    () => void link.send({ type: "file" }),
+  );
   new PhoneCard(byId("phone")).show(location);
   const network = new NetworkCard(byId("network"), (change) => void link.send({ type: "network", ...change }));
   const gamewheel = new GameWheelCard(byId("gamewheel"), (controls) => void link.send({ type: "controls", ...controls }));
-  const euler = new Euler(set);
+  const euler = new Euler((sets) => void link.send({ type: "sets", sets }));
   const scenarioStart = new ScenarioStart(
     () => {
       hand.release();
@@ -66,12 +73,6 @@ export function single(recorded: Recorded | undefined): void {
     (name) => link.send({ type: "scenario", name }),
   );
   const knobs = new Knobs(byId("knobs"), { set, focus: (key) => void (desk.mine && link.send({ type: "focus", key })) });
-
-  /** A key's name for people, and what it belongs to. */
-  function named(path: string): [string, string] {
-    const key = world?.keys.find((key) => key.path === path);
-    return [key?.label ?? path, key?.group ?? ""];
-  }
 
   function message(message: FromServer): void {
     switch (message.type) {
@@ -88,7 +89,7 @@ export function single(recorded: Recorded | undefined): void {
         verdict.show(message);
         euler.verdict(message);
         poles.show(message, world.step_s);
-        return showBar(desk);
+        return bar();
       case "range":
         if (message.generation === world?.generation) knobs.range(message);
         return;
@@ -100,10 +101,12 @@ export function single(recorded: Recorded | undefined): void {
         gamewheel.show(message.wheel, desk.up && desk.mine && world?.device === SIMULATED);
         document.body.classList.toggle("games", message.wheel !== undefined);
         document.body.classList.toggle("unclocked", message.timing === null);
-        return showBar(desk);
+        return bar();
       case "refused":
         if (!message.key || !knobs.refused(message.key, message.message)) fail(message.message);
         return;
+      case "file":
+        return download(message.name, message.text);
       case "error":
         return fail(message.message);
     }
@@ -114,11 +117,12 @@ export function single(recorded: Recorded | undefined): void {
     desk.mine = holder !== null && holder === client;
     if (!desk.mine) gamewheel.release();
     mayGrab();
-    showBar(desk);
+    bar();
   }
 
   function connection(up: boolean, next: number | null): void {
     desk.up = up;
+    desk.lost ||= !up;
     retry = next;
     if (!up) [desk.mine, desk.status] = [false, null];
     if (!up) gamewheel.release();
@@ -126,12 +130,17 @@ export function single(recorded: Recorded | undefined): void {
     document.body.classList.toggle("down", !up);
     byId("lost").hidden = up;
     countdown();
-    showBar(desk);
+    bar();
   }
 
   /** A real wheel is turned by a real hand alone. */
   function mayGrab(): void {
     hand.allowed = desk.up && desk.mine && world?.device === SIMULATED;
+  }
+
+  function bar(): void {
+    showBar(desk);
+    changes.show(desk.up && desk.mine);
   }
 
   function countdown(): void {
@@ -162,7 +171,11 @@ export function single(recorded: Recorded | undefined): void {
     legend.show(next);
     gauge.show(stage.strongest, next.limit !== null, shown);
     knobs.show(next);
+    changes.world(next, performance.now());
     euler.world(next);
+    desk.world = next;
+    // What was refused was refused by the world before.
+    if (before && before.generation !== next.generation) byId("error").hidden = true;
     const way = next.motion === "rotary" ? "Clockwise" : "To the right";
     const grab = next.device === SIMULATED ? "Drag it and release it; on the keyboard hold an arrow key (with Shift, slowly), and H keeps holding." : `It moves as ${next.device} does.`;
     say(byId("hint"), `${grab} ${way} is positive. Couplings have the colour of their ${shown.what} on this scale.`);
@@ -170,7 +183,7 @@ export function single(recorded: Recorded | undefined): void {
     mayGrab();
     const names = (of: World | null) => of?.scenarios.map(({ name }) => name).join(" ");
     if (!before || before.device !== next.device || names(before) !== names(next)) experiments(next);
-    showBar(desk);
+    bar();
   }
 
   /** With a simulated hand alone: what breaks a loop, or pushes its puck, is nothing for a motor. */
@@ -275,7 +288,12 @@ export function single(recorded: Recorded | undefined): void {
     choice.setAttribute("aria-pressed", String(seconds === plots.seconds));
     byId("windows").append(choice);
   }
+  press("meet", () => {
+    const sets = lateness(desk);
+    if (sets.length > 0) link.send({ type: "sets", sets });
+  });
   const turnTo = tabs(byId("tabs"));
+  bar();
   press("strip", () => turnTo("verdict"));
   if (recorded) alone(recorded);
   requestAnimationFrame(draw);

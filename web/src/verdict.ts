@@ -2,10 +2,13 @@
 
 import { button, html, say } from "./dom.ts";
 import type { Sets, Verdict } from "./protocol.ts";
-import { number, pretty } from "./units.ts";
+import { number } from "./units.ts";
 
 /** As `hapt check` has them. */
 const NAMES = { held: "held", free: "free", passive: "passive", uneven: "uneven", quantisation: "counts" } as const;
+
+/** Of a claim that is neither good nor bad. */
+const UNDECIDED: Partial<Record<keyof typeof NAMES, [string, string]>> = { held: ["=", "marginal"], free: ["=", "marginal"] };
 
 export class VerdictCard {
   private readonly root: HTMLElement;
@@ -13,20 +16,20 @@ export class VerdictCard {
   /** The heading again, where a phone always shows it. */
   private readonly strip: HTMLElement;
   private readonly apply: (sets: Sets) => void;
-  /** What a key is called, and what it belongs to. */
-  private readonly named: (key: string) => [string, string];
+  /** What a change is for people. */
+  private readonly told: (key: string, value: string) => string;
   /** Folded as the visitor left them. */
   private readonly reasons = html("details", { class: "reasons", open: matchMedia("(min-height: 1000px) and (min-width: 761px)").matches });
   private readonly margins = html("details", { class: "margins" });
   private said = "";
 
   /** `heading` is announced by screen readers when its words change; the details beside it are not. */
-  constructor(root: HTMLElement, heading: HTMLElement, strip: HTMLElement, apply: (sets: Sets) => void, named: (key: string) => [string, string]) {
+  constructor(root: HTMLElement, heading: HTMLElement, strip: HTMLElement, apply: (sets: Sets) => void, told: (key: string, value: string) => string) {
     this.root = root;
     this.heading = heading;
     this.strip = strip;
     this.apply = apply;
-    this.named = named;
+    this.told = told;
   }
 
   show(verdict: Verdict): void {
@@ -37,8 +40,10 @@ export class VerdictCard {
     const marks = html("p", { class: "marks" });
     const sentences = html("dl");
     for (const { what, ok, text } of verdict.sentences) {
-      const [mark, meaning, kind] = ok === null ? ["~", "in between", "even"] : ok ? ["✓", "good", "good"] : ["✗", "bad", "bad"];
-      const named = () => [html("span", { "aria-label": meaning, role: "img" }, mark), ` ${NAMES[what] ?? what}`];
+      const [mark, meaning, kind] = ok === null ? [...(UNDECIDED[what] ?? ["?", "not decided"]), "even"] : ok ? ["✓", "good", "good"] : ["✗", "bad", "bad"];
+      // What is neither good nor bad says in words what it is.
+      const word = ok === null ? ` ${NAMES[what] ?? what}: ${meaning}` : ` ${NAMES[what] ?? what}`;
+      const named = () => [html("span", ok === null ? { "aria-hidden": "true" } : { "aria-label": meaning, role: "img" }, mark!), word];
       marks.append(html("span", { class: kind }, ...named()));
       sentences.append(html("dt", { class: kind }, ...named()), html("dd", {}, text));
     }
@@ -68,11 +73,7 @@ export class VerdictCard {
     const rows = remedies.map(({ sets, text }) => {
       if (sets.length === 0) return html("li", {}, html("code", {}, text.replace(/ {2,}#/g, "  #")));
       const title = sets.map(([key, value]) => `sets ${key} to ${value}`).join("\n");
-      const line = ([key, value]: Sets[number]) => {
-        const [name, group] = this.named(key);
-        return `${name} ${pretty(value)} (${group})`;
-      };
-      const label = sets.map(line).join("\n");
+      const label = sets.map(([key, value]) => this.told(key, value)).join("\n");
       const press = button(label, () => this.apply(sets), { class: "remedy", "data-key": sets.map(([key]) => key).join(" "), title });
       return html("li", {}, press);
     });

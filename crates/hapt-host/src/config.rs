@@ -6,7 +6,7 @@ use hapt_core::SafetyProfile;
 use hapt_model::{Error, Source, World};
 
 use crate::attached::Attached;
-use crate::keys::{SettableKey, companion, keys, may_be_set};
+use crate::keys::{SettableKey, adds_damper, companion, keys, may_be_set};
 
 /// The name of the simulated device.
 const SIMULATED: &str = "sim";
@@ -119,6 +119,19 @@ impl WorldConfig {
         self.given.iter().cloned().chain(changes).collect()
     }
 
+    /// What has been set over the file and the command line, in the order in which it was first set.
+    pub fn changes(&self) -> &[(String, String)] {
+        &self.changes
+    }
+
+    /// The text of a world file that is this world, with all overrides written into it.
+    ///
+    /// # Errors
+    /// When a file that the world refers to is gone.
+    pub fn file(&self) -> Result<String, String> {
+        self.source.edited(&self.sets()).map_err(|error| message(&error))
+    }
+
     /// The same with a key set; nothing is changed here.
     ///
     /// # Errors
@@ -132,6 +145,14 @@ impl WorldConfig {
     /// # Errors
     /// As [`WorldConfig::with`].
     pub fn with_all(&self, sets: &[(String, String)]) -> Result<Self, String> {
+        // A coupling is added first: its own keys may follow.
+        if let Some((add, rest)) = sets.split_first()
+            && adds_damper(&self.world, &add.0, &add.1)
+        {
+            let next = self.changed(std::slice::from_ref(add)).read()?;
+            let same = WorldConfig { generation: self.generation, ..next.clone() };
+            return if rest.is_empty() { Ok(next) } else { same.with_all(rest) };
+        }
         if let Some((key, _)) = sets.iter().find(|(key, _)| !may_be_set(&self.world, key)) {
             return Err(format!("{key:?} cannot be set while the loop runs"));
         }
@@ -145,6 +166,15 @@ impl WorldConfig {
             Err(refused) if !others.is_empty() => self.changed(&others).changed(sets).read().map_err(|_| refused),
             alone => alone,
         }
+    }
+
+    /// The file with these keys set and no other: a step back to an earlier state, or to the file.
+    ///
+    /// # Errors
+    /// As [`WorldConfig::with`] and [`WorldConfig::reset`].
+    pub fn with_only(&self, sets: &[(String, String)]) -> Result<Self, String> {
+        let file = self.reset()?;
+        if sets.is_empty() { Ok(file) } else { WorldConfig { generation: self.generation, ..file }.with_all(sets) }
     }
 
     fn changed(&self, sets: &[(String, String)]) -> Self {
@@ -253,6 +283,54 @@ mod tests {
         assert_eq!(again.sets().len(), 2, "the last word on a key counts alone");
         let back = again.reset().unwrap();
         assert_eq!((back.world, back.generation), (before.world, 3));
+    }
+
+    #[test]
+    fn a_state_of_before_is_taken_back_with_all_its_keys_and_no_other() {
+        let before = config();
+        let pair = |key: &str, value: &str| (key.to_string(), value.to_string());
+        let mine = before.with("loop.period", "2 ms").unwrap().with("loop.method", "tustin").unwrap();
+        let other = mine.with("couplings.0.stiffness", "10 N mm/deg").unwrap();
+        let back = other.with_only(mine.changes()).unwrap();
+        assert_eq!((&back.world, back.changes(), back.generation), (&mine.world, mine.changes(), other.generation + 1));
+        let file = back.with_only(&[]).unwrap();
+        assert_eq!((file.world, file.generation), (before.world.clone(), back.generation + 1));
+        assert!(before.with_only(&[pair("loop.period", "2 ms"), pair("nothing", "1")]).is_err());
+    }
+
+    #[test]
+    fn the_file_that_is_saved_reads_as_the_world_that_runs() {
+        let mine =
+            config().with("couplings.0.stiffness", "10 N mm/deg").unwrap().with("loop.estimator", "low-pass").unwrap();
+        let saved = WorldConfig::new(Source::from_text("mine.toml", mine.file().unwrap()), Vec::new()).unwrap();
+        assert_eq!(saved.world, mine.world);
+    }
+
+    #[test]
+    fn a_damper_can_be_added_while_the_loop_runs_and_no_other_coupling() {
+        let before = config();
+        let damper = r#"{ kind = "damper", between = ["wheel", "ground"], damping = "2e-3 N m s/rad" }"#;
+        let next = before.with("couplings.1", damper).unwrap();
+        assert_eq!((next.world.couplings.len(), next.generation), (2, 1));
+        let own = key(&next, "couplings.1.damping");
+        assert!(own.changed && own.own.is_none());
+        let more = next.with("couplings.1.damping", "3e-3 N m s/rad").unwrap();
+        assert_eq!(more.with_only(more.changes()).unwrap().world, more.world);
+        assert_eq!(more.reset().unwrap().world, before.world);
+        let sneaky = |from: &str, to: &str| damper.replace(from, to);
+        for (key, value) in [
+            ("couplings.2", damper.to_string()),
+            ("couplings.0", damper.to_string()),
+            ("couplings.01", damper.to_string()),
+            ("couplings.1", sneaky("wheel", "nobody")),
+            ("couplings.1", sneaky("rad\"", "rad\", file = \"/etc/passwd\"")),
+            ("couplings.1", sneaky("\"damper\"", "\"texture\"")),
+            ("couplings.1", sneaky("2e-3", "-2e-3")),
+            ("couplings.1", "{}".to_string()),
+            ("couplings.1", "1".to_string()),
+        ] {
+            assert!(before.with(key, &value).is_err(), "{key} = {value}");
+        }
     }
 
     #[test]

@@ -40,6 +40,8 @@ pub struct SettableKey {
     pub log: bool,
     /// The names that it takes.
     pub choices: Vec<&'static str>,
+    /// The value as the file has it; `None` in a coupling that the file does not have.
+    pub own: Option<String>,
     /// Whether it differs from the file.
     pub changed: bool,
     /// Whether it cannot be set with the attached motor.
@@ -72,7 +74,7 @@ pub fn keys(source: &Source, given: &[String], sets: &[String]) -> Result<Vec<Se
     Ok(shown
         .filter_map(|parameter| {
             let before = own.iter().find(|own| own.path == parameter.path);
-            key(&world, parameter, before.unwrap_or(parameter), &file)
+            key(&world, parameter, before, &file)
         })
         .collect())
 }
@@ -124,8 +126,9 @@ fn add_output(list: &mut Vec<Parameter>, world: &World) {
     list.insert(after.min(list.len()), output);
 }
 
-fn key(world: &World, now: &Parameter, own: &Parameter, file: &World) -> Option<SettableKey> {
+fn key(world: &World, now: &Parameter, before: Option<&Parameter>, file: &World) -> Option<SettableKey> {
     let row = row(world, &now.path)?;
+    let own = before.unwrap_or(now);
     let mut key = SettableKey {
         path: now.path.clone(),
         group: group(world, &now.path),
@@ -140,7 +143,8 @@ fn key(world: &World, now: &Parameter, own: &Parameter, file: &World) -> Option<
         max: 1.0,
         log: false,
         choices: Vec::new(),
-        changed: now.written != own.written,
+        own: before.map(|own| own.written.clone()),
+        changed: before.is_none_or(|own| now.written != own.written),
         fixed: false,
     };
     match row.takes {
@@ -305,6 +309,20 @@ pub fn companion(world: &World, key: &str, value: &str) -> Option<(String, Strin
 /// Whether the key can be set while the loop runs, also where the file omits it.
 pub fn may_be_set(world: &World, path: &str) -> bool {
     is_settable(path) && row(world, path).is_some_and(|row| is_setting(row.takes))
+}
+
+/// Whether `key` and `value` add a damper behind the last coupling, in the words of a remedy (hapt-analysis, `proposal`). No other coupling can be added: it might name a file.
+pub fn adds_damper(world: &World, key: &str, value: &str) -> bool {
+    let is_next = key == format!("couplings.{}", world.couplings.len());
+    let damper = || {
+        let rest = value.strip_prefix("{ kind = \"damper\", between = [\"")?.strip_suffix("\" }")?;
+        let (first, rest) = rest.split_once("\", \"")?;
+        let (second, damping) = rest.split_once("\"], damping = \"")?;
+        let is_end = |name: &str| ["puck", "ground"].contains(&name) || world.names.iter().any(|own| own == name);
+        let is_plain = !damping.contains(|c: char| c == '"' || c == '\\' || c.is_control());
+        Some(is_end(first) && is_end(second) && is_plain)
+    };
+    is_next && damper() == Some(true)
 }
 
 /// Whether a key takes a number or a choice. Texts are not settings: one of them names a file, and a page must not choose what is read.

@@ -69,9 +69,12 @@ impl PageSession {
             }
             ClientMessage::Hand { grip, position } => self.session.move_hand(grip.then_some(position)),
             ClientMessage::Set { key, value } => {
-                return self.submit(client, Task::Sets { key: key.clone(), sets: vec![(key, value)] });
+                return self.submit(client, Task::Sets { key: key.clone(), sets: vec![(key, value)], only: false });
             }
-            ClientMessage::Sets { sets } => return self.submit(client, Task::Sets { key: String::new(), sets }),
+            ClientMessage::Sets { sets, only } => {
+                return self.submit(client, Task::Sets { key: String::new(), sets, only });
+            }
+            ClientMessage::File => return Some(self.file()),
             ClientMessage::Reset => return self.submit(client, Task::Reset),
             ClientMessage::Restart => return self.session.restart(epoch).err().map(|why| refused("", why)),
             ClientMessage::Scenario { name: None } => self.session.release(),
@@ -97,6 +100,16 @@ impl PageSession {
             | ClientMessage::Alive => {}
         }
         None
+    }
+
+    /// The world that runs as a file, or why there is none.
+    fn file(&self) -> ServerMessage {
+        let config = self.session.config();
+        let name = config.source().name.rsplit(['/', '\\']).next().unwrap_or_default().trim_end_matches(".toml");
+        match config.file() {
+            Ok(text) => ServerMessage::File { name: format!("{name}.toml"), text },
+            Err(message) => ServerMessage::Refused { key: String::new(), message },
+        }
     }
 
     fn submit(&mut self, client: u64, task: Task) -> Option<ServerMessage> {

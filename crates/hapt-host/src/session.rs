@@ -342,7 +342,7 @@ impl Session {
                 return Ok(());
             }
         }
-        if let (Some((last, Task::Sets { key: before, sets })), Task::Sets { key, sets: next }) =
+        if let (Some((last, Task::Sets { key: before, sets, .. })), Task::Sets { key, sets: next, .. }) =
             (self.tasks.back_mut(), &task)
             && *last == client
             && !key.is_empty()

@@ -24,6 +24,8 @@ pub enum Task {
         key: String,
         /// Keys with their values, as they would stand in the world file.
         sets: Vec<(String, String)>,
+        /// Whether every other key goes back to the file's value.
+        only: bool,
     },
     /// Set every key back to the file's value.
     Reset,
@@ -139,6 +141,7 @@ impl Job {
     fn run(self) -> Result<Made, String> {
         let Job { task, config, profile, folder, linked, station, .. } = self;
         let next = match task {
+            Task::Sets { sets, only: true, .. } => config.with_only(&sets)?,
             Task::Sets { sets, .. } => config.with_all(&sets)?,
             Task::Reset => config.reset()?,
             Task::Record => {

@@ -91,6 +91,7 @@ impl SharedSession {
             | ClientMessage::Set { .. }
             | ClientMessage::Sets { .. }
             | ClientMessage::Reset
+            | ClientMessage::File
             | ClientMessage::Restart
             | ClientMessage::Scenario { .. }
             | ClientMessage::Record { .. }

@@ -32,6 +32,7 @@
 pub mod builtin;
 mod dimension;
 mod document;
+mod edit;
 mod error;
 mod fields;
 pub mod input;

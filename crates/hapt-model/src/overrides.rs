@@ -11,6 +11,8 @@ use crate::quantity::split_tolerance;
 use crate::source::Source;
 use crate::words;
 
+/// The list that an override may lengthen.
+const COUPLINGS: &str = "couplings";
 /// The most overrides of one world: each takes a search through the tables of its path.
 const MOST_SETS: usize = 1000;
 
@@ -35,8 +37,24 @@ impl<'a> Document<'a> {
     }
 }
 
-/// Puts the value of `set`, which is `sets[index]`, into the tree. A key that is absent is added; a body, a scenario or a
-/// coupling is not.
+/// An override by its parts.
+pub(crate) struct Override<'a> {
+    /// The names of its path.
+    pub names: Vec<&'a str>,
+    /// The text of its value.
+    pub value: &'a str,
+}
+
+impl<'a> Override<'a> {
+    /// The parts of `KEY=VALUE`.
+    pub fn split(set: &'a str) -> Option<Self> {
+        let (path, value) = set.split_once('=')?;
+        Some(Override { names: steps(path).map(|(name, _)| name).collect(), value: value.trim() })
+    }
+}
+
+/// Puts the value of `set`, which is `sets[index]`, into the tree. A key that is absent is added, and a coupling behind the last; a body or a
+/// scenario is not.
 fn apply(document: &mut Document<'_>, index: usize, set: &str) -> Result<(), Error> {
     let place = |span: Range<usize>| Place { set: Some(index), span };
     let Some((path, _)) = set.split_once('=') else {
@@ -110,6 +128,14 @@ fn put(root: &mut Node, top: &str, steps: &[Step<'_>], value: Node) -> Result<()
         match &mut node.value {
             Value::Array(items) => {
                 let count = items.len();
+                // Another coupling, whole.
+                if pattern == COUPLINGS && depth + 1 == steps.len() && step.name == count.to_string() {
+                    if !matches!(value.value, Value::Table(_)) {
+                        return fail("another coupling is a table, such as {kind=\"damper\",between=[\"puck\",\"ground\"],damping=0.001}".into());
+                    }
+                    items.push(value);
+                    return Ok(());
+                }
                 let index = step.name.parse::<usize>().ok().filter(|&index| index < count);
                 let Some(item) = index.and_then(|index| items.get_mut(index)) else {
                     return fail(match count {
@@ -137,7 +163,9 @@ fn put(root: &mut Node, top: &str, steps: &[Step<'_>], value: Node) -> Result<()
                         });
                     }
                     (None, None) => {
-                        let node = Node { value: Value::Table(Vec::new()), place: step.place.clone(), before: None };
+                        let is_list = pattern.is_empty() && step.name == COUPLINGS && depth + 2 == steps.len();
+                        let value = if is_list { Value::Array(Vec::new()) } else { Value::Table(Vec::new()) };
+                        let node = Node { value, place: step.place.clone(), before: None };
                         entries.push(Entry { key: step.name.to_string(), place: step.place.clone(), node });
                         entries.len() - 1
                     }

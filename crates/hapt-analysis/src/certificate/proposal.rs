@@ -39,7 +39,7 @@ impl Proposal {
 /// A single change that makes the world certified.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Remedy {
-    /// Keys with their values as written; empty for a new coupling.
+    /// Keys with their values as written; a new coupling is `couplings.N` with its table, N one beyond the last.
     pub sets: Vec<(String, String)>,
     /// Lines for the world file, with where they belong.
     pub lines: Vec<String>,
@@ -124,11 +124,14 @@ pub fn proposal(
     if let Some(damping) = remedies.ground_damping.filter(|damping| *damping > 0.0) {
         let unit = Measure::Damping.dimension(world.motion).symbol();
         let mut dampers = Remedy::default();
-        for name in &world.names {
+        for (name, index) in world.names.iter().zip(world.couplings.len()..) {
+            let value = format!("{} {unit}", written(damping));
+            let table = format!("{{ kind = \"damper\", between = [{name:?}, \"ground\"], damping = {value:?} }}");
+            dampers.sets.push((format!("couplings.{index}"), table));
             dampers.lines.push(format!("{:<40}  # a new one, for each body", "[[couplings]]"));
             dampers.lines.push("kind = \"damper\"".into());
             dampers.lines.push(format!("between = [{name:?}, \"ground\"]"));
-            dampers.lines.push(format!("damping = \"{} {unit}\"", written(damping)));
+            dampers.lines.push(format!("damping = {value:?}"));
         }
         dampers.is_joint = world.names.len() > 1;
         list.push(dampers);

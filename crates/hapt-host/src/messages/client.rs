@@ -54,7 +54,12 @@ pub enum ClientMessage {
     Sets {
         /// Keys with values, as in `Set`.
         sets: Vec<(String, String)>,
+        /// Whether every other key goes back to the file's value.
+        #[serde(default)]
+        only: bool,
     },
+    /// Asks for the world that runs as a file.
+    File,
     /// Sets every key back to the file's value.
     Reset,
     /// Restarts a simulated device: puck at rest at 0, world at its start, armed.
@@ -137,7 +142,7 @@ impl ClientMessage {
         let words: Vec<&str> = match &message {
             ClientMessage::Hello { token: Some(token), .. } => vec![token],
             ClientMessage::Set { key, value } => vec![key, value],
-            ClientMessage::Sets { sets } => sets.iter().flat_map(|(key, value)| [key.as_str(), value]).collect(),
+            ClientMessage::Sets { sets, .. } => sets.iter().flat_map(|(key, value)| [key.as_str(), value]).collect(),
             ClientMessage::Scenario { name: Some(name) } => vec![name],
             ClientMessage::Focus { key } => vec![key],
             ClientMessage::Hand { position, .. } if position.is_nan() || position.abs() > FARTHEST => {
@@ -158,6 +163,7 @@ impl ClientMessage {
             | ClientMessage::Command { .. }
             | ClientMessage::Hand { .. }
             | ClientMessage::Reset
+            | ClientMessage::File
             | ClientMessage::Restart
             | ClientMessage::Scenario { .. }
             | ClientMessage::Record { .. }
@@ -196,8 +202,11 @@ mod tests {
                 r#"{"type":"sets","sets":[["loop.period","2 ms"],["loop.delay","0 s"]]}"#,
                 ClientMessage::Sets {
                     sets: vec![("loop.period".into(), "2 ms".into()), ("loop.delay".into(), "0 s".into())],
+                    only: false,
                 },
             ),
+            (r#"{"type":"sets","sets":[],"only":true}"#, ClientMessage::Sets { sets: vec![], only: true }),
+            (r#"{"type":"file"}"#, ClientMessage::File),
             (r#"{"type":"reset"}"#, ClientMessage::Reset),
             (r#"{"type":"restart"}"#, ClientMessage::Restart),
             (r#"{"type":"scenario","name":"step"}"#, ClientMessage::Scenario { name: Some("step".into()) }),

@@ -38,6 +38,7 @@ pub fn describe(config: &WorldConfig) -> WorldInfo {
             })
             .collect(),
         keys: config.keys().to_vec(),
+        changes: config.changes().to_vec(),
         columns: columns_of(world),
     }
 }

@@ -47,6 +47,13 @@ pub enum ServerMessage {
         /// Intervals in SI.
         certified: Vec<[f64; 2]>,
     },
+    /// The world that runs, as a file.
+    File {
+        /// The name of its file, without folders.
+        name: String,
+        /// Its text.
+        text: String,
+    },
     /// The state of the loop.
     Status(Box<Status>),
 }
@@ -86,6 +93,8 @@ pub struct WorldInfo {
     pub scenarios: Vec<ScenarioInfo>,
     /// The keys that can be set.
     pub keys: Vec<SettableKey>,
+    /// What has been set over the file, as `sets` takes it.
+    pub changes: Vec<(String, String)>,
     /// The columns of the telemetry.
     pub columns: Vec<ColumnInfo>,
 }
