@@ -19,7 +19,7 @@ pub struct Run {
     /// How many samples were beyond the motor's limit.
     pub clipped: u64,
     /// The numbers that `hapt sim` prints.
-    pub summary: [(&'static str, Option<f64>); 10],
+    pub summary: [(&'static str, Option<f64>); 11],
     /// Why the run stops before its end.
     pub ended: Option<String>,
 }

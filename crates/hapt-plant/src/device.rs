@@ -220,8 +220,8 @@ impl VirtualDevice {
     /// the new 0. Allocates nothing.
     pub fn shift(&mut self, by: f64) {
         self.puck.position -= by;
+        self.zero += by;
         if self.field.is_some() {
-            self.zero += by;
             self.refit_field();
         }
         if let HandMode::Grip(hand) = &mut self.mode {

@@ -23,7 +23,7 @@ const TERMS: usize = 19;
 /// Radians of the fastest rate in a step at most.
 const STEP: f64 = 0.5;
 /// A puck that passes more radians of a wave in one stretch feels its mean, which is 0.
-const MOST_WAVES: f64 = 1e5;
+const MOST_WAVES: f64 = 1e4;
 
 /// a sin rx + b cos rx
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -101,11 +101,11 @@ impl Field {
         libm::sqrt(stiffness / mass) + fastest * velocity.abs()
     }
 
-    /// Whether a puck of this velocity passes so many waves in `dt` s that it feels their mean.
-    pub fn is_passed(&self, velocity: f64, dt: f64) -> bool {
-        // Written so that no number is passed too.
-        let slowest = self.waves().map(|wave| wave.rate).fold(f64::INFINITY, f64::min);
-        !(slowest.max(1.0) * velocity.abs() * dt <= MOST_WAVES)
+    /// What a puck of this velocity feels of it in `dt` s: waves that it passes by the thousand have a mean of 0.
+    pub fn felt(&self, velocity: f64, dt: f64) -> Field {
+        // A velocity that is no number feels none.
+        let is_felt = |wave: &Wave| wave.rate * velocity.abs() * dt <= MOST_WAVES;
+        Field { waves: self.waves.map(|wave| if is_felt(&wave) { wave } else { Wave::default() }) }
     }
 }
 

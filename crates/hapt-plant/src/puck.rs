@@ -183,7 +183,7 @@ impl Puck {
     #[inline(never)]
     fn advance_any(&mut self, dt: f64, motor: f64, gap: f64, push: Push, ledger: &mut Ledger) {
         let y = [self.velocity, motor + push.value, self.position, push.slope, push.sin, push.cos, gap];
-        if let Some(field) = self.field.filter(|field| !field.is_passed(self.velocity, dt)) {
+        if let Some(field) = self.field {
             [self.position, self.velocity] = self.move_in(&field, y, dt, motor, ledger);
             return;
         }
@@ -241,6 +241,7 @@ impl Puck {
                 y[GAP] = 0.0;
             }
             let rate = if y[GAP] != 0.0 { plant.rate() } else { without_lag };
+            let field = &field.felt(y[V], left);
             let fielded = Fielded { field, n: &n, rate, mass: plant.mass, v: V, x: X };
             let mut sliding = *y;
             sliding[F] -= against;

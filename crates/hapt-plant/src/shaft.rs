@@ -401,7 +401,7 @@ impl Shaft {
     ) -> [f64; 2] {
         let mut y = [v, self.velocity, self.deflection, x, motor, gap, push.value, push.slope, push.sin, push.cos];
         let mut left = dt;
-        let field = self.field.filter(|field| !field.is_passed(v, dt));
+        let field = self.field;
         // Where a slip starts, its direction is known. The net torque there is friction's, and rounding could call it either.
         let mut slips = None;
         // Each pass ends in a stop or a start.
@@ -507,6 +507,7 @@ impl Shaft {
                 y[GAP] = 0.0;
             }
             let rate = if y[GAP] != 0.0 { flow.rate } else { flow.settled_rate };
+            let field = &field.felt(y[V], left);
             let fielded = Fielded { field, n: &flow.n, rate, mass: self.device.inertia, v: V, x: X };
             y[MOTOR] -= held;
             let series = fielded.series(y, left);

@@ -147,3 +147,23 @@ fn the_motion_is_foretold_over_a_quarter_second() {
     let left = squares(&|i| motion[i].1 - record.positions()[i]);
     assert!(left < 0.01 * squares(&|i| record.positions()[i] - middle), "{left}");
 }
+
+/// The term is what a motor of sign 1 gives against the device's torque, whatever the motor's sign is.
+#[test]
+fn a_cogging_that_is_found_has_the_devices_torque_with_its_sign() {
+    let (mut told, mut right, mut all) = (0, 0, 0);
+    for (seed, sign) in hapt_testing::seeds(6).flat_map(|seed| [(seed, 1.0), (seed, -1.0)]) {
+        all += 1;
+        let mut rng = Rng::with_seed(seed);
+        let lever = Lever { cogging: 0.04, sign, ..plain(&mut rng) };
+        let record = lever.record(5.0, &mut Rng::with_seed(seed));
+        let fit = fit(&record);
+        let Some(term) = found(&fit, |kind| matches!(kind, TermKind::Turn { times: 10..=12, .. })) else { continue };
+        let TermKind::Turn { times, phase } = term.kind else { continue };
+        told += 1;
+        let own = |z: f64| -term.size.value * (f64::from(times) * z + phase).sin();
+        let both: f64 = record.positions().iter().map(|z| own(*z) * (11.0 * z).sin()).sum();
+        right += i32::from(both > 0.0);
+    }
+    assert!(2 * told >= all && right == told, "{right} of {told} of {all}");
+}

@@ -221,6 +221,27 @@ fn numbers_without_measure_end() {
         DeviceTorque { gravity: None, cogging: Some(Cogging { torque: 1.0, pitch: 1e-3, phase: 0.0, waveform }) };
     for velocity in [1e6, 1e30, f64::INFINITY, f64::NAN] {
         let device = moved(&bare(1e-3, torque), &Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), velocity, &[1e20; 3]);
-        assert!(!(device.puck().0.abs() < 1.0));
+        assert!(device.puck().0.is_nan() || device.puck().0.abs() >= 1.0);
     }
+    // From rest, where only the torque is large, with a handle too.
+    let handle = Some(Handle { inertia: 1e-3, stiffness: 20.0, damping: 0.0 });
+    for (handle, command) in [(None, 1e20), (handle, 1e20), (None, 1e300), (None, 1e8), (handle, 1e5)] {
+        let spec = DeviceSpec { handle, ..bare(1e-3, torque) };
+        let device = moved(&spec, &Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), 0.0, &[command; 20]);
+        assert!(device.puck().0.is_nan() || device.puck().0.abs() >= 1.0);
+    }
+}
+
+/// Fast for cogging, slow for gravity.
+#[test]
+fn a_fine_cogging_that_is_passed_leaves_gravity_as_it_is() {
+    let waveform = Waveform { sine: [1.0, 0.0, 0.0, 0.0], cosine: [0.0; 4] };
+    let cogging = Cogging { torque: 1e-9, pitch: 1e-6, phase: 0.0, waveform };
+    let both = DeviceTorque { cogging: Some(cogging), ..gravity(0.1, 0.5) };
+    let push = Drive::Torque(Shape::Step { to: 0.0, at: 0.0 });
+    let (with, without) = (
+        moved(&bare(1e-3, both), &push, 5.0, &[0.0; 50]),
+        moved(&bare(1e-3, gravity(0.1, 0.5)), &push, 5.0, &[0.0; 50]),
+    );
+    assert!((with.puck().0 - without.puck().0).abs() < 1e-6, "{:?} {:?}", with.puck(), without.puck());
 }

@@ -105,11 +105,8 @@ impl Measure {
             return self != Measure::RequiredDamping;
         }
         if key.starts_with("device.gravity.") || key.starts_with("device.cogging.") {
-            return match self {
-                Measure::RequiredDamping => false,
-                Measure::HeldGrowth | Measure::HeldVerdict => has_handle,
-                _ => true,
-            };
+            let held = matches!(self, Measure::HeldGrowth | Measure::HeldVerdict);
+            return self != Measure::RequiredDamping && (has_handle || !held);
         }
         let mut names = key.split('.');
         let (table, last) = (names.next().unwrap_or_default(), names.next_back().unwrap_or_default());

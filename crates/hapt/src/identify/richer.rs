@@ -186,13 +186,12 @@ fn table(given: &Given, fit: &TorqueFit) -> String {
 /// `[device.gravity]` and `[device.cogging]` of the terms that repeat: the largest of those of cogging, as a file has one pitch.
 fn own_torques(given: &Given, fit: &TorqueFit) -> String {
     let (effort, per_si) = effort(given.motion);
-    let way = fit.sign.unwrap_or(1.0);
     let mut text = String::new();
     let mut terms: Vec<(u32, f64, f64)> = Vec::new();
     for term in &fit.terms {
         if let TermKind::Turn { times, phase } = term.kind {
-            // The term is what the motor gives against the device's torque.
-            terms.push((times, way * term.size.value, phase + PI));
+            // The term is what a motor of sign 1 gives against the device's torque.
+            terms.push((times, term.size.value, phase + PI));
         }
     }
     terms.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
