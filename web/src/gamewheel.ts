@@ -1,7 +1,7 @@
 // The wheel that games see of the device: what they ask for, what they get, and the pedals and buttons of a simulated one.
 
 import { attribute, html, say } from "./dom.ts";
-import type { Controls, GameWheel } from "./protocol.ts";
+import type { Controls, GameLoop, GameWheel } from "./protocol.ts";
 import { number, steady } from "./units.ts";
 
 const PEDALS = ["throttle", "brake", "clutch"];
@@ -44,12 +44,24 @@ class Bar {
   }
 }
 
+/** The game's own loop in words: what it is, and what is done about it. */
+function loop(game: GameLoop): string {
+  const { law, lacking, damping, held_back, hands_off, oddity } = game;
+  const held = held_back > 0 ? `, and ${number(100 * held_back, 2)} % of the level held back` : "";
+  const hands = hands_off < 1 ? ` Hands do ${number(100 * (1 - hands_off), 2)} % of it.` : "";
+  const remedy = lacking > 0
+    ? `Hands off it lacks ${number(lacking, 2)} N m s/rad of damping; ${number(damping, 2)} are added${held}.${hands}`
+    : "The device's own damping keeps it quiet.";
+  return `The game's torque follows the wheel: ${law}. ${remedy}${oddity === null ? "" : ` Note: ${oddity}.`}`;
+}
+
 export class GameWheelCard {
   private readonly root: HTMLElement;
   private readonly state = html("p", { class: "soft", role: "status" });
   private readonly asked = new Bar("asked for");
   private readonly given = new Bar("given");
   private readonly reason = html("p", { class: "reason" });
+  private readonly loop = html("p", { class: "soft" });
   private readonly effects = html("table");
   private readonly controls = html("div", { class: "pressed" });
   private readonly pedals: HTMLInputElement[];
@@ -70,7 +82,7 @@ export class GameWheelCard {
     this.controls.append(...rows, html("div", { class: "buttons", role: "group", "aria-label": "Buttons" }, ...this.buttons));
     // What is held when the page is left would stay pressed.
     addEventListener("blur", () => this.press(0));
-    root.append(html("h2", {}, "Games"), this.state, this.asked.root, this.given.root, this.reason, this.effects, this.controls);
+    root.append(html("h2", {}, "Games"), this.state, this.asked.root, this.given.root, this.reason, this.loop, this.effects, this.controls);
   }
 
   private button(i: number): HTMLButtonElement {
@@ -107,6 +119,8 @@ export class GameWheelCard {
     this.given.show(wheel.given, limit);
     attribute(this.root, "class", `network gamewheel ${reason === null ? "good" : "bad"}`);
     say(this.reason, reason === null ? `All that is asked is given; it takes ${number(100 * wheel.used, 2)} % of the damping.` : `Less is given: ${reason}.`);
+    this.loop.hidden = wheel.game === null;
+    if (wheel.game) say(this.loop, loop(wheel.game));
     while (this.effects.rows.length > Math.max(1, effects.length)) this.effects.deleteRow(-1);
     const lines = effects.length > 0 ? effects : [{ kind: "no effect plays", asked: "", given: null }];
     lines.forEach(({ kind, asked, given }, i) => {

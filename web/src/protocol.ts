@@ -165,8 +165,24 @@ export interface GameWheel {
   limit: number;
   used: number;
   reason: string | null;
+  game: GameLoop | null;
   taken: number;
   refused: number;
+}
+
+/** The loop that a game closes: its torque follows the wheel's position, late. SI units. */
+export interface GameLoop {
+  stiffness: number;
+  stiffness_range: [number, number];
+  lateness: number;
+  lateness_range: [number, number];
+  hold: number;
+  lacking: number;
+  damping: number;
+  held_back: number;
+  hands_off: number;
+  law: string;
+  oddity: string | null;
 }
 
 /** Pedals from 0 to 1, and buttons, the first in the lowest bit. */

@@ -430,7 +430,8 @@ def main():
         untainted()
         sys.exit(0)
     if mode and mode[0] == "conform":
-        run, _ = attached(hapt, "wheel.toml")
+        # The swing that judges a wheel is a loop that a host closes, and would be damped.
+        run, _ = attached(hapt, "wheel.toml", "--dry")
         code = conformed(hapt, " ".join(mode[1:]))
         run.send_signal(signal.SIGINT)
         run.communicate()
@@ -474,7 +475,7 @@ def main():
         failed += not judged("two clients", torque(found[after + 2]), -CONSTANT, LIMIT, f", {pool} effects at most")
         print(f"suspend                  {suspend}")
         for by, code in [(signal.SIGTERM, 143), (signal.SIGKILL, -signal.SIGKILL)]:
-            run, device = attached(hapt, "wheel.toml")
+            run, device = attached(hapt, "wheel.toml", "--dry")
             if by == signal.SIGTERM and all(conformed(hapt, JUDGED) != 0 for _ in range(3)):
                 sys.exit("hapt wheel --conform finds something wrong three times")
             print(f"{by.name:24} nothing is attached after {ended(run, device, by, code):.2f} s")

@@ -33,6 +33,7 @@ mod tools;
 mod truth;
 mod vm;
 mod wheel;
+mod wheel_games;
 mod wheel_latency;
 mod windows;
 
@@ -49,6 +50,7 @@ cargo xtask proof     the proofs of random worlds before proof/checker.py, and C
 cargo xtask patterns  the same under patterns of intervals and delays
 cargo xtask networks  the same of stations joined by links
 cargo xtask wheel     random sets of effects on random force-feedback wheels, hands off: [--n N] [--seed S]; --write: docs/wheel.md
+                      games: random games that follow the steering late, hands on and off
                       latency: from a game's report to the torque, in simulated time
 cargo xtask page      the page's core in WebAssembly, into web/core
 cargo xtask licences  the licences of what is in the program, into crates/hapt/src/explain/licences.txt
@@ -98,6 +100,7 @@ fn main() -> Result<()> {
         ["proof", ref arguments @ ..] => proof::command(arguments),
         ["patterns", ref arguments @ ..] => truth::patterns(arguments),
         ["networks", ref arguments @ ..] => truth::networks(arguments),
+        ["wheel", "games", ref arguments @ ..] => wheel_games::command(arguments),
         ["wheel", "latency", ref arguments @ ..] => wheel_latency::command(arguments),
         ["wheel", ref arguments @ ..] => wheel::command(arguments),
         ["page"] => page::build(),

@@ -14,7 +14,7 @@ use hapt_live::{Error, Live, Options};
 use hapt_model::{Source, System, World, is_network};
 use hapt_rt::{Outside, Settings};
 
-use crate::args::{LiveArgs, device};
+use crate::args::{LiveArgs, Steering, device};
 use crate::drives;
 use crate::failure::Failure;
 use crate::latency::settings;
@@ -36,8 +36,8 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
     with(args, None)
 }
 
-/// The same; with a range of the steering in rad, the device is a wheel for games too.
-pub fn with(args: &LiveArgs, range: Option<f64>) -> Result<ExitCode, Failure> {
+/// The same; with a steering, the device is a wheel for games too.
+pub fn with(args: &LiveArgs, steering: Option<Steering>) -> Result<ExitCode, Failure> {
     let device = device(&args.device)?;
     let address = SocketAddr::new(listen(args.listen.as_deref())?, args.port);
     let source = source(args.path.as_deref().unwrap_or(Path::new(WHEEL)))?;
@@ -52,10 +52,10 @@ pub fn with(args: &LiveArgs, range: Option<f64>) -> Result<ExitCode, Failure> {
     // Before anything can hold a torque: a signal takes it off first.
     signals::end_in_order();
     let mut wheel = None;
-    let live = Live::start_on(options, |world| match range {
+    let live = Live::start_on(options, |world| match steering {
         None => machine(args, &device, world),
-        Some(range) => {
-            let (attached, machine) = beside_games(args, &device, world, range)?;
+        Some(steering) => {
+            let (attached, machine) = beside_games(args, &device, world, steering)?;
             wheel = Some(attached);
             Ok(machine)
         }
@@ -195,9 +195,9 @@ fn beside_games(
     args: &LiveArgs,
     device: &DeviceAddress,
     world: &World,
-    range: f64,
+    steering: Steering,
 ) -> Result<(Wheel, Machine), Failure> {
-    let room = Wheel::room(world, range)?;
+    let room = Wheel::room(world, steering)?;
     let plain = machine(args, device, world)?;
     let (wheel, effects) = Wheel::attach(room)?;
     let beside = plain.beside(Outside::playing(effects));

@@ -6,7 +6,7 @@ use hapt_host::WheelView;
 use hapt_model::World;
 use hapt_rt::EffectsPort;
 
-use crate::args::WheelArgs;
+use crate::args::{Steering, WheelArgs};
 use crate::failure::Failure;
 
 pub fn run(_: &WheelArgs) -> Result<ExitCode, Failure> {
@@ -21,7 +21,7 @@ fn missing() -> Failure {
 pub enum Wheel {}
 
 impl Wheel {
-    pub fn room(_: &World, _: f64) -> Result<Wheel, Failure> {
+    pub fn room(_: &World, _: Steering) -> Result<Wheel, Failure> {
         Err(missing())
     }
 

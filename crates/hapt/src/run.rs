@@ -12,7 +12,7 @@ use hapt_model::Scenario;
 use hapt_rt::{Failure as DeviceFailure, Outside, Record, Timing};
 use hapt_sim::script;
 
-use crate::args::{RunArgs, device};
+use crate::args::{RunArgs, Steering, device};
 use crate::drives;
 use crate::failure::Failure;
 use crate::format;
@@ -37,8 +37,8 @@ pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
     with(args, None)
 }
 
-/// The same; with a range of the steering in rad, the device is a wheel for games too.
-pub fn with(args: &RunArgs, range: Option<f64>) -> Result<ExitCode, Failure> {
+/// The same; with a steering, the device is a wheel for games too.
+pub fn with(args: &RunArgs, steering: Option<Steering>) -> Result<ExitCode, Failure> {
     let address = device(&args.device)?;
     let Chosen { loaded, sets, station } = Chosen::of(args, &address)?;
     let scenario = args.scenario.as_deref().map(|name| loaded.world.scenario(name)).transpose()?.cloned();
@@ -67,9 +67,9 @@ pub fn with(args: &RunArgs, range: Option<f64>) -> Result<ExitCode, Failure> {
     if let Some(station) = &station {
         profile = station.profile(profile, args.uncertified)?;
     }
-    let room = range.map(|range| Wheel::room(world, range)).transpose()?;
+    let room = steering.map(|steering| Wheel::room(world, steering)).transpose()?;
     let recording = Recording::start(args.log.as_deref(), world, || Header {
-        linked: station.is_some() || range.is_some(),
+        linked: station.is_some() || steering.is_some(),
         ..header(args, &loaded, &sets, profile)
     })?;
     let (links, ports) = station.as_ref().map(Station::open).transpose()?.unzip();

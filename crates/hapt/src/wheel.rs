@@ -4,12 +4,15 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use hapt_core::wheel::Shortfall;
-use hapt_host::game_wheel::{GameWheel, Room, STEERING, WheelError, WheelStatus, reason};
+use hapt_core::wheel::game_loop::Oddity;
+use hapt_host::game_wheel::{
+    GameWheel, Room, STEERING, WheelError, WheelStatus, game_law, game_remedy, oddity, reason,
+};
 use hapt_host::{DeviceAddress, WheelView};
 use hapt_model::{Dimension, World, is_network};
 use hapt_rt::EffectsPort;
 
-use crate::args::{LiveArgs, RunArgs, StationArgs, WheelArgs, WorldArgs, device};
+use crate::args::{LiveArgs, RunArgs, StationArgs, Steering, WheelArgs, WorldArgs, device};
 use crate::conform;
 use crate::failure::Failure;
 use crate::format;
@@ -66,7 +69,7 @@ pub fn run(args: &WheelArgs) -> Result<ExitCode, Failure> {
             open: false,
             realtime: args.realtime.clone(),
         };
-        return live::with(&live, Some(range));
+        return live::with(&live, Some(Steering { range, dry: args.dry }));
     }
     let run = RunArgs {
         world: WorldArgs { path, sets },
@@ -78,7 +81,7 @@ pub fn run(args: &WheelArgs) -> Result<ExitCode, Failure> {
         station: StationArgs::default(),
         realtime: args.realtime.clone(),
     };
-    run::with(&run, Some(range))
+    run::with(&run, Some(Steering { range, dry: args.dry }))
 }
 
 /// The wheel beside a run.
@@ -87,6 +90,9 @@ pub struct Wheel {
     room: Room,
     /// Which reasons have been told.
     told: [bool; 3],
+    /// Whether the game's law has been, and its last oddity.
+    told_game: bool,
+    told_oddity: Option<Oddity>,
 }
 
 /// Why less is given than asked, in the order of [`WheelStatus::less`].
@@ -94,8 +100,9 @@ const REASONS: [Shortfall; 3] = [Shortfall::Drives, Shortfall::Stiffness, Shortf
 
 impl Wheel {
     /// What the device of this world can be as a wheel.
-    pub fn room(world: &World, range: f64) -> Result<Room, Failure> {
-        Room::of(world, range).map_err(failure)
+    pub fn room(world: &World, steering: Steering) -> Result<Room, Failure> {
+        let room = Room::of(world, steering.range).map_err(failure)?;
+        Ok(if steering.dry { room.measuring() } else { room })
     }
 
     /// Attaches it. The second is the loop's end.
@@ -108,7 +115,7 @@ impl Wheel {
             "the wheel is attached; games have {} of springs and dampers to share",
             stiffness(&room)
         ));
-        Ok((Wheel { wheel, room, told: [false; 3] }, port))
+        Ok((Wheel { wheel, room, told: [false; 3], told_game: false, told_oddity: None }, port))
     }
 
     /// For the pages of its loop.
@@ -130,11 +137,21 @@ impl Wheel {
                 messages::say(format_args!("less is given than a game asks for: {}", reason(why)));
             }
         }
+        let Some(game) = status.game else { return };
+        // Not before it stands fast and lacks something.
+        if let (false, Some(law), true) = (self.told_game, game.last.law, game.lacking > 0.0) {
+            self.told_game = true;
+            messages::say(format_args!("the game's torque follows the wheel: {}", game_law(&law)));
+        }
+        if let Some(peculiar) = game.last.oddity.filter(|peculiar| self.told_oddity != Some(*peculiar)) {
+            self.told_oddity = Some(peculiar);
+            messages::say(format_args!("{}", oddity(peculiar)));
+        }
     }
 
     /// Detaches it, and gives the lines of the summary.
     pub fn end(&mut self) -> String {
-        let WheelStatus { taken, refused, samples, played, peak, less, scale, .. } = self.wheel.end();
+        let WheelStatus { taken, refused, samples, played, peak, less, scale, game, .. } = self.wheel.end();
         let [taken, samples, played] = [taken, samples, played].map(format::count);
         let refused = if refused > 0 { format!(", {} refused", format::count(refused)) } else { String::new() };
         let room = &self.room;
@@ -149,6 +166,12 @@ impl Wheel {
         }
         if scale < 1.0 {
             text += &format!("             springs were scaled to {:.1} % at least\n", 100.0 * scale);
+        }
+        if let Some((game, law)) = game.and_then(|game| Some((game, game.last.law?))) {
+            text += &format!("game         {}\n             {}\n", game_law(&law), game_remedy(&game, room.acts()));
+            if let Some(peculiar) = game.last.oddity {
+                text += &format!("             {}\n", oddity(peculiar));
+            }
         }
         text
     }

@@ -4,6 +4,7 @@
 //! damping that the world leaves of the device's ([`hapt_core::wheel`]).
 
 mod bus;
+mod game;
 mod vhci;
 mod view;
 
@@ -15,6 +16,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use hapt_core::wheel::game_loop::{GameLoop, Rotor};
 use hapt_core::wheel::{Device, Refused, Shortfall, Timing, Wheel};
 use hapt_model::World;
 use hapt_rt::{EffectsPort, EffectsWire, effects};
@@ -24,6 +26,7 @@ use usb_device::bus::UsbBusAllocator;
 use usb_device::device::UsbDeviceState;
 
 use bus::{Bus, HEADER, Malformed, data_length};
+pub use game::{GameStatus, game_law, game_remedy, oddity};
 use view::PlayedEffects;
 pub use view::{View, reason};
 
@@ -73,6 +76,9 @@ pub enum WheelError {
 #[derive(Clone, Debug)]
 pub struct Room {
     device: Device,
+    rotor: Rotor,
+    /// Whether the loop that a game closes is kept quiet, or only measured.
+    acts: bool,
     /// Half of the steering range, rad.
     half: f64,
     /// Why the world by itself is passive as far as its linear loop goes only.
@@ -125,7 +131,28 @@ impl Room {
         let ([friction, _], of_world) =
             (world.device.friction_range(), own.least_friction + 0.5 * own.stiffness * count);
         let device = Device { timing, damping, friction: (friction - of_world).max(0.0), count, limit };
-        Ok(Room { device, half: 0.5 * range, not_proved: uneven.not_proved })
+        let [inertia, _] = world.device.inertia_range();
+        let rotor = Rotor { inertia, damping: world.device.damping, friction: world.device.friction };
+        Ok(Room { device, rotor, acts: true, half: 0.5 * range, not_proved: uneven.not_proved })
+    }
+
+    /// The same for a wheel that measures the loop which a game closes, and does nothing about it.
+    #[must_use]
+    pub fn measuring(self) -> Self {
+        Room { acts: false, ..self }
+    }
+
+    /// Whether the loop that a game closes is kept quiet, or only measured.
+    pub fn acts(&self) -> bool {
+        self.acts
+    }
+
+    /// The loop that a game closes over this wheel.
+    ///
+    /// # Errors
+    /// Names the number that is out of range.
+    pub fn game_loop(&self) -> Result<GameLoop<f64>, Refused> {
+        GameLoop::new(&self.device, &self.rotor, self.acts)
     }
 
     /// The device with what is left of its damping and its friction.
@@ -182,6 +209,8 @@ pub struct WheelStatus {
     pub less: [u64; 3],
     /// The smallest factor on springs.
     pub scale: f64,
+    /// The loop that the game closes, as it was found last, and what was added and held back at most.
+    pub game: Option<GameStatus>,
 }
 
 /// What the thread shares with those who look at the wheel. Whoever holds a part of it does so for microseconds.
@@ -230,6 +259,7 @@ impl GameWheel {
     /// See [`WheelError`].
     pub fn on(host: UnixStream, room: &Room) -> Result<(Self, EffectsPort), WheelError> {
         let (port, wire) = effects(Wheel::new(&room.device)?, room.scale());
+        let port = port.watching(room.game_loop()?);
         host.set_read_timeout(Some(LOOK)).map_err(WheelError::Attach)?;
         host.set_write_timeout(Some(ANSWER_TIMEOUT)).map_err(WheelError::Attach)?;
         let stop = Arc::new(AtomicBool::new(false));
@@ -352,6 +382,9 @@ impl Worker<'_> {
                 status.peak = status.peak.max(motor.abs());
             }
             status.scale = status.scale.min(f64::from(sample.given.scale));
+            if sample.game.law.is_some() || status.game.is_some() {
+                status.game.get_or_insert(GameStatus::new(sample.game)).add(&sample.game);
+            }
             shown.add(&sample, self.limit);
             if let Some(reason) = sample.given.shortfall {
                 status.less[reason_index(reason)] += 1;

@@ -6,6 +6,7 @@ use hapt_core::wheel::{Effect, Given, Shortfall, Sides};
 use hapt_rt::EffectsSample;
 use hapt_wire::pid::{EFFECTS, Input, Pool, Scale};
 
+use super::game::info;
 use super::{Shared, locked};
 use crate::machine::WheelView;
 use crate::messages::{Controls, EffectInfo, WheelInfo};
@@ -88,6 +89,7 @@ impl WheelView for View {
             limit: self.limit,
             used: f64::from(last.used),
             reason: shown.why.take().map(reason).or(shown.pauses.then_some(PAUSES)),
+            game: status.game.as_ref().and_then(info),
             taken: status.taken,
             refused: status.refused,
         }
@@ -129,7 +131,7 @@ fn describe(effect: &Effect<f32>, scale: f64) -> EffectInfo {
 }
 
 /// Three digits.
-fn number(x: f64) -> String {
+pub(super) fn number(x: f64) -> String {
     let digits = if x == 0.0 { 0 } else { (2.0 - x.abs().log10().floor()).clamp(0.0, 6.0) as usize };
     format!("{x:.digits$}")
 }

@@ -242,10 +242,39 @@ pub struct WheelInfo {
     pub used: f64,
     /// Why less is given than asked.
     pub reason: Option<&'static str>,
+    /// The loop that the game closes over the wheel, once it is known.
+    pub game: Option<GameInfo>,
     /// Reports of the computer that were taken.
     pub taken: u64,
     /// And refused.
     pub refused: u64,
+}
+
+/// The loop that a game closes: its torque follows the wheel's position, late.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GameInfo {
+    /// N·m/rad, positive where the torque pulls back.
+    pub stiffness: f64,
+    /// Least and most.
+    pub stiffness_range: [f64; 2],
+    /// From a position to the level that belongs to it, s.
+    pub lateness: f64,
+    /// Least and most.
+    pub lateness_range: [f64; 2],
+    /// From one level to the next, s.
+    pub hold: f64,
+    /// The damping that it lacks hands off, N·m·s/rad.
+    pub lacking: f64,
+    /// What is added of it now.
+    pub damping: f64,
+    /// The part of the level that is held back now, 0 to 1.
+    pub held_back: f64,
+    /// The part of the remedy that the hands leave to do, 0 to 1.
+    pub hands_off: f64,
+    /// The law in a sentence.
+    pub law: String,
+    /// What is peculiar about it, in a sentence.
+    pub oddity: Option<&'static str>,
 }
 
 /// An effect that plays.

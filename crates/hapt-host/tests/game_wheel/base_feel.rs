@@ -19,7 +19,7 @@ const DAMPING: f64 = 0.05;
 
 /// A device that the test can set in motion.
 #[derive(Clone)]
-struct Free(Arc<Mutex<VirtualDevice>>);
+pub struct Free(pub Arc<Mutex<VirtualDevice>>);
 
 impl Device for Free {
     fn read(&mut self) -> Result<Position, Failure> {

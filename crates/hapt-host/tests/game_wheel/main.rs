@@ -3,6 +3,7 @@
 #![cfg(target_os = "linux")]
 
 mod base_feel;
+mod game_loop;
 mod host;
 
 use std::io::Write;

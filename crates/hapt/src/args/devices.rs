@@ -231,6 +231,9 @@ pub struct WheelArgs {
     /// Write every sample into this log.
     #[arg(long, value_name = "FILE.mcap")]
     pub log: Option<PathBuf>,
+    /// Only measure the loop that a game closes over the wheel: add no damping and hold nothing back.
+    #[arg(long)]
+    pub dry: bool,
     /// Show the wheel, its effects and its pedals on a page, as hapt live does; the page records.
     #[arg(long, conflicts_with_all = ["duration", "log"])]
     pub page: bool,
@@ -243,6 +246,15 @@ pub struct WheelArgs {
     pub realtime: RealtimeArgs,
 }
 
+/// What makes a device a wheel for games.
+#[derive(Clone, Copy, Debug)]
+pub struct Steering {
+    /// From one end to the other, rad.
+    pub range: f64,
+    /// The loop that a game closes is measured only.
+    pub dry: bool,
+}
+
 // Judging a wheel that is there. (A doc comment would become the command's own description.)
 #[derive(Debug, clap::Args)]
 pub struct ConformArgs {
@@ -251,7 +263,7 @@ pub struct ConformArgs {
         long,
         value_name = "DEVICE",
         num_args = 0..=1,
-        conflicts_with_all = ["path", "sets", "device", "range", "duration", "log", "page", "spin", "priority"]
+        conflicts_with_all = ["path", "sets", "device", "range", "duration", "log", "dry", "page", "spin", "priority"]
     )]
     pub conform: Option<Option<PathBuf>>,
     /// Move the wheel without asking.

@@ -1,0 +1,95 @@
+//! Random games on random wheels: each computes its torque from the steering angle, late. What becomes of the wheel hands off, and of the torque hands
+//! on, with hapt's remedy and with those that are usual.
+
+mod car;
+mod run;
+
+use std::fmt::Write as _;
+
+use anyhow::{Result, anyhow};
+use fastrand::Rng;
+
+use crate::campaign::Campaign;
+use run::{KICK, Outcome, Pair, Remedy, run};
+
+/// What is compared.
+const REMEDIES: [(&str, Remedy); 4] = [
+    ("hapt", Remedy::Hapt),
+    ("nothing", Remedy::Nothing),
+    ("a damper of 0.3 N·m·s/rad", Remedy::Always(0.3)),
+    ("1 N·m·s/rad beyond 2 rad/s", Remedy::Beyond(2.0, 1.0)),
+];
+
+/// Even in the logarithm.
+fn between(rng: &mut Rng, low: f64, high: f64) -> f64 {
+    low * (high / low).powf(rng.f64())
+}
+
+/// `cargo xtask wheel games [--n N] [--seed S] [--write]`
+pub fn command(words: &[&str]) -> Result<()> {
+    let campaign = Campaign::parse(words, false)?;
+    let mut text = String::new();
+    for (name, answers) in [("the torque is a law of the angle", false), ("the car answers the steering", true)] {
+        text += &table(name, &outcomes(campaign.n, campaign.seed, answers)?, campaign.n);
+        text += "\n";
+    }
+    campaign.publish("wheel games", "docs/wheel.md", &text)
+}
+
+/// Of each remedy, the outcome with each pair.
+fn outcomes(n: u64, seed: u64, answers: bool) -> Result<[Vec<Outcome>; 4]> {
+    let mut all = REMEDIES.map(|_| Vec::new());
+    for at in 0..n {
+        let pair = Pair::random(seed.wrapping_mul(1_000_003).wrapping_add(at), answers);
+        for ((name, remedy), outcomes) in REMEDIES.iter().zip(&mut all) {
+            let outcome = run(&pair, *remedy).map_err(|error| anyhow!("{error}"))?;
+            if *name == "hapt" && grows(&outcome) {
+                eprintln!("grows: {pair:?} {outcome:?}");
+            }
+            outcomes.push(outcome);
+        }
+    }
+    Ok(all)
+}
+
+/// In the last second faster than the kick, by 1 %, and than in the first second.
+fn grows(outcome: &Outcome) -> bool {
+    outcome.last > 1.01 * outcome.first.max(KICK)
+}
+
+fn table(name: &str, outcomes: &[Vec<Outcome>; 4], n: u64) -> String {
+    let mut out = format!("| {name} |");
+    for (name, _) in REMEDIES {
+        let _ = write!(out, " {name} |");
+    }
+    out += "\n| --- | ---: | ---: | ---: | ---: |\n";
+    let mut row = |name: &str, cell: &dyn Fn(&[Outcome]) -> String| {
+        let _ = write!(out, "| {name} |");
+        for outcomes in outcomes {
+            let _ = write!(out, " {} |", cell(outcomes));
+        }
+        out += "\n";
+    };
+    let quantile = |outcomes: &[Outcome], of: fn(&Outcome) -> f64, share: f64| {
+        let mut all: Vec<f64> = outcomes.iter().map(of).collect();
+        all.sort_by(f64::total_cmp);
+        all.get(((all.len() as f64 * share) as usize).min(all.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
+    };
+    row("games", &|_| n.to_string());
+    row("hands off: faster at the end than at first", &|outcomes| {
+        outcomes.iter().filter(|one| grows(one)).count().to_string()
+    });
+    row("the same, faster than 1 rad/s in the last second", &|outcomes| {
+        outcomes.iter().filter(|one| one.last > 1.0).count().to_string()
+    });
+    for (name, share) in [("hands on: torque beside the game's, median", 0.5), ("in 95 of 100", 0.95)] {
+        row(name, &|outcomes| format!("{:.1} %", 100.0 * quantile(outcomes, |one| one.felt, share)));
+    }
+    row("of the motor's largest torque, in 95 of 100", &|outcomes| {
+        format!("{:.1} %", 100.0 * quantile(outcomes, |one| one.beside, 0.95))
+    });
+    row("hands off: of the level held back, mean", &|outcomes| {
+        format!("{:.1} %", 100.0 * outcomes.iter().map(|one| one.held_back).sum::<f64>() / outcomes.len().max(1) as f64)
+    });
+    out
+}
