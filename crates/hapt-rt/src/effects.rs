@@ -82,7 +82,8 @@ impl EffectsPort {
             self.player.stop_all();
         }
         let ExternalTorqueInput { ready, position, velocity, torque } = beside;
-        let narrow = ExternalTorqueInput { ready, position: position as f32, velocity: velocity as f32, torque: torque as f32 };
+        let narrow =
+            ExternalTorqueInput { ready, position: position as f32, velocity: velocity as f32, torque: torque as f32 };
         let (given, playing, game) = match self.watch.as_deref_mut() {
             None => {
                 let (given, playing) = self.player.sample(narrow, now / 1000);

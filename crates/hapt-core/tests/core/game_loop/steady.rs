@@ -99,7 +99,8 @@ fn levels(
             let jump = asked - level;
             level = asked;
             revision += u32::from(jump != 0.0);
-            let added = game_loop.step(&mut steadied, counted, HostLevel { level, changed: jump != 0.0, torque: level });
+            let added =
+                game_loop.step(&mut steadied, counted, HostLevel { level, changed: jump != 0.0, torque: level });
             let given = effects.step(&mut playing, counted, &[Effect::Torque(level), Effect::Torque(added)], revision);
             game_loop.commanded(&mut steadied, given.torque);
             sent.push((step + rig.delay, given.torque));
