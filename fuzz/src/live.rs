@@ -22,7 +22,8 @@ pub fn run(bytes: &[u8]) -> u64 {
     for line in text.split('\n').take(HEARD) {
         let next = match ClientMessage::read(line) {
             Ok(ClientMessage::Set { key, value }) => config.with(&key, &value),
-            Ok(ClientMessage::Sets { sets }) => config.with_all(&sets),
+            Ok(ClientMessage::Sets { sets, only: true }) => config.with_only(&sets),
+            Ok(ClientMessage::Sets { sets, only: false }) => config.with_all(&sets),
             Ok(ClientMessage::Reset) => config.reset(),
             Ok(message) => {
                 outcome = outcome.wrapping_mul(31) ^ messages::outcome(&std::mem::discriminant(&message));

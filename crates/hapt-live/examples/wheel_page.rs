@@ -13,7 +13,7 @@ mod host;
 
 /// The host waits for an answer no longer.
 #[cfg(target_os = "linux")]
-const REQUEST_TIMEOUT: std::time::Duration = std::time::Duration::from_secs(60);
+const TEST_TIMEOUT: std::time::Duration = std::time::Duration::from_secs(60);
 
 #[cfg(not(target_os = "linux"))]
 fn main() {

@@ -21,7 +21,7 @@ fn stored(torque: &DeviceTorque, z: f64) -> f64 {
     let parts = 2000;
     let h = z / f64::from(parts);
     let at = |i: f64| torque.at(i * h);
-    let sum: f64 = (0..parts).map(|i| f64::from(i)).map(|i| (at(i) + 4.0 * at(i + 0.5) + at(i + 1.0)) * h / 6.0).sum();
+    let sum: f64 = (0..parts).map(f64::from).map(|i| (at(i) + 4.0 * at(i + 0.5) + at(i + 1.0)) * h / 6.0).sum();
     -sum
 }
 
