@@ -22,7 +22,7 @@ const PARTS: [Part; 4] = [
     },
     Part {
         what: "measure",
-        file: "crates/hapt-sweep/src/measure.rs",
+        file: "crates/hapt-sweep/src/sweep/measure.rs",
         names: &["Measure"],
         words: &["settling_time", "settlingtime"],
     },

@@ -57,13 +57,13 @@ proptest! {
     /// A spring that is stiffer than gravity falls holds the puck where the torques balance, a weaker one lets it fall.
     #[test]
     fn a_puck_that_stands_on_its_head_needs_a_spring_as_stiff_as_gravity_falls(part in 0.3_f64..2.0, gravity in 0.2_f64..1.0) {
-        prop_assume!((part - 1.0).abs() > 0.05);
+        prop_assume!((part - 1.0).abs() > 0.25);
         let mut world = bare();
         world.device.damping = 0.02;
         world.couplings = vec![spring(End::Puck, End::Ground, part * gravity)];
         world.device.torque.gravity = Some(Gravity { torque: gravity, phase: 0.0 });
         let nudge = Drive::Torque(Shape::Step { to: 1e-6, at: 0.0 });
-        let rows = rows(&world, &scenario(8.0, nudge, Some(0.1)));
+        let rows = rows(&world, &scenario(12.0, nudge, Some(0.1)));
         let z = rows.last().unwrap().puck;
         prop_assert_eq!(z.abs() < 1e-3, part > 1.0, "{} at {}", z, part);
         prop_assert!((gravity * z.sin() - part * gravity * z).abs() < 1e-6 * gravity);

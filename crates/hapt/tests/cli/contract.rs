@@ -124,7 +124,7 @@ fn the_fields_are_those_of_the_contract() {
             names.extend(["interval_max_s", "delay_max_s"]);
         }
         let own = |key: &&str| json["remedies"].get(key).is_some();
-        names.extend(["estimator", "overspeed"].into_iter().filter(own));
+        names.extend(["estimator", "overspeed", "reasons"].into_iter().filter(own));
         keys(&json["remedies"], &names);
         let holds = |of: &str| json[of]["verdict"] != "unstable";
         assert!(json["certified"] == false || holds("held") && holds("free") && enough);

@@ -135,7 +135,7 @@ stops near rest. Coulomb friction f of the real device does. The line `counts` g
 up to which friction and damping absorb it, min(2b/T, 2(f - BΔ/T - s/2)/Δ) (Abbott and Okamura 2005;
 dampers B at the puck and half a step s of the motor's levels take their share first), and whether
 the total stiffness at the puck, walls at their steepest, is below. It is not part of the verdict,
-but a line `not proved` reports it. ExternalTorqueInput a body no friction is enough: see proved. Without
+but a line `not proved` reports it. Beside a body no friction is enough: see proved. Without
 `encoder` and `levels` there is no such line.
 
   hapt check @devices/eth-wall --why --set loop.period=0.9ms   up to 2.889 N m/rad at the puck
