@@ -407,7 +407,7 @@ def recorded(run):
     run.send_signal(signal.SIGINT)
     summary, _ = run.communicate()
     subprocess.run(["rm", "-f", "wheel.csv"], check=True)
-    subprocess.run([sys.argv[1], "convert", "wheel.mcap", "-o", "wheel.csv"], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([sys.argv[1], "log", "convert", "wheel.mcap", "-o", "wheel.csv"], check=True, stdout=subprocess.DEVNULL)
     return summary, stretches("wheel.csv")
 
 

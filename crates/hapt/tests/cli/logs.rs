@@ -1,4 +1,4 @@
-//! Logs: `hapt sim --format`, `hapt replay`, `hapt convert`, and `hapt plot` of one.
+//! Logs: `hapt sim --format`, `hapt log replay`, `hapt log convert`, and `hapt plot` of one.
 
 use std::fs;
 use std::path::{Path, PathBuf};
