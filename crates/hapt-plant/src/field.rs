@@ -13,7 +13,7 @@ use core::f64::consts::TAU;
 use hapt_core::HARMONICS;
 
 use crate::exponential::{GAUSS, Square};
-use crate::friction::root;
+use crate::root::root;
 use crate::spec::DeviceTorque;
 
 /// Sines: gravity's, and the harmonics of cogging.

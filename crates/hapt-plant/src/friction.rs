@@ -4,6 +4,7 @@ use hapt_core::Number;
 
 use crate::plant::{COS, F, GAP, Motion, Plant, RAMP, SIN, V, X};
 use crate::puck::Inertia;
+use crate::root::{root, root_between};
 
 /// More stops and starts than this within one stretch is chatter at the edge of friction: a puck that a hand swings as far as files allow turns
 /// two thousand times.
@@ -250,41 +251,6 @@ fn first_crossing(slices: &Slices, g: impl Fn(f64) -> (f64, f64)) -> Option<Cros
         (from, from_value, slope) = (to, value, next_slope);
     }
     None
-}
-
-/// Where f, not positive at `low` and positive at `high`, changes sign: the end on which it is positive, to the last bits. By
-/// false position after Illinois, with bisection wherever that stalls.
-pub(crate) fn root(low: f64, high: f64, f: impl Fn(f64) -> f64) -> f64 {
-    root_between((low, f(low)), (high, f(high)), f)
-}
-
-/// The same where f is known at both ends.
-fn root_between((mut low, f_low): (f64, f64), (mut high, mut f_high): (f64, f64), f: impl Fn(f64) -> f64) -> f64 {
-    let mut f_low = f_low.min(0.0);
-    let (mut bisect, mut last_was_high) = (false, None);
-    for _ in 0..200 {
-        let width = high - low;
-        if width <= 4.0 * f64::EPSILON * high {
-            break;
-        }
-        let secant = low + width * (-f_low / (f_high - f_low));
-        let inside = secant > low && secant < high;
-        let middle = if bisect || !inside { low + 0.5 * width } else { secant };
-        let value = f(middle);
-        let is_high = value > 0.0;
-        // The end that stays twice in a row counts half, so that the other comes over.
-        let stays = last_was_high == Some(is_high);
-        if is_high {
-            (high, f_high) = (middle, value);
-            f_low *= if stays { 0.5 } else { 1.0 };
-        } else {
-            (low, f_low) = (middle, value);
-            f_high *= if stays { 0.5 } else { 1.0 };
-        }
-        last_was_high = Some(is_high);
-        bisect = high - low > 0.5 * width;
-    }
-    high
 }
 
 #[cfg(test)]

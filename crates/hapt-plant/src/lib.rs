@@ -36,6 +36,7 @@ mod ledger;
 mod motor;
 mod plant;
 mod puck;
+mod root;
 mod shaft;
 pub mod spec;
 mod trajectory;

@@ -13,9 +13,10 @@ use alloc::boxed::Box;
 
 use crate::exponential::{GAUSS, Square, applied, congruent, doubled, folded, halved, series, widened};
 use crate::field::{Field, Fielded};
-use crate::friction::{MOST_EVENTS, ROUNDING, root};
+use crate::friction::{MOST_EVENTS, ROUNDING};
 use crate::ledger::Ledger;
 use crate::puck::{Inertia, Lengths, NO_SINE, Push, Sine, decay};
+use crate::root::root;
 use crate::spec::Handle;
 
 /// How many states there are.
