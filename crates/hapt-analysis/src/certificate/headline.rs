@@ -73,6 +73,18 @@ impl Check {
         }
     }
 
+    /// The end of what is said of a free loop that comes to rest: where gravity or cogging pushes the puck away.
+    pub(super) fn pushed(&self) -> String {
+        match self.fall.filter(|_| self.free.verdict != Verdict::Unstable) {
+            Some(fall) => format!(
+                "; but {} pushes it from where no spring holds it: doubles in {} there",
+                fall.by,
+                time(LN_2 / fall.growth_per_s)
+            ),
+            None => String::new(),
+        }
+    }
+
     /// What a person holds.
     fn moved(&self) -> &'static str {
         if self.has_handle { "handle" } else { "puck" }
@@ -138,15 +150,7 @@ impl Check {
             ),
             None => String::new(),
         };
-        let fall = match self.fall.filter(|_| free.verdict != Verdict::Unstable) {
-            Some(fall) => format!(
-                "; but {} pushes it from where no spring holds it: doubles in {} there",
-                fall.by,
-                time(LN_2 / fall.growth_per_s)
-            ),
-            None => String::new(),
-        };
-        pace(free, &swing) + &friction + &fall
+        pace(free, &swing) + &friction + &self.pushed()
     }
 
     /// The required damping as a share of the device's.
