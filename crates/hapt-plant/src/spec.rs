@@ -77,6 +77,11 @@ impl DeviceTorque {
         self.sum(|rate| rate)
     }
 
+    /// A bound on the energy that it gives on the way from any position to any other, in J.
+    pub fn depth(&self) -> f64 {
+        self.sum(|rate| 2.0 / rate)
+    }
+
     /// On the puck at `z` rad (linear: m), in N·m (linear: N).
     pub fn at(&self, z: f64) -> f64 {
         let gravity = self.gravity.map_or(0.0, |gravity| gravity.torque * libm::sin(z + gravity.phase));

@@ -11,7 +11,7 @@ use crate::equations::slopes::COMBINED;
 use crate::error::Error;
 use crate::passivity::quantisation::{Quantisation, count_power, quantisation};
 use crate::stability::clamped::{held_world, held_world_at_this_period};
-use crate::stability::free::{free, free_at_this_period, shortest_period};
+use crate::stability::free::{Fall, fall, free, free_at_this_period, shortest_period};
 use crate::stability::{Stability, Verdict};
 use crate::text::{short, time, with_unit};
 use crate::theorems::stable::{free_claim, held_claim};
@@ -46,6 +46,9 @@ pub struct Check {
     pub theorems: Vec<TheoremUse>,
     /// Conditions that apply to the numbers.
     pub notes: Vec<String>,
+    /// How the puck leaves a place where gravity or cogging pushes it away.
+    #[serde(skip)]
+    pub(crate) fall: Option<Fall>,
     #[serde(skip)]
     pub(crate) motion: Motion,
     /// How many samples there are to a step of the bodies, over which the eigenvalues of `held` and `free` are.
@@ -122,7 +125,7 @@ pub fn quick_check(world: &World) -> Result<Check, Error> {
 
 fn with_stability(world: &World, held: Stability, free: Stability) -> Result<Check, Error> {
     let sampling = &world.sampling;
-    let (passivity, uneven) = (passivity(world)?, uneven(world)?);
+    let (passivity, uneven, fall) = (passivity(world)?, uneven(world)?, fall(world)?);
     let is_stable = |of: &Stability| of.verdict != Verdict::Unstable;
     let is_passive = passivity.is_certified() && uneven.is_certified();
     let by_friction = is_passive && (passivity.by_friction || uneven.by_friction);
@@ -150,7 +153,8 @@ fn with_stability(world: &World, held: Stability, free: Stability) -> Result<Che
         uneven,
         quantisation: quantisation(world)?,
         remedies: None,
-        notes: notes(world)?,
+        notes: notes(world, fall)?,
+        fall,
         motion: world.motion,
         bodies_every: sampling.bodies_every,
         has_counts: world.device.encoder.is_some(),
@@ -177,7 +181,7 @@ fn theorems(claims: [(&'static str, &Claimed); 3]) -> Vec<TheoremUse> {
 /// The beginning of the note on the linear estimate.
 pub(crate) const ESTIMATE: &str = "held is a linear estimate of a nonlinear world";
 
-fn notes(world: &World) -> Result<Vec<String>, Error> {
+fn notes(world: &World, fall: Option<Fall>) -> Result<Vec<String>, Error> {
     let mut notes = Vec::new();
     let indices = piecewise_at_bodies(&world.couplings);
     let looked = |indices: usize, flat: &str| match indices {
@@ -255,24 +259,30 @@ fn notes(world: &World) -> Result<Vec<String>, Error> {
                 .to_string(),
         );
     }
-    notes.extend(device_torque(world));
+    notes.extend(device_torque(world, fall));
     notes.extend(at_puck(world));
     Ok(notes)
 }
 
 /// What gravity and cogging are to the verdicts.
-fn device_torque(world: &World) -> Option<String> {
+fn device_torque(world: &World, fall: Option<Fall>) -> Option<String> {
     let torque = &world.device.torque;
     let of = match (torque.gravity.is_some(), torque.cogging.is_some()) {
         (true, true) => "device.gravity and device.cogging",
         (true, false) => "device.gravity",
         (false, _) => "device.cogging",
     };
+    let away = match fall {
+        Some(fall) => format!(
+            "where it falls as steeply, no spring holds the puck: its motion grows by {} per second until it rests elsewhere",
+            short(fall.growth_per_s)
+        ),
+        None => "where it falls as steeply, springs hold the puck".into(),
+    };
     (!torque.is_none()).then(|| {
         format!(
             "{of}: a torque that stores energy and gives none over a turn is a part of the passive hand, so passive and uneven hold whatever it \
-             is; free takes its slope as 0 and as {steepest} that hold the puck, the worse of the two; where it falls as steeply it pushes the puck \
-             away from rest, and a hands-off puck settles elsewhere unless springs at it are stiffer",
+             is; free takes its slope as 0 and as {steepest} that hold the puck, the worse of the two; {away}",
             steepest = with_unit(torque.steepest(), Measure::Stiffness, world.motion)
         )
     })

@@ -22,9 +22,9 @@ impl Check {
         };
         let mut parts = Vec::new();
         if self.held.verdict == Verdict::Unstable {
-            parts.push(format!("it grows while the {} is held still", if self.has_handle { "handle" } else { "puck" }));
+            parts.push(format!("it grows while the {} is held still", self.moved()));
         }
-        parts.push(self.let_go().into());
+        parts.push(self.let_go().to_string() + &self.falls());
         parts.push(self.in_a_hand());
         let omits = self.omits();
         if !omits.is_empty() {
@@ -56,6 +56,38 @@ impl Check {
             (Verdict::Stable, true) => "safe to let go",
             (Verdict::Marginal | Verdict::Stable, false) => "not proved safe to let go",
         }
+    }
+
+    /// What gravity or cogging does to a puck that is let go.
+    fn falls(&self) -> String {
+        let passive = self.passivity.is_certified() && self.uneven.is_certified();
+        match self.fall {
+            Some(fall) if passive => format!(
+                ", where {} may move the {} at up to {}",
+                fall.by,
+                self.moved(),
+                with_unit(fall.speed, Measure::Velocity, self.motion)
+            ),
+            Some(fall) => format!(", and {} may move the {}", fall.by, self.moved()),
+            None => String::new(),
+        }
+    }
+
+    /// The end of what is said of a free loop that comes to rest: where gravity or cogging pushes the puck away.
+    pub(super) fn pushed(&self) -> String {
+        match self.fall.filter(|_| self.free.verdict != Verdict::Unstable) {
+            Some(fall) => format!(
+                "; but {} pushes it from where no spring holds it: doubles in {} there",
+                fall.by,
+                time(LN_2 / fall.growth_per_s)
+            ),
+            None => String::new(),
+        }
+    }
+
+    /// What a person holds.
+    fn moved(&self) -> &'static str {
+        if self.has_handle { "handle" } else { "puck" }
     }
 
     fn in_a_hand(&self) -> String {
@@ -118,7 +150,7 @@ impl Check {
             ),
             None => String::new(),
         };
-        pace(free, &swing) + &friction
+        pace(free, &swing) + &friction + &self.pushed()
     }
 
     /// The required damping as a share of the device's.

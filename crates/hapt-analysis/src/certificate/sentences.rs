@@ -141,7 +141,7 @@ impl Check {
 
     /// The verdict on the free loop in one sentence, with its reason.
     pub fn free_sentence(&self) -> String {
-        let sentence = self.loop_sentence(&self.free, "hands-off");
+        let sentence = self.loop_sentence(&self.free, "hands-off") + &self.pushed();
         match self.passivity.speed_max.filter(|_| self.free.verdict == Verdict::Unstable) {
             Some(speed) => format!(
                 "{sentence}; with the friction of the device it comes to rest as long as nothing pushes it faster than {}",

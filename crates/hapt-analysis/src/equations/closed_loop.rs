@@ -271,7 +271,7 @@ impl<'a> ClosedLoop<'a> {
             let puck = DrivenPuck { inertia: j, damping, spring: port.spring, lag };
             return self.with_handle(&DrivenShaft { puck, handle, grip }, hold);
         }
-        if self.motor.is_some() || port.spring > 0.0 {
+        if self.motor.is_some() || port.spring != 0.0 {
             (dz, dv) = (RowDVector::zeros(order), RowDVector::zeros(order));
             let puck =
                 DrivenPuck { inertia: j, damping, spring: port.spring, lag: self.motor.map_or(0.0, |_| port.lag) };

@@ -162,9 +162,9 @@ impl Port {
         (self, damping + grip.damping)
     }
 
-    /// The port with a spring of the device's own between puck and ground.
+    /// The port with a spring of the device's own between puck and ground; one below 0 pushes the puck away.
     pub fn anchored(mut self, stiffness: f64) -> Port {
-        if stiffness > 0.0 && !self.grounded {
+        if stiffness != 0.0 && !self.grounded {
             self.grounded = true;
             self.shifts -= 1;
         }

@@ -103,3 +103,29 @@ fn a_cogging_that_rings_is_seen() {
         Some(Cogging { torque: stiffness * pitch / std::f64::consts::TAU, pitch, phase: 0.0, waveform });
     assert_eq!(free(&world).unwrap().verdict, Verdict::Unstable);
 }
+
+/// A damper holds no lever against gravity, and a spring stiffer than the slope of gravity does: the certificate says which.
+#[test]
+fn a_certificate_says_what_gravity_does_to_a_puck_that_is_let_go() {
+    let mut world: World = Bench::of(vec![damper(1e-4)]).world(Method::Zoh, Output::End, 1e-3);
+    world.device.damping = 0.01;
+    world.device.torque.gravity = Some(Gravity { torque: 0.05, phase: 0.0 });
+    let found = check(&world).unwrap();
+    let (line, text) = (found.headline(), found.text("lever", &world.sampling, None, false));
+    assert!(line.starts_with("Certified: safe to let go, where gravity may move the puck at up to "), "{text}");
+    assert!(text.contains("gravity pushes it from where no spring holds it: doubles in "), "{text}");
+    // Twice the amplitude, from the top to the bottom.
+    let speed = (2.0 * 0.1 / world.device.inertia).sqrt();
+    let said: f64 = line.split("up to ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    assert!((said - speed).abs() <= 0.01 * speed, "{said} {speed}");
+    for (stiffness, falls) in [(0.049, true), (0.051, false)] {
+        let mut held = world.clone();
+        held.couplings.push(Coupling {
+            first: End::Puck,
+            second: End::Ground,
+            law: Law::Spring { stiffness, rest: 0.0 },
+            limit: None,
+        });
+        assert_eq!(check(&held).unwrap().headline().contains("gravity"), falls, "{stiffness}");
+    }
+}
