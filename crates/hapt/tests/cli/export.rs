@@ -99,6 +99,39 @@ fn a_world_as_c_is_a_file_and_its_header_the_same_every_time() {
     assert!(read("knob.c").contains("#include \"other.h\"") && read("other.h").contains("typedef double knob_real;"));
 }
 
+/// A spring between puck and ground, certified up to 2 b/T: every value of the range is, and none beyond it.
+#[test]
+fn a_number_that_c_changes_has_the_range_that_is_certified() {
+    let at = folder(&[("w.toml", SPRING)]);
+    let done = hapt(at.path(), ["export", "c", "w.toml", "-o", "knob.c", "--tune", "couplings.0.stiffness"]).done();
+    assert!(done.err.contains("wrote knob.h"), "{}", done.err);
+    let header = fs::read_to_string(at.path().join("knob.h")).unwrap();
+    let line = header.lines().find(|line| line.contains("couplings.0.stiffness: from ")).unwrap();
+    let numbers: Vec<f64> = line.split([' ', ',']).filter_map(|word| word.parse().ok()).collect();
+    let [low, high, file] = numbers[..] else { panic!("{line}") };
+    assert!((low - 0.01).abs() < 1e-6 && file == 1.0, "{line}");
+    for (value, is_certified) in [(low, true), (high, true), (1.001 * high, false)] {
+        let set = format!("couplings.0.stiffness={value}");
+        let ended = hapt(at.path(), ["check", "w.toml", "--set", set.as_str()]);
+        assert_eq!(ended.code, Some(if is_certified { 0 } else { 1 }), "{value}: {ended:?}");
+    }
+    assert!(header.contains("knob_set(knob_controller *self, knob_parameter parameter, knob_real value);"), "{header}");
+    hapt(at.path(), ["export", "c", "w.toml", "-o", "knob.c", "--tune", "all", "--arduino", "Knob"]).done();
+    assert_eq!(header, fs::read_to_string(at.path().join("Knob/src/knob.h")).unwrap());
+    let before = fs::read_to_string(at.path().join("knob.c")).unwrap();
+    for (key, words) in [
+        ("couplings.0.softness", &["--tune couplings.0.softness", "couplings.0.stiffness"][..]),
+        ("couplings.1.stiffness", &["--tune couplings.1.stiffness"]),
+        ("couplings.0.rest", &["--tune couplings.0.rest", "positive"]),
+    ] {
+        hapt(at.path(), ["export", "c", "w.toml", "-o", "knob.c", "--tune", key]).refused(2, words);
+        assert_eq!(before, fs::read_to_string(at.path().join("knob.c")).unwrap());
+    }
+    let stiff = ["export", "c", "w.toml", "-o", "o.c", "--uncertified", "--set", "couplings.0.stiffness=1000"];
+    hapt(at.path(), stiff.iter().chain(&["--tune", "couplings.0.stiffness"])).refused(2, &["not certified"]);
+    assert!(!at.path().join("o.c").exists());
+}
+
 #[test]
 fn a_world_that_c_cannot_hold_or_that_is_not_certified_writes_nothing() {
     let unlimited = SPRING.replace("limit = \"822.25 N mm\"\n", "");
