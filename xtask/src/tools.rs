@@ -44,7 +44,7 @@ const PYTHON: [(&str, &[&str]); 5] = [
 /// What builds packages for other systems, in an environment that `cargo xtask packages` and `macos` install by themselves: zig is large.
 const PACKAGING: [&str; 3] = ["maturin==1.16.0", "cargo-zigbuild==0.24.0", "ziglang==0.17.1"];
 /// Shell tests of what the steps need, and Debian's packages of it. A virtual environment needs more than Python: `ensurepip`.
-const PROGRAMS: [(&str, &str); 15] = [
+const PROGRAMS: [(&str, &str); 16] = [
     ("node --version", "nodejs"),
     ("npm --version", "npm"),
     ("python3 -c 'import ensurepip'", "python3-venv"),
@@ -60,6 +60,7 @@ const PROGRAMS: [(&str, &str); 15] = [
     ("command -v xz", "xz-utils"),
     ("/usr/bin/python3 -c 'import evdev'", "python3-evdev"),
     ("coqc --version", "coq"),
+    ("cppcheck --version", "cppcheck"),
 ];
 /// The distribution's compiler for targets that rustup's has no standard library of.
 const CROSS: (&str, [&str; 3]) =

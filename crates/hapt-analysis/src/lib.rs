@@ -76,7 +76,7 @@ pub use certificate::check::{Check, Status, TheoremUse, check, quick_check};
 pub use certificate::is_certified;
 pub use certificate::proof::{self, Proof, proof};
 pub use certificate::proposal::{self, Proposal, Remedy, proposal};
-pub use certificate::remedies::{Remedies, remedies};
+pub use certificate::remedies::{Remedies, certified_interval, remedies};
 pub use design::{Design, closed_form};
 pub use equations::continuous::{self, Continuous, Slopes};
 pub use equations::delay::MAX_IN_FLIGHT;

@@ -2,10 +2,11 @@
 
 use hapt_core::{Controller, Estimator, Limits, Output, Phase, Real, Reason, Spec, WhenLate};
 
-use crate::data::data;
+use crate::data::{Data, data};
 use crate::names::{Prefix, comment};
 use crate::numbers::Collected;
 use crate::template::Facts;
+use crate::tune::{parameters, texts};
 use crate::{About, Error, Exported, Float};
 
 /// Room for so many bodies, couplings, and remembered counts.
@@ -46,9 +47,23 @@ pub fn export(
             rounded
         }
     };
-    let facts = facts(spec, limits, about, &world, float);
+    let mut facts = facts(spec, limits, about, &world, float);
     let code = facts.fill(&code(&facts));
-    let data = data(&world, &code, float);
+    let Data { types, constant } = data(&world, &code, float);
+    let parameters = parameters(spec, limits, &about.tunes, &code, float)?;
+    let mut data =
+        "/* ---- The compiled world: made of the world file, not to be changed by hand ---- */\n\n".to_owned();
+    let mut code = code;
+    if parameters.is_empty() {
+        data += &types;
+    } else {
+        for (name, text) in texts(&parameters, float) {
+            facts.text(name, text);
+        }
+        facts.text("world_types", types.trim_end());
+        code += &facts.fill(part!("set.c"));
+    }
+    data += &constant;
     let (before, after) = code.split_once(WORLD).unwrap_or(("", &code));
     let head = head(spec, about, prefix.as_str(), float);
     let code = prefix.rename(&format!("{}{before}{data}{after}", facts.fill(part!("numbers.c"))));
@@ -65,7 +80,7 @@ pub fn export(
 /// Divides the code between what needs no world and what takes one.
 const WORLD: &str = "//world\n";
 
-fn collected<F: Real>(spec: &Spec, limits: &Limits) -> Result<Collected, Error> {
+pub(crate) fn collected<F: Real>(spec: &Spec, limits: &Limits) -> Result<Collected, Error> {
     let controller = Controller::<F, BODIES, COUPLINGS, COUNTS>::new(spec, limits)?;
     let mut collected = Collected::default();
     controller.world().constants(&mut collected);
@@ -179,6 +194,7 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
         ("port_trips", yes("port_trips")),
         ("world_trips", yes("world_trips")),
         ("certified", about.is_certified),
+        ("tuned", !about.tunes.is_empty()),
     ] {
         facts.set(name, is_so);
     }
@@ -194,6 +210,7 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
     facts.text("counts", world.whole("window").unwrap_or(0) + 1);
     facts.text("pairs", world.list("pairs").count());
     facts.text("parts", stored.len());
+    facts.text("tuned", about.tunes.len());
     facts.text("method", spec.method.name());
     facts.text("output", spec.output.name());
     facts.text("period", format!("{} s", spec.period));

@@ -4,20 +4,13 @@ use crate::Float;
 use crate::numbers::{Collected, Constant, Element};
 
 /// So many numbers, its first ones, a part of the energy has whatever its kind: they stand in the list itself.
-const PART_NUMBERS: usize = 6;
+pub(crate) const PART_NUMBERS: usize = 6;
 
 /// The types and the constant, for code that uses these numbers; names with the prefix `hapt_`.
-pub(crate) fn data(world: &Collected, code: &str, float: Float) -> String {
+pub(crate) fn data(world: &Collected, code: &str, float: Float) -> Data {
     let mut lists = Lists { types: String::new(), fields: String::new(), values: Vec::new() };
     for constant in &world.numbers {
-        let is_used =
-            [format!("world->{}", constant.name), format!("hapt_compiled.{}", constant.name)].iter().any(|use_of| {
-                code.match_indices(use_of.as_str()).any(|(at, _)| {
-                    let next = code[at + use_of.len()..].chars().next();
-                    !next.is_some_and(|next| next.is_ascii_alphanumeric() || next == '_')
-                })
-            });
-        if is_used {
+        if is_used(code, constant.name) {
             lists.constant(constant, float);
         }
     }
@@ -29,11 +22,26 @@ pub(crate) fn data(world: &Collected, code: &str, float: Float) -> String {
         parts(world, &mut lists, float);
     }
     let Lists { types, fields, values } = lists;
-    format!(
-        "/* ---- The compiled world: made of the world file, not to be changed by hand ---- */\n\n{types}typedef struct {{\n{fields}}} \
-         hapt_world;\n\nstatic const hapt_world hapt_compiled = {{\n{}}};\n\n",
-        values.concat()
-    )
+    Data {
+        types: format!("{types}typedef struct {{\n{fields}}} hapt_world;\n\n"),
+        constant: format!("static const hapt_world hapt_compiled = {{\n{}}};\n\n", values.concat()),
+    }
+}
+
+/// The compiled world's types, and its constant.
+pub(crate) struct Data {
+    pub types: String,
+    pub constant: String,
+}
+
+/// Whether code uses a number of the compiled world.
+pub(crate) fn is_used(code: &str, name: &str) -> bool {
+    [format!("world->{name}"), format!("hapt_compiled.{name}")].iter().any(|use_of| {
+        code.match_indices(use_of.as_str()).any(|(at, _)| {
+            let next = code[at + use_of.len()..].chars().next();
+            !next.is_some_and(|next| next.is_ascii_alphanumeric() || next == '_')
+        })
+    })
 }
 
 struct Lists {
@@ -115,10 +123,14 @@ pub(crate) fn kinds(elements: &[&Element]) -> Vec<&'static str> {
     kinds
 }
 
-/// The place of each element among those of its kind.
+/// The place of an element among those of its kind.
+pub(crate) fn place(elements: &[&Element], i: usize) -> usize {
+    elements[..i].iter().filter(|other| other.kind == elements[i].kind).count()
+}
+
+/// The place of each.
 fn places(elements: &[&Element]) -> Vec<i64> {
-    let before = |i: usize| elements[..i].iter().filter(|other| other.kind == elements[i].kind).count();
-    (0..elements.len()).map(|i| before(i) as i64).collect()
+    (0..elements.len()).map(|i| place(elements, i) as i64).collect()
 }
 
 fn couplings(world: &Collected, lists: &mut Lists, float: Float) {

@@ -15,6 +15,13 @@ pub enum Error {
         /// What it is.
         given: f64,
     },
+    /// A number that the C cannot change.
+    Tune {
+        /// Its key.
+        key: String,
+        /// Why not.
+        why: &'static str,
+    },
     /// A prefix that is no name in C, or one that C and its libraries use themselves.
     Prefix {
         /// What was given.
@@ -34,6 +41,7 @@ impl fmt::Display for Error {
                     "float cannot hold the compiled world's {name} of {given:e}: --float f64 can, or other units of scale"
                 )
             }
+            Error::Tune { key, why } => write!(f, "--tune {key}: {why}"),
             Error::Prefix { given, wanted } => write!(f, "{given:?} cannot begin the names in C: {wanted}"),
         }
     }

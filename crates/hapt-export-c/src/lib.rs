@@ -14,11 +14,13 @@ mod error;
 mod names;
 mod numbers;
 mod template;
+mod tune;
 
 pub use arduino::library;
 pub use compose::{MARK, export};
 pub use error::Error;
 pub use names::Prefix;
+pub use tune::Tune;
 
 /// The numbers that the C computes with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,6 +48,8 @@ pub struct About {
     pub certificate: Vec<String>,
     /// A hash of the world and its limits.
     pub hash: u32,
+    /// The numbers that the C may change.
+    pub tunes: Vec<Tune>,
 }
 
 /// The two texts.

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use hapt_analysis::Check;
 use hapt_core::{Coupling, End, SafetyProfile};
-use hapt_export_c::{About, Exported, Float, Prefix, export, library};
+use hapt_export_c::{About, Error, Exported, Float, Prefix, Tune, export, library};
 use hapt_model::{CouplingKind, EstimatorKind, Motion, World};
 
 use crate::args::CArgs;
@@ -43,15 +43,16 @@ pub fn run(args: &CArgs) -> Result<ExitCode, Failure> {
         let verdict = check.verdict_sentence();
         return Err(Failure::input(format!("{verdict}; hapt check says more, --uncertified writes it anyway")));
     }
+    let float = if args.float == "f64" { Float::F64 } else { Float::F32 };
+    let profile = if check.certified.holds() { SafetyProfile::Certified } else { SafetyProfile::Uncertified };
+    let (world, limits) = (&loaded.world, loaded.world.board_limits(profile));
+    let mut about = about(&loaded, &check, hash(world, profile)?);
+    about.tunes = tuned(world, &about, args, float)?;
     if takes_difference {
         say(format_args!(
             "note: an encoder gives no true velocity: estimator difference in place of exact; --velocity for a device that measures it"
         ));
     }
-    let float = if args.float == "f64" { Float::F64 } else { Float::F32 };
-    let profile = if check.certified.holds() { SafetyProfile::Certified } else { SafetyProfile::Uncertified };
-    let (world, limits) = (&loaded.world, loaded.world.board_limits(profile));
-    let about = about(&loaded, &check, hash(world, profile)?);
     let exported = export(&world.spec(), &limits, &about, &prefix, &include, float).map_err(Failure::input)?;
     let mut drafts = vec![
         output::draft(&header, exported.header.as_bytes())?,
@@ -124,7 +125,81 @@ fn about(loaded: &Loaded, check: &Check, hash: u32) -> About {
         is_certified: check.certified.holds(),
         certificate: text.trim().lines().map(str::to_owned).collect(),
         hash,
+        tunes: Vec::new(),
     }
+}
+
+/// The largest ratio of a tuned number to the file's, and of the file's to it.
+const TUNE_RATIO: f64 = 100.0;
+
+/// The numbers that are asked for, each with its certified range.
+fn tuned(world: &World, about: &About, args: &CArgs, float: Float) -> Result<Vec<Tune>, Failure> {
+    let all = numbers(world);
+    let mut tunes = Vec::new();
+    for asked in &args.tunes {
+        let is_all = asked == "all";
+        let keys: Vec<&(Tune, f64)> = all.iter().filter(|(tune, _)| is_all || tune.key == *asked).collect();
+        if keys.is_empty() {
+            return Err(Failure::input(format!(
+                "--tune {asked}: expected a number of a coupling that the file gives, such as couplings.0.stiffness, or all"
+            )));
+        }
+        for (tune, value) in keys {
+            match with_range(world, about, tune, *value, float) {
+                Ok(tune) if tunes.contains(&tune) => {}
+                Ok(tune) => tunes.push(tune),
+                Err(_) if is_all => {}
+                Err(failure) => return Err(failure),
+            }
+        }
+    }
+    if tunes.is_empty() && !args.tunes.is_empty() {
+        return Err(Failure::input(
+            "--tune all: this world has no number that C can change: those of springs and dampers at bodies go through matrices that only hapt computes",
+        ));
+    }
+    Ok(tunes)
+}
+
+/// Every number of every coupling, as if any value was certified, and its value in the file.
+fn numbers(world: &World) -> Vec<(Tune, f64)> {
+    let mut all = Vec::new();
+    for (i, coupling) in world.couplings.iter().enumerate() {
+        let mut law = coupling.law;
+        let own: Vec<(&str, f64)> = law.quantities().map(|quantity| (quantity.name, *quantity.value)).collect();
+        for (quantity, value) in own.into_iter().chain(coupling.limit.map(|limit| ("limit", limit))) {
+            let (key, quantity) = (format!("couplings.{i}.{quantity}"), quantity.to_owned());
+            all.push((Tune { key, coupling: i, quantity, range: [value / TUNE_RATIO, value * TUNE_RATIO] }, value));
+        }
+    }
+    all
+}
+
+/// The number with its certified range, where the C can change it: that is decided first, as it is quick.
+fn with_range(world: &World, about: &About, tune: &Tune, value: f64, float: Float) -> Result<Tune, Failure> {
+    let limits = world.board_limits(SafetyProfile::Certified);
+    let prefix = Prefix::new("trial").map_err(Failure::input)?;
+    let can_be = |tune: &Tune| {
+        let about = About { tunes: vec![tune.clone()], ..about.clone() };
+        export(&world.spec(), &limits, &about, &prefix, "trial.h", float).map(|_| ())
+    };
+    let refuse = |why| Failure::input(Error::Tune { key: tune.key.clone(), why });
+    if !about.is_certified {
+        return Err(refuse("the world is not certified: no range around the file's value is"));
+    }
+    can_be(tune).map_err(Failure::input)?;
+    let set = |world: &mut World, value: f64| {
+        let Some(coupling) = world.couplings.get_mut(tune.coupling) else { return };
+        match coupling.law.quantities().find(|quantity| quantity.name == tune.quantity) {
+            Some(quantity) => *quantity.value = value,
+            None => coupling.limit = Some(value),
+        }
+    };
+    let range = hapt_analysis::certified_interval(world, value, TUNE_RATIO, set)?
+        .ok_or_else(|| refuse("no range around the file's value is certified"))?;
+    let tune = Tune { range, ..tune.clone() };
+    can_be(&tune).map_err(Failure::input)?;
+    Ok(tune)
 }
 
 /// A coupling in the words of its file, in SI.

@@ -261,6 +261,38 @@ fn stiffness_margin(world: &World) -> Result<Result<f64, String>, Error> {
     Ok(end.map(|end| Change { world, set }.largest_from(1.0, end)))
 }
 
+/// The interval of values of one number around its present one, `now`, in which a certified world remains certified with all else as it is, at
+/// most `ratio` times more or less than `now`; `None` where the world is not certified, `now` is not positive or `ratio` is less than 1.
+///
+/// Both ends are margins, and certified themselves: [`Remedies`]. Two numbers at once are not covered by the intervals of each.
+///
+/// # Errors
+/// As [`crate::passivity()`].
+pub fn certified_interval(
+    world: &World,
+    now: f64,
+    ratio: f64,
+    set: impl Fn(&mut World, f64) + Copy,
+) -> Result<Option<[f64; 2]>, Error> {
+    let is_positive = now > 0.0 && now.is_finite() && ratio >= 1.0 && ratio.is_finite();
+    if !is_positive || !is_certified(world) {
+        return Ok(None);
+    }
+    let (least, most) = (now / ratio, now * ratio);
+    let change = Change { world, set };
+    let high = match margin(world, Spacing::Ratio, [now, most], set)? {
+        Ok(end) => change.largest_from(now, end),
+        Err(_) => most,
+    };
+    // The search runs upwards: over what `now` is divided by.
+    let low = match margin(world, Spacing::Ratio, [1.0, ratio], |w: &mut World, by: f64| set(w, now / by))? {
+        Ok(by) => roundest(now / by, Certified::Above, |x| *x <= now && change.is_certified(*x)),
+        Err(_) => least,
+    };
+    let holds = |x: f64| x > 0.0 && x.is_finite() && change.is_certified(x);
+    Ok(Some([if holds(low) && low <= now { low } else { now }, if holds(high) && high >= now { high } else { now }]))
+}
+
 fn changed(world: &World, change: impl FnOnce(&mut World)) -> bool {
     let mut world = world.clone();
     change(&mut world);

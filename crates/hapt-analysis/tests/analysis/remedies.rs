@@ -1,7 +1,7 @@
 //! Remedies are what they say: each certifies the world by itself, and a hundredth beyond it does not. Margins are the ends of
 //! intervals without gaps.
 
-use hapt_analysis::{Verdict, check, is_certified, quick_check, remedies};
+use hapt_analysis::{Verdict, certified_interval, check, is_certified, quick_check, remedies};
 use hapt_model::{Coupling, Damping, Delay, End, Law, Source, World};
 use proptest::prelude::*;
 
@@ -483,5 +483,51 @@ proptest! {
             let further = if path == "device.damping" { printed * (1.0 - 1.1e-6) } else { printed * (1.0 + 1.1e-6) + beyond };
             prop_assert!(at(further) .ok() != Some(true), "{path} = {value} goes on");
         }
+    }
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(12))]
+
+    /// Of the wall of a certified wheel: its ends and what is between them are certified, and a thousandth beyond an end that is not that of
+    /// the search is not.
+    #[test]
+    fn an_interval_around_a_number_is_certified_all_through_and_no_further(
+        wall in 0.01..0.2_f64,
+        spring in 0.1..1.0_f64,
+        damping in 1e-5..1e-3_f64,
+        parts in prop::array::uniform8(0.0..1.0_f64),
+    ) {
+        let mut world = wheel(&["loop.output=end".into(), format!("couplings.0.stiffness={spring}")]);
+        grounded(&mut world, damping);
+        let set = |w: &mut World, x: f64| {
+            if let Law::Wall { stiffness, .. } = &mut w.couplings[2].law {
+                *stiffness = x;
+            }
+        };
+        set(&mut world, wall);
+        let found = certified_interval(&world, wall, 100.0, set).unwrap();
+        prop_assert_eq!(found.is_some(), is_certified(&world));
+        let Some([low, high]) = found else { return Ok(()) };
+        prop_assert!(low <= wall && wall <= high);
+        for x in parts.map(|part| low * (high / low).powf(part)).into_iter().chain([low, high]) {
+            prop_assert!(with(&world, |w| set(w, x)), "{x} of {low} to {high}");
+        }
+        for (end, beyond) in [(low, 0.999 * low), (high, 1.001 * high)] {
+            let is_searched = end > wall / 100.0 && end < wall * 100.0;
+            prop_assert!(!is_searched || !with(&world, |w| set(w, beyond)), "{end} goes on");
+        }
+    }
+}
+
+#[test]
+fn no_interval_is_certified_around_a_number_that_is_not() {
+    let set = |w: &mut World, x: f64| scaled(w, x);
+    let world = wheel(&["couplings.2.stiffness=1000".into()]);
+    assert!(!is_certified(&world) && certified_interval(&world, 1.0, 10.0, set).unwrap().is_none());
+    let world = wheel(&["couplings.0.stiffness=0.1".into()]);
+    assert!(is_certified(&world));
+    for (now, ratio) in [(0.0, 10.0), (-1.0, 10.0), (f64::NAN, 10.0), (1.0, 0.5), (1.0, f64::INFINITY)] {
+        assert!(certified_interval(&world, now, ratio, set).unwrap().is_none(), "{now} {ratio}");
     }
 }

@@ -39,7 +39,7 @@ pub fn drawn(count: usize, config: Config) -> Vec<World> {
 }
 
 /// A number from 0 to 1.
-fn random(seed: &mut u64) -> f64 {
+pub fn random(seed: &mut u64) -> f64 {
     *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     (*seed >> 11) as f64 / (1_u64 << 53) as f64
 }
@@ -267,7 +267,7 @@ pub fn agree(worlds: &[World], float: Float, compiler: &str, options: &[&str]) {
     assert_eq!(at, shown.len());
 }
 
-fn run(folder: &Path, input: &[u8]) -> Vec<u8> {
+pub fn run(folder: &Path, input: &[u8]) -> Vec<u8> {
     let mut child = Command::new(folder.join("program"))
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())

@@ -4,4 +4,5 @@ mod bits;
 mod compiler;
 mod options;
 mod refused;
+mod tune;
 mod worlds;

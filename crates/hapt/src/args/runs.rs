@@ -156,7 +156,8 @@ Examples:
 Examples:
   hapt export c @devices/magnets -o knob.c                    knob.c and knob.h
   hapt export c @devices/magnets -o knob.c --float f64        in double
-  hapt export c @devices/magnets -o knob.c --arduino Knob     for the Arduino IDE")]
+  hapt export c @devices/magnets -o knob.c --arduino Knob     for the Arduino IDE
+  hapt export c @devices/magnets -o knob.c --tune all         with knob_set(), which changes numbers within their certified ranges")]
     C(CArgs),
 }
 
@@ -179,6 +180,10 @@ pub struct CArgs {
     /// Write a world that is not certified.
     #[arg(long)]
     pub uncertified: bool,
+    /// A number of a coupling that the C may change within its certified range, such as couplings.0.stiffness; repeatable. `all`: all that can
+    /// be.
+    #[arg(long = "tune", value_name = "KEY")]
+    pub tunes: Vec<String>,
     /// Write an Arduino library with examples into this folder too.
     #[arg(long, value_name = "DIR")]
     pub arduino: Option<PathBuf>,

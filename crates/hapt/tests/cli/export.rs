@@ -1,6 +1,7 @@
 //! `hapt export`: FMUs and C as files. What is in them is tested in `fmi/` and `crates/hapt-export-c`.
 
 use std::fs;
+use std::path::Path;
 
 use crate::common::{WHEEL, binary, folder, hapt, hapt_reads};
 
@@ -99,6 +100,39 @@ fn a_world_as_c_is_a_file_and_its_header_the_same_every_time() {
     assert!(read("knob.c").contains("#include \"other.h\"") && read("other.h").contains("typedef double knob_real;"));
 }
 
+/// A spring between puck and ground, certified up to 2 b/T: every value of the range is, and none beyond it.
+#[test]
+fn a_number_that_c_changes_has_the_range_that_is_certified() {
+    let at = folder(&[("w.toml", SPRING)]);
+    let done = hapt(at.path(), ["export", "c", "w.toml", "-o", "knob.c", "--tune", "couplings.0.stiffness"]).done();
+    assert!(done.err.contains("wrote knob.h"), "{}", done.err);
+    let header = fs::read_to_string(at.path().join("knob.h")).unwrap();
+    let line = header.lines().find(|line| line.contains("couplings.0.stiffness: from ")).unwrap();
+    let numbers: Vec<f64> = line.split([' ', ',']).filter_map(|word| word.parse().ok()).collect();
+    let [low, high, file] = numbers[..] else { panic!("{line}") };
+    assert!((low - 0.01).abs() < 1e-6 && file == 1.0, "{line}");
+    for (value, is_certified) in [(low, true), (high, true), (1.001 * high, false)] {
+        let set = format!("couplings.0.stiffness={value}");
+        let ended = hapt(at.path(), ["check", "w.toml", "--set", set.as_str()]);
+        assert_eq!(ended.code, Some(if is_certified { 0 } else { 1 }), "{value}: {ended:?}");
+    }
+    assert!(header.contains("knob_set(knob_controller *self, knob_parameter parameter, knob_real value);"), "{header}");
+    hapt(at.path(), ["export", "c", "w.toml", "-o", "knob.c", "--tune", "all", "--arduino", "Knob"]).done();
+    assert_eq!(header, fs::read_to_string(at.path().join("Knob/src/knob.h")).unwrap());
+    let before = fs::read_to_string(at.path().join("knob.c")).unwrap();
+    for (key, words) in [
+        ("couplings.0.softness", &["--tune couplings.0.softness", "couplings.0.stiffness"][..]),
+        ("couplings.1.stiffness", &["--tune couplings.1.stiffness"]),
+        ("couplings.0.rest", &["--tune couplings.0.rest", "positive"]),
+    ] {
+        hapt(at.path(), ["export", "c", "w.toml", "-o", "knob.c", "--tune", key]).refused(2, words);
+        assert_eq!(before, fs::read_to_string(at.path().join("knob.c")).unwrap());
+    }
+    let stiff = ["export", "c", "w.toml", "-o", "o.c", "--uncertified", "--set", "couplings.0.stiffness=1000"];
+    hapt(at.path(), stiff.iter().chain(&["--tune", "couplings.0.stiffness"])).refused(2, &["not certified"]);
+    assert!(!at.path().join("o.c").exists());
+}
+
 #[test]
 fn a_world_that_c_cannot_hold_or_that_is_not_certified_writes_nothing() {
     let unlimited = SPRING.replace("limit = \"822.25 N mm\"\n", "");
@@ -129,4 +163,57 @@ fn a_world_that_c_cannot_hold_or_that_is_not_certified_writes_nothing() {
         source.lines().next().unwrap().contains("NOT CERTIFIED") && source.contains("o_arm_uncertified"),
         "{source}"
     );
+}
+
+/// The mandatory rules of MISRA C:2012 with its amendments. The required and advisory ones are not claimed.
+const MANDATORY: [&str; 16] = [
+    "9.1", "12.5", "13.6", "17.3", "17.4", "17.6", "19.1", "21.13", "21.17", "21.18", "21.19", "21.20", "22.2", "22.4",
+    "22.5", "22.6",
+];
+
+/// What cppcheck and its MISRA addon say of files: their findings of a mandatory rule, or of an error or warning of cppcheck's own.
+fn broken_rules(folder: &Path, files: &[String]) -> Vec<String> {
+    let mut cppcheck = std::process::Command::new("cppcheck");
+    cppcheck.args(["--addon=misra", "--enable=style,warning,portability", "--std=c99", "--quiet", "-j2"]);
+    cppcheck.args(["--suppress=missingIncludeSystem", "--template={file}:{line} {severity} {id}"]).args(files);
+    let ended = cppcheck.current_dir(folder).output().unwrap();
+    let said = String::from_utf8_lossy(&ended.stderr);
+    assert!(said.contains("misra-c2012-"), "the addon finds advisory rules at least: {said}");
+    let is_broken = |line: &&str| match line.split_once(" misra-c2012-") {
+        Some((_, rule)) => MANDATORY.contains(&rule),
+        None => [" error ", " warning ", " portability "].iter().any(|severity| line.contains(severity)),
+    };
+    said.lines().filter(is_broken).map(str::to_owned).collect()
+}
+
+/// Every built-in world that has a limit, with all numbers that can be tuned; an eighth of them in `cargo test`.
+#[test]
+fn no_built_in_world_as_c_breaks_a_mandatory_rule_of_misra() {
+    if std::process::Command::new("cppcheck").arg("--version").output().is_err() {
+        assert!(std::env::var_os("CI").is_none(), "cppcheck has to be there where CI is set");
+        println!("SKIPPED: MISRA C, apt-get install cppcheck");
+        return;
+    }
+    let at = folder(&[("broken.c", "int f(int x);\nint f(int x)\n{\n    return (int)sizeof(x++);\n}\n")]);
+    let found = broken_rules(at.path(), &["broken.c".to_owned()]);
+    assert!(found.iter().any(|line| line.ends_with("misra-c2012-13.6")), "a rule that is broken is found: {found:?}");
+    let listed = hapt(at.path(), ["worlds"]).done().out;
+    let names: Vec<&str> = listed.split_whitespace().filter(|word| word.starts_with('@')).collect();
+    let some = hapt_testing::seeds(64).end as usize;
+    let every = (64 / some).max(1);
+    let mut files = Vec::new();
+    for (i, name) in names.iter().enumerate().filter(|(i, _)| i % every == 0) {
+        let file = format!("w{i}.c");
+        let world = ["export", "c", name, "-o", file.as_str(), "--uncertified"];
+        let tuned = hapt(at.path(), world.iter().chain(&["--tune", "all"]));
+        let ended = if tuned.code == Some(0) { tuned } else { hapt(at.path(), world) };
+        if ended.code == Some(0) {
+            files.push(file);
+        } else {
+            ended.refused(2, &[]);
+        }
+    }
+    assert!(files.len() * every * 2 > names.len(), "{} of {}", files.len(), names.len());
+    let broken = broken_rules(at.path(), &files);
+    assert!(broken.is_empty(), "{broken:#?}");
 }

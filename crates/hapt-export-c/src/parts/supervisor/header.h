@@ -28,6 +28,38 @@ typedef struct {
     hapt_real silent;
 } hapt_reading;
 
+//if tuned
+/* ---- The numbers of the world that hapt_set() may change ---- */
+
+#define HAPT_PARAMETERS @tuned@
+
+/* Each with the range in which the world is certified, all others at the file's values. */
+typedef enum {
+@parameters@
+} hapt_parameter;
+
+typedef struct {
+    hapt_real least;
+    hapt_real file;
+    hapt_real most;
+} hapt_range;
+
+extern const hapt_range hapt_ranges[HAPT_PARAMETERS];
+
+/* What came of it: all but HAPT_SET_DONE leave everything as it was. */
+typedef enum {
+    HAPT_SET_DONE = 0,
+    HAPT_SET_UNKNOWN = 1,
+    /* Outside of the parameter's range, or not a number. */
+    HAPT_SET_OUTSIDE = 2,
+    /* A change under a torque would put energy into the world. */
+    HAPT_SET_NOT_DISARMED = 3,
+    /* Another parameter is not at the file's value: the certificate covers one change at a time. */
+    HAPT_SET_OTHER_CHANGED = 4
+} hapt_set_result;
+
+@world_types@
+//end
 /* The loop under its supervisor. Read what you like; write nothing but by the functions below. */
 typedef struct {
     hapt_state world;
@@ -71,6 +103,10 @@ typedef struct {
     uint32_t test_sample;
     hapt_real test_marks[3];
 //end
+//if tuned
+    hapt_real parameters[HAPT_PARAMETERS];
+    hapt_world numbers;
+//end
     int32_t fresh;
     hapt_real braking;
     uint32_t calm;
@@ -91,6 +127,12 @@ hapt_real hapt_step(hapt_controller *self, hapt_real position);
 /* The same with all that a device can tell: lateness, missed samples, silence of a link. */
 hapt_real hapt_step_reading(hapt_controller *self, const hapt_reading *reading);
 
+//if tuned
+/* Another value of one parameter, while disarmed, from where hapt_step() is called. hapt_init() sets the file's values, and hapt_state_step()
+ * has them always. The supervisor's limits stay those of the file's values. */
+hapt_set_result hapt_set(hapt_controller *self, hapt_parameter parameter, hapt_real value);
+
+//end
 /* Requests for the next sample. Stop wins over all others. */
 //if certified
 /* From disarmed: the torque fades in. */

@@ -271,7 +271,11 @@ static int hapt_warm(hapt_real *heat, hapt_real torque, hapt_real part, hapt_rea
 
 hapt_real hapt_step_reading(hapt_controller *self, const hapt_reading *reading)
 {
+//if tuned
+    const hapt_world *world = &self->numbers;
+//else
     const hapt_world *world = &hapt_compiled;
+//end
     const int request = self->request;
     const int steady = request == HAPT_NO_REQUEST && self->phase == HAPT_PHASE_RUNNING && !self->fresh && !HAPT_IS_TESTING(self)
         && self->calm >= HAPT_CALM;
@@ -416,6 +420,12 @@ void hapt_init(hapt_controller *self)
     for (i = 0; i < 3; i++) {
         self->test_marks[i] = (hapt_real)0;
     }
+//end
+//if tuned
+    for (i = 0; i < HAPT_PARAMETERS; i++) {
+        self->parameters[i] = hapt_ranges[i].file;
+    }
+    self->numbers = hapt_compiled;
 //end
     self->fresh = 1;
     self->braking = (hapt_real)0;
