@@ -61,16 +61,12 @@ impl Check {
     /// What gravity or cogging does to a puck that is let go.
     fn falls(&self) -> String {
         let passive = self.passivity.is_certified() && self.uneven.is_certified();
-        match self.fall {
-            Some(fall) if passive => format!(
-                ", where {} may move the {} at up to {}",
-                fall.by,
-                self.moved(),
-                with_unit(fall.speed, Measure::Velocity, self.motion)
-            ),
-            Some(fall) => format!(", and {} may move the {}", fall.by, self.moved()),
+        let Some(fall) = self.fall else { return String::new() };
+        let speed = match fall.speed.filter(|_| passive) {
+            Some(speed) => format!(" from rest at up to {}", with_unit(speed, Measure::Velocity, self.motion)),
             None => String::new(),
-        }
+        };
+        format!(", and {} may move the {}{speed}", fall.by, self.moved())
     }
 
     /// The end of what is said of a free loop that comes to rest: where gravity or cogging pushes the puck away.

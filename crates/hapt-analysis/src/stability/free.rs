@@ -9,7 +9,7 @@
 //! foh. Half a sample later the torque accelerates the whole loop, at (KT/2 - b)/(J_z + J_w); a whole sample later at
 //! (KT - b)/(J_z + J_w).
 
-use hapt_model::{Device, EstimatorKind, Method, Output, Sampling, World};
+use hapt_model::{Device, EstimatorKind, Law, Method, Output, Sampling, World};
 use nalgebra::Complex;
 
 use crate::equations::closed_loop::closed_loop;
@@ -148,7 +148,8 @@ pub(crate) struct Fall {
     /// The growth of its motion there, in 1/s.
     pub growth_per_s: f64,
     /// The speed that it reaches from rest at most where the loop is passive, in rad/s (linear: m/s): all that the torque gives is then its own.
-    pub speed: f64,
+    /// `None` where a constant torque of the world gives energy too.
+    pub speed: Option<f64>,
 }
 
 /// The fall of the hands-off puck from where gravity or cogging pushes it away the most; `None` where the springs of the world hold it, or where
@@ -175,7 +176,9 @@ pub(crate) fn fall(world: &World) -> Result<Option<Fall>, Error> {
         (true, false) => "gravity",
         (false, _) => "cogging",
     };
-    Ok(growth.map(|growth_per_s| Fall { by, growth_per_s, speed: (2.0 * torque.depth() / lightest).sqrt() }))
+    let is_driven = world.couplings.iter().any(|c| matches!(c.law, Law::Constant { torque } if torque != 0.0));
+    let speed = (!is_driven).then(|| (2.0 * torque.depth() / lightest).sqrt());
+    Ok(growth.map(|growth_per_s| Fall { by, growth_per_s, speed }))
 }
 
 /// Of gravity and cogging their flat slope counts and the steepest that holds the puck, the worse of the two.

@@ -112,7 +112,7 @@ fn a_certificate_says_what_gravity_does_to_a_puck_that_is_let_go() {
     world.device.torque.gravity = Some(Gravity { torque: 0.05, phase: 0.0 });
     let found = check(&world).unwrap();
     let (line, text) = (found.headline(), found.text("lever", &world.sampling, None, false));
-    assert!(line.starts_with("Certified: safe to let go, where gravity may move the puck at up to "), "{text}");
+    assert!(line.starts_with("Certified: safe to let go, and gravity may move the puck from rest at up to "), "{text}");
     assert!(text.contains("gravity pushes it from where no spring holds it: doubles in "), "{text}");
     // Twice the amplitude, from the top to the bottom.
     let speed = (2.0 * 0.1 / world.device.inertia).sqrt();
