@@ -1,18 +1,13 @@
 //! The file, composed of the parts that its world needs.
 
-use hapt_core::{Controller, Estimator, Limits, Output, Phase, Real, Reason, Spec, WhenLate};
+use hapt_core::{Estimator, Limits, Output, Phase, Reason, Spec, WhenLate};
 
 use crate::data::{Data, data};
 use crate::names::{Prefix, comment};
-use crate::numbers::Collected;
+use crate::numbers::{Collected, collected};
 use crate::template::Facts;
 use crate::tune::{parameters, texts};
 use crate::{About, Error, Exported, Float};
-
-/// Room for so many bodies, couplings, and remembered counts.
-const BODIES: usize = 8;
-const COUPLINGS: usize = 32;
-const COUNTS: usize = 257;
 
 /// Relative: far more than rounding to f32 makes, and far less than where f32 ends.
 const ROUNDING: f64 = 1e-4;
@@ -79,14 +74,6 @@ pub fn export(
 
 /// Divides the code between what needs no world and what takes one.
 const WORLD: &str = "//world\n";
-
-pub(crate) fn collected<F: Real>(spec: &Spec, limits: &Limits) -> Result<Collected, Error> {
-    let controller = Controller::<F, BODIES, COUPLINGS, COUNTS>::new(spec, limits)?;
-    let mut collected = Collected::default();
-    controller.world().constants(&mut collected);
-    controller.supervisor().constants(&mut collected);
-    Ok(collected)
-}
 
 /// Every single number is what it was, to the digits of f32. Those of matrices are sums of large and small, as everywhere.
 fn check(exact: &Collected, rounded: &Collected) -> Result<(), Error> {

@@ -1,6 +1,22 @@
 //! The constants of a compiled world, as the core names them.
 
-use hapt_core::Constants;
+use hapt_core::{Constants, Controller, Limits, Real, Spec};
+
+use crate::Error;
+
+/// Room for so many bodies, couplings, and remembered counts.
+const BODIES: usize = 8;
+const COUPLINGS: usize = 32;
+const COUNTS: usize = 257;
+
+/// All numbers of a compiled world and its supervisor.
+pub(crate) fn collected<F: Real>(spec: &Spec, limits: &Limits) -> Result<Collected, Error> {
+    let controller = Controller::<F, BODIES, COUPLINGS, COUNTS>::new(spec, limits)?;
+    let mut collected = Collected::default();
+    controller.world().constants(&mut collected);
+    controller.supervisor().constants(&mut collected);
+    Ok(collected)
+}
 
 /// A number, or several in rows.
 #[derive(Clone, Debug)]

@@ -6,9 +6,8 @@
 
 use hapt_core::{Coupling, Limits, Real, Spec};
 
-use crate::compose::collected;
 use crate::data::{PART_NUMBERS, is_used, number, place};
-use crate::numbers::{Collected, Constant};
+use crate::numbers::{Collected, Constant, collected};
 use crate::{Error, Float};
 
 /// A number of a coupling that the C may change, within its certified range.

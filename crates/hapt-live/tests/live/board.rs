@@ -200,6 +200,7 @@ fn what_a_board_shows_is_recorded() {
     page.say(json!({ "type": "record", "on": true }));
     page.stay_until("status", |status| status["recording"]["seconds"].as_f64().is_some_and(|seconds| seconds > 0.1));
     page.say(json!({ "type": "record", "on": false }));
+    page.stay_until("status", |status| status["recording"].is_null());
     drop((page, live));
     let mut log = hapt_log::Log::open(folder.path().join("live-0001.mcap")).unwrap();
     assert_eq!(log.header.device, "hapt:table");
