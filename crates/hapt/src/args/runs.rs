@@ -157,7 +157,7 @@ Examples:
   hapt export c @devices/magnets -o knob.c                    knob.c and knob.h
   hapt export c @devices/magnets -o knob.c --float f64        in double
   hapt export c @devices/magnets -o knob.c --arduino Knob     for the Arduino IDE
-  hapt export c @devices/magnets -o knob.c --tune all         with knob_set() for its tunable numbers")]
+  hapt export c @devices/magnets -o knob.c --tune all         with knob_set()")]
     C(CArgs),
 }
 
