@@ -9,7 +9,7 @@
 //! foh. Half a sample later the torque accelerates the whole loop, at (KT/2 - b)/(J_z + J_w); a whole sample later at
 //! (KT - b)/(J_z + J_w).
 
-use hapt_model::{Device, EstimatorKind, Law, Method, Output, Sampling, World};
+use hapt_model::{Device, EstimatorKind, Method, Output, Sampling, World};
 use nalgebra::Complex;
 
 use crate::equations::closed_loop::closed_loop;
@@ -140,47 +140,6 @@ pub fn free_eigenvalues(world: &World) -> Result<Vec<Eigenvalue>, Error> {
     Ok(analyse(world, &Grip::default(), Extent::Eigenvalues)?.eigenvalues)
 }
 
-/// How the puck leaves a place where gravity or cogging pushes it away.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Fall {
-    /// What pushes it.
-    pub by: &'static str,
-    /// The growth of its motion there, in 1/s.
-    pub growth_per_s: f64,
-    /// The speed that it reaches from rest at most where the loop is passive, in rad/s (linear: m/s): all that the torque gives is then its own.
-    /// `None` where a constant torque of the world gives energy too.
-    pub speed: Option<f64>,
-}
-
-/// The fall of the hands-off puck from where gravity or cogging pushes it away the most; `None` where the springs of the world hold it, or where
-/// there is no such torque.
-///
-/// # Errors
-/// As [`free`].
-pub(crate) fn fall(world: &World) -> Result<Option<Fall>, Error> {
-    let torque = &world.device.torque;
-    let steepest = torque.steepest();
-    if steepest == 0.0 {
-        return Ok(None);
-    }
-    let growth = match analyse_anchored(world, &Grip::default(), -steepest, Extent::Eigenvalues) {
-        Ok((found, _)) => found.growth_per_s.filter(|growth| *growth > MARGINAL),
-        // It leaves the range of numbers within a sample: no world holds it.
-        Err(Error::Eigenvalues { .. }) => Some((steepest / world.device.inertia).sqrt()),
-        Err(error) => return Err(error),
-    };
-    let puck = world.device.inertia * (1.0 - world.device.tolerances.inertia);
-    let lightest = world.device.handle.map_or(puck, |handle| puck.min(handle.inertia));
-    let by = match (torque.gravity.is_some(), torque.cogging.is_some()) {
-        (true, true) => "gravity or cogging",
-        (true, false) => "gravity",
-        (false, _) => "cogging",
-    };
-    let is_driven = world.couplings.iter().any(|c| matches!(c.law, Law::Constant { torque } if torque != 0.0));
-    let speed = (!is_driven).then(|| (2.0 * torque.depth() / lightest).sqrt());
-    Ok(growth.map(|growth_per_s| Fall { by, growth_per_s, speed }))
-}
-
 /// Of gravity and cogging their flat slope counts and the steepest that holds the puck, the worse of the two.
 pub(crate) fn analyse(world: &World, grip: &Grip, extent: Extent) -> Result<Stability, Error> {
     let (flat, most) = analyse_anchored(world, grip, 0.0, extent)?;
@@ -196,7 +155,12 @@ pub(crate) fn analyse(world: &World, grip: &Grip, extent: Extent) -> Result<Stab
 }
 
 /// With a spring of the device's own from puck to ground.
-fn analyse_anchored(world: &World, grip: &Grip, anchor: f64, extent: Extent) -> Result<(Stability, Critical), Error> {
+pub(super) fn analyse_anchored(
+    world: &World,
+    grip: &Grip,
+    anchor: f64,
+    extent: Extent,
+) -> Result<(Stability, Critical), Error> {
     // The critical period is searched where it may be below this.
     let mut critical = if extent == Extent::Whole { Critical::Unbounded } else { Critical::Never };
     let sampling = &world.sampling;

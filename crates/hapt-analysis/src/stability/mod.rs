@@ -3,6 +3,7 @@
 pub mod clamped;
 pub mod critical;
 mod delayed;
+pub(crate) mod fall;
 pub mod free;
 pub mod held;
 mod modal_loop;

@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use hapt_core::{Controller, Estimator, Method, Reading, Real, Request, SafeOutput};
+use hapt_core::{Controller, ControllerState, Estimator, Method, Reading, Real, Request, SafeOutput};
 use hapt_export_c::{About, Float, Prefix, export};
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::{Config, TestRunner};
@@ -94,6 +94,34 @@ pub fn readings(world: &World, seed: u64, is_wild: bool) -> Vec<[f64; IN]> {
         .collect()
 }
 
+/// A sample of the core with one of the readings, as it is fed to the C.
+pub fn fed<F: Real>(
+    controller: &Controller<F, BODIES, COUPLINGS, COUNTS>,
+    state: &mut ControllerState<F, BODIES, COUPLINGS, COUNTS>,
+    world: &World,
+    &[position, velocity, late, missed, silent, request, delay, trip]: &[f64; IN],
+) -> SafeOutput<F> {
+    let f = F::from_f64;
+    if !delay.is_nan() {
+        state.commanded(f(delay));
+    }
+    if trip > 0.0 {
+        state.trip(hapt_core::Reason::from_code(trip as u8).unwrap());
+    }
+    let velocity = if world.estimator == Estimator::Exact { velocity } else { 0.0 };
+    let reading = Reading {
+        position: f(position),
+        velocity: f(velocity),
+        announced: false,
+        late: f(late),
+        missed: missed as u32,
+        silent: f(silent),
+    };
+    let request =
+        [None, Some(Request::Arm), Some(Request::Disarm), Some(Request::Stop), Some(Request::Clear)][request as usize];
+    controller.step(state, &reading, request)
+}
+
 /// What the core does with them, as the C shows it.
 fn core<F: Real>(world: &World, readings: &[[f64; IN]]) -> Vec<f64> {
     let spec = world.spec();
@@ -101,7 +129,7 @@ fn core<F: Real>(world: &World, readings: &[[f64; IN]]) -> Vec<f64> {
     let (mut bare, mut state) = (controller.world().start(), controller.start());
     let (mut shown, f) = (Vec::new(), F::from_f64);
     let count = couplings(&controller);
-    for &[position, velocity, late, missed, silent, request, delay, trip] in readings {
+    for row @ &[position, velocity, ..] in readings {
         let sample = controller.world().step(&mut bare, f(position), f(velocity));
         for x in [sample.puck.position, sample.puck.velocity, sample.torque, sample.command] {
             shown.push(x.to_f64());
@@ -116,24 +144,7 @@ fn core<F: Real>(world: &World, readings: &[[f64; IN]]) -> Vec<f64> {
             shown.push(bare.contacts.torques[i].to_f64());
         }
         shown.push(f64::from(bare.contacts.unsettled));
-        if !delay.is_nan() {
-            state.commanded(f(delay));
-        }
-        if trip > 0.0 {
-            state.trip(hapt_core::Reason::from_code(trip as u8).unwrap());
-        }
-        let velocity = if world.estimator == Estimator::Exact { velocity } else { 0.0 };
-        let reading = Reading {
-            position: f(position),
-            velocity: f(velocity),
-            announced: false,
-            late: f(late),
-            missed: missed as u32,
-            silent: f(silent),
-        };
-        let request = [None, Some(Request::Arm), Some(Request::Disarm), Some(Request::Stop), Some(Request::Clear)]
-            [request as usize];
-        let SafeOutput { sample, output, phase, reason, warning, .. } = controller.step(&mut state, &reading, request);
+        let SafeOutput { sample, output, phase, reason, warning, .. } = fed(&controller, &mut state, world, row);
         let code = |reason: Option<hapt_core::Reason>| reason.map_or(0.0, |reason| f64::from(reason.code()));
         let supervisor = &state.supervisor;
         let phase = f64::from(phase as u8);

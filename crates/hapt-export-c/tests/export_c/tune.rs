@@ -3,12 +3,10 @@
 use std::fmt::Write as _;
 use std::fs;
 
-use hapt_core::{
-    Body, Controller, Coupling, Damping, End, Estimator, Law, Method, Output, Phase, Reading, Real, Request, Side,
-};
+use hapt_core::{Body, Controller, Coupling, Damping, End, Estimator, Law, Method, Output, Phase, Real, Side};
 use hapt_export_c::{About, Error, Float, Prefix, Tune, export};
 
-use crate::bits::{BODIES, COUNTS, COUPLINGS, drawn, random, readings, run, some};
+use crate::bits::{BODIES, COUNTS, COUPLINGS, drawn, fed, random, readings, run, some};
 use crate::compiler::{compile, compilers};
 use crate::worlds::World;
 
@@ -100,9 +98,7 @@ fn core<F: Real>(world: &World, tunes: &[Tune], readings: &[[f64; 8]], asked: &[
     let mut state = controller.start();
     let (mut phase, mut changed) = (Phase::Disarmed, None);
     let (mut shown, mut seen) = (Vec::new(), [0; 5]);
-    for (&[position, velocity, late, missed, silent, request, delay, trip], &[which, wanted]) in
-        readings.iter().zip(asked)
-    {
+    for (row, &[which, wanted]) in readings.iter().zip(asked) {
         let mut code = 0;
         if which >= 0.0 {
             let i = which as usize;
@@ -128,24 +124,7 @@ fn core<F: Real>(world: &World, tunes: &[Tune], readings: &[[f64; 8]], asked: &[
             };
             seen[code] += 1;
         }
-        if !delay.is_nan() {
-            state.commanded(f(delay));
-        }
-        if trip > 0.0 {
-            state.trip(hapt_core::Reason::from_code(trip as u8).unwrap());
-        }
-        let velocity = if world.estimator == Estimator::Exact { velocity } else { 0.0 };
-        let reading = Reading {
-            position: f(position),
-            velocity: f(velocity),
-            announced: false,
-            late: f(late),
-            missed: missed as u32,
-            silent: f(silent),
-        };
-        let request = [None, Some(Request::Arm), Some(Request::Disarm), Some(Request::Stop), Some(Request::Clear)]
-            [request as usize];
-        let output = controller.step(&mut state, &reading, request);
+        let output = fed(&controller, &mut state, world, row);
         phase = output.phase;
         shown.extend([code as f64, output.output.to_f64(), f64::from(phase as u8), output.sample.torque.to_f64()]);
         shown.extend([state.supervisor.account().to_f64(), state.supervisor.made().to_f64()]);
