@@ -134,6 +134,11 @@ const TUNE_RATIO: f64 = 100.0;
 
 /// The numbers that are asked for, each with its certified range.
 fn tuned(world: &World, about: &About, args: &CArgs, float: Float) -> Result<Vec<Tune>, Failure> {
+    if !args.tunes.is_empty() && !about.is_certified {
+        return Err(Failure::input(
+            "--tune: the world is not certified, so no range of its numbers is; run hapt check for remedies",
+        ));
+    }
     let all = numbers(world);
     let mut tunes = Vec::new();
     for asked in &args.tunes {
@@ -184,9 +189,6 @@ fn with_range(world: &World, about: &About, tune: &Tune, value: f64, float: Floa
         export(&world.spec(), &limits, &about, &prefix, "trial.h", float).map(|_| ())
     };
     let refuse = |why| Failure::input(Error::Tune { key: tune.key.clone(), why });
-    if !about.is_certified {
-        return Err(refuse("the world is not certified: no range around the file's value is"));
-    }
     can_be(tune).map_err(Failure::input)?;
     let set = |world: &mut World, value: f64| {
         let Some(coupling) = world.couplings.get_mut(tune.coupling) else { return };

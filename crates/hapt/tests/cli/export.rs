@@ -129,7 +129,9 @@ fn a_number_that_c_changes_has_the_range_that_is_certified() {
         assert_eq!(before, fs::read_to_string(at.path().join("knob.c")).unwrap());
     }
     let stiff = ["export", "c", "w.toml", "-o", "o.c", "--uncertified", "--set", "couplings.0.stiffness=1000"];
-    hapt(at.path(), stiff.iter().chain(&["--tune", "couplings.0.stiffness"])).refused(2, &["not certified"]);
+    for key in ["couplings.0.stiffness", "all"] {
+        hapt(at.path(), stiff.iter().chain(&["--tune", key])).refused(2, &["--tune: the world is not certified"]);
+    }
     assert!(!at.path().join("o.c").exists());
 }
 
