@@ -168,6 +168,7 @@ def plain_decimal(text):
 # --- Units ----------------------------------------------------------------------------------------------------------------------------
 
 # Name: the powers of rad, m, kg and s, a rational factor and a power of pi.
+POUND = Fraction(45359237 * 980665, 10**13)
 UNITS = {
     "rad": (1, 0, 0, 0, 1, 0), "deg": (1, 0, 0, 0, Fraction(1, 180), 1), "°": (1, 0, 0, 0, Fraction(1, 180), 1),
     "rev": (1, 0, 0, 0, 2, 1), "rpm": (1, 0, 0, -1, Fraction(1, 30), 1),
@@ -178,6 +179,9 @@ UNITS = {
     "g": (0, 0, 1, 0, Fraction(1, 1000), 0), "J": (0, 2, 1, -2, 1, 0), "Nm": (0, 2, 1, -2, 1, 0),
     "Ncm": (0, 2, 1, -2, Fraction(1, 100), 0), "Nmm": (0, 2, 1, -2, Fraction(1, 1000), 0),
     "mNm": (0, 2, 1, -2, Fraction(1, 1000), 0), "mNmm": (0, 2, 1, -2, Fraction(1, 10**6), 0),
+    "in": (0, 1, 0, 0, Fraction(254, 10**4), 0), "kgf": (0, 1, 1, -2, Fraction(980665, 10**5), 0),
+    "gf": (0, 1, 1, -2, Fraction(980665, 10**8), 0), "lbf": (0, 1, 1, -2, POUND, 0),
+    "oz": (0, 1, 1, -2, POUND / 16, 0), "ozf": (0, 1, 1, -2, POUND / 16, 0),
 }  # fmt: skip
 for micro in "\u00b5\u03bc":
     UNITS[micro + "m"], UNITS[micro + "s"] = UNITS["um"], UNITS["us"]

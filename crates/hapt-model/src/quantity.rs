@@ -68,7 +68,7 @@ impl fmt::Display for QuantityError {
 impl Quantity {
     /// Reads a number and its unit, which may stand directly against it: `1 ms`, `45°`, `-1.5e-3 N m/rad`, `3`.
     ///
-    /// Decimal units are exact: `1.1 ms` is the double nearest to 0.0011. Others (deg, rev, rpm) are one multiplication.
+    /// Decimal units are exact: `1.1 ms` is the double nearest to 0.0011. Others (deg, rev, rpm, in, kgf, lbf, oz) are one multiplication.
     ///
     /// # Errors
     /// No finite number at the start, an unknown or malformed unit, or a value that overflows or underflows in SI.
@@ -234,6 +234,7 @@ mod tests {
             ("°", PI / 180.0, Dimension::ANGLE),
             ("rev", TAU, Dimension::ANGLE),
             ("rpm", TAU / 60.0, Dimension::ANGULAR_VELOCITY),
+            ("in", 0.0254, Dimension::LENGTH),
             ("m", 1.0, Dimension::LENGTH),
             ("cm", 0.01, Dimension::LENGTH),
             ("mm", 0.001, Dimension::LENGTH),
@@ -249,6 +250,11 @@ mod tests {
             ("kHz", 1e3, Dimension::FREQUENCY),
             ("N", 1.0, Dimension::FORCE),
             ("mN", 1e-3, Dimension::FORCE),
+            ("kgf", 9.80665, Dimension::FORCE),
+            ("gf", 9.80665e-3, Dimension::FORCE),
+            ("lbf", 4.448_221_615_260_5, Dimension::FORCE),
+            ("oz", 4.448_221_615_260_5 / 16.0, Dimension::FORCE),
+            ("ozf", 4.448_221_615_260_5 / 16.0, Dimension::FORCE),
             ("kg", 1.0, Dimension::MASS),
             ("g", 1e-3, Dimension::MASS),
             ("J", 1.0, Dimension::TORQUE),
@@ -259,11 +265,13 @@ mod tests {
             ("mNmm", 1e-6, Dimension::TORQUE),
         ];
         for (unit, value, dimension) in table {
-            assert_eq!(
-                Quantity::parse(&format!("1 {unit}")),
-                Ok(Quantity { value, dimension: Some(dimension) }),
-                "{unit}"
-            );
+            let Quantity { value: read, dimension: given } = Quantity::parse(&format!("1 {unit}")).unwrap();
+            assert_eq!(given, Some(dimension), "{unit}");
+            // A decimal unit is exact; the others are products of at most three roundings.
+            assert!((read / value - 1.0).abs() < 1e-15, "{unit}: {read}");
+            if Unit::parse(unit).unwrap().factor() == 1.0 {
+                assert_eq!(read, value, "{unit}");
+            }
         }
         assert_eq!(table.len(), crate::unit::UNITS.len());
     }

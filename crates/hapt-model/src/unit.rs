@@ -10,28 +10,34 @@ const HIGHEST_POWER: i16 = 100;
 /// Parentheses inside parentheses.
 const DEEPEST: u32 = 16;
 
-/// A unit as a product of powers: of rad, m, kg and s, then of the numbers 10, π, 2, 180 and 30. Keeping the numbers
-/// apart until the end makes the decimal ones exact and lets deg/deg cancel.
+/// A unit as a product of powers: of rad, m, kg and s, then of the numbers 10, π, 2, 180, 30, and of [`INCH`], [`POUND`] and [`GRAVITY`]. Keeping
+/// the numbers apart until the end makes the decimal ones exact and lets deg/deg cancel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Unit([i16; 9]);
+pub struct Unit([i16; 12]);
+
+/// An inch in 1e-4 m, a pound in 1e-8 kg (both by the agreement of 1959), and the standard gravity in 1e-5 m/s² (CGPM 1901).
+const INCH: f64 = 254.0;
+const POUND: f64 = 45_359_237.0;
+const GRAVITY: f64 = 980_665.0;
 
 const fn si(angle: i16, length: i16, mass: i16, time: i16, ten: i16) -> Unit {
-    Unit([angle, length, mass, time, ten, 0, 0, 0, 0])
+    Unit([angle, length, mass, time, ten, 0, 0, 0, 0, 0, 0, 0])
 }
 
 /// The units by name, those of one dimension together, SI first.
 pub const UNITS: &[(&str, Unit)] = &[
     ("rad", si(1, 0, 0, 0, 0)),
-    ("deg", Unit([1, 0, 0, 0, 0, 1, 0, -1, 0])),
-    ("°", Unit([1, 0, 0, 0, 0, 1, 0, -1, 0])),
-    ("rev", Unit([1, 0, 0, 0, 0, 1, 1, 0, 0])),
-    ("rpm", Unit([1, 0, 0, -1, 0, 1, 0, 0, -1])),
+    ("deg", Unit([1, 0, 0, 0, 0, 1, 0, -1, 0, 0, 0, 0])),
+    ("°", Unit([1, 0, 0, 0, 0, 1, 0, -1, 0, 0, 0, 0])),
+    ("rev", Unit([1, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 0])),
+    ("rpm", Unit([1, 0, 0, -1, 0, 1, 0, 0, -1, 0, 0, 0])),
     ("m", si(0, 1, 0, 0, 0)),
     ("cm", si(0, 1, 0, 0, -2)),
     ("mm", si(0, 1, 0, 0, -3)),
     ("um", si(0, 1, 0, 0, -6)),
     ("\u{b5}m", si(0, 1, 0, 0, -6)),
     ("\u{3bc}m", si(0, 1, 0, 0, -6)),
+    ("in", Unit([0, 1, 0, 0, -4, 0, 0, 0, 0, 1, 0, 0])),
     ("s", si(0, 0, 0, 1, 0)),
     ("ms", si(0, 0, 0, 1, -3)),
     ("us", si(0, 0, 0, 1, -6)),
@@ -41,6 +47,12 @@ pub const UNITS: &[(&str, Unit)] = &[
     ("kHz", si(0, 0, 0, -1, 3)),
     ("N", si(0, 1, 1, -2, 0)),
     ("mN", si(0, 1, 1, -2, -3)),
+    // As motors' data sheets have them: an ounce beside an inch is a force.
+    ("kgf", Unit([0, 1, 1, -2, -5, 0, 0, 0, 0, 0, 0, 1])),
+    ("gf", Unit([0, 1, 1, -2, -8, 0, 0, 0, 0, 0, 0, 1])),
+    ("lbf", Unit([0, 1, 1, -2, -13, 0, 0, 0, 0, 0, 1, 1])),
+    ("oz", Unit([0, 1, 1, -2, -13, 0, -4, 0, 0, 0, 1, 1])),
+    ("ozf", Unit([0, 1, 1, -2, -13, 0, -4, 0, 0, 0, 1, 1])),
     ("kg", si(0, 0, 1, 0, 0)),
     ("g", si(0, 0, 1, 0, -3)),
     ("J", si(0, 2, 1, -2, 0)),
@@ -54,7 +66,7 @@ pub const UNITS: &[(&str, Unit)] = &[
 /// Units that exist, of another kind than the known ones that are spelled nearly so.
 const OTHERS: &[&str] = &[
     "min", "h", "hr", "hour", "hours", "day", "W", "mW", "kW", "A", "mA", "V", "mV", "K", "C", "Pa", "kPa", "bar",
-    "psi", "kgf", "lb", "lbs", "lbf", "oz", "ozf", "in", "inch", "ft",
+    "psi", "lb", "lbs", "inch", "ft",
 ];
 
 /// What keeps a text from being a unit.
@@ -90,7 +102,7 @@ pub enum UnitError {
 
 impl Unit {
     /// The plain number 1.
-    pub const ONE: Unit = Unit([0; 9]);
+    pub const ONE: Unit = Unit([0; 12]);
 
     /// Reads a unit: names from [`UNITS`] and the literal `1`; products by a space, `·` or `*`; quotients by `/`, left
     /// to right, so that `a/b c` is (a/b)·c; powers `^2`, `^-1`, `²`; parentheses.
@@ -119,9 +131,11 @@ impl Unit {
 
     /// What is left beside the power of ten: π/180 for deg, exactly 1 for mm.
     pub fn factor(self) -> f64 {
-        let [.., pi, two, half_turn, thirty] = self.0;
+        let [.., pi, two, half_turn, thirty, inch, pound, gravity] = self.0;
         let (mut above, mut below) = (1.0, 1.0);
-        for (number, power) in [(2.0, two), (180.0, half_turn), (30.0, thirty), (PI, pi)] {
+        for (number, power) in
+            [(2.0, two), (180.0, half_turn), (30.0, thirty), (INCH, inch), (POUND, pound), (GRAVITY, gravity), (PI, pi)]
+        {
             let powered = f64::powi(number, i32::from(power.abs()));
             if power >= 0 { above *= powered } else { below *= powered }
         }
@@ -303,11 +317,34 @@ mod tests {
     }
 
     #[test]
+    fn units_of_data_sheets_are_as_large_as_their_definitions() {
+        // NIST SP 811, appendix B.8; the torques in N m.
+        for (text, size) in [
+            ("oz in", 7.061_551_814_226_04e-3),
+            ("ozf in", 7.061_551_814_226_04e-3),
+            ("lbf in", 0.112_984_829_027_616),
+            ("kgf cm", 0.098_066_5),
+            ("gf cm", 9.806_65e-5),
+            ("oz", 0.278_013_850_953_781),
+            ("in", 0.0254),
+        ] {
+            let unit = unit(text);
+            let si = unit.factor() * 10_f64.powi(unit.decimal_exponent() as i32);
+            assert!((si / size - 1.0).abs() < 1e-12, "{text}: {si}");
+        }
+        // 16 ounces are a pound, and inches cancel.
+        assert_eq!(unit("lbf/oz").factor(), 16.0);
+        assert_eq!(unit("oz in/(lbf in)").factor(), 1.0 / 16.0);
+        assert_eq!(unit("oz in s^2").dimension(), unit("kg m^2").dimension());
+        assert_ne!(unit("oz in^2").dimension(), unit("kg m^2").dimension(), "an ounce is no mass here");
+    }
+
+    #[test]
     fn mistakes_are_named() {
         let message = |text: &str| Unit::parse(text).unwrap_err().to_string();
         assert_eq!(message("sek"), "has the unknown unit \"sek\"; the nearest known one is \"s\"");
         assert_eq!(message("HZ"), "has the unknown unit \"HZ\"; the nearest known one is \"Hz\"");
-        for other in ["min", "W", "h", "bar", "kgf", "§x", "ü"] {
+        for other in ["min", "W", "h", "bar", "lb", "§x", "ü"] {
             let Err(UnitError::Expected { .. } | UnitError::Unknown { nearest: None, .. }) = Unit::parse(other) else {
                 panic!("{other}: {}", message(other));
             };
@@ -335,7 +372,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_product_is_the_product_of_its_factors(a in name(), b in name(), n in -9i16..9) {
+        fn a_product_is_the_product_of_its_factors(a in name(), b in name(), n in -6i16..7) {
             let product = unit(a).times(unit(b), n).unwrap();
             prop_assert_eq!(unit(&format!("{a} {b}^{n}")), product);
             prop_assert_eq!(unit(&format!("{a}/{b}")).times(unit(b), 1).unwrap(), unit(a));
