@@ -95,11 +95,13 @@ pub struct Tally {
     failed: u64,
     since: Instant,
     rows: Vec<(String, f64)>,
+    /// The lines of the steps that failed, said once more at the end: they stand far above it.
+    failures: Vec<String>,
 }
 
 impl Tally {
     pub fn new() -> Self {
-        Tally { passed: 0, failed: 0, since: Instant::now(), rows: Vec::new() }
+        Tally { passed: 0, failed: 0, since: Instant::now(), rows: Vec::new(), failures: Vec::new() }
     }
 
     /// Runs steps in this order, as many at a time as there are lanes, until all have ended.
@@ -129,8 +131,12 @@ impl Tally {
         let verdict = if *failed == 0 { "ok    " } else { "FAILED" };
         let counts = if passed + failed == 1 { String::new() } else { format!(": {passed} passed, {failed} failed") };
         let error = error.as_ref().map(|error| format!(": {error}")).unwrap_or_default();
+        let line = format!("{verdict} {took:4.0} s  {name}{counts}{error}");
         print!("{text}");
-        println!("{verdict} {took:4.0} s  {name}{counts}{error}");
+        println!("{line}");
+        if *failed > 0 {
+            self.failures.push(line);
+        }
         self.rows.push((name, took));
     }
 
@@ -154,6 +160,9 @@ impl fmt::Display for Tally {
         writeln!(f, "{:8.1}   {} others", rest.iter().map(|(_, took)| took).sum::<f64>(), rest.len())?;
         let processor = spent::processor().map(|took| format!(", {took:.0} s of processor time")).unwrap_or_default();
         writeln!(f, "{:.0} s{processor}", self.since.elapsed().as_secs_f64())?;
+        for failure in &self.failures {
+            writeln!(f, "{failure}")?;
+        }
         // The count is the last line.
         write!(f, "{} passed, {} failed", self.passed, self.failed)
     }
