@@ -124,9 +124,9 @@ export class Changes {
   }
 }
 
-/** Gives a text to the visitor as a file. */
-export function download(name: string, text: string, type = "text/plain"): void {
-  const link = html("a", { href: URL.createObjectURL(new Blob([text], { type })), download: name });
+/** Gives a text or a picture to the visitor as a file. */
+export function download(name: string, content: BlobPart, type = "text/plain"): void {
+  const link = html("a", { href: URL.createObjectURL(new Blob([content], { type })), download: name });
   link.click();
   URL.revokeObjectURL(link.href);
 }

@@ -3,6 +3,8 @@
 import type { Frame } from "./protocol.ts";
 
 const ROOM = 1024;
+/** A line goes on past the edges of what is shown, in s. */
+const MARGIN = 0.05;
 
 export class History {
   private length = 0;
@@ -38,11 +40,29 @@ export class History {
     this.length += 1;
   }
 
-  /** Time, then for each column asked for its last, low and high values, over the last `seconds`. */
-  window(columns: number[], seconds: number): Float64Array[] {
-    let from = Math.max(0, this.length - ROOM);
-    while (from < this.length - 1 && this.time[from]! < this.last - seconds - 0.05) from += 1;
-    const cut = (array: Float64Array) => array.subarray(from, this.length);
+  /** The first and the last time that are kept. */
+  get span(): [number, number] {
+    return [this.length > 0 ? this.time[Math.max(0, this.length - ROOM)]! : 0, this.last];
+  }
+
+  /** Time, then for each column asked for its last, low and high values, from a time to a time. */
+  window(columns: number[], from: number, to: number): Float64Array[] {
+    let [first, end] = [Math.max(0, this.length - ROOM), this.length];
+    while (first < end - 1 && this.time[first]! < from - MARGIN) first += 1;
+    while (end > first + 1 && this.time[end - 1]! > to + MARGIN) end -= 1;
+    const cut = (array: Float64Array) => array.subarray(first, end);
     return [cut(this.time), ...columns.flatMap((column) => [0, 1, 2].map((part) => cut(this.columns[3 * column + part]!)))];
   }
+
+  /** What stands between two times as a table: each frame's last values, in SI as a run's file has them. */
+  csv(names: string[], from: number, to: number): string {
+    const all = this.factors.map((_, i) => i);
+    const [times, ...parts] = this.window(all, from, to) as [Float64Array, ...Float64Array[]];
+    const values = all.map((i) => ({ of: parts[3 * i]!, factor: this.factors[i]! }));
+    const rows = [...times].flatMap((time, k) => (time < from || time > to ? [] : [[time, ...values.map(({ of, factor }) => of[k]! / factor)].map(six).join(",")]));
+    return `${["t", ...names].join(",")}\n${rows.join("\n")}\n`;
+  }
 }
+
+/** Telemetry has single precision. */
+const six = (value: number) => (Number.isFinite(value) ? String(Number(value.toPrecision(9))) : "");

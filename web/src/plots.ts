@@ -2,7 +2,7 @@
 
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { html, say } from "./dom.ts";
+import { attribute, html, say } from "./dom.ts";
 import type { History } from "./history.ts";
 import { joules, steady, tick, type Unit } from "./units.ts";
 
@@ -57,10 +57,10 @@ class Plot {
     new IntersectionObserver((entries) => (this.seen = entries.at(-1)!.isIntersecting)).observe(box);
   }
 
-  /** `at`: the sample that the numbers are of; the last where there is none. */
-  draw(history: History, seconds: number, end: number, at: number | null): void {
+  /** `at`: the sample that the numbers are of; the last in sight where there is none. */
+  draw(history: History, [from, to]: Span, at: number | null): void {
     if (!this.seen) return;
-    const data = history.window(this.panel.traces.map((trace) => trace.column), seconds);
+    const data = history.window(this.panel.traces.map((trace) => trace.column), from, to);
     const index = at ?? data[0]!.length - 1;
     let [low, high] = [0, 0];
     this.panel.traces.forEach((_, i) => {
@@ -77,7 +77,7 @@ class Plot {
     });
     this.uplot.batch(() => {
       this.uplot.setData(data as unknown as uPlot.AlignedData, false);
-      this.uplot.setScale("x", { min: end - seconds, max: end });
+      this.uplot.setScale("x", { min: from, max: to });
       this.uplot.setScale("y", { min: this.range[0], max: this.range[1] });
     });
   }
@@ -90,6 +90,12 @@ class Plot {
     const to = Math.max(high, ...near, least) * 1.08;
     const [had, room] = [this.range[1] - this.range[0], to - from];
     if (from < this.range[0] || to > this.range[1] || room < 0.5 * had) this.range = [from, to];
+  }
+
+  /** What stands above it: its title, and each trace's name with its line. */
+  words(): { text: string; colour: string; strong: boolean; line: number[] | null }[] {
+    const traces = this.panel.traces.map(({ name, colour, dash }) => ({ text: name, colour, strong: false, line: dash ?? [] }));
+    return [{ text: this.title.textContent ?? "", colour: "ink", strong: true, line: null }, ...traces];
   }
 
   private resize(box: HTMLElement): void {
@@ -147,30 +153,172 @@ class Plot {
   }
 }
 
+/** From a time to a time, in s. */
+type Span = [from: number, to: number];
+
+/** The shortest time that a plot spreads, in s. */
+const SHORTEST = 0.02;
+/** One press of a key or a button, and one notch of a mouse's wheel. */
+const STEP = 1.5;
+/** The part of what is in sight by which an arrow key goes. */
+const PACE = 0.1;
+
 export class Plots {
   /** In s. */
   seconds = 5;
-  paused = false;
+  private held = false;
+  /** What is looked at while paused. */
+  private view: Span | null = null;
   private plots: Plot[] = [];
   private panels: Panel[] = [];
+  private history: History | null = null;
   private readonly root: HTMLElement;
 
   constructor(root: HTMLElement) {
     this.root = root;
     // Canvases do not follow the theme by themselves.
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.show(this.panels));
+    root.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
+    root.addEventListener("pointerdown", (event) => this.drag(event));
+    root.addEventListener("dblclick", () => this.follow());
+    root.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  get paused(): boolean {
+    return this.held;
+  }
+
+  /** While paused, the plots can be moved and spread; they take the keyboard then. */
+  set paused(on: boolean) {
+    this.held = on;
+    this.root.classList.toggle("held", on);
+    if (on) attribute(this.root, "tabindex", "0");
+    else this.root.removeAttribute("tabindex");
+    this.follow();
+  }
+
+  /** The time in sight. */
+  get span(): Span {
+    const last = this.history?.last ?? 0;
+    return this.view ?? [last - this.seconds, last];
+  }
+
+  /** The last seconds, as many as are chosen. */
+  follow(): void {
+    this.view = null;
+    this.redraw();
   }
 
   show(panels: Panel[]): void {
     this.panels = panels;
+    this.view = null;
     for (const plot of this.plots) plot.uplot.destroy();
     this.root.replaceChildren();
     this.plots = panels.map((panel, i) => new Plot(panel, this.root, i === panels.length - 1));
   }
 
-  draw(history: History, end: number): void {
+  draw(history: History): void {
+    this.history = history;
+    this.redraw();
+  }
+
+  /** Spreads by so much about a time; the middle where there is none. Only while paused. */
+  zoom(by: number, about?: number): void {
+    const [from, to] = this.span;
+    const at = about ?? (from + to) / 2;
+    const width = Math.max(SHORTEST, (to - from) / by);
+    const part = (at - from) / (to - from);
+    this.look([at - part * width, at + (1 - part) * width]);
+  }
+
+  /** All plots as one picture, as they are seen. */
+  async picture(): Promise<Blob | null> {
+    const canvases = this.plots.map(({ uplot }) => uplot.ctx.canvas);
+    const ratio = devicePixelRatio;
+    const head = Math.round(22 * ratio);
+    const height = canvases.reduce((sum, canvas) => sum + canvas.height + head, 0);
+    const sheet = Object.assign(document.createElement("canvas"), { width: Math.max(1, ...canvases.map((canvas) => canvas.width)), height });
+    const ink = sheet.getContext("2d");
+    if (!ink) return null;
+    ink.fillStyle = theme("paper");
+    ink.fillRect(0, 0, sheet.width, sheet.height);
+    ink.textBaseline = "middle";
+    let y = 0;
+    this.plots.forEach((plot, i) => {
+      let x = 8 * ratio;
+      for (const { text, colour, strong, line } of plot.words()) {
+        ink.font = `${strong ? 600 : 400} ${13 * ratio}px system-ui, sans-serif`;
+        if (line) {
+          ink.strokeStyle = theme(colour);
+          ink.lineWidth = 2 * ratio;
+          ink.setLineDash(line.map((dash) => (dash * ratio) / 2));
+          ink.beginPath();
+          ink.moveTo(x, y + head / 2);
+          ink.lineTo(x + 16 * ratio, y + head / 2);
+          ink.stroke();
+          x += 20 * ratio;
+        }
+        ink.fillStyle = theme(strong ? "ink" : "soft");
+        ink.fillText(text, x, y + head / 2);
+        x += ink.measureText(text).width + 14 * ratio;
+      }
+      ink.drawImage(canvases[i]!, 0, y + head);
+      y += head + canvases[i]!.height;
+    });
+    return new Promise((done) => sheet.toBlob(done, "image/png"));
+  }
+
+  private redraw(): void {
+    if (!this.history) return;
     const idx = this.plots[0]?.uplot.cursor.idx ?? null;
     const at = this.plots.some((plot) => (plot.uplot.cursor.left ?? -1) >= 0) ? idx : null;
-    for (const plot of this.plots) plot.draw(history, this.seconds, end, at);
+    for (const plot of this.plots) plot.draw(this.history, this.span, at);
+  }
+
+  /** Shows this time, as far as there is any. */
+  private look([from, to]: Span): void {
+    if (!this.held || !this.history) return;
+    const [first, last] = this.history.span;
+    const width = Math.min(to - from, Math.max(last - first, this.seconds));
+    const start = Math.max(Math.min(from, last - width), Math.min(first, last - width));
+    this.view = [start, start + width];
+    this.redraw();
+  }
+
+  /** The time at a place of the screen. */
+  private at(clientX: number): number {
+    const [from, to] = this.span;
+    const box = this.plots[0]?.uplot.over.getBoundingClientRect();
+    return box && box.width > 0 ? from + ((clientX - box.left) / box.width) * (to - from) : (from + to) / 2;
+  }
+
+  private wheel(event: WheelEvent): void {
+    if (!this.held) return;
+    event.preventDefault();
+    this.zoom(STEP ** (-event.deltaY / 120), this.at(event.clientX));
+  }
+
+  private drag(down: PointerEvent): void {
+    if (!this.held || down.button !== 0) return;
+    const [from, to] = this.span;
+    const scale = (to - from) / Math.max(1, this.plots[0]?.uplot.over.clientWidth ?? 1);
+    const move = (event: PointerEvent) => this.look([from - scale * (event.clientX - down.clientX), to - scale * (event.clientX - down.clientX)]);
+    const end = () => {
+      removeEventListener("pointermove", move);
+      for (const name of ["pointerup", "pointercancel"]) removeEventListener(name, end);
+    };
+    addEventListener("pointermove", move);
+    for (const name of ["pointerup", "pointercancel"]) addEventListener(name, end);
+  }
+
+  private key(event: KeyboardEvent): void {
+    if (!this.held) return;
+    const [from, to] = this.span;
+    const go = (way: number) => this.look([from + way * PACE * (to - from), to + way * PACE * (to - from)]);
+    const act = { ArrowLeft: () => go(-1), ArrowRight: () => go(1), "+": () => this.zoom(STEP), "-": () => this.zoom(1 / STEP), "0": () => this.follow() }[event.key];
+    if (!act) return;
+    event.preventDefault();
+    event.stopPropagation();
+    act();
   }
 }

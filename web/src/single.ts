@@ -30,6 +30,8 @@ const WINDOWS = [2, 5, 10];
 const SIMULATED = "sim";
 /** Between two drawings of the plots where motion is to be reduced, in ms. */
 const REDUCED = 250;
+/** One press spreads the plots by so much. */
+const ZOOM = 1.5;
 
 /** `recorded`: what a page without a server runs. */
 export function single(recorded: Recorded | undefined): void {
@@ -224,7 +226,7 @@ export function single(recorded: Recorded | undefined): void {
     legend.frame(places.map((place) => `${steady(place, 90)}\u2009${position.name}`));
     attribute(stage.svg, "aria-valuenow", Math.round(places[0]!));
     attribute(stage.svg, "aria-valuetext", `${steady(places[0]!, 100)} ${position.name}${hand.intended === null ? "" : ", held"}`);
-    plots.draw(history, history.last);
+    plots.draw(history);
   }
 
   /** What a page without a server cannot do is not there, and it says so. */
@@ -274,7 +276,12 @@ export function single(recorded: Recorded | undefined): void {
   press("pause", () => {
     plots.paused = !plots.paused;
     byId("pause").setAttribute("aria-pressed", String(plots.paused));
+    byId("views").hidden = !plots.paused;
   });
+  press("zoom-in", () => plots.zoom(ZOOM));
+  press("zoom-out", () => plots.zoom(1 / ZOOM));
+  press("as-csv", () => world && download("signals.csv", history.csv(world.columns.map(({ name }) => name), ...plots.span), "text/csv"));
+  press("as-png", () => void plots.picture().then((picture) => picture && download("signals.png", picture, "image/png")));
   // The sliders stay where they are while one is dragged, however long the verdict above them becomes.
   const card = byId("card");
   byId("knobs").addEventListener("pointerdown", () => (card.style.height = `${card.offsetHeight}px`));
@@ -283,7 +290,7 @@ export function single(recorded: Recorded | undefined): void {
     const choice = button(`${seconds} s`, () => {
       plots.seconds = seconds;
       for (const other of byId("windows").children) other.setAttribute("aria-pressed", String(other === choice));
-      plots.draw(history, history.last);
+      plots.follow();
     });
     choice.setAttribute("aria-pressed", String(seconds === plots.seconds));
     byId("windows").append(choice);

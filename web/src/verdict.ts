@@ -7,6 +7,15 @@ import { number } from "./units.ts";
 /** As `hapt check` has them. */
 const NAMES = { held: "held", free: "free", passive: "passive", uneven: "uneven", quantisation: "counts" } as const;
 
+/** What each of them is about. */
+const ABOUT = {
+  held: "while a hand holds the puck still",
+  free: "hands-off",
+  passive: "in every passive hand",
+  uneven: "for all times and tolerances that the file allows",
+  quantisation: "with the counts of the encoder",
+} as const;
+
 /** Of a claim that is neither good nor bad. */
 const UNDECIDED: Partial<Record<keyof typeof NAMES, [string, string]>> = { held: ["=", "marginal"], free: ["=", "marginal"] };
 
@@ -36,16 +45,17 @@ export class VerdictCard {
     if (verdict.command !== undefined) return this.unjudged(verdict.certified, verdict.command);
     const unstable = verdict.sentences.some(({ what, ok }) => ok === false && (what === "held" || what === "free"));
     this.head(verdict.certified ? "Certified" : unstable ? "Not certified: unstable" : "Not certified", verdict.certified ? "good" : "bad");
-    const summary = html("p", {}, upper((verdict.sentence ?? "").replace(/^(not )?certified[:,] /, "")));
+    // The heading has its beginning: "Not certified: ...".
+    const summary = html("p", {}, upper((verdict.sentence ?? "").replace(/^.*?: /, "")));
     const marks = html("p", { class: "marks" });
     const sentences = html("dl");
     for (const { what, ok, text } of verdict.sentences) {
-      const [mark, meaning, kind] = ok === null ? [...(UNDECIDED[what] ?? ["?", "not decided"]), "even"] : ok ? ["✓", "good", "good"] : ["✗", "bad", "bad"];
+      const [mark, meaning, kind] = ok === null ? [...(UNDECIDED[what] ?? ["?", "not proved"]), "even"] : ok ? ["✓", "good", "good"] : ["✗", "bad", "bad"];
       // What is neither good nor bad says in words what it is.
       const word = ok === null ? ` ${NAMES[what] ?? what}: ${meaning}` : ` ${NAMES[what] ?? what}`;
       const named = () => [html("span", ok === null ? { "aria-hidden": "true" } : { "aria-label": meaning, role: "img" }, mark!), word];
-      marks.append(html("span", { class: kind }, ...named()));
-      sentences.append(html("dt", { class: kind }, ...named()), html("dd", {}, text));
+      marks.append(html("span", { class: kind, title: ABOUT[what] }, ...named()));
+      sentences.append(html("dt", { class: kind, title: ABOUT[what] }, ...named()), html("dd", {}, text));
     }
     const notes = (verdict.notes ?? []).map((note) => html("p", {}, upper(note)));
     const time = verdict.ms === null ? [] : [html("p", { class: "soft" }, `Computed in ${number(verdict.ms, 2)} ms`)];

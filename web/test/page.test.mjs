@@ -1,6 +1,6 @@
 // The page in a real browser, against the real server.
 import assert from "node:assert/strict";
-import { existsSync, rmSync } from "node:fs";
+import { existsSync, readFileSync, rmSync } from "node:fs";
 import { isAbsolute } from "node:path";
 import { after, test } from "node:test";
 import { extremes, launch, number, open, place, quit, serve, turn, until, world } from "./desk.mjs";
@@ -419,6 +419,51 @@ visit("a recording says where its file is, also when it has ended", undefined, a
   assert.ok(isAbsolute(file) && /live-\d+\.mcap$/.test(file), file);
   await until(async () => existsSync(file), Boolean);
   rmSync(file);
+});
+
+visit("paused plots are spread, moved and saved, and running ones leave the wheel to the page", "@notes/default", async (page) => {
+  const saved = async (id) => {
+    const [file] = await Promise.all([page.waitForEvent("download"), page.click(id)]);
+    return readFileSync(await file.path());
+  };
+  const table = async () => (await saved("#as-csv")).toString().trim().split("\n").map((row) => row.split(","));
+  const span = (rows) => Number(rows.at(-1)[0]) - Number(rows[1][0]);
+  assert.equal(await page.isVisible("#as-csv"), false);
+  await page.click('#scenarios [data-name="step"]');
+  await until(() => place(page), (puck) => Math.abs(puck - 45) < 0.1);
+  await page.waitForTimeout(3000);
+  await page.click("#pause");
+  const whole = await table();
+  assert.deepEqual(whole[0].slice(0, 3), ["t", "puck_rad", "puck_rad_per_s"]);
+  assert.ok(Math.abs(Number(whole.at(-1)[1]) - Math.PI / 4) < 1e-3, "45 degrees");
+  // Twice 1.5, about the middle: up to a frame at either end, which a busy machine makes long.
+  for (let i = 0; i < 2; i++) await page.click("#zoom-in");
+  const spread = await table();
+  assert.ok(span(spread) <= 5 / 2.25 + 1e-6 && span(spread) < span(whole), `${span(spread)} s of ${span(whole)} s`);
+  assert.ok(Number(spread.at(-1)[0]) < Number(whole.at(-1)[0]) && Number(spread[1][0]) > Number(whole[1][0]));
+  const box = await page.locator("#plots").boundingBox();
+  await page.mouse.move(box.x + 0.6 * box.width, box.y + 80);
+  await page.mouse.down();
+  await page.mouse.move(box.x + 0.9 * box.width, box.y + 80, { steps: 4 });
+  await page.mouse.up();
+  const moved = await table();
+  assert.ok(Number(moved[1][0]) < Number(spread[1][0]), "a drag to the right shows what was before");
+  const scrolled = () => page.evaluate(() => scrollY);
+  await page.mouse.move(box.x + 0.6 * box.width, box.y + 80);
+  await page.mouse.wheel(0, -240);
+  await until(async () => span(await table()), (width) => width < span(moved));
+  assert.equal(await scrolled(), 0);
+  await page.locator("#plots").focus();
+  await page.keyboard.press("0");
+  assert.equal((await table()).at(-1)[0], whole.at(-1)[0]);
+  const picture = await saved("#as-png");
+  assert.deepEqual([...picture.subarray(0, 8)], [0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a]);
+  assert.ok(picture.readUInt32BE(16) > 300 && picture.readUInt32BE(20) > 500, "as large as the plots");
+  await page.click("#pause");
+  assert.equal(await page.isVisible("#as-csv"), false);
+  await page.mouse.move(box.x + 0.6 * box.width, box.y + 80);
+  await page.mouse.wheel(0, 200);
+  await until(scrolled, (y) => y > 0);
 });
 
 visit("a window that becomes narrow takes the page with it, and a wide one gives it room again", world("two-bodies"), async (page) => {

@@ -179,21 +179,19 @@ pub(crate) fn to_verdict(config: &WorldConfig, check: &Check) -> VerdictMessage 
         Verdict::Marginal => None,
         Verdict::Unstable => Some(false),
     };
+    let decided = |certified: bool, refuted: bool| (certified || refuted).then_some(certified);
     let sentence = |what, ok, text| Sentence { what, ok, text };
     let passive = &check.passivity;
     message.certified = check.certified.holds();
-    message.sentence = check.verdict_sentence();
+    message.sentence = check.headline();
     message.sentences = vec![
         sentence("held", ok(check.held.verdict), check.sentence()),
         sentence("free", ok(check.free.verdict), check.free_sentence()),
-        sentence(
-            "passive",
-            (passive.proved.holds() || !passive.passive.holds()).then_some(passive.passive.holds()),
-            check.passivity_sentence(),
-        ),
+        sentence("passive", decided(passive.is_certified(), passive.is_refuted), check.passivity_sentence()),
     ];
     if let Some(text) = check.uneven_sentence() {
-        message.sentences.push(sentence("uneven", Some(check.uneven.passive.holds()), text));
+        let ok = decided(check.uneven.is_certified(), check.uneven.is_refuted);
+        message.sentences.push(sentence("uneven", ok, text));
     }
     if let Some(text) = check.quantisation_sentence() {
         message.sentences.push(sentence("quantisation", Some(check.quantisation.ok), text));

@@ -328,17 +328,15 @@ pub(crate) fn verdict_name(of: &Stability) -> &'static str {
 
 /// The certificate: the verdict and its reasons.
 fn verdict(check: &Check) -> Markup {
-    let sentence = check.verdict_sentence();
-    let (name, capital) =
-        if check.certified.holds() { ("certified", "Certified") } else { ("not certified", "Not certified") };
-    let reason = sentence.strip_prefix(name).unwrap_or(&sentence);
+    let headline = check.headline();
+    let (status, reason) = headline.split_once(": ").unwrap_or((&headline, ""));
     let colour = if check.certified.holds() { "stable" } else { "unstable" };
     html! {
-        p class={ "verdict " (colour) } { b { (capital) } (reason) "." }
+        p class={ "verdict " (colour) } { b { (status) } ": " (reason) "." }
         dl {
             dt { "held" } dd { (check.sentence()) "." }
-            dt { "hands-off" } dd { (check.free_sentence()) "." }
-            dt { "any hand" } dd { (check.passivity_sentence()) "." }
+            dt { "free" } dd { (check.free_sentence()) "." }
+            dt { "passive" } dd { (check.passivity_sentence()) "." }
             @for reason in &check.passivity.not_proved { dt { "not proved" } dd { (reason) "." } }
             @if let Some(uneven) = check.uneven_sentence() { dt { "uneven" } dd { (uneven) "." } }
             @if let Some(counts) = check.quantisation_sentence() { dt { "counts" } dd { (counts) "." } }
