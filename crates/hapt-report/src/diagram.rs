@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use hapt_model::{Coupling, Damping, Drive, End, Law, Motion, World};
 
 use crate::figure::Style;
-use crate::svg::{class, escaped, open, text, text_width};
+use crate::svg::{Width, class, escaped, open, text, text_width};
 use crate::ticks::number;
 use crate::units::{DEGREES, say_effort};
 
@@ -116,7 +116,7 @@ pub fn diagram(world: &World, own_file: bool) -> Diagram {
     let alt = alt(world);
     let title = "The world";
     let height = if grounded { floor + 16.0 } else { top + tall + 12.0 };
-    let mut svg = open(right.max(300.0), height, title, &alt, own_file);
+    let mut svg = open(Width::Wide, right.max(300.0), height, title, &alt, own_file);
     if own_file {
         text(&mut svg, 2.0, 18.0, "start", "bold", title);
     }

@@ -13,7 +13,7 @@ use crate::map::Map;
 /// panel.curve("puck", Style::Signal(0), vec![(0.0, 0.0), (1.0, 0.5)]);
 /// let figure = Figure { title: "A ramp".into(), alt: "The torque rises.".into(), panels: vec![panel], columns: 1 };
 /// let svg = figure.svg(Width::Wide, true);
-/// assert!(svg.starts_with("<svg") && svg.contains("torque (N m)"));
+/// assert!(svg.starts_with("<svg") && svg.contains("torque (N·m)"));
 /// ```
 #[derive(Clone, Debug)]
 pub struct Figure {
@@ -183,9 +183,9 @@ impl Axis {
         Axis { logarithmic: true, ..Axis::from_to(name, unit, low, high) }
     }
 
-    /// "time (s)"
+    /// "stiffness (N·mm/°)", the unit as people write it.
     pub fn label(&self) -> String {
-        if self.unit.is_empty() { self.name.clone() } else { format!("{} ({})", self.name, self.unit) }
+        if self.unit.is_empty() { self.name.clone() } else { format!("{} ({})", self.name, written(&self.unit)) }
     }
 
     /// The position of a value: 0 at the low end, 1 at the high one.
@@ -196,6 +196,22 @@ impl Axis {
             (value - self.low) / (self.high - self.low)
         }
     }
+}
+
+/// A unit of a world file as people write it: "N mm/deg^2" as "N·mm/°²".
+fn written(unit: &str) -> String {
+    let word = |word: &str| match word {
+        "deg" => "°".to_string(),
+        "um" | "us" => word.replace('u', "µ"),
+        "Nm" | "Ncm" | "Nmm" | "mNm" | "mNmm" => word.replace('N', "N·"),
+        _ => word.to_string(),
+    };
+    let mut text = String::new();
+    for part in unit.split_inclusive(|c: char| !c.is_alphabetic()) {
+        let (name, end) = part.split_at(part.trim_end_matches(|c: char| !c.is_alphabetic()).len());
+        text += &(word(name) + end);
+    }
+    text.replace("^2", "²").replace("^3", "³").replace(' ', "·")
 }
 
 impl Panel {

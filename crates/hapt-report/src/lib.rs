@@ -42,5 +42,5 @@ pub use page::{Drawing, Report};
 #[cfg(feature = "png")]
 pub use png::png;
 pub use run::Run;
-pub use svg::{STYLE, Width};
+pub use svg::{Paper, STYLE, Width};
 pub use traces::{Envelope, Signal, Traces};

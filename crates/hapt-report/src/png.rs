@@ -20,14 +20,15 @@ const COVERED: [(char, char); 11] = [
     ('\u{2200}', '\u{22ff}'),
     ('\n', '\n'),
 ];
-/// Pixels of the picture for one of the drawing.
-const SCALE: f32 = 2.0;
+/// Pixels of an SVG in an inch, by CSS.
+const SVG_DPI: f64 = 96.0;
 
-/// A drawing of a file of its own ([`crate::figure::Figure::svg`]) as PNG, in the colours of paper.
+/// A drawing of a file of its own ([`crate::figure::Figure::svg`]) as PNG, in the colours of paper, with so many pixels in an inch; a
+/// drawing for a screen has 96 in an inch.
 ///
 /// # Errors
 /// SVG that resvg refuses, which would be a defect.
-pub fn png(svg: &str) -> Result<Vec<u8>, String> {
+pub fn png(svg: &str, dpi: f64) -> Result<Vec<u8>, String> {
     // No dark colours.
     let paper = STYLE.split("@media").next().unwrap_or_default();
     let svg = svg.replacen(STYLE, paper, 1);
@@ -41,9 +42,10 @@ pub fn png(svg: &str) -> Result<Vec<u8>, String> {
     }
     let tree = Tree::from_str(&svg, &options).map_err(|error| format!("the figure cannot be drawn: {error}"))?;
     let size = tree.size();
-    let (width, height) = ((SCALE * size.width()).ceil() as u32, (SCALE * size.height()).ceil() as u32);
+    let scale = (dpi / SVG_DPI) as f32;
+    let (width, height) = ((scale * size.width()).ceil() as u32, (scale * size.height()).ceil() as u32);
     let mut pixels = Pixmap::new(width, height).ok_or("the figure has no size")?;
-    resvg::render(&tree, Transform::from_scale(SCALE, SCALE), &mut pixels.as_mut());
+    resvg::render(&tree, Transform::from_scale(scale, scale), &mut pixels.as_mut());
     pixels.encode_png().map_err(|error| error.to_string())
 }
 
@@ -61,7 +63,7 @@ mod tests {
     }
 
     fn drawn(svg: &str) -> Pixmap {
-        Pixmap::decode_png(&png(svg).unwrap()).unwrap()
+        Pixmap::decode_png(&png(svg, 192.0).unwrap()).unwrap()
     }
 
     /// Title and labels are drawn without any font of the machine, on white paper, and the curve in its colour.

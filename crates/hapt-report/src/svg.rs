@@ -11,13 +11,57 @@ use crate::figure::{Axis, Figure, Fill, Panel, Shape, Style};
 use crate::ticks;
 
 /// The width of a figure's layout.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Width {
-    /// A desktop screen, or paper.
+    /// A desktop screen.
     Wide,
     /// A phone.
     Narrow,
+    /// A column of a paper.
+    Paper(Paper),
 }
+
+/// The size of a figure in a paper, which has the caption itself: the drawing has no title.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Paper {
+    mm: f64,
+    points: f64,
+}
+
+impl Paper {
+    /// Millimetres in a point of text, the 72nd part of an inch.
+    const POINT: f64 = 25.4 / 72.0;
+    /// The narrowest layout, in its own pixels: axes with their numbers, and a legend below each other.
+    const NARROWEST: f64 = 240.0;
+
+    /// A width in mm, and the size of the text in points.
+    ///
+    /// # Errors
+    /// In a sentence: text beyond 4 to 24 points, a width above 300 mm, or one that this text does not leave room for a drawing.
+    pub fn new(mm: f64, points: f64) -> Result<Self, String> {
+        if !(4.0..=24.0).contains(&points) {
+            return Err(format!("text of {points} points; expected 4 to 24"));
+        }
+        let paper = Paper { mm, points };
+        let least = Paper::NARROWEST * paper.mm_per_pixel();
+        if !(least..=300.0).contains(&mm) {
+            return Err(format!(
+                "a width of {mm:.1} mm; with text of {points} points, expected {} to 300 mm",
+                least.ceil()
+            ));
+        }
+        Ok(paper)
+    }
+
+    fn mm_per_pixel(self) -> f64 {
+        self.points * Paper::POINT / FONT
+    }
+}
+
+/// The size of the text in the layout's pixels; [`STYLE`] has it too.
+const FONT: f64 = 12.0;
+/// Panels stand below each other in what is narrower.
+const ONE_COLUMN: f64 = 500.0;
 
 /// Colours and line styles of figures: Okabe and Ito's palette, on white and on near black.
 pub const STYLE: &str = "\
@@ -58,13 +102,25 @@ impl Width {
         match self {
             Width::Wide => 760.0,
             Width::Narrow => 344.0,
+            Width::Paper(paper) => paper.mm / paper.mm_per_pixel(),
+        }
+    }
+
+    /// The width and height of a drawing of so many pixels as an SVG states them.
+    fn size(self, w: f64, h: f64) -> String {
+        match self {
+            Width::Wide | Width::Narrow => format!("width=\"{w}\" height=\"{h}\""),
+            Width::Paper(paper) => {
+                let scale = paper.mm / w;
+                format!("width=\"{}mm\" height=\"{:.2}mm\"", (1e3 * paper.mm).round() / 1e3, scale * h)
+            }
         }
     }
 
     /// The number of intervals of a reduced curve for this width.
     pub fn stretches(self) -> usize {
         match self {
-            Width::Wide => 400,
+            Width::Wide | Width::Paper(_) => 400,
             Width::Narrow => 160,
         }
     }
@@ -81,13 +137,16 @@ pub(crate) fn text_width(text: &str) -> f64 {
 }
 
 /// The opening of an SVG, with its alternative text.
-pub(crate) fn open(width: f64, height: f64, title: &str, alt: &str, own_file: bool) -> String {
+pub(crate) fn open(on: Width, width: f64, height: f64, title: &str, alt: &str, own_file: bool) -> String {
     let (w, h) = (width.ceil(), height.ceil());
+    // Scaled down further its text would be unreadable; pages scroll it instead.
+    let least = match on {
+        Width::Wide | Width::Narrow => format!(" style=\"min-width:{:.0}px\"", 0.74 * w),
+        Width::Paper(_) => String::new(),
+    };
     let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"hapt\" style=\"min-width:{:.0}px\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\" \
-         role=\"img\" aria-label=\"{}\">",
-        // Scaled down further its text would be unreadable; pages scroll it instead.
-        0.74 * w,
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"hapt\"{least} viewBox=\"0 0 {w} {h}\" {} role=\"img\" aria-label=\"{}\">",
+        on.size(w, h),
         escaped(alt)
     );
     if own_file {
@@ -107,14 +166,15 @@ pub(crate) fn text(svg: &mut String, x: f64, y: f64, anchor: &str, class: &str, 
 impl Figure {
     /// As SVG: for a file of its own, with its styles, or for a page that has them.
     pub fn svg(&self, width: Width, own_file: bool) -> String {
-        let columns = if width == Width::Narrow { 1 } else { self.columns.max(1) };
+        let columns = if width.pixels() < ONE_COLUMN { 1 } else { self.columns.max(1) };
+        let has_title = own_file && !matches!(width, Width::Paper(_));
         let each = (width.pixels() + 14.0) / columns as f64 - 14.0;
         // Frames below each other are aligned, so that their times coincide.
         let left = self.panels.iter().map(|panel| Layout::new(panel, each, columns, 0.0).left).fold(0.0, f64::max);
         let layouts: Vec<Layout<'_>> =
             self.panels.iter().map(|panel| Layout::new(panel, each, columns, left)).collect();
         let mut body = String::new();
-        let (mut y, top_of_file) = (4.0, if own_file { 24.0 } else { 0.0 });
+        let (mut y, top_of_file) = (4.0, if has_title { 24.0 } else { 0.0 });
         y += top_of_file;
         for row in layouts.chunks(columns) {
             let above = row.iter().map(|layout| layout.above).fold(0.0, f64::max);
@@ -124,8 +184,8 @@ impl Figure {
             }
             y += above + tall + BELOW + 8.0;
         }
-        let mut svg = open(width.pixels(), y, &self.title, &self.alt, own_file);
-        if own_file {
+        let mut svg = open(width, width.pixels(), y, &self.title, &self.alt, own_file);
+        if has_title {
             text(&mut svg, 2.0, 18.0, "start", "bold", &self.title);
         }
         svg += &body;
@@ -436,6 +496,26 @@ mod tests {
     fn a_turn_back_on_the_same_line_is_kept() {
         let points = [(0.0, 0.0), (0.0, 9.0), (0.0, 1.0)];
         assert_eq!(path(points.into_iter()), "M0 0l0 9l0 -8");
+    }
+
+    /// The text of a paper's figure has the size that was asked for, whatever the width.
+    #[test]
+    fn a_figure_on_paper_is_as_wide_and_its_text_as_large_as_asked_for() {
+        for (mm, points) in [(88.0, 7.0), (88.0, 8.0), (180.0, 9.5), (60.0, 5.0)] {
+            let width = Width::Paper(Paper::new(mm, points).unwrap());
+            let mut panel =
+                Panel::new("", Axis::from_to("time", "s", 0.0, 1.0), Axis::from_to("torque", "N mm", -1.0, 1.0));
+            panel.curve("applied", Style::Signal(0), vec![(0.0, 0.0), (1.0, 0.5)]);
+            let figure = Figure { title: "Of a run".into(), alt: String::new(), panels: vec![panel], columns: 1 };
+            let svg = figure.svg(width, true);
+            assert!(svg.contains(&format!(" width=\"{mm}mm\"")) && !svg.contains(">Of a run</text>"), "{svg}");
+            let pixels: f64 = svg.split("viewBox=\"0 0 ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+            let text = FONT * mm / pixels / Paper::POINT;
+            assert!((text / points - 1.0).abs() < 5e-3, "{text} points for {points}");
+        }
+        for (mm, points) in [(20.0, 8.0), (88.0, 3.0), (88.0, 24.5), (301.0, 8.0), (f64::NAN, 8.0), (88.0, f64::NAN)] {
+            assert!(Paper::new(mm, points).unwrap_err().contains("expected"), "{mm} {points}");
+        }
     }
 
     #[test]

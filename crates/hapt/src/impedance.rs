@@ -9,7 +9,6 @@ use hapt_analysis::z_width::WallSearch;
 use hapt_analysis::{Slopes, ZWidth};
 use hapt_model::keys::Measure;
 use hapt_model::{Dimension, EstimatorKind, Motion};
-use hapt_report::Width;
 use hapt_report::figure::Figure;
 use rayon::prelude::*;
 use serde_json::json;
@@ -18,7 +17,7 @@ use crate::args::{ImpedanceArgs, SlopesArg};
 use crate::failure::Failure;
 use crate::format;
 use crate::messages;
-use crate::output;
+use crate::output::{self, FigureSize};
 use crate::progress::Progress;
 use crate::world::{Loaded, files, load};
 
@@ -38,14 +37,14 @@ pub fn run(args: &ImpedanceArgs) -> Result<ExitCode, Failure> {
     if let Some(out) = &args.out {
         output::format("--out", out, &["csv"])?;
     }
-    output::figure_format("--plot", args.plot.as_deref())?;
+    let size = FigureSize::of("--plot", args.plot.as_deref(), &args.figure)?;
     let loaded = load(&args.world)?;
     let outputs = [("--out", &args.out), ("--plot", &args.plot)];
     output::apart(&output::given(&outputs), &files(&args.world.path, &loaded.world))?;
-    let [csv, figure, json, text] = if args.z_width { width(args, &loaded)? } else { frequencies(args, &loaded)? };
+    let (csv, figure, json, text) = if args.z_width { width(args, &loaded)? } else { frequencies(args, &loaded)? };
     // Both are written before either is put in its place.
     let csv = args.out.as_deref().map(|target| output::draft(target, csv.as_bytes())).transpose()?;
-    let figure = args.plot.as_deref().map(|target| output::figure("--plot", target, &figure)).transpose()?;
+    let figure = args.plot.as_deref().map(|target| output::figure("--plot", target, &figure, size)).transpose()?;
     for (target, draft) in [(&args.out, csv), (&args.plot, figure)] {
         if let (Some(target), Some(draft)) = (target, draft) {
             let path = draft.finish().map_err(|error| Failure::write(target.display(), error))?;
@@ -62,10 +61,6 @@ pub fn run(args: &ImpedanceArgs) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn svg(figure: &Figure) -> String {
-    figure.svg(Width::Wide, true) + "\n"
-}
-
 fn pretty(value: &serde_json::Value) -> Result<String, Failure> {
     let json = serde_json::to_string_pretty(value).map_err(|error| Failure::System(error.to_string()))?;
     Ok(json + "\n")
@@ -76,8 +71,11 @@ fn units(motion: Motion) -> [String; 3] {
     [Measure::Stiffness, Measure::Damping, Measure::Inertia].map(|measure| measure.dimension(motion).symbol())
 }
 
-/// CSV, figure, JSON and text of an impedance against frequency.
-fn frequencies(args: &ImpedanceArgs, loaded: &Loaded) -> Result<[String; 4], Failure> {
+/// CSV, figure, JSON and text.
+type Drawn = (String, Figure, String, String);
+
+/// Of an impedance against frequency.
+fn frequencies(args: &ImpedanceArgs, loaded: &Loaded) -> Result<Drawn, Failure> {
     let world = &loaded.world;
     let slopes = match args.slopes {
         SlopesArg::Steep => Slopes::Steep,
@@ -111,7 +109,7 @@ fn frequencies(args: &ImpedanceArgs, loaded: &Loaded) -> Result<[String; 4], Fai
         "notes": felt.notes(),
     });
     let text = text(loaded, &felt, &asked, &resonances, low, high.min(nyquist));
-    Ok([csv(&rows, world.motion), svg(&figure), pretty(&json)?, text])
+    Ok((csv(&rows, world.motion), figure, pretty(&json)?, text))
 }
 
 fn frequency(flag: &str, text: Option<&str>) -> Result<Option<f64>, Failure> {
@@ -234,8 +232,8 @@ fn printed(low: f64, high: f64) -> Vec<f64> {
     if fine.len() > PRINTED { ladder(&[1.0]) } else { fine }
 }
 
-/// CSV, figure, JSON and text of a Z-width.
-fn width(args: &ImpedanceArgs, loaded: &Loaded) -> Result<[String; 4], Failure> {
+/// Of a Z-width.
+fn width(args: &ImpedanceArgs, loaded: &Loaded) -> Result<Drawn, Failure> {
     let world = &loaded.world;
     let walls = WallSearch::new(world)?;
     let dampers = walls.dampers(args.points.unwrap_or(80));
@@ -255,7 +253,7 @@ fn width(args: &ImpedanceArgs, loaded: &Loaded) -> Result<[String; 4], Failure> 
         let _ = writeln!(csv, "{:?},{},{},{}", edge.damping, cell(edge.passive), cell(edge.stable), cell(found.counts));
     }
     let figure = hapt_report::felt::z_width(loaded.title(), &found, world.motion);
-    Ok([csv, svg(&figure), pretty(&json!(found))?, width_text(loaded, &found)])
+    Ok((csv, figure, pretty(&json!(found))?, width_text(loaded, &found)))
 }
 
 fn width_text(loaded: &Loaded, found: &ZWidth) -> String {

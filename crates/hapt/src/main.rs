@@ -3,6 +3,7 @@
 #![warn(clippy::wildcard_enum_match_arm)]
 
 mod args;
+mod axis;
 mod boundary;
 mod check;
 mod colour;

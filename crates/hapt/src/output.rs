@@ -7,9 +7,14 @@ use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
 
 use hapt_log::{RECORDED, is_recorded};
+use hapt_model::Dimension;
+use hapt_report::figure::Figure;
+use hapt_report::{Paper, Width};
 use tempfile::{Builder, TempPath};
 
+use crate::args::FigureArgs;
 use crate::failure::Failure;
+use crate::format::positive;
 
 /// The unfinished files, to be removed when a signal ends the program.
 static DRAFTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
@@ -325,21 +330,60 @@ pub fn built(flag: &str, path: &Path) -> Result<(), Failure> {
     }
 }
 
-/// Refuses a figure's name whose ending is of no figure; before the work.
-pub fn figure_format(flag: &str, path: Option<&Path>) -> Result<(), Failure> {
-    path.map_or(Ok(()), |path| format(flag, path, &FIGURES).map(drop))
-}
-
 /// The formats of figures.
 const FIGURES: [&str; 2] = ["svg", "png"];
 
-/// A figure's draft, given as SVG, as SVG or as PNG by its name's ending.
-pub fn figure(flag: &str, target: &Path, svg: &str) -> Result<Draft, Failure> {
+/// The size of a figure.
+#[derive(Clone, Copy, Debug)]
+pub struct FigureSize {
+    pub width: Width,
+    /// Of a PNG.
+    #[cfg_attr(not(feature = "png"), allow(dead_code))]
+    dpi: f64,
+}
+
+impl FigureSize {
+    /// For a screen, with two pixels of a PNG for one of the drawing.
+    const SCREEN: FigureSize = FigureSize { width: Width::Wide, dpi: 192.0 };
+    /// What journals ask for.
+    const PRINT_DPI: f64 = 300.0;
+    /// Of `--font-size`, in points.
+    const FONT_SIZE: f64 = 8.0;
+
+    /// Of these flags, for the figure that `flag` writes to `path`; before the work.
+    pub fn of(flag: &str, path: Option<&Path>, args: &FigureArgs) -> Result<Self, Failure> {
+        path.map_or(Ok(()), |path| format(flag, path, &FIGURES).map(drop))?;
+        let given = if args.width.is_some() { "--width" } else { "--dpi" };
+        if flag == "--plot" && path.is_none() && (args.width.is_some() || args.dpi.is_some()) {
+            return Err(Failure::input(format!("{given}: there is no figure without --plot FILE.svg or FILE.png")));
+        }
+        let Some(width) = &args.width else {
+            let dpi = args.dpi.map_or(FigureSize::SCREEN.dpi, f64::from);
+            return Ok(FigureSize { dpi, ..FigureSize::SCREEN });
+        };
+        let mm = 1e3 * positive("--width", width, Dimension::LENGTH)?;
+        let paper = Paper::new(mm, args.font_size.unwrap_or(FigureSize::FONT_SIZE))
+            .map_err(|reason| Failure::input(format!("--width and --font-size: {reason}")))?;
+        Ok(FigureSize { width: Width::Paper(paper), dpi: args.dpi.map_or(FigureSize::PRINT_DPI, f64::from) })
+    }
+}
+
+/// A figure's draft as SVG, or as PNG by its name's ending.
+pub fn figure(flag: &str, target: &Path, figure: &Figure, size: FigureSize) -> Result<Draft, Failure> {
+    let svg = svg(figure, size);
     match format(flag, target, &FIGURES)? {
         #[cfg(feature = "png")]
-        "png" => draft(target, &hapt_report::png(svg).map_err(|error| Failure::write(target.display(), error))?),
+        "png" => {
+            let png = hapt_report::png(&svg, size.dpi).map_err(|error| Failure::write(target.display(), error))?;
+            draft(target, &png)
+        }
         _ => draft(target, svg.as_bytes()),
     }
+}
+
+/// A figure as a file of its own.
+pub fn svg(figure: &Figure, size: FigureSize) -> String {
+    figure.svg(size.width, true) + "\n"
 }
 
 /// A draft of these bytes for `target`.

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use hapt_log::Log;
 use hapt_model::keys::Measure;
 use hapt_model::{Motion, did_you_mean};
-use hapt_report::{CsvError, Signal, Traces, Width, read_csv};
+use hapt_report::{CsvError, Signal, Traces, read_csv};
 use hapt_sim::Row;
 
 use crate::args::PlotArgs;
@@ -15,13 +15,13 @@ use crate::failure::Failure;
 use crate::format;
 use crate::log::{self, Opened};
 use crate::messages;
-use crate::output;
+use crate::output::{self, FigureSize};
 
 /// The most runs drawn over each other: more are not distinguishable.
 const MOST_RUNS: usize = 12;
 
 pub fn run(args: &PlotArgs) -> Result<ExitCode, Failure> {
-    output::figure_format("--out", args.out.as_deref())?;
+    let size = FigureSize::of("--out", args.out.as_deref(), &args.figure)?;
     if args.runs.len() > MOST_RUNS {
         return Err(Failure::input(format!(
             "{} runs in one figure: at most {MOST_RUNS} are distinguishable",
@@ -53,15 +53,15 @@ pub fn run(args: &PlotArgs) -> Result<ExitCode, Failure> {
     }
     let names: Vec<String> = runs.iter().map(|(name, _)| name.clone()).collect();
     let title = title(&names);
-    let svg = Traces::overlay(&title, &runs, &signals, Width::Wide).svg(Width::Wide, true) + "\n";
+    let figure = Traces::overlay(&title, &runs, &signals, size.width);
     match &args.out {
         None => {
             let mut out = stdout().lock();
-            out.write_all(svg.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+            out.write_all(output::svg(&figure, size).as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
         }
         Some(target) => {
             let failed = |error| Failure::write(target.display(), error);
-            let draft = output::figure("--out", target, &svg)?;
+            let draft = output::figure("--out", target, &figure, size)?;
             messages::say(format_args!("wrote {}", draft.finish().map_err(failed)?.display()));
         }
     }

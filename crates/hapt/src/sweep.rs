@@ -25,7 +25,7 @@ use crate::failure::Failure;
 use crate::finished;
 use crate::format;
 use crate::messages;
-use crate::output::{self, Draft};
+use crate::output::{self, Draft, FigureSize};
 use crate::progress::Progress;
 use crate::signals;
 use crate::world::{inputs, source};
@@ -55,7 +55,7 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
     };
     output::built("--out", &args.out)?;
     output::regular("--out", &args.out)?;
-    output::figure_format("--plot", args.plot.as_deref())?;
+    let size = FigureSize::of("--plot", args.plot.as_deref(), &args.figure)?;
     let measures = args.measures.iter().map(|name| measure(name)).collect::<Result<Vec<_>, _>>()?;
     let source = source(&args.world.path)?;
     let sweep = Sweep::new(&source, &args.world.sets, &args.axes, &measures, args.scenario.as_deref())?;
@@ -100,7 +100,7 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
     if let Some(plot) = &args.plot {
         let system = System::read(&source, &args.world.sets)?;
         let own: Vec<_> = sweep.grid.axes.iter().map(|axis| system.number(&axis.key)).collect();
-        crate::sweep_plot::draw(&sweep, &own, partial.rows()?, plot)?;
+        crate::sweep_plot::draw(&sweep, &args.axes, &own, partial.rows()?, plot, size)?;
     }
     partial.finish(format, &columns)?;
 

@@ -7,21 +7,29 @@ use hapt_report::figure::{self, Figure, Panel, Shape, Style};
 use hapt_report::{Extremes, Map, Scale, Width};
 use hapt_sweep::{Axis, Measure, Sweep, table};
 
+use crate::axis::{DisplayedAxis, within};
 use crate::boundary::own_name;
-use crate::boundary::within;
 use crate::failure::Failure;
 use crate::format;
 use crate::messages;
-use crate::output;
+use crate::output::{self, FigureSize};
 
 /// The most columns and rows that a map shows.
 const ROOM: (usize, usize) = (360, 240);
 
-/// Draws the rows into `target`.
-/// `own` are the file's own values of the axes, where they have some.
-pub fn draw(sweep: &Sweep, own: &[Option<f64>], rows: impl BufRead, target: &Path) -> Result<(), Failure> {
+/// Draws the rows into `target`; `typed` are the axes as they were, and `own` the file's own values of them, where it has some.
+pub fn draw(
+    sweep: &Sweep,
+    typed: &[String],
+    own: &[Option<f64>],
+    rows: impl BufRead,
+    target: &Path,
+    size: FigureSize,
+) -> Result<(), Failure> {
     let failed = |error| Failure::write(target.display(), error);
     let columns = table::columns(sweep).len();
+    let shown: Vec<_> =
+        sweep.grid.axes.iter().zip(typed).map(|(axis, typed)| DisplayedAxis::new(&sweep.system, axis, typed)).collect();
     let axes = sweep.grid.axes.len();
     let rows = rows.lines().map(|line| {
         let line = line.map_err(|error| Failure::System(format!("cannot read the rows: {error}")))?;
@@ -29,12 +37,12 @@ pub fn draw(sweep: &Sweep, own: &[Option<f64>], rows: impl BufRead, target: &Pat
         row.ok_or_else(|| Failure::System(format!("cannot read the rows: {line:?} is not one")))
     });
     let values = rows.map(|row| row.map(|row| row.get(axes).copied().flatten()));
-    let figure = match &sweep.grid.axes[..] {
-        [axis] => curve(sweep, axis, own.first().copied().flatten(), values)?,
-        [slow, fast] => map(sweep, slow, fast, own, values.collect::<Result<_, _>>()?),
+    let figure = match (&sweep.grid.axes[..], &shown[..]) {
+        ([axis], [shown]) => curve(sweep, axis, shown, own.first().copied().flatten(), values)?,
+        (_, [slow, fast]) => map(sweep, [slow, fast], own, values.collect::<Result<_, _>>()?),
         _ => return Ok(()),
     };
-    let draft = output::figure("--plot", target, &(figure.svg(Width::Wide, true) + "\n"))?;
+    let draft = output::figure("--plot", target, &figure, size)?;
     messages::say(format_args!("wrote {}", draft.finish().map_err(failed)?.display()));
     Ok(())
 }
@@ -65,54 +73,47 @@ fn edge(measure: Measure) -> Option<f64> {
 }
 
 fn title(sweep: &Sweep) -> String {
-    let (name, _) = measured(sweep);
-    match sweep.system.title.as_deref() {
-        Some(title) => format!("{title}: {name}"),
-        None => name,
-    }
+    sweep.system.title.clone().unwrap_or_else(|| measured(sweep).0)
 }
 
 fn curve(
     sweep: &Sweep,
     axis: &Axis,
+    shown: &DisplayedAxis,
     own: Option<f64>,
     values: impl Iterator<Item = Result<Option<f64>, Failure>>,
 ) -> Result<Figure, Failure> {
     let (name, unit) = measured(sweep);
     let mut extremes = Extremes::new(Width::Wide.stretches());
-    let (mut shown, mut all) = (0_u64, 0);
+    let (mut seen, mut all) = (0_u64, 0);
     for (i, value) in values.enumerate() {
         all += 1;
         if let Some(value) = value? {
-            shown += 1;
-            extremes.add(axis.value(i as u64), value);
+            seen += 1;
+            extremes.add(axis.value(i as u64) / shown.size, value);
         }
     }
-    let (low, high) = (axis.from.min(axis.to), axis.from.max(axis.to));
-    let x = match axis.logarithmic && low > 0.0 {
-        true => figure::Axis::logarithmic(&axis.key, &axis.unit, low, high),
-        false => figure::Axis::from_to(&axis.key, &axis.unit, low, high),
-    };
     let edge = edge(sweep.measures[0]);
     let range = extremes.range();
     let y = figure::Axis::around(&name, unit, range.into_iter().flat_map(|(low, high)| [low, high]).chain(edge));
-    let mut panel = Panel::new("", x, y);
+    let mut panel = Panel::new("", shown.figure(0.0), y);
     panel.curve("", Style::Signal(0), extremes.points(Width::Wide.stretches()));
     if let Some(own) = within(axis, own) {
-        panel.mark(own_name(&sweep.system), Shape::Line, Style::Limit, vec![(own, 0.0)]);
+        panel.mark(own_name(&sweep.system), Shape::Line, Style::Limit, vec![(own / shown.size, 0.0)]);
     }
-    let seen = range.map_or("no value".to_string(), |(low, high)| {
+    let values = range.map_or("no value".to_string(), |(low, high)| {
         format!("from {} to {} {unit}", format::number(low), format::number(high))
     });
     let alt = format!(
-        "{name} over {} from {} to {} {}: {seen}; {shown} of {all} cells have a value.",
+        "{name} over {} from {} to {} {}: {values}; {seen} of {all} cells have a value.",
         axis.key, axis.from, axis.to, axis.unit
     );
     Ok(Figure { title: title(sweep), alt, panels: vec![panel], columns: 1 })
 }
 
 /// The first axis runs to the right and the second up, as in the picture of a boundary.
-fn map(sweep: &Sweep, slow: &Axis, fast: &Axis, own: &[Option<f64>], mut values: Vec<Option<f64>>) -> Figure {
+fn map(sweep: &Sweep, shown: [&DisplayedAxis; 2], own: &[Option<f64>], mut values: Vec<Option<f64>>) -> Figure {
+    let [slow, fast] = [0, 1].map(|i| &sweep.grid.axes[i]);
     let (name, unit) = measured(sweep);
     // An axis that falls is drawn rising.
     if fast.to < fast.from {
@@ -148,30 +149,22 @@ fn map(sweep: &Sweep, slow: &Axis, fast: &Axis, own: &[Option<f64>], mut values:
         | Measure::RequiredDamping => Scale::of(numbers),
     };
     let map = Map { columns, scale, values, edge };
-    let mut panel = Panel::new("", spread(slow), spread(fast));
+    let in_unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
+    let mut panel = Panel::new(&(name.clone() + &in_unit), spread(shown[0], slow), spread(shown[1], fast));
     panel.map = Some(map.reduced(ROOM.0, ROOM.1));
     if let [x, y] = own
         && let (Some(x), Some(y)) = (within(slow, *x), within(fast, *y))
     {
-        panel.mark(own_name(&sweep.system), Shape::Ring, Style::Edge(0), vec![(x, y)]);
+        panel.mark(own_name(&sweep.system), Shape::Ring, Style::Edge(0), vec![(x / shown[0].size, y / shown[1].size)]);
     }
     let seen = range.map_or("no value".to_string(), |(low, high)| {
         format!("from {} to {} {unit}", format::number(low), format::number(high))
     });
     let alt = format!("A map of {name} over {} to the right and {} upwards: {seen}.", slow.key, fast.key);
-    let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
-    Figure { title: title(sweep) + &unit, alt, panels: vec![panel], columns: 1 }
+    Figure { title: title(sweep), alt, panels: vec![panel], columns: 1 }
 }
 
 /// From half a cell before the first value to half a cell after the last.
-fn spread(axis: &Axis) -> figure::Axis {
-    let (low, high) = (axis.from.min(axis.to), axis.from.max(axis.to));
-    let half = 0.5 / (axis.count.max(2) - 1) as f64;
-    if axis.logarithmic && low > 0.0 {
-        let reach = (high / low).powf(half);
-        figure::Axis::logarithmic(&axis.key, &axis.unit, low / reach, high * reach)
-    } else {
-        let reach = (high - low) * half;
-        figure::Axis::from_to(&axis.key, &axis.unit, low - reach, high + reach)
-    }
+fn spread(shown: &DisplayedAxis, axis: &Axis) -> figure::Axis {
+    shown.figure(0.5 / (axis.count.max(2) - 1) as f64)
 }

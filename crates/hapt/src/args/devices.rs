@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use hapt_host::DeviceAddress;
 
-use super::WorldArgs;
+use super::{FigureArgs, WorldArgs};
 use crate::failure::Failure;
 
 /// The value of `--device`.
@@ -142,6 +142,8 @@ pub struct IdentifyArgs {
     /// Draw positions, fit and residuals.
     #[arg(long, value_name = "FILE.svg|png")]
     pub plot: Option<PathBuf>,
+    #[command(flatten)]
+    pub figure: FigureArgs,
     /// Print the numbers as JSON.
     #[arg(long)]
     pub json: bool,

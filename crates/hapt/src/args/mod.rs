@@ -225,3 +225,19 @@ pub struct WorldArgs {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
 }
+
+// The size of a figure. Not a comment of documentation: the help of the command would begin with it.
+#[derive(Debug, clap::Args)]
+pub struct FigureArgs {
+    /// The figure's width in a paper, such as '88 mm' or '3.5 in'; it has no title then. Default: a screen's.
+    #[arg(long, value_name = "Q", allow_hyphen_values = true, help_heading = FIGURE)]
+    pub width: Option<String>,
+    /// The size of its text in points; default: 8.
+    #[arg(long, value_name = "PT", requires = "width", help_heading = FIGURE)]
+    pub font_size: Option<f64>,
+    /// The pixels of a PNG in an inch, 50 to 600; default: 300 of a paper's, 192 of a screen's.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(50..=600), help_heading = FIGURE)]
+    pub dpi: Option<u16>,
+}
+
+const FIGURE: &str = "Figure";

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Subcommand, ValueEnum};
 use hapt_sweep::Shard;
 
-use super::WorldArgs;
+use super::{FigureArgs, WorldArgs};
 
 #[derive(Debug, clap::Args)]
 pub struct SimArgs {
@@ -70,6 +70,8 @@ pub struct PlotArgs {
     /// Write the figure here; default: standard output.
     #[arg(short, long, value_name = "FILE.svg|png")]
     pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub figure: FigureArgs,
 }
 
 #[derive(Debug, Subcommand)]
@@ -131,6 +133,8 @@ pub struct SweepArgs {
     /// Draw the first measure: a curve over one axis, a map over two.
     #[arg(long, value_name = "FILE.svg|png")]
     pub plot: Option<PathBuf>,
+    #[command(flatten)]
+    pub figure: FigureArgs,
     /// Continue an interrupted sweep into the same file.
     #[arg(long)]
     pub resume: bool,

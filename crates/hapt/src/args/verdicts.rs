@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 
-use super::WorldArgs;
+use super::{FigureArgs, WorldArgs};
 
 #[derive(Debug, clap::Args)]
 pub struct CheckArgs {
@@ -80,6 +80,8 @@ pub struct ImpedanceArgs {
     /// Draw them.
     #[arg(long, value_name = "FILE.svg|png")]
     pub plot: Option<PathBuf>,
+    #[command(flatten)]
+    pub figure: FigureArgs,
     /// Print the numbers as JSON.
     #[arg(long)]
     pub json: bool,
@@ -110,4 +112,6 @@ pub struct BoundaryArgs {
     /// Draw the plane, each side of each edge in its colour.
     #[arg(long, value_name = "FILE.svg|png")]
     pub plot: Option<PathBuf>,
+    #[command(flatten)]
+    pub figure: FigureArgs,
 }

@@ -8,52 +8,23 @@ use std::fmt::Write as _;
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_model::{System, parse_quantity, unit};
-use hapt_sweep::boundary::{Boundary, Edge, EdgeMethod, Piece, Plane, Point};
-use hapt_sweep::{Axis, table};
+use hapt_model::System;
+use hapt_sweep::boundary::{Boundary, Edge, EdgeMethod, Piece, Point};
+use hapt_sweep::table;
 
 use crate::args::BoundaryArgs;
+use crate::axis::{DisplayedAxis, within};
 use crate::failure::Failure;
-use crate::format;
 use crate::messages;
-use crate::output;
+use crate::output::{self, FigureSize};
 use crate::world::{inputs, source};
-
-/// An axis in the unit in which it was typed.
-pub struct DisplayedAxis {
-    pub key: String,
-    pub unit: String,
-    /// So much of SI is one of it.
-    pub size: f64,
-    pub from: f64,
-    pub to: f64,
-    pub logarithmic: bool,
-}
-
-impl DisplayedAxis {
-    /// A value without its unit, rounded to a pixel of the range.
-    fn value(&self, si: f64) -> String {
-        let step = if self.logarithmic {
-            10f64.powf((si / self.size).abs().log10().floor() - 4.0)
-        } else {
-            10f64.powf(((self.to - self.from) / self.size).log10().floor() - 4.0)
-        };
-        format::number((si / self.size / step).round() * step)
-    }
-
-    /// "loop.period from 1 to 10 ms"
-    fn range(&self) -> String {
-        let text = format!("{} from {} to {} {}", self.key, self.value(self.from), self.value(self.to), self.unit);
-        text.trim_end().to_string()
-    }
-}
 
 pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
     let claims = claims(&args.claims)?;
     if let Some(out) = &args.out {
         output::format("--out", out, &["csv"])?;
     }
-    output::figure_format("--plot", args.plot.as_deref())?;
+    let size = FigureSize::of("--plot", args.plot.as_deref(), &args.figure)?;
     let source = source(&args.world.path)?;
     let outputs = [("--out", &args.out), ("--plot", &args.plot)];
     let system = System::read(&source, &args.world.sets)?;
@@ -61,7 +32,8 @@ pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
     let boundary = Boundary::new(&source, &args.world.sets, &args.axes, &claims)?;
     let [x, y] = [0, 1].map(|i| within(&boundary.plane.axes[i], system.number(&boundary.plane.axes[i].key)));
     let own = x.zip(y).map(|(x, y)| [x, y]);
-    let axes = shown(&boundary.plane, &args.axes);
+    let typed = |i: usize| args.axes.get(i).map_or("", String::as_str);
+    let axes = [0, 1].map(|i| DisplayedAxis::new(&boundary.plane.system, &boundary.plane.axes[i], typed(i)));
     let title = system.title.as_deref().unwrap_or("edges").to_string();
     let summary = summary(&boundary, &axes);
 
@@ -71,8 +43,8 @@ pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
         files.push((output::draft(target, csv.as_bytes())?, target));
     }
     if let Some(target) = &args.plot {
-        let svg = plot::svg(&boundary, &axes, own, &title, &summary);
-        files.push((output::figure("--plot", target, &svg)?, target));
+        let figure = plot::figure(&boundary, &axes, own, &title, &summary);
+        files.push((output::figure("--plot", target, &figure, size)?, target));
     }
     // Both are there before one is in its place.
     let mut wrote = Vec::new();
@@ -92,12 +64,6 @@ pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// A value that lies on its axis.
-pub fn within(axis: &Axis, value: Option<f64>) -> Option<f64> {
-    let (low, high) = (axis.from.min(axis.to), axis.from.max(axis.to));
-    value.filter(|value| (low..=high).contains(value))
-}
-
 fn claims(names: &[String]) -> Result<Vec<Edge>, Failure> {
     let mut claims = Vec::new();
     for name in names {
@@ -110,23 +76,6 @@ fn claims(names: &[String]) -> Result<Vec<Edge>, Failure> {
         }
     }
     Ok(claims)
-}
-
-/// The axes in the units of their ends as typed, or else in SI.
-fn shown(plane: &Plane, typed: &[String]) -> [DisplayedAxis; 2] {
-    [0, 1].map(|i| {
-        let axis = &plane.axes[i];
-        let range = typed.get(i).and_then(|text| text.split_once('=')).map_or("", |(_, range)| range);
-        let ends = range.strip_suffix(":log").unwrap_or(range).split("..");
-        let measure = plane.system.key(&axis.key).and_then(|key| key.takes.quantity());
-        let dimension = measure.map(|(measure, _)| measure.dimension(plane.system.motion));
-        let own = ends.map(unit).filter(|unit| !unit.is_empty()).find_map(|unit| {
-            let size = parse_quantity(&format!("1 {unit}"), dimension?).ok()?;
-            Some((unit, size))
-        });
-        let (unit, size) = own.unwrap_or_else(|| (axis.unit.clone(), 1.0));
-        DisplayedAxis { key: axis.key.clone(), unit, size, from: axis.from, to: axis.to, logarithmic: axis.logarithmic }
-    })
 }
 
 /// The side beyond the edge: the most significant key, and whether larger or smaller.

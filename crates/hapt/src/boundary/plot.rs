@@ -1,11 +1,11 @@
 //! The picture of a boundary: the plane of two keys, each side of each edge in its colour.
 
 use hapt_model::System;
-use hapt_report::figure::{Axis, Figure, Fill, Panel, Shape, Style};
-use hapt_report::{Point, Width};
+use hapt_report::Point;
+use hapt_report::figure::{Figure, Fill, Panel, Shape, Style};
 use hapt_sweep::boundary::{Boundary, Edge, Place};
 
-use super::DisplayedAxis;
+use crate::axis::DisplayedAxis;
 
 /// The name of the mark at the file's own values.
 const OWN: &str = "the file's own world";
@@ -56,27 +56,20 @@ fn network_regions(asked: impl Fn(Edge) -> bool) -> Regions {
     (all.to_string(), worse)
 }
 
-/// The whole figure as SVG.
+/// The whole figure.
 /// `own` is where the file's own world is, in SI; `None` where it is elsewhere.
-pub fn svg(
+pub fn figure(
     boundary: &Boundary,
     axes: &[DisplayedAxis; 2],
     own: Option<[f64; 2]>,
     title: &str,
     summary: &str,
-) -> String {
+) -> Figure {
     let point = |place: Place| -> Point {
         let [x, y] = boundary.plane.values(place);
         (x / axes[0].size, y / axes[1].size)
     };
-    let axis = |shown: &DisplayedAxis| {
-        let (from, to) = (shown.from / shown.size, shown.to / shown.size);
-        match shown.logarithmic && from > 0.0 {
-            true => Axis::logarithmic(&shown.key, &shown.unit, from, to),
-            false => Axis::from_to(&shown.key, &shown.unit, from, to),
-        }
-    };
-    let mut panel = Panel::new("", axis(&axes[0]), axis(&axes[1]));
+    let mut panel = Panel::new("", axes[0].figure(0.0), axes[1].figure(0.0));
     let asked = |edge: Edge| boundary.claims.iter().any(|claim| claim.edge == edge && claim.undecided.is_none());
     let (all, worse) = match boundary.plane.system.world() {
         Some(_) => world_regions(asked),
@@ -113,6 +106,5 @@ pub fn svg(
         );
     }
     let alt = summary.lines().map(str::trim).collect::<Vec<_>>().join("; ");
-    let figure = Figure { title: title.into(), alt, panels: vec![panel], columns: 1 };
-    figure.svg(Width::Wide, true) + "\n"
+    Figure { title: title.into(), alt, panels: vec![panel], columns: 1 }
 }

@@ -16,13 +16,12 @@ use hapt_host::DeviceAddress;
 use hapt_identify::{Error, Known, Record, TorqueFit, fit_torque, identify};
 use hapt_model::keys::Measure;
 use hapt_model::{Motion, World};
-use hapt_report::Width;
 
 use crate::args::IdentifyArgs;
 use crate::failure::Failure;
 use crate::format;
 use crate::messages;
-use crate::output::{self, Draft};
+use crate::output::{self, Draft, FigureSize};
 use crate::signals;
 use crate::world::{files, source};
 
@@ -44,7 +43,7 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
     for (flag, file, format) in [("--write", &args.write, "toml"), ("--log", &args.log, "mcap")] {
         file.as_deref().map_or(Ok(""), |file| output::format(flag, file, &[format]))?;
     }
-    output::figure_format("--plot", args.plot.as_deref())?;
+    figure_size(args)?;
     let world = named_world(args)?;
     let mut inputs = match (args.world.as_ref().or(args.against.as_ref()), &world) {
         (Some(path), Some(world)) => files(path, world),
@@ -150,10 +149,15 @@ fn positive(flag: &str, text: &str, measure: Measure, motion: Motion) -> Result<
     format::positive(flag, text, measure.dimension(motion))
 }
 
+fn figure_size(args: &IdentifyArgs) -> Result<FigureSize, Failure> {
+    FigureSize::of("--plot", args.plot.as_deref(), &args.figure)
+}
+
 /// The picture of `--plot`.
 fn plot(args: &IdentifyArgs, given: &Given, drawn: &Drawn) -> Result<Option<Draft>, Failure> {
-    let svg = || figure::figure(given, drawn).svg(Width::Wide, true) + "\n";
-    args.plot.as_deref().map(|target| output::figure("--plot", target, &svg())).transpose()
+    let size = figure_size(args)?;
+    let draft = |target| output::figure("--plot", target, &figure::figure(given, drawn), size);
+    args.plot.as_deref().map(draft).transpose()
 }
 
 /// Puts the files in their places.

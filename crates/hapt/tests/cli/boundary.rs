@@ -75,7 +75,7 @@ fn the_picture_names_its_colours_and_its_edges() {
         ">unstable<",
         "edge of passivity",
         "edge of stability, free",
-        "(N mm/deg)",
+        "(N·mm/°)",
         "evenodd",
     ] {
         assert!(svg.contains(part), "{part}: {svg}");

@@ -99,7 +99,7 @@ fn what_is_written_is_a_device_that_a_world_takes() {
     fs::write(at.path().join("found.toml"), world).unwrap();
     hapt(at.path(), ["sim", "found.toml"]).done();
     let svg = fs::read_to_string(at.path().join("fit.svg")).unwrap();
-    for word in ["position (deg)", "residual (counts)", "measured", "commanded torque (N mm)"] {
+    for word in ["position (°)", "residual (counts)", "measured", "commanded torque (N·mm)"] {
         assert!(svg.contains(word), "{word}");
     }
 }

@@ -55,7 +55,8 @@ fn rows_and_picture_are_files() {
         near(column("ideal_inertia_kgm2")[i], 0.02580123 / (1.0 - square * 0.02580123 / 1.018592), 1e-9);
     }
     let svg = fs::read_to_string(at.path().join("f.svg")).unwrap();
-    for word in ["stiffness (N m/rad)", "damping (N m s/rad)", "inertia (kg m^2)", "frequency (Hz)", "ideal, above 0"] {
+    for word in ["stiffness (N·m/rad)", "damping (N·m·s/rad)", "inertia (kg·m²)", "frequency (Hz)", "ideal, above 0"]
+    {
         assert!(svg.contains(word), "{word}");
     }
 }
@@ -113,7 +114,7 @@ stiffness = "1000 N/m"
     near(first[3], 4000.0, 1e-9);
     assert!(text.lines().last().unwrap().split(',').nth(1) == Some(""), "{text}");
     let svg = fs::read_to_string(at.path().join("z.svg")).unwrap();
-    assert!(svg.contains("spring (N/m)") && svg.contains("damper (N s/m)") && svg.contains("counts"), "{svg}");
+    assert!(svg.contains("spring (N/m)") && svg.contains("damper (N·s/m)") && svg.contains("counts"), "{svg}");
 }
 
 #[test]

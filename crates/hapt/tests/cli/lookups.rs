@@ -139,7 +139,7 @@ fn a_sweep_and_a_boundary_are_drawn_alike() {
         let svg = fs::read_to_string(at.path().join(file)).unwrap();
         let place = |text: &str| svg.find(text).unwrap_or_else(|| panic!("{file} has no {text}"));
         // The vertical axis's name stands first, the horizontal one's last.
-        assert!(place("device.damping (") < place("loop.period ("), "{file}");
+        assert!(place("damping of the device (") < place("sampling period ("), "{file}");
         assert!(svg.contains("the file's own world") && svg.contains("certified"), "{file}");
         // The colour of what is certified.
         assert!(svg.contains("cell n1"), "{file}");

@@ -25,7 +25,7 @@ fn a_sweep_writes_a_row_a_cell_and_a_curve() {
     assert_eq!(lines.len(), 6);
     assert!(lines[5].starts_with("0.009,"), "{text}");
     let svg = fs::read_to_string(at.path().join("t.svg")).unwrap();
-    assert!(svg.contains("peak torque (N m)") && svg.contains("loop.period (s)"), "{svg}");
+    assert!(svg.contains("peak torque (N·m)") && svg.contains("sampling period (ms)"), "{svg}");
 }
 
 #[test]
@@ -50,8 +50,54 @@ fn a_map_shows_both_axes_and_the_edge_of_growth() {
     hapt(at.path(), args.split_whitespace()).done();
     assert_eq!(fs::read_to_string(at.path().join("map.csv")).unwrap().lines().count(), 211);
     let svg = fs::read_to_string(at.path().join("map.svg")).unwrap();
-    assert!(svg.contains("loop.period (s)") && svg.contains("device.damping (N m s/rad)"), "{svg}");
+    assert!(svg.contains("sampling period (ms)") && svg.contains("damping of the device (N·m·s/rad)"), "{svg}");
     assert!(svg.contains("class=\"cell"), "{svg}");
+}
+
+/// A figure for a paper is as wide as its column, has its caption from the paper, and says what it draws itself.
+#[test]
+fn a_figure_for_a_paper_has_its_width_and_no_title() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let args =
+        ["sweep", "w.toml", "--vary", "couplings.0.stiffness=10..30Nmm/deg:5", "--vary", "loop.period=1ms..9ms:5"];
+    let measure = [
+        "--measure",
+        "held_growth_per_s",
+        "--out",
+        "m.csv",
+        "--plot",
+        "m.svg",
+        "--width",
+        "3.5 in",
+        "--font-size",
+        "7",
+    ];
+    hapt(at.path(), args.into_iter().chain(measure)).done();
+    let svg = fs::read_to_string(at.path().join("m.svg")).unwrap();
+    for part in [" width=\"88.9mm\"", ">held growth (1/s)</text>", ">stiffness of the spring puck–", "(N·mm/°)</text>"]
+    {
+        assert!(svg.contains(part), "{part}: {svg}");
+    }
+    let title = svg.split("<title>").nth(1).unwrap().split('<').next().unwrap();
+    assert!(!svg.contains(&format!(">{title}</text>")), "{title}");
+    for (more, part) in [
+        (vec!["--width", "20 mm"], "expected"),
+        (vec!["--width", "88 mm", "--font-size", "nan"], "text of NaN points"),
+        (vec!["--font-size", "7"], "--width"),
+        (vec!["--dpi", "601"], "601 is not in 50..=600"),
+    ] {
+        let ended = hapt(
+            at.path(),
+            args.into_iter().chain(["--measure", "held_growth_per_s", "--out", "x.csv", "--plot", "x.png"]).chain(more),
+        );
+        assert!(ended.code == Some(2) && ended.err.contains(part), "{ended:?}");
+    }
+    let ended = hapt(
+        at.path(),
+        args.into_iter().chain(["--measure", "held_growth_per_s", "--out", "x.csv", "--width", "88 mm"]),
+    );
+    assert!(ended.code == Some(2) && ended.err.contains("without --plot"), "{ended:?}");
+    assert_eq!(names(at.path()), ["m.csv", "m.svg", "w.toml"]);
 }
 
 #[test]
