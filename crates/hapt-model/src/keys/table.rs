@@ -19,11 +19,11 @@ const SCENARIOS: Takes = Takes::Named { most: 1000, what: "scenario", letter_fir
 /// The numbers of a texture's harmonics, and of its samples.
 const WAVES: Takes = Takes::Numbers { least: 1, most: HARMONICS };
 pub(crate) const MOST_SAMPLES: usize = 4096;
-const WAVEFORM: Presence = Presence::Depends("a texture has sine and cosine, or samples, or file");
+const WAVEFORM: Presence = Presence::Depends("required: sine and cosine, samples or file");
 
-const LUGRE: Presence = Presence::Depends("the six LuGre keys stand together, in place of torque");
+const LUGRE: Presence = Presence::Depends("required with the other LuGre keys");
 
-const COGGING: Presence = Presence::Depends("cogging has sine, cosine or both");
+const COGGING: Presence = Presence::Depends("required: sine, cosine or both");
 
 /// What stands for a lost link, and for what the world's own ledger finds.
 pub(crate) const LINK_LOST: [&str; 2] = ["fade-out", "fault"];
@@ -49,20 +49,20 @@ pub const KEYS: &[Key] = &[
     key("loop.period", Quantity(Time, Positive), Required, "The sampling period T."),
     key("loop.method", Takes::Name(Method::NAMES), Name("zoh"), "The integration method of the bodies."),
     key("loop.output", Takes::Name(Output::NAMES), Depends("\"start\" with tustin and foh, which take no other; \"end\" with the others"),
-        "Which state makes the torque: that at the start, in the middle or at the end of the step."),
+        "Which state of the step makes the torque."),
     key("loop.advance", Whole { least: 0, most: 1000, step: 1 }, Number(0.0),
-        "With output \"end\" only: how many further samples ahead the world is taken for the torque, the puck held still."),
+        "With output \"end\": further samples ahead for the torque, the puck held still."),
     key("loop.bodies_every", Whole { least: 1, most: 1000, step: 1 }, Number(1.0),
-        "The bodies step at every n-th sample only, by n periods, and stand still in between; the torque has the puck's newest position at every sample."),
+        "The bodies step at every n-th sample, by n periods; the torque has the puck's newest position at every sample."),
     key("loop.delay", Takes::TimeOrSamples, Number(0.0),
         "From the sample to the moment the motor torque changes, in a unit of time or in samples (\"1.5 samples\" follows the period); at most a million periods."),
     key("loop.delay_max", Takes::TimeOrSamples, Depends("loop.delay"),
-        "The largest delay, where it varies from one command to the next; no shorter than the delay, which is the least."),
+        "The largest delay, where it varies; no shorter than the delay, the least."),
     key("loop.interval_max", Quantity(Time, Positive), Depends("loop.period"),
-        "The longest true time between two samples, in whatever pattern; no shorter than the period, which is the nominal one."),
-    key("loop.estimator", Takes::Name(EstimatorKind::NAMES), Name("exact"), "Where the loop has the puck's velocity from."),
+        "The longest true time between two samples, in any pattern; no shorter than the period, the nominal one."),
+    key("loop.estimator", Takes::Name(EstimatorKind::NAMES), Name("exact"), "How the loop estimates the puck's velocity."),
     key("loop.cutoff", Quantity(Frequency, Positive), Depends("required with the estimator low-pass"),
-        "The cutoff of the low-pass estimator, in Hz."),
+        "The cutoff of the low-pass estimator."),
     key("loop.window", Whole { least: 1, most: 256, step: 1 }, Number(16.0), "The largest window of the FOAW estimators, in samples."),
 
     key("device", Table, Required, "Everything physical: the puck, its encoder and its motor."),
@@ -78,7 +78,7 @@ pub const KEYS: &[Key] = &[
     key("device.levels", Whole { least: 2, most: u32::MAX as u64, step: 2 }, Optional,
         "Torque resolution: steps of 2 limit/levels. Needs a limit; absent: ideal."),
     key("device.motor", Table, Optional,
-        "A motor that turns the puck through a gear or a cable, with its numbers on its own side: they are added to those of the device, which are at the puck.").only(Motion::Rotary),
+        "A motor behind a gear or a cable, with the numbers of its own side: they are added to those of the device, which are at the puck.").only(Motion::Rotary),
     key("device.motor.ratio", Quantity(Ratio, Positive), Required, "Revolutions of the motor for one of the puck.").only(Motion::Rotary),
     key("device.motor.inertia", Quantity(Inertia, ZeroOrMore), Number(0.0), "The rotor's inertia; at the puck it counts ratio² times.").only(Motion::Rotary),
     key("device.motor.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "The motor's viscous damping; at the puck it counts ratio² times.").only(Motion::Rotary),
@@ -92,7 +92,7 @@ pub const KEYS: &[Key] = &[
     key("device.drive.gear", Quantity(Ratio, Positive), Depends("device.motor.ratio, or 1"), "Revolutions of the drive for one of the puck.").only(Motion::Rotary),
     key("device.drive.gear", Quantity(Position, Positive), Depends("required with a drive"), "How far the puck goes in one revolution of the drive.").only(Motion::Linear),
     key("device.drive.direction", Takes::Name(&DIRECTION), Name(DIRECTION[0]),
-        "Whether the drive's positions rise with the puck's (\"forward\") or fall (\"reverse\"); its torques go the same way."),
+        "Whether the drive's positions rise with the puck's (\"forward\") or fall (\"reverse\"); torques likewise."),
     key("device.drive.home", Quantity(Position, Any), Optional,
         "The puck's position, by the drive's own zero, that is the world's 0; a rotary puck is within half a turn of it at the start. \
          Absent: 0 is where the loop is armed."),
@@ -101,11 +101,11 @@ pub const KEYS: &[Key] = &[
     key("device.handle.stiffness", Quantity(Stiffness, Positive), Required, "The shaft's stiffness: torque per angle between handle and puck."),
     key("device.handle.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "The shaft's damping: torque per relative velocity of handle and puck."),
 
-    key("device.gravity", Table, Optional, "The torque of an unbalanced puck: torque · sin(z + phase) on it. It stores energy, and over a turn it gives none.").only(Motion::Rotary),
+    key("device.gravity", Table, Optional, "The torque of an unbalanced puck: torque · sin(z + phase) on it. Over a turn it gives no energy.").only(Motion::Rotary),
     key("device.gravity.torque", Quantity(Torque, ZeroOrMore), Required, "Its size: weight times the distance of the centre of mass from the axis.").only(Motion::Rotary),
     key("device.gravity.phase", Quantity(Angle, Any), Number(0.0),
         "The angle at z = 0 from where it would be balanced upside down: 0 stands on its head, 180 deg hangs, 90 deg is level.").only(Motion::Rotary),
-    key("device.cogging", Table, Optional, "The torque of a motor without current against its position, as the waveform of a texture. It stores energy, and over a pitch it gives none."),
+    key("device.cogging", Table, Optional, "The torque of a motor without current against its position, as the waveform of a texture. Over a pitch it gives no energy."),
     key("device.cogging.torque", Quantity(Torque, ZeroOrMore), Required, "The torque on the puck where the waveform is 1."),
     key("device.cogging.pitch", Quantity(Position, Positive), Required, "One period of the waveform: \"1 rev\" for the harmonics of a turn."),
     key("device.cogging.phase", Quantity(Position, Any), Number(0.0), "Where a period of the waveform begins."),
@@ -114,13 +114,13 @@ pub const KEYS: &[Key] = &[
 
     key("bodies", BODIES, Optional, "The virtual inertias, by name."),
     key("bodies.*.inertia", Quantity(Inertia, Positive), Required, "Its inertia (linear: mass)."),
-    key("bodies.*.position", Quantity(Position, Any), Number(0.0), "Where it is at first."),
-    key("bodies.*.velocity", Quantity(Velocity, Any), Number(0.0), "How fast it is at first."),
+    key("bodies.*.position", Quantity(Position, Any), Number(0.0), "Its initial position."),
+    key("bodies.*.velocity", Quantity(Velocity, Any), Number(0.0), "Its initial velocity."),
 
     key("couplings", List { most: 64, what: "coupling" }, Optional, "The massless elements between puck, bodies and ground."),
     key("couplings.*.kind", Takes::Name(CouplingKind::NAMES), Required, "Its law."),
     key("couplings.*.between", Ends(["puck", "wheel"]), Required,
-        "Its two ends: \"puck\", \"ground\" or bodies. It acts on q, the first as seen from the second; its torque stands on the first."),
+        "Its ends: \"puck\", \"ground\" or bodies. It acts on q, the first as seen from the second; its torque acts on the first."),
     key("couplings.*.stiffness", Quantity(Stiffness, ZeroOrMore), Required, "Torque per q; of a wall, inside; of a dead band, outside.").of(&["spring", "wall", "dead-band"]),
     key("couplings.*.rest", Quantity(Position, Any), Number(0.0), "The q at which the spring is slack; of a dead band, its middle.").of(&["spring", "dead-band"]),
     key("couplings.*.damping", QuantityOr(Damping, ZeroOrMore, COMPENSATING), Required,
@@ -128,7 +128,7 @@ pub const KEYS: &[Key] = &[
          (from a body to ground: of all springs at the body).").of(&["damper"]),
     key("couplings.*.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "Torque per rate of q inside; the wall never pulls.").of(&["wall"]),
     key("couplings.*.side", Takes::Name(&[Side::Above.name(), Side::Below.name()]), Required,
-        "Where the wall pushes: while q is above its face, or below it.").of(&["wall"]),
+        "Whether the wall pushes while q is above its face or below.").of(&["wall"]),
     key("couplings.*.at", Quantity(Position, Any), Required, "The wall's face.").of(&["wall"]),
     key("couplings.*.at", Quantity(Position, Any), Number(0.0), "Where the magnet pulls to.").of(&["magnet"]),
     key("couplings.*.limit", Quantity(Torque, Positive), Optional, "The torque, on both ends, is held within this; absent: any.").of(&["spring", "damper", "wall", "dead-band"]),
@@ -151,7 +151,7 @@ pub const KEYS: &[Key] = &[
     key("couplings.*.coulomb", Quantity(Torque, ZeroOrMore), LUGRE, "LuGre: the level when sliding fast.").of(&["friction"]),
     key("couplings.*.stribeck", Quantity(Torque, ZeroOrMore), LUGRE, "LuGre: the static level.").of(&["friction"]),
     key("couplings.*.stribeck_velocity", Quantity(Velocity, Positive), LUGRE,
-        "LuGre: the rate at which the static level has mostly gone over into the sliding one.").of(&["friction"]),
+        "LuGre: the Stribeck velocity.").of(&["friction"]),
     key("couplings.*.bristle_stiffness", Quantity(Stiffness, ZeroOrMore), LUGRE, "LuGre: sigma_0.").of(&["friction"]),
     key("couplings.*.bristle_damping", Quantity(Damping, ZeroOrMore), LUGRE, "LuGre: sigma_1.").of(&["friction"]),
     key("couplings.*.viscous", Quantity(Damping, ZeroOrMore), LUGRE, "LuGre: sigma_2.").of(&["friction"]),
@@ -167,7 +167,7 @@ pub const KEYS: &[Key] = &[
         Depends("50 rad/s (linear: 2.5 m/s), or where the limit throws the puck over half a turn (0.1 m), the larger; any on the simulated device"),
         "The largest speed with the motor on: beyond it the puck runs away."),
     key("safety.stuck", Quantity(Time, ZeroOrMore), Depends("1 s; never on the simulated device"),
-        "How long the position may stand still, added up, while a torque of more than twice the friction and a twentieth of the limit asks the puck to move; 0: for ever."),
+        "How long, added up, the position may stand still under a torque of more than twice the friction and a twentieth of the limit; 0: for ever."),
     key("safety.torque", Quantity(Torque, Positive), Depends("device.limit"), "The largest command; more faults."),
     key("safety.slew", Quantity(Torque, Positive), Depends("what this world can do at these speeds; any on the simulated device"),
         "The largest change of the torque from one sample to the next."),
@@ -176,7 +176,7 @@ pub const KEYS: &[Key] = &[
     key("safety.driver_rms", Quantity(Torque, Positive), Depends("any"), "The torque that the driver may hold for ever."),
     key("safety.driver_heating", Quantity(Time, Positive), Number(1.0), "The driver's thermal time constant."),
     key("safety.late", Takes::Name(WhenLate::NAMES), Depends("\"fade\"; \"fault\" on a board"),
-        "What a sample after more than loop.interval_max does, or a command after more than loop.delay_max, where the file states them: it faults, fades the torque out, or counts."),
+        "What a sample after more than loop.interval_max, or a command after more than loop.delay_max, does where the file states them: it faults, fades the torque out, or counts."),
     key("safety.stall", Quantity(Time, ZeroOrMore), Depends("5 periods, or what interval_max allows where that is longer; any on the simulated device"),
         "How late a sample may come, missed samples counted in, before it faults whatever late is; 0: any."),
     key("safety.link", Quantity(Time, ZeroOrMore), Depends("0.3 s, or twice fade, period and delay together where that is longer; never on the simulated device"),
@@ -195,13 +195,13 @@ pub const KEYS: &[Key] = &[
 
     key("scenarios", SCENARIOS, Optional, "What is simulated, by name."),
     key("scenarios.*.duration", Quantity(Time, Positive), Required, "How long; at most 10^10 samples."),
-    key("scenarios.*.timing", Table, Optional, "When the samples are truly taken, and how late their commands arrive; absent: every period."),
+    key("scenarios.*.timing", Table, Optional, "When samples are truly taken, and how late commands arrive; absent: every period."),
     key("scenarios.*.timing.kind", Takes::Name(TimingKind::NAMES), Required,
-        "Every period (even), at random, in a pattern that repeats, as recorded in a file, or in the pattern that hapt check finds worst hands-off."),
+        "A \"pattern\" repeats; \"worst\" is the pattern that hapt check finds worst hands-off."),
     key("scenarios.*.timing.seed", Whole { least: 0, most: u32::MAX as u64, step: 1 }, Number(0.0), "The same seed draws the same intervals and delays.").of(&["random"]),
     key("scenarios.*.timing.shortest", Quantity(Time, Positive), Depends("as far below the period as interval_max is above, a hundredth of the period at least"),
         "The shortest interval drawn. Delays are uniform from delay to delay_max, intervals from this or the delay before, whichever is longer, to interval_max.").of(&["random"]),
-    key("scenarios.*.timing.intervals", Takes::Numbers { least: 1, most: MOST_SAMPLES }, Required, "The intervals, in periods; after the last the first comes again.").of(&["pattern"]),
+    key("scenarios.*.timing.intervals", Takes::Numbers { least: 1, most: MOST_SAMPLES }, Required, "The intervals, in periods, repeated.").of(&["pattern"]),
     key("scenarios.*.timing.delays", Takes::Numbers { least: 1, most: MOST_SAMPLES }, Depends("loop.delay"), "The delay before each interval, in periods; one for all, or as many as intervals.").of(&["pattern"]),
     key("scenarios.*.timing.file", Text, Required, "A CSV file beside the world file, its header time_s or time_s,delay_s, a line for each sample.").of(&["recorded"]),
     key("scenarios.*.hand", Table, Required, "The human: what drives the puck."),
@@ -219,9 +219,9 @@ pub const KEYS: &[Key] = &[
     key("scenarios.*.hand.inertia", Quantity(Inertia, Positive), Depends("none"), "The hand's inertia, which moves with the puck.").of(&["grip"]),
     key("scenarios.*.hand.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "Between the puck and the intended motion.").of(&["grip"]),
     key("scenarios.*.hand.stiffness", Quantity(Stiffness, ZeroOrMore), Number(0.0), "Between the puck and the intended motion.").of(&["grip"]),
-    key("scenarios.*.hand.hold", Quantity(Time, Positive), Depends("none; hold and open stand together"),
-        "The hand holds for so long, opens, and takes hold again where the puck is then, on and on.").of(&["grip"]),
-    key("scenarios.*.hand.open", Quantity(Time, Positive), Depends("none; hold and open stand together"),
+    key("scenarios.*.hand.hold", Quantity(Time, Positive), Depends("none; only with both hold and open"),
+        "The hand holds for so long, opens, takes hold again where the puck is then, and so on.").of(&["grip"]),
+    key("scenarios.*.hand.open", Quantity(Time, Positive), Depends("none; only with both hold and open"),
         "How long it is open: spring and damper are gone, the inertia stays with the puck.").of(&["grip"]),
     key("scenarios.*.hand.moves", Table, Required, "The torque as a shape.").of(&["torque"]),
     key("scenarios.*.hand.moves", Table, Required, "The intended motion as a shape.").of(&["grip"]),
@@ -249,11 +249,11 @@ const STATIONS: Takes = Takes::Named { most: 32, what: "station", letter_first: 
 #[rustfmt::skip]
 pub const NETWORK: &[Key] = &[
     key("network.title", Text, Optional, "What the network is called in reports."),
-    key("network.stations", STATIONS, Required, "The devices, each with its own world and its own clock, by name."),
+    key("network.stations", STATIONS, Required, "The devices, by name, each with its own world and clock."),
     key("network.stations.*.world", Text, Required, "Its world file, in the folder of this file or below it."),
     key("network.stations.*.phase", Quantity(Time, ZeroOrMore), Number(0.0), "When its first sample is taken, by the clock of the network; at most 1000 s."),
-    key("network.stations.*.drift", Quantity(Ratio, Any), Number(0.0), "By how many millionths its clock is fast (below 0: slow) against that of the network, at most 10 000: its samples come so much sooner, and the ages that it measures are so much larger."),
-    key("network.links", List { most: 64, what: "link" }, Required, "The couplings between the pucks of two stations. Each station computes its own end, from its own sample and the newest position that has come from the other."),
+    key("network.stations.*.drift", Quantity(Ratio, Any), Number(0.0), "By how many millionths its clock is fast (below 0: slow) against that of the network, at most 10 000."),
+    key("network.links", List { most: 64, what: "link" }, Required, "The couplings between the pucks of two stations. Each computes its own end, from its own sample and the newest position received."),
     key("network.links.*.kind", Takes::Name(&["spring", "wall"]), Required, "Its law, of q: the first station's puck as seen from the second's."),
     key("network.links.*.between", Ends(["left", "right"]), Required, "The two stations."),
     key("network.links.*.stiffness", Quantity(Stiffness, ZeroOrMore), Required, "Torque per displacement (for a wall: per displacement inside of it)."),
@@ -264,11 +264,11 @@ pub const NETWORK: &[Key] = &[
     key("network.links.*.side", Takes::Name(&[Side::Above.name(), Side::Below.name()]), Required, "Which side of `at` is inside of the wall.").of(&["wall"]),
     key("network.links.*.at", Quantity(Position, Any), Required, "Where the wall begins.").of(&["wall"]),
     key("network.links.*.period", Quantity(Time, Positive), Depends("the sender's loop.period"), "The time between two messages, each way; no shorter than the sender's period, at most 1000 s."),
-    key("network.links.*.delay", Quantity(Time, ZeroOrMore), Number(0.0), "How long a message is on its way at least; at most 1000 s, and a million messages under way each way."),
-    key("network.links.*.delay_max", Quantity(Time, ZeroOrMore), Depends("delay"), "How long at most, with the same bounds. Simulations draw each message's time between the two, so that messages may overtake each other."),
+    key("network.links.*.delay", Quantity(Time, ZeroOrMore), Number(0.0), "The least delay of a message; at most 1000 s, and a million messages under way each way."),
+    key("network.links.*.delay_max", Quantity(Time, ZeroOrMore), Depends("delay"), "The largest, with the same bounds. Simulations draw each message's delay between the two; messages may overtake each other."),
     key("network.links.*.loss", Quantity(Ratio, ZeroOrMore), Number(0.0), "The part of the messages that a simulation loses, from 0 to 1."),
-    key("network.links.*.duplicate", Quantity(Ratio, ZeroOrMore), Number(0.0), "The part of the messages that arrive a second time in a simulation, after a time of their own, from 0 to 1."),
+    key("network.links.*.duplicate", Quantity(Ratio, ZeroOrMore), Number(0.0), "The part of the messages that arrive a second time in a simulation, after another delay, from 0 to 1."),
     key("network.links.*.seed", Whole { least: 0, most: u32::MAX as u64, step: 1 }, Number(0.0), "The same seed draws the same losses, copies and times."),
     key("network.links.*.age_max", Quantity(Time, Positive), Required,
-        "The greatest age of a position at any time that its torque acts, from the other's sample to the end of the hold here; at most 1000 s. A station to whom none so young has come lets go of the link."),
+        "The greatest age of a position at any time that its torque acts, from the other's sample to the end of the hold here; at most 1000 s. A station without so young a position releases the link."),
 ];
