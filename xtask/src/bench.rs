@@ -300,8 +300,8 @@ impl Bench {
         let model = cpu.lines().find_map(|line| line.strip_prefix("model name")).unwrap_or(": unknown");
         Ok(format!(
             "# Performance\n\n\
-             Made by `cargo xtask bench --write`; not to be edited. A ratio is the median of {PAIRS} rounds (quartiles behind it), the programs \
-             in turns, each in its own process. Answers agree to 1e-9, or the command fails. Only the ratios mean something on another machine.\n\n\
+             Made by `cargo xtask bench --write`. A ratio is the median of {PAIRS} rounds (quartiles behind it), the programs in turns, each in its own \
+             process; answers agree to 1e-9. On another machine only the ratios count.\n\n\
              - machine: {}, {} cores\n- {}, as shipped (the profile `dist`): no flags for this machine, no fused multiply-add\n- {}, `{}`\n",
             model.trim_start_matches([' ', '\t', ':']),
             std::thread::available_parallelism()?,
@@ -313,10 +313,10 @@ impl Bench {
 
     fn runs(&self) -> Result<String> {
         let mut text = String::from(
-            "\n## A run\n\nThe notes' wheel by the exact hold, 10 s at 1 kHz, from the world to all columns in memory, as users \
-             run it: `Simulation` against [plain C](../bench/c/run.c). \"Held\" is the notes' step, \"released\" lets go after \
-             0.25 s. C may leave out the works of hand, motor, damping and friction; hapt always has them. The bound is what one \
-             sample has to wait for of the one before: [the recurrence alone](../bench/c/bound.c).\n\n\
+            "\n## A run\n\nThe notes' wheel by the exact hold, 10 s at 1 kHz, from the world to all columns in memory: \
+             `Simulation` against [plain C](../bench/c/run.c). \"Held\" is the notes' step, \"released\" lets go after \
+             0.25 s. \"Without works\" C leaves out those of hand, motor, damping and friction. The bound is \
+             [the recurrence alone](../bench/c/bound.c).\n\n\
              | run | hapt / C | goal | | hapt, ns a sample | C |\n| --- | --- | --- | --- | --- | --- |\n",
         );
         for scenario in ["released", "held"] {

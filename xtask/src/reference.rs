@@ -112,11 +112,11 @@ fn owner(key: &Key) -> String {
     if !key.hands.is_empty() {
         parts.push(format!("in {}", names(key.hands)));
     }
-    parts.extend(key.motion.map(|motion| format!("{} motion", motion.name())));
+    parts.extend(key.motion.map(|motion| motion.name().to_string()));
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
-/// The unit in SI, both where the motion decides it; the range, and whether it may carry a tolerance.
+/// The unit in SI, that of linear motion in parentheses where it differs; the range, and whether it may carry a tolerance.
 fn quantity(key: &Key, measure: Measure, range: Range) -> String {
     let unit = |motion: Motion| {
         let dimension = measure.described(motion);
@@ -127,7 +127,7 @@ fn quantity(key: &Key, measure: Measure, range: Range) -> String {
     let unit = match key.motion {
         Some(motion) => unit(motion),
         None if rotary == linear => rotary,
-        None => format!("{rotary}, linear {linear}"),
+        None => format!("{rotary} ({linear})"),
     };
     let range = match range {
         Range::Any => "",

@@ -55,7 +55,7 @@ impl Bench {
             "{HEADING}\nHow late the loop is at its samples: hapt's, on the simulated device, and a [bare loop in C](../bench/c/realtime.c) with \
              the same calls of the clock and nothing to compute, at 1 kHz, in turns on the same core, {ROUNDS} rounds of 2 s each; medians of \
              the rounds. \"Spinning\" watches the clock for the last 200 us. The goals are for the median (sleeping, hapt beyond C) and for \
-             p50 and p90 (spinning, hapt itself); what is beyond is the machine's, and is shown, not judged.\n\n"
+             p50 and p90 (spinning, hapt itself).\n\n"
         );
         if Command::new("taskset").arg("--version").output().is_err() {
             return Ok(text + "Skipped: there is no taskset to put both on one core.\n");

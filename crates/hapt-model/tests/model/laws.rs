@@ -11,13 +11,13 @@ fn text(path: &str) -> String {
     fs::read_to_string(root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
-/// The files in the first columns of the tables of the section: where every law stands, and where each has a row.
+/// The files of the section's two lists: where every law stands, and where each has a row.
 fn lists() -> [Vec<String>; 2] {
     let all = text("CONTRIBUTING.md");
     let section = all.split("\n## ").find(|section| section.starts_with("A coupling law")).unwrap();
-    let (every, rows) = section.split_once("| file | row |").unwrap();
+    let (every, rows) = section.split_once("a row of a law, added by hand:").unwrap();
     [every, rows].map(|part| {
-        let row = |line: &str| line.strip_prefix("| `").and_then(|rest| rest.split('`').next()).map(str::to_string);
+        let row = |line: &str| line.strip_prefix("- `").and_then(|rest| rest.split('`').next()).map(str::to_string);
         part.lines().filter_map(row).collect()
     })
 }

@@ -37,12 +37,12 @@ fn text(path: &str) -> String {
     fs::read_to_string(root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
-/// The files in the first column of the table with this header.
+/// The files of the list below this line.
 fn listed(header: &str) -> Vec<String> {
     let all = text("CONTRIBUTING.md");
-    let (_, table) = all.split_once(&format!("| {header} |")).unwrap_or_else(|| panic!("no table {header}"));
-    let row = |line: &str| line.strip_prefix("| `").and_then(|rest| rest.split('`').next()).map(str::to_string);
-    let files: Vec<String> = table.lines().skip(2).map_while(row).collect();
+    let (_, list) = all.split_once(&format!("{header}:\n")).unwrap_or_else(|| panic!("no list {header}"));
+    let row = |line: &str| line.strip_prefix("- `").and_then(|rest| rest.split('`').next()).map(str::to_string);
+    let files: Vec<String> = list.lines().skip(1).map_while(row).collect();
     assert!(files.len() > 1, "{header}");
     files
 }
