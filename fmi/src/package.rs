@@ -1,12 +1,12 @@
 //! An FMU as a file: model description, world and libraries in a ZIP archive, with the same bytes for the same content.
 
 use std::env::consts::{DLL_PREFIX, DLL_SUFFIX};
-use std::io::{Cursor, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use flate2::{Compression, write::DeflateEncoder};
 use hapt_model::{Parameter, World};
-use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, DateTime, ZipWriter};
+use rawzip::{CompressionMethod, ZipArchiveWriter};
 
 use crate::Kind;
 use crate::description::{IDENTIFIER, description};
@@ -142,16 +142,17 @@ pub fn write(
     archive(&files).map_err(|error| format!("cannot pack the FMU: {error}"))
 }
 
-fn archive(files: &[(String, Vec<u8>)]) -> zip::result::ZipResult<Vec<u8>> {
-    let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
-    // One instant for all files: 1980-01-01.
-    let options = SimpleFileOptions::default()
-        .compression_method(CompressionMethod::Deflated)
-        .last_modified_time(DateTime::default())
-        .unix_permissions(0o644);
+fn archive(files: &[(String, Vec<u8>)]) -> Result<Vec<u8>, rawzip::Error> {
+    let mut archive = ZipArchiveWriter::new(Vec::new());
     for (name, bytes) in files {
-        archive.start_file(name.as_str(), options)?;
-        archive.write_all(bytes)?;
+        // Without a time every file has the same one: 1980-01-01.
+        let file = archive.new_file(name).compression_method(CompressionMethod::DEFLATE).unix_permissions(0o644);
+        let (mut entry, data) = file.start()?;
+        let mut data = data.wrap(DeflateEncoder::new(&mut entry, Compression::default()));
+        data.write_all(bytes)?;
+        let (encoder, sums) = data.finish()?;
+        encoder.finish()?;
+        entry.finish(sums)?;
     }
-    Ok(archive.finish()?.into_inner())
+    archive.finish()
 }

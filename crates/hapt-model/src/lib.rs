@@ -55,6 +55,7 @@ mod syntax;
 pub mod system;
 mod timing;
 mod unit;
+pub mod vectors;
 mod waveform;
 mod words;
 pub mod world;

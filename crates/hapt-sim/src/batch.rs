@@ -16,10 +16,10 @@
 use std::array::from_fn;
 
 use hapt_core::{Batch, Lanes, Loop, Number};
+use hapt_model::vectors::{has_vectors, with_vectors};
 use hapt_model::{EstimatorKind, Scenario, Timing, World};
 use hapt_plant::spec::{DeviceSpec, Drive};
 use hapt_plant::{Hand, Motor, Push, VirtualDevice, change_under, slide_under, sliding_direction};
-use pulp::{Arch, Simd, WithSimd};
 
 use crate::energy::world_energy;
 use crate::run::{Machine, rows, script};
@@ -55,7 +55,8 @@ type Stop<'s> = dyn Fn() -> bool + 's;
 /// `stop` is asked every 4096 samples. Returns `None` where these worlds cannot run as a batch and must be run one by one, and on a processor
 /// without vectors of four numbers (x86 before AVX2), where that is as fast.
 pub fn run_batch(worlds: &[World; LANES], scenario: usize, stop: &Stop<'_>) -> Option<[Option<Outcome>; LANES]> {
-    if matches!(Arch::new(), Arch::Scalar) {
+    // Not run there, so not compiled for it: one by one, the instructions of all lanes are most of the crate's code.
+    if !has_vectors() {
         return None;
     }
     match worlds[0].bodies.len() {
@@ -76,12 +77,20 @@ fn with_bodies<const B: usize>(
     if !matches!(worlds[0].sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest) {
         let loops: Loops<B, 1> = loops(worlds)?;
         if let Some(linear) = Batch::<LANES, B, COUPLINGS, 1, 0>::new(&loops) {
-            return Arch::new().dispatch(Run::new(worlds, &linear, scenario, stop)?);
+            let run = Run::new(worlds, &linear, scenario, stop)?;
+            return with_vectors(
+                #[inline(always)]
+                || run.whole(),
+            )?;
         }
     }
     let loops: Loops<B, { WINDOW + 1 }> = loops(worlds)?;
     let any = Batch::<LANES, B, COUPLINGS, { WINDOW + 1 }, COUPLINGS>::new(&loops)?;
-    Arch::new().dispatch(Run::new(worlds, &any, scenario, stop)?)
+    let run = Run::new(worlds, &any, scenario, stop)?;
+    with_vectors(
+        #[inline(always)]
+        || run.whole(),
+    )?
 }
 
 /// For up to `B` bodies and a window of `W` - 1.
@@ -434,16 +443,10 @@ impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
     }
 }
 
-impl<const B: usize, const W: usize, const S: usize> WithSimd for Run<'_, B, W, S> {
-    type Output = Option<[Option<Outcome>; LANES]>;
-
+impl<const B: usize, const W: usize, const S: usize> Run<'_, B, W, S> {
     /// The whole run, compiled once for each width of vectors.
     #[inline(always)]
-    fn with_simd<V: Simd>(mut self, _: V) -> Self::Output {
-        // Not run there ([`run_batch`]), so not compiled for it: one by one, the instructions of all lanes are most of the crate's code.
-        if V::IS_SCALAR {
-            return None;
-        }
+    fn whole(mut self) -> Option<[Option<Outcome>; LANES]> {
         let compiled = self.compiled;
         let mut state = compiled.start();
         let mut outcomes = [None; LANES];

@@ -1,9 +1,9 @@
 //! The progress of a long run, on standard error.
 
-use std::io::{IsTerminal, stderr};
+use std::io::{IsTerminal, Write, stderr};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use terminal_size::terminal_size;
 
 use crate::format;
 use crate::messages;
@@ -12,10 +12,11 @@ use crate::messages;
 const EVERY: u64 = 1 << 14;
 /// A run that is done by then needs no bar.
 const QUICK_RUN: Duration = Duration::from_secs(1);
-/// The period of progress lines without a terminal.
+/// The period of progress lines without a terminal, and with one.
 const LINES: Duration = Duration::from_secs(5);
+const REDRAWN: Duration = Duration::from_millis(200);
 
-/// Shows the progress: a bar on a terminal, a line now and then elsewhere, nothing for a short run.
+/// Shows the progress: a line that is written anew on a terminal, a line now and then elsewhere, nothing for a short run.
 pub struct Progress {
     name: String,
     /// The name of the counted items.
@@ -25,13 +26,14 @@ pub struct Progress {
     before: u64,
     started: Instant,
     last_line: Option<Instant>,
-    bar: Option<ProgressBar>,
+    /// The characters of the terminal's line that is to be replaced.
+    shown: usize,
 }
 
 impl Progress {
     /// The progress of `all` items, of which this many are done.
     pub fn new(name: &str, things: &'static str, all: u64, before: u64) -> Self {
-        Progress { name: name.into(), things, all, before, started: Instant::now(), last_line: None, bar: None }
+        Progress { name: name.into(), things, all, before, started: Instant::now(), last_line: None, shown: 0 }
     }
 
     /// After row `done` of many: looks at the clock now and then only.
@@ -55,36 +57,47 @@ impl Progress {
         if elapsed < QUICK_RUN {
             return;
         }
-        if stderr().is_terminal() {
-            let bar = self.bar.get_or_insert_with(|| {
-                let bar = ProgressBar::new(self.all).with_message(self.name.clone()).with_elapsed(elapsed);
-                let things = self.things;
-                let style = ProgressStyle::with_template(&format!(
-                    "{{msg}} {{wide_bar}} {{percent}} % of {{human_len}} {things}, {{eta}} left"
-                ));
-                bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-                bar
-            });
-            bar.set_position(done);
-        } else if self.last_line.is_none_or(|last| last.elapsed() > LINES) {
-            self.last_line = Some(Instant::now());
-            let percent = 100.0 * done as f64 / self.all.max(done) as f64;
-            let left = elapsed.as_secs_f64() * self.all.saturating_sub(done) as f64
-                / done.saturating_sub(self.before).max(1) as f64;
-            messages::say(format_args!(
-                "{}: {percent:.1} % of {} {}, {left:.0} s left",
-                self.name,
-                format::count(self.all),
-                self.things
-            ));
+        let terminal = stderr().is_terminal();
+        let period = if terminal { REDRAWN } else { LINES };
+        if self.last_line.is_some_and(|last| last.elapsed() <= period) {
+            return;
+        }
+        self.last_line = Some(Instant::now());
+        let percent = 100.0 * done as f64 / self.all.max(done) as f64;
+        let left = elapsed.as_secs_f64() * self.all.saturating_sub(done) as f64
+            / done.saturating_sub(self.before).max(1) as f64;
+        let all = format::count(self.all);
+        let line = format!("{}: {percent:.1} % of {all} {}, {left:.0} s left", self.name, self.things);
+        if terminal {
+            self.replace(&line);
+        } else {
+            messages::say(line);
         }
     }
+
+    /// Writes this over the terminal's line.
+    fn replace(&mut self, line: &str) {
+        let columns = terminal_size().map_or(80, |(columns, _)| usize::from(columns.0));
+        let line = fitting(line, columns);
+        let _ = stderr().write_all(over(&line, self.shown).as_bytes());
+        self.shown = line.chars().count();
+    }
+}
+
+/// As much of a line as a terminal of so many columns shows without beginning another one.
+fn fitting(line: &str, columns: usize) -> String {
+    line.chars().take(columns.saturating_sub(1)).collect()
+}
+
+/// The characters that replace a line of `shown` characters; the cursor is at its beginning, before and after.
+fn over(line: &str, shown: usize) -> String {
+    format!("\r{line:<shown$}\r")
 }
 
 impl Drop for Progress {
     fn drop(&mut self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
+        if self.shown > 0 {
+            self.replace("");
         }
     }
 }
@@ -94,12 +107,21 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_line_covers_a_longer_one_and_fits_into_the_terminal() {
+        assert_eq!(over("worst: 9 s left", 16), "\rworst: 9 s left \r");
+        assert_eq!(over("", 3), "\r   \r");
+        assert_eq!(fitting("Größe: 1 %", 6), "Größe");
+        assert_eq!(fitting("Größe", 80), "Größe");
+        assert_eq!(fitting("Größe", 0), "");
+    }
+
+    #[test]
     fn more_than_was_thought_is_all_of_it() {
         let mut progress = Progress::new("worst", "hands", 3, 0);
         if let Some(long_ago) = Instant::now().checked_sub(2 * QUICK_RUN) {
             progress.started = long_ago;
         }
         progress.reached(4);
-        assert!(progress.last_line.is_some() || progress.bar.is_some());
+        assert!(progress.last_line.is_some());
     }
 }

@@ -22,8 +22,8 @@
 //! that of [`crate::held()`], and every growth has the bits of [`crate::held_growth()`].
 
 use hapt_model::Method;
+use hapt_model::vectors::with_vectors;
 use nalgebra::Complex;
-use pulp::{Arch, Simd, WithSimd};
 
 use crate::stability::multiplier::{INSIDE, Root, excess, rk4_excess};
 use crate::stability::single_body::SingleBody;
@@ -61,12 +61,24 @@ impl Loops<'_> {
     /// The verdicts: 1 unstable, 0 marginal, -1 stable; NaN where the numbers leave double precision. As many as the shortest column
     /// has.
     pub fn verdicts(&self, method: Method, out: &mut [f64]) {
-        Arch::new().dispatch(Verdicts { loops: *self, method, out });
+        let ran = with_vectors(
+            #[inline(always)]
+            || self.verdicts_of(method, out),
+        );
+        if ran.is_none() {
+            self.verdicts_of(method, out);
+        }
     }
 
     /// The growth of each loop in 1/s; NaN where all eigenvalues are 0, or the numbers leave double precision.
     pub fn growths(&self, method: Method, out: &mut [f64]) {
-        Arch::new().dispatch(Growths { loops: *self, method, out });
+        let ran = with_vectors(
+            #[inline(always)]
+            || self.growths_of(method, out),
+        );
+        if ran.is_none() {
+            self.growths_of(method, out);
+        }
     }
 
     /// `quick` for each loop, then, where that is NaN or `always`, `slow` of it.
@@ -135,39 +147,27 @@ pub fn sign(verdict: Verdict) -> f64 {
     }
 }
 
-struct Verdicts<'a> {
-    loops: Loops<'a>,
-    method: Method,
-    out: &'a mut [f64],
-}
-
-impl WithSimd for Verdicts<'_> {
-    type Output = ();
-
-    /// Compiled for each vector width and method.
+impl Loops<'_> {
+    /// Compiled for each width of vectors and method.
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let Verdicts { loops, method, out } = self;
-        let single = |_, body: SingleBody, period| match body.spectrum(method, period) {
-            Some(found) => sign(Verdict::of(growth(&found.multipliers, period))),
-            None => f64::NAN,
-        };
+    fn verdicts_of(&self, method: Method, out: &mut [f64]) {
+        let single = |_, body, period| single_verdict(method, body, period);
         match method {
-            Method::ForwardEuler => loops.each(
+            Method::ForwardEuler => self.each(
                 out,
                 #[inline(always)]
                 |body, t| Jury::forward(body, t).verdict(t),
                 single,
                 false,
             ),
-            Method::SemiImplicitEuler => loops.each(
+            Method::SemiImplicitEuler => self.each(
                 out,
                 #[inline(always)]
                 |body, t| Jury::implicit(body, t).verdict(t),
                 single,
                 false,
             ),
-            Method::BackwardEuler => loops.each(
+            Method::BackwardEuler => self.each(
                 out,
                 #[inline(always)]
                 |body, t| Jury::backward(body, t).verdict(t),
@@ -175,7 +175,7 @@ impl WithSimd for Verdicts<'_> {
                 false,
             ),
             Method::Trapezoidal | Method::Tustin => {
-                loops.each(
+                self.each(
                     out,
                     #[inline(always)]
                     |body, t| Jury::trapezoidal(body, t).verdict(t),
@@ -183,34 +183,20 @@ impl WithSimd for Verdicts<'_> {
                     false,
                 );
             }
-            Method::Zoh | Method::Foh => loops.each(
+            Method::Zoh | Method::Foh => self.each(
                 out,
                 #[inline(always)]
                 |body, t| Jury::exact(body, t).verdict(t),
                 single,
                 false,
             ),
-            Method::Rk4 => loops.each(out, runge_kutta, single, false),
+            Method::Rk4 => self.each(out, runge_kutta, single, false),
         }
     }
-}
-
-struct Growths<'a> {
-    loops: Loops<'a>,
-    method: Method,
-    out: &'a mut [f64],
-}
-
-impl WithSimd for Growths<'_> {
-    type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let Growths { loops, method, out } = self;
-        let single = |body: SingleBody, period| {
-            let found = body.spectrum(method, period);
-            found.and_then(|found| growth(&found.multipliers, period)).unwrap_or(f64::NAN)
-        };
+    fn growths_of(&self, method: Method, out: &mut [f64]) {
+        let single = |body, period| single_growth(method, body, period);
         // The logarithm is scalar.
         let logarithm = |excess: f64, body, period| match excess {
             nothing if nothing.is_nan() => single(body, period),
@@ -218,7 +204,7 @@ impl WithSimd for Growths<'_> {
         };
         macro_rules! of {
             ($method:expr) => {
-                loops.each(
+                self.each(
                     out,
                     #[inline(always)]
                     |body, t| of_pair($method, body, t, INSIDE),
@@ -235,7 +221,7 @@ impl WithSimd for Growths<'_> {
             Method::Rk4 => of!(Method::Rk4),
             Method::Zoh | Method::Foh => {
                 // The excess is twice the logarithm itself. |λ| of 1e-12 or less does not count.
-                loops.each(
+                self.each(
                     out,
                     #[inline(always)]
                     |body, t| 0.5 * of_pair(Method::Zoh, body, t, -50.0) / t + 0.0,
@@ -245,6 +231,21 @@ impl WithSimd for Growths<'_> {
             }
         }
     }
+}
+
+/// The verdict of a loop by itself.
+#[inline(never)]
+fn single_verdict(method: Method, body: SingleBody, period: f64) -> f64 {
+    match body.spectrum(method, period) {
+        Some(found) => sign(Verdict::of(growth(&found.multipliers, period))),
+        None => f64::NAN,
+    }
+}
+
+/// The growth of a loop by itself.
+#[inline(never)]
+fn single_growth(method: Method, body: SingleBody, period: f64) -> f64 {
+    body.spectrum(method, period).and_then(|found| growth(&found.multipliers, period)).unwrap_or(f64::NAN)
 }
 
 /// Whether the arithmetic of the loop stays well within double precision.
