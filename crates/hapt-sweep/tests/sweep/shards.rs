@@ -65,7 +65,7 @@ const KINDS: [(&str, &[&str], &str); 13] = [
     (
         "uneven time",
         &[
-            "loop.interval_max=1.6 ms",
+            "loop.interval_max=2.5 ms",
             "loop.delay_max=0.5 ms",
             "scenarios.go.timing.kind=random",
             "scenarios.go.timing.seed=7",
