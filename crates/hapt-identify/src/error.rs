@@ -17,7 +17,7 @@ pub struct LargeResidual {
     /// A clear line in their spectrum, in Hz, where no such torque explains them.
     pub resonance_hz: Option<f64>,
     /// The best fit itself, of which no interval is valid; `None` with a handle.
-    pub puck: Option<Puck>,
+    pub puck: Option<Box<Puck>>,
 }
 
 impl fmt::Display for LargeResidual {

@@ -190,7 +190,7 @@ fn large(record: &Record, known: &Known, best: &Fit) -> Error {
     let counts = lattice(record.positions()).map(|lattice| rms / lattice.step);
     let resonance_hz = resonance(&best.puck.left_from_sample(record, best.first));
     let position = blamed(record, known, best);
-    Error::Residual(LargeResidual { rms, counts, position, resonance_hz, puck: Some(best.puck) })
+    Error::Residual(LargeResidual { rms, counts, position, resonance_hz, puck: Some(Box::new(best.puck)) })
 }
 
 /// Where a fit explains nothing of the motion.

@@ -205,7 +205,7 @@ impl Step {
 fn fitted(record: Record) -> Result<Option<Found>> {
     let (puck, rms, is_told) = match identify(&record, &Known::default()) {
         Ok(found) => (found.puck, found.residual.rms, true),
-        Err(Error::Residual(left)) => (left.puck.context("no fit")?, left.rms, false),
+        Err(Error::Residual(left)) => (*left.puck.context("no fit")?, left.rms, false),
         Err(Error::Unexplained) => return Ok(None),
         Err(error) => return Err(error.into()),
     };
