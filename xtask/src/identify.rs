@@ -5,13 +5,17 @@
 
 mod bench;
 mod handle;
+mod measured;
 mod records;
+
+use std::fs;
 
 use anyhow::{Context, Result, ensure};
 use hapt_identify::{Error, Known, Record, identify};
 use rayon::prelude::*;
 
 use crate::campaign::Campaign;
+use crate::marked;
 use bench::{Kind, Trial};
 
 const PAGE: &str = "docs/identify.md";
@@ -63,12 +67,13 @@ const HANDLE: (&str, &str) = (
     "Random steps on motors that lag, with a handle on a flexible shaft; every second device has uneven samples, of 0.4 to 1.6 periods",
 );
 
-/// The word of the records of real levers.
-const RECORDS: &str = "records";
+/// The tables of records of real devices, on a page of their own: their words, and what makes them where the records are at hand.
+const REAL: [(&str, fn() -> Result<Option<String>>); 2] = [("records", records::text), ("measured", measured::text)];
+const MEASURED_PAGE: &str = "docs/measured.md";
 
-/// `[mixed|guided|quiet|lagging|offset|cogged|handle|records] [--n N] [--seed S] [--write]`; all of them where none is named.
+/// `[mixed|guided|quiet|lagging|offset|cogged|handle|records|measured] [--n N] [--seed S] [--write]`; all of them where none is named.
 pub fn command(words: &[&str]) -> Result<()> {
-    let mut all = CAMPAIGNS.iter().map(|campaign| campaign.1).chain([HANDLE.0, RECORDS]);
+    let mut all = CAMPAIGNS.iter().map(|campaign| campaign.1).chain([HANDLE.0]).chain(REAL.map(|real| real.0));
     let named = words.first().filter(|word| all.any(|campaign| campaign == **word));
     let told = Campaign::parse(&words[usize::from(named.is_some())..], false)?;
     for (kind, word, title) in CAMPAIGNS.into_iter().filter(|campaign| named.is_none_or(|named| *named == campaign.1)) {
@@ -82,13 +87,48 @@ pub fn command(words: &[&str]) -> Result<()> {
         let text = format!("{title}: {} random devices, seed {}.\n\n{table}", told.n, told.seed);
         told.publish(&format!("identify {word}"), PAGE, &text)?;
     }
-    if named.is_none_or(|named| *named == RECORDS) {
-        match records::text()? {
-            Some(text) => told.publish(&format!("identify {RECORDS}"), PAGE, &text)?,
-            None => println!("the records of real levers are not at hand: their table stays as it is"),
+    for (word, text) in REAL {
+        if named.is_none_or(|named| *named == word) {
+            match text()? {
+                Some(text) => told.publish(&format!("identify {word}"), MEASURED_PAGE, &text)?,
+                None => {
+                    println!(
+                        "the records of real devices are not at hand: the tables of {MEASURED_PAGE} stay as they are"
+                    );
+                }
+            }
         }
     }
     Ok(())
+}
+
+/// Whether docs/measured.md shows the present tables, where the records are at hand. Products of matrices, and with them the last digits
+/// of a fit, depend on the processor's instructions.
+pub fn measured_is_current() -> Result<()> {
+    let page = fs::read_to_string(MEASURED_PAGE)?;
+    for (word, text) in REAL {
+        let Some(text) = text()? else { continue };
+        let command = format!("cargo xtask identify {word}");
+        let anew = marked::replaced(&page, &command, &text)?;
+        let parts = |page: &str| -> Vec<String> { page.split_whitespace().map(String::from).collect() };
+        let (old, new) = (parts(&page), parts(&anew));
+        let differs = old.iter().zip(&new).find(|(old, new)| !is_alike(old, new));
+        ensure!(
+            old.len() == new.len() && differs.is_none(),
+            "not current, {differs:?} to begin with: {command} --write"
+        );
+    }
+    Ok(())
+}
+
+/// Whether two words are the same, or numbers that differ by a few per cent or by one of their last digit.
+fn is_alike(old: &str, new: &str) -> bool {
+    let number = |word: &str| word.trim_end_matches([',', ':', ';', '%']).parse::<f64>().ok();
+    let digit = |word: &str| 0.1_f64.powi(word.split(['.', 'e']).nth(1).map_or(0, |digits| digits.len() as i32));
+    match (number(old), number(new)) {
+        (Some(a), Some(b)) => (a - b).abs() <= 0.03 * a.abs().max(b.abs()) + 1.01 * digit(old),
+        _ => old == new,
+    }
 }
 
 /// The part of it that every run of the tests makes: few devices, so that only gross lies show.

@@ -58,7 +58,7 @@ cargo xtask firmware  the firmware on emulated boards: the same bits, instructio
 cargo xtask faults    the supervisor against faults of every kind, and against none: [--n N] [--clean SAMPLES] [--seed S]; with
                       --write, into docs/safety.md
 cargo xtask identify  the intervals of hapt identify on random devices: [mixed|guided|quiet|lagging|handle|..] [--n N] [--seed S];
-                      --write: docs/identify.md
+                      --write: docs/identify.md; records, measured: of records of real devices, --write: docs/measured.md
 cargo xtask book      checks the book's commands, worlds, outputs and links; --write makes its outputs and tables;
                       --site builds it with mdbook into book/, with interactive worlds
 cargo xtask bench     speed beside plain C; --write into docs/performance.md; realtime, or --guards (instruction counts), alone;

@@ -82,6 +82,7 @@ pub fn run() -> Result<()> {
         Step::tests("bad inputs with the released program", bad_inputs),
         Step::check("fuzzing finds nothing in a few seconds", fuzz::is_quiet),
         Step::check("intervals of identified devices cover the truth", identify::holds),
+        Step::check("docs/measured.md is current, where the records are at hand", identify::measured_is_current),
         Step::check("the supervisor catches faults, and nothing else", faults::are_caught),
         Step::check("the page's core gives the same bits", page::same_bits),
         Step::check("the page is what its sources build to", page::is_current),

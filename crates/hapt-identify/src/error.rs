@@ -3,6 +3,7 @@
 use std::fmt;
 
 use crate::identified::PositionTorque;
+use crate::puck::Puck;
 
 /// The residuals of the best fit, where counts and noise do not explain them.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,6 +16,8 @@ pub struct LargeResidual {
     pub position: Option<PositionTorque>,
     /// A clear line in their spectrum, in Hz, where no such torque explains them.
     pub resonance_hz: Option<f64>,
+    /// The best fit itself, of which no interval is valid; `None` with a handle.
+    pub puck: Option<Box<Puck>>,
 }
 
 impl fmt::Display for LargeResidual {

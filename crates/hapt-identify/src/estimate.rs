@@ -189,7 +189,8 @@ fn large(record: &Record, known: &Known, best: &Fit) -> Error {
     let rms = residual(&left).rms;
     let counts = lattice(record.positions()).map(|lattice| rms / lattice.step);
     let resonance_hz = resonance(&best.puck.left_from_sample(record, best.first));
-    Error::Residual(LargeResidual { rms, counts, position: blamed(record, known, best), resonance_hz })
+    let position = blamed(record, known, best);
+    Error::Residual(LargeResidual { rms, counts, position, resonance_hz, puck: Some(Box::new(best.puck)) })
 }
 
 /// Where a fit explains nothing of the motion.

@@ -151,7 +151,7 @@ pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>)
     others.extend(seen.iter().filter(as_well).map(|seen| seen.p));
     let residual = residual(&fit.left);
     let counts = lattice.map(|lattice| residual.rms / lattice.step);
-    let wrong = LargeResidual { rms: residual.rms, counts, position: None, resonance_hz: None };
+    let wrong = LargeResidual { rms: residual.rms, counts, position: None, resonance_hz: None, puck: None };
     let wrong = (!explains(&fit)).then_some(Error::Residual(wrong));
     Ok(HandleSearch { fit, others, wrong, residual })
 }

@@ -1,20 +1,26 @@
-//! Records of real levers: what is told of each, and whether stretches of them agree.
+//! Records of real levers: what is told of each, whether stretches of them agree, and how well one foretells another: tables of docs/measured.md.
 
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use hapt_identify::{Columns, Interval, Known, Record, TorqueFit, fit_torque};
+use hapt_identify::{Claims, Columns, Error, Interval, Known, Puck, Record, TorqueFit, against, fit_torque};
+use hapt_model::{Source, World};
 
 /// Beside the project, where they are at hand.
 const FOLDER: &str = "../shared/data/tue";
 /// By the lab's frequency response, kg m².
 const LAB: f64 = 1.0 / 631.36;
+/// Records of a lever that moves freely, and for how long its motion is foretold, s.
+const FREE: [&str; 4] = ["m1-a-free", "m1-e-free", "m2-a-free", "m2-d-free"];
+const HORIZONS: [f64; 3] = [0.1, 0.3, 1.0];
+/// The last record's device with the motor turned round.
+const TURNED: &str = "m2-d-free, motor turned round";
 /// Lengths of stretches, s.
 const LENGTHS: [f64; 4] = [0.7, 1.0, 1.5, 2.5];
 
-/// Both tables; `None` where the records are not at hand.
+/// The tables; `None` where the records are not at hand.
 pub fn text() -> Result<Option<String>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(FOLDER);
     let Ok(entries) = fs::read_dir(&folder) else { return Ok(None) };
@@ -53,7 +59,114 @@ pub fn text() -> Result<Option<String>> {
     for length in LENGTHS {
         writeln!(text, "{}", stretches(&free, length)?)?;
     }
+    text += "\n### The levers' free motion\n\n";
+    text += &foretold(&folder)?;
+    text += "\n### The levers against a file\n\n";
+    text += &compared(&folder)?;
     Ok(Some(text))
+}
+
+/// A record of the slave's lever.
+fn lever(folder: &Path, name: &str) -> Result<Record> {
+    let path = folder.join(format!("{name}.csv"));
+    let table = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+    let read = Columns::parse("time=time_s,position=slave_rad,torque=slave_motor_Nm")?.read_all(&table)?;
+    Ok(Record::new(read.times, read.positions, read.torques)?)
+}
+
+/// The share of the motion that a puck foretells from the torques over a horizon in s, begun anew from the measured position and velocity.
+fn share(puck: Puck, record: &Record, horizon: f64) -> f64 {
+    let (times, positions, torques) = (record.times(), record.positions(), record.torques());
+    let length = (horizon / record.period()).round() as usize;
+    // The velocity over 10 ms.
+    let half = (5e-3 / record.period()).round() as usize;
+    let (mut left, mut all) = (0.0, 0.0);
+    for k in (half..times.len() - length - half).step_by(length) {
+        let velocity = (positions[k + half] - positions[k - half]) / (times[k + half] - times[k - half]);
+        let puck = Puck { position: positions[k], velocity, ..puck };
+        let foretold = puck.positions(&times[k..k + length], &torques[k..k + length]);
+        for (z, seen) in foretold.iter().zip(&positions[k..]) {
+            left += (z - seen).powi(2);
+            all += (seen - positions[k]).powi(2);
+        }
+    }
+    1.0 - left / all
+}
+
+fn foretold(folder: &Path) -> Result<String> {
+    let all: Vec<(&str, Record)> = FREE.iter().map(|name| Ok((*name, lever(folder, name)?))).collect::<Result<_>>()?;
+    let puck = |inertia: f64, damping: f64, friction: f64, offset: f64| Puck {
+        gain: inertia.recip(),
+        damping: damping / inertia,
+        friction: friction / inertia,
+        offset: offset / inertia,
+        delay: 0.0,
+        position: 0.0,
+        velocity: 0.0,
+        lag: 0.0,
+    };
+    let mut devices = vec![("the lab's inertia alone", puck(LAB, 0.0, 0.0, 0.0))];
+    for (name, record) in &all {
+        let fit = fit_torque(record, &Known::default()).context("no window moves")?;
+        if let Some(inertia) = fit.inertia {
+            let value = |x: Option<Interval>| x.map_or(0.0, |x| x.value);
+            devices.push((name, puck(inertia.value, value(fit.damping), value(fit.friction), value(fit.offset))));
+        }
+    }
+    // One record may have the motor's sign the other way round.
+    if let Some((_, puck)) = devices.last().copied() {
+        devices.push((TURNED, Puck { gain: -puck.gain, ..puck }));
+    }
+    let mut text = String::from("| device by | horizon, s |");
+    for (name, _) in &all {
+        write!(text, " {name} |")?;
+    }
+    text += "\n| --- | --- | --- | --- | --- | --- |\n";
+    for (by, puck) in devices {
+        for horizon in HORIZONS {
+            let cell = |(name, record): &(&str, Record)| {
+                if *name == by {
+                    return "itself".into();
+                }
+                match 100.0 * share(puck, record, horizon) {
+                    part if part > 0.0 => format!("{part:.1} %"),
+                    _ => "none".into(),
+                }
+            };
+            let cells: Vec<String> = all.iter().map(cell).collect();
+            writeln!(text, "| {by} | {horizon} | {} |", cells.join(" | "))?;
+        }
+    }
+    Ok(text)
+}
+
+fn compared(folder: &Path) -> Result<String> {
+    let file = format!(
+        "loop.period = \"0.5 ms\"\ndevice = {{ inertia = {LAB:e}, friction = \"27 N mm ± 25 %\", encoder = 300000 }}"
+    );
+    let claims = Claims::of(&World::read(&Source::from_text("lever.toml", file), &[])?);
+    let mut text = String::from(
+        "| record | `--against` the lab's inertia | why | inertia by the torque's equation, g m² | holds the lab's |\n| --- | --- | --- | --- | --- |\n",
+    );
+    for name in FREE.into_iter().chain(["m1-a-spring", "m1-c-foam"]) {
+        let record = lever(folder, name)?;
+        let inertia = fit_torque(&record, &Known::default()).and_then(|fit| fit.inertia);
+        let (verdict, why) = match against(&record, &claims, false) {
+            Ok(found) => (
+                if found.agrees() { "agrees" } else { "contradicts" },
+                found.wrong.map_or("its numbers", |wrong| match wrong {
+                    Error::Residual(_) => "the best fit leaves more than noise",
+                    _ => "no fit explains the motion",
+                }),
+            ),
+            Err(_) => ("contradicts", "no fit explains the motion"),
+        };
+        let told = inertia
+            .map_or("not told".into(), |x| format!("{:.2}: {:.2} to {:.2}", 1e3 * x.value, 1e3 * x.low, 1e3 * x.high));
+        let holds = inertia.map_or("", |x| if x.covers(LAB) { "yes" } else { "no" });
+        writeln!(text, "| {name} | {verdict} | {why} | {told} | {holds} |")?;
+    }
+    Ok(text)
 }
 
 fn row(fit: &TorqueFit) -> String {
