@@ -68,7 +68,8 @@ const HANDLE: (&str, &str) = (
 );
 
 /// The tables of records of real devices, on a page of their own: their words, and what makes them where the records are at hand.
-const REAL: [(&str, fn() -> Result<Option<String>>); 2] = [("records", records::text), ("measured", measured::text)];
+type Table = fn() -> Result<Option<String>>;
+const REAL: [(&str, Table); 2] = [("records", records::text), ("measured", measured::text)];
 const MEASURED_PAGE: &str = "docs/measured.md";
 
 /// `[mixed|guided|quiet|lagging|offset|cogged|handle|records|measured] [--n N] [--seed S] [--write]`; all of them where none is named.
