@@ -8,9 +8,11 @@ use crate::estimate::{left, residual, search_from, search_or_glimpse};
 use crate::fit::Fit;
 use crate::handle::{self, WithHandle};
 use crate::identified::{Identified, Interval, Known, Residual};
+use crate::misfit::Misfit;
 use crate::puck::Puck;
 use crate::record::{CancellableRecord, Record};
 use crate::start::{Begin, begins, noise};
+use crate::torque::{TorqueFit, fit_torque};
 use crate::{Error, Lattice, lattice};
 
 /// An estimate so many standard errors outside contradicts the file. A lag that is too short to be told can move the other numbers by up to
@@ -81,6 +83,9 @@ pub struct Comparison {
     pub numbers: Vec<Compared>,
     /// Why no device explains the record: that contradicts the file, whatever its numbers are.
     pub wrong: Option<Error>,
+    /// What the torque's equation leaves, where nothing explains the whole motion but this equation tells an inertia: the numbers are its
+    /// own then.
+    pub misfit: Option<Misfit>,
     /// The positions of the best fit, with their times.
     pub fitted: Vec<(f64, f64)>,
     /// What it leaves of the record's.
@@ -238,8 +243,12 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
         let Fit { puck, first, .. } = found.best;
         (judged_without(claims), puck, first, residual(&left(record, &found.best)))
     };
+    // A device that is richer than the file has the numbers of the torque's equation, whose intervals allow for what it leaves.
+    let by_torque = found.wrong.as_ref().and_then(|_| fit_torque(record.record, &known));
+    let by_torque = by_torque.filter(|fit| fit.inertia.is_some() && !fit.is_moved_by_another);
     Ok(Comparison {
-        numbers,
+        numbers: by_torque.as_ref().map_or(numbers, |fit| judged_by_torque(fit, claims, &Scale::of(record))),
+        misfit: by_torque.map(|fit| fit.misfit),
         wrong: found.wrong,
         fitted: puck.positions_from(record, first),
         residuals: puck.left_from_sample(record, first),
@@ -257,6 +266,7 @@ fn with_handle(record: &CancellableRecord<'_>, claims: &Claims, shaft: &Handle) 
     Ok(Comparison {
         numbers: judged_with_handle(&told, claims, shaft, &Scale::of(record)),
         wrong: None,
+        misfit: None,
         fitted,
         residuals,
         residual,
@@ -330,7 +340,27 @@ fn lateness(lag: Option<Interval>, delay: Option<Interval>, late: Option<Interva
 const SLOW: &str = "the record tells only the sum of delay and lag: its torque changes too little, or too slowly, for the size of its noise";
 const NONE: &str = "not in this record";
 const WIDE: &str = "the record allows too much";
+const LATE: &str = "the torque's equation does not tell it";
 const UNEXPLAINED: &str = "no interval is valid beside a motion that no device explains";
+
+/// The numbers of a record by the torque's equation alone, which does not tell how late the torque comes.
+fn judged_by_torque(found: &TorqueFit, claims: &Claims, scale: &Scale) -> Vec<Compared> {
+    let friction = SMALL * scale.torque;
+    let holds = claims.friction[1];
+    let number = |name, measure, estimate, file, least| Compared::new(name, measure, estimate, file, least);
+    let late =
+        |name, file| Compared { reason: Some(LATE), ..number(name, Some(Measure::Time), None, file, claims.period) };
+    let sign = found.sign.map(|value| Interval { value, low: value, high: value });
+    vec![
+        number("inertia", Some(Measure::Inertia), found.inertia, claims.inertia, 0.0),
+        number("damping", Some(Measure::Damping), found.damping, claims.damping, friction / scale.speed),
+        number("friction", Some(Measure::Torque), found.friction, claims.friction, friction),
+        number("constant torque", Some(Measure::Torque), found.offset, [-holds, holds], friction),
+        late("lag", claims.lag),
+        late("delay", claims.delay),
+        number("sign", None, sign, [1.0, 1.0], 0.0),
+    ]
+}
 
 /// The numbers of a record that no device explains.
 fn judged_without(claims: &Claims) -> Vec<Compared> {

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use hapt_identify::{Claims, Columns, Error, Interval, Known, Puck, Record, TorqueFit, against, fit_torque};
+use hapt_identify::{Claims, Columns, Error, Interval, Known, Puck, Record, TorqueFit, Verdict, against, fit_torque};
 use hapt_model::{Source, World};
 
 /// Beside the project, where they are at hand.
@@ -146,25 +146,28 @@ fn compared(folder: &Path) -> Result<String> {
     );
     let claims = Claims::of(&World::read(&Source::from_text("lever.toml", file), &[])?);
     let mut text = String::from(
-        "| record | `--against` the lab's inertia | why | inertia by the torque's equation, g m² | holds the lab's |\n| --- | --- | --- | --- | --- |\n",
+        "| record | `--against` the lab's inertia | why | inertia by the torque's equation, g m² | it agrees in | it contradicts |\n| --- | --- | --- | --- | --- | --- |\n",
     );
     for name in FREE.into_iter().chain(["m1-a-spring", "m1-c-foam"]) {
         let record = lever(folder, name)?;
-        let inertia = fit_torque(&record, &Known::default()).and_then(|fit| fit.inertia);
-        let (verdict, why) = match against(&record, &claims, false) {
-            Ok(found) => (
-                if found.agrees() { "agrees" } else { "contradicts" },
-                found.wrong.map_or("its numbers", |wrong| match wrong {
-                    Error::Residual(_) => "the best fit leaves more than noise",
-                    _ => "no fit explains the motion",
-                }),
-            ),
-            Err(_) => ("contradicts", "no fit explains the motion"),
+        let Ok(found) = against(&record, &claims, false) else {
+            writeln!(text, "| {name} | refused | no fit explains the motion | not told | | |")?;
+            continue;
         };
-        let told = inertia
+        let why = found.wrong.as_ref().map_or("its numbers", |wrong| match wrong {
+            Error::Residual(_) => "the best fit leaves more than noise",
+            _ => "no fit explains the motion",
+        });
+        let told = found.numbers[0]
+            .estimate
             .map_or("not told".into(), |x| format!("{:.2}: {:.2} to {:.2}", 1e3 * x.value, 1e3 * x.low, 1e3 * x.high));
-        let holds = inertia.map_or("", |x| if x.covers(LAB) { "yes" } else { "no" });
-        writeln!(text, "| {name} | {verdict} | {why} | {told} | {holds} |")?;
+        let of = |verdict: Verdict| {
+            let names = found.numbers.iter().filter(|number| number.verdict == verdict).map(|number| number.name);
+            names.collect::<Vec<_>>().join(", ")
+        };
+        let verdict = if found.agrees() { "agrees" } else { "contradicts" };
+        let (agrees, wrong) = (of(Verdict::Agrees), of(Verdict::Contradicts));
+        writeln!(text, "| {name} | {verdict} | {why} | {told} | {agrees} | {wrong} |")?;
     }
     Ok(text)
 }

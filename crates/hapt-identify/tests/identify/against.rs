@@ -1,12 +1,13 @@
 //! A record against what a file says of the device.
 
 use fastrand::Rng;
-use hapt_identify::{Claims, Compared, Comparison, Record, Verdict, against};
+use hapt_identify::{Claims, Compared, Comparison, Kind, Record, Verdict, against};
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::{DeviceSpec, Handle};
 use proptest::prelude::*;
 
 use crate::handle;
+use crate::lever::Lever;
 use crate::rig::{WHEEL, counted, motion, steps, times};
 
 /// The numbers themselves, with this tolerance.
@@ -143,9 +144,44 @@ fn a_torque_that_no_such_device_has_contradicts_every_file() {
     let found = against(&record, &claims(&WHEEL, 1.0), false).unwrap();
     assert!(!found.agrees() && found.wrong.is_some(), "{found:?}");
     assert!(found.residual.rms > 3.0 * found.noise, "{} of {}", found.residual.rms, found.noise);
-    assert!(found.numbers.iter().all(|number| number.verdict == Verdict::NotTold), "{found:?}");
+    // The torque's equation tells the numbers beside it, and what it leaves goes with the position.
+    assert_eq!(wrong(&found), [""; 0], "{:?}", found.numbers);
+    assert_eq!(number(&found, "inertia").verdict, Verdict::Agrees, "{:?}", found.numbers);
+    let misfit = found.misfit.unwrap();
+    assert!(matches!(misfit.kinds[0].kind, Kind::Position { .. }), "{misfit:?}");
     // What is drawn is there all the same.
     assert!(found.residuals.len() == found.fitted.len() && 2 * found.fitted.len() > record.times().len());
+}
+
+/// A lever with a cable's stiffness, friction by direction and a loop around it: of a file with its inertia nothing else is contradicted in
+/// it, and one with three times as much is.
+#[test]
+fn a_richer_device_contradicts_the_numbers_that_are_wrong() {
+    let (mut told, mut named) = (0, 0);
+    for seed in hapt_testing::seeds(24) {
+        let mut rng = Rng::with_seed(seed);
+        let lever = Lever::new(&mut rng);
+        let record = lever.record(4.0, &mut rng);
+        let of = |inertia: f64| Claims {
+            inertia: [inertia; 2],
+            damping: [0.0, 1.0],
+            friction: [0.0, 1.0],
+            lag: [0.0; 2],
+            delay: [0.0, 0.1],
+            period: record.period(),
+            handle: None,
+        };
+        let Ok(right) = against(&record, &of(lever.inertia), false) else { continue };
+        let Ok(far) = against(&record, &of(4.0 * lever.inertia), false) else { continue };
+        if right.misfit.is_none() || right.numbers[0].estimate.is_none() {
+            continue;
+        }
+        told += 1;
+        assert!(!right.agrees(), "seed {seed}: the file has no such device");
+        assert_ne!(number(&right, "inertia").verdict, Verdict::Contradicts, "seed {seed}: {:?}", right.numbers);
+        named += i32::from(wrong(&far).contains(&"inertia"));
+    }
+    assert!(told > 0 && 2 * named >= told, "{named} of {told}");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use hapt_model::keys::Measure;
 use hapt_model::{Motion, World};
 
 use super::print::{digits, effort, sized, to, toml, units};
-use super::{Drawn, Given, plot, written};
+use super::{Drawn, Given, plot, print, written};
 use crate::args::IdentifyArgs;
 use crate::failure::Failure;
 use crate::format;
@@ -25,7 +25,9 @@ pub fn run(args: &IdentifyArgs, given: &Given) -> Result<ExitCode, Failure> {
         .map_err(|error| Failure::input(format!("{}: {error}", given.name)))?;
     written([plot(args, given, &Drawn::of_best(&found))?])?;
     let text = if args.json {
-        serde_json::to_string_pretty(&found.json()).map_err(|error| Failure::System(error.to_string()))? + "\n"
+        let mut json = found.json();
+        json["misfit"] = found.misfit.as_ref().map_or(serde_json::Value::Null, print::misfit);
+        serde_json::to_string_pretty(&json).map_err(|error| Failure::System(error.to_string()))? + "\n"
     } else {
         text(given, &file, &found)
     };
@@ -85,6 +87,9 @@ fn text(given: &Given, file: &str, found: &Comparison) -> String {
         digits(found.noise * factor, 3),
         found.residual.correlation
     );
+    for (i, words) in found.misfit.iter().flat_map(print::misfit_lines).enumerate() {
+        let _ = writeln!(text, "{:<15} {words}", if i == 0 { "misfit" } else { "" });
+    }
     let _ = writeln!(text, "\nverdict         {}", verdict(found));
     for line in found.numbers.iter().filter_map(|number| remedy(number, given.motion)) {
         let _ = writeln!(text, "remedy          {line}");
@@ -144,7 +149,20 @@ fn verdict(found: &Comparison) -> String {
         found.numbers.iter().filter(|number| number.verdict == verdict).map(|number| number.name).collect()
     };
     if let Some(wrong) = &found.wrong {
-        return format!("the record contradicts the file: a torque moved the puck that no such device has; {wrong}");
+        let all = "the record contradicts the file: a torque moved the puck that no such device has";
+        if found.misfit.is_none() {
+            return format!("{all}; {wrong}");
+        }
+        let list = |verdict, words: &str| match &of(verdict)[..] {
+            [] => String::new(),
+            names => format!("; {words}: {}", names.join(", ")),
+        };
+        return format!(
+            "{all}, which the misfit names{}{}{}",
+            list(Verdict::Contradicts, "by the torque's equation the file is wrong in"),
+            list(Verdict::Agrees, "it agrees in"),
+            list(Verdict::NotTold, "not told by this record")
+        );
     }
     let (wrong, silent) = (of(Verdict::Contradicts), of(Verdict::NotTold));
     let mut text = match wrong.is_empty() {

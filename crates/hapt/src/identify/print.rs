@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use hapt_identify::{Identified, Interval, Part, PositionTorque, Term, TermKind, TorqueFit};
+use hapt_identify::{Identified, Interval, Kind, Misfit, Part, PositionTorque, Term, TermKind, TorqueFit};
 use hapt_model::keys::Measure;
 use hapt_model::{Delay, Motion, World};
 use serde_json::{Value, json};
@@ -45,17 +45,41 @@ pub fn named(
     };
     let mut json: serde_json::Map<String, Value> =
         numbers.iter().map(|(name, interval)| (name.to_string(), value(*interval))).collect();
-    let kind = |part: &Part| json!({ "kind": part.kind.word(), "share": part.share, "remedy": part.kind.remedy() });
-    let misfit = by_torque.map_or(Value::Null, |fit| {
-        let kinds: Vec<Value> = fit.misfit.kinds.iter().map(kind).collect();
-        json!({ "share": fit.misfit.share, "kinds": kinds })
-    });
-    json.insert("misfit".into(), misfit);
+    json.insert("misfit".into(), by_torque.map_or(Value::Null, |fit| misfit(&fit.misfit)));
     if !terms.is_empty() {
         json.insert("terms".into(), terms.iter().map(term).collect());
     }
     let text = serde_json::to_string_pretty(&json).map_err(|error| Failure::System(error.to_string()))?;
     Ok(text + "\n")
+}
+
+/// A misfit as JSON.
+pub fn misfit(misfit: &Misfit) -> Value {
+    let kind = |part: &Part| json!({ "kind": part.kind.word(), "share": part.share, "remedy": part.kind.remedy() });
+    json!({ "share": misfit.share, "kinds": misfit.kinds.iter().map(kind).collect::<Vec<Value>>() })
+}
+
+/// A misfit in lines, the whole first.
+pub fn misfit_lines(misfit: &Misfit) -> Vec<String> {
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let whole = format!(
+        "{} of the torque's variance, at a fit by inertia, damping, friction and a constant",
+        percent(misfit.share)
+    );
+    let part = |part: &Part| format!("{} {}: {}", percent(part.share), described(part.kind), part.kind.remedy());
+    std::iter::once(whole).chain(misfit.kinds.iter().map(part)).collect()
+}
+
+fn described(kind: Kind) -> String {
+    match kind {
+        Kind::Position { times_a_turn: 0 } => "goes with the position".into(),
+        Kind::Position { times_a_turn: 1 } => "goes with the position, once a turn".into(),
+        Kind::Position { times_a_turn } => format!("goes with the position, {times_a_turn} times a turn"),
+        Kind::Velocity => "goes with the velocity".into(),
+        Kind::Resonance { hz } => format!("is a resonance at {hz:.1} Hz"),
+        Kind::Drift => "drifts over time".into(),
+        Kind::Unexplained => "goes with none of position, velocity and time".into(),
+    }
 }
 
 /// A term with what its kind has besides, in SI.

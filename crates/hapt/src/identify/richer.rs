@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::process::ExitCode;
 
-use hapt_identify::{Error, Interval, Kind, Term, TermKind, TorqueFit};
+use hapt_identify::{Error, Interval, Term, TermKind, TorqueFit};
 use hapt_model::Motion;
 use hapt_model::keys::Measure;
 
@@ -115,16 +115,8 @@ fn text(given: &Given, fit: &TorqueFit, inertia_is_known: bool) -> String {
             None => "not told".into(),
         },
     );
-    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
-    line(
-        "misfit",
-        format!(
-            "{} of the torque's variance, at a fit by inertia, damping, friction and a constant",
-            percent(fit.misfit.share)
-        ),
-    );
-    for part in &fit.misfit.kinds {
-        line("", format!("{} {}: {}", percent(part.share), described(part.kind), part.kind.remedy()));
+    for (i, words) in print::misfit_lines(&fit.misfit).into_iter().enumerate() {
+        line(if i == 0 { "misfit" } else { "" }, words);
     }
     text
 }
@@ -146,18 +138,6 @@ fn term_words(given: &Given, term: &Term) -> (&'static str, String) {
         TermKind::Drag => size(1.0, if is_linear { "N s^2/m^2" } else { "N m s^2/rad^2" }),
     };
     (term.kind.word(), format!("{words}; foretells {:.0} % of what is left without", 100.0 * term.foretells))
-}
-
-fn described(kind: Kind) -> String {
-    match kind {
-        Kind::Position { times_a_turn: 0 } => "goes with the position".into(),
-        Kind::Position { times_a_turn: 1 } => "goes with the position, once a turn".into(),
-        Kind::Position { times_a_turn } => format!("goes with the position, {times_a_turn} times a turn"),
-        Kind::Velocity => "goes with the velocity".into(),
-        Kind::Resonance { hz } => format!("is a resonance at {hz:.1} Hz"),
-        Kind::Drift => "drifts over time".into(),
-        Kind::Unexplained => "goes with none of position, velocity and time".into(),
-    }
 }
 
 /// The `[device]` table.
