@@ -171,6 +171,6 @@ mod tests {
             ["stable hands-off"]
         );
         let svg = figure.svg(crate::Width::Narrow, true);
-        assert!(svg.contains("damper (N s/m)") && !svg.contains("NaN"), "{svg}");
+        assert!(svg.contains("damper (N·s/m)") && !svg.contains("NaN"), "{svg}");
     }
 }
