@@ -44,13 +44,16 @@ const PYTHON: [(&str, &[&str]); 5] = [
 /// What builds packages for other systems, in an environment that `cargo xtask packages` and `macos` install by themselves: zig is large.
 const PACKAGING: [&str; 3] = ["maturin==1.16.0", "cargo-zigbuild==0.24.0", "ziglang==0.17.1"];
 /// Shell tests of what the steps need, and Debian's packages of it. A virtual environment needs more than Python: `ensurepip`.
-const PROGRAMS: [(&str, &str); 16] = [
+const PROGRAMS: [(&str, &str); 19] = [
     ("node --version", "nodejs"),
     ("npm --version", "npm"),
     ("python3 -c 'import ensurepip'", "python3-venv"),
     ("test -n \"$CHROMIUM\" || command -v chromium chromium-browser google-chrome", "chromium"),
     ("qemu-system-arm --version", "qemu-system-arm"),
     ("arm-none-eabi-gcc --version", "gcc-arm-none-eabi"),
+    ("avr-gcc --version", "gcc-avr"),
+    ("echo '#include <avr/io.h>' | avr-gcc -mmcu=atmega328p -E -", "avr-libc"),
+    ("command -v simavr", "simavr"),
     ("ld.lld --version", "lld"),
     ("qemu-system-x86_64 --version", "qemu-system-x86"),
     ("command -v busybox", "busybox-static"),

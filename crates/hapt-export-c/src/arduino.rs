@@ -7,9 +7,9 @@ use crate::compose::units;
 use crate::names::{Prefix, comment};
 use crate::template::Facts;
 
-/// The other files of an Arduino library, each with its place in the library's folder: its description, and examples for SimpleFOC and for an
-/// H-bridge.
-pub fn library(about: &About, prefix: &Prefix, spec: &Spec) -> [(String, String); 3] {
+/// The other files of an Arduino library, each with its place in the library's folder: its description, and examples for SimpleFOC, for an
+/// H-bridge, and for Hapkit.
+pub fn library(about: &About, prefix: &Prefix, spec: &Spec) -> [(String, String); 4] {
     let mut facts = Facts::default();
     facts.set("exact", spec.estimator == Estimator::Exact);
     facts.text("prefix", prefix.as_str());
@@ -23,6 +23,7 @@ pub fn library(about: &About, prefix: &Prefix, spec: &Spec) -> [(String, String)
     [
         ("library.properties".to_owned(), fill(include_str!("parts/arduino/library.properties"))),
         ("examples/h_bridge/h_bridge.ino".to_owned(), fill(include_str!("parts/arduino/h_bridge.ino"))),
+        ("examples/hapkit/hapkit.ino".to_owned(), fill(include_str!("parts/arduino/hapkit.ino"))),
         ("examples/simplefoc/simplefoc.ino".to_owned(), fill(include_str!("parts/arduino/simplefoc.ino"))),
     ]
 }

@@ -159,6 +159,7 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
         ("exp64", exp && f64s),
         ("exp32", exp && !f64s),
         ("bits64", sin || (exp && f64s)),
+        ("doubles", sin || f64s),
         ("scalbn64", sin || (exp && f64s)),
         ("parts", !stored.is_empty() && !all),
         ("pairs", world.list("pairs").next().is_some() && !all),

@@ -13,6 +13,12 @@
 #error "this processor computes with more digits than a number has: use SSE2 (-msse2 -mfpmath=sse)"
 #endif
 
+//if doubles
+#if defined(__SIZEOF_DOUBLE__) && __SIZEOF_DOUBLE__ < 8
+#error "this file computes with doubles of 64 bits, which this compiler does not have, as those for AVR: a world without detents and textures needs none with --float f32; else use a board of 32 bits"
+#endif
+//end
+
 /* A product and a sum in one rounding would change the bits. */
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF

@@ -11,7 +11,7 @@ use hapt_export_c::{About, Float, Prefix, export};
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::{Config, TestRunner};
 
-use crate::compiler::{ARM, CORTEX_M4F, QEMU, compile, compilers, has_board};
+use crate::compiler::{ARM, AVR, CORTEX_M4F, QEMU, SIMAVR, compile, compilers, has_avr, has_board};
 use crate::worlds::{World, world};
 
 pub const BODIES: usize = 8;
@@ -340,4 +340,74 @@ fn a_cortex_m4f_has_the_cores_bits() {
         agree(&worlds, Float::F32, ARM, &["-O2"]);
         agree(&worlds[..1], Float::F64, ARM, &["-Os"]);
     }
+}
+
+/// Bytes of an ATmega328P: flash, and RAM without a stack of 400.
+const FLASH: u64 = 32 << 10;
+const RAM: u64 = 2048 - 400;
+
+/// Arduino's Uno, Nano and Hapkit: numbers of 32 bits only, and no unit for them. Worlds that need more are refused by the compiler.
+#[test]
+fn an_atmega328p_has_the_bits_of_a_computer_or_refuses() {
+    if !has_avr() {
+        return;
+    }
+    let (mut ran, mut refused) = (0, 0);
+    for (i, world) in worlds(some(10)).iter().enumerate() {
+        let about = About { is_certified: false, ..About::default() };
+        let prefix = Prefix::new("w").unwrap();
+        let c = export(&world.spec(), &world.limits, &about, &prefix, "w.h", Float::F32).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("w.c"), &c.source).unwrap();
+        fs::write(folder.path().join("w.h"), &c.header).unwrap();
+        fs::write(folder.path().join("avr.c"), include_str!("avr.c")).unwrap();
+        let period = format!("-DPERIOD={:?}f", world.period as f32);
+        let exact = if world.estimator == Estimator::Exact { "-DEXACT" } else { "-DESTIMATED" };
+        let flags = ["-std=c99", "-Os", &period, exact, "avr.c", "-o"];
+        let avr = [&["-mmcu=atmega328p", "-DF_CPU=16000000UL"], &flags[..], &["program.elf"]].concat();
+        let built = Command::new(AVR).args(avr).current_dir(folder.path()).output().unwrap();
+        let said = String::from_utf8_lossy(&built.stderr);
+        if c.source.contains("doubles of 64 bits") {
+            assert!(
+                !built.status.success() && said.contains("a world without detents and textures"),
+                "world {i}: {said}"
+            );
+            refused += 1;
+            continue;
+        }
+        // Many bodies and couplings do not fit into 32 KiB, and with the stack into 2 KiB.
+        let (flash, ram) =
+            if built.status.success() { memory(&folder.path().join("program.elf")) } else { (u64::MAX, u64::MAX) };
+        if flash > FLASH || ram > RAM {
+            assert!(built.status.success() || said.contains("region"), "world {i}: {said}");
+            continue;
+        }
+        assert!(!said.contains("w.c:"), "world {i}: {said}");
+        compile("gcc", &[&flags[..], &["program"]].concat(), folder.path());
+        let board = Command::new(SIMAVR)
+            .args(["-m", "atmega328p", "-f", "16000000", "program.elf"])
+            .current_dir(folder.path())
+            .stdin(Stdio::null())
+            .output()
+            .unwrap();
+        let board = [board.stdout, board.stderr].concat();
+        let lines = |text: &[u8]| -> Vec<String> {
+            let text = String::from_utf8_lossy(text).into_owned();
+            text.lines().filter_map(|line| Some(line.get(line.find("99 ")? + 3..)?.get(..8)?.to_owned())).collect()
+        };
+        let wanted = lines(&run(folder.path(), &[]));
+        assert_eq!(wanted.len(), 6);
+        assert_eq!(lines(&board), wanted, "world {i}: {}; {world:?}", String::from_utf8_lossy(&board));
+        ran += 1;
+    }
+    println!("{ran} ran, {refused} were refused");
+    assert!(ran > 0 && refused > 0, "{ran} ran, {refused} were refused");
+}
+
+/// What a program takes of flash and RAM.
+fn memory(program: &Path) -> (u64, u64) {
+    let said = Command::new("avr-size").arg(program).output().unwrap();
+    let text = String::from_utf8_lossy(&said.stdout).into_owned();
+    let row: Vec<u64> = text.lines().nth(1).unwrap().split_whitespace().filter_map(|x| x.parse().ok()).collect();
+    (row[0] + row[1], row[1] + row[2])
 }

@@ -7,6 +7,8 @@ pub const WARNINGS: [&str; 3] = ["-Wall", "-Wextra", "-Werror"];
 
 pub const ARM: &str = "arm-none-eabi-gcc";
 pub const QEMU: &str = "qemu-system-arm";
+pub const AVR: &str = "avr-gcc";
+pub const SIMAVR: &str = "simavr";
 
 /// A processor with a floating-point unit for f32, without a library of C.
 pub const CORTEX_M4F: [&str; 9] = [
@@ -34,6 +36,13 @@ pub fn compilers() -> Vec<&'static str> {
 pub fn has_board() -> bool {
     let has = is_there(ARM) && is_there(QEMU);
     assert!(has || std::env::var_os("CI").is_none(), "{ARM} and {QEMU} have to be there where CI is set");
+    has
+}
+
+/// Whether the compiler of an 8-bit board and its simulator are there; with `CI` set they have to be.
+pub fn has_avr() -> bool {
+    let has = is_there(AVR) && Command::new(SIMAVR).arg("--help").output().is_ok();
+    assert!(has || std::env::var_os("CI").is_none(), "{AVR} and {SIMAVR} have to be there where CI is set");
     has
 }
 

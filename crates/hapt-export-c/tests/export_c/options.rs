@@ -161,6 +161,8 @@ const ARDUINO: &str = "
 #define HIGH 1
 #define LOW 0
 #define CHANGE 1
+#define A2 16
+int analogRead(int);
 unsigned long micros(void); void pinMode(int, int); void digitalWrite(int, int); int digitalRead(int); void analogWrite(int, int);
 int digitalPinToInterrupt(int); void attachInterrupt(int, void (*)(void), int); void noInterrupts(void); void interrupts(void);
 struct Port { void begin(long); int available(); int read(); void println(const char *); };
