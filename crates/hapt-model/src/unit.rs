@@ -10,8 +10,8 @@ const HIGHEST_POWER: i16 = 100;
 /// Parentheses inside parentheses.
 const DEEPEST: u32 = 16;
 
-/// A unit as a product of powers: of rad, m, kg and s, then of the numbers 10, π, 2, 180, 30, and of [`INCH`], [`POUND`] and [`GRAVITY`]. Keeping
-/// the numbers apart until the end makes the decimal ones exact and lets deg/deg cancel.
+/// A unit as a product of powers: of rad, m, kg and s, then of the numbers 10, π, 2, 180, 30, and of those of an inch, a pound and the
+/// standard gravity. Keeping the numbers apart until the end makes the decimal ones exact and lets deg/deg cancel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Unit([i16; 12]);
 
