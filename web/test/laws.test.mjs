@@ -89,21 +89,27 @@ test("the history keeps every extreme of its window, however long it runs, and b
   const history = new History([10]);
   const frame = (k) => ({ time: k / 60, last: [k], low: [k - 0.5], high: [k + 0.5] });
   for (let k = 0; k < 20_000; k++) history.add(frame(k));
-  const [time, last, low, high] = history.window([0], 10);
+  const [time, last, low, high] = history.window([0], history.last - 10, history.last);
   assert.ok(time.length >= 600 && time.length <= 605, `${time.length} frames in ten seconds`);
   time.forEach((t, i) => {
     const k = Math.round(t * 60);
     assert.deepEqual([last[i], low[i], high[i]], [10 * k, 10 * (k - 0.5), 10 * (k + 0.5)]);
   });
   assert.equal(time.at(-1), 19_999 / 60);
+  // Any part of what is kept, with a frame or three beyond either end for the lines.
+  const [from, to] = [history.last - 7, history.last - 5];
+  const part = history.window([0], from, to)[0];
+  assert.ok(part[0] <= from && part[0] > from - 0.1 && part.at(-1) >= to && part.at(-1) < to + 0.1, `${part[0]} to ${part.at(-1)}`);
+  const rows = history.csv(["a"], from, to).trim().split("\n").slice(1).map((row) => row.split(",").map(Number));
+  assert.ok(rows.length >= 120 && rows.every(([t, a]) => t > from - 1e-5 && t < to + 1e-5 && Math.abs(a - 60 * t) < 1e-3), "in SI, and nothing beyond");
   history.add(frame(3));
-  assert.deepEqual([...history.window([0], 10)[0]], [3 / 60]);
+  assert.deepEqual([...history.window([0], -10, 1)[0]], [3 / 60]);
 });
 
 test("a loop that has run away leaves a gap, and no infinite axis", () => {
   const history = new History([1]);
   history.add({ time: 0, last: [1], low: [-Infinity], high: [Infinity] });
-  const [, last, low, high] = history.window([0], 5);
+  const [, last, low, high] = history.window([0], -5, 0);
   assert.deepEqual([last[0], low[0], high[0]], [1, NaN, NaN]);
 });
 
