@@ -159,7 +159,7 @@ type Span = [from: number, to: number];
 /** The shortest time that a plot spreads, in s. */
 const SHORTEST = 0.02;
 /** One press of a key or a button, and one notch of a mouse's wheel. */
-const STEP = 1.5;
+export const STEP = 1.5;
 /** The part of what is in sight by which an arrow key goes. */
 const PACE = 0.1;
 

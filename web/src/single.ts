@@ -14,7 +14,7 @@ import { Local, type Recorded } from "./local.ts";
 import { NetworkCard } from "./network.ts";
 import { PhoneCard } from "./phone.ts";
 import { factors, panels } from "./panels.ts";
-import { Plots } from "./plots.ts";
+import { Plots, STEP } from "./plots.ts";
 import { Poles } from "./poles.ts";
 import { COLUMN, VERSION, isLive, type Frame, type FromServer, type World } from "./protocol.ts";
 import { ScenarioStart } from "./scenario.ts";
@@ -30,8 +30,6 @@ const WINDOWS = [2, 5, 10];
 const SIMULATED = "sim";
 /** Between two drawings of the plots where motion is to be reduced, in ms. */
 const REDUCED = 250;
-/** One press spreads the plots by so much. */
-const ZOOM = 1.5;
 
 /** `recorded`: what a page without a server runs. */
 export function single(recorded: Recorded | undefined): void {
@@ -278,8 +276,8 @@ export function single(recorded: Recorded | undefined): void {
     byId("pause").setAttribute("aria-pressed", String(plots.paused));
     byId("views").hidden = !plots.paused;
   });
-  press("zoom-in", () => plots.zoom(ZOOM));
-  press("zoom-out", () => plots.zoom(1 / ZOOM));
+  press("zoom-in", () => plots.zoom(STEP));
+  press("zoom-out", () => plots.zoom(1 / STEP));
   press("as-csv", () => world && download("signals.csv", history.csv(world.columns.map(({ name }) => name), ...plots.span), "text/csv"));
   press("as-png", () => void plots.picture().then((picture) => picture && download("signals.png", picture, "image/png")));
   // The sliders stay where they are while one is dragged, however long the verdict above them becomes.
