@@ -18,12 +18,12 @@ mod marked;
 mod memory;
 mod modules;
 mod notes;
-mod packages;
 mod page;
 mod programs;
 mod proof;
 mod python;
 mod reference;
+mod release;
 mod site;
 mod spent;
 mod steps;
@@ -73,7 +73,9 @@ cargo xtask python    the Python package: its tests, examples and types
 cargo xtask fmi       the FMU's library, and FMUs in FMPy, libcosim and pathsim; --write: the reference results of fmi/reference
 cargo xtask windows   the command line for Windows, cross-compiled, under Wine: its tests, every world's bytes, Ctrl-C, an FMU
 cargo xtask macos     the command line for macOS: lints and links for both processors; nothing is run
-cargo xtask packages  what is installed: [wheels [TARGET]|debian|crates], all of them without a word
+cargo xtask release   archives, wheels, Debian package, crates and site, tried and summed, as a draft on GitHub; --dry-run: this machine's
+                      archive, in an empty root, published nowhere; a part: archives [TARGET], wheels [TARGET], debian, crates, site,
+                      minutes (a newcomer's; --write: docs/install.md)
 cargo xtask memory N  the memory that streaming N samples to CSV takes, such as 1e8";
 
 fn main() -> Result<()> {
@@ -109,7 +111,7 @@ fn main() -> Result<()> {
         ["fmi", "--write"] => fmi::write(),
         ["windows"] => windows::holds(),
         ["macos"] => macos::holds(),
-        ["packages", ..] => packages::command(&arguments[1..]),
+        ["release", ..] => release::command(&arguments[1..]),
         ["licences"] => licences::write(),
         // The step of the tests, which runs beside others.
         ["firmware", "holds"] => firmware::holds(),

@@ -13,7 +13,7 @@ use anyhow::{Context, Result, bail, ensure};
 use crate::{links, programs};
 
 const COPY: &str = "target/site";
-const SITE: &str = "book";
+pub const SITE: &str = "book";
 /// Where mdbook goes when none is on the path.
 const TOOLS: &str = "target/mdbook";
 const LIVE: &str = "<!-- live: ";

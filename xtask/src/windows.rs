@@ -71,14 +71,14 @@ fn built() -> Result<PathBuf> {
 
 /// Wine with a disk of its own.
 #[derive(Clone)]
-struct Wine {
+pub struct Wine {
     program: PathBuf,
     disk: PathBuf,
 }
 
 impl Wine {
     /// A disk with the library that Wine 8 lacks, and the programs in C.
-    fn ready() -> Result<Wine> {
+    pub fn ready() -> Result<Wine> {
         // Debian's `wine` speaks of 32 bits first.
         let places = ["/usr/lib/wine/wine64", "/usr/bin/wine64", "/usr/bin/wine"].map(PathBuf::from);
         let program = places.into_iter().find(|path| path.exists()).context("Debian: apt-get install wine wine64")?;
@@ -92,7 +92,7 @@ impl Wine {
         Ok(wine)
     }
 
-    fn command(&self) -> Command {
+    pub fn command(&self) -> Command {
         let mut command = Command::new(&self.program);
         command.env("WINEPREFIX", &self.disk).env("WINEDEBUG", "-all").stdin(Stdio::null());
         command
