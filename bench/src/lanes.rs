@@ -19,7 +19,7 @@ pub fn time(file: &str, repeats: usize) -> Result<()> {
     let samples = worlds.iter().map(|world| rows(world.scenarios[0].duration, world.sampling.period) as usize).sum();
     let mut outcomes = [None; LANES];
     timed(repeats, samples, || {
-        outcomes = run_batch(&worlds, 0, &|| false).context("these do not run as a batch")?;
+        outcomes = run_batch(&worlds.each_ref(), 0, &|| false).context("these do not run as a batch")?;
         Ok(())
     })?;
     for outcome in outcomes {

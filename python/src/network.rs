@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use hapt_model::{Source, System};
-use hapt_sim::{NetworkRun, network_columns};
+use hapt_sim::{Run as SystemRun, station_columns};
 use hapt_sweep::worst::search_together;
 use numpy::IntoPyArray;
 use pyo3::exceptions::{PyMemoryError, PyValueError};
@@ -66,10 +66,10 @@ impl Network {
 type Run = (Vec<Vec<Vec<f64>>>, Option<String>);
 
 fn run(model: &System, scenario: &str, is_over: &mut dyn FnMut() -> bool) -> Result<Run, Failure> {
-    let mut run = NetworkRun::new(model, scenario).map_err(|error| Failure::Input(error.to_string()))?;
+    let mut run = SystemRun::new(model, scenario).map_err(|error| Failure::Input(error.to_string()))?;
     let mut tables = Vec::new();
-    for at in 0..model.stations.len() {
-        let (rows, columns) = (run.rows_of(at), network_columns(model, at).len());
+    for (at, station) in run.stations().enumerate() {
+        let (rows, columns) = (station.rows(), station_columns(model, at).len());
         let bytes = rows.saturating_mul(8 * columns as u64);
         tables.push(columns_with_room(rows, columns).ok_or(Failure::Memory(bytes))?);
     }
@@ -187,8 +187,8 @@ impl Network {
         let stations = PyDict::new(py);
         for (at, (station, table)) in self.model.stations.iter().zip(tables).enumerate() {
             let columns = PyDict::new(py);
-            for (name, values) in network_columns(&self.model, at).into_iter().zip(table) {
-                columns.set_item(name, values.into_pyarray(py))?;
+            for (column, values) in station_columns(&self.model, at).into_iter().zip(table) {
+                columns.set_item(column.name, values.into_pyarray(py))?;
             }
             stations.set_item(&station.name, columns)?;
         }

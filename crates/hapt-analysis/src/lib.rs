@@ -97,7 +97,7 @@ pub use stability::clamped::{held_world, held_world_eigenvalues, held_world_grow
 pub use stability::critical::Critical;
 pub use stability::free::{free, free_eigenvalues, free_growth, gripped_growth, shortest_period};
 pub use stability::held::{held, held_eigenvalues, held_growth, multipliers};
-pub use stability::patterns::{Pattern, with_worst_pattern, worst_pattern};
+pub use stability::patterns::{Pattern, played, with_worst_pattern, worst_pattern};
 pub use stability::{MARGINAL, Stability, Verdict};
 pub use theorems::passivity::{passivity, required_damping};
 pub use theorems::{Claimed, FreePatterns, Passivity, PatternVerdict, Theorem, Uneven, uneven, uneven_damping};

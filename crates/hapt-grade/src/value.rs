@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use hapt_analysis::Design;
 use hapt_model::{Dimension, Source, System, World, parse_quantity};
-use hapt_sim::{NetworkRun, Simulation, network_columns};
+use hapt_sim::{Run, station_columns};
 use hapt_sweep::{Measure, Sweep};
 use serde_json::Value;
 
@@ -43,13 +43,16 @@ impl Subject<'_> {
         Ok(system)
     }
 
-    fn world(&self) -> Result<World, Failure> {
-        self.system()?.into_world().map_err(|_| {
+    /// The same, where it has no links.
+    fn world(&self) -> Result<System, Failure> {
+        let system = self.system()?;
+        if system.world().is_none() {
             let name = &self.source.name;
-            Failure::input(format!(
-                "{name}: is a network; of it there are fields of hapt check, and columns of a station"
-            ))
-        })
+            let message =
+                format!("{name}: is a network; of it there are fields of hapt check, and columns of a station");
+            return Err(Failure::input(message));
+        }
+        Ok(system)
     }
 
     fn most(&self, what: &str, is: f64, most: f64) -> Result<(), Failure> {
@@ -86,11 +89,9 @@ impl Subject<'_> {
             Of::Key(key) => Ok(number(self.world()?.number(key))),
             Of::Measure(name) => self.measure(name).map(number),
             Of::Check(pointer) => self.check(pointer),
-            Of::Column { name, take, station } => match self.system()?.into_world() {
-                Ok(world) => self.column(&world, name, *take),
-                Err(network) => self.column_of(&network, station.as_deref(), name, *take),
+            Of::Column { name, take, station } => {
+                self.column(&self.system()?, station.as_deref(), name, *take).map(Value::from)
             }
-            .map(Value::from),
             Of::Design { travel, torque, frequency, period, gives } => {
                 let read = |text: &str, dimension| parse_quantity(text, dimension).map_err(Failure::input);
                 let design = Design::new(
@@ -105,17 +106,18 @@ impl Subject<'_> {
     }
 
     fn measure(&self, name: &str) -> Result<Option<f64>, Failure> {
-        let world = self.world()?;
+        let system = self.world()?;
         let known = Measure::ALL.into_iter().find(|measure| measure.name() == name);
         let measure = known.ok_or_else(|| {
             let names = Measure::ALL.map(Measure::name).join(", ");
             Failure::input(format!("no measure {name:?}; the measures are {names}"))
         })?;
         if !measure.of_a_run() {
-            return in_time(|| measure.of_the_loop(&world));
+            return in_time(|| measure.of_the_loop(&system));
         }
         // A sweep of one cell, over the period at its own value.
-        let own = format!("loop.period={}..{}:1", world.sampling.period, world.sampling.period);
+        let period = system.stations[0].world.sampling.period;
+        let own = format!("loop.period={period}..{period}:1");
         let sweep = Sweep::new(self.source, &self.sets, &[own], &[measure], self.scenario)?;
         let begun = Instant::now();
         let rows = sweep.rows_until(0..1, &|| begun.elapsed() > TIME_LIMIT);
@@ -139,25 +141,26 @@ impl Subject<'_> {
         }
     }
 
-    /// The same of a station in a run of its network.
-    fn column_of(&self, network: &System, station: Option<&str>, name: &str, take: Take) -> Result<f64, Failure> {
-        let names: Vec<&str> = network.stations.iter().map(|station| station.name.as_str()).collect();
-        let at = station.and_then(|station| names.iter().position(|known| *known == station));
-        let at = at.ok_or_else(|| {
+    /// A column of a run, of a network that of a station.
+    fn column(&self, system: &System, station: Option<&str>, name: &str, take: Take) -> Result<f64, Failure> {
+        let names: Vec<&str> = system.stations.iter().map(|station| station.name.as_str()).collect();
+        let named = || names.iter().position(|known| Some(*known) == station);
+        let at = if system.world().is_some() { Some(0) } else { named() }.ok_or_else(|| {
             Failure::input(format!("the question needs the `station` of its column; there is {}", names.join(", ")))
         })?;
-        let all = network.scenarios();
+        let all = system.scenarios();
         let scenario = match (self.scenario, all.as_slice()) {
             (Some(name), _) if all.contains(&name) => name,
             (None, [scenario]) => scenario,
             (_, _) => {
-                let list = all.join(", ");
-                return Err(Failure::input(format!("the question needs a `scenario` of the network: {list}")));
+                let (kind, list) = (system.kind(), all.join(", "));
+                return Err(Failure::input(format!("the question needs a `scenario` of the {kind}: {list}")));
             }
         };
-        let columns = network_columns(network, at);
-        let column = place(&columns, name)?;
-        let mut run = NetworkRun::new(network, scenario)?;
+        let names: Vec<String> = station_columns(system, at).into_iter().map(|column| column.name).collect();
+        let column = place(&names, name)?;
+        let system = hapt_analysis::played(system, scenario)?;
+        let mut run = Run::new(&system, scenario)?;
         let begun = Instant::now();
         let (mut series, mut values) = (Vec::new(), Vec::new());
         while let Some(row) = run.next() {
@@ -166,30 +169,6 @@ impl Subject<'_> {
                 row.numbers(&mut values);
                 series.extend(values.get(column));
             }
-            if begun.elapsed() > TIME_LIMIT {
-                return Err(too_long());
-            }
-        }
-        Ok(take.of(&series))
-    }
-
-    fn column(&self, world: &World, name: &str, take: Take) -> Result<f64, Failure> {
-        let scenario = match (self.scenario, world.scenarios.as_slice()) {
-            (Some(name), _) => world.scenario(name)?,
-            (None, [scenario]) => scenario,
-            (None, _) => return Err(Failure::input("the question needs `scenario`: the world has not exactly one")),
-        };
-        let names: Vec<String> = hapt_sim::columns(world).into_iter().map(|column| column.name).collect();
-        let at = place(&names, name)?;
-        let scenario = hapt_analysis::with_worst_pattern(world, scenario)?;
-        let mut run = Simulation::new(world, &scenario)?;
-        let begun = Instant::now();
-        let mut series = Vec::new();
-        while let Some(row) = run.next() {
-            let row = row?;
-            let mut values =
-                hapt_sim::SIGNALS.iter().map(|signal| (signal.get)(row)).chain(row.pairs().flat_map(|(x, v)| [x, v]));
-            series.extend(values.nth(at));
             if begun.elapsed() > TIME_LIMIT {
                 return Err(too_long());
             }

@@ -2,7 +2,7 @@
 
 use hapt_analysis::NetworkCheck;
 use hapt_model::{Law, Motion, Parameter, System};
-use hapt_sim::NetworkRow;
+use hapt_sim::StationRow;
 use maud::{Markup, html};
 
 use crate::diagram::diagram;
@@ -58,8 +58,8 @@ impl NetworkScenario {
     }
 
     /// Adds the next row.
-    pub fn add(&mut self, row: &NetworkRow<'_>) {
-        let NetworkRow { station, row, link } = *row;
+    pub fn add(&mut self, row: &StationRow<'_>) {
+        let StationRow { station, row, link, .. } = *row;
         let Some(of) = self.stations.get_mut(station) else { return };
         let puck = std::iter::once((row.puck, row.puck_velocity));
         of.traces.add(row.time, puck.chain(row.bodies.iter().copied()), row.torque + link, row.applied);

@@ -54,7 +54,7 @@ type Stop<'s> = dyn Fn() -> bool + 's;
 /// Runs scenario number `scenario` of each world, all in one batch. An outcome is `None` where the run stops being finite, or is stopped:
 /// `stop` is asked every 4096 samples. Returns `None` where these worlds cannot run as a batch and must be run one by one, and on a processor
 /// without vectors of four numbers (x86 before AVX2), where that is as fast.
-pub fn run_batch(worlds: &[World; LANES], scenario: usize, stop: &Stop<'_>) -> Option<[Option<Outcome>; LANES]> {
+pub fn run_batch(worlds: &[&World; LANES], scenario: usize, stop: &Stop<'_>) -> Option<[Option<Outcome>; LANES]> {
     // Not run there, so not compiled for it: one by one, the instructions of all lanes are most of the crate's code.
     if !has_vectors() {
         return None;
@@ -68,7 +68,7 @@ pub fn run_batch(worlds: &[World; LANES], scenario: usize, stop: &Stop<'_>) -> O
 
 /// For up to `B` bodies.
 fn with_bodies<const B: usize>(
-    worlds: &[World; LANES],
+    worlds: &[&World; LANES],
     scenario: usize,
     stop: &Stop<'_>,
 ) -> Option<[Option<Outcome>; LANES]> {
@@ -96,7 +96,7 @@ fn with_bodies<const B: usize>(
 /// For up to `B` bodies and a window of `W` - 1.
 type Loops<const B: usize, const W: usize> = Box<[Loop<f64, B, COUPLINGS, W>; LANES]>;
 
-fn loops<const B: usize, const W: usize>(worlds: &[World; LANES]) -> Option<Loops<B, W>> {
+fn loops<const B: usize, const W: usize>(worlds: &[&World; LANES]) -> Option<Loops<B, W>> {
     let loops: Option<Vec<_>> = worlds.iter().map(|world| Loop::new(&world.spec()).ok()).collect();
     loops?.into_boxed_slice().try_into().ok()
 }
@@ -308,7 +308,7 @@ impl<'w> Lane<'w> {
 
 impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
     fn new(
-        worlds: &'w [World; LANES],
+        worlds: &'w [&'w World; LANES],
         compiled: &'w Batch<'w, LANES, B, COUPLINGS, W, S>,
         scenario: usize,
         stop: &'w Stop<'w>,

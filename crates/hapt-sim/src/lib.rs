@@ -1,8 +1,8 @@
 //! The exact device between the samples, the hand that moves it, and the run as a stream of rows.
 //!
-//! [`Simulation`] runs one scenario of a world: the loop is hapt-core's own, unchanged, and between its samples the physical
-//! puck moves exactly. [`Row`] holds every signal at a sample. [`Summary`] reduces a run to a few numbers;
-//! [`CsvWriter`] writes the rows. Names, units and meanings of all columns come from one list,
+//! [`Run`] runs one scenario of a system, and gives the rows of its stations; [`Simulation`] is the run of one world alone. The loop is
+//! hapt-core's own, unchanged, and between its samples the physical puck moves exactly. [`Row`] holds every signal at a sample.
+//! [`SystemSummary`] reduces a run to a few numbers, with a [`Summary`] for each station; [`CsvWriter`] writes the rows. Names, units and meanings of all columns come from one list,
 //! [`Signal`]; [`SIGNALS`] are those of a run, in the order of the columns.
 //!
 //! ```
@@ -48,12 +48,11 @@ mod control;
 mod csv;
 mod energy;
 mod growth;
-mod network;
-mod network_summary;
 mod row;
 mod run;
 mod schedule;
 mod summary;
+mod system;
 
 pub use batch::{LANES, Outcome, run_batch};
 pub use channel::Channel;
@@ -61,9 +60,8 @@ pub use control::{DesktopController, DesktopControllerState, DesktopLoop, Deskto
 pub use csv::CsvWriter;
 pub use energy::{DelayWork, world_energy};
 pub use hapt_plant::{Grip, Ledger, Motor, Script, VirtualDevice};
-pub use network::{NetworkRow, NetworkRun, network_columns};
-pub use network_summary::{NetworkSummary, StationSummary};
 pub use row::{BODY_SIGNALS, Column, Measures, Row, RowSignal, SIGNALS, Signal, body_columns, columns, loop_columns};
 pub use run::{Error, Simulation, check, rows, script};
 pub use schedule::uniform;
-pub use summary::Summary;
+pub use summary::{Summary, SystemSummary};
+pub use system::{Run, StationRow, station_columns};

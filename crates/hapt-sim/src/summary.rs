@@ -1,6 +1,6 @@
-//! The summary of a run: peaks, clipping, energy, growth.
+//! The summary of a run: peaks, clipping, energy, growth, and what the hands at all stations have had.
 
-use hapt_model::World;
+use hapt_model::{System, Timing, World};
 
 use hapt_plant::Ledger;
 
@@ -8,17 +8,22 @@ use crate::energy::world_energy;
 use crate::growth::Growth;
 use crate::row::Row;
 use crate::run::Simulation;
+use crate::system::{Run, StationRow};
 
-/// A run in a few numbers, gathered row by row.
+/// A station's run in a few numbers, gathered row by row.
 #[derive(Clone, Debug)]
 pub struct Summary<'w> {
     world: &'w World,
     /// The number of rows.
     pub rows: u64,
-    /// The largest |torque| in N·m (linear: N), before levels and limit.
+    /// The largest |torque| of world and links in N·m (linear: N), before levels and limit.
     pub peak_torque: f64,
     /// The time of that torque, in s.
     pub peak_time: f64,
+    /// The largest |command|, in the same unit.
+    pub peak_command: f64,
+    /// The largest |torque| of its links.
+    pub peak_link: f64,
     /// The number of samples whose torque exceeds the motor's limit.
     pub clipped: u64,
     /// The first of them, k, and its time in s.
@@ -42,6 +47,8 @@ impl<'w> Summary<'w> {
             rows: 0,
             peak_torque: 0.0,
             peak_time: 0.0,
+            peak_command: 0.0,
+            peak_link: 0.0,
             clipped: 0,
             first_clipped: None,
             unsettled: 0,
@@ -56,10 +63,19 @@ impl<'w> Summary<'w> {
     /// Adds the next row.
     #[inline]
     pub fn add(&mut self, row: &Row) {
-        if row.torque.abs() > self.peak_torque {
-            (self.peak_torque, self.peak_time) = (row.torque.abs(), row.time);
+        self.add_linked(row, 0.0);
+    }
+
+    /// Adds the next row, with the torque of the links.
+    #[inline]
+    fn add_linked(&mut self, row: &Row, link: f64) {
+        let torque = (row.torque + link).abs();
+        if torque > self.peak_torque {
+            (self.peak_torque, self.peak_time) = (torque, row.time);
         }
-        if row.torque.abs() > self.limit {
+        self.peak_command = self.peak_command.max(row.command.abs());
+        self.peak_link = self.peak_link.max(link.abs());
+        if torque > self.limit {
             self.clipped += 1;
             self.first_clipped.get_or_insert((self.rows, row.time));
         }
@@ -84,5 +100,91 @@ impl<'w> Summary<'w> {
     /// nothing moves, or if a nonlinear coupling is at a body (then there is no single exponent).
     pub fn fitted_growth(&self) -> Option<f64> {
         self.growth.as_ref().and_then(Growth::slope)
+    }
+}
+
+/// A run of a system in a few numbers, gathered row by row.
+#[derive(Clone, Debug)]
+pub struct SystemSummary<'s> {
+    /// In file order.
+    pub stations: Vec<Summary<'s>>,
+    /// Of a network: the most energy that all hands together have had from it at any instant, in J; 0 where they never had any. Where the
+    /// stations take their samples at different times it may be off by [`SystemSummary::blur`].
+    pub drawn: f64,
+    /// Of a network: all the work that has gone between hands and network, in J.
+    pub exchanged: f64,
+    /// For each station, the largest work of its hand within a sample, J.
+    steps: Vec<f64>,
+    /// For each station, the instant of its last row, s.
+    times: Vec<f64>,
+    /// Whether there are instants at which all stations take a sample.
+    is_common: bool,
+}
+
+/// Whether all stations take a sample at each of the slowest one's.
+fn is_common(system: &System) -> bool {
+    let slowest = system.stations.iter().map(|station| station.world.sampling.period).fold(0.0, f64::max);
+    let is_even = |scenario: &hapt_model::Scenario| scenario.timing == Timing::Even;
+    system.stations.iter().all(|station| {
+        let samples = slowest / station.world.sampling.period;
+        station.drift == 0.0
+            && station.phase == system.stations[0].phase
+            && (samples - samples.round()).abs() < 1e-9
+            && station.world.scenarios.iter().all(is_even)
+    })
+}
+
+impl<'s> SystemSummary<'s> {
+    /// Before the first row of `run`, a run of this system.
+    pub fn new(system: &'s System, run: &Run) -> Self {
+        let stations = system.stations.iter().zip(run.stations());
+        let stations: Vec<_> = stations.map(|(station, run)| Summary::new(&station.world, run)).collect();
+        SystemSummary {
+            drawn: 0.0,
+            exchanged: 0.0,
+            steps: vec![0.0; stations.len()],
+            times: vec![f64::NEG_INFINITY; stations.len()],
+            is_common: is_common(system),
+            stations,
+        }
+    }
+
+    /// Adds the next row.
+    #[inline]
+    pub fn add(&mut self, row: &StationRow<'_>) {
+        let StationRow { station, row, link, is_linked } = *row;
+        let of = &mut self.stations[station];
+        if !is_linked {
+            return of.add(row);
+        }
+        let step = (row.ledger.hand - of.ledger.hand).abs();
+        of.add_linked(row, link);
+        self.steps[station] = self.steps[station].max(step);
+        self.times[station] = row.time;
+        self.exchanged += step;
+        // Stations that take their samples together are looked at when all have: else one of them is a sample behind.
+        if self.is_together(row.time) {
+            self.drawn = self.drawn.max(self.had());
+        }
+    }
+
+    /// Whether the works of all hands are known at an instant: all stations have taken a sample then, or there are no such instants.
+    pub fn is_together(&self, time: f64) -> bool {
+        !self.is_common || self.times.iter().all(|of| (of - time).abs() < 1e-9)
+    }
+
+    /// What all hands together have had by their last samples, in J.
+    pub fn had(&self) -> f64 {
+        -self.stations.iter().map(|of| of.ledger.hand).sum::<f64>()
+    }
+
+    /// The largest torque of any station, N·m (linear: N).
+    pub fn peak_torque(&self) -> f64 {
+        self.stations.iter().map(|of| of.peak_torque).fold(0.0, f64::max)
+    }
+
+    /// How much of the energy drawn may be missing, or too much, because the stations take their samples at different times, J.
+    pub fn blur(&self) -> f64 {
+        if self.is_common { 0.0 } else { self.steps.iter().sum() }
     }
 }

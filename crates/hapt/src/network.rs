@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use hapt_model::{Source, System};
-use hapt_sim::{CsvWriter, Error, NetworkRow, NetworkRun, NetworkSummary, network_columns};
+use hapt_sim::{CsvWriter, Error, Run, StationRow, SystemSummary, station_columns};
 
 use crate::args::{Format, SimArgs};
 use crate::failure::Failure;
@@ -50,9 +50,9 @@ fn named<'n>(network: &'n System, names: &[String]) -> Result<Vec<&'n str>, Fail
 
 /// Takes a run to its end. `Err` of the inside: it stopped being finite there.
 pub fn rows(
-    run: &mut NetworkRun,
+    run: &mut Run,
     name: &str,
-    mut each: impl FnMut(&NetworkRow<'_>) -> Result<(), Failure>,
+    mut each: impl FnMut(&StationRow<'_>) -> Result<(), Failure>,
 ) -> Result<Result<(), Error>, Failure> {
     let mut progress = Progress::new(name, "samples", run.rows(), 0);
     let mut done = 0;
@@ -92,12 +92,12 @@ fn write_all(
     let provenance = Provenance::check(folder, made, &targets, args.force)?;
     let mut first_failure = None;
     for name in scenarios {
-        let mut run = NetworkRun::new(network, name)?;
+        let mut run = Run::new(network, name)?;
         let mut tables = stations()
             .enumerate()
             .map(|(at, station)| {
                 let path = target(name, &station.name);
-                let columns = network_columns(network, at);
+                let columns: Vec<String> = station_columns(network, at).into_iter().map(|column| column.name).collect();
                 let begin = || CsvWriter::with_columns(Draft::new(path.clone())?, &columns);
                 begin().map(|table| (table, 0)).map_err(|error| Failure::write(path.display(), error))
             })
@@ -132,8 +132,8 @@ fn print_all(network: &System, source: &Source, scenarios: &[&str]) -> Result<()
     let mut text = format!("{}\n", network.title.as_deref().unwrap_or(&source.name));
     let mut first_failure = None;
     for name in scenarios {
-        let mut run = NetworkRun::new(network, name)?;
-        let mut summary = NetworkSummary::new(network);
+        let mut run = Run::new(network, name)?;
+        let mut summary = SystemSummary::new(network, &run);
         let end = rows(&mut run, name, |row| {
             summary.add(row);
             Ok(())
@@ -146,7 +146,7 @@ fn print_all(network: &System, source: &Source, scenarios: &[&str]) -> Result<()
                 format::count(seen.rows),
                 format::effort(seen.peak_command, network.motion),
                 format::effort(seen.peak_link, network.motion),
-                format::energy(seen.hand),
+                format::energy(seen.ledger.hand),
             );
         }
         for (link, [first, second]) in network.links.iter().zip(run.let_go()) {

@@ -9,7 +9,7 @@ use hapt_analysis::{Check, NetworkCheck, Proposal};
 use hapt_live::standalone::{self, File, PageInput, PageNetwork, PageWorld};
 use hapt_model::{Parameter, Source, System, World, is_network};
 use hapt_report::{Drawing, NetworkReport, NetworkScenario, Report, Run, index_drawings, index_page};
-use hapt_sim::{NetworkRun, Simulation};
+use hapt_sim::Simulation;
 
 use crate::args::ReportArgs;
 use crate::failure::Failure;
@@ -169,7 +169,7 @@ fn report_network(ready: &ReadyNetwork) -> Result<NetworkReport<'_>, Failure> {
     let ReadyNetwork { title, stem, network, parameters, check, .. } = ready;
     let mut runs = Vec::new();
     for name in network.scenarios() {
-        let mut simulation = NetworkRun::new(network, name)?;
+        let mut simulation = hapt_sim::Run::new(network, name)?;
         let mut run = NetworkScenario::new(network, name);
         let end = network::rows(&mut simulation, name, |row| {
             run.add(row);

@@ -5,7 +5,7 @@ use std::ops::AddAssign;
 use fastrand::Rng;
 use hapt_analysis::{Error, NetworkCheck, check_network};
 use hapt_model::{Source, System};
-use hapt_sim::{NetworkRun, NetworkSummary};
+use hapt_sim::{Run, SystemSummary};
 
 use super::{Against, Claim, Counts, JUST, ROUNDING, numbers};
 
@@ -146,10 +146,10 @@ struct Drawn {
 }
 
 fn drawn(network: &System) -> Drawn {
-    let Ok(mut run) = NetworkRun::new(network, SCENARIO) else {
+    let Ok(mut run) = Run::new(network, SCENARIO) else {
         return Drawn { drawn: 0.0, round: 0.0, slack: 0.0, let_go: 0, samples: 0 };
     };
-    let mut summary = NetworkSummary::new(network);
+    let mut summary = SystemSummary::new(network, &run);
     let mut is_finite = true;
     while let Some(row) = run.next() {
         let Ok(row) = row else {

@@ -208,7 +208,7 @@ proptest! {
     #[test]
     fn a_lane_has_the_bits_of_the_run_alone(seed in any::<u64>(), runaway in any::<bool>()) {
         let worlds = worlds(|lane| world(seed, lane, runaway));
-        let outcomes = run_batch(&worlds, 0, &|| false);
+        let outcomes = run_batch(&worlds.each_ref(), 0, &|| false);
         prop_assert!(outcomes.is_some(), "these worlds fit: {:#?}", worlds[0]);
         for (lane, (world, outcome)) in worlds.iter().zip(outcomes.unwrap()).enumerate() {
             prop_assert_eq!(bits(outcome), bits(alone(world)), "lane {}: {:#?}", lane, world);
@@ -227,7 +227,7 @@ fn a_lane_that_runs_away_leaves_the_others_alone() {
         world
     };
     let worlds = worlds(of);
-    let outcomes = run_batch(&worlds, 0, &|| false).unwrap();
+    let outcomes = run_batch(&worlds.each_ref(), 0, &|| false).unwrap();
     for (lane, (world, outcome)) in worlds.iter().zip(outcomes).enumerate() {
         assert_eq!(outcome.is_none(), lane == 3);
         assert_eq!(bits(outcome), bits(alone(world)), "lane {lane}");
@@ -246,7 +246,7 @@ fn a_batch_ends_when_it_is_told_to() {
     let asked = std::cell::Cell::new(0);
     let after = |times: u32| {
         asked.set(0);
-        run_batch(&worlds, 0, &|| {
+        run_batch(&worlds.each_ref(), 0, &|| {
             asked.set(asked.get() + 1);
             asked.get() == times
         })
@@ -268,7 +268,7 @@ fn a_loop_of_another_kind_runs_alone() {
             change(&mut world, lane);
             world
         };
-        run_batch(&worlds(of), 0, &|| false).is_some()
+        run_batch(&worlds(of).each_ref(), 0, &|| false).is_some()
     };
     let of_puck = |law| Coupling { first: End::Puck, second: End::Ground, law, limit: None };
     assert!(fit(&|_, _| ()));

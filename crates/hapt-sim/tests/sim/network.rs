@@ -5,7 +5,7 @@ mod damping;
 
 use hapt_analysis::check_network;
 use hapt_model::{Source, System};
-use hapt_sim::NetworkRun;
+use hapt_sim::Run;
 
 /// Two equal wheels, joined by a spring of K over a way that takes nearly all of the age, one of them pushed for a moment.
 fn pair(stiffness: f64, damping: f64, more: &str) -> System {
@@ -26,7 +26,7 @@ fn pair(stiffness: f64, damping: f64, more: &str) -> System {
 
 /// The largest speeds of the first wheel from 1 s to 2 s, and from 5 s on.
 fn speeds(network: &System) -> [f64; 2] {
-    let mut run = NetworkRun::new(network, "all").unwrap();
+    let mut run = Run::new(network, "all").unwrap();
     let mut speeds = [0.0f64; 2];
     while let Some(row) = run.next() {
         let row = row.unwrap().row;
@@ -91,13 +91,13 @@ fn a_strong_device_takes_a_part_of_what_is_asked_of_a_weak_one() {
 #[test]
 fn a_link_without_messages_lets_go_and_no_torque_is_left() {
     let network = pair(1.0, 0.05, "loss = 1\n");
-    let mut run = NetworkRun::new(&network, "all").unwrap();
+    let mut run = Run::new(&network, "all").unwrap();
     while let Some(row) = run.next() {
         assert_eq!(row.unwrap().link, 0.0);
     }
     // One way is enough: an end that hears nothing says so, or says nothing.
     let network = pair(1.0, 0.05, "loss = 0.9\nseed = 3\n");
-    let mut run = NetworkRun::new(&network, "all").unwrap();
+    let mut run = Run::new(&network, "all").unwrap();
     let (mut acting, mut silent) = (0, 0);
     while let Some(row) = run.next() {
         let link = row.unwrap().link;
@@ -129,7 +129,7 @@ fn a_link_whose_messages_all_come_is_its_spring() {
             .insert("moved.toml".into(), format!("{wheel}[scenarios.all]\nduration = \"1 s\"\nhand = {hand}\n"));
         source.files.insert("wheel.toml".into(), wheel.into());
         let network = System::read(&source, &[]).unwrap();
-        let mut run = NetworkRun::new(&network, "all").unwrap();
+        let mut run = Run::new(&network, "all").unwrap();
         let mut seen = [vec![], vec![]];
         while let Some(row) = run.next() {
             let row = row.unwrap();
@@ -150,7 +150,7 @@ fn a_link_whose_messages_all_come_is_its_spring() {
 fn the_same_network_gives_the_same_rows_again() {
     let network = pair(1.0, 0.05, "loss = 0.3\nseed = 7\n");
     let rows = || {
-        let mut run = NetworkRun::new(&network, "all").unwrap();
+        let mut run = Run::new(&network, "all").unwrap();
         let mut rows = Vec::new();
         while let Some(row) = run.next() {
             let row = row.unwrap();
@@ -168,7 +168,7 @@ fn a_station_without_links_runs_as_its_world_alone() {
     let network = pair(0.0, 0.005, "");
     let station = &network.stations[0];
     let mut alone = hapt_sim::Simulation::new(&station.world, &station.world.scenarios[0]).unwrap();
-    let mut run = NetworkRun::new(&network, "all").unwrap();
+    let mut run = Run::new(&network, "all").unwrap();
     while let Some(row) = run.next() {
         let row = row.unwrap();
         if row.station == 0 {

@@ -1,9 +1,12 @@
 //! The measures of a cell.
 
-use hapt_analysis::sign;
-use hapt_analysis::{Verdict, free_growth, held_world_growth, is_certified, required_damping};
+use std::cell::OnceCell;
+
+use hapt_analysis::{
+    NetworkCheck, Verdict, check_network, free_growth, held_world_growth, is_certified, required_damping, sign,
+};
 use hapt_model::{Motion, Scenario, System, World};
-use hapt_sim::{Outcome, Simulation, Summary};
+use hapt_sim::{Outcome, Run, Simulation, Summary, SystemSummary};
 
 use super::Stop;
 
@@ -98,9 +101,11 @@ impl Measure {
         })
     }
 
-    /// Whether the key of this dotted path can change it. A run depends on every key; measures of the loop do not depend on a scenario, on
+    /// Whether the key of this dotted path can change it. A run and a network depend on every key; measures of a loop do not depend on a scenario, on
     /// initial states of bodies, or on the encoder; with the puck held they do not depend on device, delay and estimator, but with a handle held they do.
-    pub(crate) fn depends_on(self, key: &str, has_handle: bool) -> bool {
+    pub(crate) fn depends_on(self, key: &str, system: &System) -> bool {
+        let Some(world) = system.world() else { return true };
+        let has_handle = world.device.handle.is_some();
         if key.starts_with("device.handle.") {
             return self != Measure::RequiredDamping;
         }
@@ -157,9 +162,9 @@ impl Measure {
         }
     }
 
-    /// Its value of this world, for a measure of the loop; `None` where it does not exist, and for a measure of a run.
-    pub fn of_the_loop(self, world: &World) -> Option<f64> {
-        of_loop(world, self)
+    /// Its value of this system, for a measure of the loop; `None` where it does not exist, and for a measure of a run.
+    pub fn of_the_loop(self, system: &System) -> Option<f64> {
+        Checked::new(system, &|| false).value(self)
     }
 
     /// Whether it belongs to the loop with the puck held.
@@ -188,6 +193,8 @@ pub(crate) struct OfRun {
     pub peak_torque: Option<f64>,
     pub final_energy: Option<f64>,
     pub settling_time: Option<f64>,
+    pub energy_drawn: Option<f64>,
+    pub let_go: Option<f64>,
 }
 
 impl OfRun {
@@ -196,7 +203,7 @@ impl OfRun {
         OfRun {
             peak_torque: outcome.map(|run| run.peak_torque),
             final_energy: outcome.map(|run| run.final_energy),
-            settling_time: None,
+            ..OfRun::default()
         }
     }
 
@@ -206,14 +213,14 @@ impl OfRun {
             Measure::PeakTorque => self.peak_torque,
             Measure::FinalEnergy => self.final_energy,
             Measure::SettlingTime => self.settling_time,
+            Measure::EnergyDrawn => self.energy_drawn,
+            Measure::LetGo => self.let_go,
             Measure::HeldGrowth
             | Measure::FreeGrowth
             | Measure::HeldVerdict
             | Measure::FreeVerdict
             | Measure::RequiredDamping
             | Measure::Certified
-            | Measure::EnergyDrawn
-            | Measure::LetGo
             | Measure::DampingMargin
             | Measure::StiffnessScale
             | Measure::FixedPassive => None,
@@ -224,52 +231,83 @@ impl OfRun {
 /// Rows between two checks of the stop.
 pub(crate) const STRETCH: u64 = 4096;
 
-/// Runs the scenario once; no measures of a run that cannot start, stops being finite or is stopped.
-pub(crate) fn of_run(world: &World, scenario: &Scenario, settling: bool, stop: &Stop<'_>) -> OfRun {
-    let run = |world: &World| -> Option<OfRun> {
-        let scenario = hapt_analysis::with_worst_pattern(world, scenario).ok()?;
-        let scenario = scenario.as_ref();
-        let mut run = Simulation::new(world, scenario).ok()?;
-        let mut summary = Summary::new(world, &run);
-        let mut settling = settling.then(|| Settling::new(world, scenario, &run));
+/// Runs scenario number `scenario` once; no measures of a run that cannot start, stops being finite or is stopped. The time of settling is
+/// that of a world.
+pub(crate) fn of_run(system: &System, scenario: usize, settling: bool, stop: &Stop<'_>) -> OfRun {
+    let run = || -> Option<OfRun> {
+        let name = *system.scenarios().get(scenario)?;
+        let system = hapt_analysis::played(system, name).ok()?;
+        let mut run = Run::new(&system, name).ok()?;
+        let mut summary = SystemSummary::new(&system, &run);
+        let settles = system.world().filter(|_| settling).zip(run.stations().next());
+        let mut settling = settles.and_then(|(world, run)| Some(Settling::new(world, world.scenario(name).ok()?, run)));
+        let mut rows = 0_u64;
         while let Some(row) = run.next() {
             let row = row.ok()?;
-            summary.add(row);
-            if summary.rows.is_multiple_of(STRETCH) && stop() {
+            summary.add(&row);
+            rows += 1;
+            if rows.is_multiple_of(STRETCH) && stop() {
                 return None;
             }
             if let Some(settling) = &mut settling {
-                settling.add(row.time, row.puck, &row.bodies);
+                settling.add(row.row.time, row.row.puck, &row.row.bodies);
             }
         }
         Some(OfRun {
-            peak_torque: Some(summary.peak_torque),
-            final_energy: Some(summary.final_energy()),
+            peak_torque: Some(summary.peak_torque()),
+            final_energy: summary.stations.first().map(Summary::final_energy),
             settling_time: settling.and_then(|settling| settling.time()),
+            energy_drawn: Some((summary.drawn - summary.blur()).max(0.0)),
+            let_go: Some(run.let_go().flatten().sum::<u64>() as f64),
         })
     };
-    run(world).unwrap_or_default()
+    run().unwrap_or_default()
 }
 
-/// A measure of the loop; `None` where it does not exist or cannot be computed.
-pub(crate) fn of_loop(world: &World, measure: Measure) -> Option<f64> {
-    let held = || held_world_growth(world);
-    let verdict = |growth| sign(Verdict::of(growth));
-    match measure {
-        Measure::HeldGrowth => held().ok().flatten(),
-        Measure::FreeGrowth => free_growth(world).ok().flatten(),
-        Measure::HeldVerdict => held().ok().map(verdict),
-        Measure::FreeVerdict => free_growth(world).ok().map(verdict),
-        Measure::RequiredDamping => required_damping(world).ok().flatten(),
-        Measure::Certified => Some(f64::from(u8::from(is_certified(world)))),
-        Measure::PeakTorque
-        | Measure::FinalEnergy
-        | Measure::SettlingTime
-        | Measure::EnergyDrawn
-        | Measure::LetGo
-        | Measure::DampingMargin
-        | Measure::StiffnessScale
-        | Measure::FixedPassive => None,
+/// A system whose measures of the loop are computed; those of a network are in one certificate.
+pub(crate) struct Checked<'s> {
+    pub system: &'s System,
+    stop: &'s Stop<'s>,
+    check: OnceCell<Option<NetworkCheck>>,
+}
+
+impl<'s> Checked<'s> {
+    pub fn new(system: &'s System, stop: &'s Stop<'s>) -> Self {
+        Checked { system, stop, check: OnceCell::new() }
+    }
+
+    fn check(&self) -> Option<&NetworkCheck> {
+        let check = || if (self.stop)() { None } else { check_network(self.system).ok() };
+        self.check.get_or_init(check).as_ref()
+    }
+
+    /// A measure of the loop; `None` where it does not exist or cannot be computed.
+    pub fn value(&self, measure: Measure) -> Option<f64> {
+        let number = |is: bool| f64::from(u8::from(is));
+        let world = self.system.world();
+        match measure {
+            Measure::HeldGrowth => held_world_growth(world?).ok().flatten(),
+            Measure::FreeGrowth => free_growth(world?).ok().flatten(),
+            Measure::HeldVerdict => held_world_growth(world?).ok().map(Verdict::of).map(sign),
+            Measure::FreeVerdict => free_growth(world?).ok().map(Verdict::of).map(sign),
+            Measure::RequiredDamping => required_damping(world?).ok().flatten(),
+            Measure::Certified => match world {
+                Some(world) => Some(number(is_certified(world))),
+                None => Some(number(self.check()?.certified)),
+            },
+            Measure::DampingMargin => {
+                let stations = self.check()?.stations.iter();
+                let margins = stations.map(|station| Some(station.device_damping - station.required_damping?));
+                margins.collect::<Option<Vec<f64>>>()?.into_iter().min_by(f64::total_cmp)
+            }
+            Measure::StiffnessScale => self.check()?.remedies.as_ref()?.stiffness_scale,
+            Measure::FixedPassive => self.check()?.fixed.passive.map(number),
+            Measure::PeakTorque
+            | Measure::FinalEnergy
+            | Measure::SettlingTime
+            | Measure::EnergyDrawn
+            | Measure::LetGo => None,
+        }
     }
 }
 

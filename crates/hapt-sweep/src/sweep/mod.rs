@@ -3,7 +3,6 @@
 pub mod table;
 
 mod measure;
-mod network_worker;
 mod worker;
 
 use std::ops::Range;

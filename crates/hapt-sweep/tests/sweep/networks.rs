@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use hapt_analysis::check_network;
 use hapt_model::{Source, System};
-use hapt_sim::NetworkRun;
+use hapt_sim::Run;
 use hapt_sweep::boundary::{Boundary, Claim, Edge};
 use hapt_sweep::worst::search_together;
 use hapt_sweep::{Error, Measure, Shard, Sweep, Ticks};
@@ -168,7 +168,7 @@ fn a_cell_of_a_network_is_its_check_and_its_run_alone() {
         let sets = sets.map(|(key, value)| format!("{key}={:?}", value.unwrap()));
         let network = System::read(&source, &sets).unwrap();
         let check = check_network(&network).unwrap();
-        let mut run = NetworkRun::new(&network, "push").unwrap();
+        let mut run = Run::new(&network, "push").unwrap();
         let (mut hands, mut times, mut drawn, mut peak) = ([0.0; 2], [-1.0; 2], 0.0f64, 0.0f64);
         while let Some(row) = run.next() {
             let row = row.unwrap();
@@ -262,7 +262,7 @@ proptest! {
         let worst = of(&damped(&source, 0.75));
         prop_assert!(!worst.certified && worst.broken && worst.late, "{:?}", worst);
         // What it says is what the run of its network shows, and that has the scenario alone.
-        let mut run = NetworkRun::new(&worst.network, "worst").unwrap();
+        let mut run = Run::new(&worst.network, "worst").unwrap();
         let (mut hands, mut most) = ([0.0; 3], 0.0f64);
         while let Some(Ok(row)) = run.next() {
             hands[row.station] = row.row.ledger.hand;

@@ -9,7 +9,7 @@ mod search;
 
 use std::borrow::Cow;
 
-use hapt_model::{Sampling, Scenario, Timing, World};
+use hapt_model::{Sampling, Scenario, System, Timing, World};
 use serde::Serialize;
 
 use nalgebra::DMatrix;
@@ -192,6 +192,22 @@ pub fn with_worst_pattern<'a>(world: &World, scenario: &'a Scenario) -> Result<C
     }
     let timing = worst_pattern(world)?.timing(world.sampling.period);
     Ok(Cow::Owned(Scenario { timing, ..scenario.clone() }))
+}
+
+/// The system as its scenario `name` runs: at each station [`with_worst_pattern`].
+///
+/// # Errors
+/// As [`worst_pattern`].
+pub fn played<'a>(system: &'a System, name: &str) -> Result<Cow<'a, System>, Error> {
+    let mut played = Cow::Borrowed(system);
+    for (at, station) in system.stations.iter().enumerate() {
+        let scenarios = &station.world.scenarios;
+        let Some(index) = scenarios.iter().position(|scenario| scenario.name == name) else { continue };
+        if let Cow::Owned(scenario) = with_worst_pattern(&station.world, &scenarios[index])? {
+            played.to_mut().stations[at].world.scenarios[index] = scenario;
+        }
+    }
+    Ok(played)
 }
 
 fn pattern(found: search::WorstPattern) -> Pattern {

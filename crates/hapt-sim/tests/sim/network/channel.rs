@@ -1,7 +1,7 @@
 //! Messages under way: when they arrive, and how many are kept.
 
 use hapt_model::{Source, System};
-use hapt_sim::{Channel, NetworkRun, uniform};
+use hapt_sim::{Channel, Run, uniform};
 use proptest::prelude::*;
 
 fn pair(keys: &str, stations: &str, duration: &str) -> System {
@@ -19,7 +19,7 @@ fn pair(keys: &str, stations: &str, duration: &str) -> System {
 
 /// The largest |link| at the right station.
 fn felt(network: &System) -> f64 {
-    let mut run = NetworkRun::new(network, "all").unwrap();
+    let mut run = Run::new(network, "all").unwrap();
     let mut most = 0.0_f64;
     while let Some(row) = run.next() {
         let row = row.unwrap();

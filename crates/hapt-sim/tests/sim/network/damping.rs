@@ -2,7 +2,7 @@
 
 use hapt_analysis::check_network;
 use hapt_model::{Source, System};
-use hapt_sim::NetworkRun;
+use hapt_sim::Run;
 
 use super::{Rng, pair};
 
@@ -45,7 +45,7 @@ fn a_damped_link_to_a_wheel_that_is_held_is_the_coupling_to_ground() {
             source.files.insert("moved.toml".into(), world("", moved));
             source.files.insert("held.toml".into(), world("", "{ kind = \"step\", to = 0, at = 0 }"));
             let network = System::read(&source, &[]).unwrap();
-            let mut run = NetworkRun::new(&network, "all").unwrap();
+            let mut run = Run::new(&network, "all").unwrap();
             let mut single = hapt_sim::Simulation::new(&alone, &alone.scenarios[0]).unwrap();
             let (mut last, mut sample, mut pushed) = (0.0, 0, false);
             while let Some(row) = run.next() {
@@ -116,7 +116,7 @@ fn a_damper_joins_the_speeds_of_two_wheels_and_a_huge_one_is_not_certified() {
     for station in &mut network.stations {
         station.world.device.damping = 0.0;
     }
-    let mut run = NetworkRun::new(&network, "all").unwrap();
+    let mut run = Run::new(&network, "all").unwrap();
     let mut last = [0.0; 2];
     while let Some(row) = run.next() {
         let row = row.unwrap();
@@ -128,7 +128,7 @@ fn a_damper_joins_the_speeds_of_two_wheels_and_a_huge_one_is_not_certified() {
     let mut huge = damped("difference", 1.0, 0.0);
     huge.links[0].damping = f64::MAX;
     assert!(!check_network(&huge).unwrap().certified);
-    let mut run = NetworkRun::new(&huge, "all").unwrap();
+    let mut run = Run::new(&huge, "all").unwrap();
     // It ends with an error, or the link has let go.
     while let Some(Ok(row)) = run.next() {
         assert!(row.link.is_finite());
@@ -173,8 +173,8 @@ fn hands_that_shake_draw_from_less_damping_than_twice_that_of_the_link() {
         for station in &mut network.stations {
             station.world.device.damping = damping;
         }
-        let mut run = NetworkRun::new(&network, "paths").unwrap();
-        let mut summary = hapt_sim::NetworkSummary::new(&network);
+        let mut run = Run::new(&network, "paths").unwrap();
+        let mut summary = hapt_sim::SystemSummary::new(&network, &run);
         while let Some(row) = run.next() {
             summary.add(&row.unwrap());
         }
@@ -206,8 +206,8 @@ fn rounded_positions_feed_no_more_power_than_their_bound() {
         let power = bound.power.unwrap();
         assert!((power / (0.5 * torque * torque / over) - 1.0).abs() < 1e-6, "{power}");
         let drawn = |step: f64| {
-            let mut run = NetworkRun::new(&network, "paths").unwrap().rounding(step);
-            let mut summary = hapt_sim::NetworkSummary::new(&network);
+            let mut run = Run::new(&network, "paths").unwrap().rounding(step);
+            let mut summary = hapt_sim::SystemSummary::new(&network, &run);
             while let Some(row) = run.next() {
                 let row = row.unwrap();
                 let time = row.row.time;

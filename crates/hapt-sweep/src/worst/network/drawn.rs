@@ -1,7 +1,7 @@
 //! The energy that all hands together have drawn from a network, from the ledgers of a run.
 
 use hapt_model::{Link, System};
-use hapt_sim::{Error, NetworkRun, NetworkSummary};
+use hapt_sim::{Error, Run, SystemSummary};
 use serde::Serialize;
 
 use crate::worst::drawn::{ROUNDING, RUNAWAY, Supply};
@@ -79,8 +79,8 @@ fn grain(network: &System) -> f64 {
 /// # Errors
 /// When a loop cannot be compiled.
 pub fn drawn_together(network: &System, name: &str, begins: f64, had: f64) -> Result<DrawnTogether, Error> {
-    let mut run = NetworkRun::new(network, name)?;
-    let mut summary = NetworkSummary::new(network);
+    let mut run = Run::new(network, name)?;
+    let mut summary = SystemSummary::new(network, &run);
     let mut supplies: Vec<Supply> = network.stations.iter().map(|station| Supply::new(&station.world)).collect();
     let count = network.stations.len();
     let (mut supplied, mut places, mut speeds) = (vec![0.0; count], vec![0.0; count], vec![0.0f64; count]);

@@ -1,21 +1,22 @@
-//! A run of a network: stations on their exact devices, each at its own times, and the messages between them.
+//! A run of a system: stations on their exact devices, each at its own times, and the messages between them.
 
 use hapt_core::{LinkEnd, Puck, RemoteState, Strength};
 use hapt_model::{Drive, Hand, Link, Scenario, Shape, System, Timing};
 
 use crate::channel::Channel;
-use crate::row::{Row, SIGNALS, Signal, columns};
+use crate::row::{Column, Row, SIGNALS, Signal, columns};
 use crate::run::{Error, Simulation};
 
-/// A scenario of a network, sample by sample, whichever station takes the next.
+/// A scenario of a system, sample by sample, whichever station takes the next. Of a world file the one station's rows are those of its
+/// [`Simulation`], to the bit.
 ///
-/// A station sends its position at its samples, and with it the part of its torque that acts: see [`LinkEnd`]. No end uses a
+/// A station with links sends its position at its samples, and with it the part of its torque that acts: see [`LinkEnd`]. No end uses a
 /// position that the other's loop sent after a younger one. The links hold when the scenario begins: all wheels have been at rest at 0, and
 /// said so.
 ///
 /// ```
 /// use hapt_model::{System, Source};
-/// use hapt_sim::NetworkRun;
+/// use hapt_sim::Run;
 ///
 /// let mut source = Source::from_text("pair.toml", r#"
 /// stations.left.world = "push.toml"
@@ -27,7 +28,7 @@ use crate::run::{Error, Simulation};
 /// source.files.insert("wheel.toml".into(), wheel.into());
 /// source.files.insert("push.toml".into(), format!("{wheel}{push}"));
 /// let network = System::read(&source, &[])?;
-/// let mut run = NetworkRun::new(&network, "push")?;
+/// let mut run = Run::new(&network, "push")?;
 /// let mut right = 0.0;
 /// while let Some(row) = run.next() {
 ///     let row = row?;
@@ -40,38 +41,43 @@ use crate::run::{Error, Simulation};
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct NetworkRun {
+pub struct Run {
     stations: Vec<Station>,
     /// Messages have positions in steps of this; 0: as they are.
     step: f64,
     joints: Vec<Joint>,
+    /// Whether it is the station of a world file.
+    is_world: bool,
 }
 
 /// A sample of one station.
 #[derive(Clone, Copy, Debug)]
-pub struct NetworkRow<'a> {
+pub struct StationRow<'a> {
     /// Which station.
     pub station: usize,
-    /// Its row, its time by the clock of the network.
+    /// Its row, its time by the clock of the system.
     pub row: &'a Row,
-    /// From the links on the puck, before levels and limit: the command is of this and the world's torque together.
+    /// From the links on the puck, before levels and limit: the command is of this and the world's torque together. 0 of a world file.
     pub link: f64,
+    /// Whether it has a column for that: not of a world file.
+    pub(crate) is_linked: bool,
 }
 
-impl NetworkRow<'_> {
-    /// Its numbers in the order of [`network_columns`]; what `values` held before is gone.
+impl StationRow<'_> {
+    /// Its numbers in the order of [`station_columns`]; what `values` held before is gone.
     pub fn numbers(&self, values: &mut Vec<f64>) {
         values.clear();
         values.extend(SIGNALS.iter().map(|signal| (signal.get)(self.row)));
         values.extend(self.row.pairs().flat_map(|(position, velocity)| [position, velocity]));
-        values.push(self.link);
+        values.extend(self.is_linked.then_some(self.link));
     }
 }
 
-/// The columns of a station's run: those of its world, and the torque of its links. None where there is no such station.
-pub fn network_columns(network: &System, at: usize) -> Vec<String> {
-    let own = network.stations.get(at).map(|station| columns(&station.world)).unwrap_or_default();
-    own.into_iter().chain([Signal::LINK.column(network.motion)]).map(|column| column.name).collect()
+/// The columns of a station's run: those of its world, and in a network the torque of its links. None where there is no such station.
+pub fn station_columns(system: &System, at: usize) -> Vec<Column> {
+    let own = system.stations.get(at).map(|station| columns(&station.world)).unwrap_or_default();
+    let link = system.world().is_none().then(|| Signal::LINK.column(system.motion));
+    own.into_iter().chain(link).collect()
 }
 
 #[derive(Clone, Debug)]
@@ -172,13 +178,13 @@ impl AtRest {
     }
 }
 
-impl NetworkRun {
-    /// The scenario `name` of a network. Errors where a station's loop or timing cannot be run.
-    pub fn new(network: &System, name: &str) -> Result<Self, Error> {
-        let scenarios = network.scenario(name);
+impl Run {
+    /// The scenario `name` of a system. Errors where a station's loop or timing cannot be run.
+    pub fn new(system: &System, name: &str) -> Result<Self, Error> {
+        let scenarios = system.scenario(name);
         let duration = scenarios.iter().flatten().map(|scenario| scenario.duration).next().unwrap_or(0.0);
         let mut stations = Vec::new();
-        for (station, scenario) in network.stations.iter().zip(scenarios) {
+        for (station, scenario) in system.stations.iter().zip(scenarios) {
             let mut scenario = scenario.cloned().unwrap_or_else(|| hands_off(name, duration));
             scenario.timing = drifting(&scenario.timing, station.drift);
             stations.push(Station {
@@ -188,31 +194,31 @@ impl NetworkRun {
                 drift: station.drift,
             });
         }
-        let sender = |index: usize, side: usize| &stations[network.links[index].between[side]];
+        let sender = |index: usize, side: usize| &stations[system.links[index].between[side]];
         let end = |index: usize, side: usize| End {
-            coming: Channel::new(&network.links[index]),
+            coming: Channel::new(&system.links[index]),
             just_sent: Vec::new(),
-            at_rest: AtRest::new(&network.links[index], sender(index, 1 - side)),
+            at_rest: AtRest::new(&system.links[index], sender(index, 1 - side)),
             newest: None,
-            period: network.links[index].period.unwrap_or(sender(index, side).period)
+            period: system.links[index].period.unwrap_or(sender(index, side).period)
                 / (1.0 + sender(index, side).drift),
             sample: sender(index, side).period,
             drift: sender(index, side).drift,
             next: f64::NEG_INFINITY,
             last: 0.0,
-            link: LinkEnd::holding(side == 0, network.end(index, side)),
+            link: LinkEnd::holding(side == 0, system.end(index, side)),
         };
-        let joints = network.links.iter().enumerate().map(|(index, link)| Joint {
+        let joints = system.links.iter().enumerate().map(|(index, link)| Joint {
             random: u64::from(link.seed),
             ends: [end(index, 0), end(index, 1)],
             link: link.clone(),
         });
-        Ok(NetworkRun { joints: joints.collect(), stations, step: 0.0 })
+        Ok(Run { joints: joints.collect(), stations, step: 0.0, is_world: system.world().is_some() })
     }
 
     /// The same with positions that messages round to the nearest multiple of `step`, in rad (linear: m), as frames on a CAN bus do.
     pub fn rounding(self, step: f64) -> Self {
-        NetworkRun { step, ..self }
+        Run { step, ..self }
     }
 
     /// How many rows all stations have together.
@@ -220,9 +226,9 @@ impl NetworkRun {
         self.stations.iter().map(|station| station.run.rows()).sum()
     }
 
-    /// How many rows one station has.
-    pub fn rows_of(&self, station: usize) -> u64 {
-        self.stations.get(station).map_or(0, |station| station.run.rows())
+    /// The run of each station's world, in file order.
+    pub fn stations(&self) -> impl Iterator<Item = &Simulation> {
+        self.stations.iter().map(|station| &station.run)
     }
 
     /// How often each end of each link has let go.
@@ -232,7 +238,16 @@ impl NetworkRun {
 
     /// The next sample of all; `None` after the last. An error ends the run.
     #[allow(clippy::should_implement_trait)] // The row is lent, as that of a simulation.
-    pub fn next(&mut self) -> Option<Result<NetworkRow<'_>, Error>> {
+    #[inline]
+    pub fn next(&mut self) -> Option<Result<StationRow<'_>, Error>> {
+        if self.is_world {
+            let row = self.stations.first_mut()?.run.next()?;
+            return Some(row.map(|row| StationRow { station: 0, row, link: 0.0, is_linked: false }));
+        }
+        self.next_of_network()
+    }
+
+    fn next_of_network(&mut self) -> Option<Result<StationRow<'_>, Error>> {
         let due = |station: &Station| station.run.next_time().map(|time| time + station.phase);
         let times = self.stations.iter().enumerate().filter_map(|(at, station)| Some((at, due(station)?)));
         let (at, time) = times.min_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -249,7 +264,7 @@ impl NetworkRun {
         if !sum.is_finite() {
             return Some(Err(Error::NotFinite { time }));
         }
-        Some(Ok(NetworkRow { station: at, row, link: sum }))
+        Some(Ok(StationRow { station: at, row, link: sum, is_linked: true }))
     }
 }
 
