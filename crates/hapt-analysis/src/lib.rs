@@ -5,7 +5,7 @@
 //!
 //! | folder | contents |
 //! | --- | --- |
-//! | [`network`] | [`check_network()`]: the passivity of stations joined by links |
+//! | [`network`] | [`check_network()`]: the passivity of stations joined by links; [`check_system()`] of any file |
 //! | [`certificate`] | [`check()`] of a world, [`is_certified`], [`proof()`] for others to check, [`remedies()`] and their [`proposal()`] as lines for the file |
 //! | [`theorems`] | the [`theorems::Theorem`]s that claim [`passivity()`] and [`uneven()`], and nothing else does: [`Claimed`] |
 //! | [`passivity`](mod@passivity) | the damping that passivity against every passive hand requires, [`quantisation()`], [`worst_grip()`] |
@@ -86,7 +86,7 @@ pub use error::Error;
 pub use impedance::rendered::{Elements, Impedance};
 pub use network::{
     Alone, Demands, FixedExcess, FixedRates, LinkCheck, Linked, NetworkCheck, NetworkRemedies, Rounded, StationCheck,
-    check_links, check_network, rounded,
+    SystemCheck, check_links, check_network, check_system, rounded,
 };
 pub use numerics::eigenvalues::eigenvalues;
 pub use numerics::nelder_mead;

@@ -126,19 +126,9 @@ impl Subject<'_> {
     }
 
     fn check(&self, pointer: &str) -> Result<Value, Failure> {
-        match self.system()?.into_world() {
-            Ok(world) => {
-                let check = in_time(|| {
-                    let mut check = hapt_analysis::check(&world)?;
-                    if pointer.starts_with("/remedies") {
-                        check.remedies = Some(hapt_analysis::remedies(&world)?);
-                    }
-                    Ok::<_, hapt_analysis::Error>(check)
-                })?;
-                field(&check?, pointer)
-            }
-            Err(network) => field(&in_time(|| hapt_analysis::check_network(&network))??, pointer),
-        }
+        let system = self.system()?;
+        let wanted = pointer.contains("/remedies");
+        field(&in_time(|| hapt_analysis::check_system(&system, wanted))??, pointer)
     }
 
     /// A column of a run, of a network that of a station.

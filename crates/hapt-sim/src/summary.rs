@@ -63,18 +63,17 @@ impl<'w> Summary<'w> {
     /// Adds the next row.
     #[inline]
     pub fn add(&mut self, row: &Row) {
-        self.add_linked(row, 0.0);
+        self.add_with(row, row.torque);
     }
 
-    /// Adds the next row, with the torque of the links.
+    /// Adds the next row, with the torque of world and links.
     #[inline]
-    fn add_linked(&mut self, row: &Row, link: f64) {
-        let torque = (row.torque + link).abs();
+    fn add_with(&mut self, row: &Row, torque: f64) {
+        let torque = torque.abs();
         if torque > self.peak_torque {
             (self.peak_torque, self.peak_time) = (torque, row.time);
         }
         self.peak_command = self.peak_command.max(row.command.abs());
-        self.peak_link = self.peak_link.max(link.abs());
         if torque > self.limit {
             self.clipped += 1;
             self.first_clipped.get_or_insert((self.rows, row.time));
@@ -150,15 +149,21 @@ impl<'s> SystemSummary<'s> {
     }
 
     /// Adds the next row.
-    #[inline]
+    #[inline(always)]
     pub fn add(&mut self, row: &StationRow<'_>) {
-        let StationRow { station, row, link, is_linked } = *row;
-        let of = &mut self.stations[station];
-        if !is_linked {
-            return of.add(row);
+        match self.stations.as_mut_slice() {
+            [station] if !row.is_linked => station.add(row.row),
+            _ => self.add_linked(row),
         }
+    }
+
+    #[inline(never)]
+    fn add_linked(&mut self, row: &StationRow<'_>) {
+        let StationRow { station, row, link, .. } = *row;
+        let of = &mut self.stations[station];
+        of.peak_link = of.peak_link.max(link.abs());
         let step = (row.ledger.hand - of.ledger.hand).abs();
-        of.add_linked(row, link);
+        of.add_with(row, row.torque + link);
         self.steps[station] = self.steps[station].max(step);
         self.times[station] = row.time;
         self.exchanged += step;

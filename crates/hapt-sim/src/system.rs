@@ -59,8 +59,8 @@ pub struct StationRow<'a> {
     pub row: &'a Row,
     /// From the links on the puck, before levels and limit: the command is of this and the world's torque together. 0 of a world file.
     pub link: f64,
-    /// Whether it has a column for that: not of a world file.
-    pub(crate) is_linked: bool,
+    /// Whether its system is a network, so that there is a column for that.
+    pub is_linked: bool,
 }
 
 impl StationRow<'_> {
@@ -238,7 +238,7 @@ impl Run {
 
     /// The next sample of all; `None` after the last. An error ends the run.
     #[allow(clippy::should_implement_trait)] // The row is lent, as that of a simulation.
-    #[inline]
+    #[inline(always)] // As fast as the run of the world alone.
     pub fn next(&mut self) -> Option<Result<StationRow<'_>, Error>> {
         if self.is_world {
             let row = self.stations.first_mut()?.run.next()?;
@@ -247,6 +247,7 @@ impl Run {
         self.next_of_network()
     }
 
+    #[inline(never)]
     fn next_of_network(&mut self) -> Option<Result<StationRow<'_>, Error>> {
         let due = |station: &Station| station.run.next_time().map(|time| time + station.phase);
         let times = self.stations.iter().enumerate().filter_map(|(at, station)| Some((at, due(station)?)));

@@ -23,6 +23,7 @@ mod demands;
 mod fixed;
 mod linked;
 mod rounded;
+mod system;
 mod text;
 
 use hapt_model::{Damping, End, Law, Link, Station, System, World};
@@ -40,6 +41,7 @@ pub use demands::{Demands, FixedExcess};
 pub use fixed::FixedRates;
 pub use linked::{Alone, Linked, check_links};
 pub use rounded::{Rounded, rounded};
+pub use system::{SystemCheck, check_system};
 
 /// The certificate of a network. It serialises to what `hapt check --json` prints of one.
 #[derive(Clone, Debug, PartialEq, Serialize)]

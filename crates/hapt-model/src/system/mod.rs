@@ -169,18 +169,9 @@ impl System {
         }
     }
 
-    /// The same, and nothing else of it. Of a network itself.
-    ///
-    /// # Errors
-    /// The network, where it is one.
-    pub fn into_world(mut self) -> Result<World, System> {
-        match self.stations.pop() {
-            Some(station) if station.name.is_empty() => Ok(station.world),
-            last => {
-                self.stations.extend(last);
-                Err(self)
-            }
-        }
+    /// Its title, or else the name of the source that it was read from.
+    pub fn title_or<'s>(&'s self, source: &'s Source) -> &'s str {
+        self.title.as_deref().unwrap_or(&source.name)
     }
 
     /// What its file is called: "world" or "network".
@@ -260,6 +251,26 @@ impl System {
             }
         }
         names
+    }
+
+    /// Whether a station has the scenario `name`.
+    ///
+    /// # Errors
+    /// None has it: which there are.
+    pub fn find_scenario(&self, name: &str) -> Result<(), Error> {
+        if let Some(world) = self.world() {
+            return world.scenario(name).map(drop);
+        }
+        let names = self.scenarios();
+        if names.contains(&name) {
+            return Ok(());
+        }
+        let hint = match words::did_you_mean(name, names.iter().copied()) {
+            hint if hint.is_empty() => format!("; there is {}", names.join(", ")),
+            hint => hint,
+        };
+        let message = format!("no station's world has a scenario {}{hint}", words::quoted(name));
+        Err(Error { kind: ErrorKind::Name, key: String::new(), message, location: None })
     }
 
     /// What each station does in the scenario `name`; `None` for one whose world has no such scenario: there the puck is free.

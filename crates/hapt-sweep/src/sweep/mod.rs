@@ -7,7 +7,7 @@ mod worker;
 
 use std::ops::Range;
 
-use hapt_model::{Source, System, did_you_mean};
+use hapt_model::{Source, System};
 use hapt_sim::LANES;
 use rayon::prelude::*;
 
@@ -205,36 +205,18 @@ impl Sweep {
 /// The index of the scenario that is named, or needed by a measure of a run.
 fn chosen(system: &System, measures: &[Measure], scenario: Option<&str>) -> Result<Option<usize>, Error> {
     let names = system.scenarios();
-    let of_a_run = measures.iter().find(|measure| measure.of_a_run());
-    match (scenario, of_a_run, system.world()) {
-        (Some(name), _, Some(world)) => {
-            world.scenario(name)?;
-        }
-        (Some(name), _, None) if !names.contains(&name) => {
-            let hint = match did_you_mean(name, names.iter().copied()) {
-                hint if hint.is_empty() => format!("; there is {}", names.join(", ")),
-                hint => hint,
-            };
-            return Err(Error::Measure(format!("no station's world has a scenario {name:?}{hint}")));
-        }
-        (None, Some(measure), _) if names.is_empty() => {
-            return Err(Error::Measure(format!(
-                "{} is of a run, and the {} has no scenario",
-                measure.name(),
-                system.kind()
-            )));
-        }
-        (None, Some(measure), _) if names.len() > 1 => {
-            let message = format!("{} is of a run: --scenario takes one of {}", measure.name(), names.join(", "));
-            return Err(Error::Measure(message));
-        }
-        (None, None, _) => return Ok(None),
-        (Some(_), _, None) | (None, Some(_), _) => {}
+    if let Some(name) = scenario {
+        system.find_scenario(name)?;
+        return Ok(names.iter().position(|known| *known == name));
     }
-    Ok(match scenario {
-        Some(name) => names.iter().position(|known| *known == name),
-        None => Some(0),
-    })
+    let Some(measure) = measures.iter().find(|measure| measure.of_a_run()).map(|measure| measure.name()) else {
+        return Ok(None);
+    };
+    match names.len() {
+        0 => Err(Error::Measure(format!("{measure} is of a run, and the {} has no scenario", system.kind()))),
+        1 => Ok(Some(0)),
+        _ => Err(Error::Measure(format!("{measure} is of a run: --scenario takes one of {}", names.join(", ")))),
+    }
 }
 
 /// Rows of a sweep's table as lines of CSV.

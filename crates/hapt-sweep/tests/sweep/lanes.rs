@@ -108,7 +108,7 @@ proptest! {
         let parts = pool.install(|| [sweep.rows(0..middle), sweep.rows(middle..sweep.cells())]);
         prop_assert_eq!(parts.iter().flatten().count() as u64, sweep.cells());
         for row in parts.iter().flatten() {
-            let mut world = sweep.system.clone().into_world().unwrap();
+            let mut world = sweep.system.world().unwrap().clone();
             for (axis, value) in sweep.grid.axes.iter().zip(row) {
                 prop_assert!(world.set_number(&axis.key, value.unwrap()));
             }
@@ -147,7 +147,7 @@ fn each_number_in_turn(text: &str, seen: &mut [[u32; 2]; 4]) {
         let Ok(sweep) = Sweep::new(&source, &[method], std::slice::from_ref(&axis), &measures, None) else { continue };
         let rows = sweep.rows(0..2);
         for row in &rows {
-            let mut world = sweep.system.clone().into_world().unwrap();
+            let mut world = sweep.system.world().unwrap().clone();
             assert!(world.set_number(&parameter.path, row[0].unwrap()));
             let check = check(&world).unwrap();
             let certified = f64::from(u8::from(check.certified.holds()));

@@ -86,7 +86,7 @@ proptest! {
         let sweep = Sweep::new(&Source::from_text("w.toml", &text), &sets, &axes, &measures, None).unwrap();
         let middle = (cut * sweep.cells() as f64) as u64;
         for row in [sweep.rows(0..middle), sweep.rows(middle..sweep.cells())].iter().flatten() {
-            let mut world = sweep.system.clone().into_world().unwrap();
+            let mut world = sweep.system.world().unwrap().clone();
             for (axis, value) in sweep.grid.axes.iter().zip(row) {
                 prop_assert!(world.set_number(&axis.key, value.unwrap()));
             }
