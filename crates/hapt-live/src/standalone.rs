@@ -10,7 +10,7 @@
 
 use std::collections::BTreeMap;
 
-use hapt_analysis::{Check, NetworkCheck, Proposal};
+use hapt_analysis::{Proposal, SystemCheck};
 use hapt_core::SafetyProfile;
 use hapt_host::messages::{NetworkFile, ServerMessage, VerdictMessage, WorldFile};
 use hapt_host::{SettableKey, WorldConfig, rule};
@@ -27,14 +27,14 @@ const MANY: usize = 4;
 /// A file by its name, which may be in a folder.
 pub type File = (String, Vec<u8>);
 
-/// The contents of a page: a world, its certificate and its remedies.
+/// What a page has beside its system.
 #[derive(Clone, Copy, Debug)]
 pub struct PageInput<'a> {
-    /// The world.
-    pub world: &'a PageWorld,
-    /// Its certificate.
-    pub check: &'a Check,
-    /// Its remedies or margins.
+    /// The system.
+    pub page: &'a Page,
+    /// What it is called.
+    pub title: &'a str,
+    /// A world's remedies or margins.
     pub proposal: Option<&'a Proposal>,
     /// What it is called on the command line, with what is set there.
     pub command: &'a str,
@@ -42,59 +42,48 @@ pub struct PageInput<'a> {
     pub report: &'a str,
 }
 
-/// A world for such a page.
+/// A system for such a page.
 #[derive(Clone, Debug)]
-pub struct PageWorld {
-    /// As the page carries it.
-    file: WorldFile,
-    /// As the page reads it.
-    config: WorldConfig,
+pub struct Page(Contents);
+
+/// As the page carries it.
+#[derive(Clone, Debug)]
+enum Contents {
+    /// A world, the same as the page reads it, and its verdict.
+    World(WorldFile, Box<WorldConfig>, Box<VerdictMessage>),
+    /// A network for a page with all of its wheels, and its stations' names.
+    Network(NetworkFile, Vec<String>),
 }
 
-impl PageWorld {
-    /// The world of `source` under `sets`, with the files that it names.
+impl Page {
+    /// The system that was read from `source` under `sets`, with its certificate, and the files that it names.
     ///
     /// # Errors
-    /// In words, why it has no page: the page has not been built, or does not run this world.
-    pub fn new(source: &Source, sets: Vec<String>) -> Result<Self, String> {
-        is_built()?;
-        let file = WorldFile::new(source, sets)?;
-        let config = file.clone().config()?;
-        runs(&config.world)?;
-        Ok(PageWorld { file, config })
-    }
-}
-
-/// A network for a page with all of its wheels.
-#[derive(Clone, Debug)]
-pub struct PageNetwork {
-    /// As the page carries it.
-    file: NetworkFile,
-    /// The stations' names.
-    stations: Vec<String>,
-}
-
-impl PageNetwork {
-    /// The network that was read from `source` under `sets`, with its certificate.
-    ///
-    /// # Errors
-    /// In words, why it has no page: as [`PageWorld::new`], for each of its stations.
-    pub fn new(source: &Source, sets: Vec<String>, network: &System, check: &NetworkCheck) -> Result<Self, String> {
-        is_built()?;
-        let file = NetworkFile::new(source, sets, network, check)?;
-        for station in file.network()?.stations {
-            let at = |why| format!("{}: {why}", station.name);
-            rule::check(&station.world, &station.source, &station.sets).map_err(at)?;
-            runs(&station.world).map_err(at)?;
+    /// In words, why it has no page: the page has not been built, or does not run this world, or that of a station.
+    pub fn new(source: &Source, sets: Vec<String>, system: &System, check: &SystemCheck) -> Result<Self, String> {
+        let built = !CORE.is_empty() && assets::all().any(|(name, _)| name == "/index.html");
+        if !built {
+            return Err("this hapt was built without the page".into());
         }
-        let stations = network.stations.iter().map(|station| station.name.clone()).collect();
-        Ok(PageNetwork { file, stations })
+        Ok(Page(match check {
+            SystemCheck::World(check) => {
+                let file = WorldFile::new(source, sets)?;
+                let config = file.clone().config()?;
+                runs(&config.world)?;
+                let verdict = to_verdict(&config, check);
+                Contents::World(file, Box::new(config), Box::new(verdict))
+            }
+            SystemCheck::Network(check) => {
+                let file = NetworkFile::new(source, sets, system, check)?;
+                for station in file.network()?.stations {
+                    let at = |why| format!("{}: {why}", station.name);
+                    rule::check(&station.world, &station.source, &station.sets).map_err(at)?;
+                    runs(&station.world).map_err(at)?;
+                }
+                Contents::Network(file, system.stations.iter().map(|station| station.name.clone()).collect())
+            }
+        }))
     }
-}
-
-fn is_built() -> Result<(), String> {
-    let built = !CORE.is_empty() && assets::all().any(|(name, _)| name == "/index.html");
-    built.then_some(()).ok_or_else(|| "this hapt was built without the page".into())
 }
 
 fn runs(world: &World) -> Result<(), String> {
@@ -110,22 +99,9 @@ pub fn shared() -> Vec<File> {
     list
 }
 
-/// A world's page and its data, `stem.html` and `stem.js`.
-pub fn world(stem: &str, input: &PageInput<'_>) -> [File; 2] {
-    with_data(stem, &data(input))
-}
-
-/// The same of a network: its title, what it is called on the command line, with what is set there, and the report that the page leads back to.
-pub fn network(stem: &str, network: &PageNetwork, title: &str, command: &str, report: &str) -> [File; 2] {
-    let PageNetwork { file, stations } = network;
-    with_data(
-        stem,
-        &json!({ "network": file, "stations": stations, "title": title, "command": command, "report": report }),
-    )
-}
-
-fn with_data(stem: &str, data: &Value) -> [File; 2] {
-    let data = format!("Object.assign(window.hapt, {data});\n");
+/// A system's page and its data, `stem.html` and `stem.js`.
+pub fn files(stem: &str, input: &PageInput<'_>) -> [File; 2] {
+    let data = format!("Object.assign(window.hapt, {});\n", data(input));
     [(format!("{stem}.html"), page(stem).into_bytes()), (format!("{stem}.js"), data.into_bytes())]
 }
 
@@ -154,7 +130,13 @@ fn page(stem: &str) -> String {
 
 /// The contents of a page in the form that its script takes: web/src/local.ts and web/src/wheels.ts have their form.
 fn data(input: &PageInput<'_>) -> Value {
-    let PageInput { world: PageWorld { file, config }, check, proposal, command, report } = *input;
+    let PageInput { page: Page(contents), title, proposal, command, report } = *input;
+    let (file, config, verdict) = match contents {
+        Contents::World(file, config, verdict) => (file, config, verdict),
+        Contents::Network(file, stations) => {
+            return json!({ "network": file, "stations": stations, "title": title, "command": command, "report": report });
+        }
+    };
     let is_small = config.world.bodies.len() <= MANY;
     let number = |key: &&SettableKey| key.kind == "quantity" && (is_small || key.path == "loop.period");
     let ranges: BTreeMap<&str, Vec<[f64; 2]>> = (config.keys().iter().filter(number))
@@ -166,7 +148,7 @@ fn data(input: &PageInput<'_>) -> Value {
         "ranges": ranges,
         "command": command,
         "report": report,
-        "verdict": ServerMessage::Verdict(Box::new(VerdictMessage { remedies, ..to_verdict(config, check) })),
+        "verdict": ServerMessage::Verdict(Box::new(VerdictMessage { remedies, ..(**verdict).clone() })),
     })
 }
 
@@ -193,10 +175,12 @@ mod tests {
     fn a_worlds_text_stays_text() {
         let title = "title = \"</script><script>alert(1)</script>\"";
         let source = Source::from_text("wheel.toml", WHEEL.replace("title = \"wheel\"", title));
-        let own = PageWorld::new(&source, vec!["loop.period=2 ms".into()]).unwrap();
-        let check = hapt_analysis::check(&own.config.world).unwrap();
-        let input = PageInput { world: &own, check: &check, proposal: None, command: "it's", report: "../wheel.html" };
-        let [(name, html), (data, text)] = world("wheel", &input);
+        let sets = vec!["loop.period=2 ms".to_string()];
+        let system = System::read(&source, &sets).unwrap();
+        let check = hapt_analysis::check_system(&system, false).unwrap();
+        let page = &Page::new(&source, sets, &system, &check).unwrap();
+        let input = PageInput { page, title: "wheel", proposal: None, command: "it's", report: "../wheel.html" };
+        let [(name, html), (data, text)] = files("wheel", &input);
         assert_eq!((name.as_str(), data.as_str()), ("wheel.html", "wheel.js"));
         assert!(!String::from_utf8_lossy(&html).contains("alert(1)"));
         let text = String::from_utf8(text).unwrap();
@@ -206,7 +190,7 @@ mod tests {
         let read = file.config().unwrap();
         assert_eq!(read.world.title.as_deref(), Some("</script><script>alert(1)</script>"));
         assert_eq!(read.world.sampling.period, 2e-3);
-        assert_eq!((&data["command"], &data["verdict"]["certified"]), (&json!("it's"), &json!(check.certified)));
+        assert_eq!((&data["command"], &data["verdict"]["certified"]), (&json!("it's"), &json!(check.is_certified())));
         let [from, to] = [0, 1].map(|end| data["ranges"]["loop.period"][0][end].as_f64().unwrap());
         assert!(from < to);
     }

@@ -5,8 +5,7 @@ use maud::{Markup, html};
 
 use crate::extremes::Point;
 use crate::figure::Figure;
-use crate::network::NetworkReport;
-use crate::page::{Drawing, Report, critical, document, rate, verdict_name};
+use crate::page::{Drawing, Report, critical, document, loop_line, rate, verdict_name};
 use crate::stability::{Half, growth_by_period, period_panel};
 use crate::svg::Width;
 use crate::units::{say_effort, say_time};
@@ -22,12 +21,12 @@ pub fn index_drawings(reports: &[Report<'_>]) -> Vec<Drawing> {
     for motion in [Motion::Rotary, Motion::Linear] {
         let runs: Vec<_> = reports
             .iter()
-            .filter(|report| report.world.motion == motion)
+            .filter(|report| report.world().is_some() && report.system.motion == motion)
             .filter_map(|report| Some((report, report.runs.first()?)))
             .take(PANELS)
             .collect();
         if runs.len() > 1 {
-            let size = runs.iter().map(|(_, run)| run.traces.largest_effort()).fold(0.0, f64::max);
+            let size = runs.iter().map(|(_, run)| run.traces[0].largest_effort()).fold(0.0, f64::max);
             let (name, what) = match motion {
                 Motion::Rotary => ("torques", "Torque"),
                 Motion::Linear => ("forces", "Force"),
@@ -35,12 +34,12 @@ pub fn index_drawings(reports: &[Report<'_>]) -> Vec<Drawing> {
             list.push(Drawing::new(name, |width| {
                 let panel = |(report, run): &(&Report<'_>, &crate::Run<'_>)| {
                     let title = clipped(&report.title, if width == Width::Wide { 36 } else { 32 });
-                    run.traces.torque_panel(&title, size, width)
+                    run.traces[0].torque_panel(&title, size, width)
                 };
                 let said: Vec<String> = runs
                     .iter()
                     .map(|(report, run)| {
-                        format!("{} peaks at {}", report.title, say_effort(run.summary.peak_torque, motion))
+                        format!("{} peaks at {}", report.title, say_effort(run.summary.peak_torque(), motion))
                     })
                     .collect();
                 Figure {
@@ -53,11 +52,11 @@ pub fn index_drawings(reports: &[Report<'_>]) -> Vec<Drawing> {
         }
     }
     // A decade to either side of all periods: at a critical period far away all else would be flat.
-    let periods = || reports.iter().map(|report| report.check.period_s);
+    let worlds = || reports.iter().filter_map(|report| Some((report, report.world()?)));
+    let periods = || worlds().map(|(_, (_, check))| check.period_s);
     let span = (0.1 * periods().fold(f64::INFINITY, f64::min), 10.0 * periods().fold(0.0, f64::max));
-    let curves: Vec<(&str, Vec<Point>)> = reports
-        .iter()
-        .map(|report| (report.title.as_str(), growth_by_period(Half::Held, report.world, report.check, span)))
+    let curves: Vec<(&str, Vec<Point>)> = worlds()
+        .map(|(report, (world, check))| (report.title.as_str(), growth_by_period(Half::Held, world, check, span)))
         .filter(|(_, curve)| !curve.is_empty())
         .take(CURVES)
         .collect();
@@ -85,22 +84,23 @@ fn clipped(text: &str, most: usize) -> String {
     }
 }
 
-/// The page that compares the worlds, with links to their pages.
-pub fn index_page(reports: &[Report<'_>], networks: &[NetworkReport<'_>], drawings: &[Drawing]) -> String {
+/// The page that compares the worlds and networks, with links to their pages.
+pub fn index_page(reports: &[Report<'_>], drawings: &[Drawing]) -> String {
+    let (worlds, networks): (Vec<&Report<'_>>, Vec<_>) = reports.iter().partition(|report| report.world().is_some());
     document(
         "Worlds side by side",
         html! {
             main {
                 h1 { "Worlds side by side" }
-                @if !reports.is_empty() { div.scroll tabindex="0" { (table(reports)) } }
-                @if !networks.is_empty() { (table_of_networks(networks)) }
+                @if !worlds.is_empty() { div.scroll tabindex="0" { (table(&worlds)) } }
+                @if !networks.is_empty() { (table_of_networks(&networks)) }
                 @for drawing in drawings { (drawing.markup()) }
             }
         },
     )
 }
 
-fn table_of_networks(networks: &[NetworkReport<'_>]) -> Markup {
+fn table_of_networks(networks: &[&Report<'_>]) -> Markup {
     html! {
         table {
             thead { tr { th { "network" } th { "certified" } th { "stations and links" } } }
@@ -108,8 +108,8 @@ fn table_of_networks(networks: &[NetworkReport<'_>]) -> Markup {
                 @for report in networks {
                     tr {
                         td { a href={ (report.stem) ".html" } { (report.title) } }
-                        td class={ "state " (if report.check.certified { "stable" } else { "unstable" }) } {
-                            (if report.check.certified { "yes" } else { "no" })
+                        td class={ "state " (if report.check.is_certified() { "stable" } else { "unstable" }) } {
+                            (if report.check.is_certified() { "yes" } else { "no" })
                         }
                         td { (report.line()) }
                     }
@@ -119,27 +119,28 @@ fn table_of_networks(networks: &[NetworkReport<'_>]) -> Markup {
     }
 }
 
-fn table(reports: &[Report<'_>]) -> Markup {
+fn table(reports: &[&Report<'_>]) -> Markup {
+    let worlds = reports.iter().filter_map(|report| Some((report, report.world()?)));
     html! {
         table {
             thead {
                 tr { th { "world" } th { "certified" } th { "held" } th { "growth per s" } th { "critical period" } th { "hands-off" } th { "peak torque" } th { "first clipped" } th { "loop" } }
             }
             tbody {
-                @for report in reports {
+                @for (report, (world, check)) in worlds {
                     tr {
                         td { a href={ (report.stem) ".html" } { (report.title) } }
-                        td class={ "state " (if report.check.certified.holds() { "stable" } else { "unstable" }) } {
-                            (if report.check.certified.holds() { "yes" } else { "no" })
+                        td class={ "state " (if check.certified.holds() { "stable" } else { "unstable" }) } {
+                            (if check.certified.holds() { "yes" } else { "no" })
                         }
-                        td class={ "state " (verdict_name(&report.check.held)) } { (verdict_name(&report.check.held)) }
-                        td.number { (report.check.held.growth_per_s.map_or("none".into(), rate)) }
-                        td.number { (critical(&report.check.held)) }
-                        td class={ "state " (verdict_name(&report.check.free)) } { (verdict_name(&report.check.free)) }
-                        td.number { @for run in &report.runs { (say_effort(run.summary.peak_torque, report.world.motion)) br; } }
+                        td class={ "state " (verdict_name(&check.held)) } { (verdict_name(&check.held)) }
+                        td.number { (check.held.growth_per_s.map_or("none".into(), rate)) }
+                        td.number { (critical(&check.held)) }
+                        td class={ "state " (verdict_name(&check.free)) } { (verdict_name(&check.free)) }
+                        td.number { @for run in &report.runs { (say_effort(run.summary.peak_torque(), world.motion)) br; } }
                         td.number {
                             @for run in &report.runs {
-                                @match (report.world.device.limit, run.summary.first_clipped) {
+                                @match (world.device.limit, run.summary.stations[0].first_clipped) {
                                     (None, _) => "no limit",
                                     (_, Some((_, time))) => (say_time(time)),
                                     (_, None) => "never",
@@ -147,7 +148,7 @@ fn table(reports: &[Report<'_>]) -> Markup {
                                 br;
                             }
                         }
-                        td { (report.loop_line()) }
+                        td { (loop_line(world)) }
                     }
                 }
             }

@@ -1,8 +1,8 @@
-//! A world and its runs as figures and pages.
+//! A world or network and its runs as figures and pages.
 //!
-//! * [`Report`] is one world's page: diagram, verdict, eigenvalues, growth against period, and for each [`Run`] motion, torque
-//!   and energy over time. Its figures are also files ([`Drawing`]), and several worlds have an index ([`index_page`]).
-//! * [`NetworkReport`] is the same for a network of stations.
+//! * [`Report`] is a system's page: diagram, verdict, eigenvalues, growth against period, and for each [`Run`] motion, torque
+//!   and energy over time. Its figures are also files ([`Drawing`]), and several systems have an index ([`index_page`]).
+//!   Of a network of stations it has the links too.
 //! * [`ConformanceReport`] shows what a force-feedback wheel makes of each effect.
 //! * [`Traces`] holds a run's signals for drawing, from the simulation or, by [`read_csv`], from a file.
 //! * [`Figure`](figure::Figure) is a figure as plain data; [`svg`](figure::Figure::svg) renders it.
@@ -37,7 +37,6 @@ pub use diagram::{Diagram, diagram};
 pub use extremes::{Extremes, Point, Stretches};
 pub use index::{index_drawings, index_page};
 pub use map::{Map, Scale};
-pub use network::{NetworkReport, NetworkScenario};
 pub use page::{Drawing, Report};
 #[cfg(feature = "png")]
 pub use png::png;

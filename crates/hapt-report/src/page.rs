@@ -1,8 +1,8 @@
-//! One world as one page, without network, scripts or other external content.
+//! One world, or network of stations, as one page, without scripts or other external content.
 
 use hapt_analysis::certificate::text::rates;
-use hapt_analysis::{Check, Stability, Verdict};
-use hapt_model::{Parameter, World};
+use hapt_analysis::{Check, Stability, SystemCheck, Verdict};
+use hapt_model::{Parameter, System, World};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::diagram::diagram;
@@ -91,12 +91,11 @@ impl Drawing {
     }
 }
 
-/// A world with its analysis and its runs.
+/// A system with its certificate and its runs.
 ///
 /// ```
-/// use hapt_model::{Source, World, parameters};
+/// use hapt_model::{Source, System, parameters};
 /// use hapt_report::{Report, Run};
-/// use hapt_sim::Simulation;
 ///
 /// let file = r#"
 /// title = "A spring"
@@ -111,17 +110,17 @@ impl Drawing {
 /// hand = { kind = "sine", amplitude = "30 deg", frequency = "2 Hz" }
 /// "#;
 /// let source = Source::from_text("spring.toml", file);
-/// let world = World::read(&source, &[])?;
-/// let (check, parameters) = (hapt_analysis::check(&world)?, parameters(&source, &[])?);
-/// let mut simulation = Simulation::new(&world, world.scenario("turn")?)?;
-/// let mut run = Run::new(&world, world.scenario("turn")?, &simulation, &check);
+/// let system = System::read(&source, &[])?;
+/// let (check, parameters) = (hapt_analysis::check_system(&system, false)?, [parameters(&source, &[])?]);
+/// let mut simulation = hapt_sim::Run::new(&system, "turn")?;
+/// let mut run = Run::new(&system, "turn", &simulation, &check);
 /// while let Some(row) = simulation.next() {
-///     run.add(row?);
+///     run.add(&row?);
 /// }
 /// let report = Report {
 ///     title: "A spring".into(),
 ///     stem: "spring".into(),
-///     world: &world,
+///     system: &system,
 ///     parameters: &parameters,
 ///     check: &check,
 ///     proposal: None,
@@ -131,43 +130,44 @@ impl Drawing {
 /// let drawings = report.drawings();
 /// assert!(drawings.iter().any(|drawing| drawing.name == "turn-motion"));
 /// let page = report.page(&drawings, false);
-/// assert!(page.contains("<h1>A spring</h1>") && page.contains(&check.passivity_sentence()));
+/// assert!(page.contains("<h1>A spring</h1>") && page.contains("turn"));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
-pub struct Report<'w> {
+pub struct Report<'s> {
     /// Its title, or its file's name.
     pub title: String,
     /// The file's name without folder and ending, under which its files are written.
     pub stem: String,
     /// In SI.
-    pub world: &'w World,
-    /// The text of its file.
-    pub parameters: &'w [Parameter],
+    pub system: &'s System,
+    /// The text of each station's world.
+    pub parameters: &'s [Vec<Parameter>],
     /// Its certificate.
-    pub check: &'w Check,
-    /// Remedies, or margins: a heading, and lines to paste into the world file.
-    pub proposal: Option<(&'w str, &'w [String])>,
+    pub check: &'s SystemCheck,
+    /// Of a world, remedies or margins: a heading, and lines to paste into its file.
+    pub proposal: Option<(&'s str, &'s [String])>,
     /// The runs of the scenarios.
-    pub runs: Vec<Run<'w>>,
-    /// The link to the page that runs the world, where there is one.
+    pub runs: Vec<Run<'s>>,
+    /// The link to the page that runs it, where there is one.
     pub live: Option<String>,
 }
 
 impl Report<'_> {
     /// Every figure, in the order of the page.
     pub fn drawings(&self) -> Vec<Drawing> {
-        let (inline, own) = (diagram(self.world, false), diagram(self.world, true));
+        let Some((world, check)) = self.world() else { return self.drawings_of_network() };
+        let (inline, own) = (diagram(world, false), diagram(world, true));
         let mut list = vec![Drawing::one("world", "The world", inline.svg, own.svg)];
         for half in [Half::Held, Half::Free] {
-            if let Some(figure) = stability::eigenvalues(half, self.check) {
+            if let Some(figure) = stability::eigenvalues(half, check) {
                 list.push(Drawing::new(&half.file("eigenvalues"), |_| figure.clone()));
             }
-            if let Some(figure) = stability::periods(half, self.world, self.check) {
+            if let Some(figure) = stability::periods(half, world, check) {
                 list.push(Drawing::new(&half.file("periods"), |_| figure.clone()));
             }
         }
-        let room = self.room();
+        let room = self.room(world);
         for run in &self.runs {
             list.push(Drawing::new(&format!("{}-motion", run.name), |width| run.motion(width, room)));
             list.push(Drawing::new(&format!("{}-energy", run.name), |width| run.energy(width, room)));
@@ -176,102 +176,119 @@ impl Report<'_> {
     }
 
     /// The number of intervals per curve, so that a page of many scenarios and bodies stays small.
-    fn room(&self) -> usize {
-        let curves = self.runs.len().max(1) * (2 * (self.world.bodies.len() + 1) + 2 + 5);
+    fn room(&self, world: &World) -> usize {
+        let curves = self.runs.len().max(1) * (2 * (world.bodies.len() + 1) + 2 + 5);
         // Two points per interval of some seven bytes each, drawn wide and narrow.
         let each = BUDGET / curves / (2 * 7 + 2 * 7 * 2 / 5);
         each.clamp(12, Width::Wide.stretches())
     }
 
+    /// The world and its certificate; `None` of a network.
+    pub(crate) fn world(&self) -> Option<(&World, &Check)> {
+        match self.check {
+            SystemCheck::World(check) => Some((self.system.world()?, check)),
+            SystemCheck::Network(_) => None,
+        }
+    }
+
     /// The page; `drawings` are [`Report::drawings`].
     pub fn page(&self, drawings: &[Drawing], index: bool) -> String {
-        let (loop_figures, run_figures) = drawings.split_at(drawings.len() - 2 * self.runs.len());
-        let (world_figure, loop_figures) = loop_figures.split_at(1);
-        let (free_figures, held_figures): (Vec<&Drawing>, Vec<&Drawing>) =
-            loop_figures.iter().partition(|drawing| drawing.name.starts_with(&Half::Free.file("")));
+        let of_world = self.world().map(|(world, check)| self.of_world(world, check, drawings));
         document(
             &self.title,
             html! {
                 main {
                     @if index { p.soft { a href="index.html" { "All worlds" } } }
                     h1 { (self.title) }
-                    p.soft { (self.loop_line()) }
-                    @if let Some(live) = &self.live {
-                        p { a href=(live) { "Grab it" } ": this loop runs in your browser, with a hand for your mouse." }
-                    }
-                    (verdict(self.check))
-                    @if let Some((heading, lines)) = self.proposal {
-                        p { (if self.check.certified.holds() { "Margins: " } else { "Remedies: " }) (heading) "." }
-                        @if !lines.is_empty() { pre { (lines.join("\n")) } }
-                    }
-                    @for note in &self.check.notes { p.soft { "Note: " (note) } }
-                    @for drawing in world_figure { (drawing.markup()) }
-                    h2 { "The world, the puck held still" }
-                    @if held_figures.is_empty() {
-                        p { "The world has no bodies: nothing of it moves while the puck is held, and there are no eigenvalues." }
-                    } @else {
-                        (numbers(&self.check.held))
-                    }
-                    @for drawing in held_figures { (drawing.markup()) }
-                    h2 { "The whole loop, hands-off" }
-                    (numbers(&self.check.free))
-                    @for drawing in free_figures { (drawing.markup()) }
-                    @for (run, drawings) in self.runs.iter().zip(run_figures.chunks(2)) {
-                        h2 { "Scenario " (run.name) }
-                        (self.scenario(run))
-                        @for drawing in drawings { (drawing.markup()) }
-                    }
-                    h2 { "Parameters" }
-                    (parameters(self.parameters))
+                    @if let Some(page) = of_world { (page) }
+                    @if let SystemCheck::Network(check) = self.check { (self.of_network(check, drawings)) }
                 }
             },
         )
     }
 
-    /// "forward-euler at 1 ms a sample, torque from the start of the step"
-    pub(crate) fn loop_line(&self) -> String {
-        let sampling = &self.world.sampling;
-        format!(
-            "{}, {} a sample{}, torque from the {} of the step",
-            sampling.method.name(),
-            say_time(sampling.period),
-            rates(sampling),
-            sampling.output.name()
-        )
-    }
-
-    fn scenario(&self, run: &Run<'_>) -> Markup {
-        let (summary, motion) = (&run.summary, self.world.motion);
-        let effort = |x| say_effort(x, motion);
+    /// The page of a world below its title.
+    fn of_world(&self, world: &World, check: &Check, drawings: &[Drawing]) -> Markup {
+        let (loop_figures, run_figures) = drawings.split_at(drawings.len() - 2 * self.runs.len());
+        let (world_figure, loop_figures) = loop_figures.split_at(1);
+        let (free_figures, held_figures): (Vec<&Drawing>, Vec<&Drawing>) =
+            loop_figures.iter().partition(|drawing| drawing.name.starts_with(&Half::Free.file("")));
         html! {
-            @if let Some(failure) = &run.failure { p.verdict.unstable { b { "Ended early" } ": " (failure) } }
-            dl {
-                dt { "duration" } dd { (say_time(run.duration)) }
-                dt { "peak " (effort_name(motion)) } dd { (effort(summary.peak_torque)) " at " (say_time(summary.peak_time)) }
-                dt { "motor" }
-                dd {
-                    @match (self.world.device.limit, summary.first_clipped) {
-                        (None, _) => "no limit given",
-                        (Some(limit), None) => { "never beyond its limit, " (effort(limit)) }
-                        (Some(limit), Some((sample, time))) => {
-                            "beyond its limit, " (effort(limit)) ", at " (summary.clipped) " of " (summary.rows)
-                            " samples, first at sample " (sample) " (" (say_time(time)) ")"
-                        }
+            p.soft { (loop_line(world)) }
+            @if let Some(live) = &self.live {
+                p { a href=(live) { "Grab it" } ": this loop runs in your browser, with a hand for your mouse." }
+            }
+            (verdict(check))
+            @if let Some((heading, lines)) = self.proposal {
+                p { (if check.certified.holds() { "Margins: " } else { "Remedies: " }) (heading) "." }
+                @if !lines.is_empty() { pre { (lines.join("\n")) } }
+            }
+            @for note in &check.notes { p.soft { "Note: " (note) } }
+            @for drawing in world_figure { (drawing.markup()) }
+            h2 { "The world, the puck held still" }
+            @if held_figures.is_empty() {
+                p { "The world has no bodies: nothing of it moves while the puck is held, and there are no eigenvalues." }
+            } @else {
+                (numbers(&check.held))
+            }
+            @for drawing in held_figures { (drawing.markup()) }
+            h2 { "The whole loop, hands-off" }
+            (numbers(&check.free))
+            @for drawing in free_figures { (drawing.markup()) }
+            @for (run, drawings) in self.runs.iter().zip(run_figures.chunks(2)) {
+                h2 { "Scenario " (run.name) }
+                (scenario(world, check, run))
+                @for drawing in drawings { (drawing.markup()) }
+            }
+            h2 { "Parameters" }
+            @for list in self.parameters { (parameters(list)) }
+        }
+    }
+}
+
+/// "forward-euler at 1 ms a sample, torque from the start of the step"
+pub(crate) fn loop_line(world: &World) -> String {
+    let sampling = &world.sampling;
+    format!(
+        "{}, {} a sample{}, torque from the {} of the step",
+        sampling.method.name(),
+        say_time(sampling.period),
+        rates(sampling),
+        sampling.output.name()
+    )
+}
+
+fn scenario(world: &World, check: &Check, run: &Run<'_>) -> Markup {
+    let (summary, motion) = (&run.summary.stations[0], world.motion);
+    let effort = |x| say_effort(x, motion);
+    html! {
+        @if let Some(failure) = &run.failure { p.verdict.unstable { b { "Ended early" } ": " (failure) } }
+        dl {
+            dt { "duration" } dd { (say_time(run.duration)) }
+            dt { "peak " (effort_name(motion)) } dd { (effort(summary.peak_torque)) " at " (say_time(summary.peak_time)) }
+            dt { "motor" }
+            dd {
+                @match (world.device.limit, summary.first_clipped) {
+                    (None, _) => "no limit given",
+                    (Some(limit), None) => { "never beyond its limit, " (effort(limit)) }
+                    (Some(limit), Some((sample, time))) => {
+                        "beyond its limit, " (effort(limit)) ", at " (summary.clipped) " of " (summary.rows)
+                        " samples, first at sample " (sample) " (" (say_time(time)) ")"
                     }
                 }
-                @if let Some(fitted) = summary.fitted_growth() {
-                    dt { "growth" }
-                    dd {
-                        (rate(fitted)) " per second fitted to the run"
-                        @if let Some(predicted) = self.check.held.growth_per_s { ", " (rate(predicted)) " predicted" }
-                    }
-                }
-                dt { "energy" }
+            }
+            @if let Some(fitted) = summary.fitted_growth() {
+                dt { "growth" }
                 dd {
-                    "the hand gave " (say_energy(summary.ledger.hand)) ", the motor " (say_energy(summary.ledger.motor))
-                    "; damping took " (say_energy(summary.ledger.damping)) ", friction " (say_energy(summary.ledger.friction))
-                    "; the world stores " (say_energy(summary.final_energy()))
+                    (rate(fitted)) " per second fitted to the run"
+                    @if let Some(predicted) = check.held.growth_per_s { ", " (rate(predicted)) " predicted" }
                 }
+            }
+            dt { "energy" }
+            dd {
+                "the hand gave " (say_energy(summary.ledger.hand)) ", the motor " (say_energy(summary.ledger.motor))
+                "; damping took " (say_energy(summary.ledger.damping)) ", friction " (say_energy(summary.ledger.friction))
+                "; the world stores " (say_energy(summary.final_energy()))
             }
         }
     }

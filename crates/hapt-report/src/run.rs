@@ -1,9 +1,9 @@
 //! A scenario's run, collected while it streams.
 
 use hapt_analysis::continuous::piecewise_at_bodies;
-use hapt_analysis::{Check, Continuous, Slopes};
-use hapt_model::{Motion, Scenario, World};
-use hapt_sim::{Row, Simulation, Summary, world_energy};
+use hapt_analysis::{Check, Continuous, Slopes, SystemCheck};
+use hapt_model::{Station, System, World};
+use hapt_sim::{Row, Simulation, StationRow, SystemSummary, world_energy};
 
 use crate::extremes::Extremes;
 use crate::figure::{Axis, Figure, Panel, Style};
@@ -13,18 +13,23 @@ use crate::units;
 
 /// The data of one scenario for a page; their size does not depend on its length.
 #[derive(Clone, Debug)]
-pub struct Run<'w> {
-    world: &'w World,
+pub struct Run<'s> {
+    pub(crate) system: &'s System,
     /// The scenario's name.
     pub name: String,
     /// The scenario's duration, in s.
     pub duration: f64,
     /// The run in a few numbers.
-    pub summary: Summary<'w>,
-    /// Its signals.
-    pub traces: Traces,
+    pub summary: SystemSummary<'s>,
+    /// The signals of each station.
+    pub traces: Vec<Traces>,
+    /// How often each end of each link has let go.
+    pub let_go: Vec<[u64; 2]>,
     /// The reason of an early end, if any.
     pub failure: Option<String>,
+    /// Of each station of a network, the torque of its links.
+    pub(crate) links: Vec<Extremes>,
+    /// Of a world.
     energies: [Extremes; 5],
     swing: Option<Swing>,
 }
@@ -43,28 +48,49 @@ struct Swing {
     size: f64,
 }
 
-impl<'w> Run<'w> {
-    /// Before the first row of `simulation`, a run of `scenario`; `check` is the analysis of the same world.
-    pub fn new(world: &'w World, scenario: &Scenario, simulation: &Simulation, check: &Check) -> Self {
+impl<'s> Run<'s> {
+    /// Before the first row of `run`, a run of the scenario `name`; `check` is the certificate of the same system.
+    pub fn new(system: &'s System, name: &str, run: &hapt_sim::Run, check: &SystemCheck) -> Self {
+        let swing = match (check, system.world()) {
+            (SystemCheck::World(check), Some(world)) => {
+                let still = run.stations().next().and_then(Simulation::still_from);
+                still.and_then(|from| Swing::new(world, check, from))
+            }
+            _ => None,
+        };
+        let signal = || Extremes::new(Width::Wide.stretches());
+        let traces = |Station { world, .. }: &Station| Traces::new(world.motion, &world.names, world.device.limit);
+        let linked = system.stations.iter().filter(|_| system.world().is_none());
         Run {
-            world,
-            name: scenario.name.clone(),
-            duration: scenario.duration,
-            summary: Summary::new(world, simulation),
-            traces: Traces::new(world.motion, &world.names, world.device.limit),
+            system,
+            name: name.into(),
+            duration: system
+                .scenario(name)
+                .into_iter()
+                .flatten()
+                .map(|scenario| scenario.duration)
+                .next()
+                .unwrap_or(0.0),
+            summary: SystemSummary::new(system, run),
+            traces: system.stations.iter().map(traces).collect(),
+            let_go: Vec::new(),
             failure: None,
-            energies: std::array::from_fn(|_| Extremes::new(Width::Wide.stretches())),
-            swing: simulation.still_from().and_then(|from| Swing::new(world, check, from)),
+            links: linked.map(|_| signal()).collect(),
+            energies: std::array::from_fn(|_| signal()),
+            swing,
         }
     }
 
     /// Adds the next row.
-    pub fn add(&mut self, row: &Row) {
-        self.summary.add(row);
+    pub fn add(&mut self, of: &StationRow<'_>) {
+        self.summary.add(of);
+        let row = of.row;
+        let torque = if of.is_linked { row.torque + of.link } else { row.torque };
         let puck = std::iter::once((row.puck, row.puck_velocity));
-        self.traces.add(row.time, puck.chain(row.bodies.iter().copied()), row.torque, row.applied);
+        self.traces[of.station].add(row.time, puck.chain(row.bodies.iter().copied()), torque, row.applied);
+        let Some(world) = self.system.world() else { return self.links[of.station].add(row.time, of.link) };
         let ledger = row.ledger;
-        let stored = world_energy(self.world, row.puck, &row.bodies, &row.bristles);
+        let stored = world_energy(world, row.puck, &row.bodies, &row.bristles);
         let values = [stored, ledger.hand, ledger.motor, ledger.damping, ledger.friction];
         for (signal, value) in self.energies.iter_mut().zip(values) {
             signal.add(row.time, value);
@@ -82,8 +108,8 @@ impl<'w> Run<'w> {
 
     /// Position, velocity and torque over time.
     pub fn motion(&self, width: Width, room: usize) -> Figure {
-        self.traces.figure(
-            &format!("{}: motion and {}", self.name, units::effort_name(self.world.motion)),
+        self.traces[0].figure(
+            &format!("{}: motion and {}", self.name, units::effort_name(self.system.motion)),
             self.envelope(),
             width,
             room,
@@ -95,7 +121,7 @@ impl<'w> Run<'w> {
         let ranges: Vec<(f64, f64)> = self.energies.iter().map(|signal| signal.range().unwrap_or((0.0, 0.0))).collect();
         let size = |&(low, high): &(f64, f64)| low.abs().max(high.abs());
         let unit = units::energy(ranges.iter().map(size).fold(0.0, f64::max));
-        let (from, to) = self.traces.span();
+        let (from, to) = self.traces[0].span();
         let seconds = units::time(to);
         let x = Axis::from_to("time", seconds.name, from * seconds.per_si, to * seconds.per_si);
         let y = Axis::around(
@@ -116,11 +142,6 @@ impl<'w> Run<'w> {
         }
         let alt = format!("Energy over time. At the end: {}.", said.join(", "));
         Figure { title: format!("{}: energy", self.name), alt, panels: vec![panel], columns: 1 }
-    }
-
-    /// Rotary or linear.
-    pub fn motion_kind(&self) -> Motion {
-        self.world.motion
     }
 }
 

@@ -31,7 +31,6 @@ mod latency;
 mod live;
 mod log;
 mod messages;
-mod network;
 mod notes;
 mod output;
 mod phone;

@@ -3,13 +3,12 @@
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_model::World;
-use hapt_sim::{Simulation, Summary};
+use hapt_model::{System, builtin};
+use hapt_sim::{Run, SystemSummary};
 
 use crate::failure::Failure;
 use crate::format;
 use crate::sim::rows;
-use hapt_model::builtin;
 
 /// The names of the loops, and their built-in worlds.
 const LOOPS: [(&str, &str); 4] = [
@@ -39,22 +38,22 @@ pub fn run() -> Result<ExitCode, Failure> {
     );
     table += "loop                     growth per s     peak torque    first clipped          verdict\n";
     for (name, world) in LOOPS {
-        let world = World::read(&builtin::source(world)?, &[])?;
-        let held = hapt_analysis::check(&world)?.held;
-        for scenario in &world.scenarios {
-            let run = Simulation::new(&world, scenario)?;
-            let mut summary = Summary::new(&world, &run);
-            let end = rows(run, &scenario.name, |row| {
+        let system = System::read(&builtin::source(world)?, &[])?;
+        let held = hapt_analysis::check(&system.stations[0].world)?.held;
+        for scenario in system.scenarios() {
+            let mut run = Run::new(&system, scenario)?;
+            let mut summary = SystemSummary::new(&system, &run);
+            rows(&mut run, scenario, |row| {
                 summary.add(row);
                 Ok::<(), Failure>(())
-            })?;
-            end?;
+            })??;
+            let summary = &summary.stations[0];
             let clipped = match summary.first_clipped {
                 Some((sample, time)) => format!("sample {sample} ({})", format::time(time)),
                 None => "never".into(),
             };
             let growth = format::rate(held.growth_per_s.unwrap_or(f64::NEG_INFINITY));
-            let peak = format::effort(summary.peak_torque, world.motion);
+            let peak = format::effort(summary.peak_torque, system.motion);
             table += &format!("{name:<24} {growth:<16} {peak:<14} {clipped:<22} {}\n", held.verdict.name());
         }
     }

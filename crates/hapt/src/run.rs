@@ -168,7 +168,7 @@ pub fn with(args: &RunArgs, steering: Option<Steering>) -> Result<ExitCode, Fail
 /// The header of the log.
 fn header(args: &RunArgs, loaded: &Loaded, sets: &[String], profile: SafetyProfile) -> Header {
     let (device, scenario) = (args.device.clone(), args.scenario.clone());
-    Header { device, scenario, profile, ..sim::header(loaded, sets, true) }
+    Header { device, scenario, profile, ..sim::header(&loaded.world, &loaded.source, sets, true) }
 }
 
 /// The last second of the run, and its end.

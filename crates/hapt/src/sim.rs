@@ -1,23 +1,22 @@
-//! `hapt sim`: the scenarios of a world, as files or as a summary.
+//! `hapt sim`: the scenarios of a world or network, as files or as a summary.
 
 use std::io::{Write, stdout};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use hapt_log::{Header, Origin};
-use hapt_model::{Scenario, World};
-use hapt_sim::{Error, Row, Simulation, Summary};
+use hapt_model::{Scenario, Source, Station, System, World};
+use hapt_sim::{Error, Run, StationRow, Summary, SystemSummary};
 
 use crate::args::{Format, SimArgs};
 use crate::failure::Failure;
 use crate::format::{self, Effort};
 use crate::messages;
-use crate::network;
 use crate::output;
 use crate::progress::Progress;
 use crate::provenance::{Made, Provenance};
 use crate::table::Table;
-use crate::world::{Loaded, files, source};
+use crate::world::{inputs, source};
 
 pub fn run(args: &SimArgs) -> Result<ExitCode, Failure> {
     let file_only = args.formats.iter().find(|format| **format != Format::Csv);
@@ -28,87 +27,116 @@ pub fn run(args: &SimArgs) -> Result<ExitCode, Failure> {
         )));
     }
     let source = source(&args.world.path)?;
-    if hapt_model::is_network(&source) {
-        return network::sim(&source, args);
-    }
-    let loaded = Loaded::of(source, &args.world)?;
-    let scenarios = named(&loaded.world, &args.scenarios)?;
+    let system = System::read(&source, &args.world.sets)?;
+    let scenarios = named(&system, &args.scenarios)?;
     // All errors come before the first file is written.
-    hapt_sim::check(&loaded.world)?;
+    system.stations.iter().try_for_each(|station| hapt_sim::check(&station.world))?;
     match &args.out {
-        Some(folder) => write_all(&loaded, &scenarios, folder, args)?,
-        None => print_all(&loaded, &args.world.sets, &scenarios)?,
+        Some(folder) => write_all(&system, &source, &scenarios, folder, args)?,
+        None => print_all(&system, &source, &scenarios)?,
     }
     Ok(ExitCode::SUCCESS)
 }
 
 /// The scenarios named, each once, in file order; all when none is.
-fn named<'w>(world: &'w World, names: &[String]) -> Result<Vec<&'w Scenario>, Failure> {
-    if world.scenarios.is_empty() {
-        let wanted = "add one, such as [scenarios.step] with a duration and a hand";
-        return Err(Failure::input(format!("the world has no scenario to run; {wanted}")));
+fn named<'s>(system: &'s System, names: &[String]) -> Result<Vec<&'s str>, Failure> {
+    let all = system.scenarios();
+    if all.is_empty() {
+        let (whose, example) = match system.world() {
+            Some(_) => ("the world has no scenario", "step"),
+            None => ("no station's world has a scenario", "push"),
+        };
+        return Err(Failure::input(format!(
+            "{whose} to run; add one, such as [scenarios.{example}] with a duration and a hand"
+        )));
     }
-    for name in names {
-        world.scenario(name)?;
-    }
-    let wanted = |scenario: &&Scenario| names.is_empty() || names.contains(&scenario.name);
-    Ok(world.scenarios.iter().filter(wanted).collect())
+    names.iter().try_for_each(|name| system.find_scenario(name))?;
+    Ok(all.into_iter().filter(|name| names.is_empty() || names.iter().any(|wanted| wanted == name)).collect())
 }
 
 /// Takes a run of the scenario `name` to its end, giving each row to `each`. `Err` of the inside: it stopped being finite there.
 pub fn rows<E>(
-    mut run: Simulation,
+    run: &mut Run,
     name: &str,
-    mut each: impl FnMut(&Row) -> Result<(), E>,
-) -> Result<Result<u64, Error>, E> {
+    mut each: impl FnMut(&StationRow<'_>) -> Result<(), E>,
+) -> Result<Result<(), Error>, E> {
     let mut progress = Progress::new(name, "samples", run.rows(), 0);
     let mut done = 0;
     while let Some(row) = run.next() {
         match row {
-            Ok(row) => each(row)?,
+            Ok(row) => each(&row)?,
             Err(error) => return Ok(Err(error)),
         }
         done += 1;
         progress.at(done);
     }
-    Ok(Ok(done))
+    Ok(Ok(()))
 }
 
-/// A file a scenario and format. A run that stops being finite keeps its rows up to there, and the others still run.
-fn write_all(loaded: &Loaded, scenarios: &[&Scenario], folder: &Path, args: &SimArgs) -> Result<(), Failure> {
+/// The file of a scenario: in a network one for each station.
+fn target(folder: &Path, scenario: &str, station: &Station, format: Format) -> PathBuf {
+    let of = if station.name.is_empty() { String::new() } else { format!(".{}", station.name) };
+    folder.join(format!("{scenario}{of}.{}", format.ending()))
+}
+
+/// A file a scenario, station and format. A run that stops being finite keeps its rows up to there, and the others still run.
+fn write_all(
+    system: &System,
+    source: &Source,
+    scenarios: &[&str],
+    folder: &Path,
+    args: &SimArgs,
+) -> Result<(), Failure> {
+    let is_network = system.world().is_none();
+    if let Some(format) = args.formats.iter().find(|format| is_network && **format != Format::Csv) {
+        let message = format!("--format {}: the stations of a network are written as csv", format.ending());
+        return Err(Failure::input(message));
+    }
     output::folder("--out", folder)?;
-    let world = &loaded.world;
     let formats: Vec<Format> = [Format::Csv, Format::Mcap, Format::Parquet]
         .into_iter()
         .filter(|format| args.formats.contains(format))
         .collect();
-    let target = |name: &str, format: &Format| folder.join(format!("{name}.{}", format.ending()));
-    let targets: Vec<_> =
-        scenarios.iter().flat_map(|scenario| formats.iter().map(|format| target(&scenario.name, format))).collect();
+    let files = || system.stations.iter().flat_map(|station| formats.iter().map(move |format| (station, *format)));
+    let of = |name: &&str| files().map(|(station, format)| target(folder, name, station, format)).collect::<Vec<_>>();
+    let targets: Vec<PathBuf> = scenarios.iter().flat_map(of).collect();
     let outputs: Vec<_> = targets.iter().map(|path| ("--out", path.as_path())).collect();
-    output::apart(&outputs, &files(&args.world.path, world))?;
-    let made = Made::by(&args.world.path, &loaded.source, world.title.as_deref(), &args.world.sets);
+    output::apart(&outputs, &inputs(&args.world.path, system))?;
+    let made = Made::by(&args.world.path, source, system.title.as_deref(), &args.world.sets);
     let provenance = Provenance::check(folder, made, &targets, args.force)?;
-    let mut header = header(loaded, &args.world.sets, formats.contains(&Format::Mcap));
+    let headers: Vec<Header> = system
+        .stations
+        .iter()
+        .map(|Station { world, source, sets, .. }| {
+            let header = header(world, source, sets, formats.contains(&Format::Mcap));
+            Header { linked: is_network, ..header }
+        })
+        .collect();
     let mut first_failure = None;
-    for scenario in scenarios {
-        header.scenario = Some(scenario.name.clone());
-        let table = |format: &Format| Table::new(*format, target(&scenario.name, format), world, &header, Origin::Run);
-        let mut tables = formats.iter().map(table).collect::<Result<Vec<_>, _>>()?;
-        let played = hapt_analysis::with_worst_pattern(world, scenario)?;
-        let run = Simulation::new(world, &played)?;
-        let end = rows(run, &scenario.name, |row| tables.iter_mut().try_for_each(|table| table.row(row)))?;
+    for name in scenarios {
+        let mut tables = Vec::new();
+        for (station, header) in system.stations.iter().zip(&headers) {
+            let header = Header { scenario: Some(name.to_string()), ..header.clone() };
+            let table = |format: &Format| {
+                Table::new(*format, target(folder, name, station, *format), &station.world, &header, Origin::Run)
+            };
+            tables.push(formats.iter().map(table).collect::<Result<Vec<_>, _>>()?);
+        }
+        let played = hapt_analysis::played(system, name)?;
+        let mut run = Run::new(&played, name)?;
+        let end = rows(&mut run, name, |row| tables[row.station].iter_mut().try_for_each(|table| table.row(row)))?;
         let mut written = Vec::new();
-        for table in tables {
+        for table in tables.into_iter().flatten() {
+            let rows = table.rows;
             let path = table.finish()?;
-            written.push(path.clone());
             match &end {
-                Ok(rows) => messages::say(format_args!("wrote {}, {} rows", path.display(), format::count(*rows))),
+                Ok(()) => messages::say(format_args!("wrote {}, {} rows", path.display(), format::count(rows))),
                 Err(error) => {
-                    let message = format!("scenario {}: {error}; {} ends before", scenario.name, path.display());
+                    let message = format!("scenario {name}: {error}; {} ends before", path.display());
                     first_failure = first_failure.or(Some(Failure::System(message)));
                 }
             }
+            written.push(path);
         }
         provenance.add(&written)?;
     }
@@ -116,10 +144,10 @@ fn write_all(loaded: &Loaded, scenarios: &[&Scenario], folder: &Path, args: &Sim
 }
 
 /// The header of a log; with the certificate only on request.
-pub fn header(loaded: &Loaded, sets: &[String], certified: bool) -> Header {
-    let check = certified.then(|| hapt_analysis::check(&loaded.world).ok()).flatten();
+pub fn header(world: &World, source: &Source, sets: &[String], certified: bool) -> Header {
+    let check = certified.then(|| hapt_analysis::check(world).ok()).flatten();
     Header {
-        world_text: loaded.source.text.clone(),
+        world_text: source.text.clone(),
         overrides: sets.to_vec(),
         certificate_json: check.and_then(|check| serde_json::to_string_pretty(&check).ok()),
         device: "sim".into(),
@@ -127,34 +155,64 @@ pub fn header(loaded: &Loaded, sets: &[String], certified: bool) -> Header {
     }
 }
 
-fn print_all(loaded: &Loaded, sets: &[String], scenarios: &[&Scenario]) -> Result<(), Failure> {
-    let world = &loaded.world;
-    // Torques in the unit that the file has them in.
-    let own = Effort::of(&hapt_model::parameters_of(world, &loaded.source, sets)?, world.motion);
+fn print_all(system: &System, source: &Source, scenarios: &[&str]) -> Result<(), Failure> {
     let mut out = stdout().lock();
     let mut first_failure = None;
-    writeln!(out, "{}", loaded.title()).map_err(Failure::stdout)?;
-    for scenario in scenarios {
-        let played = hapt_analysis::with_worst_pattern(world, scenario)?;
-        let run = Simulation::new(world, &played)?;
-        let mut summary = Summary::new(world, &run);
-        let end = rows(run, &scenario.name, |row| {
+    writeln!(out, "{}", system.title_or(source)).map_err(Failure::stdout)?;
+    for name in scenarios {
+        let played = hapt_analysis::played(system, name)?;
+        let mut run = Run::new(&played, name)?;
+        let mut summary = SystemSummary::new(&played, &run);
+        let end = rows(&mut run, name, |row| {
             summary.add(row);
             Ok::<(), Failure>(())
         })?;
-        // Only a held world's growth has a prediction to stand beside.
-        let predicted = match summary.fitted_growth() {
-            Some(_) => hapt_analysis::check(world).ok().and_then(|check| check.held.growth_per_s),
-            None => None,
+        let text = match (system.stations.as_slice(), summary.stations.as_slice()) {
+            ([station], [summary]) if system.world().is_some() => alone(station, name, summary)?,
+            (_, stations) => linked(system, name, stations, &run),
         };
-        out.write_all(text(world, own.as_ref(), scenario, &summary, predicted).as_bytes()).map_err(Failure::stdout)?;
+        out.write_all(text.as_bytes()).map_err(Failure::stdout)?;
         if let Err(error) = end {
-            let message = format!("scenario {}: {error}", scenario.name);
+            let message = format!("scenario {name}: {error}");
             first_failure = first_failure.or(Some(Failure::System(message)));
         }
     }
     out.flush().map_err(Failure::stdout)?;
     first_failure.map_or(Ok(()), Err)
+}
+
+/// A network's run: a line for each station, and for each link that let go.
+fn linked(system: &System, scenario: &str, stations: &[Summary<'_>], run: &Run) -> String {
+    let mut text = format!("\nscenario {scenario}\n");
+    for (station, seen) in system.stations.iter().zip(stations) {
+        text += &format!(
+            "  {}: {} samples, peak command {}, of the links at most {}; the hand gave {}\n",
+            station.name,
+            format::count(seen.rows),
+            format::effort(seen.peak_command, system.motion),
+            format::effort(seen.peak_link, system.motion),
+            format::energy(seen.ledger.hand),
+        );
+    }
+    for (link, [first, second]) in system.links.iter().zip(run.let_go()).filter(|(_, times)| *times != [0, 0]) {
+        let [one, other] = link.between.map(|at| &system.stations[at].name);
+        let times = |n: u64| if n == 1 { "once".to_string() } else { format!("{n} times") };
+        text += &format!("  link {one} to {other}: let go {} at {one}, {} at {other}\n", times(first), times(second));
+    }
+    text
+}
+
+/// A world's run in full.
+fn alone(station: &Station, name: &str, summary: &Summary<'_>) -> Result<String, Failure> {
+    let world = &station.world;
+    // Torques in the unit that the file has them in.
+    let own = Effort::of(&hapt_model::parameters_of(world, &station.source, &station.sets)?, world.motion);
+    // Only a held world's growth has a prediction to stand beside.
+    let predicted = match summary.fitted_growth() {
+        Some(_) => hapt_analysis::check(world).ok().and_then(|check| check.held.growth_per_s),
+        None => None,
+    };
+    Ok(text(world, own.as_ref(), world.scenario(name)?, summary, predicted))
 }
 
 fn text(world: &World, own: Option<&Effort>, scenario: &Scenario, summary: &Summary, predicted: Option<f64>) -> String {

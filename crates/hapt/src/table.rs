@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use hapt_log::{Column, Header, LogWriter, Origin, Sample};
 use hapt_model::World;
-use hapt_sim::{CsvWriter, Row};
+use hapt_sim::{CsvWriter, StationRow};
 
 use crate::args::Format;
 use crate::columnar;
@@ -18,6 +18,8 @@ pub struct Table {
     to: To,
     /// The values of a row.
     values: Vec<f64>,
+    /// How many rows have been written.
+    pub rows: u64,
 }
 
 enum To {
@@ -73,26 +75,30 @@ impl Table {
             })
         };
         let to = begin().map_err(|error| Failure::write(target.display(), error))?;
-        Ok(Table { target, to, values: Vec::new() })
+        Ok(Table { target, to, values: Vec::new(), rows: 0 })
     }
 
-    /// Writes a row of a run.
-    pub fn row(&mut self, row: &Row) -> Result<(), Failure> {
+    /// Writes a row of a run. A log has no torque of links.
+    pub fn row(&mut self, row: &StationRow<'_>) -> Result<(), Failure> {
+        self.rows += 1;
         let written = match &mut self.to {
-            To::Csv(csv) => csv.write(row),
+            To::Csv(csv) if !row.is_linked => csv.write(row.row),
+            To::Csv(csv) => {
+                row.numbers(&mut self.values);
+                csv.write_numbers(&self.values)
+            }
             To::Parquet(parquet) => {
-                self.values.clear();
-                self.values.extend(hapt_sim::SIGNALS.iter().map(|signal| (signal.get)(row)));
-                self.values.extend(row.pairs().flat_map(|(position, velocity)| [position, velocity]));
+                row.numbers(&mut self.values);
                 parquet.write(self.values.iter().copied().map(Some))
             }
-            To::Mcap(log) => log.write_row(row),
+            To::Mcap(log) => log.write_row(row.row),
         };
         written.map_err(|error| Failure::write(self.target.display(), error))
     }
 
     /// Writes a sample of a log, with its world where that is another.
     pub fn sample(&mut self, sample: &Sample) -> Result<(), Failure> {
+        self.rows += 1;
         let written = match &mut self.to {
             To::Csv(csv) => csv.write_numbers(sample.values),
             To::Parquet(parquet) => parquet.write(sample.values.iter().copied().map(Some)),

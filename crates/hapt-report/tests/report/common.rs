@@ -2,10 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use hapt_analysis::check;
-use hapt_model::{Source, World, parameters};
+use hapt_analysis::check_system;
+use hapt_model::{Source, System, parameters};
 use hapt_report::{Drawing, Report, Run, index_drawings, index_page};
-use hapt_sim::Simulation;
 
 /// Every world that comes along.
 pub fn worlds() -> Vec<PathBuf> {
@@ -77,31 +76,31 @@ pub struct Made {
 /// The pages of these worlds, and the index of them all.
 pub fn pages(sources: &[(String, Source)]) -> Vec<Made> {
     let read = |(stem, source): &(String, Source)| {
-        let world = World::read(source, &[]).unwrap_or_else(|error| panic!("{stem}: {error}"));
-        let list = parameters(source, &[]).unwrap();
-        let check = check(&world).unwrap();
-        (stem.clone(), world, list, check)
+        let system = System::read(source, &[]).unwrap_or_else(|error| panic!("{stem}: {error}"));
+        let list = vec![parameters(source, &[]).unwrap()];
+        let check = check_system(&system, false).unwrap();
+        (stem.clone(), system, list, check)
     };
     let ready: Vec<_> = sources.iter().map(read).collect();
     let reports: Vec<Report<'_>> = ready
         .iter()
-        .map(|(stem, world, parameters, check)| {
-            let runs = world.scenarios.iter().map(|scenario| {
-                let mut simulation = Simulation::new(world, scenario).unwrap();
-                let mut run = Run::new(world, scenario, &simulation, check);
+        .map(|(stem, system, parameters, check)| {
+            let runs = system.scenarios().into_iter().map(|name| {
+                let mut simulation = hapt_sim::Run::new(system, name).unwrap();
+                let mut run = Run::new(system, name, &simulation, check);
                 while let Some(row) = simulation.next() {
                     match row {
-                        Ok(row) => run.add(row),
+                        Ok(row) => run.add(&row),
                         Err(error) => run.failure = Some(error.to_string()),
                     }
                 }
                 run
             });
-            let title = world.title.clone().unwrap_or_else(|| stem.clone());
+            let title = system.title.clone().unwrap_or_else(|| stem.clone());
             Report {
                 title,
                 stem: stem.clone(),
-                world,
+                system,
                 parameters,
                 check,
                 proposal: None,
@@ -118,7 +117,7 @@ pub fn pages(sources: &[(String, Source)]) -> Vec<Made> {
         })
         .collect();
     let drawings = index_drawings(&reports);
-    made.push(Made { stem: "index".into(), page: index_page(&reports, &[], &drawings), drawings });
+    made.push(Made { stem: "index".into(), page: index_page(&reports, &drawings), drawings });
     made
 }
 

@@ -1,6 +1,6 @@
 //! What a page is: small, self-contained, and said in words too.
 
-use hapt_model::{Source, World};
+use hapt_model::{Source, System, World};
 use hapt_report::{Width, read_csv};
 use hapt_sim::{CsvWriter, Simulation};
 
@@ -90,15 +90,16 @@ fn the_forward_euler_page_shows_growth_clipping_and_what_was_predicted() {
 #[test]
 fn the_envelope_holds_the_whole_growing_run_and_touches_it() {
     let path = crate::common::worlds().into_iter().find(|path| path.ends_with("euler.toml")).unwrap();
-    let world = World::read(&Source::open(path).unwrap(), &[]).unwrap();
-    let check = hapt_analysis::check(&world).unwrap();
-    let mut simulation = Simulation::new(&world, &world.scenarios[0]).unwrap();
-    let mut run = hapt_report::Run::new(&world, &world.scenarios[0], &simulation, &check);
+    let system = System::read(&Source::open(path).unwrap(), &[]).unwrap();
+    let check = hapt_analysis::check_system(&system, false).unwrap();
+    let name = system.scenarios()[0];
+    let mut simulation = hapt_sim::Run::new(&system, name).unwrap();
+    let mut run = hapt_report::Run::new(&system, name, &simulation, &check);
     let mut rows = Vec::new();
     while let Some(row) = simulation.next() {
         let row = row.unwrap();
-        run.add(row);
-        rows.push((row.time, row.torque));
+        run.add(&row);
+        rows.push((row.row.time, row.row.torque));
     }
     // Predicted from the first turn; a run that grew by one percent more a second would leave it.
     let envelope = run.envelope().unwrap();

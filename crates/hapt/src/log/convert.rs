@@ -17,7 +17,7 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
     let mut opened = log::open(&args.log)?;
     let (header, origin) = (opened.log.header.clone(), opened.log.origin);
     let mut table: Option<(Table, Vec<Column>)> = None;
-    let (mut samples, mut last) = (0, 0.0);
+    let mut last = 0.0;
     while let Some(sample) = opened.log.next().map_err(|error| log::failure(&opened.name, error))? {
         if args.plan.is_some_and(|plan| plan != sample.plan.number) {
             continue;
@@ -36,12 +36,13 @@ pub fn run(args: &ConvertArgs) -> Result<ExitCode, Failure> {
             )));
         }
         table.sample(&sample)?;
-        (samples, last) = (samples + 1, sample.values.first().copied().unwrap_or(0.0));
+        last = sample.values.first().copied().unwrap_or(0.0);
     }
     let Some((table, _)) = table else {
         let plan = args.plan.unwrap_or(0);
         return Err(Failure::input(format!("{}: it has no samples of plan {plan}", opened.name)));
     };
+    let samples = table.rows;
     let path = table.finish()?;
     opened.say_ending(samples, last);
     messages::say(format_args!("wrote {}, {} rows", path.display(), format::count(samples)));
