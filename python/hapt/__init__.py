@@ -11,7 +11,7 @@ False
 All numbers are in SI; strings carry units. The command line and this package are two faces of the same crates.
 """
 
-from ._analyses import Boundary, Comparison, Design, Identified, Impedance, Piece, Worst, WorstTogether
+from ._analyses import Boundary, Comparison, Design, Identified, Impedance, Piece, Worst
 from ._build import (
     Constant,
     Damper,
@@ -34,12 +34,14 @@ from ._control import StateSpaces
 from ._hapt import VERSION as __version__
 from ._hapt import WorldError
 from ._live import Live
-from ._network import Network, NetworkCheck
 from ._run import Run
 from ._running import Device, Loop
 from ._shards import Dataset
 from ._sweep import Sweep
 from ._world import World, design, identify, load, measures
+
+#: A world and a network are one class.
+Network = World
 
 __all__ = [
     "Boundary",
@@ -60,7 +62,6 @@ __all__ = [
     "Loop",
     "Magnet",
     "Network",
-    "NetworkCheck",
     "Path",
     "Piece",
     "Ramp",
@@ -76,7 +77,6 @@ __all__ = [
     "World",
     "WorldError",
     "Worst",
-    "WorstTogether",
     "__version__",
     "design",
     "identify",

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from ._network import Network
     from ._world import World
 
 
@@ -53,22 +52,14 @@ class Comparison(Answer):
 
 
 class Worst(Answer):
-    """The passive hand that draws most energy from a loop; `world` has the scenario `worst` that shows it, or is None for a motion."""
+    """The passive hand that draws most energy from a loop, of a network the hands at all stations: the fields of `hapt worst --json`.
+
+    `world` has the scenario `worst` that shows it, a network with its messages as they were then; it is None for a motion.
+    """
 
     def __init__(self, fields: dict[str, Any], world: Optional[World]) -> None:
         super().__init__(fields)
         self.world = world
-
-
-class WorstTogether(Answer):
-    """The passive hands at all stations that draw most energy together from a network: the fields of `hapt worst --json`.
-
-    `network` is the network with the scenario `worst` alone, which shows them, and with its messages as they were then: `run()` plays it.
-    """
-
-    def __init__(self, fields: dict[str, Any], network: Network) -> None:
-        super().__init__(fields)
-        self.network = network
 
 
 class Impedance(Table):

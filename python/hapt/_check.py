@@ -89,14 +89,15 @@ class TheoremUse(TypedDict):
 
 
 class Check(Certificate):
-    """The mapping of `hapt check --json` (docs/contract.md, section 7); `print` shows it as `hapt check` does.
+    """The mapping of `hapt check --json` (docs/contract.md, section 7; of a network section 9); `print` shows it as `hapt check` does.
 
-    Its truth is whether the loop is certified: `assert world.check()`.
+    Its truth is whether all of it is certified: `assert world.check()`. A network has no `status`, `theorems`, `held`, `free`, `passivity`
+    and `uneven`: each station's are below `["stations"]`.
     """
 
     @property
     def certified(self) -> bool:
-        """Held, free and passive, each by a theorem that covers the world."""
+        """Held, free and passive, each by a theorem that covers the world; every station alone, and all passive together."""
         return bool(self._fields["certified"])
 
     @property

@@ -34,15 +34,12 @@ SHARD = 1.0
 MOST, GROUP = 1 << 24, 1 << 16
 #: Shards under way at once at most, and seconds between two writes of the manifest.
 UNDER_WAY, NOTED = 1000, 1.0
-#: What makes a world or network of its native object's parts.
-READERS: dict[str, Callable[..., Union[_hapt.World, _hapt.Network]]] = {"world": _hapt.read, "network": _hapt.read_network}
 
 
 @dataclass(frozen=True)
 class Job:
     """A sweep as plain data: what a worker needs, and nothing else."""
 
-    kind: str
     parts: tuple[Any, ...]
     axes: dict[str, NDArray[np.float64]]
     measures: list[str]
@@ -51,7 +48,7 @@ class Job:
 
     def grid(self) -> _hapt.Sweep:
         """The grid with all of the reader's checks."""
-        return READERS[self.kind](*self.parts).sweep(list(self.axes.items()), self.measures, self.scenario)
+        return _hapt.read(*self.parts).sweep(list(self.axes.items()), self.measures, self.scenario)
 
     def fingerprint(self, grid: _hapt.Sweep) -> str:
         """Of everything that the rows depend on, the files that it names among it: they may differ from machine to machine."""

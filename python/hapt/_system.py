@@ -1,10 +1,10 @@
-"""What a world and a network have in common: two of their keys span a plane, and grids of keys are measured."""
+"""Two keys of a world or network span a plane, and grids of keys are measured."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Generic, Optional, TypeVar, Union, overload
+from typing import Any, Optional, Union, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,15 +16,11 @@ from ._shards import Dataset, Job
 from ._sweep import Sweep, here, in_shards
 from ._target import Target
 
-Native = TypeVar("Native", _hapt.World, _hapt.Network)
 
-
-class System(Generic[Native]):
+class System:
     """A world, or a network of stations."""
 
-    _native: Native
-    #: How a worker reads it again, of `_shards.READERS`.
-    _kind: str
+    _native: _hapt.World
 
     def boundary(
         self, ranges: Mapping[str, Sequence[Any]], claims: Union[str, Iterable[str]] = (), log: bool = False
@@ -120,7 +116,7 @@ class System(Generic[Native]):
                 whole(name, number, least, most)
         if storage_options is not None and out is None:
             raise ValueError("storage_options are those of out, and there is no out")
-        job = Job(self._kind, self._native.parts(), values, names, scenario)
+        job = Job(self._native.parts(), values, names, scenario)
         grid = job.grid()
         if client is None and out is None:
             return here(job, grid, progress, threads or 0)

@@ -1,4 +1,4 @@
-"""Worlds: read, changed, asked."""
+"""Worlds and networks: read, changed, asked."""
 
 from __future__ import annotations
 
@@ -28,8 +28,10 @@ Value = Union[str, float, int, bool]
 _POINTS = 100_000
 
 
-class World(System[_hapt.World]):
+class World(System):
     """A world: bodies and couplings, the loop that runs them, the device, and scenarios. It never changes; `set` gives a changed copy.
+
+    A network has several such stations, and links between their pucks.
 
     From keywords, each a table of the world file, through the file's own reader with its units and errors:
 
@@ -43,6 +45,17 @@ class World(System[_hapt.World]):
     ... )
     >>> round(float(abs(world.simulate()["torque_Nm"]).max()), 3)
     0.801
+
+    A network is read from its file:
+
+    >>> network = hapt.load("networks/pair.toml")
+    >>> network.stations, network.links
+    (['left', 'right'], [('left', 'right')])
+    >>> softer = network.set("links.0.age_max", "60 ms").set("links.0.stiffness", 0.05)
+    >>> softer.get("links.0.stiffness"), softer.check().certified
+    (0.05, True)
+    >>> network.run()["right"]["link_Nm"].shape
+    (1001,)
 
     Raises WorldError for what the reader refuses, TypeError for what has no place in a file.
     """
@@ -77,12 +90,15 @@ class World(System[_hapt.World]):
         world._native = native
         return world
 
-    _kind = "world"
+    @classmethod
+    def load(cls, source: Union[str, os.PathLike[str], Mapping[str, Any]]) -> World:
+        """As `hapt.load`."""
+        return load(source)
 
     # Keys
 
     def set(self, key: str, value: Any) -> World:
-        """A copy in which `key`, a dotted path such as "loop.period" or "couplings.0.stiffness", is `value`.
+        """A copy in which `key`, a dotted path such as "loop.period", "links.0.age_max" or "stations.left.loop.period", is `value`.
 
         A string has its unit ("2 ms"), a number is in SI; NumPy's scalars are numbers. Raises WorldError for an unknown key or a value that
         the world file would refuse, with a caret under the mistake.
@@ -98,21 +114,22 @@ class World(System[_hapt.World]):
     def get(self, key: str) -> Optional[Value]:
         """The value of a key: a number in SI, a bool or a str; of an absent key its default, None where it has none.
 
-        Raises KeyError for a key that the world does not have.
+        Raises KeyError for a key that the world or network does not have.
         """
         for path, si, written, _, _, _ in self._native.parameters():
             if path == key:
                 return _value(si, written)
-        if self._native.takes(a_key(key)):
-            return None
+        is_known, number = self._native.number(a_key(key))
+        if is_known:
+            return number
         raise self._native.no_such_key(key)
 
     def parameters(self) -> dict[str, Optional[Value]]:
-        """Every key of the world with its value as `get` gives it, in the order of the file."""
+        """Every key of the world, or of the stations' worlds, with its value as `get` gives it, in the order of the file."""
         return {path: _value(si, written) for path, si, written, _, _, _ in self._native.parameters()}
 
     def to_toml(self) -> str:
-        """The world as the text of a world file, changes applied."""
+        """The world as the text of a world file, changes applied. Raises ValueError for a network, which has several files."""
         return self._native.to_toml()
 
     @property
@@ -121,8 +138,18 @@ class World(System[_hapt.World]):
         return self._native.name
 
     @property
+    def stations(self) -> list[str]:
+        """The names of a network's stations in file order; none of a world, which is one station by itself."""
+        return self._native.stations
+
+    @property
+    def links(self) -> list[tuple[str, str]]:
+        """The stations that each link of a network joins, in file order."""
+        return self._native.links
+
+    @property
     def bodies(self) -> list[str]:
-        """The bodies' names in file order."""
+        """The bodies' names in file order. Raises ValueError for a network."""
         return self._native.bodies
 
     @property
@@ -131,13 +158,14 @@ class World(System[_hapt.World]):
         return self._native.scenarios
 
     def __repr__(self) -> str:
-        return f"<hapt.World {self.name!r}>"
+        stations = f": {', '.join(self.stations)}" if self.stations else ""
+        return f"<hapt.World {self.name!r}{stations}>"
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, World) and self.to_toml() == other.to_toml()
+        return isinstance(other, World) and self._native.identity() == other._native.identity()
 
     def __hash__(self) -> int:
-        return hash(self.to_toml())
+        return hash(self._native.identity())
 
     def __reduce__(self) -> tuple[Any, ...]:
         return (_world, self._native.parts())
@@ -145,16 +173,22 @@ class World(System[_hapt.World]):
     # Answers
 
     def simulate(self, scenario: Optional[str] = None) -> Run:
-        """Runs a scenario, the only one by default: the loop on the exact device.
+        """Runs a scenario of a world, the only one by default: the loop on the exact device.
 
         A run that stops being finite keeps its rows up to there, warns, and says why in `Run.ended`. Raises WorldError for an unknown
-        scenario, ValueError when one must be named or the loop cannot be compiled, MemoryError for a run larger than memory.
+        scenario, ValueError for a network, when one must be named or the loop cannot be compiled, MemoryError for a run larger than memory.
         """
-        name = self._scenario(scenario)
-        columns, summary, ended = self._native.simulate(name)
-        if ended is not None:
-            warnings.warn(f"scenario {name}: {ended}", RuntimeWarning, stacklevel=2)
-        return Run(name, columns, summary, ended)
+        if self.stations:
+            raise ValueError(f"{self.name} is a network; run() gives the run of each station")
+        (run,) = self._runs(scenario)
+        return run
+
+    def run(self, scenario: Optional[str] = None) -> dict[str, Run]:
+        """Runs a scenario of a network, the only one by default: of each station its run, with `link_Nm` as the last column.
+
+        Warnings and errors are those of `simulate`; a world has the one station "".
+        """
+        return dict(zip(self.stations or [""], self._runs(scenario)))
 
     def check(self, remedies: bool = True) -> Check:
         """The certificate: stability, passivity, and what would make it so; `remedies=False` leaves that out and is quicker.
@@ -180,9 +214,15 @@ class World(System[_hapt.World]):
         return Impedance(columns, json.loads(info))
 
     def worst(self) -> Worst:
-        """Searches for the passive hand that draws most energy from the loop. Raises ValueError where there is no answer."""
+        """Searches for the passive hands, one at each station, that draw most energy. Raises ValueError where there is no answer.
+
+        >>> import hapt
+        >>> broken = hapt.load("networks/pair.toml").set("links.0.age_max", "60 ms").worst()
+        >>> broken["broken"], broken.world.scenarios
+        (True, ['worst'])
+        """
         fields, shown = self._native.worst()
-        return Worst(json.loads(fields), None if shown is None else World._of(_hapt.read("worst", shown)))
+        return Worst(json.loads(fields), None if shown is None else World._of(shown))
 
     def against(self, times: ArrayLike, positions: ArrayLike, torques: ArrayLike) -> Comparison:
         """Whether a record of a device's motion agrees with this world's device, as `hapt identify LOG --against WORLD`.
@@ -241,6 +281,13 @@ class World(System[_hapt.World]):
         words = ["export", "fmu", "-", "-o", os.fspath(path), "--fmi", str(fmi), *(["--whole"] if whole else [])]
         ran(program, words, self.to_toml())
 
+    def _runs(self, scenario: Optional[str]) -> list[Run]:
+        name = self._scenario(scenario)
+        stations, ended = self._native.simulate(name)
+        if ended is not None:
+            warnings.warn(f"scenario {name}: {ended}", RuntimeWarning, stacklevel=3)
+        return [Run(name, columns, summary, ended) for columns, summary in stations]
+
     def _scenario(self, name: Optional[str]) -> str:
         if name is not None:
             if not isinstance(name, str):
@@ -248,15 +295,16 @@ class World(System[_hapt.World]):
             return name
         names = self.scenarios
         if len(names) != 1:
-            raise ValueError(f"name a scenario: the world has {', '.join(names)}" if names else "the world has no scenario to run")
+            kind = "network" if self.stations else "world"
+            raise ValueError(f"name a scenario: the {kind} has {', '.join(names)}" if names else f"the {kind} has no scenario to run")
         return names[0]
 
 
 def load(source: Union[str, os.PathLike[str], Mapping[str, Any]]) -> World:
-    """A world from a file, a text or a dict.
+    """A world or network from a file, a text or a dict.
 
     A str with a line's end or an "=" is the text of a world file, another one a path or a built-in world (`"@notes/euler"`); a
-    `pathlib.Path` is always a path; a dict has the tables of the file. Raises WorldError, with line and caret, for what the reader refuses.
+    `pathlib.Path` is always a path; a dict has the tables of the file. The worlds of a network are in its file's folder or below it. Raises WorldError, with line and caret, for what the reader refuses.
 
     >>> import hapt
     >>> hapt.load('loop.period = "1 kg"\\ndevice.inertia = 6.4e-4')
@@ -319,8 +367,8 @@ def measures() -> dict[str, str]:
     return {name: f"{meaning} ({unit})" if unit else meaning for name, unit, meaning in _hapt.measures()}
 
 
-def _world(name: str, text: str, folder: Any, sets: list[str]) -> World:
-    return World._of(_hapt.read(name, text, folder, sets))
+def _world(name: str, text: str, folder: Any, files: dict[str, str], sets: list[str]) -> World:
+    return World._of(_hapt.read(name, text, folder, files, sets))
 
 
 def _value(si: Optional[float], written: str) -> Value:

@@ -6,7 +6,6 @@ mod analyses;
 mod arrow;
 mod error;
 mod interrupt;
-mod network;
 mod running;
 mod simulate;
 mod sweep;
@@ -23,8 +22,6 @@ mod _hapt {
     use super::arrow::arrow_stream;
     #[pymodule_export]
     use super::error::WorldError;
-    #[pymodule_export]
-    use super::network::{Network, read_network};
     #[pymodule_export]
     use super::running::{Device, Loop};
     #[pymodule_export]

@@ -1,15 +1,23 @@
 //! A run as columns.
 
-use hapt_model::{Scenario, World};
-use hapt_sim::{BODY_SIGNALS, Row, SIGNALS, Simulation, Summary, columns};
+use hapt_model::System;
+use hapt_sim::{BODY_SIGNALS, SIGNALS, StationRow, SystemSummary, station_columns};
 
 /// So many rows between two looks at whether the call has been interrupted.
-pub const CHUNK: u64 = 4096;
+const CHUNK: u64 = 4096;
 /// So many rows go to their columns at once.
 const BLOCK: usize = 64;
 
-/// A run: its columns in the order of the CSV, its summary, and why it ended early.
+/// A run: of each station its columns in the order of the CSV and its summary, and why it ended early.
 pub struct Run {
+    /// In file order.
+    pub stations: Vec<StationRun>,
+    /// Why the run stops before its end.
+    pub ended: Option<String>,
+}
+
+/// One station's part.
+pub struct StationRun {
     /// The columns' names.
     pub names: Vec<String>,
     /// The columns, of equal lengths.
@@ -20,32 +28,33 @@ pub struct Run {
     pub clipped: u64,
     /// The numbers that `hapt sim` prints.
     pub summary: [(&'static str, Option<f64>); 11],
-    /// Why the run stops before its end.
-    pub ended: Option<String>,
 }
 
 /// Why there is no run.
 pub enum Failure {
-    /// The world or the scenario.
+    /// The system or the scenario.
     Input(String),
     /// So many bytes.
     Memory(u64),
 }
 
 /// Takes a scenario to its end, or to where `is_over` holds.
-pub fn simulate(world: &World, scenario: &Scenario, is_over: &mut dyn FnMut() -> bool) -> Result<Run, Failure> {
-    let mut run = Simulation::new(world, scenario).map_err(|error| Failure::Input(error.to_string()))?;
-    let names: Vec<String> = columns(world).into_iter().map(|column| column.name).collect();
-    let bytes = run.rows().saturating_mul(8 * names.len() as u64);
-    let mut table = Table::with_room(run.rows(), names.len()).ok_or(Failure::Memory(bytes))?;
-    let mut summary = Summary::new(world, &run);
+pub fn simulate(system: &System, scenario: &str, is_over: &mut dyn FnMut() -> bool) -> Result<Run, Failure> {
+    let mut run = hapt_sim::Run::new(system, scenario).map_err(|error| Failure::Input(error.to_string()))?;
+    let mut tables = Vec::new();
+    for (at, station) in run.stations().enumerate() {
+        let (rows, columns) = (station.rows(), station_columns(system, at).len());
+        let bytes = rows.saturating_mul(8 * columns as u64);
+        tables.push(Table::with_room(rows, columns).ok_or(Failure::Memory(bytes))?);
+    }
+    let mut summary = SystemSummary::new(system, &run);
     let mut ended = None;
     let mut left = CHUNK;
     while let Some(row) = run.next() {
         match row {
             Ok(row) => {
-                summary.add(row);
-                table.add(row);
+                summary.add(&row);
+                tables[row.station].add(&row);
             }
             Err(error) => ended = Some(error.to_string()),
         }
@@ -57,22 +66,29 @@ pub fn simulate(world: &World, scenario: &Scenario, is_over: &mut dyn FnMut() ->
             }
         }
     }
-    let ledger = summary.ledger;
-    let numbers = [
-        ("peak_torque", Some(summary.peak_torque)),
-        ("peak_time_s", Some(summary.peak_time)),
-        ("first_clipped_s", summary.first_clipped.map(|(_, time)| time)),
-        ("final_energy", Some(summary.final_energy())),
-        ("growth_per_s", summary.fitted_growth()),
-        ("hand_energy", Some(ledger.hand)),
-        ("motor_energy", Some(ledger.motor)),
-        ("damping_energy", Some(ledger.damping)),
-        ("friction_energy", Some(ledger.friction)),
-        ("shaft_energy", Some(ledger.shaft)),
-        ("field_energy", Some(ledger.field)),
-    ];
-    let (rows, clipped) = (summary.rows, summary.clipped);
-    Ok(Run { names, values: table.finish(), rows, clipped, summary: numbers, ended })
+    let stations = summary.stations.iter().zip(tables).enumerate().map(|(at, (summary, table))| {
+        let ledger = summary.ledger;
+        StationRun {
+            names: station_columns(system, at).into_iter().map(|column| column.name).collect(),
+            values: table.finish(),
+            rows: summary.rows,
+            clipped: summary.clipped,
+            summary: [
+                ("peak_torque", Some(summary.peak_torque)),
+                ("peak_time_s", Some(summary.peak_time)),
+                ("first_clipped_s", summary.first_clipped.map(|(_, time)| time)),
+                ("final_energy", Some(summary.final_energy())),
+                ("growth_per_s", summary.fitted_growth()),
+                ("hand_energy", Some(ledger.hand)),
+                ("motor_energy", Some(ledger.motor)),
+                ("damping_energy", Some(ledger.damping)),
+                ("friction_energy", Some(ledger.friction)),
+                ("shaft_energy", Some(ledger.shaft)),
+                ("field_energy", Some(ledger.field)),
+            ],
+        }
+    });
+    Ok(Run { stations: stations.collect(), ended })
 }
 
 /// The message of a run that takes so many bytes.
@@ -84,7 +100,7 @@ pub fn too_large(bytes: u64) -> String {
 }
 
 /// Empty columns with room for all rows; `None` where there is not so much memory, for all columns together.
-pub fn columns_with_room(rows: u64, columns: usize) -> Option<Vec<Vec<f64>>> {
+fn columns_with_room(rows: u64, columns: usize) -> Option<Vec<Vec<f64>>> {
     let rows = usize::try_from(rows).ok()?;
     let mut whole = Vec::<f64>::new();
     whole.try_reserve_exact(rows.checked_mul(columns)?).ok()?;
@@ -113,7 +129,7 @@ impl Table {
     }
 
     #[inline]
-    fn add(&mut self, row: &Row) {
+    fn add(&mut self, StationRow { row, link, is_linked, .. }: &StationRow<'_>) {
         let (own, pairs) = self.block.split_at_mut(SIGNALS.len());
         let place = self.filled;
         for (column, value) in own.iter_mut().zip(SIGNALS.map(|signal| (signal.get)(row))) {
@@ -122,6 +138,9 @@ impl Table {
         for (pair, (position, velocity)) in pairs.chunks_exact_mut(BODY_SIGNALS.len()).zip(row.pairs()) {
             pair[0][place] = position;
             pair[1][place] = velocity;
+        }
+        if let Some(column) = self.block.last_mut().filter(|_| *is_linked) {
+            column[place] = *link;
         }
         self.filled += 1;
         if self.filled == BLOCK {

@@ -1,12 +1,14 @@
-//! Worlds: read, changed, asked.
+//! Worlds and networks: read, changed, asked.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use hapt_analysis::Slopes;
-use hapt_model::{Scenario, Source, Timing, World as Model};
+use hapt_model::{Source, System, Timing, World as Model};
+use hapt_sweep::worst::{Worst, search};
 use numpy::{IntoPyArray, PyReadonlyArray1};
 use pyo3::exceptions::{PyKeyError, PyMemoryError, PyValueError};
 use pyo3::prelude::*;
@@ -22,22 +24,26 @@ use crate::sweep::Sweep;
 /// A key's path, value in SI, text as it is written, unit, meaning, and whether the file has it.
 type Parameter = (String, Option<f64>, String, String, &'static str, bool);
 
-/// A world with the text that it was read from and the changes made to it.
+/// A world or network with the text that it was read from and the changes made to it.
 #[pyclass(frozen, module = "hapt._hapt")]
 pub struct World {
     source: Source,
     sets: Vec<String>,
-    model: Arc<Model>,
+    model: Arc<System>,
 }
 
-/// Reads a world: of `text`, or of the file `path`.
+/// The texts of files that come with a network, by the names that it has for them.
+type Files = BTreeMap<String, String>;
+
+/// Reads a world or network: of `text` with `files`, or of the file `path`.
 #[pyfunction]
-#[pyo3(signature = (name, text=None, folder=None, sets=vec![], path=None))]
+#[pyo3(signature = (name, text=None, folder=None, files=Files::new(), sets=vec![], path=None))]
 pub fn read(
     py: Python<'_>,
     name: &str,
     text: Option<String>,
     folder: Option<PathBuf>,
+    files: Files,
     sets: Vec<String>,
     path: Option<PathBuf>,
 ) -> PyResult<World> {
@@ -48,33 +54,33 @@ pub fn read(
         (None, Some(path)) => Source::open(path),
         (text, _) => Source::from_bytes(name, text.unwrap_or_default().into_bytes()),
     };
-    let mut source = opened.map_err(|error| of_world(py, error, "set"))?;
-    if let Some(folder) = folder {
-        source.folder = folder;
-    }
-    World::new(py, source, sets)
+    let opened = opened.map_err(|error| of_world(py, error, "set"))?;
+    let folder = folder.unwrap_or(opened.folder);
+    World::new(py, Source { folder, files, ..opened }, sets)
 }
 
 impl World {
     fn new(py: Python<'_>, source: Source, sets: Vec<String>) -> PyResult<World> {
-        let model = Model::read(&source, &sets).map_err(|error| of_world(py, error, "set"))?;
+        let model = System::read(&source, &sets).map_err(|error| of_world(py, error, "set"))?;
         Ok(World { source, sets, model: Arc::new(model) })
     }
 
-    /// A scenario as it runs. The search for the worst pattern of its samples may take long.
-    fn played<'a>(&self, py: Python<'_>, scenario: &'a Scenario) -> PyResult<Cow<'a, Scenario>> {
-        if scenario.timing != Timing::Worst {
-            return Ok(Cow::Borrowed(scenario));
-        }
-        let (model, searched) = (Arc::clone(&self.model), scenario.clone());
-        let work = move || hapt_analysis::with_worst_pattern(&model, &searched).map(Cow::into_owned);
-        let until = move |stop: &Stop| hapt_analysis::until(stop.flag(), work);
-        Ok(Cow::Owned(interruptible(py, until)?.ok_or_else(unwanted)?.map_err(value)?))
+    /// The world, for what a network does not have.
+    fn world(&self) -> PyResult<&Model> {
+        self.model
+            .world()
+            .ok_or_else(|| value(format!("{} is a network; this is of a world", self.model.title_or(&self.source))))
     }
 
-    /// What `self` is called.
-    fn title(&self) -> &str {
-        self.model.title.as_deref().unwrap_or(&self.source.name)
+    /// The system as its scenario runs. The search for the worst pattern of its samples may take long.
+    fn played(&self, py: Python<'_>, name: &str) -> PyResult<Arc<System>> {
+        if !self.model.scenario(name).into_iter().flatten().any(|scenario| scenario.timing == Timing::Worst) {
+            return Ok(Arc::clone(&self.model));
+        }
+        let (model, name) = (Arc::clone(&self.model), name.to_string());
+        let work = move || hapt_analysis::played(&model, &name).map(Cow::into_owned);
+        let until = move |stop: &Stop| hapt_analysis::until(stop.flag(), work);
+        Ok(Arc::new(interruptible(py, until)?.ok_or_else(unwanted)?.map_err(value)?))
     }
 }
 
@@ -89,101 +95,114 @@ impl World {
         World::new(py, self.source.clone(), sets)
     }
 
-    /// Every key of the world.
+    /// Every key of the world, or of the stations' worlds.
     fn parameters(&self, py: Python<'_>) -> PyResult<Vec<Parameter>> {
-        let list = hapt_model::parameters(&self.source, &self.sets).map_err(|error| of_world(py, error, "set"))?;
-        Ok(list.into_iter().map(|p| (p.path, p.si, p.written, p.unit, p.doc, p.given)).collect())
+        let mut all = Vec::new();
+        for station in &self.model.stations {
+            let list = hapt_model::parameters(&station.source, &station.sets);
+            let list = list.map_err(|error| of_world(py, error, "set"))?;
+            let prefix = if station.name.is_empty() { String::new() } else { format!("stations.{}.", station.name) };
+            all.extend(
+                list.into_iter().map(|p| (format!("{prefix}{}", p.path), p.si, p.written, p.unit, p.doc, p.given)),
+            );
+        }
+        Ok(all)
     }
 
     /// What is wrong with a key that no parameter has, with the nearest name.
     fn no_such_key(&self, py: Python<'_>, key: &str) -> PyResult<PyErr> {
         let names: Vec<String> = self.parameters(py)?.into_iter().map(|parameter| parameter.0).collect();
         let hint = hapt_model::did_you_mean(key, names.iter().map(String::as_str));
-        Ok(PyKeyError::new_err(format!("the world has no key {key:?}{hint}")))
+        Ok(PyKeyError::new_err(format!("the {} has no key {key:?}{hint}", self.model.kind())))
     }
 
-    /// Whether a number may stand under this key, so that an absent one is None.
-    fn takes(&self, key: &str) -> bool {
-        self.model.key(key).is_some()
+    /// `(whether there may be a number under this key, the number in the key's SI unit)`.
+    fn number(&self, key: &str) -> (bool, Option<f64>) {
+        (self.model.key(key).is_some(), self.model.number(key))
     }
 
-    /// `(name, text, folder, sets)`, of which `read` makes the same world.
-    fn parts(&self) -> (String, String, PathBuf, Vec<String>) {
-        (self.source.name.clone(), self.source.text.clone(), self.source.folder.clone(), self.sets.clone())
+    /// `(name, text, folder, files, sets)`, of which `read` makes the same.
+    fn parts(&self) -> (String, String, PathBuf, Files, Vec<String>) {
+        let Source { name, text, folder, files } = self.source.clone();
+        (name, text, folder, files, self.sets.clone())
     }
 
-    /// The world as a file, changes applied.
-    fn to_toml(&self) -> String {
-        self.model.to_toml()
+    /// The world as a file, changes applied; a network has several.
+    fn to_toml(&self) -> PyResult<String> {
+        Ok(self.world()?.to_toml())
+    }
+
+    /// Equal for equal worlds and networks.
+    fn identity(&self) -> String {
+        self.model.world().map_or_else(|| format!("{:?}", self.model), Model::to_toml)
     }
 
     #[getter]
     fn name(&self) -> &str {
-        self.title()
+        self.model.title_or(&self.source)
     }
 
+    /// The stations' names in file order; none of a world.
     #[getter]
-    fn is_linear(&self) -> bool {
-        self.model.motion == hapt_model::Motion::Linear
+    fn stations(&self) -> Vec<String> {
+        self.model.stations.iter().map(|station| station.name.clone()).filter(|name| !name.is_empty()).collect()
     }
 
+    /// The stations that each link joins, in file order.
     #[getter]
-    fn period(&self) -> f64 {
-        self.model.sampling.period
+    fn links(&self) -> Vec<(String, String)> {
+        let name = |at: usize| self.model.stations[at].name.clone();
+        self.model.links.iter().map(|link| (name(link.between[0]), name(link.between[1]))).collect()
     }
 
     /// The bodies' names in file order.
     #[getter]
-    fn bodies(&self) -> Vec<String> {
-        self.model.names.clone()
+    fn bodies(&self) -> PyResult<Vec<String>> {
+        Ok(self.world()?.names.clone())
     }
 
     /// The scenarios' names in file order.
     #[getter]
     fn scenarios(&self) -> Vec<String> {
-        self.model.scenarios.iter().map(|scenario| scenario.name.clone()).collect()
+        self.model.scenarios().into_iter().map(String::from).collect()
     }
 
-    /// `(columns, summary, why it ended early)` of a run.
+    /// `(of each station its columns and summary, why it ended early)` of a run.
     #[allow(clippy::type_complexity)] // A tuple of mappings for Python to name.
     fn simulate<'py>(
         &self,
         py: Python<'py>,
         name: String,
-    ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>, Option<String>)> {
-        let scenario = self.model.scenario(&name).map_err(|error| of_world(py, error, "simulate"))?;
-        let played = self.played(py, scenario)?;
-        let run = asking(py, |is_over| simulate(&self.model, &played, is_over))?;
+    ) -> PyResult<(Vec<(Bound<'py, PyDict>, Bound<'py, PyDict>)>, Option<String>)> {
+        self.model.find_scenario(&name).map_err(|error| of_world(py, error, "simulate"))?;
+        let played = self.played(py, &name)?;
+        let run = asking(py, |is_over| simulate(&played, &name, is_over))?;
         let run = run.map_err(|failure| match failure {
             Failure::Input(message) => value(message),
             Failure::Memory(bytes) => PyMemoryError::new_err(too_large(bytes)),
         })?;
-        let (columns, summary) = (PyDict::new(py), PyDict::new(py));
-        for (name, values) in run.names.into_iter().zip(run.values) {
-            columns.set_item(name, values.into_pyarray(py))?;
+        let mut stations = Vec::new();
+        for station in run.stations {
+            let (columns, summary) = (PyDict::new(py), PyDict::new(py));
+            for (name, values) in station.names.into_iter().zip(station.values) {
+                columns.set_item(name, values.into_pyarray(py))?;
+            }
+            summary.set_item("rows", station.rows)?;
+            summary.set_item("clipped", station.clipped)?;
+            for (name, value) in station.summary {
+                summary.set_item(name, value)?;
+            }
+            stations.push((columns, summary));
         }
-        summary.set_item("rows", run.rows)?;
-        summary.set_item("clipped", run.clipped)?;
-        for (name, value) in run.summary {
-            summary.set_item(name, value)?;
-        }
-        Ok((columns, summary, run.ended))
+        Ok((stations, run.ended))
     }
 
     /// `(JSON, text)` of the check.
     fn check(&self, py: Python<'_>, remedies: bool) -> PyResult<(String, String)> {
-        let (model, source, sets) = (Arc::clone(&self.model), self.source.clone(), self.sets.clone());
-        let title = self.title().to_string();
+        let (model, title) = (Arc::clone(&self.model), self.model.title_or(&self.source).to_string());
         let work = move || -> Result<_, Box<dyn std::error::Error + Send + Sync>> {
-            let mut check = hapt_analysis::check(&model)?;
-            let mut proposed = None;
-            if remedies {
-                let found = hapt_analysis::remedies(&model)?;
-                proposed = hapt_analysis::proposal(&model, &source, &sets, &check, &found)?;
-                check.remedies = Some(found);
-            }
-            let text = check.text(&title, &model.sampling, proposed.as_ref(), false);
-            Ok((serde_json::to_string(&check), text))
+            let check = hapt_analysis::check_system(&model, remedies)?;
+            Ok((serde_json::to_string(&check), check.text(&model, &title, false)?))
         };
         let until = move |stop: &Stop| hapt_analysis::until(stop.flag(), work);
         let (json, text) = interruptible(py, until)?.ok_or_else(unwanted)?.map_err(value)?;
@@ -199,7 +218,7 @@ impl World {
         points: usize,
         steep: bool,
     ) -> PyResult<(Bound<'py, PyDict>, String)> {
-        let model = Arc::clone(&self.model);
+        let model = self.world()?.clone();
         let slopes = if steep { Slopes::Steep } else { Slopes::Flat };
         let work = move |stop: &Stop| analyses::impedance(&model, &slopes, low, high, points, stop);
         let (columns, json) = interruptible(py, work)?.map_err(value)?.ok_or_else(unwanted)?;
@@ -215,16 +234,28 @@ impl World {
         analyses::boundary(py, self.source.clone(), self.sets.clone(), axes, &claims)
     }
 
-    /// The worst hand found, as JSON, and the world with the scenario that shows it where no file is needed beside it.
-    fn worst(&self, py: Python<'_>) -> PyResult<(String, Option<String>)> {
+    /// The worst hands found, as JSON, and the system with the scenario that shows them where no file of a motion is needed beside it.
+    fn worst(&self, py: Python<'_>) -> PyResult<(String, Option<World>)> {
         let model = Arc::clone(&self.model);
         let found = in_parallel(py, 0, move |stop| {
             let watch = |_| if stop.is_set() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
-            hapt_sweep::worst::search_watched(&model, &watch).map(|worst| (serde_json::to_string(&worst), worst, model))
+            search(&model, &watch).map(|worst| (serde_json::to_string(&worst), worst))
         })?;
-        let (json, worst, model) = found.map_err(value)?;
-        let shown = Model { scenarios: vec![worst.scenario], ..(*model).clone() };
-        Ok((json.map_err(internal)?, worst.motion.is_none().then(|| shown.to_toml())))
+        let (json, worst) = found.map_err(value)?;
+        let (text, files) = match worst {
+            Worst::Alone(worst) if worst.motion.is_some() => return Ok((json.map_err(internal)?, None)),
+            Worst::Alone(worst) => {
+                (Model { scenarios: vec![worst.scenario], ..self.world()?.clone() }.to_toml(), Files::new())
+            }
+            Worst::Together(worst) => {
+                let stations = || worst.network.stations.iter();
+                let names: Vec<String> = stations().map(|station| format!("{}.toml", station.name)).collect();
+                let worlds = stations().map(|station| station.stated_world().to_toml());
+                (worst.network.to_toml(&names), names.into_iter().zip(worlds).collect())
+            }
+        };
+        let source = Source { files, ..Source::from_text("worst", text) };
+        Ok((json.map_err(internal)?, Some(World::new(py, source, Vec::new())?)))
     }
 
     /// Whether a record agrees with the world, as JSON.
@@ -235,7 +266,7 @@ impl World {
         positions: PyReadonlyArray1<'_, f64>,
         torques: PyReadonlyArray1<'_, f64>,
     ) -> PyResult<String> {
-        analyses::against(py, Arc::clone(&self.model), &times, &positions, &torques)
+        analyses::against(py, Arc::new(self.world()?.clone()), &times, &positions, &torques)
     }
 
     /// A grid of this world; each axis its key and values in SI.
@@ -251,12 +282,13 @@ impl World {
 
     /// The loop alone.
     fn running(&self) -> PyResult<Loop> {
-        Loop::new(Arc::clone(&self.model))
+        Loop::new(Arc::new(self.world()?.clone()))
     }
 
     /// The device alone, with the hand of a scenario or none.
     fn device(&self, py: Python<'_>, scenario: Option<&str>) -> PyResult<Device> {
-        let scenario = scenario.map(|name| self.model.scenario(name)).transpose();
+        let world = self.world()?;
+        let scenario = scenario.map(|name| world.scenario(name)).transpose();
         let scenario = scenario.map_err(|error| of_world(py, error, "device"))?;
         if let Some(scenario) = scenario.filter(|scenario| scenario.timing != Timing::Even) {
             let name = &scenario.name;
@@ -264,11 +296,11 @@ impl World {
                 "scenario {name:?} has a timing, and step() takes a period each; simulate() plays it as it is"
             )));
         }
-        Ok(Device::new(&self.model, scenario))
+        Ok(Device::new(world, scenario))
     }
 
     /// The matrices of world, device and estimator as JSON, see [`analyses::state_spaces`].
     fn state_spaces(&self) -> PyResult<String> {
-        Ok(analyses::state_spaces(&self.model).map_err(value)?.to_string())
+        Ok(analyses::state_spaces(self.world()?).map_err(value)?.to_string())
     }
 }

@@ -33,10 +33,10 @@ def pair(tmp_path: Path) -> hapt.Network:
     (tmp_path / "wheel.toml").write_text(WHEEL)
     (tmp_path / "free.toml").write_text(WHEEL.split("[scenarios")[0].replace("1 ms", "2 ms"))
     (tmp_path / "pair.toml").write_text(PAIR)
-    return hapt.Network.load(tmp_path / "pair.toml")
+    return hapt.load(tmp_path / "pair.toml")
 
 
-def test_a_network_is_certified_up_to_its_bound(pair: hapt.Network) -> None:
+def test_a_network_is_certified_up_to_its_bound(pair: hapt.World) -> None:
     check = pair.check()
     assert check and list(check["stations"]) == pair.stations == ["left", "right"]
     # K (T/2 + age_max)
@@ -49,7 +49,17 @@ def test_a_network_is_certified_up_to_its_bound(pair: hapt.Network) -> None:
     assert pair.get("links.0.limit") is None
 
 
-def test_a_run_has_the_columns_of_each_station(pair: hapt.Network) -> None:
+def test_a_network_is_a_world_with_stations_and_links(pair: hapt.World) -> None:
+    assert isinstance(pair, hapt.World) and pair.stations == ["left", "right"] and pair.links == [("left", "right")]
+    assert pair.get("stations.right.loop.method") and pair.get("stations.left.phase") == 0
+    assert pair == pair.set("links.0.stiffness", 0.2) != pair.set("links.0.stiffness", 0.3)
+    alone = hapt.load(WHEEL)
+    assert alone.stations == [] and alone.links == [] and alone.run()[""] == alone.simulate()
+    with pytest.raises(ValueError, match="is a network"):
+        pair.loop()
+
+
+def test_a_run_has_the_columns_of_each_station(pair: hapt.World) -> None:
     run = pair.run()
     left, right = run["left"], run["right"]
     assert left["time_s"].shape == (201,) and right["time_s"].shape == (101,)
@@ -59,7 +69,7 @@ def test_a_run_has_the_columns_of_each_station(pair: hapt.Network) -> None:
     assert right["puck_rad"][-1] > 0
 
 
-def test_mistakes_name_their_place(pair: hapt.Network, tmp_path: Path) -> None:
+def test_mistakes_name_their_place(pair: hapt.World, tmp_path: Path) -> None:
     with pytest.raises(hapt.WorldError, match="links.0.stifness: unknown key"):
         pair.set("links.0.stifness", 1)
     with pytest.raises(hapt.WorldError, match='no station "up"'):
@@ -69,12 +79,12 @@ def test_mistakes_name_their_place(pair: hapt.Network, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match='no station\'s world has a scenario "pull"'):
         pair.run("pull")
     with pytest.raises(hapt.WorldError):
-        hapt.Network.load(tmp_path / "none.toml")
-    with pytest.raises(TypeError, match="Network.load"):
-        hapt.Network()
+        hapt.load(tmp_path / "none.toml")
+    with pytest.raises(ValueError, match="is a network"):
+        pair.simulate()
 
 
-def test_the_edge_of_a_pair_is_that_of_the_shared_burden(pair: hapt.Network) -> None:
+def test_the_edge_of_a_pair_is_that_of_the_shared_burden(pair: hapt.World) -> None:
     edge = pair.boundary({"links.0.stiffness": (0.05, 1.0), "links.0.age_max": ("5 ms", "60 ms")}, "passive")
     assert edge.keys == ("links.0.stiffness", "links.0.age_max") and len(edge.pieces) == 1
     piece = edge.pieces[0]
@@ -84,14 +94,14 @@ def test_the_edge_of_a_pair_is_that_of_the_shared_burden(pair: hapt.Network) -> 
     assert list(edge.to_pandas().columns) == ["edge", "piece", "links.0.stiffness", "links.0.age_max", "hz"]
 
 
-def test_a_claim_without_a_verdict_says_why(pair: hapt.Network) -> None:
+def test_a_claim_without_a_verdict_says_why(pair: hapt.World) -> None:
     lossy = pair.set("links.0.loss", 0.1)
     edges = lossy.boundary({"links.0.stiffness": (0.05, 1.0), "links.0.age_max": ("5 ms", "60 ms")})
     assert edges.everywhere["fixed"] is None and list(edges.undecided) == ["fixed"] and "lost" in edges.undecided["fixed"]
     assert {piece.claim for piece in edges.pieces} == {"passive"}
 
 
-def test_a_sweep_agrees_with_the_certificate(pair: hapt.Network, tmp_path: Path) -> None:
+def test_a_sweep_agrees_with_the_certificate(pair: hapt.World, tmp_path: Path) -> None:
     ages, measures = np.array([5e-3, 20e-3, 80e-3]), ["certified", "damping_margin", "peak_torque"]
     sweep = pair.sweep({"links.0.age_max": ages, "stations.left.device.damping": [4e-3, 1e-2]}, measures, progress=False)
     assert sweep["certified"].shape == (3, 2)
@@ -104,25 +114,25 @@ def test_a_sweep_agrees_with_the_certificate(pair: hapt.Network, tmp_path: Path)
     assert shards.equals(sweep.to_pandas())
 
 
-def test_the_worst_hands_of_a_broken_network_play_in_it(pair: hapt.Network) -> None:
+def test_the_worst_hands_of_a_broken_network_play_in_it(pair: hapt.World) -> None:
     weak = pair.set("links.0.age_max", "60 ms").set("stations.left.device.damping", 1e-3).set("stations.right.device.damping", 1e-3)
     worst = weak.worst()
     assert worst["broken"] and not worst["certified"] and worst["drawn"]["gain"] > 0
-    assert worst.network.scenarios == ["worst"] and not worst.network.check()
+    assert worst.world is not None and worst.world.scenarios == ["worst"] and not worst.world.check()
     copy = pickle.loads(pickle.dumps(worst))
-    run = copy.network.run()
+    run = copy.world.run()
     # The hands begin when the links have taken hold.
     left = run["left"]
     assert np.abs(left["puck_rad"][left["time_s"] < worst["begins_s"]]).max() < 1e-9 < np.abs(left["puck_rad"]).max()
-    assert run["right"] == worst.network.run()["right"]
+    assert run["right"] == worst.world.run()["right"]
 
 
-def test_networks_can_be_pickled(pair: hapt.Network) -> None:
+def test_networks_can_be_pickled(pair: hapt.World) -> None:
     softer = pickle.loads(pickle.dumps(pair.set("links.0.stiffness", 0.05)))
     assert softer.get("links.0.stiffness") == 0.05 and dict(softer.check()) == dict(pair.set("links.0.stiffness", 0.05).check())
 
 
-def test_what_is_not_of_a_network_is_refused(pair: hapt.Network) -> None:
+def test_what_is_not_of_a_network_is_refused(pair: hapt.World) -> None:
     plane = {"links.0.stiffness": (0.05, 1.0), "links.0.age_max": (5e-3, 60e-3)}
     with pytest.raises(ValueError, match="held"):
         pair.boundary(plane, "held")

@@ -121,7 +121,7 @@ def test_another_sweep_is_refused(world: hapt.World, tmp_path: pathlib.Path) -> 
 
 
 def test_a_worker_of_another_version_is_an_error(world: hapt.World) -> None:
-    job = dataclasses.replace(Job("world", world._native.parts(), AXES, MEASURES, None), version="0.0.1")
+    job = dataclasses.replace(Job(world._native.parts(), AXES, MEASURES, None), version="0.0.1")
     with pytest.raises(RuntimeError, match="0.0.1"):
         compute(job, "", 0, 1, 1, None, "")
 
@@ -134,7 +134,7 @@ def test_a_file_that_the_world_names_is_a_part_of_the_sweep(tmp_path: pathlib.Pa
     world = hapt.load(tmp_path / "wall.toml")
     world.sweep(AXES, "peak_torque", shards=2, out=out, progress=False)
     before = files(out)
-    job = Job("world", world._native.parts(), AXES, ["peak_torque"], None)
+    job = Job(world._native.parts(), AXES, ["peak_torque"], None)
     fingerprint = job.fingerprint(job.grid())
     path.write_text("time_s,puck_deg\n0,0\n0.1,20\n")
     with pytest.raises(RuntimeError, match="another content"):  # a worker on another machine, with another file

@@ -1,69 +1,33 @@
 //! `hapt check`: the certificate, and remedies.
 
-use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_model::{Source, System};
+use hapt_analysis::{SystemCheck, check_system, proof};
+use hapt_model::System;
 
+use crate::answer::{answer, begin, pretty, write};
 use crate::args::CheckArgs;
-use crate::colour;
 use crate::failure::Failure;
 use crate::output;
-use crate::world::{Loaded, files, source};
-use crate::worst::{begin, write};
+use crate::world::{inputs, source};
 
 pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
     let source = source(&args.world.path)?;
-    if hapt_model::is_network(&source) {
-        if args.proof.is_some() {
-            let message = "--proof: a network has no proof file; expected a world, such as that of one of its stations";
-            return Err(Failure::input(message));
-        }
-        return check_network(&source, args);
+    let system = System::read(&source, &args.world.sets)?;
+    if args.proof.is_some() && system.world().is_none() {
+        let message = "--proof: a network has no proof file; expected a world, such as that of one of its stations";
+        return Err(Failure::input(message));
     }
-    let loaded = Loaded::of(source, &args.world)?;
-    output::apart(&output::given(&[("--proof", &args.proof)]), &files(&args.world.path, &loaded.world))?;
+    output::apart(&output::given(&[("--proof", &args.proof)]), &inputs(&args.world.path, &system))?;
     // An invalid output file is reported before the work.
     let draft = args.proof.as_deref().map(begin).transpose()?;
-    let mut check = hapt_analysis::check(&loaded.world)?;
-    if !args.no_remedies {
-        check.remedies = Some(hapt_analysis::remedies(&loaded.world)?);
+    let check = check_system(&system, !args.no_remedies)?;
+    if let (Some(draft), Some(world), SystemCheck::World(check)) = (draft, system.world(), &check) {
+        write([(draft, pretty(&proof(world, check)?)?)].into_iter())?;
     }
-    if let Some((path, draft)) = args.proof.as_deref().zip(draft) {
-        let proof = hapt_analysis::proof(&loaded.world, &check)?;
-        let json = serde_json::to_string_pretty(&proof).map_err(|error| Failure::System(error.to_string()))?;
-        write([((path, draft), json + "\n")].into_iter())?;
-    }
-    let text = if args.json {
-        let json = serde_json::to_string_pretty(&check).map_err(|error| Failure::System(error.to_string()))?;
-        json + "\n"
-    } else {
-        let proposed = match &check.remedies {
-            Some(remedies) => {
-                hapt_analysis::proposal(&loaded.world, &loaded.source, &args.world.sets, &check, remedies)?
-            }
-            None => None,
-        };
-        check.text(loaded.title(), &loaded.world.sampling, proposed.as_ref(), args.why)
+    let text = match args.json {
+        true => pretty(&check)?,
+        false => check.text(&system, system.title_or(&source), args.why)?,
     };
-    print(&text, check.certified.holds())
-}
-
-/// The same of a network.
-fn check_network(source: &Source, args: &CheckArgs) -> Result<ExitCode, Failure> {
-    let network = System::read(source, &args.world.sets)?;
-    let check = hapt_analysis::check_network(&network)?.with_remedies(&network, !args.no_remedies)?;
-    let text = if args.json {
-        serde_json::to_string_pretty(&check).map_err(|error| Failure::System(error.to_string()))? + "\n"
-    } else {
-        check.text(network.title.as_deref().unwrap_or(&source.name), args.why)
-    };
-    print(&text, check.certified)
-}
-
-/// Prints a certificate; its exit code.
-pub fn print(text: &str, certified: bool) -> Result<ExitCode, Failure> {
-    let mut out = stdout().lock();
-    out.write_all(colour::for_stdout(text).as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
-    Ok(if certified { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    answer(&text, check.is_certified())
 }

@@ -2,6 +2,7 @@
 // Every match names all variants, so that a new one does not compile by default.
 #![warn(clippy::wildcard_enum_match_arm)]
 
+mod answer;
 mod args;
 mod axis;
 mod boundary;

@@ -4,7 +4,7 @@ use hapt_analysis::Grip;
 use hapt_model::{Coupling, Drive, End, Hand as Model, Law, Motion, Scenario, Shape, Side, Switching, World};
 use serde::Serialize;
 
-/// A passive hand with a stretched spring at t = 0 and a fixed intended position from then on.
+/// A passive hand whose spring is stretched at once, to a fixed intended position from then on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Hand {
     /// Its mass, damper and spring.
@@ -29,14 +29,14 @@ impl Hand {
         0.5 * self.grip.stiffness * self.to * self.to
     }
 
-    /// The scenario that shows it.
-    pub fn scenario(&self, name: &str, duration: f64) -> Scenario {
+    /// The scenario that shows it, its spring drawn at `begins`, in s.
+    pub fn scenario(&self, name: &str, duration: f64, begins: f64) -> Scenario {
         let Grip { inertia, damping, stiffness } = self.grip;
         let drive = Drive::Grip {
             inertia,
             damping,
             stiffness,
-            moves: Shape::Step { to: self.to, at: 0.0 },
+            moves: Shape::Step { to: self.to, at: begins },
             switching: self.hold_and_open.map(|(hold, open)| Switching { hold, open }),
         };
         Scenario { name: name.into(), duration, hand: Model { drive, release: None }, timing: Default::default() }
@@ -73,8 +73,8 @@ fn torque(world: &World, q: f64) -> f64 {
 }
 
 /// A tenth of a radian (linear: 1 cm).
-fn plain(world: &World) -> f64 {
-    match world.motion {
+pub(super) fn plain(motion: Motion) -> f64 {
+    match motion {
         Motion::Rotary => 0.1,
         Motion::Linear => 0.01,
     }
@@ -84,7 +84,7 @@ fn plain(world: &World) -> f64 {
 /// by ten counts at least.
 pub(super) fn reach(world: &World, stiffness: f64) -> f64 {
     let within = world.device.limit.map_or(f64::INFINITY, |limit| 0.25 * limit / stiffness);
-    plain(world).min(within).max(world.count().map_or(0.0, |count| 10.0 * count))
+    plain(world.motion).min(within).max(world.count().map_or(0.0, |count| 10.0 * count))
 }
 
 /// The targets of hands, at least one: a little beside the start, at each wall's face, and some way inside. `stiffness` is that at the puck.
@@ -118,7 +118,7 @@ pub(crate) fn targets(world: &World, stiffness: f64) -> Vec<f64> {
     all.retain(|q| *q != 0.0 && q.is_finite());
     all.dedup();
     if all.is_empty() {
-        all.push(plain(world));
+        all.push(plain(world.motion));
     }
     // In a world of many walls not every one is a target.
     all.truncate(5);

@@ -4,12 +4,12 @@
 //! ones that release and grip again. For the linear loop with a hand the result is exact ([`hapt_analysis::worst_grip`]). For the whole
 //! loop, with limit, counts, friction and walls, it is a run on the exact simulation, and its ledger ([`drawn`]).
 //!
-//! * [`search`] runs the whole search on one world and returns a [`Worst`].
+//! * [`search`] runs the whole search on a system and returns a [`Worst`]: of a world the hand of [`search_alone`], of a network those of
+//!   [`search_together`], one at each station.
 //! * [`Hand`] is a hand with its initial kick, and the scenario that shows it.
 //! * [`HandMotion`] is a prescribed path, for worlds from which no grip draws energy: the one for which the motor's work is largest, or one
 //!   against counts, levels and samples.
 //! * [`work_motion`] is the former of a linear loop, by the largest eigenvalue of the work as a quadratic form of the motion.
-//! * [`search_together`] is the search for the hands at all stations of a network, and returns a [`WorstTogether`].
 //! * [`Drawn`] is the energy that the hand has drawn from the loop, from a run's ledger.
 //!
 //! No hand may draw energy from a certified world. Some hand should from a refused one; where none does, [`Worst::gap`] is the distance
@@ -23,10 +23,52 @@ mod moved;
 mod network;
 mod search;
 
+use hapt_model::System;
+use serde::Serialize;
+
 pub use drawn::{Drawn, drawn};
 pub use form::{WorkMotion, work_motion};
 pub use hand::Hand;
 pub use motion::{Exploit, HandMotion};
 pub use moved::{FILE, Moved, best_motion};
-pub use network::{DrawnTogether, MOST_TOGETHER, WorstTogether, search_together};
-pub use search::{Error, Gap, Watch, Worst, most_runs, search, search_watched};
+pub use network::{DrawnTogether, WorstTogether, search_together};
+pub use search::{Error, Gap, Watch, WorstAlone, most_runs_alone, search_alone};
+
+/// The worst hands of a system. It serialises to what `hapt worst --json` prints.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Worst {
+    /// Of a world.
+    Alone(Box<WorstAlone>),
+    /// Of a network.
+    Together(Box<WorstTogether>),
+}
+
+impl Worst {
+    /// Whether hands draw energy.
+    pub fn is_broken(&self) -> bool {
+        match self {
+            Worst::Alone(worst) => worst.broken,
+            Worst::Together(worst) => worst.broken,
+        }
+    }
+}
+
+/// Searches for the passive hands that draw most energy from a system, under a watch that may end it.
+///
+/// # Errors
+/// [`Error`].
+pub fn search(system: &System, watch: &Watch<'_>) -> Result<Worst, Error> {
+    Ok(match system.world() {
+        Some(world) => Worst::Alone(Box::new(search_alone(world, watch)?)),
+        None => Worst::Together(Box::new(search_together(system, watch)?)),
+    })
+}
+
+/// The largest number of runs of [`search`].
+///
+/// # Errors
+/// As [`search`].
+pub fn most_runs(system: &System) -> Result<usize, Error> {
+    system.world().map_or(Ok(network::MOST_RUNS), most_runs_alone)
+}

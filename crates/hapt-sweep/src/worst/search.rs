@@ -40,7 +40,7 @@ const STIFFER: [f64; 4] = [1.0, 0.3, 0.1, 0.03];
 /// The most runs of one climb.
 const RUNS: usize = 30;
 
-/// Receives the number of hands tried by simulation so far, [`most_runs`] at most; `Break` ends the search.
+/// Receives the number of hands tried by simulation so far, [`super::most_runs`] at most; `Break` ends the search.
 pub type Watch<'a> = dyn Fn(usize) -> ControlFlow<()> + 'a;
 
 /// The reason that the search has no result.
@@ -68,9 +68,9 @@ pub struct Gap {
     pub device_damping: f64,
 }
 
-/// The worst hand found.
+/// The worst hand found of a world.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Worst {
+pub struct WorstAlone {
     /// Whether the world is certified, open or refuted.
     pub status: Status,
     /// The linear loop's worst hand, or one nearly as bad with a stronger kick, and its growth in 1/s; `None` where no tried hand makes
@@ -96,7 +96,7 @@ pub struct Worst {
 }
 
 /// As `hapt worst --json` prints it, in SI.
-impl Serialize for Worst {
+impl Serialize for WorstAlone {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         #[derive(Serialize)]
         struct Summary {
@@ -104,7 +104,7 @@ impl Serialize for Worst {
             points: usize,
         }
         let motion = self.motion.as_ref().map(|motion| Summary { trick: motion.trick, points: motion.points.len() });
-        let mut fields = to.serialize_struct("Worst", 11)?;
+        let mut fields = to.serialize_struct("WorstAlone", 11)?;
         fields.serialize_field("broken", &self.broken)?;
         fields.serialize_field("certified", &self.is_certified())?;
         fields.serialize_field("status", &self.status)?;
@@ -120,7 +120,7 @@ impl Serialize for Worst {
     }
 }
 
-impl Worst {
+impl WorstAlone {
     /// Whether the world is certified.
     pub fn is_certified(&self) -> bool {
         self.status == Status::Certified
@@ -169,7 +169,7 @@ pub(super) fn go_on(watch: &Watch<'_>, runs: usize) -> Result<(), Error> {
 impl Trials<'_> {
     fn run(&mut self, grip: Grip, target: f64, hold_and_open: Option<(f64, f64)>) -> Result<Tried, Error> {
         let hand = Hand::toward(self.world, grip, target, hold_and_open);
-        let drawn = drawn(self.world, &hand.scenario("worst", self.duration), hand.energy())?;
+        let drawn = drawn(self.world, &hand.scenario("worst", self.duration, 0.0), hand.energy())?;
         self.runs += 1;
         go_on(self.watch, self.runs)?;
         let tried = Tried { hand, target, drawn };
@@ -271,12 +271,12 @@ fn with_a_kick(world: &World, worst: WorstGrip, stiffness: f64) -> Result<WorstG
     Ok(worst)
 }
 
-/// The largest number of hands that [`search`] tries by simulation: two of the linear loop and those of the grid at each target, one that
+/// The largest number of hands that [`search_alone`] tries by simulation: two of the linear loop and those of the grid at each target, one that
 /// switches for each of the grid, and both climbs, each with the round that it ends.
 ///
 /// # Errors
-/// As [`search`].
-pub fn most_runs(world: &World) -> Result<usize, Error> {
+/// As [`search_alone`].
+pub fn most_runs_alone(world: &World) -> Result<usize, Error> {
     let (targets, grid) = (targets(world, stiffness(world)?).len(), MASSES.len() * ANGLES.len());
     let climbs = 3 * RUNS + (3 + 1) + (5 + 1);
     Ok((2 + grid) * targets + grid + climbs)
@@ -296,7 +296,7 @@ pub fn most_runs(world: &World) -> Result<usize, Error> {
 ///
 /// ```
 /// use hapt_model::{Source, World};
-/// use hapt_sweep::worst::search;
+/// use hapt_sweep::worst::search_alone;
 ///
 /// let file = r#"
 /// loop = { period = "1 ms", estimator = "difference" }
@@ -307,22 +307,14 @@ pub fn most_runs(world: &World) -> Result<usize, Error> {
 /// stiffness = "1 N m/rad"
 /// "#;
 /// let world = World::read(&Source::from_text("spring.toml", file), &[])?;
-/// let worst = search(&world)?;
+/// let worst = search_alone(&world, &|_| std::ops::ControlFlow::Continue(()))?;
 /// assert!(worst.status == hapt_analysis::Status::Refuted && worst.broken, "0.1 mN m s/rad, and KT/2 is 0.5");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
 /// # Errors
 /// [`Error`].
-pub fn search(world: &World) -> Result<Worst, Error> {
-    search_watched(world, &|_| ControlFlow::Continue(()))
-}
-
-/// As [`search`], under a watch that may end it.
-///
-/// # Errors
-/// As [`search`]; [`Error::Interrupted`].
-pub fn search_watched(world: &World, watch: &Watch<'_>) -> Result<Worst, Error> {
+pub fn search_alone(world: &World, watch: &Watch<'_>) -> Result<WorstAlone, Error> {
     hapt_sim::check(world)?;
     let (linear, breaking) = (growing(world)?, breaking_damping(world)?);
     let check = quick_check(world)?;
@@ -397,7 +389,7 @@ pub fn search_watched(world: &World, watch: &Watch<'_>) -> Result<Worst, Error> 
         }
     }
     let broken = drew || (linear.is_some() && grows_as_linear(world));
-    Ok(Worst {
+    Ok(WorstAlone {
         status: check.status,
         linear,
         hand,
@@ -424,7 +416,7 @@ struct ShownHand {
 
 /// A run of `length`, or until the loop runs away.
 fn show(world: &World, hand: Hand, length: f64) -> Result<ShownHand, Error> {
-    let drawn = drawn(world, &hand.scenario("worst", length), hand.energy())?;
+    let drawn = drawn(world, &hand.scenario("worst", length, 0.0), hand.energy())?;
     let length = if drawn.until_s < length - world.sampling.period { drawn.until_s } else { length };
-    Ok(ShownHand { hand, scenario: hand.scenario("worst", length), drawn })
+    Ok(ShownHand { hand, scenario: hand.scenario("worst", length, 0.0), drawn })
 }

@@ -9,7 +9,7 @@ use hapt_analysis::{Status, is_certified, passivity, required_damping};
 use hapt_model::{
     Body, Coupling, Damping, Drive, End, Hand, Law, Method, Output, Scenario, Shape, Side, Source, World,
 };
-use hapt_sweep::worst::{Exploit, best_motion, drawn, most_runs, search, search_watched, work_motion};
+use hapt_sweep::worst::{Error, Exploit, WorstAlone, best_motion, drawn, most_runs_alone, search_alone, work_motion};
 use proptest::prelude::*;
 use proptest::sample::select;
 
@@ -27,6 +27,10 @@ fn spring(stiffness: f64) -> World {
     World { couplings: vec![to_ground(Law::Spring { stiffness, rest: 0.0 })], ..bare() }
 }
 
+fn search(world: &World) -> Result<WorstAlone, Error> {
+    search_alone(world, &|_| ControlFlow::Continue(()))
+}
+
 #[test]
 fn a_sampled_spring_falls_where_it_is_refused_and_survives_where_it_is_certified() {
     let limit = 2.0 * bare().device.damping / bare().sampling.period;
@@ -36,14 +40,14 @@ fn a_sampled_spring_falls_where_it_is_refused_and_survives_where_it_is_certified
     }
     for part in [1.02, 1.5, 4.0] {
         let (world, seen) = (spring(part * limit), AtomicUsize::new(0));
-        let worst = search_watched(&world, &|runs| {
+        let worst = search_alone(&world, &|runs| {
             seen.store(runs, Relaxed);
             ControlFlow::Continue(())
         })
         .unwrap();
         assert!(!worst.is_certified() && worst.broken, "{worst:?}");
         // No more than whoever watches was told.
-        assert!((1..=most_runs(&world).unwrap()).contains(&seen.load(Relaxed)), "{seen:?}");
+        assert!((1..=most_runs_alone(&world).unwrap()).contains(&seen.load(Relaxed)), "{seen:?}");
         let breaking = worst.gap.breaking_damping.unwrap();
         assert!((breaking / worst.gap.required_damping.unwrap() - 1.0).abs() < 1e-3, "{:?}", worst.gap);
         // Nothing bends, so the run shows it: a million times what the hand began with, unless that takes too long.
@@ -54,11 +58,11 @@ fn a_sampled_spring_falls_where_it_is_refused_and_survives_where_it_is_certified
 #[test]
 fn a_search_ends_where_its_watch_ends_it() {
     let seen = AtomicUsize::new(0);
-    let ended = search_watched(&spring(1.0), &|runs| {
+    let ended = search_alone(&spring(1.0), &|runs| {
         seen.store(runs, Relaxed);
         if runs < 5 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     });
-    assert_eq!((ended, seen.load(Relaxed)), (Err(hapt_sweep::worst::Error::Interrupted), 5));
+    assert_eq!((ended, seen.load(Relaxed)), (Err(Error::Interrupted), 5));
 }
 
 #[test]

@@ -3,7 +3,6 @@
 mod together;
 
 use std::fmt::Write as _;
-use std::io::{Write, stdout};
 use std::ops::ControlFlow;
 use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
@@ -16,17 +15,16 @@ use std::time::Duration;
 
 use hapt_analysis::{Grip, Status};
 use hapt_model::keys::Measure;
-use hapt_model::{Drive, Shape, World};
-use hapt_sweep::worst::{Exploit, Gap, Hand, HandMotion, Watch, Worst};
+use hapt_model::{Drive, Shape, Station, System, World};
+use hapt_sweep::worst::{Exploit, Gap, Hand, HandMotion, Watch, Worst, WorstAlone};
 
+use crate::answer::{answer, begin, pretty, write};
 use crate::args::WorstArgs;
-use crate::colour;
 use crate::failure::Failure;
 use crate::format;
-use crate::messages;
-use crate::output::{self, Draft};
+use crate::output;
 use crate::progress::Progress;
-use crate::world::{Loaded, files, source};
+use crate::world::{inputs, source};
 
 /// From one look at the search to the next.
 const LOOK: Duration = Duration::from_millis(200);
@@ -36,43 +34,54 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
         output::format("--out", path, &["toml"])?;
     }
     let source = source(&args.world.path)?;
-    if hapt_model::is_network(&source) {
-        return together::run(&source, args);
+    let system = System::read(&source, &args.world.sets)?;
+    let is_world = system.world().is_some();
+    let targets = args.out.as_deref().map_or(Vec::new(), |out| targets(out, &system));
+    if !is_world {
+        targets.iter().try_for_each(|path| output::regular("--out", path))?;
     }
-    let loaded = Loaded::of(source, &args.world)?;
-    if let Some(path) = &args.out {
-        output::apart(&[("--out", path), ("--out", &beside(path))], &files(&args.world.path, &loaded.world))?;
-    }
-    // An invalid output file is reported before the search.
-    let draft = args.out.as_deref().map(begin).transpose()?;
-    let most = hapt_sweep::worst::most_runs(&loaded.world)?;
-    let worst = watched(most, |watch| hapt_sweep::worst::search_watched(&loaded.world, watch))?;
-    let shown = with_scenario(&loaded.world, &worst, args.out.as_deref());
-    if let Some((path, draft)) = args.out.as_deref().zip(draft) {
-        let beside = beside(path);
-        let motion = match &worst.motion {
-            // A device has no file beside it.
-            Some(motion) => {
-                output::regular("--out", path)?;
-                Some(((beside.as_path(), begin(&beside)?), motion.csv(loaded.world.motion)))
-            }
-            None => None,
-        };
-        write(motion.into_iter().chain([((path, draft), shown.to_toml())]))?;
-    }
-    let text = if args.json {
-        let json = serde_json::to_string_pretty(&worst).map_err(|error| Failure::System(error.to_string()))?;
-        json + "\n"
-    } else {
-        text(&loaded, &worst, args.out.as_deref(), &shown)
+    let outputs: Vec<_> = targets.iter().map(|path| ("--out", path.as_path())).collect();
+    output::apart(&outputs, &inputs(&args.world.path, &system))?;
+    // Invalid output files are reported before the search, which says whether a world needs the file of a motion.
+    let early = targets.iter().skip(usize::from(is_world));
+    let mut drafts = early.map(|path| begin(path)).collect::<Result<Vec<_>, _>>()?;
+    let most = hapt_sweep::worst::most_runs(&system)?;
+    let worst = watched(most, |watch| hapt_sweep::worst::search(&system, watch))?;
+    let (title, out) = (system.title_or(&source), args.out.as_deref());
+    let (text, files): (String, Vec<String>) = match &worst {
+        Worst::Alone(worst) => {
+            let shown = with_scenario(&system.stations[0].world, worst, out);
+            let motion = worst.motion.as_ref().map(|motion| motion.csv(system.motion));
+            (text(title, worst, out, &shown), motion.into_iter().chain([shown.to_toml()]).collect())
+        }
+        Worst::Together(worst) => {
+            let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let names: Vec<String> = targets.iter().map(name).collect();
+            let worlds = worst.network.stations.iter().map(|station| station.stated_world().to_toml());
+            (together::text(title, worst, out), worlds.chain([worst.network.to_toml(&names)]).collect())
+        }
     };
-    let mut out = stdout().lock();
-    out.write_all(colour::for_stdout(&text).as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
-    Ok(if worst.broken { ExitCode::from(1) } else { ExitCode::SUCCESS })
+    if let Some(out) = out.filter(|_| drafts.len() < files.len()) {
+        // A device has no file beside it.
+        output::regular("--out", out)?;
+        drafts.insert(0, begin(&targets[0])?);
+    }
+    write(drafts.into_iter().zip(files))?;
+    answer(&if args.json { pretty(&worst)? } else { text }, !worst.is_broken())
+}
+
+/// Where a system with the worst hands is written, its own file last: beside it, as `FILE-NAME.toml`, the world of each station of a network,
+/// or as `FILE-motion.csv` the motion of a world. When the file is there, those beside it are.
+fn targets(out: &Path, system: &System) -> Vec<PathBuf> {
+    let world = |station: &Station| match station.name.as_str() {
+        "" => beside(out, "motion.csv"),
+        name => beside(out, &format!("{name}.toml")),
+    };
+    system.stations.iter().map(world).chain([out.to_path_buf()]).collect()
 }
 
 /// A search of at most so many runs, with its progress on standard error.
-pub fn watched<T: Send>(
+fn watched<T: Send>(
     most: usize,
     search: impl FnOnce(&Watch<'_>) -> Result<T, hapt_sweep::worst::Error> + Send,
 ) -> Result<T, Failure> {
@@ -101,42 +110,23 @@ pub fn watched<T: Send>(
 
 /// The world as it was looked at, with this scenario alone: the others may lean on files beside the world. A motion's own file stands
 /// beside `out`.
-fn with_scenario(world: &World, worst: &Worst, out: Option<&Path>) -> World {
+fn with_scenario(world: &World, worst: &WorstAlone, out: Option<&Path>) -> World {
     let mut scenario = worst.scenario.clone();
     if let (Drive::Position(Shape::Path { file, .. }), Some(out)) = (&mut scenario.hand.drive, out) {
-        *file = beside(out).file_name().map_or(file.clone(), |name| name.to_string_lossy().into_owned());
+        *file = beside(out, "motion.csv").file_name().map_or(file.clone(), |name| name.to_string_lossy().into_owned());
     }
     World { scenarios: vec![scenario], ..world.clone() }
 }
 
-/// Where the motion of a world at `out` is.
-fn beside(out: &Path) -> PathBuf {
+/// A file beside `out`.
+fn beside(out: &Path, what: &str) -> PathBuf {
     let mut name = out.file_stem().unwrap_or_default().to_os_string();
-    name.push("-motion.csv");
+    name.push(format!("-{what}"));
     out.with_file_name(name)
 }
 
-pub fn begin(path: &Path) -> Result<Draft, Failure> {
-    Draft::new(path.to_path_buf()).map_err(|error| Failure::write(path.display(), error))
-}
-
-/// Writes each text to its draft, and moves all of them to their places when all are written.
-pub fn write<'p>(files: impl Iterator<Item = ((&'p Path, Draft), String)>) -> Result<(), Failure> {
-    let mut written = Vec::new();
-    for ((path, mut draft), text) in files {
-        draft.write_all(text.as_bytes()).map_err(|error| Failure::write(path.display(), error))?;
-        written.push((path, draft));
-    }
-    for (path, draft) in written {
-        draft.finish().map_err(|error| Failure::write(path.display(), error))?;
-        messages::say(format_args!("wrote {}", path.display()));
-    }
-    Ok(())
-}
-
-fn text(loaded: &Loaded, worst: &Worst, out: Option<&Path>, shown: &World) -> String {
-    let world = &loaded.world;
-    let mut text = format!("{}\n\n", loaded.title());
+fn text(title: &str, worst: &WorstAlone, out: Option<&Path>, world: &World) -> String {
+    let mut text = format!("{title}\n\n");
     let mut line = |name: &str, words: String| {
         let _ = writeln!(text, "{name:<9} {words}");
     };
@@ -159,14 +149,14 @@ fn text(loaded: &Loaded, worst: &Worst, out: Option<&Path>, shown: &World) -> St
             );
         }
         None => {
-            let _ = write!(text, "\n{}", pasted(shown));
+            let _ = write!(text, "\n{}", pasted(world));
         }
     }
     text
 }
 
 /// How to see a draw that is largest before the run's end, which is all that a summary tells of.
-fn ends_at(worst: &Worst) -> String {
+fn ends_at(worst: &WorstAlone) -> String {
     let at = worst.drawn.at_s;
     if !worst.drew || at >= worst.scenario.duration * (1.0 - 1e-6) {
         return String::new();
@@ -175,7 +165,7 @@ fn ends_at(worst: &Worst) -> String {
     format!("; the draw is largest at {}, where {set} ends the run", format::time(at))
 }
 
-fn verdict(worst: &Worst) -> String {
+fn verdict(worst: &WorstAlone) -> String {
     let tried = format::count(worst.runs as u64);
     let hand = if worst.motion.is_some() { "a motion of the hand" } else { "a passive hand" };
     let none = format!("none of {tried} passive hands draws energy");
@@ -201,7 +191,7 @@ fn verdict(worst: &Worst) -> String {
     }
 }
 
-fn linear(world: &World, worst: &Worst) -> String {
+fn linear(world: &World, worst: &WorstAlone) -> String {
     match &worst.linear {
         None => "no hand that was tried makes the linear loop grow".into(),
         Some(found) => {
@@ -280,7 +270,7 @@ fn motion(world: &World, motion: &HandMotion) -> String {
     format!("a motion of up to {reach}, of {} points: {does}", format::count(motion.points.len() as u64))
 }
 
-fn shown_run(worst: &Worst) -> String {
+fn shown_run(worst: &WorstAlone) -> String {
     let drawn = &worst.drawn;
     let within = format::time(worst.scenario.duration);
     let given = match drawn.supplied {
@@ -299,7 +289,7 @@ fn shown_run(worst: &Worst) -> String {
 }
 
 /// The assumptions of the numbers.
-fn notes(world: &World, worst: &Worst) -> Vec<String> {
+fn notes(world: &World, worst: &WorstAlone) -> Vec<String> {
     let mut notes = Vec::new();
     if worst.motion.as_ref().is_none_or(|motion| motion.trick != Exploit::Follow)
         && world.couplings.iter().any(|c| c.law.constant().is_some_and(|torque| torque != 0.0))

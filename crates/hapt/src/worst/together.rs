@@ -1,96 +1,33 @@
 //! `hapt worst` of a network: the hands at all stations that draw most energy together.
 
 use std::fmt::Write as _;
-use std::io::{Write, stdout};
-use std::path::{Path, PathBuf};
-use std::process::ExitCode;
+use std::path::Path;
 
 use hapt_model::keys::Measure;
-use hapt_model::{Motion, Source, Station, System};
-use hapt_sweep::worst::{Hand, MOST_TOGETHER, WorstTogether, search_together};
+use hapt_model::{Motion, Station};
+use hapt_sweep::worst::{Hand, WorstTogether};
 
-use super::{begin, grip, pasted, unit, watched, write};
-use crate::args::WorstArgs;
-use crate::colour;
-use crate::failure::Failure;
+use super::{grip, pasted, unit};
 use crate::format;
-use crate::output;
-use crate::world::inputs;
 
-pub fn run(source: &Source, args: &WorstArgs) -> Result<ExitCode, Failure> {
-    let network = System::read(source, &args.world.sets)?;
-    let files = args.out.as_deref().map(|path| Files::of(path, &network));
-    if let Some(files) = &files {
-        // Other files stand beside it.
-        files.all().try_for_each(|path| output::regular("--out", path))?;
-        let all: Vec<_> = files.all().map(|path| ("--out", path)).collect();
-        output::apart(&all, &inputs(&args.world.path, &network))?;
-    }
-    // An invalid output file is reported before the search.
-    let drafts = files.iter().flat_map(Files::all).map(begin).collect::<Result<Vec<_>, _>>()?;
-    let worst = watched(MOST_TOGETHER, |watch| search_together(&network, watch))?;
-    if let Some(files) = &files {
-        let worlds = worst.network.stations.iter().map(|station| station.stated_world().to_toml());
-        let texts = worlds.chain([worst.network.to_toml(&files.names())]);
-        write(files.all().zip(drafts).zip(texts))?;
-    }
-    let text = if args.json {
-        let json = serde_json::to_string_pretty(&worst).map_err(|error| Failure::System(error.to_string()))?;
-        json + "\n"
-    } else {
-        text(network.title.as_deref().unwrap_or(&source.name), &worst, args.out.as_deref())
-    };
-    let mut out = stdout().lock();
-    out.write_all(colour::for_stdout(&text).as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
-    Ok(if worst.broken { ExitCode::from(1) } else { ExitCode::SUCCESS })
-}
-
-/// Where a network and its worlds are written.
-struct Files {
-    network: PathBuf,
-    /// `FILE-NAME.toml` beside it, for each station.
-    worlds: Vec<PathBuf>,
-}
-
-impl Files {
-    fn of(path: &Path, network: &System) -> Files {
-        let beside = |station: &Station| {
-            let mut name = path.file_stem().unwrap_or_default().to_os_string();
-            name.push(format!("-{}.toml", station.name));
-            path.with_file_name(name)
-        };
-        Files { network: path.to_path_buf(), worlds: network.stations.iter().map(beside).collect() }
-    }
-
-    /// The network last: when it is there, its worlds are.
-    fn all(&self) -> impl Iterator<Item = &Path> {
-        self.worlds.iter().chain([&self.network]).map(PathBuf::as_path)
-    }
-
-    /// The names by which the network knows its worlds.
-    fn names(&self) -> Vec<String> {
-        let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        self.worlds.iter().map(name).collect()
-    }
-}
-
-fn text(title: &str, worst: &WorstTogether, out: Option<&Path>) -> String {
+pub fn text(title: &str, worst: &WorstTogether, out: Option<&Path>) -> String {
     let mut text = format!("{title}\n\n");
     let mut line = |name: &str, words: String| {
         let _ = writeln!(text, "{name:<9} {words}");
     };
     line("verdict", verdict(worst));
-    for (station, hand) in worst.network.stations.iter().zip(&worst.hands) {
-        line("hand", format!("at {}: {}", station.name, self::hand(station, hand.as_ref())));
+    let stations = || worst.network.stations.iter().zip(&worst.stations);
+    for (station, of) in stations() {
+        line("hand", format!("at {}: {}", of.name, hand(station, of.hand.as_ref())));
     }
     line("times", times(worst));
     line("run", shown_run(worst));
-    for (station, (name, required, has)) in worst.network.stations.iter().zip(&worst.damping) {
+    for (station, of) in stations() {
         let unit = unit(&station.world, Measure::Damping);
-        let asks = required.map_or("no damping is known to suffice".into(), |b| {
+        let asks = of.required_damping.map_or("no damping is known to suffice".into(), |b| {
             format!("the certificate requires a damping of {} {unit}", format::number(b))
         });
-        line("gap", format!("{name}: {asks}; the device has {} {unit}", format::number(*has)));
+        line("gap", format!("{}: {asks}; the device has {} {unit}", of.name, format::number(of.device_damping)));
     }
     line("", breaking(worst));
     for note in notes(worst) {

@@ -11,9 +11,9 @@
 //! v is a mode of the frequency ω, whatever the network: the hand's inertia is m_i less the device's.
 
 use hapt_analysis::Grip;
-use hapt_model::{Link, Motion, System};
+use hapt_model::{Link, System};
 
-use crate::worst::hand::Hand;
+use crate::worst::hand::{Hand, plain};
 
 /// A hand has at least this part of its device's inertia.
 const LIGHTEST: f64 = 1e-3;
@@ -95,11 +95,7 @@ impl Mode {
 /// How far pucks go: a tenth of a radian (linear: 1 cm), within a quarter of the limits of links and motors, at least ten counts, and inside
 /// of every wall.
 pub(super) fn reach(network: &System) -> f64 {
-    let plain = match network.motion {
-        Motion::Rotary => 0.1,
-        Motion::Linear => 0.01,
-    };
-    let (mut within, mut least) = (plain, 0.0f64);
+    let (mut within, mut least) = (plain(network.motion), 0.0f64);
     for link in joined(network) {
         let motors = link.between.map(|at| network.stations[at].world.device.limit);
         let limits = motors.into_iter().chain([link.limit]).flatten();

@@ -7,16 +7,13 @@
 mod drawn;
 mod hands;
 
-use std::ops::ControlFlow;
-
 use hapt_analysis::nelder_mead::maximise;
 use hapt_analysis::{Demands, check_network};
-use hapt_model::{Drive, Scenario, Shape, System};
-use serde::ser::{SerializeMap, SerializeStruct};
+use hapt_model::System;
 use serde::{Serialize, Serializer};
 
 use super::hand::Hand;
-use super::search::{Error, Watch, stiffness};
+use super::search::{Error, Watch, go_on, stiffness};
 use drawn::drawn_together;
 use hands::{Mode, opposite, reach};
 
@@ -41,17 +38,18 @@ const LATE: [f64; 3] = [0.99, 0.9, 0.74];
 /// The name of the scenario.
 const NAME: &str = "worst";
 
-/// The worst hands found.
-#[derive(Clone, Debug, PartialEq)]
+/// The worst hands found of a network; as `hapt worst --json` prints them, in SI.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WorstTogether {
-    /// Whether the network is certified.
-    pub certified: bool,
     /// Whether the hands draw energy.
     pub broken: bool,
+    /// Whether the network is certified.
+    pub certified: bool,
     /// Whether the messages come as late as the links' `age_max` allows, and not as the file has it.
     pub late: bool,
-    /// For each station its hand; `None`: nobody holds it.
-    pub hands: Vec<Option<Hand>>,
+    /// In file order; serialised as a mapping by name.
+    #[serde(serialize_with = "by_name")]
+    pub stations: Vec<WorstStation>,
     /// When the hands begin, s: links have taken hold by then.
     pub begins_s: f64,
     /// The frequency of the mode that they make, Hz.
@@ -59,50 +57,32 @@ pub struct WorstTogether {
     /// The energy that they drew.
     pub drawn: DrawnTogether,
     /// The network as it was run, with the scenario `worst` alone.
+    #[serde(skip)]
     pub network: System,
     /// The duration of that, s.
     pub duration_s: f64,
-    /// For each station the damping that the certificate requires, where there is one, and the device's, N·m·s/rad (linear: N·s/m).
-    pub damping: Vec<(String, Option<f64>, f64)>,
     /// The largest part of what is required of all devices at which such hands still draw; `None`: at none that was tried.
     pub breaking_part: Option<f64>,
     /// The number of runs.
     pub runs: usize,
 }
 
-/// As `hapt worst --json` prints it, in SI.
-impl Serialize for WorstTogether {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        struct ByName<'w>(&'w WorstTogether);
-        impl Serialize for ByName<'_> {
-            fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-                #[derive(Serialize)]
-                struct Station {
-                    hand: Option<Hand>,
-                    required_damping: Option<f64>,
-                    device_damping: f64,
-                }
-                let mut map = to.serialize_map(Some(self.0.hands.len()))?;
-                for ((name, required_damping, device_damping), hand) in self.0.damping.iter().zip(&self.0.hands) {
-                    let (required_damping, device_damping) = (*required_damping, *device_damping);
-                    map.serialize_entry(name, &Station { hand: *hand, required_damping, device_damping })?;
-                }
-                map.end()
-            }
-        }
-        let mut fields = to.serialize_struct("WorstTogether", 10)?;
-        fields.serialize_field("broken", &self.broken)?;
-        fields.serialize_field("certified", &self.certified)?;
-        fields.serialize_field("late", &self.late)?;
-        fields.serialize_field("stations", &ByName(self))?;
-        fields.serialize_field("begins_s", &self.begins_s)?;
-        fields.serialize_field("hz", &self.hz)?;
-        fields.serialize_field("drawn", &self.drawn)?;
-        fields.serialize_field("duration_s", &self.duration_s)?;
-        fields.serialize_field("breaking_part", &self.breaking_part)?;
-        fields.serialize_field("runs", &self.runs)?;
-        fields.end()
-    }
+/// One station.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct WorstStation {
+    /// Its name.
+    #[serde(skip)]
+    pub name: String,
+    /// Its hand; `None`: nobody holds it.
+    pub hand: Option<Hand>,
+    /// The damping that the certificate requires, where there is one, N·m·s/rad (linear: N·s/m).
+    pub required_damping: Option<f64>,
+    /// The device's, in the same unit.
+    pub device_damping: f64,
+}
+
+fn by_name<S: Serializer>(stations: &[WorstStation], to: S) -> Result<S::Ok, S::Error> {
+    to.collect_map(stations.iter().map(|station| (&station.name, station)))
 }
 
 /// A mode that was tried.
@@ -145,15 +125,13 @@ impl Trials<'_> {
         let hands = mode.hands(network, &self.own, self.reach);
         let mut network = network.clone();
         for (station, hand) in network.stations.iter_mut().zip(&hands) {
-            station.world.scenarios = hand.iter().map(|hand| beginning(hand, duration, self.begins)).collect();
+            station.world.scenarios = hand.iter().map(|hand| hand.scenario(NAME, duration, self.begins)).collect();
         }
         let had = hands.iter().flatten().map(Hand::energy).sum();
         let drawn = drawn_together(&network, NAME, self.begins, had)?;
         self.runs += 1;
-        match (self.watch)(self.runs) {
-            ControlFlow::Continue(()) => Ok(Tried { mode, hands, drawn, network, duration }),
-            ControlFlow::Break(()) => Err(Error::Interrupted),
-        }
+        go_on(self.watch, self.runs)?;
+        Ok(Tried { mode, hands, drawn, network, duration })
     }
 
     /// The best of modes from slow to fast, and of a climb from one that draws.
@@ -196,15 +174,6 @@ impl Trials<'_> {
     }
 }
 
-/// The scenario of a hand whose spring is drawn at `begins`.
-fn beginning(hand: &Hand, duration: f64, begins: f64) -> Scenario {
-    let mut scenario = hand.scenario(NAME, duration);
-    if let Drive::Grip { moves: Shape::Step { at, .. }, .. } = &mut scenario.hand.drive {
-        *at = begins;
-    }
-    scenario
-}
-
 /// The same network with messages that take as long as leaves positions `part` of their `age_max` old at most, and all arrive.
 fn late(network: &System, part: f64) -> System {
     let mut late = network.clone();
@@ -221,7 +190,7 @@ fn late(network: &System, part: f64) -> System {
 }
 
 /// The largest number of runs of [`search_together`].
-pub const MOST_TOGETHER: usize = 3 * (2 * ANGLES.len() * SHARES.len() + CLIMB + 3) + LATE.len() + 1 + HALVINGS;
+pub(super) const MOST_RUNS: usize = 3 * (2 * ANGLES.len() * SHARES.len() + CLIMB + 3) + LATE.len() + 1 + HALVINGS;
 
 /// Searches for the passive hands that draw most energy together.
 ///
@@ -280,18 +249,22 @@ pub fn search_together(network: &System, watch: &Watch<'_>) -> Result<WorstToget
     }
     let Some(best) = best else { return Err(Error::Linear(hapt_analysis::Error::Eigenvalues { order: 0 })) };
     let breaking_part = breaking(&mut trials, &latest, required.as_deref(), &best.mode)?;
-    let damping = check.stations.iter().map(|of| (of.name.clone(), of.required_damping, of.device_damping));
+    let stations = check.stations.iter().zip(best.hands).map(|(of, hand)| WorstStation {
+        name: of.name.clone(),
+        hand,
+        required_damping: of.required_damping,
+        device_damping: of.device_damping,
+    });
     Ok(WorstTogether {
         certified: check.certified,
         broken: best.drawn.is_gain(),
         late: is_late,
         hz: best.mode.angular / std::f64::consts::TAU,
-        hands: best.hands,
         begins_s: begins,
         drawn: best.drawn,
         network: best.network,
         duration_s: best.duration,
-        damping: damping.collect(),
+        stations: stations.collect(),
         breaking_part,
         runs: trials.runs,
     })
