@@ -17,7 +17,6 @@ const KNOWN: &[(&str, &[&str])] = &[
     ),
     ("crates/hapt-identify", &["estimate", "handle", "intervals", "lag", "torque"]),
     ("crates/hapt-live", &["counted", "server", "socket"]),
-    ("crates/hapt-model", &["fields", "timing", "world"]),
     ("crates/hapt-plant", &["friction", "hand", "plant", "puck", "shaft"]),
     ("crates/hapt", &["live", "run", "wheel"]),
 ];

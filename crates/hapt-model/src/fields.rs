@@ -5,9 +5,9 @@ use crate::error::{Error, ErrorKind};
 use crate::keys::{self, Key, Measure, NUMBERS, PHYSICAL, Presence, Range, Takes};
 use crate::kinds::Motion;
 use crate::quantity::{parse_in_unit, parse_with_unit, percent, split_tolerance, tolerance};
+use crate::sampling::Delay;
 use crate::unit::Unit;
 use crate::words;
-use crate::world::Delay;
 
 /// Where a table stands, and what decides the meaning of its keys.
 #[derive(Clone)]

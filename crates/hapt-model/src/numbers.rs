@@ -8,8 +8,9 @@ use hapt_plant::spec::{Cogging, Drive, Gravity, Hand, Handle, Shape, Switching};
 use crate::keys::{self, Key};
 use crate::kinds::{CouplingKind, HandKind, ShapeKind};
 use crate::safety::Safety;
+use crate::sampling::{Delay, Sampling};
 use crate::timing::Timing;
-use crate::world::{Delay, Device, Mounting, Sampling, World};
+use crate::world::{Device, Mounting, World};
 
 /// Where a number stands.
 pub(crate) enum NumberSlot<'a> {

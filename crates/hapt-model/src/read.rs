@@ -13,12 +13,13 @@ use crate::kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, Tim
 use crate::motor;
 use crate::path::{self, Carries};
 use crate::safety::Safety;
+use crate::sampling::{Delay, Sampling};
 use crate::source::Source;
 use crate::support;
 use crate::timing::Timing;
 use crate::waveform;
 use crate::words;
-use crate::world::{Delay, Device, Mounting, Sampling, Scenario, Tolerances, World};
+use crate::world::{Device, Mounting, Scenario, Tolerances, World};
 
 /// Samples in a scenario.
 const MOST_SAMPLES: f64 = 1e10;

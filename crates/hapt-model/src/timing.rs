@@ -5,9 +5,9 @@ use crate::fields::Fields;
 use crate::kinds::TimingKind;
 use crate::path;
 use crate::quantity::parse_in_unit;
+use crate::sampling::Sampling;
 use crate::unit::Unit;
 use crate::words;
-use crate::world::Sampling;
 
 /// When samples are taken and commands arrive. World and estimator step by the nominal period whatever the true intervals are.
 #[derive(Clone, Debug, Default, PartialEq)]

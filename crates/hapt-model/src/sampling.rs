@@ -1,0 +1,103 @@
+//! The `[loop]` table of a world.
+
+use hapt_core::{Estimator, Method, Output};
+
+use crate::kinds::EstimatorKind;
+
+/// The `[loop]` table: the sampled program that runs the world.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sampling {
+    /// T in s, positive.
+    pub period: f64,
+    /// The integrator.
+    pub method: Method,
+    /// Which state makes the torque.
+    pub output: Output,
+    /// Further steps ahead for the torque, with `output = "end"`.
+    pub advance: u32,
+    /// The bodies step at every such sample, by as many periods; 1 or more.
+    pub bodies_every: u32,
+    /// The longest true time between two samples in s, no shorter than the period; `None`: the period, whatever it is.
+    pub interval_max: Option<f64>,
+    /// From the sample to the moment the motor torque changes; the least where it varies.
+    pub delay: Delay,
+    /// The largest delay, where it varies; no shorter than `delay`. `None`: the delay, whatever it is.
+    pub delay_max: Option<Delay>,
+    /// The velocity estimator's name.
+    pub estimator: EstimatorKind,
+    /// The low-pass estimator's cutoff in Hz; always there with `low-pass`, kept when given with another.
+    pub cutoff: Option<f64>,
+    /// The largest FOAW window in samples.
+    pub window: u32,
+}
+
+/// From the sample to the moment the motor torque changes, as the file has it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Delay {
+    /// In s, zero or more.
+    Seconds(f64),
+    /// In periods, zero or more: it follows the period.
+    Samples(f64),
+}
+
+impl Delay {
+    /// The delay in s at this period.
+    pub fn seconds(self, period: f64) -> f64 {
+        match self {
+            Delay::Seconds(seconds) => seconds,
+            Delay::Samples(samples) => samples * period,
+        }
+    }
+}
+
+impl Sampling {
+    /// The time in s over which the bodies step: `bodies_every` periods.
+    pub fn step(&self) -> f64 {
+        f64::from(self.bodies_every) * self.period
+    }
+
+    /// The delay in s, at this loop's period.
+    pub fn delay_s(&self) -> f64 {
+        self.delay.seconds(self.period)
+    }
+
+    /// The longest true time between two samples in s. Never below the period, which the samples have on average.
+    pub fn interval_max_s(&self) -> f64 {
+        self.interval_max.map_or(self.period, |longest| longest.max(self.period))
+    }
+
+    /// The shortest interval in s that analysis and random timing take: as far below the period as the longest is above, a hundredth of the
+    /// period at least, and never shorter than the delay. After a late sample the next one comes sooner by as much.
+    pub fn interval_min_s(&self) -> f64 {
+        let shortest = (2.0 * self.period - self.interval_max_s()).max(0.01 * self.period);
+        shortest.max(self.delay_s().min(self.interval_max_s()))
+    }
+
+    /// The largest delay in s, at this loop's period. Never below the delay.
+    pub fn delay_max_s(&self) -> f64 {
+        let least = self.delay_s();
+        self.delay_max.map_or(least, |largest| largest.seconds(self.period).max(least))
+    }
+
+    /// Whether the file states how uneven its intervals or delays may be: what it states is enforced at run time.
+    pub fn states_times(&self) -> bool {
+        self.interval_max.is_some() || self.delay_max.is_some()
+    }
+
+    /// Whether all intervals are the period, and all delays the same.
+    pub fn is_even(&self) -> bool {
+        self.interval_max_s() == self.period && self.delay_max_s() == self.delay_s()
+    }
+
+    /// The estimator with its parameters.
+    pub fn velocity_estimator(&self) -> Estimator {
+        match self.estimator {
+            EstimatorKind::Exact => Estimator::Exact,
+            EstimatorKind::Difference => Estimator::Difference,
+            // The reader refuses low-pass without a cutoff; an infinite one is the plain difference.
+            EstimatorKind::LowPass => Estimator::LowPass { cutoff: self.cutoff.unwrap_or(f64::INFINITY) },
+            EstimatorKind::Foaw => Estimator::Foaw { window: self.window },
+            EstimatorKind::FoawBest => Estimator::FoawBest { window: self.window },
+        }
+    }
+}
