@@ -16,7 +16,6 @@ const KNOWN: &[(&str, &[&str])] = &[
         &["board", "frames", "local", "machine", "messages", "recording", "runner", "session", "worker"],
     ),
     ("crates/hapt-identify", &["estimate", "handle", "intervals", "lag", "torque"]),
-    ("crates/hapt-live", &["counted", "server", "socket"]),
     ("crates/hapt-plant", &["friction", "hand", "plant", "puck", "shaft"]),
     ("crates/hapt", &["live", "run", "wheel"]),
 ];

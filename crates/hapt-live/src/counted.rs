@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 
-use crate::socket::{Allowance, Quota};
+use crate::allowance::{Allowance, Quota};
 
 /// A connection that counts the frames it reads.
 pub struct Counted<S> {

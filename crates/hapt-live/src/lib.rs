@@ -20,8 +20,10 @@
 #![warn(clippy::wildcard_enum_match_arm)]
 
 pub mod access;
+mod allowance;
 pub mod assets;
 pub mod certifier;
+mod clients;
 pub mod control;
 mod counted;
 mod http;

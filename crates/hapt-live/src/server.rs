@@ -7,10 +7,8 @@
 //! hyper alone carries this: axum serves its own connections and hands out whole messages, and neither lists that close the oldest
 //! connection nor the frames below a message (`counted.rs`) have a place in it.
 
-use std::collections::VecDeque;
 use std::net::TcpListener;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -19,20 +17,15 @@ use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::net::TcpStream;
 use tokio::sync::oneshot;
-use tokio::task::AbortHandle;
 
 use crate::access::Access;
+use crate::clients::ServerState;
 use crate::http::{Reply, reply};
 use crate::sender::EventSender;
 use crate::socket;
 
 /// The most connections that are no websockets.
 const CONNECTIONS: usize = 256;
-/// The most websockets after their hello, and before it.
-const PAGES: usize = 64;
-const PENDING: usize = 64;
-/// A page that is silent for this long is closed where another needs its place.
-const SILENT: Duration = Duration::from_secs(10);
 /// The time limit for a request's head.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
 /// The size limit of a request's head in bytes, and its most headers.
@@ -54,87 +47,6 @@ impl Drop for Server {
     }
 }
 
-/// What all connections share.
-pub struct ServerState {
-    pub(crate) access: Access,
-    pub(crate) sender: EventSender,
-    /// The next client's number.
-    clients: AtomicU64,
-    /// Websockets, the oldest first.
-    sockets: Mutex<VecDeque<Socket>>,
-    /// Connections that are no websockets, the oldest first.
-    connections: Mutex<VecDeque<(u64, AbortHandle)>>,
-}
-
-/// A websocket.
-struct Socket {
-    client: u64,
-    /// It has said hello, with the token where one is asked for.
-    is_page: bool,
-    last_message: Instant,
-    task: Option<AbortHandle>,
-}
-
-impl ServerState {
-    /// Admits a websocket before its hello; the oldest such is closed where there are too many.
-    fn admit(self: &Arc<Self>) -> Place {
-        let client = self.clients.fetch_add(1, Ordering::Relaxed);
-        let mut sockets = self.sockets();
-        let pending = sockets.iter().filter(|socket| !socket.is_page).count();
-        if pending >= PENDING
-            && let Some(oldest) = sockets.iter().position(|socket| !socket.is_page)
-            && let Some(Socket { task: Some(task), .. }) = sockets.remove(oldest)
-        {
-            task.abort();
-        }
-        sockets.push_back(Socket { client, is_page: false, last_message: Instant::now(), task: None });
-        Place { client, state: Arc::clone(self) }
-    }
-
-    /// Whether there is a place for one more page, possibly that of a silent one without control.
-    fn has_room(&self, now: Instant) -> bool {
-        let sockets = self.sockets();
-        let is_silent = |socket: &Socket| self.is_replaceable(socket, now);
-        sockets.iter().filter(|socket| socket.is_page).count() < PAGES || sockets.iter().any(is_silent)
-    }
-
-    fn is_replaceable(&self, socket: &Socket, now: Instant) -> bool {
-        socket.is_page
-            && !self.sender.is_in_control(socket.client)
-            && now.saturating_duration_since(socket.last_message) > SILENT
-    }
-
-    /// Makes a client a page after its hello; `false`: there is no place.
-    pub(crate) fn make_page(&self, client: u64) -> bool {
-        let now = Instant::now();
-        let mut sockets = self.sockets();
-        if sockets.iter().filter(|socket| socket.is_page).count() >= PAGES {
-            let silent = sockets.iter().enumerate().filter(|(_, socket)| self.is_replaceable(socket, now));
-            let Some((longest, _)) = silent.min_by_key(|(_, socket)| socket.last_message) else { return false };
-            if let Some(Socket { task: Some(task), .. }) = sockets.remove(longest) {
-                task.abort();
-            }
-        }
-        let own = sockets.iter_mut().find(|socket| socket.client == client);
-        own.map(|socket| (socket.is_page, socket.last_message) = (true, now)).is_some()
-    }
-
-    /// Notes a message of a client.
-    pub(crate) fn message_from(&self, client: u64) {
-        if let Some(socket) = self.sockets().iter_mut().find(|socket| socket.client == client) {
-            socket.last_message = Instant::now();
-        }
-    }
-
-    fn sockets(&self) -> MutexGuard<'_, VecDeque<Socket>> {
-        self.sockets.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn connections(&self) -> MutexGuard<'_, VecDeque<(u64, AbortHandle)>> {
-        self.connections.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
 /// Starts the server on a listener that does not block.
 ///
 /// # Errors
@@ -147,13 +59,7 @@ pub fn start(listener: TcpListener, access: Access, sender: EventSender) -> std:
     };
     let (end, ended) = oneshot::channel();
     let thread = std::thread::Builder::new().name("server".into()).spawn(move || {
-        let state = Arc::new(ServerState {
-            access,
-            sender,
-            clients: AtomicU64::new(1),
-            sockets: Mutex::default(),
-            connections: Mutex::default(),
-        });
+        let state = Arc::new(ServerState::new(access, sender));
         runtime.block_on(async {
             tokio::select! {
                 () = accept(&listener, &state) => {}
@@ -226,9 +132,7 @@ async fn serve(stream: TcpStream, state: Arc<ServerState>) {
                             socket::serve(TokioIo::new(upgraded), own, place.client).await;
                         }
                     });
-                    if let Some(socket) = state.sockets().iter_mut().find(|socket| socket.client == client) {
-                        socket.task = Some(task.abort_handle());
-                    }
+                    state.served_by(client, task.abort_handle());
                     response
                 }
             };
@@ -239,16 +143,4 @@ async fn serve(stream: TcpStream, state: Arc<ServerState>) {
     http.timer(TokioTimer::new()).header_read_timeout(REQUEST_TIMEOUT).max_buf_size(HEAD).max_headers(FIELDS);
     // A connection that breaks off or speaks no HTTP is no error of the server.
     let _ = http.serve_connection(TokioIo::new(stream), service).with_upgrades().await;
-}
-
-/// A websocket's place in the list, given back when it ends.
-struct Place {
-    client: u64,
-    state: Arc<ServerState>,
-}
-
-impl Drop for Place {
-    fn drop(&mut self) {
-        self.state.sockets().retain(|socket| socket.client != self.client);
-    }
 }

@@ -16,9 +16,10 @@ use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
 use tokio_tungstenite::tungstenite::protocol::{CloseFrame, Role, WebSocketConfig};
 use tokio_tungstenite::tungstenite::{Error, Message};
 
+use crate::allowance::{Allowance, Quota};
+use crate::clients::ServerState;
 use crate::counted::Counted;
 use crate::sender::{Event, EventSender, Waiting};
-use crate::server::ServerState;
 use crate::session::to_message;
 
 /// The most messages that wait for a page to read them: two seconds of telemetry.
@@ -29,8 +30,6 @@ const HELLO: Duration = Duration::from_secs(5);
 const SILENCE: Duration = Duration::from_secs(90);
 /// The time limit for a page to take a message.
 const STALLED: Duration = Duration::from_secs(5);
-/// The most messages a second.
-const RATE: f64 = 200.0;
 /// How long the messages beyond the limit are searched for a stop.
 const LAST: Duration = Duration::from_secs(2);
 /// The most invalid messages in a row.
@@ -199,63 +198,5 @@ struct Disconnect(EventSender, u64);
 impl Drop for Disconnect {
     fn drop(&mut self) {
         self.0.notify(Event::Left(self.1));
-    }
-}
-
-/// The state of an [`Allowance`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quota {
-    /// The message is within the limit.
-    Within,
-    /// It is beyond the limit, and dropped.
-    Exceeded,
-    /// A second's worth of messages has been dropped.
-    Exhausted,
-}
-
-/// Limits messages to a number a second, and a burst of as many.
-pub struct Allowance {
-    left: f64,
-    at: Instant,
-}
-
-impl Allowance {
-    fn new(now: Instant) -> Self {
-        Allowance { left: RATE, at: now }
-    }
-
-    /// Counts one message.
-    pub fn spend(&mut self, now: Instant) -> Quota {
-        self.left = (self.left + RATE * now.saturating_duration_since(self.at).as_secs_f64()).min(RATE);
-        self.at = now;
-        self.left = (self.left - 1.0).max(-RATE - 1.0);
-        match self.left {
-            left if left >= 0.0 => Quota::Within,
-            left if left >= -RATE => Quota::Exceeded,
-            _ => Quota::Exhausted,
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn two_hundred_a_second_are_allowed_and_no_more() {
-        let start = Instant::now();
-        let at = |ms: u64| start + Duration::from_millis(ms);
-        let mut steady = Allowance::new(start);
-        assert!((1..=10_000).all(|n| steady.spend(at(5 * n)) == Quota::Within));
-        let mut burst = Allowance::new(start);
-        let burst: Vec<Quota> = (0..1000).map(|_| burst.spend(start)).collect();
-        assert_eq!(
-            [Quota::Within, Quota::Exceeded, Quota::Exhausted].map(|left| burst.iter().filter(|l| **l == left).count()),
-            [200, 200, 600]
-        );
-        let mut fast = Allowance::new(start);
-        // At 1000 a second 0.8 of each are more than is earned, and 200 are saved up.
-        let lasted = (1..).take_while(|n| fast.spend(at(*n)) == Quota::Within).count();
-        assert!((249..=251).contains(&lasted), "{lasted}");
     }
 }
