@@ -15,7 +15,6 @@ const KNOWN: &[(&str, &[&str])] = &[
         "crates/hapt-host",
         &["board", "frames", "local", "machine", "messages", "recording", "runner", "session", "worker"],
     ),
-    ("crates/hapt-identify", &["estimate", "handle", "intervals", "lag", "torque"]),
     ("crates/hapt-plant", &["friction", "hand", "plant", "puck", "shaft"]),
     ("crates/hapt", &["live", "run", "wheel"]),
 ];

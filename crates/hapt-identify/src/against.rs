@@ -4,13 +4,14 @@ use hapt_model::keys::Measure;
 use hapt_model::{DeviceSpec, Handle, World};
 use serde_json::{Value, json};
 
-use crate::estimate::{left, residual, search_from, search_or_glimpse};
+use crate::estimate::{search_from, search_or_glimpse};
 use crate::fit::Fit;
 use crate::handle::{self, WithHandle};
 use crate::identified::{Identified, Interval, Known, Residual};
 use crate::misfit::Misfit;
 use crate::puck::Puck;
 use crate::record::{CancellableRecord, Record};
+use crate::remainder::{left, residual};
 use crate::start::{Begin, begins, noise};
 use crate::torque::{TorqueFit, fit_torque};
 use crate::{Error, Lattice, lattice};

@@ -2,27 +2,24 @@
 
 use std::cmp::Ordering;
 
+use crate::best::{best, free};
 use crate::bound::Bounded;
 use crate::counts::lattice;
-use crate::explained::explained;
-use crate::fit::{Fit, Free, fit};
+use crate::fit::{Fit, fit};
 use crate::handle::resonance;
-use crate::identified::{Identified, Known, PositionTorque, Residual};
-use crate::intervals::{Intervals, separates_offset};
+use crate::identified::{Identified, Known, PositionTorque};
+use crate::intervals::Intervals;
 use crate::lag::Lag;
 use crate::position::position_torque;
-use crate::puck::{DELAY, OFFSET, Puck};
+use crate::puck::{OFFSET, Puck};
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
-use crate::start::{Begin, begins, direction, starts};
+use crate::remainder::{fitted, is_right, left, residual, spread};
+use crate::start::starts;
 use crate::torque::fit_torque;
 use crate::{Error, LargeResidual};
 
 /// The residual variance, as a part of the positions' variance, above which the fit explains nothing.
 const UNEXPLAINED: f64 = 0.25;
-/// The number of standard errors that counts as certain, for the delay and for a constant torque.
-const SURELY: f64 = 5.0;
-/// A fit over more samples of the same motion has at most this times the residual variance.
-const ALIKE: f64 = 1.2;
 /// A torque that depends on the position is the cause where it explains more than this part of the residuals.
 const MIN_EXPLAINED: f64 = 0.9;
 /// A record of more s is fitted from its beginning on.
@@ -174,11 +171,6 @@ fn judged(record: &CancellableRecord<'_>, known: &Known, best: Fit) -> BestFit {
     BestFit { best, lag, wrong }
 }
 
-/// Whether counts and noise explain what a fit leaves.
-pub(crate) fn is_right(record: &Record, fit: &Fit) -> bool {
-    explained(record, &left(record, fit), lattice(record.positions()), spread(record, fit))
-}
-
 /// The torque that goes with the position, where that explains most of what a fit leaves.
 fn blamed(record: &Record, known: &Known, fit: &Fit) -> Option<PositionTorque> {
     position_torque(record, fit, known.is_linear).filter(|x| (MIN_EXPLAINED..=1.0).contains(&x.explains))
@@ -203,17 +195,6 @@ fn unexplained(record: &Record, best: &Fit) -> Option<Error> {
 
 fn by_variance(a: &Fit, b: &Fit) -> Ordering {
     a.variance().total_cmp(&b.variance())
-}
-
-/// The standard deviation of the positions that are fitted.
-fn spread(record: &Record, fit: &Fit) -> f64 {
-    variance(&record.positions()[fit.first..]).sqrt()
-}
-
-/// Which parameters are fitted.
-fn free(record: &Record, offset: bool) -> Free {
-    let is_driven = record.is_driven();
-    [is_driven, true, true, is_driven, offset, true, true, false]
 }
 
 /// The results of fits to longer and longer beginnings of the record, from each start and from the same without friction.
@@ -259,90 +240,6 @@ fn around(record: &CancellableRecord<'_>, best: &Fit, part: f64) -> Fit {
     found
 }
 
-/// The fit over all of the record that can be used, with a constant torque where it shows.
-pub(crate) fn best(record: &CancellableRecord<'_>, starts: &[Puck]) -> Option<Fit> {
-    let is_driven = record.is_driven();
-    let with = |offset: bool| {
-        let free = free(record, offset);
-        let fits = starts.iter().filter_map(|start| {
-            // For motion in one direction a constant torque is the same as friction, which may then be below 0.
-            let friction = start.friction - direction(record) * start.offset;
-            let start = if offset { *start } else { Puck { offset: 0.0, friction, ..*start } };
-            fit(record, start, free, record.first())
-        });
-        let best = fits.min_by(|a, b| a.normal.squares.total_cmp(&b.normal.squares))?;
-        // Fits tend to stop where one loss is below 0 and the other far too large, which no puck has.
-        let shared = shared(record, &best.puck).and_then(|start| fit(record, start, free, record.first()));
-        Some(shared.filter(|fit| fit.normal.squares < best.normal.squares).unwrap_or(best))
-    };
-    // For motion in one direction friction is the same as a constant torque.
-    let offset = if is_driven { with(true) } else { None };
-    let late = match offset {
-        Some(fit) if separates_offset(&fit) => fit,
-        // Hardly separated from friction, but present: without it the residuals are certainly larger.
-        Some(fit) => with(false)
-            .filter(|none| none.normal.squares - fit.normal.squares < SURELY.powi(2) * fit.variance())
-            .unwrap_or(fit),
-        None => with(false)?,
-    };
-    Some(earlier(record, &late).unwrap_or(late))
-}
-
-/// The puck whose one loss is below 0, half of the other's work given to that one; `None` where neither is.
-fn shared(record: &Record, puck: &Puck) -> Option<Puck> {
-    let positions = fitted(record, puck, record.first());
-    let speeds = positions.windows(2).map(|pair| ((pair[1] - pair[0]) / record.period()).powi(2));
-    let speed = (speeds.sum::<f64>() / positions.len() as f64).sqrt();
-    let (damping, friction) = (0.5 * puck.damping, 0.5 * puck.friction);
-    if puck.friction < 0.0 {
-        Some(Puck { damping, friction: damping * speed, ..*puck })
-    } else if puck.damping < 0.0 && speed > 0.0 {
-        Some(Puck { damping: friction / speed, friction, ..*puck })
-    } else {
-        None
-    }
-}
-
-/// The same fit from the first sample on by which every torque of this delay has been recorded: what a rest before the first step says of
-/// the first position counts as much as any motion. `None` where that is no earlier, or where those samples are of another motion.
-fn earlier(record: &CancellableRecord<'_>, late: &Fit) -> Option<Fit> {
-    let error = (late.inverse()?[(DELAY, DELAY)] * late.variance()).sqrt();
-    let first = record.first_after(late.puck.delay + SURELY * error);
-    if first >= late.first {
-        return None;
-    }
-    let fits = begins(record, first).into_iter().filter_map(|Begin { position, velocity }| {
-        fit(record, Puck { position, velocity, ..late.puck }, late.free, first)
-    });
-    let best = fits.min_by(|a, b| a.normal.squares.total_cmp(&b.normal.squares))?;
-    (best.variance() < ALIKE * late.variance()).then_some(best)
-}
-
-/// The positions of a fit, from sample `first` on.
-fn fitted(record: &Record, puck: &Puck, first: usize) -> Vec<f64> {
-    let mut fitted = Vec::new();
-    puck.follow(record.times(), record.torques(), first, |_, z, _| fitted.push(z));
-    fitted
-}
-
-pub(crate) fn variance(values: &[f64]) -> f64 {
-    let mean = values.iter().sum::<f64>() / values.len() as f64;
-    values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / values.len() as f64
-}
-
-/// The residuals of a fit at the samples with a new position.
-pub(crate) fn left(record: &Record, fit: &Fit) -> Vec<f64> {
-    let at = |(i, z): (usize, f64)| record.is_news(fit.first + i).then(|| record.positions()[fit.first + i] - z);
-    fitted(record, &fit.puck, fit.first).into_iter().enumerate().filter_map(at).collect()
-}
-
-pub(crate) fn residual(left: &[f64]) -> Residual {
-    let squares: f64 = left.iter().map(|r| r * r).sum();
-    let neighbours: f64 = left.windows(2).map(|pair| pair[0] * pair[1]).sum();
-    let correlation = if squares > 0.0 { neighbours / squares } else { 0.0 };
-    Residual { rms: (squares / left.len() as f64).sqrt(), correlation }
-}
-
 impl Identified {
     /// What `hapt identify --json` gives, in its order: the contract's six, the lag, the time to the torque, and the constant torque.
     pub fn named(&self) -> [(&'static str, Option<crate::Interval>); 9] {
@@ -367,18 +264,5 @@ impl Identified {
     /// The positions that the fit gives, with their times.
     pub fn fitted(&self, record: &Record) -> Vec<(f64, f64)> {
         self.puck.positions_from(record, self.first)
-    }
-}
-
-impl Puck {
-    /// Where it is at the samples of a record from one on, with their times.
-    pub(crate) fn positions_from(&self, record: &Record, first: usize) -> Vec<(f64, f64)> {
-        record.times()[first..].iter().copied().zip(fitted(record, self, first)).collect()
-    }
-
-    /// How far the record's positions are from there.
-    pub(crate) fn left_from_sample(&self, record: &Record, first: usize) -> Vec<(f64, f64)> {
-        let rows = self.positions_from(record, first).into_iter().zip(&record.positions()[first..]);
-        rows.map(|((t, z), y)| (t, y - z)).collect()
     }
 }

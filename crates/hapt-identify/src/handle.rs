@@ -11,12 +11,13 @@ use hapt_model::Handle;
 use hapt_plant::spec::DeviceSpec;
 
 use self::fit::{FEW_ITERATIONS, Fit, Free, MAX_ITERATIONS, POSITION, Parameters, VARIANCE, measured, positions};
+use crate::best::best;
 use crate::counts::lattice;
 use crate::error::{Error, LargeResidual};
-use crate::estimate::{best, residual, variance};
 use crate::explained::explained;
 use crate::identified::{CorrelatedPair, Interval, Residual};
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
+use crate::remainder::{residual, variance};
 use crate::ringing::{Ringing, ringing};
 use crate::spectrum::{Line, line};
 use crate::start::{Begin, begins, starts};

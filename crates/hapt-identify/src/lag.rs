@@ -5,12 +5,12 @@
 //! and the record tells lag from delay where the variance is surely above 0.
 
 use crate::bound::Bounded;
-use crate::estimate::is_right as explains;
 use crate::fit::{Fit, SHORTEST_LAG, fit};
 use crate::identified::Interval;
 use crate::puck::{DELAY, LAG, Puck};
 use crate::quantile::student;
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
+use crate::remainder::is_right as explains;
 use crate::start::{Begin, begins};
 
 /// A torque that has come up for so many lags has arrived.

@@ -37,6 +37,7 @@
 #![warn(clippy::wildcard_enum_match_arm)]
 
 mod against;
+mod best;
 mod bound;
 mod columns;
 mod counts;
@@ -58,6 +59,7 @@ mod position;
 mod puck;
 mod quantile;
 mod record;
+mod remainder;
 mod ringing;
 mod shaft;
 mod spectrum;

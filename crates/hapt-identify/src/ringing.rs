@@ -138,7 +138,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::estimate::best;
+    use crate::best::best;
     use crate::record::Record;
     use crate::shaft::Shafted;
     use crate::start::starts;
