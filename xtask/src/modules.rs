@@ -16,7 +16,6 @@ const KNOWN: &[(&str, &[&str])] = &[
         &["board", "frames", "local", "machine", "messages", "recording", "runner", "session", "worker"],
     ),
     ("crates/hapt-plant", &["friction", "hand", "plant", "puck", "shaft"]),
-    ("crates/hapt", &["live", "run", "wheel"]),
 ];
 
 /// Which modules at the top of a crate use which.

@@ -22,6 +22,11 @@ pub enum Failure {
 }
 
 impl Failure {
+    /// The end of a wheel for games that the computer gives back.
+    pub fn detached() -> Self {
+        Failure::System("the run ended early, with the torque off: the computer has detached the wheel".into())
+    }
+
     pub fn input(message: impl Display) -> Self {
         Failure::Input(message.to_string())
     }

@@ -15,6 +15,7 @@ use hapt_model::{Source, System, World, is_network};
 use hapt_rt::{Outside, Settings};
 
 use crate::args::{LiveArgs, Steering, device};
+use crate::attached::Wheel;
 use crate::drives;
 use crate::failure::Failure;
 use crate::latency::settings;
@@ -22,13 +23,10 @@ use crate::messages::{notes, print, say};
 use crate::output;
 use crate::phone;
 use crate::signals;
-use crate::wheel::Wheel;
 use crate::world::source;
 
 /// The default world: the notes' wheel under the default method, which is certified.
 const WHEEL: &str = "@notes/default";
-/// The end of a wheel that the computer gives back.
-pub const DETACHED: &str = "the run ended early, with the torque off: the computer has detached the wheel";
 /// From one look for a signal to the next.
 const MOMENT: Duration = Duration::from_millis(20);
 
@@ -114,7 +112,7 @@ fn serve(
             wheel.say();
             if !wheel.is_attached() {
                 drop(lives);
-                return Err(Failure::System(DETACHED.into()));
+                return Err(Failure::detached());
             }
         }
     }

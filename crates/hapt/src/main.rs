@@ -4,6 +4,11 @@
 
 mod answer;
 mod args;
+#[cfg(target_os = "linux")]
+mod attached;
+#[cfg(not(target_os = "linux"))]
+#[path = "no_wheel.rs"]
+mod attached;
 mod axis;
 mod boundary;
 mod check;
@@ -49,9 +54,6 @@ mod sweep_plot;
 mod table;
 #[cfg(target_os = "linux")]
 mod wheel;
-#[cfg(not(target_os = "linux"))]
-#[path = "no_wheel.rs"]
-mod wheel;
 mod world;
 mod worlds;
 mod worst;
@@ -92,7 +94,10 @@ fn main() -> ExitCode {
         Some(Command::Devices) => drives::devices(),
         Some(Command::SimulateDrive(args)) => drives::simulate(args),
         Some(Command::Live(args)) => live::run(args),
+        #[cfg(target_os = "linux")]
         Some(Command::Wheel(args)) => wheel::run(args),
+        #[cfg(not(target_os = "linux"))]
+        Some(Command::Wheel(_)) => Err(attached::missing()),
         Some(Command::Init(args)) => init::run(args),
         Some(Command::Worlds) => worlds::run(),
         Some(Command::Explain(args)) => explain::run(args),

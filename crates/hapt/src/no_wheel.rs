@@ -1,19 +1,13 @@
-//! Replaces `wheel.rs` where the kernel is not Linux: there is no virtual USB controller.
-
-use std::process::ExitCode;
+//! Replaces `attached.rs` where the kernel is not Linux: there is no virtual USB controller.
 
 use hapt_host::WheelView;
 use hapt_model::World;
 use hapt_rt::EffectsPort;
 
-use crate::args::{Steering, WheelArgs};
+use crate::args::Steering;
 use crate::failure::Failure;
 
-pub fn run(_: &WheelArgs) -> Result<ExitCode, Failure> {
-    Err(missing())
-}
-
-fn missing() -> Failure {
+pub fn missing() -> Failure {
     Failure::System("hapt wheel needs Linux, whose kernel has a virtual USB controller (vhci-hcd)".into())
 }
 

@@ -13,19 +13,18 @@ use hapt_rt::{Failure as DeviceFailure, Outside, Record, Timing};
 use hapt_sim::script;
 
 use crate::args::{RunArgs, Steering, device};
+use crate::attached::Wheel;
 use crate::drives;
 use crate::failure::Failure;
 use crate::format;
 use crate::host::Stolen;
 use crate::latency::{LOOK, granted, kept, settings, time};
-use crate::live::DETACHED;
 use crate::log::Recording;
 use crate::messages;
 use crate::output;
 use crate::signals;
 use crate::sim;
 use crate::station::{self, Chosen, LastReported, Station};
-use crate::wheel::Wheel;
 use crate::world::{Loaded, files};
 
 /// The period of a board's telemetry in s, where no log needs every sample.
@@ -154,7 +153,7 @@ pub fn with(args: &RunArgs, steering: Option<Steering>) -> Result<ExitCode, Fail
         How::Silent => Err(Failure::System(
             "the board sends no samples any more; its own watchdog removes the torque if its loop has stopped".into(),
         )),
-        How::Detached => Err(Failure::System(DETACHED.into())),
+        How::Detached => Err(Failure::detached()),
         How::Failed(Error::Device(failure)) => {
             Err(Failure::System(format!("the run ended early, with the torque off: {failure}")))
         }
