@@ -120,6 +120,7 @@ fn add_output(list: &mut Vec<Parameter>, world: &World) {
         tolerance: 0.0,
         unit: String::new(),
         doc,
+        doubt: None,
         given: false,
     };
     let after = list.iter().position(|parameter| parameter.path == "loop.method").map_or(0, |method| method + 1);

@@ -82,6 +82,14 @@ impl<'a> Document<'a> {
         entries.iter().find(|entry| entry.key == key).map(|entry| entry.place.clone())
     }
 
+    /// The value at a path of tables.
+    pub fn find(&self, path: &[&str]) -> Option<&Node> {
+        path.iter().try_fold(&self.root, |node, name| match &node.value {
+            Value::Table(entries) => entries.iter().find(|entry| entry.key == *name).map(|entry| &entry.node),
+            _ => None,
+        })
+    }
+
     /// The text that a place is in.
     pub fn text(&self, place: &Place) -> &'a str {
         match place.set {

@@ -6,7 +6,7 @@ use crate::keys::{self, Key, Measure, NUMBERS, PHYSICAL, Presence, Range, Takes}
 use crate::kinds::Motion;
 use crate::quantity::{parse_in_unit, parse_with_unit, percent, split_tolerance, tolerance};
 use crate::sampling::Delay;
-use crate::unit::Unit;
+use crate::unit::{Unit, UnitError};
 use crate::words;
 
 /// Where a table stands, and what decides the meaning of its keys.
@@ -314,6 +314,32 @@ impl<'a> Fields<'a> {
         }
     }
 
+    /// A position that is written in counts, in the unit that it should have: of the file's encoder, where it has one.
+    fn in_counts(&self, measure: Measure, value: &Value) -> Option<String> {
+        let Value::Text(text) = value else { return None };
+        let is_position = matches!(measure, Measure::Position | Measure::Angle);
+        let at = text.find(char::is_alphabetic).filter(|_| is_position)?;
+        if Unit::parse(&text[at..]) != Err(UnitError::Counts) {
+            return None;
+        }
+        let counts = parse_in_unit(&text[..at], Unit::ONE)?;
+        let number = |path: &[&str]| parse_in_unit(number(&self.context.document.find(path)?.value), Unit::ONE);
+        let (size, unit) = match self.context.motion {
+            Motion::Rotary => {
+                let motor = || {
+                    Some((number(&["device", "motor", "encoder"])? * number(&["device", "motor", "ratio"])?).round())
+                };
+                (360.0 / number(&["device", "encoder"]).or_else(motor)?, "deg")
+            }
+            Motion::Linear => {
+                let size = self.context.document.find(&["device", "encoder"])?;
+                (1e3 * quantity(Measure::Position, Motion::Linear, &size.value).ok()?, "mm")
+            }
+        };
+        let shown: f64 = format!("{:.5e}", counts * size).parse().ok().filter(|x: &f64| x.is_finite())?;
+        Some(format!("{shown} {unit}"))
+    }
+
     /// Checks a value against its row.
     fn check(&self, row: &'static Key, node: &'a Node) -> Result<CheckedValue<'a>, Error> {
         let motion = self.context.motion;
@@ -363,6 +389,14 @@ impl<'a> Fields<'a> {
                     Ok(value) => given(format!("{} {}", written(&node.value), fault(range, value))),
                     Err(_) if matches!(&node.value, Value::Text(text) if keys::in_samples(text).is_some()) => {
                         given(format!("{} is in samples, which a delay alone can be", written(&node.value)))
+                    }
+                    Err(_) if self.in_counts(measure, &node.value).is_some() => {
+                        let (counts, angle) = (written(&node.value), self.in_counts(measure, &node.value));
+                        let angle = angle.unwrap_or_default();
+                        let message = format!(
+                            "{counts} is in counts, and a count is no angle by itself; of the file's encoder it is {angle:?}: expected that"
+                        );
+                        fail(ErrorKind::Value, message)
                     }
                     Err(message) => match (row.takes, &node.value) {
                         (Takes::TimeOrSamples, Value::Text(text)) => {

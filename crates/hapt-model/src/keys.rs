@@ -9,6 +9,7 @@ pub use table::{KEYS, NETWORK, NETWORK_FILE, SAMPLES};
 
 use crate::dimension::Dimension;
 use crate::kinds::Motion;
+use crate::quantity::parse_quantity;
 use crate::words;
 
 /// One row of the table. A key that means different things to different kinds has a row for each meaning.
@@ -28,6 +29,8 @@ pub struct Key {
     pub hands: &'static [&'static str],
     /// The motion that it belongs to; `None`: both.
     pub motion: Option<Motion>,
+    /// The sizes that it has on usual devices, in SI, where they are not those of its measure ([`Key::usual`]).
+    usual: Option<(f64, f64)>,
     /// Whether its quantity may carry a tolerance: `"1.2e-3 N m s/rad ± 20 %"`.
     pub tolerance: bool,
     /// What it means, with units, in a line or three.
@@ -182,6 +185,62 @@ impl Measure {
         }
     }
 
+    /// The least and the largest size that it has on usual devices, in SI: a hundred times and more from what is common. Positions and
+    /// speeds may be as small as they are. `None` of a plain number.
+    const fn usual(self, motion: Motion) -> Option<(f64, f64)> {
+        Some(match (self, motion) {
+            (Measure::Time, _) => (1e-6, 1e5),
+            (Measure::Frequency, _) => (1e-3, 1e5),
+            // Two turns.
+            (Measure::Angle, _) | (Measure::Position, Motion::Rotary) => (0.0, 13.0),
+            (Measure::Position, Motion::Linear) => (0.0, 2.0),
+            (Measure::Velocity, Motion::Rotary) => (0.0, 1e3),
+            (Measure::Velocity, Motion::Linear) => (0.0, 50.0),
+            (Measure::Torque, Motion::Rotary) => (1e-6, 100.0),
+            (Measure::Torque, Motion::Linear) => (1e-5, 1e3),
+            (Measure::Stiffness, Motion::Rotary) => (1e-6, 1e4),
+            (Measure::Stiffness, Motion::Linear) => (1e-3, 1e6),
+            (Measure::Damping, Motion::Rotary) => (1e-9, 100.0),
+            (Measure::Damping, Motion::Linear) => (1e-6, 1e4),
+            (Measure::Inertia, Motion::Rotary) => (1e-9, 100.0),
+            (Measure::Inertia, Motion::Linear) => (1e-5, 1e3),
+            (Measure::Energy, _) => (1e-6, 100.0),
+            (Measure::Ratio, _) => return None,
+        })
+    }
+
+    /// The units that it is written in, the largest first.
+    const fn units(self, motion: Motion) -> &'static [&'static str] {
+        match (self, motion) {
+            (Measure::Time, _) => &["s", "ms", "us"],
+            (Measure::Frequency, _) => &["kHz", "Hz"],
+            (Measure::Angle, _) | (Measure::Position, Motion::Rotary) => &["rad", "deg"],
+            (Measure::Position, Motion::Linear) => &["m", "mm", "um"],
+            (Measure::Velocity, Motion::Rotary) => &["rad/s", "rpm", "deg/s"],
+            (Measure::Velocity, Motion::Linear) => &["m/s", "mm/s"],
+            (Measure::Torque, Motion::Rotary) => &["N m", "N mm"],
+            (Measure::Torque, Motion::Linear) => &["N", "mN"],
+            (Measure::Stiffness, Motion::Rotary) => &["N m/rad", "N mm/deg", "N mm/rad"],
+            (Measure::Stiffness, Motion::Linear) => &["N/mm", "N/m"],
+            (Measure::Damping, Motion::Rotary) => &["N m s/rad", "N mm s/deg", "N mm s/rad"],
+            (Measure::Damping, Motion::Linear) => &["N s/mm", "N s/m"],
+            (Measure::Inertia, Motion::Rotary) => &["kg m^2", "kg cm^2", "g cm^2"],
+            (Measure::Inertia, Motion::Linear) => &["kg", "g"],
+            (Measure::Energy, _) => &["J", "N mm"],
+            (Measure::Ratio, _) => &[],
+        }
+    }
+
+    /// A size in SI in the largest of its units that leaves it 1 or more: 1e-5 s as `10 us`.
+    fn shown(self, motion: Motion, si: f64) -> String {
+        let size = |unit: &str| parse_quantity(&format!("1 {unit}"), self.dimension(motion)).unwrap_or(1.0);
+        let units = self.units(motion);
+        let unit =
+            units.iter().find(|unit| si.abs() >= size(unit) * (1.0 - 1e-9)).or(units.last()).copied().unwrap_or("");
+        let number = format!("{:.2e}", si / size(unit)).parse().unwrap_or(si);
+        format!("{number} {unit}")
+    }
+
     /// A quantity of it as someone might write it.
     pub fn example(self, motion: Motion) -> String {
         if self == Measure::Energy { "0.05 J".to_string() } else { self.dimension(motion).example() }
@@ -249,6 +308,39 @@ impl Key {
         among(self.kinds, kind) && among(self.hands, hand) && self.motion.is_none_or(|only| only == motion)
     }
 
+    /// The sizes that it has on usual devices, in SI; `None` of what is no quantity, and of plain numbers.
+    pub fn usual(&self, motion: Motion) -> Option<(f64, f64)> {
+        self.usual.or(self.takes.quantity()?.0.usual(motion))
+    }
+
+    /// A warning about a bare `number` at `path` that no usual device has there, with the unit that was probably meant; `None` where one
+    /// has.
+    pub(crate) fn doubt(&self, motion: Motion, path: &str, number: &str) -> Option<String> {
+        let ((least, largest), (measure, _)) = (self.usual(motion)?, self.takes.quantity()?);
+        let (value, dimension) = (parse_quantity(number, Dimension::NONE).ok()?, measure.dimension(motion));
+        let is_usual = |size: f64| size == 0.0 || (least..=largest).contains(&size.abs());
+        if is_usual(value) {
+            return None;
+        }
+        let range = match least {
+            0.0 => format!("at most {}", measure.shown(motion, largest)),
+            least => format!("{} to {}", measure.shown(motion, least), measure.shown(motion, largest)),
+        };
+        let middle = if least > 0.0 { (least * largest).sqrt() } else { 1e-3 * largest };
+        let distance = |size: f64| (size.abs() / middle).ln().abs();
+        let meant = measure.units(motion).iter().filter_map(|unit| {
+            let text = format!("{number} {unit}");
+            let size = parse_quantity(&text, dimension).ok().filter(|size| *size != value && is_usual(*size))?;
+            Some((distance(size), text))
+        });
+        let meant = meant.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, text)| text);
+        let advice = match meant {
+            Some(meant) => format!("Was {meant} meant? Write {path} = {meant:?}"),
+            None => format!("Write it with its unit, such as {path} = {:?}", measure.example(motion)),
+        };
+        Some(format!("{path} = {number} is {number} {}; usual are {range}. {advice}", dimension.symbol()))
+    }
+
     /// What it takes, as the end of an error message: expected `a time (s) above 0, such as "1 ms"`.
     pub fn wanted(&self, motion: Motion) -> String {
         let quantity = |measure: Measure, range: Range| {
@@ -312,7 +404,7 @@ const fn key(path: &'static str, takes: Takes, presence: Presence, doc: &'static
     while name_at > 0 && path.as_bytes()[name_at - 1] != b'.' {
         name_at -= 1;
     }
-    Key { path, name_at, takes, presence, kinds: &[], hands: &[], motion: None, tolerance: false, doc }
+    Key { path, name_at, takes, presence, kinds: &[], hands: &[], motion: None, usual: None, tolerance: false, doc }
 }
 
 impl Key {
@@ -326,6 +418,10 @@ impl Key {
 
     const fn only(self, motion: Motion) -> Key {
         Key { motion: Some(motion), ..self }
+    }
+
+    const fn within(self, least: f64, largest: f64) -> Key {
+        Key { usual: Some((least, largest)), ..self }
     }
 
     const fn tolerated(self) -> Key {

@@ -3,11 +3,12 @@
 use crate::dimension::Dimension;
 use crate::document::{Document, Entry, Node, Value};
 use crate::error::Error;
-use crate::keys::{self, Key, Presence, Takes};
+use crate::keys::{self, Key, NETWORK_FILE, Presence, Takes};
 use crate::kinds::Motion;
 use crate::path::Reader;
 use crate::quantity::{parse_quantity, split_tolerance, tolerance};
 use crate::source::Source;
+use crate::system::{Station, System, station_key};
 use crate::world::World;
 
 /// A key of a world with its value.
@@ -25,6 +26,8 @@ pub struct Parameter {
     pub unit: String,
     /// What the key means.
     pub doc: &'static str,
+    /// A warning about a bare number that no usual device has, with the unit that was probably meant.
+    pub doubt: Option<String>,
     /// Whether it stands in the file or an override; else it is a default.
     pub given: bool,
 }
@@ -56,6 +59,39 @@ pub fn parameters_of(world: &World, source: &Source, sets: &[String]) -> Result<
         }
     }
     Ok(list)
+}
+
+impl World {
+    /// Warnings about bare numbers that no usual device has, each with the unit that was probably meant. `source` and `sets` are what the
+    /// world was read from; a number with a typed unit is never warned about.
+    pub fn warnings(&self, source: &Source, sets: &[String]) -> Vec<String> {
+        let list = parameters_of(self, source, sets).unwrap_or_default();
+        list.into_iter().filter_map(|parameter| parameter.doubt).collect()
+    }
+}
+
+impl System {
+    /// The same of all stations and of the network's own keys.
+    pub fn warnings(&self, source: &Source, sets: &[String]) -> Vec<String> {
+        let mut warnings = Vec::new();
+        for Station { name, world, source, sets, .. } in &self.stations {
+            let of_station = world.warnings(source, sets).into_iter();
+            warnings.extend(
+                of_station.map(|warning| if name.is_empty() { warning } else { format!("station {name}: {warning}") }),
+            );
+        }
+        if self.world().is_none() {
+            let own: Vec<String> = sets.iter().filter(|set| station_key(set).is_none()).cloned().collect();
+            let mut list = Vec::new();
+            if let Ok(Node { value: Value::Table(entries), .. }) =
+                Document::within(NETWORK_FILE, source, &own).map(|d| d.root)
+            {
+                table(&mut list, self.motion, &entries, "", NETWORK_FILE, None);
+            }
+            warnings.extend(list.into_iter().filter_map(|parameter| parameter.doubt));
+        }
+        warnings
+    }
 }
 
 /// The keys of one table, which has passed the reader's checks. `pattern` is its path in the table of keys.
@@ -102,7 +138,7 @@ fn table(list: &mut Vec<Parameter>, motion: Motion, entries: &[Entry], path: &st
             _ => continue,
         };
         let path = join(path, row.name());
-        list.push(Parameter { path, written, tolerance: 0.0, si, unit, doc: row.doc, given: false });
+        list.push(Parameter { path, written, tolerance: 0.0, si, unit, doc: row.doc, doubt: None, given: false });
     }
 }
 
@@ -122,7 +158,12 @@ fn given(row: &Key, motion: Motion, path: String, node: &Node) -> Parameter {
     let (written, tolerance) = tolerated(row, motion, written, node);
     let si = row.takes.quantity().and_then(|(measure, _)| parse_quantity(&written, measure.dimension(motion)).ok());
     let unit = if si.is_some() { si_unit(row, motion) } else { String::new() };
-    Parameter { path, written, tolerance, si, unit, doc: row.doc, given: true }
+    // Of a number that has no unit of its own.
+    let doubt = match &node.value {
+        Value::Number(number) => row.doubt(motion, &path, number),
+        Value::Text(_) | Value::Boolean(_) | Value::Date(_) | Value::Array(_) | Value::Table(_) => None,
+    };
+    Parameter { path, written, tolerance, si, unit, doc: row.doc, doubt, given: true }
 }
 
 /// A quantity's text without its tolerance, and that: its own, or that of the number which an override has replaced.

@@ -69,6 +69,9 @@ const OTHERS: &[&str] = &[
     "psi", "lb", "lbs", "inch", "ft",
 ];
 
+/// What an encoder gives, as data sheets and logs have it.
+const COUNTS: [&str; 4] = ["count", "counts", "tick", "ticks"];
+
 /// What keeps a text from being a unit.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UnitError {
@@ -86,6 +89,9 @@ pub enum UnitError {
         /// The character in quotes, or `an end`.
         found: String,
     },
+    /// `counts`: an encoder's, and no unit.
+    #[error("is in counts, and a count is no angle by itself: it is a revolution over the encoder's counts")]
+    Counts,
     /// `m2` for `m^2`.
     #[error("has a digit after a unit; a power is written ^2")]
     BarePower,
@@ -245,6 +251,9 @@ fn is_letter(c: char) -> bool {
 }
 
 fn named(name: &str) -> Result<Unit, UnitError> {
+    if COUNTS.contains(&name) {
+        return Err(UnitError::Counts);
+    }
     let known = UNITS.iter().find(|(known, _)| *known == name);
     known.map(|&(_, unit)| unit).ok_or_else(|| UnitError::Unknown {
         name: name.to_string(),
@@ -350,6 +359,9 @@ mod tests {
             };
         }
         assert_eq!(message("min"), "has the unknown unit \"min\"");
+        for counts in COUNTS {
+            assert!(message(counts).contains("no angle by itself"), "{counts}");
+        }
         assert_eq!(message("kg m2"), "has a digit after a unit; a power is written ^2");
         assert_eq!(message("m^"), "has a ^ without a whole number after it");
         assert_eq!(message("m⁻"), "has a ^ without a whole number after it");

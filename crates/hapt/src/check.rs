@@ -3,17 +3,16 @@
 use std::process::ExitCode;
 
 use hapt_analysis::{SystemCheck, check_system, proof};
-use hapt_model::System;
 
 use crate::answer::{answer, begin, pretty, write};
 use crate::args::CheckArgs;
 use crate::failure::Failure;
 use crate::output;
-use crate::world::{inputs, source};
+use crate::world::{inputs, read_system, source};
 
 pub fn run(args: &CheckArgs) -> Result<ExitCode, Failure> {
     let source = source(&args.world.path)?;
-    let system = System::read(&source, &args.world.sets)?;
+    let system = read_system(&source, &args.world.sets)?;
     if args.proof.is_some() && system.world().is_none() {
         let message = "--proof: a network has no proof file; expected a world, such as that of one of its stations";
         return Err(Failure::input(message));

@@ -21,13 +21,12 @@ mod linux {
 
     use hapt_drive::simulate::{Simulator, Time};
     use hapt_drive::{Bus, Make, Socket};
-    use hapt_model::World;
 
     use super::*;
     use crate::latency::time;
     use crate::messages::say;
     use crate::signals;
-    use crate::world::source;
+    use crate::world::{read_world, source};
 
     pub fn devices() -> Result<ExitCode, Failure> {
         let mut text = String::new();
@@ -52,7 +51,7 @@ mod linux {
             return Err(Failure::input(format!("--id {}: {}'s go from {from} to {to}", args.id, make.one())));
         }
         let source = source(args.world.as_deref().unwrap_or("@notes/wheel".as_ref()))?;
-        let world = World::read(&source, &args.sets)?;
+        let world = read_world(&source, &args.sets)?;
         let scenario = args.scenario.as_deref().map(|name| world.scenario(name)).transpose()?;
         let ends_at = args.duration.as_deref().map(|text| time("--duration", text)).transpose()?;
         let clock = if args.lockstep { Time::Lockstep(world.sampling.period) } else { Time::Real };

@@ -23,7 +23,7 @@ const WIDEST: u64 = 50;
 
 pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
     let source = world::source(args.world.as_deref().unwrap_or(Path::new("@notes/default")))?;
-    let mut world = World::read(&source, &args.sets)?;
+    let mut world = world::read_world(&source, &args.sets)?;
     // What is measured here has no torque that could harm.
     world.safety.late = Some(WhenLate::Count);
     let duration = time("--duration", &args.duration)?;

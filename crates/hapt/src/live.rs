@@ -11,7 +11,7 @@ use hapt_host::links::LinkError;
 use hapt_host::{DeviceAddress, Machine};
 use hapt_live::network::{self, StationEnd};
 use hapt_live::{Error, Live, Options};
-use hapt_model::{Source, System, World, is_network};
+use hapt_model::{Source, World, is_network};
 use hapt_rt::{Outside, Settings};
 
 use crate::args::{LiveArgs, Steering, device};
@@ -23,7 +23,7 @@ use crate::messages::{notes, print, say};
 use crate::output;
 use crate::phone;
 use crate::signals;
-use crate::world::source;
+use crate::world::{read_system, read_world, source};
 
 /// The default world: the notes' wheel under the default method, which is certified.
 const WHEEL: &str = "@notes/default";
@@ -43,7 +43,7 @@ pub fn with(args: &LiveArgs, steering: Option<Steering>) -> Result<ExitCode, Fai
         return stations(args, &device, address, &source);
     }
     let mut sets = args.sets.clone();
-    let world = World::read(&source, &sets)?;
+    let world = read_world(&source, &sets)?;
     sets.extend(device.overrides(&world)?);
     let options = Options { source, sets, address, folder: args.log_dir.clone() };
     output::folder("--log-dir", &args.log_dir)?;
@@ -130,7 +130,7 @@ fn stations(
             "--device {device}: of a network hapt live simulates every station; hapt run --station NAME runs one on a motor"
         )));
     }
-    let network = System::read(source, &args.sets)?;
+    let network = read_system(source, &args.sets)?;
     output::folder("--log-dir", &args.log_dir)?;
     signals::end_in_order();
     let ends = network::connect(&network).map_err(|error| match error {

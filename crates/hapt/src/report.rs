@@ -15,7 +15,7 @@ use crate::failure::Failure;
 use crate::messages;
 use crate::output::{self, Draft};
 use crate::sim::rows;
-use crate::world::source;
+use crate::world::{read_system, source};
 
 /// A system, ready to be run.
 struct Ready {
@@ -88,7 +88,7 @@ fn read(args: &ReportArgs) -> Result<Vec<Ready>, Failure> {
     let mut all = Vec::new();
     for path in &args.worlds {
         let source = source(path)?;
-        let system = System::read(&source, &args.sets)?;
+        let system = read_system(&source, &args.sets)?;
         let of = |station: &Station| hapt_model::parameters(&station.source, &station.sets);
         let parameters = system.stations.iter().map(of).collect::<Result<_, _>>()?;
         let check = check_system(&system, true)?;

@@ -16,7 +16,7 @@ use crate::output;
 use crate::progress::Progress;
 use crate::provenance::{Made, Provenance};
 use crate::table::Table;
-use crate::world::{inputs, source};
+use crate::world::{inputs, read_system, source};
 
 pub fn run(args: &SimArgs) -> Result<ExitCode, Failure> {
     let file_only = args.formats.iter().find(|format| **format != Format::Csv);
@@ -27,7 +27,7 @@ pub fn run(args: &SimArgs) -> Result<ExitCode, Failure> {
         )));
     }
     let source = source(&args.world.path)?;
-    let system = System::read(&source, &args.world.sets)?;
+    let system = read_system(&source, &args.world.sets)?;
     let scenarios = named(&system, &args.scenarios)?;
     // All errors come before the first file is written.
     system.stations.iter().try_for_each(|station| hapt_sim::check(&station.world))?;

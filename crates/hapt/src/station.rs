@@ -22,7 +22,7 @@ use crate::args::{RunArgs, StationArgs};
 use crate::failure::Failure;
 use crate::format;
 use crate::messages;
-use crate::world::{Loaded, source};
+use crate::world::{Loaded, read_system, source};
 
 /// A longer file is no key.
 const LONGEST_KEY: u64 = 4096;
@@ -88,7 +88,7 @@ impl Chosen {
         // As if they stood in the file, so that the certificate and the other stations know them.
         let own = address.overrides(&network.stations[at].world)?;
         sets.extend(own.into_iter().map(|set| format!("stations.{name}.{set}")));
-        let network = System::read(&source, &sets)?;
+        let network = read_system(&source, &sets)?;
         let station = Station::new(network, at, &args.station)?;
         let hapt_model::Station { world, source, sets, .. } = station.network.stations[at].clone();
         let loaded = Loaded { name: source.name.clone(), world, source };

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use hapt_model::{Motion, System, did_you_mean};
+use hapt_model::{Motion, did_you_mean};
 use hapt_sweep::table::{self, Column};
 use hapt_sweep::{Measure, Shard, Sweep, Ticks};
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -28,7 +28,7 @@ use crate::messages;
 use crate::output::{self, Draft, FigureSize};
 use crate::progress::Progress;
 use crate::signals;
-use crate::world::{inputs, source};
+use crate::world::{inputs, read_system, source};
 
 /// The largest number of threads.
 const MOST_THREADS: usize = 1024;
@@ -98,7 +98,7 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
     let mut partial = Partial::open(&args.out, &sweep, cells.clone(), header, &columns, args.resume)?;
     let missing = compute(&sweep, cells, &pool, &mut partial)?;
     if let Some(plot) = &args.plot {
-        let system = System::read(&source, &args.world.sets)?;
+        let system = read_system(&source, &args.world.sets)?;
         let own: Vec<_> = sweep.grid.axes.iter().map(|axis| system.number(&axis.key)).collect();
         crate::sweep_plot::draw(&sweep, &args.axes, &own, partial.rows()?, plot, size)?;
     }

@@ -6,6 +6,7 @@ use hapt_model::{Drive, Shape, Source, System, Timing, World};
 
 use crate::args::WorldArgs;
 use crate::failure::Failure;
+use crate::messages;
 use crate::suggest;
 use hapt_model::builtin;
 
@@ -56,10 +57,30 @@ pub fn inputs(path: &Path, system: &System) -> Vec<(&'static str, PathBuf)> {
     [("the network", path.to_path_buf())].into_iter().chain(of_stations).collect()
 }
 
+/// Reads a world and prints the warnings about it.
+pub fn read_world(source: &Source, sets: &[String]) -> Result<World, Failure> {
+    let world = World::read(source, sets)?;
+    warn(world.warnings(source, sets));
+    Ok(world)
+}
+
+/// The same of a world or a network.
+pub fn read_system(source: &Source, sets: &[String]) -> Result<System, Failure> {
+    let system = System::read(source, sets)?;
+    warn(system.warnings(source, sets));
+    Ok(system)
+}
+
+fn warn(warnings: Vec<String>) {
+    for warning in warnings {
+        messages::say(format_args!("warning: {warning}"));
+    }
+}
+
 impl Loaded {
     /// The world of a source that has been read.
     pub fn of(source: Source, args: &WorldArgs) -> Result<Loaded, Failure> {
-        let world = World::read(&source, &args.sets)?;
+        let world = read_world(&source, &args.sets)?;
         Ok(Loaded { name: source.name.clone(), world, source })
     }
 

@@ -299,7 +299,7 @@ impl System {
 
 /// Of an override of a station's world its station, and the override for that world: `stations.left.loop.period=2ms` is
 /// `loop.period=2ms` of `left`. `None` for the network's own keys.
-fn station_key(set: &str) -> Option<(&str, &str)> {
+pub(crate) fn station_key(set: &str) -> Option<(&str, &str)> {
     let (name, rest) = set.trim_start().strip_prefix("stations.")?.split_once('.')?;
     let key = rest.split('=').next()?.trim();
     let is_own = crate::keys::rows("network.stations.*").any(|row| row.name() == key);

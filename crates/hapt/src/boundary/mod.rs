@@ -8,7 +8,6 @@ use std::fmt::Write as _;
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_model::System;
 use hapt_sweep::boundary::{Boundary, Edge, EdgeMethod, Piece, Point};
 use hapt_sweep::table;
 
@@ -17,7 +16,7 @@ use crate::axis::{DisplayedAxis, within};
 use crate::failure::Failure;
 use crate::messages;
 use crate::output::{self, FigureSize};
-use crate::world::{inputs, source};
+use crate::world::{inputs, read_system, source};
 
 pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
     let claims = claims(&args.claims)?;
@@ -27,7 +26,7 @@ pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
     let size = FigureSize::of("--plot", args.plot.as_deref(), &args.figure)?;
     let source = source(&args.world.path)?;
     let outputs = [("--out", &args.out), ("--plot", &args.plot)];
-    let system = System::read(&source, &args.world.sets)?;
+    let system = read_system(&source, &args.world.sets)?;
     output::apart(&output::given(&outputs), &inputs(&args.world.path, &system))?;
     let boundary = Boundary::new(&source, &args.world.sets, &args.axes, &claims)?;
     let [x, y] = [0, 1].map(|i| within(&boundary.plane.axes[i], system.number(&boundary.plane.axes[i].key)));

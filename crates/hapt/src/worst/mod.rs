@@ -24,7 +24,7 @@ use crate::failure::Failure;
 use crate::format;
 use crate::output;
 use crate::progress::Progress;
-use crate::world::{inputs, source};
+use crate::world::{inputs, read_system, source};
 
 /// From one look at the search to the next.
 const LOOK: Duration = Duration::from_millis(200);
@@ -34,7 +34,7 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
         output::format("--out", path, &["toml"])?;
     }
     let source = source(&args.world.path)?;
-    let system = System::read(&source, &args.world.sets)?;
+    let system = read_system(&source, &args.world.sets)?;
     let is_world = system.world().is_some();
     let targets = args.out.as_deref().map_or(Vec::new(), |out| targets(out, &system));
     if !is_world {

@@ -207,3 +207,26 @@ fn the_licences_name_the_crates_that_the_program_is_built_of_and_bring_their_tex
     }
     assert!(text.contains("Permission is hereby granted") && text.contains("Apache License"));
 }
+
+/// A bare number that no usual device has is taken, and the unit that was probably meant is named beside the result; with a unit it is not
+/// doubted. Of a network the station is named.
+#[test]
+fn a_bare_number_far_from_what_is_usual_is_warned_about() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    let doubt =
+        "warning: loop.period = 2 is 2 s; usual are 10 us to 100 ms. Was 2 ms meant? Write loop.period = \"2 ms\"";
+    for args in [&["check", "w.toml", "--json"][..], &["sim", "w.toml"], &["impedance", "w.toml"], &["worst", "w.toml"]]
+    {
+        let with =
+            |value: &str| hapt(at.path(), args.iter().copied().chain(["--set", &format!("loop.period={value}")]));
+        assert!(with("2").err.lines().any(|line| line == doubt), "{args:?}: {}", with("2").err);
+        assert!(!with("2 s").err.contains("warning"), "{args:?}: {}", with("2 s").err);
+    }
+    let network = "[stations.left]\nworld = \"w.toml\"\n[stations.right]\nworld = \"w.toml\"\n[[links]]\nkind = \"spring\"\n\
+                   between = [\"left\", \"right\"]\nstiffness = 5e6\nage_max = \"40 ms\"\n";
+    let at = folder(&[("w.toml", WHEEL), ("n.toml", network)]);
+    let ended = hapt(at.path(), ["check", "n.toml", "--no-remedies", "--set", "stations.left.device.inertia=640"]);
+    for part in ["warning: station left: device.inertia = 640 is", "warning: links.0.stiffness = 5e6 is"] {
+        assert!(ended.err.contains(part), "{part}: {}", ended.err);
+    }
+}
