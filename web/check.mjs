@@ -14,6 +14,7 @@ const files = (root) =>
 
 try {
   await build({ logLevel: "warn", build: { outDir: fresh, emptyOutDir: true } });
+  await build({ logLevel: "warn", configFile: "vite.report.config.js", build: { outDir: join(fresh, "report"), emptyOutDir: true } });
   const dist = join(import.meta.dirname, "dist");
   const [built, kept] = [files(fresh), files(dist)];
   const problems = [

@@ -1,5 +1,6 @@
 // What stands above everything: phase, faults, who has control, the recording, the connection.
 
+import { overrides } from "./changes.ts";
 import { byId, say } from "./dom.ts";
 import type { Key, Sets, Status, World } from "./protocol.ts";
 import { micros, number, plain, pretty } from "./units.ts";
@@ -24,15 +25,23 @@ const STOPPED = 1;
 /** How much more than measured is allowed for. */
 const ROOM = 1.25;
 
-/** Times that the certificate has to cover for this computer to keep them: what was measured, and a quarter more. Nothing where they are kept, or
- * cannot be set. */
-export function lateness({ status, world }: Desk): Sets {
+/** Times that the certificate has to cover for this computer to keep them: what was measured, and a quarter more. Nothing where they are kept.
+ * `settable`: whether this page can set them; a motor's, and those under a game's wheel, stay as its file has them. */
+export function lateness({ status, world }: Desk): { sets: Sets; measured: number[]; settable: boolean } {
   const certified = status?.timing?.certified;
-  if (!certified || !world) return [];
-  const key = (path: string) => world.keys.find((key) => key.path === path && !key.fixed);
-  const written = (key: Key, seconds: number): [string, string] => [key.path, `${plain((ROOM * seconds) / (key.factor ?? 1), 3)} ${key.unit ?? "s"}`];
-  const interval = key("loop.interval_max");
-  return interval && certified.longest_us > certified.interval_max_us ? [written(interval, 1e-6 * certified.longest_us)] : [];
+  const late = [
+    { path: "loop.interval_max", longest: certified?.longest_us ?? 0, most: certified?.interval_max_us ?? Infinity },
+    { path: "loop.delay_max", longest: certified?.longest_delay_us ?? 0, most: certified?.delay_max_us ?? Infinity },
+  ].flatMap(({ path, longest, most }) => {
+    const key = world?.keys.find((key) => key.path === path);
+    return key && longest > most ? [{ key, longest }] : [];
+  });
+  const written = (key: Key, us: number): [string, string] => [key.path, `${plain((1e-6 * ROOM * us) / (key.factor ?? 1), 3)} ${key.unit ?? "s"}`];
+  return {
+    sets: late.map(({ key, longest }) => written(key, longest)),
+    measured: late.map(({ longest }) => longest),
+    settable: late.every(({ key }) => !key.fixed),
+  };
 }
 
 export function showBar(desk: Desk): void {
@@ -72,10 +81,13 @@ export function showBar(desk: Desk): void {
     const isOwn = status.code === STOPPED && world?.device === "sim";
     say(byId("fault-clear"), isOwn ? "Clear it, then arm." : (status.clear ?? ""));
   }
-  const meets = status?.code === UNEVEN ? lateness(desk) : [];
-  byId("meet").hidden = meets.length === 0;
+  const { sets, measured, settable } = lateness(desk);
+  const meets = status?.code === UNEVEN && sets.length > 0;
+  byId("meet").hidden = !meets || !settable;
   byId<HTMLButtonElement>("meet").disabled = !able;
-  if (meets.length > 0) say(byId("meet"), `Certify ${meets.map(([key, value]) => `${key.replace("loop.", "")} ${pretty(value)}`).join(", ")} (${micros(status?.timing?.certified?.longest_us ?? 0)} measured)`);
+  say(byId("meet"), `Certify ${sets.map(([key, value]) => `${key.replace("loop.", "")} ${pretty(value)}`).join(", ")} (${measured.map(micros).join(" and ")} measured)`);
+  byId("meet-command").hidden = !meets || settable;
+  say(byId("meet-command"), `${measured.map(micros).join(" and ")} measured; the page cannot change it here: start with ${overrides(sets)}`);
   const warnings = byId("warnings");
   const texts = up && status ? [...status.warnings, ...(status.network?.warnings ?? [])] : [];
   warnings.hidden = texts.length === 0;

@@ -13,10 +13,8 @@ export interface Recorded {
   verdict: Verdict;
   /** By key, where it is certified while every other stays as in the file, in SI. */
   ranges: Record<string, [number, number][]>;
-  /** What the world is called on the command line, with what was set there. */
-  command: string;
-  /** The report's file. */
-  report: string;
+  /** What the world is called on the command line, with what was set there, and the report's file; `null`: under a cell of a notebook. */
+  place: { command: string; report: string } | null;
 }
 
 /** The functions of web/core. */
@@ -134,10 +132,10 @@ export class Local implements Peer {
   /** What is known of a world: the file's certificate; where one key has been changed, its certified range; and the command that makes
    * another certificate. */
   private judge({ generation, keys }: World): void {
-    const { verdict, command, ranges } = this.recorded;
+    const { verdict, place, ranges } = this.recorded;
     const changed = keys.filter((key) => key.changed);
-    const sets = changed.map((key) => ` --set ${quoted(`${key.path}=${key.written}`)}`);
-    const judge = { certified: inside(changed, ranges), command: `hapt check ${command}${sets.join("")}` };
+    const sets = changed.map(({ path, written }) => (place ? ` --set ${quoted(`${path}=${written}`)}` : `.set(${JSON.stringify(path)}, ${JSON.stringify(written)})`));
+    const judge = { certified: inside(changed, ranges), command: place ? `hapt check ${place.command}${sets.join("")}` : `world${sets.join("")}.check()` };
     this.listener.message({ ...verdict, ...(changed.length > 0 ? judge : {}), generation });
     for (const [key, certified] of Object.entries(ranges)) {
       if (changed.every(({ path }) => path === key)) this.listener.message({ type: "range", generation, key, certified });

@@ -3,7 +3,7 @@
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { attribute, html, say } from "./dom.ts";
-import type { History } from "./history.ts";
+import type { Samples } from "./samples.ts";
 import { joules, steady, tick, type Unit } from "./units.ts";
 
 export interface Trace {
@@ -12,6 +12,8 @@ export interface Trace {
   /** A colour of the theme, and dashes. */
   colour: string;
   dash?: number[];
+  /** A prediction, to which no axis fits itself. */
+  guide?: boolean;
 }
 
 export interface Panel {
@@ -40,7 +42,8 @@ class Plot {
   private unit: Unit;
   private seen = true;
 
-  constructor(panel: Panel, root: HTMLElement, last: boolean) {
+  /** Plots of one `group` have one cursor. */
+  constructor(panel: Panel, root: HTMLElement, last: boolean, group: string) {
     this.panel = panel;
     this.range = [-panel.least, panel.least];
     this.unit = { name: panel.unit.name, per: 1 };
@@ -51,23 +54,25 @@ class Plot {
     const head = html("figcaption", {}, this.title, ...names);
     const box = html("div", { class: "canvas" });
     root.append(html("figure", { class: last ? "plot last" : "plot" }, head, box));
-    this.uplot = new uPlot(this.options(box, last), [[]], box);
+    this.uplot = new uPlot(this.options(box, last, group), [[]], box);
     new ResizeObserver(() => this.resize(box)).observe(box);
     // On a phone most plots are scrolled away.
     new IntersectionObserver((entries) => (this.seen = entries.at(-1)!.isIntersecting)).observe(box);
   }
 
-  /** `at`: the sample that the numbers are of; the last in sight where there is none. */
-  draw(history: History, [from, to]: Span, at: number | null): void {
+  /** `at`: the sample that the numbers are of; the last in sight where there is none. `close`: the axis fits what is in sight, without its 0. */
+  draw(history: Samples, [from, to]: Span, at: number | null, close: boolean): void {
     if (!this.seen) return;
     const data = history.window(this.panel.traces.map((trace) => trace.column), from, to);
     const index = at ?? data[0]!.length - 1;
-    let [low, high] = [0, 0];
-    this.panel.traces.forEach((_, i) => {
+    let [low, high] = close ? [Infinity, -Infinity] : [0, 0];
+    this.panel.traces.forEach(({ guide }, i) => {
+      if (guide) return;
       for (const value of data[3 * i + 2]!) if (value < low) low = value;
       for (const value of data[3 * i + 3]!) if (value > high) high = value;
     });
-    this.fit(low, high);
+    if (close && low <= high) this.enclose(low, high);
+    else this.fit(Math.min(low, 0), Math.max(high, 0));
     const most = Math.max(...this.range.map(Math.abs));
     if (this.panel.scales) this.unit = joules(most);
     say(this.title, `${this.panel.title} (${this.unit.name})`);
@@ -92,6 +97,11 @@ class Plot {
     if (from < this.range[0] || to > this.range[1] || room < 0.5 * had) this.range = [from, to];
   }
 
+  private enclose(low: number, high: number): void {
+    const room = Math.max(0.08 * (high - low), 1e-3 * this.panel.least);
+    this.range = [low - room, high + room];
+  }
+
   /** What stands above it: its title, and each trace's name with its line. */
   words(): { text: string; colour: string; strong: boolean; line: number[] | null }[] {
     const traces = this.panel.traces.map(({ name, colour, dash }) => ({ text: name, colour, strong: false, line: dash ?? [] }));
@@ -103,7 +113,7 @@ class Plot {
     if (width > 0 && height > 0) this.uplot.setSize({ width, height });
   }
 
-  private options(box: HTMLElement, last: boolean): uPlot.Options {
+  private options(box: HTMLElement, last: boolean, group: string): uPlot.Options {
     const [soft, grid] = [theme("soft"), theme("grid")];
     const font = "12px system-ui, -apple-system, 'Segoe UI', 'DejaVu Sans', sans-serif";
     const axis = { stroke: soft, font, ticks: { show: false }, grid: { stroke: grid, width: 1 } };
@@ -111,8 +121,8 @@ class Plot {
       width: Math.max(box.clientWidth, 50),
       height: Math.max(box.clientHeight, 50),
       legend: { show: false },
-      padding: [6, 8, 0, 0],
-      cursor: { sync: { key: "time" }, drag: { x: false, y: false }, points: { show: false }, y: false },
+      padding: [6, 15, 0, 0],
+      cursor: { sync: { key: group }, drag: { x: false, y: false }, points: { show: false }, y: false },
       scales: { x: { time: false, auto: false }, y: { auto: false } },
       axes: [
         { ...axis, size: last ? 24 : 4, gap: 2, values: (_, values) => (last ? values.map((t) => (t < 0 ? "" : `${t} s`)) : values.map(() => "")) },
@@ -163,6 +173,9 @@ export const STEP = 1.5;
 /** The part of what is in sight by which an arrow key goes. */
 const PACE = 0.1;
 
+/** So that each of them has a cursor of its own. */
+let count = 0;
+
 export class Plots {
   /** In s. */
   seconds = 5;
@@ -171,11 +184,15 @@ export class Plots {
   private view: Span | null = null;
   private plots: Plot[] = [];
   private panels: Panel[] = [];
-  private history: History | null = null;
+  private history: Samples | null = null;
   private readonly root: HTMLElement;
+  private readonly group = `time ${count++}`;
+  /** On a page that is read the mouse's wheel scrolls, and spreads the plots with Ctrl. */
+  private readonly scrolls: boolean;
 
-  constructor(root: HTMLElement) {
-    this.root = root;
+  constructor(root: HTMLElement, scrolls = false) {
+    [this.root, this.scrolls] = [root, scrolls];
+    root.classList.add("plots");
     // Canvases do not follow the theme by themselves.
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.show(this.panels));
     root.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
@@ -214,10 +231,10 @@ export class Plots {
     this.view = null;
     for (const plot of this.plots) plot.uplot.destroy();
     this.root.replaceChildren();
-    this.plots = panels.map((panel, i) => new Plot(panel, this.root, i === panels.length - 1));
+    this.plots = panels.map((panel, i) => new Plot(panel, this.root, i === panels.length - 1, this.group));
   }
 
-  draw(history: History): void {
+  draw(history: Samples): void {
     this.history = history;
     this.redraw();
   }
@@ -268,11 +285,21 @@ export class Plots {
     return new Promise((done) => sheet.toBlob(done, "image/png"));
   }
 
+  /** The sample under the cursor. */
+  private get index(): number | null {
+    return this.plots.some(({ uplot }) => (uplot.cursor.left ?? -1) >= 0) ? (this.plots[0]?.uplot.cursor.idx ?? null) : null;
+  }
+
+  /** The time under the cursor. */
+  get cursor(): number | null {
+    const index = this.index;
+    return index === null ? null : (this.plots[0]?.uplot.data[0]?.[index] ?? null);
+  }
+
   private redraw(): void {
     if (!this.history) return;
-    const idx = this.plots[0]?.uplot.cursor.idx ?? null;
-    const at = this.plots.some((plot) => (plot.uplot.cursor.left ?? -1) >= 0) ? idx : null;
-    for (const plot of this.plots) plot.draw(this.history, this.span, at);
+    const at = this.index;
+    for (const plot of this.plots) plot.draw(this.history, this.span, at, this.view !== null);
   }
 
   /** Shows this time, as far as there is any. */
@@ -293,7 +320,7 @@ export class Plots {
   }
 
   private wheel(event: WheelEvent): void {
-    if (!this.held) return;
+    if (!this.held || (this.scrolls && !event.ctrlKey && !event.metaKey)) return;
     event.preventDefault();
     this.zoom(STEP ** (-event.deltaY / 120), this.at(event.clientX));
   }

@@ -119,6 +119,18 @@ export interface Quantiles {
   max: number;
 }
 
+/** Of the samples with a torque before them: how many kept the file's times, and the longest ones; `null`: the file states none. */
+export interface Certified {
+  samples: number;
+  inside: number;
+  /** From a sample to the next. */
+  longest_us: number;
+  interval_max_us: number | null;
+  /** From a sample to its command. */
+  longest_delay_us: number;
+  delay_max_us: number | null;
+}
+
 export interface Punctuality {
   samples: number;
   overruns: number;
@@ -127,8 +139,7 @@ export interface Punctuality {
   period_us: Quantiles;
   computation_us: Quantiles;
   histogram: { edges_us: number[]; latency: number[] };
-  /** `null`: the file states no times. */
-  certified: { samples: number; inside: number; longest_us: number; interval_max_us: number } | null;
+  certified: Certified | null;
 }
 
 export type Phase = "disarmed" | "fading-in" | "running" | "fading-out" | "faulted";

@@ -100,7 +100,8 @@ export function rotary(bodies: number): Geometry {
         ticks += polyline([at(FRAME, angle), at(FRAME + long, angle)]);
         if (degrees % 45 === 0 && degrees !== -180) {
           const [x, y] = at(FRAME + 22, angle);
-          labels.push({ x, y, text: `${degrees}°`.replace("-", "−") });
+          // Beside the dial there is no room for a number but above its tick.
+          labels.push({ x, y: Math.abs(degrees) === 90 ? y - 14 : y, text: `${degrees}°`.replace("-", "−") });
         }
       }
       return { ticks: ring(FRAME) + ticks, labels };

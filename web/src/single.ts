@@ -28,6 +28,8 @@ import { VerdictCard } from "./verdict.ts";
 const WINDOWS = [2, 5, 10];
 /** The device with a hand that a page can move. */
 const SIMULATED = "sim";
+/** As the style has it. */
+const NARROW = "(max-width: 760px)";
 /** Between two drawings of the plots where motion is to be reduced, in ms. */
 const REDUCED = 250;
 
@@ -172,6 +174,7 @@ export function single(recorded: Recorded | undefined): void {
     gauge.show(stage.strongest, next.limit !== null, shown);
     knobs.show(next);
     changes.world(next, performance.now());
+    verdict.outdated();
     euler.world(next);
     desk.world = next;
     // What was refused was refused by the world before.
@@ -228,15 +231,21 @@ export function single(recorded: Recorded | undefined): void {
   }
 
   /** What a page without a server cannot do is not there, and it says so. */
-  function alone({ command, report }: Recorded): void {
+  function alone({ place }: Recorded): void {
     document.body.classList.add("alone");
     byId("alone").hidden = false;
     byId("alone").append(
       "hapt’s own core runs in this page, and no server. ",
-      html("code", {}, `hapt live ${command}`),
+      html("code", {}, place ? `hapt live ${place.command}` : "world.live()"),
       " has one: it makes a certificate of whatever you change, records, and keeps real time. ",
-      html("a", { href: report }, "The report"),
+      ...(place ? [html("a", { href: place.report }, "The report")] : []),
     );
+  }
+
+  /** On a phone what is unusual stands below the experiments that show it, and not above the wheel. */
+  function placeWarnings(): void {
+    if (narrow.matches) byId("scenarios").after(byId("warnings"));
+    else byId("error").before(byId("warnings"));
   }
 
   function press(id: string, act: () => void): void {
@@ -294,10 +303,13 @@ export function single(recorded: Recorded | undefined): void {
     byId("windows").append(choice);
   }
   press("meet", () => {
-    const sets = lateness(desk);
-    if (sets.length > 0) link.send({ type: "sets", sets });
+    const { sets, settable } = lateness(desk);
+    if (sets.length > 0 && settable) link.send({ type: "sets", sets });
   });
   const turnTo = tabs(byId("tabs"));
+  const narrow = matchMedia(NARROW);
+  narrow.addEventListener("change", placeWarnings);
+  placeWarnings();
   bar();
   press("strip", () => turnTo("verdict"));
   if (recorded) alone(recorded);

@@ -105,6 +105,9 @@ export class Stage {
       ...labels.map(({ x, y, text }) => {
         const label = html("span", {}, text);
         label.style.setProperty("left", `${(100 * (x - left)) / width}%`);
+        // Beside a small dial they keep their size, and stand further out.
+        const out = world.motion === "rotary" ? 22 * (x / (width / 2)) : 0;
+        label.style.setProperty("transform", `translate(${-50 + out}%, -50%)`);
         label.style.setProperty("top", `${(100 * (y - top)) / height}%`);
         return label;
       }),

@@ -20,13 +20,24 @@ function place(label: HTMLElement, part: number): HTMLElement {
   return label;
 }
 
+const meter = (what: string) => html("meter", { min: 0, max: 2, high: 1, optimum: 0, "aria-label": `Longest ${what}, as a part of the longest that the certificate covers` });
+
+/** Shows the longest time of a kind against the one that is certified, and says it; nothing where the file states none. */
+function bound(meter: HTMLMeterElement, what: string, longest: number, most: number | null): string {
+  meter.hidden = most === null;
+  if (most === null) return "";
+  meter.value = most > 0 ? longest / most : 2;
+  return `; longest ${what} ${micros(longest)} of ${micros(most)}`;
+}
+
 export class Timing {
   private readonly bars = svg("path", { class: "bars" });
   private readonly labels = html("p", { class: "edges" });
   private readonly counts = html("p", { class: "soft" });
-  private readonly bound = html("meter", { min: 0, max: 2, high: 1, optimum: 0, "aria-label": "Longest interval, as a part of the longest that the certificate covers" });
+  private readonly interval = meter("interval");
+  private readonly delay = meter("delay");
   private readonly kept = html("p", { class: "soft" });
-  private readonly certified = html("div", { class: "certified", hidden: "" }, this.bound, this.kept);
+  private readonly certified = html("div", { class: "certified", hidden: "" }, this.interval, this.delay, this.kept);
   private readonly warning = html("p", { class: "warning" });
   private readonly cells: HTMLElement[][];
   private edges = "";
@@ -76,8 +87,9 @@ export class Timing {
     const { certified } = timing;
     this.certified.hidden = certified === null;
     if (certified) {
-      this.bound.value = certified.longest_us / certified.interval_max_us;
-      say(this.kept, `inside the certificate for ${grouped(certified.inside)} of ${grouped(certified.samples)} samples with torque; longest interval ${micros(certified.longest_us)} of ${micros(certified.interval_max_us)}`);
+      const { samples, inside, longest_us: interval, interval_max_us, longest_delay_us: delay, delay_max_us } = certified;
+      const longest = [bound(this.interval, "interval", interval, interval_max_us), bound(this.delay, "delay", delay, delay_max_us)];
+      say(this.kept, `inside the certificate for ${grouped(inside)} of ${grouped(samples)} samples with torque${longest.join("")}`);
     }
     say(this.warning, realtime.warning ?? "");
   }

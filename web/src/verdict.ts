@@ -16,6 +16,9 @@ const ABOUT = {
   quantisation: "with the counts of the encoder",
 } as const;
 
+/** A verdict that comes within this time of its world is not waited for in words, in ms. */
+const SOON = 250;
+
 /** Of a claim that is neither good nor bad. */
 const UNDECIDED: Partial<Record<keyof typeof NAMES, [string, string]>> = { held: ["=", "marginal"], free: ["=", "marginal"] };
 
@@ -31,6 +34,7 @@ export class VerdictCard {
   private readonly reasons = html("details", { class: "reasons", open: matchMedia("(min-height: 1000px) and (min-width: 761px)").matches });
   private readonly margins = html("details", { class: "margins" });
   private said = "";
+  private waiting: number | null = null;
 
   /** `heading` is announced by screen readers when its words change; the details beside it are not. */
   constructor(root: HTMLElement, heading: HTMLElement, strip: HTMLElement, apply: (sets: Sets) => void, told: (key: string, value: string) => string) {
@@ -41,7 +45,19 @@ export class VerdictCard {
     this.told = told;
   }
 
+  /** The world has changed: what stands here is of the one before, up to the next verdict. */
+  outdated(): void {
+    if (this.said === "") return;
+    this.waiting ??= setTimeout(() => {
+      const before = this.said;
+      this.head("A new verdict is being computed", "even");
+      this.root.replaceChildren(html("p", {}, `Before the last change: ${before}.`));
+    }, SOON);
+  }
+
   show(verdict: Verdict): void {
+    if (this.waiting !== null) clearTimeout(this.waiting);
+    this.waiting = null;
     if (verdict.command !== undefined) return this.unjudged(verdict.certified, verdict.command);
     const unstable = verdict.sentences.some(({ what, ok }) => ok === false && (what === "held" || what === "free"));
     this.head(verdict.certified ? "Certified" : unstable ? "Not certified: unstable" : "Not certified", verdict.certified ? "good" : "bad");

@@ -20,10 +20,8 @@ export interface RecordedNetwork {
   title: string;
   /** Of the stations, in the file's order. */
   stations: string[];
-  /** What the network is called on the command line, with what was set there. */
-  command: string;
-  /** The report's file. */
-  report: string;
+  /** What the network is called on the command line, with what was set there, and the report's file; `null`: under a cell of a notebook. */
+  place: { command: string; report: string } | null;
 }
 
 /** A station: its wheel, and what is said of it. */
@@ -133,10 +131,14 @@ export function wheels(recorded: RecordedNetwork): void {
   const about = html("p", { id: "alone", class: "soft" });
   about.append(
     "Drag a wheel, or several with as many fingers. hapt’s own core runs every station in this page, and no server; the messages between them take the time, and are lost, as the sliders say. ",
-    html("code", {}, `hapt live ${recorded.command}`),
-    " gives each station a page of its own, on as many phones, and sets the keys of its world. ",
-    html("a", { href: recorded.report }, "The report"),
   );
+  if (recorded.place) {
+    about.append(
+      html("code", {}, `hapt live ${recorded.place.command}`),
+      " gives each station a page of its own, on as many phones, and sets the keys of its world. ",
+      html("a", { href: recorded.place.report }, "The report"),
+    );
+  }
   document.querySelector("main")!.replaceChildren(html("div", { class: "stations" }, ...stations.map((station) => station.root)), html("div", { class: "column" }, card, about));
 
   const draw = (now: number) => {

@@ -11,9 +11,9 @@ const FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-backgro
 
 export const world = (name) => join(import.meta.dirname, "worlds", `${name}.toml`);
 
-/** `hapt live`, and the address it prints. */
-export async function serve(file, port = 0) {
-  const child = spawn(HAPT, ["live", ...(file ? [file] : []), "--port", String(port)], { stdio: ["ignore", "pipe", "inherit"] });
+/** `hapt live`, and the address it prints; `more` are further options. */
+export async function serve(file, port = 0, more = []) {
+  const child = spawn(HAPT, ["live", ...(file ? [file] : []), "--port", String(port), ...more], { stdio: ["ignore", "pipe", "inherit"] });
   const lines = createInterface({ input: child.stdout });
   const [first] = await Promise.race([
     once(lines, "line"),

@@ -1,8 +1,11 @@
 // What the page says and offers in each state, against the real server.
 import assert from "node:assert/strict";
-import { readFileSync } from "node:fs";
+import { spawnSync } from "node:child_process";
+import { mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
 import { after, test } from "node:test";
-import { launch, open, quit, serve, until, world } from "./desk.mjs";
+import { HAPT, launch, open, place, quit, serve, turn, until, world } from "./desk.mjs";
 
 after(quit);
 
@@ -30,25 +33,125 @@ const set = async (page, key, text) => {
   await until(value(page, key), (now) => now === text);
 };
 
-test("a loop that this computer cannot keep offers the times that it measured, and runs with them", { timeout: 120_000 }, async () => {
-  const server = await serve(world("hurried"));
-  const context = await (await launch()).newContext({ viewport: { width: 1280, height: 900 } });
+for (const [file, key] of [["hurried", "interval_max"], ["late", "delay_max"]]) {
+  test(`a loop whose ${key} this computer cannot keep offers the time that it measured, and runs with it`, { timeout: 120_000 }, async () => {
+    const server = await serve(world(file));
+    const context = await (await launch()).newContext({ viewport: { width: 1280, height: 900 } });
+    try {
+      const page = await context.newPage();
+      await page.goto(server.url);
+      await until(phase(page), (now) => now === "disarmed");
+      await until(() => page.locator("#meet").isVisible(), Boolean);
+      assert.match(await page.textContent("#meet"), new RegExp(`^Certify ${key} [\\d.e-]+ (µs|ms|s) \\(.* measured\\)$`));
+      // A busy machine may be later still than it was before.
+      await until(async () => {
+        if (await page.locator("#meet").isVisible()) await page.locator("#meet").click({ timeout: 500 }).catch(() => {});
+        if (await page.isEnabled("#arm")) await page.locator("#arm").click({ timeout: 500 }).catch(() => {});
+        await page.waitForTimeout(700);
+        return phase(page)();
+      }, (now) => now === "running", 60);
+      assert.equal(await page.locator(`.knob.changed[data-key="loop.${key}"]`).count(), 1);
+      assert.match(await page.textContent("#timing .certified"), new RegExp(`longest ${key === "delay_max" ? "delay" : "interval"} .* of `));
+    } finally {
+      await context.close();
+      await server.end();
+    }
+  });
+}
+
+/** A page whose server's messages pass through `change`, which gives the message to show, or nothing. */
+async function through(url, change, viewport = { width: 1280, height: 900 }) {
+  const context = await (await launch()).newContext({ viewport });
+  const page = await context.newPage();
+  let say;
+  await page.routeWebSocket(/\/ws$/, (socket) => {
+    say = (message) => socket.send(JSON.stringify(message));
+    const server = socket.connectToServer();
+    server.onMessage((text) => {
+      // Without telemetry, which is much and not looked at.
+      const message = typeof text === "string" ? change(JSON.parse(text)) : null;
+      if (message !== null) say(message);
+    });
+  });
+  await page.goto(url);
+  return { page, say: (message) => say(message), close: () => context.close() };
+}
+
+/** What the supervisor's documentation says of each reason: its code, its name, what happened and what to do. */
+const REASONS = [...readFileSync(new URL("../../docs/safety.md", import.meta.url), "utf8").matchAll(/^- (\d+) `([a-z-]+)`: (.*?\.) (.*)$/gm)].map(([, code, name, sentence, clear]) => ({ code: Number(code), reason: name, sentence, clear }));
+
+test("each reason is said with what to do, and offers clearing after a fault and arming after a fade", { timeout: 120_000 }, async () => {
+  assert.equal(REASONS.length, 17);
+  let [shown, last] = [{}, null];
+  const server = await serve("@notes/default");
+  const { page, say, close } = await through(server.url, (message) => {
+    if (message.type !== "status") return message;
+    last = message;
+    return { ...last, ...shown };
+  });
+  const show = (status) => say({ ...last, ...(shown = status) });
+  const seen = () => page.evaluate(() => {
+    const part = (id) => document.getElementById(id);
+    const is = (id) => part(id).checkVisibility();
+    const texts = Object.fromEntries(["fault-name", "fault-text", "fault-clear"].map((id) => [id, is("fault") ? part(id).textContent : ""]));
+    const on = Object.fromEntries(["arm", "disarm", "stop"].map((id) => [id, !part(id).disabled]));
+    return JSON.stringify({ phase: part("phase").textContent, state: part("phase").dataset.phase, ...texts, clear: is("fault") && is("clear"), ...on });
+  });
+  const expect = (expected) => until(seen, (now) => now === JSON.stringify(expected));
+  const silent = { "fault-name": "", "fault-text": "", "fault-clear": "", clear: false };
   try {
-    const page = await context.newPage();
-    await page.goto(server.url);
-    await until(phase(page), (now) => now === "disarmed");
-    await until(() => page.locator("#meet").isVisible(), Boolean);
-    assert.match(await page.textContent("#meet"), /^Certify interval_max [\d.]+ (ms|s) \(.* measured\)$/);
-    // A busy machine may be later still than it was before.
-    await until(async () => {
-      if (await page.locator("#meet").isVisible()) await page.locator("#meet").click({ timeout: 500 }).catch(() => {});
-      if (await page.isEnabled("#arm")) await page.locator("#arm").click({ timeout: 500 }).catch(() => {});
-      await page.waitForTimeout(700);
-      return phase(page)();
-    }, (now) => now === "running", 60);
-    assert.equal(await page.locator('.knob.changed[data-key="loop.interval_max"]').count(), 1);
+    await until(phase(page), (now) => now === "running");
+    await expect({ phase: "Running", state: "running", ...silent, arm: false, disarm: true, stop: true });
+    for (const { code, reason, sentence, clear } of REASONS) {
+      for (const [at, name] of [["faulted", "Fault"], ["fading-out", "Fading out"], ["disarmed", "Disarmed"]]) {
+        show({ phase: at, code, reason, sentence, clear });
+        const said = { "fault-name": `${name} ${code} (${reason}):`, "fault-text": sentence, "fault-clear": code === 1 ? "Clear it, then arm." : clear };
+        await expect({ phase: name, state: at, ...said, clear: at === "faulted", arm: at === "disarmed", disarm: false, stop: true });
+      }
+    }
+    // Nothing is said of a phase that somebody asked for.
+    for (const [at, name, arm, disarm] of [["disarmed", "Disarmed", true, false], ["fading-in", "Fading in", false, true], ["fading-out", "Fading out", false, false]]) {
+      show({ phase: at, code: null, reason: null, sentence: null, clear: null });
+      await expect({ phase: name, state: at, ...silent, arm, disarm, stop: true });
+    }
   } finally {
-    await context.close();
+    await close();
+    await server.end();
+  }
+});
+
+test("while a verdict is waited for the page says so, and whose the last one was", { timeout: 60_000 }, async () => {
+  let lets = true;
+  const server = await serve("@notes/default");
+  const { page, close } = await through(server.url, (message) => (message.type === "verdict" && !lets ? null : message));
+  const heading = () => page.textContent("#verdict");
+  try {
+    await until(heading, (text) => text === "Certified");
+    lets = false;
+    await page.click("#euler");
+    await until(heading, (text) => text === "A new verdict is being computed");
+    assert.equal(await page.textContent("#sentences"), "Before the last change: Certified.");
+    assert.equal(await page.locator("#card.good").count(), 0);
+    assert.equal(await page.locator("button.remedy").count(), 0, "remedies are of the world before");
+    lets = true;
+    await page.click("#euler");
+    await until(heading, (text) => text === "Certified");
+  } finally {
+    await close();
+    await server.end();
+  }
+});
+
+test("times that the page cannot set are said as what to start with", { timeout: 60_000 }, async () => {
+  const server = await serve(world("hurried"));
+  const fixed = (key) => (/_max$/.test(key.path) ? { ...key, fixed: true } : key);
+  const { page, close } = await through(server.url, (message) => (message.type === "world" ? { ...message, keys: message.keys.map(fixed) } : message));
+  try {
+    await until(() => page.locator("#meet-command").isVisible(), Boolean);
+    assert.match(await page.textContent("#meet-command"), /^.* measured; the page cannot change it here: start with --set 'loop\.interval_max=[\d.]+ ms'$/);
+    assert.ok(await page.locator("#meet").isHidden());
+  } finally {
+    await close();
     await server.end();
   }
 });
@@ -107,6 +210,56 @@ visit("the file's values and mine take turns, and the loop runs on", "@notes/def
   }
 });
 
+test("between the file's values and mine a held puck feels no bump, and the wheel goes on where it is", { timeout: 90_000 }, async () => {
+  const folder = mkdtempSync(join(tmpdir(), "hapt-turns-"));
+  const server = await serve(world("turns"), 0, ["--log-dir", folder]);
+  try {
+    const { page, context } = await open(server.url);
+    await set(page, "couplings.0.stiffness", "4 N mm/deg");
+    await turn(page, 60);
+    await until(() => place(page), (puck) => puck > 30);
+    // The mouse holds the puck: the buttons are pressed by the page itself.
+    const press = (id) => page.evaluate((name) => document.getElementById(name).click(), id);
+    await press("record");
+    await until(() => page.textContent("#recording"), (text) => /^Recording/.test(text));
+    for (const id of ["reset", "mine", "reset", "mine"]) {
+      await press(id);
+      await until(() => page.getAttribute(`#${id}`, "aria-pressed"), (on) => on === "true");
+      await page.waitForTimeout(400);
+    }
+    await press("record");
+    await until(() => page.textContent("#recording-text"), (text) => /^Recorded/.test(text));
+    const log = await page.textContent("#recording-file");
+    await page.mouse.up();
+    await context.close();
+    const file = join(folder, "turns.csv");
+    const { status, stderr } = spawnSync(HAPT, ["log", "convert", log, "--out", file], { encoding: "utf8" });
+    assert.equal(status, 0, stderr);
+    const [names, ...rows] = readFileSync(file, "utf8").trim().split("\n").map((row) => row.split(","));
+    const column = (name) => rows.map((row) => Number(row[names.indexOf(name)]));
+    const [plan, torque, output, wheel, speed, sample] = ["plan", "torque_Nm", "output_Nm", "wheel_rad", "wheel_rad_per_s", "sample"].map(column);
+    const step = (of, k) => Math.abs(of[k] - of[k - 1]);
+    const changes = plan.flatMap((_, k) => (k > 0 && step(plan, k) > 0 ? [k] : []));
+    assert.equal(changes.length, 4);
+    // As far as the world's torque goes in a sample by the motion alone.
+    const moves = Math.max(...torque.map((_, k) => (k === 0 || changes.includes(k) ? 0 : step(torque, k) / (sample[k] - sample[k - 1]))));
+    for (const k of changes) {
+      const jump = step(torque, k);
+      assert.ok(jump > 0.02, `the world's own torque jumps, by ${jump} N m`);
+      assert.ok(step(output, k) < 1e-9, `and the motor's does not, by ${step(output, k)} N m`);
+      // It fades over in 0.1 s.
+      const steps = Array.from({ length: 120 }, (_, i) => step(output, k + i) / (sample[k + i] - sample[k + i - 1]));
+      assert.ok(Math.max(...steps) < 0.011 * jump + 2 * moves, `${Math.max(...steps)} N m in a sample, of ${jump} and ${moves}`);
+      assert.ok(Math.abs(output[k + 120] - torque[k + 120]) < 1e-6, "and then it is the world's");
+      // The wheel starts nowhere anew.
+      assert.ok(Math.abs(wheel[k] - wheel[k - 1] - 1e-3 * (sample[k] - sample[k - 1]) * speed[k]) < 1e-5, `${wheel[k - 1]} to ${wheel[k]} at ${speed[k]}`);
+    }
+  } finally {
+    await server.end();
+    rmSync(folder, { recursive: true });
+  }
+});
+
 visit("what is saved is the world file with what was changed", "@notes/default", async (page) => {
   await set(page, "loop.period", "2 ms");
   const [file] = await Promise.all([page.waitForEvent("download"), page.click("#save")]);
@@ -139,6 +292,46 @@ visit("a stop on the page asks for nothing but to clear and arm", "@notes/defaul
   await page.click("#stop");
   await until(phase(page), (now) => now === "faulted");
   await until(() => page.textContent("#fault-clear"), (text) => text === "Clear it, then arm.");
+});
+
+test("after a recording the header keeps its height, and the end of the path is seen", { timeout: 60_000 }, async () => {
+  const folder = mkdtempSync(join(tmpdir(), "hapt-a-folder-with-a-name-that-is-longer-than-there-is-room-for-"));
+  const server = await serve("@notes/default", 0, ["--log-dir", folder]);
+  try {
+    const { page, context } = await open(server.url);
+    const height = () => page.locator("header").evaluate((header) => header.offsetHeight);
+    const before = await height();
+    await page.click("#record");
+    await until(() => page.textContent("#recording-text"), (text) => /^Recording/.test(text));
+    await page.click("#record");
+    await until(() => page.textContent("#recording-text"), (text) => /^Recorded/.test(text));
+    assert.equal(await height(), before);
+    const [code, path] = await page.evaluate(() => [document.querySelector("#recording code"), document.getElementById("recording-file")].map((e) => e.getBoundingClientRect().toJSON()));
+    assert.ok(path.left < code.left - 50, "the path is longer than its room");
+    assert.ok(Math.abs(path.right - code.right) < 1, "and ends in it");
+    assert.equal(await page.textContent("#recording-file"), join(folder, "live-0001.mcap"));
+    await context.close();
+  } finally {
+    await server.end();
+    rmSync(folder, { recursive: true });
+  }
+});
+
+test("on a phone the experiments stand above what warns of them, and both above the stop", { timeout: 60_000 }, async () => {
+  const server = await serve("@notes/default");
+  const warns = (message) => (message.type === "status" ? { ...message, warnings: ["On a real device it would have faulted. The integration method generated energy inside the world."] } : message);
+  const { page, close } = await through(server.url, warns, { width: 390, height: 844 });
+  try {
+    await until(() => page.locator("#warnings").isVisible(), Boolean);
+    const top = (selector) => page.locator(selector).evaluate((e) => e.getBoundingClientRect().top);
+    const [wheel, experiments, warning, stop] = await Promise.all(["#stage", "#scenarios", "#warnings", "#stop"].map(top));
+    assert.ok(wheel < experiments && experiments < warning && experiments + 40 < stop, `${[wheel, experiments, warning, stop]}`);
+    await page.setViewportSize({ width: 1280, height: 900 });
+    await until(async () => (await top("#warnings")) < (await top("#stage")), Boolean);
+  } finally {
+    await close();
+    await server.end();
+  }
 });
 
 for (const width of [620, 700, 1000]) {

@@ -21,15 +21,24 @@ pub struct Asset {
     pub is_hashed: bool,
 }
 
+/// Where the files are that stand in reports.
+const REPORT: &str = "/report/";
+
 /// Every file of the page: its path on the server, and its bytes.
 pub fn all() -> impl Iterator<Item = (&'static str, &'static [u8])> {
-    PAGE.iter().copied()
+    PAGE.iter().copied().filter(|(name, _)| !name.starts_with(REPORT))
+}
+
+/// A file for reports, which is text.
+pub fn report(name: &str) -> Option<&'static str> {
+    let (_, bytes) = PAGE.iter().find(|(at, _)| at.strip_prefix(REPORT) == Some(name))?;
+    std::str::from_utf8(bytes).ok()
 }
 
 /// What is at this path, if anything.
 pub fn asset(path: &str) -> Option<Asset> {
     let name = if path == "/" { "/index.html" } else { path };
-    let found = PAGE.iter().find(|(at, _)| *at == name).map(|(_, bytes)| *bytes);
+    let found = all().find(|(at, _)| *at == name).map(|(_, bytes)| bytes);
     let bytes = found.or_else(|| (name == "/index.html").then_some(UNBUILT))?;
     // Vite puts what has a hash in its name there.
     Some(Asset { bytes, media: media(name), is_hashed: name.starts_with("/assets/") })
@@ -61,7 +70,17 @@ mod tests {
         assert_eq!(asset("/index.html"), Some(page));
         assert_eq!(page.media, "text/html; charset=utf-8");
         assert!(!page.is_hashed && page.bytes.starts_with(b"<!doctype html>"));
-        for path in ["", "/..", "/../Cargo.toml", "//index.html", "/assets", "/assets/", "/index.html/", "/nothing"] {
+        for path in [
+            "",
+            "/..",
+            "/../Cargo.toml",
+            "//index.html",
+            "/assets",
+            "/assets/",
+            "/index.html/",
+            "/nothing",
+            "/report/plots.js",
+        ] {
             assert_eq!(asset(path), None, "{path}");
         }
     }

@@ -10,6 +10,8 @@
 
 use std::collections::BTreeMap;
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use hapt_analysis::{Proposal, SystemCheck};
 use hapt_core::SafetyProfile;
 use hapt_host::messages::{NetworkFile, ServerMessage, VerdictMessage, WorldFile};
@@ -36,10 +38,32 @@ pub struct PageInput<'a> {
     pub title: &'a str,
     /// A world's remedies or margins.
     pub proposal: Option<&'a Proposal>,
-    /// What it is called on the command line, with what is set there.
-    pub command: &'a str,
-    /// The report that the page leads back to, from its folder.
-    pub report: &'a str,
+    /// Where the page is.
+    pub place: Place<'a>,
+}
+
+/// Where a page is, and by which words more is to be had there.
+#[derive(Clone, Copy, Debug)]
+pub enum Place<'a> {
+    /// Beside a report.
+    Report {
+        /// What the world is called on the command line, with what is set there.
+        command: &'a str,
+        /// The report that the page leads back to, from its folder.
+        report: &'a str,
+    },
+    /// Under a cell of a notebook.
+    Notebook,
+}
+
+impl Place<'_> {
+    /// As the page takes it.
+    fn data(self) -> Value {
+        match self {
+            Place::Report { command, report } => json!({ "command": command, "report": report }),
+            Place::Notebook => Value::Null,
+        }
+    }
 }
 
 /// A system for such a page.
@@ -90,19 +114,65 @@ fn runs(world: &World) -> Result<(), String> {
     Plan::new(world, SafetyProfile::Simulated).map(drop).map_err(|error| error.to_string())
 }
 
+/// What makes the still figures of a report ones that are moved: a script and a style to stand in its page.
+#[derive(Clone, Copy, Debug)]
+pub struct ReportPlots {
+    /// The script.
+    pub script: &'static str,
+    /// Its SHA-256 in base64.
+    pub sum: &'static str,
+    /// The style.
+    pub style: &'static str,
+}
+
+/// The plots of reports; `None` where this hapt was built without the page.
+pub fn report_plots() -> Option<ReportPlots> {
+    let [script, sum, style] = ["plots.js", "plots.sha256", "plots.css"].map(assets::report);
+    Some(ReportPlots { script: script?, sum: sum?, style: style? })
+}
+
 /// The files that all worlds share.
 pub fn shared() -> Vec<File> {
     let files = assets::all().filter(|(name, _)| *name != "/index.html");
     let mut list: Vec<File> =
         files.map(|(name, bytes)| (name.trim_start_matches('/').to_string(), bytes.to_vec())).collect();
-    list.push((core(), format!("window.hapt = {{ core: \"{}\" }};\n", base64(CORE)).into_bytes()));
+    list.push((core(), core_script().into_bytes()));
     list
+}
+
+fn core_script() -> String {
+    format!("window.hapt = {{ core: \"{}\" }};\n", STANDARD.encode(CORE))
 }
 
 /// A system's page and its data, `stem.html` and `stem.js`.
 pub fn files(stem: &str, input: &PageInput<'_>) -> [File; 2] {
-    let data = format!("Object.assign(window.hapt, {});\n", data(input));
+    let data = with_core(&data(input));
     [(format!("{stem}.html"), page(stem).into_bytes()), (format!("{stem}.js"), data.into_bytes())]
+}
+
+/// A system's page as one file, which a frame takes as its text.
+pub fn single(input: &PageInput<'_>) -> String {
+    let text = |ending: &str| {
+        let found = assets::all().find(|(name, _)| name.ends_with(ending));
+        found.map_or(String::new(), |(_, bytes)| String::from_utf8_lossy(bytes).into_owned())
+    };
+    let (html, script, style) = (text("/index.html"), text(".js"), text(".css"));
+    let head = html.split("<link rel=\"icon\"").next().unwrap_or_default();
+    let body = html.split_once("</head>").map_or("", |(_, rest)| rest);
+    let body = body.split("</body>").next().unwrap_or_default();
+    // No text of the world ends the element; and what it might load, the policy forbids.
+    let data = with_core(&data(input)).replace('<', "\\u003c");
+    let core = core_script();
+    format!(
+        "{head}<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'unsafe-inline' \
+         'wasm-unsafe-eval'; style-src 'unsafe-inline'\" />\n<style>{style}</style>\n</head>{body}<script>{core}</script>\n\
+         <script>{data}</script>\n<script>{script}</script>\n</body></html>\n"
+    )
+}
+
+/// A script that gives the page its data, beside the program.
+fn with_core(data: &Value) -> String {
+    format!("Object.assign(window.hapt, {data});\n")
 }
 
 /// The program's file. It has a sum in its name: another hapt's worlds in the same folder keep theirs.
@@ -130,11 +200,11 @@ fn page(stem: &str) -> String {
 
 /// The contents of a page in the form that its script takes: web/src/local.ts and web/src/wheels.ts have their form.
 fn data(input: &PageInput<'_>) -> Value {
-    let PageInput { page: Page(contents), title, proposal, command, report } = *input;
+    let PageInput { page: Page(contents), title, proposal, place } = *input;
     let (file, config, verdict) = match contents {
         Contents::World(file, config, verdict) => (file, config, verdict),
         Contents::Network(file, stations) => {
-            return json!({ "network": file, "stations": stations, "title": title, "command": command, "report": report });
+            return json!({ "network": file, "stations": stations, "title": title, "place": place.data() });
         }
     };
     let is_small = config.world.bodies.len() <= MANY;
@@ -146,24 +216,9 @@ fn data(input: &PageInput<'_>) -> Value {
     json!({
         "world": file,
         "ranges": ranges,
-        "command": command,
-        "report": report,
+        "place": place.data(),
         "verdict": ServerMessage::Verdict(Box::new(VerdictMessage { remedies, ..(**verdict).clone() })),
     })
-}
-
-/// RFC 4648, section 4.
-fn base64(bytes: &[u8]) -> String {
-    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for three in bytes.chunks(3) {
-        let all = three.iter().fold(0, |all, byte| all << 8 | usize::from(*byte)) << (8 * (3 - three.len()));
-        for place in 0..4 {
-            let letter = LETTERS[all >> (18 - 6 * place) & 63];
-            text.push(if place <= three.len() { char::from(letter) } else { '=' });
-        }
-    }
-    text
 }
 
 #[cfg(test)]
@@ -179,7 +234,12 @@ mod tests {
         let system = System::read(&source, &sets).unwrap();
         let check = hapt_analysis::check_system(&system, false).unwrap();
         let page = &Page::new(&source, sets, &system, &check).unwrap();
-        let input = PageInput { page, title: "wheel", proposal: None, command: "it's", report: "../wheel.html" };
+        let input = PageInput {
+            page,
+            title: "wheel",
+            proposal: None,
+            place: Place::Report { command: "it's", report: "../wheel.html" },
+        };
         let [(name, html), (data, text)] = files("wheel", &input);
         assert_eq!((name.as_str(), data.as_str()), ("wheel.html", "wheel.js"));
         assert!(!String::from_utf8_lossy(&html).contains("alert(1)"));
@@ -190,24 +250,27 @@ mod tests {
         let read = file.config().unwrap();
         assert_eq!(read.world.title.as_deref(), Some("</script><script>alert(1)</script>"));
         assert_eq!(read.world.sampling.period, 2e-3);
-        assert_eq!((&data["command"], &data["verdict"]["certified"]), (&json!("it's"), &json!(check.is_certified())));
+        assert_eq!(
+            (&data["place"]["command"], &data["verdict"]["certified"]),
+            (&json!("it's"), &json!(check.is_certified()))
+        );
         let [from, to] = [0, 1].map(|end| data["ranges"]["loop.period"][0][end].as_f64().unwrap());
         assert!(from < to);
     }
 
     #[test]
-    fn bytes_are_text_as_rfc_4648_has_them() {
-        for (bytes, text) in [
-            ("", ""),
-            ("f", "Zg=="),
-            ("fo", "Zm8="),
-            ("foo", "Zm9v"),
-            ("foob", "Zm9vYg=="),
-            ("fooba", "Zm9vYmE="),
-            ("foobar", "Zm9vYmFy"),
-        ] {
-            assert_eq!(base64(bytes.as_bytes()), text);
+    fn a_page_of_one_file_asks_for_nothing_and_no_text_ends_its_scripts() {
+        let title = "title = \"</script><script>alert(1)</script>\"";
+        let source = Source::from_text("wheel.toml", WHEEL.replace("title = \"wheel\"", title));
+        let system = System::read(&source, &[]).unwrap();
+        let check = hapt_analysis::check_system(&system, false).unwrap();
+        let page = &Page::new(&source, Vec::new(), &system, &check).unwrap();
+        let page = single(&PageInput { page, title: "wheel", proposal: None, place: Place::Notebook });
+        assert_eq!((page.matches("<script>").count(), page.matches("</script>").count()), (3, 3));
+        assert_eq!((page.matches("<style>").count(), page.matches("</style>").count()), (1, 1));
+        for away in ["<link", " src=", "@import", "alert(1)</script"] {
+            assert!(!page.contains(away), "{away}");
         }
-        assert_eq!(base64(&[0xfb, 0xff, 0x00]), "+/8A");
+        assert!(page.contains("id=\"stage\"") && page.contains("wasm-unsafe-eval"));
     }
 }

@@ -48,6 +48,7 @@ impl ConformanceReport {
         let good = self.cases.iter().all(|case| case.conforms);
         document(
             &format!("Effects of {}", self.wheel),
+            None,
             html! {
                 main {
                     h1 { "Effects of " (self.wheel) }

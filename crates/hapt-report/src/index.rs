@@ -89,6 +89,7 @@ pub fn index_page(reports: &[Report<'_>], drawings: &[Drawing]) -> String {
     let (worlds, networks): (Vec<&Report<'_>>, Vec<_>) = reports.iter().partition(|report| report.world().is_some());
     document(
         "Worlds side by side",
+        None,
         html! {
             main {
                 h1 { "Worlds side by side" }

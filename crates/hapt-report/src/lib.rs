@@ -6,6 +6,7 @@
 //! * [`ConformanceReport`] shows what a force-feedback wheel makes of each effect.
 //! * [`Traces`] holds a run's signals for drawing, from the simulation or, by [`read_csv`], from a file.
 //! * [`Figure`](figure::Figure) is a figure as plain data; [`svg`](figure::Figure::svg) renders it.
+//! * [`PlotScript`] makes the runs' figures on a page ones that are moved and spread; without it, and without JavaScript, they stand still.
 //!
 //! A run is reduced to its [`Extremes`] while it streams: the memory does not depend on its length, and no peak disappears.
 #![forbid(unsafe_code)]
@@ -24,6 +25,7 @@ mod network;
 mod page;
 #[cfg(feature = "png")]
 mod png;
+mod recorded;
 mod run;
 pub mod stability;
 mod svg;
@@ -40,6 +42,7 @@ pub use map::{Map, Scale};
 pub use page::{Drawing, Report};
 #[cfg(feature = "png")]
 pub use png::png;
+pub use recorded::PlotScript;
 pub use run::Run;
 pub use svg::{Paper, STYLE, Width};
 pub use traces::{Envelope, Signal, Traces};

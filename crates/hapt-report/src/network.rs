@@ -1,13 +1,16 @@
 //! What a network of stations has on its page.
 
 use hapt_analysis::NetworkCheck;
-use hapt_model::{Law, Motion, System};
+use hapt_model::{Law, Motion, Station, System};
+use hapt_sim::Signal as Column;
 use maud::{Markup, html};
+use serde_json::Value;
 
 use crate::diagram::diagram;
 use crate::extremes::Extremes;
 use crate::figure::{Axis, Figure, Panel, Style};
-use crate::page::{Drawing, Report, parameters};
+use crate::page::{Drawing, PLOTS, Report, parameters, run_data};
+use crate::recorded::{Look, Recorded, moving, torque};
 use crate::run::Run;
 use crate::svg::Width;
 use crate::ticks::number;
@@ -22,6 +25,29 @@ impl Run<'_> {
         let title = format!("{}: motion and {} of every station", self.name, effort_name(self.system.motion));
         let signals = [Signal::Position, Signal::Velocity, Signal::Torque];
         Traces::overlay_with(&title, &runs, &signals, room.min(width.stretches()))
+    }
+
+    /// The run at each station for the plots of a page, in about so many bytes together; `name` begins the names of its files.
+    fn station_plots(&self, name: &str, bytes: usize) -> Vec<Value> {
+        let (motion, stations) = (self.system.motion, &self.system.stations);
+        let each = bytes / stations.len().max(1);
+        let data = |(recorded, station): (&Recorded, &Station)| {
+            let [positions, velocities] = moving(&station.world);
+            let first = 2 * positions.len();
+            let torques = vec![
+                torque(motion, "asked for", first, Column::TORQUE, Look::Signal(0)),
+                torque(motion, "applied", first + 1, Column::APPLIED, Look::Dashed(1)),
+                torque(motion, "of the links", first + 2, Column::LINK, Look::Signal(2)),
+            ];
+            let limits: Vec<f64> = station.world.device.limit.iter().flat_map(|limit| [*limit, -limit]).collect();
+            let panels = [
+                recorded.panel("position", positions, |size| units::position(motion, size), &[]),
+                recorded.panel("velocity", velocities, |size| units::velocity(motion, size), &[]),
+                recorded.panel(effort_name(motion), torques, |size| units::effort(motion, size), &limits),
+            ];
+            recorded.data(&format!("{name}-{}", station.name), &panels, each)
+        };
+        self.recorded.iter().zip(stations).map(data).collect()
     }
 
     /// The torque of the links at every station over time.
@@ -139,7 +165,7 @@ impl Report<'_> {
                     p { "No single change of these numbers makes it passive." }
                 } @else {
                     p { (if what == "margins" { "Margins: " } else { "Remedies: " }) (heading) "." }
-                    pre { (lines.join("\n")) }
+                    pre tabindex="0" { (lines.join("\n")) }
                 }
             }
             @for note in &check.notes { p.soft { "Note: " (note) "." } }
@@ -148,7 +174,12 @@ impl Report<'_> {
             @for (run, drawings) in self.runs.iter().zip(runs.chunks(2)) {
                 h2 { "Scenario " (run.name) }
                 (run.linked())
-                @for drawing in drawings { (drawing.markup()) }
+                @let still = html! { @for drawing in drawings { (drawing.markup()) } };
+                @if self.plots.is_some() {
+                    (run_data(&run.station_plots(&format!("{}-{}", self.stem, run.name), PLOTS / self.runs.len()), &still))
+                } @else {
+                    (still)
+                }
             }
             @for ((station, drawing), list) in self.system.stations.iter().zip(worlds).zip(self.parameters) {
                 h2 { "Station " (station.name) }

@@ -1,12 +1,14 @@
-//! One world, or network of stations, as one page, without scripts or other external content.
+//! One world, or network of stations, as one page, without network or other external content.
 
 use hapt_analysis::certificate::text::rates;
 use hapt_analysis::{Check, Stability, SystemCheck, Verdict};
 use hapt_model::{Parameter, System, World};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
+use serde_json::Value;
 
 use crate::diagram::diagram;
 use crate::figure::Figure;
+use crate::recorded::PlotScript;
 use crate::run::Run;
 use crate::stability::{self, Half};
 use crate::svg::{STYLE, Width};
@@ -43,6 +45,8 @@ td.key{font-size:.8em}th,td{padding-right:.5em}.parameters{table-layout:fixed}dl
 
 /// The approximate total size of a page's figures.
 const BUDGET: usize = 620_000;
+/// The approximate size of the data for its plots.
+pub(crate) const PLOTS: usize = 250_000;
 
 /// A figure in a page and in a file of its own.
 #[derive(Clone, Debug)]
@@ -126,6 +130,7 @@ impl Drawing {
 ///     proposal: None,
 ///     runs: vec![run],
 ///     live: None,
+///     plots: None,
 /// };
 /// let drawings = report.drawings();
 /// assert!(drawings.iter().any(|drawing| drawing.name == "turn-motion"));
@@ -151,6 +156,8 @@ pub struct Report<'s> {
     pub runs: Vec<Run<'s>>,
     /// The link to the page that runs it, where there is one.
     pub live: Option<String>,
+    /// What moves the runs' figures on the page; `None`: they stand still.
+    pub plots: Option<PlotScript<'s>>,
 }
 
 impl Report<'_> {
@@ -196,6 +203,7 @@ impl Report<'_> {
         let of_world = self.world().map(|(world, check)| self.of_world(world, check, drawings));
         document(
             &self.title,
+            self.plots.filter(|_| !self.runs.is_empty()),
             html! {
                 main {
                     @if index { p.soft { a href="index.html" { "All worlds" } } }
@@ -205,6 +213,16 @@ impl Report<'_> {
                 }
             },
         )
+    }
+
+    /// A run's figures, with the data by which they move.
+    fn figures(&self, world: &World, run: &Run<'_>, drawings: &[Drawing]) -> Markup {
+        let still = html! { @for drawing in drawings { (drawing.markup()) } };
+        if self.plots.is_none() {
+            return still;
+        }
+        let data = run.plots(world, &format!("{}-{}", self.stem, run.name), PLOTS / self.runs.len().max(1));
+        run_data(&[data], &still)
     }
 
     /// The page of a world below its title.
@@ -221,7 +239,7 @@ impl Report<'_> {
             (verdict(check))
             @if let Some((heading, lines)) = self.proposal {
                 p { (if check.certified.holds() { "Margins: " } else { "Remedies: " }) (heading) "." }
-                @if !lines.is_empty() { pre { (lines.join("\n")) } }
+                @if !lines.is_empty() { pre tabindex="0" { (lines.join("\n")) } }
             }
             @for note in &check.notes { p.soft { "Note: " (note) } }
             @for drawing in world_figure { (drawing.markup()) }
@@ -238,7 +256,7 @@ impl Report<'_> {
             @for (run, drawings) in self.runs.iter().zip(run_figures.chunks(2)) {
                 h2 { "Scenario " (run.name) }
                 (scenario(world, check, run))
-                @for drawing in drawings { (drawing.markup()) }
+                (self.figures(world, run, drawings))
             }
             h2 { "Parameters" }
             @for list in self.parameters { (parameters(list)) }
@@ -289,6 +307,19 @@ fn scenario(world: &World, check: &Check, run: &Run<'_>) -> Markup {
                 "the hand gave " (say_energy(summary.ledger.hand)) ", the motor " (say_energy(summary.ledger.motor))
                 "; damping took " (say_energy(summary.ledger.damping)) ", friction " (say_energy(summary.ledger.friction))
                 "; the world stores " (say_energy(summary.final_energy()))
+            }
+        }
+    }
+}
+
+/// Still figures of a run with the data by which they move: of one clock each.
+pub(crate) fn run_data(data: &[Value], still: &Markup) -> Markup {
+    html! {
+        div.run {
+            (still)
+            @for data in data {
+                // Data, which no browser runs; and no text of it ends the element.
+                script type="application/json" { (PreEscaped(data.to_string().replace('<', "\\u003c"))) }
             }
         }
     }
@@ -383,20 +414,25 @@ pub(crate) fn parameters(list: &[Parameter]) -> Markup {
 }
 
 /// A whole document around `body`.
-pub(crate) fn document(title: &str, body: Markup) -> String {
+pub(crate) fn document(title: &str, plots: Option<PlotScript<'_>>, body: Markup) -> String {
+    // Even if a world's text escaped its element, it could load and run nothing.
+    let own = plots.map_or(String::new(), |plots| format!("; script-src 'sha256-{}'", plots.sum));
+    let policy = format!("default-src 'none'; style-src 'unsafe-inline'{own}");
     html! {
         (DOCTYPE)
         html lang="en" {
             head {
                 meta charset="utf-8";
                 meta name="viewport" content="width=device-width, initial-scale=1";
-                // Even if a world's text escaped its element, it could load and run nothing.
-                meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'";
+                meta http-equiv="Content-Security-Policy" content=(policy);
                 meta name="generator" content={ "hapt " (env!("CARGO_PKG_VERSION")) };
                 title { (title) }
-                style { (PreEscaped(PAGE_STYLE)) (PreEscaped(STYLE)) }
+                style { (PreEscaped(PAGE_STYLE)) (PreEscaped(STYLE)) (PreEscaped(plots.map_or("", |plots| plots.style))) }
             }
-            body { (body) }
+            body {
+                (body)
+                @if let Some(plots) = plots { script { (PreEscaped(plots.script)) } }
+            }
         }
     }
     .into_string()

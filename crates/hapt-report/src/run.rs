@@ -2,11 +2,13 @@
 
 use hapt_analysis::continuous::piecewise_at_bodies;
 use hapt_analysis::{Check, Continuous, Slopes, SystemCheck};
-use hapt_model::{Station, System, World};
-use hapt_sim::{Row, Simulation, StationRow, SystemSummary, world_energy};
+use hapt_model::{Motion, Station, System, World};
+use hapt_sim::{Row, Signal, Simulation, StationRow, SystemSummary, world_energy};
+use serde_json::Value;
 
 use crate::extremes::Extremes;
 use crate::figure::{Axis, Figure, Panel, Style};
+use crate::recorded::{Look, Recorded, Trace, moving, torque};
 use crate::svg::Width;
 use crate::traces::{Envelope, Traces, scaled};
 use crate::units;
@@ -31,11 +33,23 @@ pub struct Run<'s> {
     pub(crate) links: Vec<Extremes>,
     /// Of a world.
     energies: [Extremes; 5],
+    /// Of each station, positions and velocities of the puck and each body, and both torques; then of a world the energies, and room for both
+    /// bounds that are predicted; of a network the torque of its links.
+    pub(crate) recorded: Vec<Recorded>,
     swing: Option<Swing>,
 }
 
 const ENERGIES: [&str; 5] =
     ["stored by the world", "given by the hand", "given by the motor", "taken by damping", "taken by friction"];
+
+/// The names of their columns.
+const ENERGY_COLUMNS: [&str; 5] = ["energy_J", "hand_J", "motor_J", "damping_J", "friction_J"];
+/// The command and what is applied.
+const TORQUES: usize = 2;
+/// Of a prediction.
+const BOUNDS: usize = 2;
+/// The torques of a network's station: these, and that of its links.
+const LINKED: usize = TORQUES + 1;
 
 /// The first turn of the held world's slowest mode, from which the predicted envelope starts.
 #[derive(Clone, Debug)]
@@ -61,6 +75,8 @@ impl<'s> Run<'s> {
         let signal = || Extremes::new(Width::Wide.stretches());
         let traces = |Station { world, .. }: &Station| Traces::new(world.motion, &world.names, world.device.limit);
         let linked = system.stations.iter().filter(|_| system.world().is_none());
+        let others = if system.world().is_some() { TORQUES + ENERGIES.len() + BOUNDS } else { LINKED };
+        let columns = |station: &Station| 2 * (station.world.bodies.len() + 1) + others;
         Run {
             system,
             name: name.into(),
@@ -76,6 +92,7 @@ impl<'s> Run<'s> {
             let_go: Vec::new(),
             failure: None,
             links: linked.map(|_| signal()).collect(),
+            recorded: system.stations.iter().map(|station| Recorded::new(columns(station))).collect(),
             energies: std::array::from_fn(|_| signal()),
             swing,
         }
@@ -86,18 +103,67 @@ impl<'s> Run<'s> {
         self.summary.add(of);
         let row = of.row;
         let torque = if of.is_linked { row.torque + of.link } else { row.torque };
-        let puck = std::iter::once((row.puck, row.puck_velocity));
-        self.traces[of.station].add(row.time, puck.chain(row.bodies.iter().copied()), torque, row.applied);
-        let Some(world) = self.system.world() else { return self.links[of.station].add(row.time, of.link) };
+        let states = std::iter::once((row.puck, row.puck_velocity)).chain(row.bodies.iter().copied());
+        self.traces[of.station].add(row.time, states.clone(), torque, row.applied);
+        let recorded = states.flat_map(|(position, velocity)| [position, velocity]).chain([torque, row.applied]);
+        let Some(world) = self.system.world() else {
+            self.recorded[of.station].add(row.time, recorded.chain([of.link]));
+            return self.links[of.station].add(row.time, of.link);
+        };
         let ledger = row.ledger;
         let stored = world_energy(world, row.puck, &row.bodies, &row.bristles);
         let values = [stored, ledger.hand, ledger.motor, ledger.damping, ledger.friction];
         for (signal, value) in self.energies.iter_mut().zip(values) {
             signal.add(row.time, value);
         }
+        self.recorded[of.station].add(row.time, recorded.chain(values).chain([f64::NAN; BOUNDS]));
         if let Some(swing) = &mut self.swing {
             swing.add(row);
         }
+    }
+
+    /// The run of a world for the plots of a page, in about so many bytes; `name` is what its files are called.
+    pub(crate) fn plots(&self, world: &World, name: &str, bytes: usize) -> Value {
+        let motion = world.motion;
+        let [positions, velocities] = moving(world);
+        let first = 2 * positions.len();
+        let mut torques = vec![
+            torque(motion, "asked for", first, Signal::TORQUE, Look::Signal(0)),
+            torque(motion, "applied", first + 1, Signal::APPLIED, Look::Dashed(1)),
+        ];
+        let mut recorded = self.recorded[0].clone();
+        let bounds = first + TORQUES + ENERGIES.len();
+        if let Some(Envelope { centre, size, from, growth }) = self.envelope() {
+            let effort = match motion {
+                Motion::Rotary => "Nm",
+                Motion::Linear => "N",
+            };
+            for (column, (end, side)) in (bounds..).zip([("low", -1.0), ("high", 1.0)]) {
+                recorded.set(column, |time| centre + side * size * (growth * (time - from)).exp());
+                let (name, file) = ("predicted".into(), format!("predicted_{end}_{effort}"));
+                torques.push(Trace { name, column, file, look: Look::Predicted });
+            }
+        }
+        let energies = ENERGIES.iter().zip(ENERGY_COLUMNS).enumerate().filter(|(i, _)| {
+            // What never takes or gives anything is left out, as in the figure.
+            *i == 0 || recorded.size(first + TORQUES + i) > 0.0
+        });
+        let energies: Vec<Trace> = energies
+            .map(|(i, (name, file))| Trace {
+                name: (*name).into(),
+                column: first + TORQUES + i,
+                file: file.into(),
+                look: Look::Signal(i),
+            })
+            .collect();
+        let limits: Vec<f64> = world.device.limit.iter().flat_map(|limit| [*limit, -limit]).collect();
+        let panels = [
+            recorded.panel("position", positions, |size| units::position(motion, size), &[]),
+            recorded.panel("velocity", velocities, |size| units::velocity(motion, size), &[]),
+            recorded.panel(units::effort_name(motion), torques, |size| units::effort(motion, size), &limits),
+            recorded.panel("energy", energies, units::energy, &[]),
+        ];
+        recorded.data(name, &panels, bytes)
     }
 
     /// The bounds that the analysis predicts for the torque, where the puck is held still and the world is linear: the growth is

@@ -54,6 +54,8 @@ struct Last {
     /// There may be a torque behind it.
     is_active: bool,
     outside: u32,
+    /// To when the device had its command, in ns.
+    computation: u32,
 }
 
 /// How a loop kept the times that its certificate covers: of the samples with a torque before them.
@@ -65,6 +67,8 @@ pub struct Certified {
     pub inside: u64,
     /// The longest time from a sample to the next, in ns.
     pub longest: u64,
+    /// The longest time from a sample to when the device had its command, in ns.
+    pub longest_delay: u64,
 }
 
 /// Quantiles of a time, in ns; 0 without samples.
@@ -135,7 +139,7 @@ impl Timing {
                 self.gap = self.gap.max((between, taken));
             }
             if last.is_active {
-                let Certified { samples, inside, longest } = self.certified;
+                let Certified { samples, inside, longest, longest_delay } = self.certified;
                 let taken_since = steps.saturating_sub(u64::from(record.missed)).max(1);
                 let outside = u64::from(record.outside.saturating_sub(last.outside)).min(taken_since);
                 // Of samples without a record only the count of missed ones is known: they may all have been missed in a row.
@@ -147,11 +151,14 @@ impl Timing {
                     samples: samples + taken_since,
                     inside: inside + taken_since - outside,
                     longest: longest.max(between),
+                    // Judged at this sample.
+                    longest_delay: longest_delay.max(last.computation.into()),
                 };
             }
         }
         self.latency.saturating_record(latency);
-        self.last = Some(Last { sample, due, taken, is_active: record.phase.is_active(), outside: record.outside });
+        let Record { outside, computation, phase, .. } = *record;
+        self.last = Some(Last { sample, due, taken, is_active: phase.is_active(), outside, computation });
     }
 
     /// Samples whose records arrived.

@@ -114,7 +114,7 @@ pub fn granted(realtime: &Realtime, stolen: Option<Duration>) -> String {
 
 /// For how many samples the loop kept the times that the file states, as a line; nothing where it states none.
 pub fn kept(world: &World, timing: &Timing) -> String {
-    let Some(Certified { samples, inside, longest }) = certified(world, timing) else { return String::new() };
+    let Some(Certified { samples, inside, longest, .. }) = certified(world, timing) else { return String::new() };
     let [inside, all] = [inside, samples].map(format::count);
     let longest = format::time(longest as f64 * 1e-9);
     format!("\ncertified    inside the certificate for {inside} of {all} samples, longest {longest}")
@@ -179,8 +179,8 @@ fn json(world: &World, timing: &Timing, realtime: &Realtime, stolen: Option<Dura
         "period_us": quantiles(timing.period()),
         "computation_us": quantiles(timing.computation()),
         "longest_gap_us": us(timing.longest_gap()),
-        "certified": certified(world, timing).map(|Certified { samples, inside, longest }| {
-            json!({ "samples": samples, "inside": inside, "longest_us": us(longest) })
+        "certified": certified(world, timing).map(|Certified { samples, inside, longest, longest_delay }| {
+            json!({ "samples": samples, "inside": inside, "longest_us": us(longest), "longest_delay_us": us(longest_delay) })
         }),
         "histogram": bars,
         "stolen_s": stolen.unwrap_or_default().as_secs_f64(),

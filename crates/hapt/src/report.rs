@@ -6,9 +6,9 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use hapt_analysis::{Proposal, SystemCheck, check_system};
-use hapt_live::standalone::{self, Page, PageInput};
+use hapt_live::standalone::{self, Page, PageInput, Place, ReportPlots};
 use hapt_model::{Parameter, Station, System};
-use hapt_report::{Drawing, Report, Run, index_drawings, index_page};
+use hapt_report::{Drawing, PlotScript, Report, Run, index_drawings, index_page};
 
 use crate::args::ReportArgs;
 use crate::failure::Failure;
@@ -146,7 +146,13 @@ fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
         run.let_go = simulation.let_go().collect();
         runs.push(run);
     }
-    Ok(Report { title: title.clone(), stem: stem.clone(), system, parameters, check, proposal, runs, live })
+    let plots = plots();
+    Ok(Report { title: title.clone(), stem: stem.clone(), system, parameters, check, proposal, runs, live, plots })
+}
+
+/// What moves the figures of a page.
+fn plots() -> Option<PlotScript<'static>> {
+    standalone::report_plots().map(|ReportPlots { script, sum, style }| PlotScript { script, sum, style })
 }
 
 /// Writes the page on which a system runs, and the shared files of all pages.
@@ -160,7 +166,8 @@ fn write_live(folder: &Path, ready: &Ready) -> Result<(), Failure> {
         }
     };
     let report = format!("../{stem}.html");
-    let input = PageInput { page, title, proposal: proposal.as_ref(), command, report: &report };
+    let place = Place::Report { command, report: &report };
+    let input = PageInput { page, title, proposal: proposal.as_ref(), place };
     let folder = folder.join(LIVE);
     output::folder("--out", &folder.join("assets"))?;
     for (name, bytes) in standalone::shared().into_iter().chain(standalone::files(stem, &input)) {

@@ -382,8 +382,12 @@ pub struct CertifiedInfo {
     pub inside: u64,
     /// The longest time from a sample to the next.
     pub longest_us: f64,
-    /// The longest that the certificate covers.
-    pub interval_max_us: f64,
+    /// The longest that the certificate covers; null where the file states none.
+    pub interval_max_us: Option<f64>,
+    /// The longest time from a sample to when the device had its command.
+    pub longest_delay_us: f64,
+    /// The longest that the certificate covers; null where the file states none.
+    pub delay_max_us: Option<f64>,
 }
 
 /// Quantiles in µs.

@@ -44,9 +44,15 @@ impl TimingInfo {
                 latency: bars.iter().map(|bar| bar.count).collect(),
             },
             certified: sampling.states_times().then(|| {
-                let Certified { samples, inside, longest } = timing.certified();
-                let interval_max_us = 1e6 * sampling.interval_max_s();
-                CertifiedInfo { samples, inside, longest_us: longest as f64 / 1e3, interval_max_us }
+                let Certified { samples, inside, longest, longest_delay } = timing.certified();
+                CertifiedInfo {
+                    samples,
+                    inside,
+                    longest_us: longest as f64 / 1e3,
+                    interval_max_us: sampling.interval_max.map(|_| 1e6 * sampling.interval_max_s()),
+                    longest_delay_us: longest_delay as f64 / 1e3,
+                    delay_max_us: sampling.delay_max.map(|_| 1e6 * sampling.delay_max_s()),
+                }
             }),
         }
     }

@@ -68,6 +68,7 @@ fn the_status_says_how_the_loop_keeps_the_times_that_the_file_states() {
     let number = |name: &str| certified[name].as_f64().unwrap();
     assert!(number("inside") <= number("samples"), "{certified}");
     assert!((number("interval_max_us") - 1500.0).abs() < 1e-6 && number("longest_us") > 0.0, "{certified}");
+    assert!(certified["delay_max_us"].is_null() && number("longest_delay_us") > 0.0, "{certified}");
     let outside = number("inside") < number("samples");
     assert!(outside || number("longest_us") <= 1500.1, "{certified}");
 }

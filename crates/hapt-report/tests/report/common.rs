@@ -106,6 +106,7 @@ pub fn pages(sources: &[(String, Source)]) -> Vec<Made> {
                 proposal: None,
                 runs: runs.collect(),
                 live: None,
+                plots: None,
             }
         })
         .collect();

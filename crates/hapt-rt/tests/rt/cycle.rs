@@ -365,7 +365,7 @@ proptest! {
         let mut cycle = on(&world, device);
         armed(&mut cycle);
         let mut timing = Timing::new();
-        let (mut last, mut first, mut outside, mut under_torque) = ((0.0, 0), None, 0, 0);
+        let (mut last, mut first, mut outside, mut under_torque, mut slowest) = ((0.0, 0), None, 0, 0, 0);
         let (mut was_active, mut before) = (None, 0);
         for (k, (late, later, command)) in pattern.iter().enumerate() {
             let late = later.unwrap_or(*late);
@@ -397,6 +397,7 @@ proptest! {
             if was_active == Some(true) {
                 under_torque += 1;
                 outside += u64::from(counted);
+                slowest = slowest.max(u64::from(last.1));
             }
             was_active = Some(record.phase.is_active());
             last = (late, *command);
@@ -405,5 +406,6 @@ proptest! {
         let certified = timing.certified();
         prop_assert_eq!((certified.samples, certified.inside), (under_torque, under_torque - outside));
         prop_assert!(certified.longest <= timing.longest_gap());
+        prop_assert_eq!(certified.longest_delay, slowest);
     }
 }
