@@ -38,6 +38,7 @@ from ._run import Run
 from ._running import Device, Loop
 from ._shards import Dataset
 from ._sweep import Sweep
+from ._widget import Widget
 from ._world import World, design, identify, load, measures
 
 #: A world and a network are one class.
@@ -74,6 +75,7 @@ __all__ = [
     "Texture",
     "Torque",
     "Wall",
+    "Widget",
     "World",
     "WorldError",
     "Worst",

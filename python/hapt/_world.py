@@ -21,6 +21,7 @@ from ._program import ran
 from ._run import Run
 from ._running import Device, Loop
 from ._system import System, a_key, text_of, whole
+from ._widget import Widget
 
 Value = Union[str, float, int, bool]
 
@@ -267,6 +268,19 @@ class World(System):
         `program` is the command, found on the path by default. Raises FileNotFoundError without it.
         """
         return Live(self.to_toml(), port, program)
+
+    def widget(self, height: int = 720) -> Widget:
+        """The world running under the notebook's cell, on the simulated device: the page of `live` without a server or the program hapt.
+
+        Its core runs in the browser; the certificate is of the world as it is here, and so is every slider's certified range. `height` is
+        that of the frame in pixels, 200 to 4000. Raises ValueError for that, and for a world that the page does not run.
+
+        >>> import hapt
+        >>> hapt.load('loop.period = "1 ms"\\ndevice.inertia = 6.4e-4').widget()
+        <hapt.Widget of text>
+        """
+        whole("height", height, 200, 4000)
+        return Widget(self._native.page(), self.name, height)
 
     def export_fmu(
         self, path: Union[str, os.PathLike[str]], fmi: int = 2, whole: bool = False, program: Optional[str] = None

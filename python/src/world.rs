@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use hapt_analysis::Slopes;
+use hapt_live::standalone::{Page, PageInput, Place, single};
 use hapt_model::{Source, System, Timing, World as Model};
 use hapt_sweep::worst::{Worst, search};
 use numpy::{IntoPyArray, PyReadonlyArray1};
@@ -207,6 +208,20 @@ impl World {
         let until = move |stop: &Stop| hapt_analysis::until(stop.flag(), work);
         let (json, text) = interruptible(py, until)?.ok_or_else(unwanted)?.map_err(value)?;
         Ok((json.map_err(internal)?, text))
+    }
+
+    /// The page that runs the world or network in a browser, without a server, as one document.
+    fn page(&self, py: Python<'_>) -> PyResult<String> {
+        let (model, source, sets) = (Arc::clone(&self.model), self.source.clone(), self.sets.clone());
+        let work = move || -> Result<_, Box<dyn std::error::Error + Send + Sync>> {
+            let check = hapt_analysis::check_system(&model, true)?;
+            let page = Page::new(&source, sets, &model, &check)?;
+            let proposal = check.proposal(&model)?;
+            let title = model.title_or(&source);
+            Ok(single(&PageInput { page: &page, title, proposal: proposal.as_ref(), place: Place::Notebook }))
+        };
+        let until = move |stop: &Stop| hapt_analysis::until(stop.flag(), work);
+        interruptible(py, until)?.ok_or_else(unwanted)?.map_err(value)
     }
 
     /// The rows of the impedance as columns, and the rest as JSON.

@@ -3,6 +3,7 @@
 import copy
 import csv
 import dataclasses
+import html.parser
 import io
 import os
 import pickle
@@ -367,6 +368,35 @@ def test_responses_draw_themselves(world: hapt.World) -> None:
     import matplotlib.pyplot as plt
 
     plt.close("all")
+
+
+def test_a_widget_is_a_page_in_a_frame_that_asks_for_nothing(world: hapt.World) -> None:
+    widget = world.set("loop.period", "2 ms").widget(height=500)
+    frame = widget._repr_html_()
+    parser = Frame()
+    parser.feed(frame)
+    assert parser.tags == ["iframe"] and parser.srcdoc == widget.html
+    assert 'height="500"' in frame and "allow-same-origin" not in frame
+    assert "loop.period=2 ms" in widget.html and "default-src 'none'" in widget.html
+    for elsewhere in ["<link", " src=", "@import"]:
+        assert elsewhere not in widget.html
+    assert pickle.loads(pickle.dumps(widget)).html == widget.html
+    for height in [100, 4001, 1.5]:
+        with pytest.raises(ValueError, match="whole number from 200 to 4000"):
+            world.widget(height)  # type: ignore[arg-type]
+
+
+class Frame(html.parser.HTMLParser):
+    """What a notebook makes of a frame."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.srcdoc: Optional[str] = None
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, Optional[str]]]) -> None:
+        self.tags.append(tag)
+        self.srcdoc = dict(attrs).get("srcdoc")
 
 
 def test_live_and_export_need_the_program(world: hapt.World, tmp_path: pathlib.Path) -> None:

@@ -1,12 +1,12 @@
 // The page without a server, in a real browser: from a report's folder, where nothing answers but hapt's own core.
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
-import { mkdtempSync, readdirSync, rmSync } from "node:fs";
+import { mkdtempSync, readdirSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { pathToFileURL } from "node:url";
 import { after, test } from "node:test";
-import { extremes, HAPT, number, open, place, quit, turn, until, world } from "./desk.mjs";
+import { extremes, HAPT, launch, number, open, place, quit, turn, until, world } from "./desk.mjs";
 
 const folder = mkdtempSync(join(tmpdir(), "hapt-report-"));
 after(quit);
@@ -124,4 +124,31 @@ visit("a linear world runs there too", world("rail"), "rail", async (page) => {
   await until(() => place(page), (puck) => puck > 5);
   await page.keyboard.up("ArrowRight");
   assert.ok(readdirSync(join(folder, "live", "assets")).some((name) => name.startsWith("core-")));
+});
+
+test("in a notebook a world runs under its cell, and reaches nothing of the notebook", { timeout: 90_000, skip: !process.env.HAPT_PYTHON }, async () => {
+  const program = "import hapt; print(hapt.load('@notes/default').widget()._repr_html_())";
+  const said = spawnSync(process.env.HAPT_PYTHON, ["-c", program], { encoding: "utf8", maxBuffer: 1 << 26 });
+  assert.equal(said.status, 0, said.stderr);
+  const notebook = join(folder, "notebook.html");
+  writeFileSync(notebook, `<!doctype html><title>A notebook</title><h1>A cell</h1>${said.stdout}`);
+  const context = await (await launch()).newContext({ viewport: { width: 1280, height: 900 }, offline: true });
+  const page = await context.newPage();
+  const complaints = [];
+  page.on("pageerror", (error) => complaints.push(error.message));
+  page.on("console", (message) => ["error", "warning"].includes(message.type()) && complaints.push(message.text()));
+  page.on("request", (request) => request.url() !== pathToFileURL(notebook).href && complaints.push(`asked for ${request.url()}`));
+  await page.goto(pathToFileURL(notebook).href);
+  const cell = page.frameLocator("iframe");
+  await until(() => cell.locator("#phase").getAttribute("data-phase"), (now) => now === "running");
+  await until(() => cell.locator("#verdict").textContent(), (text) => text === "Certified");
+  await cell.locator('[data-name="step"]').click();
+  await until(async () => number(await cell.locator("#legend dd").first().textContent()), (puck) => Math.abs(puck - 45) < 0.1);
+  const period = cell.locator('[data-key="loop.period"] input[type=text]');
+  await period.fill("2 ms");
+  await period.press("Enter");
+  await until(() => cell.locator(".command").textContent(), (text) => text === 'world.set("loop.period", "2 ms").check()');
+  assert.equal(await page.frames()[1].evaluate(() => { try { return String(parent.document.title); } catch { return "out of reach"; } }), "out of reach");
+  assert.deepEqual(complaints, []);
+  await context.close();
 });

@@ -15,6 +15,7 @@ use hapt_web::Page;
 use serde_json::json;
 
 use crate::deps::{self, PAGE_TARGET};
+use crate::tools;
 use crate::truth::worlds;
 
 const CORE: &str = "web/core";
@@ -187,6 +188,9 @@ fn npm(arguments: &[&str]) -> Result<()> {
     let mut command = Command::new("npm");
     command.args(arguments).current_dir("web").env("HAPT", fs::canonicalize(program())?);
     command.env("WHEEL_PAGE", std::path::absolute(crate::programs::example("wheel_page")?)?);
+    if let Some(environment) = tools::environment("hapt") {
+        command.env("HAPT_PYTHON", tools::python(&environment)?.get_program());
+    }
     let said = command.output()?;
     let text = [said.stdout, said.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).join("\n");
     // Either reporter of node's: what passed before the first failure tells nothing.

@@ -1,0 +1,27 @@
+"""The page of a world under a cell of a notebook, without a server."""
+
+from __future__ import annotations
+
+import html
+
+
+class Widget:
+    """A world that runs under a notebook's cell: the page of `hapt live` with hapt's core as WebAssembly, in a frame.
+
+    `html` is the page as one document, for a file or a frame of one's own; it asks for nothing elsewhere.
+    """
+
+    def __init__(self, page: str, title: str, height: int = 720) -> None:
+        self.html = page
+        self._title = title
+        self._height = height
+
+    def __repr__(self) -> str:
+        return f"<hapt.Widget of {self._title}>"
+
+    def _repr_html_(self) -> str:
+        # Its own origin: what runs in the frame cannot reach the notebook.
+        return (
+            f'<iframe srcdoc="{html.escape(self.html)}" title="{html.escape(self._title)}, running" width="100%" height="{self._height}"'
+            ' sandbox="allow-scripts allow-downloads" allow="clipboard-write" style="border:0"></iframe>'
+        )
