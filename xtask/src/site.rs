@@ -1,6 +1,6 @@
 //! The book as a site: mdbook over a copy of docs/, into book/.
 //!
-//! Two things change in the copy. `<!-- live: @notes/euler -->` becomes the interactive page of that world, which `hapt report`
+//! The site begins with the notes' wheel itself, as [`first_page`] makes it. Two things change in the copy. `<!-- live: @notes/euler -->` becomes the interactive page of that world, which `hapt report`
 //! writes and which needs no server; in a lesson of docs/course it names a file of the lesson. A link out of docs/ becomes one into the
 //! repository on the web, so that the site stands alone. Afterwards every link and anchor of the built pages is checked.
 
@@ -17,6 +17,13 @@ pub const SITE: &str = "book";
 /// Where mdbook goes when none is on the path.
 const TOOLS: &str = "target/mdbook";
 const LIVE: &str = "<!-- live: ";
+/// The worlds' reports, and below them the pages on which they run; in a folder of their own, for a world may be called as a page of the book.
+const REPORTS: &str = "report";
+/// The world of the first page, and where it leads: pages of the book, with what they are about.
+const FIRST: &str = "@notes/default";
+const ABOUT: &str = "Haptic rendering for one-axis devices";
+const LEADS: [(&str, &str); 3] =
+    [("course.html", "The lecture"), ("devices.html", "Your device"), ("wheel.html", "For games")];
 /// The lessons, below docs/.
 const LESSONS: &str = "course";
 
@@ -30,17 +37,17 @@ pub fn build() -> Result<()> {
         }
     }
     let worlds = copy()?;
-    let reports = Path::new(COPY).join("report");
+    let reports = Path::new(COPY).join("src").join(REPORTS);
     ensure!(
         report.arg("report").args(&worlds).arg("--out").arg(&reports).status()?.success(),
         "no report of {worlds:?}"
     );
-    fs::rename(reports.join("live"), Path::new(COPY).join("src/live"))?;
     let status = Command::new(mdbook)
         .args(["build", &format!("{COPY}/src"), "--dest-dir"])
         .arg(std::path::absolute(SITE)?)
         .status()?;
     ensure!(status.success(), "mdbook failed");
+    first_page(Path::new(SITE))?;
     check()?;
     println!("{SITE}/index.html");
     Ok(())
@@ -74,7 +81,7 @@ fn copy() -> Result<Vec<String>> {
         }
     }
     fs::copy(source.join("book.toml"), target.join("book.toml"))?;
-    let mut worlds = Vec::new();
+    let mut worlds = vec![FIRST.to_string()];
     for entry in fs::read_dir(source)? {
         let path = entry?.path();
         if path.extension().is_some_and(|extension| extension == "md") {
@@ -114,9 +121,9 @@ fn framed(page: &str, top: &str, named: impl Fn(&str) -> Result<String>, worlds:
                 let reported = named(world)?;
                 let name = reported.rsplit('/').next().unwrap_or(&reported).trim_end_matches(".toml");
                 out += &format!(
-                    "<iframe src=\"{top}live/{name}.html\" title=\"{world}, interactive\" loading=\"lazy\" \
+                    "<iframe src=\"{top}{REPORTS}/live/{name}.html\" title=\"{world}, interactive\" loading=\"lazy\" \
                      style=\"width: 100%; height: 720px; border: 1px solid #8886\"></iframe>\n\n\
-                     [The same world on its own page]({top}live/{name}.html)\n"
+                     [The same world on its own page]({top}{REPORTS}/live/{name}.html)\n"
                 );
                 if !worlds.contains(&reported) {
                     worlds.push(reported);
@@ -133,6 +140,27 @@ fn framed(page: &str, top: &str, named: impl Fn(&str) -> Result<String>, worlds:
 fn absolute(page: &str, out: &str) -> String {
     let repository = env!("CARGO_PKG_REPOSITORY");
     page.replace(&format!("]({out}"), &format!("]({repository}/blob/main/"))
+}
+
+/// Makes the site's first page of the one on which [`FIRST`] runs: the same page, from where the site begins, with a line that leads into the book.
+fn first_page(site: &Path) -> Result<()> {
+    let name = FIRST.rsplit('/').next().unwrap_or(FIRST);
+    let live = format!("{REPORTS}/live");
+    let read =
+        |file: String| fs::read_to_string(site.join(&live).join(&file)).with_context(|| format!("{live}/{file}"));
+    let (page, data) = (read(format!("{name}.html"))?, read(format!("{name}.js"))?);
+    let replaced = |text: &str, from: &str, to: &str| -> Result<String> {
+        ensure!(text.contains(from), "the page of {FIRST} has no {from}");
+        Ok(text.replace(from, to))
+    };
+    let data = replaced(&data, &format!("\"../{name}.html\""), &format!("\"{REPORTS}/{name}.html\""))?;
+    let leads: String = LEADS.iter().map(|(page, what)| format!("<a href=\"{page}\">{what}</a> ")).collect();
+    let line = format!("<nav id=\"site\" aria-label=\"hapt\"><p><strong>hapt</strong> {ABOUT}</p><p>{leads}</p></nav>");
+    let page = replaced(&page, &format!("src=\"./{name}.js\""), "src=\"index.js\"")?;
+    let page = replaced(&page, "=\"./", &format!("=\"{live}/"))?;
+    let page = replaced(&page, "<body>", &format!("<body>\n    {line}"))?;
+    fs::write(site.join("index.js"), data)?;
+    Ok(fs::write(site.join("index.html"), page)?)
 }
 
 /// Whether every link and picture of the built pages leads to a file of the site, and every anchor to an element.
