@@ -22,7 +22,7 @@ the crates below, under these terms; each is followed by the number of its text.
 const OTHERS: [(&str, &str, &str); 3] = [
     ("uPlot (the page's plots)", "MIT", "web/node_modules/uplot/LICENSE"),
     ("uqr (the page's QR code)", "MIT", "web/node_modules/uqr/LICENSE"),
-    ("DejaVu fonts (in PNG)", "Bitstream Vera and Arev", "crates/hapt-report/fonts/LICENSE"),
+    ("DejaVu fonts (in figures)", "Bitstream Vera and Arev", "crates/hapt-report/fonts/LICENSE"),
 ];
 
 /// A crate in the program.

@@ -23,11 +23,12 @@ mod index;
 mod map;
 mod network;
 mod page;
-#[cfg(feature = "png")]
-mod png;
+#[cfg(feature = "usvg")]
+mod picture;
 mod recorded;
 mod run;
 pub mod stability;
+mod style;
 mod svg;
 pub mod ticks;
 mod traces;
@@ -40,9 +41,14 @@ pub use extremes::{Extremes, Point, Stretches};
 pub use index::{index_drawings, index_page};
 pub use map::{Map, Scale};
 pub use page::{Drawing, Report};
+#[cfg(feature = "usvg")]
+pub use picture::Picture;
+#[cfg(feature = "pdf")]
+pub use picture::pdf;
 #[cfg(feature = "png")]
-pub use png::png;
+pub use picture::png;
 pub use recorded::PlotScript;
 pub use run::Run;
-pub use svg::{Paper, STYLE, Width};
+pub use style::STYLE;
+pub use svg::{Paper, Width};
 pub use traces::{Envelope, Signal, Traces};

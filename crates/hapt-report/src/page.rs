@@ -11,7 +11,8 @@ use crate::figure::Figure;
 use crate::recorded::PlotScript;
 use crate::run::Run;
 use crate::stability::{self, Half};
-use crate::svg::{STYLE, Width};
+use crate::style::STYLE;
+use crate::svg::Width;
 use crate::ticks::number;
 use crate::units::{effort_name, say_effort, say_energy, say_time};
 

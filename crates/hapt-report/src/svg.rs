@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 
 use crate::extremes::Point;
 use crate::figure::{Axis, Figure, Fill, Panel, Shape, Style};
+use crate::style::{HEAVY, STYLE, THIN};
 use crate::ticks;
 
 /// The width of a figure's layout.
@@ -17,11 +18,13 @@ pub enum Width {
     Wide,
     /// A phone.
     Narrow,
-    /// A column of a paper.
+    /// A column of a paper, which has the caption itself: thin lines, and no title.
     Paper(Paper),
+    /// A slide: heavy lines, 16:9.
+    Slide(Paper),
 }
 
-/// The size of a figure in a paper, which has the caption itself: the drawing has no title.
+/// The size of a figure in a paper or on a slide.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Paper {
     mm: f64,
@@ -64,46 +67,26 @@ const FONT: f64 = 12.0;
 /// Panels stand below each other in what is narrower.
 const ONE_COLUMN: f64 = 500.0;
 
-/// Colours and line styles of figures: Okabe and Ito's palette, on white and on near black.
-pub const STYLE: &str = "\
-svg.hapt{font:12px system-ui,-apple-system,'Segoe UI','DejaVu Sans',sans-serif}\
-svg.hapt text{fill:#1b1e22}svg.hapt .soft{fill:#565d66}svg.hapt .bold{font-weight:600}\
-svg.hapt .paper{fill:#fff}svg.hapt .node{fill:#eef1f4;stroke:#1b1e22}\
-svg.hapt .frame{fill:none;stroke:#8a929b}svg.hapt .grid{fill:none;stroke:#e3e6ea}svg.hapt .zero{fill:none;stroke:#aab1b9}\
-svg.hapt .ink{fill:none;stroke:#1b1e22;stroke-width:1.4;stroke-linejoin:round}svg.hapt .full{fill:#1b1e22}\
-svg.hapt .band{fill:#d55e00;fill-opacity:.2}\
-svg.hapt .line{fill:none;stroke-width:1.4;stroke-linejoin:round}svg.hapt .mark{fill:none;stroke-width:2}\
-svg.hapt .s0{stroke:#0072b2}svg.hapt .s1{stroke:#d55e00}svg.hapt .s2{stroke:#009e73}svg.hapt .s3{stroke:#cc79a7}\
-svg.hapt .s4{stroke:#e69f00;stroke-dasharray:7 2}svg.hapt .s5{stroke:#56b4e9;stroke-dasharray:7 2}\
-svg.hapt .s6{stroke:#1b1e22;stroke-dasharray:7 2}\
-svg.hapt .beneath{stroke:#e69f00;stroke-width:3.6}\
-svg.hapt .d1{stroke-dasharray:2 2}svg.hapt .d2{stroke-dasharray:10 3 2 3}svg.hapt .d3{stroke-dasharray:1 4}\
-svg.hapt .limit{stroke:#565d66;stroke-dasharray:7 4}svg.hapt .predicted{stroke:#1b1e22;stroke-dasharray:2 3;stroke-width:1.6}\
-svg.hapt .guide{stroke:#8a929b}svg.hapt .cell{stroke:none}svg.hapt .none{fill:#c9ced4}\
-svg.hapt .halo{fill:none;stroke:#fff;stroke-width:3.6}svg.hapt .edge{fill:none;stroke:#1b1e22;stroke-width:1.6}\
-svg.hapt .m0{fill:#440154}svg.hapt .m1{fill:#472d7b}svg.hapt .m2{fill:#3b528b}svg.hapt .m3{fill:#2c728e}svg.hapt .m4{fill:#21918c}\
-svg.hapt .m5{fill:#28ae80}svg.hapt .m6{fill:#5ec962}svg.hapt .m7{fill:#addc30}svg.hapt .m8{fill:#fde725}\
-svg.hapt .n0{fill:#d6e6f4}svg.hapt .n1{fill:#9ac4e1}svg.hapt .n2{fill:#4a98c9}svg.hapt .n3{fill:#0b559f}\
-svg.hapt .p0{fill:#fee3c8}svg.hapt .p1{fill:#fdb97d}svg.hapt .p2{fill:#f57622}svg.hapt .p3{fill:#a63603}\
-@media screen and (prefers-color-scheme:dark){svg.hapt text{fill:#e7e9ec}svg.hapt .soft{fill:#a5adb6}\
-svg.hapt .paper{fill:#15181c}svg.hapt .node{fill:#272c33;stroke:#e7e9ec}\
-svg.hapt .frame{stroke:#6d757e}svg.hapt .grid{stroke:#2a2f35}svg.hapt .zero{stroke:#545b63}\
-svg.hapt .ink{stroke:#e7e9ec}svg.hapt .full{fill:#e7e9ec}svg.hapt .band{fill-opacity:.38}\
-svg.hapt .s0{stroke:#56b4e9}svg.hapt .s1{stroke:#e8702a}svg.hapt .s2{stroke:#1fb98d}svg.hapt .s5{stroke:#f0e442}\
-svg.hapt .s6{stroke:#e7e9ec}svg.hapt .limit{stroke:#a5adb6}svg.hapt .predicted{stroke:#e7e9ec}svg.hapt .guide{stroke:#6d757e}}";
-
 const COLOURS: usize = 7;
 /// Above a panel's frame: a line of text, and below it: ticks and the axis's name.
 const LINE: f64 = 17.0;
 const BELOW: f64 = 40.0;
 const RIGHT: f64 = 12.0;
+/// Between panels beside each other, and below a row of them.
+const BESIDE: f64 = 14.0;
+const GAP: f64 = 8.0;
+/// Above and left of everything, and the line of a file's title.
+const EDGE: f64 = 4.0;
+const TITLE: f64 = 24.0;
+/// The lowest frame on a slide, which is taller than 16:9 for it.
+const LOWEST: f64 = 60.0;
 
 impl Width {
     fn pixels(self) -> f64 {
         match self {
             Width::Wide => 760.0,
             Width::Narrow => 344.0,
-            Width::Paper(paper) => paper.mm / paper.mm_per_pixel(),
+            Width::Paper(paper) | Width::Slide(paper) => paper.mm / paper.mm_per_pixel(),
         }
     }
 
@@ -111,17 +94,26 @@ impl Width {
     fn size(self, w: f64, h: f64) -> String {
         match self {
             Width::Wide | Width::Narrow => format!("width=\"{w}\" height=\"{h}\""),
-            Width::Paper(paper) => {
+            Width::Paper(paper) | Width::Slide(paper) => {
                 let scale = paper.mm / w;
                 format!("width=\"{}mm\" height=\"{:.2}mm\"", (1e3 * paper.mm).round() / 1e3, scale * h)
             }
         }
     }
 
+    /// The line widths, where they are not those of [`STYLE`].
+    fn weights(self) -> &'static str {
+        match self {
+            Width::Wide | Width::Narrow => "",
+            Width::Paper(_) => THIN,
+            Width::Slide(_) => HEAVY,
+        }
+    }
+
     /// The number of intervals of a reduced curve for this width.
     pub fn stretches(self) -> usize {
         match self {
-            Width::Wide | Width::Paper(_) => 400,
+            Width::Wide | Width::Paper(_) | Width::Slide(_) => 400,
             Width::Narrow => 160,
         }
     }
@@ -143,7 +135,7 @@ pub(crate) fn open(on: Width, width: f64, height: f64, title: &str, alt: &str, o
     // Scaled down further its text would be unreadable; pages scroll it instead.
     let least = match on {
         Width::Wide | Width::Narrow => format!(" style=\"min-width:{:.0}px\"", 0.74 * w),
-        Width::Paper(_) => String::new(),
+        Width::Paper(_) | Width::Slide(_) => String::new(),
     };
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"hapt\"{least} viewBox=\"0 0 {w} {h}\" {} role=\"img\" aria-label=\"{}\">",
@@ -151,7 +143,13 @@ pub(crate) fn open(on: Width, width: f64, height: f64, title: &str, alt: &str, o
         escaped(alt)
     );
     if own_file {
-        let _ = write!(svg, "<title>{}</title><desc>{}</desc><style>{STYLE}</style>", escaped(title), escaped(alt));
+        let _ = write!(
+            svg,
+            "<title>{}</title><desc>{}</desc><style>{STYLE}{}</style>",
+            escaped(title),
+            escaped(alt),
+            on.weights()
+        );
         svg += "<rect class=\"paper\" width=\"100%\" height=\"100%\"/>";
     }
     svg
@@ -167,23 +165,26 @@ pub(crate) fn text(svg: &mut String, x: f64, y: f64, anchor: &str, class: &str, 
 impl Figure {
     /// As SVG: for a file of its own, with its styles, or for a page that has them.
     pub fn svg(&self, width: Width, own_file: bool) -> String {
-        let columns = if width.pixels() < ONE_COLUMN { 1 } else { self.columns.max(1) };
         let has_title = own_file && !matches!(width, Width::Paper(_));
-        let each = (width.pixels() + 14.0) / columns as f64 - 14.0;
-        // Frames below each other are aligned, so that their times coincide.
-        let left = self.panels.iter().map(|panel| Layout::new(panel, each, columns, 0.0).left).fold(0.0, f64::max);
-        let layouts: Vec<Layout<'_>> =
-            self.panels.iter().map(|panel| Layout::new(panel, each, columns, left)).collect();
+        let top = EDGE + if has_title { TITLE } else { 0.0 };
+        let (columns, layouts) = match width {
+            Width::Slide(_) => self.slide(width.pixels(), top),
+            Width::Wide | Width::Narrow | Width::Paper(_) => {
+                let columns = if width.pixels() < ONE_COLUMN { 1 } else { self.columns.max(1) };
+                (columns, self.layouts(width.pixels(), columns))
+            }
+        };
         let mut body = String::new();
-        let (mut y, top_of_file) = (4.0, if has_title { 24.0 } else { 0.0 });
-        y += top_of_file;
+        let mut y = top;
         for row in layouts.chunks(columns) {
             let above = row.iter().map(|layout| layout.above).fold(0.0, f64::max);
             let tall = row.iter().map(|layout| layout.height).fold(0.0, f64::max);
-            for (i, layout) in row.iter().enumerate() {
-                layout.draw(&mut body, i as f64 * (each + 14.0), y, y + above);
+            let mut x = 0.0;
+            for layout in row {
+                layout.draw(&mut body, x, y, y + above);
+                x += layout.total + BESIDE;
             }
-            y += above + tall + BELOW + 8.0;
+            y += above + tall + BELOW + GAP;
         }
         let mut svg = open(width, width.pixels(), y, &self.title, &self.alt, own_file);
         if has_title {
@@ -192,6 +193,38 @@ impl Figure {
         svg += &body;
         svg += "</svg>";
         svg
+    }
+
+    /// The panels in so many columns.
+    fn layouts(&self, width: f64, columns: usize) -> Vec<Layout<'_>> {
+        let each = (width + BESIDE) / columns as f64 - BESIDE;
+        // Frames below each other are aligned, so that their times coincide.
+        let left = self.panels.iter().map(|panel| Layout::new(panel, each, columns, 0.0).left).fold(0.0, f64::max);
+        self.panels.iter().map(|panel| Layout::new(panel, each, columns, left)).collect()
+    }
+
+    /// The panels in a height of 9/16 of the width, from `top` on: in as many columns as leave the frames most room.
+    fn slide(&self, width: f64, top: f64) -> (usize, Vec<Layout<'_>>) {
+        let fitted = |columns: usize| {
+            let mut layouts = self.layouts(width, columns);
+            let rows = layouts.len().div_ceil(columns);
+            let above = |row: &[Layout<'_>]| row.iter().map(|layout| layout.above).fold(0.0, f64::max);
+            let taken: f64 = layouts.chunks(columns).map(|row| above(row) + BELOW + GAP).sum();
+            let height = (width * 9.0 / 16.0 - top - taken) / rows as f64;
+            for layout in &mut layouts {
+                layout.height = height.max(LOWEST);
+                if layout.panel.round {
+                    layout.width = layout.width.min(layout.height);
+                    layout.height = layout.width;
+                }
+            }
+            let room = layouts.iter().map(|layout| layout.height.min(0.6 * layout.width)).fold(f64::INFINITY, f64::min);
+            (room.min(height), columns, layouts)
+        };
+        // Of several the first: fewer columns are wider.
+        let best =
+            (1..=self.panels.len().max(1)).map(fitted).reduce(|best, next| if next.0 > best.0 { next } else { best });
+        best.map_or((1, Vec::new()), |(_, columns, layouts)| (columns, layouts))
     }
 }
 

@@ -17,7 +17,8 @@ use crate::args::{ImpedanceArgs, SlopesArg};
 use crate::failure::Failure;
 use crate::format;
 use crate::messages;
-use crate::output::{self, FigureSize};
+use crate::output;
+use crate::picture::FigureFile;
 use crate::progress::Progress;
 use crate::world::{Loaded, files, load};
 
@@ -37,14 +38,14 @@ pub fn run(args: &ImpedanceArgs) -> Result<ExitCode, Failure> {
     if let Some(out) = &args.out {
         output::format("--out", out, &["csv"])?;
     }
-    let size = FigureSize::of("--plot", args.plot.as_deref(), &args.figure)?;
+    let file = FigureFile::of("--plot", args.plot.as_deref(), &args.figure)?;
     let loaded = load(&args.world)?;
     let outputs = [("--out", &args.out), ("--plot", &args.plot)];
     output::apart(&output::given(&outputs), &files(&args.world.path, &loaded.world))?;
     let (csv, figure, json, text) = if args.z_width { width(args, &loaded)? } else { frequencies(args, &loaded)? };
     // Both are written before either is put in its place.
     let csv = args.out.as_deref().map(|target| output::draft(target, csv.as_bytes())).transpose()?;
-    let figure = args.plot.as_deref().map(|target| output::figure("--plot", target, &figure, size)).transpose()?;
+    let figure = args.plot.as_deref().map(|target| file.draft(target, &figure)).transpose()?;
     for (target, draft) in [(&args.out, csv), (&args.plot, figure)] {
         if let (Some(target), Some(draft)) = (target, draft) {
             let path = draft.finish().map_err(|error| Failure::write(target.display(), error))?;

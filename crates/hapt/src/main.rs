@@ -40,6 +40,7 @@ mod messages;
 mod notes;
 mod output;
 mod phone;
+mod picture;
 mod plot;
 mod progress;
 mod provenance;

@@ -7,14 +7,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
 
 use hapt_log::{RECORDED, is_recorded};
-use hapt_model::Dimension;
-use hapt_report::figure::Figure;
-use hapt_report::{Paper, Width};
 use tempfile::{Builder, TempPath};
 
-use crate::args::FigureArgs;
 use crate::failure::Failure;
-use crate::format::positive;
 
 /// The unfinished files, to be removed when a signal ends the program.
 static DRAFTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
@@ -296,7 +291,7 @@ fn place(path: &Path) -> Option<PathBuf> {
 }
 
 /// Endings that are of files, and of no folder that a command makes.
-const ENDINGS: [&str; 9] = ["csv", "parquet", "mcap", "svg", "png", "html", "json", "toml", "txt"];
+const ENDINGS: [&str; 10] = ["csv", "parquet", "mcap", "svg", "png", "pdf", "html", "json", "toml", "txt"];
 
 /// The format of a file's ending, of those that `flag` writes; the first of them without an ending. Refuses a folder too, before the work.
 pub fn format<'a>(flag: &str, path: &Path, formats: &[&'a str]) -> Result<&'a str, Failure> {
@@ -319,71 +314,20 @@ pub fn format<'a>(flag: &str, path: &Path, formats: &[&'a str]) -> Result<&'a st
 
 /// Refuses a file whose format is a feature that this program was built without.
 pub fn built(flag: &str, path: &Path) -> Result<(), Failure> {
-    let has = |ending: &str| path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
-    let features = [("parquet", cfg!(feature = "parquet")), ("png", cfg!(feature = "png"))];
-    match features.into_iter().find(|(feature, is_built)| !is_built && has(feature)) {
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
+    built_with(&format!("{flag} {}", path.display()), &ending)
+}
+
+/// The same of a format, `asked` for in these words.
+pub fn built_with(asked: &str, format: &str) -> Result<(), Failure> {
+    let features =
+        [("parquet", cfg!(feature = "parquet")), ("pdf", cfg!(feature = "pdf")), ("png", cfg!(feature = "png"))];
+    match features.into_iter().find(|(feature, is_built)| !is_built && *feature == format) {
         None => Ok(()),
         Some((feature, _)) => Err(Failure::input(format!(
-            "{flag} {}: this hapt was built without its feature {feature}; expected another format, or a build with --features {feature}",
-            path.display()
+            "{asked}: this hapt was built without its feature {feature}; expected another format, or a build with --features {feature}"
         ))),
     }
-}
-
-/// The formats of figures.
-const FIGURES: [&str; 2] = ["svg", "png"];
-
-/// The size of a figure.
-#[derive(Clone, Copy, Debug)]
-pub struct FigureSize {
-    pub width: Width,
-    /// Of a PNG.
-    #[cfg_attr(not(feature = "png"), allow(dead_code))]
-    dpi: f64,
-}
-
-impl FigureSize {
-    /// For a screen, with two pixels of a PNG for one of the drawing.
-    const SCREEN: FigureSize = FigureSize { width: Width::Wide, dpi: 192.0 };
-    /// What journals ask for.
-    const PRINT_DPI: f64 = 300.0;
-    /// Of `--font-size`, in points.
-    const FONT_SIZE: f64 = 8.0;
-
-    /// Of these flags, for the figure that `flag` writes to `path`; before the work.
-    pub fn of(flag: &str, path: Option<&Path>, args: &FigureArgs) -> Result<Self, Failure> {
-        path.map_or(Ok(()), |path| format(flag, path, &FIGURES).map(drop))?;
-        let given = if args.width.is_some() { "--width" } else { "--dpi" };
-        if flag == "--plot" && path.is_none() && (args.width.is_some() || args.dpi.is_some()) {
-            return Err(Failure::input(format!("{given}: there is no figure without --plot FILE.svg or FILE.png")));
-        }
-        let Some(width) = &args.width else {
-            let dpi = args.dpi.map_or(FigureSize::SCREEN.dpi, f64::from);
-            return Ok(FigureSize { dpi, ..FigureSize::SCREEN });
-        };
-        let mm = 1e3 * positive("--width", width, Dimension::LENGTH)?;
-        let paper = Paper::new(mm, args.font_size.unwrap_or(FigureSize::FONT_SIZE))
-            .map_err(|reason| Failure::input(format!("--width and --font-size: {reason}")))?;
-        Ok(FigureSize { width: Width::Paper(paper), dpi: args.dpi.map_or(FigureSize::PRINT_DPI, f64::from) })
-    }
-}
-
-/// A figure's draft as SVG, or as PNG by its name's ending.
-pub fn figure(flag: &str, target: &Path, figure: &Figure, size: FigureSize) -> Result<Draft, Failure> {
-    let svg = svg(figure, size);
-    match format(flag, target, &FIGURES)? {
-        #[cfg(feature = "png")]
-        "png" => {
-            let png = hapt_report::png(&svg, size.dpi).map_err(|error| Failure::write(target.display(), error))?;
-            draft(target, &png)
-        }
-        _ => draft(target, svg.as_bytes()),
-    }
-}
-
-/// A figure as a file of its own.
-pub fn svg(figure: &Figure, size: FigureSize) -> String {
-    figure.svg(size.width, true) + "\n"
 }
 
 /// A draft of these bytes for `target`.
@@ -410,26 +354,4 @@ pub fn folder(flag: &str, path: &Path) -> Result<(), Failure> {
         return Err(Failure::input(message));
     }
     fs::create_dir_all(path).map_err(|error| Failure::System(format!("cannot make {}: {error}", path.display())))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_ending_is_honoured_or_refused_and_none_is_the_first_format() {
-        let asked = |name: &str| format("--plot", Path::new(name), &FIGURES).map_err(|failure| format!("{failure:?}"));
-        match cfg!(feature = "png") {
-            true => assert_eq!(asked("a/e.png"), Ok("png")),
-            false => assert!(asked("a/e.png").unwrap_err().contains("without its feature png")),
-        }
-        assert_eq!(asked("E.SVG"), Ok("svg"));
-        assert_eq!(asked("figure"), Ok("svg"));
-        assert_eq!(asked("/dev/null"), Ok("svg"));
-        for name in ["e.csv", "e.png.gif", "e.", "e.svg.gz", "a.b/e.svgz"] {
-            let refused = asked(name).unwrap_err();
-            assert!(refused.contains("expected FILE.svg or FILE.png"), "{refused}");
-        }
-        assert!(format("--log", Path::new("x.csv"), &["mcap"]).is_err());
-    }
 }

@@ -15,13 +15,14 @@ use crate::failure::Failure;
 use crate::format;
 use crate::log::{self, Opened};
 use crate::messages;
-use crate::output::{self, FigureSize};
+use crate::output;
+use crate::picture::FigureFile;
 
 /// The most runs drawn over each other: more are not distinguishable.
 const MOST_RUNS: usize = 12;
 
 pub fn run(args: &PlotArgs) -> Result<ExitCode, Failure> {
-    let size = FigureSize::of("--out", args.out.as_deref(), &args.figure)?;
+    let file = FigureFile::of("--out", args.out.as_deref(), &args.figure)?;
     if args.runs.len() > MOST_RUNS {
         return Err(Failure::input(format!(
             "{} runs in one figure: at most {MOST_RUNS} are distinguishable",
@@ -53,15 +54,17 @@ pub fn run(args: &PlotArgs) -> Result<ExitCode, Failure> {
     }
     let names: Vec<String> = runs.iter().map(|(name, _)| name.clone()).collect();
     let title = title(&names);
-    let figure = Traces::overlay(&title, &runs, &signals, size.width);
+    let figure = Traces::overlay(&title, &runs, &signals, file.width);
     match &args.out {
         None => {
             let mut out = stdout().lock();
-            out.write_all(output::svg(&figure, size).as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
+            out.write_all(&file.bytes(&figure, "standard output")?)
+                .and_then(|()| out.flush())
+                .map_err(Failure::stdout)?;
         }
         Some(target) => {
             let failed = |error| Failure::write(target.display(), error);
-            let draft = output::figure("--out", target, &figure, size)?;
+            let draft = file.draft(target, &figure)?;
             messages::say(format_args!("wrote {}", draft.finish().map_err(failed)?.display()));
         }
     }

@@ -25,7 +25,8 @@ use crate::failure::Failure;
 use crate::finished;
 use crate::format;
 use crate::messages;
-use crate::output::{self, Draft, FigureSize};
+use crate::output::{self, Draft};
+use crate::picture::FigureFile;
 use crate::progress::Progress;
 use crate::signals;
 use crate::world::{inputs, read_system, source};
@@ -55,10 +56,11 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
     };
     output::built("--out", &args.out)?;
     output::regular("--out", &args.out)?;
-    let size = FigureSize::of("--plot", args.plot.as_deref(), &args.figure)?;
+    let figure = FigureFile::of("--plot", args.plot.as_deref(), &args.figure)?;
     let measures = args.measures.iter().map(|name| measure(name)).collect::<Result<Vec<_>, _>>()?;
     let source = source(&args.world.path)?;
     let sweep = Sweep::new(&source, &args.world.sets, &args.axes, &measures, args.scenario.as_deref())?;
+    let system = read_system(&source, &args.world.sets)?;
     let outputs = [Some(("--out", args.out.as_path())), args.plot.as_deref().map(|plot| ("--plot", plot))];
     let outputs: Vec<_> = outputs.into_iter().flatten().collect();
     output::apart(&outputs, &inputs(&args.world.path, &sweep.system))?;
@@ -98,9 +100,8 @@ pub fn run(args: &SweepArgs) -> Result<ExitCode, Failure> {
     let mut partial = Partial::open(&args.out, &sweep, cells.clone(), header, &columns, args.resume)?;
     let missing = compute(&sweep, cells, &pool, &mut partial)?;
     if let Some(plot) = &args.plot {
-        let system = read_system(&source, &args.world.sets)?;
         let own: Vec<_> = sweep.grid.axes.iter().map(|axis| system.number(&axis.key)).collect();
-        crate::sweep_plot::draw(&sweep, &args.axes, &own, partial.rows()?, plot, size)?;
+        crate::sweep_plot::draw(&sweep, &args.axes, &own, partial.rows()?, plot, figure)?;
     }
     partial.finish(format, &columns)?;
 

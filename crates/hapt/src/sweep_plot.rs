@@ -12,7 +12,7 @@ use crate::boundary::own_name;
 use crate::failure::Failure;
 use crate::format;
 use crate::messages;
-use crate::output::{self, FigureSize};
+use crate::picture::FigureFile;
 
 /// The most columns and rows that a map shows.
 const ROOM: (usize, usize) = (360, 240);
@@ -24,7 +24,7 @@ pub fn draw(
     own: &[Option<f64>],
     rows: impl BufRead,
     target: &Path,
-    size: FigureSize,
+    file: FigureFile,
 ) -> Result<(), Failure> {
     let failed = |error| Failure::write(target.display(), error);
     let columns = table::columns(sweep).len();
@@ -42,7 +42,7 @@ pub fn draw(
         (_, [slow, fast]) => map(sweep, [slow, fast], own, values.collect::<Result<_, _>>()?),
         _ => return Ok(()),
     };
-    let draft = output::figure("--plot", target, &figure, size)?;
+    let draft = file.draft(target, &figure)?;
     messages::say(format_args!("wrote {}", draft.finish().map_err(failed)?.display()));
     Ok(())
 }

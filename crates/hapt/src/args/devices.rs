@@ -140,7 +140,7 @@ pub struct IdentifyArgs {
     #[arg(long, value_name = "FILE.toml")]
     pub write: Option<PathBuf>,
     /// Draw positions, fit and residuals.
-    #[arg(long, value_name = "FILE.svg|png")]
+    #[arg(long, value_name = "FILE.svg|png|pdf")]
     pub plot: Option<PathBuf>,
     #[command(flatten)]
     pub figure: FigureArgs,

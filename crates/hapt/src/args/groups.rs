@@ -30,8 +30,7 @@ On hardware:
   simulate-drive  Simulate a motor drive and its wheel on a serial port or a CAN bus
 
 Draw and share:
-  plot            Draw position, velocity and torque over time as an SVG, from a run's CSV or from a
-                  log
+  plot            Draw position, velocity and torque over time, from a run's CSV or from a log
   report          Write a page a world: diagram, verdict, eigenvalues, motion, torque and energy
                   over time
   export          Export a world for the simulators and the boards of others

@@ -8,7 +8,7 @@ mod verdicts;
 
 use std::path::PathBuf;
 
-use clap::{Parser, Subcommand};
+use clap::{Parser, Subcommand, ValueEnum};
 
 pub use devices::*;
 pub use runs::*;
@@ -74,12 +74,13 @@ Examples:
   hapt report @notes/euler @notes/damped --out report    and an index
   hapt report wheel.toml --set loop.period=5ms --out report")]
     Report(ReportArgs),
-    /// Draw position, velocity and torque over time as an SVG, from a run's CSV or from a log.
+    /// Draw position, velocity and torque over time, from a run's CSV or from a log.
     #[command(after_help = "\
 Examples:
   hapt plot runs/step.csv > step.svg                 as hapt sim wrote it
   hapt plot runs/step.mcap --out step.svg            with its motor's limit
   hapt plot runs/step.csv --limit 822.25Nmm --out step.svg
+  hapt plot runs/step.csv --width '88 mm' --out step.pdf
   hapt plot runs/step.csv runs/step.mcap --to 0.2s --signals torque > both.svg")]
     Plot(PlotArgs),
     /// Replay a log through the present core, or convert it to CSV or Parquet.
@@ -229,15 +230,52 @@ pub struct WorldArgs {
 // The size of a figure. Not a comment of documentation: the help of the command would begin with it.
 #[derive(Debug, clap::Args)]
 pub struct FigureArgs {
-    /// The figure's width in a paper, such as '88 mm' or '3.5 in'; it has no title then. Default: a screen's.
+    /// The figure's format; default: by its file's ending, SVG without one.
+    #[arg(long, value_name = "FORMAT", value_enum, help_heading = FIGURE)]
+    pub format: Option<FigureFormat>,
+    /// The figure's look; default: a screen's, and with --width a paper's.
+    #[arg(long, value_name = "STYLE", value_enum, help_heading = FIGURE)]
+    pub style: Option<FigureStyle>,
+    /// The figure's width, such as '88 mm' or '3.5 in'; default: 88 mm of a paper's, 254 mm of a slide's.
     #[arg(long, value_name = "Q", allow_hyphen_values = true, help_heading = FIGURE)]
     pub width: Option<String>,
-    /// The size of its text in points; default: 8.
-    #[arg(long, value_name = "PT", requires = "width", help_heading = FIGURE)]
+    /// The size of its text in points; default: 8 of a paper's, 14 of a slide's.
+    #[arg(long, value_name = "PT", help_heading = FIGURE)]
     pub font_size: Option<f64>,
-    /// The pixels of a PNG in an inch, 50 to 600; default: 300 of a paper's, 192 of a screen's.
+    /// The pixels of a PNG in an inch, 50 to 600; default: 300 of a paper's, else 192.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(50..=600), help_heading = FIGURE)]
     pub dpi: Option<u16>,
 }
 
 const FIGURE: &str = "Figure";
+
+/// A format of figures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FigureFormat {
+    /// Lines and text, for pages and editors.
+    Svg,
+    /// Pixels.
+    Png,
+    /// Lines and text with its fonts, for papers.
+    Pdf,
+}
+
+impl FigureFormat {
+    /// As it is typed.
+    pub fn name(self) -> &'static str {
+        match self {
+            FigureFormat::Svg => "svg",
+            FigureFormat::Png => "png",
+            FigureFormat::Pdf => "pdf",
+        }
+    }
+}
+
+/// A look of figures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FigureStyle {
+    /// Thin lines, small type, no title: the caption is the paper's.
+    Paper,
+    /// Heavy lines, large type, 16:9.
+    Slide,
+}

@@ -68,7 +68,7 @@ pub struct PlotArgs {
     #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     pub limit: Option<String>,
     /// Write the figure here; default: standard output.
-    #[arg(short, long, value_name = "FILE.svg|png")]
+    #[arg(short, long, value_name = "FILE.svg|png|pdf")]
     pub out: Option<PathBuf>,
     #[command(flatten)]
     pub figure: FigureArgs,
@@ -131,7 +131,7 @@ pub struct SweepArgs {
     #[arg(short, long, value_name = "FILE")]
     pub out: PathBuf,
     /// Draw the first measure: a curve over one axis, a map over two.
-    #[arg(long, value_name = "FILE.svg|png")]
+    #[arg(long, value_name = "FILE.svg|png|pdf")]
     pub plot: Option<PathBuf>,
     #[command(flatten)]
     pub figure: FigureArgs,

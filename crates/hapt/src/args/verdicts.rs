@@ -78,7 +78,7 @@ pub struct ImpedanceArgs {
     #[arg(short, long, value_name = "FILE.csv")]
     pub out: Option<PathBuf>,
     /// Draw them.
-    #[arg(long, value_name = "FILE.svg|png")]
+    #[arg(long, value_name = "FILE.svg|png|pdf")]
     pub plot: Option<PathBuf>,
     #[command(flatten)]
     pub figure: FigureArgs,
@@ -110,7 +110,7 @@ pub struct BoundaryArgs {
     #[arg(short, long, value_name = "FILE.csv")]
     pub out: Option<PathBuf>,
     /// Draw the plane, each side of each edge in its colour.
-    #[arg(long, value_name = "FILE.svg|png")]
+    #[arg(long, value_name = "FILE.svg|png|pdf")]
     pub plot: Option<PathBuf>,
     #[command(flatten)]
     pub figure: FigureArgs,

@@ -15,7 +15,8 @@ use crate::args::BoundaryArgs;
 use crate::axis::{DisplayedAxis, within};
 use crate::failure::Failure;
 use crate::messages;
-use crate::output::{self, FigureSize};
+use crate::output;
+use crate::picture::FigureFile;
 use crate::world::{inputs, read_system, source};
 
 pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
@@ -23,7 +24,7 @@ pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
     if let Some(out) = &args.out {
         output::format("--out", out, &["csv"])?;
     }
-    let size = FigureSize::of("--plot", args.plot.as_deref(), &args.figure)?;
+    let file = FigureFile::of("--plot", args.plot.as_deref(), &args.figure)?;
     let source = source(&args.world.path)?;
     let outputs = [("--out", &args.out), ("--plot", &args.plot)];
     let system = read_system(&source, &args.world.sets)?;
@@ -43,7 +44,7 @@ pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
     }
     if let Some(target) = &args.plot {
         let figure = plot::figure(&boundary, &axes, own, &title, &summary);
-        files.push((output::figure("--plot", target, &figure, size)?, target));
+        files.push((file.draft(target, &figure)?, target));
     }
     // Both are there before one is in its place.
     let mut wrote = Vec::new();

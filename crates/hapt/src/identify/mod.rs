@@ -21,7 +21,8 @@ use crate::args::IdentifyArgs;
 use crate::failure::Failure;
 use crate::format;
 use crate::messages;
-use crate::output::{self, Draft, FigureSize};
+use crate::output::{self, Draft};
+use crate::picture::FigureFile;
 use crate::signals;
 use crate::world::{files, source};
 
@@ -43,7 +44,7 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
     for (flag, file, format) in [("--write", &args.write, "toml"), ("--log", &args.log, "mcap")] {
         file.as_deref().map_or(Ok(""), |file| output::format(flag, file, &[format]))?;
     }
-    figure_size(args)?;
+    figure_file(args)?;
     let world = named_world(args)?;
     let mut inputs = match (args.world.as_ref().or(args.against.as_ref()), &world) {
         (Some(path), Some(world)) => files(path, world),
@@ -149,14 +150,14 @@ fn positive(flag: &str, text: &str, measure: Measure, motion: Motion) -> Result<
     format::positive(flag, text, measure.dimension(motion))
 }
 
-fn figure_size(args: &IdentifyArgs) -> Result<FigureSize, Failure> {
-    FigureSize::of("--plot", args.plot.as_deref(), &args.figure)
+fn figure_file(args: &IdentifyArgs) -> Result<FigureFile, Failure> {
+    FigureFile::of("--plot", args.plot.as_deref(), &args.figure)
 }
 
 /// The picture of `--plot`.
 fn plot(args: &IdentifyArgs, given: &Given, drawn: &Drawn) -> Result<Option<Draft>, Failure> {
-    let size = figure_size(args)?;
-    let draft = |target| output::figure("--plot", target, &figure::figure(given, drawn), size);
+    let file = figure_file(args)?;
+    let draft = |target| file.draft(target, &figure::figure(given, drawn));
     args.plot.as_deref().map(draft).transpose()
 }
 

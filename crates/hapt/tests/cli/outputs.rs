@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use crate::common::{WHEEL, folder, hapt, names};
+use crate::common::{WHEEL, folder, hapt, names, program};
 
 const SWEEP: [&str; 7] = ["sweep", "w.toml", "--vary", "device.damping=0..0.01:3", "--measure", "certified", "--out"];
 const BOUNDARY: [&str; 6] =
@@ -39,7 +39,7 @@ fn a_run_replaces_no_file_of_another_world_unless_it_is_forced() {
 }
 
 #[test]
-fn every_figure_is_a_png_where_its_name_says_so() {
+fn every_figure_is_a_png_or_a_pdf_where_its_name_says_so() {
     let at = folder(&[("w.toml", WHEEL)]);
     hapt(at.path(), ["sim", "w.toml", "--out", ".", "--format", "csv", "--format", "mcap"]).done();
     let identify = ["identify", "step.mcap", "--coast", "--plot"];
@@ -54,7 +54,9 @@ fn every_figure_is_a_png_where_its_name_says_so() {
         (&identify, true),
     ] {
         let name = |ending: &str| at.path().join(format!("f.{ending}"));
-        for (ending, first) in [("png", &b"\x89PNG\r\n"[..]), ("PNG", b"\x89PNG\r\n"), ("svg", b"<svg ")] {
+        for (ending, first) in
+            [("png", &b"\x89PNG\r\n"[..]), ("PNG", b"\x89PNG\r\n"), ("pdf", b"%PDF-"), ("svg", b"<svg ")]
+        {
             let ended = hapt(at.path(), args.iter().copied().chain([format!("f.{ending}").as_str()]));
             if can_fail && ended.code == Some(2) {
                 assert!(!name(ending).exists(), "{args:?}");
@@ -67,6 +69,47 @@ fn every_figure_is_a_png_where_its_name_says_so() {
     }
 }
 
+/// The format of standard output, and of a file without an ending; an ending speaks for itself.
+#[test]
+fn a_figures_format_is_that_of_its_ending_or_of_the_flag() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    hapt(at.path(), ["sim", "w.toml", "--out", "."]).done();
+    let plot = |more: &[&str]| hapt(at.path(), ["plot", "step.csv"].iter().chain(more));
+    let piped = program(at.path(), ["plot", "step.csv", "--format", "pdf"]).output().unwrap();
+    assert!(piped.status.success() && piped.stdout.starts_with(b"%PDF-"));
+    plot(&["--format", "png", "--out", "f"]).done();
+    assert!(fs::read(at.path().join("f")).unwrap().starts_with(b"\x89PNG\r\n"));
+    plot(&["--format", "pdf", "--out", "f.PDF"]).done();
+    plot(&["--out", "g.pdf"]).done();
+    let [first, second] = ["f.PDF", "g.pdf"].map(|name| fs::read(at.path().join(name)).unwrap());
+    assert!(first == second && first == piped.stdout, "the same figure is the same bytes");
+    plot(&["--format", "pdf", "--out", "h.svg"]).refused(2, &["--format pdf", "h.svg", "expected one of the two"]);
+    assert!(!at.path().join("h.svg").exists());
+    hapt(at.path(), ["impedance", "w.toml", "--format", "pdf"]).refused(2, &["--format", "without --plot"]);
+}
+
+/// A style has a size of its own, and a typed one wins.
+#[test]
+fn a_style_has_a_size_and_lines_and_flags_win() {
+    let at = folder(&[("w.toml", WHEEL)]);
+    hapt(at.path(), ["sim", "w.toml", "--out", "."]).done();
+    let plot = |more: &[&str]| hapt(at.path(), ["plot", "step.csv"].iter().chain(more)).done().out;
+    let millimetres = |svg: &str, side: &str| -> f64 {
+        svg.split(&format!(" {side}=\"")).nth(1).unwrap().split("mm").next().unwrap().parse().unwrap()
+    };
+    let is_titled = |svg: &str| svg.contains(">step</text>");
+    let (paper, slide) = (plot(&["--style", "paper"]), plot(&["--style", "slide"]));
+    assert_eq!((millimetres(&paper, "width"), millimetres(&slide, "width")), (88.0, 254.0));
+    assert!(!is_titled(&paper) && is_titled(&slide));
+    let shape = millimetres(&slide, "width") / millimetres(&slide, "height");
+    assert!((shape * 9.0 / 16.0 - 1.0).abs() < 0.01, "16:9, and it is {shape}");
+    assert_eq!(plot(&["--width", "88 mm"]), paper, "a width alone is a paper's");
+    let wide = plot(&["--style", "slide", "--width", "200 mm", "--font-size", "10"]);
+    assert_eq!(millimetres(&wide, "width"), 200.0);
+    hapt(at.path(), ["plot", "step.csv", "--font-size", "9"]).refused(2, &["--font-size", "--style"]);
+    hapt(at.path(), ["plot", "step.csv", "--style", "poster"]).refused(2, &["poster", "paper", "slide"]);
+}
+
 #[test]
 fn an_ending_that_contradicts_the_format_is_refused_and_nothing_is_written() {
     let at = folder(&[("w.toml", WHEEL)]);
@@ -74,18 +117,18 @@ fn an_ending_that_contradicts_the_format_is_refused_and_nothing_is_written() {
     let before = names(at.path());
     let with = |args: &[&'static str], more: &[&'static str]| [args, more].concat();
     for (args, name, wanted) in [
-        (with(&["plot", "step.csv", "--out"], &["e.csv"]), "e.csv", "FILE.svg or FILE.png"),
-        (with(&["plot", "step.csv", "--out"], &["e.jpg"]), "e.jpg", "FILE.svg or FILE.png"),
-        (with(&SWEEP, &["t.csv", "--plot", "m.pdf"]), "m.pdf", "FILE.svg or FILE.png"),
+        (with(&["plot", "step.csv", "--out"], &["e.csv"]), "e.csv", "FILE.svg, FILE.png or FILE.pdf"),
+        (with(&["plot", "step.csv", "--out"], &["e.jpg"]), "e.jpg", "FILE.svg, FILE.png or FILE.pdf"),
+        (with(&SWEEP, &["t.csv", "--plot", "m.eps"]), "m.eps", "FILE.svg, FILE.png or FILE.pdf"),
         (with(&SWEEP, &["t.mcap"]), "t.mcap", "FILE.csv or FILE.parquet"),
         (with(&["impedance", "w.toml", "--out"], &["i.parquet"]), "i.parquet", "FILE.csv"),
-        (with(&["impedance", "w.toml", "--plot"], &["i.csv"]), "i.csv", "FILE.svg or FILE.png"),
+        (with(&["impedance", "w.toml", "--plot"], &["i.csv"]), "i.csv", "FILE.svg, FILE.png or FILE.pdf"),
         (with(&BOUNDARY, &["--out", "b.svg"]), "b.svg", "FILE.csv"),
-        (with(&BOUNDARY, &["--plot", "b.csv"]), "b.csv", "FILE.svg or FILE.png"),
+        (with(&BOUNDARY, &["--plot", "b.csv"]), "b.csv", "FILE.svg, FILE.png or FILE.pdf"),
         (with(&["run", "w.toml", "--duration", "1s", "--log"], &["x.csv"]), "x.csv", "FILE.mcap"),
         (with(&["worst", "w.toml", "--out"], &["w.json"]), "w.json", "FILE.toml"),
         (with(&["identify", "step.csv", "--write"], &["d.json"]), "d.json", "FILE.toml"),
-        (with(&["identify", "step.csv", "--plot"], &["d.txt"]), "d.txt", "FILE.svg or FILE.png"),
+        (with(&["identify", "step.csv", "--plot"], &["d.txt"]), "d.txt", "FILE.svg, FILE.png or FILE.pdf"),
         (with(&["identify", "sim", "--world", "w.toml", "--log"], &["d.csv"]), "d.csv", "FILE.mcap"),
         (with(&["log", "convert", "step.csv", "-o"], &["c.png"]), "c.png", "FILE.csv, FILE.parquet or FILE.mcap"),
         (with(&["sim", "w.toml", "--out"], &["step2.csv"]), "step2.csv", "a folder"),
