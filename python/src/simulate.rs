@@ -1,5 +1,7 @@
 //! A run as columns.
 
+use std::ops::ControlFlow;
+
 use hapt_model::System;
 use hapt_sim::{BODY_SIGNALS, SIGNALS, StationRow, SystemSummary, station_columns};
 
@@ -48,24 +50,20 @@ pub fn simulate(system: &System, scenario: &str, is_over: &mut dyn FnMut() -> bo
         tables.push(Table::with_room(rows, columns).ok_or(Failure::Memory(bytes))?);
     }
     let mut summary = SystemSummary::new(system, &run);
-    let mut ended = None;
     let mut left = CHUNK;
-    while let Some(row) = run.next() {
-        match row {
-            Ok(row) => {
-                summary.add(&row);
-                tables[row.station].add(&row);
-            }
-            Err(error) => ended = Some(error.to_string()),
-        }
+    let ended = run.try_for_each(|row| {
+        summary.add(row);
+        tables[row.station].add(row);
         left -= 1;
         if left == 0 {
             left = CHUNK;
             if is_over() {
-                break;
+                return ControlFlow::Break(());
             }
         }
-    }
+        ControlFlow::Continue(())
+    });
+    let ended = ended.err().map(|error| error.to_string());
     let stations = summary.stations.iter().zip(tables).enumerate().map(|(at, (summary, table))| {
         let ledger = summary.ledger;
         StationRun {

@@ -73,7 +73,9 @@ impl<'w> Summary<'w> {
         if torque > self.peak_torque {
             (self.peak_torque, self.peak_time) = (torque, row.time);
         }
-        self.peak_command = self.peak_command.max(row.command.abs());
+        if row.command.abs() > self.peak_command {
+            self.peak_command = row.command.abs();
+        }
         if torque > self.limit {
             self.clipped += 1;
             self.first_clipped.get_or_insert((self.rows, row.time));

@@ -1,5 +1,7 @@
 //! A run of a system: stations on their exact devices, each at its own times, and the messages between them.
 
+use std::ops::ControlFlow;
+
 use hapt_core::{LinkEnd, Puck, RemoteState, Strength};
 use hapt_model::{Drive, Hand, Link, Scenario, Shape, System, Timing};
 
@@ -238,7 +240,7 @@ impl Run {
 
     /// The next sample of all; `None` after the last. An error ends the run.
     #[allow(clippy::should_implement_trait)] // The row is lent, as that of a simulation.
-    #[inline(always)] // As fast as the run of the world alone.
+    #[inline]
     pub fn next(&mut self) -> Option<Result<StationRow<'_>, Error>> {
         if self.is_world {
             let row = self.stations.first_mut()?.run.next()?;
@@ -247,7 +249,34 @@ impl Run {
         self.next_of_network()
     }
 
-    #[inline(never)]
+    /// Gives each row to `each` until the end, or until it breaks off. An error ends the run.
+    ///
+    /// # Errors
+    /// [`Error::NotFinite`].
+    #[inline]
+    pub fn try_for_each<B>(
+        &mut self,
+        mut each: impl FnMut(&StationRow<'_>) -> ControlFlow<B>,
+    ) -> Result<ControlFlow<B>, Error> {
+        // A loop of its own is as fast as the run of the world alone.
+        if let ([station], true) = (self.stations.as_mut_slice(), self.is_world) {
+            while let Some(row) = station.run.next() {
+                let flow = each(&StationRow { station: 0, row: row?, link: 0.0, is_linked: false });
+                if flow.is_break() {
+                    return Ok(flow);
+                }
+            }
+            return Ok(ControlFlow::Continue(()));
+        }
+        while let Some(row) = self.next_of_network() {
+            let flow = each(&row?);
+            if flow.is_break() {
+                return Ok(flow);
+            }
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
     fn next_of_network(&mut self) -> Option<Result<StationRow<'_>, Error>> {
         let due = |station: &Station| station.run.next_time().map(|time| time + station.phase);
         let times = self.stations.iter().enumerate().filter_map(|(at, station)| Some((at, due(station)?)));

@@ -1,6 +1,7 @@
 //! `hapt sim`: the scenarios of a world or network, as files or as a summary.
 
 use std::io::{Write, stdout};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -62,15 +63,19 @@ pub fn rows<E>(
 ) -> Result<Result<(), Error>, E> {
     let mut progress = Progress::new(name, "samples", run.rows(), 0);
     let mut done = 0;
-    while let Some(row) = run.next() {
-        match row {
-            Ok(row) => each(&row)?,
-            Err(error) => return Ok(Err(error)),
+    let ended = run.try_for_each(|row| {
+        if let Err(error) = each(row) {
+            return ControlFlow::Break(error);
         }
         done += 1;
         progress.at(done);
+        ControlFlow::Continue(())
+    });
+    match ended {
+        Ok(ControlFlow::Continue(())) => Ok(Ok(())),
+        Ok(ControlFlow::Break(error)) => Err(error),
+        Err(error) => Ok(Err(error)),
     }
-    Ok(Ok(()))
 }
 
 /// The file of a scenario: in a network one for each station.

@@ -1,6 +1,7 @@
 //! The measures of a cell.
 
 use std::cell::OnceCell;
+use std::ops::ControlFlow;
 
 use hapt_analysis::{
     NetworkCheck, Verdict, check_network, free_growth, held_world_growth, is_certified, required_damping, sign,
@@ -242,16 +243,19 @@ pub(crate) fn of_run(system: &System, scenario: usize, settling: bool, stop: &St
         let settles = system.world().filter(|_| settling).zip(run.stations().next());
         let mut settling = settles.and_then(|(world, run)| Some(Settling::new(world, world.scenario(name).ok()?, run)));
         let mut rows = 0_u64;
-        while let Some(row) = run.next() {
-            let row = row.ok()?;
-            summary.add(&row);
-            rows += 1;
-            if rows.is_multiple_of(STRETCH) && stop() {
-                return None;
-            }
+        let ended = run.try_for_each(|row| {
+            summary.add(row);
             if let Some(settling) = &mut settling {
                 settling.add(row.row.time, row.row.puck, &row.row.bodies);
             }
+            rows += 1;
+            match rows.is_multiple_of(STRETCH) && stop() {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        });
+        if ended.ok()?.is_break() {
+            return None;
         }
         Some(OfRun {
             peak_torque: Some(summary.peak_torque()),
