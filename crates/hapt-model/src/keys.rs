@@ -338,7 +338,7 @@ impl Key {
             Some(meant) => format!("Was {meant} meant? Write {path} = {meant:?}"),
             None => format!("Write it with its unit, such as {path} = {:?}", measure.example(motion)),
         };
-        Some(format!("{path} = {number} is {number} {}; usual are {range}. {advice}", dimension.symbol()))
+        Some(format!("{path} = {number} is {number} {}; usual values are {range}. {advice}", dimension.symbol()))
     }
 
     /// What it takes, as the end of an error message: expected `a time (s) above 0, such as "1 ms"`.

@@ -123,6 +123,12 @@ impl Map {
         let mut legend = self.scale.legend();
         let used = |class: &str| self.values.iter().flatten().any(|value| self.scale.class(*value) == class);
         legend.retain(|(class, _)| used(class));
+        // One value has one colour, and no bounds.
+        if let (Scale::Sequential(bounds), Some(value)) = (&self.scale, self.values.iter().flatten().next())
+            && bounds.is_empty()
+        {
+            legend.push((self.scale.class(*value), format!("{} everywhere", number(*value, 3))));
+        }
         if self.values.iter().any(Option::is_none) {
             legend.push(("none".into(), "no value".into()));
         }
@@ -238,6 +244,12 @@ mod tests {
         // The names that occur in the map.
         assert_eq!(legend.iter().map(|(_, name)| name.as_str()).collect::<Vec<_>>(), ["unstable", "stable"]);
         assert_ne!(legend[0].0, legend[1].0);
+    }
+
+    #[test]
+    fn a_map_of_one_value_says_it() {
+        let map = Map { columns: 2, values: vec![Some(0.5); 4], scale: Scale::of([0.5].into_iter()), edge: None };
+        assert_eq!(map.legend(), [("m4".to_string(), "0.5 everywhere".to_string())]);
     }
 
     #[test]

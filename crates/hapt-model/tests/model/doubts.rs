@@ -88,23 +88,23 @@ fn a_doubt_names_the_unit_that_was_probably_meant() {
     for (set, warning) in [
         (
             "loop.period=2",
-            "loop.period = 2 is 2 s; usual are 10 us to 100 ms. Was 2 ms meant? Write loop.period = \"2 ms\"",
+            "loop.period = 2 is 2 s; usual values are 10 us to 100 ms. Was 2 ms meant? Write loop.period = \"2 ms\"",
         ),
         (
             "couplings.0.pitch=15",
-            "couplings.0.pitch = 15 is 15 rad; usual are at most 13 rad. Was 15 deg meant? Write couplings.0.pitch = \"15 deg\"",
+            "couplings.0.pitch = 15 is 15 rad; usual values are at most 13 rad. Was 15 deg meant? Write couplings.0.pitch = \"15 deg\"",
         ),
         (
             "device.inertia=64",
-            "device.inertia = 64 is 64 kg m^2; usual are 0.01 g cm^2 to 10 kg m^2. Was 64 g cm^2 meant? Write device.inertia = \"64 g cm^2\"",
+            "device.inertia = 64 is 64 kg m^2; usual values are 0.01 g cm^2 to 10 kg m^2. Was 64 g cm^2 meant? Write device.inertia = \"64 g cm^2\"",
         ),
         (
             "couplings.0.torque=850",
-            "couplings.0.torque = 850 is 850 N m; usual are 0.001 N mm to 100 N m. Was 850 N mm meant? Write couplings.0.torque = \"850 N mm\"",
+            "couplings.0.torque = 850 is 850 N m; usual values are 0.001 N mm to 100 N m. Was 850 N mm meant? Write couplings.0.torque = \"850 N mm\"",
         ),
         (
             "loop.period=1e-7",
-            "loop.period = 1e-7 is 1e-7 s; usual are 10 us to 100 ms. Write it with its unit, such as loop.period = \"1 ms\"",
+            "loop.period = 1e-7 is 1e-7 s; usual values are 10 us to 100 ms. Write it with its unit, such as loop.period = \"1 ms\"",
         ),
     ] {
         assert_eq!(warnings(set), [warning]);

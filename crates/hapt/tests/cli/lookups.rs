@@ -213,8 +213,7 @@ fn the_licences_name_the_crates_that_the_program_is_built_of_and_bring_their_tex
 #[test]
 fn a_bare_number_far_from_what_is_usual_is_warned_about() {
     let at = folder(&[("w.toml", WHEEL)]);
-    let doubt =
-        "warning: loop.period = 2 is 2 s; usual are 10 us to 100 ms. Was 2 ms meant? Write loop.period = \"2 ms\"";
+    let doubt = "warning: loop.period = 2 is 2 s; usual values are 10 us to 100 ms. Was 2 ms meant? Write loop.period = \"2 ms\"";
     for args in [&["check", "w.toml", "--json"][..], &["sim", "w.toml"], &["impedance", "w.toml"], &["worst", "w.toml"]]
     {
         let with =
