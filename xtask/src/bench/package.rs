@@ -64,7 +64,7 @@ fn environment(folder: &Path) -> Result<PathBuf> {
             eprintln!("without {package}: {error}");
         }
     }
-    crate::python::install(&environment, "dist")?;
+    crate::python::install(&environment, "release")?;
     Ok(python)
 }
 

@@ -37,7 +37,8 @@ pub fn build(target: &str) -> Result<Made> {
     let out = folder()?.join("wheels").join(target);
     emptied(&out)?;
     let mut maturin = tools::python(&environment)?;
-    maturin.args(["-m", "maturin", "build", "--quiet", "--target", target, "--out"]).arg(&out).args(*options);
+    maturin.args(["-m", "maturin", "build", "--quiet", "--profile", SHIPPED, "--target", target, "--out"]);
+    maturin.arg(&out).args(*options);
     // Where zig is: the environment's own.
     maturin.env("PATH", tools::path_with(&environment.join("bin"))?);
     if target.contains("apple") {
