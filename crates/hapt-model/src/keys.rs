@@ -251,6 +251,9 @@ impl Measure {
 /// leave double precision.
 pub const PHYSICAL: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
 
+/// So many times beyond what is usual a bare number is doubted.
+const FAR: f64 = 10.0;
+
 /// The plain numbers of an array: factors of a quantity, of the size of 1.
 pub const NUMBERS: std::ops::RangeInclusive<f64> = -1e3..=1e3;
 
@@ -313,13 +316,15 @@ impl Key {
         self.usual.or(self.takes.quantity()?.0.usual(motion))
     }
 
-    /// A warning about a bare `number` at `path` that no usual device has there, with the unit that was probably meant; `None` where one
-    /// has.
+    /// A warning about a bare `number` at `path` that is far from what usual devices have there, with the unit that was probably meant;
+    /// `None` where it is not: a world on paper has round numbers.
     pub(crate) fn doubt(&self, motion: Motion, path: &str, number: &str) -> Option<String> {
         let ((least, largest), (measure, _)) = (self.usual(motion)?, self.takes.quantity()?);
         let (value, dimension) = (parse_quantity(number, Dimension::NONE).ok()?, measure.dimension(motion));
         let is_usual = |size: f64| size == 0.0 || (least..=largest).contains(&size.abs());
-        if is_usual(value) {
+        // Positions and velocities have the largest alone, and degrees are 57 times radians.
+        let far = if least > 0.0 { FAR } else { 1.0 };
+        if value == 0.0 || (least / far..=largest * far).contains(&value.abs()) {
             return None;
         }
         let range = match least {

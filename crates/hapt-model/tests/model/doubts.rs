@@ -95,12 +95,12 @@ fn a_doubt_names_the_unit_that_was_probably_meant() {
             "couplings.0.pitch = 15 is 15 rad; usual values are at most 13 rad. Was 15 deg meant? Write couplings.0.pitch = \"15 deg\"",
         ),
         (
-            "device.inertia=64",
-            "device.inertia = 64 is 64 kg m^2; usual values are 0.01 g cm^2 to 10 kg m^2. Was 64 g cm^2 meant? Write device.inertia = \"64 g cm^2\"",
+            "device.inertia=640",
+            "device.inertia = 640 is 640 kg m^2; usual values are 0.01 g cm^2 to 10 kg m^2. Was 640 g cm^2 meant? Write device.inertia = \"640 g cm^2\"",
         ),
         (
-            "couplings.0.torque=850",
-            "couplings.0.torque = 850 is 850 N m; usual values are 0.001 N mm to 100 N m. Was 850 N mm meant? Write couplings.0.torque = \"850 N mm\"",
+            "couplings.0.torque=8500",
+            "couplings.0.torque = 8500 is 8500 N m; usual values are 0.001 N mm to 100 N m. Was 8500 N mm meant? Write couplings.0.torque = \"8500 N mm\"",
         ),
         (
             "loop.period=1e-7",
@@ -109,9 +109,14 @@ fn a_doubt_names_the_unit_that_was_probably_meant() {
     ] {
         assert_eq!(warnings(set), [warning]);
     }
-    for set in
-        ["loop.period=0.002", "loop.period=2 s", "loop.delay=0", "couplings.0.pitch=0.26", "loop.delay=150 samples"]
-    {
+    for set in [
+        "loop.period=0.002",
+        "loop.period=0.45",
+        "loop.period=2 s",
+        "loop.delay=0",
+        "couplings.0.pitch=0.26",
+        "loop.delay=150 samples",
+    ] {
         assert_eq!(warnings(set), Vec::<String>::new(), "{set}");
     }
 }

@@ -25,7 +25,7 @@ kg, N, N m). Units: rad deg ° rev rpm m cm mm um s ms us Hz kHz N mN kg g J Nm 
 gf lbf oz (a force: oz in); products by a space, · or *, quotients by / (a/b c is (a/b)·c), powers
 by ^2 or ². The angle is a dimension: N m is a torque, N m/rad a stiffness, and neither is accepted
 for the other, because a forgotten degree is a factor of 57.3. Only an inertia has both forms:
-kg m^2 or N m s^2/rad. A bare number that no usual device has is taken, with a warning that names
+kg m^2 or N m s^2/rad. A bare number far from what devices have is taken, with a warning that names
 the unit probably meant. Counts are no unit: a count is 1 rev over the encoder's counts.
 
   hapt sim @notes/wheel --set loop.period=2ms              2 ms a sample
