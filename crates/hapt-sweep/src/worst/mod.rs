@@ -12,7 +12,7 @@
 //! * [`work_motion`] is the former of a linear loop, by the largest eigenvalue of the work as a quadratic form of the motion.
 //! * [`Drawn`] is the energy that the hand has drawn from the loop, from a run's ledger.
 //!
-//! No hand may draw energy from a certified world. Some hand should from a refused one; where none does, [`Worst::gap`] is the distance
+//! No hand may draw energy from a certified world. Some hand should from a refused one; where none does, [`WorstAlone::gap`] is the distance
 //! between the certificate and the worst hand found.
 
 mod drawn;
