@@ -1,12 +1,13 @@
 //! One table of the file, checked against the table of keys: its keys' names, types, dimensions and ranges.
 
+use crate::counts::{self, InCounts};
 use crate::document::{Document, Entry, Node, Place, Value, shortened};
 use crate::error::{Error, ErrorKind};
 use crate::keys::{self, Key, Measure, NUMBERS, PHYSICAL, Presence, Range, Takes};
 use crate::kinds::Motion;
-use crate::quantity::{parse_in_unit, parse_with_unit, percent, split_tolerance, tolerance};
+use crate::quantity::{QuantityError, parse_in_unit, parse_with_unit, percent, split_tolerance, tolerance};
 use crate::sampling::Delay;
-use crate::unit::{Unit, UnitError};
+use crate::unit::Unit;
 use crate::words;
 
 /// Where a table stands, and what decides the meaning of its keys.
@@ -314,30 +315,18 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// A position that is written in counts, in the unit that it should have: of the file's encoder, where it has one.
-    fn in_counts(&self, measure: Measure, value: &Value) -> Option<String> {
-        let Value::Text(text) = value else { return None };
-        let is_position = matches!(measure, Measure::Position | Measure::Angle);
-        let at = text.find(char::is_alphabetic).filter(|_| is_position)?;
-        if Unit::parse(&text[at..]) != Err(UnitError::Counts) {
-            return None;
-        }
-        let counts = parse_in_unit(&text[..at], Unit::ONE)?;
-        let number = |path: &[&str]| parse_in_unit(number(&self.context.document.find(path)?.value), Unit::ONE);
-        let (size, unit) = match self.context.motion {
-            Motion::Rotary => {
-                let motor = || {
-                    Some((number(&["device", "motor", "encoder"])? * number(&["device", "motor", "ratio"])?).round())
-                };
-                (360.0 / number(&["device", "encoder"]).or_else(motor)?, "deg")
-            }
-            Motion::Linear => {
-                let size = self.context.document.find(&["device", "encoder"])?;
-                (1e3 * quantity(Measure::Position, Motion::Linear, &size.value).ok()?, "mm")
-            }
+    /// A quantity in SI, or the whole message; counts are of the file's encoder.
+    fn quantity(&self, measure: Measure, value: &Value) -> Result<f64, String> {
+        let motion = self.context.motion;
+        let in_counts = match value {
+            Value::Text(text) => InCounts::find(text, motion),
+            _ => None,
         };
-        let shown: f64 = format!("{:.5e}", counts * size).parse().ok().filter(|x: &f64| x.is_finite())?;
-        Some(format!("{shown} {unit}"))
+        let Some(in_counts) = in_counts else { return quantity(measure, motion, value) };
+        let size = counts::size(self.context.document, motion).ok_or_else(|| {
+            format!("{} is in counts, and the file has no device.encoder, which gives their size", written(value))
+        })?;
+        in_counts.value(size, measure.dimension(motion)).map_err(|error| named(measure, motion, &error))
     }
 
     /// Checks a value against its row.
@@ -381,7 +370,7 @@ impl<'a> Fields<'a> {
                     Ok(parts) => parts,
                     Err(message) => return fail(ErrorKind::Value, message),
                 };
-                match quantity(measure, motion, value.as_ref().unwrap_or(&node.value)) {
+                match self.quantity(measure, value.as_ref().unwrap_or(&node.value)) {
                     Ok(value) if range.contains(value) && tolerance.is_some() => {
                         Ok(CheckedValue::Within(value, tolerance.unwrap_or(0.0)))
                     }
@@ -389,14 +378,6 @@ impl<'a> Fields<'a> {
                     Ok(value) => given(format!("{} {}", written(&node.value), fault(range, value))),
                     Err(_) if matches!(&node.value, Value::Text(text) if keys::in_samples(text).is_some()) => {
                         given(format!("{} is in samples, which a delay alone can be", written(&node.value)))
-                    }
-                    Err(_) if self.in_counts(measure, &node.value).is_some() => {
-                        let (counts, angle) = (written(&node.value), self.in_counts(measure, &node.value));
-                        let angle = angle.unwrap_or_default();
-                        let message = format!(
-                            "{counts} is in counts, and a count is no angle by itself; of the file's encoder it is {angle:?}: expected that"
-                        );
-                        fail(ErrorKind::Value, message)
                     }
                     Err(message) => match (row.takes, &node.value) {
                         (Takes::TimeOrSamples, Value::Text(text)) => {
@@ -494,11 +475,7 @@ fn no_name(name: &str, letter_first: bool, reserved: &[&str]) -> Option<String> 
 fn quantity(measure: Measure, motion: Motion, value: &Value) -> Result<f64, String> {
     let wanted = measure.dimension(motion);
     match value {
-        Value::Text(text) => parse_with_unit(text, wanted).map_err(|error| {
-            // Of an energy the dimension's own name would be a torque's.
-            let (plain, own) = (wanted.to_string(), measure.described(motion));
-            if own == plain { error.to_string() } else { error.to_string().replace(&plain, &own) }
-        }),
+        Value::Text(text) => parse_with_unit(text, wanted).map_err(|error| named(measure, motion, &error)),
         // The parser's floats include inf and nan, and what a double cannot hold.
         _ => {
             let text = number(value);
@@ -508,6 +485,11 @@ fn quantity(measure: Measure, motion: Motion, value: &Value) -> Result<f64, Stri
             parse_in_unit(text, Unit::ONE).ok_or_else(message)
         }
     }
+}
+
+/// The message with what is measured: of an energy the dimension's own name would be a torque's.
+fn named(measure: Measure, motion: Motion, error: &QuantityError) -> String {
+    error.to_string().replace(&measure.dimension(motion).to_string(), &measure.described(motion))
 }
 
 fn number(value: &Value) -> &str {

@@ -30,6 +30,7 @@
 //! ```
 
 pub mod builtin;
+mod counts;
 mod dimension;
 mod document;
 mod edit;

@@ -82,7 +82,11 @@ fn reflect(device: &mut Device, motor: &Motor) {
     add(&mut device.damping, damping, n * n * motor.damping);
     add(&mut device.friction, friction, n * motor.friction);
     device.limit = device.limit.or(motor.limit.map(|limit| n * limit));
-    // A whole number in a turn: what a ratio leaves of one is less than half a count in a turn.
-    device.encoder = device.encoder.or(motor.encoder.map(|counts| (n * counts).round().max(1.0)));
+    device.encoder = device.encoder.or(motor.encoder.map(|encoder| counts(encoder, n)));
     device.drive.gear = device.drive.gear.or(Some(n));
+}
+
+/// The counts in a turn of the puck, a whole number: what a ratio leaves of one is less than half a count in a turn.
+pub(crate) fn counts(encoder: f64, ratio: f64) -> f64 {
+    (ratio * encoder).round().max(1.0)
 }

@@ -1,5 +1,6 @@
 //! What a world file says, key by key: as it is written, and in SI.
 
+use crate::counts::{self, InCounts};
 use crate::dimension::Dimension;
 use crate::document::{Document, Entry, Node, Value};
 use crate::error::Error;
@@ -49,7 +50,7 @@ pub fn parameters_of(world: &World, source: &Source, sets: &[String]) -> Result<
     let document = Document::new(source, sets)?;
     let mut list = Vec::new();
     if let Value::Table(entries) = &document.root.value {
-        table(&mut list, *motion, entries, "", "", None);
+        table(&mut list, *motion, counts::size(&document, *motion), entries, "", "", None);
     }
     // A delay in samples is as many seconds as the period makes it.
     for delay in list.iter_mut().filter(|parameter| ["loop.delay", "loop.delay_max"].contains(&parameter.path.as_str()))
@@ -86,7 +87,7 @@ impl System {
             if let Ok(Node { value: Value::Table(entries), .. }) =
                 Document::within(NETWORK_FILE, source, &own).map(|d| d.root)
             {
-                table(&mut list, self.motion, &entries, "", NETWORK_FILE, None);
+                table(&mut list, self.motion, None, &entries, "", NETWORK_FILE, None);
             }
             warnings.extend(list.into_iter().filter_map(|parameter| parameter.doubt));
         }
@@ -94,8 +95,17 @@ impl System {
     }
 }
 
-/// The keys of one table, which has passed the reader's checks. `pattern` is its path in the table of keys.
-fn table(list: &mut Vec<Parameter>, motion: Motion, entries: &[Entry], path: &str, pattern: &str, hand: Option<&str>) {
+/// The keys of one table, which has passed the reader's checks. `pattern` is its path in the table of keys, `count` the size of the
+/// encoder's counts.
+fn table(
+    list: &mut Vec<Parameter>,
+    motion: Motion,
+    count: Option<f64>,
+    entries: &[Entry],
+    path: &str,
+    pattern: &str,
+    hand: Option<&str>,
+) {
     let join = |path: &str, name: &str| if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
     let kind = entries.iter().find_map(|entry| match &entry.node.value {
         Value::Text(kind) if entry.key == "kind" => Some(kind.as_str()),
@@ -111,19 +121,27 @@ fn table(list: &mut Vec<Parameter>, motion: Motion, entries: &[Entry], path: &st
             (Value::Table(inner), Takes::Named { .. }) => {
                 for entry in inner {
                     if let Value::Table(inner) = &entry.node.value {
-                        table(list, motion, inner, &join(&path, &entry.key), &format!("{}.*", row.path), None);
+                        table(list, motion, count, inner, &join(&path, &entry.key), &format!("{}.*", row.path), None);
                     }
                 }
             }
-            (Value::Table(inner), _) => table(list, motion, inner, &path, row.path, kind),
+            (Value::Table(inner), _) => table(list, motion, count, inner, &path, row.path, kind),
             (Value::Array(items), Takes::List { .. }) => {
                 for (index, item) in items.iter().enumerate() {
                     if let Value::Table(inner) = &item.value {
-                        table(list, motion, inner, &join(&path, &index.to_string()), &format!("{}.*", row.path), None);
+                        table(
+                            list,
+                            motion,
+                            count,
+                            inner,
+                            &join(&path, &index.to_string()),
+                            &format!("{}.*", row.path),
+                            None,
+                        );
                     }
                 }
             }
-            _ => list.push(given(row, motion, path, &entry.node)),
+            _ => list.push(given(row, motion, count, path, &entry.node)),
         }
     }
     for row in keys::rows(pattern).filter(|row| row.belongs(kind, hand, motion)) {
@@ -142,7 +160,7 @@ fn table(list: &mut Vec<Parameter>, motion: Motion, entries: &[Entry], path: &st
     }
 }
 
-fn given(row: &Key, motion: Motion, path: String, node: &Node) -> Parameter {
+fn given(row: &Key, motion: Motion, count: Option<f64>, path: String, node: &Node) -> Parameter {
     let written = match &node.value {
         Value::Text(text) | Value::Number(text) | Value::Date(text) => text.clone(),
         Value::Boolean(boolean) => boolean.to_string(),
@@ -156,7 +174,14 @@ fn given(row: &Key, motion: Motion, path: String, node: &Node) -> Parameter {
         Value::Table(_) => String::new(),
     };
     let (written, tolerance) = tolerated(row, motion, written, node);
-    let si = row.takes.quantity().and_then(|(measure, _)| parse_quantity(&written, measure.dimension(motion)).ok());
+    let si = row.takes.quantity().and_then(|(measure, _)| {
+        let wanted = measure.dimension(motion);
+        match (InCounts::find(&written, motion), count) {
+            (Some(in_counts), Some(size)) => in_counts.value(size, wanted),
+            _ => parse_quantity(&written, wanted),
+        }
+        .ok()
+    });
     let unit = if si.is_some() { si_unit(row, motion) } else { String::new() };
     // Of a number that has no unit of its own.
     let doubt = match &node.value {
@@ -204,11 +229,14 @@ impl Source {
     }
 }
 
-/// The size of 1 `unit` in SI; `None` where it has another dimension. A sample is one period of the world.
+/// The size of 1 `unit` in SI; `None` where it has another dimension. A sample is one period of the world, a count one of its encoder.
 pub fn unit_size(unit: &str, dimension: Dimension, world: &World) -> Option<f64> {
     let one = format!("1 {unit}");
-    match keys::in_samples(&one) {
-        Some(samples) => (dimension == Dimension::TIME).then_some(samples * world.sampling.period),
+    if let Some(samples) = keys::in_samples(&one) {
+        return (dimension == Dimension::TIME).then_some(samples * world.sampling.period);
+    }
+    match InCounts::find(&one, world.motion) {
+        Some(in_counts) => in_counts.value(world.count()?, dimension).ok(),
         None => parse_quantity(&one, dimension).ok(),
     }
 }

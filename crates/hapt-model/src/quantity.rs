@@ -168,7 +168,7 @@ pub(crate) fn percent(fraction: f64) -> String {
 }
 
 /// A decimal number as text, so that a decimal unit can move its point before anything is rounded.
-struct Number<'a> {
+pub(crate) struct Number<'a> {
     /// Sign, digits and point.
     mantissa: &'a str,
     exponent: i64,
@@ -176,7 +176,7 @@ struct Number<'a> {
 
 impl<'a> Number<'a> {
     /// The longest number that `text` begins with, and what follows it. `None` if there is none.
-    fn split(text: &'a str) -> Option<(Number<'a>, &'a str)> {
+    pub fn split(text: &'a str) -> Option<(Number<'a>, &'a str)> {
         let digits = |text: &str| text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());
         let unsigned = text.strip_prefix(['+', '-']).unwrap_or(text);
         let whole = digits(unsigned);

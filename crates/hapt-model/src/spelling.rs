@@ -65,6 +65,7 @@ pub(crate) fn unusual() -> String {
     let rate = names(|dimension| !is_factor(dimension));
     features.push(format!("{something}{rate}{after}"));
     features.push(format!(r" *{rate}(?:{POWER}{BETWEEN}*{rest}|{BETWEEN}+(?:{item}+{name}?|{name}))"));
+    features.push(format!("{anything}(?:counts?|ticks?){after}"));
     // Other blanks than the space: tabs, and those of typesetters. In every place above they would make the whole three times
     // as long, and slow to compile.
     features.push(r"[\s\S]*[^\S ][\s\S]*".to_string());

@@ -89,7 +89,7 @@ pub enum UnitError {
         /// The character in quotes, or `an end`.
         found: String,
     },
-    /// `counts`: an encoder's, and no unit.
+    /// `counts`, where no encoder's are known.
     #[error("is in counts, and a count is no angle by itself: it is a revolution over the encoder's counts")]
     Counts,
     /// `m2` for `m^2`.
@@ -248,6 +248,16 @@ impl Parser<'_> {
 
 fn is_letter(c: char) -> bool {
     c.is_alphabetic() || c == '°'
+}
+
+/// A unit with `name` in place of counts; `None` without counts in it.
+pub(crate) fn without_counts(unit: &str, name: &str) -> Option<String> {
+    let words = unit.split_inclusive(|c| !is_letter(c));
+    let replaced = words.map(|word| {
+        let letters = word.trim_end_matches(|c| !is_letter(c));
+        if COUNTS.contains(&letters) { word.replacen(letters, name, 1) } else { word.to_string() }
+    });
+    Some(replaced.collect::<String>()).filter(|replaced| replaced != unit)
 }
 
 fn named(name: &str) -> Result<Unit, UnitError> {

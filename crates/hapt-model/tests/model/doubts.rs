@@ -1,4 +1,4 @@
-//! Bare numbers that no usual device has, and counts: what is said about them.
+//! Bare numbers that no usual device has: what is said about them.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -119,30 +119,4 @@ fn a_doubt_names_the_unit_that_was_probably_meant() {
     ] {
         assert_eq!(warnings(set), Vec::<String>::new(), "{set}");
     }
-}
-
-/// A count is no angle: what it is of the file's own encoder stands beside the refusal.
-#[test]
-fn counts_are_refused_with_the_angle_of_the_files_encoder() {
-    let detent = "[[couplings]]\nkind = \"detent\"\nbetween = [\"puck\", \"ground\"]\n";
-    let refused = |head: &str, pitch: &str| {
-        let text = format!("{head}{detent}torque = 1\npitch = \"{pitch}\"\n");
-        World::read(&Source::from_text("knob.toml", text), &[]).unwrap_err().message
-    };
-    let rotary = |device: &str| format!("loop.period = \"1 ms\"\ndevice.inertia = 1e-4\n{device}");
-    let direct = refused(&rotary("device.encoder = 4000\n"), "100 counts");
-    assert!(
-        direct.contains("a count is no angle by itself") && direct.ends_with("it is \"9 deg\": expected that"),
-        "{direct}"
-    );
-    let geared = rotary("device.motor.ratio = 5\ndevice.motor.encoder = 2000\n");
-    assert!(refused(&geared, "25 ticks").contains("\"0.9 deg\""), "{}", refused(&geared, "25 ticks"));
-    let linear = "motion = \"linear\"\nloop.period = \"1 ms\"\ndevice.inertia = 0.1\ndevice.encoder = \"5 um\"\n";
-    assert!(refused(linear, "200 count").contains("\"1 mm\""), "{}", refused(linear, "200 count"));
-    // No encoder, or no position.
-    let none = refused(&rotary(""), "100 counts");
-    assert!(none.contains("a revolution over the encoder's counts") && !none.contains("expected that"), "{none}");
-    let text = format!("{}{detent}torque = \"5 counts\"\npitch = 1\n", rotary("device.encoder = 4000\n"));
-    let torque = World::read(&Source::from_text("knob.toml", text), &[]).unwrap_err().message;
-    assert!(torque.contains("expected a torque (N m)") && !torque.contains("deg"), "{torque}");
 }

@@ -1,6 +1,7 @@
 //! World files: what they mean, what is refused, and what is written back.
 
 mod contract;
+mod counts;
 mod doubts;
 mod laws;
 mod mistakes;

@@ -26,7 +26,7 @@ gf lbf oz (a force: oz in); products by a space, · or *, quotients by / (a/b c 
 by ^2 or ². The angle is a dimension: N m is a torque, N m/rad a stiffness, and neither is accepted
 for the other, because a forgotten degree is a factor of 57.3. Only an inertia has both forms:
 kg m^2 or N m s^2/rad. A bare number far from what devices have is taken, with a warning that names
-the unit probably meant. Counts are no unit: a count is 1 rev over the encoder's counts.
+the unit probably meant. A count is one of the file's encoder: "100 count", "0.2 mNm/count".
 
   hapt sim @notes/wheel --set loop.period=2ms              2 ms a sample
   hapt sim @notes/wheel --set 'couplings.0.stiffness=1 J/rad'
