@@ -7,6 +7,8 @@ import { join } from "node:path";
 import { chromium } from "playwright-core";
 
 export const HAPT = process.env.HAPT ?? join(import.meta.dirname, "../../target/debug/hapt");
+/** A wheel for games without a game: crates/hapt-live/examples/wheel_page.rs. */
+export const WHEEL = process.env.WHEEL_PAGE ?? join(import.meta.dirname, "../../target/tested/examples/wheel_page");
 const FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
 
 export const world = (name) => join(import.meta.dirname, "worlds", `${name}.toml`);
@@ -24,7 +26,9 @@ export async function serve(file, port = 0, more = []) {
     child.kill(signal);
     await once(child, "exit");
   };
-  return { url: first.trim(), port: Number(new URL(first.trim()).port), end };
+  // A network prints its stations' names before their addresses.
+  const url = first.trim().split(/ +/).at(-1);
+  return { url, port: Number(new URL(url).port), end };
 }
 
 let browser;

@@ -7,11 +7,9 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { createInterface } from "node:readline";
 import { after, test } from "node:test";
-import { number, open, quit, until } from "./desk.mjs";
+import { WHEEL, number, open, quit, until } from "./desk.mjs";
 
 after(quit);
-
-const WHEEL = process.env.WHEEL_PAGE ?? join(import.meta.dirname, "../../target/tested/examples/wheel_page");
 
 test("the card shows what a game plays, asks for and gets, and presses pedals and buttons", { timeout: 120_000, skip: process.platform !== "linux" }, async () => {
   const folder = mkdtempSync(join(tmpdir(), "hapt-wheel-"));
