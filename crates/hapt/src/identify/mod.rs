@@ -24,7 +24,7 @@ use crate::messages;
 use crate::output::{self, Draft};
 use crate::picture::FigureFile;
 use crate::signals;
-use crate::world::{files, source};
+use crate::world::{files, read_world, source};
 
 use figure::Drawn;
 
@@ -135,7 +135,7 @@ fn device(what: &str) -> Option<DeviceAddress> {
 }
 
 fn named_world(args: &IdentifyArgs) -> Result<Option<World>, Failure> {
-    let read = |path: &std::path::PathBuf| Ok::<_, Failure>(World::read(&source(path)?, &args.sets)?);
+    let read = |path: &std::path::PathBuf| read_world(&source(path)?, &args.sets);
     args.world.as_ref().or(args.against.as_ref()).map(read).transpose()
 }
 
