@@ -53,6 +53,16 @@ pub(super) struct Works<F> {
     share: F,
 }
 
+/// What happened from one sample to the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Interval<F> {
+    /// The mean velocity, rad/s, as smooth as the counts need.
+    pub velocity: F,
+    /// The work of the motor, and what may be a hand's, J.
+    pub work: F,
+    pub hand: F,
+}
+
 impl<F: Real> Works<F> {
     pub fn command(&mut self, torque: F) {
         self.commands = [torque.finite_or_zero(), self.commands[0]];
@@ -94,8 +104,8 @@ impl<F: Real> Hand<F> {
         }
     }
 
-    /// The wheel has gone `way` since the last sample: the damping, N·m·s/rad, that does as much work as the hand does, whichever way.
-    pub fn resists(&self, works: &mut Works<F>, way: F) -> F {
+    /// The wheel has gone `way` since the last sample.
+    pub fn interval(&self, works: &mut Works<F>, way: F) -> Interval<F> {
         let speed = way / self.period;
         let torque = works.commands[0] + self.late * (works.commands[1] - works.commands[0]);
         let dry = speed.if_above(F::ZERO, self.friction, F::ZERO) - (-speed).if_above(F::ZERO, self.friction, F::ZERO);
@@ -110,12 +120,18 @@ impl<F: Real> Hand<F> {
         works.hand += self.averaged * (hand * mean - works.hand);
         works.size += self.averaged * ((moved * mean).abs() - works.size);
         works.square += self.averaged * (mean * mean - works.square);
+        Interval { velocity: works.velocity, work: torque * way, hand: hand * mean * self.period }
+    }
+
+    /// The damping, N·m·s/rad, that does as much work as the hand does, whichever way.
+    fn resists(works: &Works<F>) -> F {
         let work = works.hand.abs() - F::from_f64(ERRORS[1]) * works.size;
         if work > F::ZERO { work / (works.square + F::from_f64(REST * REST)) } else { F::ZERO }
     }
 
     /// The part of a remedy against this lack of damping that a hand with this work leaves to do.
-    pub fn leaves(&self, works: &mut Works<F>, resists: F, lacking: F) -> F {
+    pub fn leaves(&self, works: &mut Works<F>, lacking: F) -> F {
+        let resists = Self::resists(works);
         let now = if lacking > F::ZERO { within(resists / lacking, F::ZERO, F::ONE + F::HALF) } else { F::ZERO };
         let [slow, fast] = self.kept;
         let holds = works.holds > F::from_f64(HOLDS) * works.others;

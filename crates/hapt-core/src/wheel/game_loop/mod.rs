@@ -1,12 +1,13 @@
 //! The loop that a game closes: it computes a torque from the wheel's position, late and at a rate of its own.
 //!
 //! [`GameLoop`] finds that law from the levels and the motion, and adds the damping that it lacks, (T69), on the lower end of what the device has and the upper
-//! end of what the law may be. What no damper of this device gives is held back of the level. Where a hand does the work that the damping would do, both fade: what a hand
+//! end of what the law may be. Where the wheel's swings gain more than a law explains, it adds what they show. What no damper of this device gives is held back of the level. Where a hand does the work that the damping would do, both fade: what a hand
 //! feels is the game's torque. A law that cannot be told changes nothing.
 
 mod cost;
 mod hand;
 mod law;
+mod swing;
 
 pub use cost::{Damper, HostTime};
 pub use law::GameLaw;
@@ -16,6 +17,7 @@ use crate::Real;
 use crate::contact::within;
 use hand::{Hand, Works};
 use law::{Memory, SPAN, Search};
+use swing::Swings;
 
 /// The largest torque that a count of the encoder may make through the damper, N·m: its velocity is as smooth as this needs.
 const COUNT_STEP: f64 = 0.03;
@@ -23,8 +25,12 @@ const COUNT_STEP: f64 = 0.03;
 const PART_OF_INERTIA: f64 = 0.25;
 /// By which the damping is more than what is lacking.
 const SPARE: f64 = 1.1;
+/// The same of what swings take, which is found from few of them.
+const SPARE_OF_SWINGS: f64 = 2.0;
 /// In s: a remedy comes in this time at the soonest.
 const RISE: f64 = 0.05;
+/// The part of the motor's limit from which on a level is the largest.
+const LARGEST: f64 = 0.99;
 /// What was found of a law that cost more is believed for a time of this constant in motion, s; the second where nothing can be told any more.
 const BELIEF: [f64; 2] = [5.0, 1.0];
 /// Steps of the search for the damping that pays for its own lateness too; it grows from below.
@@ -41,6 +47,8 @@ pub enum Oddity {
     Uneven,
     /// The levels follow the motion in a small part only.
     Loose,
+    /// The free wheel's swings gain more than the law explains.
+    Swings,
 }
 
 /// What a game's loop is, and what is done about it, at a sample.
@@ -99,6 +107,8 @@ pub struct GameLoop<F> {
     most: F,
     /// By which a torque may change in a second, N·m/s.
     slew: F,
+    /// A level of this size is the largest, N·m.
+    largest: F,
     acts: bool,
 }
 
@@ -107,6 +117,7 @@ pub struct GameLoop<F> {
 pub struct GameLoopState<F> {
     memory: Memory<F>,
     works: Works<F>,
+    swings: Swings<F>,
     last: Option<F>,
     velocity: F,
     /// The dearest law of late.
@@ -173,6 +184,7 @@ impl<F: Real> GameLoop<F> {
             count: of(count),
             most: of(most_damping(inertia, timing.period, timing.delay + timing.lag, count)),
             slew: of(limit / RISE),
+            largest: of(LARGEST * limit),
             acts,
         })
     }
@@ -187,6 +199,7 @@ impl<F: Real> GameLoop<F> {
         GameLoopState {
             memory: self.search.start(),
             works: self.hand.start(),
+            swings: Swings::start(),
             last: None,
             velocity: F::ZERO,
             dearest: None,
@@ -208,10 +221,13 @@ impl<F: Real> GameLoop<F> {
             self.judge(state, told);
         }
         let period = self.damper.period;
-        let resists = self.hand.resists(&mut state.works, way);
         let mut report = state.report;
-        report.hands_off = self.hand.leaves(&mut state.works, resists, report.lacking);
-        let live = self.acts && self.search.is_live(&state.memory);
+        let interval = self.hand.interval(&mut state.works, way);
+        state.swings.sample(period, &interval, report.damping, report.held_back);
+        report.hands_off = self.hand.leaves(&mut state.works, report.lacking);
+        // A law at the motor's limit stays there while the wheel comes back from far out.
+        let is_largest = heard.torque.abs() >= self.largest;
+        let live = self.acts && (is_largest || self.search.is_live(&state.memory));
         let (damping, held_back) = if live { state.wanted } else { (F::ZERO, F::ZERO) };
         // A remedy comes no faster than a torque may.
         let smoothing = self.smoothing(report.damping);
@@ -258,18 +274,37 @@ impl<F: Real> GameLoop<F> {
         });
         let cost = |law: Option<(F, HostTime<F>)>| law.map_or(F::ZERO, |(stiffness, host)| stiffness * host.cost());
         state.dearest = if cost(believed) > cost(found) { believed } else { found };
-        let Some((stiffness, host)) = state.dearest else { return };
-        let lacking = stiffness * host.cost() - self.device;
+        self.decide(state);
+    }
+
+    /// What keeps the law quiet, by (T69), and the swings small; the greater of the two.
+    fn decide(&self, state: &mut GameLoopState<F>) {
+        let nothing = (F::ZERO, HostTime { hold: F::ZERO, lateness: F::ZERO });
+        let (stiffness, host) = state.dearest.unwrap_or(nothing);
+        let takes = state.swings.takes();
+        let of_swings = takes * F::from_f64(SPARE_OF_SWINGS) - self.device;
+        let lacking = larger(stiffness * host.cost(), takes) - self.device;
         let mut damping = F::ZERO;
         for _ in 0..ROUNDS {
             let next = self.damper(damping).lacking(self.device, &host, stiffness) * F::from_f64(SPARE);
             damping = within(next, F::ZERO, self.most);
         }
+        damping = larger(damping, within(of_swings, F::ZERO, self.most));
+        // (T69) at the damping that it will be.
         let quiet = self.damper(damping).stiffness(self.device, &host);
-        let held_back = if quiet < stiffness { F::ONE - quiet / stiffness } else { F::ZERO };
-        state.wanted = (damping, held_back);
+        let of_law = if quiet < stiffness { F::ONE - quiet / stiffness } else { F::ZERO };
+        let beyond = of_swings - self.most;
+        let of_swings = if beyond > F::ZERO { beyond / (of_swings + self.device) } else { F::ZERO };
+        state.wanted = (damping, larger(of_law, of_swings));
         state.report.lacking = if lacking > F::ZERO { lacking } else { F::ZERO };
+        if state.report.oddity.is_none() && takes > stiffness * host.cost() && takes > self.device {
+            state.report.oddity = Some(Oddity::Swings);
+        }
     }
+}
+
+fn larger<F: Real>(one: F, other: F) -> F {
+    if other > one { other } else { one }
 }
 
 fn oddity<F: Real>(law: &GameLaw<F>) -> Option<Oddity> {

@@ -160,6 +160,46 @@ proptest! {
     }
 }
 
+/// The largest speeds of a wheel that is kicked and left alone, in the second after the kick and in the last of twenty; the game sees the angle through a
+/// low-pass of this time, as where a car answers the steering.
+fn speeds_behind(lag: f64, rig: &Rig, seed: u64) -> [f64; 2] {
+    let (mut dice, mut seen) = (Dice(seed), 0.0);
+    let mut game = Game::new(rig.law, [rig.hold; 2], [rig.late; 2]);
+    let inertia = rig.inertia;
+    let kick = move |t: f64, _: f64, _: f64| if t < 0.05 { inertia * 2.0 / 0.05 } else { 0.0 };
+    let [mut first, mut last] = [0.0_f64; 2];
+    let levels_of = |step: usize, z: f64| {
+        seen += STEP / lag * (z - seen);
+        game.torque(step, seen, &mut dice)
+    };
+    levels(rig, 20.0, levels_of, kick, |now| {
+        let place = if now.t < 1.0 { &mut first } else { &mut last };
+        if now.t < 1.0 || now.t > 19.0 {
+            *place = place.max(now.v.abs());
+        }
+    });
+    [first, last]
+}
+
+proptest! {
+    #![proptest_config(cases(64))]
+
+    #[test]
+    fn a_wheel_whose_game_answers_slowly_does_not_grow(seed in any::<u64>()) {
+        let mut dice = Dice(seed);
+        let (rig, lag) = (Rig::random(&mut dice), dice.between(0.02, 0.3));
+        let [first, last] = speeds_behind(lag, &rig, seed);
+        prop_assert!(last <= 1.01 * first.max(2.0), "{lag} s behind, {rig:?}: {first} rad/s, later {last}");
+    }
+}
+
+#[test]
+fn a_game_that_answers_slowly_grows_without_a_remedy_and_is_quiet_with_it() {
+    let grown = speeds_behind(0.2, &Rig { law: Law::Line(4.0), acts: false, ..RIG }, 1);
+    let quiet = speeds_behind(0.2, &Rig { law: Law::Line(4.0), ..RIG }, 1);
+    assert!(grown[1] > 5.0 && quiet[1] < 0.2, "{grown:?} {quiet:?}");
+}
+
 #[test]
 fn the_game_of_the_documentation_grows_without_it_and_is_quiet_with_it() {
     let rig = Rig {
