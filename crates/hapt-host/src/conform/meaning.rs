@@ -29,6 +29,8 @@ known_errors! {
     Infinite = "an effect without length ends at once",
     /// No torque at all.
     Nothing = "the effect gives no torque",
+    /// Whatever the wave.
+    Sine = "the wave is a sine (hid-pidff: PERIODIC_SINE_ONLY)",
     /// Up for down.
     Sawtooth = "a sawtooth runs the other way",
     /// The other way.
@@ -42,7 +44,7 @@ known_errors! {
     /// It plays on.
     Length = "the effect plays beyond its length",
     /// At once.
-    Delay = "the delay before the effect is ignored",
+    Delay = "the delay before the effect is ignored (hid-pidff: MISSING_DELAY)",
     /// Once.
     Count = "the effect plays once, however often it is asked to",
     /// As at its start.
@@ -72,7 +74,7 @@ known_errors! {
     /// The right one on both sides.
     Left = "the coefficient of the left side is ignored",
     /// It replaces the first.
-    SecondAxis = "the numbers of a second axis replace those of the wheel",
+    SecondAxis = "the numbers of a second axis replace those of the wheel (hid-pidff: MISSING_PBO)",
 }
 
 /// How a wheel moves at an instant, in shares of half of the steering range and s.
@@ -218,6 +220,9 @@ fn enveloped(level: f64, envelope: &Envelope, length: Option<f64>, time: f64, er
 }
 
 fn waved(wave: Wave, turn: f64, error: Option<KnownError>) -> f64 {
+    if error == Some(KnownError::Sine) {
+        return (std::f64::consts::TAU * turn).sin();
+    }
     let reversed = error == Some(KnownError::Sawtooth);
     match wave {
         Wave::Square => {
