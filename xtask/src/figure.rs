@@ -1,5 +1,5 @@
-//! The documents' pictures: drawn from the runs' CSV, one row of [`FIGURES`] each, those of [`DRAWN`], which commands draw, and that of the
-//! campaign of wheels.
+//! The documents' pictures: drawn from the runs' CSV, one row of [`FIGURES`] each, those of [`DRAWN`], which commands draw, and those of the
+//! campaigns of wheels.
 
 use std::collections::HashMap;
 use std::fs;
@@ -278,7 +278,8 @@ fn pictures() -> impl Iterator<Item = (String, Result<String>)> {
     let path = |name: &str| format!("docs/images/{name}.svg");
     let of_runs = FIGURES.iter().map(move |figure| (path(figure.name), picture(figure)));
     let by_commands = DRAWN.iter().map(move |(name, command)| (path(name), drawn(name, command)));
-    of_runs.chain(by_commands).chain(std::iter::once_with(move || (path("hands-off"), crate::wheel::picture())))
+    let of_wheels = [("hands-off", crate::wheel::picture as fn() -> _), ("games", crate::wheel_games::picture)];
+    of_runs.chain(by_commands).chain(of_wheels.into_iter().map(move |(name, draw)| (path(name), draw())))
 }
 
 pub fn write() -> Result<()> {

@@ -8,6 +8,8 @@ use std::fmt::Write as _;
 
 use anyhow::{Result, anyhow};
 use fastrand::Rng;
+use hapt_report::Width;
+use hapt_report::figure::{Axis, Figure, Panel, Style};
 
 use crate::campaign::Campaign;
 use run::{KICK, Outcome, Pair, Remedy, run};
@@ -34,6 +36,42 @@ pub fn command(words: &[&str]) -> Result<()> {
         text += "\n";
     }
     campaign.publish("wheel games", "docs/wheel.md", &text)
+}
+
+/// Games in the picture, and what is drawn of each: the least that is shown, and the axis.
+const SHOWN: u64 = 200;
+type Drawn = (fn(&Outcome) -> f64, f64, f64, &'static str, &'static str);
+const DRAWN: [Drawn; 2] = [
+    (|one| one.last, 1e-2, 1e2, "hands off: the wheel's speed 6 s after a kick", "rad/s"),
+    (|one| 100.0 * one.beside, 1e-2, 1e2, "hands on: torque beside the game's, of the motor's largest", "%"),
+];
+
+/// The picture of docs/wheel.md: which part of the games is faster, and which feels more.
+pub fn picture() -> Result<String> {
+    let all = outcomes(SHOWN, 1, true)?;
+    let panel = |(of, least, most, name, unit): Drawn| {
+        let x = Axis::logarithmic(name, unit, least, most);
+        let mut panel = Panel::new("", x, Axis::from_to("games with more", "%", 0.0, 100.0));
+        for (signal, ((name, _), outcomes)) in REMEDIES.into_iter().zip(&all).enumerate() {
+            let mut sizes: Vec<f64> = outcomes.iter().map(|one| of(one).clamp(least, most)).collect();
+            sizes.sort_by(f64::total_cmp);
+            let count = sizes.len() as f64;
+            let part = |(at, size): (usize, f64)| (size, 100.0 * (count - at as f64) / count);
+            let mut points = vec![(least, 100.0)];
+            points.extend(sizes.into_iter().enumerate().map(part));
+            panel.curve(name, Style::Signal(signal), points);
+        }
+        panel
+    };
+    let [hapt, nothing, ..] = &all;
+    let growing = |outcomes: &[Outcome]| outcomes.iter().filter(|one| grows(one)).count();
+    let alt = format!(
+        "Of {SHOWN} random games with a car that answers the steering, {} grow hands off with hapt and {} with nothing; below, the torque that hands feel beside the game's.",
+        growing(hapt),
+        growing(nothing)
+    );
+    let title = "Random games on random wheels, by what is added to them".into();
+    Ok(Figure { title, alt, panels: DRAWN.map(panel).into(), columns: 1 }.svg(Width::Wide, true) + "\n")
 }
 
 /// Of each remedy, the outcome with each pair.
