@@ -521,6 +521,7 @@ class World:
         self.cutoff = table.number("cutoff", FREQUENCY, positive=True) if "cutoff" in table.left else None
         if self.cutoff is None and self.estimator == "low-pass":
             raise Refused("loop.cutoff is missing")
+        self.every = table.whole("every", 1, 1, 256)
         table.whole("window", 16, 1, 256)
         table.close()
 
@@ -584,6 +585,8 @@ class World:
             return
         if self.estimator not in ("difference", "low-pass"):
             raise Refused(f"the estimator {self.estimator} gives a damping at the puck a velocity that no theorem here covers")
+        if self.estimator == "difference" and self.every > 1:
+            raise Refused(f"a difference over {self.every} samples gives a damping at the puck a velocity that no theorem here covers")
         if self.estimator == "low-pass" and not all(coupling.is_linear() for coupling in self.couplings):
             raise Refused("a velocity from a low-pass beside nonlinear couplings is covered by no theorem here")
 

@@ -204,7 +204,10 @@ pub fn linear_response(world: &World, motion: [f64; 2]) -> Result<Row, Error> {
     let couplings: Vec<Coupling> = world.couplings.iter().filter_map(linear).collect();
     let estimator = match world.sampling.velocity_estimator() {
         Estimator::Foaw { .. } | Estimator::FoawBest { .. } => Estimator::Difference,
-        linear @ (Estimator::Exact | Estimator::Difference | Estimator::LowPass { .. }) => linear,
+        linear @ (Estimator::Exact
+        | Estimator::Difference
+        | Estimator::DifferenceOver { .. }
+        | Estimator::LowPass { .. }) => linear,
     };
     let spec = Spec {
         estimator,

@@ -277,6 +277,7 @@ fn random(rng: &mut Rng) -> World {
         &[EstimatorKind::Difference, EstimatorKind::Difference, EstimatorKind::Exact, EstimatorKind::LowPass],
     );
     sampling.cutoff = (sampling.estimator == EstimatorKind::LowPass).then(|| log_uniform(rng, -2.0, 0.0) / period);
+    sampling.every = if rng.u8(..4) == 0 { rng.u32(2..9) } else { 1 };
     sampling.method = match kind {
         0 => one_of(rng, &[Method::Zoh, Method::Trapezoidal, Method::BackwardEuler]),
         _ => one_of(rng, &[Method::Zoh, Method::ForwardEuler, Method::Rk4]),

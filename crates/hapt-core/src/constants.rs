@@ -102,6 +102,10 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
                 to.whole("window", "FOAW's longest window in samples", window as i64);
                 to.whole("best", "whether it takes the least-squares slope", i64::from(best));
             }
+            Some(Velocity::DifferenceOver { every, rate }) => {
+                to.whole("every", "samples over which the velocity is taken", every as i64);
+                to.number("every_rate", "1 over their time, in 1/s", rate.to_f64());
+            }
         }
         to.number("passes", "up to here a torque is commanded as it is", self.actuator.passes.to_f64());
         to.number("beyond", "what is commanded beyond", self.actuator.beyond.to_f64());

@@ -230,7 +230,7 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize, const S: us
 {
     #[inline(always)]
     fn estimate(&self, memory: &Memory<Lanes<N>, W>, position: Lanes<N>) -> Lanes<N> {
-        if let Some(velocity) = self.common.sensor.by_last(memory, position) {
+        if let Some(velocity) = self.common.sensor.by_difference(memory, position) {
             return velocity;
         }
         // FOAW remembers counts.
@@ -454,7 +454,8 @@ fn response<T, const N: usize, const B: usize>(
     }
 }
 
-/// The estimator of all worlds; `None` where they have different ones. Of FOAW the longest window, of which each lane takes its own.
+/// The estimator of all worlds; `None` where they have different ones, or differences over different numbers of samples. Of FOAW the longest
+/// window, of which each lane takes its own.
 fn velocity<const N: usize, const B: usize, const C: usize, const W: usize>(
     worlds: &[Loop<f64, B, C, W>; N],
 ) -> Option<Option<Velocity<Lanes<N>>>> {
@@ -466,10 +467,16 @@ fn velocity<const N: usize, const B: usize, const C: usize, const W: usize>(
         Some(Some(Velocity::Difference))
     } else if all(|velocity| matches!(velocity, Some(Velocity::Foaw { .. }))) {
         Some(Some(Velocity::Foaw { window: W, best: false }))
+    } else if let Some(Velocity::DifferenceOver { every, .. }) = worlds.first().and_then(of) {
+        let rate = |world: &Loop<f64, B, C, W>| match of(world) {
+            Some(Velocity::DifferenceOver { every: other, rate }) if other == every => Some(rate),
+            None | Some(_) => None,
+        };
+        Some(Some(Velocity::DifferenceOver { every, rate: each_or_none(worlds, rate)?? }))
     } else {
         let low_pass = |world: &Loop<f64, B, C, W>| match of(world) {
             Some(Velocity::LowPass { keep, gain }) => Some([keep, gain]),
-            None | Some(Velocity::Difference | Velocity::Foaw { .. }) => None,
+            None | Some(Velocity::Difference | Velocity::Foaw { .. } | Velocity::DifferenceOver { .. }) => None,
         };
         let part = |i: usize| each_or_none(worlds, |world| low_pass(world).map(|parts| parts[i])).flatten();
         Some(Some(Velocity::LowPass { keep: part(0)?, gain: part(1)? }))

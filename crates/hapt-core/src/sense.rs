@@ -22,12 +22,12 @@ pub struct Puck<F> {
 pub struct Memory<F, const W: usize> {
     /// u_{k-1}; `None` before the first sample.
     pub last: Option<Puck<F>>,
-    /// The last counts, a ring; the newest stands at `newest`. For FOAW alone.
+    /// The last counts, a ring; the newest stands at `newest`. For FOAW, and positions for the difference over several samples.
     #[cfg_attr(feature = "serde", serde(with = "crate::array"))]
     pub counts: [F; W],
-    /// Where the newest count stands.
+    /// Where the newest stands.
     pub newest: usize,
-    /// How many older counts there are, at most W - 1.
+    /// How many older ones there are, at most W - 1.
     pub older: usize,
 }
 
@@ -78,6 +78,11 @@ pub(crate) enum Velocity<F> {
         window: usize,
         best: bool,
     },
+    /// v_k = rate (z_k - z_{k-every}), rate = 1/(every T)
+    DifferenceOver {
+        every: usize,
+        rate: F,
+    },
 }
 
 impl<F: Number> Sensor<F> {
@@ -104,6 +109,15 @@ impl<F: Number> Sensor<F> {
             }
             Estimator::Foaw { window } => Some(foaw(window, false)?),
             Estimator::FoawBest { window } => Some(foaw(window, true)?),
+            Estimator::DifferenceOver { every } => Some(match every {
+                0 => return Err(Error::Value { what: "every", given: 0.0, wanted: "positive" }),
+                1 => Velocity::Difference,
+                _ if every as usize >= W => return Err(Error::WindowTooLong { given: every, room: W }),
+                _ => {
+                    let rate = F::from_f64(1.0 / (f64::from(every) * spec.period));
+                    Velocity::DifferenceOver { every: every as usize, rate }
+                }
+            }),
         };
         Ok(Sensor { count: spec.count.map(F::from_f64), rate: F::from_f64(1.0 / spec.period), velocity })
     }
@@ -111,7 +125,7 @@ impl<F: Number> Sensor<F> {
     /// z_k from the puck's true position; the memory moves on by one sample, except for its `last`.
     #[inline(always)]
     pub fn position<const W: usize>(&self, memory: &mut Memory<F, W>, position: F) -> F {
-        match self.count {
+        let position = match self.count {
             None => position,
             Some(size) => {
                 // A tie within 1e-9 of a count goes up.
@@ -121,16 +135,21 @@ impl<F: Number> Sensor<F> {
                 }
                 count * size
             }
+        };
+        if let Some(Velocity::DifferenceOver { .. }) = self.velocity {
+            memory.push(position);
         }
+        position
     }
 
-    /// The velocity from this position and the last; `None` for FOAW, which looks at more.
+    /// The velocity from this position, which the memory has already, and earlier ones; `None` for FOAW, which has to look for its window.
     #[inline(always)]
-    pub fn by_last<const W: usize>(&self, memory: &Memory<F, W>, position: F) -> Option<F> {
+    pub fn by_difference<const W: usize>(&self, memory: &Memory<F, W>, position: F) -> Option<F> {
         let (Some(estimator), Some(last)) = (self.velocity, memory.last) else { return Some(F::ZERO) };
         match estimator {
             Velocity::Difference => Some((position - last.position) * self.rate),
             Velocity::LowPass { keep, gain } => Some(keep * last.velocity + gain * (position - last.position)),
+            Velocity::DifferenceOver { every, rate } => Some((position - memory.then(every.min(memory.older))) * rate),
             Velocity::Foaw { .. } => None,
         }
     }
@@ -140,7 +159,7 @@ impl<F: Real> Sensor<F> {
     /// The velocity from this position and those before. Out of line: the exact velocity does not wait for what was stored last.
     #[inline(never)]
     pub fn estimate<const W: usize>(&self, memory: &Memory<F, W>, position: F) -> F {
-        match self.by_last(memory, position) {
+        match self.by_difference(memory, position) {
             None => self.foaw(memory.older, |age| memory.count(age)),
             Some(velocity) => velocity,
         }
@@ -151,7 +170,7 @@ impl<F: Real> Sensor<F> {
     pub fn window(&self, older: usize) -> usize {
         match self.velocity {
             Some(Velocity::Foaw { window, .. }) => window.min(older),
-            None | Some(Velocity::Difference | Velocity::LowPass { .. }) => 0,
+            None | Some(Velocity::Difference | Velocity::LowPass { .. } | Velocity::DifferenceOver { .. }) => 0,
         }
     }
 

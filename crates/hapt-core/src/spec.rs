@@ -216,6 +216,11 @@ pub enum Estimator {
         /// The largest window in samples, positive.
         window: u32,
     },
+    /// v_k = (z_k - z_{k-n})/(nT), n = `every`; before its first sample the puck counts as at rest.
+    DifferenceOver {
+        /// n in samples, positive.
+        every: u32,
+    },
 }
 
 /// The whole loop: what [`crate::Loop::new`] compiles.

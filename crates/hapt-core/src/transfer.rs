@@ -50,17 +50,20 @@ impl<F: Real> Sensor<F> {
         let Some(mut last) = memory.last.filter(|_| self.count == before.count) else { return Memory::EMPTY };
         // The puck's position one new period ago, extrapolated at its velocity.
         last.position += shorter * last.velocity;
-        let foaw = |sensor: &Self| match sensor.velocity {
-            Some(Velocity::Foaw { .. }) => true,
-            None | Some(Velocity::Difference | Velocity::LowPass { .. }) => false,
-        };
-        if foaw(self) && foaw(before) && shorter == F::ZERO {
+        let foaw = |sensor: &Self| matches!(sensor.velocity, Some(Velocity::Foaw { .. }));
+        let over = |sensor: &Self| matches!(sensor.velocity, Some(Velocity::DifferenceOver { .. }));
+        let is_same = foaw(self) && foaw(before) || over(self) && over(before);
+        if is_same && shorter == F::ZERO {
             return Memory { last: Some(last), ..*memory };
         }
         let mut next = Memory { last: Some(last), ..Memory::EMPTY };
         // The window begins anew: its counts are one period apart, of the period that has ended.
-        if let (Some(size), Some(newest)) = (self.count, next.counts.first_mut()) {
-            *newest = (last.position / size + F::HALF).floor();
+        if let Some(newest) = next.counts.first_mut() {
+            *newest = match self.count {
+                _ if over(self) => last.position,
+                Some(size) => (last.position / size + F::HALF).floor(),
+                None => F::ZERO,
+            };
         }
         next
     }

@@ -112,7 +112,7 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
     let law = |name: &str| kinds.contains(&name);
     let (is_end, ahead) = (spec.output == Output::End, yes("advance"));
     let exact = spec.estimator == Estimator::Exact;
-    let windowed = world.whole("window").is_some();
+    let (windowed, over) = (world.whole("window").is_some(), world.whole("every").is_some());
     let low_pass = matches!(spec.estimator, Estimator::LowPass { .. });
     let falling = gradient && (law("wall") || law("spring") || law("dead_band"));
     let nearest = gradient && (law("detent") || law("magnet") || law("texture"));
@@ -137,9 +137,11 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
         ("gradient", gradient),
         ("pushed", at_bodies && !gradient),
         ("exact", exact),
-        ("difference", !exact && !low_pass && !windowed),
+        ("difference", !exact && !low_pass && !windowed && !over),
         ("low_pass", low_pass),
         ("foaw", windowed),
+        ("over", over),
+        ("ring", windowed || over),
         ("best", yes("best")),
         ("last", !exact || new_first),
         ("count", spec.count.is_some()),
@@ -195,7 +197,7 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
     facts.text("n", n);
     facts.text("n_room", n.max(1));
     facts.text("couplings", kinds.len());
-    facts.text("counts", world.whole("window").unwrap_or(0) + 1);
+    facts.text("counts", world.whole("window").or(world.whole("every")).unwrap_or(0) + 1);
     facts.text("pairs", world.list("pairs").count());
     facts.text("parts", stored.len());
     facts.text("tuned", about.tunes.len());

@@ -98,6 +98,7 @@ fn has_effect(world: &World, path: &str) -> bool {
             EstimatorKind::Foaw | EstimatorKind::FoawBest => true,
             EstimatorKind::Exact | EstimatorKind::Difference | EstimatorKind::LowPass => false,
         },
+        "loop.every" => sampling.estimator == EstimatorKind::Difference,
         "loop.cutoff" => sampling.estimator == EstimatorKind::LowPass,
         "loop.advance" => sampling.output == Output::End && sampling.bodies_every == 1,
         "loop.bodies_every" => {

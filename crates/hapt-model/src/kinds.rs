@@ -27,7 +27,7 @@ hapt_core::named! {
         /// The true velocity.
         #[default]
         Exact => "exact",
-        /// The backward difference.
+        /// The backward difference, over one sample or `every` so many.
         Difference => "difference",
         /// The backward difference through a first-order low-pass.
         LowPass => "low-pass",

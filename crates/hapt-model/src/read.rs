@@ -151,6 +151,7 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
         delay_max: fields.optional_delay("delay_max")?,
         estimator,
         cutoff: fields.optional_number("cutoff")?,
+        every: fields.whole("every")?,
         window: fields.whole("window")?,
     };
 

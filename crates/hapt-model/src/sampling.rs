@@ -27,6 +27,8 @@ pub struct Sampling {
     pub estimator: EstimatorKind,
     /// The low-pass estimator's cutoff in Hz; always there with `low-pass`, kept when given with another.
     pub cutoff: Option<f64>,
+    /// The samples over which the estimator `difference` takes the velocity, 1 or more; kept when given with another.
+    pub every: u32,
     /// The largest FOAW window in samples.
     pub window: u32,
 }
@@ -89,10 +91,16 @@ impl Sampling {
         self.interval_max_s() == self.period && self.delay_max_s() == self.delay_s()
     }
 
+    /// Whether the velocity is the difference over more than one sample.
+    pub fn takes_several_samples(&self) -> bool {
+        self.estimator == EstimatorKind::Difference && self.every > 1
+    }
+
     /// The estimator with its parameters.
     pub fn velocity_estimator(&self) -> Estimator {
         match self.estimator {
             EstimatorKind::Exact => Estimator::Exact,
+            EstimatorKind::Difference if self.every > 1 => Estimator::DifferenceOver { every: self.every },
             EstimatorKind::Difference => Estimator::Difference,
             // The reader refuses low-pass without a cutoff; an infinite one is the plain difference.
             EstimatorKind::LowPass => Estimator::LowPass { cutoff: self.cutoff.unwrap_or(f64::INFINITY) },

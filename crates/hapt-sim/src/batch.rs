@@ -72,9 +72,11 @@ fn with_bodies<const B: usize>(
     scenario: usize,
     stop: &Stop<'_>,
 ) -> Option<[Option<Outcome>; LANES]> {
-    // Linear worlds without FOAW's window have a loop of their own, in which every lane computes at once. Batches are passed by reference:
+    // Linear worlds without a memory of several samples have a loop of their own, in which every lane computes at once. Batches are passed by reference:
     // room for couplings in every lane is much to move.
-    if !matches!(worlds[0].sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest) {
+    let sampling = &worlds[0].sampling;
+    let is_windowed = matches!(sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest);
+    if !is_windowed && !sampling.takes_several_samples() {
         let loops: Loops<B, 1> = loops(worlds)?;
         if let Some(linear) = Batch::<LANES, B, COUPLINGS, 1, 0>::new(&loops) {
             let run = Run::new(worlds, &linear, scenario, stop)?;

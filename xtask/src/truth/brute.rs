@@ -189,7 +189,7 @@ pub fn hand(rng: &mut Rng, world: &World) -> Hand {
 pub fn as_certified(world: &World) -> World {
     let mut world = world.clone();
     if world.sampling.estimator == EstimatorKind::Exact {
-        world.sampling.estimator = EstimatorKind::Difference;
+        (world.sampling.estimator, world.sampling.every) = (EstimatorKind::Difference, 1);
     }
     world
 }

@@ -69,6 +69,7 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
         delay_max: None,
         estimator,
         cutoff,
+        every: if estimator == EstimatorKind::Difference && rng.bool() { rng.u32(2..20) } else { 1 },
         window: 16,
     };
     let inertia = log_uniform(rng, -5.0, -2.0);

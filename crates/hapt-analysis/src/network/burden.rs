@@ -64,7 +64,8 @@ impl Late {
 /// Whether the damping of a link is bounded by (T64) with the velocity that this station has of its own puck.
 pub(super) fn bounds_damping(station: &Station) -> bool {
     match station.world.sampling.estimator {
-        EstimatorKind::Difference | EstimatorKind::LowPass => true,
+        EstimatorKind::Difference => station.world.sampling.every == 1,
+        EstimatorKind::LowPass => true,
         EstimatorKind::Exact | EstimatorKind::Foaw | EstimatorKind::FoawBest => false,
     }
 }

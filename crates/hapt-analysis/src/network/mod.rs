@@ -231,10 +231,11 @@ fn unproved_of_links(network: &System, index: usize) -> Result<Vec<String>, Erro
     let mut reasons = Vec::new();
     if own.iter().any(|link| link.damping > 0.0) && !bounds_damping(station) {
         reasons.push(format!(
-            "the damping of a link takes the velocity of {} by the {} estimator, for which there is no bound; expected \
+            "the damping of a link takes the velocity of {} by the {} estimator{}, for which there is no bound; expected \
              stations.{}.loop.estimator = \"difference\" or \"low-pass\"",
             station.name,
             station.world.sampling.estimator.name(),
+            if station.world.sampling.takes_several_samples() { " over several samples" } else { "" },
             station.name
         ));
     }

@@ -2,7 +2,7 @@
 //!
 //! The loop sees z + e, |e| ≤ Δ/2, and the motor rounds the torque to within half a step. Without bodies the sum of both is a
 //! torque on the puck of at most D = KΔ/2 + BΔ/T + step/2, whose work is at most D times the path. Coulomb friction of at least D
-//! dissipates as much.
+//! dissipates as much. A difference over n samples has BΔ/(nT).
 //!
 //! At a body it is a torque D_i = K_iΔ/2 + B_iΔ/T, which the friction of the puck does not compensate. Over an energy-conserving step
 //! its work is at most D·|path|, and dampers C that the puck does not move dissipate at least pathᵀ C path/T. The difference is at
@@ -67,7 +67,8 @@ pub fn quantisation(world: &World) -> Result<Quantisation, Error> {
     let [stiffness, damping] = at_puck(world, &world.couplings)?;
     let (device, period) = (&world.device, world.sampling.period);
     let (friction, step, count) = (device.friction, step(world), world.count());
-    let least_friction = count.map_or(0.0, |count| damping * count / period) + 0.5 * step;
+    let over = if world.sampling.takes_several_samples() { f64::from(world.sampling.every) } else { 1.0 };
+    let least_friction = count.map_or(0.0, |count| damping * count / (over * period)) + 0.5 * step;
     let max_stiffness = (count.is_some() || step > 0.0).then(|| {
         let left = friction - least_friction;
         let by_friction = match count {
@@ -100,9 +101,11 @@ fn keeps_energy_on_time(world: &World) -> Result<bool, Error> {
 /// [`Error::NoSuchBody`], [`Error::InFlight`].
 pub(crate) fn count_power(world: &World) -> Result<Option<f64>, Error> {
     let (Some(count), n) = (world.count(), world.bodies.len()) else { return Ok(None) };
+    let over_several = world.sampling.takes_several_samples();
     let outside = |c: &Coupling| {
         matches!(Kind::of(c), Kind::Constant | Kind::Lugre)
             || (laws::at_body(c) && laws::at_puck(c) && laws::is_damped_wall(&c.law))
+            || (over_several && laws::at_body(c) && laws::at_puck(c) && laws::takes_velocity(&c.law))
     };
     // Its sum is about steps at every sample.
     if world.sampling.bodies_every > 1 || !keeps_energy_on_time(world)? || world.couplings.iter().any(outside) {

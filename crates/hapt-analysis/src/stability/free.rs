@@ -497,7 +497,7 @@ fn passive_below(port: &Port, sampling: &Sampling, damping: f64) -> f64 {
     let keeps_energy = keeps_energy(sampling.method) && sampling.output == Output::End;
     let at_once = sampling.advance == 0 && sampling.delay.seconds(sampling.period) == 0.0 && port.lag == 0.0;
     // A damper at the puck takes the mean velocity of both its ends, if these move in the same sample.
-    let is_mean = sampling.estimator == EstimatorKind::Difference && sampling.bodies_every == 1;
+    let is_mean = sampling.estimator == EstimatorKind::Difference && sampling.every == 1 && sampling.bodies_every == 1;
     let by_difference = !port.has_damper() || is_mean;
     let rate = 0.5 * port.stiffness + port.per_period;
     if keeps_energy && at_once && by_difference && rate > 0.0 { ((damping - port.fixed) / rate).max(0.0) } else { 0.0 }

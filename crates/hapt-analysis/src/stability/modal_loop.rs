@@ -431,6 +431,7 @@ mod tests {
                 "estimator = \"difference\"",
                 "estimator = \"low-pass\", cutoff = \"30 Hz\"",
                 "estimator = \"foaw\", window = 3",
+                "estimator = \"difference\", every = 4",
             ]),
             device in prop::sample::select(vec!["", ", lag = 1e-3"]),
             is_damped in any::<bool>(),

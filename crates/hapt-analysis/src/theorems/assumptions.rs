@@ -22,6 +22,9 @@ use crate::text::with_unit;
 
 pub(super) const LOW_PASS: &str = "a low-pass delays the velocity, and nonlinear couplings have no proof with that";
 
+pub(super) const BRISTLE_EVERY: &str =
+    "a velocity over several samples bends the bristles of LuGre friction behind the puck, and they have no proof with that: every = 1";
+
 pub(super) const BRISTLE: &str =
     "LuGre friction at the puck is proved as a hysteresis alone: bristle_damping = 0, and stribeck the same as coulomb";
 
@@ -244,6 +247,11 @@ pub(super) fn outside_energy(world: &World, timing: Timing) -> Option<String> {
             "a damper with a limit stands between the puck and a body, beside detents, friction or damped walls at bodies, whose \
              torques may not agree within a step",
         );
+    }
+    if sampling.takes_several_samples()
+        && world.couplings.iter().any(|c| laws::at_puck(c) && laws::at_body(c) && laws::takes_velocity(&c.law))
+    {
+        return outside("a damping between the puck and a body takes the puck's velocity over several samples");
     }
     // Neither at a body nor at the puck is the step known to be passive.
     if world.couplings.iter().any(|c| Kind::of(c) == Kind::Lugre) {

@@ -14,7 +14,7 @@ use crate::passivity::required::{
 };
 use crate::passivity::supremum::Wanted;
 use crate::passivity::timing::Timing;
-use crate::theorems::assumptions::{BRISTLE, LOW_PASS, outside_energy};
+use crate::theorems::assumptions::{BRISTLE, BRISTLE_EVERY, LOW_PASS, outside_energy};
 use crate::theorems::{ENERGY, LAWS, LINEAR, LINEAR_LAG, LINEAR_LATE, LINEAR_UNEVEN, TWO_RATES, Theorem};
 
 /// What a theorem demands.
@@ -227,6 +227,7 @@ fn sum(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Error>
     for law in &laws {
         match Kind::of(law) {
             Kind::Potential | Kind::Linear | Kind::Constant => {}
+            Kind::Lugre if world.sampling.takes_several_samples() => return Ok(Demanded::outside(BRISTLE_EVERY)),
             Kind::Lugre if laws::is_hysteresis(&law.law) => {}
             Kind::Lugre => return Ok(Demanded::outside(BRISTLE)),
             Kind::Coulomb if laws::most(law) > 0.0 => {

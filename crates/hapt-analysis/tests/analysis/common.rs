@@ -35,6 +35,7 @@ impl Bench {
                 delay_max: None,
                 estimator: EstimatorKind::Difference,
                 cutoff: None,
+                every: 1,
                 window: 16,
             },
             device: Device {

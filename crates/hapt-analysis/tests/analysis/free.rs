@@ -67,7 +67,8 @@ impl Brute {
         let parts = if near { vec![over(period)] } else { vec![over(part), over(period - part)] };
         let window = match sampling.estimator {
             EstimatorKind::Foaw | EstimatorKind::FoawBest => sampling.window as usize,
-            _ => 1,
+            EstimatorKind::Difference => sampling.every as usize,
+            EstimatorKind::Exact | EstimatorKind::LowPass => 1,
         };
         let n = world.bodies.len();
         let samples = samples as usize;
@@ -95,7 +96,7 @@ impl Brute {
         let (kind, cutoff, n) = self.estimator;
         match kind {
             EstimatorKind::Exact => exact,
-            EstimatorKind::Difference => (z - older[0]) / t,
+            EstimatorKind::Difference => (z - older[n - 1]) / (n as f64 * t),
             EstimatorKind::LowPass => {
                 let tau = 1.0 / (TAU * cutoff);
                 (tau * last + z - older[0]) / (tau + t)

@@ -110,12 +110,13 @@ fn compiled(
     Loop::new(&spec).ok()
 }
 
-const ESTIMATORS: [Estimator; 5] = [
+const ESTIMATORS: [Estimator; 6] = [
     Estimator::Exact,
     Estimator::Difference,
     Estimator::LowPass { cutoff: 40.0 },
     Estimator::Foaw { window: 8 },
     Estimator::FoawBest { window: 5 },
+    Estimator::DifferenceOver { every: 6 },
 ];
 
 proptest! {

@@ -45,6 +45,13 @@ fn more_than_there_is_room_for_is_refused_with_the_room() {
     let long = Spec { estimator, count: Some(1e-3), ..SPEC };
     assert_eq!(refusal(&long), Some(Error::WindowTooLong { given: 17, room: 17 }));
     assert_eq!(refusal(&Spec { estimator: Estimator::Foaw { window: 16 }, ..long }), None);
+    // A difference needs the room with an ideal encoder too.
+    for count in [None, long.count] {
+        let over = |every| refusal(&Spec { estimator: Estimator::DifferenceOver { every }, count, ..long });
+        assert_eq!(over(17), Some(Error::WindowTooLong { given: 17, room: 17 }));
+        assert_eq!((over(16), over(1)), (None, None));
+        assert_eq!(over(0), Some(Error::Value { what: "every", given: 0.0, wanted: "positive" }));
+    }
 }
 
 #[test]

@@ -123,6 +123,21 @@ proptest! {
     }
 
     #[test]
+    fn a_difference_over_samples_is_its_equation_and_over_one_the_difference_to_the_bit(
+        positions in prop::collection::vec(-1.0_f64..1.0, 2..60), every in 1_u32..32, is_counted: bool,
+    ) {
+        let spec = Spec { count: is_counted.then_some(TAU / 500.0), ..EMPTY };
+        let measured = measure(&Spec { estimator: Estimator::DifferenceOver { every }, ..spec }, &positions);
+        for (k, (z, v)) in measured.iter().enumerate() {
+            let before = measured[k.saturating_sub(every as usize)].0;
+            let expected = (z - before) / (f64::from(every) * 1e-3);
+            prop_assert!((v - expected).abs() < 1e-12 * (1.0 + expected.abs()), "{k}: {v} {expected}");
+        }
+        let over_one = measure(&Spec { estimator: Estimator::DifferenceOver { every: 1 }, ..spec }, &positions);
+        prop_assert_eq!(over_one, measure(&Spec { estimator: Estimator::Difference, ..spec }, &positions));
+    }
+
+    #[test]
     fn the_torque_is_the_couplings_at_the_state_that_the_output_names(
         world in world(true), angle in 1e-3_f64..0.3, advance in 0_u32..4, z in -1.0_f64..1.0, v in -5.0_f64..5.0,
     ) {
@@ -257,8 +272,12 @@ proptest! {
 
 #[test]
 fn a_state_of_any_bits_gives_a_command_within_the_limit() {
-    let estimator = Estimator::Foaw { window: 16 };
-    let spec = Spec { estimator, count: Some(1e-3), limit: Some(0.5), ..EMPTY };
+    for estimator in [Estimator::Foaw { window: 16 }, Estimator::DifferenceOver { every: 16 }] {
+        of_any_bits(Spec { estimator, count: Some(1e-3), limit: Some(0.5), ..EMPTY });
+    }
+}
+
+fn of_any_bits(spec: Spec) {
     let control = Loop::<f64, 1, 1, 17>::new(&spec).unwrap();
     for place in [0, 16, 17, usize::MAX - 1, usize::MAX] {
         for number in [f64::NAN, f64::INFINITY, -1e308, 0.0] {

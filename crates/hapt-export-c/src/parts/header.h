@@ -18,8 +18,8 @@ typedef double hapt_real;
 /* The couplings up to the last nonlinear one. */
 #define HAPT_COUPLINGS @couplings@
 //end
-//if foaw
-/* The counts that the velocity's estimator remembers. */
+//if ring
+/* The samples that the velocity's estimator remembers. */
 #define HAPT_COUNTS @counts@
 //end
 
@@ -55,8 +55,8 @@ typedef struct {
     hapt_real last_position;
     hapt_real last_velocity;
 //end
-//if foaw
-    /* The last counts, a ring. */
+//if ring
+    /* The last counts or positions, a ring. */
     hapt_real count[HAPT_COUNTS];
     uint32_t newest;
     uint32_t older;

@@ -1,13 +1,25 @@
 /* ---- The puck as the loop measures it ---- */
 
-//if foaw
-/* The count so many samples ago. */
+//if ring
+/* The one so many samples ago. */
 static hapt_real hapt_then(const hapt_state *state, uint32_t age)
 {
     return state->count[(state->newest % HAPT_COUNTS + HAPT_COUNTS - (age < HAPT_COUNTS ? age : HAPT_COUNTS)) % HAPT_COUNTS];
 }
 
-/* The same, relative to the newest. */
+/* Adds the newest. */
+static void hapt_push(hapt_state *state, hapt_real newest)
+{
+    if (state->has_last) {
+        state->newest = (state->newest + 1) % HAPT_COUNTS;
+        state->older = state->older < HAPT_COUNTS - 1 ? state->older + 1 : HAPT_COUNTS - 1;
+    }
+    state->count[state->newest % HAPT_COUNTS] = newest;
+}
+
+//end
+//if foaw
+/* The count so many samples ago, relative to the newest. */
 static hapt_real hapt_count_at(const hapt_state *state, uint32_t age)
 {
     return hapt_then(state, age) - hapt_then(state, 0);
@@ -53,11 +65,7 @@ static hapt_real hapt_counted(const hapt_world *world, hapt_state *state, hapt_r
     /* A tie within 1e-9 of a count goes up. */
     const hapt_real count = hapt_floor(position / world->count + (hapt_real)0.5 + (hapt_real)1e-9);
 //if foaw
-    if (state->has_last) {
-        state->newest = (state->newest + 1) % HAPT_COUNTS;
-        state->older = state->older < HAPT_COUNTS - 1 ? state->older + 1 : HAPT_COUNTS - 1;
-    }
-    state->count[state->newest % HAPT_COUNTS] = count;
+    hapt_push(state, count);
 //else
     (void)state;
 //end
@@ -81,6 +89,9 @@ static hapt_real hapt_estimate(const hapt_world *world, const hapt_state *state,
 //if foaw
     (void)position;
     return hapt_windowed(world, state);
+//end
+//if over
+    return (position - hapt_then(state, HAPT_COUNTS - 1 < state->older ? HAPT_COUNTS - 1 : state->older)) * world->every_rate;
 //end
 }
 

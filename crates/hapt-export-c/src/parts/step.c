@@ -302,7 +302,7 @@ void hapt_state_init(hapt_state *state)
     state->last_position = (hapt_real)0;
     state->last_velocity = (hapt_real)0;
 //end
-//if foaw
+//if ring
     for (i = 0; i < HAPT_COUNTS; i++) {
         state->count[i] = (hapt_real)0;
     }

@@ -101,6 +101,7 @@ fn estimator() -> impl Strategy<Value = Estimator> {
         (5.0..300.0_f64).prop_map(|cutoff| Estimator::LowPass { cutoff }),
         (1_u32..16).prop_map(|window| Estimator::Foaw { window }),
         (1_u32..16).prop_map(|window| Estimator::FoawBest { window }),
+        (2_u32..16).prop_map(|every| Estimator::DifferenceOver { every }),
     ]
 }
 

@@ -63,6 +63,8 @@ pub const KEYS: &[Key] = &[
     key("loop.estimator", Takes::Name(EstimatorKind::NAMES), Name("exact"), "How the loop estimates the puck's velocity."),
     key("loop.cutoff", Quantity(Frequency, Positive), Depends("required with the estimator low-pass"),
         "The cutoff of the low-pass estimator.").within(0.5, 1e5),
+    key("loop.every", Whole { least: 1, most: 256, step: 1 }, Number(1.0),
+        "The samples over which the estimator difference takes the velocity."),
     key("loop.window", Whole { least: 1, most: 256, step: 1 }, Number(16.0), "The largest window of the FOAW estimators, in samples."),
 
     key("device", Table, Required, "Everything physical: the puck, its encoder and its motor."),

@@ -19,6 +19,7 @@ advance   = 0                           # "end" only: further steps ahead, puck 
 delay     = "0 ms"                      # from the sample to the moment the motor torque changes
 estimator = "exact"                     # puck velocity: "exact", "difference", "low-pass", "foaw", "foaw-best"
 cutoff    = "50 Hz"                     # low-pass only
+every     = 1                           # difference only: over so many samples
 window    = 16                          # foaw only: the largest window, in samples
 
 [device]
@@ -81,6 +82,7 @@ fn the_documented_example_reads_to_its_numbers() {
         delay_max: None,
         estimator: EstimatorKind::Exact,
         cutoff: Some(50.0),
+        every: 1,
         window: 16,
     };
     assert_eq!(world.sampling, sampling);
@@ -138,6 +140,7 @@ fn what_is_absent_has_its_default() {
         delay_max: None,
         estimator: EstimatorKind::Exact,
         cutoff: None,
+        every: 1,
         window: 16,
     };
     assert_eq!((world.title, world.motion, world.sampling), (None, Motion::Rotary, sampling));

@@ -124,7 +124,7 @@ fn sampling() -> impl Strategy<Value = Sampling> {
     let choices = (select(Method::ALL.to_vec()), select(Output::ALL.to_vec()), select(EstimatorKind::ALL.to_vec()));
     // Steps ahead, or samples from one step of the bodies to the next.
     let steps = (0u32..=1000, prop_oneof![Just(1), 1u32..=1000]);
-    (1e-6..1.0, choices, steps, (0.0..1e5, any::<bool>()), uneven(), option::of(positive()), 1u32..=256).prop_map(
+    (1e-6..1.0, choices, steps, (0.0..1e5, any::<bool>()), uneven(), option::of(positive()), (1u32..=256, 1u32..=256)).prop_map(
         |(
             period,
             (method, output, estimator),
@@ -132,7 +132,7 @@ fn sampling() -> impl Strategy<Value = Sampling> {
             (delays, follows),
             (longer, later),
             cutoff,
-            window,
+            (every, window),
         )| {
             let output = if method.takes_new_sample_first() { Output::Start } else { output };
             let advance = if output == Output::End && bodies_every == 1 { advance } else { 0 };
@@ -157,6 +157,7 @@ fn sampling() -> impl Strategy<Value = Sampling> {
                 delay_max,
                 estimator,
                 cutoff,
+                every,
                 window,
             }
         },
@@ -352,7 +353,7 @@ fn a_written_world_has_units_and_no_noise() {
     assert_eq!(
         World::read(&Source::from_text("w", text), &[]).unwrap().to_toml(),
         "motion = \"rotary\"\n\n[loop]\nmethod = \"zoh\"\noutput = \"end\"\nestimator = \"exact\"\n\
-         period = \"0.001 s\"\nadvance = 0\nbodies_every = 1\ndelay = \"0.0 s\"\nwindow = 16\n\n[device]\ninertia = \"0.00064 kg m^2\"\ndamping = \"0.0 N m s/rad\"\n\
+         period = \"0.001 s\"\nadvance = 0\nbodies_every = 1\ndelay = \"0.0 s\"\nevery = 1\nwindow = 16\n\n[device]\ninertia = \"0.00064 kg m^2\"\ndamping = \"0.0 N m s/rad\"\n\
          friction = \"0.0 N m\"\nlag = \"0.0 s\"\n"
     );
 }

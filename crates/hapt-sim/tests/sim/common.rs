@@ -19,6 +19,7 @@ pub fn bare() -> World {
             delay_max: None,
             estimator: EstimatorKind::Exact,
             cutoff: None,
+            every: 1,
             window: 16,
         },
         device: Device {

@@ -240,7 +240,7 @@ fn about_rest(world: &World) -> Option<World> {
     let mut rest = world.clone();
     // The velocity of the way: what an exact one differs by is found by motions of another kind.
     if sampling.estimator == EstimatorKind::Exact {
-        rest.sampling.estimator = EstimatorKind::Difference;
+        (rest.sampling.estimator, rest.sampling.every) = (EstimatorKind::Difference, 1);
     }
     (rest.device.encoder, rest.device.levels, rest.device.limit) = (None, None, None);
     for body in &mut rest.bodies {

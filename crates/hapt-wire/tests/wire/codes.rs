@@ -156,13 +156,14 @@ fn the_code_of_each_method_output_and_estimator_is_what_it_always_was() {
     let outputs = codes!(Output { 0 => Start {}, 1 => Middle {}, 2 => End {}, });
     are_all(&outputs, &Output::ALL);
     are_on_the_wire(outputs);
-    let (cutoff, window) = (1.0, 16);
+    let (cutoff, window, every) = (1.0, 16, 2);
     are_on_the_wire(codes!(Estimator {
         0 => Exact {},
         1 => Difference {},
         2 => LowPass { cutoff },
         3 => Foaw { window },
         4 => FoawBest { window },
+        5 => DifferenceOver { every },
     }));
 }
 

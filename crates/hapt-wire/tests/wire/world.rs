@@ -69,6 +69,7 @@ fn worlds() -> impl Strategy<Value = Any> {
         any::<f64>().prop_map(|cutoff| Estimator::LowPass { cutoff }),
         any::<u32>().prop_map(|window| Estimator::Foaw { window }),
         any::<u32>().prop_map(|window| Estimator::FoawBest { window }),
+        any::<u32>().prop_map(|every| Estimator::DifferenceOver { every }),
     ];
     let body = (any::<f64>(), any::<f64>(), any::<f64>());
     let body = body.prop_map(|(inertia, position, velocity)| Body { inertia, position, velocity });

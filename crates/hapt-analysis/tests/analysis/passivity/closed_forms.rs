@@ -1,6 +1,6 @@
 //! The required damping in closed form.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 use hapt_analysis::{Error, MAX_IN_FLIGHT, Passivity};
 use proptest::prelude::*;
@@ -22,6 +22,22 @@ proptest! {
         world.sampling.cutoff = Some(cutoff);
         let tau = 1.0 / (TAU * cutoff);
         near(required(&world), 0.5 * k * period + b * period / (period + 2.0 * tau), 1e-10);
+    }
+
+    /// (T69), by a grid of its own.
+    #[test]
+    fn a_damper_on_a_difference_over_samples(k in 0.0..1e3f64, b in 0.01..10.0f64, period in 1e-4..1e-2f64, every in 1..60u32) {
+        let mut world = plain(to_ground(k, b), period);
+        world.sampling.every = every;
+        let mean = |theta: f64| -(1..=every).map(|i| (f64::from(i) * theta).cos()).sum::<f64>() / f64::from(every);
+        let points = 200 * every;
+        let most = (0..=points).map(|i| mean(PI * f64::from(i) / f64::from(points))).fold(0.0, f64::max);
+        let found = (required(&world) - 0.5 * k * period) / b;
+        prop_assert!(found > most - 1e-9 && found < most + 2e-4, "{found} {most}");
+        prop_assert!(found < 0.21724 + 1.0 / f64::from(every));
+        if let Some(closed) = [1.0, 9.0 / 16.0].get(every as usize - 1) {
+            prop_assert!((found - closed).abs() < 1e-9, "{found} {closed}");
+        }
     }
 
     #[test]

@@ -20,7 +20,10 @@ fn torque(world: &World, phi: f64) -> C {
     let back = 1.0 / z;
     let step = C::new(-2.0 * (0.5 * phi).sin().powi(2), phi.sin());
     let v = match sampling.estimator {
-        EstimatorKind::Exact | EstimatorKind::Difference => (1.0 - back) / period,
+        EstimatorKind::Exact => (1.0 - back) / period,
+        EstimatorKind::Difference => {
+            (1.0 - back.powi(sampling.every as i32)) / (f64::from(sampling.every) * period)
+        }
         EstimatorKind::LowPass => {
             let tau = 1.0 / (TAU * sampling.cutoff.unwrap());
             (1.0 - back) / (tau + period - tau * back)
@@ -86,7 +89,7 @@ proptest! {
     #[test]
     fn no_frequency_asks_for_more_and_one_for_all_of_it(
         bench in worlds(Dampers::Fixed, true), x in 0.01..1.5f64, method in 0..8usize, output in 0..3usize, advance in 0..3u32,
-        delay in prop_oneof![Just(0.0), (0..5u32).prop_map(f64::from), 0.01..4.0f64], estimator in 0..3usize, cutoff in 0.01..1.0f64,
+        delay in prop_oneof![Just(0.0), (0..5u32).prop_map(f64::from), 0.01..4.0f64], estimator in 0..4usize, cutoff in 0.01..1.0f64, every in 1..12u32,
     ) {
         let period = x / fastest(&bench);
         let method = Method::ALL[method];
@@ -94,7 +97,8 @@ proptest! {
         let mut world = world(bench, method, output, period);
         world.sampling.advance = if output == Output::End { advance } else { 0 };
         world.sampling.delay = hapt_model::Delay::Seconds(delay * period);
-        world.sampling.estimator = [EstimatorKind::Exact, EstimatorKind::LowPass, EstimatorKind::FoawBest][estimator];
+        world.sampling.estimator = [EstimatorKind::Exact, EstimatorKind::LowPass, EstimatorKind::FoawBest, EstimatorKind::Difference][estimator];
+        world.sampling.every = every;
         if estimator == 2 { world.sampling.window = 1; }
         world.sampling.cutoff = Some(cutoff / period);
         let all = multipliers(&world.bodies, &world.couplings, &Slopes::Steep, method, period).unwrap();

@@ -97,6 +97,23 @@ fn what_is_not_proved_says_why() {
         },
         "low-pass",
     );
+    // Over several samples no damping between puck and body, beside what is not linear; between puck and ground it is a mean of earlier ways.
+    one(
+        &|w| {
+            damped(w);
+            w.couplings.push(damper(End::Body(0), End::Puck, 0.01));
+            w.sampling.every = 3;
+        },
+        "over several samples",
+    );
+    assert!(
+        with(&|w| {
+            damped(w);
+            w.couplings.push(damper(End::Ground, End::Puck, 0.01));
+            w.sampling.every = 3;
+        })
+        .is_empty()
+    );
     let wall = |first, damping| Coupling {
         first,
         second: End::Puck,

@@ -76,6 +76,8 @@ fn the_loop() {
             "loop.bodies_every: 2 samples a step, and this world has no bodies; expected 1",
         ),
         ("period = 1\nwindow = 257", "loop.window: 257 is out of range; expected a whole number from 1 to 256"),
+        ("period = 1\nevery = 257", "loop.every: 257 is out of range; expected a whole number from 1 to 256"),
+        ("period = 1\nevery = 0", "loop.every: 0 is out of range; expected a whole number from 1 to 256"),
         ("period = 1\nwindow = 0", "loop.window: 0 is out of range; expected a whole number from 1 to 256"),
         ("period = 1\nwindow = 2.5", "loop.window: 2.5 is not a whole number; expected a whole number from 1 to 256"),
         ("period = 1\nwindow = \"16\"", "loop.window: \"16\" is text; expected a whole number from 1 to 256"),
@@ -96,12 +98,12 @@ fn the_loop() {
         ("period = 1\npreiod = 1", "loop.preiod: unknown key; did you mean \"period\"?"),
         (
             "period = 1\ncolour = 1",
-            "loop.colour: unknown key; loop takes period, method, output, advance, bodies_every, delay, delay_max, interval_max, estimator, cutoff, window",
+            "loop.colour: unknown key; loop takes period, method, output, advance, bodies_every, delay, delay_max, interval_max, estimator, cutoff, every, window",
         ),
         (
             "period = 1\ninertia = 1",
             "loop.inertia: unknown key here; it belongs in device; \
-             loop takes period, method, output, advance, bodies_every, delay, delay_max, interval_max, estimator, cutoff, window",
+             loop takes period, method, output, advance, bodies_every, delay, delay_max, interval_max, estimator, cutoff, every, window",
         ),
     ];
     check(&table, |given| format!("[loop]\n{given}\n[device]\ninertia = 1\n"));

@@ -99,10 +99,10 @@ the worst pattern that was found with timing = { kind = "worst" }. In real time 
     },
     Topic {
         name: "estimator",
-        aliases: &["exact", "difference", "low-pass", "foaw", "foaw-best", "velocity", "cutoff", "window"],
+        aliases: &["exact", "difference", "low-pass", "foaw", "foaw-best", "velocity", "cutoff", "every", "window"],
         line: "the estimator of the puck's velocity",
         text: r#"exact        the true velocity: a tachometer, and the default
-difference   (z_k - z_{k-1})/T: fast; one count is a jump of count/T
+difference   (z_k - z_{k-1})/T: fast; one count is a jump of count/T; over `every` n samples of count/(nT)
 low-pass     the same through a filter with `cutoff`: smoother and later
 foaw         over the longest window that fits within one count: smooth at rest, fast in motion
 foaw-best    the best line over that window
