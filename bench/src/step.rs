@@ -63,6 +63,7 @@ impl Chain {
             advance: 0,
             bodies_every: 1,
             estimator,
+            filter: None,
             count: None,
             limit,
             levels: None,

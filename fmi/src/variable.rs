@@ -216,7 +216,7 @@ fn role(kind: Kind, row: &Key, path: &str) -> Option<Role> {
     let only_whole = |role| (kind == Kind::Whole).then_some(role);
     match names[..] {
         ["loop", "delay"] => only_whole(Role::Fixed),
-        ["loop", "cutoff" | "every" | "window"] => Some(Role::Tunable),
+        ["loop", "cutoff" | "every" | "filter" | "window"] => Some(Role::Tunable),
         ["loop", _] => Some(Role::Fixed),
         ["device", "inertia" | "damping" | "friction"] => only_whole(Role::Tunable),
         ["device", "handle", _] => only_whole(Role::Tunable),

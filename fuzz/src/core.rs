@@ -160,6 +160,7 @@ pub fn run(bytes: &[u8]) -> u64 {
             4 => Estimator::FoawBest { window: u32::from(bits.byte()) },
             _ => Estimator::DifferenceOver { every: u32::from(bits.byte()) },
         },
+        filter: bits.maybe(),
         count: bits.maybe(),
         limit: bits.maybe(),
         levels: if bits.byte() & 1 == 0 { None } else { Some(bits.word() as u32) },

@@ -44,7 +44,7 @@ def state_spaces(world: World) -> StateSpaces:
     names = {"inputs": ["torque"], "outputs": ["position", "velocity"], "name": "device"}
     continuous = control.ss(ad, bd[:, :1], cd, dd[:, :1], **names)
     # Of FOAW the longest window.
-    estimator = _estimator(parts["estimators"][-1])
+    estimator = _filtered(_estimator(parts["estimators"][-1]), parts["filter"])
     names = {"inputs": ["hand_torque"], "outputs": ["position", "velocity"], "name": "loop"}
     closed = _closed((a, b, c, d), estimator, _sampled(ad, bd, period, float(parts["delay"])))
     return StateSpaces(discrete, continuous, control.ss(*closed, period, **names))
@@ -73,6 +73,21 @@ def _estimator(part: dict[str, Any]) -> tuple[Matrix, Matrix, Matrix, Matrix]:
     b[0, 0] = taps[0]
     b[1, 0] = 1.0
     return a, b, np.vstack([np.zeros(order), velocity]), np.array([[1.0, 0.0], [taps[0], 0.0]])
+
+
+def _filtered(estimator: tuple[Matrix, Matrix, Matrix, Matrix], pole: float | None) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """The estimator with y_k = pole y_{k-1} + (1 - pole) z_k in place of z_k, where the position is filtered; the last state is y_{k-1}."""
+    if pole is None:
+        return estimator
+    a, b, c, d = estimator
+    order = len(a)
+    own = np.array([[1.0 - pole, 0.0]])
+    return (
+        np.block([[a, np.zeros((order, 1))], [np.zeros((1, order)), np.array([[pole]])]]),
+        np.vstack([b, own]),
+        np.hstack([c, np.array([[pole], [0.0]])]),
+        np.vstack([own, d[1:]]),
+    )
 
 
 def _sampled(a: Matrix, b: Matrix, period: float, delay: float) -> tuple[Matrix, Matrix]:

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use hapt_analysis::equations::estimator::Filter;
+use hapt_analysis::equations::estimator::{Filter, PositionFilter};
 use hapt_analysis::error::at_one_rate;
 use hapt_analysis::impedance::rendered::columns;
 use hapt_analysis::{Continuous, Design, Discrete, Impedance, Slopes};
@@ -220,7 +220,7 @@ fn kinds(table: &str, names: &[&'static str]) -> Vec<(&'static str, Vec<&'static
 }
 
 /// The matrices that state spaces are made of, by rows, as JSON: `world`, from (z_k, v_k) to the torque on the puck, discrete; `device`, from
-/// the torque to (z, ż), continuous; the velocity estimators as filters, v_k = pole v_{k-1} + Σ taps[i] z_{k-i}, no taps for the true velocity;
+/// the torque to (z, ż), continuous; the pole of the position's filter, null without one; the velocity estimators as filters, v_k = pole v_{k-1} + Σ taps[i] z_{k-i}, no taps for the true velocity;
 /// `period` and `delay` in s.
 ///
 /// ```text
@@ -247,6 +247,7 @@ pub fn state_spaces(world: &World) -> Result<Value, hapt_analysis::Error> {
     Ok(json!({
         "world": { "a": rows(&whole), "b": rows(&input), "c": rows(&state), "d": rows(&direct) },
         "device": { "a": rows(&a), "b": rows(&b), "c": rows(&DMatrix::identity(2, a.nrows())), "d": [[0.0, 0.0], [0.0, 0.0]] },
+        "filter": PositionFilter::of(sampling, sampling.period).map(PositionFilter::pole),
         "estimators": filters.iter().map(|f| json!({ "pole": f.pole, "taps": f.taps })).collect::<Vec<_>>(),
         "period": sampling.period,
         "delay": sampling.delay_s(),

@@ -36,10 +36,14 @@ def random_world(rng: np.random.Generator, device: Optional[dict[str, Any]] = No
 
 @pytest.mark.parametrize("estimator", ["exact", "difference", "low-pass", "foaw", "foaw-best"])
 @pytest.mark.parametrize("delay", [0.0, 0.4e-3, 1e-3, 2.7e-3])
-def test_the_loop_s_state_space_has_the_eigenvalues_of_the_check(estimator: str, delay: float) -> None:
+@pytest.mark.parametrize("more", [{}, {"filter": 60.0, "every": 4}])
+def test_the_loop_s_state_space_has_the_eigenvalues_of_the_check(
+    estimator: str, delay: float, more: dict[str, Any]
+) -> None:
     rng = np.random.default_rng(7)
     for method in METHODS:
         loop: dict[str, Any] = {"method": method, "estimator": estimator, "delay": delay, "cutoff": 80.0, "window": 5}
+        loop.update(more)
         world = random_world(rng, **loop)
         ours = np.abs(np.linalg.eigvals(world.to_control().loop.A))
         free = world.check(remedies=False).free

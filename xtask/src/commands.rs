@@ -155,6 +155,9 @@ fn file(rng: &mut Rng) -> String {
     if estimator == "low-pass" {
         text += &format!("cutoff = {:e}\n", number_of(rng, 0.1 / period));
     }
+    if rng.u8(..4) == 0 {
+        text += &format!("filter = {:e}\n", number_of(rng, 0.1 / period));
+    }
     if estimator == "difference" && rng.bool() {
         text += &format!("every = {}\n", rng.u32(1..12));
     }

@@ -81,6 +81,7 @@ mod tests {
         advance: 0,
         bodies_every: 1,
         estimator: Estimator::Exact,
+        filter: None,
         count: None,
         limit: Some(0.8),
         levels: Some(16),

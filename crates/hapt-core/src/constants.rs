@@ -89,6 +89,9 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         let about = "torque on the puck by the bodies' positions and velocities";
         vectors(to, "port_bodies", about, &[2, n], n, &|_| Some(&self.port.bodies));
         to.number("sample_rate", "1/T in 1/s", self.sensor.rate.to_f64());
+        if let Some(filter) = self.sensor.filter {
+            to.number("filter", "what the world sees of the position: y = y + filter (z - y)", filter.to_f64());
+        }
         if let Some(count) = self.sensor.count {
             to.number("count", "one count of the encoder", count.to_f64());
         }

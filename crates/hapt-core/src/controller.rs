@@ -21,6 +21,7 @@ use crate::{Error, Loop, Real, Spec, State};
 ///     advance: 0,
 ///     bodies_every: 1,
 ///     estimator: Estimator::Difference,
+///     filter: None,
 ///     count: None,
 ///     limit: Some(0.8),
 ///     levels: None,

@@ -167,6 +167,7 @@ impl<const N: usize> Number for Lanes<N> {
 ///         advance: 0,
 ///         bodies_every: 1,
 ///         estimator: Estimator::Difference,
+///         filter: None,
 ///         count: None,
 ///         limit: None,
 ///         levels: None,
@@ -361,6 +362,7 @@ impl<'w, const N: usize, const B: usize, const C: usize, const W: usize, const S
             sensor: Sensor {
                 count: each_or_none(worlds, |w| w.sensor.count)?,
                 rate: each(worlds, |w| w.sensor.rate),
+                filter: each_or_none(worlds, |w| w.sensor.filter)?,
                 velocity: velocity(worlds)?,
             },
             actuator: Actuator {

@@ -15,6 +15,7 @@
 //!     advance: 0,
 //!     bodies_every: 1,
 //!     estimator: Estimator::Exact,
+//!     filter: None,
 //!     count: None,
 //!     limit: Some(0.82225),
 //!     levels: None,

@@ -22,6 +22,8 @@ pub struct Puck<F> {
 pub struct Memory<F, const W: usize> {
     /// u_{k-1}; `None` before the first sample.
     pub last: Option<Puck<F>>,
+    /// y_{k-1}, where the position is filtered.
+    pub filtered: F,
     /// The last counts, a ring; the newest stands at `newest`. For FOAW, and positions for the difference over several samples.
     #[cfg_attr(feature = "serde", serde(with = "crate::array"))]
     pub counts: [F; W],
@@ -32,7 +34,7 @@ pub struct Memory<F, const W: usize> {
 }
 
 impl<F: Number, const W: usize> Memory<F, W> {
-    pub(crate) const EMPTY: Self = Memory { last: None, counts: [F::ZERO; W], newest: 0, older: 0 };
+    pub(crate) const EMPTY: Self = Memory { last: None, filtered: F::ZERO, counts: [F::ZERO; W], newest: 0, older: 0 };
 
     fn push(&mut self, count: F) {
         if self.last.is_some() {
@@ -62,6 +64,8 @@ impl<F: Number, const W: usize> Memory<F, W> {
 pub(crate) struct Sensor<F> {
     pub count: Option<F>,
     pub rate: F,
+    /// 1 - e^{-2π f T} of the position's filter.
+    pub filter: Option<F>,
     /// `None`: the velocity is the true one.
     pub velocity: Option<Velocity<F>>,
 }
@@ -98,6 +102,10 @@ impl<F: Number> Sensor<F> {
             _ if window as usize >= W => Err(Error::WindowTooLong { given: window, room: W }),
             _ => Ok(Velocity::Foaw { window: window as usize, best }),
         };
+        if let Some(filter) = spec.filter {
+            Error::check_positive("filter", filter)?;
+        }
+        let gain = |filter: f64| F::from_f64(-libm::expm1(-core::f64::consts::TAU * filter * spec.period));
         let velocity = match spec.estimator {
             Estimator::Exact => None,
             Estimator::Difference => Some(Velocity::Difference),
@@ -119,7 +127,12 @@ impl<F: Number> Sensor<F> {
                 }
             }),
         };
-        Ok(Sensor { count: spec.count.map(F::from_f64), rate: F::from_f64(1.0 / spec.period), velocity })
+        Ok(Sensor {
+            count: spec.count.map(F::from_f64),
+            rate: F::from_f64(1.0 / spec.period),
+            filter: spec.filter.map(gain),
+            velocity,
+        })
     }
 
     /// z_k from the puck's true position; the memory moves on by one sample, except for its `last`.
@@ -140,6 +153,22 @@ impl<F: Number> Sensor<F> {
             memory.push(position);
         }
         position
+    }
+
+    /// The position that the world sees: y_k, or z_k without a filter.
+    #[inline(always)]
+    pub fn seen<const W: usize>(&self, memory: &Memory<F, W>, position: F) -> F {
+        match (self.filter, memory.last) {
+            (Some(gain), Some(_)) => memory.filtered + gain * (position - memory.filtered),
+            (Some(_), None) | (None, _) => position,
+        }
+    }
+
+    /// The puck as the world saw it at the last sample.
+    #[inline(always)]
+    pub fn seen_last<const W: usize>(&self, memory: &Memory<F, W>) -> Option<Puck<F>> {
+        let last = memory.last?;
+        Some(if self.filter.is_some() { Puck { position: memory.filtered, ..last } } else { last })
     }
 
     /// The velocity from this position, which the memory has already, and earlier ones; `None` for FOAW, which has to look for its window.

@@ -239,6 +239,9 @@ pub struct Spec<'a> {
     pub bodies_every: u32,
     /// The puck's velocity.
     pub estimator: Estimator,
+    /// Hz, positive: bodies and couplings see the measured position behind one pole, y_k = y_{k-1} + (1 - e^{-2π filter T}) (z_k - y_{k-1}),
+    /// y_0 = z_0. The velocity is that of z. `None`: they see z.
+    pub filter: Option<f64>,
     /// The size of one encoder count in rad (linear: m), positive; `None`: ideal.
     pub count: Option<f64>,
     /// The largest torque that may be commanded, positive; `None`: any.

@@ -50,13 +50,17 @@ impl<F: Real> Sensor<F> {
         let Some(mut last) = memory.last.filter(|_| self.count == before.count) else { return Memory::EMPTY };
         // The puck's position one new period ago, extrapolated at its velocity.
         last.position += shorter * last.velocity;
+        let filtered = match before.filter {
+            Some(_) => memory.filtered + shorter * last.velocity,
+            None => last.position,
+        };
         let foaw = |sensor: &Self| matches!(sensor.velocity, Some(Velocity::Foaw { .. }));
         let over = |sensor: &Self| matches!(sensor.velocity, Some(Velocity::DifferenceOver { .. }));
         let is_same = foaw(self) && foaw(before) || over(self) && over(before);
         if is_same && shorter == F::ZERO {
-            return Memory { last: Some(last), ..*memory };
+            return Memory { last: Some(last), filtered, ..*memory };
         }
-        let mut next = Memory { last: Some(last), ..Memory::EMPTY };
+        let mut next = Memory { last: Some(last), filtered, ..Memory::EMPTY };
         // The window begins anew: its counts are one period apart, of the period that has ended.
         if let Some(newest) = next.counts.first_mut() {
             *newest = match self.count {

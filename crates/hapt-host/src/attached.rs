@@ -9,8 +9,8 @@ use hapt_sim::{DesktopSupervisor, Measures};
 use crate::keys::SettableKey;
 
 /// The keys of `[loop]` that may be set with a motor: they describe the program. The others describe the hardware.
-const FREE: [&str; 9] =
-    ["period", "method", "output", "advance", "bodies_every", "estimator", "cutoff", "every", "window"];
+const FREE: [&str; 10] =
+    ["period", "method", "output", "advance", "bodies_every", "filter", "estimator", "cutoff", "every", "window"];
 
 /// The file's device and its limits.
 #[derive(Clone, Debug)]

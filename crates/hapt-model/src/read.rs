@@ -149,6 +149,7 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
         interval_max: fields.optional_number("interval_max")?,
         delay: fields.delay("delay")?,
         delay_max: fields.optional_delay("delay_max")?,
+        filter: fields.optional_number("filter")?,
         estimator,
         cutoff: fields.optional_number("cutoff")?,
         every: fields.whole("every")?,

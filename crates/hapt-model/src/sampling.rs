@@ -23,6 +23,8 @@ pub struct Sampling {
     pub delay: Delay,
     /// The largest delay, where it varies; no shorter than `delay`. `None`: the delay, whatever it is.
     pub delay_max: Option<Delay>,
+    /// The cutoff in Hz of the one pole behind which bodies and couplings see the puck's position; `None`: they see it as measured.
+    pub filter: Option<f64>,
     /// The velocity estimator's name.
     pub estimator: EstimatorKind,
     /// The low-pass estimator's cutoff in Hz; always there with `low-pass`, kept when given with another.

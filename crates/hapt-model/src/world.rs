@@ -244,6 +244,7 @@ impl World {
             advance: self.sampling.advance,
             bodies_every: self.sampling.bodies_every,
             estimator: self.sampling.velocity_estimator(),
+            filter: self.sampling.filter,
             count: self.count(),
             limit: self.device.limit,
             levels: self.device.levels,

@@ -16,6 +16,7 @@
 //!     advance: 0,
 //!     bodies_every: 1,
 //!     estimator: Estimator::Difference,
+//!     filter: None,
 //!     count: None,
 //!     limit: Some(0.8),
 //!     levels: None,

@@ -1,11 +1,12 @@
 //! ```text
-//! version 1  settings                bodies, each  couplings, each  checksum
-//! version 2  settings, bodies_every  bodies, each  couplings, each  checksum
-//! u8         postcard, u32           postcard      postcard         CRC-16/IBM-3740 of all before it, little-endian u16
+//! version 1  settings                        bodies, each  couplings, each  checksum
+//! version 2  settings, bodies_every          bodies, each  couplings, each  checksum
+//! version 3  settings, bodies_every, filter  bodies, each  couplings, each  checksum
+//! u8         postcard, u32, f64              postcard      postcard         CRC-16/IBM-3740 of all before it, little-endian u16
 //! ```
 //!
-//! A world whose bodies step at every sample is of version 1, as it always was. A board that reads only that refuses the other: it would
-//! step the bodies too often.
+//! A world whose bodies step at every sample and see the measured position is of version 1, as it always was. A board that reads only that
+//! refuses the others: it would step the bodies too often, or show them another position.
 
 use core::fmt;
 
@@ -19,6 +20,9 @@ pub const VERSION: u8 = 1;
 
 /// The version of a world whose bodies do not step at every sample.
 const BODIES_EVERY: u8 = 2;
+
+/// The version of a world that sees a filtered position.
+const FILTER: u8 = 3;
 
 const SUM_BYTES: usize = 2;
 
@@ -61,7 +65,7 @@ impl fmt::Display for Error {
             Error::NoRoom => f.write_str("the world's bytes do not fit into the room given for them"),
             Error::Cut => f.write_str("the bytes end before the world is complete"),
             Error::Version { given } => {
-                write!(f, "a world of version {given}, where this reads versions {VERSION} and {BODIES_EVERY}")
+                write!(f, "a world of version {given}, where this reads versions {VERSION} to {FILTER}")
             }
             Error::Checksum => f.write_str("the checksum is wrong: a byte is corrupted"),
             Error::NotAWorld => f.write_str("the bytes are not a world"),
@@ -93,6 +97,7 @@ struct Settings {
 pub struct Stored<const B: usize, const C: usize> {
     settings: Settings,
     bodies_every: u32,
+    filter: Option<f64>,
     bodies: [Body; B],
     couplings: [Coupling; C],
 }
@@ -109,11 +114,18 @@ pub fn write<'a>(spec: &Spec, room: &'a mut [u8]) -> Result<&'a [u8], Error> {
     let &Spec { period, method, output, advance, bodies_every, estimator, count, limit, levels, .. } = spec;
     let settings = Settings { period, method, output, advance, estimator, count, limit, levels, bodies, couplings };
     let mut at = 0;
-    let at_every_sample = bodies_every == 1;
-    put(room, &mut at, if at_every_sample { &VERSION } else { &BODIES_EVERY })?;
+    let version = match (bodies_every, spec.filter) {
+        (1, None) => VERSION,
+        (_, None) => BODIES_EVERY,
+        (_, Some(_)) => FILTER,
+    };
+    put(room, &mut at, &version)?;
     put(room, &mut at, &settings)?;
-    if !at_every_sample {
+    if version >= BODIES_EVERY {
         put(room, &mut at, &bodies_every)?;
+    }
+    if let Some(filter) = &spec.filter {
+        put(room, &mut at, filter)?;
     }
     for body in spec.bodies {
         put(room, &mut at, body)?;
@@ -136,7 +148,7 @@ impl<const B: usize, const C: usize> Stored<B, C> {
     /// Reads the bytes of [`write()`]. [`hapt_core::Loop::new`] checks the ranges of the numbers.
     pub fn read(bytes: &[u8]) -> Result<Self, Error> {
         let version = *bytes.first().ok_or(Error::Cut)?;
-        if ![VERSION, BODIES_EVERY].contains(&version) {
+        if !(VERSION..=FILTER).contains(&version) {
             return Err(Error::Version { given: version });
         }
         let (content, sum) = bytes.split_last_chunk::<SUM_BYTES>().ok_or(Error::Cut)?;
@@ -145,7 +157,8 @@ impl<const B: usize, const C: usize> Stored<B, C> {
         }
         let mut rest = content.get(1..).ok_or(Error::Cut)?;
         let settings: Settings = take(&mut rest)?;
-        let bodies_every = if version == VERSION { 1 } else { take(&mut rest)? };
+        let bodies_every = if version >= BODIES_EVERY { take(&mut rest)? } else { 1 };
+        let filter = if version >= FILTER { Some(take(&mut rest)?) } else { None };
         let (given, room) = (usize::from(settings.bodies), B);
         if given > room {
             return Err(Error::TooManyBodies { given, room });
@@ -157,6 +170,7 @@ impl<const B: usize, const C: usize> Stored<B, C> {
         let mut stored = Stored {
             settings,
             bodies_every,
+            filter,
             bodies: [Body { inertia: 1.0, position: 0.0, velocity: 0.0 }; B],
             couplings: [Law::Constant { torque: 0.0 }.between(End::Puck, End::Ground); C],
         };
@@ -180,6 +194,7 @@ impl<const B: usize, const C: usize> Stored<B, C> {
             advance,
             bodies_every: self.bodies_every,
             estimator,
+            filter: self.filter,
             count,
             limit,
             levels,

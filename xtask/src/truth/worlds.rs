@@ -67,6 +67,7 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
         interval_max: None,
         delay: hapt_model::Delay::Seconds(delay),
         delay_max: None,
+        filter: (rng.u8(..4) == 0).then(|| log_uniform(rng, -2.5, 0.3) / period),
         estimator,
         cutoff,
         every: if estimator == EstimatorKind::Difference && rng.bool() { rng.u32(2..20) } else { 1 },

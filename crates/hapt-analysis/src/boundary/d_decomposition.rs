@@ -226,13 +226,15 @@ fn between_puck_and_ground(term: &LinearCoupling) -> bool {
 
 impl Decomposition {
     /// The equations of the free loop, one per combination of slopes and estimator windows; `None` unless the keys are exactly a
-    /// stiffness and a damping between puck and ground, on a device without a handle on a shaft, gravity and cogging, and the bodies step at every sample.
+    /// stiffness and a damping between puck and ground, on a device without a handle on a shaft, gravity and cogging, the bodies step at every sample, and the position is not filtered.
     ///
     /// # Errors
     /// As [`crate::free()`].
     pub fn free(world: &World, keys: Keys<'_>) -> Result<Option<Vec<Decomposition>>, Error> {
-        let is_plain =
-            world.device.handle.is_none() && world.device.torque.is_none() && world.sampling.bodies_every == 1;
+        let is_plain = world.device.handle.is_none()
+            && world.device.torque.is_none()
+            && world.sampling.bodies_every == 1
+            && world.sampling.filter.is_none();
         let Some(corners) = Corners::new(world, keys).filter(|_| is_plain) else { return Ok(None) };
         let world = corners.middle();
         let mut all = Vec::new();

@@ -17,6 +17,7 @@
 //! | the commands before this sample's, as many as are in flight | this sample's, then shifted by one |
 //! | the motor's torque, where it lags behind its command | by the held commands, exactly |
 //! | s = h - z and ḣ of a handle on a shaft | the same |
+//! | r = y - z, where the world sees the position y behind a filter of pole p | p r - p dz |
 //! | where the bodies do not step at every sample, the torque of the springs at the puck at this sample | that at the next, if no body stepped |
 //!
 //! The estimator's taps sum to 0, so it is a sum of displacements, g_i = Σ_{j≤i} taps_j, and its memory is invariant under shifts. All
@@ -47,7 +48,7 @@ use nalgebra::{DMatrix, RowDVector};
 
 use crate::equations::delay::{Delay, MAX_IN_FLIGHT};
 use crate::equations::discrete::Discrete;
-use crate::equations::estimator::Filter;
+use crate::equations::estimator::{Filter, PositionFilter};
 use crate::equations::port::{Block, Port};
 use crate::equations::puck::DrivenPuck;
 use crate::equations::shaft::DrivenShaft;
@@ -139,6 +140,8 @@ pub(crate) struct ClosedLoop<'a> {
     pub motor: Option<usize>,
     /// Where the deflection of a handle's shaft stands; the handle's velocity is after it.
     handle: Option<usize>,
+    /// Where y - z of the position's filter stands.
+    filtered: Option<(usize, PositionFilter)>,
     /// Where the torque of the springs at the puck stands, if the bodies do not step at every sample: the last.
     springs: Option<usize>,
     /// The torque by position and velocity of the puck alone.
@@ -180,6 +183,8 @@ impl<'a> ClosedLoop<'a> {
         let first_of_handle = first_in_flight + in_flight + usize::from(motor.is_some());
         let handle = port.handle.map(|_| first_of_handle);
         let order = first_of_handle + if handle.is_some() { 2 } else { 0 };
+        let filtered = PositionFilter::of(sampling, period).filter(|_| !uncoupled).map(|filter| (order, filter));
+        let order = order + usize::from(filtered.is_some());
         let springs = (sampling.bodies_every > 1).then_some(order);
         let order = order + usize::from(springs.is_some());
 
@@ -204,6 +209,9 @@ impl<'a> ClosedLoop<'a> {
         if let Some(z) = z {
             torque[z] += own[0];
         }
+        if let Some((r, _)) = filtered {
+            torque[r] += own[0];
+        }
         if port.has_damper() {
             torque[estimate] += own[1];
         }
@@ -225,6 +233,7 @@ impl<'a> ClosedLoop<'a> {
             first_in_flight,
             motor,
             handle,
+            filtered,
             springs,
             own: alone,
             stands: false,
@@ -351,6 +360,13 @@ impl<'a> ClosedLoop<'a> {
                 d.set_row(place, row);
             }
         }
+        // The change of y - z.
+        let behind = self.filtered.map(|(r, filter)| {
+            let mut row = dz * -filter.pole();
+            row[r] -= filter.gain();
+            d.set_row(r, &row);
+            row
+        });
         if estimated {
             let mut sum = 0.0;
             let gains: Vec<f64> =
@@ -390,8 +406,8 @@ impl<'a> ClosedLoop<'a> {
                     row[column] += step.d[(i, j)];
                 }
                 let held = |j: usize| step.previous[(i, j)] + step.current[(i, j)];
-                if let Some(z) = z {
-                    row[z] += held(0);
+                for place in z.into_iter().chain(self.filtered.map(|(r, _)| r)) {
+                    row[place] += held(0);
                 }
                 if port.has_damper() {
                     row[estimate] += held(1);
@@ -400,6 +416,9 @@ impl<'a> ClosedLoop<'a> {
                 let mut along = 0.0;
                 if sampling.method.takes_new_sample_first() {
                     along += step.current[(i, 0)];
+                    if let Some(behind) = &behind {
+                        row += behind * step.current[(i, 0)];
+                    }
                     if port.has_damper() {
                         row += &estimate_change * step.current[(i, 1)];
                     }
@@ -413,6 +432,9 @@ impl<'a> ClosedLoop<'a> {
         }
         if let Some(springs) = self.springs {
             let mut row = &self.torque + dz * self.own[0];
+            if let Some(behind) = &behind {
+                row += behind * self.own[0];
+            }
             if port.has_damper() {
                 row[estimate] -= self.own[1];
             }

@@ -1,4 +1,4 @@
-//! The velocity estimators as linear filters of the sampled position.
+//! The velocity estimators as linear filters of the sampled position, and the filter of the position itself.
 
 use hapt_model::{EstimatorKind, Sampling};
 
@@ -34,6 +34,39 @@ impl Filter {
             EstimatorKind::Foaw => windows(end_fit),
             EstimatorKind::FoawBest => windows(best_fit),
         }
+    }
+}
+
+/// The one pole behind which the world sees the position: y_k = p y_{k-1} + (1 - p) z_k, p = e^{-x}, x = 2π filter T.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PositionFilter {
+    x: f64,
+}
+
+impl PositionFilter {
+    /// At `period`; `None` where the world sees the position as measured.
+    pub fn of(sampling: &Sampling, period: f64) -> Option<PositionFilter> {
+        sampling.filter.map(|cutoff| PositionFilter { x: std::f64::consts::TAU * cutoff * period })
+    }
+
+    /// ln p
+    pub fn ln_pole(self) -> f64 {
+        -self.x
+    }
+
+    /// p
+    pub fn pole(self) -> f64 {
+        (-self.x).exp()
+    }
+
+    /// 1 - p
+    pub fn gain(self) -> f64 {
+        -(-self.x).exp_m1()
+    }
+
+    /// p/(1 - p): z_k - y_k is so many times y_k - y_{k-1}.
+    pub fn lag(self) -> f64 {
+        self.x.exp_m1().recip()
     }
 }
 

@@ -25,7 +25,7 @@ use serde::Serialize;
 
 use crate::equations::continuous::{Slopes, piecewise};
 use crate::equations::delay::Delay;
-use crate::equations::estimator::Filter;
+use crate::equations::estimator::{Filter, PositionFilter};
 use crate::equations::laws::{Kind, most};
 use crate::error::{Error, at_one_rate};
 use crate::impedance::ideal::{Ideal, LowFrequency};
@@ -194,6 +194,13 @@ impl Impedance {
         let mut transfer = TransferFunction::new(&world.bodies, &world.couplings, slopes, rule)?;
         if !transfer.is_finite() {
             return Err(Error::Eigenvalues { order: transfer.poles.len() });
+        }
+        if let Some(filter) = PositionFilter::of(sampling, period) {
+            transfer = transfer.behind(filter).ok_or(Error::Value {
+                what: "loop.filter in Hz",
+                value: sampling.filter.unwrap_or(0.0),
+                wanted: "another, since its pole is that of a mode of the world to six digits",
+            })?;
         }
         let seen: Vec<Pole> = transfer.poles.iter().filter(|p| transfer.has_residue(p, period)).copied().collect();
         transfer.poles = seen;

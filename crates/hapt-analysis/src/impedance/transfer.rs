@@ -5,9 +5,11 @@ use hapt_model::{Body, Coupling, End, Method, Output};
 use nalgebra::{Complex, DMatrix, DVector};
 
 use crate::equations::continuous::{Continuous, LinearCoupling, Slopes, linearise};
+use crate::equations::estimator::PositionFilter;
 use crate::equations::modal::{Coupled, Modal};
 use crate::equations::structure::{Part, inertias, parts};
 use crate::error::{Error, positive};
+use crate::numerics::phi::exp_m1;
 use crate::stability::multiplier::Root;
 use crate::stability::poles::{ContinuousPole, Gains, decompose, discrete, oscillator};
 pub(crate) use crate::stability::poles::{Discretisation, Pole};
@@ -34,6 +36,9 @@ pub(crate) struct TransferFunction {
     /// Whether the poles add up to the world's own response. Where rates of a part lie too far apart for double precision they do not.
     pub is_accurate: bool,
 }
+
+/// Distance of a filter's pole from one of the world, relative to their distances from 1, below which their sum loses too many digits.
+const TOO_NEAR: f64 = 1e-6;
 
 /// Largest error of the poles' sum, relative to stiffness and damping at the puck.
 const INACCURATE: f64 = 1e-7;
@@ -76,6 +81,35 @@ impl TransferFunction {
             port.is_accurate = is_response_of(&coupled, &world, port.stiffness, period);
         }
         Ok(port)
+    }
+
+    /// The world behind a filter of the position, c = (1 - p) z/(z - p): of H = K + (z - 1) F the part of the position becomes
+    ///
+    /// ```text
+    /// c H = K + (z - 1) (c F - K p/(z - p)),    c (a + b z⁻¹)/(z - λ) = (1 - p) ((a λ + b)/(λ - p)/(z - λ) + (a p + b)/(p - λ)/(z - p))
+    /// ```
+    ///
+    /// `None` where a pole of the world is so near to p that the sum loses its digits.
+    pub fn behind(mut self, filter: PositionFilter) -> Option<TransferFunction> {
+        let p = Pole { ln_abs: filter.ln_pole(), arg: 0.0, gains: [C::from(0.0); 4] };
+        let mut own = C::from(self.stiffness * filter.pole());
+        for pole in &mut self.poles {
+            let [still, back, ..] = pole.gains;
+            if still == C::from(0.0) && back == C::from(0.0) {
+                continue;
+            }
+            let lambda = C::new(pole.ln_abs, pole.arg).exp();
+            // λ - p, of two numbers that may both be next to 1.
+            let apart = filter.pole() * exp_m1(C::new(pole.ln_abs - filter.ln_pole(), pole.arg));
+            let size = filter.gain().max(exp_m1(C::new(pole.ln_abs, pole.arg)).norm());
+            if apart.norm() < TOO_NEAR * size {
+                return None;
+            }
+            own -= filter.gain() * (still * filter.pole() + back) / apart;
+            (pole.gains[0], pole.gains[1]) = (filter.gain() * (still * lambda + back) / apart, C::from(0.0));
+        }
+        self.poles.push(Pole { gains: [C::from(own.re), C::from(0.0), C::from(0.0), C::from(0.0)], ..p });
+        Some(self)
     }
 
     /// Whether all numbers are finite.

@@ -90,6 +90,7 @@ fn keeps_energy_on_time(world: &World) -> Result<bool, Error> {
     Ok(keeps_energy(sampling.method)
         && sampling.output == Output::End
         && sampling.advance == 0
+        && sampling.filter.is_none()
         && lag.samples == 0
         && lag.fraction == 0.0)
 }

@@ -20,7 +20,7 @@ use hapt_model::{Body, Coupling, Sampling, World};
 
 use crate::equations::continuous::Slopes;
 use crate::equations::delay::Delay;
-use crate::equations::estimator::Filter;
+use crate::equations::estimator::{Filter, PositionFilter};
 use crate::equations::laws::{self, Kind, most};
 use crate::error::Error;
 use crate::impedance::{Discretisation, Pole, TransferFunction};
@@ -34,6 +34,9 @@ use crate::stability::{MARGINAL, Verdict};
 /// Why the poles of a world decide nothing.
 const FAR_APART: &str = "the rates of bodies, springs and dampers lie too far apart for double precision: a body that a huge damper holds is \
                          better written as ground, and a very light one left out";
+
+/// Why a filter decides nothing.
+const FILTER_POLE: &str = "a pole of the world is that of loop.filter to six digits: a slightly different cutoff is decided";
 
 /// Relative imaginary part below which a residue counts as real.
 const REAL: f64 = 1e-9;
@@ -116,6 +119,15 @@ fn transfer(world: &World, couplings: &[Coupling]) -> Result<TransferFunction, E
     })
 }
 
+/// The same behind the filter of the position, where there is one; `None` where no double tells their poles apart.
+fn filtered(world: &World, couplings: &[Coupling]) -> Result<Option<TransferFunction>, Error> {
+    let transfer = transfer(world, couplings)?;
+    Ok(match PositionFilter::of(&world.sampling, world.sampling.period) {
+        Some(filter) if transfer.is_finite() => transfer.behind(filter),
+        Some(_) | None => Some(transfer),
+    })
+}
+
 /// The required damping of the linear loop of `couplings`, nonlinear ones at their steepest slopes.
 pub(crate) fn requirement(world: &World, couplings: &[Coupling]) -> Result<Requirement, Error> {
     requirement_wanted(Wanted::Value, world, couplings)
@@ -134,7 +146,9 @@ pub(crate) fn requirement_wanted(wanted: Wanted, world: &World, couplings: &[Cou
         (&fixed, &fixed.couplings[..])
     };
     let period = world.sampling.period;
-    let transfer = transfer(world, couplings)?;
+    let Some(transfer) = filtered(world, couplings)? else {
+        return Ok(Requirement { damping: Err(Cause::Outside { reason: FILTER_POLE }), at_hz: None });
+    };
     if !transfer.is_accurate {
         return Ok(Requirement { damping: Err(Cause::Outside { reason: FAR_APART }), at_hz: None });
     }
@@ -250,7 +264,7 @@ fn of_filter(
 /// The transfer function with the poles that its torque shows; `None` where one of them is on the unit circle or outside.
 fn damped(world: &World, couplings: &[Coupling]) -> Result<Option<TransferFunction>, Error> {
     let period = world.sampling.period;
-    let mut transfer = transfer(world, couplings)?;
+    let Some(mut transfer) = filtered(world, couplings)? else { return Ok(None) };
     if !transfer.is_finite() {
         return Err(Error::Eigenvalues { order: transfer.poles.len() });
     }

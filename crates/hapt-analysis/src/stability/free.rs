@@ -15,7 +15,7 @@ use nalgebra::Complex;
 use crate::equations::closed_loop::closed_loop;
 use crate::equations::continuous::{of_step, piecewise};
 use crate::equations::discrete::keeps_energy;
-use crate::equations::estimator::Filter;
+use crate::equations::estimator::{Filter, PositionFilter};
 use crate::equations::grip::Grip;
 use crate::equations::modal::Modal;
 use crate::equations::port::Port;
@@ -330,6 +330,11 @@ pub(crate) fn multipliers(
         let all = f64::from(sampling.bodies_every) * (-period * filter.taps[0]).ln_1p();
         found.push((of(Complex::new(all.exp_m1(), 0.0)), 0.0));
     }
+    // Nor does one of the position that nothing takes.
+    if let Some(filter) = PositionFilter::of(sampling, period).filter(|_| port.is_uncoupled()) {
+        let all = f64::from(sampling.bodies_every) * filter.ln_pole();
+        found.push((of(Complex::new(all.exp_m1(), 0.0)), 0.0));
+    }
     Ok(found)
 }
 
@@ -380,8 +385,9 @@ impl Followed {
         period: f64,
         conserved: bool,
     ) -> Result<Option<Vec<(Multiplier, f64)>>, Error> {
-        // The equations of the delayed and of the modal loop are those of one sample.
-        let Some(rates) = self.expected(period).filter(|_| sampling.bodies_every == 1) else { return Ok(None) };
+        // The equations of the delayed and of the modal loop are those of one sample, of the measured position.
+        let is_plain = sampling.bodies_every == 1 && sampling.filter.is_none();
+        let Some(rates) = self.expected(period).filter(|_| is_plain) else { return Ok(None) };
         let delayed;
         let (mut function, size) = match &self.modal {
             Some(modal) => (modal.at(sampling, damping, filter, period)?, modal.size(period)),
@@ -495,7 +501,8 @@ fn resonances(port: &Port, sampling: &Sampling, damping: f64) -> Result<Vec<(f64
 /// at every shorter period without a search.
 fn passive_below(port: &Port, sampling: &Sampling, damping: f64) -> f64 {
     let keeps_energy = keeps_energy(sampling.method) && sampling.output == Output::End;
-    let at_once = sampling.advance == 0 && sampling.delay.seconds(sampling.period) == 0.0 && port.lag == 0.0;
+    let on_time = sampling.delay.seconds(sampling.period) == 0.0 && port.lag == 0.0 && sampling.filter.is_none();
+    let at_once = sampling.advance == 0 && on_time;
     // A damper at the puck takes the mean velocity of both its ends, if these move in the same sample.
     let is_mean = sampling.estimator == EstimatorKind::Difference && sampling.every == 1 && sampling.bodies_every == 1;
     let by_difference = !port.has_damper() || is_mean;

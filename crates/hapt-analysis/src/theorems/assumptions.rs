@@ -13,6 +13,7 @@ use hapt_model::keys::Measure;
 use hapt_model::{Coupling, EstimatorKind, Law, Output, World};
 
 use crate::equations::discrete::keeps_energy;
+use crate::equations::estimator::PositionFilter;
 use crate::equations::laws::{self, Kind, is_nonlinear};
 use crate::equations::slopes::at_puck;
 use crate::error::Error;
@@ -160,10 +161,17 @@ fn limit(world: &World, timing: Timing, claimed: Option<f64>) -> Result<Option<S
     if !world.bodies.is_empty() {
         return Ok(Some(SATURATION.to_string()));
     }
-    let bound = timing.of_laws(at_puck(world, &world.couplings)?)?;
+    let bound = timing.of_laws(behind_filter(world, at_puck(world, &world.couplings)?))?;
     // Without a finite required damping there is nothing to prove.
     let falls_short = claimed.is_some_and(|b| b < bound * (1.0 - 1e-9));
     Ok(falls_short.then(|| saturated_from(world, bound)))
+}
+
+/// Stiffness and damping at the puck that bound the torque of laws behind `loop.filter`: their lag is a damping more (docs/theory.md, (T70)).
+pub(super) fn behind_filter(world: &World, [stiffness, damping]: [f64; 2]) -> [f64; 2] {
+    let period = world.sampling.period;
+    let lag = PositionFilter::of(&world.sampling, period).map_or(0.0, PositionFilter::lag);
+    [stiffness, damping + stiffness * period * lag]
 }
 
 /// Constant torques at bodies.
@@ -231,6 +239,9 @@ pub(super) fn outside_energy(world: &World, timing: Timing) -> Option<String> {
     }
     if timing.delay[1] > 0.0 {
         return outside("the torque comes late");
+    }
+    if sampling.filter.is_some() {
+        return outside("loop.filter shows the bodies a position behind the puck's");
     }
     if timing.lag[1] > 0.0 {
         return outside("the motor's torque lags behind its command");

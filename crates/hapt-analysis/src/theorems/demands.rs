@@ -14,7 +14,7 @@ use crate::passivity::required::{
 };
 use crate::passivity::supremum::Wanted;
 use crate::passivity::timing::Timing;
-use crate::theorems::assumptions::{BRISTLE, BRISTLE_EVERY, LOW_PASS, outside_energy};
+use crate::theorems::assumptions::{BRISTLE, BRISTLE_EVERY, LOW_PASS, behind_filter, outside_energy};
 use crate::theorems::{ENERGY, LAWS, LINEAR, LINEAR_LAG, LINEAR_LATE, LINEAR_UNEVEN, TWO_RATES, Theorem};
 
 /// What a theorem demands.
@@ -209,11 +209,13 @@ fn at_the_puck(world: &World, timing: Timing) -> Result<Demanded, Error> {
 }
 
 /// The stiffness and damping that count at the puck: the steepest slopes, and of bristles twice their stiffness. Where a puck turns round they
-/// go back by up to twice its way, ṡ = q̇ (1 - σ₀ s sgn q̇/F).
+/// go back by up to twice its way, ṡ = q̇ (1 - σ₀ s sgn q̇/F). A filter of the position counts as damping.
 fn felt(world: &World, couplings: &[Coupling]) -> Result<[f64; 2], Error> {
     let [stiffness, damping] = at_puck(world, couplings)?;
     let bristles = couplings.iter().filter(|c| laws::at_puck(c) && Kind::of(c) == Kind::Lugre);
-    Ok([stiffness + bristles.map(|c| laws::steepest(&c.law).0).sum::<f64>(), damping])
+    let bristles = bristles.map(|c| laws::steepest(&c.law).0).sum::<f64>();
+    let [_, damping] = behind_filter(world, [stiffness, damping]);
+    Ok([stiffness + bristles, damping])
 }
 
 /// A linear loop, and nonlinear laws between puck and ground. Each of both gets a share of the damping.

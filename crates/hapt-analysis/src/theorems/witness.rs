@@ -62,6 +62,7 @@ pub(crate) fn witness(world: &World, is_held: bool) -> Result<Option<Witnessed>,
         at_puck.iter().fold([0.0, 0.0], |[k, b], (_, [stiffness, damping])| [k + stiffness, b + damping]);
     if !world.couplings.iter().all(|c| is_known(&c.law))
         || !has_mean_velocity(world, damping)
+        || world.sampling.filter.is_some()
         || world.sampling.advance > 0
     {
         return Ok(None);

@@ -33,6 +33,7 @@ impl Bench {
                 interval_max: None,
                 delay: hapt_model::Delay::Seconds(0.0),
                 delay_max: None,
+                filter: None,
                 estimator: EstimatorKind::Difference,
                 cutoff: None,
                 every: 1,

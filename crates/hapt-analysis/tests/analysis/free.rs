@@ -38,6 +38,7 @@ struct Brute {
     core: Room,
     first: bool,
     every: u32,
+    filters: bool,
     bodies: usize,
     estimator: (EstimatorKind, f64, usize),
     period: f64,
@@ -76,12 +77,13 @@ impl Brute {
         let mut scale = vec![1.0, 1.0 / period];
         scale.extend(vec![1.0; n]);
         scale.extend(vec![1.0 / period; n + 1]);
-        scale.extend(vec![1.0; window]);
+        scale.extend(vec![1.0; window + 1]);
         scale.extend(vec![j / period / period; samples + usize::from(!near)]);
         Brute {
             core: Room::new(&spec).unwrap(),
             first: sampling.method.takes_new_sample_first(),
             every: sampling.bodies_every,
+            filters: sampling.filter.is_some(),
             bodies: n,
             estimator: (sampling.estimator, sampling.cutoff.unwrap_or(1.0), window),
             period,
@@ -115,19 +117,21 @@ impl Brute {
         }
     }
 
-    /// (z, ż, w, ẇ, last velocity, older z, commands in flight), newest first, after a step of the bodies.
+    /// (z, ż, w, ẇ, last velocity, last filtered z, older z, commands in flight), newest first, after a step of the bodies.
     fn step(&self, s: &[f64]) -> Vec<f64> {
         let (n, window) = (self.bodies, self.estimator.2);
         let mut puck = (s[0], s[1]);
         let (w, rest) = s[2..].split_at(n);
         let (dw, rest) = rest.split_at(n);
         let (last, rest) = rest.split_at(1);
+        let (filtered, rest) = rest.split_at(1);
         let (older, flight) = rest.split_at(window);
         let (mut last, mut older, mut flight) = (last[0], older.to_vec(), flight.to_vec());
         let mut state = self.core.start();
         state.now.position[..n].copy_from_slice(w);
         state.now.velocity[..n].copy_from_slice(dw);
         state.memory.last = Some(Puck { position: older[0], velocity: last });
+        state.memory.filtered = filtered[0];
         for _ in 0..self.every {
             last = self.velocity(puck.0, puck.1, last, &older);
             let command = self.core.step(&mut state, puck.0, last).command;
@@ -152,6 +156,7 @@ impl Brute {
         next.extend_from_slice(&state.now.position[..n]);
         next.extend_from_slice(&state.now.velocity[..n]);
         next.push(last);
+        next.push(if self.filters { state.memory.filtered } else { 0.0 });
         next.extend(older);
         next.extend(flight);
         next
@@ -247,7 +252,8 @@ fn loops() -> impl Strategy<Value = World> {
             let sampling = &mut world.sampling;
             sampling.estimator = EstimatorKind::ALL[estimator];
             sampling.cutoff = Some(0.05 / period);
-            sampling.window = window;
+            (sampling.window, sampling.every) = (window, window);
+            sampling.filter = (advance % 2 == 1).then(|| 0.02 * (1.0 + periods) / period);
             sampling.advance = if sampling.output == Output::End { advance } else { 0 };
             sampling.delay = match delay {
                 0 => hapt_model::Delay::Seconds(0.0),

@@ -26,6 +26,7 @@ fn run<F: Real, const B: usize, const C: usize, const W: usize>(z: f64) -> f64 {
         advance: 3,
         bodies_every: 1,
         estimator: Estimator::Foaw { window: 3 },
+        filter: None,
         count: Some(z),
         limit: Some(z),
         levels: Some(2),

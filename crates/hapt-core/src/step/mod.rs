@@ -81,6 +81,7 @@ pub(crate) struct Port<F, const B: usize> {
 ///     advance: 0,
 ///     bodies_every: 1,
 ///     estimator: Estimator::Difference,
+///     filter: None,
 ///     count: None,
 ///     limit: None,
 ///     levels: None,
@@ -148,7 +149,7 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
 
     /// Whether the [`LinearFastPath`] gives the same sample.
     pub(crate) fn allows_fast_path(&self) -> bool {
-        let ideal = self.sensor.count.is_none() && self.sensor.velocity.is_none();
+        let ideal = self.sensor.count.is_none() && self.sensor.filter.is_none() && self.sensor.velocity.is_none();
         ideal && !self.new_sample_first && self.skips == 0 && self.moment == Moment::End && self.nonlinear_count == 0
     }
 
@@ -273,7 +274,12 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         let position = if X::IS_LINEAR { position } else { self.sensor.position(&mut state.memory, position) };
         let is_true = X::IS_LINEAR || self.sensor.velocity.is_none();
         let velocity = if is_true { velocity } else { with.estimate(&state.memory, position) };
-        let puck = Puck { position, velocity };
+        let measured = Puck { position, velocity };
+        let puck = if X::IS_LINEAR {
+            measured
+        } else {
+            Puck { position: self.sensor.seen(&state.memory, position), velocity }
+        };
         let State { now, change, until_step, bristles, contacts, memory } = state;
         if X::IS_LINEAR || !self.new_sample_first {
             // A state may be anybody's.
@@ -290,19 +296,22 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
             }
         } else {
             with.bend(bristles, puck, now);
-            if let Some(last) = memory.last {
+            if let Some(last) = self.sensor.seen_last(memory) {
                 let mut change = Vector::ZERO;
                 with.change(n, &mut change, now, Some(last), puck, bristles, contacts);
                 now.add(n, F::ONE, &change);
             }
         }
-        state.memory.last = Some(puck);
+        state.memory.last = Some(measured);
+        if !X::IS_LINEAR && self.sensor.filter.is_some() {
+            state.memory.filtered = puck.position;
+        }
         let torque = if n == 1 {
             self.torque::<X, 1, S>(with, n, state, puck)
         } else {
             self.torque::<X, B, S>(with, n, state, puck)
         };
-        Sample { puck, torque, command: with.command(torque) }
+        Sample { puck: measured, torque, command: with.command(torque) }
     }
 
     /// The torque on the puck from the state that the output names, of n bodies in the first L places.

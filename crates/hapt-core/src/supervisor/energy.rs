@@ -101,6 +101,9 @@ pub(crate) struct Energy<F, const B: usize, const C: usize> {
     holds: bool,
     /// Whether the bodies' own energies are all that there is, and a step is made at every sample, with the puck held.
     is_all: bool,
+    /// Whether the bodies see a filtered position, and so does what their steps are measured by. Without bodies the port is all, and that is at
+    /// the measured one.
+    sees_filtered: bool,
     /// The torques of all constants on the puck.
     pub constant: F,
 }
@@ -126,6 +129,7 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
             skips: spec.bodies_every.saturating_sub(1),
             holds: !spec.method.takes_new_sample_first(),
             is_all: false,
+            sees_filtered: spec.filter.is_some() && !spec.bodies.is_empty(),
             constant: f(constant),
         };
         for (place, coupling) in spec.couplings.iter().enumerate() {
@@ -162,6 +166,7 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
     /// The step that `state` has just taken, at the puck's measured position and velocity; nothing but what is stored where it has taken none.
     #[inline]
     pub fn step<const W: usize>(&self, state: &State<F, B, C, W>, puck: (F, F)) -> Step<F> {
+        let puck = if self.sees_filtered { (state.memory.filtered, puck.1) } else { puck };
         match self.bodies {
             1 => self.step_of(1, state, puck),
             n => self.step_of(n, state, puck),

@@ -181,7 +181,7 @@ mod tests {
                 inertia: 0.5 + i as f64, position: moved[i].0, velocity: moved[i].1,
             });
             let spec = Spec {
-                period: 1e-3, method: Method::Zoh, output: Output::End, advance: 0, bodies_every: 1, estimator: Estimator::Exact,
+                period: 1e-3, method: Method::Zoh, output: Output::End, advance: 0, bodies_every: 1, estimator: Estimator::Exact, filter: None,
                 count: None, limit: None, levels: None, bodies: &bodies, couplings: &[],
             };
             let mut state = Loop::<f64, 4, 8, 17>::new(&spec).unwrap().start();

@@ -101,6 +101,7 @@ fn compiled(
         advance: if output == Output::End && bodies_every == 1 { 2 } else { 0 },
         bodies_every,
         estimator,
+        filter: counted.then_some(30.0 * scale),
         count: counted.then_some(1e-3 * scale),
         limit: counted.then_some(0.5 * scale),
         levels: counted.then_some(64),

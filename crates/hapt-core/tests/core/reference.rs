@@ -19,6 +19,7 @@ impl World {
             advance: 0,
             bodies_every: 1,
             estimator: Estimator::Exact,
+            filter: None,
             count: None,
             limit: None,
             levels: None,

@@ -14,6 +14,7 @@ const SPEC: Spec = Spec {
     advance: 0,
     bodies_every: 1,
     estimator: Estimator::Exact,
+    filter: None,
     count: None,
     limit: None,
     levels: None,

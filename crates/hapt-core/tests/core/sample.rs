@@ -16,6 +16,7 @@ const EMPTY: Spec = Spec {
     advance: 0,
     bodies_every: 1,
     estimator: Estimator::Exact,
+    filter: None,
     count: None,
     limit: None,
     levels: None,
@@ -135,6 +136,51 @@ proptest! {
         }
         let over_one = measure(&Spec { estimator: Estimator::DifferenceOver { every: 1 }, ..spec }, &positions);
         prop_assert_eq!(over_one, measure(&Spec { estimator: Estimator::Difference, ..spec }, &positions));
+    }
+
+    /// The world sees the filtered position, and the estimator the measured one: a spring and a damper, with and without a count.
+    #[test]
+    fn a_filter_shows_the_world_its_equation_and_leaves_the_velocity(
+        positions in prop::collection::vec(-1.0_f64..1.0, 2..40), filter in 1.0_f64..1000.0, is_counted: bool, first: bool,
+    ) {
+        let laws = [Law::Spring { stiffness: 2.0, rest: 0.1 }, Law::Damper { damping: hapt_core::Damping::Fixed(0.3) }];
+        let couplings = laws.map(|law| law.between(End::Puck, End::Ground));
+        let (method, output) = if first { (Method::Tustin, Output::Start) } else { (Method::Zoh, Output::End) };
+        let count = is_counted.then_some(TAU / 500.0);
+        let spec = Spec { method, output, estimator: Estimator::Difference, count, couplings: &couplings, ..EMPTY };
+        let (plain, filtered) = (Small::new(&spec).unwrap(), Small::new(&Spec { filter: Some(filter), ..spec }).unwrap());
+        let (mut one, mut other) = (plain.start(), filtered.start());
+        let pole = (-TAU * filter * 1e-3).exp();
+        let mut seen = None;
+        for &z in &positions {
+            let (a, b) = (plain.step(&mut one, z, 0.0), filtered.step(&mut other, z, 0.0));
+            prop_assert_eq!(a.puck, b.puck);
+            let y = seen.map_or(a.puck.position, |y: f64| pole * y + (1.0 - pole) * a.puck.position);
+            seen = Some(y);
+            prop_assert!((b.torque - a.torque - 2.0 * (a.puck.position - y)).abs() < 1e-12, "{} {}", b.torque, a.torque);
+        }
+    }
+
+    /// With a body, held still: it swings about the filtered position, whatever the method.
+    #[test]
+    fn a_body_is_moved_by_the_filtered_position(
+        positions in prop::collection::vec(-1.0_f64..1.0, 2..40), filter in 5.0_f64..300.0, method in 0..Method::ALL.len(),
+    ) {
+        let method = Method::ALL[method];
+        let output = if method.takes_new_sample_first() { Output::Start } else { Output::End };
+        let bodies = [Body { inertia: 0.01, position: 0.0, velocity: 0.0 }];
+        let couplings = [Law::Spring { stiffness: 2.0, rest: 0.0 }.between(End::Puck, End::Body(0))];
+        let spec = Spec { method, output, bodies: &bodies, couplings: &couplings, ..EMPTY };
+        let (plain, filtered) = (Small::new(&spec).unwrap(), Small::new(&Spec { filter: Some(filter), ..spec }).unwrap());
+        let (mut one, mut other) = (plain.start(), filtered.start());
+        let gain = -(-TAU * filter * 1e-3).exp_m1();
+        let mut seen = None;
+        for &z in &positions {
+            let y = seen.map_or(z, |y: f64| y + gain * (z - y));
+            seen = Some(y);
+            let (a, b) = (plain.step(&mut one, y, 0.0), filtered.step(&mut other, z, 0.0));
+            prop_assert!((a.torque - b.torque).abs() < 1e-12 && b.puck.position == z);
+        }
     }
 
     #[test]

@@ -62,6 +62,7 @@ const WORLD: Spec = Spec {
     advance: 0,
     bodies_every: 1,
     estimator: Estimator::Difference,
+    filter: None,
     count: None,
     limit: Some(0.8),
     levels: None,

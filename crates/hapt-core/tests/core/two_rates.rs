@@ -148,6 +148,7 @@ fn what_bodies_of_a_slower_rate_do_not_go_with_is_refused() {
         advance: 0,
         bodies_every: 2,
         estimator: hapt_core::Estimator::Exact,
+        filter: None,
         count: None,
         limit: None,
         levels: None,

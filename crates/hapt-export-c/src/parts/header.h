@@ -55,6 +55,10 @@ typedef struct {
     hapt_real last_position;
     hapt_real last_velocity;
 //end
+//if filter
+    /* The filtered position at the last sample. */
+    hapt_real filtered;
+//end
 //if ring
     /* The last counts or positions, a ring. */
     hapt_real count[HAPT_COUNTS];

@@ -8,7 +8,7 @@ static hapt_real hapt_then(const hapt_state *state, uint32_t age)
 }
 
 /* Adds the newest. */
-static void hapt_push(hapt_state *state, hapt_real newest)
+static void hapt_remember(hapt_state *state, hapt_real newest)
 {
     if (state->has_last) {
         state->newest = (state->newest + 1) % HAPT_COUNTS;
@@ -65,7 +65,7 @@ static hapt_real hapt_counted(const hapt_world *world, hapt_state *state, hapt_r
     /* A tie within 1e-9 of a count goes up. */
     const hapt_real count = hapt_floor(position / world->count + (hapt_real)0.5 + (hapt_real)1e-9);
 //if foaw
-    hapt_push(state, count);
+    hapt_remember(state, count);
 //else
     (void)state;
 //end

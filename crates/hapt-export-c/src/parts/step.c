@@ -177,12 +177,29 @@ static hapt_sample hapt_sample_of(const hapt_world *world, hapt_state *state, ha
 //if skips
     uint32_t waits;
 //end
+//if filter
+    hapt_real measured;
+//if new_first_bodies
+    const hapt_real last_seen = state->filtered;
+//end
+//end
 
 //if count
     position = hapt_counted(world, state, position);
 //end
+//if over
+    hapt_remember(state, position);
+//end
 //if !exact
     velocity = hapt_estimate(world, state, position);
+//end
+//if filter
+    /* The velocity is that of the measured position; the world sees the filtered one. */
+    measured = position;
+    if (state->has_last) {
+        position = state->filtered + world->filter * (position - state->filtered);
+    }
+    state->filtered = position;
 //end
 //if skips
     waits = state->until_step < @skips@u ? state->until_step : @skips@u;
@@ -212,14 +229,23 @@ static hapt_sample hapt_sample_of(const hapt_world *world, hapt_state *state, ha
 //if new_first_bodies
     /* This method takes the new sample first. */
     if (state->has_last) {
+//if filter
+        const hapt_vector change = hapt_change(world, &state->now, position, velocity, last_seen, state->last_velocity,
+                                               bristle, contact, unsettled);
+//else
         const hapt_vector change = hapt_change(world, &state->now, position, velocity, state->last_position, state->last_velocity,
                                                bristle, contact, unsettled);
+//end
         hapt_add(&state->now, (hapt_real)1, &change);
     }
 //end
 //if last
     state->has_last = 1;
+//if filter
+    state->last_position = measured;
+//else
     state->last_position = position;
+//end
     state->last_velocity = velocity;
 //end
 
@@ -267,7 +293,11 @@ static hapt_sample hapt_sample_of(const hapt_world *world, hapt_state *state, ha
     }
 //end
 //end
+//if filter
+    sample.position = measured;
+//else
     sample.position = position;
+//end
     sample.velocity = velocity;
     sample.torque = hapt_torque_at(world, &bodies, position, velocity, bristle, contact);
     sample.command = hapt_command(world, sample.torque);
@@ -301,6 +331,9 @@ void hapt_state_init(hapt_state *state)
     state->has_last = 0;
     state->last_position = (hapt_real)0;
     state->last_velocity = (hapt_real)0;
+//end
+//if filter
+    state->filtered = (hapt_real)0;
 //end
 //if ring
     for (i = 0; i < HAPT_COUNTS; i++) {

@@ -196,6 +196,7 @@ fn the_random_worlds_have_every_method_estimator_law_and_reason() {
     assert!(has(&|world| matches!(world.estimator, Estimator::FoawBest { .. }) && windowed(world)));
     assert!(has(&|world| matches!(world.estimator, Estimator::LowPass { .. })));
     assert!(has(&|world| matches!(world.estimator, Estimator::DifferenceOver { .. })));
+    assert!(has(&|world| world.filter.is_some() && world.method.takes_new_sample_first() && !world.bodies.is_empty()));
     assert!(has(&|world| world.estimator == Estimator::Exact));
     assert!(has(&|world| world.advance > 0 && !world.bodies.is_empty()) && has(&|world| world.bodies_every > 1));
     let at_body = |of: fn(&Law) -> bool| {

@@ -60,6 +60,8 @@ pub const KEYS: &[Key] = &[
         "The largest delay, where it varies; no shorter than the delay, the least.").within(0.0, 0.1),
     key("loop.interval_max", Quantity(Time, Positive), Depends("loop.period"),
         "The longest true time between two samples, in any pattern; no shorter than the period, the nominal one.").within(1e-5, 1.0),
+    key("loop.filter", Quantity(Frequency, Positive), Optional,
+        "The cutoff of one pole behind which the world sees the puck's position; the velocity is that of the measured one. Absent: none.").within(0.5, 1e5),
     key("loop.estimator", Takes::Name(EstimatorKind::NAMES), Name("exact"), "How the loop estimates the puck's velocity."),
     key("loop.cutoff", Quantity(Frequency, Positive), Depends("required with the estimator low-pass"),
         "The cutoff of the low-pass estimator.").within(0.5, 1e5),

@@ -17,6 +17,7 @@ method    = "zoh"                       # section 4; "zoh" is the default
 output    = "end"                       # which state makes the torque: "start", "middle" or "end" of the step (section 3)
 advance   = 0                           # "end" only: further steps ahead, puck held still (whole samples; for a known delay)
 delay     = "0 ms"                      # from the sample to the moment the motor torque changes
+# filter  = "100 Hz"                    # bodies and couplings see the position behind one pole; absent: none
 estimator = "exact"                     # puck velocity: "exact", "difference", "low-pass", "foaw", "foaw-best"
 cutoff    = "50 Hz"                     # low-pass only
 every     = 1                           # difference only: over so many samples
@@ -80,6 +81,7 @@ fn the_documented_example_reads_to_its_numbers() {
         interval_max: None,
         delay: hapt_model::Delay::Seconds(0.0),
         delay_max: None,
+        filter: None,
         estimator: EstimatorKind::Exact,
         cutoff: Some(50.0),
         every: 1,
@@ -138,6 +140,7 @@ fn what_is_absent_has_its_default() {
         interval_max: None,
         delay: hapt_model::Delay::Seconds(0.0),
         delay_max: None,
+        filter: None,
         estimator: EstimatorKind::Exact,
         cutoff: None,
         every: 1,

@@ -124,14 +124,14 @@ fn sampling() -> impl Strategy<Value = Sampling> {
     let choices = (select(Method::ALL.to_vec()), select(Output::ALL.to_vec()), select(EstimatorKind::ALL.to_vec()));
     // Steps ahead, or samples from one step of the bodies to the next.
     let steps = (0u32..=1000, prop_oneof![Just(1), 1u32..=1000]);
-    (1e-6..1.0, choices, steps, (0.0..1e5, any::<bool>()), uneven(), option::of(positive()), (1u32..=256, 1u32..=256)).prop_map(
+    (1e-6..1.0, choices, steps, (0.0..1e5, any::<bool>()), uneven(), (option::of(positive()), option::of(positive())), (1u32..=256, 1u32..=256)).prop_map(
         |(
             period,
             (method, output, estimator),
             (advance, bodies_every),
             (delays, follows),
             (longer, later),
-            cutoff,
+            (cutoff, filter),
             (every, window),
         )| {
             let output = if method.takes_new_sample_first() { Output::Start } else { output };
@@ -155,6 +155,7 @@ fn sampling() -> impl Strategy<Value = Sampling> {
                 interval_max,
                 delay,
                 delay_max,
+                filter,
                 estimator,
                 cutoff,
                 every,

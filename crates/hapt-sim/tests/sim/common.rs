@@ -17,6 +17,7 @@ pub fn bare() -> World {
             interval_max: None,
             delay: hapt_model::Delay::Seconds(0.0),
             delay_max: None,
+            filter: None,
             estimator: EstimatorKind::Exact,
             cutoff: None,
             every: 1,

@@ -26,6 +26,7 @@ impl Linear {
             advance: if output == Output::End { self.advance } else { 0 },
             bodies_every: 1,
             estimator: Estimator::Exact,
+            filter: None,
             count: None,
             limit: None,
             levels: None,

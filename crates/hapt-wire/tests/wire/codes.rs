@@ -52,6 +52,7 @@ const EMPTY: Spec<'static> = Spec {
     advance: 0,
     bodies_every: 1,
     estimator: Estimator::Difference,
+    filter: None,
     count: None,
     limit: Some(0.8),
     levels: None,

@@ -121,6 +121,7 @@ fn spec() -> Spec<'static> {
         advance: 0,
         bodies_every: 1,
         estimator: Estimator::Difference,
+        filter: None,
         count: Some(std::f64::consts::TAU / 4000.0),
         limit: Some(0.8),
         levels: None,
@@ -210,6 +211,7 @@ fn the_largest_world_of_a_board_fits_into_its_room_and_a_full_piece_into_a_frame
         bodies_every: u32::MAX,
         levels: Some(u32::MAX),
         estimator: Estimator::LowPass { cutoff: 1.0 },
+        filter: None,
         bodies: &[body; 4],
         couplings: &[coupling; 8],
         ..spec()

@@ -49,6 +49,7 @@ struct Any {
     method: Method,
     output: Output,
     estimator: Estimator,
+    filter: Option<f64>,
     bodies: Vec<Body>,
     couplings: Vec<Coupling>,
 }
@@ -56,9 +57,9 @@ struct Any {
 impl Any {
     fn spec(&self) -> Spec<'_> {
         let (period, count, limit, levels, advance, bodies_every) = self.numbers;
-        let &Any { method, output, estimator, .. } = self;
+        let &Any { method, output, estimator, filter, .. } = self;
         let (bodies, couplings) = (&self.bodies[..], &self.couplings[..]);
-        Spec { period, method, output, advance, bodies_every, estimator, count, limit, levels, bodies, couplings }
+        Spec { period, method, output, advance, bodies_every, estimator, filter, count, limit, levels, bodies, couplings }
     }
 }
 
@@ -85,12 +86,13 @@ fn worlds() -> impl Strategy<Value = Any> {
     let numbers = (any::<(f64, Option<f64>, Option<f64>, Option<u32>, u32)>(), every);
     let numbers = numbers
         .prop_map(|((period, count, limit, levels, advance), every)| (period, count, limit, levels, advance, every));
-    (((numbers, select(&Method::ALL[..]), select(&Output::ALL[..])), estimator), lists).prop_map(
-        |(((numbers, method, output), estimator), (bodies, couplings))| Any {
+    (((numbers, select(&Method::ALL[..]), select(&Output::ALL[..])), (estimator, any::<Option<f64>>())), lists).prop_map(
+        |(((numbers, method, output), (estimator, filter)), (bodies, couplings))| Any {
             numbers,
             method,
             output,
             estimator,
+            filter,
             bodies,
             couplings,
         },
@@ -148,6 +150,7 @@ fn more_than_there_is_room_for_is_refused_by_number() {
         advance: 0,
         bodies_every: 1,
         estimator: Estimator::Exact,
+        filter: None,
         count: None,
         limit: None,
         levels: None,
@@ -157,22 +160,23 @@ fn more_than_there_is_room_for_is_refused_by_number() {
     let mut room = [0; 512];
     let bytes = write(&spec, &mut room).unwrap();
     assert_eq!(Stored::<4, 8>::read(bytes).unwrap_err(), Error::TooManyBodies { given: 5, room: 4 });
-    let other = [&[3], &bytes[1..]].concat();
-    assert_eq!(Stored::<4, 8>::read(&other).unwrap_err(), Error::Version { given: 3 });
+    let other = [&[4], &bytes[1..]].concat();
+    assert_eq!(Stored::<4, 8>::read(&other).unwrap_err(), Error::Version { given: 4 });
 }
 
-/// A board that reads version 1 alone refuses bodies that it would step too often, and takes every other world as before.
+/// A board that reads version 1 alone refuses bodies that it would step too often or show another position, and takes every other world as before.
 #[test]
 fn bodies_at_every_nth_sample_are_another_version() {
     let body = Body { inertia: 0.02, position: 0.0, velocity: 0.0 };
     let spring = Law::Spring { stiffness: 1.0, rest: 0.0 }.between(End::Puck, End::Body(0));
-    let spec = |bodies_every| Spec {
+    let spec = |bodies_every, filter| Spec {
         period: 1e-3,
         method: Method::Zoh,
         output: Output::End,
         advance: 0,
         bodies_every,
         estimator: Estimator::Exact,
+        filter,
         count: None,
         limit: None,
         levels: None,
@@ -180,9 +184,11 @@ fn bodies_at_every_nth_sample_are_another_version() {
         couplings: std::slice::from_ref(&spring),
     };
     let mut room = [0; 512];
-    for (bodies_every, version) in [(1, 1), (2, 2), (1000, 2)] {
-        let bytes = write(&spec(bodies_every), &mut room).unwrap();
+    for (bodies_every, filter, version) in
+        [(1, None, 1), (2, None, 2), (1000, None, 2), (1, Some(50.0), 3), (3, Some(1e3), 3)]
+    {
+        let bytes = write(&spec(bodies_every, filter), &mut room).unwrap();
         assert_eq!(bytes[0], version);
-        assert_eq!(Stored::<4, 8>::read(bytes).unwrap().spec(), spec(bodies_every));
+        assert_eq!(Stored::<4, 8>::read(bytes).unwrap().spec(), spec(bodies_every, filter));
     }
 }

@@ -62,6 +62,7 @@ fn in_form(world: &World) -> Result<Option<[f64; 2]>, Error> {
     let is_plain = world.bodies.is_empty()
         && matches!(world.sampling.estimator, EstimatorKind::Exact | EstimatorKind::Difference)
         && !world.sampling.takes_several_samples()
+        && world.sampling.filter.is_none()
         && world.couplings.iter().all(|coupling| {
             matches!(Kind::of(coupling), Kind::Linear | Kind::Constant)
                 && [coupling.first, coupling.second].contains(&End::Ground)

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use hapt_analysis::{Error, MAX_IN_FLIGHT, Passivity};
+use hapt_analysis::{Error, MAX_IN_FLIGHT, Passivity, uneven_damping};
 use proptest::prelude::*;
 
 use super::*;
@@ -38,6 +38,30 @@ proptest! {
         if let Some(closed) = [1.0, 9.0 / 16.0].get(every as usize - 1) {
             prop_assert!((found - closed).abs() < 1e-9, "{found} {closed}");
         }
+    }
+
+    /// (T70), linear and not.
+    #[test]
+    fn a_spring_behind_a_filter_of_the_position(
+        k in 0.1..1e3f64, period in 1e-4..1e-2f64, x in -3.0..1.0f64, d in 0..4u32, damping in 0.0..1.0f64,
+    ) {
+        let mut world = plain(to_ground(k, 0.0), period);
+        let x = 10f64.powf(x);
+        world.sampling.filter = Some(x / (TAU * period));
+        let wanted = 0.5 * k * period / (0.5 * x).tanh();
+        near(required(&world), wanted, 1e-9);
+        world.sampling.interval_max = Some(3.0 * period);
+        near(uneven_damping(&world).unwrap().unwrap(), 3.0 * wanted, 1e-9);
+        world.sampling.interval_max = None;
+        world.sampling.delay = hapt_model::Delay::Seconds(f64::from(d) * period);
+        near(required(&world), wanted + k * period * f64::from(d), 1e-9);
+        // A wall asks for what its spring asks for, and its damping.
+        let law = Law::Wall { side: Side::Above, at: 0.1, stiffness: k, damping };
+        world.couplings = vec![Coupling { first: End::Puck, second: End::Ground, law, limit: None }];
+        near(required(&world), wanted + k * period * f64::from(d) + damping, 1e-9);
+        prop_assert!(passivity(&world).unwrap().not_proved.is_empty());
+        world.device.limit = Some(1.0);
+        prop_assert!(passivity(&world).unwrap().not_proved.is_empty());
     }
 
     #[test]

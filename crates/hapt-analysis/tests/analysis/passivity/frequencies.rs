@@ -32,16 +32,21 @@ fn torque(world: &World, phi: f64) -> C {
     };
     let n = d.d.nrows();
     let matrix = DMatrix::from_fn(n, n, |i, j| if i == j { step } else { C::from(0.0) } - d.d[(i, j)]);
+    // What the world sees of the position.
+    let seen = sampling.filter.map_or(C::from(1.0), |filter| {
+        let pole = (-TAU * filter * period).exp();
+        (1.0 - pole) / (1.0 - pole * back)
+    });
     let input = DMatrix::from_fn(n, 1, |i, _| {
         // x_{k+1} takes u_k (held), or x_k takes u_{k-1} and u_k.
         let (now, before) =
             if sampling.method.takes_new_sample_first() { (z, C::from(1.0)) } else { (C::from(1.0), C::from(0.0)) };
-        (now * d.current[(i, 0)] + before * d.previous[(i, 0)])
+        (now * d.current[(i, 0)] + before * d.previous[(i, 0)]) * seen
             + (now * d.current[(i, 1)] + before * d.previous[(i, 1)]) * v
     });
     let x = matrix.lu().solve(&input).unwrap();
     let out = (0..n).fold(C::from(0.0), |sum, i| sum + x[(i, 0)] * d.torque.state[i]);
-    -(out + d.torque.puck[0] + v * d.torque.puck[1])
+    -(out + seen * d.torque.puck[0] + v * d.torque.puck[1])
 }
 
 /// The least damping that one angle asks for.
@@ -90,6 +95,7 @@ proptest! {
     fn no_frequency_asks_for_more_and_one_for_all_of_it(
         bench in worlds(Dampers::Fixed, true), x in 0.01..1.5f64, method in 0..8usize, output in 0..3usize, advance in 0..3u32,
         delay in prop_oneof![Just(0.0), (0..5u32).prop_map(f64::from), 0.01..4.0f64], estimator in 0..4usize, cutoff in 0.01..1.0f64, every in 1..12u32,
+        filter in prop::option::of(0.01..2.0f64),
     ) {
         let period = x / fastest(&bench);
         let method = Method::ALL[method];
@@ -99,6 +105,7 @@ proptest! {
         world.sampling.delay = hapt_model::Delay::Seconds(delay * period);
         world.sampling.estimator = [EstimatorKind::Exact, EstimatorKind::LowPass, EstimatorKind::FoawBest, EstimatorKind::Difference][estimator];
         world.sampling.every = every;
+        world.sampling.filter = filter.map(|filter| filter / period);
         if estimator == 2 { world.sampling.window = 1; }
         world.sampling.cutoff = Some(cutoff / period);
         let all = multipliers(&world.bodies, &world.couplings, &Slopes::Steep, method, period).unwrap();

@@ -97,6 +97,13 @@ fn what_is_not_proved_says_why() {
         },
         "low-pass",
     );
+    one(
+        &|w| {
+            damped(w);
+            w.sampling.filter = Some(100.0);
+        },
+        "loop.filter",
+    );
     // Over several samples no damping between puck and body, beside what is not linear; between puck and ground it is a mean of earlier ways.
     one(
         &|w| {

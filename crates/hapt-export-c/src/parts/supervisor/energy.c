@@ -117,6 +117,10 @@ static hapt_energies hapt_energies_of(const hapt_world *world, const hapt_state 
     (void)position;
     (void)velocity;
     (void)state;
+//if filter_bodies
+    /* The bodies see the filtered position. */
+    position = state->filtered;
+//end
 //if bodies
     for (i = 0; i < HAPT_BODIES; i++) {
         const hapt_real w = state->now.position[i], dw = state->change.position[i];

@@ -99,13 +99,14 @@ the worst pattern that was found with timing = { kind = "worst" }. In real time 
     },
     Topic {
         name: "estimator",
-        aliases: &["exact", "difference", "low-pass", "foaw", "foaw-best", "velocity", "cutoff", "every", "window"],
+        aliases: &["exact", "difference", "low-pass", "foaw", "foaw-best", "velocity", "cutoff", "every", "filter", "window"],
         line: "the estimator of the puck's velocity",
         text: r#"exact        the true velocity: a tachometer, and the default
-difference   (z_k - z_{k-1})/T: fast; one count is a jump of count/T; over `every` n samples of count/(nT)
+difference   (z_k - z_{k-1})/T: fast; one count is a jump of count/T; over `every` n, count/(nT)
 low-pass     the same through a filter with `cutoff`: smoother and later
 foaw         over the longest window that fits within one count: smooth at rest, fast in motion
 foaw-best    the best line over that window
+`filter` is of the position: the world sees it behind one pole, late by 1/(2π filter).
 
 With differences a step causes a torque peak, of 2 k z0 with b = Tk between puck and wheel:
 
