@@ -4,7 +4,7 @@
 
 mod table;
 
-pub(crate) use table::{COMPENSATING, DIRECTION, HANDLE, LINK_LOST, MOST_SAMPLES, WORLD_LEDGER};
+pub(crate) use table::{COMPENSATING, DIRECTION, HANDLE, LINK_LOST, MOST_COUPLINGS, MOST_SAMPLES, WORLD_LEDGER};
 pub use table::{KEYS, NETWORK, NETWORK_FILE, SAMPLES};
 
 use crate::dimension::Dimension;

@@ -30,6 +30,7 @@
 //! ```
 
 pub mod builtin;
+mod compensation;
 mod counts;
 mod dimension;
 mod document;
@@ -63,6 +64,7 @@ mod words;
 pub mod world;
 mod write;
 
+pub use compensation::Compensated;
 pub use dimension::Dimension;
 pub use error::{Error, ErrorKind, Location, visible};
 pub use hapt_core::named;

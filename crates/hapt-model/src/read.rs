@@ -5,6 +5,7 @@
 use hapt_core::{Body, Coupling, Damping, End, Law, Method, Output, Side, WhenLate};
 use hapt_plant::spec::{Cogging, DeviceTorque, Drive, Gravity, Hand, Handle, Shape, Switching};
 
+use crate::compensation::Compensated;
 use crate::document::{Document, Entry, Node, Place, Value};
 use crate::error::{Error, ErrorKind};
 use crate::fields::{Context, Fields};
@@ -74,6 +75,23 @@ impl World {
         }
         for (fields, coupling) in rows.iter().zip(&couplings) {
             check_coupling(fields, coupling, &couplings, &names, &sampling)?;
+        }
+        let mut compensated = Vec::new();
+        for (index, node) in items(&top, "compensation").iter().enumerate() {
+            let path = format!("compensation.{index}");
+            let context = Context { path, pattern: "compensation.*", ..table("compensation") };
+            let fields = Fields::new(context, Some(node))?;
+            let (of, coupling) = compensation(&fields, &device)?;
+            if compensated.contains(&of) {
+                let message = format!("{} is compensated already; expected one share of it", of.name());
+                return Err(fields.error(ErrorKind::Combination, "of", message));
+            }
+            if couplings.len() == keys::MOST_COUPLINGS {
+                let message = format!("with it the world has more than {} couplings", keys::MOST_COUPLINGS);
+                return Err(fields.error(ErrorKind::Combination, "of", message));
+            }
+            compensated.push(of);
+            couplings.push(coupling);
         }
         if sampling.bodies_every > 1 && bodies.is_empty() {
             let message = format!("{} samples a step, and this world has no bodies; expected 1", sampling.bodies_every);
@@ -326,6 +344,21 @@ fn coupling(fields: &Fields<'_>, names: &[String], files: &path::Reader<'_>) -> 
     };
     // The table of keys has a limit for the laws that take one, and for no others.
     Ok(Coupling { first, second, law, limit: fields.optional_number("limit")? })
+}
+
+/// Which torque of the device is taken back, and the coupling that does it.
+fn compensation(fields: &Fields<'_>, device: &Device) -> Result<(Compensated, Coupling), Error> {
+    let of = one_of(fields, "of", &Compensated::ALL, Compensated::name)?.ok_or_else(|| fields.missing("of"))?;
+    let share = fields.number("share")?;
+    if share > 1.0 {
+        let message = format!("{share:?} takes back more than there is; expected 0 to 1");
+        return Err(fields.error(ErrorKind::Value, "share", message));
+    }
+    let coupling = device.compensation(of, share).ok_or_else(|| {
+        let message = format!("the device has no {0} to take back; expected a table [device.{0}]", of.name());
+        fields.error(ErrorKind::Combination, "of", message)
+    })?;
+    Ok((of, coupling))
 }
 
 /// Coulomb friction by its `torque`, LuGre by its six keys.

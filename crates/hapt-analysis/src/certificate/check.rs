@@ -15,6 +15,7 @@ use crate::stability::fall::{Fall, fall};
 use crate::stability::free::{free, free_at_this_period, shortest_period};
 use crate::stability::{Stability, Verdict};
 use crate::text::{short, time, with_unit};
+use crate::theorems::assumptions::laws_cost;
 use crate::theorems::stable::{free_claim, held_claim};
 use crate::theorems::{Claimed, Passivity, PatternVerdict, Theorem, Uneven, passivity, uneven};
 
@@ -261,6 +262,7 @@ fn notes(world: &World, fall: Option<Fall>) -> Result<Vec<String>, Error> {
         );
     }
     notes.extend(device_torque(world, fall));
+    notes.extend(compensations(world)?);
     notes.extend(at_puck(world));
     Ok(notes)
 }
@@ -287,6 +289,22 @@ fn device_torque(world: &World, fall: Option<Fall>) -> Option<String> {
             steepest = with_unit(torque.steepest(), Measure::Stiffness, world.motion)
         )
     })
+}
+
+/// What each compensation of a torque of the device takes of the device's damping.
+fn compensations(world: &World) -> Result<Vec<String>, Error> {
+    let mut notes = Vec::new();
+    for (index, coupling) in world.couplings.iter().enumerate() {
+        let Some((of, share)) = world.device.compensated_by(coupling) else { continue };
+        let cost = laws_cost(world, [laws::steepest(&coupling.law).0, 0.0])?;
+        notes.push(format!(
+            "couplings.{index}: it takes {share:.3} of device.{} back by the measured position: a law of its steepest slope, which costs {} of the \
+             device's damping",
+            of.name(),
+            with_unit(cost, Measure::Damping, world.motion)
+        ));
+    }
+    Ok(notes)
 }
 
 /// Whether a step that finds its nonlinear torques may not find them. Couplings of one body, or between the same two, have one equation, whose

@@ -23,8 +23,7 @@ use crate::text::with_unit;
 
 pub(super) const LOW_PASS: &str = "a low-pass delays the velocity, and nonlinear couplings have no proof with that";
 
-pub(super) const BRISTLE_EVERY: &str =
-    "a velocity over several samples bends the bristles of LuGre friction behind the puck, and they have no proof with that: every = 1";
+pub(super) const BRISTLE_EVERY: &str = "a velocity over several samples bends the bristles of LuGre friction behind the puck, and they have no proof with that: every = 1";
 
 pub(super) const BRISTLE: &str =
     "LuGre friction at the puck is proved as a hysteresis alone: bristle_damping = 0, and stribeck the same as coulomb";
@@ -172,6 +171,11 @@ pub(super) fn behind_filter(world: &World, [stiffness, damping]: [f64; 2]) -> [f
     let period = world.sampling.period;
     let lag = PositionFilter::of(&world.sampling, period).map_or(0.0, PositionFilter::lag);
     [stiffness, damping + stiffness * period * lag]
+}
+
+/// The device damping that laws of this stiffness and damping at the puck ask for, at even samples.
+pub(crate) fn laws_cost(world: &World, laws: [f64; 2]) -> Result<f64, Error> {
+    Timing::even(world).of_laws(behind_filter(world, laws))
 }
 
 /// Constant torques at bodies.

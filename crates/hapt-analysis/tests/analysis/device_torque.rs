@@ -2,7 +2,8 @@
 
 use hapt_analysis::{Grip, PatternVerdict, Verdict, check, free, free_growth, gripped_growth, passivity, uneven};
 use hapt_model::{
-    Cogging, Coupling, Damping, DeviceTorque, End, EstimatorKind, Gravity, Law, Method, Output, Waveform, World,
+    Cogging, Compensated, Coupling, Damping, DeviceTorque, End, EstimatorKind, Gravity, Law, Method, Output, Waveform,
+    World,
 };
 use proptest::prelude::*;
 
@@ -18,6 +19,28 @@ prop_compose! {
             gravity: gravity.map(|(torque, phase)| Gravity { torque, phase }),
             cogging: Some(Cogging { torque, pitch, phase, waveform: Waveform { sine, cosine } }),
         }
+    }
+}
+
+proptest! {
+    /// It is certified as the law that it is: the steepest slope of what is taken back times half a period, more behind a filter or a delay.
+    #[test]
+    fn a_compensation_costs_its_steepest_slope(torque in any_torque(), share in 0.01_f64..=1.0, d in 0..3_u32, x in 0.1_f64..3.0) {
+        let of = if torque.gravity.is_some() { Compensated::Gravity } else { Compensated::Cogging };
+        let mut world = Bench::of(vec![]).world(Method::Zoh, Output::End, 1e-3);
+        world.device.torque = torque;
+        world.couplings = vec![world.device.compensation(of, share).unwrap()];
+        world.sampling.delay = hapt_model::Delay::Seconds(f64::from(d) * 1e-3);
+        world.sampling.filter = Some(x / (std::f64::consts::TAU * 1e-3));
+        let slope = world.couplings[0].law.slopes().stiffness;
+        let found = passivity(&world).unwrap();
+        let wanted = 1e-3 * slope * (0.5 / (0.5 * x).tanh() + f64::from(d));
+        // Of several sines the core adds up the slopes.
+        let part = found.required_damping.unwrap() / wanted;
+        prop_assert!(part < 1.0 + 1e-9 && part > if of == Compensated::Gravity { 1.0 - 1e-9 } else { 0.3 }, "{found:?} {wanted}");
+        prop_assert!(found.not_proved.is_empty());
+        let notes = check(&world).unwrap().notes;
+        prop_assert!(notes.iter().any(|note| note.contains("couplings.0") && note.contains(of.name())), "{notes:?}");
     }
 }
 

@@ -3,6 +3,7 @@
 use hapt_core::{HARMONICS, Method, Output, Side, WhenLate};
 
 use super::{Key, Measure, Presence, Range, Takes, key};
+use crate::compensation::Compensated;
 use crate::kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
 
 /// The word that makes a damper follow the springs beside it.
@@ -19,6 +20,8 @@ const SCENARIOS: Takes = Takes::Named { most: 1000, what: "scenario", letter_fir
 /// The numbers of a texture's harmonics, and of its samples.
 const WAVES: Takes = Takes::Numbers { least: 1, most: HARMONICS };
 pub(crate) const MOST_SAMPLES: usize = 4096;
+/// The couplings of a world, compensations included.
+pub(crate) const MOST_COUPLINGS: usize = 64;
 const WAVEFORM: Presence = Presence::Depends("required: sine and cosine, samples or file");
 
 const LUGRE: Presence = Presence::Depends("required with the other LuGre keys");
@@ -121,7 +124,7 @@ pub const KEYS: &[Key] = &[
     key("bodies.*.position", Quantity(Position, Any), Number(0.0), "Its initial position."),
     key("bodies.*.velocity", Quantity(Velocity, Any), Number(0.0), "Its initial velocity."),
 
-    key("couplings", List { most: 64, what: "coupling" }, Optional, "The massless elements between puck, bodies and ground."),
+    key("couplings", List { most: MOST_COUPLINGS, what: "coupling" }, Optional, "The massless elements between puck, bodies and ground."),
     key("couplings.*.kind", Takes::Name(CouplingKind::NAMES), Required, "Its law."),
     key("couplings.*.between", Ends(["puck", "wheel"]), Required,
         "Its ends: \"puck\", \"ground\" or bodies. It acts on q, the first as seen from the second; its torque acts on the first."),
@@ -160,6 +163,11 @@ pub const KEYS: &[Key] = &[
     key("couplings.*.bristle_damping", Quantity(Damping, ZeroOrMore), LUGRE, "LuGre: sigma_1.").of(&["friction"]),
     key("couplings.*.viscous", Quantity(Damping, ZeroOrMore), LUGRE, "LuGre: sigma_2.").of(&["friction"]),
     key("couplings.*.torque", Quantity(Torque, Any), Required, "The torque on the first end.").of(&["constant"]),
+
+    key("compensation", List { most: Compensated::ALL.len(), what: "compensation" }, Optional,
+        "Torques of the device that the loop takes back by the measured position, each a coupling between puck and ground behind the others."),
+    key("compensation.*.of", Takes::Name(Compensated::NAMES), Required, "Which torque of the device: that of device.gravity or device.cogging."),
+    key("compensation.*.share", Quantity(Ratio, ZeroOrMore), Number(1.0), "The part of it that is taken back, 1 at most."),
 
     key("safety", Table, Optional, "What the supervisor holds a live loop to."),
     key("safety.fade", Quantity(Time, Positive), Number(0.1), "How long the torque rises when armed, and falls when disarmed.").within(1e-3, 10.0),

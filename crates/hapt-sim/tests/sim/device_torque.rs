@@ -25,6 +25,59 @@ fn stored(torque: &DeviceTorque, z: f64) -> f64 {
     -sum
 }
 
+/// A rotary device with gravity and cogging, of which shares are taken back.
+fn compensated([gravity, phase, torque, pitch]: [f64; 4], shares: [f64; 2]) -> World {
+    let text = format!(
+        "loop = {{ period = 1e-3 }}\n[device]\ninertia = 6.4e-4\ndamping = 1.2e-3\ngravity = {{ torque = {gravity}, phase = {phase} }}\n\
+         cogging = {{ torque = {torque}, pitch = {pitch}, phase = 0.1, sine = [1.0, 0.3], cosine = [0.0, 0.0, 0.2] }}\n\
+         [[compensation]]\nof = \"gravity\"\nshare = {}\n[[compensation]]\nof = \"cogging\"\nshare = {}\n",
+        shares[0], shares[1]
+    );
+    World::read(&Source::from_text("device.toml", text), &[]).unwrap()
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(40))]
+
+    /// The loop's torque is the opposite of the device's, times its share; a world that is written and read again is the same.
+    #[test]
+    fn a_compensation_takes_back_its_share(
+        gravity in 0.001_f64..0.5, phase in -3.0_f64..3.0, torque in 0.001_f64..0.05, pitch in 0.2_f64..1.0, by_gravity in 0.0_f64..=1.0,
+        by_cogging in 0.0_f64..=1.0,
+    ) {
+        let world = compensated([gravity, phase, torque, pitch], [by_gravity, by_cogging]);
+        let [whole, cogs] = [true, false].map(|is_gravity| DeviceTorque {
+            gravity: world.device.torque.gravity.filter(|_| is_gravity),
+            cogging: world.device.torque.cogging.filter(|_| !is_gravity),
+        });
+        let hand = Drive::Position(Shape::Sine { amplitude: 2.0, frequency: 3.0, phase: 0.0 });
+        for row in rows(&world, &scenario(0.2, hand, None)) {
+            let wanted = -by_gravity * whole.at(row.puck) - by_cogging * cogs.at(row.puck);
+            prop_assert!((row.torque - wanted).abs() < 1e-12 * (1.0 + wanted.abs()) + 1e-7 * torque, "{} {wanted}", row.torque);
+        }
+        let again = World::read(&Source::from_text("again.toml", world.to_toml()), &[]).unwrap();
+        prop_assert_eq!(&again.couplings, &world.couplings);
+        let told: Vec<_> = world.couplings.iter().filter_map(|c| world.device.compensated_by(c)).collect();
+        for (of, share) in told {
+            let wanted = if of == Compensated::Gravity { by_gravity } else { by_cogging };
+            prop_assert!((share - wanted).abs() < 1e-12);
+        }
+    }
+
+    /// Taken back whole, a lever stays where it is let go of, as far as samples go; taken back in part, it falls more slowly.
+    #[test]
+    fn a_lever_whose_weight_is_taken_back_stays(gravity in 0.02_f64..0.2, z in 0.3_f64..1.2, share in 0.0_f64..1.0) {
+        let speed = |share| {
+            let world = compensated([gravity, 0.0, 1e-9, 0.5], [share, 0.0]);
+            let rows = rows(&world, &scenario(0.11, Drive::Position(Shape::Step { to: z, at: 0.0 }), Some(0.1)));
+            rows.last().unwrap().puck_velocity
+        };
+        let (whole, part, none) = (speed(1.0), speed(share), speed(0.0));
+        prop_assert!(whole.abs() < 1e-3 * none.abs() && none > 0.0, "{whole} {none}");
+        prop_assert!(part <= none * (1.0 + 1e-9) && part >= (1.0 - share) * none * 0.9, "{part} {none} {share}");
+    }
+}
+
 proptest! {
     #![proptest_config(hapt_testing::cases(60))]
 

@@ -38,12 +38,24 @@ fn the_device_and_the_top() {
             "device.encoder: \"5 deg\" is an angle (rad); expected a length (m), such as \"5 mm\"",
         ),
         ("device = 5", "device: 5 is a number; expected a table of keys"),
+        (
+            "device = { inertia = 1, gravity = { torque = 1 } }\ncompensation = [{ of = \"gravity\", share = 1.2 }]",
+            "compensation.0.share: 1.2 takes back more than there is; expected 0 to 1",
+        ),
+        (
+            "device = { inertia = 1, gravity = { torque = 1 } }\ncompensation = [{ of = \"cogging\" }]",
+            "compensation.0.of: the device has no cogging to take back; expected a table [device.cogging]",
+        ),
+        (
+            "device = { inertia = 1, gravity = { torque = 1 } }\ncompensation = [{ of = \"gravity\" }, { of = \"gravity\", share = 0.5 }]",
+            "compensation.1.of: gravity is compensated already; expected one share of it",
+        ),
         ("motion = \"spherical\"", "motion: \"spherical\" is not known here; expected \"rotary\" or \"linear\""),
         ("title = 5", "title: 5 is a number; expected text in quotes"),
         (
             "period = 1",
             "period: unknown key here; it belongs in loop; \
-             the top of the file takes title, motion, loop, device, bodies, couplings, safety, scenarios",
+             the top of the file takes title, motion, loop, device, bodies, couplings, compensation, safety, scenarios",
         ),
         ("devise.inertia = 1", "devise: unknown key; did you mean \"device\"?"),
     ];
