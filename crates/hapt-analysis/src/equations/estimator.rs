@@ -24,7 +24,9 @@ impl Filter {
         };
         match sampling.estimator {
             EstimatorKind::Exact => vec![Filter { pole: 0.0, taps: Vec::new() }],
-            EstimatorKind::Difference => vec![Filter { pole: 0.0, taps: end_fit((sampling.every as usize).max(1), period) }],
+            EstimatorKind::Difference => {
+                vec![Filter { pole: 0.0, taps: end_fit((sampling.every as usize).max(1), period) }]
+            }
             EstimatorKind::LowPass => {
                 let Some(cutoff) = sampling.cutoff else { return vec![difference()] };
                 let tau = 1.0 / (std::f64::consts::TAU * cutoff);

@@ -36,7 +36,8 @@ const FAR_APART: &str = "the rates of bodies, springs and dampers lie too far ap
                          better written as ground, and a very light one left out";
 
 /// Why a filter decides nothing.
-const FILTER_POLE: &str = "a pole of the world is that of loop.filter to six digits: a slightly different cutoff is decided";
+const FILTER_POLE: &str =
+    "a pole of the world is that of loop.filter to six digits: a slightly different cutoff is decided";
 
 /// Relative imaginary part below which a residue counts as real.
 const REAL: f64 = 1e-9;

@@ -31,7 +31,9 @@ pub(crate) fn outside(world: &World, couplings: &[Coupling]) -> Result<Option<&'
     } else if sampling.output != Output::End || sampling.advance > 0 {
         Some("bodies that step every n-th sample are proved with the torque of the end of their step only")
     } else if sampling.filter.is_some() {
-        Some("bodies that step every n-th sample are proved only where they see the position as measured: leave out loop.filter")
+        Some(
+            "bodies that step every n-th sample are proved only where they see the position as measured: leave out loop.filter",
+        )
     } else if lag.samples > 0 || lag.fraction > 0.0 {
         Some("bodies that step every n-th sample are proved only where the torque comes at once, and it comes late")
     } else if world.device.lag > 0.0 {

@@ -124,45 +124,54 @@ fn sampling() -> impl Strategy<Value = Sampling> {
     let choices = (select(Method::ALL.to_vec()), select(Output::ALL.to_vec()), select(EstimatorKind::ALL.to_vec()));
     // Steps ahead, or samples from one step of the bodies to the next.
     let steps = (0u32..=1000, prop_oneof![Just(1), 1u32..=1000]);
-    (1e-6..1.0, choices, steps, (0.0..1e5, any::<bool>()), uneven(), (option::of(positive()), option::of(positive())), (1u32..=256, 1u32..=256)).prop_map(
-        |(
-            period,
-            (method, output, estimator),
-            (advance, bodies_every),
-            (delays, follows),
-            (longer, later),
-            (cutoff, filter),
-            (every, window),
-        )| {
-            let output = if method.takes_new_sample_first() { Output::Start } else { output };
-            let advance = if output == Output::End && bodies_every == 1 { advance } else { 0 };
-            let bodies_every = if method.takes_new_sample_first() { 1 } else { bodies_every };
-            let cutoff = if estimator == EstimatorKind::LowPass { cutoff.or(Some(50.0)) } else { cutoff };
-            let delay = if follows { Delay::Samples(delays) } else { Delay::Seconds(delays * period) };
-            let interval_max = longer.map(|longer| longer * period);
-            let delay_max = later.map(|(later, follows)| {
-                let samples = delay.seconds(period) / period * later;
-                if follows { Delay::Samples(samples) } else { Delay::Seconds(samples * period) }
-            });
-            // Rounding may leave the largest delay below the least.
-            let delay_max = delay_max.filter(|largest| largest.seconds(period) >= delay.seconds(period));
-            Sampling {
-                period,
-                method,
-                output,
-                advance,
-                bodies_every,
-                interval_max,
-                delay,
-                delay_max,
-                filter,
-                estimator,
-                cutoff,
-                every,
-                window,
-            }
-        },
+    (
+        1e-6..1.0,
+        choices,
+        steps,
+        (0.0..1e5, any::<bool>()),
+        uneven(),
+        (option::of(positive()), option::of(positive())),
+        (1u32..=256, 1u32..=256),
     )
+        .prop_map(
+            |(
+                period,
+                (method, output, estimator),
+                (advance, bodies_every),
+                (delays, follows),
+                (longer, later),
+                (cutoff, filter),
+                (every, window),
+            )| {
+                let output = if method.takes_new_sample_first() { Output::Start } else { output };
+                let advance = if output == Output::End && bodies_every == 1 { advance } else { 0 };
+                let bodies_every = if method.takes_new_sample_first() { 1 } else { bodies_every };
+                let cutoff = if estimator == EstimatorKind::LowPass { cutoff.or(Some(50.0)) } else { cutoff };
+                let delay = if follows { Delay::Samples(delays) } else { Delay::Seconds(delays * period) };
+                let interval_max = longer.map(|longer| longer * period);
+                let delay_max = later.map(|(later, follows)| {
+                    let samples = delay.seconds(period) / period * later;
+                    if follows { Delay::Samples(samples) } else { Delay::Seconds(samples * period) }
+                });
+                // Rounding may leave the largest delay below the least.
+                let delay_max = delay_max.filter(|largest| largest.seconds(period) >= delay.seconds(period));
+                Sampling {
+                    period,
+                    method,
+                    output,
+                    advance,
+                    bodies_every,
+                    interval_max,
+                    delay,
+                    delay_max,
+                    filter,
+                    estimator,
+                    cutoff,
+                    every,
+                    window,
+                }
+            },
+        )
 }
 
 /// The longest interval in periods, and the largest delay in least ones and whether it follows the period.

@@ -59,7 +59,20 @@ impl Any {
         let (period, count, limit, levels, advance, bodies_every) = self.numbers;
         let &Any { method, output, estimator, filter, .. } = self;
         let (bodies, couplings) = (&self.bodies[..], &self.couplings[..]);
-        Spec { period, method, output, advance, bodies_every, estimator, filter, count, limit, levels, bodies, couplings }
+        Spec {
+            period,
+            method,
+            output,
+            advance,
+            bodies_every,
+            estimator,
+            filter,
+            count,
+            limit,
+            levels,
+            bodies,
+            couplings,
+        }
     }
 }
 
@@ -86,8 +99,8 @@ fn worlds() -> impl Strategy<Value = Any> {
     let numbers = (any::<(f64, Option<f64>, Option<f64>, Option<u32>, u32)>(), every);
     let numbers = numbers
         .prop_map(|((period, count, limit, levels, advance), every)| (period, count, limit, levels, advance, every));
-    (((numbers, select(&Method::ALL[..]), select(&Output::ALL[..])), (estimator, any::<Option<f64>>())), lists).prop_map(
-        |(((numbers, method, output), (estimator, filter)), (bodies, couplings))| Any {
+    (((numbers, select(&Method::ALL[..]), select(&Output::ALL[..])), (estimator, any::<Option<f64>>())), lists)
+        .prop_map(|(((numbers, method, output), (estimator, filter)), (bodies, couplings))| Any {
             numbers,
             method,
             output,
@@ -95,8 +108,7 @@ fn worlds() -> impl Strategy<Value = Any> {
             filter,
             bodies,
             couplings,
-        },
-    )
+        })
 }
 
 proptest! {

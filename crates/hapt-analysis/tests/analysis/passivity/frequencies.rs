@@ -21,9 +21,7 @@ fn torque(world: &World, phi: f64) -> C {
     let step = C::new(-2.0 * (0.5 * phi).sin().powi(2), phi.sin());
     let v = match sampling.estimator {
         EstimatorKind::Exact => (1.0 - back) / period,
-        EstimatorKind::Difference => {
-            (1.0 - back.powi(sampling.every as i32)) / (f64::from(sampling.every) * period)
-        }
+        EstimatorKind::Difference => (1.0 - back.powi(sampling.every as i32)) / (f64::from(sampling.every) * period),
         EstimatorKind::LowPass => {
             let tau = 1.0 / (TAU * sampling.cutoff.unwrap());
             (1.0 - back) / (tau + period - tau * back)

@@ -95,7 +95,10 @@ fn the_loop() {
             "period = 1\ncutoff = \"50 rad/s\"",
             "loop.cutoff: \"50 rad/s\" is an angular velocity (rad/s); expected a frequency (Hz), such as \"50 Hz\"",
         ),
-        ("period = 1\nfilter = \"0 Hz\"", "loop.filter: \"0 Hz\" is not above 0; expected a frequency (Hz) above 0, such as \"50 Hz\""),
+        (
+            "period = 1\nfilter = \"0 Hz\"",
+            "loop.filter: \"0 Hz\" is not above 0; expected a frequency (Hz) above 0, such as \"50 Hz\"",
+        ),
         ("period = 1\npreiod = 1", "loop.preiod: unknown key; did you mean \"period\"?"),
         (
             "period = 1\ncolour = 1",

@@ -99,7 +99,18 @@ the worst pattern that was found with timing = { kind = "worst" }. In real time 
     },
     Topic {
         name: "estimator",
-        aliases: &["exact", "difference", "low-pass", "foaw", "foaw-best", "velocity", "cutoff", "every", "filter", "window"],
+        aliases: &[
+            "exact",
+            "difference",
+            "low-pass",
+            "foaw",
+            "foaw-best",
+            "velocity",
+            "cutoff",
+            "every",
+            "filter",
+            "window",
+        ],
         line: "the estimator of the puck's velocity",
         text: r#"exact        the true velocity: a tachometer, and the default
 difference   (z_k - z_{k-1})/T: fast; one count is a jump of count/T; over `every` n, count/(nT)
