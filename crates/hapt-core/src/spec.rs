@@ -3,7 +3,7 @@
 //! A [`Spec`] is what [`crate::Loop::new`] compiles; the laboratory derives its own matrices from the
 //! same data and shares nothing else with the loop.
 
-pub use crate::law::{HARMONICS, Law, Linear, Quantity, Range, Slopes, Waveform};
+pub use crate::law::{Damping, HARMONICS, Law, Linear, Quantity, Range, Side, Slopes, Waveform};
 
 /// What a coupling can be tied to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,6 +67,40 @@ impl Coupling {
     pub const fn is_at_body(&self) -> bool {
         self.first.body().is_some() || self.second.body().is_some()
     }
+
+    /// As matrices; `None` for a nonlinear law, and for one with a limit.
+    pub fn linear(&self) -> Option<Linear> {
+        if self.limit.is_some() { None } else { self.law.linear() }
+    }
+
+    /// What it stores in J at q, with a friction's bristle as it stands: a spring k (q - rest)²/2, a wall k (q - at)²/2 inside, a
+    /// detent torque · pitch/2π · (1 - cos 2π(q - phase)/pitch), a constant -torque · q, bristles σ0 s²/2. With a limit a spring or wall
+    /// stores k x²/2 up to the x at which it reaches its limit, and limit · x from there on; a dead band likewise, from its edge on. A
+    /// magnet stores torque · width · √e · (1 - exp(-x²/2)), a texture its harmonics' energies, each from its lowest on.
+    pub fn stored(&self, q: f64, bristle: f64) -> f64 {
+        self.law.stored(q, bristle, self.limit.unwrap_or(f64::INFINITY))
+    }
+
+    /// Whether the method takes it: at a body, a nonlinear torque is taken where it stands by the explicit methods, and found over
+    /// the step by those that hold their torques, where LuGre's bristle has no such step. The methods that take the new sample first
+    /// would have it from the start of the step, where it makes energy, a constant too.
+    pub fn goes_with(&self, method: Method) -> bool {
+        if !self.is_at_body() {
+            return true;
+        }
+        if self.law.has_bristle() {
+            return method.is_explicit();
+        }
+        let is_straight = self.linear().is_some() && self.law.constant().is_none();
+        is_straight || !method.takes_new_sample_first()
+    }
+}
+
+impl Law {
+    /// This law between two ends, without a limit.
+    pub const fn between(self, first: End, second: End) -> Coupling {
+        Coupling { first, second, law: self, limit: None }
+    }
 }
 
 /// The sign with which the torque of a coupling between these ends stands on the puck; 0 where it is not tied to it.
@@ -75,37 +109,6 @@ pub(crate) const fn sign_at_puck(first: End, second: End) -> f64 {
         (true, false) => 1.0,
         (false, true) => -1.0,
         (true, true) | (false, false) => 0.0,
-    }
-}
-
-/// How much a damper damps.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Damping {
-    /// N·m·s/rad, zero or more.
-    Fixed(f64),
-    /// T times the sum of the stiffnesses of the springs between the same two ends, in either order; for a damper from a
-    /// body to ground, of all springs at the body. The notes' b = Tk, (2.24). At a body T is the bodies' step, [`Spec::step`].
-    Compensating,
-}
-
-/// On which side of its face a wall pushes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Side {
-    /// It pushes toward smaller q while q > at.
-    Above,
-    /// It pushes toward larger q while q < at.
-    Below,
-}
-
-impl Side {
-    /// The side's name in world files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Side::Above => "above",
-            Side::Below => "below",
-        }
     }
 }
 

@@ -3,7 +3,7 @@
 use hapt_core::Number;
 
 use crate::plant::{COS, F, GAP, Motion, Plant, RAMP, SIN, V, X};
-use crate::puck::Inertia;
+use crate::push::Inertia;
 use crate::root::{root, root_between};
 
 /// More stops and starts than this within one stretch is chatter at the edge of friction: a puck that a hand swings as far as files allow turns

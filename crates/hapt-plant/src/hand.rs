@@ -2,8 +2,7 @@
 
 use crate::spec::{Drive, Hand as Model, Switching};
 
-use crate::puck::{Inertia, NO_SINE, Push, Sine};
-use crate::shaft::Grasp;
+use crate::push::{Grasp, Inertia, NO_SINE, Push, Sine};
 use crate::trajectory::{Form, Piece, Trajectory, snap};
 
 /// A hand aligned with the loop's samples.

@@ -14,8 +14,7 @@
 
 use crate::exponential::{GAUSS, Square, applied, congruent, doubled, folded, halved, series, widened};
 use crate::hand::Hand;
-use crate::puck::{Inertia, NO_SINE, Sine};
-use crate::shaft::Grasp;
+use crate::push::{Grasp, Inertia, NO_SINE, Sine};
 
 /// How many states there are.
 pub(crate) const STATES: usize = 7;

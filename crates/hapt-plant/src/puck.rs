@@ -4,6 +4,7 @@ use crate::field::{Field, Fielded};
 use crate::friction::{Friction, MOST_EVENTS, drives_after};
 use crate::ledger::Ledger;
 use crate::plant::{F, GAP, Motion, Plant, Propagator, Stretch, V, X};
+use crate::push::{Inertia, NO_SINE, Push, Sine};
 
 /// The physical puck and, while it is held, the hand's inertia, damping and stiffness on it.
 #[derive(Clone, Debug)]
@@ -39,31 +40,6 @@ struct Held {
 
 /// The recurring time steps, in s; equal where there is one.
 pub(crate) type Lengths = [f64; 2];
-
-/// A hand's push per unit of σ and of κ, and its ω in rad/s; zeros where there is no sine.
-pub(crate) type Sine = (f64, f64, f64);
-
-/// Inertia, damping and stiffness.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(crate) struct Inertia {
-    pub inertia: f64,
-    pub damping: f64,
-    pub stiffness: f64,
-}
-
-/// The push on the puck over a time step: value + slope · t, and the sine's σ and κ at its start.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Push {
-    /// N·m (N)
-    pub value: f64,
-    /// N·m/s (N/s)
-    pub slope: f64,
-    /// σ
-    pub sin: f64,
-    /// κ
-    pub cos: f64,
-}
 
 impl Held {
     fn new(device: Inertia, grip: Option<Inertia>, sine: Sine, decay: f64, lengths: Option<Lengths>) -> Self {
@@ -327,8 +303,6 @@ impl Puck {
         self.take(None, NO_SINE, false);
     }
 }
-
-pub(crate) const NO_SINE: Sine = (0.0, 0.0, 0.0);
 
 /// The rate in 1/s that belongs to a lag in s; 0 where there is none.
 pub(crate) fn decay(lag: f64) -> f64 {

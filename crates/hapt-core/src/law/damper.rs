@@ -3,6 +3,17 @@
 use crate::contact::{Solution, StepResponse, within};
 use crate::{Number, Real};
 
+/// How much a damper damps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Damping {
+    /// N·m·s/rad, zero or more.
+    Fixed(f64),
+    /// T times the sum of the stiffnesses of the springs between the same two ends, in either order; for a damper from a
+    /// body to ground, of all springs at the body. The notes' b = Tk, (2.24). At a body T is the bodies' step, [`crate::Spec::step`].
+    Compensating,
+}
+
 /// A damper with a limit; those without are matrices.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Damper<F> {

@@ -14,10 +14,9 @@ mod spring;
 mod texture;
 mod wall;
 
-use crate::spec::{Coupling, Damping, End, Method, Side};
-
 pub(crate) use coulomb::Coulomb;
 pub(crate) use damper::Damper;
+pub use damper::Damping;
 pub(crate) use dead_band::DeadBand;
 pub(crate) use detent::Detent;
 pub(crate) use lugre::Lugre;
@@ -27,6 +26,7 @@ pub(crate) use spring::Ramp;
 pub(crate) use spring::Spring;
 pub(crate) use texture::Texture;
 pub use texture::{HARMONICS, Waveform};
+pub use wall::Side;
 pub(crate) use wall::{Wall, direction};
 
 /// The torque of a coupling on its first end, in N·m (linear: N), for q in rad (linear: m).
@@ -314,20 +314,10 @@ impl Law {
         matches!(self, Law::Damper { damping: Damping::Compensating })
     }
 
-    /// This law between two ends, without a limit.
-    pub const fn between(self, first: End, second: End) -> Coupling {
-        Coupling { first, second, law: self, limit: None }
-    }
-}
-
-impl Coupling {
-    /// As matrices; `None` for a nonlinear law, and for one with a limit.
-    pub fn linear(&self) -> Option<Linear> {
-        if self.limit.is_some() {
-            return None;
-        }
+    /// As matrices, without a limit; `None` for a nonlinear law.
+    pub(crate) fn linear(&self) -> Option<Linear> {
         let damping = Damping::Fixed(0.0);
-        match self.law {
+        match *self {
             Law::Spring { stiffness, rest } => Some(Linear { stiffness, damping, torque: stiffness * rest }),
             Law::Damper { damping } => Some(Linear { stiffness: 0.0, damping, torque: 0.0 }),
             Law::Constant { torque } => Some(Linear { stiffness: 0.0, damping, torque }),
@@ -341,13 +331,9 @@ impl Coupling {
         }
     }
 
-    /// What it stores in J at q, with a friction's bristle as it stands: a spring k (q - rest)²/2, a wall k (q - at)²/2 inside, a
-    /// detent torque · pitch/2π · (1 - cos 2π(q - phase)/pitch), a constant -torque · q, bristles σ0 s²/2. With a limit a spring or wall
-    /// stores k x²/2 up to the x at which it reaches its limit, and limit · x from there on; a dead band likewise, from its edge on. A
-    /// magnet stores torque · width · √e · (1 - exp(-x²/2)), a texture its harmonics' energies, each from its lowest on.
-    pub fn stored(&self, q: f64, bristle: f64) -> f64 {
-        let limit = self.limit.unwrap_or(f64::INFINITY);
-        match self.law {
+    /// What it stores in J at q, with a friction's bristle as it stands, where its torque is held within `limit`; infinite: any.
+    pub(crate) fn stored(&self, q: f64, bristle: f64, limit: f64) -> f64 {
+        match *self {
             Law::Spring { stiffness, rest } => spring::energy(stiffness, q - rest, limit),
             Law::Wall { side, at, stiffness, .. } => wall::energy(side, at, stiffness, q, limit),
             Law::Detent { torque, pitch, phase } => Detent { torque, pitch, phase }.energy(q),
@@ -358,19 +344,5 @@ impl Coupling {
             Law::Lugre { bristle_stiffness, .. } => 0.5 * bristle_stiffness * (bristle * bristle),
             Law::Damper { .. } | Law::Coulomb { .. } => 0.0,
         }
-    }
-
-    /// Whether the method takes it: at a body, a nonlinear torque is taken where it stands by the explicit methods, and found over
-    /// the step by those that hold their torques, where LuGre's bristle has no such step. The methods that take the new sample first
-    /// would have it from the start of the step, where it makes energy, a constant too.
-    pub fn goes_with(&self, method: Method) -> bool {
-        if !self.is_at_body() {
-            return true;
-        }
-        if self.law.has_bristle() {
-            return method.is_explicit();
-        }
-        let is_straight = self.linear().is_some() && self.law.constant().is_none();
-        is_straight || !method.takes_new_sample_first()
     }
 }

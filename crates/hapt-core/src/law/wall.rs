@@ -2,8 +2,27 @@
 
 use crate::contact::{Solution, StepResponse, solve_falling, within};
 use crate::law::spring::{self, Ramp};
-use crate::spec::Side;
 use crate::{Number, Real};
+
+/// On which side of its face a wall pushes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Side {
+    /// It pushes toward smaller q while q > at.
+    Above,
+    /// It pushes toward larger q while q < at.
+    Below,
+}
+
+impl Side {
+    /// The side's name in world files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Side::Above => "above",
+            Side::Below => "below",
+        }
+    }
+}
 
 /// `direction` is +1 for a wall above its face, -1 for one below: then q, q̇ and torque are mirrored.
 #[derive(Clone, Copy, Debug)]

@@ -2,8 +2,7 @@
 
 use crate::device::{Grip, HandMode, InteractiveGrip, Stage, VirtualDevice};
 use crate::hand::{Hand, Script};
-use crate::puck::{Inertia, NO_SINE};
-use crate::shaft::Grasp;
+use crate::push::{Grasp, Inertia, NO_SINE};
 use crate::trajectory::Piece;
 
 /// A hand whose target is older than this has stopped, in s.
