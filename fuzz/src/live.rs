@@ -1,6 +1,7 @@
 //! The messages of pages to `hapt live`, one a line, and the keys that they set.
 
-use hapt_host::messages::{ClientMessage, ServerMessage, describe};
+use hapt_host::describe;
+use hapt_host::messages::{ClientMessage, ServerMessage};
 use hapt_host::{WorldConfig, rule};
 use hapt_model::Source;
 

@@ -35,11 +35,14 @@
 mod attached;
 #[cfg(not(target_family = "wasm"))]
 pub mod board;
+#[cfg(not(target_family = "wasm"))]
+mod board_loop;
 mod config;
 #[cfg(not(target_family = "wasm"))]
 pub mod conform;
 #[cfg(not(target_family = "wasm"))]
 pub mod device;
+mod error;
 pub mod frames;
 #[cfg(target_os = "linux")]
 pub mod game_wheel;
@@ -64,12 +67,13 @@ mod worker;
 pub use config::{Rule, WorldConfig};
 #[cfg(not(target_family = "wasm"))]
 pub use device::{DeviceAddress, DeviceError};
+pub use error::Error;
 pub use hand::VirtualHand;
 pub use keys::SettableKey;
-pub use machine::{Backend, Error, Machine, StationView, WheelView};
+pub use machine::{Backend, Machine, StationView, WheelView};
 #[cfg(not(target_family = "wasm"))]
 pub use packed::packed;
-pub use page::PageSession;
+pub use page::{PageSession, describe};
 pub use recording::{Recording, RecordingStatus};
 pub use session::{Event, NotTaken, Sample, Session};
 pub use worker::Task;

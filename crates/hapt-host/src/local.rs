@@ -8,7 +8,7 @@ use hapt_rt::Settings;
 use hapt_rt::{Device, End, Engine, Epoch, Failure, LoopCommand, LoopHandle, Outside, Plan, Realtime, Record, Stepper};
 
 use crate::config::WorldConfig;
-use crate::machine::Error;
+use crate::error::Error;
 use crate::recording::Recorder;
 use crate::runner::{Runner, RunnerEvent};
 

@@ -1,16 +1,15 @@
 //! What runs the loop, and how it starts.
 
-use std::io;
-
 use hapt_core::SafetyProfile;
 #[cfg(not(target_family = "wasm"))]
 use hapt_core::{Phase, Reason};
 use hapt_model::World;
 #[cfg(not(target_family = "wasm"))]
 use hapt_rt::Settings;
-use hapt_rt::{Device, Failure, Hands, Outside, SimulatedDevice};
+use hapt_rt::{Device, Hands, Outside, SimulatedDevice};
 
 use crate::config::WorldConfig;
+use crate::error::Error;
 use crate::local::LocalLoop;
 use crate::messages::{Controls, NetworkChange, NetworkInfo, WheelInfo};
 use crate::runner::Runner;
@@ -88,7 +87,9 @@ impl Backend {
             }
             Backend::Stepped { device, outside } => Box::new(LocalLoop::stepped(config, profile, device, outside)?),
             #[cfg(not(target_family = "wasm"))]
-            Backend::Board { link, every } => Box::new(crate::board::BoardLoop::start(config, profile, *link, every)?),
+            Backend::Board { link, every } => {
+                Box::new(crate::board_loop::BoardLoop::start(config, profile, *link, every)?)
+            }
         })
     }
 }
@@ -147,36 +148,4 @@ impl Machine {
             profile: SafetyProfile::Simulated,
         }
     }
-}
-
-/// Why a session cannot start, or has ended.
-#[derive(Debug, thiserror::Error)]
-pub enum Error {
-    /// The core or the board's room does not take the world.
-    #[error("{0}")]
-    World(String),
-    /// The system gives no thread.
-    #[error("the system gives no thread: {0}")]
-    System(#[from] io::Error),
-    /// The loop's thread does not start.
-    #[error(transparent)]
-    Engine(#[from] hapt_rt::Error),
-    /// The device failed while it ran.
-    #[error("{0}")]
-    Device(Failure),
-    /// The device of a network's station failed while it ran.
-    #[error("{station}: {failure}")]
-    Station {
-        /// Its name.
-        station: String,
-        /// Why.
-        failure: Failure,
-    },
-    /// The board does not answer, or does not take the world.
-    #[cfg(not(target_family = "wasm"))]
-    #[error(transparent)]
-    Board(#[from] crate::board::Error),
-    /// A thread panicked: a defect of hapt.
-    #[error("{0}")]
-    Panicked(&'static str),
 }

@@ -3,13 +3,11 @@
 //! Numbers are SI; a quantity that people read or write is a string with its unit.
 
 mod client;
-mod describe;
 mod server;
 mod status;
 mod world_file;
 
 pub use client::{ClientMessage, Command, Controls, FARTHEST, MAX_MESSAGE_BYTES, NetworkChange};
-pub use describe::describe;
 pub use server::*;
 pub use world_file::{NetworkFile, WorldFile};
 

@@ -1,5 +1,7 @@
 //! A session with what its pages hear of it: their requests become calls, and what happens becomes messages.
 
+mod describe;
+
 use std::time::Duration;
 
 use hapt_core::{Phase, Reason, Request};
@@ -7,9 +9,11 @@ use hapt_rt::Epoch;
 
 use crate::frames::Frames;
 use crate::machine::{StationView, WheelView};
-use crate::messages::{ClientMessage, Command, Realtime, RecordingInfo, ServerMessage, Status, TimingInfo, describe};
+use crate::messages::{ClientMessage, Command, Realtime, RecordingInfo, ServerMessage, Status, TimingInfo};
 use crate::session::{Event, NotTaken, Session};
 use crate::worker::Task;
+
+pub use describe::describe;
 
 /// The time between two status messages while nothing happens.
 const STATUS: Duration = Duration::from_millis(200);

@@ -11,6 +11,9 @@ mod file;
 pub(crate) use file::Recorder;
 pub use file::Recording;
 
+/// The refusal of a recording.
+pub(crate) const NO_FILES: &str = "a page without a server writes no files; hapt live WORLD records";
+
 /// The progress of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordingStatus {

@@ -6,7 +6,7 @@ use hapt_core::Request;
 use hapt_rt::{Epoch, LoopHandle, Realtime, Record};
 
 use crate::config::WorldConfig;
-use crate::machine::Error;
+use crate::error::Error;
 use crate::recording::Recorder;
 
 /// What runs the loop. No call blocks, except [`Runner::end`]. Dropped, it leaves no torque on.

@@ -10,17 +10,16 @@ use hapt_rt::{Epoch, LoopHandle, Realtime, Record, Timing};
 use hapt_sim::script;
 
 use crate::config::WorldConfig;
+use crate::error::Error;
 use crate::hand::VirtualHand;
-use crate::machine::{Backend, Error, Machine, StationView, WheelView};
+use crate::machine::{Backend, Machine, StationView, WheelView};
 use crate::messages::Controls;
-use crate::recording::{Recording, RecordingStatus};
+use crate::recording::{NO_FILES, Recording, RecordingStatus};
 use crate::runner::{Runner, RunnerEvent};
 use crate::worker::{Done, Job, Made, Task, Worker};
 
 /// The most tasks that wait for the one under way.
 const TASKS: usize = 32;
-/// The refusal of a recording.
-pub(crate) const NO_FILES: &str = "a page without a server writes no files; hapt live WORLD records";
 /// The time between two steps of a restart.
 const RETRY: Duration = Duration::from_millis(50);
 
@@ -428,8 +427,10 @@ impl Session {
                 let World { safety, sampling, .. } = &self.config.world;
                 self.settled = record.due as f64 * 1e-9 + safety.fade + 2.0 * sampling.period;
             }
-            if let Some(recording) = &mut self.recording {
-                recording.follow(self.runner.as_mut(), &record);
+            if let Some(recording) = &mut self.recording
+                && (!recording.waits() || self.runner.log_begins(&record))
+            {
+                self.runner.log(recording.take(&record), &record);
             }
             self.time = record.due as f64 * 1e-9;
             self.state = (record.phase, record.reason);

@@ -30,7 +30,6 @@ mod link;
 #[cfg(unix)]
 pub mod simulate;
 mod telemetry;
-mod worker;
 
 pub use error::Error;
 #[cfg(unix)]
@@ -40,4 +39,4 @@ pub use hapt_wire::{Parameter, Refusal, Telemetry};
 pub use info::Board;
 pub use link::Link;
 pub use telemetry::TelemetryDecoder;
-pub(crate) use worker::BoardLoop;
+pub(crate) use telemetry::phase;

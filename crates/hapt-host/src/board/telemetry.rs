@@ -92,7 +92,7 @@ impl TelemetryDecoder {
 }
 
 /// The phase; an unknown one counts as faulted.
-pub(super) fn phase(telemetry: &Telemetry) -> Phase {
+pub(crate) fn phase(telemetry: &Telemetry) -> Phase {
     Phase::ALL.get(usize::from(telemetry.phase)).copied().unwrap_or(Phase::Faulted)
 }
 

@@ -12,7 +12,6 @@ use hapt_rt::Record;
 
 use super::RecordingStatus;
 use crate::config::WorldConfig;
-use crate::runner::Runner;
 
 /// A recording. Dropped, it is finished, and the caller waits for the disk.
 pub struct Recording {
@@ -83,12 +82,15 @@ impl Recording {
         self.recorder.plan(generation, world);
     }
 
-    /// Takes a sample, once the log can begin; never blocks.
-    pub(crate) fn follow(&mut self, runner: &mut dyn Runner, record: &Record) {
-        if self.begun.is_some() || !self.needs_state || runner.log_begins(record) {
-            self.length = record.due - *self.begun.get_or_insert(record.due);
-            runner.log(&self.recorder, record);
-        }
+    /// Whether it waits for the sample from which a replay can begin.
+    pub(crate) fn waits(&self) -> bool {
+        self.needs_state && self.begun.is_none()
+    }
+
+    /// Counts the next sample, and gives what writes it.
+    pub(crate) fn take(&mut self, record: &Record) -> &Recorder {
+        self.length = record.due - *self.begun.get_or_insert(record.due);
+        &self.recorder
     }
 
     /// Finishes on a thread of its own, so that no caller waits for a slow disk.

@@ -9,7 +9,6 @@ use hapt_rt::{Engine, Record};
 
 use super::RecordingStatus;
 use crate::config::WorldConfig;
-use crate::runner::Runner;
 
 /// No recording.
 pub enum Recording {}
@@ -25,14 +24,18 @@ impl Recording {
         _: bool,
         _: Option<&str>,
     ) -> Result<Self, String> {
-        Err(crate::session::NO_FILES.into())
+        Err(super::NO_FILES.into())
     }
 
     pub(crate) fn change(&mut self, _: u32, _: &World) {
         match *self {}
     }
 
-    pub(crate) fn follow(&mut self, _: &mut dyn Runner, _: &Record) {
+    pub(crate) fn waits(&self) -> bool {
+        match *self {}
+    }
+
+    pub(crate) fn take(&mut self, _: &Record) -> &Recorder {
         match *self {}
     }
 

@@ -5,7 +5,8 @@ mod network;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use hapt_host::messages::{ServerMessage, WorldFile, describe};
+use hapt_host::describe;
+use hapt_host::messages::{ServerMessage, WorldFile};
 use hapt_host::{WorldConfig, rule};
 use hapt_model::{Source, World};
 use hapt_sim::{Simulation, world_energy};

@@ -13,11 +13,10 @@ use hapt_log::Recorder;
 use hapt_rt::{Epoch, LoopHandle, Realtime, Record};
 use hapt_wire::Command;
 
-use super::telemetry::{TelemetryDecoder, phase};
-use super::{Error, Link, Refusal};
+use crate::board::{Error, Link, Refusal, TelemetryDecoder, phase};
 use crate::config::WorldConfig;
 use crate::runner::{Runner, RunnerEvent};
-use crate::{machine, packed};
+use crate::{error, packed};
 
 /// After this time without telemetry the handshake is made again.
 const SILENT: Duration = Duration::from_secs(1);
@@ -42,7 +41,7 @@ pub(crate) struct BoardLoop {
     handle: LoopHandle,
     profile: SafetyProfile,
     thread: Option<JoinHandle<Result<(), Error>>>,
-    ended: Option<Result<(), machine::Error>>,
+    ended: Option<Result<(), error::Error>>,
 }
 
 /// A message to the thread.
@@ -67,8 +66,8 @@ impl BoardLoop {
         profile: SafetyProfile,
         mut link: Link,
         every: f64,
-    ) -> Result<Self, machine::Error> {
-        let bytes = packed(&config.world, profile).map_err(machine::Error::World)?;
+    ) -> Result<Self, error::Error> {
+        let bytes = packed(&config.world, profile).map_err(error::Error::World)?;
         let world = link.load(&bytes)?;
         let period = config.world.sampling.period;
         link.set_telemetry(period, every)?;
@@ -106,8 +105,8 @@ impl BoardLoop {
     fn join(&mut self) {
         if let Some(thread) = self.thread.take() {
             self.ended = Some(match thread.join() {
-                Ok(outcome) => outcome.map_err(machine::Error::Board),
-                Err(_) => Err(machine::Error::Panicked("a defect in hapt has closed the board's line")),
+                Ok(outcome) => outcome.map_err(error::Error::Board),
+                Err(_) => Err(error::Error::Panicked("a defect in hapt has closed the board's line")),
             });
         }
     }
@@ -142,7 +141,7 @@ impl Runner for BoardLoop {
         self.records.try_recv().ok()
     }
 
-    fn ended(&mut self) -> Option<Result<(), machine::Error>> {
+    fn ended(&mut self) -> Option<Result<(), error::Error>> {
         if self.thread.as_ref().is_some_and(JoinHandle::is_finished) {
             self.join();
         }

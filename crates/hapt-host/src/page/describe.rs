@@ -4,10 +4,10 @@ use hapt_model::{Drive, Hand, Shape, World};
 use hapt_sim::Measures;
 use serde_json::{Value, json};
 
-use super::{BodyInfo, ScenarioInfo, Units, WorldInfo};
 use crate::config::WorldConfig;
 use crate::frames::columns_of;
 use crate::keys::{end, kind};
+use crate::messages::{BodyInfo, ScenarioInfo, Units, WorldInfo};
 
 /// Describes the world of a session.
 pub fn describe(config: &WorldConfig) -> WorldInfo {
