@@ -7,10 +7,8 @@ use hapt_core::{Body, Controller, Damping, End, Estimator, Law, Method, Output, 
 use hapt_export_c::{About, Float, Prefix, library};
 
 use crate::bits::{BODIES, COUNTS, COUPLINGS, agree, drawn, readings, some, worlds, written};
-use crate::compiler::{compile, compilers};
+use crate::compiler::{SANITIZERS, compile, compilers};
 use crate::worlds::World;
-
-const SANITIZERS: [&str; 4] = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"];
 
 #[test]
 fn no_sample_does_what_c_leaves_undefined() {
