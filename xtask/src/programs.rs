@@ -10,8 +10,11 @@ use serde_json::Value;
 /// The one in which every test is built, xtask too (`.cargo/config.toml`).
 pub const PROFILE: &str = "tested";
 
-/// All that cargo builds for tests. `--all-targets` leaves out the targets that `cargo test` leaves out.
+/// All that is linted. `--all-targets` leaves out the targets that `cargo test` leaves out.
 pub const TARGETS: &str = "--workspace --lib --bins --examples --test *";
+
+/// The tests that `cargo test` leaves out (crates/hapt/Cargo.toml).
+const OF_THE_PROGRAM: &str = "--bin hapt --test cli";
 
 /// A program of tests, and the folder of its crate.
 pub struct Program {
@@ -46,21 +49,27 @@ impl Program {
     }
 }
 
-/// Builds the tests of these names, all of them when there are none. The whole workspace is chosen every time, for the features of
-/// dependencies depend on the choice: what has been built stays as it is.
+/// Builds every test. A crate whose library or program has none (`test = false`) is not compiled a second time for it.
+pub fn all_built() -> Result<Vec<Program>> {
+    let mut all = build("")?;
+    all.extend(build(OF_THE_PROGRAM)?);
+    Ok(all)
+}
+
+/// Builds the tests of these names.
 pub fn built(names: &[&str]) -> Result<Vec<Program>> {
+    build(&names.iter().map(|name| format!("--test {name} ")).collect::<String>())
+}
+
+/// The whole workspace is chosen every time, for the features of dependencies depend on the choice: what has been built stays as it is.
+fn build(choice: &str) -> Result<Vec<Program>> {
     let mut command = Command::new(env!("CARGO"));
     command.args(["test", "--quiet", "--profile", PROFILE, "--no-run", "--message-format", "json-render-diagnostics"]);
-    if names.is_empty() {
-        command.args(TARGETS.split_whitespace());
-    } else {
-        command.arg("--workspace").args(names.iter().flat_map(|name| ["--test", name]));
-    }
-    programs(command)
+    programs(command.arg("--workspace").args(choice.split_whitespace()))
 }
 
 /// The programs of tests that cargo builds, by its messages in JSON.
-pub fn programs(mut command: Command) -> Result<Vec<Program>> {
+pub fn programs(command: &mut Command) -> Result<Vec<Program>> {
     let output = command.stderr(Stdio::inherit()).output()?;
     ensure!(output.status.success(), "the tests do not build");
     let mut programs = Vec::new();

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::fmt;
 use std::process::{Command, Stdio};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::Instant;
 
 use anyhow::{Context, Result};
@@ -106,19 +106,48 @@ impl Tally {
 
     /// Runs steps in this order, as many at a time as there are lanes, until all have ended.
     pub fn run(&mut self, steps: Vec<Step>) {
+        self.run_after(None, None, steps);
+    }
+
+    /// The same once `alone` has ended. `quiet`, which leaves the processor to others, begins beside it.
+    pub fn run_after(&mut self, alone: Option<Step>, quiet: Option<Step>, steps: Vec<Step>) {
         let queue = Mutex::new(VecDeque::from(steps));
         let tally = Mutex::new(self);
         // A step that panics has failed the whole run: the scope passes it on.
+        let take = |Step { name, run }: Step| {
+            let since = Instant::now();
+            let outcome = run();
+            let took = since.elapsed().as_secs_f64();
+            tally.lock().unwrap_or_else(PoisonError::into_inner).add(name, took, &outcome);
+        };
         let next = || queue.lock().unwrap_or_else(PoisonError::into_inner).pop_front();
+        let rest = || {
+            while let Some(step) = next() {
+                take(step);
+            }
+        };
+        let (is_alone, ended) = mpsc::channel::<()>();
+        let ended = Mutex::new(ended);
+        // Nothing is sent: the wait ends with the sender.
+        let wait = || {
+            let _ = ended.lock().unwrap_or_else(PoisonError::into_inner).recv();
+        };
         std::thread::scope(|scope| {
-            for _ in 0..LANES {
-                scope.spawn(|| {
-                    while let Some(Step { name, run }) = next() {
-                        let since = Instant::now();
-                        let outcome = run();
-                        let took = since.elapsed().as_secs_f64();
-                        tally.lock().unwrap_or_else(PoisonError::into_inner).add(name, took, &outcome);
-                    }
+            let (take, rest, wait) = (&take, &rest, &wait);
+            scope.spawn(move || {
+                alone.into_iter().for_each(take);
+                drop(is_alone);
+                rest();
+            });
+            scope.spawn(move || {
+                quiet.into_iter().for_each(take);
+                wait();
+                rest();
+            });
+            for _ in 2..LANES {
+                scope.spawn(move || {
+                    wait();
+                    rest();
                 });
             }
         });

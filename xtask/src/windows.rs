@@ -28,7 +28,7 @@ pub fn holds() -> Result<()> {
     let mut tally = Tally::new();
     let mut built = cargo("test", TESTS);
     built.args(["--no-run", "--message-format", "json-render-diagnostics"]);
-    let programs = programs::programs(built)?;
+    let programs = programs::programs(&mut built)?;
     let run = |words: &str| -> Result<()> {
         ensure!(cargo("build", words).status()?.success(), "cargo build {words} for {TARGET}");
         Ok(())
