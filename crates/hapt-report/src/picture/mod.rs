@@ -8,6 +8,8 @@ mod part;
 mod pdf;
 #[cfg(feature = "png")]
 mod png;
+#[cfg(test)]
+mod testing;
 
 use std::sync::Arc;
 

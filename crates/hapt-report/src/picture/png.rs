@@ -71,14 +71,7 @@ impl Canvas for Pixels {
 mod tests {
     use super::*;
     use crate::Width;
-    use crate::figure::{Axis, Figure, Panel, Style};
-
-    fn figure(title: &str) -> Figure {
-        let mut panel =
-            Panel::new("", Axis::from_to("time", "s", 0.0, 1.0), Axis::from_to("torque", "N mm", -1.0, 1.0));
-        panel.curve("asked for", Style::Signal(0), vec![(0.0, -0.9), (1.0, 0.9)]);
-        Figure { title: title.into(), alt: String::new(), panels: vec![panel], columns: 1 }
-    }
+    use crate::picture::testing::figure;
 
     fn drawn(svg: &str) -> Pixmap {
         Pixmap::decode_png(&png(svg, 192.0).unwrap().bytes).unwrap()
