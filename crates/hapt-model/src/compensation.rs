@@ -5,7 +5,7 @@
 
 use std::f64::consts::TAU;
 
-use hapt_core::{Coupling, End, Law, Waveform};
+use hapt_core::{Coupling, End, HARMONICS, Law, Waveform};
 use hapt_plant::spec::{Cogging, Gravity};
 
 use crate::world::Device;
@@ -41,19 +41,23 @@ impl Device {
 
     /// Which torque of this device a coupling takes back, and how much of it; `None` where it is another coupling.
     pub fn compensated_by(&self, coupling: &Coupling) -> Option<(Compensated, f64)> {
-        Compensated::ALL.into_iter().find_map(|of| {
-            let whole = match of {
-                Compensated::Gravity => self.torque.gravity?.torque,
-                Compensated::Cogging => self.torque.cogging?.torque,
-            };
-            let (Law::Detent { torque, .. } | Law::Texture { torque, .. }) = coupling.law else { return None };
-            let share = torque / whole;
-            // The same coupling but for the rounding of its torque.
-            let mut same = self.compensation(of, share)?;
-            if let Law::Detent { torque: own, .. } | Law::Texture { torque: own, .. } = &mut same.law {
-                *own = torque;
+        let (of, torque, whole) = match coupling.law {
+            Law::Detent { torque, pitch, phase } => {
+                let gravity = self.torque.gravity?;
+                let is_same = pitch == TAU && phase == -gravity.phase;
+                is_same.then_some((Compensated::Gravity, torque, gravity.torque))?
             }
-            (torque > 0.0 && same == *coupling).then_some((of, share))
-        })
+            Law::Texture { torque, pitch, phase, waveform } => {
+                let cogging = self.torque.cogging?;
+                let Waveform { sine, cosine } = cogging.waveform;
+                let opposite = |one: [f32; HARMONICS], other: [f32; HARMONICS]| one == other.map(|x| -x);
+                let is_same = pitch == cogging.pitch && phase == cogging.phase;
+                let is_opposite = opposite(waveform.sine, sine) && opposite(waveform.cosine, cosine);
+                (is_same && is_opposite).then_some((Compensated::Cogging, torque, cogging.torque))?
+            }
+            _ => return None,
+        };
+        let is_there = torque > 0.0 && coupling.first == End::Puck && coupling.second == End::Ground;
+        is_there.then_some((of, torque / whole))
     }
 }

@@ -76,23 +76,7 @@ impl World {
         for (fields, coupling) in rows.iter().zip(&couplings) {
             check_coupling(fields, coupling, &couplings, &names, &sampling)?;
         }
-        let mut compensated = Vec::new();
-        for (index, node) in items(&top, "compensation").iter().enumerate() {
-            let path = format!("compensation.{index}");
-            let context = Context { path, pattern: "compensation.*", ..table("compensation") };
-            let fields = Fields::new(context, Some(node))?;
-            let (of, coupling) = compensation(&fields, &device)?;
-            if compensated.contains(&of) {
-                let message = format!("{} is compensated already; expected one share of it", of.name());
-                return Err(fields.error(ErrorKind::Combination, "of", message));
-            }
-            if couplings.len() == keys::MOST_COUPLINGS {
-                let message = format!("with it the world has more than {} couplings", keys::MOST_COUPLINGS);
-                return Err(fields.error(ErrorKind::Combination, "of", message));
-            }
-            compensated.push(of);
-            couplings.push(coupling);
-        }
+        compensate(&top, motion, &device, &mut couplings)?;
         if sampling.bodies_every > 1 && bodies.is_empty() {
             let message = format!("{} samples a step, and this world has no bodies; expected 1", sampling.bodies_every);
             let fields = Fields::new(table("loop"), top.node("loop"))?;
@@ -346,19 +330,31 @@ fn coupling(fields: &Fields<'_>, names: &[String], files: &path::Reader<'_>) -> 
     Ok(Coupling { first, second, law, limit: fields.optional_number("limit")? })
 }
 
-/// Which torque of the device is taken back, and the coupling that does it.
-fn compensation(fields: &Fields<'_>, device: &Device) -> Result<(Compensated, Coupling), Error> {
-    let of = one_of(fields, "of", &Compensated::ALL, Compensated::name)?.ok_or_else(|| fields.missing("of"))?;
-    let share = fields.number("share")?;
-    if share > 1.0 {
-        let message = format!("{share:?} takes back more than there is; expected 0 to 1");
-        return Err(fields.error(ErrorKind::Value, "share", message));
+/// Adds the couplings that take back torques of the device.
+fn compensate(top: &Fields<'_>, motion: Motion, device: &Device, couplings: &mut Vec<Coupling>) -> Result<(), Error> {
+    let mut compensated = [false; Compensated::ALL.len()];
+    for (index, node) in items(top, "compensation").iter().enumerate() {
+        let (path, pattern) = (format!("compensation.{index}"), "compensation.*");
+        let fields = Fields::new(Context { path, motion, ..top.inner("compensation", pattern) }, Some(node))?;
+        let of = fields.name("of").and_then(Compensated::from_name).ok_or_else(|| fields.missing("of"))?;
+        let share = fields.number("share")?;
+        let wrong = |key, message| Err(fields.error(ErrorKind::Combination, key, message));
+        if share > 1.0 {
+            return wrong("share", format!("{share:?} takes back more than there is; expected 0 to 1"));
+        }
+        let Some(coupling) = device.compensation(of, share) else {
+            let of = of.name();
+            return wrong("of", format!("the device has no {of} to take back; expected a table [device.{of}]"));
+        };
+        if std::mem::replace(&mut compensated[of as usize], true) {
+            return wrong("of", format!("{} is compensated already; expected one share of it", of.name()));
+        }
+        if couplings.len() == keys::MOST_COUPLINGS {
+            return wrong("of", format!("with it the world has more than {} couplings", keys::MOST_COUPLINGS));
+        }
+        couplings.push(coupling);
     }
-    let coupling = device.compensation(of, share).ok_or_else(|| {
-        let message = format!("the device has no {0} to take back; expected a table [device.{0}]", of.name());
-        fields.error(ErrorKind::Combination, "of", message)
-    })?;
-    Ok((of, coupling))
+    Ok(())
 }
 
 /// Coulomb friction by its `torque`, LuGre by its six keys.

@@ -298,8 +298,9 @@ fn compensations(world: &World) -> Result<Vec<String>, Error> {
         let Some((of, share)) = world.device.compensated_by(coupling) else { continue };
         let cost = laws_cost(world, [laws::steepest(&coupling.law).0, 0.0])?;
         notes.push(format!(
-            "couplings.{index}: it takes {share:.3} of device.{} back by the measured position: a law of its steepest slope, which costs {} of the \
+            "couplings.{index}: it takes {} of device.{} back by the measured position: a law of its steepest slope, which costs {} of the \
              device's damping",
+            short(share),
             of.name(),
             with_unit(cost, Measure::Damping, world.motion)
         ));
