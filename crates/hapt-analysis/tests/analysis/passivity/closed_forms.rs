@@ -24,7 +24,7 @@ proptest! {
         near(required(&world), 0.5 * k * period + b * period / (period + 2.0 * tau), 1e-10);
     }
 
-    /// (T69), by a grid of its own.
+    /// (T71), by a grid of its own.
     #[test]
     fn a_damper_on_a_difference_over_samples(k in 0.0..1e3f64, b in 0.01..10.0f64, period in 1e-4..1e-2f64, every in 1..60u32) {
         let mut world = plain(to_ground(k, b), period);
