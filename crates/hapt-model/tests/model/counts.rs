@@ -8,7 +8,7 @@ const DETENT: &str = "[[couplings]]\nkind = \"detent\"\nbetween = [\"puck\", \"g
 
 fn knob(device: &str, torque: &str, pitch: &str) -> Source {
     let head = format!("loop.period = \"1 ms\"\ndevice.inertia = 1e-4\n{device}");
-    Source::from_text("knob.toml", &format!("{head}{DETENT}torque = {torque}\npitch = {pitch}\n"))
+    Source::from_text("knob.toml", format!("{head}{DETENT}torque = {torque}\npitch = {pitch}\n"))
 }
 
 fn pitch(source: &Source, sets: &[String]) -> f64 {
