@@ -173,28 +173,35 @@ impl AddAssign for Counts {
 
 /// `[--n N] [--seed S] [--minutes M] [--write]`
 pub fn command(words: &[&str]) -> Result<()> {
-    let told = Campaign::parse(words, true)?;
-    let time = Duration::from_secs((60.0 * told.minutes) as u64);
-    let text =
-        table::table(&mut campaign(&|i, against| one(Part::Even, told.seed, i, against), told.n, time)?, told.seed);
-    told.publish("truth", PAGE, &text)
+    let options = Campaign::parse(words, true)?;
+    let time = Duration::from_secs((60.0 * options.minutes) as u64);
+    let text = table::table(
+        &mut campaign(&|i, against| one(Part::Even, options.seed, i, against), options.n, time)?,
+        options.seed,
+    );
+    options.publish("truth", PAGE, &text)
 }
 
 /// `cargo xtask patterns`, with the words of [`command`]: the same for uneven time.
 pub fn patterns(words: &[&str]) -> Result<()> {
-    let told = Campaign::parse(words, true)?;
-    let time = Duration::from_secs((60.0 * told.minutes) as u64);
-    let text =
-        uneven::table(&campaign(&|i, against| one(Part::Uneven, told.seed, i, against), told.n, time)?, told.seed);
-    told.publish("patterns", PAGE, &text)
+    let options = Campaign::parse(words, true)?;
+    let time = Duration::from_secs((60.0 * options.minutes) as u64);
+    let text = uneven::table(
+        &campaign(&|i, against| one(Part::Uneven, options.seed, i, against), options.n, time)?,
+        options.seed,
+    );
+    options.publish("patterns", PAGE, &text)
 }
 
 /// `cargo xtask networks`, with the words of [`command`]: the same for stations joined by links.
 pub fn networks(words: &[&str]) -> Result<()> {
-    let told = Campaign::parse(words, true)?;
-    let time = Duration::from_secs((60.0 * told.minutes) as u64);
-    let text = networks::table(&campaign(&|i, against| networks::one(told.seed, i, against), told.n, time)?, told.seed);
-    told.publish("networks", PAGE, &text)
+    let options = Campaign::parse(words, true)?;
+    let time = Duration::from_secs((60.0 * options.minutes) as u64);
+    let text = networks::table(
+        &campaign(&|i, against| networks::one(options.seed, i, against), options.n, time)?,
+        options.seed,
+    );
+    options.publish("networks", PAGE, &text)
 }
 
 /// The part of it that every run of the tests makes.
@@ -219,7 +226,7 @@ fn campaign(one: &(dyn Fn(u64, &Against) -> Counts + Sync), n: u64, time: Durati
             a += b;
             a
         });
-        // A campaign that is broken off has told what it found so far.
+        // A campaign that is interrupted has printed what it found so far.
         let contradicted = against.lock().map_or(0, |against| against.len());
         if found.loops < n {
             let time = started.elapsed().as_secs_f64();
@@ -260,14 +267,14 @@ fn one(part: Part, seed: u64, i: u64, against: &Against) -> Counts {
         friction::spare(&mut own, &mut world);
     }
     let mut found = Counts { loops: 1, ..Counts::default() };
-    let mut tell = |what: String| {
+    let mut report = |what: String| {
         if let Ok(mut against) = against.lock() {
             against.push(format!("loop {i}: {what}\n{}", world.to_toml()));
         }
     };
     let judged = match part {
-        Part::Even => judge(&mut rng, &world, bent, &mut found, &mut tell),
-        Part::Uneven => uneven::judge(&mut rng, &world, bent, &mut found, &mut tell),
+        Part::Even => judge(&mut rng, &world, bent, &mut found, &mut report),
+        Part::Uneven => uneven::judge(&mut rng, &world, bent, &mut found, &mut report),
     };
     if judged.is_err() {
         found.unanswered += 1;
@@ -280,27 +287,27 @@ fn judge(
     world: &World,
     bent: bool,
     found: &mut Counts,
-    tell: &mut dyn FnMut(String),
+    report: &mut dyn FnMut(String),
 ) -> Result<(), Error> {
     let sampling = &world.sampling;
     let held = held_growth(&world.bodies, &world.couplings, sampling.method, sampling.step())?;
     let answer = passivity(world)?;
     if held.is_some_and(|growth| growth > MARGINAL) && (answer.passive.holds() || answer.required_damping.is_some()) {
-        tell(format!("held it grows by {held:?} per second, and a finite damping is called enough"));
+        report(format!("held it grows by {held:?} per second, and a finite damping is called enough"));
         let claim = if bent { &mut found.proved } else { &mut found.passive };
         claim.contradicted += 1;
     }
     if !bent {
         let free = free_growth(world)?;
         match world.device.handle {
-            Some(_) => run(rng, world, At::Held, held_world_growth(world)?, found, tell),
-            None if !world.bodies.is_empty() => run(rng, world, At::Held, held, found, tell),
+            Some(_) => run(rng, world, At::Held, held_world_growth(world)?, found, report),
+            None if !world.bodies.is_empty() => run(rng, world, At::Held, held, found, report),
             None => {}
         }
-        run(rng, world, At::Free, free, found, tell);
+        run(rng, world, At::Free, free, found, report);
     }
     if bent && for_all_times(world)?.free.verdict() == PatternVerdict::Proved {
-        let holds = uneven::stays(rng, world, &mut found.samples, tell)?;
+        let holds = uneven::stays(rng, world, &mut found.samples, report)?;
         found.free_nonlinear +=
             Claim { loops: 1, confirmed: u64::from(holds), slow: 0, contradicted: u64::from(!holds) };
     }
@@ -319,7 +326,7 @@ fn judge(
             && answer.proved.holds()
             && let Some(speed) = answer.speed_max
         {
-            friction::judge(rng, world, speed, found, tell);
+            friction::judge(rng, world, speed, found, report);
             return Ok(());
         }
         if bent && quick_check(world)?.status == Status::Open {
@@ -352,19 +359,19 @@ fn judge(
         let (work, samples) = brute::drawn(&device, hand.clone(), HAND_SAMPLES);
         found.samples += samples;
         if work > ROUNDING {
-            tell(format!("called passive, and a hand draws {work:e} of the work that goes round: {hand:?}"));
+            report(format!("called passive, and a hand draws {work:e} of the work that goes round: {hand:?}"));
         }
         drawn = drawn.max(work);
     }
     // The hands that break what is not proved.
     if bent && let Ok((Some(moved), _)) = hapt_sweep::worst::best_motion(world, MOTION_SAMPLES) {
-        tell(format!("called proved, and a motion draws {:e} J: {:?}", moved.drawn.gain, moved.motion.trick));
+        report(format!("called proved, and a motion draws {:e} J: {:?}", moved.drawn.gain, moved.motion.trick));
         drawn = f64::INFINITY;
     }
     // What is passive stays stable in every passive hand.
     let stays = bent || grows <= MARGINAL;
     if !stays {
-        tell(format!("called passive, and grows by {grows:e} per second in {worst:?}"));
+        report(format!("called passive, and grows by {grows:e} per second in {worst:?}"));
     }
     let holds = drawn <= ROUNDING && stays;
     let claim = if bent { &mut found.proved } else { &mut found.passive };
@@ -395,7 +402,7 @@ fn rounds(world: &World) -> bool {
 }
 
 /// One claim on growth against a run.
-fn run(rng: &mut Rng, world: &World, at: At, growth: Option<f64>, found: &mut Counts, tell: &mut dyn FnMut(String)) {
+fn run(rng: &mut Rng, world: &World, at: At, growth: Option<f64>, found: &mut Counts, report: &mut dyn FnMut(String)) {
     let growth = growth.unwrap_or(f64::NEG_INFINITY);
     let unstable = growth > MARGINAL;
     let claim = |confirmed, slow, contradicted| Claim { loops: 1, confirmed, slow, contradicted };
@@ -413,7 +420,7 @@ fn run(rng: &mut Rng, world: &World, at: At, growth: Option<f64>, found: &mut Co
         outcome = match unstable {
             false if rate < seen(samples) => claim(1, 0, 0),
             true if rate > 0.25 * growth => claim(1, 0, 0),
-            // Beside a swing that keeps its size a small one has to overtake it first.
+            // A small swing that grows is seen only when it exceeds the constant ones.
             true if growth * samples as f64 * world.sampling.period < OVERTAKES => claim(0, 1, 0),
             _ => claim(0, 0, 1),
         };
@@ -421,7 +428,7 @@ fn run(rng: &mut Rng, world: &World, at: At, growth: Option<f64>, found: &mut Co
             break;
         }
         if outcome.contradicted > 0 && samples > SAMPLES {
-            tell(format!("{at:?}: growth by the analysis {growth:e}, by {samples} samples {rate:e} per second"));
+            report(format!("{at:?}: growth by the analysis {growth:e}, by {samples} samples {rate:e} per second"));
         }
     }
     *match (at, unstable) {

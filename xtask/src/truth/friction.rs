@@ -61,11 +61,11 @@ fn drawn(rng: &mut Rng, world: &World, speed: f64, taken: &mut u64) -> f64 {
 }
 
 /// A loop that lacks damping, and whose friction pays for it up to `speed`.
-pub fn judge(rng: &mut Rng, world: &World, speed: f64, found: &mut Counts, tell: &mut dyn FnMut(String)) {
+pub fn judge(rng: &mut Rng, world: &World, speed: f64, found: &mut Counts, report: &mut dyn FnMut(String)) {
     let work = drawn(rng, world, BELOW * speed, &mut found.samples);
     let holds = work <= ROUNDING;
     if !holds {
-        tell(format!(
+        report(format!(
             "passive by friction up to {speed:e} per second, and a motion below it draws {work:e} of the work"
         ));
     }

@@ -171,19 +171,19 @@ fn drawn(network: &System) -> Drawn {
 /// The network of number `i`, from a seed of its own.
 pub fn one(seed: u64, i: u64, against: &Against) -> Counts {
     let mut found = Counts { loops: 1, ..Counts::default() };
-    let mut tell = |what: String| {
+    let mut report = |what: String| {
         if let Ok(mut against) = against.lock() {
             against.push(format!("network {i} of seed {seed}: {what}"));
         }
     };
-    if judge(&mut numbers(seed, i), &mut found, &mut tell).is_err() {
+    if judge(&mut numbers(seed, i), &mut found, &mut report).is_err() {
         found.unanswered += 1;
     }
     found
 }
 
 /// Judges and runs it. Errors where numbers are out of range.
-fn judge(rng: &mut Rng, found: &mut Counts, tell: &mut dyn FnMut(String)) -> Result<(), Error> {
+fn judge(rng: &mut Rng, found: &mut Counts, report: &mut dyn FnMut(String)) -> Result<(), Error> {
     let n = 2 + (10.0 * rng.f64().powi(3)) as usize;
     let times = [Times::Own, Times::Common, Times::Common, Times::Exact][rng.usize(..4)];
     let Some(network) = random(rng, n, times).filter(|network| !network.scenarios().is_empty()) else {
@@ -193,13 +193,13 @@ fn judge(rng: &mut Rng, found: &mut Counts, tell: &mut dyn FnMut(String)) -> Res
     let check = check_network(&network)?;
     let asked: Vec<f64> = check.stations.iter().map(|of| of.required_damping.unwrap_or(0.0)).collect();
     let enough = |check: NetworkCheck| check.stations.iter().all(|station| station.passive);
-    compare(&network, &asked, enough, &mut found.networks[0], &mut found.samples, tell)?;
+    compare(&network, &asked, enough, &mut found.networks[0], &mut found.samples, report)?;
     // What is not decided or not proved claims nothing.
     let fixed = check.fixed;
     let asked: Option<Vec<f64>> = fixed.required_damping.iter().map(|(_, damping)| *damping).collect();
     let Some(asked) = asked.filter(|_| fixed.proved) else { return Ok(()) };
     let enough = |check: NetworkCheck| check.fixed.passive == Some(true);
-    compare(&network, &asked, enough, &mut found.networks[1], &mut found.samples, tell)
+    compare(&network, &asked, enough, &mut found.networks[1], &mut found.samples, report)
 }
 
 /// Compares a verdict, by which dampings are `enough`, with hands on devices that have just these, and less.
@@ -209,7 +209,7 @@ fn compare(
     enough: impl Fn(NetworkCheck) -> bool,
     judged: &mut Judged,
     samples: &mut u64,
-    tell: &mut dyn FnMut(String),
+    report: &mut dyn FnMut(String),
 ) -> Result<(), Error> {
     let damped = |part: f64| {
         let mut network = network.clone();
@@ -220,7 +220,7 @@ fn compare(
     };
     let just = damped(1.0 + JUST);
     if !enough(check_network(&just)?) {
-        tell("the damping that is called enough is not".into());
+        report("the damping that is called enough is not".into());
     }
     let run = drawn(&just);
     *samples += run.samples;
@@ -232,7 +232,7 @@ fn compare(
     let holds = run.drawn <= ROUNDING * run.round + run.slack;
     if !holds {
         let n = network.stations.len();
-        tell(format!("{n} stations called passive, and their hands draw {:e} of {:e} J", run.drawn, run.round));
+        report(format!("{n} stations called passive, and their hands draw {:e} of {:e} J", run.drawn, run.round));
     }
     judged.claim += Claim { loops: 1, confirmed: u64::from(holds), slow: 0, contradicted: u64::from(!holds) };
     for (part, broken) in PARTS.iter().zip(&mut judged.broken) {

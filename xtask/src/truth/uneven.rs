@@ -127,7 +127,7 @@ fn linear_device(world: &World) -> World {
 ///
 /// # Errors
 /// Numbers out of range.
-pub fn stays(rng: &mut Rng, world: &World, taken: &mut u64, tell: &mut dyn FnMut(String)) -> Result<bool, Error> {
+pub fn stays(rng: &mut Rng, world: &World, taken: &mut u64, report: &mut dyn FnMut(String)) -> Result<bool, Error> {
     let world = linear_device(world);
     let slow = world.device.handle.is_some() || world.device.lag > 0.0;
     let duration = SAMPLES * if slow { FEWER } else { 1.0 } * world.sampling.period;
@@ -140,7 +140,9 @@ pub fn stays(rng: &mut Rng, world: &World, taken: &mut u64, tell: &mut dyn FnMut
         if risen > TURNS {
             holds = false;
             let kind = timing.kind();
-            tell(format!("proved hands-off, and from size {size} ln of the energy rises by {risen:e} under {kind:?}"));
+            report(format!(
+                "proved hands-off, and from size {size} ln of the energy rises by {risen:e} under {kind:?}"
+            ));
         }
     }
     Ok(holds)
@@ -155,7 +157,7 @@ pub fn judge(
     world: &World,
     bent: bool,
     found: &mut Counts,
-    tell: &mut dyn FnMut(String),
+    report: &mut dyn FnMut(String),
 ) -> Result<(), Error> {
     let mut world = brute::as_certified(world);
     stretch(rng, &mut world);
@@ -176,7 +178,7 @@ pub fn judge(
             *found.patterns_open.entry(reason).or_default() += 1;
         }
         PatternVerdict::Proved if bent => {
-            let holds = stays(rng, &world, &mut found.samples, tell)?;
+            let holds = stays(rng, &world, &mut found.samples, report)?;
             found.free_nonlinear += claim(holds);
         }
         PatternVerdict::Proved => {
@@ -186,7 +188,7 @@ pub fn judge(
                 let risen = rise(rng, &world, 1.0, timing.clone(), duration, &mut found.samples);
                 if risen > TURNS {
                     holds = false;
-                    tell(format!(
+                    report(format!(
                         "proved under patterns, and ln of the energy rises by {risen:e} under {:?}",
                         timing.kind()
                     ));
@@ -206,7 +208,7 @@ pub fn judge(
                     rise(rng, &linear_device(&world), 1.0, pattern.timing(period), duration, &mut found.samples);
                 let holds = risen > 0.25 * growth * duration;
                 if !holds {
-                    tell(format!(
+                    report(format!(
                         "broken by a pattern at {growth:e} per second, and ln of the energy rises by {risen:e} in {duration:e} s"
                     ));
                 }
@@ -226,7 +228,7 @@ pub fn judge(
             found.samples += samples;
             if work > ROUNDING {
                 holds = false;
-                tell(format!(
+                report(format!(
                     "called passive under patterns, and a hand draws {work:e} of the work that goes round: {hand:?} {:?}",
                     timing.kind()
                 ));
@@ -239,7 +241,7 @@ pub fn judge(
     {
         let sharp = sharpness(&world, bound, &mut found.samples);
         if let Some(sharp) = sharp.filter(|sharp| sharp.reach > 1.0 + JUST) {
-            tell(format!("a damping of {bound:e} is called enough, and a motion requires {:e} of it", sharp.reach));
+            report(format!("a damping of {bound:e} is called enough, and a motion requires {:e} of it", sharp.reach));
             found.uneven_passive.contradicted += 1;
         }
         found.sharpness.extend(sharp);

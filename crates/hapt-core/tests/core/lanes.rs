@@ -1,4 +1,4 @@
-//! Lanes do what their numbers would do alone, to the bit.
+//! Each lane of a batch computes the bits of its world in a loop of its own.
 
 use hapt_core::{
     Batch, Body, Coupling, Damping, End, Estimator, Lanes, Law, Loop, Method, Number, Output, Side, Spec, Waveform,
@@ -72,7 +72,7 @@ fn bent(kind: usize, scale: f64) -> Coupling {
 
 const WAVEFORM: Waveform = Waveform { sine: [0.5, 0.0, -0.25, 0.125], cosine: [0.0, 0.5, 0.0, -0.5] };
 
-type Alone = Loop<f64, 2, 6, 9>;
+type Single = Loop<f64, 2, 6, 9>;
 
 /// A world of two bodies, its numbers scaled. `None`: the method does not take these couplings.
 fn compiled(
@@ -83,7 +83,7 @@ fn compiled(
     scale: f64,
     more: &[Coupling],
     bodies_every: u32,
-) -> Option<Alone> {
+) -> Option<Single> {
     let spring =
         |first, second, stiffness| Coupling { first, second, law: Law::Spring { stiffness, rest: 0.1 }, limit: None };
     let bodies = [0.02, 0.03].map(|inertia| Body { inertia: inertia * scale, position: 0.1 * scale, velocity: -0.3 });
@@ -133,17 +133,17 @@ proptest! {
         for method in Method::ALL {
             for output in Output::ALL {
                 for counted in [false, true] {
-                    let alone = std::array::from_fn::<_, N, _>(|i| {
+                    let single = std::array::from_fn::<_, N, _>(|i| {
                         let more: Vec<Coupling> = kinds[if alike { 0 } else { i }].iter().map(|kind| bent(*kind, scales[i])).collect();
                         let all = compiled(method, output, estimator, counted, scales[i], if bends { &more } else { &[] }, every);
                         all.or_else(|| compiled(method, output, estimator, counted, scales[i], &[], every))
                     });
-                    let Some(alone): Option<Vec<Alone>> = alone.into_iter().collect() else { continue };
-                    let alone: [Alone; N] = alone.try_into().unwrap();
-                    let together = Batch::<N, 2, 6, 9, 6>::new(&alone).unwrap();
-                    let linear = Batch::<N, 2, 6, 9, 0>::new(&alone);
+                    let Some(single): Option<Vec<Single>> = single.into_iter().collect() else { continue };
+                    let single: [Single; N] = single.try_into().unwrap();
+                    let together = Batch::<N, 2, 6, 9, 6>::new(&single).unwrap();
+                    let linear = Batch::<N, 2, 6, 9, 0>::new(&single);
                     let mut of_linear = linear.map(|batch| (batch, batch.start()));
-                    let mut states = alone.map(|world| world.start());
+                    let mut states = single.map(|world| world.start());
                     let mut state = together.start();
                     for (k, &(mut z, v)) in inputs.iter().enumerate() {
                         if k == broken {
@@ -154,7 +154,7 @@ proptest! {
                             let same = batch.step(state, Lanes(z), Lanes(v));
                             prop_assert_eq!(bits(same.torque), bits(sample.torque));
                         }
-                        let own: [_; N] = std::array::from_fn(|i| alone[i].step(&mut states[i], z[i], v[i]));
+                        let own: [_; N] = std::array::from_fn(|i| single[i].step(&mut states[i], z[i], v[i]));
                         prop_assert_eq!(bits(sample.torque), bits(Lanes(own.map(|own| own.torque))), "{:?}", kinds);
                         prop_assert_eq!(bits(sample.command), bits(Lanes(own.map(|own| own.command))));
                         prop_assert_eq!(bits(sample.puck.velocity), bits(Lanes(own.map(|own| own.puck.velocity))));

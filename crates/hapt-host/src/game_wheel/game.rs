@@ -77,7 +77,9 @@ pub fn oddity(peculiar: Oddity) -> &'static str {
         }
         Oddity::Late => "the game's torque may be later than what can be told; its lateness counts as that",
         Oddity::Uneven => "the game's levels come at uneven times; the longest of its usual intervals counts",
-        Oddity::Swings => "the free wheel's swings gain more than this law explains, as where a car answers the steering: the damping is what they show",
+        Oddity::Swings => {
+            "the free wheel's swings gain more than this law explains, as where a car answers the steering: the damping is what they show"
+        }
         Oddity::Loose => "less than half of what the game's levels do follows the wheel",
     }
 }
