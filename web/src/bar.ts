@@ -93,7 +93,7 @@ export function showBar(desk: Desk): void {
   warnings.hidden = texts.length === 0;
   if (warnings.dataset["said"] !== texts.join("\n")) {
     warnings.dataset["said"] = texts.join("\n");
-    warnings.replaceChildren(...texts.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+    warnings.querySelector("ul")?.replaceChildren(...texts.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
   }
   showRecording(up ? (status?.recording ?? null) : null);
   for (const button of document.querySelectorAll<HTMLButtonElement>("#scenarios button")) {

@@ -81,7 +81,7 @@ impl fmt::Display for Error {
                 write!(f, "{given} couplings, where this loop has room for {room}")
             }
             Error::WindowTooLong { given, room } => {
-                write!(f, "a FOAW window of {given} samples, where this loop remembers {}", room.saturating_sub(1))
+                write!(f, "a window of {given} samples, where this loop remembers {}", room.saturating_sub(1))
             }
             Error::Value { what, given, wanted } => write!(f, "{what} is {given}; it must be {wanted}"),
             Error::NoSuchBody { coupling } => write!(f, "coupling {coupling} is tied to a body that is not there"),

@@ -8,18 +8,8 @@ use std::f64::consts::TAU;
 use hapt_core::{Coupling, End, HARMONICS, Law, Waveform};
 use hapt_plant::spec::{Cogging, Gravity};
 
+use crate::kinds::Compensated;
 use crate::world::Device;
-
-hapt_core::named! {
-    /// The torques of a device that a loop may take back.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub enum Compensated {
-        /// [`Gravity`]
-        Gravity => "gravity",
-        /// [`Cogging`]
-        Cogging => "cogging",
-    }
-}
 
 impl Device {
     /// The coupling that takes back `share` of a torque of this device; `None` where it has none.

@@ -5,7 +5,6 @@ use std::f64::consts::TAU;
 use crate::dimension::Dimension;
 use crate::document::{Document, Value};
 use crate::kinds::Motion;
-use crate::motor;
 use crate::quantity::{Number, QuantityError, parse_in_unit, parse_with_unit};
 use crate::unit::{Unit, without_counts};
 
@@ -55,9 +54,8 @@ pub(crate) fn size(document: &Document, motion: Motion) -> Option<f64> {
     };
     let size = match motion {
         Motion::Rotary => {
-            let at_the_motor = || {
-                Some(motor::counts(number(&["device", "motor", "encoder"])?, number(&["device", "motor", "ratio"])?))
-            };
+            let at_the_motor =
+                || Some(at_the_puck(number(&["device", "motor", "encoder"])?, number(&["device", "motor", "ratio"])?));
             TAU / number(&["device", "encoder"]).or_else(at_the_motor)?
         }
         Motion::Linear => match find(&["device", "encoder"])? {
@@ -67,4 +65,9 @@ pub(crate) fn size(document: &Document, motion: Motion) -> Option<f64> {
         },
     };
     Some(size).filter(|size| size.is_finite() && *size > 0.0)
+}
+
+/// The counts in a turn of the puck, a whole number: what a ratio leaves of one is less than half a count in a turn.
+pub(crate) fn at_the_puck(encoder: f64, ratio: f64) -> f64 {
+    (ratio * encoder).round().max(1.0)
 }

@@ -39,6 +39,17 @@ hapt_core::named! {
 }
 
 hapt_core::named! {
+    /// The torques of a device that a loop may take back.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Compensated {
+        /// That of the weight.
+        Gravity => "gravity",
+        /// That of the motor's poles.
+        Cogging => "cogging",
+    }
+}
+
+hapt_core::named! {
     /// The kinds of couplings.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum CouplingKind {

@@ -64,7 +64,6 @@ mod words;
 pub mod world;
 mod write;
 
-pub use compensation::Compensated;
 pub use dimension::Dimension;
 pub use error::{Error, ErrorKind, Location, visible};
 pub use hapt_core::named;
@@ -73,7 +72,7 @@ pub use hapt_core::spec::{
 };
 pub use hapt_core::{LASTING, SafetyProfile};
 pub use hapt_plant::spec::{Cogging, DeviceSpec, DeviceTorque, Drive, Gravity, Hand, Handle, Shape, Switching};
-pub use kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
+pub use kinds::{Compensated, CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
 pub use parameters::{Parameter, parameters, parameters_of, unit, unit_size};
 pub use quantity::{Fault, Quantity, QuantityError, parse_quantity};
 pub use safety::Safety;

@@ -4,6 +4,7 @@
 //! (n f) |ż|, and a torque τ on its shaft does the work τ dθ = (n τ) dz. So at the puck an inertia and a damping count n² times, a friction and a
 //! limit n times, and a turn of the puck has n times the counts. Everything beyond this file is at the puck.
 
+use crate::counts::at_the_puck;
 use crate::error::{Error, ErrorKind};
 use crate::fields::Fields;
 use crate::keys::Range;
@@ -82,11 +83,6 @@ fn reflect(device: &mut Device, motor: &Motor) {
     add(&mut device.damping, damping, n * n * motor.damping);
     add(&mut device.friction, friction, n * motor.friction);
     device.limit = device.limit.or(motor.limit.map(|limit| n * limit));
-    device.encoder = device.encoder.or(motor.encoder.map(|encoder| counts(encoder, n)));
+    device.encoder = device.encoder.or(motor.encoder.map(|encoder| at_the_puck(encoder, n)));
     device.drive.gear = device.drive.gear.or(Some(n));
-}
-
-/// The counts in a turn of the puck, a whole number: what a ratio leaves of one is less than half a count in a turn.
-pub(crate) fn counts(encoder: f64, ratio: f64) -> f64 {
-    (ratio * encoder).round().max(1.0)
 }

@@ -5,12 +5,11 @@
 use hapt_core::{Body, Coupling, Damping, End, Law, Method, Output, Side, WhenLate};
 use hapt_plant::spec::{Cogging, DeviceTorque, Drive, Gravity, Hand, Handle, Shape, Switching};
 
-use crate::compensation::Compensated;
 use crate::document::{Document, Entry, Node, Place, Value};
 use crate::error::{Error, ErrorKind};
 use crate::fields::{Context, Fields};
 use crate::keys;
-use crate::kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
+use crate::kinds::{Compensated, CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
 use crate::motor;
 use crate::path::{self, Carries};
 use crate::safety::Safety;

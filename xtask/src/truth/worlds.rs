@@ -70,7 +70,7 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
         filter: (rng.u8(..4) == 0).then(|| log_uniform(rng, -2.5, 0.3) / period),
         estimator,
         cutoff,
-        every: if estimator == EstimatorKind::Difference && rng.bool() { rng.u32(2..20) } else { 1 },
+        every: if estimator == EstimatorKind::Difference && rng.bool() { rng.u32(2..17) } else { 1 },
         window: 16,
     };
     let inertia = log_uniform(rng, -5.0, -2.0);

@@ -3,8 +3,7 @@
 use hapt_core::{HARMONICS, Method, Output, Side, WhenLate};
 
 use super::{Key, Measure, Presence, Range, Takes, key};
-use crate::compensation::Compensated;
-use crate::kinds::{CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
+use crate::kinds::{Compensated, CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
 
 /// The word that makes a damper follow the springs beside it.
 pub(crate) const COMPENSATING: &str = "compensating";

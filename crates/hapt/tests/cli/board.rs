@@ -233,7 +233,7 @@ fn a_board_refuses_what_does_not_fit_and_the_host_says_so_first_where_it_can() {
     run(&["--set", "loop.period=20ms", "--set", "device.damping=1"])
         .refused(2, &["the board refuses to take the world", "loop.period"]);
     run(&["--set", "loop.estimator=foaw", "--set", "loop.window=100", "--uncertified"])
-        .refused(2, &["on a board: a FOAW window of 100 samples, where this loop remembers 16"]);
+        .refused(2, &["on a board: a window of 100 samples, where this loop remembers 16"]);
     run(&["--set", "device.damping=0"]).refused(2, &["not certified", "--uncertified"]);
 
     let (_fed, spec) = plugged(Board { externally_clocked: true, ..BOARD });
