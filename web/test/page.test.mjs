@@ -124,7 +124,8 @@ visit("a reload in the middle lets the hand go and comes back to the same loop",
   assert.equal(await page.inputValue('[data-key="loop.period"] input[type=text]'), "2 ms");
   await page.mouse.up();
   const [low, high] = await extremes(page, () => place(page), 3);
-  assert.ok(high - low > 5, `nobody holds the puck: it goes from ${low} to ${high} degrees`);
+  // A busy computer reloads late, when the swing has decayed; a held puck stays where it is.
+  assert.ok(high - low > 1, `nobody holds the puck: it goes from ${low} to ${high} degrees`);
 });
 
 test("of two tabs one has control; the other watches, may stop, and may take it", { timeout: 90_000 }, async () => {
