@@ -14,7 +14,7 @@ const PART: f64 = 0.3;
 /// The fastest of late fades with this time constant, s.
 const LATE: f64 = 1.0;
 
-/// Sums since the start.
+/// Sums since the peak of the swing before: a sum over hours would lose what a swing adds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Sums<F> {
     /// The work of the motor and of a hand, J.
@@ -38,8 +38,8 @@ struct Peak<F> {
 pub(super) struct Swings<F> {
     sums: Sums<F>,
     peak: Peak<F>,
-    /// Of the swing before.
-    before: Option<Peak<F>>,
+    /// The speed at the peak of the swing before, rad/s.
+    before: Option<F>,
     fastest: F,
     takes: F,
 }
@@ -81,26 +81,37 @@ impl<F: Real> Swings<F> {
         }
         self.peak = Peak { velocity, until: self.sums };
         // Faster than the swing before: it has gained already.
-        if let Some(before) = self.before.filter(|before| speed > before.velocity.abs()) {
-            let takes = self.peak.takes_since(&before);
+        if self.before.is_some_and(|before| speed > before) {
+            let takes = self.peak.until.takes();
             self.takes = if takes > self.takes { takes } else { self.takes };
         }
     }
 
     /// The wheel turns round: a swing is over.
     fn turned(&mut self) {
-        let Some(before) = self.before.replace(self.peak) else { return };
-        let (takes, kept) = (self.peak.takes_since(&before), F::HALF * self.takes);
-        self.takes = if takes > kept { takes } else { kept };
+        let Peak { velocity, until } = self.peak;
+        self.sums = self.sums.since(&until);
+        if self.before.replace(velocity.abs()).is_some() {
+            let (takes, kept) = (until.takes(), F::HALF * self.takes);
+            self.takes = if takes > kept { takes } else { kept };
+        }
     }
 }
 
-impl<F: Real> Peak<F> {
-    /// What the host took from that peak on.
-    fn takes_since(&self, before: &Self) -> F {
-        let square = self.until.square - before.until.square;
-        let mean = |of: fn(&Sums<F>) -> F| (of(&self.until) - of(&before.until)) / square;
-        let gained = mean(|sums| sums.work) - mean(|sums| sums.hand).abs() + mean(|sums| sums.damping);
-        (gained / (F::ONE - mean(|sums| sums.held_back))).finite_or_zero()
+impl<F: Real> Sums<F> {
+    fn since(&self, before: &Self) -> Self {
+        Sums {
+            work: self.work - before.work,
+            hand: self.hand - before.hand,
+            square: self.square - before.square,
+            damping: self.damping - before.damping,
+            held_back: self.held_back - before.held_back,
+        }
+    }
+
+    /// What the host took.
+    fn takes(&self) -> F {
+        let gained = self.work - self.hand.abs() + self.damping;
+        (gained / (self.square - self.held_back)).finite_or_zero()
     }
 }
