@@ -117,6 +117,7 @@ impl Bits<'_> {
                     cosine: std::array::from_fn(|_| self.number() as f32),
                 },
             },
+            10 => Law::Integral { stiffness: self.number(), time: self.number(), rest: self.number() },
             _ => Law::Constant { torque: self.number() },
         }
     }

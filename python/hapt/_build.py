@@ -121,6 +121,16 @@ class Friction(Coupling):
 
 
 @dataclass(frozen=True)
+class Integral(Coupling):
+    """-stiffness/time · Σ T (q - rest), between puck and ground: the integral term of a PID controller."""
+
+    stiffness: Quantity
+    time: Optional[Quantity] = None
+    rest: Optional[Quantity] = None
+    limit: Optional[Quantity] = None
+
+
+@dataclass(frozen=True)
 class Constant(Coupling):
     """A constant torque on the first end."""
 

@@ -26,6 +26,7 @@ export function push(coupling: Coupling, q: number, velocity: number): number {
   const torque = coupling.torque ?? 0;
   switch (coupling.kind) {
     case "spring":
+    case "integral":
       return -stiffness * (q - (coupling.rest ?? 0));
     case "damper":
       return -damping * velocity;

@@ -21,7 +21,7 @@ export type ToServer =
   | ({ type: "network" } & NetworkChange);
 
 export interface Coupling {
-  kind: "spring" | "damper" | "wall" | "detent" | "dead-band" | "magnet" | "texture" | "friction" | "constant";
+  kind: "spring" | "damper" | "wall" | "detent" | "dead-band" | "magnet" | "texture" | "friction" | "integral" | "constant";
   between: [string, string];
   key: string;
   at?: number | null;

@@ -176,6 +176,7 @@ export class Stage {
     const edge = first === outer ? 0 : 1;
     switch (coupling.kind) {
       case "spring":
+      case "integral":
       case "dead-band": {
         const rest = coupling.rest ?? 0;
         const shift = first === outer ? rest : -rest;

@@ -27,6 +27,7 @@ const couplings = [
   { kind: "dead-band", between, stiffness: 2, rest: 0.2, width: 0.3 },
   { kind: "magnet", between, torque: 0.5, width: 0.4, at: 0.3 },
   { kind: "texture", between, torque: 0.5, pitch: 0.7, phase: 0.1, sine: [0.5, 0, 0.3, 0], cosine: [0.2, -0.4, 0, 0.1] },
+  { kind: "integral", between, stiffness: 2, rest: 0.3 },
   { kind: "friction", between, torque: 0.2 },
   { kind: "constant", between, torque: 0.2 },
 ];

@@ -181,6 +181,9 @@ impl<F: Real> Nonlinear<F> {
                     ("viscous", x.viscous),
                 ],
             ),
+            LoopLaw::Integral(x) => {
+                numbers("integral", &[("gain", x.gain), ("rest", x.rest), ("most", x.most)]);
+            }
         }
         to.end();
     }

@@ -53,6 +53,11 @@ pub enum Error {
         /// Which coupling.
         coupling: usize,
     },
+    /// An integral term with an end that is a body, or beside an advance.
+    Integral {
+        /// Which coupling.
+        coupling: usize,
+    },
     /// This method cannot take this coupling at a body.
     Unsupported {
         /// Which coupling.
@@ -87,6 +92,12 @@ impl fmt::Display for Error {
             Error::NoSuchBody { coupling } => write!(f, "coupling {coupling} is tied to a body that is not there"),
             Error::SameEnds { coupling } => write!(f, "coupling {coupling} is tied to the same end twice"),
             Error::NoSpring { coupling } => write!(f, "coupling {coupling} compensates springs, and there is none"),
+            Error::Integral { coupling } => {
+                write!(
+                    f,
+                    "coupling {coupling} is an integral term, which is between puck and ground and has no advance"
+                )
+            }
             Error::Unsupported { coupling, method } => {
                 write!(f, "{} cannot take coupling {coupling}, which is nonlinear, at a body", method.name())
             }

@@ -1,10 +1,10 @@
-//! The couplings that no matrix holds: wall, detent, the two frictions, and what is clamped.
+//! The couplings that no matrix holds: wall, detent, the two frictions, the integral term, and what is clamped.
 
 use core::array::from_fn;
 use core::mem::discriminant;
 
 use crate::contact::{Solution, StepResponse};
-use crate::law::{Coulomb, Damper, DeadBand, Detent, Lugre, Magnet, Spring, Texture, Wall, direction};
+use crate::law::{Coulomb, Damper, DeadBand, Detent, Integral, Lugre, Magnet, Spring, Texture, Wall, direction, most};
 use crate::spec::sign_at_puck;
 use crate::{Coupling, Damping, End, Lanes, Law, Number, Real, Vector};
 
@@ -22,6 +22,7 @@ pub(crate) enum LoopLaw<F> {
     Texture(Texture<F>),
     Coulomb(Coulomb<F>),
     Lugre(Lugre<F>),
+    Integral(Integral<F>),
 }
 
 /// A nonlinear coupling.
@@ -47,16 +48,16 @@ impl<F: Number> Nonlinear<F> {
         self.first.body().is_some() || self.second.body().is_some()
     }
 
-    /// Whether it has a torque or a bristle from earlier in the run.
+    /// Whether it has a torque, a bristle or an integral from earlier in the run.
     pub fn remembers(&self) -> bool {
         let (bristle, torque) = self.keeps();
         bristle || torque
     }
 
-    /// Whether it keeps a bristle, and whether a torque that was found at a body.
+    /// Whether it keeps a bristle or an integral, and whether a torque that was found at a body.
     fn keeps(&self) -> (bool, bool) {
         match self.curve {
-            LoopLaw::Lugre(_) => (true, false),
+            LoopLaw::Lugre(_) | LoopLaw::Integral(_) => (true, false),
             LoopLaw::Coulomb(_) => (false, self.is_found),
             LoopLaw::Wall(_)
             | LoopLaw::Spring(_)
@@ -89,11 +90,12 @@ impl<F: Number> Nonlinear<F> {
         Relative { position: first.0 - second.0, velocity: first.1 - second.1 }
     }
 
-    /// The bristle after a period `t` in s at q̇ held; without LuGre friction there is none.
+    /// The bristle after a period `t` in s at q̇ held, or the integral after a sample at q; the other laws have neither.
     #[inline(always)]
     pub fn bend(&self, bristle: F, q: Relative<F>, t: F) -> F {
         match self.curve {
             LoopLaw::Lugre(lugre) => lugre.bend(bristle, q.velocity, t),
+            LoopLaw::Integral(integral) => integral.sum(bristle, q.position, t),
             LoopLaw::Wall(_)
             | LoopLaw::Spring(_)
             | LoopLaw::Damper(_)
@@ -105,7 +107,7 @@ impl<F: Number> Nonlinear<F> {
         }
     }
 
-    /// The torque on the first end, with LuGre's bristle as it stands.
+    /// The torque on the first end, with LuGre's bristle or the integral as it stands.
     #[inline(always)]
     pub fn torque(&self, q: Relative<F>, bristle: F) -> F {
         match &self.curve {
@@ -118,6 +120,7 @@ impl<F: Number> Nonlinear<F> {
             LoopLaw::Texture(texture) => texture.torque(q.position),
             LoopLaw::Coulomb(coulomb) => coulomb.torque(q.velocity),
             LoopLaw::Lugre(lugre) => lugre.torque(bristle, q.velocity),
+            LoopLaw::Integral(integral) => integral.torque(bristle),
         }
     }
 }
@@ -173,6 +176,10 @@ impl<F: Real> Nonlinear<F> {
                     viscous: f(viscous),
                 })
             }
+            Law::Integral { stiffness, time, rest } => {
+                let bound = most(stiffness, time, coupling.limit.unwrap_or(f64::INFINITY));
+                LoopLaw::Integral(Integral { gain: f(stiffness / time), rest: f(rest), most: f(bound) })
+            }
         };
         let is_found = finds && coupling.is_at_body() && matches!(curve, LoopLaw::Coulomb(_));
         Some(Nonlinear { first: coupling.first, second: coupling.second, is_found, curve })
@@ -190,7 +197,7 @@ impl<F: Real> Nonlinear<F> {
             LoopLaw::Texture(texture) => texture.solve(response),
             LoopLaw::Coulomb(coulomb) => coulomb.solve(response),
             // Refused at bodies when the loop was compiled.
-            LoopLaw::Lugre(_) => Solution::fixed(F::ZERO),
+            LoopLaw::Lugre(_) | LoopLaw::Integral(_) => Solution::fixed(F::ZERO),
         }
     }
 
@@ -205,7 +212,7 @@ impl<F: Real> Nonlinear<F> {
             | LoopLaw::DeadBand(_)
             | LoopLaw::Magnet(_)
             | LoopLaw::Texture(_) => -self.stored_slope(start, distance),
-            LoopLaw::Coulomb(_) | LoopLaw::Lugre(_) => F::ZERO,
+            LoopLaw::Coulomb(_) | LoopLaw::Lugre(_) | LoopLaw::Integral(_) => F::ZERO,
         }
     }
 
@@ -227,7 +234,7 @@ impl<F: Real> Nonlinear<F> {
             LoopLaw::Magnet(magnet) => (magnet.torque, magnet.torque / magnet.width),
             LoopLaw::Texture(texture) => texture.bounds(),
             LoopLaw::Coulomb(coulomb) => (coulomb.torque, F::ZERO),
-            LoopLaw::Lugre(_) => (F::ZERO, F::ZERO),
+            LoopLaw::Lugre(_) | LoopLaw::Integral(_) => (F::ZERO, F::ZERO),
         }
     }
 
@@ -243,7 +250,8 @@ impl<F: Real> Nonlinear<F> {
             | LoopLaw::Damper(_)
             | LoopLaw::DeadBand(_)
             | LoopLaw::Coulomb(_)
-            | LoopLaw::Lugre(_) => None,
+            | LoopLaw::Lugre(_)
+            | LoopLaw::Integral(_) => None,
         }
     }
 
@@ -277,7 +285,8 @@ impl<F: Real> Nonlinear<F> {
             | LoopLaw::Magnet(_)
             | LoopLaw::Texture(_)
             | LoopLaw::Coulomb(_)
-            | LoopLaw::Lugre(_) => false,
+            | LoopLaw::Lugre(_)
+            | LoopLaw::Integral(_) => false,
         }
     }
 
@@ -290,7 +299,7 @@ impl<F: Real> Nonlinear<F> {
             LoopLaw::DeadBand(band) => band.stored_slope(start, distance),
             LoopLaw::Magnet(magnet) => magnet.stored_slope(start, distance),
             LoopLaw::Texture(texture) => texture.stored_slope(start, distance),
-            LoopLaw::Damper(_) | LoopLaw::Coulomb(_) | LoopLaw::Lugre(_) => F::ZERO,
+            LoopLaw::Damper(_) | LoopLaw::Coulomb(_) | LoopLaw::Lugre(_) | LoopLaw::Integral(_) => F::ZERO,
         }
     }
 }
@@ -329,6 +338,7 @@ impl<const N: usize> Nonlinear<Lanes<N>> {
             Magnet { torque, width, at }
             Coulomb { torque }
             Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous }
+            Integral { gain, rest, most }
         );
         couplings.iter().all(alike).then_some(Nonlinear { first, second, is_found, curve })
     }

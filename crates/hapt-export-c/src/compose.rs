@@ -117,6 +117,7 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
     let falling = gradient && (law("wall") || law("spring") || law("dead_band"));
     let nearest = gradient && (law("detent") || law("magnet") || law("texture"));
     let (sin, exp) = (law("detent") || law("texture"), law("magnet") || law("lugre"));
+    let bristles = law("lugre") || law("integral");
     let f64s = float == Float::F64;
     let all = yes("is_all");
     for (name, is_so) in [
@@ -124,6 +125,7 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
         ("f64", f64s),
         ("bodies", has_bodies),
         ("nonlinear", !kinds.is_empty()),
+        ("bristles", bristles),
         ("new_first", new_first),
         ("held_bodies", has_bodies && !new_first),
         ("new_first_bodies", has_bodies && new_first),
@@ -131,7 +133,7 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
         ("end_bodies", has_bodies && is_end && !ahead),
         ("middle_bodies", has_bodies && spec.output == Output::Middle),
         ("ahead", ahead),
-        ("array_loop", if ahead { has_bodies || law("lugre") || gradient } else { has_bodies && is_end }),
+        ("array_loop", if ahead { has_bodies || bristles || gradient } else { has_bodies && is_end }),
         ("staged", yes("staged")),
         ("force", at_bodies),
         ("gradient", gradient),
@@ -149,7 +151,7 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
         ("count", spec.count.is_some()),
         ("levels", spec.levels.is_some()),
         ("floor", spec.count.is_some() || spec.levels.is_some() || sin),
-        ("between", gradient || ["wall", "spring", "damper", "dead_band"].into_iter().any(law)),
+        ("between", gradient || ["wall", "spring", "damper", "dead_band", "integral"].into_iter().any(law)),
         ("curves", falling || nearest),
         ("falling", falling),
         ("nearest", nearest),
@@ -190,7 +192,8 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
     ] {
         facts.set(name, is_so);
     }
-    for name in ["wall", "spring", "damper", "detent", "dead_band", "magnet", "texture", "coulomb", "lugre"] {
+    for name in ["wall", "spring", "damper", "detent", "dead_band", "magnet", "texture", "coulomb", "lugre", "integral"]
+    {
         facts.set(name, law(name));
     }
     for (name, value) in &world.wholes {
@@ -250,6 +253,7 @@ fn code(facts: &Facts) -> String {
     put("texture", part!("law/texture.c"));
     put("coulomb", part!("law/coulomb.c"));
     put("lugre", part!("law/lugre.c"));
+    put("integral", part!("law/integral.c"));
     put("nonlinear", part!("law/torque.c"));
     put("", part!("sense.c"));
     put("", part!("actuate.c"));

@@ -69,6 +69,8 @@ hapt_core::named! {
         Texture => "texture",
         /// [`Law::Coulomb`] and [`Law::Lugre`]
         Friction => "friction",
+        /// [`Law::Integral`]
+        Integral => "integral",
         /// [`Law::Constant`]
         Constant => "constant",
     }
@@ -120,6 +122,7 @@ impl CouplingKind {
             Law::Magnet { .. } => CouplingKind::Magnet,
             Law::Texture { .. } => CouplingKind::Texture,
             Law::Coulomb { .. } | Law::Lugre { .. } => CouplingKind::Friction,
+            Law::Integral { .. } => CouplingKind::Integral,
             Law::Constant { .. } => CouplingKind::Constant,
         }
     }
@@ -136,6 +139,7 @@ impl CouplingKind {
             Law::Texture { .. } => "a texture",
             Law::Coulomb { .. } => "Coulomb friction",
             Law::Lugre { .. } => "LuGre friction",
+            Law::Integral { .. } => "an integral term",
             Law::Constant { .. } => "a constant torque",
         }
     }

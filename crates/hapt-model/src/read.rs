@@ -323,6 +323,11 @@ fn coupling(fields: &Fields<'_>, names: &[String], files: &path::Reader<'_>) -> 
             waveform: waveform::read(fields, files)?,
         },
         CouplingKind::Friction => friction(fields)?,
+        CouplingKind::Integral => Law::Integral {
+            stiffness: fields.number("stiffness")?,
+            time: fields.number("time")?,
+            rest: fields.number("rest")?,
+        },
         CouplingKind::Constant => Law::Constant { torque: fields.number("torque")? },
     };
     // The table of keys has a limit for the laws that take one, and for no others.
@@ -425,6 +430,14 @@ fn check_coupling(
             }
         };
         return Err(fields.error(ErrorKind::Combination, "damping", message));
+    }
+    if coupling.law.integrates() && coupling.is_at_body() {
+        let message = "an integral term is between \"puck\" and \"ground\": at a body it has no step";
+        return Err(fields.error(ErrorKind::Unsupported, "between", message));
+    }
+    if coupling.law.integrates() && sampling.advance > 0 {
+        let message = "an integral term goes with loop.advance = 0 only: what the hand will do to it is not known";
+        return Err(fields.error(ErrorKind::Unsupported, "kind", message));
     }
     if sampling.bodies_every > 1 && coupling.is_at_body() && coupling.law.has_bristle() {
         let message = "LuGre friction at a body goes with loop.bodies_every = 1 only; use coulomb";

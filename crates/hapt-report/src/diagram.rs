@@ -248,6 +248,18 @@ fn element(svg: &mut String, law: &Law, a: (f64, f64), b: (f64, f64)) {
             go('L', to, 9.0);
             go('L', to, 0.0);
         }
+        Law::Integral { .. } => {
+            // The sign of an integral.
+            go('L', middle, 0.0);
+            go('M', middle + 6.0, -8.0);
+            go('L', middle + 3.0, -10.0);
+            go('L', middle, -7.0);
+            go('L', middle, 7.0);
+            go('L', middle - 3.0, 10.0);
+            go('L', middle - 6.0, 8.0);
+            go('M', middle, 0.0);
+            go('L', to, 0.0);
+        }
         Law::Constant { .. } => {
             go('L', to, 0.0);
             go('M', to - 9.0, -6.0);
@@ -286,6 +298,7 @@ fn words(coupling: &Coupling, motion: Motion) -> (&'static str, String) {
         Law::DeadBand { stiffness: k, width, .. } => ("dead band", format!("±{}, {}", position(width), stiffness(k))),
         Law::Magnet { torque, width, .. } => ("magnet", format!("{}, {}", say_effort(torque, motion), position(width))),
         Law::Coulomb { torque } => ("friction", say_effort(torque, motion)),
+        Law::Integral { stiffness: k, time, .. } => ("integral", format!("{} in {} s", stiffness(k), number(time, 4))),
         Law::Lugre { coulomb, .. } => ("LuGre friction", say_effort(coulomb, motion)),
         Law::Constant { torque } => {
             (if rotary { "constant torque" } else { "constant force" }, say_effort(torque, motion))

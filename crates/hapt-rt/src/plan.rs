@@ -27,8 +27,8 @@ pub struct Plan {
 #[derive(Clone, Debug, PartialEq)]
 struct Names {
     bodies: Vec<String>,
-    /// The ends of each LuGre friction and its number between them; `None` for other couplings.
-    bristles: Vec<Option<(String, String, usize)>>,
+    /// The ends of each LuGre friction and integral term, which of the two it is, and its number between them; `None` for other couplings.
+    bristles: Vec<Option<(String, String, bool, usize)>>,
 }
 
 impl Plan {
@@ -54,8 +54,8 @@ impl Plan {
         self.motor.reserve();
     }
 
-    /// Compiles a world that replaces `before`: bodies of the same name keep their states, and so do the bristles of LuGre friction between
-    /// the same two ends. The safety profile stays.
+    /// Compiles a world that replaces `before`: bodies of the same name keep their states, and so do LuGre friction and integral terms
+    /// between the same two ends. The safety profile stays.
     pub fn following(world: &World, before: &Plan) -> Result<Self, hapt_core::Error> {
         let mut plan = Plan::new(world, before.profile)?;
         let (now, then) = (&plan.names, &before.names);
@@ -120,13 +120,14 @@ impl Names {
             End::Ground => "ground",
             End::Body(i) => world.names.get(i).map_or("", String::as_str),
         };
-        let mut bristles: Vec<Option<(String, String, usize)>> = Vec::new();
+        let mut bristles: Vec<Option<(String, String, bool, usize)>> = Vec::new();
         for coupling in &world.couplings {
             let ends = (end(coupling.first), end(coupling.second));
             let before =
-                bristles.iter().flatten().filter(|(first, second, _)| (first.as_str(), second.as_str()) == ends);
+                bristles.iter().flatten().filter(|(first, second, ..)| (first.as_str(), second.as_str()) == ends);
             let nth = before.count();
-            bristles.push(coupling.law.has_bristle().then(|| (ends.0.into(), ends.1.into(), nth)));
+            let (bends, integrates) = (coupling.law.has_bristle(), coupling.law.integrates());
+            bristles.push((bends || integrates).then(|| (ends.0.into(), ends.1.into(), integrates, nth)));
         }
         Names { bodies: world.names.clone(), bristles }
     }

@@ -74,6 +74,11 @@ enum Law {
         sine: [f32; HARMONICS],
         cosine: [f32; HARMONICS],
     },
+    Integral {
+        stiffness: f64,
+        time: f64,
+        rest: f64,
+    },
 }
 
 /// The laws that take a limit.
@@ -83,6 +88,7 @@ enum Clampable {
     Damper { damping: Damping },
     Wall { side: Side, at: f64, stiffness: f64, damping: f64 },
     DeadBand { stiffness: f64, rest: f64, width: f64 },
+    Integral { stiffness: f64, time: f64, rest: f64 },
 }
 
 impl Coupling {
@@ -109,6 +115,8 @@ impl Coupling {
             Core::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous } => {
                 Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous }
             }
+            Core::Integral { stiffness, time, rest } => clamped(Clampable::Integral { stiffness, time, rest })
+                .unwrap_or(Law::Integral { stiffness, time, rest }),
             Core::Constant { torque } => Law::Constant { torque },
         };
         let fits = coupling.limit.is_none() || coupling.law.takes_limit();
@@ -133,12 +141,14 @@ impl Coupling {
                 None,
             ),
             Law::Constant { torque } => (Core::Constant { torque }, None),
+            Law::Integral { stiffness, time, rest } => (Core::Integral { stiffness, time, rest }, None),
             Law::Clamped { law, limit } => {
                 let law = match law {
                     Clampable::Spring { stiffness, rest } => Core::Spring { stiffness, rest },
                     Clampable::Damper { damping } => Core::Damper { damping },
                     Clampable::DeadBand { stiffness, rest, width } => Core::DeadBand { stiffness, rest, width },
                     Clampable::Wall { side, at, stiffness, damping } => Core::Wall { side, at, stiffness, damping },
+                    Clampable::Integral { stiffness, time, rest } => Core::Integral { stiffness, time, rest },
                 };
                 (law, Some(limit))
             }

@@ -234,7 +234,8 @@ impl Decomposition {
         let is_plain = world.device.handle.is_none()
             && world.device.torque.is_none()
             && world.sampling.bodies_every == 1
-            && world.sampling.filter.is_none();
+            && world.sampling.filter.is_none()
+            && !world.couplings.iter().any(|c| c.law.integrates());
         let Some(corners) = Corners::new(world, keys).filter(|_| is_plain) else { return Ok(None) };
         let world = corners.middle();
         let mut all = Vec::new();

@@ -344,6 +344,10 @@ fn at_puck(world: &World) -> impl Iterator<Item = String> {
                  off, where nothing else holds the puck, it drives it {speed}"
             ))
         }
-        (Kind::Linear | Kind::Constant | Kind::Potential | Kind::Coulomb | Kind::Lugre, _) => None,
+        (Kind::Integral, _) if laws::integral_gain(&c.law) > 0.0 => Some(format!(
+            "couplings.{index}: an integral term gives energy to a hand that moves slowly to and fro, with any damping: it is passive on no \
+             device. What is proved of it is the hands-off loop, where it has no limit"
+        )),
+        (Kind::Linear | Kind::Constant | Kind::Potential | Kind::Coulomb | Kind::Lugre | Kind::Integral, _) => None,
     })
 }

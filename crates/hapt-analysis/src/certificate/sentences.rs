@@ -225,6 +225,9 @@ impl Check {
                 Some(Cause::Outside { .. }) | None => {
                     return "not known to be passive at any device damping: no theorem covers it".to_string();
                 }
+                Some(Cause::Integral) => {
+                    "an integral term gives energy to slow hands, whatever the damping is".to_string()
+                }
                 Some(Cause::Coulomb) => "Coulomb friction at the puck has no finite slope".to_string(),
             };
             return format!("not passive at any device damping{linear}: {reason}");

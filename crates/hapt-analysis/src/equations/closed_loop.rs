@@ -9,7 +9,7 @@
 //!
 //! | part of s_k | its next value |
 //! | --- | --- |
-//! | z, if springs join the puck to ground | by the motor's held commands, exactly |
+//! | z, if springs or integral terms join the puck to ground | by the motor's held commands, exactly |
 //! | ż | the same |
 //! | the bodies' modes, see [`crate::equations::port`]: positions relative to the shift of the puck unless it is grounded, velocities | by the method |
 //! | v̂_k, the measured velocity, where a damper acts on the puck and the estimator is not exact | pole v̂_k + Σ g_i δ_{k+1-i} |
@@ -17,6 +17,7 @@
 //! | the commands before this sample's, as many as are in flight | this sample's, then shifted by one |
 //! | the motor's torque, where it lags behind its command | by the held commands, exactly |
 //! | s = h - z and ḣ of a handle on a shaft | the same |
+//! | i_k = Σ T y up to this sample, where an integral term acts on the puck | i_k + T y_{k+1} |
 //! | r = y - z, where the world sees the position y behind a filter of pole p | p r - p dz |
 //! | where the bodies do not step at every sample, the torque of the springs at the puck at this sample | that at the next, if no body stepped |
 //!
@@ -142,6 +143,8 @@ pub(crate) struct ClosedLoop<'a> {
     handle: Option<usize>,
     /// Where y - z of the position's filter stands.
     filtered: Option<(usize, PositionFilter)>,
+    /// Where the sum of an integral term stands.
+    integral: Option<usize>,
     /// Where the torque of the springs at the puck stands, if the bodies do not step at every sample: the last.
     springs: Option<usize>,
     /// The torque by position and velocity of the puck alone.
@@ -185,6 +188,8 @@ impl<'a> ClosedLoop<'a> {
         let order = first_of_handle + if handle.is_some() { 2 } else { 0 };
         let filtered = PositionFilter::of(sampling, period).filter(|_| !uncoupled).map(|filter| (order, filter));
         let order = order + usize::from(filtered.is_some());
+        let integral = (port.integral > 0.0).then_some(order);
+        let order = order + usize::from(integral.is_some());
         let springs = (sampling.bodies_every > 1).then_some(order);
         let order = order + usize::from(springs.is_some());
 
@@ -215,6 +220,9 @@ impl<'a> ClosedLoop<'a> {
         if port.has_damper() {
             torque[estimate] += own[1];
         }
+        if let Some(i) = integral {
+            torque[i] -= port.integral;
+        }
         Ok(ClosedLoop {
             port,
             sampling,
@@ -234,6 +242,7 @@ impl<'a> ClosedLoop<'a> {
             motor,
             handle,
             filtered,
+            integral,
             springs,
             own: alone,
             stands: false,
@@ -245,6 +254,9 @@ impl<'a> ClosedLoop<'a> {
         let mut torque = RowDVector::zeros(self.order);
         if let Some(springs) = self.springs {
             torque[springs] = 1.0;
+        }
+        if let Some(i) = self.integral {
+            torque[i] -= self.port.integral;
         }
         if self.port.has_damper() {
             torque[self.estimate] += self.own[1];
@@ -367,6 +379,17 @@ impl<'a> ClosedLoop<'a> {
             d.set_row(r, &row);
             row
         });
+        // The loop counts each sample as one period, whatever the interval was.
+        if let Some(i) = self.integral {
+            let mut row = dz * period;
+            for place in z.into_iter().chain(self.filtered.map(|(r, _)| r)) {
+                row[place] += period;
+            }
+            if let Some(behind) = &behind {
+                row += behind * period;
+            }
+            d.set_row(i, &row);
+        }
         if estimated {
             let mut sum = 0.0;
             let gains: Vec<f64> =
@@ -437,6 +460,9 @@ impl<'a> ClosedLoop<'a> {
             }
             if port.has_damper() {
                 row[estimate] -= self.own[1];
+            }
+            if let Some(i) = self.integral {
+                row[i] += port.integral;
             }
             row[springs] -= 1.0;
             d.set_row(springs, &row);

@@ -61,6 +61,8 @@ pub struct LinearCoupling {
     pub per_period: f64,
     /// The torque on the first end at q = 0, q̇ = 0: k · rest of a spring, or a constant. N·m.
     pub force: f64,
+    /// The gain of an integral term, whose ends are puck and ground: N·m/(rad·s), zero or more. [`Continuous`] leaves it out.
+    pub integral: f64,
 }
 
 /// Indices of the couplings at a body with two different slopes: those for which [`Slopes`] changes the eigenvalues of the held
@@ -146,7 +148,8 @@ pub fn linearise(bodies: &[Body], couplings: &[Coupling], slopes: &Slopes) -> Re
             None if steep => (stiffness, fixed) = laws::steepest(&c.law),
             None => (stiffness, fixed) = laws::flattest(&c.law),
         }
-        Ok(LinearCoupling { first: c.first, second: c.second, stiffness, fixed, per_period, force })
+        let integral = if c.is_at_body() { 0.0 } else { laws::integral_gain(&c.law) };
+        Ok(LinearCoupling { first: c.first, second: c.second, stiffness, fixed, per_period, force, integral })
     };
     couplings.iter().enumerate().map(term).collect()
 }

@@ -16,6 +16,8 @@ pub(crate) enum Kind {
     Coulomb,
     /// Friction with bristles, which have internal state.
     Lugre,
+    /// The integral term of a controller: linear, with a state. A limit stops it.
+    Integral,
 }
 
 impl Kind {
@@ -32,20 +34,35 @@ impl Kind {
             Law::Constant { .. } => Kind::Constant,
             Law::Coulomb { .. } => Kind::Coulomb,
             Law::Lugre { .. } => Kind::Lugre,
-        }
-    }
-
-    /// Whether the torque is not an affine function of the motion.
-    pub fn is_nonlinear(self) -> bool {
-        match self {
-            Kind::Linear | Kind::Constant => false,
-            Kind::Potential | Kind::Coulomb | Kind::Lugre => true,
+            Law::Integral { .. } => Kind::Integral,
         }
     }
 }
 
+/// Whether the torque is not an affine function of the motion so far.
 pub(crate) fn is_nonlinear(coupling: &Coupling) -> bool {
-    Kind::of(coupling).is_nonlinear()
+    match Kind::of(coupling) {
+        Kind::Linear | Kind::Constant => false,
+        Kind::Potential | Kind::Coulomb | Kind::Lugre => true,
+        Kind::Integral => coupling.limit.is_some(),
+    }
+}
+
+/// The gain of an integral term, N·m/(rad·s) (linear: N/(m·s)); 0 of every other law.
+pub(crate) fn integral_gain(law: &Law) -> f64 {
+    match *law {
+        Law::Integral { stiffness, time, .. } => stiffness / time,
+        Law::Spring { .. }
+        | Law::Damper { .. }
+        | Law::Wall { .. }
+        | Law::Detent { .. }
+        | Law::DeadBand { .. }
+        | Law::Magnet { .. }
+        | Law::Texture { .. }
+        | Law::Coulomb { .. }
+        | Law::Lugre { .. }
+        | Law::Constant { .. } => 0.0,
+    }
 }
 
 /// A law that the matrices represent exactly.
@@ -75,7 +92,8 @@ pub(crate) fn linear_law(coupling: &Coupling) -> Option<LinearLaw> {
         | Law::Magnet { .. }
         | Law::Texture { .. }
         | Law::Coulomb { .. }
-        | Law::Lugre { .. } => None,
+        | Law::Lugre { .. }
+        | Law::Integral { .. } => None,
     }
 }
 
@@ -99,7 +117,7 @@ pub(crate) fn steepest(law: &Law) -> (f64, f64) {
         Law::Lugre { bristle_stiffness, bristle_damping, viscous, .. } => {
             (bristle_stiffness, bristle_damping + viscous)
         }
-        Law::Coulomb { .. } | Law::Constant { .. } => (0.0, 0.0),
+        Law::Coulomb { .. } | Law::Integral { .. } | Law::Constant { .. } => (0.0, 0.0),
     }
 }
 
@@ -131,6 +149,7 @@ pub(crate) fn flattest(law: &Law) -> (f64, f64) {
         | Law::Magnet { .. }
         | Law::Texture { .. }
         | Law::Coulomb { .. }
+        | Law::Integral { .. }
         | Law::Constant { .. } => (0.0, 0.0),
     }
 }
@@ -141,9 +160,12 @@ pub(crate) fn most(coupling: &Coupling) -> f64 {
         Law::Detent { torque, .. } | Law::Magnet { torque, .. } | Law::Coulomb { torque } => torque,
         Law::Texture { torque, ref waveform, .. } => torque * largest(waveform.harmonics()),
         Law::Constant { torque } => torque.abs(),
-        Law::Spring { .. } | Law::Damper { .. } | Law::Wall { .. } | Law::DeadBand { .. } | Law::Lugre { .. } => {
-            f64::INFINITY
-        }
+        Law::Spring { .. }
+        | Law::Damper { .. }
+        | Law::Wall { .. }
+        | Law::DeadBand { .. }
+        | Law::Lugre { .. }
+        | Law::Integral { .. } => f64::INFINITY,
     };
     coupling.limit.map_or(own, |limit| own.min(limit))
 }
@@ -159,6 +181,7 @@ pub(crate) fn takes_velocity(law: &Law) -> bool {
         | Law::DeadBand { .. }
         | Law::Magnet { .. }
         | Law::Texture { .. }
+        | Law::Integral { .. }
         | Law::Constant { .. } => false,
     }
 }
@@ -169,9 +192,12 @@ pub(crate) fn rises_only(law: &Law) -> bool {
         Law::Spring { .. } | Law::Damper { .. } | Law::Wall { .. } | Law::DeadBand { .. } | Law::Constant { .. } => {
             true
         }
-        Law::Detent { .. } | Law::Magnet { .. } | Law::Texture { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => {
-            false
-        }
+        Law::Detent { .. }
+        | Law::Magnet { .. }
+        | Law::Texture { .. }
+        | Law::Coulomb { .. }
+        | Law::Lugre { .. }
+        | Law::Integral { .. } => false,
     }
 }
 
@@ -187,6 +213,7 @@ pub(crate) fn is_damped_wall(law: &Law) -> bool {
         | Law::Texture { .. }
         | Law::Coulomb { .. }
         | Law::Lugre { .. }
+        | Law::Integral { .. }
         | Law::Constant { .. } => false,
     }
 }
@@ -195,7 +222,12 @@ pub(crate) fn is_damped_wall(law: &Law) -> bool {
 /// whose mean torque it is.
 pub(crate) fn may_not_settle(law: &Law) -> bool {
     match *law {
-        Law::Detent { .. } | Law::Magnet { .. } | Law::Texture { .. } | Law::Coulomb { .. } | Law::Lugre { .. } => true,
+        Law::Detent { .. }
+        | Law::Magnet { .. }
+        | Law::Texture { .. }
+        | Law::Coulomb { .. }
+        | Law::Lugre { .. }
+        | Law::Integral { .. } => true,
         Law::Wall { damping, .. } => damping > 0.0,
         Law::Spring { .. } | Law::Damper { .. } | Law::DeadBand { .. } | Law::Constant { .. } => false,
     }
@@ -215,6 +247,7 @@ pub(crate) fn bristles_give(law: &Law) -> bool {
         | Law::Magnet { .. }
         | Law::Texture { .. }
         | Law::Coulomb { .. }
+        | Law::Integral { .. }
         | Law::Constant { .. } => false,
     }
 }
@@ -232,6 +265,7 @@ pub(crate) fn is_hysteresis(law: &Law) -> bool {
         | Law::Magnet { .. }
         | Law::Texture { .. }
         | Law::Coulomb { .. }
+        | Law::Integral { .. }
         | Law::Constant { .. } => false,
     }
 }

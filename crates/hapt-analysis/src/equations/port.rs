@@ -52,7 +52,9 @@ pub(crate) struct Port {
     pub fixed: f64,
     /// Of all compensating dampers at the puck, per second of period.
     pub per_period: f64,
-    /// Whether springs join the puck to ground, directly or through bodies.
+    /// Of all integral terms at the puck: N·m/(rad·s).
+    pub integral: f64,
+    /// Whether springs or integral terms join the puck to ground, directly or through bodies.
     pub grounded: bool,
     /// Shifts that change no torque: eigenvalues of exactly 1.
     pub shifts: usize,
@@ -81,7 +83,7 @@ impl Port {
         // The links to the puck, as links of their bodies to the fixed side.
         let puck_links =
             Part { links: part.links.iter().filter(|l| at_puck(l)).map(Link::held).collect(), ..bodies.clone() };
-        let grounded = part.clusters.iter().any(|c| c.anchored && c.bodies.contains(&0));
+        let grounded = part.integral > 0.0 || part.clusters.iter().any(|c| c.anchored && c.bodies.contains(&0));
         let shifted: Vec<usize> = part
             .clusters
             .iter()
@@ -139,6 +141,7 @@ impl Port {
             stiffness: own(|l| l.stiffness),
             fixed: own(|l| l.fixed),
             per_period: own(|l| l.per_period),
+            integral: part.integral,
             grounded,
             shifts: shifts.ncols() + usize::from(!grounded),
             unobservable,
@@ -186,7 +189,7 @@ impl Port {
 
     /// Whether no coupling acts on the puck.
     pub fn is_uncoupled(&self) -> bool {
-        self.stiffness == 0.0 && !self.has_damper()
+        self.stiffness == 0.0 && self.integral == 0.0 && !self.has_damper()
     }
 
     /// Whether a damper acts on the puck, so that its estimated velocity matters.
@@ -197,7 +200,7 @@ impl Port {
     fn is_finite(&self) -> bool {
         let matrices =
             self.blocks.iter().flat_map(|b| [&b.equations.stiffness, &b.equations.fixed, &b.equations.per_period]);
-        let numbers = [self.inertia, self.stiffness, self.fixed, self.per_period];
+        let numbers = [self.inertia, self.stiffness, self.fixed, self.per_period, self.integral];
         matrices.flat_map(|m| m.iter()).chain(&numbers).all(|x| x.is_finite())
     }
 
@@ -208,6 +211,9 @@ impl Port {
         };
         let mut all = times(self.inertia, damping + self.fixed, self.stiffness).to_vec();
         all.push(self.lag);
+        // The integral beside a spring, a damping and an inertia.
+        let (k, b) = (self.stiffness / self.integral, (damping + self.fixed) / self.integral);
+        all.extend([k, b.sqrt(), (self.inertia / self.integral).cbrt()]);
         all.extend(times(self.inertia, damping, self.stiffness));
         if let Some((Handle { inertia, stiffness, damping }, grip)) = self.handle {
             all.extend(times(inertia + grip.inertia, damping + grip.damping, stiffness));

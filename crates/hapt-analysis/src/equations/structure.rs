@@ -43,6 +43,8 @@ pub(crate) struct Part {
     pub clusters: Vec<Cluster>,
     /// Whether any spring or damper joins them to the fixed side.
     pub grounded: bool,
+    /// The gain of the integral terms between the puck, its first member, and ground, N·m/(rad·s); 0: none.
+    pub integral: f64,
 }
 
 impl Part {
@@ -120,7 +122,15 @@ pub(crate) fn first_fixed(part: &Part) -> Part {
         .map(|label| Cluster { bodies: (0..n).filter(|&i| spring[i] == label).collect(), anchored: anchored(label) });
     let clusters = clusters.collect();
     let (members, inertia) = (part.members[1..].to_vec(), part.inertia[1..].to_vec());
-    Part { members, inertia, grounded: links.iter().any(|l| l.other.is_none()), clusters, links }
+    Part { members, inertia, grounded: links.iter().any(|l| l.other.is_none()), clusters, links, integral: 0.0 }
+}
+
+/// Whether a coupling joins this body to the fixed side.
+fn is_at(term: &LinearCoupling, body: usize) -> bool {
+    match (term.first, term.second) {
+        (End::Body(a), End::Puck | End::Ground) | (End::Puck | End::Ground, End::Body(a)) => a == body,
+        (End::Body(_), End::Body(_)) | (End::Puck | End::Ground, End::Puck | End::Ground) => false,
+    }
 }
 
 /// Splits a world into its connected components.
@@ -148,6 +158,7 @@ pub(crate) fn parts(inertia: &[f64], terms: &[LinearCoupling]) -> Vec<Part> {
                 inertia: members.iter().map(|&i| inertia[i]).collect(),
                 grounded: of_part.iter().any(|l| l.other.is_none()),
                 clusters,
+                integral: terms.iter().filter(|t| is_at(t, first)).map(|t| t.integral).sum(),
                 links: of_part.iter().map(|l| Link { body: local(l.body), other: l.other.map(local), ..*l }).collect(),
                 members,
             }

@@ -69,7 +69,8 @@ impl Ideal {
         let own = self.part.inertia.iter().map(|inertia| C::from(-omega * omega * inertia));
         let own: Vec<C> = std::iter::once(C::from(0.0)).chain(own.skip(1)).collect();
         let same: Vec<usize> = (0..own.len()).collect();
-        condense(own, &same, &self.part.links, |link| C::new(link.stiffness, omega * link.fixed))
+        let rest = condense(own, &same, &self.part.links, |link| C::new(link.stiffness, omega * link.fixed))?;
+        Some(rest + C::new(0.0, -self.part.integral / omega))
     }
 
     /// The low-frequency form.

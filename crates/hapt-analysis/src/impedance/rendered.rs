@@ -26,7 +26,7 @@ use serde::Serialize;
 use crate::equations::continuous::{Slopes, piecewise};
 use crate::equations::delay::Delay;
 use crate::equations::estimator::{Filter, PositionFilter};
-use crate::equations::laws::{Kind, most};
+use crate::equations::laws::{self, Kind, most};
 use crate::error::{Error, at_one_rate};
 use crate::impedance::ideal::{Ideal, LowFrequency};
 use crate::impedance::{Discretisation, Pole, TransferFunction};
@@ -164,6 +164,8 @@ pub struct Impedance {
     /// Pole and taps of v = (1 - z⁻¹) W z; `None` for the true velocity.
     slope: Option<(f64, Vec<f64>)>,
     transfer: TransferFunction,
+    /// The gain of the integral terms, N·m/(rad·s), and the pole of the filter before them; 0: none.
+    integral: (f64, f64),
     stiffness: f64,
     ideal: Ideal,
     low_frequency: LowFrequency,
@@ -204,6 +206,8 @@ impl Impedance {
         }
         let seen: Vec<Pole> = transfer.poles.iter().filter(|p| transfer.has_residue(p, period)).copied().collect();
         transfer.poles = seen;
+        let gain = world.couplings.iter().map(|c| laws::integral_gain(&c.law)).sum();
+        let integral = (gain, PositionFilter::of(sampling, period).map_or(0.0, PositionFilter::pole));
         let ideal = Ideal::new(world, slopes)?;
         let low_frequency = ideal.low_frequency();
         let notes = notes(world, slopes, &transfer);
@@ -215,6 +219,7 @@ impl Impedance {
             motor_lag: world.device.lag,
             slope: slope(world),
             transfer,
+            integral,
             stiffness,
             ideal,
             low_frequency,
@@ -285,7 +290,12 @@ impl Impedance {
             let [one, still_back, moving, moving_back] = pole.gains;
             sum += inverse * (one + still_back * back + w * (moving + moving_back * back));
         }
-        let h = self.stiffness - exp_m1(C::new(0.0, phi)) * sum;
+        let mut h = self.stiffness - exp_m1(C::new(0.0, phi)) * sum;
+        let (gain, pole) = self.integral;
+        if gain > 0.0 {
+            // T/(1 - z⁻¹), behind (1 - p)/(1 - p z⁻¹)
+            h += gain * self.period / step * (1.0 - pole) / (1.0 - pole * back);
+        }
         let hold = step / C::new(0.0, phi);
         let late = C::from_polar(1.0, -phi * (self.lag.samples as f64 + self.lag.fraction));
         self.bounded(h * hold * late / C::new(1.0, omega * self.motor_lag), omega)

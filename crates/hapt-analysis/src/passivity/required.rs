@@ -72,6 +72,8 @@ pub enum Cause {
     },
     /// Coulomb friction at the puck.
     Coulomb,
+    /// An integral term at the puck.
+    Integral,
     /// No theorem covers the loop.
     Outside {
         /// What the proof lacks.
@@ -84,6 +86,7 @@ impl Cause {
     fn at_hz(self) -> Option<f64> {
         match self {
             Cause::NegativeResidue { hz } | Cause::FractionalDelay { hz } | Cause::MotorLag { hz } => Some(hz),
+            Cause::Integral => Some(0.0),
             Cause::Grows { .. } | Cause::GrowsUnseen { .. } | Cause::Coulomb | Cause::Outside { .. } => None,
         }
     }
@@ -390,6 +393,9 @@ pub(crate) fn linear_requirement_wanted(wanted: Wanted, world: &World) -> Result
     let never = |cause| Ok(Requirement { damping: Err(cause), at_hz: None });
     if world.couplings.iter().any(is_coulomb_at_puck) {
         return never(Cause::Coulomb);
+    }
+    if world.couplings.iter().any(|c| laws::integral_gain(&c.law) > 0.0) {
+        return Ok(Requirement { damping: Err(Cause::Integral), at_hz: Cause::Integral.at_hz() });
     }
     let requirement = requirement_wanted(wanted, world, &world.couplings)?;
     // A pole outside the unit circle is never passive, however small its residue.

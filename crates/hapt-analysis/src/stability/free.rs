@@ -30,6 +30,7 @@ use crate::stability::delayed::Delayed;
 use crate::stability::held::spectrum;
 use crate::stability::modal_loop::ModalLoop;
 use crate::stability::multiplier::{Multiplier, Root, multiplier};
+use crate::stability::pairs::continuous_pairs;
 use crate::stability::{Eigenvalue, MARGINAL, NOT_SEARCHED, Stability, assemble};
 
 /// The search for the critical period begins at this fraction of the period, or at this fraction of the delay, whichever is longer.
@@ -276,22 +277,6 @@ fn puck_part(
     Ok(PartResult { shifts: port.shifts, multipliers, pairs, critical })
 }
 
-/// z = Ts of the complex pairs of the differential equation of a part with the puck, the device damping, the handle and the hand.
-fn continuous_pairs(part: &Part, port: &Port, damping: f64, period: f64) -> Result<Vec<Root>, Error> {
-    let mut whole = part.clone();
-    if damping > 0.0 || port.spring > 0.0 {
-        whole.fix(0, port.spring, damping);
-    }
-    whole.inertia[0] = port.inertia;
-    if let Some((handle, grip)) = port.handle {
-        let place = whole.add(handle.inertia + grip.inertia, 0, handle.stiffness, handle.damping);
-        if grip.stiffness > 0.0 || grip.damping > 0.0 {
-            whole.fix(place, grip.stiffness, grip.damping);
-        }
-    }
-    Ok(spectrum(&Modal::new(&whole)?, Method::Zoh, period)?.1)
-}
-
 /// The eigenvalues of the closed loop over a step of the bodies, each with an error bound. Those within rounding of the unit circle are
 /// refined.
 pub(crate) fn multipliers(
@@ -386,7 +371,7 @@ impl Followed {
         conserved: bool,
     ) -> Result<Option<Vec<(Multiplier, f64)>>, Error> {
         // The equations of the delayed and of the modal loop are those of one sample, of the measured position.
-        let is_plain = sampling.bodies_every == 1 && sampling.filter.is_none();
+        let is_plain = sampling.bodies_every == 1 && sampling.filter.is_none() && port.integral == 0.0;
         let Some(rates) = self.expected(period).filter(|_| is_plain) else { return Ok(None) };
         let delayed;
         let (mut function, size) = match &self.modal {
@@ -502,7 +487,7 @@ fn resonances(port: &Port, sampling: &Sampling, damping: f64) -> Result<Vec<(f64
 fn passive_below(port: &Port, sampling: &Sampling, damping: f64) -> f64 {
     let keeps_energy = keeps_energy(sampling.method) && sampling.output == Output::End;
     let on_time = sampling.delay.seconds(sampling.period) == 0.0 && port.lag == 0.0 && sampling.filter.is_none();
-    let at_once = sampling.advance == 0 && on_time;
+    let at_once = sampling.advance == 0 && on_time && port.integral == 0.0;
     // A damper at the puck takes the mean velocity of both its ends, if these move in the same sample.
     let is_mean = sampling.estimator == EstimatorKind::Difference && sampling.every == 1 && sampling.bodies_every == 1;
     let by_difference = !port.has_damper() || is_mean;

@@ -15,7 +15,7 @@ use crate::passivity::required::{
 use crate::passivity::supremum::Wanted;
 use crate::passivity::timing::Timing;
 use crate::theorems::assumptions::{BRISTLE, BRISTLE_EVERY, LOW_PASS, behind_filter, outside_energy};
-use crate::theorems::{ENERGY, LAWS, LINEAR, LINEAR_LAG, LINEAR_LATE, LINEAR_UNEVEN, TWO_RATES, Theorem};
+use crate::theorems::{ENERGY, INTEGRAL, LAWS, LINEAR, LINEAR_LAG, LINEAR_LATE, LINEAR_UNEVEN, TWO_RATES, Theorem};
 
 /// What a theorem demands.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,6 +74,10 @@ impl Demanded {
 
 /// The theorem that asks least of the device of `world`, whose times are `timing`. The world has one delay, one lag, and the least device.
 pub(super) fn best(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Error> {
+    // With a limit it gives the same energy in every turn of a hand that is slow and small.
+    if world.couplings.iter().any(integrates) {
+        return Ok(Demanded::new(Demand::Never { cause: Cause::Integral, at_hz: Some(0.0) }, &INTEGRAL));
+    }
     let at_body = |c: &Coupling| is_nonlinear(c) && laws::at_body(c);
     if !world.couplings.iter().any(is_nonlinear) {
         let linear = linear(world, timing, wanted)?;
@@ -81,6 +85,10 @@ pub(super) fn best(world: &World, timing: Timing, wanted: Wanted) -> Result<Dema
         return Ok(if is_exact || !world.bodies.is_empty() { linear } else { linear.or(at_the_puck(world, timing)?) });
     }
     if world.couplings.iter().any(at_body) { energy(world, timing, wanted) } else { sum(world, timing, wanted) }
+}
+
+fn integrates(coupling: &Coupling) -> bool {
+    laws::integral_gain(&coupling.law) > 0.0
 }
 
 /// The linear estimate of a world that no theorem covers: the worst over its flat and steep slopes.
@@ -104,7 +112,8 @@ pub(super) fn estimate(world: &World, timing: Timing, wanted: Wanted) -> Result<
 /// The frequency that asks for most where nonlinear couplings have their steepest slopes: theorems on them know none. `None` for a linear world,
 /// and where there is no such number.
 pub(super) fn steepest_at_hz(world: &World, timing: Timing) -> Result<Option<Option<f64>>, Error> {
-    if !world.couplings.iter().any(is_nonlinear) {
+    let is_known = !world.couplings.iter().any(is_nonlinear) || world.couplings.iter().any(integrates);
+    if is_known {
         return Ok(None);
     }
     let couplings = straightened(world, &Slopes::Steep)?;
@@ -228,7 +237,7 @@ fn sum(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Error>
     let (laws, straight): (Vec<Coupling>, Vec<Coupling>) = all.into_iter().partition(is_nonlinear);
     for law in &laws {
         match Kind::of(law) {
-            Kind::Potential | Kind::Linear | Kind::Constant => {}
+            Kind::Potential | Kind::Linear | Kind::Constant | Kind::Integral => {}
             Kind::Lugre if world.sampling.takes_several_samples() => return Ok(Demanded::outside(BRISTLE_EVERY)),
             Kind::Lugre if laws::is_hysteresis(&law.law) => {}
             Kind::Lugre => return Ok(Demanded::outside(BRISTLE)),

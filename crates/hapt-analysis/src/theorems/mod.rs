@@ -56,7 +56,10 @@ pub static HELD_ENERGY: Theorem = Theorem {
 pub static FREE_LINEAR: Theorem = Theorem {
     id: "free-eigenvalues",
     equations: "(T27)",
-    assumes: &["every coupling is a spring, a damper or a constant", "samples are even, the delay is one number"],
+    assumes: &[
+        "every coupling is a spring, a damper, an integral term without a limit or a constant",
+        "samples are even, the delay is one number",
+    ],
 };
 
 /// Hands-off: one quadratic form that shrinks at every sample.
@@ -114,6 +117,13 @@ pub static LAWS: Theorem = Theorem {
         "the couplings that it is about join puck and ground, with bounded slopes, and dampings that only take energy; friction with bristles is a hysteresis of the way",
         "every velocity is a mean of earlier displacements",
     ],
+};
+
+/// No damping makes an integral term passive.
+pub static INTEGRAL: Theorem = Theorem {
+    id: "integral",
+    equations: "(T72)",
+    assumes: &["an integral term of some gain acts between puck and ground"],
 };
 
 /// The energy theorem.

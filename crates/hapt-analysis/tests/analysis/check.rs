@@ -249,7 +249,7 @@ proptest! {
     #[test]
     fn no_finite_world_makes_it_panic_or_lie(
         inertias in prop::collection::vec(any_size(), 1..5),
-        laws in prop::collection::vec((0..11u8, 0..6usize, 0..6usize, any_size(), any_size(), any_size()), 0..10),
+        laws in prop::collection::vec((0..12u8, 0..6usize, 0..6usize, any_size(), any_size(), any_size()), 0..10),
         period in any_size(),
     ) {
         let n = inertias.len();
@@ -270,6 +270,7 @@ proptest! {
                     let waveform = Waveform { sine: [d, 0.0, e, 0.0], cosine: [0.0, f, 0.0, d] };
                     Law::Texture { torque: a, pitch: b.max(f64::MIN_POSITIVE), phase: c, waveform }
                 }
+                10 => Law::Integral { stiffness: a, time: b.max(f64::MIN_POSITIVE), rest: c },
                 _ => Law::Spring { stiffness: a, rest: b },
             };
             Coupling { first: end(first), second: end(second), law, limit: None }

@@ -12,6 +12,7 @@ mod free;
 mod grip;
 mod handle;
 mod held;
+mod integral;
 mod passivity;
 mod patterns;
 mod published;

@@ -8,6 +8,7 @@ mod coulomb;
 mod damper;
 mod dead_band;
 mod detent;
+mod integral;
 mod lugre;
 mod magnet;
 mod spring;
@@ -19,6 +20,7 @@ pub(crate) use damper::Damper;
 pub use damper::Damping;
 pub(crate) use dead_band::DeadBand;
 pub(crate) use detent::Detent;
+pub(crate) use integral::{Integral, most};
 pub(crate) use lugre::Lugre;
 pub(crate) use magnet::Magnet;
 #[cfg(test)]
@@ -114,6 +116,15 @@ pub enum Law {
         /// σ2 in N·m·s/rad, zero or more.
         viscous: f64,
     },
+    /// -stiffness/time · s, s = Σ T (q - rest) over the samples up to this one: the integral term of a PID controller. Between puck and ground.
+    Integral {
+        /// N·m/rad, zero or more.
+        stiffness: f64,
+        /// The time in s in which a standing deflection gives the torque of a spring of that stiffness, positive.
+        time: f64,
+        /// The q at which it stands still.
+        rest: f64,
+    },
     /// torque
     Constant {
         /// Any finite number.
@@ -161,6 +172,7 @@ struct Traits {
     strength: Option<&'static str>,
     takes_limit: bool,
     has_bristle: bool,
+    integrates: bool,
 }
 
 /// Bounds on the slopes of a law's torque, and the magnitude of its dry friction.
@@ -217,6 +229,9 @@ impl Law {
                     of("viscous", ZeroOrMore, viscous),
                 ])
             }
+            Law::Integral { stiffness, time, rest } => {
+                padded([of("stiffness", ZeroOrMore, stiffness), of("time", Positive, time), of("rest", Any, rest)])
+            }
             Law::Constant { torque } => padded([of("torque", Any, torque)]),
         };
         all.into_iter().flatten()
@@ -224,7 +239,7 @@ impl Law {
 
     /// One row for each law.
     const fn traits(&self) -> Traits {
-        let none = Traits { center: None, strength: None, takes_limit: false, has_bristle: false };
+        let none = Traits { center: None, strength: None, takes_limit: false, has_bristle: false, integrates: false };
         match *self {
             Law::Spring { rest, .. } | Law::DeadBand { rest, .. } => {
                 Traits { center: Some(rest), strength: Some("stiffness"), takes_limit: true, ..none }
@@ -236,6 +251,7 @@ impl Law {
             }
             Law::Magnet { at, .. } => Traits { center: Some(at), strength: Some("torque"), ..none },
             Law::Lugre { .. } => Traits { strength: Some("bristle_stiffness"), has_bristle: true, ..none },
+            Law::Integral { rest, .. } => Traits { center: Some(rest), takes_limit: true, integrates: true, ..none },
             Law::Coulomb { .. } | Law::Constant { .. } => none,
         }
     }
@@ -265,7 +281,7 @@ impl Law {
                 damping: Damping::Fixed(bristle_damping + viscous),
                 friction: coulomb.max(stribeck),
             },
-            Law::Constant { .. } => none,
+            Law::Integral { .. } | Law::Constant { .. } => none,
         }
     }
 
@@ -274,7 +290,12 @@ impl Law {
         self.traits().center
     }
 
-    /// Whether it has an internal state, a bristle.
+    /// Whether it is the integral term of a controller, whose torque depends on all of the past.
+    pub const fn integrates(&self) -> bool {
+        self.traits().integrates
+    }
+
+    /// Whether it has a bristle, an internal state that bends with the motion.
     pub const fn has_bristle(&self) -> bool {
         self.traits().has_bristle
     }
@@ -327,7 +348,8 @@ impl Law {
             | Law::Magnet { .. }
             | Law::Texture { .. }
             | Law::Coulomb { .. }
-            | Law::Lugre { .. } => None,
+            | Law::Lugre { .. }
+            | Law::Integral { .. } => None,
         }
     }
 
@@ -342,7 +364,7 @@ impl Law {
             Law::Texture { torque, pitch, phase, ref waveform } => texture::energy(torque, pitch, phase, waveform, q),
             Law::Constant { torque } => -torque * q,
             Law::Lugre { bristle_stiffness, .. } => 0.5 * bristle_stiffness * (bristle * bristle),
-            Law::Damper { .. } | Law::Coulomb { .. } => 0.0,
+            Law::Damper { .. } | Law::Coulomb { .. } | Law::Integral { .. } => 0.0,
         }
     }
 }

@@ -105,7 +105,10 @@ pub(crate) struct Energy<F, const B: usize, const C: usize> {
     /// the measured one.
     sees_filtered: bool,
     /// The torques of all constants on the puck.
-    pub constant: F,
+    constant: F,
+    /// Of each coupling what its sum is multiplied by for its torque on the puck: minus stiffness/time of an integral term, else 0.
+    integrals: [F; C],
+    has_integrals: bool,
 }
 
 impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
@@ -131,7 +134,15 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
             is_all: false,
             sees_filtered: spec.filter.is_some() && !spec.bodies.is_empty(),
             constant: f(constant),
+            integrals: [F::ZERO; C],
+            has_integrals: false,
         };
+        for (factor, coupling) in energy.integrals.iter_mut().zip(spec.couplings) {
+            if let Law::Integral { stiffness, time, .. } = coupling.law {
+                *factor = f(-(stiffness / time) * sign_at_puck(coupling.first, coupling.second));
+                energy.has_integrals = true;
+            }
+        }
         for (place, coupling) in spec.couplings.iter().enumerate() {
             let part = part(spec, coupling);
             match part.well().filter(|_| lag == F::ZERO) {
@@ -161,6 +172,23 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
             *room = Part { place, ..part };
             self.part_count += 1;
         }
+    }
+
+    /// The torque on the puck of what gives energy by its nature, with `state` as it is: constants, and integral terms, which give as much in
+    /// every slow turn of the hand (docs/theory.md, (T72)). The ledgers leave its work out.
+    #[inline]
+    pub fn sources<const W: usize>(&self, state: &State<F, B, C, W>) -> F {
+        if self.has_integrals { self.with_integrals(&state.bristles) } else { self.constant }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn with_integrals(&self, sums: &[F; C]) -> F {
+        let mut torque = self.constant;
+        for (factor, sum) in self.integrals.iter().zip(sums).filter(|(factor, _)| **factor != F::ZERO) {
+            torque += *factor * *sum;
+        }
+        torque
     }
 
     /// The step that `state` has just taken, at the puck's measured position and velocity; nothing but what is stored where it has taken none.
@@ -423,6 +451,7 @@ fn part<F: Real>(spec: &Spec, coupling: &Coupling) -> Part<F> {
             let potential = Potential::Bristle { stiffness: f(bristle_stiffness) };
             (potential, bristle_damping + viscous, level, 0.0)
         }
+        Law::Integral { .. } => (Potential::Nothing, 0.0, 0.0, 0.0),
         Law::Constant { torque } => (Potential::Nothing, 0.0, 0.0, torque),
     };
     let ends = [coupling.first, coupling.second];

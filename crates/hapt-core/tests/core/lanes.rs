@@ -41,7 +41,7 @@ proptest! {
 }
 
 /// How many kinds of nonlinear couplings there are, each between three pairs of ends.
-const KINDS: usize = 10;
+const KINDS: usize = 11;
 
 /// A nonlinear coupling of some kind.
 fn bent(kind: usize, scale: f64) -> Coupling {
@@ -62,11 +62,13 @@ fn bent(kind: usize, scale: f64) -> Coupling {
         6 => Law::Damper { damping: Damping::Fixed(0.05 * scale) },
         7 => Law::Magnet { torque: 0.05 * scale, width: 0.1, at: 0.05 * scale },
         8 => Law::Texture { torque: 0.05 * scale, pitch: 0.2, phase: 0.1 * scale, waveform: WAVEFORM },
+        9 => Law::Integral { stiffness: 2.0 * scale, time: 0.3, rest: 0.01 * scale },
         _ => Law::Wall { side: Side::Below, at: -0.05, stiffness: 5.0 * scale, damping: 0.01 },
     };
-    let limit = matches!(kind % KINDS, 5 | 6).then_some(0.1);
+    let limit = matches!(kind % KINDS, 5 | 6 | 9).then_some(0.1);
     let ends = [(End::Puck, End::Ground), (End::Puck, End::Body(0)), (End::Body(1), End::Ground)];
-    let (first, second) = ends[kind / KINDS % 3];
+    // An integral term is between puck and ground.
+    let (first, second) = ends[if kind % KINDS == 9 { 0 } else { kind / KINDS % 3 }];
     Coupling { first, second, law, limit }
 }
 
@@ -94,11 +96,12 @@ fn compiled(
         Coupling { first: End::Puck, second: End::Body(1), law: damper, limit: None },
     ];
     couplings.extend(more);
+    let integrates = more.iter().any(|coupling| coupling.law.integrates());
     let spec = Spec {
         period: 1e-3 * scale,
         method,
         output,
-        advance: if output == Output::End && bodies_every == 1 { 2 } else { 0 },
+        advance: if output == Output::End && bodies_every == 1 && !integrates { 2 } else { 0 },
         bodies_every,
         estimator,
         filter: counted.then_some(30.0 * scale),

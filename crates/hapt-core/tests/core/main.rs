@@ -4,6 +4,7 @@
 
 mod game_loop;
 mod gradient;
+mod integral;
 mod lanes;
 mod link;
 mod methods;

@@ -39,8 +39,8 @@ typedef struct {
     /* How many more samples come before the bodies step. */
     uint32_t until_step;
 //end
-//if lugre
-    /* The bend of each friction's bristle, @u.position@. */
+//if bristles
+    /* The bend of each friction's bristle, @u.position@; the sum of each integral term, @u.position@ s. */
     hapt_real bristle[HAPT_COUPLINGS];
 //end
 //if gradient

@@ -58,7 +58,7 @@ static void hapt_pushed(const hapt_world *world, hapt_vector *change, const hapt
         if (coupling->law != HAPT_LINEAR) {
             const hapt_real q = hapt_relative(coupling, position, x->position);
             const hapt_real rate = hapt_relative(coupling, velocity, x->velocity);
-//if lugre
+//if bristles
             const hapt_real part = hapt_torque(world, coupling, q, rate, bristle[i]);
 //else
             const hapt_real part = hapt_torque(world, coupling, q, rate, (hapt_real)0);
@@ -144,7 +144,7 @@ static hapt_sample hapt_sample_of(const hapt_world *world, hapt_state *state, ha
 {
     hapt_sample sample;
     hapt_vector bodies;
-//if lugre
+//if bristles
     hapt_real *bristle = state->bristle;
 //else
     hapt_real *bristle = 0;
@@ -159,7 +159,7 @@ static hapt_sample hapt_sample_of(const hapt_world *world, hapt_state *state, ha
 //end
 //end
 //if ahead
-//if lugre
+//if bristles
     hapt_real bristle_ahead[HAPT_COUPLINGS];
 //end
 //if gradient
@@ -213,8 +213,8 @@ static hapt_sample hapt_sample_of(const hapt_world *world, hapt_state *state, ha
     hapt_add(&state->now, (hapt_real)1, &state->change);
 //end
 //end
-//if lugre
-    hapt_bend(world, bristle, velocity, &state->now);
+//if bristles
+    hapt_bend(world, bristle, position, velocity, &state->now);
 //end
 //if held_bodies
 //if skips
@@ -265,7 +265,7 @@ static hapt_sample hapt_sample_of(const hapt_world *world, hapt_state *state, ha
 //if bodies
     hapt_add(&bodies, (hapt_real)1, &state->change);
 //end
-//if lugre
+//if bristles
     for (i = 0; i < HAPT_COUPLINGS; i++) {
         bristle_ahead[i] = bristle[i];
     }
@@ -279,8 +279,8 @@ static hapt_sample hapt_sample_of(const hapt_world *world, hapt_state *state, ha
     unsettled = &unsettled_ahead;
 //end
     for (step = 0; step < @advance@; step++) {
-//if lugre
-        hapt_bend(world, bristle, (hapt_real)0, &bodies);
+//if bristles
+        hapt_bend(world, bristle, position, (hapt_real)0, &bodies);
 //end
 //if bodies
         change = hapt_change(world, &bodies, position, (hapt_real)0, (hapt_real)0, (hapt_real)0, bristle, contact, unsettled);
@@ -316,7 +316,7 @@ void hapt_state_init(hapt_state *state)
 //if skips
     state->until_step = 0;
 //end
-//if lugre
+//if bristles
     for (i = 0; i < HAPT_COUPLINGS; i++) {
         state->bristle[i] = (hapt_real)0;
     }

@@ -208,6 +208,8 @@ fn the_random_worlds_have_every_method_estimator_law_and_reason() {
     assert!(at_body(|law| matches!(law, Law::Texture { .. })) && at_body(|law| matches!(law, Law::Coulomb { .. })));
     assert!(has(&|world| world.couplings.iter().any(|coupling| coupling.law.has_bristle() && coupling.is_at_body())));
 
+    assert!(has(&|world| world.couplings.iter().any(|coupling| coupling.law.integrates() && coupling.limit.is_some())));
+
     let mut seen = [false; 18];
     for (i, world) in worlds.iter().enumerate() {
         let controller = Controller::<f64, BODIES, COUPLINGS, COUNTS>::new(&world.spec(), &world.limits).unwrap();

@@ -248,6 +248,9 @@ fn numbers_that_stand_in_no_matrix_can_be_set_and_others_are_refused() {
         (Law::DeadBand { stiffness: 1.0, rest: 0.1, width: 0.1 }, None, body, &["stiffness", "rest", "width"]),
         (Law::Magnet { torque: 0.1, width: 0.2, at: 0.1 }, None, End::Puck, &["torque", "width", "at"]),
         (Law::Coulomb { torque: 0.01 }, None, End::Puck, &["torque"]),
+        // Its gain is stiffness/time: half of the stiffness, or a third.
+        (Law::Integral { stiffness: 1.0, time: 2.0, rest: 0.1 }, None, End::Puck, &["stiffness", "rest"]),
+        (Law::Integral { stiffness: 1.0, time: 3.0, rest: 0.1 }, None, End::Puck, &["rest"]),
         (Law::Constant { torque: 0.01 }, None, End::Puck, &["torque"]),
     ] {
         let world = world(law, limit, first);

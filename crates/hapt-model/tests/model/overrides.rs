@@ -107,7 +107,7 @@ fn mistakes_are_shown_in_the_override() {
         ("couplings.spring.stiffness=1", "couplings.spring: \"spring\" is not a whole number from 0 to 1"),
         (
             "couplings.1.stiffness=1",
-            "couplings.1.stiffness: not a key of kind \"damper\" but of \"spring\", \"wall\" or \"dead-band\"; \"damper\" takes kind, between, damping, limit",
+            "couplings.1.stiffness: not a key of kind \"damper\" but of \"spring\", \"wall\", \"dead-band\" or \"integral\"; \"damper\" takes kind, between, damping, limit",
         ),
         ("loop.period.x=1", "loop.period.x: \"period\" has no keys below it"),
         (

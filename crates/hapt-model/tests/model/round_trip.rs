@@ -62,6 +62,7 @@ fn plain_law() -> impl Strategy<Value = Law> {
                 viscous
             }
         ),
+        (zero(), above(), finite()).prop_map(|(stiffness, time, rest)| Law::Integral { stiffness, time, rest }),
         finite().prop_map(|torque| Law::Constant { torque }),
     ]
 }
@@ -76,7 +77,11 @@ fn couplings(bodies: usize, linear_at_bodies: bool) -> impl Strategy<Value = Vec
     let one = (pair, law(), any::<bool>()).prop_map(move |((first, second), (law, limit), compensated)| {
         let at_body = matches!(first, End::Body(_)) || matches!(second, End::Body(_));
         let mut coupling = Coupling { first, second, law, limit };
-        if linear_at_bodies && at_body && (coupling.linear().is_none() || law.constant().is_some()) {
+        if law.integrates() {
+            (coupling.first, coupling.second) = (End::Ground, End::Puck);
+        }
+        if linear_at_bodies && at_body && !law.integrates() && (coupling.linear().is_none() || law.constant().is_some())
+        {
             coupling = Law::Spring { stiffness: 1.0, rest: 0.5 }.between(first, second);
         }
         let law = coupling.law;
@@ -323,6 +328,10 @@ fn world() -> impl Strategy<Value = World> {
             // And so with gravity and cogging, beside which a hand may be too fast too.
             if device.fault(sampling.period).is_some() {
                 device.torque = DeviceTorque::default();
+            }
+            let mut sampling = sampling;
+            if couplings.iter().any(|coupling| coupling.law.integrates()) {
+                sampling.advance = 0;
             }
             World { title, motion, sampling, device, safety, names, bodies, couplings, scenarios }
         })

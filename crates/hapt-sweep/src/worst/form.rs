@@ -248,7 +248,7 @@ fn about_rest(world: &World) -> Option<World> {
     }
     for c in &mut rest.couplings {
         match &mut c.law {
-            Law::Spring { rest, .. } => *rest = 0.0,
+            Law::Spring { rest, .. } | Law::Integral { rest, .. } => *rest = 0.0,
             Law::Constant { torque } => *torque = 0.0,
             Law::Damper { .. }
             | Law::Wall { .. }

@@ -65,6 +65,7 @@ fn torque(world: &World, q: f64) -> f64 {
             | Law::Texture { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
+            | Law::Integral { .. }
             | Law::Constant { .. } => 0.0,
         };
         sign * torque
@@ -112,6 +113,7 @@ pub(crate) fn targets(world: &World, stiffness: f64) -> Vec<f64> {
             | Law::Damper { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
+            | Law::Integral { .. }
             | Law::Constant { .. } => {}
         }
     }

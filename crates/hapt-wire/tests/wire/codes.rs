@@ -62,7 +62,7 @@ const EMPTY: Spec<'static> = Spec {
 
 #[test]
 fn the_code_of_each_law_is_what_it_always_was() {
-    let [stiffness, rest, at, torque, pitch, phase, width] = [1.0; 7];
+    let [stiffness, rest, at, torque, pitch, phase, width, time] = [1.0; 8];
     let waveform = hapt_core::Waveform::default();
     let [coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous] = [1.0; 6];
     let (damping, side) = (Damping::Fixed(1.0), Side::Above);
@@ -77,9 +77,10 @@ fn the_code_of_each_law_is_what_it_always_was() {
         8 => DeadBand { stiffness, rest, width },
         9 => Magnet { torque, width, at },
         10 => Texture { torque, pitch, phase, waveform },
+        11 => Integral { stiffness, time, rest },
     });
     // One with a limit has code 7, and a second code by its law.
-    let mut limited = vec![0, 1, 2, 3].into_iter();
+    let mut limited = vec![0, 1, 2, 3, 4].into_iter();
     for (code, law) in laws {
         let coupling = law.between(End::Puck, End::Ground);
         assert_eq!(law_codes(coupling)[0], code, "{law:?}");

@@ -11,7 +11,7 @@ static hapt_real hapt_relative(const hapt_coupling *coupling, hapt_real puck, co
     return hapt_end_at(coupling->first, puck, bodies) - hapt_end_at(coupling->second, puck, bodies);
 }
 
-/* The torque on the first end, in @u.torque@, from q, q' and the bend of the bristle. */
+/* The torque on the first end, in @u.torque@, from q, q' and the bend of the bristle, or the integral. */
 static hapt_real hapt_torque(const hapt_world *world, const hapt_coupling *coupling, hapt_real q, hapt_real velocity,
                              hapt_real bristle)
 {
@@ -56,6 +56,10 @@ static hapt_real hapt_torque(const hapt_world *world, const hapt_coupling *coupl
     case HAPT_LUGRE:
         return hapt_lugre_torque(&world->lugre[coupling->place], bristle, velocity);
 //end
+//if integral
+    case HAPT_INTEGRAL:
+        return hapt_integral_torque(&world->integral[coupling->place], bristle);
+//end
     default:
         return (hapt_real)0;
     }
@@ -82,7 +86,7 @@ static hapt_real hapt_nonlinear_torque(const hapt_world *world, const hapt_vecto
             {
                 const hapt_real q = hapt_relative(coupling, position, bodies->position);
                 const hapt_real rate = hapt_relative(coupling, velocity, bodies->velocity);
-//if lugre
+//if bristles
                 part = hapt_torque(world, coupling, q, rate, bristle[i]);
 //else
                 part = hapt_torque(world, coupling, q, rate, (hapt_real)0);
@@ -94,17 +98,45 @@ static hapt_real hapt_nonlinear_torque(const hapt_world *world, const hapt_vecto
     return torque;
 }
 
-//if lugre
-/* Every bristle over one period, with q' as it is at this sample. */
-static void hapt_bend(const hapt_world *world, hapt_real *bristle, hapt_real velocity, const hapt_vector *bodies)
+//if integral
+/* The torque on the puck of what gives energy by its nature: constants and integral terms. */
+static hapt_real hapt_sources(const hapt_world *world, const hapt_real *sum)
 {
+    hapt_real torque = world->constant;
     int i;
     for (i = 0; i < HAPT_COUPLINGS; i++) {
         const hapt_coupling *coupling = &world->couplings[i];
+        if (coupling->law == HAPT_INTEGRAL) {
+            const hapt_real part = hapt_integral_torque(&world->integral[coupling->place], sum[i]);
+            torque += (coupling->first == HAPT_PUCK ? (hapt_real)1 : (hapt_real)-1) * part;
+        }
+    }
+    return torque;
+}
+
+//end
+//if bristles
+/* Every bristle over one period, with q' as it is at this sample, and every integral by this sample. */
+static void hapt_bend(const hapt_world *world, hapt_real *bristle, hapt_real position, hapt_real velocity,
+                      const hapt_vector *bodies)
+{
+    int i;
+    (void)position;
+    (void)velocity;
+    for (i = 0; i < HAPT_COUPLINGS; i++) {
+        const hapt_coupling *coupling = &world->couplings[i];
+//if lugre
         if (coupling->law == HAPT_LUGRE) {
             const hapt_real rate = hapt_relative(coupling, velocity, bodies->velocity);
             bristle[i] = hapt_lugre_bend(&world->lugre[coupling->place], bristle[i], rate, world->period);
         }
+//end
+//if integral
+        if (coupling->law == HAPT_INTEGRAL) {
+            const hapt_real q = hapt_relative(coupling, position, bodies->position);
+            bristle[i] = hapt_integral_sum(&world->integral[coupling->place], bristle[i], q, world->period);
+        }
+//end
     }
 }
 

@@ -179,7 +179,11 @@ static void hapt_book(const hapt_world *world, hapt_controller *self, const hapt
         hapt_fault(self, HAPT_REASON_NOT_FINITE);
         return;
     }
+//if integral
+    hapt_enter(world, self, &step, sample->position, sample->torque - hapt_sources(world, self->world.bristle), reading->missed);
+//else
     hapt_enter(world, self, &step, sample->position, sample->torque - world->constant, reading->missed);
+//end
     /* Written so that a NaN is outside every limit. */
     in_account = self->account >= (hapt_real)0;
     within = self->made <= world->energy;

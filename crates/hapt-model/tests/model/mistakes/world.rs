@@ -141,7 +141,7 @@ fn couplings() {
     let table = [
         (
             "",
-            "couplings.0.kind: missing; expected \"spring\", \"damper\", \"wall\", \"detent\", \"dead-band\", \"magnet\", \"texture\", \"friction\" or \"constant\"",
+            "couplings.0.kind: missing; expected \"spring\", \"damper\", \"wall\", \"detent\", \"dead-band\", \"magnet\", \"texture\", \"friction\", \"integral\" or \"constant\"",
         ),
         ("kind = \"sprign\"", "couplings.0.kind: \"sprign\" is not known here; did you mean \"spring\"?"),
         (
@@ -175,7 +175,7 @@ fn couplings() {
         ),
         (
             "kind = \"wall\"\nbetween = [\"puck\", \"ground\"]\nrest = 0",
-            "couplings.0.rest: not a key of kind \"wall\" but of \"spring\" or \"dead-band\"; \
+            "couplings.0.rest: not a key of kind \"wall\" but of \"spring\", \"dead-band\" or \"integral\"; \
              \"wall\" takes kind, between, stiffness, damping, side, at, limit",
         ),
         (
@@ -225,7 +225,7 @@ fn couplings() {
         ),
         (
             "kind = \"detent\"\nbetween = [\"puck\", \"wheel\"]\ntorque = 1\npitch = 1\nlimit = 1",
-            "couplings.0.limit: not a key of kind \"detent\" but of \"spring\", \"damper\", \"wall\" or \"dead-band\"; \
+            "couplings.0.limit: not a key of kind \"detent\" but of \"spring\", \"damper\", \"wall\", \"dead-band\" or \"integral\"; \
              \"detent\" takes kind, between, torque, pitch, phase",
         ),
     ];

@@ -170,6 +170,20 @@ See counts.
 "#,
     },
     Topic {
+        name: "integral",
+        aliases: &["pid", "ki", "windup", "reset"],
+        line: "the integral term of a PID controller",
+        text: r#"A PID controller is three couplings between puck and ground: a spring (P), a damper (D) and
+kind = "integral", whose torque is -stiffness/time times the sum of T (q - rest). With the stiffness
+of the spring, `time` is the controller's integral time. A `limit` stops it from winding up.
+
+  kind = "integral", stiffness = "1 N m/rad", time = "0.1 s", limit = "50 N mm"
+
+It is passive on no device: a hand that moves slowly to and fro draws energy from it, (T72) of
+docs/theory.md. Hands-off, `hapt check` decides by the eigenvalues; see free.
+"#,
+    },
+    Topic {
         name: "hand",
         aliases: &["human", "grip", "scenario", "step", "ramp", "sine"],
         line: "what moves the puck: a motion, a torque or a grip",
