@@ -268,17 +268,24 @@ fn numbers(folder: &Path, found: &[Option<Found>]) -> Result<String> {
 }
 
 /// The paddle under a proportional and a derivative gain, let go at `from`, deg; its scenario is `go`.
-fn world(device: &Device, gains: [f64; 2], from: f64, more: &str) -> Result<World> {
-    let [p, d] = gains;
+fn world(device: &Device, gains: [f64; 3], from: f64, more: &str) -> Result<World> {
+    let [p, i, d] = gains;
+    let held = held(i);
     let Device { inertia, damping, friction, delay, .. } = device;
     let file = format!(
         "loop = {{ period = \"350 us\", estimator = \"difference\", delay = \"{delay} s\" }}\n\
          [device]\ninertia = {inertia:e}\ndamping = {damping:e}\nfriction = {friction:e}\n{more}\n\
          [[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\nstiffness = \"{p} N m/deg\"\nrest = \"{TARGET} deg\"\n\
          [[couplings]]\nkind = \"damper\"\nbetween = [\"puck\", \"ground\"]\ndamping = \"{d} N m s/deg\"\n\
-         [scenarios.go]\nduration = \"{AFTER} s\"\nhand = {{ kind = \"step\", to = \"{from} deg\", release = \"{BEFORE} s\" }}\n"
+         [[couplings]]\nkind = \"integral\"\nbetween = [\"puck\", \"ground\"]\nstiffness = \"{i} N m/deg\"\nrest = \"{TARGET} deg\"\n\
+         [scenarios.go]\nduration = \"{AFTER} s\"\nhand = {{ kind = \"step\", to = \"{from} deg\", release = \"{held} s\" }}\n"
     );
     Ok(World::read(&Source::from_text("paddle.toml", file), &[])?)
+}
+
+/// How long the hand holds the paddle before the release, s: an integral term is to gather nothing meanwhile.
+fn held(integral: f64) -> f64 {
+    if integral > 0.0 { 2.0 * PERIOD } else { BEFORE }
 }
 
 /// The run of a world from the release on, or from 0 on, in s and deg.
@@ -319,13 +326,13 @@ fn swing(devices: &[Device]) -> Result<String> {
          | --- | --- | --- | --- | --- | --- | --- |\n",
     );
     for (step, device) in STEPS.iter().zip(devices) {
-        let at = |gain: f64| world(device, [gain, 0.0], 0.0, "");
+        let at = |gain: f64| world(device, [gain, 0.0, 0.0], 0.0, "");
         let hertz =
             free(&at(LAB_GAIN)?)?.modes.first().map(|mode| mode.discrete_frequency_hz.unwrap_or(mode.frequency_hz));
         let linear = edge(1e-4, 1.0, |gain| Ok(free_growth(&at(gain)?)?.is_some_and(|growth| growth > 0.0)))?;
         // The third extreme after the release over the first is a period's growth.
         let ratio = |gain: f64| -> Result<f64> {
-            let turns = extremes(&run(&at(gain)?, BEFORE)?.1);
+            let turns = extremes(&run(&at(gain)?, held(0.0))?.1);
             Ok(turns.get(1).map_or(0.0, |second| second / TARGET))
         };
         let kept = edge(1e-3, 1.0, |gain| Ok(ratio(gain)? > 1.0))?;
@@ -360,7 +367,7 @@ fn steps(folder: &Path, devices: &[Device; 2]) -> Result<String> {
          | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
     );
     for (i, step) in STEPS.iter().enumerate() {
-        let [p, integral, d] = step.gains;
+        let [p, i_gain, d] = step.gains;
         let record = step.record.map(|name| paddle(folder, name)).transpose()?;
         let from = record.as_ref().map_or(0.0, |motion| motion.1[0]);
         let from_first_move = |motion: Motion| {
@@ -369,10 +376,10 @@ fn steps(folder: &Path, devices: &[Device; 2]) -> Result<String> {
         };
         // By the device that another record gave.
         let (by, device) = if i == 1 { (0, &devices[0]) } else { (1, &devices[1]) };
-        let run = from_first_move(run(&world(device, [p, d], from, "")?, BEFORE)?);
+        let run = from_first_move(run(&world(device, step.gains, from, "")?, held(i_gain))?);
         let (hapt, seen) = (measures(&run), record.map(from_first_move));
         let record = seen.as_ref().map(measures);
-        let error = seen.filter(|_| integral == 0.0).map(|(_, seen)| {
+        let error = seen.map(|(_, seen)| {
             let squares: Vec<f64> = seen.iter().zip(&run.1).map(|(a, b)| (a - b).powi(2)).collect();
             (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
         });
@@ -380,12 +387,7 @@ fn steps(folder: &Path, devices: &[Device; 2]) -> Result<String> {
         let cell = |x: Option<f64>, scale: f64| {
             x.map_or("none".into(), |x| format!("{:.*}", if scale > 1.0 { 1 } else { 2 }, scale * x))
         };
-        write!(
-            text,
-            "| {p}, {integral}, {d}{} | {} |",
-            if integral > 0.0 { ": PD part" } else { "" },
-            STEPS[by].record.unwrap_or("")
-        )?;
+        write!(text, "| {p}, {i_gain}, {d} | {} |", STEPS[by].record.unwrap_or(""))?;
         for (k, scale) in [1.0, 1e3, 1e3].into_iter().enumerate() {
             let seen = record.map_or(String::new(), |record| cell(record[k], scale));
             write!(text, " {} | {} | {seen} |", cell(hapt[k], scale), cell(lab[k], scale))?;

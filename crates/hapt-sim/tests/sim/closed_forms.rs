@@ -266,3 +266,26 @@ fn at_rest_on_the_device_nothing_stirs() {
         assert_eq!((row.puck, row.puck_velocity, row.torque, row.command), (0.0, 0.0, 0.0, 0.0));
     }
 }
+
+/// With an integral term the puck comes back to its rest under a constant torque of the hand, and the integral carries it.
+#[test]
+fn an_integral_term_carries_a_constant_torque() {
+    let mut world = bare();
+    let (stiffness, torque) = (1.0, 0.05);
+    world.sampling.estimator = EstimatorKind::Difference;
+    world.couplings = vec![
+        Law::Spring { stiffness, rest: 0.1 }.between(End::Puck, End::Ground),
+        Law::Damper { damping: Damping::Fixed(0.02) }.between(End::Puck, End::Ground),
+        Law::Integral { stiffness, time: 0.1, rest: 0.1 }.between(End::Puck, End::Ground),
+    ];
+    let push = |world: &World| {
+        let run = rows(world, &scenario(5.0, Drive::Torque(Shape::Step { to: torque, at: 0.0 }), None));
+        run.last().map(|row| (row.puck, row.torque)).unwrap()
+    };
+    let (puck, held) = push(&world);
+    assert!((puck - 0.1).abs() < 1e-9 && (held + torque).abs() < 1e-9, "{puck} {held}");
+    // Beyond its limit the spring has to carry the rest.
+    world.couplings[2].limit = Some(0.02);
+    let (puck, held) = push(&world);
+    assert!((puck - 0.1 - (torque - 0.02) / stiffness).abs() < 1e-9 && (held + torque).abs() < 1e-9, "{puck} {held}");
+}

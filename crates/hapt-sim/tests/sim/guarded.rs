@@ -243,3 +243,27 @@ proptest! {
         }
     }
 }
+
+/// An integral term gives energy to a hand that moves slowly to and fro. That is its nature and no fault: the port's ledger is about the rest.
+#[test]
+fn a_hand_that_draws_energy_from_an_integral_term_is_no_fault() {
+    let mut world = bare();
+    world.device.limit = Some(0.8);
+    world.sampling.estimator = EstimatorKind::Difference;
+    world.safety.world_trips = Some(true);
+    let integral = Law::Integral { stiffness: 1.0, time: 0.05, rest: 0.0 }.between(End::Ground, End::Puck);
+    world.couplings = vec![
+        Law::Spring { stiffness: 1.0, rest: 0.0 }.between(End::Puck, End::Ground),
+        Coupling { limit: Some(0.3), ..integral },
+    ];
+    let mut guard = Guard::new(&world, SafetyProfile::Simulated);
+    let (mut drawn, mut last) = (0.0, (0.0, 0.0));
+    for sample in 0..20_000 {
+        let position = 0.1 * (std::f64::consts::TAU * 0.5 * f64::from(sample) * 1e-3).sin();
+        let guarded = guard.step(position, 0.0, false, (sample == 20).then_some(Request::Arm));
+        drawn += last.1 * (position - last.0);
+        last = (position, guarded.output);
+    }
+    let most = world.limits(SafetyProfile::Simulated).energy;
+    assert!(guard.watch.reason.is_none() && drawn > 2.0 * most, "{:?} {drawn} J of {most} J", guard.watch.reason);
+}

@@ -201,6 +201,14 @@ fn couplings() {
             "couplings.0.pitch: 0 is not above 0; expected an angle (rad) above 0, such as \"45 deg\"",
         ),
         (
+            "kind = \"integral\"\nbetween = [\"wheel\", \"ground\"]\nstiffness = 1",
+            "couplings.0.between: an integral term is between \"puck\" and \"ground\": at a body it has no step",
+        ),
+        (
+            "kind = \"integral\"\nbetween = [\"puck\", \"ground\"]\nstiffness = 1\ntime = 0",
+            "couplings.0.time: 0 is not above 0; expected a time (s) above 0, such as \"1 ms\"",
+        ),
+        (
             "kind = \"friction\"\nbetween = [\"puck\", \"ground\"]",
             "couplings.0.torque: friction has either torque (Coulomb) or all of coulomb, stribeck, stribeck_velocity, \
              bristle_stiffness, bristle_damping, viscous (LuGre)",
