@@ -51,6 +51,7 @@ cargo xtask patterns  the same under patterns of intervals and delays
 cargo xtask networks  the same of stations joined by links
 cargo xtask wheel     random sets of effects on random force-feedback wheels, hands off: [--n N] [--seed S]; --write: docs/wheel.md
                       games: random games that follow the steering late, hands on and off
+                      record: a session that iRacing recorded, replayed: [FILE.ibt]; --write: docs/wheel.md
                       latency: from a game's report to the torque, in simulated time
 cargo xtask page      the page's core in WebAssembly, into web/core
 cargo xtask licences  the licences of what is in the program, into crates/hapt/src/explain/licences.txt
@@ -103,6 +104,7 @@ fn main() -> Result<()> {
         ["patterns", ref arguments @ ..] => truth::patterns(arguments),
         ["networks", ref arguments @ ..] => truth::networks(arguments),
         ["wheel", "games", ref arguments @ ..] => wheel_games::command(arguments),
+        ["wheel", "record", ref arguments @ ..] => wheel_games::record::command(arguments),
         ["wheel", "latency", ref arguments @ ..] => wheel_latency::command(arguments),
         ["wheel", ref arguments @ ..] => wheel::command(arguments),
         ["page"] => page::build(),

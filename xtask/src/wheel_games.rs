@@ -2,6 +2,7 @@
 //! on, with hapt's remedy and with those that are usual.
 
 mod car;
+pub mod record;
 mod run;
 
 use std::fmt::Write as _;

@@ -1,4 +1,4 @@
-//! What a hand does, by its work: what motor, damping and friction leave to explain of the wheel's energy.
+//! What a hand does, by its torque and its work: what motor, damping and friction leave to explain of the wheel's motion.
 
 use super::super::Timing;
 use super::Rotor;
@@ -7,13 +7,16 @@ use crate::contact::within;
 
 /// Works are averaged over so much time, s.
 const WINDOW: f64 = 0.1;
-/// A hand that has worked is believed in for a time of this constant, s, while it still holds a torque: its work passes through 0 where it turns
+/// A hand that was found is believed in for a time of this constant, s, while it still holds a torque: its work passes through 0 where it turns
 /// round, and its torque does not at the same time. The second one is that where it holds none.
 const BELIEF: [f64; 2] = [0.5, 0.05];
-/// Torques are averaged over this, s.
+/// A hand's torque is averaged over this, s.
 const GRASP: f64 = 0.05;
-/// The part of the torque of motor and damping beyond which a hand holds one.
-const HOLDS: f64 = 0.25;
+/// What motor, damping and friction have exerted at most fades with this time constant, s.
+const RECENT: f64 = 0.3;
+/// The part of that beyond which a torque is a hand's, and by how much more the hand has the wheel to itself. Of the free wheel's motion an error
+/// of the inertia is such a part of the torque.
+const HOLDS: [f64; 2] = [0.3, 0.1];
 /// Speeds below this, rad/s, are rest.
 const REST: f64 = 0.02;
 /// The part of the lacking damping, and of what motor and damping exchange with the wheel, that errors of the device may pass for.
@@ -28,10 +31,11 @@ pub(super) struct Hand<F> {
     inertia: F,
     damping: F,
     friction: F,
-    /// Of the velocity, of works, and of torques: the part of the new in a sample; what is kept of a belief.
+    /// Of the velocity, of works, and of torques: the part of the new in a sample, and of what fades; what is kept of a belief.
     fresh: F,
     averaged: F,
     grasped: F,
+    faded: F,
     kept: [F; 2],
 }
 
@@ -46,10 +50,13 @@ pub(super) struct Works<F> {
     hand: F,
     size: F,
     square: F,
-    /// Averages of the sizes of the hand's torque and of the others', N·m.
-    holds: F,
-    others: F,
-    /// The hand's work relative to that of the lacking damping, of late.
+    /// Averages of the hand's torque, of its size, and of the size of what motor, damping and friction leave of each other; and of those three
+    /// together the largest of late, N·m.
+    torque: F,
+    torque_size: F,
+    moved_size: F,
+    largest: F,
+    /// How much of a remedy the hand makes needless, of late: 0 to 1, and half as much more.
     share: F,
 }
 
@@ -85,6 +92,7 @@ impl<F: Real> Hand<F> {
             fresh: of(period / (period + smoothing)),
             averaged: of(period / (period + WINDOW)),
             grasped: of(period / (period + GRASP)),
+            faded: of(period / (period + RECENT)),
             kept: BELIEF.map(|time| of(libm::exp(-period / time))),
         }
     }
@@ -98,8 +106,10 @@ impl<F: Real> Hand<F> {
             hand: zero,
             size: zero,
             square: zero,
-            holds: zero,
-            others: zero,
+            torque: zero,
+            torque_size: zero,
+            moved_size: zero,
+            largest: zero,
             share: zero,
         }
     }
@@ -115,8 +125,12 @@ impl<F: Real> Hand<F> {
         // Newton's law from the middle of one interval to that of the next: what the motor, damping and friction leave is the hand's. Every part is as smooth.
         let (mean, moved) = (F::HALF * (before + works.velocity), F::HALF * (other + works.other));
         let hand = self.inertia * (works.velocity - before) / self.period - moved;
-        works.holds += self.grasped * (hand.abs() - works.holds);
-        works.others += self.grasped * (moved.abs() - works.others);
+        works.torque += self.grasped * (hand - works.torque);
+        works.torque_size += self.grasped * (hand.abs() - works.torque_size);
+        works.moved_size += self.grasped * (moved.abs() - works.moved_size);
+        works.largest -= works.largest * self.faded;
+        let others = torque.abs() + (self.damping * speed).abs() + dry.abs();
+        works.largest = if others > works.largest { others } else { works.largest };
         works.hand += self.averaged * (hand * mean - works.hand);
         works.size += self.averaged * ((moved * mean).abs() - works.size);
         works.square += self.averaged * (mean * mean - works.square);
@@ -129,13 +143,17 @@ impl<F: Real> Hand<F> {
         if work > F::ZERO { work / (works.square + F::from_f64(REST * REST)) } else { F::ZERO }
     }
 
-    /// The part of a remedy against this lack of damping that a hand with this work leaves to do.
+    /// The part of a remedy against this lack of damping that a hand leaves to do: one that does as much work as the damping would, or that
+    /// holds a torque beside those of motor, damping and friction.
     pub fn leaves(&self, works: &mut Works<F>, lacking: F) -> F {
-        let resists = Self::resists(works);
-        let now = if lacking > F::ZERO { within(resists / lacking, F::ZERO, F::ONE + F::HALF) } else { F::ZERO };
+        let most = F::ONE + F::HALF;
+        let works_alike = within((Self::resists(works) / lacking).finite_or_zero(), F::ZERO, most);
+        let [least, more] = HOLDS.map(F::from_f64);
+        let beyond = (works.torque.abs() / works.largest).finite_or_zero() - least;
+        let holds = within(beyond / more, F::ZERO, most);
+        let now = if holds > works_alike { holds } else { works_alike };
         let [slow, fast] = self.kept;
-        let holds = works.holds > F::from_f64(HOLDS) * works.others;
-        works.share = works.share * if holds { slow } else { fast };
+        works.share = works.share * if works.torque_size > least * works.moved_size { slow } else { fast };
         works.share = if now > works.share { now } else { works.share };
         within(F::ONE + F::from_f64(ERRORS[0]) - works.share, F::ZERO, F::ONE)
     }

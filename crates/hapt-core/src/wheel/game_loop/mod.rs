@@ -223,7 +223,7 @@ impl<F: Real> GameLoop<F> {
         let period = self.damper.period;
         let mut report = state.report;
         let interval = self.hand.interval(&mut state.works, way);
-        state.swings.sample(period, &interval, report.damping, report.held_back);
+        state.swings.sample(period, &interval, level, report.damping, report.held_back);
         report.hands_off = self.hand.leaves(&mut state.works, report.lacking);
         // A law at the motor's limit stays there while the wheel comes back from far out.
         let is_largest = heard.torque.abs() >= self.largest;

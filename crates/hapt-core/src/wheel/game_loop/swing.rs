@@ -1,9 +1,9 @@
 //! What the free wheel's swings gain, whatever the host's law is. A car that answers the steering closes a second loop inside the game, and its torque is no
 //! law of one old position.
 //!
-//! Where the wheel is fastest the torques on it cancel, and the host's spring is as good as relaxed. From one such place to the next the work of the motor is
-//! what the swing gains, W = c ∫ ż² dt: the host takes the damping c, and a device that has more swings less. What was added meanwhile is known, and so is c of
-//! the host alone. A hand's work, whichever way, is taken off W.
+//! Where the host's level passes through 0 its spring is relaxed, whether a hand holds the wheel or not. From one such place to the next the work of the
+//! motor is what the swing gains, W = c ∫ ż² dt: the host takes the damping c, and a device that has more swings less. What was added meanwhile is known,
+//! and so is c of the host alone. What a hand puts in or takes out from one such place to the next is taken off W.
 
 use super::hand::Interval;
 use crate::Real;
@@ -13,8 +13,10 @@ const SLOWEST: f64 = 0.1;
 const PART: f64 = 0.3;
 /// The fastest of late fades with this time constant, s.
 const LATE: f64 = 1.0;
+/// Levels are smoothed over this, s: kerbs shake them.
+const SMOOTH: f64 = 3e-3;
 
-/// Sums since the peak of the swing before: a sum over hours would lose what a swing adds.
+/// Sums since the middle of the swing before: a sum over hours would lose what a swing adds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Sums<F> {
     /// The work of the motor and of a hand, J.
@@ -26,10 +28,12 @@ struct Sums<F> {
     held_back: F,
 }
 
-/// The place in a swing where the wheel is fastest.
+/// The place in a swing where the host's level is nearest to 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Peak<F> {
+struct Middle<F> {
     velocity: F,
+    /// The size of the level there, N·m.
+    tension: F,
     until: Sums<F>,
 }
 
@@ -37,8 +41,10 @@ struct Peak<F> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Swings<F> {
     sums: Sums<F>,
-    peak: Peak<F>,
-    /// The speed at the peak of the swing before, rad/s.
+    middle: Middle<F>,
+    /// The smoothed level, N·m.
+    level: F,
+    /// The speed in the middle of the swing before, rad/s.
     before: Option<F>,
     fastest: F,
     takes: F,
@@ -48,7 +54,8 @@ impl<F: Real> Swings<F> {
     pub fn start() -> Self {
         let zero = F::ZERO;
         let sums = Sums { work: zero, hand: zero, square: zero, damping: zero, held_back: zero };
-        Swings { sums, peak: Peak { velocity: zero, until: sums }, before: None, fastest: zero, takes: zero }
+        let middle = Middle { velocity: zero, tension: F::from_f64(f64::INFINITY), until: sums };
+        Swings { sums, middle, level: zero, before: None, fastest: zero, takes: zero }
     }
 
     /// The damping that the host takes from the wheel, N·m·s/rad: of the last swings the most, each one half of itself after the next. Zero or more.
@@ -56,8 +63,8 @@ impl<F: Real> Swings<F> {
         self.takes
     }
 
-    /// A sample, with the damping that was added in the last interval and the part of the level that was held back.
-    pub fn sample(&mut self, period: F, interval: &Interval<F>, damping: F, held_back: F) {
+    /// A sample, with the host's level, the damping that was added in the last interval and the part of the level that was held back.
+    pub fn sample(&mut self, period: F, interval: &Interval<F>, level: F, damping: F, held_back: F) {
         let &Interval { velocity, work, hand } = interval;
         let square = velocity * velocity * period;
         let sums = &mut self.sums;
@@ -66,30 +73,32 @@ impl<F: Real> Swings<F> {
         sums.square += square;
         sums.damping += damping * square;
         sums.held_back += held_back * square;
-        let (speed, before) = (velocity.abs(), self.peak.velocity.abs());
+        self.level += (level - self.level) * (period / (period + F::from_f64(SMOOTH)));
+        let (speed, before) = (velocity.abs(), self.middle.velocity.abs());
         self.fastest -= self.fastest * (period * F::from_f64(1.0 / LATE));
         self.fastest = if speed > self.fastest { speed } else { self.fastest };
         let slowest = F::from_f64(SLOWEST);
-        if velocity * self.peak.velocity < F::ZERO && speed > F::from_f64(0.1) * slowest {
+        if velocity * self.middle.velocity < F::ZERO && speed > F::from_f64(0.1) * slowest {
             if before > slowest && before > F::from_f64(PART) * self.fastest {
                 self.turned();
             }
-            self.peak.velocity = F::ZERO;
+            (self.middle.velocity, self.middle.tension) = (F::ZERO, F::from_f64(f64::INFINITY));
         }
-        if speed <= self.peak.velocity.abs() {
+        let tension = self.level.abs();
+        if speed <= slowest || tension >= self.middle.tension {
             return;
         }
-        self.peak = Peak { velocity, until: self.sums };
-        // Faster than the swing before: it has gained already.
+        self.middle = Middle { velocity, tension, until: self.sums };
+        // Faster than in the swing before: it has gained already.
         if self.before.is_some_and(|before| speed > before) {
-            let takes = self.peak.until.takes();
+            let takes = self.middle.until.takes();
             self.takes = if takes > self.takes { takes } else { self.takes };
         }
     }
 
     /// The wheel turns round: a swing is over.
     fn turned(&mut self) {
-        let Peak { velocity, until } = self.peak;
+        let Middle { velocity, until, .. } = self.middle;
         self.sums = self.sums.since(&until);
         if self.before.replace(velocity.abs()).is_some() {
             let (takes, kept) = (until.takes(), F::HALF * self.takes);
