@@ -208,8 +208,8 @@ fn program() -> PathBuf {
 /// A random world of this method in hands, all that is done to it, and every number that it gives; `None` where it does not stay finite.
 /// Its form is check.mjs's.
 fn case(method: Method, rng: &mut Rng) -> Result<Option<Vec<u8>>> {
-    let bent = rng.bool();
-    let mut world = worlds::random(rng, bent);
+    let is_nonlinear = rng.bool();
+    let mut world = worlds::random(rng, is_nonlinear);
     // Not every random world can be compiled.
     if world.sampling.method != method || world.bodies.is_empty() || DesktopLoop::new(&world.spec()).is_err() {
         return Ok(None);

@@ -249,8 +249,8 @@ fn numbers(seed: u64, i: u64) -> Rng {
 /// The loop of number `i`, from a seed of its own.
 fn one(part: Part, seed: u64, i: u64, against: &Against) -> Counts {
     let mut rng = numbers(seed, i);
-    let bent = i % 2 == 1;
-    let mut world = worlds::random(&mut rng, bent);
+    let is_nonlinear = i % 2 == 1;
+    let mut world = worlds::random(&mut rng, is_nonlinear);
     // Of numbers of its own, so that the loops are those without handles too.
     let mut own = Rng::with_seed(!seed.wrapping_add(i));
     world.device.handle = worlds::handle(&mut own, &world);
@@ -263,7 +263,7 @@ fn one(part: Part, seed: u64, i: u64, against: &Against) -> Counts {
     {
         world.device.damping = required * (1.0 + JUST);
     }
-    if part == Part::Even && bent {
+    if part == Part::Even && is_nonlinear {
         friction::spare(&mut own, &mut world);
     }
     let mut found = Counts { loops: 1, ..Counts::default() };
@@ -273,8 +273,8 @@ fn one(part: Part, seed: u64, i: u64, against: &Against) -> Counts {
         }
     };
     let judged = match part {
-        Part::Even => judge(&mut rng, &world, bent, &mut found, &mut report),
-        Part::Uneven => uneven::judge(&mut rng, &world, bent, &mut found, &mut report),
+        Part::Even => judge(&mut rng, &world, is_nonlinear, &mut found, &mut report),
+        Part::Uneven => uneven::judge(&mut rng, &world, is_nonlinear, &mut found, &mut report),
     };
     if judged.is_err() {
         found.unanswered += 1;
@@ -285,7 +285,7 @@ fn one(part: Part, seed: u64, i: u64, against: &Against) -> Counts {
 fn judge(
     rng: &mut Rng,
     world: &World,
-    bent: bool,
+    is_nonlinear: bool,
     found: &mut Counts,
     report: &mut dyn FnMut(String),
 ) -> Result<(), Error> {
@@ -294,10 +294,10 @@ fn judge(
     let answer = passivity(world)?;
     if held.is_some_and(|growth| growth > MARGINAL) && (answer.passive.holds() || answer.required_damping.is_some()) {
         report(format!("held it grows by {held:?} per second, and a finite damping is called enough"));
-        let claim = if bent { &mut found.proved } else { &mut found.passive };
+        let claim = if is_nonlinear { &mut found.proved } else { &mut found.passive };
         claim.contradicted += 1;
     }
-    if !bent {
+    if !is_nonlinear {
         let free = free_growth(world)?;
         match world.device.handle {
             Some(_) => run(rng, world, At::Held, held_world_growth(world)?, found, report),
@@ -306,13 +306,13 @@ fn judge(
         }
         run(rng, world, At::Free, free, found, report);
     }
-    if bent && for_all_times(world)?.free.verdict() == PatternVerdict::Proved {
+    if is_nonlinear && for_all_times(world)?.free.verdict() == PatternVerdict::Proved {
         let holds = uneven::stays(rng, world, &mut found.samples, report)?;
         found.free_nonlinear +=
             Claim { loops: 1, confirmed: u64::from(holds), slow: 0, contradicted: u64::from(!holds) };
     }
     // What is called proved is proved of the loop as it is.
-    let mut device = if bent { world.clone() } else { brute::as_certified(world) };
+    let mut device = if is_nonlinear { world.clone() } else { brute::as_certified(world) };
     if !answer.passive.holds() {
         // What is required is required of hands at the motor.
         device.device.handle = None;
@@ -322,18 +322,18 @@ fn judge(
     if !answer.passive.holds() {
         // The slopes of what bends are the worst of many, and of bodies that step at every n-th sample not all has a number: only a linear loop
         // of one rate is what is refused.
-        if bent
+        if is_nonlinear
             && answer.proved.holds()
             && let Some(speed) = answer.speed_max
         {
             friction::judge(rng, world, speed, found, report);
             return Ok(());
         }
-        if bent && quick_check(world)?.status == Status::Open {
+        if is_nonlinear && quick_check(world)?.status == Status::Open {
             let broken = breaks(rng, world, &mut found.samples);
             found.open += Claim { loops: 1, confirmed: u64::from(broken), slow: u64::from(!broken), contradicted: 0 };
         }
-        if bent || sampling.bodies_every > 1 {
+        if is_nonlinear || sampling.bodies_every > 1 {
             return Ok(());
         }
         let broken = grows > MARGINAL;
@@ -345,7 +345,7 @@ fn judge(
         found.refused += Claim { loops: 1, confirmed: u64::from(broken), slow: u64::from(!broken), contradicted: 0 };
         return Ok(());
     }
-    if bent && !answer.proved.holds() {
+    if is_nonlinear && !answer.proved.holds() {
         if rounds(world) && rng.u8(..MEASURED) == 0 {
             let broken = hapt_sweep::worst::best_motion(world, OPEN_SAMPLES).is_ok_and(|found| found.0.is_some());
             found.unproved +=
@@ -364,17 +364,17 @@ fn judge(
         drawn = drawn.max(work);
     }
     // The hands that break what is not proved.
-    if bent && let Ok((Some(moved), _)) = hapt_sweep::worst::best_motion(world, MOTION_SAMPLES) {
+    if is_nonlinear && let Ok((Some(moved), _)) = hapt_sweep::worst::best_motion(world, MOTION_SAMPLES) {
         report(format!("called proved, and a motion draws {:e} J: {:?}", moved.drawn.gain, moved.motion.trick));
         drawn = f64::INFINITY;
     }
     // What is passive stays stable in every passive hand.
-    let stays = bent || grows <= MARGINAL;
+    let stays = is_nonlinear || grows <= MARGINAL;
     if !stays {
         report(format!("called passive, and grows by {grows:e} per second in {worst:?}"));
     }
     let holds = drawn <= ROUNDING && stays;
-    let claim = if bent { &mut found.proved } else { &mut found.passive };
+    let claim = if is_nonlinear { &mut found.proved } else { &mut found.passive };
     *claim += Claim { loops: 1, confirmed: u64::from(holds), slow: 0, contradicted: u64::from(!holds) };
     Ok(())
 }

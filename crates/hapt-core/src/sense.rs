@@ -38,7 +38,7 @@ impl<F: Number, const W: usize> Memory<F, W> {
 
     fn push(&mut self, count: F) {
         if self.last.is_some() {
-            // A state may be anybody's: no sum here leaves its range.
+            // The state may come from a caller: no sum here leaves its range.
             self.newest = (self.newest % W + 1) % W;
             self.older = (self.older.min(W - 1) + 1).min(W - 1);
         }

@@ -19,7 +19,8 @@ pub use describe::describe;
 const STATUS: Duration = Duration::from_millis(200);
 
 /// The refusal of another world while games have the device.
-const FIXED: &str = "games have the damping that this world leaves of the device's, so that it stays as it is; end hapt wheel, and start it with --set KEY=VALUE";
+const FIXED: &str =
+    "the world cannot change while a game uses the wheel; end hapt wheel, and start it with --set KEY=VALUE";
 
 /// A session with the messages for its pages. The caller decides which client may send what.
 pub struct PageSession {
@@ -46,7 +47,7 @@ impl PageSession {
     pub fn handle(&mut self, client: u64, message: ClientMessage, epoch: Epoch) -> Option<ServerMessage> {
         let refused = |key: &str, message: String| ServerMessage::Refused { key: key.into(), message };
         if self.session.wheel().is_some() {
-            // The effects have the damping that this world leaves of the device's.
+            // The effects use the damping that this world does not need.
             if let ClientMessage::Set { key, .. } = &message {
                 return Some(refused(key, FIXED.into()));
             }

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use crate::dimension::Dimension;
 use crate::words;
 
-/// Every power that a unit's text can reach stays within ±100; beyond that nobody means it.
+/// Every power that a unit's text can reach stays within ±100; larger powers are rejected.
 const HIGHEST_POWER: i16 = 100;
 /// Parentheses inside parentheses.
 const DEEPEST: u32 = 16;

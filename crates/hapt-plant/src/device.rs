@@ -49,7 +49,7 @@ struct InteractiveGrip {
     updated: u64,
 }
 
-/// What a period without an event is: asked once, until the hand or the device changes.
+/// The kind of an event-free period, cached until the hand or the device changes.
 #[derive(Clone, Copy, Debug, Default)]
 enum Stage {
     /// Not asked yet.

@@ -73,7 +73,7 @@ const LINE: f64 = 17.0;
 const BELOW: f64 = 40.0;
 const RIGHT: f64 = 12.0;
 /// Between panels beside each other, and below a row of them.
-const BESIDE: f64 = 14.0;
+const PANEL_GAP: f64 = 14.0;
 const GAP: f64 = 8.0;
 /// Above and left of everything, and the line of a file's title.
 const EDGE: f64 = 4.0;
@@ -182,7 +182,7 @@ impl Figure {
             let mut x = 0.0;
             for layout in row {
                 layout.draw(&mut body, x, y, y + above);
-                x += layout.total + BESIDE;
+                x += layout.total + PANEL_GAP;
             }
             y += above + tall + BELOW + GAP;
         }
@@ -197,7 +197,7 @@ impl Figure {
 
     /// The panels in so many columns.
     fn layouts(&self, width: f64, columns: usize) -> Vec<Layout<'_>> {
-        let each = (width + BESIDE) / columns as f64 - BESIDE;
+        let each = (width + PANEL_GAP) / columns as f64 - PANEL_GAP;
         // Frames below each other are aligned, so that their times coincide.
         let left = self.panels.iter().map(|panel| Layout::new(panel, each, columns, 0.0).left).fold(0.0, f64::max);
         self.panels.iter().map(|panel| Layout::new(panel, each, columns, left)).collect()

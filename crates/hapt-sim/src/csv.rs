@@ -79,7 +79,7 @@ impl<W: Write> CsvWriter<W> {
         self.end(unused)
     }
 
-    /// Writes the line, of which so much is not in use.
+    /// Writes the used part of the line.
     #[inline]
     fn end(&mut self, unused: usize) -> io::Result<()> {
         let end = self.line.len() - unused;

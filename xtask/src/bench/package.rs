@@ -13,7 +13,7 @@ const BLOCK: &str = "cargo xtask bench python";
 
 /// What is installed beside the package; Drake has no wheel for some systems.
 const NEEDED: [&str; 4] = ["maturin==1.16.0", "numpy==2.4.6", "pyarrow==26.0.1", "scipy==1.17.1"];
-const BESIDE: [&str; 6] =
+const COMPARED: [&str; 6] =
     ["control==0.10.2", "pathsim==0.27.1", "mujoco==4.0.0", "drake==1.51.1", "numba==0.68.1", "jax==0.10.2"];
 /// Rounds of whole sweeps, of which MuJoCo and pathsim take seconds each.
 const SWEEPS: usize = 5;
@@ -59,7 +59,7 @@ fn environment(folder: &Path) -> Result<PathBuf> {
         output(Command::new(&python).args(["-m", "pip", "install", "--quiet"]).args(packages)).map(drop)
     };
     install(&NEEDED)?;
-    for package in BESIDE {
+    for package in COMPARED {
         if let Err(error) = install(&[package]) {
             eprintln!("without {package}: {error}");
         }

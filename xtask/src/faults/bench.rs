@@ -19,8 +19,8 @@ const DAMPED: f64 = 0.2;
 /// A world that is certified on a real device: a motor with a limit, mostly an encoder, friction, whole delays. Half of them bend.
 pub fn world(rng: &mut Rng) -> World {
     loop {
-        let bent = rng.bool();
-        let mut world = worlds::random(rng, bent);
+        let is_nonlinear = rng.bool();
+        let mut world = worlds::random(rng, is_nonlinear);
         let sampling = &mut world.sampling;
         let whole = (sampling.delay_s() / sampling.period).round().min(3.0);
         sampling.delay = hapt_model::Delay::Seconds(whole * sampling.period);

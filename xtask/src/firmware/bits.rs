@@ -15,7 +15,7 @@ use crate::truth::worlds;
 const SHORT: u32 = 4_000;
 const FULL: u32 = 100_000;
 
-/// Every board makes this machine's bits: of the notes' worlds, and of bent ones, by every method.
+/// Every board makes this machine's bits: of the notes' worlds, and of nonlinear ones, by every method.
 pub fn same(extent: Extent) -> Result<()> {
     if !has_tools()? {
         return Ok(());
@@ -58,7 +58,7 @@ fn cases(samples: u32) -> Result<Vec<(String, Vec<u8>)>> {
             wheel.sampling.output = Output::Start;
         }
         cases.push((format!("default, {}", method.name()), bytes(&wheel)?));
-        let bent = loop {
+        let nonlinear = loop {
             let world = worlds::random(&mut rng, true);
             if world.sampling.method != method || world.bodies.is_empty() {
                 continue;
@@ -68,7 +68,7 @@ fn cases(samples: u32) -> Result<Vec<(String, Vec<u8>)>> {
                 break bytes;
             }
         };
-        cases.push((format!("bent, {}", method.name()), bent));
+        cases.push((format!("nonlinear, {}", method.name()), nonlinear));
     }
     for estimator in [EstimatorKind::Foaw, EstimatorKind::FoawBest] {
         let mut rough = world("default")?;

@@ -148,14 +148,14 @@ pub fn stays(rng: &mut Rng, world: &World, taken: &mut u64, report: &mut dyn FnM
     Ok(holds)
 }
 
-/// One loop under uneven time, linear or `bent`.
+/// One loop under uneven time, linear or `is_nonlinear`.
 ///
 /// # Errors
 /// Numbers out of range.
 pub fn judge(
     rng: &mut Rng,
     world: &World,
-    bent: bool,
+    is_nonlinear: bool,
     found: &mut Counts,
     report: &mut dyn FnMut(String),
 ) -> Result<(), Error> {
@@ -177,7 +177,7 @@ pub fn judge(
             let reason = reason.split(" from ").next().unwrap_or(reason).to_string();
             *found.patterns_open.entry(reason).or_default() += 1;
         }
-        PatternVerdict::Proved if bent => {
+        PatternVerdict::Proved if is_nonlinear => {
             let holds = stays(rng, &world, &mut found.samples, report)?;
             found.free_nonlinear += claim(holds);
         }
@@ -234,10 +234,10 @@ pub fn judge(
                 ));
             }
         }
-        if bent { found.proved += claim(holds) } else { found.uneven_passive += claim(holds) }
+        if is_nonlinear { found.proved += claim(holds) } else { found.uneven_passive += claim(holds) }
     }
     if let Some(bound) =
-        bound.filter(|bound| !bent && *bound > 0.0 && world.bodies.len() < 2 && Counts::draws_lots(rng))
+        bound.filter(|bound| !is_nonlinear && *bound > 0.0 && world.bodies.len() < 2 && Counts::draws_lots(rng))
     {
         let sharp = sharpness(&world, bound, &mut found.samples);
         if let Some(sharp) = sharp.filter(|sharp| sharp.reach > 1.0 + JUST) {

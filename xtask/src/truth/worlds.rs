@@ -37,9 +37,9 @@ pub fn bodies_every(rng: &mut Rng, world: &World) -> u32 {
 }
 
 /// A loop of up to three bodies: every method, output and estimator; delays with and without a fraction; periods from 0.1 to
-/// 10 ms; ωT up to about 3; a device with a damping near the required one. `bent` puts walls, detents and clamped springs
+/// 10 ms; ωT up to about 3; a device with a damping near the required one. `is_nonlinear` puts walls, detents and clamped springs
 /// in, constant torques, and encoder, levels, limit and Coulomb friction into the device, in all combinations.
-pub fn random(rng: &mut Rng, bent: bool) -> World {
+pub fn random(rng: &mut Rng, is_nonlinear: bool) -> World {
     let period = log_uniform(rng, -4.0, -2.0);
     let (method, output, advance) = rule(rng);
     let estimator = one_of(
@@ -77,7 +77,7 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
     let bodies: Vec<Body> = (0..rng.usize(..4))
         .map(|_| Body { inertia: inertia * log_uniform(rng, -1.0, 2.0), position: 0.0, velocity: 0.0 })
         .collect();
-    let couplings = couplings(rng, &bodies, inertia, period, bent, method);
+    let couplings = couplings(rng, &bodies, inertia, period, is_nonlinear, method);
     let wanted: f64 = couplings
         .iter()
         .filter(|c| c.first == End::Puck || c.second == End::Puck)
@@ -104,7 +104,7 @@ pub fn random(rng: &mut Rng, bent: bool) -> World {
         handle: None,
         torque: Default::default(),
     };
-    if bent && rng.u8(..4) > 0 {
+    if is_nonlinear && rng.u8(..4) > 0 {
         device.encoder = rng.bool().then(|| log_uniform(rng, 3.0, 6.0).round());
         device.limit = rng.bool().then(|| log_uniform(rng, -2.0, 1.0));
         device.levels = device.limit.filter(|_| rng.bool()).map(|_| 2 * log_uniform(rng, 1.0, 4.0).round() as u32);
@@ -157,13 +157,20 @@ fn rule(rng: &mut Rng) -> (Method, Output, u32) {
 }
 
 /// Springs and dampers that tie each body to the puck, ground or an earlier one; sometimes the puck to ground.
-fn couplings(rng: &mut Rng, bodies: &[Body], inertia: f64, period: f64, bent: bool, method: Method) -> Vec<Coupling> {
+fn couplings(
+    rng: &mut Rng,
+    bodies: &[Body],
+    inertia: f64,
+    period: f64,
+    is_nonlinear: bool,
+    method: Method,
+) -> Vec<Coupling> {
     let mut all = Vec::new();
     let mut tie = |rng: &mut Rng, first: End, second: End, inertia: f64| {
         // Stiffness by the angle that the inertia on it would go a sample.
         let x = log_uniform(rng, -2.0, 0.4);
         // Now and then so soft that what is behind it is hardly felt. Such a swing is longer than any run: not where motions are followed.
-        let soft = if bent && rng.u8(..12) == 0 { log_uniform(rng, -14.0, -4.0) } else { 1.0 };
+        let soft = if is_nonlinear && rng.u8(..12) == 0 { log_uniform(rng, -14.0, -4.0) } else { 1.0 };
         let stiffness = soft * inertia * (x / period).powi(2);
         all.push(Coupling { first, second, law: Law::Spring { stiffness, rest: 0.0 }, limit: None });
         match rng.u8(..6) {
@@ -192,7 +199,7 @@ fn couplings(rng: &mut Rng, bodies: &[Body], inertia: f64, period: f64, bent: bo
     if bodies.is_empty() || rng.u8(..4) == 0 {
         tie(rng, End::Puck, End::Ground, inertia);
     }
-    if bent {
+    if is_nonlinear {
         for _ in 0..rng.usize(..3) {
             // A body's contact under the new-sample-first methods is refused by the loop.
             let at_body = !bodies.is_empty() && rng.bool() && !method.takes_new_sample_first();

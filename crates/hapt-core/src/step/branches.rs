@@ -101,7 +101,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, 
     }
 }
 
-/// What most worlds are, asked once a sample in place of question by question: linear, with an ideal encoder and the true velocity, by a method
+/// The common case, checked once a sample: linear, with an ideal encoder and the true velocity, by a method
 /// that holds u_k, with the torque from the end of the step ([`Loop::has_fast_path`]). The sample is the same, with its answers known.
 pub(crate) struct LinearFastPath<'l, F, const B: usize, const C: usize, const W: usize>(pub &'l Loop<F, B, C, W>);
 

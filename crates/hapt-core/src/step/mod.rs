@@ -13,8 +13,7 @@ use branches::LinearFastPath;
 
 /// A world compiled for at most B bodies, C couplings and W remembered counts (a FOAW window of W - 1), on numbers F.
 ///
-/// A PC holds `Loop<f64, 32, 64, 257>`, a microcontroller `Loop<f32, 4, 8, 17>`. The bits are those of the numbers alone,
-/// whatever the room.
+/// A PC holds `Loop<f64, 32, 64, 257>`, a microcontroller `Loop<f32, 4, 8, 17>`. Results are bit-identical for every capacity.
 #[derive(Clone, Copy, Debug)]
 pub struct Loop<F, const B: usize, const C: usize, const W: usize> {
     pub(crate) bodies: usize,
@@ -38,7 +37,7 @@ pub struct Loop<F, const B: usize, const C: usize, const W: usize> {
     pub(crate) drift: Vector<F, B>,
     /// The response to a nonlinear torque on each body; `None` when there are none.
     pub(crate) force: Option<[Vector<F, B>; B]>,
-    /// There where the method finds these torques over the step, rather than taking them where it stands.
+    /// Present when the method solves for nonlinear torques over the step (discrete gradient).
     pub(crate) gradient: Option<Gradient<F, B>>,
     pub(crate) port: Port<F, B>,
     pub(crate) nonlinear: [Option<Nonlinear<F>>; C],
@@ -245,7 +244,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
 
 /// One source for numbers and for lanes: what a sample is.
 impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
-    /// Most worlds have one body. Compiled for that number the sample asks for no other, and does the same to the bit. What depends on the
+    /// Most worlds have one body: the sample is monomorphised for it, and results are bit-identical. What depends on the
     /// numbers is asked of `with`: of the loop itself, or of the loops of all lanes, with their S couplings.
     #[inline(always)]
     pub(crate) fn sample<X: Branches<F, B, S, W>, const S: usize>(
@@ -282,7 +281,7 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         };
         let State { now, change, until_step, bristles, contacts, memory } = state;
         if X::IS_LINEAR || !self.new_sample_first {
-            // A state may be anybody's.
+            // The state may come from a caller.
             let waits = if X::IS_LINEAR { 0 } else { (*until_step).min(self.skips) };
             if waits == 0 {
                 now.add(n, F::ONE, change);

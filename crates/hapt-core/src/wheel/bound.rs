@@ -78,7 +78,7 @@ impl Timing {
     }
 }
 
-/// What the device pays for: springs, or so much less of a slider's or a body's stiffness.
+/// The stiffness budget of the device: springs, or so much less of a slider's or a body's stiffness.
 ///
 /// With counts the loop sees z + e, |e| ≤ Δ/2. A static law of stiffness K is the exact one and a torque of at most KΔ/2. A slider is a monotone
 /// map of positions that commutes with shifts: what e moves is moved by Δ/2 at most, and its torque differs by at most KΔ. Such a torque D does

@@ -44,7 +44,7 @@ proptest! {
 const KINDS: usize = 11;
 
 /// A nonlinear coupling of some kind.
-fn bent(kind: usize, scale: f64) -> Coupling {
+fn nonlinear_coupling(kind: usize, scale: f64) -> Coupling {
     let law = match kind % KINDS {
         0 => Law::Wall { side: Side::Above, at: 0.05, stiffness: 5.0 * scale, damping: 0.01 },
         1 => Law::Detent { torque: 0.05 * scale, pitch: 0.3, phase: 0.1 },
@@ -137,7 +137,7 @@ proptest! {
             for output in Output::ALL {
                 for counted in [false, true] {
                     let single = std::array::from_fn::<_, N, _>(|i| {
-                        let more: Vec<Coupling> = kinds[if alike { 0 } else { i }].iter().map(|kind| bent(*kind, scales[i])).collect();
+                        let more: Vec<Coupling> = kinds[if alike { 0 } else { i }].iter().map(|kind| nonlinear_coupling(*kind, scales[i])).collect();
                         let all = compiled(method, output, estimator, counted, scales[i], if bends { &more } else { &[] }, every);
                         all.or_else(|| compiled(method, output, estimator, counted, scales[i], &[], every))
                     });
@@ -184,9 +184,12 @@ fn worlds_of_different_kinds_do_not_stand_side_by_side() {
     let plain = || of(Method::Zoh, Output::End, Estimator::Exact, false, 1.0);
     let with = |world| Batch::<2, 2, 6, 9, 6>::new(&[plain(), world]).is_some();
     assert!(with(of(Method::Trapezoidal, Output::End, Estimator::Exact, false, 2.0)));
-    assert!(with(compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0, &[bent(0, 1.0)], 1).unwrap()));
-    let bent = compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0, &[bent(0, 1.0)], 1).unwrap();
-    assert!(Batch::<2, 2, 6, 9, 0>::new(&[plain(), bent]).is_none());
+    assert!(with(
+        compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0, &[nonlinear_coupling(0, 1.0)], 1).unwrap()
+    ));
+    let nonlinear =
+        compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0, &[nonlinear_coupling(0, 1.0)], 1).unwrap();
+    assert!(Batch::<2, 2, 6, 9, 0>::new(&[plain(), nonlinear]).is_none());
     assert!(!with(of(Method::Tustin, Output::Start, Estimator::Exact, false, 1.0)));
     assert!(!with(of(Method::Zoh, Output::Middle, Estimator::Exact, false, 1.0)));
     assert!(!with(of(Method::Zoh, Output::End, Estimator::Difference, false, 1.0)));

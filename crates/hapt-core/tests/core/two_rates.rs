@@ -92,7 +92,7 @@ proptest! {
         prop_assert!((state.now.position[0] - expected).abs() < 1e-12, "{} {expected}", state.now.position[0]);
     }
 
-    /// A snapshot may be anybody's.
+    /// A snapshot may come from a caller.
     #[test]
     fn a_count_beyond_a_step_is_one_within_it(every in 2_u32..9, count in any::<u32>()) {
         let world = World { bodies: vec![Body { inertia: 0.02, position: 0.0, velocity: 1.0 }], couplings: vec![] };

@@ -1,7 +1,7 @@
 //! A loop's device as a force-feedback wheel of this computer (Linux): a thread between the loop's rings and the kernel's USB.
 //!
 //! The loop never waits for it. What a host asks for is a pool of effects ([`hapt_wire::pid`]); the loop renders it beside its world, with the
-//! damping that the world leaves of the device's ([`hapt_core::wheel`]).
+//! damping that the world does not need ([`hapt_core::wheel`]).
 
 mod bus;
 mod game;

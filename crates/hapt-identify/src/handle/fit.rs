@@ -37,12 +37,12 @@ const BEGINS: f64 = 7.815;
 /// The lag from which one is looked for, in periods.
 const SHORT: f64 = 0.5;
 /// Parts of delay and lag together that are the lag's, and parts of λ² and of the friction, from which a fit is repeated.
-const BESIDE: [(usize, f64); 7] =
+const RESTARTS: [(usize, f64); 7] =
     [(LATE, 0.9), (LATE, 0.6), (LATE, 0.3), (FRICTION, 0.5), (FRICTION, 0.0), (VARIANCE, 1.5), (VARIANCE, 0.7)];
 /// A step of this many standard errors is none.
 const SMALL: f64 = 1e-3;
 
-/// Whether a sample is fitted: it is a measurement, and the torques before the record, which nobody knows, have all gone. What they did is
+/// Whether a sample is fitted: it is a measurement, and the unknown torques before the record have decayed. What they did is
 /// in the state from which the fit begins.
 fn is_measured(record: &Record, i: usize) -> bool {
     record.is_news(i) && record.times()[i] - record.times()[0] >= LONGEST_DELAY
@@ -188,7 +188,7 @@ impl Fit {
     /// The best of the fits from here and from other lags and frictions: each stop of a motor bends the squares, and a fit can end beside
     /// the least.
     pub fn settled(mut self, record: &Record, stop: &dyn Fn() -> bool) -> Fit {
-        for (i, part) in BESIDE {
+        for (i, part) in RESTARTS {
             let mut p = self.p;
             match i {
                 // A lag that is missed is another share of the inertia.

@@ -33,8 +33,8 @@ fn imbalance(world: &World, row: &Row) -> (f64, f64) {
     let ledger = row.ledger;
     let moving =
         0.5 * world.device.inertia * row.puck_velocity * row.puck_velocity + 0.5 * shaft.inertia * handle.1 * handle.1;
-    let bent = 0.5 * shaft.stiffness * (handle.0 - row.puck) * (handle.0 - row.puck);
-    let terms = [ledger.hand, ledger.motor, -ledger.damping, -ledger.friction, -ledger.shaft, -moving, -bent];
+    let stored = 0.5 * shaft.stiffness * (handle.0 - row.puck) * (handle.0 - row.puck);
+    let terms = [ledger.hand, ledger.motor, -ledger.damping, -ledger.friction, -ledger.shaft, -moving, -stored];
     (terms.iter().sum(), terms.iter().fold(0.0, |m: f64, x| m.max(x.abs())))
 }
 
@@ -158,13 +158,13 @@ proptest! {
             prop_assert!((row.puck_velocity - y[1]).abs() < 2e-3 * (1.0 + y[1].abs()), "{row:?} {y:?}");
             for i in 0..500 {
                 let t = row.time + f64::from(i) * h;
-                let bent = |y: [f64; 4]| stiffness * (y[2] - y[0]) + shaft * (y[3] - y[1]);
-                let net = motor + bent(y);
+                let shaft_torque = |y: [f64; 4]| stiffness * (y[2] - y[0]) + shaft * (y[3] - y[1]);
+                let net = motor + shaft_torque(y);
                 let sliding = if y[1] != 0.0 { y[1].signum() } else if net.abs() > friction { net.signum() } else { 0.0 };
                 let rate = |y: [f64; 4], t: f64| {
                     let rest = sliding == 0.0;
-                    let a = if rest { 0.0 } else { (motor + bent(y) - damping * y[1] - friction * sliding) / inertia };
-                    [if rest { 0.0 } else { y[1] }, a, y[3], (hand(t) - bent(y)) / handle_inertia]
+                    let a = if rest { 0.0 } else { (motor + shaft_torque(y) - damping * y[1] - friction * sliding) / inertia };
+                    [if rest { 0.0 } else { y[1] }, a, y[3], (hand(t) - shaft_torque(y)) / handle_inertia]
                 };
                 let ahead = |y: [f64; 4], d: [f64; 4], h: f64| -> [f64; 4] { std::array::from_fn(|i| y[i] + h * d[i]) };
                 let k1 = rate(y, t);
