@@ -113,15 +113,11 @@ def root(x):
     return Between(Fraction(low, 1 << down), Fraction(high + 1, 1 << up) if x.high else Fraction(0))
 
 
-def x_coth(x):
-    """x coth x for x > 0: x (1 + 2/(e^2x - 1))."""
-    if x.high < Fraction(1, 2**40):
-        return Between(Fraction(1), 1 + x.high**2 / 3)
-    if x.low > 200:
-        return x * Between(Fraction(1), 1 + Fraction(1, 2**500))
+def exponential(x):
+    """e^x for x >= 0."""
     bits = 400
 
-    def exponential(y, up):
+    def bound(y, up):
         # In units of 2^-bits, each step rounded down (up): the series at y/2^halvings <= 1/2, squared again.
         halvings = max(0, math.ceil(y).bit_length() + 1)
         scaled = (y.numerator << bits) // (y.denominator << halvings) + up
@@ -135,8 +131,23 @@ def x_coth(x):
             total = (total * total >> bits) + up
         return Fraction(total, 1 << bits)
 
-    grown = Between(exponential(2 * x.low, 0), exponential(2 * x.high, 1))
-    return x * (ONE + TWO / (grown - ONE))
+    return Between(bound(x.low, 0), bound(x.high, 1))
+
+
+def x_coth(x):
+    """x coth x for x > 0: x (1 + 2/(e^2x - 1))."""
+    if x.high < Fraction(1, 2**40):
+        return Between(Fraction(1), 1 + x.high**2 / 3)
+    if x.low > 200:
+        return x * Between(Fraction(1), 1 + Fraction(1, 2**500))
+    return x * (ONE + TWO / (exponential(TWO * x) - ONE))
+
+
+def samples_behind(x):
+    """p/(1 - p) of the pole p = e^-x, x > 0: so many samples a filter is behind."""
+    if x.low > 400:
+        return Between(Fraction(0), Fraction(1, 2**500))
+    return ONE / (exponential(x) - ONE)
 
 
 def least_of(a, b):
@@ -256,6 +267,7 @@ POSITION, VELOCITY = ((1, 0, 0, 0), (0, 1, 0, 0)), ((1, 0, 0, -1), (0, 1, 0, -1)
 INERTIA, TORQUE = ((0, 2, 1, 0), (0, 0, 1, 0)), ((0, 2, 1, -2), (0, 1, 1, -2))
 STIFFNESS, DAMPING = ((-1, 2, 1, -2), (0, 0, 1, -2)), ((-1, 2, 1, -1), (0, 0, 1, -1))
 PER_ANGLE = (-1, 2, 1, 0)
+RATIO = ((0, 0, 0, 0),) * 2
 
 
 def split_quantity(text):
@@ -435,6 +447,15 @@ class Coupling:
         if torque.low != 0 or torque.high != 0:
             raise Refused(f"{table.name}: a constant torque has an energy without a lower bound, and no theorem here covers it")
 
+    @classmethod
+    def of_gravity(cls, share, torque):
+        """A detent of a turn, share · torque · 2 pi/(2 pi) steep."""
+        law = cls.__new__(cls)
+        law.kind, law.ends = "detent", frozenset(("puck", "ground"))
+        law.stiffness, law.damping = share * torque, ZERO
+        law.compensates, law.limit = False, None
+        return law
+
     def is_at(self, end):
         return end in self.ends
 
@@ -473,12 +494,13 @@ class World:
             body.close()
             ends.add(name)
         self.has_bodies = len(ends) > 2
-        couplings = top.take("couplings", [])
+        couplings, compensations = top.take("couplings", []), top.take("compensation", [])
         top.close()
-        if type(couplings) is not list:
-            raise Refused("couplings is not a list of tables")
+        if type(couplings) is not list or type(compensations) is not list:
+            raise Refused("couplings, or compensation, is not a list of tables")
         self.found = {}  # what each theorem requires, once it has been asked
         self.couplings = [Coupling(Table(f"couplings.{i}", table, is_linear), ends) for i, table in enumerate(couplings)]
+        self.read_compensations(compensations, is_linear)
         for index, coupling in enumerate(self.couplings):
             if coupling.compensates:
                 springs = [other.stiffness for other in self.couplings if self.compensated(coupling, other)]
@@ -522,8 +544,21 @@ class World:
         if self.cutoff is None and self.estimator == "low-pass":
             raise Refused("loop.cutoff is missing")
         self.every = table.whole("every", 1, 1, 256)
+        self.filter = table.number("filter", FREQUENCY, positive=True) if "filter" in table.left else None
         table.whole("window", 16, 1, 256)
         table.close()
+
+    def read_compensations(self, tables, is_linear):
+        """Each takes back a torque of the device by the measured position: a coupling between puck and ground, behind the others."""
+        taken = set()
+        for i, table in enumerate(tables):
+            table = Table(f"compensation.{i}", table, is_linear)
+            of, share = table.name_of("of", ("gravity",)), table.number("share", RATIO, ONE)
+            table.close()
+            if of in taken or self.gravity is None or share.high > 1:
+                raise Refused(f"compensation.{i} takes back what is not there, or more than there is")
+            taken.add(of)
+            self.couplings.append(Coupling.of_gravity(share, self.gravity))
 
     def read_delay(self, table, key, default):
         """A time, or a number of samples."""
@@ -554,6 +589,7 @@ class World:
             table.whole("encoder", 1, 1, 2**53)
         # How the puck hangs on its motor's drive changes no number of the device.
         Table("device.drive", table.take("drive", {}))
+        self.read_torques(table)
         if "handle" in table.left:
             # (T61): what is passive at the puck is passive at the handle.
             handle = Table("device.handle", table.take("handle"), table.is_linear)
@@ -562,6 +598,28 @@ class World:
             handle.number("damping", DAMPING, ZERO)
             handle.close()
         table.close()
+
+    def read_torques(self, table):
+        """Torques of the device that store energy and give none over a turn: a part of the passive hand, whatever they are."""
+        self.gravity = None
+        if "gravity" in table.left:
+            if table.is_linear:
+                raise Refused("device.gravity is a torque of a rotary device")
+            gravity = Table("device.gravity", table.take("gravity"), False)
+            self.gravity = gravity.number("torque", TORQUE)
+            gravity.any("phase", POSITION, ZERO)
+            gravity.close()
+        if "cogging" in table.left:
+            cogging = Table("device.cogging", table.take("cogging"), table.is_linear)
+            cogging.number("torque", TORQUE)
+            cogging.number("pitch", POSITION, positive=True)
+            cogging.any("phase", POSITION, ZERO)
+            waves = [cogging.take(key, []) for key in ("sine", "cosine")]
+            if not any(waves) or any(type(wave) is not list or len(wave) > 4 for wave in waves):
+                raise Refused("device.cogging has no harmonics, or more than four")
+            for factor in waves[0] + waves[1]:
+                quantity(factor, RATIO[0])
+            cogging.close()
 
     # What several theorems assume.
 
@@ -579,13 +637,18 @@ class World:
     def has_one_delay(self):
         return self.delay[0].low == self.delay[1].low and self.delay[0].high == self.delay[1].high
 
-    def needs_mean_velocity(self):
-        """A damping at the puck takes the mean velocity of earlier intervals, and not that of one instant."""
+    def needs_position(self):
+        """Bodies and couplings see the puck where it was measured."""
+        if self.filter is not None:
+            raise Refused("loop.filter shows the world a position behind the puck's, and this theorem is not about that")
+
+    def needs_mean_velocity(self, of_several=False):
+        """A damping at the puck takes the mean velocity of the last interval, or of several, and not that of one instant."""
         if all(coupling.damping.high == 0 for _, coupling in self.at_puck()):
             return
         if self.estimator not in ("difference", "low-pass"):
             raise Refused(f"the estimator {self.estimator} gives a damping at the puck a velocity that no theorem here covers")
-        if self.estimator == "difference" and self.every > 1:
+        if self.estimator == "difference" and self.every > 1 and not of_several:
             raise Refused(f"a difference over {self.every} samples gives a damping at the puck a velocity that no theorem here covers")
         if self.estimator == "low-pass" and not all(coupling.is_linear() for coupling in self.couplings):
             raise Refused("a velocity from a low-pass beside nonlinear couplings is covered by no theorem here")
@@ -626,6 +689,7 @@ def of_energy(world):
     if not world.comes_at_once():
         raise Refused("the energy theorem is about a torque that comes at once, and this one has a delay or a lag")
     world.needs_mean_velocity()
+    world.needs_position()
     at_bodies = [coupling for coupling in world.couplings if coupling.is_at_body()]
     for coupling in at_bodies:
         if coupling.kind == "wall" and coupling.damping.high > 0 and (coupling.is_at("puck") or coupling.limit):
@@ -639,11 +703,13 @@ def of_energy(world):
 
 
 def laws(world):
-    """(T39), (T40), (T42), (T45), (T46): all couplings stand between puck and ground, with slopes within +-K."""
+    """(T39), (T40), (T42), (T45), (T46): all couplings stand between puck and ground, with slopes within +-K. A filter is a damper more, (T70)."""
     if world.has_bodies or world.advance:
         raise Refused("the theorem on laws at the puck is about worlds without bodies, and without an advance")
-    world.needs_mean_velocity()
+    world.needs_mean_velocity(of_several=True)
     stiffness, damping = world.sums()
+    if world.filter is not None:
+        damping = damping + stiffness * world.period * samples_behind(TWO * PI * world.filter * world.period)
     period, longest, (least, delay), lag = world.period, world.longest, world.delay, world.lag_most
     if world.comes_at_once():
         return longest * (stiffness * HALF + damping / period)
@@ -703,6 +769,7 @@ def requirement(world):
     if not all(coupling.is_linear() for coupling in world.couplings):
         raise Refused("the polynomial is that of springs and dampers without limits")
     world.needs_mean_velocity()
+    world.needs_position()
     samples, rest = world.samples_of_delay()
     if rest.high != 0 or samples > SAMPLES:
         raise Refused(f"the polynomial is that of a delay of whole samples, {SAMPLES} at most")

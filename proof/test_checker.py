@@ -1,6 +1,7 @@
 """What the checker accepts, and what it refuses: python3 -m unittest discover proof"""
 
 import json
+import math
 import unittest
 
 import checker
@@ -249,6 +250,47 @@ class Checker(unittest.TestCase):
         self.refuses(alone('delay = "2 ms"\ninterval_max = "1 ms"', 2.5e-3, SPRING), proof(required="2.5e-3", **late))
         self.refuses(alone('delay = "2 ms"', 2.5e-3, SPRING, device="lag = 1e-9"), proof(required="2.5e-3", **late))
         self.refuses(alone('delay = "2 ms"', 2.5e-3, SPRING, 'kind = "constant"\ntorque = 1'), proof(required="2.5e-3", **late))
+
+    def test_a_filter_of_the_position_counts_as_a_damper(self):
+        # (T70): K T (1/2 + p/(1 - p)), p = exp(-2 pi 0.1).
+        enough = repr(1e-3 * (0.5 + 1 / math.expm1(0.2 * math.pi)))
+        own = {"theorem": "laws", "laws": [(0, "1", "0")], "required": enough}
+        self.accepts(alone('filter = "100 Hz"', enough, SPRING), proof(**own))
+        for loop in ('filter = "99.9999 Hz"', 'filter = "0 Hz"', 'filter = "-1 Hz"', 'filter = "100 ms"', "filter = true"):
+            with self.subTest(loop=loop):
+                self.refuses(alone(loop, enough, SPRING), proof(**own))
+        self.refuses(alone('filter = "100 Hz"', 5e-4, SPRING), proof(theorem="laws", laws=[(0, "1", "0")], required="5e-4"))
+        # The energy theorem is about bodies that see the puck where it is.
+        self.refuses(WORLD.replace("[loop]", '[loop]\nfilter = "1 kHz"'), proof())
+
+    def test_a_difference_over_several_samples_is_a_mean_of_earlier_ways_at_the_puck_alone(self):
+        laws = {"theorem": "laws", "laws": [(0, "1", "0"), (1, "0", "1e-4")], "required": "6e-4"}
+        damper = 'kind = "damper"\ndamping = 1e-4'
+        self.accepts(alone('estimator = "difference"\nevery = 5', 6e-4, SPRING, damper), proof(**laws))
+        self.refuses(alone('estimator = "difference"\nevery = 257', 6e-4, SPRING, damper), proof(**laws))
+        self.refuses(WORLD.replace("[loop]", "[loop]\nevery = 5"), proof())
+
+    def test_a_torque_of_the_device_is_a_part_of_the_hand_and_one_that_the_loop_takes_back_a_law(self):
+        gravity = '[device.gravity]\ntorque = "0.4 N m"\nphase = "180 deg"\n'
+        cogging = '[device.cogging]\ntorque = 1e-3\npitch = "15 deg"\nsine = [1, 0.5]\n'
+        loop = {"theorem": "laws", "laws": [(0, "1", "0")], "required": "5e-4"}
+        self.accepts(alone("", 5e-4, SPRING, device=gravity + cogging), proof(**loop))
+        for wrong in (
+            gravity.replace("0.4", "-0.4"), gravity + "height = 1\n", gravity.replace("180 deg", "180 m"), cogging.replace("[1, 0.5]", "[]"),
+            cogging.replace("[1, 0.5]", "[1, 2, 3, 4, 5]"), cogging.replace("15 deg", "0 deg"), cogging.replace("[1,", '["x",'),
+        ):  # fmt: skip
+            with self.subTest(device=wrong):
+                self.refuses(alone("", 5e-4, SPRING, device=wrong), proof(**loop))
+        # A detent of a turn: 0.5 · 0.4 N m/rad steep.
+        half = '[[compensation]]\nof = "gravity"\nshare = 0.5\n'
+        taken = {"theorem": "laws", "laws": [(0, "1", "0"), (1, "0.2", "0")], "required": "6e-4"}
+        self.accepts(alone("", 6e-4, SPRING, device=gravity) + half, proof(**taken))
+        self.refuses(alone("", 6e-4, SPRING, device=gravity) + half, proof(**loop))
+        self.refuses(alone("", 6e-4, SPRING) + half, proof(**taken))
+        for wrong in (half.replace("0.5", "1.5"), half.replace("0.5", "-0.5"), half + half, half.replace("gravity", "cogging"), half + "of = 1\n"):
+            with self.subTest(compensation=wrong):
+                result, _ = code(alone("", 6e-4, SPRING, device=gravity + cogging) + wrong, proof(**taken))
+                self.assertNotEqual(result, 0)
 
     def test_a_polynomial_needs_its_own_coefficients_and_intervals(self):
         # A spring and a damper behind one sample: with s, K T (3/2 - 2 s) - B (1 - 8 s + 8 s²), K T = 1e-3, B = 2e-4, is largest at 0.

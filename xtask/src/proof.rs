@@ -11,9 +11,10 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 use fastrand::Rng;
-use hapt_core::Side;
+use hapt_core::{Side, Waveform};
 use hapt_model::{
-    Body, Coupling, Damping, Delay, End, EstimatorKind, Handle, Law, Method, Motion, Output, Source, World,
+    Body, Cogging, Compensated, Coupling, Damping, Delay, End, EstimatorKind, Gravity, Handle, Law, Method, Motion,
+    Output, Source, World,
 };
 use rayon::prelude::*;
 use serde_json::Value;
@@ -278,6 +279,7 @@ fn random(rng: &mut Rng) -> World {
     );
     sampling.cutoff = (sampling.estimator == EstimatorKind::LowPass).then(|| log_uniform(rng, -2.0, 0.0) / period);
     sampling.every = if rng.u8(..4) == 0 { rng.u32(2..9) } else { 1 };
+    sampling.filter = (kind == 1 && rng.u8(..4) == 0).then(|| log_uniform(rng, -3.0, 0.5) / period);
     sampling.method = match kind {
         0 => one_of(rng, &[Method::Zoh, Method::Trapezoidal, Method::BackwardEuler]),
         _ => one_of(rng, &[Method::Zoh, Method::ForwardEuler, Method::Rk4]),
@@ -312,6 +314,19 @@ fn random(rng: &mut Rng) -> World {
     if rng.u8(..4) == 0 {
         world.device.limit = Some(1.0);
         world.device.encoder = Some(4000.0);
+    }
+    if world.motion == Motion::Rotary && rng.u8(..6) == 0 {
+        world.device.torque.gravity = Some(Gravity { torque: log_uniform(rng, -4.0, 0.0), phase: rng.f64() });
+        world.couplings.extend(world.device.compensation(Compensated::Gravity, rng.f64()));
+    }
+    if rng.u8(..6) == 0 {
+        let waveform = Waveform { sine: [1.0, 0.0, -0.5, 0.0], cosine: [0.0, 0.25, 0.0, 0.0] };
+        world.device.torque.cogging = Some(Cogging {
+            torque: log_uniform(rng, -4.0, -1.0),
+            pitch: log_uniform(rng, -1.5, 0.0),
+            phase: 0.1,
+            waveform,
+        });
     }
     if kind == 0 {
         world.bodies = (0..rng.usize(1..4))

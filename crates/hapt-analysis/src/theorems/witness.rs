@@ -14,6 +14,7 @@ use crate::error::Error;
 use crate::passivity::required::linear_requirement_wanted;
 use crate::passivity::supremum::Wanted;
 use crate::passivity::timing::Timing;
+use crate::theorems::assumptions::behind_filter;
 use crate::theorems::claim::least;
 use crate::theorems::{ENERGY, LAWS, LINEAR, TWO_RATES, Theorem};
 
@@ -62,7 +63,7 @@ pub(crate) fn witness(world: &World, is_held: bool) -> Result<Option<Witnessed>,
         at_puck.iter().fold([0.0, 0.0], |[k, b], (_, [stiffness, damping])| [k + stiffness, b + damping]);
     if !world.couplings.iter().all(|c| is_known(&c.law))
         || !has_mean_velocity(world, damping)
-        || world.sampling.filter.is_some()
+        || (world.sampling.filter.is_some() && !world.bodies.is_empty())
         || world.sampling.advance > 0
     {
         return Ok(None);
@@ -82,8 +83,9 @@ pub(crate) fn witness(world: &World, is_held: bool) -> Result<Option<Witnessed>,
         let Some(theorem) = energy(world, timing) else { return Ok(None) };
         return Ok(slopes(theorem, timing.longest * (0.5 * stiffness + damping / timing.period)));
     }
-    match slopes(&LAWS, timing.of_laws([stiffness, damping])?) {
+    match slopes(&LAWS, timing.of_laws(behind_filter(world, [stiffness, damping]))?) {
         Some(found) => Ok(Some(found)),
+        None if world.sampling.filter.is_some() || world.sampling.takes_several_samples() => Ok(None),
         None => polynomial(&least, timing, [stiffness, damping]),
     }
 }
@@ -102,11 +104,12 @@ fn is_known(law: &Law) -> bool {
     }
 }
 
-/// Whether a damping at the puck takes the mean velocity of the last interval, which is what the checker knows.
+/// Whether a damping at the puck takes the mean velocity of the last interval or of several, which is what the checker knows.
 fn has_mean_velocity(world: &World, damping: f64) -> bool {
     match world.sampling.estimator {
         _ if damping == 0.0 => true,
-        EstimatorKind::Difference => world.sampling.every == 1,
+        // Over several samples beside bodies the energy theorem does not cover it.
+        EstimatorKind::Difference => world.sampling.every == 1 || world.bodies.is_empty(),
         EstimatorKind::LowPass => !world.couplings.iter().any(is_nonlinear),
         EstimatorKind::Exact | EstimatorKind::Foaw | EstimatorKind::FoawBest => false,
     }
