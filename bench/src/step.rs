@@ -56,20 +56,7 @@ impl Chain {
         let (bodies, couplings) = (&self.bodies[..], &self.couplings[..]);
         let (limit, estimator) = (Some(LIMIT), Estimator::Exact);
         let (method, output) = (Method::Zoh, Output::End);
-        let spec = Spec {
-            period: PERIOD,
-            method,
-            output,
-            advance: 0,
-            bodies_every: 1,
-            estimator,
-            filter: None,
-            count: None,
-            limit,
-            levels: None,
-            bodies,
-            couplings,
-        };
+        let spec = Spec { method, output, estimator, limit, bodies, couplings, ..Spec::new(PERIOD) };
         Ok(Loop::new(&spec)?)
     }
 }

@@ -72,22 +72,8 @@ impl<F: Number> Actuator<F> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Estimator, Method, Output};
 
-    const SPEC: Spec = Spec {
-        period: 1e-3,
-        method: Method::Zoh,
-        output: Output::End,
-        advance: 0,
-        bodies_every: 1,
-        estimator: Estimator::Exact,
-        filter: None,
-        count: None,
-        limit: Some(0.8),
-        levels: Some(16),
-        bodies: &[],
-        couplings: &[],
-    };
+    const SPEC: Spec = Spec { limit: Some(0.8), levels: Some(16), ..Spec::new(1e-3) };
 
     #[test]
     fn the_motor_takes_whole_steps_ties_up_and_never_more_than_its_limit() {

@@ -10,24 +10,11 @@ use crate::{Error, Loop, Real, Spec, State};
 /// It is `&self`, and [`ControllerState`] is everything that changes. A controller never reaches a motor but through the supervisor.
 ///
 /// ```
-/// use hapt_core::{CertifiedTime, Controller, Coupling, End, Estimator, Heat, Law, Limits, Method, Output, Phase, Reading, Request, Spec};
+/// use hapt_core::{CertifiedTime, Controller, Coupling, End, Estimator, Heat, Law, Limits, Phase, Reading, Request, Spec};
 ///
 /// let couplings =
 ///     [Coupling { first: End::Puck, second: End::Ground, law: Law::Spring { stiffness: 1.0, rest: 0.0 }, limit: None }];
-/// let spec = Spec {
-///     period: 1e-3,
-///     method: Method::Zoh,
-///     output: Output::End,
-///     advance: 0,
-///     bodies_every: 1,
-///     estimator: Estimator::Difference,
-///     filter: None,
-///     count: None,
-///     limit: Some(0.8),
-///     levels: None,
-///     bodies: &[],
-///     couplings: &couplings,
-/// };
+/// let spec = Spec { estimator: Estimator::Difference, limit: Some(0.8), couplings: &couplings, ..Spec::new(1e-3) };
 /// let heat = Heat { rms: f64::INFINITY, time: 1.0 };
 /// let limits = Limits {
 ///     fade: 0.1, velocity: 100.0, jump: 0.03, overspeed: 50.0, stuck: 1.0, stuck_torque: 0.05, torque: 0.8,

@@ -160,20 +160,7 @@ impl<const N: usize> Number for Lanes<N> {
 /// let worlds = [1.0, 2.0].map(|stiffness| {
 ///     let law = Law::Spring { stiffness, rest: 0.0 };
 ///     let couplings = [Coupling { first: End::Puck, second: End::Ground, law, limit: None }];
-///     let spec = Spec {
-///         period: 1e-3,
-///         method: Method::Zoh,
-///         output: Output::End,
-///         advance: 0,
-///         bodies_every: 1,
-///         estimator: Estimator::Difference,
-///         filter: None,
-///         count: None,
-///         limit: None,
-///         levels: None,
-///         bodies: &[],
-///         couplings: &couplings,
-///     };
+///     let spec = Spec { estimator: Estimator::Difference, couplings: &couplings, ..Spec::new(1e-3) };
 ///     Loop::<f64, 1, 8, 1>::new(&spec).unwrap()
 /// });
 /// let batch = Batch::<2, 1, 8, 1, 0>::new(&worlds).unwrap();

@@ -261,6 +261,24 @@ pub struct Spec<'a> {
 }
 
 impl Spec<'_> {
+    /// A loop of `period` seconds without bodies and couplings, on an ideal device: the torque of the end of each step of zoh, the true velocity.
+    pub const fn new(period: f64) -> Self {
+        Spec {
+            period,
+            method: Method::Zoh,
+            output: Output::End,
+            advance: 0,
+            bodies_every: 1,
+            estimator: Estimator::Exact,
+            filter: None,
+            count: None,
+            limit: None,
+            levels: None,
+            bodies: &[],
+            couplings: &[],
+        }
+    }
+
     /// The time in s over which the bodies step: `bodies_every` periods.
     pub fn step(&self) -> f64 {
         f64::from(self.bodies_every) * self.period

@@ -5,7 +5,7 @@
 use core::hint::black_box;
 
 use hapt_core::{
-    Body, CertifiedTime, Coupling, End, Estimator, Heat, Law, Limits, Loop, Method, Output, Reading, Real, Request, Spec, Supervisor,
+    Body, CertifiedTime, Coupling, End, Estimator, Heat, Law, Limits, Loop, Reading, Real, Request, Spec, Supervisor,
     SupervisorState, WhenLate,
 };
 
@@ -19,20 +19,7 @@ fn run<F: Real, const B: usize, const C: usize, const W: usize>(z: f64) -> f64 {
     let bodies = black_box([Body { inertia: z, position: z, velocity: z }; 5]);
     let coupling = Coupling { first: End::Puck, second: End::Body(0), law: Law::Spring { stiffness: z, rest: z }, limit: None };
     let couplings = black_box([coupling; 9]);
-    let spec = black_box(Spec {
-        period: z,
-        method: Method::Zoh,
-        output: Output::End,
-        advance: 3,
-        bodies_every: 1,
-        estimator: Estimator::Foaw { window: 3 },
-        filter: None,
-        count: Some(z),
-        limit: Some(z),
-        levels: Some(2),
-        bodies: &bodies,
-        couplings: &couplings,
-    });
+    let spec = black_box(Spec { advance: 3, estimator: Estimator::Foaw { window: 3 }, count: Some(z), limit: Some(z), levels: Some(2), bodies: &bodies, couplings: &couplings, ..Spec::new(z) });
     let Ok(compiled) = Loop::<F, B, C, W>::new(&spec) else { return 0.0 };
     let mut state = black_box(compiled.start());
     let mut sum = 0.0;

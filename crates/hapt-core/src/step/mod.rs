@@ -69,24 +69,11 @@ pub(crate) struct Port<F, const B: usize> {
 /// A copy of it is a snapshot: the same readings give the same torques again, to the bit.
 ///
 /// ```
-/// use hapt_core::{Coupling, End, Estimator, Law, Loop, Method, Output, Spec};
+/// use hapt_core::{Coupling, End, Estimator, Law, Loop, Spec};
 ///
 /// let law = Law::Spring { stiffness: 1.0, rest: 0.0 };
 /// let spring = Coupling { first: End::Puck, second: End::Ground, law, limit: None };
-/// let spec = Spec {
-///     period: 1e-3,
-///     method: Method::Zoh,
-///     output: Output::End,
-///     advance: 0,
-///     bodies_every: 1,
-///     estimator: Estimator::Difference,
-///     filter: None,
-///     count: None,
-///     limit: None,
-///     levels: None,
-///     bodies: &[],
-///     couplings: &[spring],
-/// };
+/// let spec = Spec { estimator: Estimator::Difference, couplings: &[spring], ..Spec::new(1e-3) };
 /// let world = Loop::<f64, 4, 8, 17>::new(&spec)?;
 /// let mut state = world.start();
 /// world.step(&mut state, 0.1, 0.0);

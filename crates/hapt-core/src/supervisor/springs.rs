@@ -163,7 +163,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{Body, Estimator, Loop, Method, Output};
+    use crate::{Body, Loop};
 
     fn end() -> impl Strategy<Value = End> {
         prop_oneof![Just(End::Puck), Just(End::Ground), (0_usize..3).prop_map(End::Body)]
@@ -180,10 +180,7 @@ mod tests {
             let bodies: [Body; 3] = core::array::from_fn(|i| Body {
                 inertia: 0.5 + i as f64, position: moved[i].0, velocity: moved[i].1,
             });
-            let spec = Spec {
-                period: 1e-3, method: Method::Zoh, output: Output::End, advance: 0, bodies_every: 1, estimator: Estimator::Exact, filter: None,
-                count: None, limit: None, levels: None, bodies: &bodies, couplings: &[],
-            };
+            let spec = Spec { bodies: &bodies, ..Spec::new(1e-3) };
             let mut state = Loop::<f64, 4, 8, 17>::new(&spec).unwrap().start();
             for (i, body) in moved.iter().enumerate() {
                 (state.change.position[i], state.change.velocity[i]) = (body.2, body.3);

@@ -7,18 +7,12 @@ type Room = Loop<f64, 2, 4, 9>;
 
 fn spec<'a>(couplings: &'a [Coupling], method: Method, filter: Option<f64>) -> Spec<'a> {
     Spec {
-        period: 1e-3,
         method,
         output: if method.takes_new_sample_first() { Output::Start } else { Output::End },
-        advance: 0,
-        bodies_every: 1,
         estimator: Estimator::Difference,
         filter,
-        count: None,
-        limit: None,
-        levels: None,
-        bodies: &[],
         couplings,
+        ..Spec::new(1e-3)
     }
 }
 

@@ -98,7 +98,6 @@ fn compiled(
     couplings.extend(more);
     let integrates = more.iter().any(|coupling| coupling.law.integrates());
     let spec = Spec {
-        period: 1e-3 * scale,
         method,
         output,
         advance: if output == Output::End && bodies_every == 1 && !integrates { 2 } else { 0 },
@@ -110,6 +109,7 @@ fn compiled(
         levels: counted.then_some(64),
         bodies: &bodies,
         couplings: &couplings,
+        ..Spec::new(1e-3 * scale)
     };
     Loop::new(&spec).ok()
 }

@@ -1,7 +1,7 @@
 //! Random worlds and their differential equation, written down a second time, coupling by coupling.
 #![allow(dead_code)]
 
-use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec, Waveform};
+use hapt_core::{Body, Coupling, Damping, End, Law, Method, Output, Side, Spec, Waveform};
 use proptest::prelude::*;
 
 #[derive(Clone, Debug)]
@@ -12,20 +12,7 @@ pub struct World {
 
 impl World {
     pub fn spec(&self, method: Method, output: Output, period: f64) -> Spec<'_> {
-        Spec {
-            period,
-            method,
-            output,
-            advance: 0,
-            bodies_every: 1,
-            estimator: Estimator::Exact,
-            filter: None,
-            count: None,
-            limit: None,
-            levels: None,
-            bodies: &self.bodies,
-            couplings: &self.couplings,
-        }
+        Spec { method, output, bodies: &self.bodies, couplings: &self.couplings, ..Spec::new(period) }
     }
 
     /// q and q̇ of a coupling.

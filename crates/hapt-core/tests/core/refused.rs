@@ -7,20 +7,7 @@ const SINE: Waveform = Waveform { sine: [1.0, 0.0, 0.0, 0.0], cosine: [0.0; 4] }
 const BODIES: [Body; 2] = [Body { inertia: 0.02, position: 0.0, velocity: 0.0 }; 2];
 const SPRING: Coupling =
     Coupling { first: End::Puck, second: End::Body(0), law: Law::Spring { stiffness: 1.0, rest: 0.0 }, limit: None };
-const SPEC: Spec = Spec {
-    period: 1e-3,
-    method: Method::Zoh,
-    output: Output::End,
-    advance: 0,
-    bodies_every: 1,
-    estimator: Estimator::Exact,
-    filter: None,
-    count: None,
-    limit: None,
-    levels: None,
-    bodies: &BODIES,
-    couplings: &[SPRING],
-};
+const SPEC: Spec = Spec { bodies: &BODIES, couplings: &[SPRING], ..Spec::new(1e-3) };
 
 fn refusal(spec: &Spec) -> Option<Error> {
     Loop::<f64, 2, 3, 17>::new(spec).err()

@@ -9,20 +9,7 @@ type Small = Loop<f64, 6, 12, 33>;
 
 const TAU: f64 = std::f64::consts::TAU;
 
-const EMPTY: Spec = Spec {
-    period: 1e-3,
-    method: Method::Zoh,
-    output: Output::End,
-    advance: 0,
-    bodies_every: 1,
-    estimator: Estimator::Exact,
-    filter: None,
-    count: None,
-    limit: None,
-    levels: None,
-    bodies: &[],
-    couplings: &[],
-};
+const EMPTY: Spec = Spec::new(1e-3);
 
 /// What the loop measures at each of the positions.
 fn measure(spec: &Spec, positions: &[f64]) -> Vec<(f64, f64)> {

@@ -55,20 +55,7 @@ const LIMITS: Limits = Limits {
 const SPRING: &[Coupling] =
     &[Coupling { first: End::Puck, second: End::Ground, law: Law::Spring { stiffness: K, rest: 0.0 }, limit: None }];
 
-const WORLD: Spec = Spec {
-    period: T,
-    method: Method::Zoh,
-    output: Output::End,
-    advance: 0,
-    bodies_every: 1,
-    estimator: Estimator::Difference,
-    filter: None,
-    count: None,
-    limit: Some(0.8),
-    levels: None,
-    bodies: &[],
-    couplings: SPRING,
-};
+const WORLD: Spec = Spec { estimator: Estimator::Difference, limit: Some(0.8), couplings: SPRING, ..Spec::new(T) };
 
 fn reading<F: Real>(position: f64) -> Reading<F> {
     let zero = F::ZERO;

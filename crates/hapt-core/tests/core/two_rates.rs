@@ -142,18 +142,12 @@ fn what_bodies_of_a_slower_rate_do_not_go_with_is_refused() {
     let at = |second| [lugre.between(End::Puck, second)];
     let (at_body, at_ground) = (at(End::Body(0)), at(End::Ground));
     let spec = |couplings| Spec {
-        period: 1e-3,
         method: Method::ForwardEuler,
-        output: Output::End,
-        advance: 0,
         bodies_every: 2,
         estimator: hapt_core::Estimator::Exact,
-        filter: None,
-        count: None,
-        limit: None,
-        levels: None,
         bodies: std::slice::from_ref(&body),
         couplings,
+        ..Spec::new(1e-3)
     };
     let refusal = |spec: &Spec| Small::new(spec).err();
     assert_eq!(refusal(&spec(&at_ground)), None);

@@ -27,7 +27,6 @@ pub struct World {
 impl World {
     pub fn spec(&self) -> Spec<'_> {
         Spec {
-            period: self.period,
             method: self.method,
             output: self.output,
             advance: self.advance,
@@ -39,6 +38,7 @@ impl World {
             levels: self.levels,
             bodies: &self.bodies,
             couplings: &self.couplings,
+            ..Spec::new(self.period)
         }
     }
 }

@@ -20,18 +20,12 @@ struct Linear {
 impl Linear {
     fn spec(&self, method: Method, output: Output) -> Spec<'_> {
         Spec {
-            period: self.period,
             method,
             output,
             advance: if output == Output::End { self.advance } else { 0 },
-            bodies_every: 1,
-            estimator: Estimator::Exact,
-            filter: None,
-            count: None,
-            limit: None,
-            levels: None,
             bodies: &self.bodies,
             couplings: &self.couplings,
+            ..Spec::new(self.period)
         }
     }
 

@@ -45,20 +45,7 @@ fn law_codes(coupling: Coupling) -> Vec<u8> {
     with(&[coupling])[before + 2..].to_vec()
 }
 
-const EMPTY: Spec<'static> = Spec {
-    period: 1e-3,
-    method: Method::Zoh,
-    output: Output::End,
-    advance: 0,
-    bodies_every: 1,
-    estimator: Estimator::Difference,
-    filter: None,
-    count: None,
-    limit: Some(0.8),
-    levels: None,
-    bodies: &[],
-    couplings: &[],
-};
+const EMPTY: Spec<'static> = Spec { estimator: Estimator::Difference, limit: Some(0.8), ..Spec::new(1e-3) };
 
 #[test]
 fn the_code_of_each_law_is_what_it_always_was() {

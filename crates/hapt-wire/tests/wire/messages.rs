@@ -1,8 +1,7 @@
 //! The messages of host and board: the examples of docs/wire.md, and messages after noise.
 
 use hapt_core::{
-    Body, CertifiedTime, Coupling, End, Estimator, Heat, Law, Limits, Loop, Method, Output, Phase, SafetyProfile, Spec,
-    Supervisor,
+    Body, CertifiedTime, Coupling, End, Estimator, Heat, Law, Limits, Loop, Phase, SafetyProfile, Spec, Supervisor,
 };
 use hapt_wire::{
     Command, DeviceMessage, Hello, HostMessage, LARGEST, MAX_FRAME_BYTES, PIECE, PROTOCOL, Parameter, Reader, Refusal,
@@ -115,16 +114,9 @@ fn packed() -> Vec<u8> {
 
 fn spec() -> Spec<'static> {
     Spec {
-        period: 1e-3,
-        method: Method::Zoh,
-        output: Output::End,
-        advance: 0,
-        bodies_every: 1,
         estimator: Estimator::Difference,
-        filter: None,
         count: Some(std::f64::consts::TAU / 4000.0),
         limit: Some(0.8),
-        levels: None,
         bodies: &[Body { inertia: 0.025, position: 0.0, velocity: 0.0 }],
         couplings: &[Coupling {
             first: End::Puck,
@@ -132,6 +124,7 @@ fn spec() -> Spec<'static> {
             law: Law::Spring { stiffness: 1.0, rest: 0.0 },
             limit: None,
         }],
+        ..Spec::new(1e-3)
     }
 }
 

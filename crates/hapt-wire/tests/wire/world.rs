@@ -61,7 +61,6 @@ impl Any {
         let &Any { method, output, estimator, filter, .. } = self;
         let (bodies, couplings) = (&self.bodies[..], &self.couplings[..]);
         Spec {
-            period,
             method,
             output,
             advance,
@@ -73,6 +72,7 @@ impl Any {
             levels,
             bodies,
             couplings,
+            ..Spec::new(period)
         }
     }
 }
@@ -156,20 +156,7 @@ proptest! {
 #[test]
 fn more_than_there_is_room_for_is_refused_by_number() {
     let bodies = [Body { inertia: 1.0, position: 0.0, velocity: 0.0 }; 5];
-    let spec = Spec {
-        period: 1e-3,
-        method: Method::Zoh,
-        output: Output::End,
-        advance: 0,
-        bodies_every: 1,
-        estimator: Estimator::Exact,
-        filter: None,
-        count: None,
-        limit: None,
-        levels: None,
-        bodies: &bodies,
-        couplings: &[],
-    };
+    let spec = Spec { bodies: &bodies, ..Spec::new(1e-3) };
     let mut room = [0; 512];
     let bytes = write(&spec, &mut room).unwrap();
     assert_eq!(Stored::<4, 8>::read(bytes).unwrap_err(), Error::TooManyBodies { given: 5, room: 4 });
@@ -183,18 +170,11 @@ fn bodies_at_every_nth_sample_are_another_version() {
     let body = Body { inertia: 0.02, position: 0.0, velocity: 0.0 };
     let spring = Law::Spring { stiffness: 1.0, rest: 0.0 }.between(End::Puck, End::Body(0));
     let spec = |bodies_every, filter| Spec {
-        period: 1e-3,
-        method: Method::Zoh,
-        output: Output::End,
-        advance: 0,
         bodies_every,
-        estimator: Estimator::Exact,
         filter,
-        count: None,
-        limit: None,
-        levels: None,
         bodies: std::slice::from_ref(&body),
         couplings: std::slice::from_ref(&spring),
+        ..Spec::new(1e-3)
     };
     let mut room = [0; 512];
     for (bodies_every, filter, version) in
