@@ -218,7 +218,7 @@ fn role(kind: Kind, row: &Key, path: &str) -> Option<Role> {
         ["loop", "delay"] => only_whole(Role::Fixed),
         ["loop", "cutoff" | "every" | "filter" | "window"] => Some(Role::Tunable),
         ["loop", _] => Some(Role::Fixed),
-        ["device", "inertia" | "damping" | "friction"] => only_whole(Role::Tunable),
+        ["device", "inertia" | "damping" | "friction" | "friction_backward"] => only_whole(Role::Tunable),
         ["device", "handle", _] => only_whole(Role::Tunable),
         ["device", "limit"] => Some(Role::Tunable),
         ["device", "encoder" | "levels"] => Some(Role::Fixed),

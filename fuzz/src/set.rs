@@ -33,6 +33,7 @@ delay = "0.5 ms"
 inertia = "6.4e-4 kg m^2"
 damping = "1.2e-3 N m s/rad"
 friction = "5 N mm"
+friction_backward = "4 N mm"
 limit = "0.8 N m"
 encoder = 4000
 levels = 2048

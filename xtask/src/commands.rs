@@ -178,6 +178,9 @@ fn file(rng: &mut Rng) -> String {
         maybe(rng, 1e-3),
         maybe(rng, 1e-3)
     );
+    if rng.u8(..4) == 0 {
+        text += &format!("friction_backward = {:e}\n", maybe(rng, 1e-3));
+    }
     let limited = rng.bool();
     if limited {
         text += &format!("limit = {:e}\n", number_of(rng, 1.0));

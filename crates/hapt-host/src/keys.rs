@@ -52,7 +52,7 @@ pub struct SettableKey {
 const DECADE: f64 = 10.0;
 
 /// What a motor behind a gear adds to.
-const REFLECTED: [&str; 3] = ["device.inertia", "device.damping", "device.friction"];
+const REFLECTED: [&str; 4] = ["device.inertia", "device.damping", "device.friction", "device.friction_backward"];
 
 /// Every key that can be set, with sliders about the values of the file under `given`, the overrides of the command line.
 ///

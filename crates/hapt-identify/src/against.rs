@@ -37,6 +37,8 @@ pub struct Claims {
     pub damping: [f64; 2],
     /// Coulomb's, in N·m (N).
     pub friction: [f64; 2],
+    /// Half of what it is more toward smaller positions than toward larger ones, in the same unit; the friction is then the mean of the two.
+    pub lean: f64,
     /// In s.
     pub lag: [f64; 2],
     /// In s.
@@ -114,10 +116,12 @@ impl Claims {
     /// Of a world's file.
     pub fn of(world: &World) -> Self {
         let device = &world.device;
+        let [forward, backward] = device.frictions_range();
         Claims {
             inertia: device.inertia_range(),
             damping: device.damping_range(),
-            friction: device.friction_range(),
+            friction: [0, 1].map(|i| 0.5 * (forward[i] + backward[i])),
+            lean: 0.5 * (device.frictions()[1] - device.frictions()[0]),
             lag: device.lag_range(),
             delay: [world.sampling.delay_s(), world.sampling.delay_max_s()],
             period: world.sampling.period,
@@ -147,7 +151,7 @@ impl Claims {
             damping: gain * middle(self.damping),
             friction: gain * middle(self.friction),
             delay: middle(self.delay) + middle(self.lag),
-            offset: 0.0,
+            offset: gain * self.lean,
             position,
             velocity,
             lag: 0.0,
@@ -159,7 +163,8 @@ impl Claims {
         DeviceSpec {
             inertia: middle(self.inertia),
             damping: middle(self.damping),
-            friction: middle(self.friction),
+            friction: middle(self.friction) - self.lean,
+            friction_backward: Some(middle(self.friction) + self.lean).filter(|_| self.lean != 0.0),
             lag: middle(self.lag),
             delay: middle(self.delay),
             period: self.period,
@@ -300,7 +305,7 @@ impl Scale {
 /// The numbers of a record that a device explains.
 fn judged(found: &Identified, claims: &Claims, scale: &Scale) -> Vec<Compared> {
     let friction = SMALL * scale.torque;
-    let holds = claims.friction[1];
+    let holds = claims.friction[1] + claims.lean.abs();
     let number = Compared::new;
     let mut numbers = vec![
         number("inertia", Some(Measure::Inertia), found.inertia, claims.inertia, 0.0),
@@ -347,7 +352,7 @@ const UNEXPLAINED: &str = "no interval is valid beside a motion that no device e
 /// The numbers of a record by the torque's equation alone, which does not tell how late the torque comes.
 fn judged_by_torque(found: &TorqueFit, claims: &Claims, scale: &Scale) -> Vec<Compared> {
     let friction = SMALL * scale.torque;
-    let holds = claims.friction[1];
+    let holds = claims.friction[1] + claims.lean.abs();
     let number = |name, measure, estimate, file, least| Compared::new(name, measure, estimate, file, least);
     let late =
         |name, file| Compared { reason: Some(LATE), ..number(name, Some(Measure::Time), None, file, claims.period) };

@@ -70,7 +70,7 @@ impl World {
         let change =
             HIT * FASTEST[motion] + (limit * period / device.inertia).min(2.0 * safety.overspeed.unwrap_or(fastest));
         // What may hold the puck, or push it the other way.
-        let holds = device.friction + device.torque.most();
+        let holds = device.largest_friction() + device.torque.most();
         let nudge = 2.0 * holds + if limit.is_finite() { 0.05 * limit } else { 0.0 };
         // On a device with much damping and coarse counts this would not show the direction of the motion.
         let seen = self.count().map_or(SEEN, |count| SEEN_COUNTS * count);
@@ -110,7 +110,7 @@ impl World {
             announcements: !real,
             inertia: device.inertia,
             damping: device.damping,
-            friction: device.friction,
+            friction: device.least_friction(),
             delay: self.sampling.delay_s(),
         }
     }

@@ -36,7 +36,8 @@ pub(crate) fn add(device: &mut Device, fields: &Fields<'_>) -> Result<(), Error>
         }
     }
     reflect(device, &motor);
-    let numbers = [Some(device.inertia), Some(device.damping), Some(device.friction), device.limit, device.encoder];
+    let friction = device.largest_friction();
+    let numbers = [Some(device.inertia), Some(device.damping), Some(friction), device.limit, device.encoder];
     // As of numbers that stand in the file.
     if numbers.into_iter().flatten().any(|number| !Range::ZeroOrMore.contains(number))
         || device.encoder > Some(2_f64.powi(53))
@@ -78,10 +79,13 @@ fn reflect(device: &mut Device, motor: &Motor) {
         }
         *own = whole;
     };
-    let Tolerances { inertia, damping, friction, lag: _ } = &mut device.tolerances;
+    let Tolerances { inertia, damping, friction, friction_backward, lag: _ } = &mut device.tolerances;
     add(&mut device.inertia, inertia, n * n * motor.inertia);
     add(&mut device.damping, damping, n * n * motor.damping);
     add(&mut device.friction, friction, n * motor.friction);
+    if let Some(backward) = &mut device.friction_backward {
+        add(backward, friction_backward, n * motor.friction);
+    }
     device.limit = device.limit.or(motor.limit.map(|limit| n * limit));
     device.encoder = device.encoder.or(motor.encoder.map(|encoder| at_the_puck(encoder, n)));
     device.drive.gear = device.drive.gear.or(Some(n));

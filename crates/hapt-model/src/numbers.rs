@@ -90,6 +90,7 @@ pub(crate) fn device(device: &mut Device) -> NumberSlots<'_> {
         ("inertia", Number(&mut device.inertia)),
         ("damping", Number(&mut device.damping)),
         ("friction", Number(&mut device.friction)),
+        ("friction_backward", Optional(&mut device.friction_backward)),
         ("lag", Number(&mut device.lag)),
         ("limit", Optional(&mut device.limit)),
         ("encoder", Optional(&mut device.encoder)),

@@ -216,15 +216,18 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
 
 fn device(fields: &Fields<'_>, period: f64) -> Result<Device, Error> {
     let (inertia, friction) = (fields.number("inertia")?, fields.number("friction")?);
+    let friction_backward = fields.optional_number("friction_backward")?;
     let mut device = Device {
         inertia,
         damping: fields.number("damping")?,
         friction,
+        friction_backward,
         lag: fields.number("lag")?,
         tolerances: Tolerances {
             inertia: fields.tolerance("inertia"),
             damping: fields.tolerance("damping"),
             friction: fields.tolerance("friction"),
+            friction_backward: fields.tolerance("friction_backward"),
             lag: fields.tolerance("lag"),
         },
         limit: fields.optional_number("limit")?,

@@ -61,9 +61,11 @@ pub struct Device {
     pub damping: f64,
     /// Coulomb, in N·m (linear: N), zero or more.
     pub friction: f64,
+    /// The Coulomb friction toward smaller positions, where it is another one: `friction` is then that toward larger ones.
+    pub friction_backward: Option<f64>,
     /// The time constant in s with which the motor torque follows its command, zero or more; 0: at once.
     pub lag: f64,
-    /// How exactly the four numbers above are known. Simulations take the numbers themselves.
+    /// How exactly the five numbers above are known. Simulations take the numbers themselves.
     pub tolerances: Tolerances,
     /// The largest torque the motor may be asked for; `None`: any.
     pub limit: Option<f64>,
@@ -90,6 +92,8 @@ pub struct Tolerances {
     pub damping: f64,
     /// Of the Coulomb friction.
     pub friction: f64,
+    /// Of that toward smaller positions, where it is another one.
+    pub friction_backward: f64,
     /// Of the lag.
     pub lag: f64,
 }
@@ -131,7 +135,7 @@ impl Device {
     }
 
     fn shaft_fault(&self, period: f64) -> Option<String> {
-        let shaft = self.handle.filter(|_| self.friction > 0.0)?;
+        let shaft = self.handle.filter(|_| self.largest_friction() > 0.0)?;
         let swing = (shaft.stiffness * (self.inertia.recip() + shaft.inertia.recip())).sqrt() * period;
         (swing.is_nan() || swing > MOST_SWING).then(|| {
             format!(
@@ -165,7 +169,7 @@ impl Device {
     /// Why a run with this sampling cannot simulate the hand on the device, with the key below `hand` that would have to change; `None` where
     /// it can.
     pub fn hand_fault(&self, hand: &Hand, sampling: &Sampling) -> Option<(&'static str, String)> {
-        if self.friction == 0.0 && self.torque.is_none() {
+        if self.largest_friction() == 0.0 && self.torque.is_none() {
             return None;
         }
         let (key, shape) = match &hand.drive {
@@ -173,7 +177,8 @@ impl Device {
             // Nothing but the hand moves a puck without a shaft.
             Drive::Position(shape) => ("frequency", self.handle.and(Some(shape))),
         };
-        let beside = if self.friction > 0.0 { "device.friction" } else { "device.gravity and device.cogging" };
+        let beside =
+            if self.largest_friction() > 0.0 { "device.friction" } else { "device.gravity and device.cogging" };
         let interval = sampling.interval_max_s();
         let most = MOST_HAND_SWING / interval;
         let too_far = |key, omega: f64, expected: String| {
@@ -211,9 +216,39 @@ impl Device {
         within(self.damping, self.tolerances.damping)
     }
 
-    /// The least and the largest friction within its tolerance.
+    /// The Coulomb friction toward larger positions, and toward smaller ones.
+    pub fn frictions(&self) -> [f64; 2] {
+        [self.friction, self.friction_backward.unwrap_or(self.friction)]
+    }
+
+    /// The friction that the device has in either direction: what it takes at least on a path.
+    pub fn least_friction(&self) -> f64 {
+        let [forward, backward] = self.frictions();
+        forward.min(backward)
+    }
+
+    /// The most that may hold the puck, in either direction.
+    pub fn largest_friction(&self) -> f64 {
+        let [forward, backward] = self.frictions();
+        forward.max(backward)
+    }
+
+    /// The same device with this friction in both directions, exactly.
+    pub fn set_friction(&mut self, friction: f64) {
+        (self.friction, self.friction_backward) = (friction, None);
+        (self.tolerances.friction, self.tolerances.friction_backward) = (0.0, 0.0);
+    }
+
+    /// The least and the largest friction toward larger positions, and toward smaller ones, within their tolerances.
+    pub fn frictions_range(&self) -> [[f64; 2]; 2] {
+        let forward = within(self.friction, self.tolerances.friction);
+        [forward, self.friction_backward.map_or(forward, |level| within(level, self.tolerances.friction_backward))]
+    }
+
+    /// The least and the largest friction in either direction, within their tolerances.
     pub fn friction_range(&self) -> [f64; 2] {
-        within(self.friction, self.tolerances.friction)
+        let [forward, backward] = self.frictions_range();
+        [forward[0].min(backward[0]), forward[1].max(backward[1])]
     }
 
     /// The least and the largest lag within its tolerance.
@@ -230,9 +265,9 @@ fn within(middle: f64, tolerance: f64) -> [f64; 2] {
 impl World {
     /// What a device in simulation is made from.
     pub fn device_spec(&self) -> DeviceSpec {
-        let Device { inertia, damping, friction, lag, handle, torque, .. } = self.device;
+        let Device { inertia, damping, friction, friction_backward, lag, handle, torque, .. } = self.device;
         let (period, delay) = (self.sampling.period, self.sampling.delay_s());
-        DeviceSpec { period, delay, lag, inertia, damping, friction, handle, torque }
+        DeviceSpec { period, delay, lag, inertia, damping, friction, friction_backward, handle, torque }
     }
 
     /// What the loop is compiled from.

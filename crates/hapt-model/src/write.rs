@@ -141,8 +141,14 @@ impl World {
 
     /// The tolerance of the device's number `name`.
     fn tolerance(&self, name: &str) -> f64 {
-        let Tolerances { inertia, damping, friction, lag } = self.device.tolerances;
-        let all = [("inertia", inertia), ("damping", damping), ("friction", friction), ("lag", lag)];
+        let Tolerances { inertia, damping, friction, friction_backward, lag } = self.device.tolerances;
+        let all = [
+            ("inertia", inertia),
+            ("damping", damping),
+            ("friction", friction),
+            ("friction_backward", friction_backward),
+            ("lag", lag),
+        ];
         all.into_iter().find(|(own, _)| *own == name).map_or(0.0, |(_, tolerance)| tolerance)
     }
 

@@ -6,6 +6,7 @@ mod hands;
 use alloc::boxed::Box;
 
 use crate::field::Field;
+use crate::friction::Levels;
 use crate::hand::{Script, grip_push};
 use crate::ledger::Ledger;
 use crate::motor::Motor;
@@ -69,7 +70,7 @@ enum Stage {
 pub struct VirtualDevice {
     period: f64,
     device: Inertia,
-    friction: f64,
+    friction: Levels,
     torque: DeviceTorque,
     /// Where the puck's 0 is, by that of `torque`.
     zero: f64,
@@ -115,7 +116,8 @@ impl VirtualDevice {
     }
 
     fn with_works(spec: &DeviceSpec, works: bool) -> Self {
-        let &DeviceSpec { period, delay, lag, inertia, damping, friction, handle, torque } = spec;
+        let &DeviceSpec { period, delay, lag, inertia, damping, friction, friction_backward, handle, torque } = spec;
+        let friction = Levels { forward: friction, backward: friction_backward.unwrap_or(friction) };
         let field = Field::new(&torque, 0.0);
         let holds = (friction, field);
         let device = Inertia { inertia, damping, stiffness: 0.0 };
@@ -503,7 +505,12 @@ impl VirtualDevice {
                     let (square, path) = piece.travel(from, to);
                     let lagging =
                         if self.gap != 0.0 { self.gap * piece.decaying_travel(from, to, self.lag) } else { 0.0 };
-                    self.prescribe(piece.at(to), lagging, self.device.damping * square, self.friction * path);
+                    self.prescribe(
+                        piece.at(to),
+                        lagging,
+                        self.device.damping * square,
+                        self.friction.lost(path, piece.at(to).0 - piece.at(from).0),
+                    );
                     return;
                 }
             },

@@ -13,20 +13,54 @@ pub(crate) const MOST_EVENTS: usize = 10_000;
 /// Rounding of a sum of torques and of what an exponential makes of them, in parts of their sizes.
 pub(crate) const ROUNDING: f64 = 256.0 * f64::EPSILON;
 
+/// The levels of Coulomb friction in N·m (linear: N), zero or more.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Levels {
+    /// Against motion toward larger positions.
+    pub forward: f64,
+    /// Against motion toward smaller ones.
+    pub backward: f64,
+}
+
+impl Levels {
+    pub fn is_none(&self) -> bool {
+        self.forward == 0.0 && self.backward == 0.0
+    }
+
+    /// The torque that takes from the net one while the puck slides in `direction`: against it, and 0 without a direction.
+    pub fn against(&self, direction: f64) -> f64 {
+        if direction < 0.0 { self.backward * direction } else { self.forward * direction }
+    }
+
+    /// The level in a direction, ±1.
+    pub fn toward(&self, direction: f64) -> f64 {
+        if direction < 0.0 { self.backward } else { self.forward }
+    }
+
+    /// What is dissipated on a path of which `travel` remains at its end.
+    pub fn lost(&self, path: f64, travel: f64) -> f64 {
+        if self.forward == self.backward {
+            return self.forward * path;
+        }
+        0.5 * (self.forward * (path + travel) + self.backward * (path - travel))
+    }
+}
+
 /// A puck under friction.
 #[derive(Clone, Copy)]
 pub(crate) struct Friction<'p> {
     pub plant: &'p Plant,
-    /// In N·m (linear: N), zero or more.
-    pub level: f64,
+    pub levels: Levels,
 }
 
-/// The direction in which a puck slides, ±1; 0 while friction holds it: at rest under a `net` torque that is not above `friction`, up to the
-/// rounding of the `torques` that balance there (the sum of their sizes). In N·m (linear: N) and rad/s (m/s).
+/// The direction in which a puck slides, ±1; 0 while friction holds it: at rest under a `net` torque that is not above friction, up to the
+/// rounding of the `torques` that balance there (the sum of their sizes). The friction is that toward larger positions and that toward smaller
+/// ones. In N·m (linear: N) and rad/s (m/s).
 #[inline(always)]
-pub fn sliding_direction<N: Number>(velocity: N, net: N, friction: N, torques: N) -> N {
-    let hold = hold(friction, torques);
-    let start = net.if_above(hold, N::ONE, (-net).if_above(hold, -N::ONE, N::ZERO));
+pub fn sliding_direction<N: Number>(velocity: N, net: N, [forward, backward]: [N; 2], torques: N) -> N {
+    let back = (-net).if_above(hold(backward, torques), -N::ONE, N::ZERO);
+    let start = net.if_above(hold(forward, torques), N::ONE, back);
     velocity.if_above(N::ZERO, N::ONE, N::ZERO.if_above(velocity, -N::ONE, start))
 }
 
@@ -38,23 +72,24 @@ fn hold<N: Number>(friction: N, torques: N) -> N {
 }
 
 /// The position in rad and velocity in rad/s (linear: m, m/s) after `dt` s of a puck of this inertia and damping that a held torque moves
-/// against this friction, from `puck` on: those of [`crate::VirtualDevice`], to the bit. In SI.
+/// against friction, from `puck` on: those of [`crate::VirtualDevice`], to the bit. The friction is that toward larger positions and that
+/// toward smaller ones. In SI.
 pub fn slide_under(
-    (inertia, damping, friction): (f64, f64, f64),
+    (inertia, damping, [forward, backward]): (f64, f64, [f64; 2]),
     puck: (f64, f64),
     torque: f64,
     dt: f64,
 ) -> (f64, f64) {
     let plant = Plant::free(Inertia { inertia, damping, stiffness: 0.0 });
     let y = [puck.1, torque, puck.0, 0.0, 0.0, 0.0, 0.0];
-    let friction = Friction { plant: &plant, level: friction };
+    let friction = Friction { plant: &plant, levels: Levels { forward, backward } };
     let [position, velocity] = friction.advance(
         y,
         dt,
         |y, t| plant.after(y, t),
         |y, taken, direction| {
             let mut sliding = *y;
-            sliding[F] -= friction.level * direction;
+            sliding[F] -= friction.levels.against(direction);
             plant.end(&sliding, taken)
         },
     );
@@ -102,7 +137,7 @@ impl Friction<'_> {
     }
 
     pub fn direction(&self, y: &Motion) -> f64 {
-        sliding_direction(y[V], self.net(y), self.level, self.torques(y))
+        sliding_direction(y[V], self.net(y), [self.levels.forward, self.levels.backward], self.torques(y))
     }
 
     /// Motor, hand and the hand's spring; friction aside, at rest.
@@ -125,7 +160,7 @@ impl Friction<'_> {
     /// The first instant in (0, dt] at which a slide in `direction` comes to rest.
     fn first_stop(&self, y: &Motion, dt: f64, direction: f64, after: impl Fn(&Motion, f64) -> Motion) -> Option<f64> {
         let mut sliding = *y;
-        sliding[F] -= self.level * direction;
+        sliding[F] -= self.levels.against(direction);
         if self.plant.slides_freely(y) {
             return self.plant.free_stop(sliding[V], sliding[F]).filter(|stop| *stop < dt);
         }
@@ -151,7 +186,7 @@ impl Friction<'_> {
         let over = |side: f64| {
             let course = |t| {
                 let y = drives_after(self.plant, y, t);
-                (side * self.net(&y) - hold(self.level, self.torques(&y)), side * self.net_slope(&y))
+                (side * self.net(&y) - hold(self.levels.toward(side), self.torques(&y)), side * self.net_slope(&y))
             };
             first_crossing(&slices, course).map(|crossing| crossing.root(None, |t| course(t).0))
         };
@@ -283,7 +318,7 @@ mod tests {
         fn friction_stops_a_puck_for_good_or_until_the_torque_turns_it_around(
             inertia in 1e-5_f64..1e-2, damping in 0.0_f64..1e-2, friction in 1e-3_f64..0.1, velocity in -10.0_f64..10.0, part in -3.0_f64..3.0,
         ) {
-            let (device, torque) = ((inertia, damping, friction), part * friction);
+            let (device, torque) = ((inertia, damping, [friction; 2]), part * friction);
             // Longer than any stop by friction alone takes.
             let (period, away) = (velocity.abs() * inertia / friction, -velocity.signum());
             let (position, end) = slide_under(device, (0.0, velocity), torque, 1e3 * period);

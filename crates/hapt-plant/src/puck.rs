@@ -1,7 +1,7 @@
 //! The puck alone: pushed by motor and hand, held by Coulomb friction ([`crate::friction`]).
 
 use crate::field::{Field, Fielded};
-use crate::friction::{Friction, MOST_EVENTS, drives_after};
+use crate::friction::{Friction, Levels, MOST_EVENTS, drives_after};
 use crate::ledger::Ledger;
 use crate::plant::{F, GAP, Motion, Plant, Propagator, Stretch, V, X};
 use crate::push::{Inertia, NO_SINE, Push, Sine};
@@ -14,7 +14,7 @@ pub(crate) struct Puck {
     pub position: f64,
     pub velocity: f64,
     device: Inertia,
-    friction: f64,
+    friction: Levels,
     /// Gravity and cogging, where there are any.
     field: Option<Field>,
     /// The rate in 1/s at which the motor approaches its command; 0: at once.
@@ -76,7 +76,12 @@ impl Held {
 
 impl Puck {
     /// Resets it to rest at 0, free. Without `lengths` the motion alone, without its works: sooner made, and slower where time steps recur.
-    pub fn new(device: Inertia, (friction, field): (f64, Option<Field>), lag: f64, lengths: Option<Lengths>) -> Self {
+    pub fn new(
+        device: Inertia,
+        (friction, field): (Levels, Option<Field>),
+        lag: f64,
+        lengths: Option<Lengths>,
+    ) -> Self {
         let decay = decay(lag);
         let now = Held::new(device, None, NO_SINE, decay, lengths);
         Puck { position: 0.0, velocity: 0.0, device, friction, field, decay, lengths, now, other: None }
@@ -97,7 +102,7 @@ impl Puck {
     pub fn refit(
         &mut self,
         device: Inertia,
-        (friction, field): (f64, Option<Field>),
+        (friction, field): (Levels, Option<Field>),
         lag: f64,
         lengths: Option<Lengths>,
     ) {
@@ -117,7 +122,7 @@ impl Puck {
     #[inline]
     pub fn advance(&mut self, dt: f64, motor: f64, gap: f64, push: Push, ledger: &mut Ledger) {
         // What most periods are never leaves the registers: a held torque over a usual length, without friction.
-        let held = gap == 0.0 && push.slope == 0.0 && self.friction == 0.0 && self.field.is_none();
+        let held = gap == 0.0 && push.slope == 0.0 && self.friction.is_none() && self.field.is_none();
         match self.now.usual(dt) {
             Some(usual) if held && !usual.has_sine() => {
                 [self.position, self.velocity] = self.slide_held(usual, motor, push.value, ledger);
@@ -129,7 +134,7 @@ impl Puck {
     /// Whether [`Puck::advance_usual`] moves it, in no grip, under torques that are held over the first usual length.
     pub fn slides_as_usual(&self) -> bool {
         let free = |usual: &Propagator| !usual.has_sine() && !usual.has_spring();
-        self.friction == 0.0
+        self.friction.is_none()
             && self.field.is_none()
             && self.now.grip.is_none()
             && self.now.usual.as_ref().is_some_and(|[(_, usual), _]| free(usual))
@@ -163,11 +168,11 @@ impl Puck {
             [self.position, self.velocity] = self.move_in(&field, y, dt, motor, ledger);
             return;
         }
-        [self.position, self.velocity] = if self.friction == 0.0 {
+        [self.position, self.velocity] = if self.friction.is_none() {
             self.slide(y, dt, motor, 0.0, ledger)
         } else {
             let after = |y: &Motion, t| self.now.after(y, t);
-            Friction { plant: &self.now.plant, level: self.friction }
+            Friction { plant: &self.now.plant, levels: self.friction }
                 .advance(y, dt, after, |y, taken, direction| self.slide(*y, taken, motor, direction, ledger))
         };
     }
@@ -176,7 +181,7 @@ impl Puck {
     #[inline(never)]
     fn move_in(&self, field: &Field, mut y: Motion, dt: f64, motor: f64, ledger: &mut Ledger) -> [f64; 2] {
         let plant = &self.now.plant;
-        let friction = Friction { plant, level: self.friction };
+        let friction = Friction { plant, levels: self.friction };
         let mut left = dt;
         // Each pass ends in a stop or a start.
         for _ in 0..MOST_EVENTS {
@@ -186,7 +191,7 @@ impl Puck {
             // What friction holds stays where the torque of the field is this.
             let mut held = y;
             held[F] += field.torque(y[X]);
-            let direction = if self.friction > 0.0 { Some(friction.direction(&held)) } else { None };
+            let direction = if self.friction.is_none() { None } else { Some(friction.direction(&held)) };
             if direction == Some(0.0) {
                 let taken = friction.first_slip(&held, left).unwrap_or(left);
                 y = drives_after(plant, &y, taken);
@@ -209,7 +214,7 @@ impl Puck {
     ) -> f64 {
         let plant = &self.now.plant;
         let (n, lags) = (plant.generator(), y[GAP].abs());
-        let against = self.friction * direction.unwrap_or(0.0);
+        let against = self.friction.against(direction.unwrap_or(0.0));
         let without_lag = plant.rate_without_lag();
         while left > 0.0 {
             // What is rounding of the lag that was there no longer makes steps short.
@@ -250,7 +255,7 @@ impl Puck {
     /// Slides for `dt` with friction against `direction` (0: none); gives position and velocity at the end.
     fn slide(&self, mut y: Motion, dt: f64, motor: f64, direction: f64, ledger: &mut Ledger) -> [f64; 2] {
         let push = y[F] - motor;
-        let held = self.friction * direction;
+        let held = self.friction.against(direction);
         y[F] -= held;
         let fresh;
         let propagator = match self.now.usual(dt) {

@@ -17,7 +17,7 @@ use flow::{Flow, GAP, MOTOR, Propagator, S, STATES, State, V, W, X};
 
 use crate::exponential::applied;
 use crate::field::{Field, Fielded};
-use crate::friction::{MOST_EVENTS, ROUNDING};
+use crate::friction::{Levels, MOST_EVENTS, ROUNDING};
 use crate::ledger::Ledger;
 use crate::puck::{Lengths, decay};
 use crate::push::{Grasp, Inertia, NO_SINE, Push, Sine};
@@ -33,7 +33,7 @@ pub(crate) struct Shaft {
     pub velocity: f64,
     pub handle: Handle,
     device: Inertia,
-    friction: f64,
+    friction: Levels,
     /// Gravity and cogging on the puck, where there are any.
     field: Option<Field>,
     /// The rate in 1/s at which the motor approaches its command; 0: at once.
@@ -60,7 +60,7 @@ impl Shaft {
     pub fn boxed(
         handle: Handle,
         device: Inertia,
-        (friction, field): (f64, Option<Field>),
+        (friction, field): (Levels, Option<Field>),
         lag: f64,
         lengths: Lengths,
     ) -> Box<Self> {
@@ -89,7 +89,7 @@ impl Shaft {
     }
 
     /// The same hand on another device. Allocates nothing.
-    pub fn refit(&mut self, device: Inertia, (friction, field): (f64, Option<Field>), lag: f64, lengths: Lengths) {
+    pub fn refit(&mut self, device: Inertia, (friction, field): (Levels, Option<Field>), lag: f64, lengths: Lengths) {
         (self.device, self.friction, self.field) = (device, friction, field);
         (self.decay, self.lengths) = (decay(lag), lengths);
         self.now = self.held(self.now.grasp, self.now.sine);
@@ -165,11 +165,11 @@ impl Shaft {
     /// friction, up to rounding.
     fn direction(&self, y: &State) -> Option<f64> {
         let net = self.net(y);
-        if self.friction == 0.0 {
+        if self.friction.is_none() {
             Some(0.0)
         } else if y[V] != 0.0 {
             Some(y[V].signum())
-        } else if net.abs() > self.hold(y) {
+        } else if net.abs() > self.hold(y, net) {
             Some(net.signum())
         } else {
             None
@@ -187,16 +187,17 @@ impl Shaft {
         self.handle.stiffness * y[W] + self.handle.damping * ends - self.decay * y[GAP]
     }
 
-    /// The most net torque that holds the puck at rest: friction, and what rounding can leave of the torques that balance there.
-    fn hold(&self, y: &State) -> f64 {
+    /// The most net torque toward this `side` that holds the puck at rest: friction, and what rounding can leave of the torques that balance there.
+    fn hold(&self, y: &State, side: f64) -> f64 {
+        let friction = self.friction.toward(side);
         let shaft = (self.handle.stiffness * y[S]).abs() + (self.handle.damping * y[W]).abs();
-        self.friction + ROUNDING * (self.friction + y[MOTOR].abs() + y[GAP].abs() + shaft)
+        friction + ROUNDING * (friction + y[MOTOR].abs() + y[GAP].abs() + shaft)
     }
 
     /// The first instant in (0, dt] at which a slide in `direction` comes to rest.
     fn first_stop(&self, y: &State, dt: f64, direction: f64) -> Option<f64> {
         let mut sliding = *y;
-        sliding[MOTOR] -= self.friction * direction;
+        sliding[MOTOR] -= self.friction.against(direction);
         let flow = &self.now.sliding;
         flow.first_crossing(&sliding, dt, |y| {
             let acceleration: f64 = flow.n[V].iter().zip(y).map(|(n, y)| n * y).sum();
@@ -207,8 +208,10 @@ impl Shaft {
     /// The first instant in (0, dt] at which the net torque on the puck at rest exceeds friction, and its sign, ±1.
     fn first_slip(&self, y: &State, dt: f64) -> Option<(f64, f64)> {
         let over = |side: f64| {
-            let start =
-                self.now.stuck.first_crossing(y, dt, |y| (side * self.net(y) - self.hold(y), side * self.net_slope(y)));
+            let start = self
+                .now
+                .stuck
+                .first_crossing(y, dt, |y| (side * self.net(y) - self.hold(y, side), side * self.net_slope(y)));
             start.map(|start| (start, side))
         };
         match (over(1.0), over(-1.0)) {
@@ -220,7 +223,7 @@ impl Shaft {
     /// The puck slides in `direction` (0: without friction) under gravity and cogging for `left` s, or to its stop; what is left of the time then.
     fn slide_in(&self, field: &Field, y: &mut State, mut left: f64, direction: f64, ledger: &mut Ledger) -> f64 {
         let flow = &self.now.sliding;
-        let (motor, held, lags) = (y[MOTOR], self.friction * direction, y[GAP].abs());
+        let (motor, held, lags) = (y[MOTOR], self.friction.against(direction), y[GAP].abs());
         while left > 0.0 {
             // What is rounding of the lag that was there no longer makes steps short.
             if y[GAP].abs() <= 1e-3 * f64::EPSILON * lags {
@@ -274,7 +277,7 @@ impl Shaft {
     /// Moves for `dt`: the puck slides in `direction` (0: without friction), or friction holds it.
     fn pass(&self, y: &mut State, dt: f64, direction: Option<f64>, ledger: &mut Ledger) {
         let flow = if direction.is_some() { &self.now.sliding } else { &self.now.stuck };
-        let (motor, held) = (y[MOTOR], self.friction * direction.unwrap_or(0.0));
+        let (motor, held) = (y[MOTOR], self.friction.against(direction.unwrap_or(0.0)));
         y[MOTOR] -= held;
         let fresh;
         let Propagator { change, works } = match flow.usual.iter().find(|(length, _)| *length == dt) {

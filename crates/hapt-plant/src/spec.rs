@@ -21,6 +21,8 @@ pub struct DeviceSpec {
     pub damping: f64,
     /// Coulomb friction, in N·m (linear: N), zero or more.
     pub friction: f64,
+    /// The Coulomb friction toward smaller positions, where it is another one than that toward larger ones.
+    pub friction_backward: Option<f64>,
     /// A handle on a flexible shaft; `None`: the puck is the handle.
     pub handle: Option<Handle>,
     /// Gravity and cogging, which act on the puck.

@@ -181,7 +181,8 @@ struct Run<'w, const B: usize, const W: usize, const S: usize> {
     stop: &'w Stop<'w>,
     /// The change of position and velocity over a period, by [`States`]; over the two parts of it where the delay has a fraction.
     plants: [[States; 2]; 2],
-    friction: Numbers,
+    /// Toward larger positions, and toward smaller ones.
+    friction: [Numbers; 2],
     slides: bool,
     motor: Motor<Numbers>,
 }
@@ -206,8 +207,8 @@ impl<'w> Lane<'w> {
         // Under friction a puck that is driven by more than a held torque may stop and start within a period that begins and ends in motion.
         let pushed = match self.scenario.hand.drive {
             Drive::Position(_) => true,
-            Drive::Torque(_) => device.friction == 0.0 || self.hand.is_steady(),
-            Drive::Grip { switching, .. } => device.friction == 0.0 && switching.is_none(),
+            Drive::Torque(_) => device.largest_friction() == 0.0 || self.hand.is_steady(),
+            Drive::Grip { switching, .. } => device.largest_friction() == 0.0 && switching.is_none(),
         };
         device.handle.is_none()
             && device.torque.is_none()
@@ -323,16 +324,17 @@ impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
         let motor_of = |lane: &Lane<'_>| Motor::<Numbers>::new(lane.world.sampling.delay_s(), lane.period);
         let mut motors = lanes.iter().filter(|lane| lane.is_plain()).map(motor_of);
         let motor = motors.find(|motor| motor.samples <= LONGEST_DELAY).unwrap_or_else(|| Motor::new(0.0, 1.0));
-        let mut friction = Numbers::ZERO;
+        let mut friction = [Numbers::ZERO; 2];
         for (i, lane) in lanes.iter_mut().enumerate() {
             let own = motor_of(lane);
             if !lane.is_plain() || (own.samples, own.rest == 0.0) != (motor.samples, motor.rest == 0.0) {
                 lane.set_apart()?;
             } else if lane.moves() {
-                friction.0[i] = lane.world.device.friction;
+                let [forward, backward] = lane.world.device.frictions();
+                (friction[0].0[i], friction[1].0[i]) = (forward, backward);
             }
         }
-        let slides = friction.0.iter().any(|friction| *friction > 0.0);
+        let slides = friction.iter().flat_map(|toward| toward.0).any(|friction| friction > 0.0);
         let plants = [[[Numbers::ZERO; 6]; 2]; 2];
         let mut run = Run { lanes, compiled, stop, plants, friction, slides, motor };
         (0..LANES).for_each(|i| run.set_plant(i));
@@ -404,10 +406,11 @@ impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
     /// The pucks under Coulomb friction, at the end of this part of a period.
     #[inline(always)]
     fn slid(&self, part: usize, states: States, driven: bool, pushed: Numbers) -> [Numbers; 2] {
-        let ([velocity, torque, position, ..], friction) = (states, self.friction);
-        let direction = sliding_direction(velocity, torque, friction, torque.abs());
+        let ([velocity, torque, position, ..], [forward, backward]) = (states, self.friction);
+        let direction = sliding_direction(velocity, torque, self.friction, torque.abs());
         let mut sliding = states;
-        sliding[1] = torque - friction * direction;
+        sliding[1] = torque - direction.if_above(Numbers::ZERO, forward, backward) * direction;
+        let friction = forward + backward;
         let end = moved(&self.plants[part], &sliding, driven, pushed);
         // What friction holds stays where it is.
         let held = Numbers::ONE - direction * direction;
@@ -426,7 +429,7 @@ impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
         let [velocity, torque, position, ..] = states;
         for (i, lane) in self.lanes.iter().enumerate().filter(|(i, _)| stops.0[*i] != 0.0) {
             let device = &lane.world.device;
-            let device = (device.inertia, device.damping, device.friction);
+            let device = (device.inertia, device.damping, device.frictions());
             let puck = (position.0[i], velocity.0[i]);
             (end[0].0[i], end[1].0[i]) = slide_under(device, puck, torque.0[i], lane.parts()[part]);
         }

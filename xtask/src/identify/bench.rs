@@ -78,8 +78,17 @@ impl Trial {
         };
         let lag = if kind == Kind::Lagging { period * 0.1 * 50f64.powf(between(0.0, 1.0)) } else { 0.0 };
         let sign = if rng.bool() { 1.0 } else { -1.0 };
-        let rig =
-            DeviceSpec { period, delay, lag, inertia, damping, friction, handle: None, torque: Default::default() };
+        let rig = DeviceSpec {
+            period,
+            delay,
+            lag,
+            inertia,
+            damping,
+            friction,
+            handle: None,
+            friction_backward: None,
+            torque: Default::default(),
+        };
         Trial { kind, rig, is_linear, sign, count, offset, cogging, noise, amplitude, seed }
     }
 

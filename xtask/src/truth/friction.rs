@@ -20,12 +20,13 @@ const WORKED: usize = 300;
 pub fn spare(rng: &mut Rng, world: &mut World) {
     let part = 0.2 + 0.75 * rng.f64();
     let more = 1.0 + 4.0 * rng.f64();
-    if rng.u8(..3) > 0 || world.device.friction == 0.0 || world.device.handle.is_some() {
+    if rng.u8(..3) > 0 || world.device.least_friction() == 0.0 || world.device.handle.is_some() {
         return;
     }
     if let Ok(Some(required)) = required_damping(world) {
         world.device.damping = part * required;
         world.device.friction *= more;
+        world.device.friction_backward = world.device.friction_backward.map(|backward| more * backward);
     }
 }
 

@@ -118,7 +118,8 @@ const SIZES: [f64; 3] = [0.01, 1.0, 30.0];
 fn linear_device(world: &World) -> World {
     let mut world = world.clone();
     let device = &mut world.device;
-    (device.encoder, device.levels, device.limit, device.friction) = (None, None, None, 0.0);
+    (device.encoder, device.levels, device.limit) = (None, None, None);
+    device.set_friction(0.0);
     world
 }
 

@@ -102,6 +102,7 @@ pub fn random(rng: &mut Rng, is_nonlinear: bool) -> World {
         levels: None,
         drive: Default::default(),
         handle: None,
+        friction_backward: None,
         torque: Default::default(),
     };
     if is_nonlinear && rng.u8(..4) > 0 {
@@ -109,6 +110,7 @@ pub fn random(rng: &mut Rng, is_nonlinear: bool) -> World {
         device.limit = rng.bool().then(|| log_uniform(rng, -2.0, 1.0));
         device.levels = device.limit.filter(|_| rng.bool()).map(|_| 2 * log_uniform(rng, 1.0, 4.0).round() as u32);
         device.friction = friction(rng, &device, &couplings, period);
+        device.friction_backward = (rng.u8(..3) == 0).then(|| device.friction * between(rng, 0.2, 3.0));
     }
     World {
         title: None,

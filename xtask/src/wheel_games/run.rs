@@ -76,6 +76,7 @@ impl Pair {
         let late = (frame * f64::from(rng.u8(1..4)) + between(rng, 1e-3, 1e-2)).min(0.06);
         let friction = if rng.bool() { 0.0 } else { between(rng, 1e-2, 0.3) };
         let spec = DeviceSpec {
+            friction_backward: None,
             torque: hapt_plant::spec::DeviceTorque::default(),
             period,
             delay: 0.5 * rng.f64() * period,

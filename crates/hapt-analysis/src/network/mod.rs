@@ -264,7 +264,7 @@ fn limit(station: &Station, own: &[&Link]) -> Option<String> {
 /// What the counts of both ends of every link make of its torque is within the friction of the device, or not.
 fn counts(network: &System, index: usize, own: &[&Link]) -> Result<Option<String>, Error> {
     let Some(world) = beside_links(network, index, own) else { return Ok(None) };
-    let is_enough = world.device.friction >= 0.0 && quantisation(&world)?.ok;
+    let is_enough = world.device.least_friction() >= 0.0 && quantisation(&world)?.ok;
     Ok((!is_enough).then(|| {
         "encoder counts, here or at the other end of a link, make steps in its torque that the friction of the device does not cover".to_string()
     }))
@@ -290,7 +290,7 @@ fn beside_links(network: &System, index: usize, own: &[&Link]) -> Option<World> 
         return None;
     }
     let mut with_links = station.world.clone();
-    with_links.device.friction = station.world.device.friction_range()[0] - others;
+    with_links.device.set_friction(station.world.device.friction_range()[0] - others);
     let laws = [Law::Spring { stiffness: here, rest: 0.0 }, Law::Damper { damping: Damping::Fixed(damping) }];
     with_links.couplings.extend(laws.map(|law| law.between(End::Puck, End::Ground)));
     Some(with_links)

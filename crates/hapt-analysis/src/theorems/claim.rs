@@ -39,7 +39,7 @@ pub(crate) struct Claim {
 pub(crate) fn least(world: &World) -> World {
     let mut least = world.clone();
     least.device.damping = world.device.damping_range()[0];
-    least.device.friction = world.device.friction_range()[0];
+    least.device.set_friction(world.device.friction_range()[0]);
     least.device.tolerances = Tolerances::default();
     least.sampling.interval_max = None;
     least.sampling.delay_max = None;
@@ -165,6 +165,7 @@ fn speed_max(world: &World, timing: Timing, required: f64) -> Result<Option<f64>
     let count = world.count().unwrap_or(0.0);
     let [stiffness, _] = at_puck(world, &world.couplings)?;
     let cost = 0.5 * stiffness * count + quantisation(world)?.least_friction;
-    let speed = (world.device.friction - cost) / (required - world.device.damping) - 2.0 * count / timing.period;
+    let speed =
+        (world.device.least_friction() - cost) / (required - world.device.damping) - 2.0 * count / timing.period;
     Ok((speed > 0.0 && speed.is_finite()).then_some(speed))
 }

@@ -50,6 +50,7 @@ impl Bench {
                 levels: None,
                 drive: Default::default(),
                 handle: None,
+                friction_backward: None,
                 torque: Default::default(),
             },
             safety: Safety::default(),

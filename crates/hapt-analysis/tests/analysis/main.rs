@@ -5,6 +5,7 @@ mod claims;
 mod common;
 mod critical;
 mod decomposition;
+mod device_friction;
 mod device_torque;
 mod discrete;
 mod felt;

@@ -132,7 +132,7 @@ impl Room {
             (world.device.friction_range(), own.least_friction + 0.5 * own.stiffness * count);
         let device = Device { timing, damping, friction: (friction - of_world).max(0.0), count, limit };
         let [inertia, _] = world.device.inertia_range();
-        let rotor = Rotor { inertia, damping: world.device.damping, friction: world.device.friction };
+        let rotor = Rotor { inertia, damping: world.device.damping, friction: world.device.least_friction() };
         Ok(Room { device, rotor, acts: true, half: 0.5 * range, not_proved: uneven.not_proved })
     }
 

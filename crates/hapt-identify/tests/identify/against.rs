@@ -17,6 +17,7 @@ fn claims(rig: &DeviceSpec, part: f64) -> Claims {
         inertia: within(rig.inertia),
         damping: within(rig.damping),
         friction: within(rig.friction),
+        lean: 0.0,
         lag: within(rig.lag),
         delay: [rig.delay; 2],
         period: rig.period,
@@ -163,6 +164,7 @@ fn a_richer_device_contradicts_the_numbers_that_are_wrong() {
         let lever = Lever::new(&mut rng);
         let record = lever.record(4.0, &mut rng);
         let of = |inertia: f64| Claims {
+            lean: 0.0,
             inertia: [inertia; 2],
             damping: [0.0, 1.0],
             friction: [0.0, 1.0],

@@ -25,6 +25,7 @@ fn light(rng: &mut Rng) -> (DeviceSpec, f64) {
         friction: 0.0,
         delay: 0.0,
         handle: None,
+        friction_backward: None,
         torque: Default::default(),
     };
     (rig, counts)

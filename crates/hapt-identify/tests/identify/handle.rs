@@ -66,6 +66,7 @@ pub fn device(rng: &mut Rng, friction: bool) -> DeviceSpec {
         damping: 2e-3 + 4e-3 * rng.f64(),
         friction: if friction { 3e-3 * rng.f64() } else { 0.0 },
         handle: Some(shaft),
+        friction_backward: None,
         torque: Default::default(),
     }
 }

@@ -14,6 +14,7 @@ pub const WHEEL: DeviceSpec = DeviceSpec {
     damping: 1.2e-3,
     friction: 5e-3,
     handle: None,
+    friction_backward: None,
     torque: DeviceTorque { gravity: None, cogging: None },
 };
 

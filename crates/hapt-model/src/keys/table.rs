@@ -76,6 +76,8 @@ pub const KEYS: &[Key] = &[
     key("device.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "The puck's viscous damping.").tolerated(),
     key("device.friction", Quantity(Torque, ZeroOrMore), Number(0.0),
         "The puck's Coulomb friction; it sticks while at rest and |net torque| is no larger.").tolerated(),
+    key("device.friction_backward", Quantity(Torque, ZeroOrMore), Depends("device.friction"),
+        "The Coulomb friction toward smaller positions, where it is another one: device.friction is then that toward larger ones.").tolerated(),
     key("device.lag", Quantity(Time, ZeroOrMore), Number(0.0),
         "The time constant of the first-order lag of the motor torque behind its command.").tolerated().within(0.0, 0.1),
     key("device.limit", Quantity(Torque, Positive), Optional, "The largest torque that is commanded; absent: any."),

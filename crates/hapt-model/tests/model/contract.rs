@@ -99,6 +99,7 @@ fn the_documented_example_reads_to_its_numbers() {
         levels: Some(2048),
         drive: Default::default(),
         handle: None,
+        friction_backward: None,
         torque: Default::default(),
     };
     assert_eq!(world.device, device);
@@ -158,6 +159,7 @@ fn what_is_absent_has_its_default() {
         levels: None,
         drive: Default::default(),
         handle: None,
+        friction_backward: None,
         torque: Default::default(),
     };
     assert_eq!(world.device, device);
@@ -208,6 +210,7 @@ hand = { kind = "sine", amplitude = "3 mm", frequency = "2 Hz", phase = "90 deg"
         levels: Some(16),
         drive: Default::default(),
         handle: None,
+        friction_backward: None,
         torque: Default::default(),
     };
     assert_eq!(world.device, device);

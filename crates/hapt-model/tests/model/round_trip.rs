@@ -207,10 +207,11 @@ fn timing(sampling: &Sampling) -> impl Strategy<Value = Timing> + use<> {
 fn tolerances() -> impl Strategy<Value = Tolerances> {
     let some = || prop_oneof![Just(0.0), Just(0.2), 1e-9..1.0];
     let all = || prop_oneof![Just(1.0), some()];
-    (some(), all(), all(), all()).prop_map(|(inertia, damping, friction, lag)| Tolerances {
+    (some(), all(), all(), all(), all()).prop_map(|(inertia, damping, friction, friction_backward, lag)| Tolerances {
         inertia,
         damping,
         friction,
+        friction_backward,
         lag,
     })
 }
@@ -238,13 +239,19 @@ fn device(motion: Motion) -> impl Strategy<Value = Device> {
     }));
     let torque = (gravity, cogging).prop_map(|(gravity, cogging)| DeviceTorque { gravity, cogging });
     let outside = (drive, option::of(handle), torque);
-    (positive(), zero_or_more(), zero_or_more(), lag, option::of(encoder), motor, outside).prop_map(
-        |(inertia, damping, friction, (lag, tolerances), encoder, motor, (drive, handle, torque))| Device {
+    let friction = (zero_or_more(), option::of(zero_or_more()));
+    (positive(), zero_or_more(), friction, lag, option::of(encoder), motor, outside).prop_map(
+        |(inertia, damping, (friction, backward), (lag, tolerances), encoder, motor, (drive, handle, torque))| Device {
             inertia,
             damping,
             friction,
+            friction_backward: backward,
             lag,
-            tolerances,
+            // Of a key that is absent there is none.
+            tolerances: Tolerances {
+                friction_backward: if backward.is_some() { tolerances.friction_backward } else { 0.0 },
+                ..tolerances
+            },
             limit: motor.map(|(limit, _)| limit),
             encoder,
             levels: motor.and_then(|(_, half)| half).map(|half| half * 2),
@@ -323,7 +330,7 @@ fn world() -> impl Strategy<Value = World> {
             // Beside friction a shaft may swing by 100 rad in a period.
             let swing = |shaft: Handle| (shaft.stiffness * (device.inertia.recip() + shaft.inertia.recip())).sqrt();
             if device.handle.is_some_and(|shaft| swing(shaft) * sampling.period > 99.0) {
-                device.friction = 0.0;
+                (device.friction, device.friction_backward) = (0.0, device.friction_backward.map(|_| 0.0));
             }
             // And so with gravity and cogging, beside which a hand may be too fast too.
             if device.fault(sampling.period).is_some() {

@@ -14,7 +14,17 @@ fn gravity(torque: f64, phase: f64) -> DeviceTorque {
 }
 
 fn bare(inertia: f64, torque: DeviceTorque) -> DeviceSpec {
-    DeviceSpec { period: T, delay: 0.0, lag: 0.0, inertia, damping: 0.0, friction: 0.0, handle: None, torque }
+    DeviceSpec {
+        period: T,
+        delay: 0.0,
+        lag: 0.0,
+        inertia,
+        damping: 0.0,
+        friction: 0.0,
+        handle: None,
+        friction_backward: None,
+        torque,
+    }
 }
 
 /// What gravity and cogging store at x.
@@ -44,11 +54,12 @@ prop_compose! {
 prop_compose! {
     fn any_device()(
         inertia in 1e-4_f64..1e-2, damping in prop_oneof![Just(0.0), 1e-4..1e-2_f64], friction in prop_oneof![Just(0.0), 1e-3..0.05_f64],
+        friction_backward in prop::option::of(prop_oneof![Just(0.0), 1e-3..0.05_f64]),
         lag in prop_oneof![Just(0.0), 1e-5..2e-3_f64], delay in prop_oneof![Just(0.0), 0.0..2e-3_f64], torque in any_torque(),
         handle in prop::option::of((1e-4_f64..1e-2, 1.0_f64..100.0, 0.0_f64..0.01)),
     ) -> DeviceSpec {
         let handle = handle.map(|(inertia, stiffness, damping)| Handle { inertia, stiffness, damping });
-        DeviceSpec { period: T, delay, lag, inertia, damping, friction, handle, torque }
+        DeviceSpec { period: T, delay, lag, inertia, damping, friction, friction_backward, handle, torque }
     }
 }
 
@@ -151,7 +162,7 @@ proptest! {
     fn short_steps_of_runge_and_kutta_go_the_same_way(
         spec in any_device(), velocity in -20.0_f64..20.0, command in -0.2_f64..0.2,
     ) {
-        let spec = DeviceSpec { delay: 0.0, lag: 0.0, friction: 0.0, handle: None, ..spec };
+        let spec = DeviceSpec { delay: 0.0, lag: 0.0, friction: 0.0, friction_backward: None, handle: None, ..spec };
         let DeviceSpec { inertia, damping, torque, .. } = spec;
         let device = moved(&spec, &Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), velocity, &[command; 5]);
         let rate = |[x, v]: [f64; 2]| [v, (command + torque.at(x) - damping * v) / inertia];

@@ -58,7 +58,14 @@ pub struct Body {
     pub mass: f64,
     pub damping: f64,
     pub stiffness: f64,
-    pub friction: f64,
+    /// Toward larger positions, and toward smaller ones.
+    pub friction: [f64; 2],
+}
+
+impl Body {
+    fn toward(&self, side: f64) -> f64 {
+        self.friction[usize::from(side < 0.0)]
+    }
 }
 
 /// The torque u(t).
@@ -216,11 +223,11 @@ pub fn advance(body: Body, mut push: Push, (mut x, mut v): (f64, f64), dt: f64) 
     let mut slips = None;
     while left > 0.0 && events < 100_000 {
         let net = push.at(0.0) - body.stiffness * x;
-        let size = body.friction + push.size(left) + (body.stiffness * x).abs();
+        let size = body.friction[0] + body.friction[1] + push.size(left) + (body.stiffness * x).abs();
         let margin = 1e-13 * size;
         let direction = slips.take().unwrap_or(if v != 0.0 {
             v.signum()
-        } else if net.abs() > body.friction + margin {
+        } else if net.abs() > body.toward(net) + margin {
             net.signum()
         } else {
             0.0
@@ -228,14 +235,14 @@ pub fn advance(body: Body, mut push: Push, (mut x, mut v): (f64, f64), dt: f64) 
         let grid = instants(fastest, left);
         let event = if direction == 0.0 {
             let over = |side: f64| {
-                let net = |t: f64| side * (push.at(t) - body.stiffness * x) - body.friction;
+                let net = |t: f64| side * (push.at(t) - body.stiffness * x) - body.toward(side);
                 first_above(&grid, margin, net).map(|t| (t, side))
             };
             let first = [over(1.0), over(-1.0)].into_iter().flatten().reduce(|a, b| if a.0 <= b.0 { a } else { b });
             slips = first.map(|(_, side)| side);
             first.map(|(t, _)| t)
         } else {
-            let against = Push { value: push.value - direction * body.friction, ..push };
+            let against = Push { value: push.value - direction * body.toward(direction), ..push };
             let slide = Slide::new(body, against, (x, v));
             let stop = first_above(&grid, slide.noise(left), |t| -direction * slide.at(t).1);
             (x, v) = slide.at(stop.unwrap_or(left));

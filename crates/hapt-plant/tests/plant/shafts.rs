@@ -52,7 +52,8 @@ impl Case {
     }
 
     fn by_small_steps(&self) -> Vec<State> {
-        let DeviceSpec { lag, inertia, damping, friction, .. } = self.spec;
+        let DeviceSpec { lag, inertia, damping, friction, friction_backward, .. } = self.spec;
+        let level = |side: f64| if side < 0.0 { friction_backward.unwrap_or(friction) } else { friction };
         let Handle { inertia: handle, stiffness, damping: shaft } = self.handle;
         let (extra, damper, spring, hand) = self.hand();
         let mass = handle + extra;
@@ -78,7 +79,7 @@ impl Case {
                 if direction == 0.0 {
                     return [0.0, 0.0, y[3], w];
                 }
-                [y[1], (torque(t) + bent(y) - damping * y[1] - friction * direction) / inertia, y[3], w]
+                [y[1], (torque(t) + bent(y) - damping * y[1] - level(direction) * direction) / inertia, y[3], w]
             };
             let step = |y: State, t: f64, h: f64, direction: f64| -> State {
                 let ahead = |d: State, h: f64| -> State { std::array::from_fn(|i| y[i] + h * d[i]) };
@@ -95,13 +96,13 @@ impl Case {
                 let (mut t, mut left) = (from + h * i as f64, h);
                 // A stop or a start within the step cuts it in two, found by bisection.
                 for _ in 0..8 {
-                    if direction == 0.0 && net(y, t).abs() > friction * (1.0 + 1e-12) {
+                    if direction == 0.0 && net(y, t).abs() > level(net(y, t)) * (1.0 + 1e-12) {
                         direction = net(y, t).signum();
                     }
                     let ends = |h: f64| {
                         let next = step(y, t, h, direction);
                         let over = if direction == 0.0 {
-                            net(next, t + h).abs() > friction
+                            net(next, t + h).abs() > level(net(next, t + h))
                         } else {
                             direction * next[1] < 0.0
                         };
@@ -139,45 +140,49 @@ fn about(level: f64) -> impl Strategy<Value = f64> {
 /// Pucks that damping settles within a thousandth of a sample to ten samples, and shafts that swing slower or faster, damped or not.
 fn cases() -> impl Strategy<Value = Case> {
     let lag = prop_oneof![Just(0.0), (-1.5_f64..1.5).prop_map(|power| T * 10_f64.powf(power))];
-    let puck = (-6.0_f64..-3.0, -3.0_f64..1.0, 1e-2_f64..0.3, lag);
+    let levels = (1e-2_f64..0.3, prop::option::of(0.1_f64..2.0));
+    let puck = (-6.0_f64..-3.0, -3.0_f64..1.0, levels, lag);
     let handle = (-1.0_f64..1.0, -1.0_f64..0.5, -2.0_f64..1.5);
     let grip = prop::option::of((-1.0_f64..1.0, -2.0_f64..1.0, -1.0_f64..1.0));
-    (puck, handle, grip).prop_flat_map(|((inertia, settles, friction, lag), (share, angle, ratio), grip)| {
-        let inertia = 10_f64.powf(inertia);
-        let damping = inertia / (T * 10_f64.powf(settles));
-        let other = inertia * 10_f64.powf(share);
-        let (omega, mass) = (10_f64.powf(angle) / T, 1.0 / (1.0 / inertia + 1.0 / other));
-        let handle =
-            Handle { inertia: other, stiffness: mass * omega * omega, damping: mass * omega * 10_f64.powf(ratio) };
-        let spec = DeviceSpec {
-            period: T,
-            delay: 0.0,
-            lag,
-            inertia,
-            damping,
-            friction,
-            handle: None,
-            torque: Default::default(),
-        };
-        let sine = |level: f64| {
-            (about(level), 0.0_f64..2.3, 0.0_f64..6.3).prop_map(|(amplitude, frequency, phase)| Shape::Sine {
-                amplitude,
-                frequency: 10_f64.powf(frequency),
-                phase,
-            })
-        };
-        let drive = match grip {
-            None => sine(friction).prop_map(Drive::Torque).boxed(),
-            Some((inertia, damper, stiff)) => {
-                let stiffness = handle.stiffness * 10_f64.powf(stiff);
-                let (inertia, damping) = (other * 10_f64.powf(inertia), stiffness * T * 10_f64.powf(damper));
-                let grip = move |moves| Drive::Grip { inertia, damping, stiffness, moves, switching: None };
-                sine(friction / stiffness).prop_map(grip).boxed()
-            }
-        };
-        (drive, prop::collection::vec(prop_oneof![Just(0.0), about(friction)], 6))
-            .prop_map(move |(drive, commands)| Case { spec, handle, drive, commands })
-    })
+    (puck, handle, grip).prop_flat_map(
+        |((inertia, settles, (friction, backward), lag), (share, angle, ratio), grip)| {
+            let inertia = 10_f64.powf(inertia);
+            let damping = inertia / (T * 10_f64.powf(settles));
+            let other = inertia * 10_f64.powf(share);
+            let (omega, mass) = (10_f64.powf(angle) / T, 1.0 / (1.0 / inertia + 1.0 / other));
+            let handle =
+                Handle { inertia: other, stiffness: mass * omega * omega, damping: mass * omega * 10_f64.powf(ratio) };
+            let spec = DeviceSpec {
+                period: T,
+                delay: 0.0,
+                lag,
+                inertia,
+                damping,
+                friction,
+                handle: None,
+                friction_backward: backward.map(|part| part * friction),
+                torque: Default::default(),
+            };
+            let sine = |level: f64| {
+                (about(level), 0.0_f64..2.3, 0.0_f64..6.3).prop_map(|(amplitude, frequency, phase)| Shape::Sine {
+                    amplitude,
+                    frequency: 10_f64.powf(frequency),
+                    phase,
+                })
+            };
+            let drive = match grip {
+                None => sine(friction).prop_map(Drive::Torque).boxed(),
+                Some((inertia, damper, stiff)) => {
+                    let stiffness = handle.stiffness * 10_f64.powf(stiff);
+                    let (inertia, damping) = (other * 10_f64.powf(inertia), stiffness * T * 10_f64.powf(damper));
+                    let grip = move |moves| Drive::Grip { inertia, damping, stiffness, moves, switching: None };
+                    sine(friction / stiffness).prop_map(grip).boxed()
+                }
+            };
+            (drive, prop::collection::vec(prop_oneof![Just(0.0), about(friction)], 6))
+                .prop_map(move |(drive, commands)| Case { spec, handle, drive, commands })
+        },
+    )
 }
 
 proptest! {

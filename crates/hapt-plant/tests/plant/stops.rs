@@ -33,7 +33,8 @@ fn by_device(case: &Case) -> Vec<f64> {
 
 /// The same in closed form, and how often the puck stops or starts.
 fn by_closed_form(case: &Case) -> (Vec<f64>, u32) {
-    let DeviceSpec { period, lag, inertia, damping, friction, .. } = case.spec;
+    let DeviceSpec { period, lag, inertia, damping, friction, friction_backward, .. } = case.spec;
+    let friction = [friction, friction_backward.unwrap_or(friction)];
     let (shape, hand) = match &case.drive {
         Drive::Torque(shape) => (shape, None),
         Drive::Grip { inertia, damping, stiffness, moves, .. } => (moves, Some((*inertia, *damping, *stiffness))),
@@ -82,13 +83,24 @@ fn by_closed_form(case: &Case) -> (Vec<f64>, u32) {
 }
 
 fn spec(inertia: f64, damping: f64, friction: f64, lag: f64) -> DeviceSpec {
-    DeviceSpec { period: T, delay: 0.0, lag, inertia, damping, friction, handle: None, torque: Default::default() }
+    DeviceSpec {
+        period: T,
+        delay: 0.0,
+        lag,
+        inertia,
+        damping,
+        friction,
+        handle: None,
+        friction_backward: None,
+        torque: Default::default(),
+    }
 }
 
 fn compare(case: &Case) -> Result<u32, TestCaseError> {
     let ((right, events), found) = (by_closed_form(case), by_device(case));
     // What is far below the way that a torque of friction's size moves it in a sample is rounding.
-    let least = 1e-3 * case.spec.friction * T / case.spec.damping;
+    let friction = case.spec.friction.max(case.spec.friction_backward.unwrap_or(0.0));
+    let least = 1e-3 * friction * T / case.spec.damping;
     let size = right.iter().fold(least, |most, x| most.max(x.abs()));
     for (k, (found, right)) in found.iter().zip(&right).enumerate() {
         prop_assert!((found - right).abs() <= 1e-8 * size, "{found:e} is not {right:e} after sample {k}: {case:?}");
@@ -106,9 +118,12 @@ fn about(friction: f64) -> impl Strategy<Value = f64> {
 /// J/b from 1e-4 T to 10 T.
 fn pucks() -> impl Strategy<Value = DeviceSpec> {
     let lag = prop_oneof![Just(0.0), (-2.0_f64..1.5).prop_map(|power| T * 10_f64.powf(power))];
-    (-7.0_f64..-2.0, -4.0_f64..1.0, 1e-3_f64..0.3, lag).prop_map(|(inertia, settles, friction, lag)| {
+    let friction = (1e-3_f64..0.3, prop::option::of(prop_oneof![1 => Just(0.0), 4 => 0.05_f64..2.0]));
+    (-7.0_f64..-2.0, -4.0_f64..1.0, friction, lag).prop_map(|(inertia, settles, (friction, backward), lag)| {
         let inertia = 10_f64.powf(inertia);
-        spec(inertia, inertia / (T * 10_f64.powf(settles)), friction, lag)
+        let friction_backward = backward.map(|part| part * friction);
+        let damping = inertia / (T * 10_f64.powf(settles));
+        DeviceSpec { friction_backward, ..spec(inertia, damping, friction, lag) }
     })
 }
 

@@ -34,6 +34,7 @@ pub fn bare() -> World {
             levels: None,
             drive: Default::default(),
             handle: None,
+            friction_backward: None,
             torque: Default::default(),
         },
         safety: Default::default(),

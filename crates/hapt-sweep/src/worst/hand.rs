@@ -19,7 +19,7 @@ impl Hand {
     /// A hand that comes to rest with the puck at `target` if it stays closed. Its spring has to hold there against the world.
     pub fn toward(world: &World, grip: Grip, target: f64, hold_and_open: Option<(f64, f64)>) -> Hand {
         // And against twice the device's friction, which would hold the puck.
-        let force = -torque(world, target) + 2.0 * world.device.friction * target.signum();
+        let force = -torque(world, target) + 2.0 * world.device.largest_friction() * target.signum();
         let to = target + force / grip.stiffness;
         Hand { grip, to, hold_and_open }
     }

@@ -248,7 +248,7 @@ impl Bench<'_> {
     /// torque's demand per sample.
     fn pump(&self, place: f64, swings: u32, yielding: f64) -> Result<Option<HandMotion>, Error> {
         let (Some(count), true) = (self.world.count(), self.stiffness > 0.0) else { return Ok(None) };
-        let friction = self.world.device.friction;
+        let friction = self.world.device.largest_friction();
         let mut running = Running::new(self.world)?;
         let step = 0.01 * count;
         let edge = |z: f64| ((z / count - 0.5).round() + 0.5) * count;
@@ -297,7 +297,7 @@ impl Bench<'_> {
         let torque = device
             .limit
             .map_or(f64::INFINITY, |limit| 0.45 * limit)
-            .min((50.0 * device.friction).max(0.1 * self.damping));
+            .min((50.0 * device.largest_friction()).max(0.1 * self.damping));
         let velocity = torque / self.damping;
         if !velocity.is_finite() || velocity <= 0.0 {
             return None;
@@ -322,7 +322,7 @@ impl Bench<'_> {
         if torque == 0.0 {
             return None;
         }
-        let left = torque.abs() - device.friction;
+        let left = torque.abs() - device.largest_friction();
         let pace = left.max(0.1 * torque.abs()) / (2.0 * (device.damping + self.damping).max(1e-9 * torque.abs()));
         let time = self.samples as f64 * self.period;
         let slow = pace.min(1e3 / time.max(1.0));

@@ -92,7 +92,7 @@ pub(super) fn work(world: &World, watch: &Watch<'_>, runs: &mut usize) -> Result
     found.sort_by(|a, b| b.1.demand.total_cmp(&a.1.demand));
     for (samples, motion) in found {
         let whole = reach(world, stiffness) / motion.reach();
-        let is_rough = world.device.friction > 0.0 || world.device.encoder.is_some();
+        let is_rough = world.device.largest_friction() > 0.0 || world.device.encoder.is_some();
         let sizes = if is_rough && world.device.limit.is_none() { &SIZES[..] } else { &SIZES[..1] };
         for (repetitions, size) in REPETITIONS.iter().flat_map(|n| sizes.iter().map(move |size| (*n, size * whole))) {
             if repetitions * samples > MOST_WORKED || !size.is_finite() {

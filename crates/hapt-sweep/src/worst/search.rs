@@ -235,7 +235,7 @@ pub(super) fn stiffness(world: &World) -> Result<f64, Error> {
 fn is_smooth(world: &World) -> bool {
     let device = &world.device;
     world.couplings.iter().all(|c| c.linear().is_some())
-        && device.friction == 0.0
+        && device.largest_friction() == 0.0
         && device.encoder.is_none()
         && device.levels.is_none()
 }

@@ -225,9 +225,11 @@ proptest! {
 
     /// The supervisor takes the torque away from a puck that is faster than friction pays for.
     #[test]
-    fn of_a_loop_that_friction_certifies_up_to_a_speed_no_hand_draws(part in 1.1..2.0f64, friction in 0.005..0.05f64) {
+    fn of_a_loop_that_friction_certifies_up_to_a_speed_no_hand_draws(part in 1.1..2.0f64, friction in 0.005..0.05f64, more in 0.0..3.0f64, back: bool) {
         let mut world = spring(part * 2.0 * bare().device.damping / bare().sampling.period);
-        world.device.friction = friction;
+        let levels = [friction, (1.0 + more) * friction];
+        (world.device.friction, world.device.friction_backward) =
+            if back { (levels[1], Some(levels[0])) } else { (levels[0], Some(levels[1])) };
         let most = passivity(&world).unwrap().speed_max.unwrap();
         world.safety.overspeed = Some(0.999 * most);
         let worst = search(&world).unwrap();
@@ -334,9 +336,12 @@ proptest! {
         };
         // Errors of counts, dampers and levels do not all come at once where the torque is late.
         world.device.friction = if late > 0 || which == 2 { 0.3 } else { 0.6 } * least(&world);
+        world.device.friction_backward = Some((if late > 0 { 1.0 } else { spare }) * world.device.friction);
         prop_assert!(!passivity(&world).unwrap().proved.holds());
         prop_assert_eq!(moved(&world, 6000), Some(Exploit::Dither));
-        world.device.friction = 1.000001 * least(&world);
+        // What one direction has more changes nothing.
+        let levels = [1.000001 * least(&world), spare * least(&world)];
+        (world.device.friction, world.device.friction_backward) = (levels[which % 2], Some(levels[1 - which % 2]));
         let cut = late == 0 || damping == 0.0 || world.device.limit.is_none();
         prop_assert!(passivity(&world).unwrap().proved.holds() || !cut, "{:?}", passivity(&world).unwrap().not_proved);
         prop_assert_eq!(moved(&world, 6000), None);

@@ -195,7 +195,10 @@ pub fn certificate(given: &Given, found: &Identified) -> Result<String, Failure>
     let mut world = before.clone();
     world.device.inertia = inertia.value;
     world.device.damping = damping.value;
-    world.device.friction = friction;
+    world.device.set_friction(friction);
+    if let Some([forward, backward]) = by_direction(found.friction, found.offset) {
+        (world.device.friction, world.device.friction_backward) = (forward.value, Some(backward.value));
+    }
     world.device.encoder = encoder_key(given.motion, found).or(world.device.encoder);
     world.device.lag = found.lag.map_or(world.device.lag, |lag| lag.value);
     if let Some(delay) = found.delay {
@@ -234,8 +237,19 @@ pub fn table(given: &Given, found: &Identified) -> String {
     if let Some((value, note)) = found.damping.map(|x| quantity(x, 1.0, &damping)) {
         line("damping", value, note);
     }
-    if let Some((value, note)) = found.friction.map(|x| quantity(x, per_si, effort)) {
-        line("friction", value, note);
+    let directions = by_direction(found.friction, found.offset);
+    match (directions, found.friction) {
+        (Some(directions), _) => {
+            for (key, x) in DIRECTIONS.into_iter().zip(directions) {
+                let (value, note) = quantity(x, per_si, effort);
+                line(key, value, note);
+            }
+        }
+        (None, Some(x)) => {
+            let (value, note) = quantity(x, per_si, effort);
+            line("friction", value, note);
+        }
+        (None, None) => {}
     }
     if let Some((value, note)) = found.lag.filter(|lag| lag.low > 0.0).map(|x| quantity(x, 1e3, "ms")) {
         line("lag", value, note);
@@ -253,13 +267,29 @@ pub fn table(given: &Given, found: &Identified) -> String {
     if let Some(delay) = found.delay {
         let _ = writeln!(text, "# for [loop]: delay = \"{} ms\", {} ms", delay_words(given, delay), ends(delay, 1e3));
     }
-    if let Some(offset) = found.offset.filter(|offset| !offset.covers(0.0)) {
+    if let Some(offset) = found.offset.filter(|offset| !offset.covers(0.0) && directions.is_none()) {
         let _ = writeln!(text, "# beside it a constant torque of {}: no key", sized(offset, per_si, effort));
     }
     if found.sign.is_some_and(|sign| sign.value < 0.0) {
         text += "# the motor's sign is -1: turn its leads over, or its sign in the driver, before a world runs on it\n";
     }
     text
+}
+
+/// The keys of friction by direction, toward larger positions and toward smaller ones.
+pub const DIRECTIONS: [&str; 2] = ["friction", "friction_backward"];
+
+/// The friction in the two directions of [`DIRECTIONS`] that moves the puck, and holds it, as friction beside a constant torque along the
+/// position does; `None` where that is not told from 0, or is more than friction holds.
+pub fn by_direction(friction: Option<Interval>, offset: Option<Interval>) -> Option<[Interval; 2]> {
+    let (friction, offset) = (friction?, offset.filter(|offset| !offset.covers(0.0))?);
+    (friction.value > offset.value.abs()).then(|| {
+        let level = |value: f64, low: f64, high: f64| Interval { value, low: low.max(0.0), high };
+        [
+            level(friction.value - offset.value, friction.low - offset.high, friction.high - offset.low),
+            level(friction.value + offset.value, friction.low + offset.low, friction.high + offset.high),
+        ]
+    })
 }
 
 /// A quantity of a file, with the tolerance that holds its interval; a number that may be twice as large, or none, has none.

@@ -91,13 +91,9 @@ fn text(given: &Given, fit: &TorqueFit, inertia_is_known: bool) -> String {
     if let Some(offset) = fit.offset.filter(|offset| !offset.covers(0.0)) {
         line("offset", format!("{}: a constant torque that was not commanded", sized(offset, per_si, effort)));
         // It brakes one way and drives the other.
-        if let Some(friction) = fit.friction.filter(|friction| friction.value > offset.value.abs()) {
-            let (with, against) = (friction.value - offset.value, friction.value + offset.value);
-            let shown = |x: f64| to(per_si * x, 0.5 * per_si * (friction.high - friction.low));
-            line(
-                "",
-                format!("or friction by direction: {} {effort} forward, {} backward", shown(with), shown(against)),
-            );
+        if let Some(levels) = print::by_direction(fit.friction, fit.offset) {
+            let [with, against] = levels.map(|x| to(per_si * x.value, 0.5 * per_si * (x.high - x.low)));
+            line("", format!("or friction by direction: {with} {effort} forward, {against} backward"));
         }
     }
     if given.record.forces().is_some() {
@@ -153,7 +149,12 @@ fn table(given: &Given, fit: &TorqueFit) -> String {
     };
     line("inertia", fit.inertia, 1.0, &inertia);
     line("damping", fit.damping, 1.0, &damping);
-    line("friction", fit.friction, per_si, effort);
+    match print::by_direction(fit.friction, fit.offset) {
+        Some(levels) => {
+            print::DIRECTIONS.into_iter().zip(levels).for_each(|(key, x)| line(key, Some(x), per_si, effort));
+        }
+        None => line("friction", fit.friction, per_si, effort),
+    }
     if let Some(counts) = fit.counts().filter(|_| given.motion == Motion::Rotary) {
         let _ = writeln!(text, "encoder  = {counts}");
     }

@@ -125,7 +125,8 @@ fn notes(worst: &WorstTogether) -> Vec<&'static str> {
             "a link lets go in this run; the most that its taking hold can add counts as what the network had to give",
         );
     }
-    let is_rough = |station: &Station| station.world.device.friction > 0.0 || station.world.device.encoder.is_some();
+    let is_rough =
+        |station: &Station| station.world.device.largest_friction() > 0.0 || station.world.device.encoder.is_some();
     if worst.network.stations.iter().any(is_rough) {
         notes.push("hands swing: counts and friction are in the runs, but no motion against counts is tried");
     }

@@ -336,3 +336,34 @@ fn a_record_of_volts_is_one_of_torques_with_the_motors_constants() {
     }
     assert_eq!(json["sign"]["value"], 1.0, "{json}");
 }
+
+/// Easier one way than the other: the file that `--write` makes has both levels, and reads.
+#[test]
+fn friction_by_direction_is_written_as_such() {
+    let (mut z, mut v) = (0.0, 0.0);
+    let mut text = String::from("t_s,arm_rad,motor_Nm\n");
+    for k in 0..6000 {
+        let t = f64::from(k) * 1e-3;
+        let torque = 0.02 * f64::from((k / 137 * 7919 + k / 61 * 104_729) % 7 - 3);
+        text += &format!("{t:.4},{z:.4},{torque:.5}\n");
+        for _ in 0..20 {
+            let free = v + 5e-5 * (torque - 5e-3 * v) / 1e-3;
+            let brake = 5e-5 / 1e-3 * if free > 0.0 { 5e-3 } else { 9e-3 };
+            v = if f64::abs(free) <= brake { 0.0 } else { free - brake * free.signum() };
+            z += 5e-5 * v;
+        }
+    }
+    let at = folder(&[("arm.csv", &text)]);
+    identify(at.path(), &["arm.csv", "--write", "d.toml"]).done();
+    let written = std::fs::read_to_string(at.path().join("d.toml")).unwrap();
+    let file = format!("loop.period = \"1 ms\"\n{written}");
+    let world = hapt_model::World::read(&hapt_model::Source::from_text("d.toml", file), &[]).unwrap();
+    let [forward, backward] = world.device.frictions_range();
+    for ([low, high], truth) in [(forward, 5e-3), (backward, 9e-3)] {
+        assert!(low < 1.05 * truth && high > 0.95 * truth && high - low < truth, "{low} {high} {truth}: {written}");
+    }
+    let against = "arm.csv --against w.toml".split(' ').collect::<Vec<_>>();
+    std::fs::write(at.path().join("w.toml"), format!("loop.period = \"1 ms\"\n{written}")).unwrap();
+    let agrees = identify(at.path(), &against).done();
+    assert!(!agrees.out.contains("contradict"), "{}", agrees.out);
+}

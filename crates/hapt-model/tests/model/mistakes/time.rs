@@ -145,7 +145,7 @@ fn uneven_time_and_tolerances() {
             (
                 "inertia = 1\nlimit = \"1 N m ± 20 %\"",
                 "device.limit: \"1 N m ± 20 %\" has a tolerance, which only these take: device.inertia, device.damping, \
-                 device.friction, device.lag",
+                 device.friction, device.friction_backward, device.lag",
             ),
             (
                 "inertia = 1\nlag = \"-1 ms\"",

@@ -86,7 +86,7 @@ fn handles() {
             (
                 "[device.handle]\ninertia = 1\nstiffness = \"1 N m/rad ± 20 %\"",
                 "device.handle.stiffness: \"1 N m/rad ± 20 %\" has a tolerance, which only these take: device.inertia, \
-                 device.damping, device.friction, device.lag",
+                 device.damping, device.friction, device.friction_backward, device.lag",
             ),
             (
                 "[device.handle]\ninertia = 1\nstiffness = 1\nlength = 1",
@@ -101,7 +101,17 @@ fn handles() {
                 "device.handle.stiffness: the shaft swings 126 rad in a period, and beside device.friction at most 100 are simulated; \
                  leave [device.handle] out and add its inertia to device.inertia: to this loop such a shaft is rigid",
             ),
+            (
+                "friction_backward = 0.01\n[device.handle]\ninertia = 1\nstiffness = 2e9",
+                "device.handle.stiffness: the shaft swings 126 rad in a period, and beside device.friction at most 100 are simulated; \
+                 leave [device.handle] out and add its inertia to device.inertia: to this loop such a shaft is rigid",
+            ),
             ("[device.handle]\ninertia = 1\nstiffness = 2e9", "(it reads)"),
+            (
+                "friction_backward = \"-1 N mm\"",
+                "device.friction_backward: \"-1 N mm\" is negative; expected a torque (N m) of 0 or more, such as \"5 N mm\"",
+            ),
+            ("friction_backward = \"1 N mm ± 20 %\"", "(it reads)"),
         ],
         |given| format!("[loop]\nperiod = \"2 ms\"\n[device]\ninertia = 1\n{given}\n"),
     );

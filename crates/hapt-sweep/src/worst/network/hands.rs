@@ -84,8 +84,8 @@ impl Mode {
             let grip = Grip { inertia: (all - device).max(LIGHTEST * device), damping: 0.0, stiffness };
             let place = reach * self.shape[at];
             // In rest its spring holds what the network pulls back, and the friction.
-            let to =
-                place * (1.0 + 1.0 / self.share) + 2.0 * station.world.device.friction * place.signum() / stiffness;
+            let to = place * (1.0 + 1.0 / self.share)
+                + 2.0 * station.world.device.largest_friction() * place.signum() / stiffness;
             Some(Hand { grip, to, hold_and_open: None })
         };
         network.stations.iter().enumerate().map(hand).collect()
