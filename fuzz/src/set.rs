@@ -37,6 +37,9 @@ friction_backward = "4 N mm"
 limit = "0.8 N m"
 encoder = 4000
 levels = 2048
+[device.stribeck]
+torque = "1 N mm"
+velocity = "1 rad/s"
 [bodies.wheel]
 inertia = "0.4503 N mm/(deg/s^2)"
 position = "1 deg"

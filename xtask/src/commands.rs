@@ -192,6 +192,9 @@ fn file(rng: &mut Rng) -> String {
         text += "levels = 2048\n";
     }
     let bodies = [0, 1, 1, 1, 2, 3, 7][rng.usize(..7)];
+    if rng.u8(..4) == 0 {
+        text += &format!("[device.stribeck]\ntorque = {:e}\nvelocity = {:e}\n", maybe(rng, 1e-3), number_of(rng, 1.0));
+    }
     for body in 0..bodies {
         let place = if rng.u8(..8) == 0 { number_of(rng, 1.0) } else { 0.0 };
         let inertia = if rng.u8(..30) == 0 { 1e-320 } else { number_of(rng, 1e-2) };

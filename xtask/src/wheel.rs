@@ -96,6 +96,7 @@ fn device(rng: &mut Rng) -> (DeviceSpec, f64) {
         friction,
         handle: None,
         friction_backward: None,
+        stribeck: None,
         torque: Default::default(),
     };
     (spec, std::f64::consts::TAU / counts)

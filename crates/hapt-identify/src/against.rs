@@ -165,6 +165,7 @@ impl Claims {
             damping: middle(self.damping),
             friction: middle(self.friction) - self.lean,
             friction_backward: Some(middle(self.friction) + self.lean).filter(|_| self.lean != 0.0),
+            stribeck: None,
             lag: middle(self.lag),
             delay: middle(self.delay),
             period: self.period,

@@ -72,7 +72,9 @@ impl Kind {
             Kind::Position { times_a_turn: 0 } => "a spring from puck to ground takes it in",
             Kind::Position { times_a_turn: 1 } => "device.gravity takes it in, or balance the handle",
             Kind::Position { .. } => "device.cogging takes it in, unless it is the motor's commutation",
-            Kind::Velocity => "no key: friction that falls with the velocity, or more damping one way than the other",
+            Kind::Velocity => {
+                "device.stribeck takes in friction that falls with the speed; more damping one way than the other has no key"
+            }
             Kind::Resonance { .. } => "device.handle takes it in; hapt identify --handle fits it",
             Kind::Drift => "no key: warm the device up, or use a shorter part of the record (--from, --to)",
             Kind::Unexplained => "no key: a hand, a sensor's torque or play may be in the record",

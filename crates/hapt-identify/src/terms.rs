@@ -41,6 +41,8 @@ pub enum TermKind {
     Stribeck {
         /// In rad/s (m/s).
         velocity: f64,
+        /// The damping and the Coulomb friction beside it, in N·m·s/rad and N·m (N·s/m, N): less than those of a fit without it.
+        beside: [f64; 2],
     },
     /// c v |v|, c in N·m·s²/rad² (N·s²/m²): drag beyond the linear one.
     Drag,
@@ -150,7 +152,7 @@ pub(crate) fn terms(record: &Record, rows: &Rows, way: f64, is_linear: bool) -> 
     for part in STRIBECK {
         let velocity = part * rms;
         let of = |i: usize| speeds[i].signum() * (-(speeds[i] / velocity).powi(2)).exp();
-        add(TermKind::Stribeck { velocity }, &[&of]);
+        add(TermKind::Stribeck { velocity, beside: [0.0; 2] }, &[&of]);
     }
     // The torque comes again at another place.
     let least = (PERIODS * std::f64::consts::TAU / (high - low).max(f64::MIN_POSITIVE)).ceil().max(2.0) as u32;
@@ -228,6 +230,13 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], way: f64, apart
             }
             (kind, columns) => {
                 let column = columns[0];
+                // Inertia, damping and friction are the first columns.
+                let kind = match kind {
+                    TermKind::Stribeck { velocity, .. } => {
+                        TermKind::Stribeck { velocity, beside: [1, 2].map(|own| at(&whole, own).max(0.0)) }
+                    }
+                    TermKind::Stiffness | TermKind::Turn { .. } | TermKind::Drag => kind,
+                };
                 (kind, Box::new(move |values: &DVector<f64>| at(values, column)))
             }
         };

@@ -71,7 +71,9 @@ pub use hapt_core::spec::{
     Body, Coupling, Damping, End, Estimator, HARMONICS, Law, Linear, Method, Output, Side, Spec, Waveform,
 };
 pub use hapt_core::{LASTING, SafetyProfile};
-pub use hapt_plant::spec::{Cogging, DeviceSpec, DeviceTorque, Drive, Gravity, Hand, Handle, Shape, Switching};
+pub use hapt_plant::spec::{
+    Cogging, DeviceSpec, DeviceTorque, Drive, Gravity, Hand, Handle, Shape, Stribeck, Switching,
+};
 pub use kinds::{Compensated, CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
 pub use parameters::{Parameter, parameters, parameters_of, unit, unit_size};
 pub use quantity::{Fault, Quantity, QuantityError, parse_quantity};

@@ -3,7 +3,7 @@
 #![warn(clippy::wildcard_enum_match_arm)]
 
 use hapt_core::{Body, Coupling};
-use hapt_plant::spec::{Cogging, Drive, Gravity, Hand, Handle, Shape, Switching};
+use hapt_plant::spec::{Cogging, Drive, Gravity, Hand, Handle, Shape, Stribeck, Switching};
 
 use crate::keys::{self, Key};
 use crate::kinds::{CouplingKind, HandKind, ShapeKind};
@@ -106,6 +106,12 @@ pub(crate) fn mounting(drive: &mut Mounting) -> NumberSlots<'_> {
 pub(crate) fn handle(handle: &mut Option<Handle>) -> NumberSlots<'_> {
     let Some(Handle { inertia, stiffness, damping }) = handle else { return Vec::new() };
     vec![("inertia", Number(inertia)), ("stiffness", Number(stiffness)), ("damping", Number(damping))]
+}
+
+/// Those of a Stribeck friction that is there.
+pub(crate) fn stribeck(stribeck: &mut Option<Stribeck>) -> NumberSlots<'_> {
+    let Some(Stribeck { torque, velocity }) = stribeck else { return Vec::new() };
+    vec![("torque", Number(torque)), ("velocity", Number(velocity))]
 }
 
 /// Those of a gravity that is there.
@@ -229,6 +235,7 @@ impl World {
             ["device"] => plain("device", device(&mut self.device)),
             ["device", "drive"] => plain("device.drive", mounting(&mut self.device.drive)),
             ["device", "handle"] => plain("device.handle", handle(&mut self.device.handle)),
+            ["device", "stribeck"] => plain("device.stribeck", stribeck(&mut self.device.stribeck)),
             ["device", "gravity"] => plain("device.gravity", gravity(&mut self.device.torque.gravity)),
             ["device", "cogging"] => plain("device.cogging", cogging(&mut self.device.torque.cogging)),
             ["safety"] => plain("safety", safety(&mut self.safety)),

@@ -3,7 +3,7 @@
 #![warn(clippy::wildcard_enum_match_arm)]
 
 use hapt_core::{Body, Coupling, Damping, End, Law, Method, Output, Side, WhenLate};
-use hapt_plant::spec::{Cogging, DeviceTorque, Drive, Gravity, Hand, Handle, Shape, Switching};
+use hapt_plant::spec::{Cogging, DeviceTorque, Drive, Gravity, Hand, Handle, Shape, Stribeck, Switching};
 
 use crate::document::{Document, Entry, Node, Place, Value};
 use crate::error::{Error, ErrorKind};
@@ -234,6 +234,7 @@ fn device(fields: &Fields<'_>, period: f64) -> Result<Device, Error> {
         encoder: fields.optional_number("encoder")?,
         levels: fields.optional_whole("levels")?,
         drive: mounting(&Fields::new(fields.inner("drive", "device.drive"), fields.node("drive"))?)?,
+        stribeck: stribeck(fields)?,
         handle: handle(fields)?,
         torque: DeviceTorque { gravity: gravity(fields)?, cogging: cogging(fields)? },
     };
@@ -258,6 +259,12 @@ fn handle(fields: &Fields<'_>) -> Result<Option<Handle>, Error> {
         stiffness: fields.number("stiffness")?,
         damping: fields.number("damping")?,
     }))
+}
+
+fn stribeck(fields: &Fields<'_>) -> Result<Option<Stribeck>, Error> {
+    let Some(node) = fields.node("stribeck") else { return Ok(None) };
+    let fields = Fields::new(fields.inner("stribeck", "device.stribeck"), Some(node))?;
+    Ok(Some(Stribeck { torque: fields.number("torque")?, velocity: fields.number("velocity")? }))
 }
 
 fn gravity(fields: &Fields<'_>) -> Result<Option<Gravity>, Error> {

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use hapt_core::{Body, Coupling, Spec};
-use hapt_plant::spec::{DeviceSpec, DeviceTorque, Drive, Hand, Handle};
+use hapt_plant::spec::{DeviceSpec, DeviceTorque, Drive, Hand, Handle, Stribeck};
 
 use crate::kinds::Motion;
 use crate::safety::Safety;
@@ -75,6 +75,8 @@ pub struct Device {
     pub levels: Option<u32>,
     /// The `[device.drive]` table.
     pub drive: Mounting,
+    /// The `[device.stribeck]` table: what friction is more at low speeds.
+    pub stribeck: Option<Stribeck>,
     /// The `[device.handle]` table: a handle on a flexible shaft. The numbers above are then of the motor's side, the puck. `None`: the
     /// puck is the handle.
     pub handle: Option<Handle>,
@@ -131,7 +133,7 @@ impl Device {
     /// Why a run at this period in s cannot simulate the device, with the table below `device` and the key in it that would have to change;
     /// `None` where it can. A world that was built or changed without its file is checked by this again.
     pub fn fault(&self, period: f64) -> Option<(&'static str, &'static str, String)> {
-        self.shaft_fault(period).map(|message| ("handle", "stiffness", message)).or_else(|| self.torque_fault(period))
+        self.shaft_fault(period).map(|message| ("handle", "stiffness", message)).or_else(|| self.piece_fault(period))
     }
 
     fn shaft_fault(&self, period: f64) -> Option<String> {
@@ -145,9 +147,19 @@ impl Device {
         })
     }
 
-    /// Under gravity and cogging a period is cut into parts in which nothing goes further than half a radian.
-    fn torque_fault(&self, period: f64) -> Option<(&'static str, &'static str, String)> {
-        if self.torque.is_none() {
+    /// Whether nothing but inertia, damping and Coulomb friction acts on the puck by itself: no gravity, no cogging, no Stribeck friction.
+    pub fn is_plain(&self) -> bool {
+        self.torque.is_none() && self.falling_friction() == 0.0
+    }
+
+    /// How steeply friction falls at low speeds, in N·m·s/rad (linear: N·s/m): a damping that is missing there. 0 where it does not.
+    pub fn falling_friction(&self) -> f64 {
+        self.stribeck.map_or(0.0, |stribeck| stribeck.slope())
+    }
+
+    /// Where not only inertia, damping and Coulomb friction act a period is cut into parts in which nothing goes further than half a radian.
+    fn piece_fault(&self, period: f64) -> Option<(&'static str, &'static str, String)> {
+        if self.is_plain() {
             return None;
         }
         let table = if self.torque.cogging.is_some() { "cogging" } else { "gravity" };
@@ -155,9 +167,17 @@ impl Device {
             let masses = self.inertia.recip() + shaft.inertia.recip();
             (shaft.stiffness * masses).sqrt() + shaft.damping * masses
         });
+        let falls = self.falling_friction() / self.inertia;
         let rate = (self.torque.steepest() / self.inertia).sqrt() + self.damping / self.inertia + shaft;
-        let turned = rate * period;
+        let turned = (rate + falls) * period;
         (turned.is_nan() || turned > MOST_SWING).then(|| {
+            if falls > rate || self.torque.is_none() {
+                let message = format!(
+                    "a slow puck speeds up, swings or decays by {turned:.0} rad in a period, and at most {MOST_SWING} are simulated; expected a \
+                     larger velocity, less damping, or a shorter loop.period"
+                );
+                return ("stribeck", "velocity", message);
+            }
             let message = format!(
                 "under it, its damping and its shaft the puck swings or decays by {turned:.0} rad in a period, and at most {MOST_SWING} are \
                  simulated; expected a smaller torque, or a shorter loop.period"
@@ -169,7 +189,7 @@ impl Device {
     /// Why a run with this sampling cannot simulate the hand on the device, with the key below `hand` that would have to change; `None` where
     /// it can.
     pub fn hand_fault(&self, hand: &Hand, sampling: &Sampling) -> Option<(&'static str, String)> {
-        if self.largest_friction() == 0.0 && self.torque.is_none() {
+        if self.largest_friction() == 0.0 && self.is_plain() {
             return None;
         }
         let (key, shape) = match &hand.drive {
@@ -194,7 +214,7 @@ impl Device {
         let by_spring = match hand.drive {
             Drive::Grip { inertia, damping, stiffness, .. } => {
                 let inertia = inertia + self.handle.map_or(self.inertia, |handle| handle.inertia);
-                let damps = if self.torque.is_none() { 0.0 } else { damping / inertia };
+                let damps = if self.is_plain() { 0.0 } else { damping / inertia };
                 too_far("stiffness", (stiffness / inertia).sqrt(), format!("{:.3e} in SI", most * most * inertia))
                     .or_else(|| too_far("damping", damps, format!("{:.3e} in SI", most * inertia)))
             }
@@ -230,7 +250,7 @@ impl Device {
     /// The most that may hold the puck, in either direction.
     pub fn largest_friction(&self) -> f64 {
         let [forward, backward] = self.frictions();
-        forward.max(backward)
+        forward.max(backward) + self.stribeck.map_or(0.0, |stribeck| stribeck.torque)
     }
 
     /// The same device with this friction in both directions, exactly.
@@ -265,9 +285,9 @@ fn within(middle: f64, tolerance: f64) -> [f64; 2] {
 impl World {
     /// What a device in simulation is made from.
     pub fn device_spec(&self) -> DeviceSpec {
-        let Device { inertia, damping, friction, friction_backward, lag, handle, torque, .. } = self.device;
+        let Device { inertia, damping, friction, friction_backward, stribeck, lag, handle, torque, .. } = self.device;
         let (period, delay) = (self.sampling.period, self.sampling.delay_s());
-        DeviceSpec { period, delay, lag, inertia, damping, friction, friction_backward, handle, torque }
+        DeviceSpec { period, delay, lag, inertia, damping, friction, friction_backward, stribeck, handle, torque }
     }
 
     /// What the loop is compiled from.

@@ -45,6 +45,11 @@ impl World {
             writeln!(f, "\n[device.drive]\ndirection = {:?}", DIRECTION[usize::from(drive.reversed)])?;
             lines(f, table("device.drive", numbers::mounting(&mut drive)))?;
         }
+        let mut stribeck = self.device.stribeck;
+        if stribeck.is_some() {
+            writeln!(f, "\n[device.stribeck]")?;
+            lines(f, table("device.stribeck", numbers::stribeck(&mut stribeck)))?;
+        }
         let mut handle = self.device.handle;
         if handle.is_some() {
             writeln!(f, "\n[device.handle]")?;

@@ -5,15 +5,14 @@ mod hands;
 
 use alloc::boxed::Box;
 
-use crate::field::Field;
-use crate::friction::Levels;
 use crate::hand::{Script, grip_push};
 use crate::ledger::Ledger;
 use crate::motor::Motor;
+use crate::own::{Kind, Own};
 use crate::puck::{Lengths, Puck};
 use crate::push::{Inertia, Push};
 use crate::shaft::Shaft;
-use crate::spec::{DeviceSpec, DeviceTorque};
+use crate::spec::DeviceSpec;
 use crate::trajectory::Piece;
 
 /// A hand on the puck: its inertia moves with the puck, a spring and a damper connect the puck to the intended position.
@@ -70,12 +69,11 @@ enum Stage {
 pub struct VirtualDevice {
     period: f64,
     device: Inertia,
-    friction: Levels,
-    torque: DeviceTorque,
-    /// Where the puck's 0 is, by that of `torque`.
+    kind: Kind,
+    /// Where the puck's 0 is, by that of `kind`.
     zero: f64,
     /// The two as one.
-    field: Option<Field>,
+    own: Own,
     delay: f64,
     /// The time constant in s with which the motor's torque follows what it holds; 0: at once.
     lag: f64,
@@ -116,25 +114,23 @@ impl VirtualDevice {
     }
 
     fn with_works(spec: &DeviceSpec, works: bool) -> Self {
-        let &DeviceSpec { period, delay, lag, inertia, damping, friction, friction_backward, handle, torque } = spec;
-        let friction = Levels { forward: friction, backward: friction_backward.unwrap_or(friction) };
-        let field = Field::new(&torque, 0.0);
-        let holds = (friction, field);
+        let &DeviceSpec { period, delay, lag, inertia, damping, handle, .. } = spec;
+        let kind = Kind::new(spec);
+        let own = kind.at(0.0);
         let device = Inertia { inertia, damping, stiffness: 0.0 };
         let motor = Motor::new(delay, period);
         let lengths = lengths(&motor, period);
         VirtualDevice {
             period,
             device,
-            friction,
-            torque,
+            kind,
             zero: 0.0,
-            field,
+            own,
             delay,
             lag,
             works,
-            puck: Puck::new(device, holds, lag, works.then_some(lengths)),
-            shaft: handle.map(|handle| Shaft::boxed(handle, device, holds, lag, lengths)),
+            puck: Puck::new(device, own, lag, works.then_some(lengths)),
+            shaft: handle.map(|handle| Shaft::boxed(handle, device, own, lag, lengths)),
             motor,
             gap: 0.0,
             script: Script::default(),
@@ -224,8 +220,8 @@ impl VirtualDevice {
     pub fn shift(&mut self, by: f64) {
         self.puck.position -= by;
         self.zero += by;
-        if self.field.is_some() {
-            self.refit_field();
+        if self.kind.has_place() {
+            self.place();
         }
         if let HandMode::Grip(hand) = &mut self.mode {
             let (intended, slope) = hand.intended.at(self.now);
@@ -280,7 +276,7 @@ impl VirtualDevice {
         let key = |device: &Self| {
             let Inertia { inertia, damping, .. } = device.device;
             let handle = device.shaft.as_ref().map(|shaft| shaft.handle);
-            (device.period, inertia, damping, device.friction, device.torque, device.delay, device.lag, handle)
+            (device.period, inertia, damping, device.kind, device.delay, device.lag, handle)
         };
         if key(self) == key(to) {
             return;
@@ -292,8 +288,7 @@ impl VirtualDevice {
             core::mem::swap(&mut self.delay, &mut to.delay);
         }
         core::mem::swap(&mut self.device, &mut to.device);
-        core::mem::swap(&mut self.friction, &mut to.friction);
-        core::mem::swap(&mut self.torque, &mut to.torque);
+        core::mem::swap(&mut self.kind, &mut to.kind);
         core::mem::swap(&mut self.lag, &mut to.lag);
         if self.lag == 0.0 {
             self.gap = 0.0;
@@ -308,8 +303,8 @@ impl VirtualDevice {
             self.script.last = (self.script.last.saturating_sub(self.sample) as f64 * ratio) as u64;
             (self.origin, self.sample) = (self.now, 0);
         }
-        self.field = Field::new(&self.torque, self.zero);
-        let (lengths, holds) = (lengths(&self.motor, self.period), (self.friction, self.field));
+        self.own = self.kind.at(self.zero);
+        let (lengths, own) = (lengths(&self.motor, self.period), self.own);
         let held_by = self.shaft.is_some();
         match (&mut self.shaft, &to.shaft) {
             (Some(shaft), Some(new)) => shaft.handle = new.handle,
@@ -318,23 +313,23 @@ impl VirtualDevice {
             (Some(_), None) | (None, Some(_)) => core::mem::swap(&mut self.shaft, &mut to.shaft),
         }
         if let Some(shaft) = &mut self.shaft {
-            shaft.refit(self.device, holds, self.lag, lengths);
+            shaft.refit(self.device, own, self.lag, lengths);
             if !held_by {
                 shaft.velocity = self.puck.velocity;
             }
         }
-        self.puck.refit(self.device, holds, self.lag, self.works.then_some(lengths));
+        self.puck.refit(self.device, own, self.lag, self.works.then_some(lengths));
         if held_by != self.shaft.is_some() {
             self.change_hands();
         }
     }
 
-    /// Gravity and cogging by the puck's 0.
-    fn refit_field(&mut self) {
-        self.field = Field::new(&self.torque, self.zero);
-        self.puck.place(self.field);
+    /// What depends on the puck's place, by its 0.
+    fn place(&mut self) {
+        self.own = self.kind.at(self.zero);
+        self.puck.place(self.own);
         if let Some(shaft) = &mut self.shaft {
-            shaft.place(self.field);
+            shaft.place(self.own);
         }
     }
 
@@ -502,15 +497,10 @@ impl VirtualDevice {
                 // It has arrived.
                 Some(piece) if piece.is_flat() => return,
                 Some(piece) => {
-                    let (square, path) = piece.travel(from, to);
+                    let square = piece.travel(from, to).0;
                     let lagging =
                         if self.gap != 0.0 { self.gap * piece.decaying_travel(from, to, self.lag) } else { 0.0 };
-                    self.prescribe(
-                        piece.at(to),
-                        lagging,
-                        self.device.damping * square,
-                        self.friction.lost(path, piece.at(to).0 - piece.at(from).0),
-                    );
+                    self.prescribe(piece.at(to), lagging, self.device.damping * square, self.own.lost(piece, from, to));
                     return;
                 }
             },
@@ -543,7 +533,7 @@ impl VirtualDevice {
         let motor = self.motor.applied * (position - self.puck.position) + lagging;
         let before = self.puck.velocity;
         let moving = 0.5 * self.device.inertia * (velocity - before) * (velocity + before);
-        let field = self.field.map_or(0.0, |field| field.work(self.puck.position, position));
+        let field = self.own.field.map_or(0.0, |field| field.work(self.puck.position, position));
         (self.puck.position, self.puck.velocity) = (position, velocity);
         let ledger = &mut self.ledger;
         ledger.motor += motor;

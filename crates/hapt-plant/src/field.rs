@@ -165,10 +165,10 @@ impl<const K: usize> Fielded<'_, K> {
         series
     }
 
-    /// The first instant in (0, length] at which a slide in `direction` comes to rest: where -direction v becomes positive.
-    pub fn first_stop(&self, series: &Series<K>, direction: f64) -> Option<f64> {
-        let course = |t: f64| -direction * series.after(t)[self.v];
-        let slope = |t: f64| -direction * series.slope(t, self.v);
+    /// The first instant in (0, length] at which velocity · v + constant becomes positive.
+    pub fn first_above(&self, series: &Series<K>, velocity: f64, constant: f64) -> Option<f64> {
+        let course = |t: f64| velocity * series.after(t)[self.v] + constant;
+        let slope = |t: f64| velocity * series.slope(t, self.v);
         let end = series.length;
         let positive = if course(end) > 0.0 {
             end

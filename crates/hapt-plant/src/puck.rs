@@ -1,8 +1,9 @@
 //! The puck alone: pushed by motor and hand, held by Coulomb friction ([`crate::friction`]).
 
-use crate::field::{Field, Fielded};
-use crate::friction::{Friction, Levels, MOST_EVENTS, drives_after};
+use crate::field::Fielded;
+use crate::friction::{Friction, MOST_EVENTS, drives_after};
 use crate::ledger::Ledger;
+use crate::own::Own;
 use crate::plant::{F, GAP, Motion, Plant, Propagator, Stretch, V, X};
 use crate::push::{Inertia, NO_SINE, Push, Sine};
 
@@ -14,9 +15,7 @@ pub(crate) struct Puck {
     pub position: f64,
     pub velocity: f64,
     device: Inertia,
-    friction: Levels,
-    /// Gravity and cogging, where there are any.
-    field: Option<Field>,
+    own: Own,
     /// The rate in 1/s at which the motor approaches its command; 0: at once.
     decay: f64,
     /// `None`: the motion alone, without its works.
@@ -76,15 +75,10 @@ impl Held {
 
 impl Puck {
     /// Resets it to rest at 0, free. Without `lengths` the motion alone, without its works: sooner made, and slower where time steps recur.
-    pub fn new(
-        device: Inertia,
-        (friction, field): (Levels, Option<Field>),
-        lag: f64,
-        lengths: Option<Lengths>,
-    ) -> Self {
+    pub fn new(device: Inertia, own: Own, lag: f64, lengths: Option<Lengths>) -> Self {
         let decay = decay(lag);
         let now = Held::new(device, None, NO_SINE, decay, lengths);
-        Puck { position: 0.0, velocity: 0.0, device, friction, field, decay, lengths, now, other: None }
+        Puck { position: 0.0, velocity: 0.0, device, own, decay, lengths, now, other: None }
     }
 
     /// A hand grips the puck, with this `grip` and `sine`. One that `switches` alternately opens and closes: open, only its inertia stays
@@ -99,22 +93,16 @@ impl Puck {
     }
 
     /// The same puck, in the same hand, on another device. Allocates nothing.
-    pub fn refit(
-        &mut self,
-        device: Inertia,
-        (friction, field): (Levels, Option<Field>),
-        lag: f64,
-        lengths: Option<Lengths>,
-    ) {
-        (self.device, self.friction, self.field) = (device, friction, field);
+    pub fn refit(&mut self, device: Inertia, own: Own, lag: f64, lengths: Option<Lengths>) {
+        (self.device, self.own) = (device, own);
         (self.decay, self.lengths) = (decay(lag), lengths);
         self.now = self.now.refitted(device, self.decay, lengths);
         self.other = self.other.as_ref().map(|other| other.refitted(device, self.decay, lengths));
     }
 
-    /// Gravity and cogging where the puck's 0 has moved.
-    pub fn place(&mut self, field: Option<Field>) {
-        self.field = field;
+    /// What the device does to it where the puck's 0 has moved.
+    pub fn place(&mut self, own: Own) {
+        self.own = own;
     }
 
     /// Moves for `dt` under the motor's torque and the hand's push; the works go to the ledger. The motor's torque is `motor`, and `gap`
@@ -122,7 +110,7 @@ impl Puck {
     #[inline]
     pub fn advance(&mut self, dt: f64, motor: f64, gap: f64, push: Push, ledger: &mut Ledger) {
         // What most periods are never leaves the registers: a held torque over a usual length, without friction.
-        let held = gap == 0.0 && push.slope == 0.0 && self.friction.is_none() && self.field.is_none();
+        let held = gap == 0.0 && push.slope == 0.0 && self.own.is_nothing();
         match self.now.usual(dt) {
             Some(usual) if held && !usual.has_sine() => {
                 [self.position, self.velocity] = self.slide_held(usual, motor, push.value, ledger);
@@ -134,8 +122,7 @@ impl Puck {
     /// Whether [`Puck::advance_usual`] moves it, in no grip, under torques that are held over the first usual length.
     pub fn slides_as_usual(&self) -> bool {
         let free = |usual: &Propagator| !usual.has_sine() && !usual.has_spring();
-        self.friction.is_none()
-            && self.field.is_none()
+        self.own.is_nothing()
             && self.now.grip.is_none()
             && self.now.usual.as_ref().is_some_and(|[(_, usual), _]| free(usual))
     }
@@ -164,71 +151,72 @@ impl Puck {
     #[inline(never)]
     fn advance_any(&mut self, dt: f64, motor: f64, gap: f64, push: Push, ledger: &mut Ledger) {
         let y = [self.velocity, motor + push.value, self.position, push.slope, push.sin, push.cos, gap];
-        if let Some(field) = self.field {
-            [self.position, self.velocity] = self.move_in(&field, y, dt, motor, ledger);
-            return;
-        }
-        [self.position, self.velocity] = if self.friction.is_none() {
+        [self.position, self.velocity] = if !self.own.is_coulomb() {
+            self.move_in_pieces(y, dt, motor, ledger)
+        } else if self.own.is_nothing() {
             self.slide(y, dt, motor, 0.0, ledger)
         } else {
             let after = |y: &Motion, t| self.now.after(y, t);
-            Friction { plant: &self.now.plant, levels: self.friction }
-                .advance(y, dt, after, |y, taken, direction| self.slide(*y, taken, motor, direction, ledger))
+            Friction { plant: &self.now.plant, levels: self.own.friction }.advance(
+                y,
+                dt,
+                after,
+                |y, taken, direction| self.slide(*y, taken, motor, direction, ledger),
+            )
         };
     }
 
-    /// Position and velocity after `dt` under gravity and cogging.
+    /// Position and velocity after `dt`, from piece to piece of what the device does.
     #[inline(never)]
-    fn move_in(&self, field: &Field, mut y: Motion, dt: f64, motor: f64, ledger: &mut Ledger) -> [f64; 2] {
+    fn move_in_pieces(&self, mut y: Motion, dt: f64, motor: f64, ledger: &mut Ledger) -> [f64; 2] {
         let plant = &self.now.plant;
-        let friction = Friction { plant, levels: self.friction };
+        let friction = Friction { plant, levels: self.own.rest() };
         let mut left = dt;
         // Each pass ends in a stop or a start.
         for _ in 0..MOST_EVENTS {
             if left <= 0.0 {
                 break;
             }
-            // What friction holds stays where the torque of the field is this.
+            // What friction holds stays where the device's own torque is this.
             let mut held = y;
-            held[F] += field.torque(y[X]);
-            let direction = if self.friction.is_none() { None } else { Some(friction.direction(&held)) };
+            held[F] += self.own.torque_at(y[X]);
+            let direction = if friction.levels.is_none() { None } else { Some(friction.direction(&held)) };
             if direction == Some(0.0) {
                 let taken = friction.first_slip(&held, left).unwrap_or(left);
                 y = drives_after(plant, &y, taken);
                 left -= taken;
             } else {
-                left = self.slide_in(field, &mut y, left, (motor, direction), ledger);
+                left = self.slide_in_piece(&mut y, left, (motor, direction), ledger);
             }
         }
         [y[X], y[V]]
     }
 
-    /// Slides for `left` s, to the stop where friction is against `direction`; what is left of the time then.
-    fn slide_in(
+    /// Slides for `left` s, or to the end of this piece, where friction is against `direction`; what is left of the time then.
+    fn slide_in_piece(
         &self,
-        field: &Field,
         y: &mut Motion,
         mut left: f64,
         (motor, direction): (f64, Option<f64>),
         ledger: &mut Ledger,
     ) -> f64 {
         let plant = &self.now.plant;
-        let (n, lags) = (plant.generator(), y[GAP].abs());
-        let against = self.friction.against(direction.unwrap_or(0.0));
-        let without_lag = plant.rate_without_lag();
+        let regime = self.own.regime(y[V], direction);
+        let (n, lags) = (regime.linear(&plant.generator(), plant.mass, V), y[GAP].abs());
+        let field = self.own.field.unwrap_or_default();
         while left > 0.0 {
             // What is rounding of the lag that was there no longer makes steps short.
             if y[GAP].abs() <= 1e-3 * f64::EPSILON * lags {
                 y[GAP] = 0.0;
             }
-            let rate = if y[GAP] != 0.0 { plant.rate() } else { without_lag };
+            let rate = if y[GAP] != 0.0 { plant.rate() } else { plant.rate_without_lag() } + regime.rate(plant.mass);
             let field = &field.felt(y[V], left);
             let fielded = Fielded { field, n: &n, rate, mass: plant.mass, v: V, x: X };
             let mut sliding = *y;
-            sliding[F] -= against;
+            sliding[F] += regime.torque;
             let series = fielded.series(&sliding, left);
-            let stop = direction.and_then(|direction| fielded.first_stop(&series, direction));
-            let taken = stop.unwrap_or(series.length);
+            let event = regime.first_event(&fielded, &series);
+            let taken = event.map_or(series.length, |(at, _)| at);
             let mut end = series.after(taken);
             let [speed, varying, lagging] = series.works(taken, |y| {
                 let drive = plant.drive(y) - y[GAP] - sliding[F];
@@ -236,16 +224,17 @@ impl Puck {
             });
             let travel = end[X] - y[X];
             let stretch = Stretch { end: [end[X], end[V]], travel, speed, varying, lagging };
-            self.account(&sliding, &stretch, y[F] - motor, (motor, against), self.now.grip, ledger);
+            self.account(&sliding, &stretch, y[F] - motor, (motor, -regime.torque), self.now.grip, ledger);
+            ledger.friction += regime.damping * speed;
             ledger.field += field.work(y[X], end[X]);
-            end[F] += against;
-            if stop.is_some() {
+            end[F] -= regime.torque;
+            if event.is_some_and(|(_, stops)| stops) {
                 end[V] = 0.0;
             }
             *y = end;
             // Whole steps leave no time below rounding.
             left = if taken < left { left - taken } else { 0.0 };
-            if stop.is_some() || !y[X].is_finite() {
+            if event.is_some() || !y[X].is_finite() {
                 break;
             }
         }
@@ -255,7 +244,7 @@ impl Puck {
     /// Slides for `dt` with friction against `direction` (0: none); gives position and velocity at the end.
     fn slide(&self, mut y: Motion, dt: f64, motor: f64, direction: f64, ledger: &mut Ledger) -> [f64; 2] {
         let push = y[F] - motor;
-        let held = self.friction.against(direction);
+        let held = self.own.friction.against(direction);
         y[F] -= held;
         let fresh;
         let propagator = match self.now.usual(dt) {

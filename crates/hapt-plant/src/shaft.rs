@@ -16,9 +16,10 @@ use alloc::boxed::Box;
 use flow::{Flow, GAP, MOTOR, Propagator, S, STATES, State, V, W, X};
 
 use crate::exponential::applied;
-use crate::field::{Field, Fielded};
-use crate::friction::{Levels, MOST_EVENTS, ROUNDING};
+use crate::field::Fielded;
+use crate::friction::{MOST_EVENTS, ROUNDING};
 use crate::ledger::Ledger;
+use crate::own::Own;
 use crate::puck::{Lengths, decay};
 use crate::push::{Grasp, Inertia, NO_SINE, Push, Sine};
 use crate::spec::Handle;
@@ -33,9 +34,8 @@ pub(crate) struct Shaft {
     pub velocity: f64,
     pub handle: Handle,
     device: Inertia,
-    friction: Levels,
-    /// Gravity and cogging on the puck, where there are any.
-    field: Option<Field>,
+    /// What the device does to the puck.
+    own: Own,
     /// The rate in 1/s at which the motor approaches its command; 0: at once.
     decay: f64,
     lengths: Lengths,
@@ -57,17 +57,10 @@ struct Held {
 impl Shaft {
     /// A free handle at rest on an unloaded shaft. Not inlined, so that a device without one does not use its stack.
     #[inline(never)]
-    pub fn boxed(
-        handle: Handle,
-        device: Inertia,
-        (friction, field): (Levels, Option<Field>),
-        lag: f64,
-        lengths: Lengths,
-    ) -> Box<Self> {
+    pub fn boxed(handle: Handle, device: Inertia, own: Own, lag: f64, lengths: Lengths) -> Box<Self> {
         let now = Held { grasp: Grasp::Free, sine: NO_SINE, sliding: Flow::zero(), stuck: Flow::zero() };
         let decay = decay(lag);
-        let mut shaft =
-            Shaft { deflection: 0.0, velocity: 0.0, handle, device, friction, field, decay, lengths, now, other: None };
+        let mut shaft = Shaft { deflection: 0.0, velocity: 0.0, handle, device, own, decay, lengths, now, other: None };
         shaft.take(Grasp::Free, NO_SINE, false);
         Box::new(shaft)
     }
@@ -89,16 +82,16 @@ impl Shaft {
     }
 
     /// The same hand on another device. Allocates nothing.
-    pub fn refit(&mut self, device: Inertia, (friction, field): (Levels, Option<Field>), lag: f64, lengths: Lengths) {
-        (self.device, self.friction, self.field) = (device, friction, field);
+    pub fn refit(&mut self, device: Inertia, own: Own, lag: f64, lengths: Lengths) {
+        (self.device, self.own) = (device, own);
         (self.decay, self.lengths) = (decay(lag), lengths);
         self.now = self.held(self.now.grasp, self.now.sine);
         self.other = self.other.as_ref().map(|other| self.held(other.grasp, other.sine));
     }
 
-    /// Gravity and cogging where the puck's 0 has moved.
-    pub fn place(&mut self, field: Option<Field>) {
-        self.field = field;
+    /// What the device does to the puck where its 0 has moved.
+    pub fn place(&mut self, own: Own) {
+        self.own = own;
     }
 
     /// Opens or closes a switching hand.
@@ -121,7 +114,6 @@ impl Shaft {
     ) -> [f64; 2] {
         let mut y = [v, self.velocity, self.deflection, x, motor, gap, push.value, push.slope, push.sin, push.cos];
         let mut left = dt;
-        let field = self.field;
         // Where a slip starts, its direction is known. The net torque there is friction's, and rounding could call it either.
         let mut slips = None;
         // Each pass ends in a stop or a start.
@@ -129,12 +121,12 @@ impl Shaft {
             if left <= 0.0 {
                 break;
             }
-            // What friction holds stays where the torque of the field is this.
+            // What friction holds stays where the device's own torque is this.
             let mut held = y;
-            held[MOTOR] += field.map_or(0.0, |field| field.torque(y[X]));
+            held[MOTOR] += self.own.torque_at(y[X]);
             let direction = slips.take().or_else(|| self.direction(&held));
-            if let (Some(field), Some(direction)) = (&field, direction) {
-                left = self.slide_in(field, &mut y, left, direction, ledger);
+            if let Some(direction) = direction.filter(|_| !self.own.is_coulomb()) {
+                left = self.slide_in_piece(&mut y, left, direction, ledger);
                 continue;
             }
             let event = match direction {
@@ -165,7 +157,7 @@ impl Shaft {
     /// friction, up to rounding.
     fn direction(&self, y: &State) -> Option<f64> {
         let net = self.net(y);
-        if self.friction.is_none() {
+        if self.own.rest().is_none() {
             Some(0.0)
         } else if y[V] != 0.0 {
             Some(y[V].signum())
@@ -189,7 +181,7 @@ impl Shaft {
 
     /// The most net torque toward this `side` that holds the puck at rest: friction, and what rounding can leave of the torques that balance there.
     fn hold(&self, y: &State, side: f64) -> f64 {
-        let friction = self.friction.toward(side);
+        let friction = self.own.rest().toward(side);
         let shaft = (self.handle.stiffness * y[S]).abs() + (self.handle.damping * y[W]).abs();
         friction + ROUNDING * (friction + y[MOTOR].abs() + y[GAP].abs() + shaft)
     }
@@ -197,7 +189,7 @@ impl Shaft {
     /// The first instant in (0, dt] at which a slide in `direction` comes to rest.
     fn first_stop(&self, y: &State, dt: f64, direction: f64) -> Option<f64> {
         let mut sliding = *y;
-        sliding[MOTOR] -= self.friction.against(direction);
+        sliding[MOTOR] -= self.own.friction.against(direction);
         let flow = &self.now.sliding;
         flow.first_crossing(&sliding, dt, |y| {
             let acceleration: f64 = flow.n[V].iter().zip(y).map(|(n, y)| n * y).sum();
@@ -220,37 +212,43 @@ impl Shaft {
         }
     }
 
-    /// The puck slides in `direction` (0: without friction) under gravity and cogging for `left` s, or to its stop; what is left of the time then.
-    fn slide_in(&self, field: &Field, y: &mut State, mut left: f64, direction: f64, ledger: &mut Ledger) -> f64 {
-        let flow = &self.now.sliding;
-        let (motor, held, lags) = (y[MOTOR], self.friction.against(direction), y[GAP].abs());
+    /// The puck slides in `direction` (0: without friction) for `left` s, or to the end of this piece of what the device does; what is left of
+    /// the time then.
+    fn slide_in_piece(&self, y: &mut State, mut left: f64, direction: f64, ledger: &mut Ledger) -> f64 {
+        let (flow, mass) = (&self.now.sliding, self.device.inertia);
+        let regime = self.own.regime(y[V], Some(direction).filter(|direction| *direction != 0.0));
+        let n = regime.linear(&flow.n, mass, V);
+        let field = self.own.field.unwrap_or_default();
+        let (motor, lags) = (y[MOTOR], y[GAP].abs());
         while left > 0.0 {
             // What is rounding of the lag that was there no longer makes steps short.
             if y[GAP].abs() <= 1e-3 * f64::EPSILON * lags {
                 y[GAP] = 0.0;
             }
-            let rate = if y[GAP] != 0.0 { flow.rate } else { flow.settled_rate };
+            let rate = if y[GAP] != 0.0 { flow.rate } else { flow.settled_rate } + regime.rate(mass);
             let field = &field.felt(y[V], left);
-            let fielded = Fielded { field, n: &flow.n, rate, mass: self.device.inertia, v: V, x: X };
-            y[MOTOR] -= held;
+            let fielded = Fielded { field, n: &n, rate, mass, v: V, x: X };
+            y[MOTOR] += regime.torque;
             let series = fielded.series(y, left);
-            let stop = if direction == 0.0 { None } else { fielded.first_stop(&series, direction) };
-            let taken = stop.unwrap_or(series.length);
+            let event = regime.first_event(&fielded, &series);
+            let taken = event.map_or(series.length, |(at, _)| at);
             let mut end = series.after(taken);
-            let works = series.works(taken, |y| {
+            let [speed, works @ ..] = series.works(taken, |y| {
                 let along = |row: &State| row.iter().zip(y).map(|(gain, y)| gain * y).sum::<f64>();
-                flow.powers.each_ref().map(|[p, q]| along(p) * along(q))
+                let [a, b, c, d] = flow.powers.each_ref().map(|[p, q]| along(p) * along(q));
+                [y[V] * y[V], a, b, c, d]
             });
             let (travel, way) = (end[X] - y[X], end[X] - y[X] + (end[S] - y[S]));
-            self.account(y, &end, (motor, held), [travel, way], works, ledger);
+            self.account(y, &end, (motor, -regime.torque), [travel, way], works, ledger);
+            ledger.friction += regime.damping * speed;
             ledger.field += field.work(y[X], end[X]);
             end[MOTOR] = motor;
-            if stop.is_some() {
+            if event.is_some_and(|(_, stops)| stops) {
                 end[V] = 0.0;
             }
             *y = end;
             left = if taken < left { left - taken } else { 0.0 };
-            if stop.is_some() || !y[X].is_finite() {
+            if event.is_some() || !y[X].is_finite() {
                 break;
             }
         }
@@ -277,7 +275,7 @@ impl Shaft {
     /// Moves for `dt`: the puck slides in `direction` (0: without friction), or friction holds it.
     fn pass(&self, y: &mut State, dt: f64, direction: Option<f64>, ledger: &mut Ledger) {
         let flow = if direction.is_some() { &self.now.sliding } else { &self.now.stuck };
-        let (motor, held) = (y[MOTOR], self.friction.against(direction.unwrap_or(0.0)));
+        let (motor, held) = (y[MOTOR], self.own.friction.against(direction.unwrap_or(0.0)));
         y[MOTOR] -= held;
         let fresh;
         let Propagator { change, works } = match flow.usual.iter().find(|(length, _)| *length == dt) {

@@ -23,10 +23,29 @@ pub struct DeviceSpec {
     pub friction: f64,
     /// The Coulomb friction toward smaller positions, where it is another one than that toward larger ones.
     pub friction_backward: Option<f64>,
+    /// What friction is more at low speeds.
+    pub stribeck: Option<Stribeck>,
     /// A handle on a flexible shaft; `None`: the puck is the handle.
     pub handle: Option<Handle>,
     /// Gravity and cogging, which act on the puck.
     pub torque: DeviceTorque,
+}
+
+/// Friction that falls as the puck speeds up: the level is `torque` · max(0, 1 - |ż|/`velocity`) above Coulomb friction, in either direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Stribeck {
+    /// By how much friction at rest is above Coulomb friction, in N·m (linear: N), zero or more.
+    pub torque: f64,
+    /// From which on friction is Coulomb friction, in rad/s (linear: m/s), positive.
+    pub velocity: f64,
+}
+
+impl Stribeck {
+    /// How steeply friction falls: a damping that is missing, in N·m·s/rad (linear: N·s/m).
+    pub fn slope(&self) -> f64 {
+        self.torque / self.velocity
+    }
 }
 
 /// The torques of the device's own that depend on its position: it stores their energy, and over a turn they give none.

@@ -2,6 +2,7 @@
 
 use alloc::vec;
 use alloc::vec::Vec;
+use core::f64::consts::{FRAC_PI_2, PI};
 
 use crate::spec::Shape;
 
@@ -63,6 +64,30 @@ impl Piece {
 }
 
 impl Piece {
+    /// ∫ |v| max(0, 1 - |v|/slow) dt of the piece as a motion over [from, to].
+    pub(crate) fn slow_travel(&self, from: f64, to: f64, slow: f64) -> f64 {
+        match self.form {
+            Form::Straight { slope, .. } => slope.abs() * (1.0 - slope.abs() / slow).max(0.0) * (to - from),
+            Form::Sine { amplitude, omega, phase } => {
+                // With u = θ - π/2 it is ∫ (A |sin u| - A²ω/slow sin² u) du where |sin u| is below slow/(Aω): within w of every half turn.
+                let size = amplitude.abs();
+                let part = slow / (size * omega);
+                let w = if part < 1.0 { libm::asin(part) } else { FRAC_PI_2 };
+                let from_half_turn = |x: f64| {
+                    let half = libm::sin(0.5 * x);
+                    size * (2.0 * half * half - (0.5 * x - 0.25 * libm::sin(2.0 * x)) / part)
+                };
+                let until = |t: f64| {
+                    let u = omega * t + phase - FRAC_PI_2;
+                    let halves = libm::round(u / PI);
+                    let rest = u - halves * PI;
+                    2.0 * halves * from_half_turn(w) + from_half_turn(rest.abs().min(w)).copysign(rest)
+                };
+                if size * omega > 0.0 { until(to) - until(from) } else { 0.0 }
+            }
+        }
+    }
+
     /// ∫ v e^(-(t - from)/lag) dt of the piece as a motion over [from, to].
     pub(crate) fn decaying_travel(&self, from: f64, to: f64, lag: f64) -> f64 {
         let length = to - from;
@@ -197,5 +222,25 @@ mod tests {
         assert!((path - 3.0 * 4.0 * 0.5).abs() < 1e-12);
         let mean_square = 0.5 * (0.5 * core::f64::consts::TAU) * (0.5 * core::f64::consts::TAU);
         assert!((square - 3.0 * mean_square).abs() < 1e-12);
+    }
+
+    #[test]
+    fn slow_travel_is_its_integral() {
+        for (amplitude, frequency, phase) in [(0.5, 1.0, 0.3), (-2.0, 0.7, -1.1), (0.01, 3.0, 2.0)] {
+            let sine = Trajectory::new(&Shape::Sine { amplitude, frequency, phase }, 1e-3).last();
+            for slow in [0.05, 1.0, 3.0, 100.0] {
+                let (from, to, steps) = (0.31, 2.77, 200_000);
+                let h = (to - from) / f64::from(steps);
+                let at = |i: i32| {
+                    let speed = sine.at(from + h * (f64::from(i) + 0.5)).1.abs();
+                    h * speed * (1.0 - speed / slow).max(0.0)
+                };
+                let sum: f64 = (0..steps).map(at).sum();
+                let found = sine.slow_travel(from, to, slow);
+                assert!((found - sum).abs() < 1e-8 * (1.0 + sum), "{found} {sum} of {amplitude} below {slow}");
+            }
+        }
+        let ramp = Piece::straight(0.0, 0.0, -0.5);
+        assert_eq!((ramp.slow_travel(1.0, 3.0, 1.0), ramp.slow_travel(1.0, 3.0, 0.4)), (0.5, 0.0));
     }
 }

@@ -211,7 +211,7 @@ impl<'w> Lane<'w> {
             Drive::Grip { switching, .. } => device.largest_friction() == 0.0 && switching.is_none(),
         };
         device.handle.is_none()
-            && device.torque.is_none()
+            && device.is_plain()
             && self.scenario.timing == Timing::Even
             && pushed
             && (device.lag == 0.0 || !self.moves())

@@ -87,6 +87,7 @@ impl Trial {
             friction,
             handle: None,
             friction_backward: None,
+            stribeck: None,
             torque: Default::default(),
         };
         Trial { kind, rig, is_linear, sign, count, offset, cogging, noise, amplitude, seed }

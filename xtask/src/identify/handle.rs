@@ -68,6 +68,7 @@ impl Trial {
             friction: if i % 4 < 2 { friction } else { 0.0 },
             handle: Some(shaft),
             friction_backward: None,
+            stribeck: None,
             torque: Default::default(),
         };
         let (count, noise) = (TAU / (4000.0 * 10f64.powf(between(0.0, 1.0))).round(), between(0.5, 2.0));

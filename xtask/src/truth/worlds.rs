@@ -2,8 +2,8 @@
 
 use fastrand::Rng;
 use hapt_model::{
-    Body, Coupling, Damping, Device, End, EstimatorKind, Handle, Law, Method, Motion, Output, Sampling, Side, Waveform,
-    World,
+    Body, Coupling, Damping, Device, End, EstimatorKind, Handle, Law, Method, Motion, Output, Sampling, Side, Stribeck,
+    Waveform, World,
 };
 
 /// Uniform in the logarithm, between two powers of ten.
@@ -103,6 +103,7 @@ pub fn random(rng: &mut Rng, is_nonlinear: bool) -> World {
         drive: Default::default(),
         handle: None,
         friction_backward: None,
+        stribeck: None,
         torque: Default::default(),
     };
     if is_nonlinear && rng.u8(..4) > 0 {
@@ -110,6 +111,13 @@ pub fn random(rng: &mut Rng, is_nonlinear: bool) -> World {
         device.limit = rng.bool().then(|| log_uniform(rng, -2.0, 1.0));
         device.levels = device.limit.filter(|_| rng.bool()).map(|_| 2 * log_uniform(rng, 1.0, 4.0).round() as u32);
         device.friction = friction(rng, &device, &couplings, period);
+        device.stribeck = (device.friction > 0.0 && rng.u8(..4) == 0).then(|| Stribeck {
+            torque: device.friction * between(rng, 0.1, 3.0),
+            velocity: log_uniform(rng, -1.0, 1.0),
+        });
+        if device.fault(period).is_some() {
+            device.stribeck = None;
+        }
         device.friction_backward = (rng.u8(..3) == 0).then(|| device.friction * between(rng, 0.2, 3.0));
     }
     World {

@@ -77,6 +77,7 @@ impl Pair {
         let friction = if rng.bool() { 0.0 } else { between(rng, 1e-2, 0.3) };
         let spec = DeviceSpec {
             friction_backward: None,
+            stribeck: None,
             torque: hapt_plant::spec::DeviceTorque::default(),
             period,
             delay: 0.5 * rng.f64() * period,

@@ -132,7 +132,7 @@ fn with_stability(world: &World, held: Stability, free: Stability) -> Result<Che
     let is_passive = passivity.is_certified() && uneven.is_certified();
     let by_friction = is_passive && (passivity.by_friction || uneven.by_friction);
     let passive = uneven.passive.and(&passivity.passive).when(is_passive);
-    let held_claim = held_claim(world, &held);
+    let held_claim = held_claim(world, &held, &passive);
     let free_claim = free_claim(world, &free, &passive, by_friction);
     let certified = held_claim.and(&free_claim).and(&passive);
     let is_broken = uneven.free.verdict() == PatternVerdict::Broken && !by_friction;
@@ -262,6 +262,7 @@ fn notes(world: &World, fall: Option<Fall>) -> Result<Vec<String>, Error> {
         );
     }
     notes.extend(device_torque(world, fall));
+    notes.extend(falling_friction(world));
     notes.extend(compensations(world)?);
     notes.extend(at_puck(world));
     Ok(notes)
@@ -287,6 +288,24 @@ fn device_torque(world: &World, fall: Option<Fall>) -> Option<String> {
             "{of}: a torque that stores energy and gives none over a turn is a part of the passive hand, so passive and uneven hold whatever it \
              is; free takes its slope as 0 and as {steepest} that hold the puck, the worse of the two; {away}",
             steepest = with_unit(torque.steepest(), Measure::Stiffness, world.motion)
+        )
+    })
+}
+
+/// What friction that falls with the speed is to the verdicts.
+fn falling_friction(world: &World) -> Option<String> {
+    let (falls, device) = (world.device.falling_friction(), &world.device);
+    let velocity = device.stribeck?.velocity;
+    let slow = match falls > device.damping_range()[0] {
+        true => "more than its damping: a puck that is driven slowly may stick and slip",
+        false => "less than its damping: a faster puck always meets more",
+    };
+    (falls > 0.0).then(|| {
+        format!(
+            "device.stribeck: friction takes at every speed, so passive and uneven hold, with device.friction as what it takes at least; it falls \
+             by {falls} below {velocity}, {slow}. free is without friction, and its eigenvalues alone prove nothing",
+            falls = with_unit(falls, Measure::Damping, world.motion),
+            velocity = with_unit(velocity, Measure::Velocity, world.motion),
         )
     })
 }

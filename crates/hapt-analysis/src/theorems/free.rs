@@ -105,14 +105,16 @@ impl FreePatterns {
         if [tolerances.inertia, tolerances.damping, tolerances.lag] != [0.0; 3] {
             return Ok(FreePatterns::open("tolerances of the device are covered by a proof of passivity only"));
         }
-        if !world.device.torque.is_none() {
+        if !world.device.is_plain() {
             let growth = free_growth(world)?;
             if timing.is_even() && Verdict::of(growth) == Verdict::Unstable {
                 return Ok(FreePatterns::broken(even(world, growth)));
             }
-            return Ok(FreePatterns::open(
-                "gravity and cogging of the device are covered by a proof of passivity only",
-            ));
+            let what = match world.device.torque.is_none() {
+                false => "gravity and cogging of the device are",
+                true => "friction of the device that falls with the speed is",
+            };
+            return Ok(FreePatterns::open(format!("{what} covered by a proof of passivity only")));
         }
         if world.couplings.iter().any(is_nonlinear) {
             return of_laws(world, timing);

@@ -17,19 +17,23 @@ pub(crate) fn is_held_covered(world: &World) -> bool {
     keeps_energy(world.sampling.method) || !has_nonlinear_bodies(world)
 }
 
-/// The claim that the held world, which was found to be `held`, does not grow.
-pub(crate) fn held_claim(world: &World, held: &Stability) -> Claimed {
+/// The claim that the held world, which was found to be `held`, does not grow; `passive` is the claim of passivity.
+pub(crate) fn held_claim(world: &World, held: &Stability, passive: &Claimed) -> Claimed {
+    let is_stable = held.verdict != Verdict::Unstable;
+    // The puck goes on moving on the shaft of a handle that is held: what its device does to it, eigenvalues do not tell.
+    if world.device.handle.is_some() && !world.device.is_plain() {
+        return passive.and(&Claimed::by(&[&FREE_PASSIVE])).when(is_stable && is_held_covered(world));
+    }
     let theorem = if has_nonlinear_bodies(world) { &HELD_ENERGY } else { &HELD_LINEAR };
-    Claimed::by(&[theorem]).when(held.verdict != Verdict::Unstable && is_held_covered(world))
+    Claimed::by(&[theorem]).when(is_stable && is_held_covered(world))
 }
 
 /// The claim that the hands-off loop, found to be `free`, does not grow; `passive` is the claim of passivity, `by_friction` whether it rests on
 /// the device's friction, which `free` leaves out.
 pub(crate) fn free_claim(world: &World, free: &Stability, passive: &Claimed, by_friction: bool) -> Claimed {
     let is_stable = free.verdict != Verdict::Unstable;
-    // What gravity and cogging are between their slopes, eigenvalues do not tell.
-    let is_linear =
-        world.device.torque.is_none() && !world.couplings.iter().any(is_nonlinear) && !changes_window(world);
+    // What gravity and cogging are between their slopes, eigenvalues do not tell; nor what friction is that falls with the speed.
+    let is_linear = world.device.is_plain() && !world.couplings.iter().any(is_nonlinear) && !changes_window(world);
     let claim = match is_linear && is_stable {
         true => Claimed::by(&[&FREE_LINEAR]),
         false => passive.and(&Claimed::by(&[&FREE_PASSIVE])),

@@ -51,6 +51,7 @@ impl Bench {
                 drive: Default::default(),
                 handle: None,
                 friction_backward: None,
+                stribeck: None,
                 torque: Default::default(),
             },
             safety: Safety::default(),

@@ -1,7 +1,7 @@
-//! Coulomb friction of the device that differs by direction.
+//! Friction of the device that differs by direction, and that falls with the speed.
 
-use hapt_analysis::{check, passivity};
-use hapt_model::{Delay, End, EstimatorKind, Law, Method, Output};
+use hapt_analysis::{PatternVerdict, check, passivity, uneven};
+use hapt_model::{Delay, End, EstimatorKind, Handle, Law, Method, Output, Stribeck, World};
 use proptest::prelude::*;
 
 use crate::common::*;
@@ -43,4 +43,51 @@ proptest! {
             prop_assert_eq!((found.passivity, found.quantisation), (wanted.passivity, wanted.quantisation));
         }
     }
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(200))]
+
+    /// What friction is more at low speeds only takes: passivity is that without it, and no verdict gets better.
+    #[test]
+    fn friction_that_falls_asks_for_no_damping(
+        bench in worlds(Dampers::Fixed, true), torque in 1e-4_f64..0.1, velocity in 0.01_f64..10.0, friction in 0.0_f64..0.05,
+        counts in prop::option::of(500.0_f64..2e4), x in 0.01..1.0_f64, on_a_shaft: bool,
+    ) {
+        let mut plain = bench.world(Method::Zoh, Output::End, x / fastest(&bench));
+        (plain.device.friction, plain.device.encoder) = (friction, counts.map(f64::round));
+        plain.device.handle = on_a_shaft.then_some(Handle { inertia: 1e-3, stiffness: 20.0, damping: 1e-3 });
+        let mut world = plain.clone();
+        world.device.stribeck = Some(Stribeck { torque, velocity });
+        prop_assert_eq!(passivity(&world).unwrap(), passivity(&plain).unwrap());
+        let (with, without) = (check(&world).unwrap(), check(&plain).unwrap());
+        prop_assert_eq!(with.certified.holds(), without.certified.holds());
+        prop_assert_eq!((&with.held, &with.free, &with.quantisation), (&without.held, &without.free, &without.quantisation));
+        prop_assert_eq!(with.uneven.required_damping, without.uneven.required_damping);
+        // Eigenvalues of the linear loop tell nothing of it.
+        prop_assert!(with.theorems.iter().all(|theorem| theorem.id != "free-eigenvalues" && theorem.id != "free-common-form"));
+        prop_assert!(!on_a_shaft || with.theorems.iter().all(|theorem| theorem.id != "held-eigenvalues"));
+    }
+}
+
+/// b = 0 and B = 0.2 J/T is stable and not passive: of a device whose friction falls no theorem tells so.
+#[test]
+fn what_only_eigenvalues_tell_is_open_beside_friction_that_falls() {
+    let bench = Bench::of(vec![damper(End::Puck, End::Ground, 0.128)]);
+    let mut world: World = bench.world(Method::Zoh, Output::End, 1e-3);
+    (world.device.damping, world.sampling.estimator) = (0.0, EstimatorKind::Difference);
+    assert_eq!(uneven(&world).unwrap().free.verdict(), PatternVerdict::Proved);
+    world.device.stribeck = Some(Stribeck { torque: 0.01, velocity: 1.0 });
+    let found = uneven(&world).unwrap();
+    assert_eq!(found.free.verdict(), PatternVerdict::Open);
+    assert!(found.free.reason().unwrap().contains("falls with the speed"));
+    let note = |world: &World| {
+        let notes = check(world).unwrap().notes;
+        notes.into_iter().find(|note| note.starts_with("device.stribeck: ")).unwrap()
+    };
+    assert!(note(&world).contains("more than its damping"));
+    world.device.damping = 0.2;
+    let found = check(&world).unwrap();
+    assert_eq!((found.uneven.free.verdict(), found.certified.holds()), (PatternVerdict::Proved, true));
+    assert!(note(&world).contains("less than its damping"));
 }

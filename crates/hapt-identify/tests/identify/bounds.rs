@@ -26,6 +26,7 @@ fn light(rng: &mut Rng) -> (DeviceSpec, f64) {
         delay: 0.0,
         handle: None,
         friction_backward: None,
+        stribeck: None,
         torque: Default::default(),
     };
     (rig, counts)

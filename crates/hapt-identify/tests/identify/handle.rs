@@ -67,6 +67,7 @@ pub fn device(rng: &mut Rng, friction: bool) -> DeviceSpec {
         friction: if friction { 3e-3 * rng.f64() } else { 0.0 },
         handle: Some(shaft),
         friction_backward: None,
+        stribeck: None,
         torque: Default::default(),
     }
 }

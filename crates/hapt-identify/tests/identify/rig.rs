@@ -15,6 +15,7 @@ pub const WHEEL: DeviceSpec = DeviceSpec {
     friction: 5e-3,
     handle: None,
     friction_backward: None,
+    stribeck: None,
     torque: DeviceTorque { gravity: None, cogging: None },
 };
 

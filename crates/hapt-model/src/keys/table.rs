@@ -109,6 +109,10 @@ pub const KEYS: &[Key] = &[
     key("device.handle.stiffness", Quantity(Stiffness, Positive), Required, "The shaft's stiffness: torque per angle between handle and puck."),
     key("device.handle.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "The shaft's damping: torque per relative velocity of handle and puck."),
 
+    key("device.stribeck", Table, Optional, "Friction that falls as the puck speeds up: above Coulomb friction, in either direction, it is torque · max(0, 1 - |v|/velocity)."),
+    key("device.stribeck.torque", Quantity(Torque, ZeroOrMore), Required, "By how much friction at rest is above device.friction."),
+    key("device.stribeck.velocity", Quantity(Velocity, Positive), Required, "The speed from which on friction is device.friction."),
+
     key("device.gravity", Table, Optional, "The torque of an unbalanced puck: torque · sin(z + phase) on it. Over a turn it gives no energy.").only(Motion::Rotary),
     key("device.gravity.torque", Quantity(Torque, ZeroOrMore), Required, "Weight times the distance of the centre of mass from the axis.").only(Motion::Rotary),
     key("device.gravity.phase", Quantity(Angle, Any), Number(0.0),

@@ -100,6 +100,7 @@ fn the_documented_example_reads_to_its_numbers() {
         drive: Default::default(),
         handle: None,
         friction_backward: None,
+        stribeck: None,
         torque: Default::default(),
     };
     assert_eq!(world.device, device);
@@ -160,6 +161,7 @@ fn what_is_absent_has_its_default() {
         drive: Default::default(),
         handle: None,
         friction_backward: None,
+        stribeck: None,
         torque: Default::default(),
     };
     assert_eq!(world.device, device);
@@ -211,6 +213,7 @@ hand = { kind = "sine", amplitude = "3 mm", frequency = "2 Hz", phase = "90 deg"
         drive: Default::default(),
         handle: None,
         friction_backward: None,
+        stribeck: None,
         torque: Default::default(),
     };
     assert_eq!(world.device, device);

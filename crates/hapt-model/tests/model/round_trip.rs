@@ -6,8 +6,8 @@ use hapt_core::WhenLate;
 use hapt_model::keys::PHYSICAL;
 use hapt_model::{
     Body, Cogging, Coupling, Damping, Delay, Device, DeviceTorque, Drive, End, EstimatorKind, Gravity, Hand, Handle,
-    Law, Method, Motion, Mounting, Output, Safety, Sampling, Scenario, Shape, Side, Source, Switching, Timing,
-    Tolerances, Waveform, World,
+    Law, Method, Motion, Mounting, Output, Safety, Sampling, Scenario, Shape, Side, Source, Stribeck, Switching,
+    Timing, Tolerances, Waveform, World,
 };
 use proptest::collection::vec;
 use proptest::option;
@@ -238,10 +238,19 @@ fn device(motion: Motion) -> impl Strategy<Value = Device> {
         waveform: Waveform { sine, cosine },
     }));
     let torque = (gravity, cogging).prop_map(|(gravity, cogging)| DeviceTorque { gravity, cogging });
-    let outside = (drive, option::of(handle), torque);
+    let stribeck = (zero_or_more(), positive()).prop_map(|(torque, velocity)| Stribeck { torque, velocity });
+    let outside = (drive, option::of(stribeck), option::of(handle), torque);
     let friction = (zero_or_more(), option::of(zero_or_more()));
     (positive(), zero_or_more(), friction, lag, option::of(encoder), motor, outside).prop_map(
-        |(inertia, damping, (friction, backward), (lag, tolerances), encoder, motor, (drive, handle, torque))| Device {
+        |(
+            inertia,
+            damping,
+            (friction, backward),
+            (lag, tolerances),
+            encoder,
+            motor,
+            (drive, stribeck, handle, torque),
+        )| Device {
             inertia,
             damping,
             friction,
@@ -256,6 +265,7 @@ fn device(motion: Motion) -> impl Strategy<Value = Device> {
             encoder,
             levels: motor.and_then(|(_, half)| half).map(|half| half * 2),
             drive,
+            stribeck,
             handle,
             torque,
         },
@@ -330,11 +340,12 @@ fn world() -> impl Strategy<Value = World> {
             // Beside friction a shaft may swing by 100 rad in a period.
             let swing = |shaft: Handle| (shaft.stiffness * (device.inertia.recip() + shaft.inertia.recip())).sqrt();
             if device.handle.is_some_and(|shaft| swing(shaft) * sampling.period > 99.0) {
-                (device.friction, device.friction_backward) = (0.0, device.friction_backward.map(|_| 0.0));
+                (device.stribeck, device.friction, device.friction_backward) =
+                    (None, 0.0, device.friction_backward.map(|_| 0.0));
             }
-            // And so with gravity and cogging, beside which a hand may be too fast too.
+            // And so with gravity, cogging and Stribeck friction, beside which a hand may be too fast too.
             if device.fault(sampling.period).is_some() {
-                device.torque = DeviceTorque::default();
+                (device.torque, device.stribeck) = (DeviceTorque::default(), None);
             }
             let mut sampling = sampling;
             if couplings.iter().any(|coupling| coupling.law.integrates()) {

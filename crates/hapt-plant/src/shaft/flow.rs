@@ -305,7 +305,7 @@ mod tests {
         ) {
             let device = Inertia { inertia: motor, damping: 1e-3, stiffness: 0.0 };
             let handle = Handle { inertia, stiffness, damping };
-            let mut shaft = Shaft::boxed(handle, device, (crate::friction::Levels { forward: friction, backward: friction }, None), lag, [1e-3; 2]);
+            let mut shaft = Shaft::boxed(handle, device, crate::own::Own::of(crate::friction::Levels { forward: friction, backward: friction }), lag, [1e-3; 2]);
             let grasp = grip.map_or(Grasp::Free, |(inertia, damping, stiffness)| Grasp::Grip(Inertia { inertia, damping, stiffness }));
             shaft.take(grasp, (sine, 0.0, 30.0), false);
             let flow = if stuck { &shaft.now.stuck } else { &shaft.now.sliding };

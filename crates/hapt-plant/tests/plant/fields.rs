@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use hapt_core::Waveform;
-use hapt_plant::spec::{Cogging, DeviceSpec, DeviceTorque, Drive, Gravity, Hand, Handle, Shape};
+use hapt_plant::spec::{Cogging, DeviceSpec, DeviceTorque, Drive, Gravity, Hand, Handle, Shape, Stribeck};
 use hapt_plant::{Script, VirtualDevice};
 use proptest::prelude::*;
 
@@ -23,6 +23,7 @@ fn bare(inertia: f64, torque: DeviceTorque) -> DeviceSpec {
         friction: 0.0,
         handle: None,
         friction_backward: None,
+        stribeck: None,
         torque,
     }
 }
@@ -51,19 +52,25 @@ prop_compose! {
     }
 }
 
+/// Most have none.
+pub fn any_stribeck() -> impl Strategy<Value = Option<Stribeck>> {
+    let some = (1e-4_f64..0.05, 0.01_f64..20.0).prop_map(|(torque, velocity)| Some(Stribeck { torque, velocity }));
+    prop_oneof![2 => Just(None), 1 => some]
+}
+
 prop_compose! {
-    fn any_device()(
+    pub fn any_device()(
         inertia in 1e-4_f64..1e-2, damping in prop_oneof![Just(0.0), 1e-4..1e-2_f64], friction in prop_oneof![Just(0.0), 1e-3..0.05_f64],
-        friction_backward in prop::option::of(prop_oneof![Just(0.0), 1e-3..0.05_f64]),
+        (friction_backward, stribeck) in (prop::option::of(prop_oneof![Just(0.0), 1e-3..0.05_f64]), any_stribeck()),
         lag in prop_oneof![Just(0.0), 1e-5..2e-3_f64], delay in prop_oneof![Just(0.0), 0.0..2e-3_f64], torque in any_torque(),
         handle in prop::option::of((1e-4_f64..1e-2, 1.0_f64..100.0, 0.0_f64..0.01)),
     ) -> DeviceSpec {
         let handle = handle.map(|(inertia, stiffness, damping)| Handle { inertia, stiffness, damping });
-        DeviceSpec { period: T, delay, lag, inertia, damping, friction, friction_backward, handle, torque }
+        DeviceSpec { period: T, delay, lag, inertia, damping, friction, friction_backward, stribeck, handle, torque }
     }
 }
 
-fn any_hand() -> impl Strategy<Value = Drive> {
+pub fn any_hand() -> impl Strategy<Value = Drive> {
     let sine = || {
         (0.01_f64..0.3, 0.5_f64..40.0, 0.0..TAU).prop_map(|(amplitude, frequency, phase)| Shape::Sine {
             amplitude,
@@ -83,7 +90,7 @@ fn any_hand() -> impl Strategy<Value = Drive> {
 }
 
 /// Moves the device by these commands, from these velocities of puck and handle on.
-fn moved(spec: &DeviceSpec, hand: &Drive, velocity: f64, commands: &[f64]) -> VirtualDevice {
+pub fn moved(spec: &DeviceSpec, hand: &Drive, velocity: f64, commands: &[f64]) -> VirtualDevice {
     let mut device = VirtualDevice::new(spec);
     device.set_out((0.0, velocity), (0.0, velocity));
     device.begin(&mut Script::new(&Hand { drive: hand.clone(), release: None }, 1e3 * T, spec.period));
@@ -162,7 +169,7 @@ proptest! {
     fn short_steps_of_runge_and_kutta_go_the_same_way(
         spec in any_device(), velocity in -20.0_f64..20.0, command in -0.2_f64..0.2,
     ) {
-        let spec = DeviceSpec { delay: 0.0, lag: 0.0, friction: 0.0, friction_backward: None, handle: None, ..spec };
+        let spec = DeviceSpec { delay: 0.0, lag: 0.0, friction: 0.0, friction_backward: None, stribeck: None, handle: None, ..spec };
         let DeviceSpec { inertia, damping, torque, .. } = spec;
         let device = moved(&spec, &Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), velocity, &[command; 5]);
         let rate = |[x, v]: [f64; 2]| [v, (command + torque.at(x) - damping * v) / inertia];

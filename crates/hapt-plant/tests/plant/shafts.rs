@@ -161,6 +161,7 @@ fn cases() -> impl Strategy<Value = Case> {
                 friction,
                 handle: None,
                 friction_backward: backward.map(|part| part * friction),
+                stribeck: None,
                 torque: Default::default(),
             };
             let sine = |level: f64| {

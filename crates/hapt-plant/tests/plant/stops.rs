@@ -92,6 +92,7 @@ fn spec(inertia: f64, damping: f64, friction: f64, lag: f64) -> DeviceSpec {
         friction,
         handle: None,
         friction_backward: None,
+        stribeck: None,
         torque: Default::default(),
     }
 }

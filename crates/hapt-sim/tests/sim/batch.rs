@@ -81,6 +81,8 @@ fn world(seed: u64, lane: u64, runaway: bool) -> World {
     let mut some = |of: (f64, f64)| if number.chance(0.15) { number.between(of.0, of.1) } else { 0.0 };
     (device.friction, device.lag) = (some((1e-3, 0.05)), some((1e-4, 5e-3)));
     device.friction_backward = Some(some((1e-3, 0.05))).filter(|backward| *backward > 0.0);
+    device.stribeck =
+        Some(Stribeck { torque: some((1e-3, 0.05)), velocity: 1.0 }).filter(|stribeck| stribeck.torque > 0.0);
     let handle = Handle { inertia: some((1e-4, 1e-3)), stiffness: 20.0, damping: some((0.0, 1e-3)) };
     device.handle = (handle.inertia > 0.0).then_some(handle);
     let gravity = Gravity { torque: some((1e-3, 0.1)), phase: 1.0 };

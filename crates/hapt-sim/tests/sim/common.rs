@@ -35,6 +35,7 @@ pub fn bare() -> World {
             drive: Default::default(),
             handle: None,
             friction_backward: None,
+            stribeck: None,
             torque: Default::default(),
         },
         safety: Default::default(),

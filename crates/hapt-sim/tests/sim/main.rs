@@ -4,6 +4,7 @@ mod batch;
 mod closed_forms;
 mod common;
 mod device;
+mod device_friction;
 mod device_torque;
 mod energy;
 mod felt;

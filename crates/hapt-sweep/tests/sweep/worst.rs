@@ -223,6 +223,19 @@ proptest! {
         prop_assert!(worst.linear.is_some() && worst.broken && worst.status == Status::Refuted, "{worst:?}");
     }
 
+    /// Friction that falls with the speed is missing damping to a slow motion, and gives no hand energy.
+    #[test]
+    fn of_a_loop_that_is_certified_no_hand_draws_beside_friction_that_falls(
+        part in 0.7..0.99f64, friction in 1e-3..0.01f64, torque in 1e-3..0.05f64, velocity in 0.05..5.0f64, backward in 0.5..2.0f64,
+    ) {
+        let mut world = spring(part * 2.0 * bare().device.damping / bare().sampling.period);
+        (world.device.friction, world.device.friction_backward) = (friction, Some(backward * friction));
+        world.device.stribeck = Some(hapt_model::Stribeck { torque, velocity });
+        world.device.encoder = Some(1e6);
+        let worst = search(&world).unwrap();
+        prop_assert!(worst.is_certified() && !worst.broken && !worst.drew, "{worst:?}");
+    }
+
     /// The supervisor takes the torque away from a puck that is faster than friction pays for.
     #[test]
     fn of_a_loop_that_friction_certifies_up_to_a_speed_no_hand_draws(part in 1.1..2.0f64, friction in 0.005..0.05f64, more in 0.0..3.0f64, back: bool) {

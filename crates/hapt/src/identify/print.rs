@@ -91,7 +91,7 @@ fn term(term: &Term) -> Value {
             json["times_a_turn"] = times.into();
             json["phase_rad"] = phase.into();
         }
-        TermKind::Stribeck { velocity } => json["velocity"] = velocity.into(),
+        TermKind::Stribeck { velocity, .. } => json["velocity"] = velocity.into(),
         TermKind::Stiffness | TermKind::Drag => {}
     }
     json

@@ -127,7 +127,7 @@ fn term_words(given: &Given, term: &Term) -> (&'static str, String) {
         TermKind::Turn { times, phase } => {
             format!("{}, {times} times a turn, sin({times} angle {:+.2} rad)", size(per_si, effort), phase)
         }
-        TermKind::Stribeck { velocity } => {
+        TermKind::Stribeck { velocity, .. } => {
             let unit = if is_linear { "m/s" } else { "rad/s" };
             format!("{} more at rest, falling within {} {unit}", size(per_si, effort), print::digits(velocity, 2))
         }
@@ -147,13 +147,14 @@ fn table(given: &Given, fit: &TorqueFit) -> String {
             None => writeln!(text, "# {key}: not told by this record"),
         };
     };
+    let [of_damping, friction] = beside_stribeck(fit);
     line("inertia", fit.inertia, 1.0, &inertia);
-    line("damping", fit.damping, 1.0, &damping);
-    match print::by_direction(fit.friction, fit.offset) {
+    line("damping", of_damping, 1.0, &damping);
+    match print::by_direction(friction, fit.offset) {
         Some(levels) => {
             print::DIRECTIONS.into_iter().zip(levels).for_each(|(key, x)| line(key, Some(x), per_si, effort));
         }
-        None => line("friction", fit.friction, per_si, effort),
+        None => line("friction", friction, per_si, effort),
     }
     if let Some(counts) = fit.counts().filter(|_| given.motion == Motion::Rotary) {
         let _ = writeln!(text, "encoder  = {counts}");
@@ -164,10 +165,37 @@ fn table(given: &Given, fit: &TorqueFit) -> String {
     text + &own_torques(given, fit)
 }
 
-/// `[device.gravity]` and `[device.cogging]` of the terms that repeat: the largest of those of cogging, as a file has one pitch.
+/// Damping and Coulomb friction, beside Stribeck friction where the record has it.
+fn beside_stribeck(fit: &TorqueFit) -> [Option<Interval>; 2] {
+    let all = [fit.damping, fit.friction];
+    let Some((_, _, beside)) = stribeck(fit) else { return all };
+    let moved = |x: Interval, to: f64| Interval {
+        value: to,
+        low: (x.low + to - x.value).max(0.0),
+        high: x.high + to - x.value,
+    };
+    [0, 1].map(|i| all[i].map(|x| moved(x, beside[i])))
+}
+
+/// Stribeck friction: its size at rest, the velocity at which it ends as a straight line of the same area, and the numbers beside it.
+fn stribeck(fit: &TorqueFit) -> Option<(f64, f64, [f64; 2])> {
+    fit.terms.iter().find_map(|term| match term.kind {
+        // Half of its width times its height is ∫ exp(-(v/velocity)²).
+        TermKind::Stribeck { velocity, beside } => Some((term.size.value, PI.sqrt() * velocity, beside)),
+        TermKind::Stiffness | TermKind::Turn { .. } | TermKind::Drag => None,
+    })
+}
+
+/// `[device.stribeck]`, and `[device.gravity]` and `[device.cogging]` of the terms that repeat: the largest of those of cogging, as a file has one pitch.
 fn own_torques(given: &Given, fit: &TorqueFit) -> String {
     let (effort, per_si) = effort(given.motion);
     let mut text = String::new();
+    if let Some((torque, velocity, _)) = stribeck(fit) {
+        let (torque, velocity) = (print::digits(torque * per_si, 3), print::digits(velocity, 3));
+        let unit = Measure::Velocity.dimension(given.motion).symbol();
+        let _ =
+            write!(text, "\n[device.stribeck]\ntorque   = \"{torque} {effort}\"\nvelocity = \"{velocity} {unit}\"\n");
+    }
     let mut terms: Vec<(u32, f64, f64)> = Vec::new();
     for term in &fit.terms {
         if let TermKind::Turn { times, phase } = term.kind {

@@ -367,3 +367,32 @@ fn friction_by_direction_is_written_as_such() {
     let agrees = identify(at.path(), &against).done();
     assert!(!agrees.out.contains("contradict"), "{}", agrees.out);
 }
+
+/// Friction that falls with the speed, as `[device.stribeck]` has it: the file has it back.
+#[test]
+fn stribeck_friction_is_written_as_the_device_has_it() {
+    let [coulomb, more, velocity] = [4e-3, 8e-3, 1.0];
+    let (mut z, mut v) = (0.0, 0.0);
+    let mut text = String::from("t_s,arm_rad,motor_Nm\n");
+    for k in 0..20_000 {
+        let t = f64::from(k) * 1e-3;
+        let torque = 0.014 * f64::sin(2.0 * t) + 0.008 * f64::sin(9.1 * t) + 0.004 * f64::sin(23.0 * t);
+        text += &format!("{t:.4},{z:.6},{torque:.6}\n");
+        for _ in 0..20 {
+            let free = v + 5e-5 * (torque - 4e-3 * v) / 1e-3;
+            let level = coulomb + more * (1.0 - f64::abs(v) / velocity).max(0.0);
+            let brake = 5e-5 * level / 1e-3;
+            v = if f64::abs(free) <= brake { 0.0 } else { free - brake * free.signum() };
+            z += 5e-5 * v;
+        }
+    }
+    let at = folder(&[("arm.csv", &text)]);
+    let out = identify(at.path(), &["arm.csv", "--write", "d.toml"]).done().out;
+    let written = std::fs::read_to_string(at.path().join("d.toml")).unwrap();
+    let file = format!("loop.period = \"1 ms\"\n{written}");
+    let world = hapt_model::World::read(&hapt_model::Source::from_text("d.toml", file), &[]).unwrap();
+    let found = world.device.stribeck.unwrap_or_else(|| panic!("{out}\n{written}"));
+    let near = |x: f64, truth: f64, part: f64| (x / truth - 1.0).abs() < part;
+    assert!(near(found.torque, more, 0.3) && near(found.velocity, velocity, 0.5), "{found:?} {out}");
+    assert!(near(world.device.friction, coulomb, 0.4), "{written} {out}");
+}

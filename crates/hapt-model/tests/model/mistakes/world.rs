@@ -112,6 +112,33 @@ fn handles() {
                 "device.friction_backward: \"-1 N mm\" is negative; expected a torque (N m) of 0 or more, such as \"5 N mm\"",
             ),
             ("friction_backward = \"1 N mm ± 20 %\"", "(it reads)"),
+            (
+                "[device.stribeck]\ntorque = 1",
+                "device.stribeck.velocity: missing; expected an angular velocity (rad/s) above 0, such as \"90 deg/s\"",
+            ),
+            (
+                "[device.stribeck]\ntorque = 1\nvelocity = 0",
+                "device.stribeck.velocity: 0 is not above 0; expected an angular velocity (rad/s) above 0, such as \"90 deg/s\"",
+            ),
+            (
+                "[device.stribeck]\ntorque = -1\nvelocity = 1",
+                "device.stribeck.torque: -1 is negative; expected a torque (N m) of 0 or more, such as \"5 N mm\"",
+            ),
+            (
+                "[device.stribeck]\ntorque = \"1 N m ± 20 %\"\nvelocity = 1",
+                "device.stribeck.torque: \"1 N m ± 20 %\" has a tolerance, which only these take: device.inertia, \
+                 device.damping, device.friction, device.friction_backward, device.lag",
+            ),
+            (
+                "[device.stribeck]\ntorque = 1\nvelocity = 1\ncoulomb = 1",
+                "device.stribeck.coulomb: unknown key here; it belongs in couplings.*; device.stribeck takes torque, velocity",
+            ),
+            (
+                "[device.stribeck]\ntorque = 1e6\nvelocity = 1",
+                "device.stribeck.velocity: a slow puck speeds up, swings or decays by 2000 rad in a period, and at most 100 are simulated; \
+                 expected a larger velocity, less damping, or a shorter loop.period",
+            ),
+            ("[device.stribeck]\ntorque = \"2 N mm\"\nvelocity = \"1 rad/s\"", "(it reads)"),
         ],
         |given| format!("[loop]\nperiod = \"2 ms\"\n[device]\ninertia = 1\n{given}\n"),
     );

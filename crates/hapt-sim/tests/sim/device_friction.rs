@@ -1,0 +1,50 @@
+//! Friction of the device that differs by direction and falls with the speed, in runs of the loop.
+
+use crate::common::{bare, rows, scenario, spring};
+use hapt_analysis::is_certified;
+use hapt_model::*;
+use hapt_sim::{Error, Simulation};
+use proptest::prelude::*;
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(60))]
+
+    /// What a push has left the puck with is never more again, hands-off, and friction holds it in the end.
+    #[test]
+    fn a_certified_loop_comes_to_rest_however_steeply_friction_falls(
+        stiffness in 0.1_f64..2.4, friction in 1e-4_f64..0.01, backward in 1e-4_f64..0.01, more in 1e-3_f64..0.02, velocity in 0.02_f64..3.0,
+        push in -0.3_f64..0.3,
+    ) {
+        let mut world = bare();
+        world.couplings = vec![spring(End::Puck, End::Ground, stiffness)];
+        (world.device.friction, world.device.friction_backward) = (friction, Some(backward));
+        world.device.stribeck = Some(Stribeck { torque: more, velocity });
+        prop_assert!(is_certified(&world));
+        let hand = Drive::Torque(Shape::Step { to: push, at: 0.0 });
+        let rows = rows(&world, &scenario(6.0, hand, Some(0.2)));
+        let energy = |row: &hapt_sim::Row| {
+            0.5 * world.device.inertia * row.puck_velocity.powi(2) + 0.5 * stiffness * row.puck.powi(2)
+        };
+        let free: Vec<f64> = rows.iter().skip(200).map(energy).collect();
+        // Between two samples the held torque lacks up to K dz of the spring's, which damping takes by and by.
+        let slack = 0.5 * stiffness * rows.iter().map(|row| (row.puck_velocity * 1e-3).powi(2)).fold(0.0, f64::max);
+        for pair in free.windows(2) {
+            prop_assert!(pair[1] <= pair[0] + slack + 1e-12);
+        }
+        let last = rows.last().unwrap();
+        let level = more + if last.puck < 0.0 { friction } else { backward };
+        prop_assert!(last.puck_velocity == 0.0 && last.torque.abs() <= level * (1.0 + 1e-9), "{last:?}");
+        let ledger = last.ledger;
+        let left = ledger.hand + ledger.motor - ledger.damping - ledger.friction;
+        prop_assert!(left.abs() < 1e-9 * (ledger.hand.abs() + ledger.friction), "{ledger:?}");
+    }
+}
+
+#[test]
+fn friction_that_falls_too_fast_for_the_period_is_refused_by_name() {
+    let mut world = bare();
+    world.device.stribeck = Some(Stribeck { torque: 1.0, velocity: 1e-6 });
+    let hand = scenario(0.1, Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), None);
+    let error = Simulation::new(&world, &hand).map(|_| ()).unwrap_err();
+    assert!(matches!(error, Error::Device { table: "stribeck", key: "velocity", .. }), "{error}");
+}
