@@ -37,6 +37,11 @@ friction_backward = "4 N mm"
 limit = "0.8 N m"
 encoder = 4000
 levels = 2048
+[device.stops]
+low = "-60 deg"
+high = "60 deg"
+stiffness = "30 N m/rad"
+damping = "0.01 N m s/rad"
 [device.stribeck]
 torque = "1 N mm"
 velocity = "1 rad/s"

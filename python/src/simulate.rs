@@ -29,7 +29,7 @@ pub struct StationRun {
     /// How many samples were beyond the motor's limit.
     pub clipped: u64,
     /// The numbers that `hapt sim` prints.
-    pub summary: [(&'static str, Option<f64>); 11],
+    pub summary: [(&'static str, Option<f64>); 12],
 }
 
 /// Why there is no run.
@@ -82,6 +82,7 @@ pub fn simulate(system: &System, scenario: &str, is_over: &mut dyn FnMut() -> bo
                 ("damping_energy", Some(ledger.damping)),
                 ("friction_energy", Some(ledger.friction)),
                 ("shaft_energy", Some(ledger.shaft)),
+                ("stops_energy", Some(ledger.stops)),
                 ("field_energy", Some(ledger.field)),
             ],
         }

@@ -195,6 +195,9 @@ fn file(rng: &mut Rng) -> String {
     if rng.u8(..4) == 0 {
         text += &format!("[device.stribeck]\ntorque = {:e}\nvelocity = {:e}\n", maybe(rng, 1e-3), number_of(rng, 1.0));
     }
+    if rng.u8(..4) == 0 {
+        text += &format!("[device.stops]\nhigh = {:e}\nstiffness = {:e}\n", maybe(rng, 0.1), number_of(rng, 10.0));
+    }
     for body in 0..bodies {
         let place = if rng.u8(..8) == 0 { number_of(rng, 1.0) } else { 0.0 };
         let inertia = if rng.u8(..30) == 0 { 1e-320 } else { number_of(rng, 1e-2) };

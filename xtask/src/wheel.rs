@@ -97,6 +97,7 @@ fn device(rng: &mut Rng) -> (DeviceSpec, f64) {
         handle: None,
         friction_backward: None,
         stribeck: None,
+        stops: None,
         torque: Default::default(),
     };
     (spec, std::f64::consts::TAU / counts)

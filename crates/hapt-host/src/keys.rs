@@ -83,7 +83,7 @@ pub fn keys(source: &Source, given: &[String], sets: &[String]) -> Result<Vec<Se
 fn is_settable(path: &str) -> bool {
     let names: Vec<&str> = path.split('.').collect();
     match names[..] {
-        ["loop" | "device", _] | ["device", "handle" | "stribeck" | "gravity" | "cogging", _] => true,
+        ["loop" | "device", _] | ["device", "handle" | "stribeck" | "stops" | "gravity" | "cogging", _] => true,
         ["bodies", _, name] => !matches!(name, "position" | "velocity"),
         ["couplings", _, name] => !matches!(name, "kind" | "between"),
         _ => false,
@@ -206,6 +206,7 @@ pub fn row(world: &World, path: &str) -> Option<&'static Key> {
         // The numbers of a handle that is there: one alone makes none.
         ["device", "handle", _] if world.device.handle.is_some() => (path.to_string(), None),
         ["device", "stribeck", _] if world.device.stribeck.is_some() => (path.to_string(), None),
+        ["device", "stops", _] if world.device.stops.is_some() => (path.to_string(), None),
         ["device", "gravity", _] if world.device.torque.gravity.is_some() => (path.to_string(), None),
         ["device", "cogging", _] if world.device.torque.cogging.is_some() => (path.to_string(), None),
         // Only an existing name: any other text would be read as part of an override, up to its own `=`.

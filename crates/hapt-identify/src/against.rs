@@ -166,6 +166,7 @@ impl Claims {
             friction: middle(self.friction) - self.lean,
             friction_backward: Some(middle(self.friction) + self.lean).filter(|_| self.lean != 0.0),
             stribeck: None,
+            stops: None,
             lag: middle(self.lag),
             delay: middle(self.delay),
             period: self.period,

@@ -32,6 +32,7 @@
 pub mod builtin;
 mod compensation;
 mod counts;
+mod device;
 mod dimension;
 mod document;
 mod edit;
@@ -72,7 +73,7 @@ pub use hapt_core::spec::{
 };
 pub use hapt_core::{LASTING, SafetyProfile};
 pub use hapt_plant::spec::{
-    Cogging, DeviceSpec, DeviceTorque, Drive, Gravity, Hand, Handle, Shape, Stribeck, Switching,
+    Cogging, DeviceSpec, DeviceTorque, Drive, Gravity, Hand, Handle, Shape, Stops, Stribeck, Switching,
 };
 pub use kinds::{Compensated, CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
 pub use parameters::{Parameter, parameters, parameters_of, unit, unit_size};

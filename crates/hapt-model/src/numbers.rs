@@ -3,7 +3,7 @@
 #![warn(clippy::wildcard_enum_match_arm)]
 
 use hapt_core::{Body, Coupling};
-use hapt_plant::spec::{Cogging, Drive, Gravity, Hand, Handle, Shape, Stribeck, Switching};
+use hapt_plant::spec::{Cogging, Drive, Gravity, Hand, Handle, Shape, Stops, Stribeck, Switching};
 
 use crate::keys::{self, Key};
 use crate::kinds::{CouplingKind, HandKind, ShapeKind};
@@ -112,6 +112,17 @@ pub(crate) fn handle(handle: &mut Option<Handle>) -> NumberSlots<'_> {
 pub(crate) fn stribeck(stribeck: &mut Option<Stribeck>) -> NumberSlots<'_> {
     let Some(Stribeck { torque, velocity }) = stribeck else { return Vec::new() };
     vec![("torque", Number(torque)), ("velocity", Number(velocity))]
+}
+
+/// Those of end stops that are there.
+pub(crate) fn stops(stops: &mut Option<Stops>) -> NumberSlots<'_> {
+    let Some(Stops { low, high, stiffness, damping }) = stops else { return Vec::new() };
+    vec![
+        ("low", Optional(low)),
+        ("high", Optional(high)),
+        ("stiffness", Number(stiffness)),
+        ("damping", Number(damping)),
+    ]
 }
 
 /// Those of a gravity that is there.
@@ -236,6 +247,7 @@ impl World {
             ["device", "drive"] => plain("device.drive", mounting(&mut self.device.drive)),
             ["device", "handle"] => plain("device.handle", handle(&mut self.device.handle)),
             ["device", "stribeck"] => plain("device.stribeck", stribeck(&mut self.device.stribeck)),
+            ["device", "stops"] => plain("device.stops", stops(&mut self.device.stops)),
             ["device", "gravity"] => plain("device.gravity", gravity(&mut self.device.torque.gravity)),
             ["device", "cogging"] => plain("device.cogging", cogging(&mut self.device.torque.cogging)),
             ["safety"] => plain("safety", safety(&mut self.safety)),

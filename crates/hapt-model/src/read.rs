@@ -3,14 +3,14 @@
 #![warn(clippy::wildcard_enum_match_arm)]
 
 use hapt_core::{Body, Coupling, Damping, End, Law, Method, Output, Side, WhenLate};
-use hapt_plant::spec::{Cogging, DeviceTorque, Drive, Gravity, Hand, Handle, Shape, Stribeck, Switching};
+use hapt_plant::spec::{Drive, Hand, Shape, Switching};
 
+use crate::device::device;
 use crate::document::{Document, Entry, Node, Place, Value};
 use crate::error::{Error, ErrorKind};
 use crate::fields::{Context, Fields};
 use crate::keys;
 use crate::kinds::{Compensated, CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
-use crate::motor;
 use crate::path::{self, Carries};
 use crate::safety::Safety;
 use crate::sampling::{Delay, Sampling};
@@ -19,7 +19,7 @@ use crate::support;
 use crate::timing::Timing;
 use crate::waveform;
 use crate::words;
-use crate::world::{Device, Mounting, Scenario, Tolerances, World};
+use crate::world::{Device, Scenario, World};
 
 /// Samples in a scenario.
 const MOST_SAMPLES: f64 = 1e10;
@@ -212,84 +212,6 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
         return Err(fields.missing("cutoff"));
     }
     Ok(sampling)
-}
-
-fn device(fields: &Fields<'_>, period: f64) -> Result<Device, Error> {
-    let (inertia, friction) = (fields.number("inertia")?, fields.number("friction")?);
-    let friction_backward = fields.optional_number("friction_backward")?;
-    let mut device = Device {
-        inertia,
-        damping: fields.number("damping")?,
-        friction,
-        friction_backward,
-        lag: fields.number("lag")?,
-        tolerances: Tolerances {
-            inertia: fields.tolerance("inertia"),
-            damping: fields.tolerance("damping"),
-            friction: fields.tolerance("friction"),
-            friction_backward: fields.tolerance("friction_backward"),
-            lag: fields.tolerance("lag"),
-        },
-        limit: fields.optional_number("limit")?,
-        encoder: fields.optional_number("encoder")?,
-        levels: fields.optional_whole("levels")?,
-        drive: mounting(&Fields::new(fields.inner("drive", "device.drive"), fields.node("drive"))?)?,
-        stribeck: stribeck(fields)?,
-        handle: handle(fields)?,
-        torque: DeviceTorque { gravity: gravity(fields)?, cogging: cogging(fields)? },
-    };
-    motor::add(&mut device, fields)?;
-    if device.levels.is_some() && device.limit.is_none() {
-        let message = "levels divide the range of the motor: they need device.limit";
-        return Err(fields.error(ErrorKind::Combination, "levels", message));
-    }
-    if let Some((table, key, message)) = device.fault(period) {
-        let pattern = keys::rows("device").find(|row| row.name() == table).map_or("device", |row| row.path);
-        let fields = Fields::new(fields.inner(table, pattern), fields.node(table))?;
-        return Err(fields.error(ErrorKind::Combination, key, message));
-    }
-    Ok(device)
-}
-
-fn handle(fields: &Fields<'_>) -> Result<Option<Handle>, Error> {
-    let Some(node) = fields.node("handle") else { return Ok(None) };
-    let fields = Fields::new(fields.inner("handle", "device.handle"), Some(node))?;
-    Ok(Some(Handle {
-        inertia: fields.number("inertia")?,
-        stiffness: fields.number("stiffness")?,
-        damping: fields.number("damping")?,
-    }))
-}
-
-fn stribeck(fields: &Fields<'_>) -> Result<Option<Stribeck>, Error> {
-    let Some(node) = fields.node("stribeck") else { return Ok(None) };
-    let fields = Fields::new(fields.inner("stribeck", "device.stribeck"), Some(node))?;
-    Ok(Some(Stribeck { torque: fields.number("torque")?, velocity: fields.number("velocity")? }))
-}
-
-fn gravity(fields: &Fields<'_>) -> Result<Option<Gravity>, Error> {
-    let Some(node) = fields.node("gravity") else { return Ok(None) };
-    let fields = Fields::new(fields.inner("gravity", "device.gravity"), Some(node))?;
-    Ok(Some(Gravity { torque: fields.number("torque")?, phase: fields.number("phase")? }))
-}
-
-fn cogging(fields: &Fields<'_>) -> Result<Option<Cogging>, Error> {
-    let Some(node) = fields.node("cogging") else { return Ok(None) };
-    let fields = Fields::new(fields.inner("cogging", "device.cogging"), Some(node))?;
-    Ok(Some(Cogging {
-        torque: fields.number("torque")?,
-        pitch: fields.number("pitch")?,
-        phase: fields.number("phase")?,
-        waveform: waveform::of_harmonics(&fields)?,
-    }))
-}
-
-fn mounting(fields: &Fields<'_>) -> Result<Mounting, Error> {
-    Ok(Mounting {
-        gear: fields.optional_number("gear")?,
-        reversed: fields.name("direction") == Some(keys::DIRECTION[1]),
-        home: fields.optional_number("home")?,
-    })
 }
 
 fn coupling(fields: &Fields<'_>, names: &[String], files: &path::Reader<'_>) -> Result<Coupling, Error> {

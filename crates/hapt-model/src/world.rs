@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use hapt_core::{Body, Coupling, Spec};
-use hapt_plant::spec::{DeviceSpec, DeviceTorque, Drive, Hand, Handle, Stribeck};
+use hapt_plant::spec::{DeviceSpec, DeviceTorque, Drive, Hand, Handle, Stops, Stribeck};
 
 use crate::kinds::Motion;
 use crate::safety::Safety;
@@ -77,6 +77,8 @@ pub struct Device {
     pub drive: Mounting,
     /// The `[device.stribeck]` table: what friction is more at low speeds.
     pub stribeck: Option<Stribeck>,
+    /// The `[device.stops]` table: the ends of the puck's way.
+    pub stops: Option<Stops>,
     /// The `[device.handle]` table: a handle on a flexible shaft. The numbers above are then of the motor's side, the puck. `None`: the
     /// puck is the handle.
     pub handle: Option<Handle>,
@@ -133,7 +135,21 @@ impl Device {
     /// Why a run at this period in s cannot simulate the device, with the table below `device` and the key in it that would have to change;
     /// `None` where it can. A world that was built or changed without its file is checked by this again.
     pub fn fault(&self, period: f64) -> Option<(&'static str, &'static str, String)> {
-        self.shaft_fault(period).map(|message| ("handle", "stiffness", message)).or_else(|| self.piece_fault(period))
+        self.shaft_fault(period)
+            .map(|message| ("handle", "stiffness", message))
+            .or_else(|| self.start_fault())
+            .or_else(|| self.piece_fault(period))
+    }
+
+    /// Every run starts at rest at 0.
+    fn start_fault(&self) -> Option<(&'static str, &'static str, String)> {
+        let stops = self.stops?;
+        let message = |expected| format!("the puck starts at 0, which is in this stop; expected {expected}");
+        match (stops.low, stops.high) {
+            (Some(low), _) if low > 0.0 => Some(("stops", "low", message("0 or less"))),
+            (_, Some(high)) if high < 0.0 => Some(("stops", "high", message("0 or more"))),
+            (Some(_) | None, Some(_) | None) => None,
+        }
     }
 
     fn shaft_fault(&self, period: f64) -> Option<String> {
@@ -147,9 +163,9 @@ impl Device {
         })
     }
 
-    /// Whether nothing but inertia, damping and Coulomb friction acts on the puck by itself: no gravity, no cogging, no Stribeck friction.
+    /// Whether nothing but inertia, damping and Coulomb friction acts on the puck by itself: no gravity, no cogging, no Stribeck friction, no end stops.
     pub fn is_plain(&self) -> bool {
-        self.torque.is_none() && self.falling_friction() == 0.0
+        self.torque.is_none() && self.falling_friction() == 0.0 && self.stops.is_none()
     }
 
     /// How steeply friction falls at low speeds, in N·m·s/rad (linear: N·s/m): a damping that is missing there. 0 where it does not.
@@ -162,27 +178,36 @@ impl Device {
         if self.is_plain() {
             return None;
         }
-        let table = if self.torque.cogging.is_some() { "cogging" } else { "gravity" };
+        let swing = |stiffness: f64| (stiffness / self.inertia).sqrt();
+        let (spring, damper) = self.stops.map_or((0.0, 0.0), |stops| (stops.stiffness, stops.damping));
+        let field = if self.torque.cogging.is_some() { "cogging" } else { "gravity" };
+        let parts = [
+            (swing(self.torque.steepest()), field, "torque"),
+            (self.falling_friction() / self.inertia, "stribeck", "velocity"),
+            (swing(spring), "stops", "stiffness"),
+            (damper / self.inertia, "stops", "damping"),
+        ];
         let shaft = self.handle.map_or(0.0, |shaft| {
             let masses = self.inertia.recip() + shaft.inertia.recip();
             (shaft.stiffness * masses).sqrt() + shaft.damping * masses
         });
-        let falls = self.falling_friction() / self.inertia;
-        let rate = (self.torque.steepest() / self.inertia).sqrt() + self.damping / self.inertia + shaft;
-        let turned = (rate + falls) * period;
+        let turned = (parts.iter().map(|part| part.0).sum::<f64>() + self.damping / self.inertia + shaft) * period;
+        // The part that goes furthest has to change.
+        let most =
+            |a: (f64, &'static str, &'static str), b: (f64, &'static str, &'static str)| if b.0 > a.0 { b } else { a };
+        let (_, table, key) = parts.into_iter().reduce(most)?;
         (turned.is_nan() || turned > MOST_SWING).then(|| {
-            if falls > rate || self.torque.is_none() {
-                let message = format!(
-                    "a slow puck speeds up, swings or decays by {turned:.0} rad in a period, and at most {MOST_SWING} are simulated; expected a \
-                     larger velocity, less damping, or a shorter loop.period"
-                );
-                return ("stribeck", "velocity", message);
-            }
+            let (what, expected) = match key {
+                "torque" => ("under it, its damping and its shaft the puck swings", "a smaller torque"),
+                "velocity" => ("a slow puck speeds up, swings", "a larger velocity"),
+                "damping" => ("in a stop the puck swings", "a smaller damping"),
+                _ => ("in a stop the puck swings", "a smaller stiffness"),
+            };
             let message = format!(
-                "under it, its damping and its shaft the puck swings or decays by {turned:.0} rad in a period, and at most {MOST_SWING} are \
-                 simulated; expected a smaller torque, or a shorter loop.period"
+                "{what} or decays by {turned:.0} rad in a period, and at most {MOST_SWING} are simulated; expected {expected}, or a shorter \
+                 loop.period"
             );
-            (table, "torque", message)
+            (table, key, message)
         })
     }
 
@@ -285,9 +310,22 @@ fn within(middle: f64, tolerance: f64) -> [f64; 2] {
 impl World {
     /// What a device in simulation is made from.
     pub fn device_spec(&self) -> DeviceSpec {
-        let Device { inertia, damping, friction, friction_backward, stribeck, lag, handle, torque, .. } = self.device;
+        let Device { inertia, damping, friction, friction_backward, stribeck, stops, lag, handle, torque, .. } =
+            self.device;
         let (period, delay) = (self.sampling.period, self.sampling.delay_s());
-        DeviceSpec { period, delay, lag, inertia, damping, friction, friction_backward, stribeck, handle, torque }
+        DeviceSpec {
+            period,
+            delay,
+            lag,
+            inertia,
+            damping,
+            friction,
+            friction_backward,
+            stribeck,
+            stops,
+            handle,
+            torque,
+        }
     }
 
     /// What the loop is compiled from.

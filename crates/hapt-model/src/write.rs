@@ -50,6 +50,11 @@ impl World {
             writeln!(f, "\n[device.stribeck]")?;
             lines(f, table("device.stribeck", numbers::stribeck(&mut stribeck)))?;
         }
+        let mut stops = self.device.stops;
+        if stops.is_some() {
+            writeln!(f, "\n[device.stops]")?;
+            lines(f, table("device.stops", numbers::stops(&mut stops)))?;
+        }
         let mut handle = self.device.handle;
         if handle.is_some() {
             writeln!(f, "\n[device.handle]")?;

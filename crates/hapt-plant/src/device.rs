@@ -500,7 +500,8 @@ impl VirtualDevice {
                     let square = piece.travel(from, to).0;
                     let lagging =
                         if self.gap != 0.0 { self.gap * piece.decaying_travel(from, to, self.lag) } else { 0.0 };
-                    self.prescribe(piece.at(to), lagging, self.device.damping * square, self.own.lost(piece, from, to));
+                    let own = self.own.prescribe(piece, from, to, &mut self.ledger);
+                    self.prescribe(piece.at(to), lagging, self.device.damping * square, own);
                     return;
                 }
             },
@@ -528,8 +529,8 @@ impl VirtualDevice {
     }
 
     /// Moves the puck with the hand; the hand's work is the remainder of the energy balance. `lagging` is the work of what the motor's
-    /// torque is beyond the held one.
-    fn prescribe(&mut self, (position, velocity): (f64, f64), lagging: f64, damping: f64, friction: f64) {
+    /// torque is beyond the held one, `own` what friction and stops take.
+    fn prescribe(&mut self, (position, velocity): (f64, f64), lagging: f64, damping: f64, own: f64) {
         let motor = self.motor.applied * (position - self.puck.position) + lagging;
         let before = self.puck.velocity;
         let moving = 0.5 * self.device.inertia * (velocity - before) * (velocity + before);
@@ -538,9 +539,8 @@ impl VirtualDevice {
         let ledger = &mut self.ledger;
         ledger.motor += motor;
         ledger.damping += damping;
-        ledger.friction += friction;
         ledger.field += field;
-        ledger.hand += moving + damping + friction - motor - field;
+        ledger.hand += moving + damping + own - motor - field;
     }
 }
 

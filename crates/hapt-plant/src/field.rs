@@ -15,6 +15,7 @@ use hapt_core::HARMONICS;
 use crate::exponential::{GAUSS, Square};
 use crate::root::root;
 use crate::spec::DeviceTorque;
+use crate::stop::Line;
 
 /// Sines: gravity's, and the harmonics of cogging.
 const WAVES: usize = 1 + HARMONICS;
@@ -165,10 +166,16 @@ impl<const K: usize> Fielded<'_, K> {
         series
     }
 
-    /// The first instant in (0, length] at which velocity · v + constant becomes positive.
-    pub fn first_above(&self, series: &Series<K>, velocity: f64, constant: f64) -> Option<f64> {
-        let course = |t: f64| velocity * series.after(t)[self.v] + constant;
-        let slope = |t: f64| velocity * series.slope(t, self.v);
+    /// The first instant in (0, length] at which a line becomes positive.
+    pub fn first_above(&self, series: &Series<K>, line: &Line) -> Option<f64> {
+        let course = |t: f64| {
+            let y = series.after(t);
+            line.value(y[self.v], y[self.x])
+        };
+        let slope = |t: f64| {
+            let of_v = if line.velocity != 0.0 { line.velocity * series.slope(t, self.v) } else { 0.0 };
+            if line.position != 0.0 { of_v + line.position * series.slope(t, self.x) } else { of_v }
+        };
         let end = series.length;
         let positive = if course(end) > 0.0 {
             end

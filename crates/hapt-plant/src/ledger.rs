@@ -3,6 +3,7 @@
 /// Works since t = 0 in J. Hand and motor supply energy, damping and friction dissipate it, and the rest is kinetic:
 /// hand + motor + field = damping + friction + change of J_z ż²/2. With a handle on a shaft the shaft's damping dissipates too, and its spring and
 /// the handle store: hand + motor + field = damping + friction + shaft + change of (J_z ż² + J_h ḣ² + k (h - z)²)/2.
+/// End stops dissipate too, and store k p²/2 where the puck is a way p in one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Ledger {
@@ -16,6 +17,8 @@ pub struct Ledger {
     pub damping: f64,
     /// Dissipated by the device's Coulomb friction.
     pub friction: f64,
+    /// Dissipated by the device's end stops, which store too; 0 without them.
+    pub stops: f64,
     /// Dissipated by the damping of the shaft between puck and handle; 0 without one.
     pub shaft: f64,
 }

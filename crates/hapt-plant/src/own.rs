@@ -1,11 +1,13 @@
-//! What the device itself does to the puck beyond inertia and viscous damping: friction, and torques by position.
+//! What the device itself does to the puck beyond inertia and viscous damping: friction, torques by position, and end stops.
 //!
 //! Between the events of its pieces the motion is linear, but for the torques by position ([`crate::field`]).
 
 use crate::exponential::Square;
 use crate::field::{Field, Fielded, Series};
 use crate::friction::Levels;
-use crate::spec::{DeviceSpec, DeviceTorque, Stribeck};
+use crate::ledger::Ledger;
+use crate::spec::{DeviceSpec, DeviceTorque, Stops, Stribeck};
+use crate::stop::{Line, Stop, Touch};
 use crate::trajectory::Piece;
 
 /// As the device has it, wherever the puck's 0 is.
@@ -16,6 +18,7 @@ pub(crate) struct Kind {
     friction: Levels,
     stribeck: Option<Stribeck>,
     torque: DeviceTorque,
+    stops: Option<Stops>,
 }
 
 /// By the puck's 0.
@@ -26,39 +29,47 @@ pub(crate) struct Own {
     stribeck: Option<Stribeck>,
     /// Gravity and cogging, where there are any.
     pub field: Option<Field>,
+    /// Toward larger positions, and toward smaller ones.
+    stops: [Option<Stop>; 2],
 }
 
-/// A piece of a motion: what it adds to the puck's torque, torque - damping v, and where it ends.
+/// A piece of a motion: what it adds to the puck's torque, torque - damping v - stiffness x, and where it ends.
 pub(crate) struct Regime {
     pub torque: f64,
-    pub damping: f64,
-    events: [Option<Event>; 2],
+    damping: f64,
+    stiffness: f64,
+    /// Of these, those of friction: against the slide, less what it falls by.
+    pub friction: f64,
+    falls: f64,
+    /// The stop that the puck is in.
+    stop: Option<(Stop, Touch)>,
+    events: [Option<Event>; 6],
 }
 
-/// It comes where velocity · v + constant becomes positive.
+/// It comes where the line becomes positive.
 #[derive(Clone, Copy)]
 struct Event {
-    velocity: f64,
-    constant: f64,
+    at: Line,
     /// The puck has come to rest.
-    stops: bool,
+    rests: bool,
 }
 
 impl Kind {
     pub fn new(spec: &DeviceSpec) -> Self {
-        let &DeviceSpec { friction, friction_backward, stribeck, torque, .. } = spec;
+        let &DeviceSpec { friction, friction_backward, stribeck, torque, stops, .. } = spec;
         let friction = Levels { forward: friction, backward: friction_backward.unwrap_or(friction) };
-        Kind { friction, stribeck: stribeck.filter(|stribeck| stribeck.torque > 0.0), torque }
+        Kind { friction, stribeck: stribeck.filter(|stribeck| stribeck.torque > 0.0), torque, stops }
     }
 
     /// Where the puck's 0 is `origin` by the device's.
     pub fn at(&self, origin: f64) -> Own {
-        Own { friction: self.friction, stribeck: self.stribeck, field: Field::new(&self.torque, origin) }
+        let stops = self.stops.map_or([None; 2], |stops| Stop::both(&stops, origin));
+        Own { friction: self.friction, stribeck: self.stribeck, field: Field::new(&self.torque, origin), stops }
     }
 
     /// Whether it depends on the puck's position.
     pub fn has_place(&self) -> bool {
-        !self.torque.is_none()
+        !self.torque.is_none() || self.stops.is_some()
     }
 }
 
@@ -66,7 +77,7 @@ impl Own {
     /// Coulomb friction and nothing else.
     #[cfg(test)]
     pub fn of(friction: Levels) -> Self {
-        Own { friction, stribeck: None, field: None }
+        Own { friction, stribeck: None, field: None, stops: [None; 2] }
     }
 
     /// Whether there is none of it.
@@ -76,7 +87,7 @@ impl Own {
 
     /// Whether it is Coulomb friction, or nothing.
     pub fn is_coulomb(&self) -> bool {
-        self.stribeck.is_none() && self.field.is_none()
+        self.stribeck.is_none() && self.field.is_none() && self.stops.iter().all(Option::is_none)
     }
 
     /// The levels that hold a puck at rest.
@@ -87,51 +98,106 @@ impl Own {
 
     /// The torque on a puck that rests at x, friction aside.
     pub fn torque_at(&self, x: f64) -> f64 {
-        self.field.map_or(0.0, |field| field.torque(x))
+        let field = self.field.map_or(0.0, |field| field.torque(x));
+        self.stops.iter().flatten().fold(field, |torque, stop| torque + stop.torque_at(x))
     }
 
-    /// What friction takes of a motion that a hand prescribes, in J.
-    pub fn lost(&self, motion: &Piece, from: f64, to: f64) -> f64 {
+    /// What the stops store with the puck at x, in J.
+    pub fn stored(&self, x: f64) -> f64 {
+        self.stops.iter().flatten().map(|stop| stop.stored(x)).sum()
+    }
+
+    /// Books the works of a motion that a hand prescribes; returns what the hand gives for them, in J.
+    pub fn prescribe(&self, motion: &Piece, from: f64, to: f64, ledger: &mut Ledger) -> f64 {
         let (_, path) = motion.travel(from, to);
-        let coulomb = self.friction.lost(path, motion.at(to).0 - motion.at(from).0);
-        let more =
-            self.stribeck.map_or(0.0, |stribeck| stribeck.torque * motion.slow_travel(from, to, stribeck.velocity));
-        coulomb + more
+        let (start, end) = (motion.at(from).0, motion.at(to).0);
+        let coulomb = self.friction.lost(path, end - start);
+        let falls = self.stribeck;
+        let friction = coulomb + falls.map_or(0.0, |falls| falls.torque * motion.slow_travel(from, to, falls.velocity));
+        let lost: f64 = self.stops.iter().flatten().map(|stop| stop.lost(motion, from, to)).sum();
+        ledger.friction += friction;
+        ledger.stops += lost;
+        friction + lost + self.stored(end) - self.stored(start)
     }
 
-    /// The piece of a slide in `direction` that goes on from v; without a direction there is no friction.
-    pub fn regime(&self, v: f64, direction: Option<f64>) -> Regime {
-        let Some(direction) = direction else { return Regime { torque: 0.0, damping: 0.0, events: [None; 2] } };
-        let stop = Some(Event { velocity: -direction, constant: 0.0, stops: true });
-        let coulomb = Regime { torque: -self.friction.against(direction), damping: 0.0, events: [stop, None] };
-        let Some(stribeck) = self.stribeck else { return coulomb };
-        let velocity = stribeck.velocity;
-        if direction * v <= velocity {
-            let faster = Some(Event { velocity: direction, constant: -velocity, stops: false });
-            let torque = -self.rest().against(direction);
-            return Regime { torque, damping: -stribeck.slope(), events: [stop, faster] };
+    /// The piece of a slide in `direction` that goes on from x and v; without a direction there is no friction.
+    pub fn regime(&self, [x, v]: [f64; 2], direction: Option<f64>) -> Regime {
+        let (torque, damping, stiffness) = (0.0, 0.0, 0.0);
+        let mut regime =
+            Regime { torque, damping, stiffness, friction: 0.0, falls: 0.0, stop: None, events: [None; 6] };
+        if let Some(direction) = direction {
+            self.rub(&mut regime, v, direction);
         }
-        let slower = Some(Event { velocity: -direction, constant: velocity, stops: false });
-        Regime { events: [slower, None], ..coulomb }
+        for stop in self.stops.iter().flatten() {
+            let (touch, ends) = stop.touch(x, v);
+            ends.into_iter().flatten().for_each(|at| regime.end(at, false));
+            match touch {
+                Touch::Beyond => {}
+                Touch::Pressed => {
+                    regime.torque += stop.stiffness() * stop.at();
+                    regime.damping += stop.damping();
+                    regime.stiffness += stop.stiffness();
+                    regime.stop = Some((*stop, touch));
+                }
+                Touch::Left => regime.stop = Some((*stop, touch)),
+            }
+        }
+        regime
+    }
+
+    /// Friction's part of a piece.
+    fn rub(&self, regime: &mut Regime, v: f64, direction: f64) {
+        let speed = |sign: f64, constant: f64| Line { velocity: sign * direction, position: 0.0, constant };
+        let falling = self.stribeck.filter(|stribeck| direction * v <= stribeck.velocity);
+        let levels = if falling.is_some() { self.rest() } else { self.friction };
+        regime.friction = levels.against(direction);
+        regime.torque -= regime.friction;
+        match (self.stribeck, falling) {
+            (_, Some(falling)) => {
+                regime.falls = falling.slope();
+                regime.damping -= regime.falls;
+                regime.end(speed(-1.0, 0.0), true);
+                regime.end(speed(1.0, -falling.velocity), false);
+            }
+            (Some(stribeck), None) => regime.end(speed(-1.0, stribeck.velocity), false),
+            (None, None) => regime.end(speed(-1.0, 0.0), true),
+        }
     }
 }
 
 impl Regime {
+    fn end(&mut self, at: Line, rests: bool) {
+        if let Some(free) = self.events.iter_mut().find(|event| event.is_none()) {
+            *free = Some(Event { at, rests });
+        }
+    }
+
     /// The linear motion in it, of that without it.
-    pub fn linear<const K: usize>(&self, n: &Square<K>, mass: f64, v: usize) -> Square<K> {
+    pub fn linear<const K: usize>(&self, n: &Square<K>, mass: f64, (v, x): (usize, usize)) -> Square<K> {
         let mut n = *n;
         n[v][v] -= self.damping / mass;
+        n[v][x] -= self.stiffness / mass;
         n
     }
 
     /// The fastest rate in 1/s that it adds.
     pub fn rate(&self, mass: f64) -> f64 {
-        self.damping.abs() / mass
+        self.damping.abs() / mass + libm::sqrt(self.stiffness / mass)
     }
 
     /// The first event within the length of a series, and whether the puck comes to rest there.
     pub fn first_event<const K: usize>(&self, of: &Fielded<'_, K>, series: &Series<K>) -> Option<(f64, bool)> {
-        let at = |event: &Event| Some((of.first_above(series, event.velocity, event.constant)?, event.stops));
+        let at = |event: &Event| Some((of.first_above(series, &event.at)?, event.rests));
         self.events.iter().flatten().filter_map(at).reduce(|first, next| if next.0 < first.0 { next } else { first })
+    }
+
+    /// Books what is lost from x to `end` beside friction's constant torque, where the integral of v² is `speed`.
+    pub fn account(&self, [x, end]: [f64; 2], speed: f64, ledger: &mut Ledger) {
+        ledger.friction -= self.falls * speed;
+        match self.stop {
+            Some((stop, Touch::Pressed)) => ledger.stops += stop.damping() * speed,
+            Some((stop, Touch::Left)) => ledger.stops += stop.stored(x) - stop.stored(end),
+            Some((_, Touch::Beyond)) | None => {}
+        }
     }
 }

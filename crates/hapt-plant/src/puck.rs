@@ -201,8 +201,8 @@ impl Puck {
         ledger: &mut Ledger,
     ) -> f64 {
         let plant = &self.now.plant;
-        let regime = self.own.regime(y[V], direction);
-        let (n, lags) = (regime.linear(&plant.generator(), plant.mass, V), y[GAP].abs());
+        let regime = self.own.regime([y[X], y[V]], direction);
+        let (n, lags) = (regime.linear(&plant.generator(), plant.mass, (V, X)), y[GAP].abs());
         let field = self.own.field.unwrap_or_default();
         while left > 0.0 {
             // What is rounding of the lag that was there no longer makes steps short.
@@ -224,11 +224,11 @@ impl Puck {
             });
             let travel = end[X] - y[X];
             let stretch = Stretch { end: [end[X], end[V]], travel, speed, varying, lagging };
-            self.account(&sliding, &stretch, y[F] - motor, (motor, -regime.torque), self.now.grip, ledger);
-            ledger.friction += regime.damping * speed;
+            self.account(&sliding, &stretch, y[F] - motor, (motor, regime.friction), self.now.grip, ledger);
+            regime.account([y[X], end[X]], speed, ledger);
             ledger.field += field.work(y[X], end[X]);
             end[F] -= regime.torque;
-            if event.is_some_and(|(_, stops)| stops) {
+            if event.is_some_and(|(_, rests)| rests) {
                 end[V] = 0.0;
             }
             *y = end;

@@ -216,8 +216,8 @@ impl Shaft {
     /// the time then.
     fn slide_in_piece(&self, y: &mut State, mut left: f64, direction: f64, ledger: &mut Ledger) -> f64 {
         let (flow, mass) = (&self.now.sliding, self.device.inertia);
-        let regime = self.own.regime(y[V], Some(direction).filter(|direction| *direction != 0.0));
-        let n = regime.linear(&flow.n, mass, V);
+        let regime = self.own.regime([y[X], y[V]], Some(direction).filter(|direction| *direction != 0.0));
+        let n = regime.linear(&flow.n, mass, (V, X));
         let field = self.own.field.unwrap_or_default();
         let (motor, lags) = (y[MOTOR], y[GAP].abs());
         while left > 0.0 {
@@ -239,11 +239,11 @@ impl Shaft {
                 [y[V] * y[V], a, b, c, d]
             });
             let (travel, way) = (end[X] - y[X], end[X] - y[X] + (end[S] - y[S]));
-            self.account(y, &end, (motor, -regime.torque), [travel, way], works, ledger);
-            ledger.friction += regime.damping * speed;
+            self.account(y, &end, (motor, regime.friction), [travel, way], works, ledger);
+            regime.account([y[X], end[X]], speed, ledger);
             ledger.field += field.work(y[X], end[X]);
             end[MOTOR] = motor;
-            if event.is_some_and(|(_, stops)| stops) {
+            if event.is_some_and(|(_, rests)| rests) {
                 end[V] = 0.0;
             }
             *y = end;

@@ -25,6 +25,8 @@ pub struct DeviceSpec {
     pub friction_backward: Option<f64>,
     /// What friction is more at low speeds.
     pub stribeck: Option<Stribeck>,
+    /// The ends of the puck's way.
+    pub stops: Option<Stops>,
     /// A handle on a flexible shaft; `None`: the puck is the handle.
     pub handle: Option<Handle>,
     /// Gravity and cogging, which act on the puck.
@@ -46,6 +48,20 @@ impl Stribeck {
     pub fn slope(&self) -> f64 {
         self.torque / self.velocity
     }
+}
+
+/// Mechanical stops at the puck: springs and dampers that push it back, and never pull.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Stops {
+    /// Where that toward smaller positions begins, in rad (linear: m); `None`: there is none.
+    pub low: Option<f64>,
+    /// Where that toward larger positions begins, in the same unit.
+    pub high: Option<f64>,
+    /// In N·m/rad (linear: N/m), positive.
+    pub stiffness: f64,
+    /// In N·m·s/rad (linear: N·s/m), zero or more.
+    pub damping: f64,
 }
 
 /// The torques of the device's own that depend on its position: it stores their energy, and over a turn they give none.

@@ -44,6 +44,14 @@ impl Piece {
         }
     }
 
+    /// Amplitude, ω in rad/s and the phase at t = 0 of a sine.
+    pub(crate) fn sine(&self) -> Option<(f64, f64, f64)> {
+        match self.form {
+            Form::Sine { amplitude, omega, phase } => Some((amplitude, omega, phase)),
+            Form::Straight { .. } => None,
+        }
+    }
+
     /// Whether it stays at one value.
     pub fn is_flat(&self) -> bool {
         matches!(self.form, Form::Straight { slope: 0.0, .. })

@@ -307,6 +307,7 @@ fn scenario(world: &World, check: &Check, run: &Run<'_>) -> Markup {
             dd {
                 "the hand gave " (say_energy(summary.ledger.hand)) ", the motor " (say_energy(summary.ledger.motor))
                 "; damping took " (say_energy(summary.ledger.damping)) ", friction " (say_energy(summary.ledger.friction))
+                @if summary.ledger.stops != 0.0 { ", the stops " (say_energy(summary.ledger.stops)) }
                 "; the world stores " (say_energy(summary.final_energy()))
             }
         }

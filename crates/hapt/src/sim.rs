@@ -268,10 +268,14 @@ fn text(world: &World, own: Option<&Effort>, scenario: &Scenario, summary: &Summ
         false => format!(", gravity and cogging gave {}", format::energy(ledger.field)),
         true => String::new(),
     };
+    let stops = match world.device.stops {
+        Some(_) => format!(", the stops took {}", format::energy(ledger.stops)),
+        None => String::new(),
+    };
     line(
         "device",
         format!(
-            "hand gave {}, motor gave {}{own}; damping took {}, friction took {}{shaft}",
+            "hand gave {}, motor gave {}{own}; damping took {}, friction took {}{stops}{shaft}",
             format::energy(ledger.hand),
             format::energy(ledger.motor),
             format::energy(ledger.damping),

@@ -88,6 +88,7 @@ impl Trial {
             handle: None,
             friction_backward: None,
             stribeck: None,
+            stops: None,
             torque: Default::default(),
         };
         Trial { kind, rig, is_linear, sign, count, offset, cogging, noise, amplitude, seed }

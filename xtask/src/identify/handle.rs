@@ -69,6 +69,7 @@ impl Trial {
             handle: Some(shaft),
             friction_backward: None,
             stribeck: None,
+            stops: None,
             torque: Default::default(),
         };
         let (count, noise) = (TAU / (4000.0 * 10f64.powf(between(0.0, 1.0))).round(), between(0.5, 2.0));

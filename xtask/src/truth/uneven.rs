@@ -120,7 +120,7 @@ fn linear_device(world: &World) -> World {
     let device = &mut world.device;
     (device.encoder, device.levels, device.limit) = (None, None, None);
     device.set_friction(0.0);
-    device.stribeck = None;
+    (device.stribeck, device.stops) = (None, None);
     world
 }
 

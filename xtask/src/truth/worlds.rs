@@ -2,8 +2,8 @@
 
 use fastrand::Rng;
 use hapt_model::{
-    Body, Coupling, Damping, Device, End, EstimatorKind, Handle, Law, Method, Motion, Output, Sampling, Side, Stribeck,
-    Waveform, World,
+    Body, Coupling, Damping, Device, End, EstimatorKind, Handle, Law, Method, Motion, Output, Sampling, Side, Stops,
+    Stribeck, Waveform, World,
 };
 
 /// Uniform in the logarithm, between two powers of ten.
@@ -104,6 +104,7 @@ pub fn random(rng: &mut Rng, is_nonlinear: bool) -> World {
         handle: None,
         friction_backward: None,
         stribeck: None,
+        stops: None,
         torque: Default::default(),
     };
     if is_nonlinear && rng.u8(..4) > 0 {
@@ -115,8 +116,14 @@ pub fn random(rng: &mut Rng, is_nonlinear: bool) -> World {
             torque: device.friction * between(rng, 0.1, 3.0),
             velocity: log_uniform(rng, -1.0, 1.0),
         });
+        device.stops = (rng.u8(..6) == 0).then(|| Stops {
+            low: Some(-log_uniform(rng, -3.0, 0.0)),
+            high: Some(log_uniform(rng, -3.0, 0.0)),
+            stiffness: log_uniform(rng, 0.0, 3.0),
+            damping: if rng.bool() { 0.0 } else { log_uniform(rng, -4.0, -1.0) },
+        });
         if device.fault(period).is_some() {
-            device.stribeck = None;
+            (device.stribeck, device.stops) = (None, None);
         }
         device.friction_backward = (rng.u8(..3) == 0).then(|| device.friction * between(rng, 0.2, 3.0));
     }

@@ -78,6 +78,7 @@ impl Pair {
         let spec = DeviceSpec {
             friction_backward: None,
             stribeck: None,
+            stops: None,
             torque: hapt_plant::spec::DeviceTorque::default(),
             period,
             delay: 0.5 * rng.f64() * period,

@@ -263,6 +263,13 @@ fn notes(world: &World, fall: Option<Fall>) -> Result<Vec<String>, Error> {
     }
     notes.extend(device_torque(world, fall));
     notes.extend(falling_friction(world));
+    if world.device.stops.is_some() {
+        notes.push(
+            "device.stops: stops store and take, so they are a part of the passive hand, and passive and uneven hold wherever they are; free is \
+             between them, and its eigenvalues alone prove nothing"
+                .to_string(),
+        );
+    }
     notes.extend(compensations(world)?);
     notes.extend(at_puck(world));
     Ok(notes)

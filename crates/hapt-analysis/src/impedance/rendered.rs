@@ -452,6 +452,9 @@ fn notes(world: &World, slopes: &Slopes, transfer: &TransferFunction) -> Vec<Str
     if !world.device.torque.is_none() {
         notes.push("gravity and cogging of the device are not linear and are left out".into());
     }
+    if world.device.stops.is_some() {
+        notes.push("end stops of the device are left out: this is felt between them".into());
+    }
     if world.device.falling_friction() > 0.0 {
         notes.push(
             "friction of the device that falls with the speed is left out: it counts as no missing damping".into(),

@@ -110,9 +110,10 @@ impl FreePatterns {
             if timing.is_even() && Verdict::of(growth) == Verdict::Unstable {
                 return Ok(FreePatterns::broken(even(world, growth)));
             }
-            let what = match world.device.torque.is_none() {
-                false => "gravity and cogging of the device are",
-                true => "friction of the device that falls with the speed is",
+            let what = match (world.device.torque.is_none(), world.device.stops.is_some()) {
+                (false, _) => "gravity and cogging of the device are",
+                (true, true) => "end stops of the device are",
+                (true, false) => "friction of the device that falls with the speed is",
             };
             return Ok(FreePatterns::open(format!("{what} covered by a proof of passivity only")));
         }

@@ -32,7 +32,7 @@ pub(crate) fn held_claim(world: &World, held: &Stability, passive: &Claimed) -> 
 /// the device's friction, which `free` leaves out.
 pub(crate) fn free_claim(world: &World, free: &Stability, passive: &Claimed, by_friction: bool) -> Claimed {
     let is_stable = free.verdict != Verdict::Unstable;
-    // What gravity and cogging are between their slopes, eigenvalues do not tell; nor what friction is that falls with the speed.
+    // What gravity and cogging are between their slopes, eigenvalues do not tell; nor what friction is that falls with the speed, or a stop.
     let is_linear = world.device.is_plain() && !world.couplings.iter().any(is_nonlinear) && !changes_window(world);
     let claim = match is_linear && is_stable {
         true => Claimed::by(&[&FREE_LINEAR]),

@@ -52,6 +52,7 @@ impl Bench {
                 handle: None,
                 friction_backward: None,
                 stribeck: None,
+                stops: None,
                 torque: Default::default(),
             },
             safety: Safety::default(),

@@ -6,6 +6,7 @@ mod common;
 mod critical;
 mod decomposition;
 mod device_friction;
+mod device_stops;
 mod device_torque;
 mod discrete;
 mod felt;

@@ -27,6 +27,7 @@ fn light(rng: &mut Rng) -> (DeviceSpec, f64) {
         handle: None,
         friction_backward: None,
         stribeck: None,
+        stops: None,
         torque: Default::default(),
     };
     (rig, counts)

@@ -68,6 +68,7 @@ pub fn device(rng: &mut Rng, friction: bool) -> DeviceSpec {
         handle: Some(shaft),
         friction_backward: None,
         stribeck: None,
+        stops: None,
         torque: Default::default(),
     }
 }

@@ -16,6 +16,7 @@ pub const WHEEL: DeviceSpec = DeviceSpec {
     handle: None,
     friction_backward: None,
     stribeck: None,
+    stops: None,
     torque: DeviceTorque { gravity: None, cogging: None },
 };
 

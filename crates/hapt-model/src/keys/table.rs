@@ -113,6 +113,12 @@ pub const KEYS: &[Key] = &[
     key("device.stribeck.torque", Quantity(Torque, ZeroOrMore), Required, "By how much friction at rest is above device.friction."),
     key("device.stribeck.velocity", Quantity(Velocity, Positive), Required, "The speed from which on friction is device.friction."),
 
+    key("device.stops", Table, Optional, "Mechanical ends of the puck's way, by the world's 0: springs and dampers that push it back and never pull."),
+    key("device.stops.low", Quantity(Position, Any), Depends("required: low, high or both"), "Where the stop toward smaller positions begins, 0 or less."),
+    key("device.stops.high", Quantity(Position, Any), Depends("required: low, high or both"), "Where the stop toward larger positions begins, 0 or more."),
+    key("device.stops.stiffness", Quantity(Stiffness, Positive), Required, "Torque per way into a stop."),
+    key("device.stops.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "Torque per velocity in a stop, as long as the sum pushes."),
+
     key("device.gravity", Table, Optional, "The torque of an unbalanced puck: torque · sin(z + phase) on it. Over a turn it gives no energy.").only(Motion::Rotary),
     key("device.gravity.torque", Quantity(Torque, ZeroOrMore), Required, "Weight times the distance of the centre of mass from the axis.").only(Motion::Rotary),
     key("device.gravity.phase", Quantity(Angle, Any), Number(0.0),

@@ -101,6 +101,7 @@ fn the_documented_example_reads_to_its_numbers() {
         handle: None,
         friction_backward: None,
         stribeck: None,
+        stops: None,
         torque: Default::default(),
     };
     assert_eq!(world.device, device);
@@ -162,6 +163,7 @@ fn what_is_absent_has_its_default() {
         handle: None,
         friction_backward: None,
         stribeck: None,
+        stops: None,
         torque: Default::default(),
     };
     assert_eq!(world.device, device);
@@ -214,6 +216,7 @@ hand = { kind = "sine", amplitude = "3 mm", frequency = "2 Hz", phase = "90 deg"
         handle: None,
         friction_backward: None,
         stribeck: None,
+        stops: None,
         torque: Default::default(),
     };
     assert_eq!(world.device, device);

@@ -6,7 +6,7 @@ use hapt_core::WhenLate;
 use hapt_model::keys::PHYSICAL;
 use hapt_model::{
     Body, Cogging, Coupling, Damping, Delay, Device, DeviceTorque, Drive, End, EstimatorKind, Gravity, Hand, Handle,
-    Law, Method, Motion, Mounting, Output, Safety, Sampling, Scenario, Shape, Side, Source, Stribeck, Switching,
+    Law, Method, Motion, Mounting, Output, Safety, Sampling, Scenario, Shape, Side, Source, Stops, Stribeck, Switching,
     Timing, Tolerances, Waveform, World,
 };
 use proptest::collection::vec;
@@ -239,7 +239,13 @@ fn device(motion: Motion) -> impl Strategy<Value = Device> {
     }));
     let torque = (gravity, cogging).prop_map(|(gravity, cogging)| DeviceTorque { gravity, cogging });
     let stribeck = (zero_or_more(), positive()).prop_map(|(torque, velocity)| Stribeck { torque, velocity });
-    let outside = (drive, option::of(stribeck), option::of(handle), torque);
+    let stops = (option::of(zero_or_more()), zero_or_more(), any::<bool>(), positive(), zero_or_more()).prop_map(
+        |(one, other, turned, stiffness, damping)| {
+            let (low, high) = if turned { (Some(-other), one) } else { (one.map(|at| -at), Some(other)) };
+            Stops { low, high, stiffness, damping }
+        },
+    );
+    let outside = (drive, option::of(stribeck), option::of(stops), option::of(handle), torque);
     let friction = (zero_or_more(), option::of(zero_or_more()));
     (positive(), zero_or_more(), friction, lag, option::of(encoder), motor, outside).prop_map(
         |(
@@ -249,7 +255,7 @@ fn device(motion: Motion) -> impl Strategy<Value = Device> {
             (lag, tolerances),
             encoder,
             motor,
-            (drive, stribeck, handle, torque),
+            (drive, stribeck, stops, handle, torque),
         )| Device {
             inertia,
             damping,
@@ -266,6 +272,7 @@ fn device(motion: Motion) -> impl Strategy<Value = Device> {
             levels: motor.and_then(|(_, half)| half).map(|half| half * 2),
             drive,
             stribeck,
+            stops,
             handle,
             torque,
         },
@@ -343,9 +350,9 @@ fn world() -> impl Strategy<Value = World> {
                 (device.stribeck, device.friction, device.friction_backward) =
                     (None, 0.0, device.friction_backward.map(|_| 0.0));
             }
-            // And so with gravity, cogging and Stribeck friction, beside which a hand may be too fast too.
+            // And so with gravity, cogging, Stribeck friction and stops, beside which a hand may be too fast too.
             if device.fault(sampling.period).is_some() {
-                (device.torque, device.stribeck) = (DeviceTorque::default(), None);
+                (device.torque, device.stribeck, device.stops) = (DeviceTorque::default(), None, None);
             }
             let mut sampling = sampling;
             if couplings.iter().any(|coupling| coupling.law.integrates()) {

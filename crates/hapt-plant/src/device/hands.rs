@@ -149,6 +149,7 @@ impl VirtualDevice {
             self.ledger.hand += bent + 0.5 * shaft.handle.inertia * (to.1 - before) * (to.1 + before);
             return;
         }
-        self.prescribe(to, self.gap * (to.0 - self.puck.position), 0.0, 0.0);
+        let stored = self.own.stored(to.0) - self.own.stored(self.puck.position);
+        self.prescribe(to, self.gap * (to.0 - self.puck.position), 0.0, stored);
     }
 }

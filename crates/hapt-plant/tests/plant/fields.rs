@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use hapt_core::Waveform;
-use hapt_plant::spec::{Cogging, DeviceSpec, DeviceTorque, Drive, Gravity, Hand, Handle, Shape, Stribeck};
+use hapt_plant::spec::{Cogging, DeviceSpec, DeviceTorque, Drive, Gravity, Hand, Handle, Shape, Stops, Stribeck};
 use hapt_plant::{Script, VirtualDevice};
 use proptest::prelude::*;
 
@@ -24,6 +24,7 @@ fn bare(inertia: f64, torque: DeviceTorque) -> DeviceSpec {
         handle: None,
         friction_backward: None,
         stribeck: None,
+        stops: None,
         torque,
     }
 }
@@ -58,15 +59,29 @@ pub fn any_stribeck() -> impl Strategy<Value = Option<Stribeck>> {
     prop_oneof![2 => Just(None), 1 => some]
 }
 
+/// On both sides of 0 or on one; half have none.
+pub fn any_stops() -> impl Strategy<Value = Option<Stops>> {
+    let damping = prop_oneof![Just(0.0), 1e-4..0.05_f64];
+    let some = (prop::option::of(1e-3_f64..0.1), 1e-3_f64..0.1, 1.0_f64..1000.0, damping, any::<bool>()).prop_map(
+        |(one, other, stiffness, damping, turned)| {
+            let (low, high) = if turned { (Some(-other), one) } else { (one.map(|at| -at), Some(other)) };
+            Some(Stops { low, high, stiffness, damping })
+        },
+    );
+    prop_oneof![Just(None), some]
+}
+
 prop_compose! {
     pub fn any_device()(
         inertia in 1e-4_f64..1e-2, damping in prop_oneof![Just(0.0), 1e-4..1e-2_f64], friction in prop_oneof![Just(0.0), 1e-3..0.05_f64],
-        (friction_backward, stribeck) in (prop::option::of(prop_oneof![Just(0.0), 1e-3..0.05_f64]), any_stribeck()),
+        (friction_backward, stribeck, stops) in (prop::option::of(prop_oneof![Just(0.0), 1e-3..0.05_f64]), any_stribeck(), any_stops()),
         lag in prop_oneof![Just(0.0), 1e-5..2e-3_f64], delay in prop_oneof![Just(0.0), 0.0..2e-3_f64], torque in any_torque(),
         handle in prop::option::of((1e-4_f64..1e-2, 1.0_f64..100.0, 0.0_f64..0.01)),
     ) -> DeviceSpec {
         let handle = handle.map(|(inertia, stiffness, damping)| Handle { inertia, stiffness, damping });
-        DeviceSpec { period: T, delay, lag, inertia, damping, friction, friction_backward, stribeck, handle, torque }
+        DeviceSpec { period: T, delay, lag, inertia, damping, friction, friction_backward, stribeck,
+            stops,
+            handle, torque }
     }
 }
 
@@ -114,15 +129,20 @@ proptest! {
             let beyond = spec.handle.zip(handle).map_or(0.0, |(shaft, (h, w))| {
                 0.5 * shaft.inertia * w * w + 0.5 * shaft.stiffness * (h - x) * (h - x)
             });
-            0.5 * spec.inertia * v * v + beyond
+            let depth = |side: f64, at: Option<f64>| at.map_or(0.0, |at| (side * (x - at)).max(0.0));
+            let pressed = spec.stops.map_or(0.0, |stops| {
+                0.5 * stops.stiffness * (depth(1.0, stops.high).powi(2) + depth(-1.0, stops.low).powi(2))
+            });
+            0.5 * spec.inertia * v * v + beyond + pressed
         };
         let (before, after) = (moved(&spec, &hand, velocity, &[]), moved(&spec, &hand, velocity, &commands));
         let of = |device: &VirtualDevice| {
             let ledger = device.ledger();
-            ledger.hand + ledger.motor + ledger.field - ledger.damping - ledger.friction - ledger.shaft
+            ledger.hand + ledger.motor + ledger.field - ledger.damping - ledger.friction - ledger.shaft - ledger.stops
         };
         let (change, given) = (kinetic(&after) - kinetic(&before), of(&after) - of(&before));
         let ledger = after.ledger();
+        prop_assert!(ledger.stops >= -1e-12 && ledger.friction >= -1e-12, "{ledger:?}");
         let size = kinetic(&after) + kinetic(&before) + ledger.hand.abs() + ledger.motor.abs() + ledger.field.abs() + ledger.damping + ledger.friction + 1e-3;
         prop_assert!((change - given).abs() < 1e-11 * size, "{change} {given}");
         let fell = stored(&spec.torque, before.puck().0) - stored(&spec.torque, after.puck().0);
@@ -169,7 +189,7 @@ proptest! {
     fn short_steps_of_runge_and_kutta_go_the_same_way(
         spec in any_device(), velocity in -20.0_f64..20.0, command in -0.2_f64..0.2,
     ) {
-        let spec = DeviceSpec { delay: 0.0, lag: 0.0, friction: 0.0, friction_backward: None, stribeck: None, handle: None, ..spec };
+        let spec = DeviceSpec { delay: 0.0, lag: 0.0, friction: 0.0, friction_backward: None, stribeck: None, stops: None, handle: None, ..spec };
         let DeviceSpec { inertia, damping, torque, .. } = spec;
         let device = moved(&spec, &Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), velocity, &[command; 5]);
         let rate = |[x, v]: [f64; 2]| [v, (command + torque.at(x) - damping * v) / inertia];

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use hapt_plant::spec::{DeviceSpec, Drive, Hand, Handle, Shape, Stribeck};
+use hapt_plant::spec::{DeviceSpec, Drive, Hand, Handle, Shape, Stops, Stribeck};
 use hapt_plant::{Script, VirtualDevice};
 use proptest::prelude::*;
 
@@ -22,6 +22,16 @@ struct Mode {
     direction: f64,
     /// Below Stribeck's velocity.
     slow: bool,
+    /// Of the stops toward larger and toward smaller positions.
+    touch: [Touch; 2],
+}
+
+/// Whether a stop is beyond the puck, pushes it, or has been left behind by it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Touch {
+    Beyond,
+    Pressed,
+    Left,
 }
 
 /// A device that a hand holds by this inertia, damping and stiffness about amplitude · sin(omega t + phase), or pushes by that torque.
@@ -42,6 +52,32 @@ impl Reference<'_> {
 
     fn more(&self) -> Stribeck {
         self.spec.stribeck.unwrap_or(Stribeck { torque: 0.0, velocity: f64::INFINITY })
+    }
+
+    /// How far the puck is in each stop, and what the stop would push with.
+    fn stops(&self, y: State) -> [(f64, f64); 2] {
+        let Some(Stops { low, high, stiffness, damping }) = self.spec.stops else { return [(-1.0, 0.0); 2] };
+        let of = |side: f64, at: Option<f64>| {
+            at.map_or((-1.0, 0.0), |at| {
+                let depth = side * (y[0] - at);
+                (depth, stiffness * depth + side * damping * y[1])
+            })
+        };
+        [of(1.0, high), of(-1.0, low)]
+    }
+
+    /// What they push with in this mode, toward larger positions.
+    fn pushed(&self, y: State, mode: Mode) -> f64 {
+        let push = |i: usize| if mode.touch[i] == Touch::Pressed { self.stops(y)[i].1 } else { 0.0 };
+        push(1) - push(0)
+    }
+
+    fn touch(&self, y: State) -> [Touch; 2] {
+        self.stops(y).map(|(depth, push)| match (depth > 0.0, push > 0.0) {
+            (false, _) => Touch::Beyond,
+            (true, true) => Touch::Pressed,
+            (true, false) => Touch::Left,
+        })
     }
 
     fn has_friction(&self) -> bool {
@@ -75,7 +111,7 @@ impl Reference<'_> {
         let more = if mode.slow && torque > 0.0 { torque * (1.0 - d * y[1] / velocity) } else { 0.0 };
         let (held_by, extra) = self.hand([y[2], y[3]], t);
         let mass = self.spec.inertia + if self.spec.handle.is_none() { extra } else { 0.0 };
-        let net = self.net(y, t) - self.spec.damping * y[1] - d * (self.level(d) + more);
+        let net = self.net(y, t) + self.pushed(y, mode) - self.spec.damping * y[1] - d * (self.level(d) + more);
         let (v, a) = if rests { (0.0, 0.0) } else { (y[1], net / mass) };
         match self.spec.handle {
             None => [v, a, v, a],
@@ -95,28 +131,47 @@ impl Reference<'_> {
         std::array::from_fn(|i| y[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]))
     }
 
+    /// Whether the puck slides on from rest.
+    fn slips(&self, y: State, t: f64, mode: Mode) -> bool {
+        let net = self.net(y, t) + self.pushed(y, mode);
+        net.abs() > (self.level(net) + self.more().torque) * (1.0 + 1e-12)
+    }
+
     /// Whether the piece has ended.
     fn ends(&self, y: State, t: f64, mode: Mode) -> bool {
-        let (d, Stribeck { torque, velocity }) = (mode.direction, self.more());
-        match (self.has_friction(), d == 0.0) {
+        let (d, velocity) = (mode.direction, self.more().velocity);
+        let by_friction = match (self.has_friction(), d == 0.0) {
             (false, _) => false,
-            (true, true) => self.net(y, t).abs() > (self.level(self.net(y, t)) + torque) * (1.0 + 1e-12),
+            (true, true) => self.slips(y, t, mode),
             (true, false) if mode.slow => d * y[1] < 0.0 || d * y[1] > velocity,
             (true, false) => d * y[1] < velocity,
-        }
+        };
+        let by_stop = |(touch, (depth, push)): (Touch, (f64, f64))| match touch {
+            Touch::Beyond => depth > 0.0,
+            Touch::Pressed => push < 0.0,
+            Touch::Left => push > 0.0 || depth < 0.0,
+        };
+        by_friction || mode.touch.into_iter().zip(self.stops(y)).any(by_stop)
     }
 
     /// The piece that goes on from the end of another.
     fn next(&self, y: &mut State, t: f64, mode: Mode) -> Mode {
         let (d, velocity) = (mode.direction, self.more().velocity);
+        let mut next = Mode { touch: self.touch(*y), ..mode };
+        if !self.has_friction() {
+            return next;
+        }
         if d == 0.0 {
-            return Mode { direction: self.net(*y, t).signum(), slow: true };
-        }
-        if mode.slow && d * y[1] < 0.5 * velocity {
+            if self.slips(*y, t, mode) {
+                (next.direction, next.slow) = ((self.net(*y, t) + self.pushed(*y, mode)).signum(), true);
+            }
+        } else if mode.slow && d * y[1] < 0.0 {
             y[1] = 0.0;
-            return Mode { direction: 0.0, slow: true };
+            next = Mode { direction: 0.0, slow: true, touch: self.touch(*y) };
+        } else {
+            next.slow = d * y[1] <= velocity;
         }
-        Mode { slow: !mode.slow, ..mode }
+        next
     }
 
     /// After a period, in which nothing else happens.
@@ -125,7 +180,7 @@ impl Reference<'_> {
         for i in 0..STEPS {
             let (mut t, mut left) = (from + h * f64::from(i), h);
             for _ in 0..20 {
-                if mode.direction == 0.0 && self.ends(y, t, *mode) {
+                if mode.direction == 0.0 && self.has_friction() && self.ends(y, t, *mode) {
                     *mode = self.next(&mut y, t, *mode);
                 }
                 let next = self.step(y, t, left, *mode);
@@ -168,16 +223,17 @@ proptest! {
 
     #[test]
     fn every_piece_of_a_motion_is_that_of_its_equation(
-        spec in any_device(), stribeck in (1e-4_f64..0.05, 0.05_f64..5.0), hand in any_hand(), velocity in -10.0_f64..10.0,
+        spec in any_device(), stribeck in (1e-4_f64..0.05, 0.05_f64..5.0), falls: bool, hand in any_hand(), velocity in -10.0_f64..10.0,
         commands in prop::collection::vec(-0.1_f64..0.1, 8),
     ) {
         let stribeck = Stribeck { torque: stribeck.0, velocity: stribeck.1 };
-        let spec = DeviceSpec { lag: 0.0, delay: 0.0, stribeck: Some(stribeck), ..spec };
+        let stribeck_there = Some(stribeck).filter(|_| falls);
+        let spec = DeviceSpec { lag: 0.0, delay: 0.0, stribeck: stribeck_there, ..spec };
         let Some((grip, [amplitude, omega, phase])) = swung(&hand) else { return Ok(()) };
         let device = moved(&spec, &hand, velocity, &commands);
         let mut y = [0.0, velocity, 0.0, velocity];
-        let slow = velocity.abs() <= stribeck.velocity;
-        let mut mode = Mode { direction: velocity.signum(), slow };
+        let slow = velocity.abs() <= stribeck.velocity || !falls;
+        let mut mode = Mode { direction: velocity.signum(), slow, touch: [Touch::Beyond; 2] };
         for (k, command) in commands.iter().enumerate() {
             let reference = Reference { spec: &spec, grip, amplitude, omega, phase, command: *command };
             y = reference.advance(y, k as f64 * T, &mut mode);
@@ -205,7 +261,7 @@ proptest! {
     ) {
         let stribeck = Some(Stribeck { torque: part * damping * velocity, velocity });
         let spec = DeviceSpec {
-            period: T, delay: 0.0, lag: 0.0, inertia, damping, friction, friction_backward: None, stribeck, handle: None,
+            period: T, delay: 0.0, lag: 0.0, inertia, damping, friction, friction_backward: None, stribeck, stops: None, handle: None,
             torque: Default::default(),
         };
         let way = if back { -1.0 } else { 1.0 };
@@ -239,4 +295,89 @@ fn a_straight_line_of_the_same_area_is_near_the_curves_of_the_literature() {
     let gauss = farthest(|x| (-x * x).exp(), std::f64::consts::PI.sqrt());
     let exponential = farthest(|x| (-x).exp(), 2.0);
     assert!((gauss - 0.086).abs() < 5e-4 && (exponential - 0.153).abs() < 5e-4, "{gauss} {exponential}");
+}
+
+fn bare(inertia: f64, stops: Stops) -> DeviceSpec {
+    DeviceSpec {
+        period: T,
+        delay: 0.0,
+        lag: 0.0,
+        inertia,
+        damping: 0.0,
+        friction: 0.0,
+        friction_backward: None,
+        stribeck: None,
+        stops: Some(stops),
+        handle: None,
+        torque: Default::default(),
+    }
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(300))]
+
+    /// A damped half swing ends where the spring and its damper push no more: φ of it, cos φ = 2ζ² - 1, and e^(-ζφ/√(1 - ζ²)) of the speed is left.
+    #[test]
+    fn a_puck_bounces_off_a_stop_by_its_closed_form(
+        inertia in 1e-4_f64..1e-2, swing in 20.0_f64..2000.0, ratio in prop_oneof![Just(0.0), 0.01_f64..0.95], speed in 0.1_f64..20.0, at in 1e-3_f64..0.02,
+        back: bool,
+    ) {
+        let (stiffness, damping) = (inertia * swing * swing, 2.0 * ratio * inertia * swing);
+        let way = if back { -1.0 } else { 1.0 };
+        let (low, high) = if back { (Some(-at), None) } else { (None, Some(at)) };
+        let spec = bare(inertia, Stops { low, high, stiffness, damping });
+        let root = (1.0 - ratio * ratio).sqrt();
+        let phase = (2.0 * ratio * ratio - 1.0).acos();
+        let kept = (-ratio * phase / root).exp();
+        let left_at = at / speed + phase / (root * swing);
+        let depth = speed / (root * swing) * kept * phase.sin();
+        // It leaves the stop, and passes its face.
+        let out = left_at + depth / (kept * speed);
+        let samples = (out / T).ceil() as usize + 3;
+        let device = moved(&spec, &Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), way * speed, &vec![0.0; samples]);
+        let (x, v) = device.puck();
+        let wanted = at + depth - kept * speed * (samples as f64 * T - left_at);
+        prop_assert!((way * v + kept * speed).abs() < 1e-10 * speed, "{v} {kept}");
+        prop_assert!((way * x - wanted).abs() < 1e-10 * (at + speed * samples as f64 * T), "{x} {wanted}");
+        let lost = 0.5 * inertia * speed * speed * (1.0 - kept * kept);
+        prop_assert!((device.ledger().stops - lost).abs() < 1e-10 * inertia * speed * speed, "{:?} {lost}", device.ledger());
+    }
+
+    /// A hand that prescribes the way gives what the stops take.
+    #[test]
+    fn a_prescribed_motion_does_the_work_of_the_stops(
+        (low, high) in (-0.1_f64..-1e-3, 1e-3_f64..0.1), stiffness in 1.0_f64..100.0, damping in prop_oneof![Just(0.0), 1e-4..0.5_f64],
+        shape in prop_oneof![
+            (0.005_f64..0.3, 0.5_f64..3000.0, 0.0..TAU).prop_map(|(amplitude, frequency, phase)| Shape::Sine { amplitude, frequency, phase }),
+            (-0.3_f64..0.3, 1e-3_f64..5e-3).prop_map(|(to, over)| Shape::Ramp { to, at: 0.0, over }),
+        ],
+    ) {
+        let stops = Stops { low: Some(low), high: Some(high), stiffness, damping };
+        let spec = bare(1e-3, stops);
+        // A jump at the start stores what the stops lose, or not.
+        let first = moved(&spec, &Drive::Position(shape.clone()), 0.0, &[0.0]);
+        let device = moved(&spec, &Drive::Position(shape.clone()), 0.0, &[0.0; 6]);
+        let at = |t: f64| match shape {
+            Shape::Sine { amplitude, frequency, phase } => {
+                let (sin, cos) = (TAU * frequency * t + phase).sin_cos();
+                (amplitude * sin, amplitude * TAU * frequency * cos)
+            }
+            Shape::Ramp { to, over, .. } => if t < over { (to * t / over, to / over) } else { (to, 0.0) },
+            Shape::Step { .. } | Shape::Path { .. } => unreachable!(),
+        };
+        let steps = 400_000;
+        let h = 5.0 * T / f64::from(steps);
+        let power = |i: i32| {
+            let (x, v) = at(T + h * (f64::from(i) + 0.5));
+            let push = |depth: f64, rate: f64| if depth > 0.0 { (stiffness * depth + damping * rate).max(0.0) * rate } else { 0.0 };
+            push(x - high, v) + push(low - x, -v)
+        };
+        let work = h * (0..steps).map(power).sum::<f64>();
+        let stored = |x: f64| 0.5 * stiffness * ((x - high).max(0.0).powi(2) + (low - x).max(0.0).powi(2));
+        let (before, after) = (at(T), at(6.0 * T));
+        let found = device.ledger().stops - first.ledger().stops + stored(after.0) - stored(before.0);
+        let fastest = 0.5 * (0..100).map(|i| at(6.0 * T * f64::from(i) / 100.0).1.abs()).fold(0.0, f64::max);
+        let size = (stiffness * 0.3 + damping * fastest) * fastest * 5.0 * T + 1e-9;
+        prop_assert!((found - work).abs() < 1e-4 * size, "{found} {work} of {size}");
+    }
 }

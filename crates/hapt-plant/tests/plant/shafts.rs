@@ -162,6 +162,7 @@ fn cases() -> impl Strategy<Value = Case> {
                 handle: None,
                 friction_backward: backward.map(|part| part * friction),
                 stribeck: None,
+                stops: None,
                 torque: Default::default(),
             };
             let sine = |level: f64| {

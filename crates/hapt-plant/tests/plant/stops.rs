@@ -93,6 +93,7 @@ fn spec(inertia: f64, damping: f64, friction: f64, lag: f64) -> DeviceSpec {
         handle: None,
         friction_backward: None,
         stribeck: None,
+        stops: None,
         torque: Default::default(),
     }
 }

@@ -83,6 +83,8 @@ fn world(seed: u64, lane: u64, runaway: bool) -> World {
     device.friction_backward = Some(some((1e-3, 0.05))).filter(|backward| *backward > 0.0);
     device.stribeck =
         Some(Stribeck { torque: some((1e-3, 0.05)), velocity: 1.0 }).filter(|stribeck| stribeck.torque > 0.0);
+    let stops = Stops { low: None, high: Some(some((0.01, 0.3))), stiffness: 20.0, damping: 0.0 };
+    device.stops = Some(stops).filter(|stops| stops.high > Some(0.0));
     let handle = Handle { inertia: some((1e-4, 1e-3)), stiffness: 20.0, damping: some((0.0, 1e-3)) };
     device.handle = (handle.inertia > 0.0).then_some(handle);
     let gravity = Gravity { torque: some((1e-3, 0.1)), phase: 1.0 };

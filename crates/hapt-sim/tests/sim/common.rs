@@ -36,6 +36,7 @@ pub fn bare() -> World {
             handle: None,
             friction_backward: None,
             stribeck: None,
+            stops: None,
             torque: Default::default(),
         },
         safety: Default::default(),

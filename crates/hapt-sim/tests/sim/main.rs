@@ -5,6 +5,7 @@ mod closed_forms;
 mod common;
 mod device;
 mod device_friction;
+mod device_stops;
 mod device_torque;
 mod energy;
 mod felt;

@@ -76,7 +76,7 @@ proptest! {
         let hand = grip(inertia, hand_damping, stiffness, to, Some(Switching { hold, open }));
         let had = 0.5 * stiffness * to * to;
         for row in rows(&world, &scenario(1.0, hand, None)) {
-            let Ledger { hand, motor, damping, friction, shaft: _, field: _ } = row.ledger;
+            let Ledger { hand, motor, damping, friction, shaft: _, field: _, stops: _ } = row.ledger;
             let moving = 0.5 * world.device.inertia * row.puck_velocity * row.puck_velocity;
             let size = had + damping + friction + motor.abs() + 1e-12;
             prop_assert!(hand <= had + 1e-9 * size, "{hand} of {had} at {}", row.time);

@@ -114,7 +114,7 @@ impl Measure {
             let held = matches!(self, Measure::HeldGrowth | Measure::HeldVerdict);
             return self != Measure::RequiredDamping && (has_handle || !held);
         }
-        if key.starts_with("device.stribeck.") {
+        if key.starts_with("device.stribeck.") || key.starts_with("device.stops.") {
             return matches!(self, Measure::Certified) || self.of_a_run();
         }
         let mut names = key.split('.');

@@ -180,7 +180,7 @@ pub fn drawn(world: &World, scenario: &Scenario, had: f64) -> Result<Drawn, Erro
             break;
         }
         (end, until_s) = (gain, row.time);
-        moved = ledger.hand.abs() + ledger.motor.abs() + ledger.damping + ledger.friction + ledger.shaft;
+        moved = ledger.hand.abs() + ledger.motor.abs() + ledger.damping + ledger.friction + ledger.stops + ledger.shaft;
         if most.is_none_or(|most| gain > most.gain) {
             let turnover = had + supplied.abs() + moved;
             most = Some(Drawn { gain, supplied, at_s: row.time, turnover, end, until_s, moved });

@@ -236,6 +236,17 @@ proptest! {
         prop_assert!(worst.is_certified() && !worst.broken && !worst.drew, "{worst:?}");
     }
 
+    /// A stop gives back no more than it was given.
+    #[test]
+    fn of_a_loop_that_is_certified_no_hand_draws_between_stops(
+        part in 0.7..0.99f64, low in 0.0..0.2f64, high in 0.0..0.2f64, stiffness in 1.0..500.0f64, damping in 0.0..0.05f64,
+    ) {
+        let mut world = spring(part * 2.0 * bare().device.damping / bare().sampling.period);
+        world.device.stops = Some(hapt_model::Stops { low: Some(-low), high: Some(high), stiffness, damping });
+        let worst = search(&world).unwrap();
+        prop_assert!(worst.is_certified() && !worst.broken && !worst.drew, "{worst:?}");
+    }
+
     /// The supervisor takes the torque away from a puck that is faster than friction pays for.
     #[test]
     fn of_a_loop_that_friction_certifies_up_to_a_speed_no_hand_draws(part in 1.1..2.0f64, friction in 0.005..0.05f64, more in 0.0..3.0f64, back: bool) {

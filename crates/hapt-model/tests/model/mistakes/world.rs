@@ -136,9 +136,44 @@ fn handles() {
             (
                 "[device.stribeck]\ntorque = 1e6\nvelocity = 1",
                 "device.stribeck.velocity: a slow puck speeds up, swings or decays by 2000 rad in a period, and at most 100 are simulated; \
-                 expected a larger velocity, less damping, or a shorter loop.period",
+                 expected a larger velocity, or a shorter loop.period",
             ),
             ("[device.stribeck]\ntorque = \"2 N mm\"\nvelocity = \"1 rad/s\"", "(it reads)"),
+            (
+                "[device.stops]\nstiffness = 1",
+                "device.stops.high: missing; expected an angle (rad), such as \"45 deg\"",
+            ),
+            (
+                "[device.stops]\nhigh = 1",
+                "device.stops.stiffness: missing; expected a torsional stiffness (N m/rad) above 0, such as \"20 N mm/deg\"",
+            ),
+            (
+                "[device.stops]\nlow = \"5 deg\"\nhigh = \"20 deg\"\nstiffness = 1",
+                "device.stops.low: the puck starts at 0, which is in this stop; expected 0 or less",
+            ),
+            (
+                "[device.stops]\nhigh = \"-20 deg\"\nstiffness = 1",
+                "device.stops.high: the puck starts at 0, which is in this stop; expected 0 or more",
+            ),
+            (
+                "[device.stops]\nhigh = 1\nstiffness = 0",
+                "device.stops.stiffness: 0 is not above 0; expected a torsional stiffness (N m/rad) above 0, such as \"20 N mm/deg\"",
+            ),
+            (
+                "[device.stops]\nhigh = 1\nstiffness = 1\ndamping = -1",
+                "device.stops.damping: -1 is negative; expected a torsional damping (N m s/rad) of 0 or more, such as \"1.2e-3 N m s/rad\"",
+            ),
+            (
+                "[device.stops]\nhigh = 1\nstiffness = 1e10",
+                "device.stops.stiffness: in a stop the puck swings or decays by 200 rad in a period, and at most 100 are simulated; \
+                 expected a smaller stiffness, or a shorter loop.period",
+            ),
+            (
+                "[device.stops]\nhigh = 1\nstiffness = 1\ndamping = 1e6",
+                "device.stops.damping: in a stop the puck swings or decays by 2000 rad in a period, and at most 100 are simulated; \
+                 expected a smaller damping, or a shorter loop.period",
+            ),
+            ("[device.stops]\nlow = \"-60 deg\"\nstiffness = \"30 N m/rad\"", "(it reads)"),
         ],
         |given| format!("[loop]\nperiod = \"2 ms\"\n[device]\ninertia = 1\n{given}\n"),
     );

@@ -91,7 +91,8 @@ puck, with differenced positions, it requires a device damping of about stiffnes
   hapt check @devices/eth-wall                         ETH haptic wheel
   hapt impedance @devices/eth-wall --z-width           passive
 
-See z-width for the stiffest wall of a device.
+See z-width for the stiffest wall of a device. [device.stops] are mechanical stops, not rendered:
+they ask for no damping.
 "#,
     },
     Topic {

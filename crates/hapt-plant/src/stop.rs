@@ -1,0 +1,162 @@
+//! An end stop of the device: a spring and a damper that push the puck back, and never pull.
+//!
+//! With p the way of the puck into the stop it pushes with max(0, k p + c ṗ) while p > 0. It stores k p²/2. Where the puck leaves faster than its
+//! damper lets the spring follow the face stays behind, and what was stored is lost in the damper.
+
+use core::f64::consts::{PI, TAU};
+
+use crate::spec::Stops;
+use crate::trajectory::Piece;
+
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct Stop {
+    /// 1: it ends the way toward larger positions; -1: toward smaller ones.
+    side: f64,
+    at: f64,
+    stiffness: f64,
+    damping: f64,
+}
+
+/// velocity · v + position · x + constant
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Line {
+    pub velocity: f64,
+    pub position: f64,
+    pub constant: f64,
+}
+
+/// How the puck is to a stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Touch {
+    /// The stop is beyond where it is.
+    Beyond,
+    /// The stop pushes.
+    Pressed,
+    /// It is in the stop, and leaves it faster than the stop follows.
+    Left,
+}
+
+impl Line {
+    pub fn value(&self, v: f64, x: f64) -> f64 {
+        self.velocity * v + self.position * x + self.constant
+    }
+
+    fn negative(&self) -> Line {
+        Line { velocity: -self.velocity, position: -self.position, constant: -self.constant }
+    }
+}
+
+impl Stop {
+    /// Those toward larger and toward smaller positions, where the puck's 0 is `origin` by the device's.
+    pub fn both(stops: &Stops, origin: f64) -> [Option<Self>; 2] {
+        let &Stops { low, high, stiffness, damping } = stops;
+        let of = |side: f64, at: Option<f64>| at.map(|at| Stop { side, at: at - origin, stiffness, damping });
+        [of(1.0, high), of(-1.0, low)]
+    }
+
+    pub fn at(&self) -> f64 {
+        self.at
+    }
+
+    pub fn stiffness(&self) -> f64 {
+        self.stiffness
+    }
+
+    pub fn damping(&self) -> f64 {
+        self.damping
+    }
+
+    /// The way into it, 0 outside.
+    fn depth(&self, x: f64) -> f64 {
+        (self.side * (x - self.at)).max(0.0)
+    }
+
+    /// In J.
+    pub fn stored(&self, x: f64) -> f64 {
+        let depth = self.depth(x);
+        0.5 * self.stiffness * depth * depth
+    }
+
+    /// On a puck that rests at x.
+    pub fn torque_at(&self, x: f64) -> f64 {
+        -self.side * self.stiffness * self.depth(x)
+    }
+
+    /// Into the stop, and what it would push with.
+    fn lines(&self) -> [Line; 2] {
+        let Stop { side, at, stiffness, damping } = *self;
+        let way = Line { velocity: 0.0, position: side, constant: -side * at };
+        let push = Line { velocity: side * damping, position: side * stiffness, constant: -(side * stiffness * at) };
+        [way, push]
+    }
+
+    /// How a puck at x and v is to it, and where that ends.
+    pub fn touch(&self, x: f64, v: f64) -> (Touch, [Option<Line>; 2]) {
+        let [way, push] = self.lines();
+        match (way.value(v, x) > 0.0, push.value(v, x) > 0.0) {
+            (false, _) => (Touch::Beyond, [Some(way), None]),
+            (true, true) => (Touch::Pressed, [Some(push.negative()), None]),
+            (true, false) => (Touch::Left, [Some(push), Some(way.negative())]),
+        }
+    }
+
+    /// What is lost in it on a way that a hand prescribes, in J.
+    pub fn lost(&self, motion: &Piece, from: f64, to: f64) -> f64 {
+        let Some((amplitude, omega, phase)) = motion.sine() else {
+            // Nothing turns around: the way in, or that out.
+            return self.lost_between(motion, from, to, |after| self.straight_cut(motion, after));
+        };
+        // Of whole turns each loses the same.
+        let turn = TAU / omega;
+        let turns = libm::floor((to - from) / turn);
+        let cut = |after: f64| {
+            let [way, push] = self.lines();
+            let of = |line: Line| {
+                // velocity · Aω cos θ + position · A sin θ = -constant
+                let (sine, cosine) = (line.position * amplitude, line.velocity * amplitude * omega);
+                let (size, angle) = (libm::hypot(sine, cosine), libm::atan2(cosine, sine));
+                let part = -line.constant / size;
+                (part.abs() <= 1.0).then(|| {
+                    let first = libm::asin(part);
+                    [first, PI - first].map(|theta| (theta - angle - phase) / omega)
+                })
+            };
+            let next = |at: f64| {
+                let at = at + turn * libm::ceil((after - at) / turn);
+                if at > after { at } else { at + turn }
+            };
+            [way, push].into_iter().filter_map(of).flatten().map(next).fold(f64::INFINITY, f64::min)
+        };
+        let whole = if turns > 0.0 { turns * self.lost_between(motion, from, from + turn, cut) } else { 0.0 };
+        whole + self.lost_between(motion, from + turns * turn, to, cut)
+    }
+
+    /// Where a straight motion enters it or leaves it.
+    fn straight_cut(&self, motion: &Piece, after: f64) -> f64 {
+        let (x, v) = motion.at(after);
+        let zero = |line: Line| -line.value(v, x) / (line.position * v);
+        let later = |ahead: &f64| *ahead > 0.0;
+        after + self.lines().map(zero).into_iter().filter(later).fold(f64::INFINITY, f64::min)
+    }
+
+    /// From cut to cut, at which the stop takes hold or lets go: `cut` gives the next one after an instant.
+    fn lost_between(&self, motion: &Piece, from: f64, to: f64, cut: impl Fn(f64) -> f64) -> f64 {
+        let (mut lost, mut start) = (0.0, from);
+        // A turn has eight of them.
+        for _ in 0..32 {
+            let end = cut(start).min(to);
+            let (x, v) = motion.at(0.5 * (start + end));
+            lost += match self.touch(x, v).0 {
+                Touch::Beyond => 0.0,
+                Touch::Pressed => self.damping * motion.travel(start, end).0,
+                Touch::Left => self.stored(motion.at(start).0) - self.stored(motion.at(end).0),
+            };
+            start = end;
+            if start >= to {
+                break;
+            }
+        }
+        lost
+    }
+}
