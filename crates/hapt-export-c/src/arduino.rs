@@ -7,9 +7,12 @@ use crate::compose::units;
 use crate::names::{Prefix, comment};
 use crate::template::Facts;
 
-/// The other files of an Arduino library, each with its place in the library's folder: its description, and examples for SimpleFOC, for an
-/// H-bridge, and for Hapkit.
-pub fn library(about: &About, prefix: &Prefix, spec: &Spec) -> [(String, String); 4] {
+/// The sketch that makes a SimpleFOC board a motor drive of a loop on a computer: the same for every world.
+pub const DRIVE_SKETCH: &str = include_str!("parts/arduino/simplefoc_drive.ino");
+
+/// The other files of an Arduino library, each with its place in the library's folder: its description, and examples for SimpleFOC with the
+/// loop on the board and on a computer, for an H-bridge, and for Hapkit.
+pub fn library(about: &About, prefix: &Prefix, spec: &Spec) -> [(String, String); 5] {
     let mut facts = Facts::default();
     facts.set("exact", spec.estimator == Estimator::Exact);
     facts.text("prefix", prefix.as_str());
@@ -25,5 +28,6 @@ pub fn library(about: &About, prefix: &Prefix, spec: &Spec) -> [(String, String)
         ("examples/h_bridge/h_bridge.ino".to_owned(), fill(include_str!("parts/arduino/h_bridge.ino"))),
         ("examples/hapkit/hapkit.ino".to_owned(), fill(include_str!("parts/arduino/hapkit.ino"))),
         ("examples/simplefoc/simplefoc.ino".to_owned(), fill(include_str!("parts/arduino/simplefoc.ino"))),
+        ("examples/simplefoc_drive/simplefoc_drive.ino".to_owned(), DRIVE_SKETCH.to_owned()),
     ]
 }

@@ -16,7 +16,7 @@ mod numbers;
 mod template;
 mod tune;
 
-pub use arduino::library;
+pub use arduino::{DRIVE_SKETCH, library};
 pub use compose::{MARK, export};
 pub use error::Error;
 pub use names::Prefix;

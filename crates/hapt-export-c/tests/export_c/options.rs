@@ -152,34 +152,8 @@ fn the_sketches_of_an_arduino_library_are_cpp() {
     }
 }
 
-const ARDUINO: &str = "
-#include <stdint.h>
-#define INPUT_PULLUP 2
-#define OUTPUT 1
-#define HIGH 1
-#define LOW 0
-#define CHANGE 1
-#define A2 16
-int analogRead(int);
-unsigned long micros(void); void pinMode(int, int); void digitalWrite(int, int); int digitalRead(int); void analogWrite(int, int);
-int digitalPinToInterrupt(int); void attachInterrupt(int, void (*)(void), int); void noInterrupts(void); void interrupts(void);
-struct Port { void begin(long); int available(); int read(); void println(const char *); };
-extern Port Serial;
-";
-
-const SIMPLE_FOC: &str = "
-struct SensorConfig { int address; };
-extern SensorConfig AS5600_I2C;
-struct Sensor { float getAngle(); float getVelocity(); };
-struct MagneticSensorI2C : Sensor { explicit MagneticSensorI2C(SensorConfig); void init(); };
-struct BLDCDriver3PWM { BLDCDriver3PWM(int, int, int, int); float voltage_power_supply; int init(); };
-enum class MotionControlType { torque };
-enum class TorqueControlType { voltage };
-struct BLDCMotor {
-  explicit BLDCMotor(int); void linkSensor(Sensor *); void linkDriver(BLDCDriver3PWM *); int init(); int initFOC(); void loopFOC();
-  void move(float); MotionControlType controller; TorqueControlType torque_controller;
-};
-";
+const ARDUINO: &str = include_str!("../arduino/Arduino.h");
+const SIMPLE_FOC: &str = include_str!("../arduino/SimpleFOC.h");
 
 /// A comparison of what never occurs compares nothing.
 #[test]

@@ -55,9 +55,10 @@ void loop() {
   reading.late = (hapt_real)((late % PERIOD_US) * 1e-6);
   reading.silent = (hapt_real)0;
   due += (reading.missed + 1) * PERIOD_US;
-  reading.position = (hapt_real)sensor.getAngle();
+  // Positive in the direction of the motor's torque: the sensor may count the other way.
+  reading.position = (hapt_real)((int)motor.sensor_direction * sensor.getAngle());
 //if exact
-  reading.velocity = (hapt_real)sensor.getVelocity();
+  reading.velocity = (hapt_real)((int)motor.sensor_direction * sensor.getVelocity());
 //end
   volts = (double)hapt_step_reading(&controller, &reading) * VOLTS_PER_TORQUE;
   motor.move((float)volts);
