@@ -1,4 +1,5 @@
-//! Addresses of buses and of drives on them: `moteus:/dev/ttyACM0`, `odrive:can0#3`, `odrive:/dev/ttyACM0@250k`.
+//! Addresses of buses and of drives on them: `moteus:/dev/ttyACM0`, `odrive:can0#3`, `odrive:/dev/ttyACM0@250k`,
+//! `simplefoc:/dev/ttyACM0?volts-per-torque=20`.
 
 use std::fmt;
 use std::io;
@@ -8,7 +9,8 @@ use std::str::FromStr;
 use crate::can::{Bus, Socket};
 use crate::drive::{Drive, Error};
 use crate::ports::ports;
-use crate::serial::Line;
+use crate::serial::{Line, SPEED};
+use crate::simplefoc::{self, MotorConstant};
 use crate::simulate::Firmware;
 use crate::slcan::{self, Rate};
 use crate::{moteus, odrive};
@@ -21,6 +23,8 @@ hapt_core::named! {
         Moteus => "moteus",
         /// An ODrive.
         Odrive => "odrive",
+        /// SimpleFOC on a maker's board.
+        Simplefoc => "simplefoc",
     }
 }
 
@@ -111,6 +115,8 @@ pub struct Address {
     pub bus: BusAddress,
     /// Its identifier on the bus.
     pub id: u8,
+    /// Of a SimpleFOC board: the speed of its port in bits per second, and its motor.
+    pub board: Option<(u32, MotorConstant)>,
 }
 
 impl Make {
@@ -119,6 +125,7 @@ impl Make {
         match self {
             Make::Moteus => "a moteus",
             Make::Odrive => "an ODrive",
+            Make::Simplefoc => "a SimpleFOC board",
         }
     }
 
@@ -127,6 +134,8 @@ impl Make {
         match self {
             Make::Moteus => 1..=126,
             Make::Odrive => 0..=62,
+            // It is alone on its port.
+            Make::Simplefoc => 1..=1,
         }
     }
 
@@ -134,7 +143,15 @@ impl Make {
     pub const fn rate(self) -> Option<&'static str> {
         match self {
             Make::Moteus => Some("1 Mbit/s with 5 Mbit/s for the data"),
-            Make::Odrive => None,
+            Make::Odrive | Make::Simplefoc => None,
+        }
+    }
+
+    /// Whether it can be on a CAN bus.
+    pub const fn has_can(self) -> bool {
+        match self {
+            Make::Moteus | Make::Odrive => true,
+            Make::Simplefoc => false,
         }
     }
 
@@ -143,6 +160,7 @@ impl Make {
         match self {
             Make::Moteus => Box::new(moteus::Simulated::new(id)),
             Make::Odrive => Box::new(odrive::Simulated::new(id)),
+            Make::Simplefoc => Box::new(simplefoc::Simulated::new()),
         }
     }
 
@@ -151,6 +169,7 @@ impl Make {
         match self {
             Make::Moteus => Box::new(moteus::Adapter::new(line)),
             Make::Odrive => Box::new(slcan::Adapter::new(line)),
+            Make::Simplefoc => Box::new(simplefoc::Adapter::new(line)),
         }
     }
 }
@@ -159,9 +178,12 @@ impl FromStr for Address {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (make, rest) = text.split_once(':').ok_or("a drive is moteus:PATH or odrive:PATH")?;
-        let make =
-            Make::from_name(make).ok_or_else(|| format!("{make:?} is not a known drive; expected moteus or odrive"))?;
+        let (make, rest) = text.split_once(':').ok_or("a drive is moteus:PATH, odrive:PATH or simplefoc:PATH")?;
+        let make = Make::from_name(make)
+            .ok_or_else(|| format!("{make:?} is not a known drive; expected {}", Make::NAMES.join(", ")))?;
+        if make == Make::Simplefoc {
+            return board(rest);
+        }
         let (place, id) = match rest.rsplit_once('#') {
             None => (rest, 1),
             Some((place, id)) => {
@@ -179,7 +201,7 @@ impl FromStr for Address {
             ));
         }
         let bus: BusAddress = place.parse()?;
-        let address = Address { make, bus, id };
+        let address = Address { make, bus, id, board: None };
         if address.bus.rate.is_none() {
             return Ok(address);
         }
@@ -192,8 +214,39 @@ impl FromStr for Address {
 
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}:{}#{}", self.make.name(), self.bus, self.id)
+        match self.board {
+            None => write!(f, "{}:{}#{}", self.make.name(), self.bus, self.id),
+            Some((SPEED, motor)) => write!(f, "{}:{}?{motor}", self.make.name(), self.bus),
+            Some((speed, motor)) => write!(f, "{}:{}@{speed}?{motor}", self.make.name(), self.bus),
+        }
     }
+}
+
+/// The address of a SimpleFOC board: `PATH[@BAUD]?volts-per-torque=V` or `?torque-constant=K`.
+fn board(text: &str) -> Result<Address, String> {
+    let (place, motor) = text.split_once('?').unwrap_or((text, ""));
+    if motor.is_empty() {
+        return Err(format!(
+            "its motor's constant is missing: simplefoc:{place}?volts-per-torque=20 in V/(N m) where its sketch controls a voltage, or \
+             simplefoc:{place}?torque-constant=0.05 in N m/A where it controls a current; hapt identify --inertia measures it"
+        ));
+    }
+    let motor = motor.parse()?;
+    let number = |baud: &str| !baud.is_empty() && baud.bytes().all(|byte| byte.is_ascii_digit());
+    let (place, speed) = match place.rsplit_once('@').filter(|(_, baud)| number(baud)) {
+        None => (place, SPEED),
+        Some((place, baud)) => {
+            let speed = baud.parse().ok().filter(|speed| (300..=20_000_000).contains(speed));
+            (place, speed.ok_or_else(|| format!("{baud} baud; expected 300 to 20000000"))?)
+        }
+    };
+    let bus = BusAddress { place: place.into(), rate: None };
+    if !bus.is_port() {
+        return Err(format!(
+            "{place:?} is not the path of a serial port, such as /dev/ttyACM0; hapt devices lists them"
+        ));
+    }
+    Ok(Address { make: Make::Simplefoc, bus, id: 1, board: Some((speed, motor)) })
 }
 
 impl Address {
@@ -229,13 +282,20 @@ impl Address {
                 };
                 Ok(Box::new(odrive::Odrive::new(bus, self.id, place)))
             }
+            Make::Simplefoc => {
+                let missing = || wrong(io::Error::new(io::ErrorKind::InvalidInput, "its motor's constant is missing"));
+                let (speed, motor) = self.board.ok_or_else(missing)?;
+                let line = Line::open_at(Path::new(place), speed).map_err(wrong)?;
+                Ok(Box::new(simplefoc::SimpleFoc::new(Box::new(simplefoc::Client::new(line)), motor, place)))
+            }
         }
     }
 }
 
 fn is_adapter(path: &Path) -> bool {
     let path = path.canonicalize().unwrap_or(path.into());
-    ports().iter().any(|port| Path::new(&port.name) == path && !port.specs.is_empty())
+    let is_cans = |port: &crate::Port| port.specs.iter().any(|spec| !spec.starts_with(Make::Simplefoc.name()));
+    ports().iter().any(|port| Path::new(&port.name) == path && is_cans(port))
 }
 
 #[cfg(test)]
@@ -250,13 +310,25 @@ mod tests {
             "moteus:vcan0#126",
             "odrive:/dev/ttyACM0@250k#3",
             "odrive:/dev/a@b#1",
+            "simplefoc:/dev/ttyACM0?volts-per-torque=20",
+            "simplefoc:/dev/a@b@115200?torque-constant=0.055",
         ] {
             assert_eq!(text.parse::<Address>().unwrap().to_string(), text);
         }
         assert_eq!("moteus:can0".parse::<Address>().unwrap().id, 1);
         let wrong = ["moteus", "moteus:", "moteus:can0#0", "moteus:can0#127", "odrive:can0#x", "vesc:can0"];
         let rates = ["odrive:/dev/ttyACM0@300k", "odrive:can0@250k", "moteus:/dev/ttyACM0@1M", "odrive:@250k"];
-        for text in wrong.into_iter().chain(rates) {
+        let boards = [
+            "simplefoc:/dev/ttyACM0",
+            "simplefoc:/dev/ttyACM0?",
+            "simplefoc:/dev/ttyACM0?volts-per-torque=",
+            "simplefoc:/dev/ttyACM0?volts-per-torque=nan",
+            "simplefoc:/dev/ttyACM0?torque-constant=-1",
+            "simplefoc:/dev/ttyACM0?kv=100",
+            "simplefoc:can0?torque-constant=1",
+            "simplefoc:/dev/ttyACM0@9?torque-constant=1",
+        ];
+        for text in wrong.into_iter().chain(rates).chain(boards) {
             assert!(text.parse::<Address>().is_err(), "{text}");
         }
     }

@@ -7,9 +7,9 @@
 //! ```text
 //!   DriveDevice (hapt_rt::Device)      Simulator
 //!     |                                  |        \
-//!   Drive: moteus, odrive              Firmware   Puck
+//!   Drive: moteus, odrive, simplefoc   Firmware   Puck
 //!     |                                  |
-//!   Bus: socket, fdcanusb, slcan  <--->  Bus
+//!   Bus: socket, fdcanusb, slcan, text <-> Bus
 //! ```
 //!
 //! Functions on the loop's thread allocate nothing, and wait until a given instant at most.
@@ -34,6 +34,8 @@ pub mod moteus;
 pub mod odrive;
 #[cfg(target_os = "linux")]
 mod ports;
+#[cfg(target_os = "linux")]
+pub mod simplefoc;
 #[cfg(target_os = "linux")]
 pub mod simulate;
 #[cfg(target_os = "linux")]

@@ -14,9 +14,17 @@ pub struct Port {
     pub specs: Vec<String>,
 }
 
-/// USB vendor and product of adapters for drives, and the make in their address.
-const ADAPTERS: [(&str, &str, &str); 4] =
-    [("0483", "5740", "moteus"), ("1209", "2323", "moteus"), ("16d0", "117e", "odrive"), ("ad50", "60c4", "odrive")];
+/// USB vendor and product of adapters for drives, and of boards that makers use with SimpleFOC (ESP32, RP2040, Teensy), and the make in
+/// their address.
+const ADAPTERS: [(&str, &str, &str); 7] = [
+    ("0483", "5740", "moteus"),
+    ("1209", "2323", "moteus"),
+    ("16d0", "117e", "odrive"),
+    ("ad50", "60c4", "odrive"),
+    ("303a", "1001", "simplefoc"),
+    ("2e8a", "000a", "simplefoc"),
+    ("16c0", "0483", "simplefoc"),
+];
 /// The kernel's number of CAN among the types of network interfaces.
 const CAN: &str = "280";
 

@@ -73,6 +73,48 @@ impl Lines {
     }
 }
 
+/// The byte of two hexadecimal digits.
+pub(crate) fn byte(digits: [u8; 2]) -> Option<u8> {
+    let digit = |c: u8| (c as char).to_digit(16);
+    u8::try_from(digit(digits[0])? << 4 | digit(digits[1])?).ok()
+}
+
+/// Longer than any line of a frame: 64 bytes are 128 digits.
+const MAX_TEXT_BYTES: usize = 192;
+const DIGITS: &[u8; 16] = b"0123456789ABCDEF";
+
+/// A line under construction, of fixed size in memory.
+pub(crate) struct Text {
+    room: [u8; MAX_TEXT_BYTES],
+    length: usize,
+}
+
+impl Text {
+    pub fn new() -> Self {
+        Text { room: [0; MAX_TEXT_BYTES], length: 0 }
+    }
+
+    /// A line that is too long is cut, and thereby invalid.
+    pub fn put(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            if let Some(place) = self.room.get_mut(self.length) {
+                *place = *byte;
+                self.length += 1;
+            }
+        }
+    }
+
+    pub fn hex(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            self.put(&[DIGITS[usize::from(byte >> 4)], DIGITS[usize::from(byte & 15)]]);
+        }
+    }
+
+    pub fn bytes(&self) -> &[u8] {
+        &self.room[..self.length]
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::time::Duration;

@@ -16,10 +16,7 @@ use crate::can::Bus;
 use crate::drive::OTHERS;
 use crate::frame::Frame;
 use crate::serial::Line;
-use crate::text::Lines;
-
-/// Longer than any line: 64 bytes are 128 digits.
-const ROOM: usize = 192;
+use crate::text::{Lines, Text, byte};
 
 /// A serial port with an adapter or a drive at its other end.
 pub struct Client {
@@ -145,40 +142,7 @@ fn frame(text: &[u8]) -> Option<Frame> {
     rest.is_empty().then_some(frame)
 }
 
-fn byte(digits: [u8; 2]) -> Option<u8> {
-    let digit = |c: u8| (c as char).to_digit(16);
-    u8::try_from(digit(digits[0])? << 4 | digit(digits[1])?).ok()
-}
-
-/// A line under construction, of fixed size in memory.
-struct Text {
-    room: [u8; ROOM],
-    length: usize,
-}
-
-const DIGITS: &[u8; 16] = b"0123456789ABCDEF";
-
 impl Text {
-    fn new() -> Self {
-        Text { room: [0; ROOM], length: 0 }
-    }
-
-    /// A line that is too long is cut, and thereby invalid.
-    fn put(&mut self, bytes: &[u8]) {
-        for byte in bytes {
-            if let Some(place) = self.room.get_mut(self.length) {
-                *place = *byte;
-                self.length += 1;
-            }
-        }
-    }
-
-    fn hex(&mut self, bytes: &[u8]) {
-        for byte in bytes {
-            self.put(&[DIGITS[usize::from(byte >> 4)], DIGITS[usize::from(byte & 15)]]);
-        }
-    }
-
     fn hex_number(&mut self, number: u32) {
         let bytes = number.to_be_bytes();
         self.hex(if number > 0xffff { &bytes } else { &bytes[2..] });
@@ -187,12 +151,12 @@ impl Text {
     fn line(&mut self, checked: bool, end: &[u8]) -> &[u8] {
         if checked {
             self.put(b" ");
-            let crc = crc(&self.room[..self.length]);
+            let crc = crc(self.bytes());
             self.put(b"*");
             self.hex(&[crc]);
         }
         self.put(end);
-        &self.room[..self.length]
+        self.bytes()
     }
 }
 

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use hapt_core::{Phase, Reason, Request, SafetyProfile};
 use hapt_drive::moteus::{self, Moteus};
 use hapt_drive::odrive::Odrive;
+use hapt_drive::simplefoc::{self, MotorConstant, SimpleFoc, VOLTS_PER_TORQUE};
 use hapt_drive::simulate::{Firmware, Shaft, Simulator, Time};
 use hapt_drive::{
     Bus, Drive, DriveDevice, DriveError, DriveLimits, Error, Frame, Line, Make, ShaftState, Socket, pty, slcan,
@@ -190,7 +191,7 @@ impl Bus for Faulty {
 }
 
 /// A drive whose host waits longer by this many ms, so that a busy machine answers in time. In lockstep this takes no longer.
-struct Patient(Box<dyn Drive>, Arc<AtomicU64>);
+pub struct Patient(pub Box<dyn Drive>, pub Arc<AtomicU64>);
 
 impl Patient {
     /// Also where the machine paused until the deadline.
@@ -293,10 +294,14 @@ impl TestBench {
             (Place::Port(path), Make::Moteus) => {
                 (Box::new(moteus::Client::new(Line::open(path).unwrap(), true)), path.display().to_string())
             }
+            (Place::Port(path), Make::Simplefoc) => {
+                (Box::new(simplefoc::Client::new(Line::open(path).unwrap())), path.display().to_string())
+            }
         };
         let drive: Box<dyn Drive> = match self.make {
             Make::Odrive => Box::new(Odrive::new(bus, id, &name)),
             Make::Moteus => Box::new(Moteus::new(bus, id, name)),
+            Make::Simplefoc => Box::new(SimpleFoc::new(bus, MotorConstant::VoltsPerTorque(VOLTS_PER_TORQUE), &name)),
         };
         Box::new(Patient(drive, Arc::clone(&self.patience)))
     }
@@ -396,7 +401,7 @@ impl Looped {
     }
 
     /// The same, or the reason of an earlier end.
-    fn runs(&mut self) -> Result<Record, String> {
+    pub fn runs(&mut self) -> Result<Record, String> {
         let mut record = self.sample(Some(Request::Arm)).map_err(|failure| failure.to_string())?;
         while record.phase != Phase::Running {
             if !record.phase.is_active() || self.samples >= 2000 {

@@ -7,4 +7,6 @@ mod middle;
 mod moteus;
 mod odrive;
 mod others;
+mod simplefoc;
+mod sketch;
 mod uneven;

@@ -7,7 +7,7 @@ use hapt_core::Reason;
 use hapt_drive::moteus::{self, Parser, Subframe, Tuning};
 use hapt_drive::odrive::{self, codec};
 use hapt_drive::simulate::Firmware;
-use hapt_drive::{Frame, Make};
+use hapt_drive::{Frame, Make, simplefoc};
 use hapt_rt::{Device as _, DriveFault, Failure};
 use hapt_testing::in_time;
 
@@ -394,6 +394,12 @@ fn whatever_is_done_to_frames_of_one_kind_no_torque_stays_that_nobody_asks_for()
             is_safe(Make::Moteus, Box::new(moteus()), act, |way, frame| {
                 way == Direction::FromDrive && !answers_a_command(way, frame)
             });
+            for way in [Direction::ToDrive, Direction::FromDrive] {
+                for kind in [b'T', b'Q', b'E'] {
+                    let is_kind = move |to, frame: &Frame| to == way && frame.id == u32::from(kind);
+                    is_safe(Make::Simplefoc, Box::new(simplefoc::Simulated::new()), act, is_kind);
+                }
+            }
         }
     });
 }

@@ -15,17 +15,18 @@ use bench::{TestBench, lockstep, world};
 use counting::counted;
 use hapt_drive::odrive::codec::Version;
 use hapt_drive::simulate::Firmware;
-use hapt_drive::{Make, moteus, odrive};
+use hapt_drive::{Make, moteus, odrive, simplefoc};
 use hapt_rt::{Device, Failure};
 
 /// Of each make, with each way of requests.
-fn firmwares() -> [(Make, Box<dyn Firmware>); 4] {
+fn firmwares() -> [(Make, Box<dyn Firmware>); 5] {
     let odrive = odrive::Simulated::new(1);
     [
         (Make::Moteus, Box::new(moteus::Simulated::new(1))),
         (Make::Odrive, Box::new(odrive.clone())),
         (Make::Odrive, Box::new(odrive.clone().with_estimates(Some(0.01)))),
         (Make::Odrive, Box::new(odrive.with_version(Version::SILENT))),
+        (Make::Simplefoc, Box::new(simplefoc::Simulated::new())),
     ]
 }
 

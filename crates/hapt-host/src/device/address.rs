@@ -13,7 +13,8 @@ use hapt_rt::Plan;
 use super::DeviceError;
 use crate::packed;
 
-/// A device: `sim`, `replay:FILE`, `moteus:PATH|canX[#ID]`, `odrive:PATH[@RATE]|canX[#ID]`, or `hapt:PATH[@BAUD]`.
+/// A device: `sim`, `replay:FILE`, `moteus:PATH|canX[#ID]`, `odrive:PATH[@RATE]|canX[#ID]`, `simplefoc:PATH[@BAUD]?CONSTANT`, or
+/// `hapt:PATH[@BAUD]`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum DeviceAddress {
     /// The exact simulation.
@@ -67,7 +68,7 @@ impl Display for BoardPort {
 }
 
 /// The drives' names, also for builds without drives.
-const DRIVES: [&str; 2] = ["moteus", "odrive"];
+const DRIVES: [&str; 3] = ["moteus", "odrive", "simplefoc"];
 
 #[cfg(target_os = "linux")]
 const _: () = {
@@ -102,7 +103,9 @@ impl FromStr for DeviceAddress {
                     format!("; did you mean \"hapt:{text}\"?")
                 } else if text.trim_start().starts_with('/') {
                     // A serial port does not show what is connected to it.
-                    format!("; did you mean \"hapt:{text}\", \"moteus:{text}\" or \"odrive:{text}\"?")
+                    format!(
+                        "; did you mean \"hapt:{text}\", \"moteus:{text}\", \"odrive:{text}\" or \"simplefoc:{text}?...\"?"
+                    )
                 } else if words.clone().any(|known| known == word) {
                     // A known word without its argument.
                     String::new()
@@ -110,7 +113,7 @@ impl FromStr for DeviceAddress {
                     did_you_mean(word, &mut words)
                 };
                 Err(DeviceError::Address(format!(
-                    "a device is sim, replay:FILE with a run's CSV or a log, a drive (moteus:..., odrive:...), or hapt:PATH with a board's \
+                    "a device is sim, replay:FILE with a run's CSV or a log, a drive (moteus:..., odrive:..., simplefoc:...), or hapt:PATH with a board's \
                      serial port{hint}"
                 )))
             }
@@ -148,6 +151,20 @@ impl DeviceAddress {
         match self {
             DeviceAddress::Sim | DeviceAddress::Replay(_) => false,
             DeviceAddress::Drive(_) | DeviceAddress::Board(_) => true,
+        }
+    }
+
+    /// The same device with its motor's constant corrected, where the motor makes this part of the commanded torque; `None`: its address has no
+    /// such constant.
+    pub fn corrected(&self, gain: f64) -> Option<Self> {
+        match self {
+            #[cfg(target_os = "linux")]
+            DeviceAddress::Drive(address) if gain.is_finite() && gain > 0.0 => {
+                let (speed, motor) = address.board?;
+                let board = Some((speed, motor.corrected(gain)));
+                Some(DeviceAddress::Drive(Address { board, ..address.clone() }))
+            }
+            DeviceAddress::Sim | DeviceAddress::Replay(_) | DeviceAddress::Drive(_) | DeviceAddress::Board(_) => None,
         }
     }
 

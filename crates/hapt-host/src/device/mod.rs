@@ -1,4 +1,4 @@
-//! Devices by address: `sim`, `replay:FILE`, `moteus:PATH`, `odrive:canX#ID`, `hapt:PATH`.
+//! Devices by address: `sim`, `replay:FILE`, `moteus:PATH`, `odrive:canX#ID`, `simplefoc:PATH?CONSTANT`, `hapt:PATH`.
 //!
 //! A [`DeviceAddress`] says which device is meant, what a world needs on it ([`DeviceAddress::overrides`]), how the supervisor guards there
 //! ([`DeviceAddress::profile`]), and opens it: as a device of a loop on this computer ([`DeviceAddress::open`]), or as the [`Machine`] of a

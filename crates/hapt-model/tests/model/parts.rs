@@ -26,7 +26,7 @@ const PARTS: [Part; 4] = [
         names: &["Measure"],
         words: &["settling_time", "settlingtime"],
     },
-    Part { what: "drive", file: "crates/hapt-drive/src/address.rs", names: &["Make"], words: &["odrive"] },
+    Part { what: "drive", file: "crates/hapt-drive/src/address.rs", names: &["Make"], words: &["simplefoc"] },
 ];
 
 fn root() -> PathBuf {

@@ -1,0 +1,86 @@
+//! The motor's constant: how many volts or amperes make a torque.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// What the target is for a torque. SimpleFOC's torque is a voltage or a current; the factor is the motor's.
+///
+/// ```
+/// use hapt_drive::simplefoc::MotorConstant;
+///
+/// let by_voltage: MotorConstant = "volts-per-torque=20".parse()?;
+/// assert_eq!(by_voltage.target(0.1), 2.0);
+/// let by_current: MotorConstant = "torque-constant=0.05".parse()?;
+/// assert_eq!(by_current.target(0.1), 2.0);
+/// assert!("volts-per-torque=0".parse::<MotorConstant>().is_err());
+/// # Ok::<(), String>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MotorConstant {
+    /// Volts per N·m: the winding's resistance over the torque constant.
+    VoltsPerTorque(f64),
+    /// N·m per ampere.
+    TorqueConstant(f64),
+}
+
+/// The number is finite.
+impl Eq for MotorConstant {}
+
+const VOLTS: &str = "volts-per-torque";
+const AMPERES: &str = "torque-constant";
+
+impl MotorConstant {
+    /// The sketch's letter of the unit.
+    pub(super) fn unit(self) -> u8 {
+        match self {
+            MotorConstant::VoltsPerTorque(_) => b'V',
+            MotorConstant::TorqueConstant(_) => b'A',
+        }
+    }
+
+    /// The target for a torque in N·m.
+    pub fn target(self, torque: f64) -> f64 {
+        match self {
+            MotorConstant::VoltsPerTorque(volts) => volts * torque,
+            MotorConstant::TorqueConstant(constant) => torque / constant,
+        }
+    }
+
+    /// The same motor where it makes this part of the commanded torque.
+    #[must_use]
+    pub fn corrected(self, gain: f64) -> Self {
+        match self {
+            MotorConstant::VoltsPerTorque(volts) => MotorConstant::VoltsPerTorque(volts / gain),
+            MotorConstant::TorqueConstant(constant) => MotorConstant::TorqueConstant(constant * gain),
+        }
+    }
+}
+
+impl FromStr for MotorConstant {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (name, number) = text.split_once('=').unwrap_or((text, ""));
+        let make = match name {
+            VOLTS => MotorConstant::VoltsPerTorque,
+            AMPERES => MotorConstant::TorqueConstant,
+            _ => {
+                return Err(format!(
+                    "{name:?} is not an option of a SimpleFOC board; expected {VOLTS} in V/(N m), or {AMPERES} in N m/A"
+                ));
+            }
+        };
+        // Beyond these no motor is.
+        let number = number.parse::<f64>().ok().filter(|number| (1e-6..=1e6).contains(number));
+        number.map(make).ok_or_else(|| format!("{text:?}: expected a number from 1e-6 to 1e6, as in {name}=0.05"))
+    }
+}
+
+impl fmt::Display for MotorConstant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            MotorConstant::VoltsPerTorque(volts) => write!(f, "{VOLTS}={volts}"),
+            MotorConstant::TorqueConstant(constant) => write!(f, "{AMPERES}={constant}"),
+        }
+    }
+}

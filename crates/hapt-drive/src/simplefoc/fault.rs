@@ -1,0 +1,45 @@
+//! The faults of a SimpleFOC board, and the corresponding reasons of the supervisor.
+
+use hapt_core::Reason;
+use hapt_rt::DriveFault;
+
+use super::codec::state;
+
+/// The meaning of a state, where the motor does not render the target. A board that was switched on is on, and every other is off.
+pub fn fault(state: u8, is_on: bool) -> Option<DriveFault> {
+    let (what, reason) = match state {
+        state::ON if is_on => return None,
+        state::OFF if !is_on => return None,
+        state::OFF => ("it has restarted, or its supply was interrupted", Some(Reason::Link)),
+        state::ON => ("another program has switched it on", Some(Reason::Link)),
+        state::EXPIRED => ("its watchdog expired: no target arrived in time", Some(Reason::Late)),
+        state::REFUSED => ("it was given a target that is no number, or one beyond its limit", Some(Reason::Torque)),
+        state::FAILED => {
+            ("its motor is not ready: initFOC failed, or its driver switched itself off", Some(Reason::Driver))
+        }
+        _ => ("it is in an unknown state", None),
+    };
+    Some(DriveFault { code: state.into(), what, reason })
+}
+
+/// Targets do not arrive, or not the last one.
+pub const UNHEARD: DriveFault =
+    DriveFault { code: state::ON as u32, what: "targets do not reach it, or come late", reason: Some(Reason::Late) };
+/// The sensor's angle is not one.
+pub const NO_ANGLE: DriveFault =
+    DriveFault { code: state::ON as u32, what: "its sensor gives no angle", reason: Some(Reason::Jump) };
+/// Turns are counted in 16 bits.
+pub const FARTHEST: DriveFault =
+    DriveFault { code: state::ON as u32, what: "it has counted all the turns that it can", reason: Some(Reason::Jump) };
+/// By voltage: what the sketch applies is known exactly.
+pub const ANOTHER_TARGET: DriveFault = DriveFault {
+    code: state::ON as u32,
+    what: "it uses another voltage than the commanded one: its sketch or its voltage_limit changes it",
+    reason: None,
+};
+/// By current.
+pub const ANOTHER_CURRENT: DriveFault = DriveFault {
+    code: state::ON as u32,
+    what: "its motor has another current than the commanded one: check its supply, its current_limit and its current sensors",
+    reason: None,
+};

@@ -1,0 +1,583 @@
+//! The sketch of the Arduino library, compiled for this computer, at the end of a serial line: the loop on it, every kind of dirt on the
+//! line, and the simulated board beside it. The sketch is C++, which exists once; what it speaks is therefore what a board speaks.
+
+use std::cell::RefCell;
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
+use std::sync::{Arc, LazyLock, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use hapt_core::{Phase, Reason};
+use hapt_drive::simplefoc::{Adapter, Client, MotorConstant, SimpleFoc, Simulated, VOLTS_PER_TORQUE};
+use hapt_drive::simulate::{Firmware, Shaft};
+use hapt_drive::{Bus, Drive, DriveDevice, DriveLimits, Error, Frame, Line, pty};
+use hapt_export_c::DRIVE_SKETCH;
+use hapt_model::World;
+use hapt_rt::Failure;
+use hapt_testing::{cases, in_time};
+use proptest::prelude::*;
+use proptest::test_runner::TestRunner;
+
+use crate::bench::{Looped, Patient, soon, world};
+
+/// Longer than an answer takes and shorter than the timeout of lockstep, ms.
+const ANSWER_MS: u64 = 30;
+/// The sketch's largest voltage.
+const LIMIT: f64 = 3.0;
+const PERIOD_US: u64 = 1000;
+
+/// The compiled program; `None`: this computer has no compiler of C++.
+static BOARD: LazyLock<Option<(tempfile::TempDir, PathBuf)>> = LazyLock::new(|| {
+    let compiler = ["g++", "clang++"].into_iter().find(|name| Command::new(name).arg("--version").output().is_ok());
+    let Some(compiler) = compiler else {
+        assert!(std::env::var_os("CI").is_none(), "a compiler of C++ has to be there where CI is set");
+        println!("SKIPPED: the sketch is not tried, for want of a compiler of C++ (g++ or clang++)");
+        return None;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let put = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    put("Arduino.h", include_str!("../../../hapt-export-c/tests/arduino/Arduino.h"));
+    put("SimpleFOC.h", include_str!("../../../hapt-export-c/tests/arduino/SimpleFOC.h"));
+    put("sketch.cpp", &format!("#include <Arduino.h>\n{DRIVE_SKETCH}"));
+    put("board.cpp", include_str!("sketch/board.cpp"));
+    let options = ["-std=c++11", "-O1", "-g", "-Wall", "-Wextra", "-Werror", "-fsanitize=address,undefined"];
+    let files = ["-fno-sanitize-recover=all", "-I.", "board.cpp", "sketch.cpp", "-o", "board"];
+    let ran = Command::new(compiler).args(options).args(files).current_dir(&folder).output().unwrap();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+    let program = folder.path().join("board");
+    Some((folder, program))
+});
+
+/// Bytes on their way to the board or from it, replaced by others.
+type Dirt = Box<dyn FnMut(bool, &[u8]) -> Vec<u8> + Send>;
+
+/// A board with the sketch, and the line to it.
+struct Board {
+    program: PathBuf,
+    /// The computer's end, and the board's.
+    ours: PathBuf,
+    theirs: PathBuf,
+    period: u64,
+    child: Option<Child>,
+    listener: Option<JoinHandle<()>>,
+    /// The largest voltage so far and the present one, as bits.
+    largest: Arc<AtomicU64>,
+    present: Arc<AtomicU64>,
+    dirt: Arc<Mutex<Option<Dirt>>>,
+    ends: Arc<AtomicBool>,
+    line: Option<JoinHandle<()>>,
+}
+
+impl Board {
+    /// `None`: it cannot be compiled here.
+    fn new(period: u64, starts: bool) -> Option<Self> {
+        let (_, program) = BOARD.as_ref()?;
+        let ((mut computer, ours), (mut board, theirs)) = (pty().unwrap(), pty().unwrap());
+        let (dirt, ends) = (Arc::new(Mutex::new(None::<Dirt>)), Arc::new(AtomicBool::new(false)));
+        let line = std::thread::spawn({
+            let (dirt, ends) = (Arc::clone(&dirt), Arc::clone(&ends));
+            move || {
+                let mut bytes = [0; 256];
+                while !ends.load(SeqCst) {
+                    for to_board in [true, false] {
+                        let (from, to) =
+                            if to_board { (&mut computer, &mut board) } else { (&mut board, &mut computer) };
+                        let wait = Duration::from_micros(if to_board { 200 } else { 0 });
+                        let count = from.read(&mut bytes, Instant::now() + wait).unwrap_or(0);
+                        let bytes = match &mut *dirt.lock().unwrap() {
+                            Some(dirt) if count > 0 => dirt(to_board, &bytes[..count]),
+                            _ => bytes[..count].to_vec(),
+                        };
+                        // A board that is off reads nothing.
+                        let _ = to.write(&bytes, Instant::now() + Duration::from_millis(20));
+                    }
+                }
+            }
+        });
+        let mut board = Board {
+            program: program.clone(),
+            ours,
+            theirs,
+            period,
+            child: None,
+            listener: None,
+            largest: Arc::default(),
+            present: Arc::default(),
+            dirt,
+            ends,
+            line: Some(line),
+        };
+        board.switch_on(starts);
+        Some(board)
+    }
+
+    fn switch_on(&mut self, starts: bool) {
+        let mut child = Command::new(&self.program)
+            .arg(&self.theirs)
+            .args([self.period.to_string(), u8::from(starts).to_string()])
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut said = BufReader::new(child.stdout.take().unwrap()).lines();
+        assert_eq!(said.next().unwrap().unwrap(), "started");
+        let (largest, present) = (Arc::clone(&self.largest), Arc::clone(&self.present));
+        self.listener = Some(std::thread::spawn(move || {
+            for line in said.map_while(Result::ok) {
+                let mut numbers = line.split(' ').map(|number| number.parse::<f64>().unwrap());
+                largest.fetch_max(numbers.next().unwrap().to_bits(), SeqCst);
+                present.store(numbers.next().unwrap().to_bits(), SeqCst);
+            }
+        }));
+        self.child = Some(child);
+    }
+
+    fn switch_off(&mut self) {
+        if let Some(mut child) = self.child.take() {
+            let _ = child.kill();
+            child.wait().unwrap();
+        }
+        if let Some(listener) = self.listener.take() {
+            listener.join().unwrap();
+        }
+        self.present.store(0, SeqCst);
+    }
+
+    fn intercept(&self, dirt: impl FnMut(bool, &[u8]) -> Vec<u8> + Send + 'static) {
+        *self.dirt.lock().unwrap() = Some(Box::new(dirt));
+    }
+
+    fn is_clean(&self) {
+        *self.dirt.lock().unwrap() = None;
+    }
+
+    fn client(&self) -> Client {
+        Client::new(Line::open(&self.ours).unwrap())
+    }
+
+    fn drive(&self, motor: MotorConstant) -> SimpleFoc {
+        SimpleFoc::new(Box::new(self.client()), motor, "here")
+    }
+
+    /// Started, and waiting this long for answers; repeated if the machine pauses.
+    fn wheel(&self, world: &World, patience: u64) -> DriveDevice {
+        let patience_ms = Arc::new(AtomicU64::new(patience));
+        let mut last = None;
+        for _ in 0..20 {
+            let drive = self.drive(MotorConstant::VoltsPerTorque(VOLTS_PER_TORQUE));
+            match DriveDevice::start(Box::new(Patient(Box::new(drive), Arc::clone(&patience_ms))), world) {
+                Ok(wheel) => return wheel,
+                Err(error) => last = Some(error),
+            }
+        }
+        panic!("{last:?}");
+    }
+
+    fn running(&self, world: &World) -> Looped {
+        for _ in 0..20 {
+            let mut looped = Looped::on(Box::new(self.wheel(world, ANSWER_MS)), world);
+            if looped.runs().is_ok() {
+                return looped;
+            }
+        }
+        panic!("it does not run");
+    }
+
+    fn largest(&self) -> f64 {
+        f64::from_bits(self.largest.load(SeqCst))
+    }
+
+    fn goes_off(&self) {
+        let end = soon();
+        while f64::from_bits(self.present.load(SeqCst)) != 0.0 {
+            assert!(Instant::now() < end, "there is a voltage still");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+}
+
+impl Drop for Board {
+    fn drop(&mut self) {
+        self.switch_off();
+        self.ends.store(true, SeqCst);
+        if let Some(line) = self.line.take() {
+            line.join().unwrap();
+        }
+    }
+}
+
+/// 0.1 N·m are 2 V.
+const CEILING: f64 = 2.0;
+
+fn world_of_the_board() -> World {
+    world(&[])
+}
+
+#[test]
+fn a_certified_world_brings_the_puck_to_rest_on_the_sketch() {
+    in_time(|| {
+        let world = world_of_the_board();
+        let Some(board) = Board::new(PERIOD_US, true) else { return };
+        let mut looped = board.running(&world);
+        let mut last = Vec::new();
+        for _ in 0..3000 {
+            let record = looped.sample(None).unwrap();
+            assert_eq!(record.phase, Phase::Running, "{record:?}");
+            last.push(record.position);
+        }
+        assert!(last[2900..].iter().all(|position| (position - 0.3).abs() < 0.01), "{:?}", &last[2900..]);
+        assert!(board.largest() > 0.0 && board.largest() <= CEILING);
+        drop(looped);
+        board.goes_off();
+    });
+}
+
+#[test]
+fn a_board_whose_motor_does_not_start_or_that_is_taken_for_another_is_not_driven() {
+    in_time(|| {
+        let terms = DriveLimits { watchdog: 0.01, torque: 0.1 };
+        let volts = MotorConstant::VoltsPerTorque(VOLTS_PER_TORQUE);
+        let Some(failed) = Board::new(PERIOD_US, false) else { return };
+        let error = failed.drive(volts).start(&terms).unwrap_err();
+        assert!(matches!(error, Error::Fault { fault, .. } if fault.reason == Some(Reason::Driver)), "{error}");
+        let Some(board) = Board::new(PERIOD_US, true) else { return };
+        let error = board.drive(MotorConstant::TorqueConstant(0.05)).start(&terms).unwrap_err();
+        assert!(matches!(error, Error::Refused { .. }) && error.to_string().contains("volts-per-torque"), "{error}");
+        let error = board.drive(volts).start(&DriveLimits { torque: 0.2, ..terms }).unwrap_err();
+        assert!(matches!(error, Error::Refused { .. }) && error.to_string().contains("at most 3 V"), "{error}");
+        assert_eq!((failed.largest(), board.largest()), (0.0, 0.0));
+    });
+}
+
+/// A reset while the motor holds a torque. The sketch starts anew, without one, and stays so.
+#[test]
+fn a_board_that_resets_ends_the_loop_by_name() {
+    in_time(|| {
+        let world = world_of_the_board();
+        let Some(mut board) = Board::new(PERIOD_US, true) else { return };
+        let mut looped = board.running(&world);
+        board.switch_off();
+        board.switch_on(true);
+        let ended = looped.ends(50).expect("it ends");
+        assert!(matches!(ended, Err(Failure::Gone | Failure::Drive(_)) | Ok(Reason::Late)), "{ended:?}");
+        for _ in 0..20 {
+            let _ = looped.sample(None);
+            assert_eq!(f64::from_bits(board.present.load(SeqCst)), 0.0, "it is switched on again");
+        }
+    });
+}
+
+#[test]
+fn a_line_that_is_cut_leaves_no_torque() {
+    in_time(|| {
+        let world = world_of_the_board();
+        for cut in [true, false] {
+            let Some(board) = Board::new(PERIOD_US, true) else { return };
+            let mut looped = board.running(&world);
+            board.intercept(move |to_board, bytes| if to_board == cut { Vec::new() } else { bytes.to_vec() });
+            let ended = looped.ends(50).expect("it ends");
+            assert!(matches!(ended, Err(Failure::Gone | Failure::Drive(_)) | Ok(Reason::Late)), "{ended:?}");
+            let _ = looped.sample(None);
+            board.goes_off();
+            assert!(board.largest() <= CEILING);
+        }
+    });
+}
+
+/// What is done to the bytes of the line.
+#[derive(Clone, Debug)]
+struct Noise {
+    /// Of a thousand bytes, those that are lost, changed, followed by others, or cut off with all behind them.
+    lost: u32,
+    changed: u32,
+    added: u32,
+    cut: u32,
+    /// What is added: other bytes, or a line that is too long.
+    more: Vec<u8>,
+    seed: u64,
+}
+
+fn noise() -> impl Strategy<Value = Noise> {
+    let part = || prop_oneof![Just(0_u32), 1_u32..60];
+    let more = prop_oneof![
+        proptest::collection::vec(any::<u8>(), 1..60),
+        Just(b"H".repeat(30)),
+        Just(b"HT00\nHT7FC00000\nHTnan\n@3\n?\n".to_vec()),
+        Just(b"\r\n\x07\n".to_vec()),
+    ];
+    (part(), part(), part(), part(), more, 1..u64::MAX).prop_map(|(lost, changed, added, cut, more, seed)| Noise {
+        lost,
+        changed,
+        added,
+        cut,
+        more,
+        seed,
+    })
+}
+
+impl Noise {
+    fn act(&mut self, bytes: &[u8]) -> Vec<u8> {
+        let mut dice = |part: u32| {
+            for (left, by) in [(true, 13), (false, 7), (true, 17)] {
+                self.seed ^= if left { self.seed << by } else { self.seed >> by };
+            }
+            self.seed % 1000 < part.into()
+        };
+        let mut out = Vec::new();
+        for byte in bytes {
+            if dice(self.cut) {
+                break;
+            }
+            if !dice(self.lost) {
+                // Mostly another digit.
+                out.push(if dice(self.changed) { byte ^ 1 } else { *byte });
+            }
+            if dice(self.added) {
+                out.extend(&self.more);
+            }
+        }
+        out
+    }
+}
+
+/// Whatever noise: no voltage beyond the session's limit, and what ends the loop has a name; then nothing is left on.
+#[test]
+fn noise_on_the_line_makes_no_torque_beyond_the_limit_and_every_end_has_a_name() {
+    in_time(|| {
+        let world = world_of_the_board();
+        let Some(board) = Board::new(PERIOD_US, true) else { return };
+        TestRunner::new(cases(64))
+            .run(&noise(), |mut noise| {
+                board.is_clean();
+                let mut looped = board.running(&world);
+                board.intercept(move |_, bytes| noise.act(bytes));
+                let ended = looped.ends(100);
+                prop_assert!(board.largest() <= CEILING, "{} V", board.largest());
+                match ended {
+                    Some(Err(Failure::Gone | Failure::Drive(_)) | Ok(Reason::Late)) | None => {}
+                    // A lost sample lengthens what the supervisor sees.
+                    Some(Ok(Reason::Uneven | Reason::Jump | Reason::Velocity | Reason::PortEnergy)) => {}
+                    other => prop_assert!(false, "{other:?}"),
+                }
+                drop(looped);
+                board.goes_off();
+                Ok(())
+            })
+            .unwrap();
+    });
+}
+
+/// A line with its checksum, as [`Client`] sends it.
+fn ask(client: &mut Client, kind: u8, data: &[u8]) -> Option<Frame> {
+    client.send(&Frame::fd(kind.into(), data), soon()).unwrap();
+    client.receive(Instant::now() + Duration::from_millis(if data.is_empty() { 30 } else { 2000 })).unwrap()
+}
+
+fn float(number: u8, value: f32) -> Vec<u8> {
+    [&[number][..], &value.to_be_bytes()].concat()
+}
+
+/// The state that an answer tells.
+fn state(frame: Option<Frame>) -> Option<u8> {
+    Some(frame?.data()[1])
+}
+
+/// A target that is no number, or beyond the limit, switches off, and only a stop clears that.
+#[test]
+fn a_target_that_is_no_number_switches_the_motor_off_until_it_is_stopped_and_switched_on_again() {
+    in_time(|| {
+        let Some(board) = Board::new(PERIOD_US, true) else { return };
+        let mut client = board.client();
+        for wrong in [f32::NAN, f32::INFINITY, -f32::INFINITY, 1.001, -1.001, f32::MAX] {
+            assert_eq!(state(ask(&mut client, b'S', &[1])), Some(0));
+            assert_eq!(state(ask(&mut client, b'T', &float(2, 0.5))), Some(0), "it is off");
+            assert_eq!(state(ask(&mut client, b'L', &float(3, 1.0))), Some(0));
+            assert_eq!(state(ask(&mut client, b'E', &[4, 0xff, 0xff])), Some(1));
+            assert_eq!(state(ask(&mut client, b'T', &float(5, 0.5))), Some(1));
+            assert_eq!(state(ask(&mut client, b'T', &float(6, wrong))), Some(3), "{wrong}");
+            board.goes_off();
+            assert_eq!(state(ask(&mut client, b'E', &[7, 0xff, 0xff])), Some(3));
+            assert_eq!(state(ask(&mut client, b'T', &float(8, 0.5))), Some(3));
+        }
+        for limit in [f32::NAN, -0.1, LIMIT as f32 * 1.001] {
+            assert_eq!(state(ask(&mut client, b'S', &[1])), Some(0));
+            assert_eq!(state(ask(&mut client, b'L', &float(3, limit))), Some(3), "{limit}");
+        }
+        assert!(board.largest() <= 0.5);
+    });
+}
+
+/// In lockstep: ten queries of a millisecond without a target.
+#[test]
+fn the_watchdog_counts_from_the_last_target_and_a_query_feeds_it_not() {
+    in_time(|| {
+        let Some(board) = Board::new(PERIOD_US, true) else { return };
+        let mut client = board.client();
+        // If the machine pauses, the board's clock runs on: the shortest time of several counts.
+        let runs = |client: &mut Client| {
+            assert_eq!(state(ask(client, b'S', &[1])), Some(0));
+            assert_eq!(state(ask(client, b'L', &float(2, 1.0))), Some(0));
+            assert_eq!(state(ask(client, b'E', &[3, 0, 95])), Some(1));
+            for number in 0..5 {
+                ask(client, b'Q', &[number]);
+                if state(ask(client, b'T', &float(number, 0.5))) != Some(1) {
+                    return 0;
+                }
+            }
+            (1..100).take_while(|number| state(ask(client, b'Q', &[*number])) == Some(1)).count()
+        };
+        let counted = (0..20).map(|_| runs(&mut client)).max();
+        assert_eq!(counted, Some(9), "9.5 ms");
+        board.goes_off();
+    });
+}
+
+/// Lines of the right form and random data, and random bytes.
+fn lines() -> impl Strategy<Value = Vec<(u8, Vec<u8>)>> {
+    let number = || prop_oneof![Just(0.5_f32), Just(-1.0), Just(f32::NAN), Just(4.0), any::<f32>()];
+    let with = |kind: u8| number().prop_map(move |value| (kind, value.to_be_bytes().to_vec()));
+    let line = prop_oneof![
+        3 => Just((b'Q', Vec::new())),
+        3 => with(b'T'),
+        2 => with(b'L'),
+        2 => (0_u16..60).prop_map(|time| (b'E', (time * 10 + 5).to_be_bytes().to_vec())),
+        1 => Just((b'S', Vec::new())),
+        1 => Just((b'V', Vec::new())),
+        1 => (b'A'..=b'Z', proptest::collection::vec(any::<u8>(), 0..6)),
+    ];
+    proptest::collection::vec(line, 1..40)
+}
+
+/// The simulated board and the sketch answer the same lines alike, but for the position. If the machine pauses, only the sketch's clock runs on.
+#[test]
+fn the_simulated_board_answers_as_the_sketch_does() {
+    in_time(|| {
+        let Some(board) = Board::new(PERIOD_US, true) else { return };
+        let client = RefCell::new(board.client());
+        TestRunner::new(cases(64))
+            .run(&lines(), |lines| {
+                let mut client = client.borrow_mut();
+                for attempt in 0.. {
+                    ask(&mut client, b'S', &[0]);
+                    ask(&mut client, b'L', &float(0, 0.0));
+                    ask(&mut client, b'E', &[0, 0xff, 0xff]);
+                    ask(&mut client, b'S', &[0]);
+                    let mut simulated = Simulated::new().with_limit(LIMIT as f32);
+                    let begun = Instant::now();
+                    let differs = lines.iter().enumerate().find_map(|(i, (kind, data))| {
+                        let data = [&[i as u8 + 1], &data[..]].concat();
+                        let frame = Frame::fd((*kind).into(), &data);
+                        if simulated.requests_position(&frame) {
+                            for _ in 0..20 {
+                                simulated.pass(50e-6, Shaft::default(), &mut |_| {});
+                            }
+                        }
+                        let mut wanted = None;
+                        simulated.receive(&frame, Shaft::default(), &mut |answer| wanted = Some(answer));
+                        client.send(&frame, soon()).unwrap();
+                        // A line without an answer is followed by one with an answer.
+                        let fence = Frame::fd(b'V'.into(), &[0xff]);
+                        client.send(&fence, soon()).unwrap();
+                        let mut said = None;
+                        loop {
+                            let answer = client.receive(soon()).unwrap().expect("the fence is answered");
+                            if answer.data()[0] == 0xff {
+                                break;
+                            }
+                            said = Some(answer);
+                        }
+                        // Kind, number, state and last target.
+                        let of = |frame: Option<Frame>| frame.map(|frame| (frame.id, frame.data()[..3].to_vec()));
+                        (of(said) != of(wanted)).then(|| format!("line {i}: {said:?}, {wanted:?}"))
+                    });
+                    match differs {
+                        None => break,
+                        // The board's clock runs on after 50 ms without a line.
+                        Some(_) if begun.elapsed() > Duration::from_millis(40) && attempt < 20 => {}
+                        Some(differs) => prop_assert!(false, "{differs}"),
+                    }
+                }
+                Ok(())
+            })
+            .unwrap();
+    });
+}
+
+/// Whatever stands in a line, however long and however cut: without its checksum it has no answer and no effect.
+#[test]
+fn a_malformed_line_has_no_answer() {
+    in_time(|| {
+        let Some(board) = Board::new(PERIOD_US, true) else { return };
+        let line = RefCell::new(Line::open(&board.ours).unwrap());
+        let (sought, right) = (sound(b'Q', &[1]), sound(b'T', &float(2, 0.5)));
+        let (first, second) = sought.split_at(4);
+        let is_alone = |wrong: &[u8]| {
+            let mut line = line.borrow_mut();
+            line.write(wrong, soon()).unwrap();
+            // The next sound line is answered, alone; in two parts too.
+            line.write(first.as_bytes(), soon()).unwrap();
+            std::thread::sleep(Duration::from_millis(1));
+            line.write(second.as_bytes(), soon()).unwrap();
+            let mut said = Vec::new();
+            while !said.ends_with(b"\n") {
+                let mut some = [0; 100];
+                let count = line.read(&mut some, soon()).unwrap();
+                assert!(count > 0, "no answer to the sound line");
+                said.extend(&some[..count]);
+            }
+            let said = String::from_utf8(said).unwrap();
+            assert!(said.starts_with("hQ01") && said.matches('\n').count() == 1, "{wrong:?}: {said:?}");
+        };
+        let mut lower = right.to_lowercase();
+        lower.replace_range(0..2, "HT");
+        let long = format!("{}{right}", "H".repeat(20));
+        for wrong in [&long, &lower, &right.replace('\n', "\r\n"), &right.replace("HT", "HT "), "HT\n", "H\n", "\n"] {
+            is_alone(wrong.as_bytes());
+        }
+        // One digit of any line for another: only the checksum tells.
+        let wrong = (0..right.len() - 3, 0..15_u8, any::<bool>(), -1.0_f32..1.0);
+        TestRunner::new(cases(128))
+            .run(&wrong, |(at, step, is_cut, value)| {
+                let mut wrong = sound(b'T', &float(2, value)).into_bytes();
+                let digit = |c: u8| (c as char).to_digit(16).unwrap() as u8;
+                let other = (digit(wrong[2 + at]) + 1 + step) % 16;
+                wrong[2 + at] = b"0123456789ABCDEF"[usize::from(other)];
+                if is_cut {
+                    wrong.remove(2 + at);
+                }
+                is_alone(&wrong);
+                Ok(())
+            })
+            .unwrap();
+    });
+}
+
+/// The text of a line, taken from the client.
+fn sound(kind: u8, data: &[u8]) -> String {
+    let (mut theirs, path) = pty().unwrap();
+    let mut client = Client::new(Line::open(&path).unwrap());
+    client.send(&Frame::fd(kind.into(), data), soon()).unwrap();
+    let mut bytes = [0; 64];
+    let count = theirs.read(&mut bytes, soon()).unwrap();
+    String::from_utf8(bytes[..count].to_vec()).unwrap()
+}
+
+/// The simulated board's end of the line takes and refuses what the sketch does.
+#[test]
+fn the_simulated_boards_line_refuses_what_the_sketch_refuses() {
+    in_time(|| {
+        let (line, path) = pty().unwrap();
+        let mut adapter = Adapter::new(line);
+        let mut ours = Line::open(&path).unwrap();
+        let right = sound(b'T', &float(1, 0.5));
+        let long = format!("{}{right}", "0".repeat(20));
+        for wrong in [&long, &right.replace('T', "Q"), &right.to_lowercase(), &right.replace('\n', "\r\n")] {
+            ours.write(wrong.as_bytes(), soon()).unwrap();
+            ours.write(right.as_bytes(), soon()).unwrap();
+            assert_eq!(adapter.receive(soon()).unwrap(), Some(Frame::fd(b'T'.into(), &float(1, 0.5))));
+            assert_eq!(adapter.receive(Instant::now()).unwrap(), None, "{wrong:?}");
+        }
+    });
+}
