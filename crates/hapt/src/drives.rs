@@ -44,11 +44,14 @@ mod linux {
 
     pub fn simulate(args: &SimulateDriveArgs) -> Result<ExitCode, Failure> {
         let make = Make::from_name(&args.make).ok_or_else(|| {
-            Failure::input(format!("cannot simulate a drive {:?}; expected {}", args.make, Make::NAMES.join(" or ")))
+            Failure::input(format!("cannot simulate a drive {:?}; expected {}", args.make, Make::NAMES.join(", ")))
         })?;
         if !make.ids().contains(&args.id) {
             let (from, to) = (make.ids().start().to_owned(), make.ids().end().to_owned());
             return Err(Failure::input(format!("--id {}: {}'s go from {from} to {to}", args.id, make.one())));
+        }
+        if args.can.is_some() && !make.has_can() {
+            return Err(Failure::input(format!("--can: {} has a serial port and no CAN; use --pty", make.one())));
         }
         let source = source(args.world.as_deref().unwrap_or("@notes/wheel".as_ref()))?;
         let world = read_world(&source, &args.sets)?;

@@ -16,8 +16,8 @@ pub fn device(text: &str) -> Result<DeviceAddress, Failure> {
 pub struct RunArgs {
     #[command(flatten)]
     pub world: WorldArgs,
-    /// The device: sim, replay:FILE with the CSV of a run or a log, a drive (moteus:PATH, moteus:canX#ID, odrive:PATH@250k, ...), or
-    /// hapt:PATH or hapt:PATH@BAUD with the serial port of a board that runs the loop.
+    /// The device: sim, replay:FILE with the CSV of a run or a log, a drive (moteus:PATH, moteus:canX#ID, odrive:PATH@250k,
+    /// simplefoc:PATH?volts-per-torque=20, ...), or hapt:PATH or hapt:PATH@BAUD with the serial port of a board that runs the loop.
     #[arg(long, value_name = "SPEC", default_value = "sim")]
     pub device: String,
     /// The scenario of the simulated device's hand, started after the fade-in.
@@ -155,7 +155,7 @@ pub struct IdentifyArgs {
 #[group(skip)]
 #[command(group = clap::ArgGroup::new("place").required(true).args(["pty", "can"]))]
 pub struct SimulateDriveArgs {
-    /// moteus or odrive.
+    /// moteus, odrive or simplefoc.
     #[arg(value_name = "DRIVE")]
     pub make: String,
     /// The world whose puck the drive moves; default: the notes' wheel (@notes/wheel).

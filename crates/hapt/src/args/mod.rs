@@ -169,6 +169,7 @@ Examples:
 Examples:
   hapt simulate-drive moteus --pty --duration 1s     its port is the first line
   hapt simulate-drive odrive --pty --duration 1s     behind an slcan adapter
+  hapt simulate-drive simplefoc --pty --duration 1s   a board with SimpleFOC
   hapt simulate-drive moteus --pty @notes/wheel --duration 1s --lockstep")]
     SimulateDrive(SimulateDriveArgs),
     /// Measure how well this machine keeps a loop's time.

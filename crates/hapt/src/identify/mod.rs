@@ -106,6 +106,10 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
             "note: without a torque only damping/inertia and friction/inertia show; --inertia gives the rest",
         );
     }
+    let corrected = |gain: f64| given.name.parse::<DeviceAddress>().ok()?.corrected(gain);
+    if let Some(device) = found.gain.and_then(|gain| corrected(gain.value)) {
+        messages::say(format_args!("note: with this gain the motor's constant is that of {device}"));
+    }
     let table = print::table(&given, &found);
     let drawn = Drawn::of(&given, &found, by_torque.as_ref());
     let drafts = [

@@ -30,6 +30,7 @@ mod refusals;
 mod report;
 mod runs;
 mod schema;
+mod simplefoc;
 mod spelling;
 mod station;
 mod station_can;

@@ -219,7 +219,7 @@ A delay in samples (loop.delay = "1.5 samples") follows the period. See critical
         line: "everything physical: puck, encoder, motor, limits",
         text: r#"[device] has the puck's inertia, damping and friction, the encoder's counts, the motor's limit and
 levels. On the command line --device says what the loop runs on: sim (the exact simulation),
-replay:FILE, moteus:..., odrive:... or hapt:PATH.
+replay:FILE, moteus:..., odrive:..., simplefoc:... or hapt:PATH.
 
   hapt check @notes/default --set device.encoder=4000 | grep ^counts      counts
 
