@@ -2,6 +2,7 @@
 //! line, and the simulated board beside it. The sketch is C++, which exists once; what it speaks is therefore what a board speaks.
 
 use std::cell::RefCell;
+use std::f64::consts::TAU;
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
@@ -29,8 +30,12 @@ const ANSWER_MS: u64 = 30;
 const LIMIT: f64 = 3.0;
 const PERIOD_US: u64 = 1000;
 
-/// The compiled program; `None`: this computer has no compiler of C++.
+/// The compiled program, or another that `HAPT_BOARD` names, such as the sketch with SimpleFOC itself; `None`: this computer has no compiler
+/// of C++.
 static BOARD: LazyLock<Option<(tempfile::TempDir, PathBuf)>> = LazyLock::new(|| {
+    if let Some(program) = std::env::var_os("HAPT_BOARD") {
+        return Some((tempfile::tempdir().unwrap(), program.into()));
+    }
     let compiler = ["g++", "clang++"].into_iter().find(|name| Command::new(name).arg("--version").output().is_ok());
     let Some(compiler) = compiler else {
         assert!(std::env::var_os("CI").is_none(), "a compiler of C++ has to be there where CI is set");
@@ -227,7 +232,9 @@ fn a_certified_world_brings_the_puck_to_rest_on_the_sketch() {
             assert_eq!(record.phase, Phase::Running, "{record:?}");
             last.push(record.position);
         }
-        assert!(last[2900..].iter().all(|position| (position - 0.3).abs() < 0.01), "{:?}", &last[2900..]);
+        // The sensor's zero is anywhere within a turn.
+        let away = |position: &f64| (position - 0.3 - TAU * ((position - 0.3) / TAU).round()).abs();
+        assert!(last[2900..].iter().all(|position| away(position) < 0.01), "{}", last[2999]);
         assert!(board.largest() > 0.0 && board.largest() <= CEILING);
         drop(looped);
         board.goes_off();

@@ -1,8 +1,11 @@
 /* The names of SimpleFOC that the sketches use. A program on a computer defines them in its own way. */
 #include <stdint.h>
 enum Direction : int8_t { CW = 1, CCW = -1, UNKNOWN = 0 };
-enum class MotionControlType { torque };
-enum class TorqueControlType { voltage, dc_current, foc_current };
+/* Enumerations without a scope: a sketch may not take their names for its own. */
+enum Quadrature : uint8_t { ON = 0, OFF = 1 };
+enum Pullup : uint8_t { USE_INTERN, USE_EXTERN };
+enum MotionControlType : uint8_t { torque, velocity, angle, velocity_openloop, angle_openloop, angle_nocascade, custom };
+enum TorqueControlType : uint8_t { voltage, dc_current, foc_current, estimated_current };
 struct SensorConfig { int address; };
 extern SensorConfig AS5600_I2C;
 struct Sensor {

@@ -23,7 +23,7 @@ static bool starts = true;
 static uint64_t now_us = 0;
 // The bytes that the sketch may read, and those behind them.
 static std::string open_bytes, waiting;
-static double position = 0.0, velocity = 0.0, volts = 0.0, largest = 0.0;
+static double wheel_rad = 0.0, wheel_rad_s = 0.0, volts = 0.0, largest = 0.0;
 
 unsigned long micros(void) { return (unsigned long)(uint32_t)now_us; }
 
@@ -48,7 +48,7 @@ SensorConfig AS5600_I2C = {0x36};
 MagneticSensorI2C::MagneticSensorI2C(SensorConfig) {}
 void MagneticSensorI2C::init() {}
 // This sensor counts against the motor's torque.
-static double turns() { return -position / (2.0 * M_PI); }
+static double turns() { return -wheel_rad / (2.0 * M_PI); }
 float Sensor::getMechanicalAngle() { return (float)(2.0 * M_PI * (turns() - floor(turns()))); }
 int32_t Sensor::getFullRotations() { return (int32_t)floor(turns()); }
 
@@ -57,7 +57,7 @@ int BLDCDriver3PWM::init() { return 1; }
 
 // As SimpleFOC: a target is taken by move() while the motor is on, and applied by the next loopFOC().
 static float setpoint = 0.0f;
-BLDCMotor::BLDCMotor(int) : voltage_limit(12.0f) { enabled = 0; }
+BLDCMotor::BLDCMotor(int) : voltage_limit(12.0f) {}
 void BLDCMotor::linkSensor(Sensor *) {}
 void BLDCMotor::linkDriver(BLDCDriver3PWM *) {}
 int BLDCMotor::init() { return 1; }
@@ -76,8 +76,8 @@ void BLDCMotor::move(float target) {
 }
 void BLDCMotor::loopFOC() {
   if (!enabled) return;
-  voltage.q = fminf(fmaxf(setpoint, -voltage_limit), voltage_limit);
-  volts = voltage.q;
+  this->voltage.q = fminf(fmaxf(setpoint, -voltage_limit), voltage_limit);
+  volts = this->voltage.q;
 }
 
 static CommandCallback registered[1];
@@ -108,8 +108,8 @@ static void turn() {
 static void travel(uint64_t us) {
   for (; us >= 50; us -= 50) {
     now_us += 50;
-    velocity += STEP / INERTIA * (volts * TORQUE_PER_VOLT - DAMPING * velocity);
-    position += STEP * velocity;
+    wheel_rad_s += STEP / INERTIA * (volts * TORQUE_PER_VOLT - DAMPING * wheel_rad_s);
+    wheel_rad += STEP * wheel_rad_s;
     turn();
   }
 }

@@ -19,13 +19,13 @@ const float LIMIT = 3.0f;
 
 // The version of the line, and its states.
 const uint8_t VERSION = 1;
-const uint8_t OFF = 0, ON = 1, EXPIRED = 2, REFUSED = 3, FAILED = 4;
+const uint8_t STATE_OFF = 0, STATE_ON = 1, STATE_EXPIRED = 2, STATE_REFUSED = 3, STATE_FAILED = 4;
 // The longest line, without its newline: what Commander takes.
 const uint8_t LONGEST = 19;
 // Bytes read in one turn of loop(): the motor does not wait for a line.
 const uint8_t AT_ONCE = 40;
 
-uint8_t state = FAILED;
+uint8_t state = STATE_FAILED;
 float target = 0.0f;
 // The largest target of this session.
 float ceiling = 0.0f;
@@ -52,7 +52,7 @@ void on(uint8_t number, unsigned long time) {
   last = number;
   watchdog = time;
   fed = micros();
-  state = ON;
+  state = STATE_ON;
 }
 
 // CRC-16/IBM-3740.
@@ -117,7 +117,7 @@ void answer(char kind, uint8_t to) {
   const float angle = (float)sign * sensor.getMechanicalAngle();
   const long counted = (long)sensor.getFullRotations() * sign;
   const long turns = counted > 32767L ? 32767L : counted < -32767L ? -32767L : counted;
-  const float measured = state != ON ? 0.0f : byVoltage() ? motor.voltage.q : motor.current.q;
+  const float measured = state != STATE_ON ? 0.0f : byVoltage() ? motor.voltage.q : motor.current.q;
   uint8_t data[13] = {to, state, last, (uint8_t)((uint16_t)turns >> 8), (uint8_t)turns};
   put(data + 5, angle);
   put(data + 9, measured);
@@ -137,27 +137,27 @@ void execute(char kind, const uint8_t *data, uint8_t length) {
   } else if (kind == 'Q' && length == 1) {
     // The position alone: it feeds no watchdog.
   } else if (kind == 'S' && length == 1) {
-    if (state != FAILED) {
-      off(OFF);
+    if (state != STATE_FAILED) {
+      off(STATE_OFF);
     }
   } else if (kind == 'L' && length == 5) {
     const float wanted = number(data + 1);
     // A NaN is within no range.
-    if (state == ON || (state == OFF && !(wanted >= 0.0f && wanted <= LIMIT))) {
-      off(REFUSED);
-    } else if (state == OFF) {
+    if (state == STATE_ON || (state == STATE_OFF && !(wanted >= 0.0f && wanted <= LIMIT))) {
+      off(STATE_REFUSED);
+    } else if (state == STATE_OFF) {
       ceiling = wanted;
     }
   } else if (kind == 'E' && length == 3) {
     const unsigned long time = 100UL * (((unsigned long)data[1] << 8) | data[2]);
-    if (state == OFF && time > 0) {
+    if (state == STATE_OFF && time > 0) {
       on(data[0], time);
     }
   } else if (kind == 'T' && length == 5) {
     const float wanted = number(data + 1);
-    if (state == ON && !(wanted >= -ceiling && wanted <= ceiling)) {
-      off(REFUSED);
-    } else if (state == ON) {
+    if (state == STATE_ON && !(wanted >= -ceiling && wanted <= ceiling)) {
+      off(STATE_REFUSED);
+    } else if (state == STATE_ON) {
       target = wanted;
       last = data[0];
       fed = micros();
@@ -214,13 +214,13 @@ void receive() {
 }
 
 void guard() {
-  if (state != ON) {
+  if (state != STATE_ON) {
     return;
   }
   if (micros() - fed > watchdog) {
-    off(EXPIRED);
+    off(STATE_EXPIRED);
   } else if (!motor.enabled) {
-    off(FAILED);
+    off(STATE_FAILED);
   }
 }
 
@@ -240,7 +240,7 @@ void setup() {
   }
   motor.init();
   const int found = motor.initFOC();
-  off(found ? OFF : FAILED);
+  off(found ? STATE_OFF : STATE_FAILED);
   commander.add('H', onLine, "hapt");
 }
 
