@@ -5,6 +5,7 @@ mod bits;
 mod c;
 mod chip;
 mod counts;
+mod exported;
 mod game_wheel;
 mod line;
 mod lockstep;
@@ -69,6 +70,10 @@ pub fn command(words: &[&str]) -> Result<()> {
             println!("{}", counts::table()?);
             Ok(())
         }
+        ["export"] => {
+            println!("{}", exported::table()?);
+            Ok(())
+        }
         ["sizes"] => {
             println!("{}", sizes()?);
             Ok(())
@@ -84,10 +89,11 @@ pub fn command(words: &[&str]) -> Result<()> {
             let page = fs::read_to_string(PAGE).context(PAGE)?;
             let page = marked::replaced(&page, "cargo xtask firmware counts", &counts::table()?)?;
             let page = marked::replaced(&page, "cargo xtask firmware effects", &game_wheel::counts()?)?;
+            let page = marked::replaced(&page, "cargo xtask firmware export", &exported::table()?)?;
             fs::write(PAGE, marked::replaced(&page, "cargo xtask firmware sizes", &sizes()?)?).context(PAGE)
         }
         _ => bail!(
-            "cargo xtask firmware [--write], or one of bits, lockstep, timer, port, c, panics, counts, sizes, effects, game-wheel; world FILE prints a world as C, game-wheel FILE puts one into the wheel's program"
+            "cargo xtask firmware [--write], or one of bits, lockstep, timer, port, c, panics, counts, export, sizes, effects, game-wheel; world FILE prints a world as C, game-wheel FILE puts one into the wheel's program"
         ),
     }
 }
@@ -109,6 +115,7 @@ fn all(extent: Extent) -> Result<()> {
     c::same_bits()?;
     cannot_panic()?;
     game_wheel::holds()?;
+    exported::table()?;
     sizes().map(drop)
 }
 

@@ -17,12 +17,26 @@ const GOAL: f64 = 400.0;
 const RATIO: f64 = 1.2;
 
 /// What one world takes.
+#[derive(Clone, Copy)]
 struct Row {
     bodies: u32,
     /// In room for 4 bodies, and in its own: bare, supervised, and supervised with a look at everything.
     hapt: [[f64; 3]; 2],
     /// For the world's number of bodies, and for a number fixed at compile time.
     c: [f64; 2],
+}
+
+/// Instructions a sample of these worlds by hapt-core, in the smaller of its rooms: bare, and supervised.
+pub fn of_the_core(worlds: &[Vec<u8>]) -> Result<Vec<[f64; 2]>> {
+    let mut file = Vec::new();
+    for bytes in worlds {
+        file.extend((bytes.len() as u32).to_le_bytes());
+        file.extend(bytes);
+    }
+    let program = program("mps2", "count", Some(&c_step("-O2")?))?;
+    let rows = rows(&qemu("mps2-an386", &program, &file, &["-icount", "shift=5,sleep=off"])?)?;
+    let least = |row: Row, kind: usize| row.hapt.into_iter().map(|counts| counts[kind]).fold(f64::INFINITY, f64::min);
+    Ok(rows.into_iter().map(|row| [least(row, 0), least(row, 1)]).collect())
 }
 
 /// The table, or nothing where the tools are missing.
