@@ -17,15 +17,15 @@ use hapt_drive::simulate::{Firmware, Shaft};
 use hapt_drive::{Bus, Drive, DriveDevice, DriveLimits, Error, Frame, Line, pty};
 use hapt_export_c::DRIVE_SKETCH;
 use hapt_model::World;
-use hapt_rt::Failure;
+use hapt_rt::{Failure, Record};
 use hapt_testing::{cases, in_time};
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 
 use crate::bench::{Looped, Patient, soon, world};
 
-/// Longer than an answer takes and shorter than the timeout of lockstep, ms.
-const ANSWER_MS: u64 = 30;
+/// Longer than an answer takes on a busy machine, and shorter than the watchdog, ms.
+const ANSWER_MS: u64 = 200;
 /// The sketch's largest voltage.
 const LIMIT: f64 = 3.0;
 const PERIOD_US: u64 = 1000;
@@ -216,27 +216,30 @@ impl Drop for Board {
 /// 0.1 N·m are 2 V.
 const CEILING: f64 = 2.0;
 
+/// At a period whose watchdog a busy machine keeps; in lockstep it takes no longer.
+const LONG_PERIOD_US: u64 = 50_000;
+
 fn world_of_the_board() -> World {
-    world(&[])
+    world(&["loop.period=50 ms", "couplings.0.stiffness=0.02", "safety.pulse=0"])
 }
 
 #[test]
 fn a_certified_world_brings_the_puck_to_rest_on_the_sketch() {
     in_time(|| {
         let world = world_of_the_board();
-        let Some(board) = Board::new(PERIOD_US, true) else { return };
-        let mut looped = board.running(&world);
-        let mut last = Vec::new();
-        for _ in 0..3000 {
-            let record = looped.sample(None).unwrap();
-            assert_eq!(record.phase, Phase::Running, "{record:?}");
-            last.push(record.position);
-        }
+        assert!(hapt_analysis::check(&world).unwrap().certified.holds());
+        let Some(board) = Board::new(LONG_PERIOD_US, true) else { return };
+        // If the machine pauses, the board's watchdog ends a run; a board that keeps no torque fails them all.
+        let run = || {
+            let mut looped = board.running(&world);
+            (0..300).map(|_| looped.sample(None).ok().filter(|record| record.phase == Phase::Running)).collect()
+        };
+        let records: Option<Vec<Record>> = (0..20).find_map(|_| run());
         // The sensor's zero is anywhere within a turn.
-        let away = |position: &f64| (position - 0.3 - TAU * ((position - 0.3) / TAU).round()).abs();
-        assert!(last[2900..].iter().all(|position| away(position) < 0.01), "{}", last[2999]);
+        let away = |position: f64| (position - 0.3 - TAU * ((position - 0.3) / TAU).round()).abs();
+        let last = &records.expect("a run without a pause")[280..];
+        assert!(last.iter().all(|record| away(record.position) < 0.01), "{:?}", last[0]);
         assert!(board.largest() > 0.0 && board.largest() <= CEILING);
-        drop(looped);
         board.goes_off();
     });
 }
@@ -263,7 +266,7 @@ fn a_board_whose_motor_does_not_start_or_that_is_taken_for_another_is_not_driven
 fn a_board_that_resets_ends_the_loop_by_name() {
     in_time(|| {
         let world = world_of_the_board();
-        let Some(mut board) = Board::new(PERIOD_US, true) else { return };
+        let Some(mut board) = Board::new(LONG_PERIOD_US, true) else { return };
         let mut looped = board.running(&world);
         board.switch_off();
         board.switch_on(true);
@@ -281,7 +284,7 @@ fn a_line_that_is_cut_leaves_no_torque() {
     in_time(|| {
         let world = world_of_the_board();
         for cut in [true, false] {
-            let Some(board) = Board::new(PERIOD_US, true) else { return };
+            let Some(board) = Board::new(LONG_PERIOD_US, true) else { return };
             let mut looped = board.running(&world);
             board.intercept(move |to_board, bytes| if to_board == cut { Vec::new() } else { bytes.to_vec() });
             let ended = looped.ends(50).expect("it ends");
@@ -354,7 +357,7 @@ impl Noise {
 fn noise_on_the_line_makes_no_torque_beyond_the_limit_and_every_end_has_a_name() {
     in_time(|| {
         let world = world_of_the_board();
-        let Some(board) = Board::new(PERIOD_US, true) else { return };
+        let Some(board) = Board::new(LONG_PERIOD_US, true) else { return };
         TestRunner::new(cases(64))
             .run(&noise(), |mut noise| {
                 board.is_clean();
