@@ -4,8 +4,9 @@ use std::path::PathBuf;
 use std::{env, fs};
 
 /// The boards, and where each one's memory stands.
-const BOARDS: [(&str, &str); 5] = [
+const BOARDS: [(&str, &str); 6] = [
     ("mps2", "boards"),
+    ("mps2-an505", "boards"),
     ("stm32f405", "boards"),
     ("netduinoplus2", "boards"),
     ("b-g431b-esc1", "boards"),

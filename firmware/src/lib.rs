@@ -6,6 +6,7 @@ pub mod board;
 pub mod console;
 pub mod halt;
 #[cfg_attr(feature = "mps2", path = "boards/mps2.rs")]
+#[cfg_attr(feature = "mps2-an505", path = "boards/mps2-an505.rs")]
 #[cfg_attr(feature = "netduinoplus2", path = "boards/netduinoplus2.rs")]
 #[cfg_attr(feature = "b-g431b-esc1", path = "boards/b-g431b-esc1.rs")]
 #[cfg_attr(feature = "stm32f405", path = "boards/stm32f405.rs")]
@@ -16,7 +17,7 @@ pub mod sample;
 pub mod shared;
 #[cfg(feature = "semihosting")]
 pub mod stack;
-#[cfg(any(feature = "mps2", feature = "netduinoplus2"))]
+#[cfg(any(feature = "mps2", feature = "mps2-an505", feature = "netduinoplus2"))]
 mod swing;
 pub mod ticks;
 #[cfg(feature = "semihosting")]

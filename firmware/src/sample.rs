@@ -8,10 +8,16 @@ use crate::{Here, ticks};
 /// Takes the sample of a period that began `late` clocks before it was taken up, after so many that were missed. When the device had the torque,
 /// in s after that.
 #[inline(always)]
-pub fn take(device: &mut <Here as Board>::Device, missed: u32, late: u32, sample: impl FnOnce(&Measurement) -> Motor) -> f32 {
+pub fn take(
+    device: &mut <Here as Board>::Device,
+    missed: u32,
+    late: u32,
+    sample: impl FnOnce(&Measurement) -> Motor,
+) -> f32 {
     let seconds = |clocks: u32| clocks as f32 / Here::CLOCK as f32;
     let fault = device.fault();
-    let seen = Measurement { position: device.position(), late: seconds(late), missed, fault, ..Measurement::default() };
+    let seen =
+        Measurement { position: device.position(), late: seconds(late), missed, fault, ..Measurement::default() };
     let motor = sample(&seen);
     device.hold(motor.torque, motor.on);
     seconds(ticks::since_taken_up().saturating_sub(late))

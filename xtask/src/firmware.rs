@@ -30,9 +30,10 @@ const PAGE: &str = "docs/firmware.md";
 const ARM: [&str; 4] = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"];
 
 /// QEMU's machine, the feature that builds for it, and its processor.
-const BOARDS: [(&str, &str, &str); 3] = [
+const BOARDS: [(&str, &str, &str); 4] = [
     ("mps2-an386", "mps2", "Cortex-M4F"),
     ("mps2-an500", "mps2", "Cortex-M7"),
+    ("mps2-an505", "mps2-an505", "Cortex-M33"),
     ("netduinoplus2", "netduinoplus2", "STM32F405, Cortex-M4F"),
 ];
 
@@ -122,7 +123,7 @@ fn all(extent: Extent) -> Result<()> {
 /// No program of any board can panic, the template's too.
 fn cannot_panic() -> Result<()> {
     let control = control()?;
-    for board in ["mps2", "netduinoplus2", "b-g431b-esc1", "my-board"] {
+    for board in ["mps2", "mps2-an505", "netduinoplus2", "b-g431b-esc1", "my-board"] {
         for name in ["wheel", "fed"] {
             chip::cannot_panic(&program(board, name, None)?, &control)?;
         }

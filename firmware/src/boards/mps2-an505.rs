@@ -1,0 +1,62 @@
+//! ARM's MPS2 with the FPGA image AN505 (Cortex-M33, as in an RP2350), as QEMU has it, in its secure state: UART 0 of the CMSDK, the secure
+//! side's watchdog, and a puck that swings by itself. The program is a Cortex-M4F's, whose instructions an M33 has. Manual: ARM DAI 0505.
+
+use super::board::{Board, Device};
+use super::register::Register;
+use super::swing::Swing;
+use super::uart::Uart;
+
+const DATA: Register = Register::at(0x5020_0000);
+const STATE: Register = Register::at(0x5020_0004);
+const CONTROL: Register = Register::at(0x5020_0008);
+const DIVIDER: Register = Register::at(0x5020_0010);
+
+const WATCH_LOAD: Register = Register::at(0x5008_1000);
+const WATCH_CONTROL: Register = Register::at(0x5008_1008);
+const WATCH_CLEAR: Register = Register::at(0x5008_100c);
+const WATCH_LOCK: Register = Register::at(0x5008_1c00);
+
+/// The board.
+pub struct Here;
+
+impl Board for Here {
+    const NAME: &'static str = "mps2-an505";
+    const CLOCK: u32 = 20_000_000;
+
+    type Line = Uart;
+    type Device = Puck;
+
+    /// There is no motor.
+    fn cut() {}
+
+    fn start() -> (Uart, Puck) {
+        DIVIDER.set(Self::CLOCK / 921_600);
+        CONTROL.set(3);
+        (Uart { state: STATE, received: DATA, sent: DATA, full: 1 << 1, free: (1, false) }, Puck(Swing::START))
+    }
+}
+
+/// Its puck, and its watchdog.
+pub struct Puck(Swing);
+
+impl Device for Puck {
+    fn position(&mut self) -> f32 {
+        self.0.next()
+    }
+
+    fn fault(&mut self) -> bool {
+        false
+    }
+
+    fn hold(&mut self, _torque: f32, _on: bool) {}
+
+    fn feed(&mut self) {
+        if WATCH_CONTROL.get() == 0 {
+            // 20 ms to its interrupt, and as long again to the reset.
+            WATCH_LOCK.set(0x1acc_e551);
+            WATCH_LOAD.set(Here::CLOCK / 50);
+            WATCH_CONTROL.set(3);
+        }
+        WATCH_CLEAR.set(1);
+    }
+}
