@@ -576,6 +576,15 @@ class World:
         table.range("inertia", INERTIA, positive=True)
         self.damping, _ = table.range("damping", DAMPING)
         table.range("friction", TORQUE)
+        table.range("friction_backward", TORQUE)
+        # (T74): friction that falls with the speed is Coulomb friction beside what takes power and gives none.
+        if "stribeck" in table.left:
+            falling = Table("device.stribeck", table.take("stribeck"), table.is_linear)
+            falling.number("torque", TORQUE)
+            falling.number("velocity", VELOCITY, positive=True)
+            falling.close()
+        if "stops" in table.left:
+            self.read_stops(Table("device.stops", table.take("stops"), table.is_linear))
         _, self.lag_most = lag = table.range("lag", TIME)
         self.lag = lag
         self.left_out = sorted(key for key in ("encoder", "levels", "limit") if key in table.left)
@@ -597,6 +606,16 @@ class World:
             handle.number("stiffness", STIFFNESS, positive=True)
             handle.number("damping", DAMPING, ZERO)
             handle.close()
+        table.close()
+
+    @staticmethod
+    def read_stops(table):
+        """(T75): a stop stores and takes, so that it is a part of the passive hand, whatever its numbers are."""
+        ends = [table.any(key, POSITION) for key in ("low", "high") if key in table.left]
+        if not ends or (len(ends) == 2 and ends[0].low >= ends[1].low):
+            raise Refused("device.stops has no end, or its low end is not below the high one")
+        table.number("stiffness", STIFFNESS, positive=True)
+        table.number("damping", DAMPING, ZERO)
         table.close()
 
     def read_torques(self, table):

@@ -292,6 +292,20 @@ class Checker(unittest.TestCase):
                 result, _ = code(alone("", 6e-4, SPRING, device=gravity + cogging) + wrong, proof(**taken))
                 self.assertNotEqual(result, 0)
 
+    def test_friction_and_stops_of_the_device_are_parts_of_the_hand(self):
+        friction = 'friction = "1 N mm"\nfriction_backward = "2 N mm"\n'
+        falling = '[device.stribeck]\ntorque = "0.5 N mm"\nvelocity = "1 rad/s"\n'
+        stops = '[device.stops]\nlow = "-60 deg"\nhigh = "60 deg"\nstiffness = "30 N m/rad"\n'
+        own = {"theorem": "laws", "laws": [(0, "1", "0")], "required": "5e-4"}
+        self.accepts(alone("", 5e-4, SPRING, device=friction + falling + stops), proof(**own))
+        self.accepts(alone("", 5e-4, SPRING, device=stops.replace('low = "-60 deg"\n', "")), proof(**own))
+        for wrong in (
+            friction.replace("2 N", "-2 N"), falling.replace("1 rad", "0 rad"), falling.replace("0.5", "-0.5"), falling + "width = 1\n",
+            stops.replace("-60", "60"), stops.replace('"30', '"0'), stops + "damping = -1\n", '[device.stops]\nstiffness = 1\n',
+        ):  # fmt: skip
+            with self.subTest(device=wrong):
+                self.refuses(alone("", 5e-4, SPRING, device=wrong), proof(**own))
+
     def test_a_polynomial_needs_its_own_coefficients_and_intervals(self):
         # A spring and a damper behind one sample: with s, K T (3/2 - 2 s) - B (1 - 8 s + 8 s²), K T = 1e-3, B = 2e-4, is largest at 0.
         world = alone('estimator = "difference"\ndelay = "1 ms"', 1.3e-3, SPRING, 'kind = "damper"\ndamping = 2e-4')
