@@ -2,18 +2,18 @@
 
 use std::cell::{Cell, RefCell};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
 
 use hapt_core::{Phase, Reason};
-use hapt_drive::simplefoc::{MotorConstant, Simulated, VERSION};
+use hapt_drive::simplefoc::{Client, MotorConstant, SimpleFoc, Simulated, VERSION};
 use hapt_drive::simulate::{Firmware, Shaft};
-use hapt_drive::{DriveLimits, Error, Frame, Make};
+use hapt_drive::{DriveDevice, DriveLimits, Error, Frame, Line, Make};
 use hapt_rt::{Device as _, Failure};
 use hapt_testing::{cases, in_time};
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 
-use crate::bench::{Looped, TestBench, lockstep, world};
+use crate::bench::{Looped, Patient, Place, TestBench, lockstep, world};
 
 /// Longer than an answer takes and shorter than the timeout of lockstep, ms.
 const ANSWER_MS: u64 = 30;
@@ -193,6 +193,47 @@ fn a_board_that_uses_another_voltage_ends_the_loop_by_name() {
             other => panic!("{other:?}"),
         }
         bench.torque_goes_off();
+    });
+}
+
+/// A drive by current on this bench.
+fn by_current(bench: &TestBench) -> DriveDevice {
+    let Place::Port(path) = &bench.place else { panic!("it has a port") };
+    let open = || {
+        let bus = Box::new(Client::new(Line::open(path).unwrap()));
+        let drive = SimpleFoc::new(bus, MotorConstant::TorqueConstant(0.04), "here");
+        let patient = Patient(Box::new(drive), Arc::new(AtomicU64::new(ANSWER_MS)));
+        DriveDevice::start(Box::new(patient), &world(&["loop.period=100 ms"]))
+    };
+    (0..20).find_map(|_| open().ok()).expect("it starts")
+}
+
+/// The board's motor is controlled by current, and the torque is the commanded one; where the current is not the commanded one, the loop ends.
+#[test]
+fn a_board_by_current_makes_the_torque_and_says_where_it_does_not() {
+    in_time(|| {
+        let world = world(&["loop.period=100 ms"]);
+        for is_weak in [false, true] {
+            let board = Simulated::new().with_motor(MotorConstant::TorqueConstant(0.04));
+            let firmware: Box<dyn Firmware> = if is_weak { Box::new(Weak(board)) } else { Box::new(board) };
+            let bench = TestBench::new(Make::Simplefoc, None, firmware, &world, lockstep(&world));
+            // 2.5 A, of which the weak one has 0.4. If the machine pauses, the watchdog ends it.
+            let ends = || {
+                let mut wheel = by_current(&bench);
+                (0..60).find_map(|_| {
+                    let ended = wheel.read().and_then(|_| wheel.write(0.1)).err();
+                    assert!(bench.faults.torque() <= 0.1 * (1.0 + 1e-6));
+                    ended
+                })
+            };
+            let is_right = |ended: &Option<Failure>| match ended {
+                None => !is_weak,
+                Some(Failure::Drive(fault)) => is_weak && fault.what.contains("another current"),
+                Some(_) => false,
+            };
+            assert!((0..20).any(|_| is_right(&ends())), "weak: {is_weak}");
+            bench.torque_goes_off();
+        }
     });
 }
 

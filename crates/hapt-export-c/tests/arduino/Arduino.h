@@ -1,7 +1,11 @@
 /* The names of Arduino that the sketches use. */
 #include <stdint.h>
 #include <stddef.h>
+#if __has_include(<string.h>)
 #include <string.h>
+#else
+extern "C" void *memcpy(void *, const void *, size_t);
+#endif
 #define INPUT_PULLUP 2
 #define OUTPUT 1
 #define HIGH 1

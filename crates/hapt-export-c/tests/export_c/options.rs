@@ -7,7 +7,7 @@ use hapt_core::{Body, Controller, Damping, End, Estimator, Law, Method, Output, 
 use hapt_export_c::{About, Float, Prefix, library};
 
 use crate::bits::{BODIES, COUNTS, COUPLINGS, agree, drawn, readings, some, worlds, written};
-use crate::compiler::{SANITIZERS, compile, compilers};
+use crate::compiler::{BOARDS, SANITIZERS, compile, compilers, has_board};
 use crate::worlds::World;
 
 #[test]
@@ -117,7 +117,7 @@ fn every_world_is_c_and_cpp_without_a_warning() {
 /// The sketches against the names that they use of Arduino and SimpleFOC.
 #[test]
 fn the_sketches_of_an_arduino_library_are_cpp() {
-    let folder = tempfile::tempdir().unwrap();
+    let (folder, has_board) = (tempfile::tempdir().unwrap(), has_board());
     for (i, world) in worlds(6).iter().enumerate() {
         let about = About { title: "a\nworld".to_owned(), is_certified: i.is_multiple_of(2), ..About::default() };
         let prefix = Prefix::new(&format!("w{i}")).unwrap();
@@ -148,6 +148,11 @@ fn the_sketches_of_an_arduino_library_are_cpp() {
             fs::write(folder.path().join(name), sketch).unwrap();
             let arguments = ["-x", "c++", "-std=c++11", "-fsyntax-only", "-I.", "-include", "Arduino.h", name];
             compile("g++", &arguments, folder.path());
+            for board in BOARDS.into_iter().filter(|_| has_board) {
+                let common = ["-x", "c++", "-std=c++11", "-Os", "-mthumb", "-ffreestanding", "-fno-exceptions", "-I."];
+                let file = ["-include", "Arduino.h", "-c", name, "-o", "sketch.o"];
+                compile("arm-none-eabi-g++", &[&common[..], board.flags, &file].concat(), folder.path());
+            }
         }
     }
 }
