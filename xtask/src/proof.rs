@@ -13,8 +13,8 @@ use anyhow::{Context, Result, ensure};
 use fastrand::Rng;
 use hapt_core::{Side, Waveform};
 use hapt_model::{
-    Body, Cogging, Compensated, Coupling, Damping, Delay, End, EstimatorKind, Gravity, Handle, Law, Method, Motion,
-    Output, Source, World,
+    Body, Cogging, Compensated, Coupling, Damping, Delay, Device, End, EstimatorKind, Gravity, Handle, Law, Method,
+    Motion, Output, Sampling, World,
 };
 use rayon::prelude::*;
 use serde_json::Value;
@@ -266,8 +266,7 @@ fn one_of<T: Copy>(rng: &mut Rng, of: &[T]) -> T {
 /// A world within the assumptions of a theorem that has a witness: bodies with the torque at once, laws at the puck under any times, or springs
 /// and dampers at the puck behind whole samples.
 fn random(rng: &mut Rng) -> World {
-    let mut world = World::read(&Source::from_text("world.toml", "loop.period = 1e-3\ndevice.inertia = 1e-3"), &[])
-        .expect("a small world");
+    let mut world = World::new(Sampling::new(1e-3), Device::new(1e-3));
     let period = log_uniform(rng, -4.0, -2.0);
     let kind = rng.u8(..3);
     world.device.inertia = log_uniform(rng, -5.0, -2.0);

@@ -55,6 +55,25 @@ impl Delay {
 }
 
 impl Sampling {
+    /// What a file says that has `loop.period` alone, in s.
+    pub fn new(period: f64) -> Self {
+        Sampling {
+            period,
+            method: Method::Zoh,
+            output: Output::End,
+            advance: 0,
+            bodies_every: 1,
+            interval_max: None,
+            delay: Delay::Seconds(0.0),
+            delay_max: None,
+            filter: None,
+            estimator: EstimatorKind::Exact,
+            cutoff: None,
+            every: 1,
+            window: 16,
+        }
+    }
+
     /// The time in s over which the bodies step: `bodies_every` periods.
     pub fn step(&self) -> f64 {
         f64::from(self.bodies_every) * self.period

@@ -132,6 +132,26 @@ const MOST_SWING: f64 = 100.0;
 const MOST_HAND_SWING: f64 = 3000.0;
 
 impl Device {
+    /// What a file says that has `device.inertia` alone: a puck of so many kg·m² (linear: kg) that moves freely, on an ideal motor and encoder.
+    pub fn new(inertia: f64) -> Self {
+        Device {
+            inertia,
+            damping: 0.0,
+            friction: 0.0,
+            friction_backward: None,
+            lag: 0.0,
+            tolerances: Tolerances::default(),
+            limit: None,
+            encoder: None,
+            levels: None,
+            drive: Mounting::default(),
+            stribeck: None,
+            stops: None,
+            handle: None,
+            torque: DeviceTorque::default(),
+        }
+    }
+
     /// Why a run at this period in s cannot simulate the device, with the table below `device` and the key in it that would have to change;
     /// `None` where it can. A world that was built or changed without its file is checked by this again.
     pub fn fault(&self, period: f64) -> Option<(&'static str, &'static str, String)> {
@@ -308,6 +328,29 @@ fn within(middle: f64, tolerance: f64) -> [f64; 2] {
 }
 
 impl World {
+    /// A rotary world of this loop on this device, with nothing virtual and no scenarios.
+    ///
+    /// ```
+    /// use hapt_model::{Device, End, Law, Sampling, World};
+    ///
+    /// let mut world = World::new(Sampling::new(1e-3), Device { damping: 1.2e-3, ..Device::new(6.4e-4) });
+    /// world.couplings = vec![Law::Spring { stiffness: 2.0, rest: 0.0 }.between(End::Puck, End::Ground)];
+    /// assert_eq!(world.sampling.method.name(), "zoh");
+    /// ```
+    pub fn new(sampling: Sampling, device: Device) -> Self {
+        World {
+            title: None,
+            motion: Motion::Rotary,
+            sampling,
+            device,
+            safety: Safety::default(),
+            names: Vec::new(),
+            bodies: Vec::new(),
+            couplings: Vec::new(),
+            scenarios: Vec::new(),
+        }
+    }
+
     /// What a device in simulation is made from.
     pub fn device_spec(&self) -> DeviceSpec {
         let Device { inertia, damping, friction, friction_backward, stribeck, stops, lag, handle, torque, .. } =

@@ -59,19 +59,15 @@ pub fn random(rng: &mut Rng, is_nonlinear: bool) -> World {
     };
     let cutoff = (estimator == EstimatorKind::LowPass).then(|| log_uniform(rng, -2.0, 0.0) / period);
     let sampling = Sampling {
-        period,
         method,
         output,
         advance,
-        bodies_every: 1,
-        interval_max: None,
         delay: hapt_model::Delay::Seconds(delay),
-        delay_max: None,
         filter: (rng.u8(..4) == 0).then(|| log_uniform(rng, -2.5, 0.3) / period),
         estimator,
         cutoff,
         every: if estimator == EstimatorKind::Difference && rng.bool() { rng.u32(2..17) } else { 1 },
-        window: 16,
+        ..Sampling::new(period)
     };
     let inertia = log_uniform(rng, -5.0, -2.0);
     let bodies: Vec<Body> = (0..rng.usize(..4))
@@ -91,22 +87,7 @@ pub fn random(rng: &mut Rng, is_nonlinear: bool) -> World {
         1 => log_uniform(rng, -6.0, -1.0),
         _ => wanted * between(rng, 0.5, 3.0),
     };
-    let mut device = Device {
-        inertia,
-        damping,
-        friction: 0.0,
-        lag: 0.0,
-        tolerances: Default::default(),
-        limit: None,
-        encoder: None,
-        levels: None,
-        drive: Default::default(),
-        handle: None,
-        friction_backward: None,
-        stribeck: None,
-        stops: None,
-        torque: Default::default(),
-    };
+    let mut device = Device { damping, ..Device::new(inertia) };
     if is_nonlinear && rng.u8(..4) > 0 {
         device.encoder = rng.bool().then(|| log_uniform(rng, 3.0, 6.0).round());
         device.limit = rng.bool().then(|| log_uniform(rng, -2.0, 1.0));

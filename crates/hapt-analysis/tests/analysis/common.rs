@@ -21,45 +21,13 @@ impl Bench {
 
     /// A loop on the notes' device, the velocity differenced; the output is "start" with the methods that take no other.
     pub fn world(&self, method: Method, output: Output, period: f64) -> World {
+        let output = if method.takes_new_sample_first() { Output::Start } else { output };
+        let sampling = Sampling { method, output, estimator: EstimatorKind::Difference, ..Sampling::new(period) };
         World {
-            title: None,
-            motion: Motion::Rotary,
-            sampling: Sampling {
-                period,
-                method,
-                output: if method.takes_new_sample_first() { Output::Start } else { output },
-                advance: 0,
-                bodies_every: 1,
-                interval_max: None,
-                delay: hapt_model::Delay::Seconds(0.0),
-                delay_max: None,
-                filter: None,
-                estimator: EstimatorKind::Difference,
-                cutoff: None,
-                every: 1,
-                window: 16,
-            },
-            device: Device {
-                inertia: 6.4e-4,
-                damping: 1.2e-3,
-                friction: 0.0,
-                lag: 0.0,
-                tolerances: Default::default(),
-                limit: None,
-                encoder: None,
-                levels: None,
-                drive: Default::default(),
-                handle: None,
-                friction_backward: None,
-                stribeck: None,
-                stops: None,
-                torque: Default::default(),
-            },
-            safety: Safety::default(),
             names: (0..self.bodies.len()).map(|i| format!("body{i}")).collect(),
             bodies: self.bodies.clone(),
             couplings: self.couplings.clone(),
-            scenarios: vec![],
+            ..World::new(sampling, Device { damping: 1.2e-3, ..Device::new(6.4e-4) })
         }
     }
 }

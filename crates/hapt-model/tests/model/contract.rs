@@ -72,37 +72,15 @@ fn the_documented_example_reads_to_its_numbers() {
     let world = read(EXAMPLE);
     assert_eq!(world.title.as_deref(), Some("Virtual wheel on a torsional spring"));
     assert_eq!(world.motion, Motion::Rotary);
-    let sampling = Sampling {
-        period: 0.001,
-        method: Method::Zoh,
-        output: Output::End,
-        advance: 0,
-        bodies_every: 1,
-        interval_max: None,
-        delay: hapt_model::Delay::Seconds(0.0),
-        delay_max: None,
-        filter: None,
-        estimator: EstimatorKind::Exact,
-        cutoff: Some(50.0),
-        every: 1,
-        window: 16,
-    };
+    let sampling = Sampling { cutoff: Some(50.0), ..Sampling::new(0.001) };
     assert_eq!(world.sampling, sampling);
     let device = Device {
-        inertia: 6.4e-4,
         damping: 1.2e-3,
         friction: 0.005,
-        lag: 0.0,
-        tolerances: Default::default(),
         limit: Some(0.82225),
         encoder: Some(4000.0),
         levels: Some(2048),
-        drive: Default::default(),
-        handle: None,
-        friction_backward: None,
-        stribeck: None,
-        stops: None,
-        torque: Default::default(),
+        ..Device::new(6.4e-4)
     };
     assert_eq!(world.device, device);
     assert_eq!(world.names, ["wheel"]);
@@ -149,7 +127,8 @@ fn what_is_absent_has_its_default() {
         every: 1,
         window: 16,
     };
-    assert_eq!((world.title, world.motion, world.sampling), (None, Motion::Rotary, sampling));
+    assert_eq!((world.title, world.motion, &world.sampling), (None, Motion::Rotary, &sampling));
+    assert_eq!(Sampling::new(0.001), sampling);
     let device = Device {
         inertia: 1.0,
         damping: 0.0,
@@ -166,7 +145,7 @@ fn what_is_absent_has_its_default() {
         stops: None,
         torque: Default::default(),
     };
-    assert_eq!(world.device, device);
+    assert_eq!((&world.device, &Device::new(1.0)), (&device, &device));
     let moves = Shape::Step { to: 1.0, at: 0.0 };
     assert_eq!(
         world.scenarios[0].hand.drive,
@@ -204,20 +183,12 @@ hand = { kind = "sine", amplitude = "3 mm", frequency = "2 Hz", phase = "90 deg"
 "#,
     );
     let device = Device {
-        inertia: 0.1,
         damping: 2.0,
         friction: 0.005,
-        lag: 0.0,
-        tolerances: Default::default(),
         limit: Some(10.0),
         encoder: Some(5e-6),
         levels: Some(16),
-        drive: Default::default(),
-        handle: None,
-        friction_backward: None,
-        stribeck: None,
-        stops: None,
-        torque: Default::default(),
+        ..Device::new(0.1)
     };
     assert_eq!(world.device, device);
     assert_eq!(world.count(), Some(5e-6));

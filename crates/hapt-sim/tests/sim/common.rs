@@ -5,46 +5,7 @@ use hapt_sim::{Row, Simulation};
 
 /// The Michigan wheel without friction, encoder or limit, at 1 ms, and nothing virtual.
 pub fn bare() -> World {
-    World {
-        title: None,
-        motion: Motion::Rotary,
-        sampling: Sampling {
-            period: 1e-3,
-            method: Method::Zoh,
-            output: Output::End,
-            advance: 0,
-            bodies_every: 1,
-            interval_max: None,
-            delay: hapt_model::Delay::Seconds(0.0),
-            delay_max: None,
-            filter: None,
-            estimator: EstimatorKind::Exact,
-            cutoff: None,
-            every: 1,
-            window: 16,
-        },
-        device: Device {
-            inertia: 6.4e-4,
-            damping: 1.2e-3,
-            friction: 0.0,
-            lag: 0.0,
-            tolerances: Default::default(),
-            limit: None,
-            encoder: None,
-            levels: None,
-            drive: Default::default(),
-            handle: None,
-            friction_backward: None,
-            stribeck: None,
-            stops: None,
-            torque: Default::default(),
-        },
-        safety: Default::default(),
-        names: vec![],
-        bodies: vec![],
-        couplings: vec![],
-        scenarios: vec![],
-    }
+    World::new(Sampling::new(1e-3), Device { damping: 1.2e-3, ..Device::new(6.4e-4) })
 }
 
 /// The notes' stiffness and inertia: 1 Hz, 800 N·mm at 45°.
