@@ -1,6 +1,6 @@
 //! Bad inputs and the exact words that answer each: what was given, where, and what would be right.
 //!
-//! The table is in `bad_inputs/cases.rs`, the answers in `bad_inputs/*.txt`, one file a theme. `HAPT_BLESS=1 cargo test --test
+//! The table is in `bad_inputs/cases.rs` and `cases/systems.rs`, the answers in `bad_inputs/*.txt`, one file a theme. `HAPT_BLESS=1 cargo test --test
 //! cli bad_inputs` writes them anew; read what changed aloud before it lands.
 
 mod cases;
