@@ -64,6 +64,46 @@ fn a_parameter_that_is_tuned_between_two_steps_is_a_bumpless_transfer() {
     }
 }
 
+/// Friction by direction, friction that falls with the speed, and end stops: set before the start they are those of the file.
+#[test]
+fn the_devices_friction_and_stops_are_parameters() {
+    let keys = [
+        ("device.friction", 4e-3),
+        ("device.friction_backward", 2e-3),
+        ("device.stribeck.torque", 3e-3),
+        ("device.stribeck.velocity", 0.5),
+        ("device.stops.high", 0.05),
+        ("device.stops.stiffness", 20.0),
+        ("device.stops.damping", 1e-2),
+    ];
+    let sets = |factor: f64| keys.map(|(key, value)| format!("{key}={}", factor * value));
+    let fmu = |factor: f64| {
+        let sets = sets(factor);
+        Fmu::new(Kind::Whole, &world(WHEEL, &sets.each_ref().map(String::as_str)))
+    };
+    for version in VERSIONS {
+        let (made, other) = (fmu(1.0), fmu(1.5));
+        let (set, made) = (other.instance(version), made.instance(version));
+        for (key, value) in keys {
+            assert!(set.set(key, value), "{}", set.said());
+        }
+        set.start(0.0);
+        made.start(0.0);
+        let mut differs = false;
+        let plain = other.instance(version);
+        plain.start(0.0);
+        for k in 0..400 {
+            let push = if k < 300 { 0.05 } else { -0.05 };
+            for instance in [&set, &made, &plain] {
+                assert!(instance.set("hand_torque_Nm", push) && instance.step(f64::from(k) * 1e-3, 1e-3));
+            }
+            assert_eq!(set.outputs(), made.outputs(), "row {k}");
+            differs |= set.outputs() != plain.outputs();
+        }
+        assert!(differs);
+    }
+}
+
 #[test]
 fn a_parameter_set_to_its_own_value_changes_no_bit() {
     let fmu = Fmu::new(Kind::Whole, &world(WHEEL, &[]));
