@@ -1,9 +1,7 @@
 //! Random worlds.
 #![allow(dead_code)]
 
-use hapt_model::{
-    Body, Coupling, Damping, Device, End, EstimatorKind, Law, Method, Motion, Output, Safety, Sampling, World,
-};
+use hapt_model::{Body, Coupling, Damping, Device, End, EstimatorKind, Law, Method, Output, Sampling, World};
 use proptest::prelude::*;
 
 /// Bodies and couplings.
