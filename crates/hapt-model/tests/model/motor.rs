@@ -67,3 +67,16 @@ fn what_two_sides_say_of_one_number_is_refused() {
     let linear = "motion = \"linear\"\ndevice.inertia = 1e-3\n[device.motor]\nratio = 3\n";
     assert!(read(linear).is_err());
 }
+
+/// Its friction is the same in both directions, and is added to each.
+#[test]
+fn a_motors_friction_adds_to_both_directions_of_the_device() {
+    let text = "loop.period = 1e-3\n[device]\ninertia = 1e-3\nfriction = \"2 mN m ± 50 %\"\nfriction_backward = \"1 mN m ± 10 %\"\n\
+                [device.motor]\nratio = 10\nfriction = 1e-4\n";
+    let device = World::read(&Source::from_text("w.toml", text), &[]).unwrap().device;
+    let [forward, backward] = device.frictions_range();
+    for ([low, high], wanted) in [(forward, [2e-3, 4e-3]), (backward, [1.9e-3, 2.1e-3])] {
+        assert!((low - wanted[0]).abs() < 1e-12 && (high - wanted[1]).abs() < 1e-12, "{low} {high} {wanted:?}");
+    }
+    assert!((device.least_friction() - 2e-3).abs() < 1e-12 && (device.largest_friction() - 3e-3).abs() < 1e-12);
+}
