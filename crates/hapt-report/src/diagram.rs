@@ -249,15 +249,15 @@ fn element(svg: &mut String, law: &Law, a: (f64, f64), b: (f64, f64)) {
             go('L', to, 0.0);
         }
         Law::Integral { .. } => {
-            // The sign of an integral.
-            go('L', middle, 0.0);
-            go('M', middle + 6.0, -8.0);
-            go('L', middle + 3.0, -10.0);
-            go('L', middle, -7.0);
-            go('L', middle, 7.0);
-            go('L', middle - 3.0, 10.0);
-            go('L', middle - 6.0, 8.0);
-            go('M', middle, 0.0);
+            // A box with a ramp, as block diagrams have it.
+            go('L', middle - 9.0, 0.0);
+            go('L', middle - 9.0, -9.0);
+            go('L', middle + 9.0, -9.0);
+            go('L', middle + 9.0, 9.0);
+            go('L', middle - 9.0, 9.0);
+            go('L', middle - 9.0, -9.0);
+            go('L', middle + 9.0, 9.0);
+            go('M', middle + 9.0, 0.0);
             go('L', to, 0.0);
         }
         Law::Constant { .. } => {

@@ -63,7 +63,8 @@ pub(crate) fn is_stated(world: &World) -> bool {
     let timing = Timing::of(world);
     let device = &world.device;
     let wide = |[least, most]: [f64; 2]| least != most;
-    !timing.is_even() || wide(device.lag_range()) || wide(device.damping_range()) || wide(device.friction_range())
+    let friction = device.frictions_range().into_iter().any(wide);
+    !timing.is_even() || wide(device.lag_range()) || wide(device.damping_range()) || friction
 }
 
 /// The passivity of a world under all that its file allows.

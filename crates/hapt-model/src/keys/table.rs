@@ -96,7 +96,7 @@ pub const KEYS: &[Key] = &[
     key("device.motor.current", Quantity(Ratio, Positive), Optional, "The largest current, in A: with torque_constant in place of device.motor.limit.").only(Motion::Rotary),
     key("device.motor.encoder", Whole { least: 1, most: 1 << 53, step: 1 }, Optional,
         "Counts in a revolution of the motor, in place of device.encoder; at the puck ratio times as many, to a whole number.").only(Motion::Rotary),
-    key("device.drive", Table, Optional, "The transmission to a motor drive (--device moteus:... and odrive:...)."),
+    key("device.drive", Table, Optional, "The transmission to a motor drive (--device moteus:..., odrive:... and simplefoc:...)."),
     key("device.drive.gear", Quantity(Ratio, Positive), Depends("device.motor.ratio, or 1"), "Revolutions of the drive for one of the puck.").only(Motion::Rotary),
     key("device.drive.gear", Quantity(Position, Positive), Depends("required with a drive"), "The way of the puck in one revolution of the drive.").only(Motion::Linear),
     key("device.drive.direction", Takes::Name(&DIRECTION), Name(DIRECTION[0]),

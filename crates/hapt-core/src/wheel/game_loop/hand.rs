@@ -37,6 +37,8 @@ pub(super) struct Hand<F> {
     grasped: F,
     faded: F,
     kept: [F; 2],
+    /// The average of a hand's torque that a count makes by itself, N·m.
+    count_torque: F,
 }
 
 /// What it remembers.
@@ -93,6 +95,7 @@ impl<F: Real> Hand<F> {
             averaged: of(period / (period + WINDOW)),
             grasped: of(period / (period + GRASP)),
             faded: of(period / (period + RECENT)),
+            count_torque: of(rotor.inertia * count / (period + smoothing) / (period + GRASP)),
             kept: BELIEF.map(|time| of(libm::exp(-period / time))),
         }
     }
@@ -149,7 +152,7 @@ impl<F: Real> Hand<F> {
         let most = F::ONE + F::HALF;
         let works_alike = within((Self::resists(works) / lacking).finite_or_zero(), F::ZERO, most);
         let [least, more] = HOLDS.map(F::from_f64);
-        let beyond = (works.torque.abs() / works.largest).finite_or_zero() - least;
+        let beyond = ((works.torque.abs() - self.count_torque) / works.largest).finite_or_zero() - least;
         let holds = within(beyond / more, F::ZERO, most);
         let now = if holds > works_alike { holds } else { works_alike };
         let [slow, fast] = self.kept;
