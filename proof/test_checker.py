@@ -292,6 +292,13 @@ class Checker(unittest.TestCase):
                 result, _ = code(alone("", 6e-4, SPRING, device=gravity + cogging) + wrong, proof(**taken))
                 self.assertNotEqual(result, 0)
 
+    def test_behind_a_shaft_held_needs_the_damping_too(self):
+        handle = '[device.handle]\ninertia = 1e-3\nstiffness = "100 N m/rad"\n'
+        loop = {"theorem": "laws", "laws": [(0, "1", "0")], "required": "5e-4", "damping": "4e-4", "claims": ("held",)}
+        self.accepts(alone("", 4e-4, SPRING), proof(**loop) | {"status": "open"})
+        self.refuses(alone("", 4e-4, SPRING, device=handle), proof(**loop) | {"status": "open"})
+        self.accepts(alone("", 5e-4, SPRING, device=handle), proof(**loop | {"damping": "5e-4"}) | {"status": "open"})
+
     def test_friction_and_stops_of_the_device_are_parts_of_the_hand(self):
         friction = 'friction = "1 N mm"\nfriction_backward = "2 N mm"\n'
         falling = '[device.stribeck]\ntorque = "0.5 N mm"\nvelocity = "1 rad/s"\n'

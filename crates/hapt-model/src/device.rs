@@ -69,7 +69,8 @@ fn stops(fields: &Fields<'_>) -> Result<Option<Stops>, Error> {
     let fields = Fields::new(fields.inner("stops", "device.stops"), Some(node))?;
     let (low, high) = (fields.optional_number("low")?, fields.optional_number("high")?);
     if low.is_none() && high.is_none() {
-        return Err(fields.missing("high"));
+        let message = "low and high are both missing; expected one of them at least, such as high = \"60 deg\"";
+        return Err(fields.error(ErrorKind::Name, "high", message));
     }
     Ok(Some(Stops { low, high, stiffness: fields.number("stiffness")?, damping: fields.number("damping")? }))
 }

@@ -371,8 +371,8 @@ fn at_puck(world: &World) -> impl Iterator<Item = String> {
             ))
         }
         (Kind::Integral, _) if laws::integral_gain(&c.law) > 0.0 => Some(format!(
-            "couplings.{index}: an integral term gives energy to a hand that moves slowly to and fro, with any damping: it is passive on no \
-             device. Hands-off it is decided by the eigenvalues, where it has no limit; held away from its rest its torque grows, which held leaves out"
+            "couplings.{index}: an integral term gives energy to a hand that moves slowly to and fro, whatever the damping is. \
+             Hands-off it is decided by the eigenvalues, where it has no limit; held away from its rest its torque grows, which held leaves out"
         )),
         (Kind::Linear | Kind::Constant | Kind::Potential | Kind::Coulomb | Kind::Lugre | Kind::Integral, _) => None,
     })

@@ -298,8 +298,15 @@ impl Check {
         let unit = Measure::Damping.dimension(self.motion).symbol();
         let (has, wanted) = (short(found.device_damping), short(required));
         let verdict = if found.passive.holds() { "passive" } else { "not known to be passive" };
+        let friction = match found.speed_max.filter(|_| found.by_friction) {
+            Some(speed) => {
+                let speed = with_unit(speed, Measure::Velocity, self.motion);
+                format!(", and its friction makes up for the rest below {speed}, which safety.overspeed keeps")
+            }
+            None => String::new(),
+        };
         Some(format!(
-            "{verdict} {all}{linear}: a device damping of {wanted} {unit} is enough, and the device has {has} at least; {hands_off}"
+            "{verdict} {all}{linear}: a device damping of {wanted} {unit} is enough, and the device has {has} at least{friction}; {hands_off}"
         ))
     }
 

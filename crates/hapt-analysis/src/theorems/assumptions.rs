@@ -25,6 +25,9 @@ pub(super) const LOW_PASS: &str = "a low-pass delays the velocity, and nonlinear
 
 pub(super) const BRISTLE_EVERY: &str = "a velocity over several samples bends the bristles of LuGre friction behind the puck, and they have no proof with that: every = 1";
 
+pub(super) const INTEGRAL_IN_FRICTION: &str =
+    "an integral term whose limit the device's friction takes may be passive, and has no proof";
+
 pub(super) const BRISTLE: &str =
     "LuGre friction at the puck is proved as a hysteresis alone: bristle_damping = 0, and stribeck the same as coulomb";
 

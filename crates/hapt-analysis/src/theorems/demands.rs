@@ -14,7 +14,9 @@ use crate::passivity::required::{
 };
 use crate::passivity::supremum::Wanted;
 use crate::passivity::timing::Timing;
-use crate::theorems::assumptions::{BRISTLE, BRISTLE_EVERY, LOW_PASS, behind_filter, outside_energy};
+use crate::theorems::assumptions::{
+    BRISTLE, BRISTLE_EVERY, INTEGRAL_IN_FRICTION, LOW_PASS, behind_filter, outside_energy,
+};
 use crate::theorems::{ENERGY, INTEGRAL, LAWS, LINEAR, LINEAR_LAG, LINEAR_LATE, LINEAR_UNEVEN, TWO_RATES, Theorem};
 
 /// What a theorem demands.
@@ -74,8 +76,12 @@ impl Demanded {
 
 /// The theorem that asks least of the device of `world`, whose times are `timing`. The world has one delay, one lag, and the least device.
 pub(super) fn best(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Error> {
-    // With a limit it gives the same energy in every turn of a hand that is slow and small.
+    // With a limit it gives the same energy in every turn of a hand that is slow and small; but friction of more than the limit takes that.
     if world.couplings.iter().any(integrates) {
+        let most: f64 = world.couplings.iter().filter(|c| integrates(c)).map(laws::most).sum();
+        if most <= world.device.friction {
+            return Ok(Demanded::outside(INTEGRAL_IN_FRICTION));
+        }
         return Ok(Demanded::new(Demand::Never { cause: Cause::Integral, at_hz: Some(0.0) }, &INTEGRAL));
     }
     let at_body = |c: &Coupling| is_nonlinear(c) && laws::at_body(c);

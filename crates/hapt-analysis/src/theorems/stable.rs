@@ -12,6 +12,12 @@ fn has_nonlinear_bodies(world: &World) -> bool {
     world.couplings.iter().any(|c| is_nonlinear(c) && laws::at_body(c))
 }
 
+/// Whether eigenvalues decide how the puck moves: not between the slopes of laws, gravity and cogging, with friction that falls with the speed, at a
+/// stop, or with a window that changes.
+fn is_linear(world: &World) -> bool {
+    world.device.is_plain() && !world.couplings.iter().any(is_nonlinear) && !changes_window(world)
+}
+
 /// Whether a theorem covers the held world: the linear step by its eigenvalues, a discrete-gradient step by its energy.
 pub(crate) fn is_held_covered(world: &World) -> bool {
     keeps_energy(world.sampling.method) || !has_nonlinear_bodies(world)
@@ -20,8 +26,8 @@ pub(crate) fn is_held_covered(world: &World) -> bool {
 /// The claim that the held world, which was found to be `held`, does not grow; `passive` is the claim of passivity.
 pub(crate) fn held_claim(world: &World, held: &Stability, passive: &Claimed) -> Claimed {
     let is_stable = held.verdict != Verdict::Unstable;
-    // The puck goes on moving on the shaft of a handle that is held: what its device does to it, eigenvalues do not tell.
-    if world.device.handle.is_some() && !world.device.is_plain() {
+    // The puck goes on moving on the shaft of a handle that is held: what nonlinear laws and the device do to it, eigenvalues do not tell.
+    if world.device.handle.is_some() && !is_linear(world) {
         return passive.and(&Claimed::by(&[&FREE_PASSIVE])).when(is_stable && is_held_covered(world));
     }
     let theorem = if has_nonlinear_bodies(world) { &HELD_ENERGY } else { &HELD_LINEAR };
@@ -32,9 +38,7 @@ pub(crate) fn held_claim(world: &World, held: &Stability, passive: &Claimed) -> 
 /// the device's friction, which `free` leaves out.
 pub(crate) fn free_claim(world: &World, free: &Stability, passive: &Claimed, by_friction: bool) -> Claimed {
     let is_stable = free.verdict != Verdict::Unstable;
-    // What gravity and cogging are between their slopes, eigenvalues do not tell; nor what friction is that falls with the speed, or a stop.
-    let is_linear = world.device.is_plain() && !world.couplings.iter().any(is_nonlinear) && !changes_window(world);
-    let claim = match is_linear && is_stable {
+    let claim = match is_linear(world) && is_stable {
         true => Claimed::by(&[&FREE_LINEAR]),
         false => passive.and(&Claimed::by(&[&FREE_PASSIVE])),
     };

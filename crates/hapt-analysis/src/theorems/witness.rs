@@ -76,8 +76,8 @@ pub(crate) fn witness(world: &World, is_held: bool) -> Result<Option<Witnessed>,
         };
         let found =
             || Witnessed { theorem, required, witness: Witness::Slopes { laws: at_puck.iter().map(slope).collect() } };
-        // Held, the device's damping does nothing.
-        (is_held || least.device.damping >= required).then(found)
+        // Held, the device's damping does nothing, but for a puck behind a shaft.
+        (is_held && least.device.handle.is_none() || least.device.damping >= required).then(found)
     };
     if !world.bodies.is_empty() {
         let Some(theorem) = energy(world, timing) else { return Ok(None) };

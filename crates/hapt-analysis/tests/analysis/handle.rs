@@ -4,7 +4,7 @@ use hapt_analysis::{
     Grip, PatternVerdict, check, free, free_growth, gripped_growth, held_growth, held_world, held_world_growth,
     is_certified, passivity, required_damping, uneven, worst_grip, worst_pattern,
 };
-use hapt_model::{Delay, End, EstimatorKind, Handle, Method, Output, World};
+use hapt_model::{Delay, End, EstimatorKind, Handle, Law, Method, Output, World};
 use proptest::prelude::*;
 use proptest::sample::select;
 
@@ -181,4 +181,24 @@ fn a_certificate_with_a_handle_says_what_it_is_about() {
     let mut stiff = world.clone();
     stiff.couplings = vec![spring(End::Puck, End::Ground, 100.0)];
     assert!(!is_certified(&stiff) && worst_grip(&stiff).unwrap().is_some());
+}
+
+/// Held at the handle the puck moves on its shaft. Between the slopes of a detent the loop may swing by itself, which eigenvalues do not tell.
+#[test]
+fn a_handle_held_over_the_top_of_a_detent_is_claimed_only_where_the_loop_is_passive() {
+    let detent = Law::Detent { torque: 0.24, pitch: 0.3, phase: 0.15 }.between(End::Puck, End::Ground);
+    let mut world = Bench::of(vec![detent]).world(Method::Zoh, Output::End, 1e-3);
+    world.device.handle = Some(Handle { inertia: 5e-4, stiffness: 20.0, damping: 1e-3 });
+    world.sampling.delay = Delay::Samples(26.0);
+    let claims = |world: &World| {
+        let found = check(world).unwrap();
+        found.theorems.iter().any(|theorem| theorem.claims.contains(&"held"))
+    };
+    assert!(!claims(&world));
+    // With as much damping as the late detent asks for it is passive, and so it is held.
+    world.device.damping = 1.01 * required_damping(&world).unwrap().unwrap();
+    assert!(claims(&world));
+    world.device.handle = None;
+    world.device.damping = 0.0;
+    assert!(claims(&world));
 }

@@ -1,6 +1,6 @@
 //! The integral term of a PID controller: the hands-off loop by its eigenvalues, and no claim of passivity.
 
-use hapt_analysis::{check, free_growth, gripped_growth, worst_grip};
+use hapt_analysis::{Status, check, free_growth, gripped_growth, worst_grip};
 use hapt_core::{Loop, Puck};
 use hapt_model::{Coupling, Delay, End, EstimatorKind, Law, Method, Output, World};
 use nalgebra::{Complex, DMatrix};
@@ -117,4 +117,17 @@ proptest! {
 fn the_search_for_hands_finds_one() {
     let worst = worst_grip(&pid(1e-3, [1.0, 0.01, 10.0])).unwrap().unwrap();
     assert!(worst.growth_per_s > 0.0);
+}
+
+/// Friction of more than its limit takes what it gives. That is not proved, and it is not refuted.
+#[test]
+fn friction_that_takes_the_limit_leaves_it_open() {
+    let mut world = pid(1e-3, [4.0, 0.0, 10.0]);
+    (world.device.damping, world.couplings[2].limit) = (0.02, Some(0.1));
+    for (friction, status) in [(0.0, Status::Refuted), (0.099, Status::Refuted), (0.15, Status::Open)] {
+        world.device.friction = friction;
+        let found = check(&world).unwrap();
+        assert_eq!(found.status, status, "{friction}: {:?}", found.passivity);
+        assert!(!found.passivity.passive.holds());
+    }
 }

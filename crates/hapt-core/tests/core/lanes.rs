@@ -95,12 +95,17 @@ fn compiled(
         spring(End::Body(0), End::Body(1), 2.0),
         Coupling { first: End::Puck, second: End::Body(1), law: damper, limit: None },
     ];
-    couplings.extend(more);
-    let integrates = more.iter().any(|coupling| coupling.law.integrates());
+    let advance = if output == Output::End && bodies_every == 1 { 2 } else { 0 };
+    // An integral term has no advance.
+    let spring_for = |c: &Coupling| match c.law {
+        Law::Integral { stiffness, rest, .. } if advance > 0 => Coupling { law: Law::Spring { stiffness, rest }, ..*c },
+        _ => *c,
+    };
+    couplings.extend(more.iter().map(spring_for));
     let spec = Spec {
         method,
         output,
-        advance: if output == Output::End && bodies_every == 1 && !integrates { 2 } else { 0 },
+        advance,
         bodies_every,
         estimator,
         filter: counted.then_some(30.0 * scale),

@@ -71,8 +71,14 @@ impl FromStr for MotorConstant {
             }
         };
         // Beyond these no motor is.
-        let number = number.parse::<f64>().ok().filter(|number| (1e-6..=1e6).contains(number));
-        number.map(make).ok_or_else(|| format!("{text:?}: expected a number from 1e-6 to 1e6, as in {name}=0.05"))
+        let found = number.parse::<f64>().ok().filter(|number| (1e-6..=1e6).contains(number));
+        found.map(make).ok_or_else(|| match number.split_once('&') {
+            Some((_, more)) => format!("{text:?}: expected one option of a board, without {more:?}"),
+            None => {
+                let example = if name == VOLTS { "20" } else { "0.05" };
+                format!("{text:?}: expected a number from 1e-6 to 1e6, as in {name}={example}")
+            }
+        })
     }
 }
 

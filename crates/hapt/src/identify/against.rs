@@ -19,6 +19,12 @@ pub fn run(args: &IdentifyArgs, given: &Given) -> Result<ExitCode, Failure> {
         return Err(Failure::input("--against needs a world"));
     };
     let file = path.display().to_string();
+    if world.device.stribeck.is_some() {
+        return Err(Failure::input(format!(
+            "{file} has [device.stribeck], and --against compares devices whose friction is the same at all speeds; fit the record \
+             without --against, or compare it with a file without that table"
+        )));
+    }
     let claims = Claims::of(world);
     is_of(given, world, &claims, &file)?;
     let found = against(&given.record, &claims, given.motion == Motion::Linear)

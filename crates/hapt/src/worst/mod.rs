@@ -213,6 +213,9 @@ fn gap(world: &World, gap: &Gap) -> String {
         None => "no device damping is enough for the certificate".into(),
     };
     let breaks = match gap.breaking_damping {
+        Some(_) if gap.required_damping.is_none() => {
+            "the worst hand breaks the linear loop at each that was tried".into()
+        }
         Some(damping) => format!("the worst hand breaks the linear loop up to {} {unit}", format::number(damping)),
         None => "no hand breaks the linear loop at any".into(),
     };

@@ -158,7 +158,7 @@ sine = [-1] it is a detent.
     },
     Topic {
         name: "friction",
-        aliases: &["coulomb", "lugre", "stribeck", "friction_backward", "stick-slip", "bristle", "stick"],
+        aliases: &["coulomb", "lugre", "stribeck", "friction-backward", "stick-slip", "bristle", "stick"],
         line: "a torque against the motion: Coulomb or LuGre",
         text: r#"In a world `kind = "friction"` is Coulomb friction with one `torque`, or LuGre friction with six
 keys, whose bristles let it stick. The device's own friction, device.friction, is physical: it stops
@@ -182,7 +182,9 @@ of the spring, `time` is the controller's integral time. A `limit` stops it from
 
   kind = "integral", stiffness = "1 N m/rad", time = "0.1 s", limit = "50 N mm"
 
-It is passive on no device: a hand that moves slowly to and fro draws energy from it, (T72) of
+  hapt check @knob/return-to-center --set couplings.0.kind=integral      energy to slow hands
+
+No damping makes it passive: a hand that moves slowly to and fro draws energy from it, (T72) of
 docs/theory.md. Hands-off, `hapt check` decides by the eigenvalues; see free.
 "#,
     },
