@@ -33,11 +33,17 @@ const set = async (page, key, value) => {
 };
 
 visit("grabbed, the puck follows the hand; let go, puck and wheel swing by themselves", undefined, async (page) => {
-  await turn(page, 60);
-  await until(() => place(page), (puck) => puck > 40);
-  await until(() => page.getAttribute("#stage", "data-held"), (held) => held === "");
-  await page.mouse.up();
-  const [low, high] = await extremes(page, () => place(page, 1), 3);
+  let [low, high] = [0, 0];
+  // On a slow machine a turn takes long, and the wheel comes along without a swing: then once more.
+  for (const to of [60, -60, 60, -60, 60]) {
+    const from = await place(page);
+    await turn(page, to);
+    await until(() => place(page), (puck) => Math.abs(puck - from) > 40);
+    await until(() => page.getAttribute("#stage", "data-held"), (held) => held === "");
+    await page.mouse.up();
+    [low, high] = await extremes(page, () => place(page, 1), 3);
+    if (high - low > 5) break;
+  }
   assert.ok(high - low > 5, `the wheel swings, from ${low} to ${high} degrees`);
   assert.equal(await page.getAttribute("#stage", "data-held"), null);
   const [least, most] = await extremes(page, trace(page, 3, 0), 0.5);

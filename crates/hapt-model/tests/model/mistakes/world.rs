@@ -141,7 +141,7 @@ fn handles() {
             ("[device.stribeck]\ntorque = \"2 N mm\"\nvelocity = \"1 rad/s\"", "(it reads)"),
             (
                 "[device.stops]\nstiffness = 1",
-                "device.stops.high: missing; expected an angle (rad), such as \"45 deg\"",
+                "device.stops.high: low and high are both missing; expected one of them at least, such as high = \"60 deg\"",
             ),
             (
                 "[device.stops]\nhigh = 1",
