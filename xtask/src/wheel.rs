@@ -87,19 +87,7 @@ fn device(rng: &mut Rng) -> (DeviceSpec, f64) {
     let delay = rng.f64() * period;
     // Every second wheel has none.
     let friction = if rng.bool() { 0.0 } else { between(rng, 1e-3, 0.1) };
-    let spec = DeviceSpec {
-        period,
-        delay,
-        lag: 0.0,
-        inertia,
-        damping,
-        friction,
-        handle: None,
-        friction_backward: None,
-        stribeck: None,
-        stops: None,
-        torque: Default::default(),
-    };
+    let spec = DeviceSpec { delay, damping, friction, ..DeviceSpec::new(period, inertia) };
     (spec, std::f64::consts::TAU / counts)
 }
 

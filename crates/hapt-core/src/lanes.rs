@@ -240,10 +240,10 @@ impl<const N: usize, const B: usize, const C: usize, const W: usize, const S: us
             return self.common.bend_each(bristles, puck, bodies);
         }
         for (i, world) in self.worlds.iter().enumerate() {
-            let mut bent = own(bristles, i);
-            world.bend_all(&mut bent, puck_of(puck, i), &lane(bodies, i));
-            for (bristle, bent) in bristles.iter_mut().zip(bent) {
-                bristle.0[i] = bent;
+            let mut after = own(bristles, i);
+            world.bend_all(&mut after, puck_of(puck, i), &lane(bodies, i));
+            for (bristle, after) in bristles.iter_mut().zip(after) {
+                bristle.0[i] = after;
             }
         }
     }

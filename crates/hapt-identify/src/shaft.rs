@@ -349,7 +349,7 @@ mod tests {
             let omega = std::f64::consts::TAU * hz;
             let handle = Handle { inertia: handle, stiffness: mass * omega * omega, damping: 2.0 * ratio * mass * omega };
             let (friction, lag) = (friction.unwrap_or(0.0), lag.map_or(0.0, |lag| 10f64.powf(lag)));
-            let spec = DeviceSpec { period: 1e-3, delay, lag, inertia, damping: b, friction, handle: Some(handle), friction_backward: None, stribeck: None, stops: None, torque: Default::default() };
+            let spec = DeviceSpec { delay, lag, damping: b, friction, handle: Some(handle), ..DeviceSpec::new(1e-3, inertia) };
             let mut rng = fastrand::Rng::with_seed(seed);
             let mut torque = 0.0;
             let torques: Vec<f64> = (0..600).map(|_| { if rng.u8(..20) == 0 { torque = 0.1 * (rng.f64() - 0.5); } torque }).collect();

@@ -364,11 +364,11 @@ fn check_coupling(
         return Err(fields.error(ErrorKind::Combination, "damping", message));
     }
     if coupling.law.integrates() && coupling.is_at_body() {
-        let message = "an integral term is between \"puck\" and \"ground\": at a body it has no step";
+        let message = "an integral term acts between \"puck\" and \"ground\" only";
         return Err(fields.error(ErrorKind::Unsupported, "between", message));
     }
     if coupling.law.integrates() && sampling.advance > 0 {
-        let message = "an integral term goes with loop.advance = 0 only: what the hand will do to it is not known";
+        let message = "an integral term goes with loop.advance = 0 only, since it depends on how the hand will move";
         return Err(fields.error(ErrorKind::Unsupported, "kind", message));
     }
     if sampling.bodies_every > 1 && coupling.is_at_body() && coupling.law.has_bristle() {

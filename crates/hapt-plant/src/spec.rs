@@ -33,6 +33,25 @@ pub struct DeviceSpec {
     pub torque: DeviceTorque,
 }
 
+impl DeviceSpec {
+    /// A puck of this inertia in kg·m² (linear: kg) that moves freely, at samples of this period in s, with a motor that follows at once.
+    pub const fn new(period: f64, inertia: f64) -> Self {
+        DeviceSpec {
+            period,
+            delay: 0.0,
+            lag: 0.0,
+            inertia,
+            damping: 0.0,
+            friction: 0.0,
+            friction_backward: None,
+            stribeck: None,
+            stops: None,
+            handle: None,
+            torque: DeviceTorque { gravity: None, cogging: None },
+        }
+    }
+}
+
 /// Friction that falls as the puck speeds up: the level is `torque` · max(0, 1 - |ż|/`velocity`) above Coulomb friction, in either direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

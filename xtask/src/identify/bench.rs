@@ -78,19 +78,7 @@ impl Trial {
         };
         let lag = if kind == Kind::Lagging { period * 0.1 * 50f64.powf(between(0.0, 1.0)) } else { 0.0 };
         let sign = if rng.bool() { 1.0 } else { -1.0 };
-        let rig = DeviceSpec {
-            period,
-            delay,
-            lag,
-            inertia,
-            damping,
-            friction,
-            handle: None,
-            friction_backward: None,
-            stribeck: None,
-            stops: None,
-            torque: Default::default(),
-        };
+        let rig = DeviceSpec { delay, lag, damping, friction, ..DeviceSpec::new(period, inertia) };
         Trial { kind, rig, is_linear, sign, count, offset, cogging, noise, amplitude, seed }
     }
 

@@ -60,17 +60,12 @@ impl Trial {
             Handle { inertia: handle, stiffness: mass * omega * omega, damping: mass * omega * between(0.01, 0.06) };
         let friction = between(0.0, 3e-3);
         let rig = DeviceSpec {
-            period: 1e-3,
             delay: between(0.0, 3e-3),
             lag: 1e-4 * 50f64.powf(between(0.0, 1.0)),
-            inertia,
             damping: between(2e-3, 6e-3),
             friction: if i % 4 < 2 { friction } else { 0.0 },
             handle: Some(shaft),
-            friction_backward: None,
-            stribeck: None,
-            stops: None,
-            torque: Default::default(),
+            ..DeviceSpec::new(1e-3, inertia)
         };
         let (count, noise) = (TAU / (4000.0 * 10f64.powf(between(0.0, 1.0))).round(), between(0.5, 2.0));
         let mut now = 0;

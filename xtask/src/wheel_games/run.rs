@@ -75,19 +75,9 @@ impl Pair {
         // One to three frames, and on the way from and to the wheel.
         let late = (frame * f64::from(rng.u8(1..4)) + between(rng, 1e-3, 1e-2)).min(0.06);
         let friction = if rng.bool() { 0.0 } else { between(rng, 1e-2, 0.3) };
-        let spec = DeviceSpec {
-            friction_backward: None,
-            stribeck: None,
-            stops: None,
-            torque: hapt_plant::spec::DeviceTorque::default(),
-            period,
-            delay: 0.5 * rng.f64() * period,
-            lag: 0.0,
-            inertia: between(rng, 5e-3, 0.1),
-            damping: between(rng, 1e-2, 0.2),
-            friction,
-            handle: None,
-        };
+        let delay = 0.5 * rng.f64() * period;
+        let inertia = between(rng, 5e-3, 0.1);
+        let spec = DeviceSpec { delay, damping: between(rng, 1e-2, 0.2), friction, ..DeviceSpec::new(period, inertia) };
         Pair {
             seed,
             spec,

@@ -17,19 +17,7 @@ fn light(rng: &mut Rng) -> (DeviceSpec, f64) {
     let mut within = |low: f64, high: f64| low * (high / low).powf(rng.f64());
     let (inertia, counts) = (within(1e-4, 1e-2), within(200.0, 1000.0).round());
     let damping = inertia / within(3.0, 900.0);
-    let rig = DeviceSpec {
-        lag: 0.0,
-        inertia,
-        period: 2e-3,
-        damping,
-        friction: 0.0,
-        delay: 0.0,
-        handle: None,
-        friction_backward: None,
-        stribeck: None,
-        stops: None,
-        torque: Default::default(),
-    };
+    let rig = DeviceSpec { damping, ..DeviceSpec::new(2e-3, inertia) };
     (rig, counts)
 }
 

@@ -36,7 +36,7 @@ proptest! {
         seed in any::<u64>(), inertia in 1e-4..1e-2f64, rate in 0.0..30.0f64, friction in 0.0..0.05f64, delay in 0.0..8e-3f64,
         lag in prop_oneof![Just(0.0), 5e-5..2e-2f64],
     ) {
-        let rig = DeviceSpec { lag, period: 1e-3, delay, inertia, damping: rate * inertia, friction, handle: None, friction_backward: None, stribeck: None, stops: None, torque: Default::default() };
+        let rig = DeviceSpec { lag, delay, damping: rate * inertia, friction, ..DeviceSpec::new(1e-3, inertia) };
         let mut torques = steps(&mut Rng::with_seed(seed), 1500, 0.1);
         torques[0] = 0.0; // What is held before the first command.
         let truth = motion(&rig, &torques);

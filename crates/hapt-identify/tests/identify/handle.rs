@@ -59,17 +59,11 @@ pub fn device(rng: &mut Rng, friction: bool) -> DeviceSpec {
     let shaft =
         Handle { inertia: handle, stiffness: mass * omega * omega, damping: mass * omega * (0.01 + 0.05 * rng.f64()) };
     DeviceSpec {
-        period: 1e-3,
         delay: 3e-3 * rng.f64(),
-        lag: 0.0,
-        inertia,
         damping: 2e-3 + 4e-3 * rng.f64(),
         friction: if friction { 3e-3 * rng.f64() } else { 0.0 },
         handle: Some(shaft),
-        friction_backward: None,
-        stribeck: None,
-        stops: None,
-        torque: Default::default(),
+        ..DeviceSpec::new(1e-3, inertia)
     }
 }
 

@@ -7,17 +7,11 @@ use hapt_plant::VirtualDevice;
 use hapt_plant::spec::{DeviceSpec, DeviceTorque};
 
 pub const WHEEL: DeviceSpec = DeviceSpec {
-    lag: 0.0,
-    period: 1e-3,
     delay: 2.4e-3,
-    inertia: 6.4e-4,
     damping: 1.2e-3,
     friction: 5e-3,
-    handle: None,
-    friction_backward: None,
-    stribeck: None,
-    stops: None,
     torque: DeviceTorque { gravity: None, cogging: None },
+    ..DeviceSpec::new(1e-3, 6.4e-4)
 };
 
 /// Torques that step up and down at random, in N·m.

@@ -145,8 +145,9 @@ impl VirtualDevice {
         if let Some(shaft) = &mut self.shaft {
             let (deflection, before) = (shaft.deflection, shaft.velocity);
             (shaft.deflection, shaft.velocity) = (to.0 - self.puck.position, to.1);
-            let bent = 0.5 * shaft.handle.stiffness * (shaft.deflection - deflection) * (shaft.deflection + deflection);
-            self.ledger.hand += bent + 0.5 * shaft.handle.inertia * (to.1 - before) * (to.1 + before);
+            let stored =
+                0.5 * shaft.handle.stiffness * (shaft.deflection - deflection) * (shaft.deflection + deflection);
+            self.ledger.hand += stored + 0.5 * shaft.handle.inertia * (to.1 - before) * (to.1 + before);
             return;
         }
         let stored = self.own.stored(to.0) - self.own.stored(self.puck.position);

@@ -14,19 +14,7 @@ fn gravity(torque: f64, phase: f64) -> DeviceTorque {
 }
 
 fn bare(inertia: f64, torque: DeviceTorque) -> DeviceSpec {
-    DeviceSpec {
-        period: T,
-        delay: 0.0,
-        lag: 0.0,
-        inertia,
-        damping: 0.0,
-        friction: 0.0,
-        handle: None,
-        friction_backward: None,
-        stribeck: None,
-        stops: None,
-        torque,
-    }
+    DeviceSpec { torque, ..DeviceSpec::new(T, inertia) }
 }
 
 /// What gravity and cogging store at x.
@@ -79,9 +67,7 @@ prop_compose! {
         handle in prop::option::of((1e-4_f64..1e-2, 1.0_f64..100.0, 0.0_f64..0.01)),
     ) -> DeviceSpec {
         let handle = handle.map(|(inertia, stiffness, damping)| Handle { inertia, stiffness, damping });
-        DeviceSpec { period: T, delay, lag, inertia, damping, friction, friction_backward, stribeck,
-            stops,
-            handle, torque }
+        DeviceSpec { delay, lag, damping, friction, friction_backward, stribeck, stops, handle, torque, ..DeviceSpec::new(T, inertia) }
     }
 }
 

@@ -260,10 +260,7 @@ proptest! {
         (friction, velocity) in (1e-3_f64..0.02, 0.5_f64..3.0), speed in 0.1_f64..0.4, back: bool,
     ) {
         let stribeck = Some(Stribeck { torque: part * damping * velocity, velocity });
-        let spec = DeviceSpec {
-            period: T, delay: 0.0, lag: 0.0, inertia, damping, friction, friction_backward: None, stribeck, stops: None, handle: None,
-            torque: Default::default(),
-        };
+        let spec = DeviceSpec { damping, friction, stribeck, ..DeviceSpec::new(T, inertia) };
         let way = if back { -1.0 } else { 1.0 };
         let moves = Shape::Ramp { to: way * speed * velocity * 50.0, at: 0.0, over: 50.0 };
         let hand = Drive::Grip { inertia: 0.0, damping: 0.0, stiffness, moves, switching: None };
@@ -298,19 +295,7 @@ fn a_straight_line_of_the_same_area_is_near_the_curves_of_the_literature() {
 }
 
 fn bare(inertia: f64, stops: Stops) -> DeviceSpec {
-    DeviceSpec {
-        period: T,
-        delay: 0.0,
-        lag: 0.0,
-        inertia,
-        damping: 0.0,
-        friction: 0.0,
-        friction_backward: None,
-        stribeck: None,
-        stops: Some(stops),
-        handle: None,
-        torque: Default::default(),
-    }
+    DeviceSpec { stops: Some(stops), ..DeviceSpec::new(T, inertia) }
 }
 
 proptest! {

@@ -73,13 +73,13 @@ impl Case {
             }
             motor = command;
             let torque = |t: f64| if lag > 0.0 { motor + gap * (-(t - k as f64 * T) / lag).exp() } else { motor };
-            let bent = |y: State| stiffness * (y[2] - y[0]) + shaft * (y[3] - y[1]);
+            let shaft_torque = |y: State| stiffness * (y[2] - y[0]) + shaft * (y[3] - y[1]);
             let change = |y: State, t: f64, direction: f64| -> State {
-                let w = (hand(t) - bent(y) - damper * y[3] - spring * y[2]) / mass;
+                let w = (hand(t) - shaft_torque(y) - damper * y[3] - spring * y[2]) / mass;
                 if direction == 0.0 {
                     return [0.0, 0.0, y[3], w];
                 }
-                [y[1], (torque(t) + bent(y) - damping * y[1] - level(direction) * direction) / inertia, y[3], w]
+                [y[1], (torque(t) + shaft_torque(y) - damping * y[1] - level(direction) * direction) / inertia, y[3], w]
             };
             let step = |y: State, t: f64, h: f64, direction: f64| -> State {
                 let ahead = |d: State, h: f64| -> State { std::array::from_fn(|i| y[i] + h * d[i]) };
@@ -89,7 +89,7 @@ impl Case {
                 let d = change(ahead(c, h), t + h, direction);
                 std::array::from_fn(|i| y[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]))
             };
-            let net = |y: State, t: f64| torque(t) + bent(y);
+            let net = |y: State, t: f64| torque(t) + shaft_torque(y);
             let (from, h) = (k as f64 * T, T / steps);
             let mut direction = if y[1] != 0.0 { f64::signum(y[1]) } else { 0.0 };
             for i in 0..steps as usize {
@@ -153,17 +153,11 @@ fn cases() -> impl Strategy<Value = Case> {
             let handle =
                 Handle { inertia: other, stiffness: mass * omega * omega, damping: mass * omega * 10_f64.powf(ratio) };
             let spec = DeviceSpec {
-                period: T,
-                delay: 0.0,
                 lag,
-                inertia,
                 damping,
                 friction,
-                handle: None,
                 friction_backward: backward.map(|part| part * friction),
-                stribeck: None,
-                stops: None,
-                torque: Default::default(),
+                ..DeviceSpec::new(T, inertia)
             };
             let sine = |level: f64| {
                 (about(level), 0.0_f64..2.3, 0.0_f64..6.3).prop_map(|(amplitude, frequency, phase)| Shape::Sine {

@@ -83,19 +83,7 @@ fn by_closed_form(case: &Case) -> (Vec<f64>, u32) {
 }
 
 fn spec(inertia: f64, damping: f64, friction: f64, lag: f64) -> DeviceSpec {
-    DeviceSpec {
-        period: T,
-        delay: 0.0,
-        lag,
-        inertia,
-        damping,
-        friction,
-        handle: None,
-        friction_backward: None,
-        stribeck: None,
-        stops: None,
-        torque: Default::default(),
-    }
+    DeviceSpec { lag, damping, friction, ..DeviceSpec::new(T, inertia) }
 }
 
 fn compare(case: &Case) -> Result<u32, TestCaseError> {

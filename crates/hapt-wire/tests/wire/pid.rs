@@ -474,7 +474,7 @@ proptest! {
         inertia in 1e-3..0.1_f64, damping in 1e-3..0.1_f64, late in 0.0..1.0_f64, period in 2.5e-4..2e-3_f64,
         friction in prop_oneof![Just(0.0), 1e-3..0.1_f64], counts in 500.0..100_000.0_f64, kick in 0.2..4.0_f64,
     ) {
-        let spec = DeviceSpec { period, delay: late * period, lag: 0.0, inertia, damping, friction, handle: None, friction_backward: None, stribeck: None, stops: None, torque: Default::default() };
+        let spec = DeviceSpec { delay: late * period, damping, friction, ..DeviceSpec::new(period, inertia) };
         let count = std::f64::consts::TAU / counts.round();
         let timing = Timing { delay: late * period, ..Timing::even(period) };
         let device = Device { friction, count, ..Device::ideal(timing, damping, 5.0) };
@@ -499,19 +499,7 @@ proptest! {
 
 #[test]
 fn the_same_damper_and_inertia_from_differences_shake_the_wheel_hands_off() {
-    let spec = DeviceSpec {
-        period: 1e-3,
-        delay: 5e-4,
-        lag: 0.0,
-        inertia: 5e-3,
-        damping: 0.01,
-        friction: 0.0,
-        handle: None,
-        friction_backward: None,
-        stribeck: None,
-        stops: None,
-        torque: Default::default(),
-    };
+    let spec = DeviceSpec { delay: 5e-4, damping: 0.01, ..DeviceSpec::new(1e-3, 5e-3) };
     let damper = speeds(&spec, 2.0, |_, way| (-20.0 * way / 1e-3).clamp(-5.0, 5.0));
     // A limit cycle: the device alone would have less than 2 exp(-2 · 3) rad/s left.
     assert!(damper[1] > 0.2, "{damper:?}");

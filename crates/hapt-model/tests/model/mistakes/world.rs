@@ -274,7 +274,7 @@ fn couplings() {
         ),
         (
             "kind = \"integral\"\nbetween = [\"wheel\", \"ground\"]\nstiffness = 1",
-            "couplings.0.between: an integral term is between \"puck\" and \"ground\": at a body it has no step",
+            "couplings.0.between: an integral term acts between \"puck\" and \"ground\" only",
         ),
         (
             "kind = \"integral\"\nbetween = [\"puck\", \"ground\"]\nstiffness = 1\ntime = 0",
