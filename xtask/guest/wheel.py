@@ -228,6 +228,8 @@ def attached(hapt, *arguments):
     """hapt wheel, at full torque, and the device that the kernel shows."""
     run = subprocess.Popen([hapt, "wheel", *arguments], stdout=subprocess.PIPE, text=True)
     device = waited("wheel", lambda: wheel(run))
+    # Games read the steering as it is.
+    waited("axis without a filter", lambda: device.absinfo(ecodes.ABS_X).fuzz == 0)
     # Full torque is there a second after the start.
     time.sleep(1.5)
     return run, device

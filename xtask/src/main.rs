@@ -67,7 +67,8 @@ cargo xtask bench     speed beside plain C; --write into docs/performance.md; re
                       Python package beside the crates and other tools; scale [--short]: a sweep of 1e8 loops in shards; with
                       --write, into docs/python.md
 cargo xtask guest     drives and a link on a CAN bus, and a wheel on USB, in an emulated machine; with a line of shell, that
-                      link: the link alone; storm: 1000 changes of an effect a second for a minute; conform [CASE,...]: hapt wheel --conform on hapt's own
+                      link: the link alone; storm: 1000 changes of an effect a second for a minute; conform [CASE,...]: hapt wheel --conform on hapt's own;
+                      car: a car game on hapt wheel; --write: docs/wheel.md
 cargo xtask fuzz      [--seconds N] random bytes, on stable; --minutes N with libFuzzer; targets by their names, `commands` among them:
                       whole commands on random worlds
 cargo xtask python    the Python package: its tests, examples and types
@@ -96,6 +97,8 @@ fn main() -> Result<()> {
         ["guest", "storm"] => vm::storm(),
         ["guest", "games"] => vm::games(),
         ["guest", "conform", ref cases @ ..] => vm::conform(cases),
+        ["guest", "car", ref arguments @ ..] => wheel_games::drive::command(arguments),
+        ["guest", "drive", hapt] => wheel_games::drive::all(hapt),
         ["guest", ref line @ ..] => vm::run(&line.join(" ")),
         ["fuzz", ref arguments @ ..] => fuzz::run(arguments),
         ["memory", samples] => memory::command(samples),

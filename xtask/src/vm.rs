@@ -19,6 +19,8 @@ const TOOLS: [(&str, &str); 7] = [
 ];
 /// How long it may take, in s.
 const TIME: &str = "560";
+/// The same for the games of a car.
+const LONG: &str = "5400";
 
 /// The drives on a CAN bus, `crates/hapt-drive/tests/vcan/main.rs`, a link over one, `crates/hapt/tests/cli/station_can.rs`, and the wheel for games,
 /// `xtask/guest/wheel.py`.
@@ -62,6 +64,21 @@ pub fn games() -> Result<()> {
 /// `hapt wheel --conform` on hapt's own wheel; without names all of its cases.
 pub fn conform(cases: &[&str]) -> Result<()> {
     run(&wheel(&format!("conform {}", cases.join(" ")))?)
+}
+
+/// The table of `wheel_games::drive`, whose games run in the guest in even time.
+pub fn car() -> Result<String> {
+    let (own, hapt) = (std::env::current_exe()?, std::path::absolute(crate::programs::program("hapt")?.get_program())?);
+    let line = format!("cd /tmp && {} guest drive {} 2> /dev/ttyS0", own.display(), hapt.display());
+    let output = Command::new("xtask/guest/boot").args(["--even", "target/guest", LONG, &line]).output()?;
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    ensure!(
+        output.status.success(),
+        "the guest ends with {}: {text}{}",
+        output.status,
+        String::from_utf8_lossy(&output.stderr)
+    );
+    Ok(text)
 }
 
 /// The line that tries the wheel.

@@ -2,6 +2,7 @@
 //! on, with hapt's remedy and with those that are usual.
 
 mod car;
+pub mod drive;
 pub mod record;
 mod run;
 

@@ -68,7 +68,7 @@ pub fn run(args: &WheelArgs) -> Result<ExitCode, Failure> {
     let run = RunArgs {
         world: WorldArgs { path, sets },
         device: args.device.clone(),
-        scenario: None,
+        scenario: args.scenario.clone(),
         duration: args.duration.clone(),
         log: args.log.clone(),
         uncertified: false,

@@ -22,7 +22,7 @@ const FINE: usize = 6;
 const DRIVING: f64 = 10.0;
 
 /// Wheels by inertia in kg·m², damping in N·m·s/rad, friction in N·m, counts in a turn, largest torque in N·m.
-const WHEELS: [(&str, [f64; 5]); 3] = [
+pub const WHEELS: [(&str, [f64; 5]); 3] = [
     ("belt, 5 N m", [0.012, 0.03, 0.25, 16_384.0, 5.0]),
     ("direct drive, 8 N m", [0.012, 0.02, 0.05, 65_536.0, 8.0]),
     ("direct drive, 20 N m", [0.035, 0.04, 0.1, 4_194_304.0, 20.0]),

@@ -11,6 +11,8 @@ use std::time::{Duration, SystemTime};
 use input_linux::sys::{self, ff_effect, ff_effect_union};
 use input_linux::{AbsoluteAxis, AbsoluteInfo, EvdevHandle, ForceFeedbackKind};
 
+use rustix::ioctl::{Opcode, Setter, ioctl, opcode};
+
 use super::asked::{Asked, Condition, Envelope, Form, Law, Wave};
 use super::run::{ConformError, Wheel};
 
@@ -64,6 +66,31 @@ fn is_wheel(handle: &EvdevHandle<File>) -> bool {
     has_axis && handle.force_feedback_bits().is_ok_and(|bits| bits.get(ForceFeedbackKind::Constant))
 }
 
+/// Shows the steering of every wheel of this name as it is, without the filter and the dead zone that the kernel gives a joystick's axis before
+/// Linux 6.15: an axis is held back there by up to 1/512 of its range. Returns how many wheels there are.
+pub(crate) fn clear_smoothing(named: &str) -> io::Result<usize> {
+    let (all, _) = wheels()?;
+    let mut count = 0;
+    for wheel in all.iter().filter(|wheel| wheel.name == named) {
+        let handle = open(&wheel.path)?;
+        let axis = handle.absolute_info(AbsoluteAxis::X)?;
+        set_axis(&handle, &AbsoluteInfo { fuzz: 0, flat: 0, ..axis })?;
+        count += 1;
+    }
+    Ok(count)
+}
+
+/// EVIOCSABS of the steering. The crate's own call reads the axis in place of setting it (input-linux-sys 0.9.0).
+#[allow(unsafe_code)]
+fn set_axis(handle: &EvdevHandle<File>, axis: &AbsoluteInfo) -> io::Result<()> {
+    const OPCODE: Opcode = opcode::write::<sys::input_absinfo>(b'E', 0xC0 + sys::ABS_X as u8);
+    let info: &sys::input_absinfo = axis.into();
+    // SAFETY: the kernel's opcode for the axis X, which reads one `input_absinfo`, plain integers.
+    let set = unsafe { Setter::<OPCODE, sys::input_absinfo>::new(*info) };
+    // SAFETY: as above.
+    Ok(unsafe { ioctl(handle, set) }?)
+}
+
 fn name(handle: &EvdevHandle<File>) -> String {
     let bytes = handle.device_name().unwrap_or_default();
     String::from_utf8_lossy(&bytes).trim_end_matches('\0').to_string()
@@ -98,8 +125,7 @@ impl Evdev {
         if axis.maximum <= axis.minimum {
             return Err(ConformError::Device(format!("{}: its axis has no range", path.display())));
         }
-        // The kernel smooths the axes of joysticks by default.
-        handle.set_absolute_info(AbsoluteAxis::X, &AbsoluteInfo { fuzz: 0, ..axis }).map_err(failed)?;
+        set_axis(&handle, &AbsoluteInfo { fuzz: 0, ..axis }).map_err(failed)?;
         let name = name(&handle);
         let begin = SystemTime::now();
         let mut wheel = Evdev { handle, name, axis, begin, numbers: Vec::new(), at: 0.0, is_over: Box::new(is_over) };
@@ -173,7 +199,7 @@ impl Evdev {
 impl Drop for Evdev {
     fn drop(&mut self) {
         let _ = self.clear();
-        let _ = self.handle.set_absolute_info(AbsoluteAxis::X, &self.axis);
+        let _ = set_axis(&self.handle, &self.axis);
     }
 }
 

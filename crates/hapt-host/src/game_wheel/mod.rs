@@ -14,7 +14,7 @@ use std::os::unix::net::UnixStream;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use hapt_core::wheel::game_loop::{GameLoop, Rotor};
 use hapt_core::wheel::{Device, Refused, Shortfall, Timing, Wheel};
@@ -22,9 +22,12 @@ use hapt_model::World;
 use hapt_rt::{EffectsPort, EffectsWire, effects};
 use hapt_wire::pid::{Input, Scale};
 use hapt_wire::usb::WheelClass;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
 use usb_device::bus::UsbBusAllocator;
 use usb_device::device::UsbDeviceState;
 
+use crate::conform::evdev;
 use bus::{Bus, HEADER, Malformed, data_length};
 pub use game::{GameStatus, game_law, game_remedy, oddity};
 use view::PlayedEffects;
@@ -34,7 +37,11 @@ pub use view::{View, reason};
 pub const STEERING: RangeInclusive<f64> = std::f64::consts::TAU / 360.0..=100.0 * std::f64::consts::TAU;
 
 /// How long the thread waits for the host before it looks at the loop again.
-const LOOK: Duration = Duration::from_millis(1);
+const LOOK: Timespec = Timespec { tv_sec: 0, tv_nsec: 1_000_000 };
+/// The kernel's device of the wheel appears within this.
+const APPEARS: Duration = Duration::from_secs(20);
+/// The kernel's name of it: manufacturer and product.
+const NAME: &str = "hapt hapt wheel";
 /// The host takes its answers within this, or is gone.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(2);
 /// Packets that the device takes before the thread looks at the loop again.
@@ -250,7 +257,14 @@ impl GameWheel {
     pub fn attach(room: &Room) -> Result<(Self, EffectsPort), WheelError> {
         // Before the kernel has anything that would have to be taken away again.
         Wheel::<f32>::new(&room.device)?;
-        GameWheel::on(vhci::attach()?, room)
+        let wheel = GameWheel::on(vhci::attach()?, room)?;
+        let stop = Arc::clone(&wheel.0.stop);
+        // Not the wheel's own thread: the kernel asks it before it opens the device.
+        std::thread::Builder::new()
+            .name("axis".into())
+            .spawn(move || clear_smoothing(&stop))
+            .map_err(WheelError::Attach)?;
+        Ok(wheel)
     }
 
     /// The same with a host at the other end of this stream, which speaks USB/IP.
@@ -260,7 +274,6 @@ impl GameWheel {
     pub fn on(host: UnixStream, room: &Room) -> Result<(Self, EffectsPort), WheelError> {
         let (port, wire) = effects(Wheel::new(&room.device)?, room.scale());
         let port = port.watching(room.game_loop()?);
-        host.set_read_timeout(Some(LOOK)).map_err(WheelError::Attach)?;
         host.set_write_timeout(Some(ANSWER_TIMEOUT)).map_err(WheelError::Attach)?;
         let stop = Arc::new(AtomicBool::new(false));
         let status = WheelStatus { is_attached: true, scale: 1.0, ..WheelStatus::default() };
@@ -300,6 +313,17 @@ impl GameWheel {
 impl Drop for GameWheel {
     fn drop(&mut self) {
         self.end();
+    }
+}
+
+/// Games get the steering as it is, from where the kernel has made the device of it.
+fn clear_smoothing(stop: &AtomicBool) {
+    let begin = Instant::now();
+    while begin.elapsed() < APPEARS && !stop.load(Ordering::Relaxed) {
+        if matches!(evdev::clear_smoothing(NAME), Ok(1..)) {
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(50));
     }
 }
 
@@ -352,8 +376,15 @@ impl Worker<'_> {
         }
     }
 
-    /// Appends what has come; false where the host has closed the stream.
+    /// Waits for the host and appends what has come; false where the host has closed the stream.
     fn receive(&mut self, come: &mut Vec<u8>) -> bool {
+        // A socket's own timeout is counted in ticks of the kernel, 4 ms each on many systems: the game would read the steering as late.
+        let mut waiting = [PollFd::new(&self.host, PollFlags::IN)];
+        match poll(&mut waiting, Some(&LOOK)) {
+            Ok(0) | Err(Errno::INTR) => return true,
+            Ok(_) => {}
+            Err(_) => return false,
+        }
         let mut bytes = [0; 4096];
         match self.host.read(&mut bytes) {
             Ok(0) => false,
@@ -361,9 +392,7 @@ impl Worker<'_> {
                 come.extend_from_slice(&bytes[..length]);
                 true
             }
-            Err(error) => {
-                matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted)
-            }
+            Err(error) => error.kind() == io::ErrorKind::Interrupted,
         }
     }
 

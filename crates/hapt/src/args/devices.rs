@@ -227,12 +227,15 @@ pub struct WheelArgs {
     /// From one end of the steering to the other; the default world's stops are there.
     #[arg(long, value_name = "Q", allow_hyphen_values = true, default_value = "900 deg")]
     pub range: String,
-    /// The time at full torque; default: until Ctrl-C.
+    /// The time at full torque; default: the scenario's duration, or until Ctrl-C.
     #[arg(long, value_name = "Q", allow_hyphen_values = true)]
     pub duration: Option<String>,
     /// Write every sample into this log.
     #[arg(long, value_name = "FILE.mcap")]
     pub log: Option<PathBuf>,
+    /// The scenario of the simulated wheel's hand, started after the fade-in.
+    #[arg(long, value_name = "NAME", allow_hyphen_values = true, conflicts_with_all = ["page", "conform"])]
+    pub scenario: Option<String>,
     /// Only measure the loop that a game closes over the wheel: add no damping and hold nothing back.
     #[arg(long)]
     pub dry: bool,
