@@ -12,11 +12,11 @@ const WINDOW: f64 = 0.1;
 const BELIEF: [f64; 2] = [0.5, 0.05];
 /// A hand's torque is averaged over this, s.
 const GRASP: f64 = 0.05;
-/// What motor, damping and friction have exerted at most fades with this time constant, s.
+/// What inertia, damping and friction have taken at most fades with this time constant, s.
 const RECENT: f64 = 0.3;
-/// The part of that beyond which a torque is a hand's, and by how much more the hand has the wheel to itself. Of the free wheel's motion an error
-/// of the inertia is such a part of the torque.
-const HOLDS: [f64; 2] = [0.3, 0.1];
+/// The part of that beyond which a torque is a hand's, and by how much more the hand has the wheel to itself. The free wheel's motion leaves no more
+/// than this part to explain where the device's numbers are right to within it, whatever torque the motor gives.
+const HOLDS: [f64; 2] = [0.2, 0.1];
 /// Speeds below this, rad/s, are rest.
 const REST: f64 = 0.02;
 /// The part of the lacking damping, and of what motor and damping exchange with the wheel, that errors of the device may pass for.
@@ -52,11 +52,12 @@ pub(super) struct Works<F> {
     hand: F,
     size: F,
     square: F,
-    /// Averages of the hand's torque, of its size, and of the size of what motor, damping and friction leave of each other; and of those three
-    /// together the largest of late, N·m.
+    /// Averages of the hand's torque, of its size, of the size of what motor, damping and friction leave of each other, and of what accelerates the
+    /// wheel; and of what inertia, damping and friction take together the largest of late, N·m.
     torque: F,
     torque_size: F,
     moved_size: F,
+    inertial: F,
     largest: F,
     /// How much of a remedy the hand makes needless, of late: 0 to 1, and half as much more.
     share: F,
@@ -112,6 +113,7 @@ impl<F: Real> Hand<F> {
             torque: zero,
             torque_size: zero,
             moved_size: zero,
+            inertial: zero,
             largest: zero,
             share: zero,
         }
@@ -127,12 +129,14 @@ impl<F: Real> Hand<F> {
         works.other += self.fresh * (torque - self.damping * speed - dry - other);
         // Newton's law from the middle of one interval to that of the next: what the motor, damping and friction leave is the hand's. Every part is as smooth.
         let (mean, moved) = (F::HALF * (before + works.velocity), F::HALF * (other + works.other));
-        let hand = self.inertia * (works.velocity - before) / self.period - moved;
+        let inertial = self.inertia * (works.velocity - before) / self.period;
+        let hand = inertial - moved;
         works.torque += self.grasped * (hand - works.torque);
         works.torque_size += self.grasped * (hand.abs() - works.torque_size);
         works.moved_size += self.grasped * (moved.abs() - works.moved_size);
         works.largest -= works.largest * self.faded;
-        let others = torque.abs() + (self.damping * speed).abs() + dry.abs();
+        works.inertial += self.grasped * (inertial - works.inertial);
+        let others = works.inertial.abs() + (self.damping * mean).abs() + dry.abs();
         works.largest = if others > works.largest { others } else { works.largest };
         works.hand += self.averaged * (hand * mean - works.hand);
         works.size += self.averaged * ((moved * mean).abs() - works.size);
@@ -147,7 +151,7 @@ impl<F: Real> Hand<F> {
     }
 
     /// The part of a remedy against this lack of damping that a hand leaves to do: one that does as much work as the damping would, or that
-    /// holds a torque beside those of motor, damping and friction.
+    /// holds a torque that the motion does not need.
     pub fn leaves(&self, works: &mut Works<F>, lacking: F) -> F {
         let most = F::ONE + F::HALF;
         let works_alike = within((Self::resists(works) / lacking).finite_or_zero(), F::ZERO, most);
