@@ -74,9 +74,8 @@ fn reflect(device: &mut Device, motor: &Motor) {
     // A tolerance is that of the number beside which it stands, the puck's own.
     let add = |own: &mut f64, tolerance: &mut f64, more: f64| {
         let whole = *own + more;
-        if *tolerance != 0.0 {
-            *tolerance *= *own / whole;
-        }
+        // Nothing has no tolerance.
+        *tolerance *= if *own > 0.0 { *own / whole } else { 0.0 };
         *own = whole;
     };
     let Tolerances { inertia, damping, friction, friction_backward, lag: _ } = &mut device.tolerances;

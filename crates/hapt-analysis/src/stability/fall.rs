@@ -15,7 +15,7 @@ pub(crate) struct Fall {
     /// The growth of its motion there, in 1/s.
     pub growth_per_s: f64,
     /// The speed that it reaches from rest at most where the loop is passive, in rad/s (linear: m/s): all that the torque gives is then its own.
-    /// `None` where a constant torque of the world gives energy too.
+    /// `None` where the world has more than dampers: whatever else it has may give energy, too.
     pub speed: Option<f64>,
 }
 
@@ -43,7 +43,7 @@ pub(crate) fn fall(world: &World) -> Result<Option<Fall>, Error> {
         (true, false) => "gravity",
         (false, _) => "cogging",
     };
-    let is_driven = world.couplings.iter().any(|c| matches!(c.law, Law::Constant { torque } if torque != 0.0));
-    let speed = (!is_driven).then(|| (2.0 * torque.depth() / lightest).sqrt());
+    let damps = world.couplings.iter().all(|c| matches!(c.law, Law::Damper { .. }));
+    let speed = damps.then(|| (2.0 * torque.depth() / lightest).sqrt());
     Ok(growth.map(|growth_per_s| Fall { by, growth_per_s, speed }))
 }

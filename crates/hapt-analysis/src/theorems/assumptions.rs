@@ -164,9 +164,12 @@ fn limit(world: &World, timing: Timing, claimed: Option<f64>) -> Result<Option<S
         return Ok(Some(SATURATION.to_string()));
     }
     let bound = timing.of_laws(behind_filter(world, at_puck(world, &world.couplings)?))?;
-    // Without a finite required damping there is nothing to prove.
-    let falls_short = claimed.is_some_and(|b| b < bound * (1.0 - 1e-9));
-    Ok(falls_short.then(|| saturated_from(world, bound)))
+    Ok(match claimed {
+        Some(b) if b >= bound * (1.0 - 1e-9) => None,
+        Some(_) => Some(saturated_from(world, bound)),
+        // No damping makes it passive: what is claimed of it, eigenvalues tell, and they tell nothing at the limit.
+        None => Some(SATURATION.to_string()),
+    })
 }
 
 /// Stiffness and damping at the puck that bound the torque of laws behind `loop.filter`: their lag is a damping more (docs/theory.md, (T70)).

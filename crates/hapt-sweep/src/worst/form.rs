@@ -349,6 +349,10 @@ impl WorkMotion {
         let period = sampling.period;
         let is_even =
             sampling.delay_s() == sampling.delay_max_s() || self.steps.iter().all(|s| s.delay == sampling.delay_s());
+        // A command that arrives after the next sample is simulated at even samples only.
+        if sampling.delay_max_s() > period {
+            return Timing::Even;
+        }
         if is_even && self.steps.iter().all(|step| step.interval == period && Some(step) == first) {
             return Timing::Even;
         }
