@@ -1,5 +1,5 @@
 //! The simulated device, advanced period by period: the exact puck, the motor, and the hand that holds it. A simulation, a real-time
-//! thread or a page runs it with a loop.
+//! thread or the page runs it in closed loop with the control loop.
 
 mod hands;
 
@@ -51,15 +51,15 @@ struct InteractiveGrip {
 
 /// The kind of an event-free period, cached until the hand or the device changes.
 #[derive(Clone, Copy, Debug, Default)]
-enum Stage {
-    /// Not asked yet.
+enum PeriodKind {
+    /// Not determined yet.
     #[default]
     Unknown,
-    /// None of the others.
+    /// No special case applies: the general computation is necessary.
     Any,
-    /// The hand holds the puck where it is.
+    /// The hand prescribes a constant position.
     Rests,
-    /// The motor's torque and this one of the hand, in N·m (linear: N), are held from sample to sample, and no friction is there.
+    /// The motor's torque and this torque of the hand, in N·m (linear: N), are constant between samples, and the device has no friction.
     Pushed(f64),
 }
 
@@ -70,14 +70,14 @@ pub struct VirtualDevice {
     period: f64,
     device: Inertia,
     kind: Kind,
-    /// Where the puck's 0 is, by that of `kind`.
+    /// The position of the puck's 0 in the coordinate of `kind`.
     zero: f64,
-    /// The two as one.
+    /// `kind` with the puck's 0 at `zero`.
     own: Own,
     delay: f64,
     /// The time constant in s with which the motor's torque follows what it holds; 0: at once.
     lag: f64,
-    /// Whether the works of a puck without a shaft are kept.
+    /// Whether the ledger of works is kept for a puck without a shaft.
     works: bool,
     motor: Motor<f64>,
     /// The motor's torque less what it holds; it decays with the lag, and is 0 without one.
@@ -88,7 +88,7 @@ pub struct VirtualDevice {
     script: Script,
     mode: HandMode,
     #[cfg_attr(feature = "serde", serde(skip))]
-    stage: Stage,
+    period_kind: PeriodKind,
     /// The time of this sample on the hand's clock in s, origin + sample · T.
     now: f64,
     origin: f64,
@@ -97,7 +97,7 @@ pub struct VirtualDevice {
     next_event: f64,
     announced: bool,
     ledger: Ledger,
-    /// Seconds since this sample, where [`VirtualDevice::travel_to`] has gone on from it.
+    /// Seconds since this sample up to which [`VirtualDevice::travel_to`] has advanced.
     elapsed: f64,
 }
 
@@ -107,8 +107,8 @@ impl VirtualDevice {
         Self::with_works(spec, true)
     }
 
-    /// The same motion, to the bit, without the works of a puck that has no shaft: sooner made, and slower from sample to sample. For a caller
-    /// that lets it travel now and then ([`VirtualDevice::skip_to`]).
+    /// A device with bit-identical motion that keeps no ledger of works (unless it has a shaft): faster to construct, slower per sample. For a
+    /// caller that computes most samples itself ([`VirtualDevice::skip_to`]).
     pub fn without_works(spec: &DeviceSpec) -> Self {
         Self::with_works(spec, false)
     }
@@ -135,7 +135,7 @@ impl VirtualDevice {
             gap: 0.0,
             script: Script::default(),
             mode: HandMode::Free,
-            stage: Stage::Unknown,
+            period_kind: PeriodKind::Unknown,
             now: 0.0,
             origin: 0.0,
             sample: 0,
@@ -182,7 +182,7 @@ impl VirtualDevice {
         self.handle().map_or(self.puck.position, |handle| handle.0)
     }
 
-    /// The motor's torque now, in N·m (linear: N): what it holds, or, with a lag, how far it has come toward that.
+    /// The motor's torque now, in N·m (linear: N): the held command, or, with a lag, the filtered one.
     #[inline]
     pub fn applied(&self) -> f64 {
         if self.lag > 0.0 { self.lagging() } else { self.motor.applied }
@@ -236,7 +236,7 @@ impl VirtualDevice {
         if let Some(shaft) = &mut self.shaft {
             (shaft.deflection, shaft.velocity) = (0.0, 0.0);
         }
-        self.let_go();
+        self.release();
         self.motor.clear();
         self.gap = 0.0;
         (self.announced, self.ledger) = (false, Ledger::default());
@@ -247,7 +247,7 @@ impl VirtualDevice {
     /// Sets the loop's command, in N·m (linear: N).
     #[inline]
     pub fn command(&mut self, torque: f64) {
-        if self.motor.samples == 0 && matches!(self.stage, Stage::Rests | Stage::Pushed(_)) {
+        if self.motor.samples == 0 && matches!(self.period_kind, PeriodKind::Rests | PeriodKind::Pushed(_)) {
             self.motor.applied = torque;
             return;
         }
@@ -256,14 +256,14 @@ impl VirtualDevice {
         self.lag_behind(before);
     }
 
-    /// What the motor holds changes, as a command arrives.
+    /// A delayed command arrives: the motor holds it from now on.
     fn change(&mut self) {
         let before = self.motor.applied;
         self.motor.change();
         self.lag_behind(before);
     }
 
-    /// What the motor held before a change: with a lag its torque goes on from there.
+    /// Keeps the motor's torque continuous over a change of the held command when it lags; `before` is the previous command.
     #[inline]
     fn lag_behind(&mut self, before: f64) {
         if self.lag > 0.0 {
@@ -281,7 +281,7 @@ impl VirtualDevice {
         if key(self) == key(to) {
             return;
         }
-        self.stage = Stage::Unknown;
+        self.period_kind = PeriodKind::Unknown;
         if (self.period, self.delay) != (to.period, to.delay) {
             to.motor.follow(&self.motor);
             core::mem::swap(&mut self.motor, &mut to.motor);
@@ -309,7 +309,7 @@ impl VirtualDevice {
         match (&mut self.shaft, &to.shaft) {
             (Some(shaft), Some(new)) => shaft.handle = new.handle,
             (None, None) => {}
-            // A handle that is new moves with the puck, on an unloaded shaft.
+            // A newly added handle moves with the puck, on an unloaded shaft.
             (Some(_), None) | (None, Some(_)) => core::mem::swap(&mut self.shaft, &mut to.shaft),
         }
         if let Some(shaft) = &mut self.shaft {
@@ -324,7 +324,7 @@ impl VirtualDevice {
         }
     }
 
-    /// What depends on the puck's place, by its 0.
+    /// Recomputes what depends on the position of the puck's 0.
     fn place(&mut self) {
         self.own = self.kind.at(self.zero);
         self.puck.place(self.own);
@@ -337,8 +337,8 @@ impl VirtualDevice {
         (self.now, self.origin, self.sample) = (0.0, 0.0, 0);
     }
 
-    /// Goes on to sample number `sample`, at which the puck is at `puck`, with what the hand did until then. For a caller that moves the puck
-    /// by itself up to there.
+    /// Continues at sample number `sample` with the puck's position and velocity `puck`, after the hand's events until then. For a caller that
+    /// has computed the puck's motion up to there.
     pub fn skip_to(&mut self, sample: u64, puck: (f64, f64)) {
         let to = self.origin + sample as f64 * self.period;
         while self.next_event <= to {
@@ -379,22 +379,24 @@ impl VirtualDevice {
     pub fn travel(&mut self) {
         // t_k is k·T in one multiplication; an i64 becomes a number in one instruction.
         let to = self.origin + (self.sample + 1) as i64 as f64 * self.period;
-        match self.stage {
-            Stage::Pushed(push) if self.next_event > to => {
-                self.puck.advance_usual(self.motor.applied, push, &mut self.ledger);
+        match self.period_kind {
+            PeriodKind::Pushed(push) if self.next_event > to => {
+                self.puck.advance_free_period(self.motor.applied, push, &mut self.ledger);
             }
-            Stage::Rests if self.next_event > to && self.sample < self.script.last => {}
-            Stage::Unknown | Stage::Any | Stage::Rests | Stage::Pushed(_) => return self.travel_any(to),
+            PeriodKind::Rests if self.next_event > to && self.sample < self.script.last => {}
+            PeriodKind::Unknown | PeriodKind::Any | PeriodKind::Rests | PeriodKind::Pushed(_) => {
+                return self.travel_any(to);
+            }
         }
         self.sample += 1;
         self.now = to;
     }
 
-    /// The same with everything asked.
+    /// The general computation of a period; it determines the kind of period where that is unknown.
     #[inline(never)]
     fn travel_any(&mut self, to: f64) {
-        if let Stage::Unknown = self.stage {
-            self.stage = self.find_stage();
+        if let PeriodKind::Unknown = self.period_kind {
+            self.period_kind = self.find_period_kind();
         }
         let from = self.now;
         self.sample += 1;
@@ -407,27 +409,29 @@ impl VirtualDevice {
         }
         self.now = to;
         if self.sample > self.script.last && matches!(self.mode, HandMode::Script) {
-            self.let_go();
+            self.release();
         }
     }
 
-    /// What the next periods are, as long as nothing changes.
-    fn find_stage(&self) -> Stage {
+    /// The kind of the following periods, until the hand or the device changes.
+    fn find_period_kind(&self) -> PeriodKind {
         if self.shaft.is_some() || self.lag > 0.0 || self.motor.rest > 0.0 {
-            return Stage::Any;
+            return PeriodKind::Any;
         }
         let push = match (&self.mode, &self.script.hand) {
-            (HandMode::Script, Some(hand)) if hand.prescribed().is_some_and(Piece::is_flat) => return Stage::Rests,
-            (HandMode::Script | HandMode::Grip(_), _) => return Stage::Any,
+            (HandMode::Script, Some(hand)) if hand.prescribed().is_some_and(Piece::is_flat) => {
+                return PeriodKind::Rests;
+            }
+            (HandMode::Script | HandMode::Grip(_), _) => return PeriodKind::Any,
             (&HandMode::Torque(value), _) => value,
             (HandMode::Free, _) => 0.0,
         };
-        if self.puck.slides_as_usual() { Stage::Pushed(push) } else { Stage::Any }
+        if self.puck.slides_freely_each_period() { PeriodKind::Pushed(push) } else { PeriodKind::Any }
     }
 
     /// Advances from this sample to the next, at `to` s on the hand's clock, which comes after `interval` s. After `delay` s, above 0 and
-    /// no more than the interval, the motor holds `command`; with a delay of 0 it holds what it was commanded already. For samples at any times, on a device that is made without a delay; its scenario ends
-    /// with the caller.
+    /// no more than the interval, the motor holds `command`; with a delay of 0 it keeps the command that it has. For samples at arbitrary
+    /// times, on a device that is made without a delay; the caller ends its scenario.
     pub fn travel_uneven(&mut self, interval: f64, to: f64, delay: f64, command: f64) {
         self.announced = false;
         let inside = (delay > 0.0 && delay < interval).then_some((delay, Some(command)));
@@ -494,7 +498,7 @@ impl VirtualDevice {
                     let (end, phase) = (piece.at(to), hand.phase(from));
                     return self.move_shaft(length, phase, Some(end));
                 }
-                // It has arrived.
+                // The target is reached.
                 Some(piece) if piece.is_flat() => return,
                 Some(piece) => {
                     let square = piece.travel(from, to).0;
@@ -528,8 +532,8 @@ impl VirtualDevice {
         }
     }
 
-    /// Moves the puck with the hand; the hand's work is the remainder of the energy balance. `lagging` is the work of what the motor's
-    /// torque is beyond the held one, `own` what friction and stops take.
+    /// Moves the puck with the hand; the hand's work closes the energy balance. `lagging` is the work of the motor's torque in excess of the held
+    /// command, `own` the work that friction and stops take.
     fn prescribe(&mut self, (position, velocity): (f64, f64), lagging: f64, damping: f64, own: f64) {
         let motor = self.motor.applied * (position - self.puck.position) + lagging;
         let before = self.puck.velocity;

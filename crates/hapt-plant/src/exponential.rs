@@ -26,7 +26,7 @@ pub(crate) fn halved(rate: f64, dt: f64) -> (f64, u32) {
     (h, halvings)
 }
 
-/// A quadratic form's lower triangle added to its upper.
+/// A quadratic form with its lower triangle added to its upper one.
 pub(crate) fn folded<const M: usize>(form: &Square<M>) -> Square<M> {
     let mut out = [[0.0; M]; M];
     for i in 0..M {
@@ -63,7 +63,7 @@ pub(crate) fn applied<const M: usize>(change: &Square<M>, y: &[f64; M]) -> [f64;
 pub(crate) fn product<const M: usize>(a: &Square<M>, b: &Square<M>) -> Square<M> {
     let mut out = [[0.0; M]; M];
     for (out, a) in out.iter_mut().zip(a) {
-        // A generator is mostly zeros.
+        // Most entries of a generator are zero.
         for (a, b) in a.iter().zip(b).filter(|(a, _)| **a != 0.0) {
             for (out, b) in out.iter_mut().zip(b) {
                 *out += a * b;

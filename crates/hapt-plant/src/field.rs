@@ -23,8 +23,8 @@ const WAVES: usize = 1 + HARMONICS;
 const TERMS: usize = 19;
 /// Radians of the fastest rate in a step at most.
 const STEP: f64 = 0.5;
-/// A puck that passes more radians of a wave in one stretch feels its mean, which is 0.
-const MOST_WAVES: f64 = 1e4;
+/// The largest phase, in rad, that the puck may pass of a wave in one stretch; beyond it the wave counts by its mean, which is 0.
+const MAX_WAVE_RAD: f64 = 1e4;
 
 /// a sin rx + b cos rx
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -55,7 +55,7 @@ impl Wave {
 }
 
 impl Field {
-    /// The device's, where the puck's 0 is `origin` by the device's; `None` where there are no such torques.
+    /// The field of a device whose coordinate is `origin` at the puck's 0; `None` without such torques.
     pub fn new(torque: &DeviceTorque, origin: f64) -> Option<Self> {
         let mut waves = [Wave::default(); WAVES];
         if let Some(gravity) = &torque.gravity {
@@ -71,12 +71,12 @@ impl Field {
         waves.iter().any(|wave| wave.size() > 0.0).then_some(Field { waves })
     }
 
-    /// Those that are not 0.
+    /// The waves that are not 0.
     fn waves(&self) -> impl Iterator<Item = &Wave> {
         self.waves.iter().filter(|wave| wave.sine != 0.0 || wave.cosine != 0.0)
     }
 
-    /// On the puck at x.
+    /// The torque on the puck at x.
     pub fn torque(&self, x: f64) -> f64 {
         let of = |wave: &Wave| {
             let (s, c) = libm::sincos(wave.rate * x);
@@ -85,7 +85,7 @@ impl Field {
         self.waves().map(of).sum()
     }
 
-    /// What it does on a puck that goes from `from` to `to`.
+    /// The work that it does on a puck that moves from `from` to `to`.
     pub fn work(&self, from: f64, to: f64) -> f64 {
         let of = |wave: &Wave| {
             let way = 0.5 * wave.rate * (to - from);
@@ -102,10 +102,10 @@ impl Field {
         libm::sqrt(stiffness / mass) + fastest * velocity.abs()
     }
 
-    /// What a puck of this velocity feels of it in `dt` s: waves that it passes by the thousand have a mean of 0.
+    /// The field without the waves of which a puck of this velocity passes more than [`MAX_WAVE_RAD`] in `dt` s: their mean is 0.
     pub fn felt(&self, velocity: f64, dt: f64) -> Field {
-        // A velocity that is no number feels none.
-        let is_felt = |wave: &Wave| wave.rate * velocity.abs() * dt <= MOST_WAVES;
+        // A NaN velocity removes every wave.
+        let is_felt = |wave: &Wave| wave.rate * velocity.abs() * dt <= MAX_WAVE_RAD;
         Field { waves: self.waves.map(|wave| if is_felt(&wave) { wave } else { Wave::default() }) }
     }
 }

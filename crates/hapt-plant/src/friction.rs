@@ -1,14 +1,14 @@
-//! Coulomb friction on the puck: which way it slides, and when it stops and starts.
+//! Coulomb friction on the puck: the direction of sliding, and the instants of stops and starts.
 
 use hapt_core::Number;
 
-use crate::plant::{COS, F, GAP, Motion, Plant, RAMP, SIN, V, X};
+use crate::plant::{COS, F, GAP, Plant, RAMP, SIN, State, V, X};
 use crate::push::Inertia;
 use crate::root::{root, root_between};
 
-/// More stops and starts than this within one stretch is chatter at the edge of friction: a puck that a hand swings as far as files allow turns
-/// two thousand times.
-pub(crate) const MOST_EVENTS: usize = 10_000;
+/// The largest number of stops and starts within one stretch; more of them are chatter at the edge of friction. A puck swung at the limits that
+/// world files allow turns two thousand times.
+pub(crate) const MAX_EVENTS: usize = 10_000;
 
 /// Rounding of a sum of torques and of what an exponential makes of them, in parts of their sizes.
 pub(crate) const ROUNDING: f64 = 256.0 * f64::EPSILON;
@@ -28,7 +28,7 @@ impl Levels {
         self.forward == 0.0 && self.backward == 0.0
     }
 
-    /// The torque that takes from the net one while the puck slides in `direction`: against it, and 0 without a direction.
+    /// The torque that friction subtracts from the net torque while the puck slides in `direction`; 0 for direction 0.
     pub fn against(&self, direction: f64) -> f64 {
         if direction < 0.0 { self.backward * direction } else { self.forward * direction }
     }
@@ -38,7 +38,7 @@ impl Levels {
         if direction < 0.0 { self.backward } else { self.forward }
     }
 
-    /// What is dissipated on a path of which `travel` remains at its end.
+    /// The energy that is dissipated on a path of this length whose end is `travel` from its start.
     pub fn lost(&self, path: f64, travel: f64) -> f64 {
         if self.forward == self.backward {
             return self.forward * path;
@@ -64,8 +64,8 @@ pub fn sliding_direction<N: Number>(velocity: N, net: N, [forward, backward]: [N
     velocity.if_above(N::ZERO, N::ONE, N::ZERO.if_above(velocity, -N::ONE, start))
 }
 
-/// The most net torque that holds the puck at rest: friction, and what rounding can leave of the torques that balance there.
-/// Without that margin, rounding alone would start and stop the slip in an endless sequence.
+/// The largest net torque under which the puck stays at rest: friction, plus the rounding error of the torques that balance there.
+/// Without that margin rounding would start and stop the slip in an endless sequence.
 #[inline(always)]
 fn hold<N: Number>(friction: N, torques: N) -> N {
     friction + N::from_f64(ROUNDING) * (friction + torques)
@@ -101,14 +101,14 @@ impl Friction<'_> {
     /// many seconds on, and `slide` gives position and velocity after so many seconds against friction in a direction.
     pub fn advance(
         &self,
-        mut y: Motion,
+        mut y: State,
         dt: f64,
-        after: impl Fn(&Motion, f64) -> Motion,
-        mut slide: impl FnMut(&Motion, f64, f64) -> [f64; 2],
+        after: impl Fn(&State, f64) -> State,
+        mut slide: impl FnMut(&State, f64, f64) -> [f64; 2],
     ) -> [f64; 2] {
         let mut left = dt;
         // Each pass ends in a stop or a start; more of them than this in one period is rest.
-        for _ in 0..MOST_EVENTS {
+        for _ in 0..MAX_EVENTS {
             if left <= 0.0 {
                 break;
             }
@@ -119,7 +119,7 @@ impl Friction<'_> {
                 let stop = self.first_stop(&y, left, direction, &after);
                 let taken = stop.unwrap_or(left);
                 [y[X], y[V]] = slide(&y, taken, direction);
-                // Rounding alone turns no slide around.
+                // A velocity against the slide's direction is rounding: a slide ends at velocity 0.
                 if stop.is_some() || direction * y[V] < 0.0 {
                     y[V] = 0.0;
                 }
@@ -132,33 +132,33 @@ impl Friction<'_> {
     }
 
     /// The motor's lag in s where it has not settled, else 0.
-    fn lag(&self, y: &Motion) -> f64 {
+    fn lag(&self, y: &State) -> f64 {
         if y[GAP] != 0.0 { 1.0 / self.plant.decay } else { 0.0 }
     }
 
-    pub fn direction(&self, y: &Motion) -> f64 {
+    pub fn direction(&self, y: &State) -> f64 {
         sliding_direction(y[V], self.net(y), [self.levels.forward, self.levels.backward], self.torques(y))
     }
 
     /// Motor, hand and the hand's spring; friction aside, at rest.
-    fn net(&self, y: &Motion) -> f64 {
+    fn net(&self, y: &State) -> f64 {
         self.plant.drive(y) - self.plant.stiffness * y[X]
     }
 
     /// The sizes of these torques.
-    fn torques(&self, y: &Motion) -> f64 {
+    fn torques(&self, y: &State) -> f64 {
         let Plant { stiffness, sine, cosine, .. } = *self.plant;
         y[F].abs() + (sine * y[SIN]).abs() + (cosine * y[COS]).abs() + (stiffness * y[X]).abs() + y[GAP].abs()
     }
 
     /// The derivative of the net torque at rest.
-    fn net_slope(&self, y: &Motion) -> f64 {
+    fn net_slope(&self, y: &State) -> f64 {
         let Plant { sine, cosine, omega, decay, .. } = *self.plant;
         y[RAMP] + omega * (sine * y[COS] - cosine * y[SIN]) - decay * y[GAP]
     }
 
     /// The first instant in (0, dt] at which a slide in `direction` comes to rest.
-    fn first_stop(&self, y: &Motion, dt: f64, direction: f64, after: impl Fn(&Motion, f64) -> Motion) -> Option<f64> {
+    fn first_stop(&self, y: &State, dt: f64, direction: f64, after: impl Fn(&State, f64) -> State) -> Option<f64> {
         let mut sliding = *y;
         sliding[F] -= self.levels.against(direction);
         if self.plant.slides_freely(y) {
@@ -171,13 +171,13 @@ impl Friction<'_> {
         let wide = Slices::new(self.plant, dt, self.lag(y));
         let slices = wide.settling(self.plant.mass / self.plant.damping);
         let first = first_crossing(&slices, course)?;
-        // Slices that are finer find the same instant with other last bits, unless the wider ones have missed it. Those of the wider ones count.
+        // Finer slices find the same instant with other last bits; the wider slices' result is used unless they have missed it.
         let again = if slices == wide { None } else { first_crossing(&wide, course) };
         Some(first.root(again, |t| course(t).0))
     }
 
     /// The first instant in (0, dt] at which the net torque on the puck at rest exceeds friction.
-    pub fn first_slip(&self, y: &Motion, dt: f64) -> Option<f64> {
+    pub fn first_slip(&self, y: &State, dt: f64) -> Option<f64> {
         // A torque that is held, and is not above friction now, never is.
         if self.plant.slides_freely(y) {
             return None;
@@ -197,8 +197,8 @@ impl Friction<'_> {
     }
 }
 
-/// The drives alone move on while the puck rests.
-pub(crate) fn drives_after(plant: &Plant, y: &Motion, dt: f64) -> Motion {
+/// The state after `dt` with the puck at rest: only the drives change.
+pub(crate) fn drives_after(plant: &Plant, y: &State, dt: f64) -> State {
     let mut out = *y;
     out[F] += y[RAMP] * dt;
     if plant.omega != 0.0 {
@@ -279,7 +279,7 @@ fn first_crossing(slices: &Slices, g: impl Fn(f64) -> (f64, f64)) -> Option<Cros
             let end = if positive == to { value } else { g(positive).0 };
             return Some(Crossing { before: (from, from_value), after: (positive, end) });
         }
-        // The negation ends the search at a number that is none, too.
+        // Negated, so that a NaN also ends the search.
         if !(to < slices.dt && to > from) {
             break;
         }
@@ -319,7 +319,7 @@ mod tests {
             inertia in 1e-5_f64..1e-2, damping in 0.0_f64..1e-2, friction in 1e-3_f64..0.1, velocity in -10.0_f64..10.0, part in -3.0_f64..3.0,
         ) {
             let (device, torque) = ((inertia, damping, [friction; 2]), part * friction);
-            // Longer than any stop by friction alone takes.
+            // Longer than friction takes to stop the puck.
             let (period, away) = (velocity.abs() * inertia / friction, -velocity.signum());
             let (position, end) = slide_under(device, (0.0, velocity), torque, 1e3 * period);
             if part.abs() <= 1.0 {

@@ -85,12 +85,12 @@ impl Hand {
         Hand { piece: trajectory.first(), trajectory, kind, release: hand.release.map(|t| snap(t, period)), switch }
     }
 
-    /// Whether what it intends changes in jumps alone.
+    /// Whether its intended value changes only in jumps.
     pub fn is_steady(&self) -> bool {
         self.trajectory.is_steady()
     }
 
-    /// Whether what it intends stays as it is until the next event.
+    /// Whether its intended value is constant until the next event.
     pub fn rests(&self) -> bool {
         self.piece.is_flat()
     }
@@ -142,7 +142,7 @@ impl Hand {
         }
     }
 
-    /// Of a prescribed motion from t on: σ and κ of a sine. Nothing pushes.
+    /// The phase of a prescribed motion from t on, as σ and κ of a sine, without a push.
     pub(crate) fn phase(&self, t: f64) -> Push {
         Push { value: 0.0, slope: 0.0, ..self.plain_push(t) }
     }

@@ -10,7 +10,7 @@ use crate::spec::{DeviceSpec, DeviceTorque, Stops, Stribeck};
 use crate::stop::{Line, Stop, Touch};
 use crate::trajectory::Piece;
 
-/// As the device has it, wherever the puck's 0 is.
+/// In the device's coordinate, which does not depend on the puck's 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Kind {
@@ -21,7 +21,7 @@ pub(crate) struct Kind {
     stops: Option<Stops>,
 }
 
-/// By the puck's 0.
+/// In the puck's coordinate.
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Own {
@@ -46,7 +46,7 @@ pub(crate) struct Regime {
     events: [Option<Event>; 6],
 }
 
-/// It comes where the line becomes positive.
+/// An event occurs where the line becomes positive.
 #[derive(Clone, Copy)]
 struct Event {
     at: Line,
@@ -61,7 +61,7 @@ impl Kind {
         Kind { friction, stribeck: stribeck.filter(|stribeck| stribeck.torque > 0.0), torque, stops }
     }
 
-    /// Where the puck's 0 is `origin` by the device's.
+    /// The same in the puck's coordinate, whose 0 is `origin` in the device's.
     pub fn at(&self, origin: f64) -> Own {
         let stops = self.stops.map_or([None; 2], |stops| Stop::both(&stops, origin));
         Own { friction: self.friction, stribeck: self.stribeck, field: Field::new(&self.torque, origin), stops }
@@ -107,7 +107,7 @@ impl Own {
         self.stops.iter().flatten().map(|stop| stop.stored(x)).sum()
     }
 
-    /// Books the works of a motion that a hand prescribes; returns what the hand gives for them, in J.
+    /// Adds the works of a prescribed motion to the ledger; returns the energy that the hand supplies for them, in J.
     pub fn prescribe(&self, motion: &Piece, from: f64, to: f64, ledger: &mut Ledger) -> f64 {
         let (_, path) = motion.travel(from, to);
         let (start, end) = (motion.at(from).0, motion.at(to).0);
@@ -191,7 +191,7 @@ impl Regime {
         self.events.iter().flatten().filter_map(at).reduce(|first, next| if next.0 < first.0 { next } else { first })
     }
 
-    /// Books what is lost from x to `end` beside friction's constant torque, where the integral of v² is `speed`.
+    /// Adds the losses from x to `end` to the ledger, except those of friction's constant torque. `speed` is the integral of v².
     pub fn account(&self, [x, end]: [f64; 2], speed: f64, ledger: &mut Ledger) {
         ledger.friction -= self.falls * speed;
         match self.stop {

@@ -5,9 +5,9 @@
 //! ḟ = f',   σ̇ = ω κ,   κ̇ = -ω σ,   ḋ = -decay d
 //! ```
 //!
-//! The torques are states too, so that one matrix exponential covers a held torque, a ramp (f'), a sine (σ, κ), and what a motor that lags
-//! still lacks of its command (d), also where rates coincide. The works are integrals of products of these states, and exact in the same
-//! way.
+//! The torques are states too, so that one matrix exponential covers a held torque, a ramp (f'), a sine (σ, κ), and the difference between a
+//! lagging motor's torque and its command (d), also where rates coincide. The works are integrals of products of these states, and exact in
+//! the same way.
 //!
 //! The states are in the order in which they are needed, so that the first few suffice in simple cases: v and f for a free puck
 //! under a held torque, x for a spring, f' for a ramp, σ and κ for a sine, d for a lag.
@@ -19,7 +19,7 @@ use crate::push::{Grasp, Inertia, NO_SINE, Sine};
 /// How many states there are.
 pub(crate) const STATES: usize = 7;
 /// v, f, x, f', σ, κ, d.
-pub(crate) type Motion = [f64; STATES];
+pub(crate) type State = [f64; STATES];
 /// Their indices.
 pub(crate) const V: usize = 0;
 pub(crate) const F: usize = 1;
@@ -96,7 +96,7 @@ pub(crate) struct Propagator {
     /// ∫ (drive - f) v dt, where drive = f + sine σ + cosine κ, and f is that at the start; as well.
     varying: Matrix,
     /// ∫ d v dt for d = 1 at the start, on the motion at the start.
-    lagging: Motion,
+    lagging: State,
     /// Whether x, and whether σ and κ, occur.
     spring: bool,
     sine: bool,
@@ -132,7 +132,7 @@ impl Plant {
         }
     }
 
-    /// A puck that nobody holds.
+    /// A puck without a hand.
     pub fn free(device: Inertia) -> Self {
         Plant::new(device, None, NO_SINE, 0.0)
     }
@@ -160,29 +160,29 @@ impl Plant {
         self.rate_without_lag().max(self.decay)
     }
 
-    /// The highest frequency of oscillation, in rad/s; damping alone only decays.
+    /// The highest frequency of oscillation, in rad/s; damping decays without oscillation.
     pub fn swing(&self) -> f64 {
         libm::sqrt(self.stiffness / self.mass).max(self.omega)
     }
 
     /// Motor and hand in N·m (linear: N): everything but the puck's own spring and damper.
-    pub fn drive(&self, y: &Motion) -> f64 {
+    pub fn drive(&self, y: &State) -> f64 {
         y[F] + self.sine * y[SIN] + self.cosine * y[COS] + y[GAP]
     }
 
     /// v̇
-    pub fn acceleration(&self, y: &Motion) -> f64 {
+    pub fn acceleration(&self, y: &State) -> f64 {
         (self.drive(y) - self.stiffness * y[X] - self.damping * y[V]) / self.mass
     }
 
     /// The motion after `dt`, for predictions; [`Propagator`] advances.
-    pub fn after(&self, y: &Motion, dt: f64) -> Motion {
+    pub fn after(&self, y: &State, dt: f64) -> State {
         let (lags, ramps) = (y[GAP] != 0.0, y[RAMP] != 0.0);
         for_occurring!(lags, self.has_sine(), ramps, OCCURRING => self.after_of(OCCURRING, y, dt))
     }
 
     /// Position and velocity after `dt`: the end of [`Propagator::stretch`], to the bit, without the works.
-    pub fn end(&self, y: &Motion, dt: f64) -> [f64; 2] {
+    pub fn end(&self, y: &State, dt: f64) -> [f64; 2] {
         if self.slides_freely(y) {
             let [x, v] = self.free_change(dt).map(|row| row[0] * y[V] + row[1] * y[F]);
             return [y[X] + x, y[V] + v];
@@ -198,13 +198,13 @@ impl Plant {
         })
     }
 
-    /// Whether its velocity depends on velocity and held torque alone.
-    pub fn slides_freely(&self, y: &Motion) -> bool {
+    /// Whether its velocity depends only on velocity and held torque.
+    pub fn slides_freely(&self, y: &State) -> bool {
         self.stiffness == 0.0 && !self.has_sine() && y[RAMP] == 0.0 && y[GAP] == 0.0
     }
 
-    /// What velocity and held torque do to position and to velocity over `dt`, where nothing else does: of [`Plant::change`] these four numbers,
-    /// to the bit.
+    /// The effect of velocity and held torque on position and velocity over `dt`, without a spring, a ramp, a sine or a lag: the corresponding four
+    /// entries of [`Plant::change`], bit-identical.
     pub fn free_change(&self, dt: f64) -> [[f64; 2]; 2] {
         let (by_velocity, by_torque) = (-self.damping / self.mass, 1.0 / self.mass);
         let (h, halvings) = halved(self.rate(), dt);
@@ -234,7 +234,7 @@ impl Plant {
         (time > 0.0).then(|| if r > 0.0 { straight * (libm::log1p(r) / r) } else { straight })
     }
 
-    fn after_of<const N: usize>(&self, states: [usize; N], y: &Motion, dt: f64) -> Motion {
+    fn after_of<const N: usize>(&self, states: [usize; N], y: &State, dt: f64) -> State {
         let mut out = *y;
         for (state, x) in states.into_iter().zip(applied(&self.change(states, dt), &states.map(|state| y[state]))) {
             out[state] = x;
@@ -246,7 +246,7 @@ impl Plant {
         self.sine != 0.0 || self.cosine != 0.0
     }
 
-    /// exp(N dt) - I of these states. The bits are those of all states: the others only add zeros.
+    /// exp(N dt) - I of these states, bit-identical to the one of all states: the others only add zeros.
     fn change<const N: usize>(&self, states: [usize; N], dt: f64) -> Square<N> {
         let (n, h, halvings) = self.start(states, dt);
         let mut change = series(&n, h);
@@ -265,7 +265,7 @@ impl Plant {
 }
 
 /// x and v after `dt` s less those before, on the states v, torque, x, the torque's slope, σ and κ of a sine: of a puck of `inertia` and
-/// `damping` that nobody holds, or that a hand holds by a torque or a grip. In SI.
+/// `damping` without a hand, or with a hand that pushes or grips. In SI.
 pub fn change_under(inertia: f64, damping: f64, hand: Option<&Hand>, dt: f64) -> [[f64; 6]; 2] {
     let (grasp, sine) = hand.map_or((Grasp::Free, NO_SINE), Hand::grasp);
     let grip = match grasp {
@@ -289,7 +289,7 @@ impl Propagator {
     }
 
     /// One that suffices for the motion from `y` on, with the bits of one of all states.
-    pub fn for_motion(plant: &Plant, y: &Motion, dt: f64) -> Self {
+    pub fn for_motion(plant: &Plant, y: &State, dt: f64) -> Self {
         let (lags, ramps) = (y[GAP] != 0.0, y[RAMP] != 0.0);
         for_occurring!(lags, plant.has_sine(), ramps, OCCURRING => Self::of(OCCURRING, plant, dt))
     }
@@ -328,7 +328,7 @@ impl Propagator {
         }
         let mut change = series(&n, h);
         for _ in 0..halvings {
-            // The second half starts where the first has ended: G(2h) = G + ΦᵀGΦ.
+            // The second half starts at the end of the first: G(2h) = G + ΦᵀGΦ.
             let forms = [&mut speed, &mut drive];
             for form in forms.into_iter().take(if varies { 2 } else { 1 }) {
                 let later = congruent(&change, form);
@@ -370,12 +370,12 @@ impl Propagator {
     }
 
     /// The motion at the end, from `y` on.
-    pub fn after(&self, y: &Motion) -> Motion {
+    pub fn after(&self, y: &State) -> State {
         applied(&self.change, y)
     }
 
     /// The stretch from `y` on.
-    pub fn stretch(&self, y: Motion) -> Stretch {
+    pub fn stretch(&self, y: State) -> Stretch {
         if self.sine || y[RAMP] != 0.0 || y[GAP] != 0.0 { self.varying_stretch(y) } else { self.held_stretch(&y) }
     }
 
@@ -392,18 +392,18 @@ impl Propagator {
 
     /// The same for a torque that is held, without a spring.
     #[inline(always)] // As `held_stretch`.
-    pub fn free_stretch(&self, y: &Motion) -> Stretch {
+    pub fn free_stretch(&self, y: &State) -> Stretch {
         self.of_states::<2>(y)
     }
 
     /// The same for a torque that is held.
     #[inline(always)] // So that the few states never leave the registers.
-    pub fn held_stretch(&self, y: &Motion) -> Stretch {
+    pub fn held_stretch(&self, y: &State) -> Stretch {
         if self.spring { self.of_states::<3>(y) } else { self.free_stretch(y) }
     }
 
     /// The same for a torque that is not held.
-    fn varying_stretch(&self, y: Motion) -> Stretch {
+    fn varying_stretch(&self, y: State) -> Stretch {
         match (y[GAP] != 0.0, self.sine) {
             (true, _) => self.of_states::<STATES>(&y),
             (false, true) => self.of_states::<6>(&y),
@@ -413,8 +413,8 @@ impl Propagator {
 
     /// The same, when only the first N states occur.
     #[inline(always)]
-    fn of_states<const N: usize>(&self, y: &Motion) -> Stretch {
-        let row = |row: &Motion| (0..N).map(|j| row[j] * y[j]).sum::<f64>();
+    fn of_states<const N: usize>(&self, y: &State) -> Stretch {
+        let row = |row: &State| (0..N).map(|j| row[j] * y[j]).sum::<f64>();
         let form = |form: &Matrix| (0..N).map(|i| y[i] * (i..N).map(|j| form[i][j] * y[j]).sum::<f64>()).sum();
         let travel = row(&self.change[X]);
         Stretch {
@@ -460,8 +460,8 @@ mod tests {
             let end = Propagator::of(ALL, &free, dt).stretch(y).end;
             prop_assert_eq!(free.end(&y, dt), end);
             let (few, all) = (plant.after(&y, dt), plant.after_of(ALL, &y, dt));
-            let usual = Propagator::new(&plant, dt).after(&y);
-            prop_assert_eq!((few[V], few[X], usual[V], usual[X]), (all[V], all[X], all[V], all[X]));
+            let own = Propagator::new(&plant, dt).after(&y);
+            prop_assert_eq!((few[V], few[X], own[V], own[X]), (all[V], all[X], all[V], all[X]));
         }
     }
 }

@@ -1,10 +1,10 @@
-//! The puck alone: pushed by motor and hand, held by Coulomb friction ([`crate::friction`]).
+//! The puck without a shaft: pushed by motor and hand, held by Coulomb friction ([`crate::friction`]).
 
 use crate::field::Fielded;
-use crate::friction::{Friction, MOST_EVENTS, drives_after};
+use crate::friction::{Friction, MAX_EVENTS, drives_after};
 use crate::ledger::Ledger;
 use crate::own::Own;
-use crate::plant::{F, GAP, Motion, Plant, Propagator, Stretch, V, X};
+use crate::plant::{F, GAP, Plant, Propagator, State, Stretch, V, X};
 use crate::push::{Inertia, NO_SINE, Push, Sine};
 
 /// The physical puck and, while it is held, the hand's inertia, damping and stiffness on it.
@@ -18,49 +18,49 @@ pub(crate) struct Puck {
     own: Own,
     /// The rate in 1/s at which the motor approaches its command; 0: at once.
     decay: f64,
-    /// `None`: the motion alone, without its works.
+    /// `None`: works are not computed.
     lengths: Option<Lengths>,
-    now: Held,
-    /// Of a hand that alternately opens and closes: whether it is open.
-    other: Option<Held>,
+    now: Dynamics,
+    /// For a hand that alternately opens and closes: the dynamics of its other position, open or closed.
+    other: Option<Dynamics>,
 }
 
-/// The puck, with the inertia, damping and stiffness of a grip where there is one.
+/// The equation of the puck, with the inertia, damping and stiffness of a grip where there is one.
 #[derive(Clone, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Held {
+struct Dynamics {
     /// The hand's share of the plant, where it grips.
     grip: Option<Inertia>,
     plant: Plant,
-    /// The propagators of the recurring time steps: a period (twice), or its parts around a delay. `None`: the motion alone, without its works,
-    /// and no time step recurs.
-    usual: Option<[(f64, Propagator); 2]>,
+    /// The propagators of the recurring time steps: a period (twice), or its parts before and after the motor's delay. `None`: works are not
+    /// computed, and no propagator is kept.
+    recurring: Option<[(f64, Propagator); 2]>,
 }
 
 /// The recurring time steps, in s; equal where there is one.
 pub(crate) type Lengths = [f64; 2];
 
-impl Held {
+impl Dynamics {
     fn new(device: Inertia, grip: Option<Inertia>, sine: Sine, decay: f64, lengths: Option<Lengths>) -> Self {
         let plant = Plant::new(device, grip, sine, decay);
-        let usual = lengths.map(|[first, second]| {
+        let recurring = lengths.map(|[first, second]| {
             let long = Propagator::new(&plant, first);
             let short = if second == first { long.clone() } else { Propagator::new(&plant, second) };
             [(first, long), (second, short)]
         });
-        Held { grip, plant, usual }
+        Dynamics { grip, plant, recurring }
     }
 
     /// The propagator of a recurring time step.
     #[inline(always)] // As `slide`.
-    fn usual(&self, dt: f64) -> Option<&Propagator> {
-        let usual = self.usual.as_ref()?;
-        usual.iter().find(|(length, _)| *length == dt).map(|(_, propagator)| propagator)
+    fn recurring(&self, dt: f64) -> Option<&Propagator> {
+        let recurring = self.recurring.as_ref()?;
+        recurring.iter().find(|(length, _)| *length == dt).map(|(_, propagator)| propagator)
     }
 
     /// The motion after `dt`, for predictions.
-    fn after(&self, y: &Motion, dt: f64) -> Motion {
-        match self.usual(dt) {
+    fn after(&self, y: &State, dt: f64) -> State {
+        match self.recurring(dt) {
             _ if dt == 0.0 => *y,
             Some(propagator) => propagator.after(y),
             None => self.plant.after(y, dt),
@@ -69,15 +69,15 @@ impl Held {
 
     /// The same on another device.
     fn refitted(&self, device: Inertia, decay: f64, lengths: Option<Lengths>) -> Self {
-        Held::new(device, self.grip, (self.plant.sine, self.plant.cosine, self.plant.omega), decay, lengths)
+        Dynamics::new(device, self.grip, (self.plant.sine, self.plant.cosine, self.plant.omega), decay, lengths)
     }
 }
 
 impl Puck {
-    /// Resets it to rest at 0, free. Without `lengths` the motion alone, without its works: sooner made, and slower where time steps recur.
+    /// A free puck at rest at 0. Without `lengths` it computes no works and keeps no propagators: faster to construct, slower for recurring time steps.
     pub fn new(device: Inertia, own: Own, lag: f64, lengths: Option<Lengths>) -> Self {
         let decay = decay(lag);
-        let now = Held::new(device, None, NO_SINE, decay, lengths);
+        let now = Dynamics::new(device, None, NO_SINE, decay, lengths);
         Puck { position: 0.0, velocity: 0.0, device, own, decay, lengths, now, other: None }
     }
 
@@ -86,10 +86,10 @@ impl Puck {
     pub fn take(&mut self, grip: Option<Inertia>, sine: Sine, switches: bool) {
         let now = &self.now;
         if (grip, sine) != (now.grip, (now.plant.sine, now.plant.cosine, now.plant.omega)) {
-            self.now = Held::new(self.device, grip, sine, self.decay, self.lengths);
+            self.now = Dynamics::new(self.device, grip, sine, self.decay, self.lengths);
         }
         let open = grip.filter(|_| switches).map(|grip| Inertia { damping: 0.0, stiffness: 0.0, ..grip });
-        self.other = open.map(|open| Held::new(self.device, Some(open), NO_SINE, self.decay, self.lengths));
+        self.other = open.map(|open| Dynamics::new(self.device, Some(open), NO_SINE, self.decay, self.lengths));
     }
 
     /// The same puck, in the same hand, on another device. Allocates nothing.
@@ -100,7 +100,7 @@ impl Puck {
         self.other = self.other.as_ref().map(|other| other.refitted(device, self.decay, lengths));
     }
 
-    /// What the device does to it where the puck's 0 has moved.
+    /// Sets the device's own torques after the puck's 0 has moved.
     pub fn place(&mut self, own: Own) {
         self.own = own;
     }
@@ -109,30 +109,30 @@ impl Puck {
     /// beyond it, which decays.
     #[inline]
     pub fn advance(&mut self, dt: f64, motor: f64, gap: f64, push: Push, ledger: &mut Ledger) {
-        // What most periods are never leaves the registers: a held torque over a usual length, without friction.
+        // The most frequent case stays in registers: a held torque over a recurring time step, without friction.
         let held = gap == 0.0 && push.slope == 0.0 && self.own.is_nothing();
-        match self.now.usual(dt) {
-            Some(usual) if held && !usual.has_sine() => {
-                [self.position, self.velocity] = self.slide_held(usual, motor, push.value, ledger);
+        match self.now.recurring(dt) {
+            Some(recurring) if held && !recurring.has_sine() => {
+                [self.position, self.velocity] = self.slide_held(recurring, motor, push.value, ledger);
             }
             _ => self.advance_any(dt, motor, gap, push, ledger),
         }
     }
 
-    /// Whether [`Puck::advance_usual`] moves it, in no grip, under torques that are held over the first usual length.
-    pub fn slides_as_usual(&self) -> bool {
-        let free = |usual: &Propagator| !usual.has_sine() && !usual.has_spring();
+    /// Whether [`Puck::advance_free_period`] applies under held torques: no grip, no sine, no friction or other torque of the device's own.
+    pub fn slides_freely_each_period(&self) -> bool {
+        let free = |recurring: &Propagator| !recurring.has_sine() && !recurring.has_spring();
         self.own.is_nothing()
             && self.now.grip.is_none()
-            && self.now.usual.as_ref().is_some_and(|[(_, usual), _]| free(usual))
+            && self.now.recurring.as_ref().is_some_and(|[(_, recurring), _]| free(recurring))
     }
 
-    /// [`Puck::advance`] over the first usual length, with nothing asked ([`Puck::slides_as_usual`]).
+    /// [`Puck::advance`] over the first recurring time step, where [`Puck::slides_freely_each_period`] holds; it does not check that.
     #[inline(always)] // As `slide_held`.
-    pub fn advance_usual(&mut self, motor: f64, push: f64, ledger: &mut Ledger) {
-        if let Some([(_, usual), _]) = &self.now.usual {
+    pub fn advance_free_period(&mut self, motor: f64, push: f64, ledger: &mut Ledger) {
+        if let Some([(_, recurring), _]) = &self.now.recurring {
             let y = [self.velocity, motor + push, self.position, 0.0, 0.0, 0.0, 0.0];
-            let stretch = usual.free_stretch(&y);
+            let stretch = recurring.free_stretch(&y);
             self.account(&y, &stretch, y[F] - motor, (motor, 0.0), None, ledger);
             [self.position, self.velocity] = stretch.end;
         }
@@ -140,9 +140,9 @@ impl Puck {
 
     /// Position and velocity after torques that are held, without friction and without a sine.
     #[inline(always)] // So that few states never leave the registers.
-    fn slide_held(&self, usual: &Propagator, motor: f64, push: f64, ledger: &mut Ledger) -> [f64; 2] {
+    fn slide_held(&self, recurring: &Propagator, motor: f64, push: f64, ledger: &mut Ledger) -> [f64; 2] {
         let y = [self.velocity, motor + push, self.position, 0.0, 0.0, 0.0, 0.0];
-        let stretch = usual.held_stretch(&y);
+        let stretch = recurring.held_stretch(&y);
         self.account(&y, &stretch, y[F] - motor, (motor, 0.0), self.now.grip, ledger);
         stretch.end
     }
@@ -156,7 +156,7 @@ impl Puck {
         } else if self.own.is_nothing() {
             self.slide(y, dt, motor, 0.0, ledger)
         } else {
-            let after = |y: &Motion, t| self.now.after(y, t);
+            let after = |y: &State, t| self.now.after(y, t);
             Friction { plant: &self.now.plant, levels: self.own.friction }.advance(
                 y,
                 dt,
@@ -168,16 +168,16 @@ impl Puck {
 
     /// Position and velocity after `dt`, from piece to piece of what the device does.
     #[inline(never)]
-    fn move_in_pieces(&self, mut y: Motion, dt: f64, motor: f64, ledger: &mut Ledger) -> [f64; 2] {
+    fn move_in_pieces(&self, mut y: State, dt: f64, motor: f64, ledger: &mut Ledger) -> [f64; 2] {
         let plant = &self.now.plant;
         let friction = Friction { plant, levels: self.own.rest() };
         let mut left = dt;
         // Each pass ends in a stop or a start.
-        for _ in 0..MOST_EVENTS {
+        for _ in 0..MAX_EVENTS {
             if left <= 0.0 {
                 break;
             }
-            // What friction holds stays where the device's own torque is this.
+            // At rest the device's own torque counts in the balance with friction.
             let mut held = y;
             held[F] += self.own.torque_at(y[X]);
             let direction = if friction.levels.is_none() { None } else { Some(friction.direction(&held)) };
@@ -195,7 +195,7 @@ impl Puck {
     /// Slides for `left` s, or to the end of this piece, where friction is against `direction`; what is left of the time then.
     fn slide_in_piece(
         &self,
-        y: &mut Motion,
+        y: &mut State,
         mut left: f64,
         (motor, direction): (f64, Option<f64>),
         ledger: &mut Ledger,
@@ -205,7 +205,7 @@ impl Puck {
         let (n, lags) = (regime.linear(&plant.generator(), plant.mass, (V, X)), y[GAP].abs());
         let field = self.own.field.unwrap_or_default();
         while left > 0.0 {
-            // What is rounding of the lag that was there no longer makes steps short.
+            // A gap that has decayed to rounding no longer limits the step.
             if y[GAP].abs() <= 1e-3 * f64::EPSILON * lags {
                 y[GAP] = 0.0;
             }
@@ -242,14 +242,14 @@ impl Puck {
     }
 
     /// Slides for `dt` with friction against `direction` (0: none); gives position and velocity at the end.
-    fn slide(&self, mut y: Motion, dt: f64, motor: f64, direction: f64, ledger: &mut Ledger) -> [f64; 2] {
+    fn slide(&self, mut y: State, dt: f64, motor: f64, direction: f64, ledger: &mut Ledger) -> [f64; 2] {
         let push = y[F] - motor;
         let held = self.own.friction.against(direction);
         y[F] -= held;
         let fresh;
-        let propagator = match self.now.usual(dt) {
+        let propagator = match self.now.recurring(dt) {
             Some(propagator) => propagator,
-            None if self.now.usual.is_none() => return self.now.plant.end(&y, dt),
+            None if self.now.recurring.is_none() => return self.now.plant.end(&y, dt),
             None => {
                 fresh = Propagator::for_motion(&self.now.plant, &y, dt);
                 &fresh
@@ -264,7 +264,7 @@ impl Puck {
     #[inline(always)] // As `advance`.
     fn account(
         &self,
-        y: &Motion,
+        y: &State,
         stretch: &Stretch,
         push: f64,
         (motor, held): (f64, f64),
@@ -292,7 +292,7 @@ impl Puck {
         }
     }
 
-    /// Releases the puck: the inertia, damping and stiffness of the hand go, position and velocity stay.
+    /// Releases the puck: removes the hand's inertia, damping and stiffness; position and velocity stay.
     pub fn release(&mut self) {
         self.take(None, NO_SINE, false);
     }

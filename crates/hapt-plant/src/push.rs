@@ -1,4 +1,4 @@
-//! What acts on a puck or a handle: a hand's hold, and its push with the motor's.
+//! The actions on a puck or a handle: a hand's grasp, and the push of hand and motor.
 
 /// Inertia, damping and stiffness.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -27,7 +27,7 @@ pub struct Push {
     pub cos: f64,
 }
 
-/// The hand's hold on the handle.
+/// How the hand holds the handle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) enum Grasp {

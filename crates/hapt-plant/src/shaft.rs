@@ -6,8 +6,8 @@
 //! ```
 //!
 //! with the puck's x and v, the handle's h and w; M is its inertia and the grip's. A hand that prescribes the handle's motion gives ẇ itself.
-//! As with a puck alone, the torques are states too, and one matrix exponential gives motion and works. While friction holds the puck, the
-//! handle swings on: that is another such equation, with v = 0.
+//! As for a puck without a shaft, the torques are states too, and one matrix exponential gives motion and works. While friction holds the puck,
+//! the handle still moves: that is another such equation, with v = 0.
 
 mod flow;
 
@@ -17,7 +17,7 @@ use flow::{Flow, GAP, MOTOR, Propagator, S, STATES, State, V, W, X};
 
 use crate::exponential::applied;
 use crate::field::Fielded;
-use crate::friction::{MOST_EVENTS, ROUNDING};
+use crate::friction::{MAX_EVENTS, ROUNDING};
 use crate::ledger::Ledger;
 use crate::own::Own;
 use crate::puck::{Lengths, decay};
@@ -39,15 +39,15 @@ pub(crate) struct Shaft {
     /// The rate in 1/s at which the motor approaches its command; 0: at once.
     decay: f64,
     lengths: Lengths,
-    now: Held,
-    /// Of a hand that alternately opens and closes: whether it is open.
-    other: Option<Held>,
+    now: Dynamics,
+    /// For a hand that alternately opens and closes: the dynamics of its other position, open or closed.
+    other: Option<Dynamics>,
 }
 
-/// Puck, shaft and handle in a hand: while the puck slides, and while friction holds it.
+/// The equations of puck, shaft and handle in a hand: while the puck slides, and while friction holds it.
 #[derive(Clone, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-struct Held {
+struct Dynamics {
     grasp: Grasp,
     sine: Sine,
     sliding: Flow,
@@ -58,24 +58,29 @@ impl Shaft {
     /// A free handle at rest on an unloaded shaft. Not inlined, so that a device without one does not use its stack.
     #[inline(never)]
     pub fn boxed(handle: Handle, device: Inertia, own: Own, lag: f64, lengths: Lengths) -> Box<Self> {
-        let now = Held { grasp: Grasp::Free, sine: NO_SINE, sliding: Flow::zero(), stuck: Flow::zero() };
+        let now = Dynamics { grasp: Grasp::Free, sine: NO_SINE, sliding: Flow::zero(), stuck: Flow::zero() };
         let decay = decay(lag);
         let mut shaft = Shaft { deflection: 0.0, velocity: 0.0, handle, device, own, decay, lengths, now, other: None };
         shaft.take(Grasp::Free, NO_SINE, false);
         Box::new(shaft)
     }
 
-    fn held(&self, grasp: Grasp, sine: Sine) -> Held {
-        Held { grasp, sine, sliding: Flow::new(self, grasp, sine, false), stuck: Flow::new(self, grasp, sine, true) }
+    fn dynamics(&self, grasp: Grasp, sine: Sine) -> Dynamics {
+        Dynamics {
+            grasp,
+            sine,
+            sliding: Flow::new(self, grasp, sine, false),
+            stuck: Flow::new(self, grasp, sine, true),
+        }
     }
 
-    /// A hand holds the handle so, with this `sine`: torques, or of a prescribed motion accelerations. One that `switches` alternately opens
-    /// and closes: open, only its inertia stays. Allocates nothing.
+    /// A hand holds the handle with this grasp and `sine` (a torque, or the acceleration of a prescribed motion). A hand that `switches` alternately
+    /// opens and closes: open, only its inertia stays. Allocates nothing.
     pub fn take(&mut self, grasp: Grasp, sine: Sine, switches: bool) {
-        self.now = self.held(grasp, sine);
+        self.now = self.dynamics(grasp, sine);
         self.other = match grasp {
             Grasp::Grip(grip) if switches => {
-                Some(self.held(Grasp::Grip(Inertia { damping: 0.0, stiffness: 0.0, ..grip }), NO_SINE))
+                Some(self.dynamics(Grasp::Grip(Inertia { damping: 0.0, stiffness: 0.0, ..grip }), NO_SINE))
             }
             Grasp::Free | Grasp::Grip(_) | Grasp::Prescribed => None,
         };
@@ -85,11 +90,11 @@ impl Shaft {
     pub fn refit(&mut self, device: Inertia, own: Own, lag: f64, lengths: Lengths) {
         (self.device, self.own) = (device, own);
         (self.decay, self.lengths) = (decay(lag), lengths);
-        self.now = self.held(self.now.grasp, self.now.sine);
-        self.other = self.other.as_ref().map(|other| self.held(other.grasp, other.sine));
+        self.now = self.dynamics(self.now.grasp, self.now.sine);
+        self.other = self.other.as_ref().map(|other| self.dynamics(other.grasp, other.sine));
     }
 
-    /// What the device does to the puck where its 0 has moved.
+    /// Sets the device's own torques after the puck's 0 has moved.
     pub fn place(&mut self, own: Own) {
         self.own = own;
     }
@@ -114,14 +119,14 @@ impl Shaft {
     ) -> [f64; 2] {
         let mut y = [v, self.velocity, self.deflection, x, motor, gap, push.value, push.slope, push.sin, push.cos];
         let mut left = dt;
-        // Where a slip starts, its direction is known. The net torque there is friction's, and rounding could call it either.
+        // The direction of a slip that starts is known from its event: there the net torque equals friction, and its comparison is rounding.
         let mut slips = None;
         // Each pass ends in a stop or a start.
-        for _ in 0..MOST_EVENTS {
+        for _ in 0..MAX_EVENTS {
             if left <= 0.0 {
                 break;
             }
-            // What friction holds stays where the device's own torque is this.
+            // At rest the device's own torque counts in the balance with friction.
             let mut held = y;
             held[MOTOR] += self.own.torque_at(y[X]);
             let direction = slips.take().or_else(|| self.direction(&held));
@@ -145,7 +150,7 @@ impl Shaft {
             left -= taken;
         }
         if left > 0.0 {
-            // More events than that in one period: the puck rests, and the handle swings on.
+            // More events than that in one period: the puck stays at rest, and the handle moves on.
             y[V] = 0.0;
             self.pass(&mut y, left, None, ledger);
         }
@@ -179,7 +184,7 @@ impl Shaft {
         self.handle.stiffness * y[W] + self.handle.damping * ends - self.decay * y[GAP]
     }
 
-    /// The most net torque toward this `side` that holds the puck at rest: friction, and what rounding can leave of the torques that balance there.
+    /// The largest net torque toward this `side` under which the puck stays at rest: friction, plus the rounding error of the torques that balance there.
     fn hold(&self, y: &State, side: f64) -> f64 {
         let friction = self.own.rest().toward(side);
         let shaft = (self.handle.stiffness * y[S]).abs() + (self.handle.damping * y[W]).abs();
@@ -221,7 +226,7 @@ impl Shaft {
         let field = self.own.field.unwrap_or_default();
         let (motor, lags) = (y[MOTOR], y[GAP].abs());
         while left > 0.0 {
-            // What is rounding of the lag that was there no longer makes steps short.
+            // A gap that has decayed to rounding no longer limits the step.
             if y[GAP].abs() <= 1e-3 * f64::EPSILON * lags {
                 y[GAP] = 0.0;
             }
@@ -255,7 +260,7 @@ impl Shaft {
         left
     }
 
-    /// The works of a stretch from `y` to `end`, in which the puck and the handle go these ways.
+    /// Adds the works of a stretch from `y` to `end`, over these displacements of puck and handle.
     fn account(
         &self,
         y: &State,
@@ -278,7 +283,7 @@ impl Shaft {
         let (motor, held) = (y[MOTOR], self.own.friction.against(direction.unwrap_or(0.0)));
         y[MOTOR] -= held;
         let fresh;
-        let Propagator { change, works } = match flow.usual.iter().find(|(length, _)| *length == dt) {
+        let Propagator { change, works } = match flow.recurring.iter().find(|(length, _)| *length == dt) {
             Some((_, propagator)) => propagator,
             None => {
                 fresh = flow.propagator_for(y, dt);

@@ -21,11 +21,11 @@ pub struct DeviceSpec {
     pub damping: f64,
     /// Coulomb friction, in N·m (linear: N), zero or more.
     pub friction: f64,
-    /// The Coulomb friction toward smaller positions, where it is another one than that toward larger ones.
+    /// The Coulomb friction toward smaller positions, where it differs from that toward larger ones.
     pub friction_backward: Option<f64>,
-    /// What friction is more at low speeds.
+    /// The excess of friction at low speeds.
     pub stribeck: Option<Stribeck>,
-    /// The ends of the puck's way.
+    /// The ends of the puck's range.
     pub stops: Option<Stops>,
     /// A handle on a flexible shaft; `None`: the puck is the handle.
     pub handle: Option<Handle>,
@@ -63,7 +63,7 @@ pub struct Stribeck {
 }
 
 impl Stribeck {
-    /// How steeply friction falls: a damping that is missing, in N·m·s/rad (linear: N·s/m).
+    /// The slope with which friction falls: the magnitude of a negative damping, in N·m·s/rad (linear: N·s/m).
     pub fn slope(&self) -> f64 {
         self.torque / self.velocity
     }
@@ -133,7 +133,7 @@ impl DeviceTorque {
         self.sum(|rate| rate)
     }
 
-    /// A bound on the energy that it gives on the way from any position to any other, in J.
+    /// A bound on the energy that it gives between any two positions, in J.
     pub fn depth(&self) -> f64 {
         self.sum(|rate| 2.0 / rate)
     }
@@ -255,7 +255,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// A sine's frequency in Hz; `None` of what does not swing.
+    /// A sine's frequency in Hz; `None` for the other shapes.
     pub fn frequency(&self) -> Option<f64> {
         if let Shape::Sine { frequency, .. } = *self { Some(frequency) } else { None }
     }

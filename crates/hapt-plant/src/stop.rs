@@ -1,7 +1,7 @@
 //! An end stop of the device: a spring and a damper that push the puck back, and never pull.
 //!
-//! With p the way of the puck into the stop it pushes with max(0, k p + c ṗ) while p > 0. It stores k p²/2. Where the puck leaves faster than its
-//! damper lets the spring follow the face stays behind, and what was stored is lost in the damper.
+//! With p the depth of the puck in the stop, the stop pushes with max(0, k p + c ṗ) while p > 0. It stores k p²/2. A puck that leaves faster than the
+//! damper lets the spring follow loses contact with the face, and the stored energy is dissipated in the damper.
 
 use core::f64::consts::{PI, TAU};
 
@@ -11,7 +11,7 @@ use crate::trajectory::Piece;
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Stop {
-    /// 1: it ends the way toward larger positions; -1: toward smaller ones.
+    /// 1: it limits motion toward larger positions; -1: toward smaller ones.
     side: f64,
     at: f64,
     stiffness: f64,
@@ -26,14 +26,14 @@ pub(crate) struct Line {
     pub constant: f64,
 }
 
-/// How the puck is to a stop.
+/// The contact between the puck and a stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Touch {
-    /// The stop is beyond where it is.
+    /// The puck is not in the stop.
     Beyond,
     /// The stop pushes.
     Pressed,
-    /// It is in the stop, and leaves it faster than the stop follows.
+    /// The puck is in the stop, and leaves it faster than the stop follows.
     Left,
 }
 
@@ -48,7 +48,7 @@ impl Line {
 }
 
 impl Stop {
-    /// Those toward larger and toward smaller positions, where the puck's 0 is `origin` by the device's.
+    /// The stops toward larger and toward smaller positions, for a puck whose 0 is `origin` in the device's coordinate.
     pub fn both(stops: &Stops, origin: f64) -> [Option<Self>; 2] {
         let &Stops { low, high, stiffness, damping } = stops;
         let of = |side: f64, at: Option<f64>| at.map(|at| Stop { side, at: at - origin, stiffness, damping });
@@ -67,23 +67,23 @@ impl Stop {
         self.damping
     }
 
-    /// The way into it, 0 outside.
+    /// The puck's depth in it, 0 outside.
     fn depth(&self, x: f64) -> f64 {
         (self.side * (x - self.at)).max(0.0)
     }
 
-    /// In J.
+    /// The energy that it stores, in J.
     pub fn stored(&self, x: f64) -> f64 {
         let depth = self.depth(x);
         0.5 * self.stiffness * depth * depth
     }
 
-    /// On a puck that rests at x.
+    /// Its torque on a puck that rests at x.
     pub fn torque_at(&self, x: f64) -> f64 {
         -self.side * self.stiffness * self.depth(x)
     }
 
-    /// Into the stop, and what it would push with.
+    /// The depth in the stop, and the unclamped push.
     fn lines(&self) -> [Line; 2] {
         let Stop { side, at, stiffness, damping } = *self;
         let way = Line { velocity: 0.0, position: side, constant: -side * at };
@@ -91,7 +91,7 @@ impl Stop {
         [way, push]
     }
 
-    /// How a puck at x and v is to it, and where that ends.
+    /// The contact of a puck at x and v, and the lines whose zeros end it.
     pub fn touch(&self, x: f64, v: f64) -> (Touch, [Option<Line>; 2]) {
         let [way, push] = self.lines();
         match (way.value(v, x) > 0.0, push.value(v, x) > 0.0) {
@@ -101,13 +101,13 @@ impl Stop {
         }
     }
 
-    /// What is lost in it on a way that a hand prescribes, in J.
+    /// The energy dissipated in it during a motion that a hand prescribes, in J.
     pub fn lost(&self, motion: &Piece, from: f64, to: f64) -> f64 {
         let Some((amplitude, omega, phase)) = motion.sine() else {
-            // Nothing turns around: the way in, or that out.
+            // A straight motion does not turn around: it enters or leaves.
             return self.lost_between(motion, from, to, |after| self.straight_cut(motion, after));
         };
-        // Of whole turns each loses the same.
+        // Every whole turn loses the same energy.
         let turn = TAU / omega;
         let turns = libm::floor((to - from) / turn);
         let cut = |after: f64| {
@@ -140,10 +140,10 @@ impl Stop {
         after + self.lines().map(zero).into_iter().filter(later).fold(f64::INFINITY, f64::min)
     }
 
-    /// From cut to cut, at which the stop takes hold or lets go: `cut` gives the next one after an instant.
+    /// Sums from one instant of contact or release to the next; `cut` gives the next such instant after a time.
     fn lost_between(&self, motion: &Piece, from: f64, to: f64, cut: impl Fn(f64) -> f64) -> f64 {
         let (mut lost, mut start) = (0.0, from);
-        // A turn has eight of them.
+        // A turn has eight such instants.
         for _ in 0..32 {
             let end = cut(start).min(to);
             let (x, v) = motion.at(0.5 * (start + end));

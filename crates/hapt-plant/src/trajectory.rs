@@ -1,4 +1,4 @@
-//! What a hand intends: a position or torque as a function of time, in pieces.
+//! A hand's intended position or torque as a function of time, in pieces.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -142,7 +142,7 @@ impl Trajectory {
                 let mut pieces = vec![Piece::straight(0.0, first, 0.0)];
                 let mut points = points.iter().map(|&(t, value)| (snap(t, period), value)).peekable();
                 while let Some((from, value)) = points.next() {
-                    // Two points may fall on one sample; the later one counts from there on.
+                    // Two points may snap to one sample; the later one counts from there on.
                     let slope = match points.peek() {
                         Some(&(end, next)) if end > from => (next - value) / (end - from),
                         _ => 0.0,
@@ -164,12 +164,12 @@ impl Trajectory {
         self.0.iter().all(Piece::is_flat)
     }
 
-    /// The piece that it ends with.
+    /// The last piece.
     pub fn last(&self) -> Piece {
         self.0[self.0.len() - 1]
     }
 
-    /// The piece at t; where one ends and another begins, the other.
+    /// The piece at t; at a boundary the later piece.
     pub fn piece(&self, t: f64) -> Piece {
         self.0[self.0.partition_point(|piece| piece.from <= t).saturating_sub(1)]
     }

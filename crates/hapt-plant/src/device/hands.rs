@@ -1,19 +1,19 @@
-//! The hands of a device: those of a scenario, and those that take hold, push and let go while it runs.
+//! The hands of a device: those of a scenario, and those that grip, push and release interactively.
 
-use crate::device::{Grip, HandMode, InteractiveGrip, Stage, VirtualDevice};
+use crate::device::{Grip, HandMode, InteractiveGrip, PeriodKind, VirtualDevice};
 use crate::hand::{Hand, Script};
 use crate::push::{Grasp, Inertia, NO_SINE};
 use crate::trajectory::Piece;
 
-/// A hand whose target is older than this has stopped, in s.
-const LONGEST_MOVE: f64 = 0.05;
+/// The longest time, in s, over which a grip moves to a new target.
+const MAX_MOVE_S: f64 = 0.05;
 
 impl VirtualDevice {
-    /// Starts a scenario's hand at its t = 0; it releases at the scenario's end. `script` receives the previous one.
+    /// Starts a scenario's hand at its t = 0; the hand releases at the scenario's end. `script` receives the previous scenario.
     pub fn begin(&mut self, script: &mut Script) {
         core::mem::swap(&mut self.script, script);
         self.restart_clock();
-        let Some(hand) = &self.script.hand else { return self.let_go() };
+        let Some(hand) = &self.script.hand else { return self.release() };
         let start = hand.prescribed().map(|piece| piece.at(0.0));
         self.mode = HandMode::Script;
         self.take();
@@ -25,7 +25,7 @@ impl VirtualDevice {
 
     /// Grips the puck at its present position, without a push; `None` releases it.
     pub fn hold(&mut self, grip: Option<Grip>) {
-        let Some(Grip { inertia, damping, stiffness }) = grip else { return self.let_go() };
+        let Some(Grip { inertia, damping, stiffness }) = grip else { return self.release() };
         let grip = Inertia { inertia, damping, stiffness };
         self.restart_clock();
         self.next_event = f64::INFINITY;
@@ -35,9 +35,9 @@ impl VirtualDevice {
         self.take();
     }
 
-    /// The hand of this mode takes hold of the handle, or of the puck.
+    /// Connects the hand of the present mode to the handle, or to the puck where there is no handle.
     pub(super) fn take(&mut self) {
-        self.stage = Stage::Unknown;
+        self.period_kind = PeriodKind::Unknown;
         let script = match &self.mode {
             HandMode::Script => self.script.hand.as_ref(),
             HandMode::Free | HandMode::Grip(_) | HandMode::Torque(_) => None,
@@ -54,17 +54,17 @@ impl VirtualDevice {
         match grasp {
             Grasp::Free => self.puck.take(None, sine, false),
             Grasp::Grip(grip) => self.puck.take(Some(grip), sine, switches),
-            // Nothing but the hand moves the puck.
+            // The hand prescribes the puck's motion: no equation of motion is solved.
             Grasp::Prescribed => self.puck.take(None, NO_SINE, false),
         }
     }
 
-    /// A hand pushes with this torque in N·m (linear: N) from now on, instead of the previous hand.
+    /// Replaces the previous hand by one that pushes with this torque in N·m (linear: N) from now on.
     pub fn push(&mut self, torque: f64) {
         if !matches!(self.mode, HandMode::Torque(_)) {
-            self.let_go();
+            self.release();
         }
-        (self.mode, self.stage) = (HandMode::Torque(torque), Stage::Unknown);
+        (self.mode, self.period_kind) = (HandMode::Torque(torque), PeriodKind::Unknown);
     }
 
     /// Sets the grip's target to `position` in rad (linear: m). The grip moves there at constant velocity, over the time since the previous
@@ -74,7 +74,7 @@ impl VirtualDevice {
         if !position.is_finite() {
             return;
         }
-        let longest = (LONGEST_MOVE / self.period).max(1.0) as u64;
+        let longest = (MAX_MOVE_S / self.period).max(1.0) as u64;
         let samples = (self.sample - hand.updated).clamp(1, longest);
         let from = hand.intended.at(self.now).0;
         let slope = (position - from) / (samples as f64 * self.period);
@@ -83,7 +83,7 @@ impl VirtualDevice {
         self.next_event = self.origin + (self.sample + samples) as f64 * self.period;
     }
 
-    /// The hand goes over from the puck to a new handle, or back.
+    /// Moves the hand from the puck to a newly added handle, or back.
     pub(super) fn change_hands(&mut self) {
         if self.shaft.is_some() {
             self.puck.release();
@@ -97,7 +97,7 @@ impl VirtualDevice {
 
     /// Opens or closes a hand that switches.
     pub(super) fn switch(&mut self) {
-        self.stage = Stage::Unknown;
+        self.period_kind = PeriodKind::Unknown;
         match &mut self.shaft {
             Some(shaft) => shaft.switch(),
             None => self.puck.switch(),
@@ -105,9 +105,9 @@ impl VirtualDevice {
     }
 
     /// The hand's event at an instant: arrival, release or jump. A jump comes before a sample or a motor's change at the same instant,
-    /// and its work is done against the torque held before it.
+    /// and its work is that against the torque held before it.
     pub(super) fn hand_acts(&mut self, t: f64) {
-        self.stage = Stage::Unknown;
+        self.period_kind = PeriodKind::Unknown;
         if let HandMode::Grip(hand) = &mut self.mode {
             hand.intended = Piece::straight(t, hand.target, 0.0);
             self.next_event = f64::INFINITY;
@@ -116,7 +116,7 @@ impl VirtualDevice {
         let position = self.held_position();
         let Some(hand) = &mut self.script.hand else { return };
         if hand.is_gone(t) {
-            return self.let_go();
+            return self.release();
         }
         let (next, switched) = hand.act(t, position);
         self.next_event = next.unwrap_or(f64::INFINITY);
@@ -125,14 +125,14 @@ impl VirtualDevice {
             self.switch();
         }
         if let Some(motion) = prescribed {
-            // A handle that jumps leaves the puck where it is.
+            // A jump of the handle does not move the puck.
             self.announced = self.shaft.is_none();
             self.jump(motion);
         }
     }
 
-    pub(super) fn let_go(&mut self) {
-        self.stage = Stage::Unknown;
+    pub(super) fn release(&mut self) {
+        self.period_kind = PeriodKind::Unknown;
         let was_held = self.is_held();
         (self.mode, self.next_event) = (HandMode::Free, f64::INFINITY);
         if was_held {
@@ -140,7 +140,8 @@ impl VirtualDevice {
         }
     }
 
-    /// The puck jumps with the hand, against the motor's torque before; a handle against its shaft's spring, without an impulse of its damping.
+    /// The puck jumps with the hand, against the motor's torque before the jump. A handle jumps against its shaft's spring; the shaft's damping gives
+    /// no impulse.
     fn jump(&mut self, to: (f64, f64)) {
         if let Some(shaft) = &mut self.shaft {
             let (deflection, before) = (shaft.deflection, shaft.velocity);

@@ -1,4 +1,4 @@
-//! The linear motion of a puck, its shaft and the handle on it, with its works; [`super::Shaft`] goes from event to event by it.
+//! The linear motion of a puck, its shaft and the handle on it, with its works; [`super::Shaft`] advances with it from event to event.
 
 use super::Shaft;
 use crate::exponential::{GAUSS, Square, applied, congruent, doubled, folded, halved, series, widened};
@@ -30,11 +30,11 @@ pub struct Flow {
     /// Powers, each a product of two linear outputs: of the motor's torque beyond the held one, lost in the puck's damping and in the
     /// shaft's, and of the hand without its spring and inertia.
     pub powers: [[State; 2]; 4],
-    /// The fastest rate in it and the highest frequency of oscillation, in 1/s; the same once the motor has settled.
+    /// The fastest rate in it and the highest frequency of oscillation, in 1/s; then both once the motor has settled.
     pub rate: f64,
     pub settled_rate: f64,
     pub swing: f64,
-    pub usual: [(f64, Propagator); 2],
+    pub recurring: [(f64, Propagator); 2],
     /// The time in which the fastest goes a quarter radian, and exp(N t) - I over it.
     quarter: (f64, Matrix),
 }
@@ -58,7 +58,7 @@ impl Flow {
             rate: 0.0,
             settled_rate: 0.0,
             swing: 0.0,
-            usual: core::array::from_fn(|_| (0.0, Propagator::NONE)),
+            recurring: core::array::from_fn(|_| (0.0, Propagator::NONE)),
             quarter: (0.0, [[0.0; STATES]; STATES]),
         }
     }
@@ -124,13 +124,13 @@ impl Flow {
             rate,
             settled_rate,
             swing,
-            usual: core::array::from_fn(|_| (0.0, Propagator::NONE)),
+            recurring: core::array::from_fn(|_| (0.0, Propagator::NONE)),
             quarter,
         };
         let [first, second] = shaft.lengths;
         let long = flow.propagator(first);
         let short = if second == first { long.clone() } else { flow.propagator(second) };
-        flow.usual = [(first, long), (second, short)];
+        flow.recurring = [(first, long), (second, short)];
         flow
     }
 
@@ -138,7 +138,7 @@ impl Flow {
         self.propagator_of::<STATES>(dt)
     }
 
-    /// One that suffices for the motion from `y` on, with the bits of one of all states: the others are 0, and change nothing.
+    /// A propagator of the states that the motion from `y` on needs, bit-identical to the one of all states: the others are 0.
     pub fn propagator_for(&self, y: &State, dt: f64) -> Propagator {
         match y.iter().rposition(|y| *y != 0.0) {
             None | Some(..=MOTOR) => self.propagator_of::<{ MOTOR + 1 }>(dt),
@@ -166,7 +166,7 @@ impl Flow {
         }
         let mut change = series(&n, h);
         for _ in 0..halvings {
-            // The second half starts where the first has ended.
+            // The second half starts at the end of the first.
             for work in &mut works {
                 let later = congruent(&change, work);
                 for (x, later) in work.as_flattened_mut().iter_mut().zip(later.as_flattened()) {
@@ -181,7 +181,7 @@ impl Flow {
 
     /// exp(N dt) - I
     fn change(&self, dt: f64) -> Matrix {
-        if let Some((_, propagator)) = self.usual.iter().find(|(length, _)| *length == dt) {
+        if let Some((_, propagator)) = self.recurring.iter().find(|(length, _)| *length == dt) {
             return propagator.change;
         }
         let (h, halvings) = halved(self.rate, dt);
@@ -219,7 +219,7 @@ impl Flow {
                     return Some((t + root(0.0, positive, |t| g(&course.after(t)).0)).min(dt));
                 }
             }
-            // The negation ends the search at a number that is none, too.
+            // Negated, so that a NaN also ends the search.
             if !(step < left && t + step > t) {
                 return None;
             }
@@ -233,12 +233,12 @@ impl Flow {
     }
 }
 
-/// How a motion goes on from a state, for up to a time step.
+/// The course of a motion from a state over up to a time step.
 struct Course<'a> {
     flow: &'a Flow,
     start: State,
     dt: f64,
-    /// (N dt)ʲ y / j!, to rounding over a quarter radian; `None`: it goes further.
+    /// (N dt)ʲ y / j!, exact to rounding over a quarter radian; `None` for a longer time step.
     terms: Option<[State; TERMS]>,
 }
 
@@ -295,7 +295,7 @@ mod tests {
     proptest! {
         #![proptest_config(hapt_testing::cases(400))]
 
-        /// The states that a motion needs give the bits of all, and the series of a short one its exponential.
+        /// The result of the states that a motion needs is bit-identical to that of all states; a short motion's series equals its exponential.
         #[test]
         fn states_that_are_0_may_be_left_out(
             (inertia, stiffness, damping) in (1e-5_f64..1e-2, 0.3_f64..1e4, or_zero(1e-6..1.0)),

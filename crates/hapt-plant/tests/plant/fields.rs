@@ -1,4 +1,4 @@
-//! Gravity and cogging: closed forms, energy, and Runge and Kutta's short steps.
+//! Gravity and cogging: closed forms, energy, and short Runge-Kutta steps.
 
 use std::f64::consts::{PI, TAU};
 
@@ -17,7 +17,7 @@ fn bare(inertia: f64, torque: DeviceTorque) -> DeviceSpec {
     DeviceSpec { torque, ..DeviceSpec::new(T, inertia) }
 }
 
-/// What gravity and cogging store at x.
+/// The energy that gravity and cogging store at x.
 fn stored(torque: &DeviceTorque, x: f64) -> f64 {
     let gravity = torque.gravity.map_or(0.0, |gravity| gravity.torque * (x + gravity.phase).cos());
     let cogging = torque.cogging.map_or(0.0, |Cogging { torque, pitch, phase, waveform }| {
@@ -41,13 +41,13 @@ prop_compose! {
     }
 }
 
-/// Most have none.
+/// Most cases have no Stribeck friction.
 pub fn any_stribeck() -> impl Strategy<Value = Option<Stribeck>> {
     let some = (1e-4_f64..0.05, 0.01_f64..20.0).prop_map(|(torque, velocity)| Some(Stribeck { torque, velocity }));
     prop_oneof![2 => Just(None), 1 => some]
 }
 
-/// On both sides of 0 or on one; half have none.
+/// Stops on both sides of 0 or on one; half of the cases have none.
 pub fn any_stops() -> impl Strategy<Value = Option<Stops>> {
     let damping = prop_oneof![Just(0.0), 1e-4..0.05_f64];
     let some = (prop::option::of(1e-3_f64..0.1), 1e-3_f64..0.1, 1.0_f64..1000.0, damping, any::<bool>()).prop_map(
@@ -107,7 +107,7 @@ proptest! {
 
     /// The works are integrals along the motion, the stored energy is one of the position.
     #[test]
-    fn what_hand_motor_gravity_and_cogging_give_is_taken_or_moves(
+    fn the_energy_of_hand_motor_gravity_and_cogging_is_dissipated_stored_or_kinetic(
         spec in any_device(), hand in any_hand(), velocity in -20.0_f64..20.0, commands in prop::collection::vec(-0.2_f64..0.2, 40),
     ) {
         let kinetic = |device: &VirtualDevice| {
@@ -145,7 +145,7 @@ proptest! {
         let cut = DeviceSpec { period: T / parts as f64, ..spec };
         let cut = moved(&cut, &hand, velocity, &vec![0.0; 20 * parts]);
         let ((x, v), (y, w)) = (whole.puck(), cut.puck());
-        // A cogging that is steep tells motions apart that rounding makes.
+        // Steep cogging amplifies differences of rounding.
         let spread = (spec.torque.steepest() / spec.inertia).sqrt() * 20.0 * T;
         let error = 1e-11 * (1.0 + spread).powi(2) * spread.min(20.0).exp();
         prop_assert!((x - y).abs() < error * (1.0 + x.abs()) && (v - w).abs() < 1e2 * error * (1.0 + v.abs()), "{x} {y}, {v} {w}");
@@ -172,7 +172,7 @@ proptest! {
     }
 
     #[test]
-    fn short_steps_of_runge_and_kutta_go_the_same_way(
+    fn short_runge_kutta_steps_give_the_same_motion(
         spec in any_device(), velocity in -20.0_f64..20.0, command in -0.2_f64..0.2,
     ) {
         let spec = DeviceSpec { delay: 0.0, lag: 0.0, friction: 0.0, friction_backward: None, stribeck: None, stops: None, handle: None, ..spec };
@@ -237,9 +237,9 @@ proptest! {
     }
 }
 
-/// A device that runs away, or that turns ever so fast, still ends.
+/// The computation ends for a device that diverges or turns extremely fast.
 #[test]
-fn numbers_without_measure_end() {
+fn extreme_numbers_end_the_computation() {
     let waveform = Waveform { sine: [1.0; 4], cosine: [1.0; 4] };
     let torque =
         DeviceTorque { gravity: None, cogging: Some(Cogging { torque: 1.0, pitch: 1e-3, phase: 0.0, waveform }) };
@@ -247,7 +247,7 @@ fn numbers_without_measure_end() {
         let device = moved(&bare(1e-3, torque), &Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), velocity, &[1e20; 3]);
         assert!(device.puck().0.is_nan() || device.puck().0.abs() >= 1.0);
     }
-    // From rest, where only the torque is large, with a handle too.
+    // From rest, with a large torque; without and with a handle.
     let handle = Some(Handle { inertia: 1e-3, stiffness: 20.0, damping: 0.0 });
     for (handle, command) in [(None, 1e20), (handle, 1e20), (None, 1e300), (None, 1e8), (handle, 1e5)] {
         let spec = DeviceSpec { handle, ..bare(1e-3, torque) };
@@ -258,7 +258,7 @@ fn numbers_without_measure_end() {
 
 /// Fast for cogging, slow for gravity.
 #[test]
-fn a_fine_cogging_that_is_passed_leaves_gravity_as_it_is() {
+fn fine_cogging_at_high_speed_does_not_change_gravity() {
     let waveform = Waveform { sine: [1.0, 0.0, 0.0, 0.0], cosine: [0.0; 4] };
     let cogging = Cogging { torque: 1e-9, pitch: 1e-6, phase: 0.0, waveform };
     let both = DeviceTorque { cogging: Some(cogging), ..gravity(0.1, 0.5) };

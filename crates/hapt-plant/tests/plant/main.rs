@@ -1,4 +1,4 @@
-//! The device against solutions that share nothing with it.
+//! The device against solutions that share no code with it.
 
 mod fields;
 mod pieces;

@@ -1,4 +1,4 @@
-//! A device whose motion is linear in pieces: Runge and Kutta's short steps with every event bisected, energy, and closed forms.
+//! A device whose motion is piecewise linear: short Runge-Kutta steps with every event bisected, energy, and closed forms.
 
 use std::f64::consts::TAU;
 
@@ -26,7 +26,7 @@ struct Mode {
     touch: [Touch; 2],
 }
 
-/// Whether a stop is beyond the puck, pushes it, or has been left behind by it.
+/// Whether the puck is outside a stop, is pushed by it, or leaves it faster than the stop follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Touch {
     Beyond,
@@ -54,7 +54,7 @@ impl Reference<'_> {
         self.spec.stribeck.unwrap_or(Stribeck { torque: 0.0, velocity: f64::INFINITY })
     }
 
-    /// How far the puck is in each stop, and what the stop would push with.
+    /// The puck's depth in each stop, and the stop's unclamped push.
     fn stops(&self, y: State) -> [(f64, f64); 2] {
         let Some(Stops { low, high, stiffness, damping }) = self.spec.stops else { return [(-1.0, 0.0); 2] };
         let of = |side: f64, at: Option<f64>| {
@@ -66,7 +66,7 @@ impl Reference<'_> {
         [of(1.0, high), of(-1.0, low)]
     }
 
-    /// What they push with in this mode, toward larger positions.
+    /// The stops' push in this mode, toward larger positions.
     fn pushed(&self, y: State, mode: Mode) -> f64 {
         let push = |i: usize| if mode.touch[i] == Touch::Pressed { self.stops(y)[i].1 } else { 0.0 };
         push(1) - push(0)
@@ -96,7 +96,7 @@ impl Reference<'_> {
         }
     }
 
-    /// Everything on the puck but friction and the device's damping.
+    /// The torque on the puck without friction and without the device's damping.
     fn net(&self, y: State, t: f64) -> f64 {
         let own = self.command + self.spec.torque.at(y[0]);
         match self.spec.handle {
@@ -203,7 +203,7 @@ impl Reference<'_> {
     }
 }
 
-/// Of a hand of [`any_hand`] that swings: by a torque or in a grip.
+/// The grip (if any) and the sine of a hand of [`any_hand`] that swings.
 fn swung(hand: &Drive) -> Option<(Option<[f64; 3]>, [f64; 3])> {
     let of = |shape: &Shape| match *shape {
         Shape::Sine { amplitude, frequency, phase } => Some([amplitude, TAU * frequency, phase]),
@@ -222,7 +222,7 @@ proptest! {
     #![proptest_config(hapt_testing::cases(400))]
 
     #[test]
-    fn every_piece_of_a_motion_is_that_of_its_equation(
+    fn every_piece_of_a_motion_solves_its_equation(
         spec in any_device(), stribeck in (1e-4_f64..0.05, 0.05_f64..5.0), falls: bool, hand in any_hand(), velocity in -10.0_f64..10.0,
         commands in prop::collection::vec(-0.1_f64..0.1, 8),
     ) {
@@ -280,9 +280,9 @@ proptest! {
     }
 }
 
-/// What docs/worlds.md says of the straight line beside Stribeck's curves.
+/// The numbers of docs/worlds.md that compare the straight line with Stribeck's curves.
 #[test]
-fn a_straight_line_of_the_same_area_is_near_the_curves_of_the_literature() {
+fn a_straight_line_of_the_same_area_approximates_the_curves_of_the_literature() {
     let farthest = |curve: fn(f64) -> f64, width: f64| {
         let grid = (0..=100_000).map(|i| f64::from(i) * 1e-4);
         let area: f64 = grid.clone().map(|x| curve(x) * 1e-4).sum::<f64>() - 0.5e-4;
@@ -328,7 +328,7 @@ proptest! {
         prop_assert!((device.ledger().stops - lost).abs() < 1e-10 * inertia * speed * speed, "{:?} {lost}", device.ledger());
     }
 
-    /// A hand that prescribes the way gives what the stops take.
+    /// A hand that prescribes the motion supplies the energy that the stops dissipate.
     #[test]
     fn a_prescribed_motion_does_the_work_of_the_stops(
         (low, high) in (-0.1_f64..-1e-3, 1e-3_f64..0.1), stiffness in 1.0_f64..100.0, damping in prop_oneof![Just(0.0), 1e-4..0.5_f64],

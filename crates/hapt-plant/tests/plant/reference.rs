@@ -1,4 +1,4 @@
-//! A puck under Coulomb friction in closed form: modes and particular solutions, and events by a fine search and bisection.
+//! A puck under Coulomb friction in closed form: modes and particular solutions, with events by a fine search and bisection.
 //!
 //! ```text
 //! M ẍ + B ẋ + K x = u(t) - friction · direction,    u = value + slope t + Im(S e^(iωt)) + gap e^(-t/lag)
@@ -52,7 +52,7 @@ impl Mul<Complex> for f64 {
     }
 }
 
-/// What moves: device and hand together.
+/// The moving body: device and hand together.
 #[derive(Clone, Copy, Debug)]
 pub struct Body {
     pub mass: f64,
@@ -172,7 +172,7 @@ impl Slide {
         (x + self.from, v)
     }
 
-    /// What rounding leaves of v.
+    /// The rounding error of v.
     fn noise(&self, dt: f64) -> f64 {
         let modes: f64 = self.modes.iter().map(|(_, _, v)| v.re.hypot(v.im)).sum();
         let Body { damping, stiffness, .. } = self.body;
@@ -181,7 +181,7 @@ impl Slide {
     }
 }
 
-/// Instants in (0, dt]: as dense at the start as the fastest asks for, and 2000 evenly.
+/// Instants in (0, dt]: 2000 evenly, and denser ones at the start for the fastest rate.
 fn instants(fastest: f64, dt: f64) -> Vec<f64> {
     let mut all: Vec<f64> = (1..=2000).map(|i| dt * f64::from(i) / 2000.0).collect();
     let mut t = 1e-4 / fastest;

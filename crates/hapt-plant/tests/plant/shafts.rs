@@ -1,11 +1,11 @@
-//! Stops and starts of a puck with a handle on a shaft, against Runge and Kutta's steps that are short beside everything in it.
+//! Stops and starts of a puck with a handle on a shaft, against Runge-Kutta steps that are short compared with every time constant of it.
 
 use hapt_plant::spec::{DeviceSpec, Drive, Hand, Handle, Shape};
 use hapt_plant::{Script, VirtualDevice};
 use proptest::prelude::*;
 
 const T: f64 = 1e-3;
-/// A step, of the time in which the fastest goes a radian.
+/// The step, as a fraction of the time in which the fastest mode passes a radian.
 const PART: f64 = 0.04;
 
 #[derive(Clone, Debug)]
@@ -20,7 +20,7 @@ struct Case {
 type State = [f64; 4];
 
 impl Case {
-    /// The hand's inertia, damping and stiffness on the handle, and what it does at t: a torque.
+    /// The hand's inertia, damping and stiffness on the handle, and its torque as a function of t.
     fn hand(&self) -> (f64, f64, f64, impl Fn(f64) -> f64) {
         let (inertia, damping, stiffness, shape) = match &self.drive {
             Drive::Torque(shape) => (0.0, 0.0, 0.0, shape),
@@ -94,7 +94,7 @@ impl Case {
             let mut direction = if y[1] != 0.0 { f64::signum(y[1]) } else { 0.0 };
             for i in 0..steps as usize {
                 let (mut t, mut left) = (from + h * i as f64, h);
-                // A stop or a start within the step cuts it in two, found by bisection.
+                // A stop or a start within the step divides it at an instant found by bisection.
                 for _ in 0..8 {
                     if direction == 0.0 && net(y, t).abs() > level(net(y, t)) * (1.0 + 1e-12) {
                         direction = net(y, t).signum();
@@ -137,7 +137,7 @@ fn about(level: f64) -> impl Strategy<Value = f64> {
         .prop_map(move |(part, up)| if up { part * level } else { -part * level })
 }
 
-/// Pucks that damping settles within a thousandth of a sample to ten samples, and shafts that swing slower or faster, damped or not.
+/// Pucks whose velocity damping settles within a thousandth of a sample to ten samples, and shafts that oscillate slower or faster, damped or not.
 fn cases() -> impl Strategy<Value = Case> {
     let lag = prop_oneof![Just(0.0), (-1.5_f64..1.5).prop_map(|power| T * 10_f64.powf(power))];
     let levels = (1e-2_f64..0.3, prop::option::of(0.1_f64..2.0));

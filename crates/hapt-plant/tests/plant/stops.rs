@@ -1,4 +1,4 @@
-//! Stops and starts of a puck that damping settles faster than a sample, or slower.
+//! Stops and starts of a puck whose velocity settles faster than a sample, or slower.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -10,7 +10,7 @@ use crate::reference::{Body, Complex, Push, advance};
 
 const T: f64 = 1e-3;
 
-/// A puck, the hand on it, and what the motor is commanded at each sample.
+/// A puck, the hand on it, and the motor's command at each sample.
 #[derive(Clone, Debug)]
 struct Case {
     spec: DeviceSpec,
@@ -42,7 +42,7 @@ fn by_closed_form(case: &Case) -> (Vec<f64>, u32) {
     };
     let (extra, damper, stiffness) = hand.unwrap_or_default();
     let body = Body { mass: inertia + extra, damping: damping + damper, stiffness, friction };
-    // What the hand pushes with while it intends to be at `value`, with this velocity.
+    // The hand's push at the intended position `value` and this intended velocity.
     let push = |value: f64, velocity: f64| if hand.is_some() { stiffness * value + damper * velocity } else { value };
     let (mut x, mut v, mut motor, mut gap, mut all) = (0.0, 0.0, 0.0, 0.0, 0);
     let mut places = Vec::new();
@@ -88,7 +88,7 @@ fn spec(inertia: f64, damping: f64, friction: f64, lag: f64) -> DeviceSpec {
 
 fn compare(case: &Case) -> Result<u32, TestCaseError> {
     let ((right, events), found) = (by_closed_form(case), by_device(case));
-    // What is far below the way that a torque of friction's size moves it in a sample is rounding.
+    // Differences far below the distance that a torque of friction's size moves it in a sample are rounding.
     let friction = case.spec.friction.max(case.spec.friction_backward.unwrap_or(0.0));
     let least = 1e-3 * friction * T / case.spec.damping;
     let size = right.iter().fold(least, |most, x| most.max(x.abs()));
@@ -98,7 +98,7 @@ fn compare(case: &Case) -> Result<u32, TestCaseError> {
     Ok(events)
 }
 
-/// What friction decides: torques about its level.
+/// Torques about the level of friction, where friction decides whether the puck moves.
 fn about(friction: f64) -> impl Strategy<Value = f64> {
     let near = (-6.0_f64..-0.5).prop_map(|power| 1.0 + 10_f64.powf(power));
     (prop_oneof![near, 0.2_f64..3.0], any::<bool>())
@@ -144,7 +144,7 @@ fn pushed() -> impl Strategy<Value = Case> {
 
 fn gripped() -> impl Strategy<Value = Case> {
     (pucks(), -2.0_f64..1.0, 0.0_f64..1.0).prop_flat_map(|(mut spec, stiff, share)| {
-        // The spring swings or creeps; the damper is shared between device and hand.
+        // The grip is underdamped or overdamped; the damping is shared between device and hand.
         let stiffness = spec.damping / T * 10_f64.powf(stiff) * 0.1;
         let damping = spec.damping * share;
         spec.damping -= damping;
@@ -169,13 +169,13 @@ proptest! {
     }
 
     #[test]
-    fn so_does_a_puck_in_a_grip(case in gripped()) {
+    fn a_gripped_puck_stops_and_starts_when_its_equation_says_however_fast_damping_settles_it(case in gripped()) {
         compare(&case)?;
     }
 }
 
-/// The motor lets go of a puck that it has pushed forward. Damping stops that within microseconds, and the summit of the hand's torque takes it
-/// forward again within the same sample, to its second stop.
+/// The motor's push of a puck ends. Damping stops the puck within microseconds, and the maximum of the hand's torque moves it forward again within
+/// the same sample, to its second stop.
 #[test]
 fn a_puck_that_stops_slips_and_stops_within_a_sample_has_not_gone_on() {
     for (frequency, at) in [(20.0, 3.7), (60.0, 3.3), (100.0, 3.3)] {
