@@ -156,7 +156,7 @@ fn two_stations_let_go_when_the_network_is_cut_and_meet_again_after() {
         way.cut.store(true, Ordering::Relaxed);
     }
     until("both let go", &mut stations, |links, stations| {
-        links.iter().all(|link| !link.acts && link.let_go > 0) && stations.iter().all(|station| station.link == 0.0)
+        links.iter().all(|link| !link.acts && link.releases > 0) && stations.iter().all(|station| station.link == 0.0)
     });
     for way in &ways {
         way.cut.store(false, Ordering::Relaxed);

@@ -96,7 +96,7 @@ impl Run<'_> {
                         (say_energy(seen.ledger.hand))
                     }
                 }
-                @for (link, [first, second]) in network.links.iter().zip(&self.let_go) {
+                @for (link, [first, second]) in network.links.iter().zip(&self.releases) {
                     @if first + second > 0 {
                         dt { (between(network, link.between)) }
                         dd {

@@ -26,7 +26,7 @@ pub struct Run<'s> {
     /// The signals of each station.
     pub traces: Vec<Traces>,
     /// How often each end of each link has let go.
-    pub let_go: Vec<[u64; 2]>,
+    pub releases: Vec<[u64; 2]>,
     /// The reason of an early end, if any.
     pub failure: Option<String>,
     /// Of each station of a network, the torque of its links.
@@ -89,7 +89,7 @@ impl<'s> Run<'s> {
                 .unwrap_or(0.0),
             summary: SystemSummary::new(system, run),
             traces: system.stations.iter().map(traces).collect(),
-            let_go: Vec::new(),
+            releases: Vec::new(),
             failure: None,
             links: linked.map(|_| signal()).collect(),
             recorded: system.stations.iter().map(|station| Recorded::new(columns(station))).collect(),

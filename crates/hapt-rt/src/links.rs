@@ -23,7 +23,7 @@ pub struct LinkSample {
     /// The greatest age at which a position acts, in s.
     pub age_max: f64,
     /// How often this end has let go.
-    pub let_go: u64,
+    pub releases: u64,
 }
 
 /// What a simulation may change of a link's end while it runs: the link's stiffness, and what the end keeps to, in SI.
@@ -129,7 +129,7 @@ impl LinkPort {
         let LinkTerms { age_max, hold, .. } = self.end.terms();
         let age = self.end.age().or(heard.map(|heard| heard.age + hold)).unwrap_or(f64::INFINITY);
         let acts = self.end.strength().acts();
-        let _ = self.samples.push(LinkSample { outgoing, acts, age, age_max, let_go: self.end.let_go() });
+        let _ = self.samples.push(LinkSample { outgoing, acts, age, age_max, releases: self.end.let_go() });
         torque
     }
 }

@@ -1,17 +1,17 @@
-//! Batches of runs, for a few numbers of many runs: one world a lane, all lanes at the same sample.
+//! Batches of runs, for a few results of many runs: one world a lane, all lanes at the same sample.
 //!
 //! The loop is hapt-core's own on [`Lanes`], and the puck moves by the same products and sums as in a single run, so that each lane
-//! has the bits of [`crate::Simulation`]. A puck that is free, that a torque or a grip moves, or whose hand prescribes where it is, moves with the
-//! others, with Coulomb friction too where the torque is held: which way it slides, and what friction holds, is chosen without a branch. A puck
-//! that stops within the period is moved by itself, in closed form.
+//! is bit-identical to [`crate::Simulation`]. All lanes together advance pucks that are free, that a torque or a grip moves, or whose hand
+//! prescribes the position, with Coulomb friction too where the torque is held: the direction of sliding and sticking are selected without a
+//! branch. A puck that stops within the period is advanced separately, in closed form.
 //!
-//! What else a device does, its lane does by itself, on the same exact device as a single run: a lag, a handle on a shaft, a hand that opens
-//! and closes, friction beside a grip or a torque that changes, a delay of another number of samples than in most lanes, and uneven samples. An
-//! event of the hand between two samples takes its lane away from the others for that period alone.
+//! A lane advances separately, on the same exact device as a single run, with a lag, a handle on a shaft, a hand that opens and closes,
+//! friction together with a grip or a torque that changes, a delay of another number of samples than in the first lane, and uneven samples.
+//! An event of the hand between two samples separates its lane for that period only.
 //!
-//! Nonlinear couplings are evaluated on all lanes at once where all have the same kinds at the same ends; where not, and where a method
-//! finds the torques at bodies, lane after lane. [`run_batch`] returns `None` for loops that differ in more than their numbers and nonlinear
-//! couplings, and for more bodies, couplings or window than fit.
+//! Nonlinear couplings are evaluated on all lanes at once where all have the same kinds at the same ends; otherwise, and where a method
+//! solves for the torques at bodies, lane after lane. [`run_batch`] returns `None` for loops that differ in more than their numbers and nonlinear
+//! couplings, and for more bodies or couplings, or a longer window, than fit.
 
 use std::array::from_fn;
 
@@ -24,15 +24,15 @@ use hapt_plant::{Hand, Motor, Push, VirtualDevice, change_under, slide_under, sl
 use crate::energy::world_energy;
 use crate::run::{Machine, rows, script};
 
-/// The number of worlds in a batch: two of today's widest vectors, so that one computes while the other waits.
+/// The number of worlds in a batch: two vectors of eight numbers, so that the latencies of their operations overlap.
 pub const LANES: usize = 16;
 /// The most couplings of a world in a lane, and its longest FOAW window.
 const COUPLINGS: usize = 8;
 const WINDOW: usize = 32;
-/// The part of its velocity that a sliding puck keeps over a period where it surely does not stop in it.
+/// A sliding puck that keeps more than this part of its velocity over a period does not stop in it.
 const SLIDES: f64 = 1e-9;
-/// The longest delay in samples; its commands are kept for all lanes.
-const LONGEST_DELAY: usize = 4096;
+/// The longest delay in samples; the commands of so many samples are kept for all lanes.
+const MAX_DELAY_SAMPLES: usize = 4096;
 
 type Numbers = Lanes<LANES>;
 
@@ -48,14 +48,14 @@ pub struct Outcome {
 /// Samples between two checks of the stop.
 const STRETCH: u64 = 4096;
 
-/// Whether the work is to end before its time; asked now and then.
+/// Whether the work is to be cancelled; called every [`STRETCH`] samples.
 type Stop<'s> = dyn Fn() -> bool + 's;
 
 /// Runs scenario number `scenario` of each world, all in one batch. An outcome is `None` where the run stops being finite, or is stopped:
-/// `stop` is asked every 4096 samples. Returns `None` where these worlds cannot run as a batch and must be run one by one, and on a processor
+/// `stop` is called every 4096 samples. Returns `None` where these worlds cannot run as a batch and must be run one by one, and on a processor
 /// without vectors of four numbers (x86 before AVX2), where that is as fast.
 pub fn run_batch(worlds: &[&World; LANES], scenario: usize, stop: &Stop<'_>) -> Option<[Option<Outcome>; LANES]> {
-    // Not run there, so not compiled for it: one by one, the instructions of all lanes are most of the crate's code.
+    // Not run there, so not compiled for it: written out lane by lane, these instructions would be most of the crate's code.
     if !has_vectors() {
         return None;
     }
@@ -72,8 +72,8 @@ fn with_bodies<const B: usize>(
     scenario: usize,
     stop: &Stop<'_>,
 ) -> Option<[Option<Outcome>; LANES]> {
-    // Linear worlds without a memory of several samples have a loop of their own, in which every lane computes at once. Batches are passed by reference:
-    // room for couplings in every lane is much to move.
+    // Linear worlds whose estimator keeps no window of samples have a loop of their own, in which every lane computes at once. Batches are passed by
+    // reference: with room for couplings in every lane they are large to move.
     let sampling = &worlds[0].sampling;
     let is_windowed = matches!(sampling.estimator, EstimatorKind::Foaw | EstimatorKind::FoawBest);
     if !is_windowed && !sampling.takes_several_samples() {
@@ -117,13 +117,13 @@ struct Lane<'w> {
     /// Whether the hand still holds the puck.
     held: bool,
     apart: Apart,
-    /// Whether the puck has left the numbers.
+    /// Whether the puck's or the handle's state is no longer finite.
     broken: bool,
 }
 
-/// What moves the puck of a lane in place of the products of all lanes.
+/// The device that advances the puck of a lane instead of the products of all lanes.
 enum Apart {
-    /// Its own device in this period (`now`) or in a later one; it is told the torque that the motor holds. `None`: it was not needed yet.
+    /// Its own device in this period (`now`) or in a later one; the lane sets the torque that its motor holds. `None`: not needed yet.
     Sometimes { device: Option<Box<VirtualDevice>>, now: bool },
     /// Its own device, always.
     Always(Box<Machine>),
@@ -133,32 +133,32 @@ impl Apart {
     const SELDOM: Apart = Apart::Sometimes { device: None, now: false };
 }
 
-/// v, torque, x, the torque's slope, σ and κ: the puck and what pushes it. The first two are all of a free puck under a held torque.
+/// v, torque, x, the torque's slope, σ and κ: the puck and its drive. A free puck under a held torque needs only the first two.
 type States = [Numbers; 6];
 
-/// What the motor of each lane holds in a period: up to the end of the delay's fraction, and from there on.
+/// The held torque of each lane's motor in a period: up to the end of the delay's fraction, and from there on.
 type Applied = [Numbers; 2];
 
-/// How the pucks move until the next event of a hand.
+/// The drives of the pucks until the next event of a hand.
 #[derive(Clone, Copy)]
-struct Motion {
+struct Drives {
     /// 1 where a torque moves the puck, 0 where its hand prescribes the position.
     pushed: Numbers,
-    /// What a hand adds to the motor's torque: its value, its slope, σ and κ of a sine.
+    /// The hand's torque: its value, its slope, σ and κ of a sine.
     drive: [Numbers; 4],
     any_pushed: bool,
-    /// Whether some hand that pushes does so by more than a torque that is held.
+    /// Whether some hand pushes with something other than a held torque.
     any_driven: bool,
     /// Whether some hand's push changes from sample to sample.
     any_varying: bool,
     /// Whether some hand prescribes a motion.
     any_prescribed: bool,
-    /// Whether some lane moves its puck by itself.
+    /// Whether some lane advances its puck on its own device.
     any_apart: bool,
 }
 
-impl Motion {
-    const NONE: Motion = Motion {
+impl Drives {
+    const NONE: Drives = Drives {
         pushed: Numbers::ZERO,
         drive: [Numbers::ZERO; 4],
         any_pushed: false,
@@ -201,7 +201,7 @@ impl<'w> Lane<'w> {
         self.hand.prescribed().is_none() || self.hand.is_gone((self.rows - 1) as f64 * self.period)
     }
 
-    /// Whether the puck can move with those of other lanes.
+    /// Whether the puck can be advanced together with those of other lanes.
     fn is_plain(&self) -> bool {
         let device = &self.world.device;
         // Under friction a puck that is driven by more than a held torque may stop and start within a period that begins and ends in motion.
@@ -222,7 +222,7 @@ impl<'w> Lane<'w> {
         [self.period - self.rest, self.rest]
     }
 
-    /// Whether a hand that pushes does so by more than a torque that is held.
+    /// Whether the hand pushes with something other than a held torque.
     fn is_driven(&self) -> bool {
         self.held && (self.hand.grips() || !self.hand.is_steady())
     }
@@ -236,14 +236,14 @@ impl<'w> Lane<'w> {
         matches!(self.apart, Apart::Sometimes { now: true, .. } | Apart::Always(_))
     }
 
-    /// Moves by a device of its own from the first sample on. `None`: the scenario's timing does not suit the loop.
+    /// Advances on its own device from the first sample on. `None`: the scenario's timing does not suit the loop.
     fn set_apart(&mut self) -> Option<()> {
         let (machine, rows) = Machine::new(self.world, self.scenario, true).ok()?;
         (self.apart, self.rows, self.next) = (Apart::Always(Box::new(machine)), rows, u64::MAX);
         Some(())
     }
 
-    /// The hand's event at sample k. Returns the puck, moved where the hand prescribes it.
+    /// The hand's event at sample k. Returns the puck, at the prescribed position and velocity where the hand prescribes them.
     fn act(&mut self, k: u64, puck: (f64, f64)) -> (f64, f64) {
         let t = k as f64 * self.period;
         self.next = u64::MAX;
@@ -264,7 +264,7 @@ impl<'w> Lane<'w> {
         self.hand.prescribed().map_or(puck, |piece| piece.at(t))
     }
 
-    /// The hand's push from sample k on; `None` where the hand prescribes the puck's position, or the lane moves it by itself.
+    /// The hand's push from sample k on; `None` where the hand prescribes the puck's position, or the lane has its own device.
     fn push(&self, k: u64) -> Option<Push> {
         match self.hand.prescribed() {
             _ if self.is_apart() => None,
@@ -280,7 +280,8 @@ impl<'w> Lane<'w> {
         }
     }
 
-    /// Moves the puck by itself from sample k - 1, at which the loop's `command` was this, to sample k. The motor holds `applied` meanwhile.
+    /// Advances the puck on the lane's own device from sample k - 1, at which the loop's command was `command`, to sample k. The motor holds
+    /// `applied` meanwhile.
     fn travel(&mut self, k: u64, puck: (f64, f64), command: f64, applied: [f64; 2]) -> (f64, f64) {
         let device = match &mut self.apart {
             Apart::Always(machine) if k < self.rows && !self.broken => {
@@ -291,7 +292,7 @@ impl<'w> Lane<'w> {
             Apart::Always(_) => return puck,
             Apart::Sometimes { device, .. } => {
                 let device = device.get_or_insert_with(|| {
-                    // What it holds, it is told.
+                    // No delay line: `command` below sets the held torque.
                     let mut device =
                         VirtualDevice::without_works(&DeviceSpec { delay: 0.0, ..self.world.device_spec() });
                     device.begin(&mut script(self.scenario, self.period));
@@ -323,7 +324,7 @@ impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
         // One delay line for all lanes: that of the first one. A fraction may differ from lane to lane.
         let motor_of = |lane: &Lane<'_>| Motor::<Numbers>::new(lane.world.sampling.delay_s(), lane.period);
         let mut motors = lanes.iter().filter(|lane| lane.is_plain()).map(motor_of);
-        let motor = motors.find(|motor| motor.samples <= LONGEST_DELAY).unwrap_or_else(|| Motor::new(0.0, 1.0));
+        let motor = motors.find(|motor| motor.samples <= MAX_DELAY_SAMPLES).unwrap_or_else(|| Motor::new(0.0, 1.0));
         let mut friction = [Numbers::ZERO; 2];
         for (i, lane) in lanes.iter_mut().enumerate() {
             let own = motor_of(lane);
@@ -341,7 +342,7 @@ impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
         Some(run)
     }
 
-    /// How the puck of lane i moves from here on, in its hand or without.
+    /// Computes the change of lane i's puck over a period, with or without its hand.
     fn set_plant(&mut self, i: usize) {
         let lane = &self.lanes[i];
         if matches!(lane.apart, Apart::Always(_)) || !lane.moves() {
@@ -356,10 +357,10 @@ impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
         }
     }
 
-    /// The hands' events at sample k. Returns the pucks, and how they move from there.
+    /// The hands' events at sample k. Returns the pucks and their drives from there on.
     #[inline(never)]
-    fn act(&mut self, k: u64, mut puck: [Numbers; 2]) -> ([Numbers; 2], Motion) {
-        let mut motion = Motion::NONE;
+    fn act(&mut self, k: u64, mut puck: [Numbers; 2]) -> ([Numbers; 2], Drives) {
+        let mut drives = Drives::NONE;
         for i in 0..LANES {
             let lane = &mut self.lanes[i];
             if lane.next == k {
@@ -371,29 +372,29 @@ impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
             }
             let lane = &self.lanes[i];
             if let Some(push) = lane.push(k) {
-                motion.any_pushed = true;
-                motion.pushed.0[i] = 1.0;
-                motion.set_drive(i, push);
-                motion.any_driven |= lane.is_driven();
-                motion.any_varying |= lane.varies();
+                drives.any_pushed = true;
+                drives.pushed.0[i] = 1.0;
+                drives.set_drive(i, push);
+                drives.any_driven |= lane.is_driven();
+                drives.any_varying |= lane.varies();
             }
             let moves = lane.hand.prescribed().is_some_and(|piece| !piece.is_flat());
-            motion.any_prescribed |= moves && !lane.is_apart();
-            motion.any_apart |= lane.is_apart();
+            drives.any_prescribed |= moves && !lane.is_apart();
+            drives.any_apart |= lane.is_apart();
         }
-        (puck, motion)
+        (puck, drives)
     }
 
-    /// Goes on with the pushes that change, to sample k or to the end of its delay's fraction.
+    /// Updates the pushes that change from sample to sample, at sample k or at the end of its delay's fraction.
     #[inline(never)]
-    fn vary(&self, k: u64, after_rest: bool, motion: &mut Motion) {
+    fn vary(&self, k: u64, after_rest: bool, drives: &mut Drives) {
         for (i, lane) in self.lanes.iter().enumerate().filter(|(_, lane)| lane.varies()) {
             let t = k as f64 * lane.period;
-            motion.set_drive(i, lane.hand.push(if after_rest { t + lane.rest } else { t }));
+            drives.set_drive(i, lane.hand.push(if after_rest { t + lane.rest } else { t }));
         }
     }
 
-    /// Moves the pucks of lanes that do so by themselves.
+    /// Advances the pucks of lanes that have their own device.
     #[inline(never)]
     fn travel(&mut self, k: u64, mut puck: [Numbers; 2], command: Numbers, applied: Applied) -> [Numbers; 2] {
         for (i, lane) in self.lanes.iter_mut().enumerate().filter(|(_, lane)| lane.is_apart()) {
@@ -412,18 +413,18 @@ impl<'w, const B: usize, const W: usize, const S: usize> Run<'w, B, W, S> {
         sliding[1] = torque - direction.if_above(Numbers::ZERO, forward, backward) * direction;
         let friction = forward + backward;
         let end = moved(&self.plants[part], &sliding, driven, pushed);
-        // What friction holds stays where it is.
+        // A stuck puck keeps position and velocity.
         let held = Numbers::ONE - direction * direction;
         let held = friction.if_above(Numbers::ZERO, held, Numbers::ZERO);
         let end = [held.choose(position, end[0]), held.choose(velocity, end[1])];
-        // A number that is none goes on as it is.
+        // A NaN compares false, and so passes unchanged.
         let slows =
             (Lanes([SLIDES; LANES]) * velocity.abs()).if_above(direction * end[1], velocity.abs(), Numbers::ZERO);
         let stops = (pushed * friction).if_above(Numbers::ZERO, slows, Numbers::ZERO);
         if stops == Numbers::ZERO { end } else { self.stopped(part, states, stops, end) }
     }
 
-    /// The same where `stops` is not 0, so that the puck may come to rest on its way.
+    /// Recomputes the lanes whose `stops` is not 0, where the puck may come to rest within this part of the period.
     #[inline(never)]
     fn stopped(&self, part: usize, states: States, stops: Numbers, mut end: [Numbers; 2]) -> [Numbers; 2] {
         let [velocity, torque, position, ..] = states;
@@ -464,7 +465,7 @@ impl<const B: usize, const W: usize, const S: usize> Run<'_, B, W, S> {
                 (puck[0].0[i], puck[1].0[i]) = piece.at(0.0);
             }
         }
-        let mut motion = Motion::NONE;
+        let mut drives = Drives::NONE;
         let (mut command, mut applied) = (Numbers::ZERO, [Numbers::ZERO; 2]);
         let late = self.motor.rest != 0.0;
         let (mut peak, mut finite_sum) = (Numbers::ZERO, Numbers::ZERO);
@@ -483,30 +484,30 @@ impl<const B: usize, const W: usize, const S: usize> Run<'_, B, W, S> {
                         self.motor.change();
                         applied = [applied[1], self.motor.applied];
                     }
-                    if motion.any_pushed {
+                    if drives.any_pushed {
                         for part in if late { 0..2 } else { 1..2 } {
-                            if motion.any_varying {
-                                self.vary(k - 1, late && part == 1, &mut motion);
+                            if drives.any_varying {
+                                self.vary(k - 1, late && part == 1, &mut drives);
                             }
-                            let [value, slope, sin, cos] = motion.drive;
+                            let [value, slope, sin, cos] = drives.drive;
                             let states = [puck[1], applied[part] + value, puck[0], slope, sin, cos];
                             puck = if self.slides {
-                                self.slid(1 - part, states, motion.any_driven, motion.pushed)
+                                self.slid(1 - part, states, drives.any_driven, drives.pushed)
                             } else {
-                                moved(&self.plants[1 - part], &states, motion.any_driven, motion.pushed)
+                                moved(&self.plants[1 - part], &states, drives.any_driven, drives.pushed)
                             };
                         }
                     }
-                    if motion.any_prescribed {
+                    if drives.any_prescribed {
                         puck = self.prescribe(k, puck);
                         finite_sum += Numbers::ZERO * puck[1];
                     }
-                    if motion.any_apart {
+                    if drives.any_apart {
                         puck = self.travel(k, puck, command, applied);
                     }
                 }
                 if k == first {
-                    (puck, motion) = self.act(k, puck);
+                    (puck, drives) = self.act(k, puck);
                     let stops = self.lanes.iter().flat_map(|lane| [lane.next, lane.rows]);
                     last = stops.filter(|stop| *stop > k).fold((k / STRETCH + 1) * STRETCH, u64::min).min(end);
                 }
@@ -522,7 +523,7 @@ impl<const B: usize, const W: usize, const S: usize> Run<'_, B, W, S> {
                     }
                 }
                 peak = peak.larger(sample.torque.abs());
-                // 0 · x is 0 or NaN, and a NaN stays in a sum. Bodies and puck, once not finite, stay so.
+                // 0 · x is 0 or NaN, and a NaN stays in a sum. Bodies and puck that are not finite never become finite again.
                 finite_sum += Numbers::ZERO * sample.torque;
                 k += 1;
             }
@@ -541,7 +542,7 @@ impl<const B: usize, const W: usize, const S: usize> Run<'_, B, W, S> {
     }
 }
 
-/// The puck a period later, where it is pushed: by a held torque alone, or also `driven` by a grip, a ramp or a sine.
+/// The puck a period later, where it is pushed: by a held torque, or also `driven` by a grip, a ramp or a sine.
 #[inline(always)]
 fn moved(plant: &[States; 2], states: &States, driven: bool, pushed: Numbers) -> [Numbers; 2] {
     let &[velocity, torque, position, slope, sin, cos] = states;

@@ -1,4 +1,4 @@
-//! A simulated way of messages: they take time, overtake each other, are lost, and arrive twice.
+//! A simulated channel for messages: with delay, reordering, loss and duplicates.
 
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
@@ -7,24 +7,25 @@ use hapt_model::Link;
 
 use crate::schedule::{between, uniform};
 
-/// The messages under way on a link, in one direction. A message costs the time of a search among those under way, and the memory is theirs.
+/// The messages in flight on a link, in one direction. Sending and receiving take logarithmic time, and memory is proportional to the messages
+/// in flight.
 #[derive(Clone, Debug)]
 pub struct Channel<T> {
-    /// How long a message takes, in s: shortest and longest.
+    /// The shortest and the longest delay of a message, in s.
     pub delay: [f64; 2],
     /// The part of the messages that is lost, from 0 to 1.
     pub loss: f64,
-    /// The part that arrives a second time, after a time of its own.
+    /// The part that arrives a second time, with its own delay.
     pub duplicate: f64,
-    under_way: BinaryHeap<Reverse<Message<T>>>,
+    in_flight: BinaryHeap<Reverse<Message<T>>>,
     sent: u64,
 }
 
-/// A message under way.
+/// A message in flight.
 #[derive(Clone, Copy, Debug)]
 struct Message<T> {
     arrival: f64,
-    /// Of messages that arrive together the one that was sent first comes first.
+    /// The order of sending, which orders messages with the same arrival time.
     number: u64,
     content: T,
 }
@@ -50,13 +51,13 @@ impl<T> PartialEq for Message<T> {
 impl<T> Eq for Message<T> {}
 
 impl<T: Copy> Channel<T> {
-    /// As the link's keys say, empty.
+    /// An empty channel with the parameters of the link.
     pub fn new(link: &Link) -> Self {
         let delay = [link.delay, link.delay_max_s()];
-        Channel { delay, loss: link.loss, duplicate: link.duplicate, under_way: BinaryHeap::new(), sent: 0 }
+        Channel { delay, loss: link.loss, duplicate: link.duplicate, in_flight: BinaryHeap::new(), sent: 0 }
     }
 
-    /// Sends a message at `now`, in s. What happens to it is drawn from `random` ([`uniform`]).
+    /// Sends a message at `now`, in s. Its loss, duplicate and delays are drawn from `random` ([`uniform`]).
     pub fn send(&mut self, random: &mut u64, now: f64, content: T) {
         let (is_lost, way) = (uniform(random) < self.loss, between(self.delay, uniform(random)));
         let is_copied = self.duplicate > 0.0 && uniform(random) < self.duplicate;
@@ -71,26 +72,26 @@ impl<T: Copy> Channel<T> {
     }
 
     fn push(&mut self, arrival: f64, content: T) {
-        self.under_way.push(Reverse(Message { arrival, number: self.sent, content }));
+        self.in_flight.push(Reverse(Message { arrival, number: self.sent, content }));
         self.sent += 1;
     }
 
-    /// Takes out the next message that has arrived by `now`, in s; first those that arrived first.
+    /// Takes out the next message that has arrived by `now`, in s, in the order of arrival.
     pub fn receive(&mut self, now: f64) -> Option<T> {
-        let Reverse(first) = self.under_way.peek()?;
+        let Reverse(first) = self.in_flight.peek()?;
         if first.arrival > now {
             return None;
         }
-        self.under_way.pop().map(|Reverse(message)| message.content)
+        self.in_flight.pop().map(|Reverse(message)| message.content)
     }
 
-    /// How many messages are under way, or have arrived and not been received.
+    /// The number of messages that are in flight, or have arrived and not been received.
     pub fn len(&self) -> usize {
-        self.under_way.len()
+        self.in_flight.len()
     }
 
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
-        self.under_way.is_empty()
+        self.in_flight.is_empty()
     }
 }

@@ -1,6 +1,6 @@
 //! The loop with its state, compiled for the smallest capacity that the world fits into.
 //!
-//! The bits are the same for every capacity; a smaller one only runs faster.
+//! Results are bit-identical for every capacity; a smaller one runs faster.
 
 use hapt_core::{Controller, ControllerState, Coupling, Error, Loop, Sample, Spec, State, Supervisor};
 
@@ -16,7 +16,7 @@ pub type DesktopController = Controller<f64, 32, COUPLINGS, COUNTS>;
 /// The state of both.
 pub type DesktopControllerState = ControllerState<f64, 32, COUPLINGS, COUNTS>;
 
-/// The supervisor alone.
+/// The supervisor of the same capacity, without the loop.
 pub type DesktopSupervisor = Supervisor<f64, 32, COUPLINGS>;
 
 const COUPLINGS: usize = 64;
@@ -64,12 +64,12 @@ impl Control {
         })
     }
 
-    /// What the motor is asked for, of this torque on the puck: after levels and limit.
+    /// The motor's command for this torque on the puck: after levels and limit.
     pub fn command(&self, torque: f64) -> f64 {
         for_each_capacity!(self, running => running.compiled.command(torque))
     }
 
-    /// How many steps have found no nonlinear torques that agree.
+    /// The number of steps whose iteration for the nonlinear torques has not converged.
     #[inline]
     pub fn unsettled(&self) -> u32 {
         for_each_capacity!(self, running => running.state.contacts.unsettled)
@@ -84,7 +84,7 @@ impl Control {
         bodies: &mut [(f64, f64)],
         bristles: &mut [f64],
     ) -> Sample<f64> {
-        // Most worlds have one body: its sample's numbers stay in registers, and those that the others return are copied there.
+        // Most worlds have one body: its results stay in registers, those of the other capacities are copied.
         if let Control::One(running) = self {
             return running.sample(position, velocity, bodies, bristles);
         }
@@ -105,7 +105,7 @@ impl<const B: usize> Running<B> {
         Ok(Box::new(Running { compiled, state, bristles }))
     }
 
-    /// [`Control::step`]. Not inlined either, so that each capacity has the registers and the stack that it needs alone.
+    /// [`Control::step`]. Not inlined either, so that each capacity uses only the registers and the stack that it needs.
     #[inline(never)]
     fn step(&mut self, position: f64, velocity: f64, bodies: &mut [(f64, f64)], bristles: &mut [f64]) -> Sample<f64> {
         self.sample(position, velocity, bodies, bristles)

@@ -31,7 +31,7 @@ use crate::row::{Row, SIGNALS, columns};
 #[derive(Debug)]
 pub struct CsvWriter<W> {
     out: W,
-    /// The line so far, and then room that is not in use.
+    /// The line so far, followed by unused room.
     line: Vec<u8>,
 }
 
@@ -39,7 +39,7 @@ pub struct CsvWriter<W> {
 const MAX_NUMBER_CHARS: usize = 25;
 
 impl<W: Write> CsvWriter<W> {
-    /// Writes the header. `out` is written a line at a time: hand in a buffered one.
+    /// Writes the header. `out` is written a line at a time: pass a buffered one.
     pub fn new(out: W, world: &World) -> io::Result<Self> {
         let names: Vec<String> = columns(world).into_iter().map(|column| column.name).collect();
         CsvWriter::with_columns(out, &names)
@@ -95,7 +95,7 @@ impl<W: Write> CsvWriter<W> {
     }
 }
 
-/// Writes a number and a comma; gives the room behind them.
+/// Writes a number and a comma; returns the room after them.
 #[inline]
 fn number(line: &mut [u8], x: f64) -> &mut [u8] {
     let mut digits = zmij::Buffer::new();

@@ -11,9 +11,9 @@ pub fn world_energy(world: &World, puck: f64, bodies: &[(f64, f64)], bristles: &
     hapt_plant::stored_energy(&world.bodies, &world.couplings, puck, bodies, bristles)
 }
 
-/// The most work that a hand gains from a delay at the start of a run. Until the first command arrives the motor holds 0 in place of the
+/// The largest work that a hand gains from a delay at the start of a run. Until the first command arrives the motor holds 0 instead of the
 /// world's τ_0, so that the hand saves at most |τ_0| times the length of the puck's path. The path of a sample, on which the puck may
-/// turn round, is taken as the larger of its displacement and T times the speeds at its two ends. It is 0 for a loop that begins without
+/// reverse, is taken as the larger of its displacement and T times the speeds at its two ends. It is 0 for a loop that begins without
 /// torque.
 #[derive(Clone, Copy, Debug)]
 pub struct DelayWork {

@@ -2,22 +2,22 @@
 
 use hapt_model::{Coupling, End, World};
 
-/// The least number of rows of a fit.
-const ENOUGH: u64 = 8;
-/// So many rows count one by one, all further ones in blocks: a motion may have decayed by then.
-const SINGLE: u64 = 64;
-/// The rows of a block.
-const BLOCK: u64 = 16;
-/// Numbers from 1 / `IN_RANGE` to `IN_RANGE` are multiplied without a thought of the largest number.
+/// The smallest number of rows of a fit.
+const MIN_ROWS: u64 = 8;
+/// The number of rows that count one by one; further ones count in blocks. A fast motion has decayed within the first rows.
+const SINGLE_ROWS: u64 = 64;
+/// The number of rows of a block.
+const BLOCK_ROWS: u64 = 16;
+/// Factors from 1 / `IN_RANGE` to `IN_RANGE` are multiplied without a check for overflow.
 const IN_RANGE: f64 = 1e100;
 
 /// Fits e^{growth t} to the bodies' steps.
 ///
 /// With the puck still, x_{k+1} - x_k obeys the world's map without its equilibrium, so that the energy of these steps,
-/// Σ J Δv²/2 + Σ k Δq²/2, swings little and grows with twice the exponent: the fit is the least-squares slope of half its
-/// logarithm. The second half of the stretch counts, where only the slowest motion is left, unless it has decayed by then; its
-/// ends count little, so that a swing of the energy within each turn does not tilt the line. Of neighbouring rows the mean counts: a
-/// logarithm of their product is the sum of theirs.
+/// Σ J Δv²/2 + Σ k Δq²/2, oscillates little and grows with twice the exponent: the fit is the least-squares slope of half its
+/// logarithm. The second half of the stretch is fitted, where the slowest motion dominates, unless it has decayed by then; its
+/// ends have small weights, so that the energy's oscillation within each turn does not tilt the line. Neighbouring rows are averaged in
+/// blocks: the logarithm of their product is the sum of their logarithms.
 #[derive(Clone, Debug)]
 pub(crate) struct Growth {
     from: f64,
@@ -35,7 +35,7 @@ pub(crate) struct Growth {
 }
 
 impl Growth {
-    /// Of a run whose puck is held still from the time `from` on; `None` where a nonlinear coupling is at a body.
+    /// For a run whose puck is held still from the time `from` on; `None` where a nonlinear coupling is at a body.
     pub fn new(world: &World, from: f64, rows: u64) -> Option<Self> {
         let linear = |coupling: &Coupling| !coupling.is_at_body() || coupling.linear().is_some();
         if world.bodies.is_empty() || !world.couplings.iter().all(linear) {
@@ -81,10 +81,10 @@ impl Growth {
         if index == self.half {
             self.end_block(index);
         }
-        // Ten digits below the start, the steps are rounding.
+        // Steps that are ten digits smaller than the first ones are rounding.
         if energy > 1e-20 * first_energy && energy.is_finite() {
             self.block.add(index, time - self.from, energy);
-            if self.block.rows == BLOCK || self.all.rows < SINGLE {
+            if self.block.rows == BLOCK_ROWS || self.all.rows < SINGLE_ROWS {
                 self.end_block(index + 1);
             }
         }
@@ -92,7 +92,7 @@ impl Growth {
 
     /// The exponent in 1/s.
     pub fn slope(&self) -> Option<f64> {
-        if self.late.rows >= ENOUGH { self.late.slope() } else { self.all.slope() }
+        if self.late.rows >= MIN_ROWS { self.late.slope() } else { self.all.slope() }
     }
 
     /// The energy of the difference of two states, the puck held.
@@ -113,7 +113,7 @@ impl Growth {
         energy
     }
 
-    /// The rows before `index` are a point of the lines.
+    /// Adds the rows before `index` to the lines as one point.
     fn end_block(&mut self, index: u64) {
         let block = std::mem::take(&mut self.block);
         if block.rows == 0 {
@@ -197,6 +197,6 @@ impl Line {
     }
 
     fn slope(&self) -> Option<f64> {
-        (self.rows >= ENOUGH && self.xx > 0.0).then(|| self.xy / self.xx)
+        (self.rows >= MIN_ROWS && self.xx > 0.0).then(|| self.xy / self.xx)
     }
 }

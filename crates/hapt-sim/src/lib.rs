@@ -1,9 +1,9 @@
 //! The exact device between the samples, the hand that moves it, and the run as a stream of rows.
 //!
-//! [`Run`] runs one scenario of a system, and gives the rows of its stations; [`Simulation`] is the run of one world alone. The loop is
+//! [`Run`] runs one scenario of a system, and gives the rows of its stations; [`Simulation`] is the run of a single world. The loop is
 //! hapt-core's own, unchanged, and between its samples the physical puck moves exactly. [`Row`] holds every signal at a sample.
-//! [`SystemSummary`] reduces a run to a few numbers, with a [`Summary`] for each station; [`CsvWriter`] writes the rows. Names, units and meanings of all columns come from one list,
-//! [`Signal`]; [`SIGNALS`] are those of a run, in the order of the columns.
+//! [`SystemSummary`] reduces a run to a few numbers, with a [`Summary`] for each station; [`CsvWriter`] writes the rows. Names, units and
+//! meanings of all columns come from one list, [`Signal`]; [`SIGNALS`] are those of a run, in the order of the columns.
 //!
 //! ```
 //! use hapt_model::{Source, World};

@@ -17,7 +17,7 @@ pub struct Row {
     pub measured: f64,
     /// v_k, the estimator's velocity.
     pub measured_velocity: f64,
-    /// From the couplings, before levels and limit.
+    /// The torque of the couplings, before levels and limit.
     pub torque: f64,
     /// After levels and limit.
     pub command: f64,
@@ -31,12 +31,13 @@ pub struct Row {
     pub handle: Option<(f64, f64)>,
     /// The device's works up to here.
     pub ledger: Ledger,
-    /// How many steps of the bodies up to here have found no nonlinear torques that agree ([`hapt_core::Contacts`]): such a step loses energy.
+    /// The number of steps of the bodies up to here whose iteration for the nonlinear torques has not converged ([`hapt_core::Contacts`]): such
+    /// a step loses energy.
     pub unsettled: u32,
 }
 
 impl Row {
-    /// Position and velocity of what has two columns after the signals: the bodies, then a handle on a shaft.
+    /// Position and velocity of the bodies, then of a handle on a shaft: each has two columns after the signals.
     pub fn pairs(&self) -> impl Iterator<Item = (f64, f64)> {
         self.bodies.iter().copied().chain(self.handle)
     }
@@ -47,7 +48,7 @@ impl Row {
         let mut a = self.puck + self.measured + self.torque;
         let mut b = self.puck_velocity + self.measured_velocity + self.command;
         match self.bodies[..] {
-            // Most worlds; a loop costs more than its one body.
+            // Most worlds have one body, for which a loop costs more.
             [(x, y)] => (a, b) = (a + x, b + y),
             _ => {
                 for (x, y) in &self.bodies {
@@ -55,8 +56,8 @@ impl Row {
                 }
             }
         }
-        // A number that is not finite stays in a sum, and 0 times that is not 0: one question instead of one for each number. A sum beyond the
-        // range of numbers has to ask each.
+        // A number that is not finite stays in a sum, and 0 times that is not 0: one comparison instead of one for each number. A sum that
+        // overflows needs one for each.
         (0.0 * (a + b) == 0.0 && self.handle.is_none()) || self.has_finite_numbers()
     }
 
@@ -84,7 +85,7 @@ pub enum Measures {
 }
 
 impl Measures {
-    /// The unit as people write it.
+    /// The unit in text, such as N m.
     pub fn unit(self, motion: Motion) -> &'static str {
         match (self, motion) {
             (Measures::Time, _) => "s",
@@ -98,7 +99,7 @@ impl Measures {
         }
     }
 
-    /// The unit as it ends a column's name.
+    /// The unit as the suffix of a column's name.
     fn suffix(self, motion: Motion) -> &'static str {
         match (self, motion) {
             (Measures::Velocity, Motion::Rotary) => "rad_per_s",
@@ -109,14 +110,14 @@ impl Measures {
     }
 }
 
-/// A signal of the loop: its name, its unit and its meaning in every format that has it.
+/// A signal of the loop: its name, unit and meaning, the same in every format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Signal {
     /// The column's name without its unit.
     pub stem: &'static str,
     /// What it measures.
     pub measures: Measures,
-    /// One line for people.
+    /// One line of text.
     pub doc: &'static str,
 }
 
@@ -146,7 +147,7 @@ impl Signal {
         Measures::Effort,
         "the torque that the motor holds, just after any change at this instant",
     );
-    /// What a supervised loop asks of its motor.
+    /// The motor's command of a supervised loop.
     pub const OUTPUT: Signal =
         Signal::new("output", Measures::Effort, "the output of the supervisor, the torque of the motor");
     /// A network's torque.
@@ -169,7 +170,7 @@ impl Signal {
 /// A signal of a run, and where a row has it.
 #[derive(Clone, Copy, Debug)]
 pub struct RowSignal {
-    /// Which.
+    /// The signal.
     pub signal: Signal,
     /// Its value in a row.
     pub get: fn(&Row) -> f64,
@@ -200,11 +201,11 @@ const HANDLE_SIGNALS: [Signal; 2] = [
 /// A column's name and unit for one world.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Column {
-    /// As in the CSV's header.
+    /// The name in the CSV's header.
     pub name: String,
-    /// As people write it.
+    /// The unit in text.
     pub unit: &'static str,
-    /// One line for people.
+    /// One line of text.
     pub doc: &'static str,
 }
 
@@ -218,7 +219,7 @@ pub fn columns(world: &World) -> Vec<Column> {
     loop_columns(world).into_iter().chain(handle.map(|signal| signal.column(world.motion))).collect()
 }
 
-/// Those of them that the loop has too, on a device that it does not simulate.
+/// The columns that a loop on a real device has too.
 pub fn loop_columns(world: &World) -> Vec<Column> {
     SIGNALS.iter().map(|row| row.signal.column(world.motion)).chain(body_columns(world)).collect()
 }

@@ -43,7 +43,7 @@ pub enum Error {
         /// What is wrong, and what would be right.
         reason: String,
     },
-    /// A number has left the range of numbers; the rows before it are good.
+    /// A number is no longer finite; the rows before it are valid.
     #[error("the run stops being finite at t = {time} s: the loop has run away")]
     NotFinite {
         /// t_k of the first row that is not finite, in s.
@@ -91,7 +91,7 @@ pub struct Simulation {
 pub(crate) struct Machine {
     pub device: VirtualDevice,
     period: f64,
-    /// Where the samples are not even: when they are taken, and what follows on the last one.
+    /// For uneven samples: their times, and delay and interval after the last one.
     uneven: Option<(Schedule, Tick)>,
 }
 
@@ -121,12 +121,12 @@ impl Machine {
         Ok((Machine { device, period, uneven }, rows))
     }
 
-    /// When sample number `sample`, the first or the next one, is taken, in s.
+    /// The time of sample number `sample`, the first or the next one, in s.
     pub fn time(&self, sample: u64) -> f64 {
         self.uneven.as_ref().map_or(sample as f64 * self.period, |(schedule, _)| schedule.time())
     }
 
-    /// Goes to sample number `sample`, the first or the next one, and gives its time in s. `command` is that of the sample before.
+    /// Advances to sample number `sample`, the first or the next one, and returns its time in s. `command` is that of the sample before.
     #[inline]
     pub fn travel(&mut self, sample: u64, command: f64) -> f64 {
         if self.uneven.is_some() {
@@ -149,7 +149,7 @@ impl Machine {
         time
     }
 
-    /// The loop's command at this sample; one that comes late comes with [`Machine::travel`].
+    /// Sets the loop's command at this sample; a delayed one is passed to [`Machine::travel`].
     #[inline]
     pub fn command(&mut self, command: f64) {
         if self.uneven.as_ref().is_none_or(|(_, tick)| aligned(tick.delay, self.period) == 0.0) {
@@ -164,7 +164,7 @@ impl Simulation {
         Self::with_works(world, scenario, true)
     }
 
-    /// The same rows, to the bit, but for [`Row::ledger`], which means nothing where the puck has no shaft: sooner where no two intervals are alike.
+    /// Bit-identical rows except [`Row::ledger`], which is not computed for a puck without a shaft: faster where all intervals differ.
     pub fn without_works(world: &World, scenario: &Scenario) -> Result<Self, Error> {
         Self::with_works(world, scenario, false)
     }
@@ -187,7 +187,7 @@ impl Simulation {
         })
     }
 
-    /// How many rows the whole run has: round(duration/T) + 1; with uneven samples those up to the duration.
+    /// The number of rows of the whole run: round(duration/T) + 1; with uneven samples those up to the duration.
     pub fn rows(&self) -> u64 {
         self.rows
     }
@@ -203,7 +203,7 @@ impl Simulation {
 
     /// The hand's last event in s, if the puck stands still, held, from then on.
     pub fn still_from(&self) -> Option<f64> {
-        // A handle that is held still lets the puck swing on its shaft.
+        // While the handle is held still, the puck can swing on its shaft.
         let hand = self.hand().filter(|hand| hand.holds_still() && self.row.handle.is_none());
         hand.map(Hand::last_event)
     }
@@ -218,26 +218,26 @@ impl Simulation {
         self.row.handle.is_none() && self.hand().is_some_and(|hand| hand.prescribed().is_some() && !hand.is_gone(t))
     }
 
-    /// When the next row's sample is taken, in s; `None` after the last.
+    /// The time of the next row's sample, in s; `None` after the last.
     pub(crate) fn next_time(&self) -> Option<f64> {
         (self.sample < self.rows).then(|| self.machine.time(self.sample))
     }
 
-    /// The last row, with a time by another clock.
+    /// The last row, with its time replaced by one of another clock.
     pub(crate) fn row_at(&mut self, time: f64) -> &Row {
         self.row.time = time;
         &self.row
     }
 
     /// The next row; `None` after the last. An error ends the run.
-    #[allow(clippy::should_implement_trait)] // The row is lent, not given: an iterator would allocate for each.
+    #[allow(clippy::should_implement_trait)] // The row is borrowed: an iterator would allocate each.
     #[inline]
     pub fn next(&mut self) -> Option<Result<&Row, Error>> {
         let taken = self.take(|_, sample| sample.command)?;
         Some(taken.map(|()| &self.row))
     }
 
-    /// The same with a torque on the puck from outside of the world, of its measured position; `row.torque` is the world's alone.
+    /// The same with an external torque on the puck, a function of its measured position; `row.torque` excludes it.
     pub(crate) fn next_with(&mut self, torque: impl FnOnce(Puck<f64>) -> f64) -> Option<Result<(), Error>> {
         self.take(|control, sample| control.command(sample.torque + torque(sample.puck)))
     }
@@ -271,7 +271,7 @@ impl Simulation {
     }
 }
 
-/// Compiles the world's loop, and looks at its device and its hands. Nothing else can prevent one of its scenarios from starting.
+/// Compiles the world's loop, and checks its device and the hands of its scenarios.
 pub fn check(world: &World) -> Result<(), Error> {
     Control::new(&world.spec())?;
     simulated(world)?;

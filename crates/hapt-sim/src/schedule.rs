@@ -1,4 +1,4 @@
-//! When the samples of a run are taken, and how late their commands arrive.
+//! The times of a run's samples, and the delays of their commands.
 
 use hapt_model::{Sampling, Timing, of_pattern};
 
@@ -7,17 +7,17 @@ use hapt_model::{Sampling, Timing, of_pattern};
 pub(crate) struct Schedule {
     timing: Timing,
     period: f64,
-    /// The least and the largest delay, in s.
+    /// The smallest and the largest delay, in s.
     delay: [f64; 2],
     /// The shortest and the longest interval, in s.
     interval: [f64; 2],
     sample: u64,
-    /// t_k in s; of a pattern in periods, so that whole ones stay whole.
+    /// t_k in s; for a pattern in periods, so that whole periods have no rounding.
     time: f64,
     random: u64,
 }
 
-/// What follows on a sample, in s.
+/// The delay and the interval after a sample, in s.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tick {
     /// From the sample to the arrival of its command, no longer than the interval.
@@ -27,7 +27,7 @@ pub(crate) struct Tick {
 }
 
 impl Schedule {
-    /// From t = 0 on; the timing suits the loop ([`Timing::fault`]).
+    /// The schedule from t = 0 on, of a timing that suits the loop ([`Timing::fault`]).
     pub fn new(timing: &Timing, sampling: &Sampling) -> Self {
         let seed = if let Timing::Random { seed, .. } = timing { u64::from(*seed) } else { 0 };
         Schedule {
@@ -50,7 +50,7 @@ impl Schedule {
         }
     }
 
-    /// What follows on this sample; the schedule goes on to the next.
+    /// The delay and the interval after this sample; the schedule advances to the next.
     pub fn advance(&mut self) -> Tick {
         let k = self.sample;
         self.sample += 1;
@@ -65,7 +65,7 @@ impl Schedule {
             }
             Timing::Random { .. } => {
                 let delay = between(self.delay, uniform(&mut self.random));
-                // No sample is taken before the command of the one before has arrived.
+                // A sample is taken only after the previous sample's command has arrived.
                 let [shortest, longest] = self.interval;
                 let interval = between([shortest.max(delay).min(longest), longest], uniform(&mut self.random));
                 self.time += interval;
@@ -74,7 +74,7 @@ impl Schedule {
             Timing::Recorded { samples, .. } => {
                 let at = |k: u64| samples.get(k as usize).copied();
                 let Some(((from, delay), (to, _))) = at(k).zip(at(k + 1)) else {
-                    // Beyond the recording, where no run goes.
+                    // After the end of the recording; runs end before.
                     self.time = f64::INFINITY;
                     return Tick { delay: self.delay[0], interval: self.period };
                 };
@@ -84,7 +84,7 @@ impl Schedule {
         }
     }
 
-    /// How many samples there are from t = 0 to `end` s inclusive, up to a millionth of a period.
+    /// The number of samples from t = 0 to `end` s inclusive, with a tolerance of a millionth of a period.
     pub fn samples_until(mut self, end: f64) -> u64 {
         let end = end + 1e-6 * self.period;
         let mut samples = 0;
@@ -100,7 +100,7 @@ pub(crate) fn between([from, to]: [f64; 2], part: f64) -> f64 {
     from + (to - from) * part
 }
 
-/// The next random number from 0 to 1 by SplitMix64 (Steele, Lea and Flood, 2014): the same on every machine and in every version.
+/// The next random number in [0, 1) by SplitMix64 (Steele, Lea and Flood, 2014): the same on every machine and in every version.
 pub fn uniform(state: &mut u64) -> f64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut z = *state;

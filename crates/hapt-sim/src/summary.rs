@@ -1,4 +1,4 @@
-//! The summary of a run: peaks, clipping, energy, growth, and what the hands at all stations have had.
+//! The summary of a run: peaks, clipping, energy, growth, and the energy that the hands at all stations have drawn.
 
 use hapt_model::{System, Timing, World};
 
@@ -10,7 +10,7 @@ use crate::row::Row;
 use crate::run::Simulation;
 use crate::system::{Run, StationRow};
 
-/// A station's run in a few numbers, gathered row by row.
+/// A station's run in a few numbers, updated row by row.
 #[derive(Clone, Debug)]
 pub struct Summary<'w> {
     world: &'w World,
@@ -28,7 +28,7 @@ pub struct Summary<'w> {
     pub clipped: u64,
     /// The first of them, k, and its time in s.
     pub first_clipped: Option<(u64, f64)>,
-    /// The number of steps of the bodies that found no nonlinear torques that agree: such a step loses energy.
+    /// The number of steps of the bodies whose iteration for the nonlinear torques has not converged: such a step loses energy.
     pub unsettled: u32,
     /// The device's works over the run.
     pub ledger: Ledger,
@@ -97,22 +97,22 @@ impl<'w> Summary<'w> {
         if self.rows == 0 { 0.0 } else { world_energy(self.world, self.last.0, &self.last.1, &self.last.2) }
     }
 
-    /// The exponent of the bodies' motion in 1/s, fitted to the run while the puck is held still; `None` if it never is, if
+    /// The exponent of the bodies' motion in 1/s, fitted to the run while the puck is held still; `None` if it is never held still, if
     /// nothing moves, or if a nonlinear coupling is at a body (then there is no single exponent).
     pub fn fitted_growth(&self) -> Option<f64> {
         self.growth.as_ref().and_then(Growth::slope)
     }
 }
 
-/// A run of a system in a few numbers, gathered row by row.
+/// A run of a system in a few numbers, updated row by row.
 #[derive(Clone, Debug)]
 pub struct SystemSummary<'s> {
     /// In file order.
     pub stations: Vec<Summary<'s>>,
-    /// Of a network: the most energy that all hands together have had from it at any instant, in J; 0 where they never had any. Where the
-    /// stations take their samples at different times it may be off by [`SystemSummary::blur`].
+    /// Of a network: the largest net energy that all hands together have drawn from it up to any instant, in J; 0 where they have drawn none. Where
+    /// the stations take their samples at different times its error is at most [`SystemSummary::blur`].
     pub drawn: f64,
-    /// Of a network: all the work that has gone between hands and network, in J.
+    /// Of a network: the sum of |work| between hands and network, sample by sample, in J.
     pub exchanged: f64,
     /// For each station, the largest work of its hand within a sample, J.
     steps: Vec<f64>,
@@ -169,18 +169,18 @@ impl<'s> SystemSummary<'s> {
         self.steps[station] = self.steps[station].max(step);
         self.times[station] = row.time;
         self.exchanged += step;
-        // Stations that take their samples together are looked at when all have: else one of them is a sample behind.
+        // With common instants the sum is taken only after all stations' samples there: before, one of them is a sample behind.
         if self.is_together(row.time) {
             self.drawn = self.drawn.max(self.had());
         }
     }
 
-    /// Whether the works of all hands are known at an instant: all stations have taken a sample then, or there are no such instants.
+    /// Whether the works of all hands are current at `time`: all stations have taken a sample then, or there are no common instants.
     pub fn is_together(&self, time: f64) -> bool {
         !self.is_common || self.times.iter().all(|of| (of - time).abs() < 1e-9)
     }
 
-    /// What all hands together have had by their last samples, in J.
+    /// The net energy that all hands together have drawn by their last samples, in J.
     pub fn had(&self) -> f64 {
         -self.stations.iter().map(|of| of.ledger.hand).sum::<f64>()
     }
@@ -190,7 +190,7 @@ impl<'s> SystemSummary<'s> {
         self.stations.iter().map(|of| of.peak_torque).fold(0.0, f64::max)
     }
 
-    /// How much of the energy drawn may be missing, or too much, because the stations take their samples at different times, J.
+    /// A bound on the error of the energy drawn, in J, where the stations take their samples at different times.
     pub fn blur(&self) -> f64 {
         if self.is_common { 0.0 } else { self.steps.iter().sum() }
     }

@@ -9,12 +9,12 @@ use crate::channel::Channel;
 use crate::row::{Column, Row, SIGNALS, Signal, columns};
 use crate::run::{Error, Simulation};
 
-/// A scenario of a system, sample by sample, whichever station takes the next. Of a world file the one station's rows are those of its
-/// [`Simulation`], to the bit.
+/// A scenario of a system, sample by sample, in the order of the stations' sample times. The rows of a world file's one station are
+/// bit-identical to those of its [`Simulation`].
 ///
-/// A station with links sends its position at its samples, and with it the part of its torque that acts: see [`LinkEnd`]. No end uses a
-/// position that the other's loop sent after a younger one. The links hold when the scenario begins: all wheels have been at rest at 0, and
-/// said so.
+/// A station with links sends its position at its samples, and with it the part of its torque that acts: see [`LinkEnd`]. An end ignores a
+/// position that is older than the newest one received. The links act when the scenario begins: before it all wheels have been at rest at 0,
+/// and their messages have reported that.
 ///
 /// ```
 /// use hapt_model::{System, Source};
@@ -45,28 +45,28 @@ use crate::run::{Error, Simulation};
 #[derive(Clone, Debug)]
 pub struct Run {
     stations: Vec<Station>,
-    /// Messages have positions in steps of this; 0: as they are.
+    /// Messages round positions to multiples of this; 0: exact positions.
     step: f64,
     joints: Vec<Joint>,
-    /// Whether it is the station of a world file.
+    /// Whether the system is a world file: one station without links.
     is_world: bool,
 }
 
 /// A sample of one station.
 #[derive(Clone, Copy, Debug)]
 pub struct StationRow<'a> {
-    /// Which station.
+    /// The station's index.
     pub station: usize,
-    /// Its row, its time by the clock of the system.
+    /// Its row, with the time of the system's clock.
     pub row: &'a Row,
-    /// From the links on the puck, before levels and limit: the command is of this and the world's torque together. 0 of a world file.
+    /// The torque of the links on the puck, before levels and limit: the command is that of the sum of this and the world's torque. 0 in a world file.
     pub link: f64,
-    /// Whether its system is a network, so that there is a column for that.
+    /// Whether its system is a network, so that there is a column for the torque of the links.
     pub is_linked: bool,
 }
 
 impl StationRow<'_> {
-    /// Its numbers in the order of [`station_columns`]; what `values` held before is gone.
+    /// Replaces `values` by its numbers in the order of [`station_columns`].
     pub fn numbers(&self, values: &mut Vec<f64>) {
         values.clear();
         values.extend(SIGNALS.iter().map(|signal| (signal.get)(self.row)));
@@ -75,7 +75,7 @@ impl StationRow<'_> {
     }
 }
 
-/// The columns of a station's run: those of its world, and in a network the torque of its links. None where there is no such station.
+/// The columns of a station's run: those of its world, and in a network the torque of its links. Empty for an index without a station.
 pub fn station_columns(system: &System, at: usize) -> Vec<Column> {
     let own = system.stations.get(at).map(|station| columns(&station.world)).unwrap_or_default();
     let link = system.world().is_none().then(|| Signal::LINK.column(system.motion));
@@ -90,7 +90,7 @@ struct Station {
     drift: f64,
 }
 
-/// A link with the messages that are on their way on it.
+/// A link with its messages in flight.
 #[derive(Clone, Debug)]
 struct Joint {
     link: Link,
@@ -101,22 +101,22 @@ struct Joint {
 /// One station's end of a link.
 #[derive(Clone, Debug)]
 struct End {
-    /// On their way to this end.
-    coming: Channel<Message>,
-    /// Those that have arrived from a sample at the same instant, which this end's sample there has not heard of.
+    /// The messages in flight to this end.
+    incoming: Channel<Message>,
+    /// Messages that have arrived but were sampled at the same instant as this end's sample, which does not use them yet.
     just_sent: Vec<Message>,
-    /// What the other end said before its first sample.
+    /// The other end's messages of the time before its first sample.
     at_rest: AtRest,
-    /// The one that was sent last of those that have arrived.
+    /// The message with the latest sample of those that have arrived.
     newest: Option<Message>,
-    /// Between two messages of this end, and of its samples, s of the network's clock.
+    /// The time between two messages of this end, and between two of its samples, in s of the network's clock.
     period: f64,
     sample: f64,
-    /// By what part its clock is fast.
+    /// The relative rate by which its clock is fast.
     drift: f64,
-    /// When the next one is sent.
+    /// The time of its next message.
     next: f64,
-    /// When its last sample was taken.
+    /// The time of its last sample.
     last: f64,
     link: LinkEnd,
 }
@@ -128,7 +128,7 @@ struct Message {
     strength: Strength,
 }
 
-/// Sample times by a clock that is fast by `drift`, by the true one. Delays of the motor are true times.
+/// The true times of samples whose clock is fast by `drift`. Delays of the motor are true times.
 fn drifting(timing: &Timing, drift: f64) -> Timing {
     match timing {
         timing if drift == 0.0 => timing.clone(),
@@ -141,30 +141,30 @@ fn drifting(timing: &Timing, drift: f64) -> Timing {
             let samples = samples.iter().map(|(time, delay)| (time / (1.0 + drift), *delay)).collect();
             Timing::Recorded { file: file.clone(), samples }
         }
-        // The reader refuses these beside a drift.
+        // The reader refuses these together with a drift.
         Timing::Random { .. } | Timing::Worst => timing.clone(),
     }
 }
 
-/// What a station without the scenario does.
+/// The scenario of a station that does not define this one: hands-off.
 fn hands_off(name: &str, duration: f64) -> Scenario {
     let hand = Hand { drive: Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), release: None };
     Scenario { name: name.into(), duration, hand, timing: Timing::Even }
 }
 
-/// What a wheel at rest at 0 has said before its first sample, a message in each period.
+/// The messages of a wheel at rest at 0 before its first sample, one in each period.
 #[derive(Clone, Copy, Debug)]
 struct AtRest {
-    /// How many of these messages have not arrived: those from the last on.
+    /// The number of these messages that have not arrived, counted back from the last.
     left: f64,
-    /// When the wheel takes its first sample, the time between two messages, and how long one is on its way, in s.
+    /// The time of the wheel's first sample, the time between two messages, and their delay, in s.
     phase: f64,
     period: f64,
     delay: f64,
 }
 
 impl AtRest {
-    /// On this link, with the one that has arrived by t = 0 and those that have not.
+    /// Those of `sender` on this link: the one that has arrived by t = 0, and those that have not.
     fn new(link: &Link, sender: &Station) -> Self {
         let period = link.period.unwrap_or(sender.period) / (1.0 + sender.drift);
         let left = ((sender.phase + link.delay) / period).floor() + 1.0;
@@ -198,7 +198,7 @@ impl Run {
         }
         let sender = |index: usize, side: usize| &stations[system.links[index].between[side]];
         let end = |index: usize, side: usize| End {
-            coming: Channel::new(&system.links[index]),
+            incoming: Channel::new(&system.links[index]),
             just_sent: Vec::new(),
             at_rest: AtRest::new(&system.links[index], sender(index, 1 - side)),
             newest: None,
@@ -223,7 +223,7 @@ impl Run {
         Run { step, ..self }
     }
 
-    /// How many rows all stations have together.
+    /// The number of rows of all stations together.
     pub fn rows(&self) -> u64 {
         self.stations.iter().map(|station| station.run.rows()).sum()
     }
@@ -233,13 +233,13 @@ impl Run {
         self.stations.iter().map(|station| &station.run)
     }
 
-    /// How often each end of each link has let go.
-    pub fn let_go(&self) -> impl Iterator<Item = [u64; 2]> {
+    /// The number of releases of each end of each link.
+    pub fn releases(&self) -> impl Iterator<Item = [u64; 2]> {
         self.joints.iter().map(|joint| [joint.ends[0].link.let_go(), joint.ends[1].link.let_go()])
     }
 
     /// The next sample of all; `None` after the last. An error ends the run.
-    #[allow(clippy::should_implement_trait)] // The row is lent, as that of a simulation.
+    #[allow(clippy::should_implement_trait)] // The row is borrowed, as that of a simulation.
     #[inline]
     pub fn next(&mut self) -> Option<Result<StationRow<'_>, Error>> {
         if self.is_world {
@@ -249,7 +249,7 @@ impl Run {
         self.next_of_network()
     }
 
-    /// Gives each row to `each` until the end, or until it breaks off. An error ends the run.
+    /// Calls `each` with each row until the end, or until it returns a break. An error ends the run.
     ///
     /// # Errors
     /// [`Error::NotFinite`].
@@ -258,7 +258,7 @@ impl Run {
         &mut self,
         mut each: impl FnMut(&StationRow<'_>) -> ControlFlow<B>,
     ) -> Result<ControlFlow<B>, Error> {
-        // A loop of its own is as fast as the run of the world alone.
+        // Specialised, so that a world file runs as fast as its `Simulation`.
         if let ([station], true) = (self.stations.as_mut_slice(), self.is_world) {
             while let Some(row) = station.run.next() {
                 let flow = each(&StationRow { station: 0, row: row?, link: 0.0, is_linked: false });
@@ -299,7 +299,7 @@ impl Run {
 }
 
 impl Joint {
-    /// The torque on the puck of station `at`, which its sample at `time` has `seen` so; `None` where it is no end of this link.
+    /// The torque on the puck of station `at`, whose sample at `time` is `seen`; `None` where the station is no end of this link.
     fn torque(&mut self, at: usize, time: f64, seen: Puck<f64>, step: f64) -> Option<f64> {
         let side = self.link.between.iter().position(|end| *end == at)?;
         let Joint { link, random, ends } = self;
@@ -310,7 +310,7 @@ impl Joint {
         let was_sent = |message: &Message| message.sampled < time - near;
         let mut arrived = std::mem::take(&mut own.just_sent);
         arrived.extend(std::iter::from_fn(|| own.at_rest.receive(time + near, time - near)));
-        arrived.extend(std::iter::from_fn(|| own.coming.receive(time + near)));
+        arrived.extend(std::iter::from_fn(|| own.incoming.receive(time + near)));
         for message in arrived.iter().filter(|message| was_sent(message)) {
             if own.newest.is_none_or(|newest| newest.sampled < message.sampled) {
                 own.newest = Some(*message);
@@ -318,7 +318,7 @@ impl Joint {
         }
         arrived.retain(|message| !was_sent(message));
         own.just_sent = arrived;
-        let heard = own.newest.map(|newest| RemoteState {
+        let remote = own.newest.map(|newest| RemoteState {
             age: (time - newest.sampled) * (1.0 + own.drift),
             session: 0,
             taken: newest.sampled * (1.0 + other.drift),
@@ -326,7 +326,7 @@ impl Joint {
             strength: newest.strength,
         });
         let elapsed = (time - own.last) * (1.0 + own.drift);
-        let torque = own.link.sample(elapsed, true, heard, |other, velocity| {
+        let torque = own.link.sample(elapsed, true, remote, |other, velocity| {
             link.torque_at(side == 0, [seen.position, seen.velocity], other, velocity)
         });
         own.last = time;
@@ -334,7 +334,7 @@ impl Joint {
             own.next = own.next.max(time) + own.period;
             let position = if step > 0.0 { (seen.position / step).round() * step } else { seen.position };
             let message = Message { sampled: time, position, strength: own.link.said() };
-            other.coming.send(random, time, message);
+            other.incoming.send(random, time, message);
         }
         Some(torque)
     }

@@ -143,7 +143,7 @@ fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
             Ok::<(), Failure>(())
         })?;
         run.failure = end.err().map(|error| error.to_string());
-        run.let_go = simulation.let_go().collect();
+        run.releases = simulation.releases().collect();
         runs.push(run);
     }
     let plots = plots();

@@ -199,7 +199,7 @@ fn linked(system: &System, scenario: &str, stations: &[Summary<'_>], run: &Run) 
             format::energy(seen.ledger.hand),
         );
     }
-    for (link, [first, second]) in system.links.iter().zip(run.let_go()).filter(|(_, times)| *times != [0, 0]) {
+    for (link, [first, second]) in system.links.iter().zip(run.releases()).filter(|(_, times)| *times != [0, 0]) {
         let [one, other] = link.between.map(|at| &system.stations[at].name);
         let times = |n: u64| if n == 1 { "once".to_string() } else { format!("{n} times") };
         text += &format!("  link {one} to {other}: let go {} at {one}, {} at {other}\n", times(first), times(second));

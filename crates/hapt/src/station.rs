@@ -345,14 +345,14 @@ fn strange() -> impl Iterator<Item = Refusal> {
 pub fn summary(links: &[LinkStatus]) -> String {
     let mut text = String::new();
     for link in links {
-        let LinkStatus { to, age_max, samples, acted, let_go, oldest, taken, refused, .. } = link;
+        let LinkStatus { to, age_max, samples, acted, releases, oldest, taken, refused, .. } = link;
         let [samples, taken] = [*samples, *taken].map(format::count);
         text += &match acted {
             0 if taken == "0" => format!("link         to {to}: never acted; nothing came from it\n"),
             0 => format!("link         to {to}: never acted, with {taken} messages from it\n"),
             _ => {
-                let [acted, times] = [*acted, *let_go].map(format::count);
-                let s = if *let_go == 1 { "" } else { "s" };
+                let [acted, times] = [*acted, *releases].map(format::count);
+                let s = if *releases == 1 { "" } else { "s" };
                 format!(
                     "link         to {to}: acted in {acted} of {samples} samples, let go {times} time{s}; {taken} messages\n             \
                      positions acted up to an age of {:.1} ms, of {:.1} ms\n",

@@ -163,7 +163,7 @@ fn drawn(network: &System) -> Drawn {
         drawn: if is_finite { summary.drawn } else { f64::INFINITY },
         round: if is_finite { summary.exchanged } else { 1.0 },
         slack: summary.blur(),
-        let_go: run.let_go().flatten().sum(),
+        let_go: run.releases().flatten().sum(),
         samples: summary.stations.iter().map(|station| station.rows).sum(),
     }
 }

@@ -19,7 +19,7 @@ pub struct LinkStatus {
     /// Whether it acted in the last one.
     pub acts: bool,
     /// How often this end has let go.
-    pub let_go: u64,
+    pub releases: u64,
     /// The age of the other's position at the end of the last sample's hold, in s; infinite without one.
     pub age: f64,
     /// The greatest such age that has acted.
@@ -58,7 +58,7 @@ pub(crate) struct Counters {
     samples: AtomicU64,
     acted: AtomicU64,
     acts: AtomicBool,
-    let_go: AtomicU64,
+    releases: AtomicU64,
     age: AtomicU64,
     age_max: AtomicU64,
     oldest: AtomicU64,
@@ -74,7 +74,7 @@ impl Counters {
             samples: AtomicU64::default(),
             acted: AtomicU64::default(),
             acts: AtomicBool::default(),
-            let_go: AtomicU64::default(),
+            releases: AtomicU64::default(),
             age: AtomicU64::new(f64::INFINITY.to_bits()),
             age_max: AtomicU64::new(age_max.to_bits()),
             oldest: AtomicU64::default(),
@@ -85,11 +85,11 @@ impl Counters {
 
     /// Counts a sample of the loop.
     pub fn count(&self, sample: &LinkSample) {
-        let Counters { samples, acted, acts, let_go, age, age_max, oldest, .. } = self;
+        let Counters { samples, acted, acts, releases, age, age_max, oldest, .. } = self;
         age_max.store(sample.age_max.to_bits(), Ordering::Relaxed);
         samples.fetch_add(1, Ordering::Relaxed);
         acts.store(sample.acts, Ordering::Relaxed);
-        let_go.store(sample.let_go, Ordering::Relaxed);
+        releases.store(sample.releases, Ordering::Relaxed);
         age.store(sample.age.to_bits(), Ordering::Relaxed);
         if sample.acts {
             acted.fetch_add(1, Ordering::Relaxed);
@@ -118,7 +118,7 @@ impl Counters {
             samples: number(&self.samples),
             acted: number(&self.acted),
             acts: self.acts.load(Ordering::Relaxed),
-            let_go: number(&self.let_go),
+            releases: number(&self.releases),
             age: f64::from_bits(number(&self.age)),
             oldest: f64::from_bits(number(&self.oldest)),
             taken: number(&self.taken),

@@ -126,7 +126,7 @@ impl<C: Codec> Station<C> {
 #[derive(Default)]
 struct Seen {
     acted: u64,
-    let_go: u64,
+    releases: u64,
     again: u64,
     refused: u64,
     faulted: u64,
@@ -290,7 +290,7 @@ fn campaign<C: Codec>(network: &System, codec: fn(bool, bool) -> C, seed: u64, s
             stations[1 - at].coming.push((time + way, bytes));
         }
     }
-    seen.let_go += gone;
+    seen.releases += gone;
     // What takes the link away for good shows it.
     if matches!(fault, Fault::Loss(1.0) | Fault::Stop | Fault::Stranger) {
         assert!(gone > 0 || seen.acted == 0, "{fault:?}");
@@ -305,10 +305,10 @@ fn campaigns<C: Codec>(codec: fn(bool, bool) -> C) {
     for seed in seeds {
         campaign(&network, codec, seed, &mut seen);
     }
-    let Seen { acted, let_go, again, refused, faulted } = seen;
-    println!("acted {acted}, let go {let_go}, acts again {again}, refused {refused}, stopped {faulted}");
+    let Seen { acted, releases, again, refused, faulted } = seen;
+    println!("acted {acted}, released {releases}, acts again {again}, refused {refused}, stopped {faulted}");
     // Nothing of it is empty.
-    assert!(acted > 100 * n && let_go > n / 2 && again > 20 * n && refused > 10 * n && faulted > n / 50);
+    assert!(acted > 100 * n && releases > n / 2 && again > 20 * n && refused > 10 * n && faulted > n / 50);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! A run in a lane is the run alone, to the bit.
+//! A run in a lane is bit-identical to the single run.
 
 use crate::common::*;
 use hapt_model::*;
@@ -30,7 +30,7 @@ impl Dice {
     }
 }
 
-/// A coupling that no matrix holds, its law by `kind`.
+/// A nonlinear coupling, its law by `kind`.
 fn nonlinear(kind: usize, number: &mut Dice) -> (Law, Option<f64>) {
     let (torque, stiffness, at) = (number.between(0.001, 0.1), number.between(0.1, 20.0), number.between(-0.5, 0.5));
     let (width, damping) = (number.between(0.01, 0.3), number.between(0.0, 0.01));
@@ -77,7 +77,7 @@ fn world(seed: u64, lane: u64, runaway: bool) -> World {
     device.encoder = shape.chance(0.5).then(|| number.between(100.0, 8000.0));
     device.limit = shape.chance(0.5).then(|| number.between(0.1, 1.0));
     device.levels = (device.limit.is_some() && shape.chance(0.5)).then(|| 2 * (1 + number.below(1000) as u32));
-    // What a device does by itself.
+    // Properties of the device that its lane advances separately.
     let mut some = |of: (f64, f64)| if number.chance(0.15) { number.between(of.0, of.1) } else { 0.0 };
     (device.friction, device.lag) = (some((1e-3, 0.05)), some((1e-4, 5e-3)));
     device.friction_backward = Some(some((1e-3, 0.05))).filter(|backward| *backward > 0.0);
@@ -130,7 +130,7 @@ fn world(seed: u64, lane: u64, runaway: bool) -> World {
         }
     }
 
-    // Couplings that no matrix holds, the same in all lanes or other ones in each.
+    // Nonlinear couplings, the same in all lanes or different in each.
     if shape.chance(0.6) {
         let linear = world.couplings.clone();
         let kinds = &mut Dice(if shape.chance(0.5) { seed } else { seed ^ lane });
@@ -193,8 +193,8 @@ fn worlds(of: impl Fn(u64) -> World) -> Box<[World; LANES]> {
     Box::new(std::array::from_fn(|lane| of(lane as u64)))
 }
 
-/// The run alone; `None` where it stops being finite.
-fn alone(world: &World) -> Option<Outcome> {
+/// The single run; `None` where it stops being finite.
+fn single(world: &World) -> Option<Outcome> {
     let mut run = Simulation::new(world, &world.scenarios[0]).unwrap();
     let mut summary = Summary::new(world, &run);
     while let Some(row) = run.next() {
@@ -211,19 +211,19 @@ proptest! {
     #![proptest_config(hapt_testing::cases(160))]
 
     #[test]
-    fn a_lane_has_the_bits_of_the_run_alone(seed in any::<u64>(), runaway in any::<bool>()) {
+    fn a_lane_is_bit_identical_to_the_single_run(seed in any::<u64>(), runaway in any::<bool>()) {
         let worlds = worlds(|lane| world(seed, lane, runaway));
         let outcomes = run_batch(&worlds.each_ref(), 0, &|| false);
         prop_assert!(outcomes.is_some(), "these worlds fit: {:#?}", worlds[0]);
         for (lane, (world, outcome)) in worlds.iter().zip(outcomes.unwrap()).enumerate() {
-            prop_assert_eq!(bits(outcome), bits(alone(world)), "lane {}: {:#?}", lane, world);
+            prop_assert_eq!(bits(outcome), bits(single(world)), "lane {}: {:#?}", lane, world);
         }
     }
 }
 
-/// Under forward Euler a stiff spring takes one lane out of the range of numbers, and no other.
+/// Under forward Euler a stiff spring makes one lane diverge to infinity, and no other.
 #[test]
-fn a_lane_that_runs_away_leaves_the_others_alone() {
+fn a_lane_that_diverges_does_not_change_the_others() {
     let of = |lane: u64| {
         let mut world = wheel(Method::ForwardEuler, Output::Start);
         world.scenarios = vec![scenario(1.0, step(0.5, 0.0), Some(0.25))];
@@ -235,12 +235,12 @@ fn a_lane_that_runs_away_leaves_the_others_alone() {
     let outcomes = run_batch(&worlds.each_ref(), 0, &|| false).unwrap();
     for (lane, (world, outcome)) in worlds.iter().zip(outcomes).enumerate() {
         assert_eq!(outcome.is_none(), lane == 3);
-        assert_eq!(bits(outcome), bits(alone(world)), "lane {lane}");
+        assert_eq!(bits(outcome), bits(single(world)), "lane {lane}");
     }
 }
 
 #[test]
-fn a_batch_ends_when_it_is_told_to() {
+fn a_batch_ends_when_it_is_cancelled() {
     let of = |lane: u64| {
         let mut world = wheel(Method::Zoh, Output::End);
         world.scenarios = vec![scenario(20.0, step(0.5, 0.0), Some(0.25 + 1e-4 * lane as f64))];
@@ -263,9 +263,9 @@ fn a_batch_ends_when_it_is_told_to() {
     assert_eq!(asked.get(), 3);
 }
 
-/// Lanes hold loops that differ in their numbers and nonlinear couplings; devices may differ in all.
+/// Loops in lanes may differ in their numbers and nonlinear couplings; devices may differ in everything.
 #[test]
-fn a_loop_of_another_kind_runs_alone() {
+fn a_loop_of_another_kind_does_not_fit_a_batch() {
     let fit = |change: &dyn Fn(&mut World, u64)| {
         let of = |lane| {
             let mut world = wheel(Method::Zoh, Output::End);
@@ -299,6 +299,6 @@ fn a_loop_of_another_kind_runs_alone() {
     assert!(fit(&|world, lane| if lane == 7 {
         world.device.friction = 1e-3
     }));
-    // A timing that suits no loop is refused as in a single run, and the worst pattern has to be found before.
+    // A timing that does not suit the loop is refused as in a single run, and the worst pattern has to be found before.
     assert!(!fit(&|world, _| world.scenarios[0].timing = Timing::Worst));
 }

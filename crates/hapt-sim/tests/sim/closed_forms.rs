@@ -1,4 +1,4 @@
-//! The notes' closed forms, met by the whole machine (loop, device, hand) at parameters drawn at random.
+//! The notes' closed forms against runs of loop, device and hand at random parameters.
 
 use crate::common::{self, bare, rows, scenario, spring, step};
 use hapt_analysis::closed_form;
@@ -7,7 +7,7 @@ use hapt_sim::Simulation;
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 
-/// One virtual wheel between puck and nothing, torque from x_k.
+/// One virtual wheel on a spring from the puck, torque from x_k.
 fn wheel(inertia: f64, stiffness: f64, period: f64, method: Method) -> World {
     let mut world = common::wheel(method, Output::Start);
     world.sampling.period = period;
@@ -114,7 +114,7 @@ proptest! {
     #[test]
     fn with_the_puck_held_halving_the_period_shows_each_methods_order(frequency in 0.5_f64..3.0, z0 in 0.1_f64..1.0) {
         let omega = std::f64::consts::TAU * frequency;
-        // Away from the instants at which a first-order error hides in the phase.
+        // Away from the instants at which a first-order error vanishes by its phase.
         let duration = 0.8 / frequency;
         let exact = |t: f64| z0 * (1.0 - (omega * t).cos());
         for (method, order) in ORDERS {
@@ -146,7 +146,7 @@ proptest! {
         let swung = [z0, 0.0, z0 * (1.0 - (omega * release).cos()), omega * z0 * (omega * release).sin()];
         let duration = 0.25;
         let error_at = |period: f64| {
-            // The one method and output whose momentum is the true one.
+            // The one method and output that conserves momentum exactly.
             let mut world = wheel(inertia, stiffness, period, Method::Trapezoidal);
             world.sampling.output = Output::Middle;
             world.device.damping = loss;
@@ -232,14 +232,14 @@ fn growth_fitted_to_a_run_is_the_growth_predicted() {
                 .growth_per_s
                 .unwrap();
         let fitted = summary.fitted_growth().unwrap();
-        // A damped swing loses its energy in spurts, twice a turn.
+        // A damped oscillation loses its energy in two pulses per cycle.
         assert!((fitted - predicted).abs() < 5e-3 * predicted.abs() + 1e-6, "{}: {fitted} {predicted}", method.name());
     }
 }
 
-/// Energies from 1 to far beyond the largest number squared, and from 1 to rounding: every block's product stays one.
+/// Energies from 1 to far beyond the square of the largest number, and from 1 to rounding: no block's product overflows or underflows.
 #[test]
-fn growth_is_fitted_over_hundreds_of_digits() {
+fn growth_is_fitted_over_hundreds_of_decades() {
     for (method, period, duration) in
         [(Method::ForwardEuler, 0.2, 140.0), (Method::ForwardEuler, 1e-2, 100.0), (Method::BackwardEuler, 1e-2, 100.0)]
     {
@@ -261,7 +261,7 @@ fn growth_is_fitted_over_hundreds_of_digits() {
 }
 
 #[test]
-fn at_rest_on_the_device_nothing_stirs() {
+fn a_system_at_rest_stays_at_rest() {
     for row in rows(&bare(), &scenario(0.1, Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), None)) {
         assert_eq!((row.puck, row.puck_velocity, row.torque, row.command), (0.0, 0.0, 0.0, 0.0));
     }

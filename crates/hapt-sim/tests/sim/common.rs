@@ -1,4 +1,4 @@
-//! Worlds made by hand, and runs collected.
+//! Worlds built in code, and the rows of runs.
 
 use hapt_model::*;
 use hapt_sim::{Row, Simulation};

@@ -123,9 +123,9 @@ proptest! {
     }
 
     #[test]
-    fn the_device_does_not_care_where_the_samples_fall(run in random_run(), split in 2_u32..5) {
+    fn the_devices_motion_does_not_depend_on_the_sampling(run in random_run(), split in 2_u32..5) {
         let (mut world, scenario) = run;
-        // Nothing virtual, so that the loop has no say.
+        // Without virtual bodies and couplings, so that the loop gives no torque.
         (world.bodies, world.couplings, world.names) = (vec![], vec![], vec![]);
         let coarse = rows(&world, &scenario);
         world.sampling.period /= f64::from(split);
@@ -142,9 +142,9 @@ proptest! {
 proptest! {
     #![proptest_config(hapt_testing::cases(24))]
 
-    /// A motor's torque that nearly balances friction, and a hand that adds what is missing, again and again: so is rounding's say.
+    /// A motor's torque that nearly balances friction, and a hand that repeatedly adds the rest, where rounding decides between sticking and sliding.
     #[test]
-    fn a_puck_that_sticks_and_slips_does_not_care_where_the_samples_fall(
+    fn the_motion_of_a_puck_that_sticks_and_slips_does_not_depend_on_the_sampling(
         stiffness in 0.1_f64..10.0, amplitude in 0.01_f64..0.1, frequency in 100.0_f64..2000.0,
         part in 0.01_f64..0.99, pull in -3.0_f64..3.0, split in 2_u32..5,
     ) {
@@ -225,7 +225,7 @@ pub fn random_run() -> impl Strategy<Value = (World, Scenario)> {
 }
 
 #[test]
-fn a_stiff_grip_and_a_heavy_damper_take_no_longer_and_stay_exact() {
+fn a_stiff_grip_and_a_heavy_damper_stay_exact() {
     let mut world = bare();
     (world.device.inertia, world.device.damping, world.device.friction) = (1e-9, 10.0, 1e-3);
     let run = rows(&world, &scenario(1.0, torque(Shape::Step { to: 1.0, at: 0.0 }), None));
@@ -234,7 +234,7 @@ fn a_stiff_grip_and_a_heavy_damper_take_no_longer_and_stay_exact() {
 }
 
 #[test]
-fn a_step_is_paid_against_the_torque_held_before_it() {
+fn the_work_of_a_step_is_against_the_torque_held_before_it() {
     let mut world = bare();
     let law = Law::Constant { torque: 0.3 };
     world.couplings = vec![Coupling { first: End::Puck, second: End::Ground, law, limit: None }];
@@ -310,7 +310,7 @@ fn a_delayed_constant_acts_on_the_free_puck_from_the_fraction_on() {
 }
 
 #[test]
-fn a_hand_between_samples_is_met_where_it_is() {
+fn an_event_of_the_hand_between_samples_acts_at_its_own_instant() {
     let mut world = bare();
     world.device.damping = 0.0;
     let push = torque(Shape::Step { to: 0.1, at: 0.01234 });
@@ -334,7 +334,7 @@ fn limit_and_levels_and_counts_are_what_the_rows_show() {
 }
 
 #[test]
-fn a_run_that_runs_away_ends_with_its_last_finite_row() {
+fn a_run_that_diverges_ends_with_its_last_finite_row() {
     let mut world = common::wheel(Method::ForwardEuler, Output::Start);
     world.sampling.period = 10.0;
     let mut run = Simulation::new(&world, &scenario(1e4, step(1.0, 0.0), None)).unwrap();

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 proptest! {
     #![proptest_config(hapt_testing::cases(60))]
 
-    /// What a push has left the puck with is never more again, hands-off, and friction holds it in the end.
+    /// Hands-off, the energy that a push has left in the puck and the spring never increases, and friction holds the puck in the end.
     #[test]
     fn a_certified_loop_comes_to_rest_however_steeply_friction_falls(
         stiffness in 0.1_f64..2.4, friction in 1e-4_f64..0.01, backward in 1e-4_f64..0.01, more in 1e-3_f64..0.02, velocity in 0.02_f64..3.0,
@@ -26,7 +26,7 @@ proptest! {
             0.5 * world.device.inertia * row.puck_velocity.powi(2) + 0.5 * stiffness * row.puck.powi(2)
         };
         let free: Vec<f64> = rows.iter().skip(200).map(energy).collect();
-        // Between two samples the held torque lacks up to K dz of the spring's, which damping takes by and by.
+        // Between two samples the held torque differs from the spring's by up to K dz; damping dissipates the energy of that difference.
         let slack = 0.5 * stiffness * rows.iter().map(|row| (row.puck_velocity * 1e-3).powi(2)).fold(0.0, f64::max);
         for pair in free.windows(2) {
             prop_assert!(pair[1] <= pair[0] + slack + 1e-12);

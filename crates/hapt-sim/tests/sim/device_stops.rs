@@ -19,7 +19,7 @@ fn any_stops() -> impl Strategy<Value = Stops> {
 proptest! {
     #![proptest_config(hapt_testing::cases(60))]
 
-    /// A passive loop throws no puck from stop to stop: what a push has left, kinetic, in the spring and in the stops, never grows hands-off.
+    /// Under a passive loop no puck gains energy from stop to stop: kinetic energy and the energy stored in spring and stops never grow hands-off.
     #[test]
     fn a_certified_loop_gains_no_energy_between_stops(
         stiffness in 0.1_f64..2.4, stops in any_stops(), push in -0.5_f64..0.5, friction in prop_oneof![Just(0.0), 1e-3..0.02_f64],
@@ -27,7 +27,7 @@ proptest! {
     ) {
         let mut world = bare();
         world.couplings = vec![spring(End::Puck, End::Ground, stiffness)];
-        // It pulls into a stop, or not.
+        // The spring's rest position is within the range or beyond a stop.
         if let Law::Spring { rest: at, .. } = &mut world.couplings[0].law {
             *at = rest;
         }
@@ -41,8 +41,8 @@ proptest! {
             0.5 * world.device.inertia * v * v + 0.5 * stiffness * (z - rest).powi(2) + 0.5 * stops.stiffness * depth(z).powi(2)
         };
         let free: Vec<f64> = rows.iter().skip(200).map(energy).collect();
-        // Between two samples the held torque lacks up to K dz of the spring's, which damping takes by and by. A puck goes farther than from
-        // sample to sample where a stop turns it round.
+        // Between two samples the held torque differs from the spring's by up to K dz; damping dissipates the energy of that difference. A puck whose
+        // velocity a stop reverses moves farther than from sample to sample.
         let way = rows.iter().map(|row| row.puck_velocity.abs() * 1e-3).fold(0.0, f64::max);
         let slack = 2.0 * stiffness * way * way;
         for pair in free.windows(2) {
@@ -56,7 +56,7 @@ proptest! {
         prop_assert!(ledger.stops >= -1e-12 && (stops.damping > 0.0 || ledger.stops < 1e-9));
     }
 
-    /// A hand that pushes steadily comes to rest where the stop, the spring and its own push balance.
+    /// A puck under a constant push comes to rest where the stop, the spring and the push balance.
     #[test]
     fn a_pushed_puck_rests_where_the_stop_balances_the_push(stiffness in 0.1_f64..2.0, stops in any_stops(), push in 0.1_f64..2.0, back: bool) {
         let mut world = bare();

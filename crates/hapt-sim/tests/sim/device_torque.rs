@@ -15,9 +15,9 @@ fn cogging(torque: f64, pitch: f64) -> Option<Cogging> {
     })
 }
 
-/// From the nearest top of what is stored, which is at least 0.
+/// The stored energy at z, relative to that at 0.
 fn stored(torque: &DeviceTorque, z: f64) -> f64 {
-    // The work from z to a way beyond, by Simpson's rule on fine parts.
+    // The work of the torque from 0 to z, by Simpson's rule on fine parts.
     let parts = 2000;
     let h = z / f64::from(parts);
     let at = |i: f64| torque.at(i * h);
@@ -25,7 +25,7 @@ fn stored(torque: &DeviceTorque, z: f64) -> f64 {
     -sum
 }
 
-/// A rotary device with gravity and cogging, of which shares are taken back.
+/// A rotary device with gravity and cogging, of which the loop compensates shares.
 fn compensated([gravity, phase, torque, pitch]: [f64; 4], shares: [f64; 2]) -> World {
     let text = format!(
         "loop = {{ period = 1e-3 }}\n[device]\ninertia = 6.4e-4\ndamping = 1.2e-3\ngravity = {{ torque = {gravity}, phase = {phase} }}\n\
@@ -41,7 +41,7 @@ proptest! {
 
     /// The loop's torque is the opposite of the device's, times its share; a world that is written and read again is the same.
     #[test]
-    fn a_compensation_takes_back_its_share(
+    fn a_compensation_cancels_its_share(
         gravity in 0.001_f64..0.5, phase in -3.0_f64..3.0, torque in 0.001_f64..0.05, pitch in 0.2_f64..1.0, by_gravity in 0.0_f64..=1.0,
         by_cogging in 0.0_f64..=1.0,
     ) {
@@ -57,16 +57,16 @@ proptest! {
         }
         let again = World::read(&Source::from_text("again.toml", world.to_toml()), &[]).unwrap();
         prop_assert_eq!(&again.couplings, &world.couplings);
-        let told: Vec<_> = world.couplings.iter().filter_map(|c| world.device.compensated_by(c)).collect();
-        for (of, share) in told {
+        let compensated: Vec<_> = world.couplings.iter().filter_map(|c| world.device.compensated_by(c)).collect();
+        for (of, share) in compensated {
             let wanted = if of == Compensated::Gravity { by_gravity } else { by_cogging };
             prop_assert!((share - wanted).abs() < 1e-12);
         }
     }
 
-    /// Taken back whole, a lever stays where it is let go of, as far as samples go; taken back in part, it falls more slowly.
+    /// Fully compensated, a released lever stays in place up to the error of sampling; partly compensated, it falls more slowly.
     #[test]
-    fn a_lever_whose_weight_is_taken_back_stays(gravity in 0.02_f64..0.2, z in 0.3_f64..1.2, share in 0.0_f64..1.0) {
+    fn a_lever_whose_weight_is_compensated_stays(gravity in 0.02_f64..0.2, z in 0.3_f64..1.2, share in 0.0_f64..1.0) {
         let speed = |share| {
             let world = compensated([gravity, 0.0, 1e-9, 0.5], [share, 0.0]);
             let rows = rows(&world, &scenario(0.11, Drive::Position(Shape::Step { to: z, at: 0.0 }), Some(0.1)));
@@ -81,7 +81,7 @@ proptest! {
 proptest! {
     #![proptest_config(hapt_testing::cases(60))]
 
-    /// What a push has left the puck with, and what the torques store: nothing adds to it hands-off.
+    /// Hands-off, the energy that a push has left in the puck and in the device's own torques never grows.
     #[test]
     fn a_certified_loop_gains_no_energy_under_gravity_and_cogging(
         stiffness in 0.1_f64..2.4, gravity in 0.0_f64..0.5, phase in -3.0_f64..3.0, torque in 0.0_f64..0.05, pitch in 0.05_f64..0.5,
@@ -99,7 +99,7 @@ proptest! {
             0.5 * world.device.inertia * v * v + 0.5 * stiffness * z * z + stored(&world.device.torque, z)
         };
         let free: Vec<f64> = rows.iter().skip(200).map(energy).collect();
-        // Between two samples the held torque lacks up to K dz of the spring's, which damping takes by and by.
+        // Between two samples the held torque differs from the spring's by up to K dz; damping dissipates the energy of that difference.
         let slack = 0.5 * stiffness * rows.iter().map(|row| (row.puck_velocity * 1e-3).powi(2)).fold(0.0, f64::max);
         for pair in free.windows(2) {
             prop_assert!(pair[1] <= pair[0] + slack + 1e-12);
@@ -107,9 +107,9 @@ proptest! {
         prop_assert!(free.last().unwrap() <= &(free[0] + slack));
     }
 
-    /// A spring that is stiffer than gravity falls holds the puck where the torques balance, a weaker one lets it fall.
+    /// A spring stiffer than the slope of gravity's torque holds the puck where the torques balance; with a weaker one it falls.
     #[test]
-    fn a_puck_that_stands_on_its_head_needs_a_spring_as_stiff_as_gravity_falls(part in 0.3_f64..2.0, gravity in 0.2_f64..1.0) {
+    fn an_inverted_pendulum_needs_a_spring_as_stiff_as_the_slope_of_gravity(part in 0.3_f64..2.0, gravity in 0.2_f64..1.0) {
         prop_assume!((part - 1.0).abs() > 0.25);
         let mut world = bare();
         world.device.damping = 0.02;

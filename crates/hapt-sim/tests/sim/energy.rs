@@ -1,4 +1,4 @@
-//! What the world stores, and what its torques do, are one thing.
+//! The energy that the world stores is the work of its torques.
 
 use crate::common::{self, bare, rows, scenario, step};
 use hapt_model::*;
@@ -51,7 +51,7 @@ proptest! {
     #![proptest_config(hapt_testing::cases(200))]
 
     #[test]
-    fn a_couplings_torque_is_the_slope_of_what_it_stores((law, limit) in law(), q in -2.0_f64..2.0, reversed: bool) {
+    fn a_couplings_torque_is_the_slope_of_its_stored_energy((law, limit) in law(), q in -2.0_f64..2.0, reversed: bool) {
         let (first, second) = if reversed { (End::Ground, End::Puck) } else { (End::Puck, End::Ground) };
         let mut world = bare();
         world.couplings = vec![Coupling { first, second, law, limit }];
@@ -84,7 +84,7 @@ proptest! {
     }
 
     #[test]
-    fn nonlinear_couplings_at_a_body_give_nothing_while_the_puck_is_held_and_the_devices_ledger_closes(
+    fn nonlinear_couplings_at_a_body_generate_no_energy_while_the_puck_is_held_and_the_devices_ledger_closes(
         laws in prop::collection::vec((law(), any::<bool>()), 1..4), coulomb in 0.0_f64..0.1, z0 in -1.0_f64..1.0, v0 in -5.0_f64..5.0,
     ) {
         for method in [Method::Zoh, Method::Trapezoidal, Method::BackwardEuler] {
@@ -102,7 +102,7 @@ proptest! {
             for pair in held.windows(2) {
                 prop_assert!(energy(&pair[1]) - energy(&pair[0]) < 1e-13 * size, "{}", method.name());
             }
-            // Released at once: motor and damping alone move the puck.
+            // Released at once: only motor and damping act on the puck.
             let free = rows(&world, &scenario(0.5, step(0.0, 0.0), Some(0.0)));
             let last = &free[free.len() - 1];
             let moving = 0.5 * world.device.inertia * last.puck_velocity * last.puck_velocity;
@@ -112,10 +112,10 @@ proptest! {
     }
 
     #[test]
-    fn no_nonlinear_coupling_at_the_puck_gives_more_than_it_was_given(
+    fn no_nonlinear_coupling_at_the_puck_returns_more_energy_than_it_received(
         (law, limit) in law(), z0 in -1.0_f64..1.0, coulomb in 0.0_f64..0.2,
     ) {
-        // Held, moved slowly there and back: the hand's work is what friction kept.
+        // Held and moved slowly there and back: the hand's work is the energy that friction dissipates.
         let mut world = bare();
         world.couplings = vec![
             Coupling { first: End::Puck, second: End::Ground, law, limit },
@@ -126,7 +126,7 @@ proptest! {
         let hand = Drive::Position(Shape::Path { file: "there-and-back.csv".into(), points });
         let last = rows(&world, &scenario(2.0, hand, None)).pop().unwrap();
         let friction = 2.0 * coulomb * z0.abs();
-        // One sample of hold either way is the price of sampling.
+        // The tolerance is the work of one sample's hold in each direction.
         let hold = 2e-3 * z0.abs() * (coulomb + 30.0 * z0.abs() + 3.0);
         prop_assert!((last.ledger.hand - friction).abs() < hold, "{} {friction} {hold}", last.ledger.hand);
     }

@@ -11,7 +11,7 @@ use proptest::prelude::*;
 
 type C = Complex<f64>;
 
-/// The hand's swings, and the samples in which they fit.
+/// The number of samples that hold a whole number of the hand's periods.
 const SAMPLES: u64 = 600;
 
 /// Σ ∫ torque e^{-jωt} over the last [`SAMPLES`] of `rows`, over that of the position; the motor's change lies `part` of a sample
@@ -58,7 +58,7 @@ fn damped() -> impl Strategy<Value = World> {
                 },
             ];
             for (i, (angle, ratio, coupled, way)) in bodies.into_iter().enumerate() {
-                // Of a frequency of some tenths of a radian a sample.
+                // A frequency of some tenths of a radian per sample.
                 let omega = 10f64.powf(angle) / period;
                 let inertia = 1e-3 * (1.0 + i as f64);
                 let to = if i == 0 || way == 0 { End::Puck } else { End::Body(way.min(i) - 1) };
@@ -93,10 +93,10 @@ proptest! {
     #![proptest_config(hapt_testing::cases(300))]
 
     #[test]
-    fn a_hand_that_swings_feels_the_torque_that_the_laboratory_says(world in damped(), swings in 1..SAMPLES / 2) {
+    fn the_torque_on_a_swinging_hand_is_that_of_the_computed_impedance(world in damped(), swings in 1..SAMPLES / 2) {
         let sampling = &world.sampling;
         let growth = held_growth(&world.bodies, &world.couplings, sampling.method, sampling.period).unwrap();
-        // In samples: 18 digits of what it began with, and the low-pass's own.
+        // In samples: the decay of the initial state over 18 digits, and that of the low-pass.
         let settle = growth.map_or(0.0, |growth| -40.0 / (growth * sampling.period)) + 200.0;
         prop_assume!(growth.is_none_or(|growth| growth < 0.0) && settle < 2e4);
         let found = fundamental(&world, swings, settle as u64);
@@ -110,7 +110,7 @@ proptest! {
     }
 }
 
-/// An encoder's counts are left out; beside a motion of many of them they are little.
+/// The encoder's counts are left out; they are small compared with a motion of many counts.
 #[test]
 fn foaw_on_an_ideal_encoder_is_the_difference() {
     let mut world = bare();

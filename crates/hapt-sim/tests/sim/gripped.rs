@@ -1,4 +1,4 @@
-//! A hand on the loop: the run grows as the eigenvalues say.
+//! A hand on the loop: the growth of the run is that of the eigenvalues.
 
 use crate::common::{scenario, spring, wheel};
 use hapt_analysis::{Grip, gripped_growth};
@@ -10,7 +10,7 @@ use proptest::sample::select;
 proptest! {
     #![proptest_config(hapt_testing::cases(40))]
 
-    /// From any kick the fastest mode is left over in the end: its growth is the slope of the logarithm of a norm.
+    /// After any push the fastest-growing mode dominates in the end: its growth is the slope of the logarithm of a norm.
     #[test]
     fn a_run_with_a_grip_grows_by_the_gripped_loops_eigenvalue(
         method in select(Method::ALL.to_vec()), output in select(Output::ALL.to_vec()),
@@ -23,7 +23,7 @@ proptest! {
         (world.sampling.estimator, world.sampling.cutoff, world.sampling.delay) = (estimator, Some(80.0), hapt_model::Delay::Seconds(delay));
         let law = Law::Damper { damping: Damping::Fixed(at_puck) };
         world.couplings.push(Coupling { first: End::Puck, second: End::Body(0), law, limit: None });
-        // Of weak damping, so that what is left over after a second is still there.
+        // With weak damping, so that the mode is still measurable after a second.
         world.couplings.push(spring(End::Puck, End::Ground, grounded));
         world.couplings.push(Coupling { first: End::Body(0), second: End::Ground, law: Law::Damper { damping: Damping::Fixed(1e-2) }, limit: None });
         world.device.damping = 2e-4;
@@ -51,7 +51,7 @@ proptest! {
         let (mt, my) = (t.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
         let slope = t.iter().zip(y).map(|(t, y)| (t - mt) * (y - my)).sum::<f64>() / t.iter().map(|t| (t - mt).powi(2)).sum::<f64>();
         let span = t[t.len() - 1] - t[0];
-        // A swing of the norm, or a second mode nearly as slow, tilts the line by a few units over the span.
+        // The norm's oscillation, or a second mode nearly as slow, tilts the line by a few units over the span.
         prop_assert!((slope - expected).abs() < 0.02 * expected.abs() + 4.0 / span, "{slope} {expected} over {span} s");
     }
 }

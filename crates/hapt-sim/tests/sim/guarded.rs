@@ -20,7 +20,7 @@ struct Guard {
 impl Guard {
     fn new(world: &World, profile: SafetyProfile) -> Self {
         let core = DesktopLoop::new(&world.spec()).unwrap();
-        // The puck is at the run's position, also where it is armed elsewhere than at 0.
+        // Positions are those of the run: arming does not move the origin.
         let limits = Limits { zero_where_armed: false, ..world.limits(profile) };
         let supervisor = DesktopSupervisor::new(&limits, &world.spec()).unwrap();
         Guard { state: core.start(), core, supervisor, watch: SupervisorState::START }
@@ -31,7 +31,7 @@ impl Guard {
         self.supervisor.step(&mut self.watch, &self.core, &mut self.state, &reading, request)
     }
 
-    /// A period of the device, whose motor feels `gain` times the torque.
+    /// A period of the device, whose motor gives `gain` times the torque.
     fn on(&mut self, device: &mut VirtualDevice, gain: f64, request: Option<Request>) -> SafeOutput<f64> {
         let (position, velocity) = device.puck();
         let guarded = self.step(position, velocity, false, request);
@@ -50,7 +50,7 @@ fn michigan(method: Method, output: Output) -> World {
     world
 }
 
-/// Readings as the runs have them: the supervisor sees what it would have seen.
+/// The supervisor's readings are those of the runs.
 #[test]
 fn every_run_of_the_notes_passes_and_only_forward_euler_is_warned_of() {
     let mut warned = Vec::new();
@@ -84,13 +84,13 @@ fn every_run_of_the_notes_passes_and_only_forward_euler_is_warned_of() {
     assert_eq!(warned, ["euler"]);
 }
 
-/// Under forward Euler the released wheel takes energy from nowhere: the port's ledger sees it long before it is fast.
+/// Under forward Euler the released wheel gains energy that no hand supplies: the port's ledger detects it long before the wheel is fast.
 #[test]
-fn a_wheel_that_runs_away_by_itself_is_caught_and_stays_without_torque() {
+fn a_wheel_that_diverges_hands_off_is_stopped_and_stays_without_torque() {
     let mut world = michigan(Method::ForwardEuler, Output::Start);
     world.bodies[0].position = 0.2;
     world.device.damping = 1e-4;
-    // On the simulated device it is caught only where the file asks for it.
+    // On the simulated device it is stopped only where the file asks for faults of the energy ledgers.
     for (profile, asked) in
         [(SafetyProfile::Simulated, Some(true)), (SafetyProfile::Simulated, None), (SafetyProfile::Uncertified, None)]
     {
@@ -117,7 +117,7 @@ fn a_wheel_that_runs_away_by_itself_is_caught_and_stays_without_torque() {
 }
 
 #[test]
-fn the_sign_test_tells_a_reversed_motor_a_hand_in_the_way_and_none() {
+fn the_sign_test_distinguishes_a_reversed_motor_a_blocked_puck_and_a_correct_device() {
     let world = michigan(Method::Zoh, Output::End);
     let stiff = Grip { inertia: 0.0, damping: 1.0, stiffness: 100.0 };
     for (gain, grip, phase, reason) in [
@@ -141,7 +141,7 @@ fn the_sign_test_tells_a_reversed_motor_a_hand_in_the_way_and_none() {
 
 /// A constant torque on a free puck accelerates it beyond the speed of hands, and is removed.
 #[test]
-fn a_puck_that_nobody_holds_is_stopped_before_it_is_too_fast() {
+fn a_free_puck_under_constant_torque_is_stopped_at_the_overspeed_limit() {
     let mut world = bare();
     world.device.limit = Some(0.5);
     world.couplings =
@@ -194,8 +194,8 @@ fn law() -> impl Strategy<Value = (Law, Option<f64>)> {
 proptest! {
     #![proptest_config(hapt_testing::cases(64))]
 
-    /// The account begins at what is stored after the first step and the energy that it lets pass: the core's energies are those that the
-    /// laboratory computes on its own.
+    /// The supervisor's account starts at the energy stored after the first step plus the permitted energy: the core's energies are those that the
+    /// laboratory computes independently.
     #[test]
     fn the_supervisors_energy_is_the_laboratorys(
         laws in proptest::collection::vec((0usize..4, law()), 1..6), puck in -0.5..0.5f64,
@@ -219,9 +219,9 @@ proptest! {
         prop_assert!((account - stored).abs() < 1e-9 * (1.0 + stored), "{account} {stored}");
     }
 
-    /// A certified spring in a hand that shakes it as it likes, on a real device: no fault.
+    /// A certified spring in a hand that shakes it at a random frequency: no fault.
     #[test]
-    fn a_hand_that_shakes_a_certified_wheel_trips_nothing(
+    fn a_hand_that_shakes_a_certified_wheel_causes_no_fault(
         stiffness in 0.5..5.0f64, frequency in 0.2..20.0f64, amplitude in 0.05..1.0f64, own in 0.0..1.0f64,
     ) {
         let mut world = michigan(Method::Zoh, Output::End);
@@ -244,7 +244,7 @@ proptest! {
     }
 }
 
-/// An integral term gives energy to a hand that moves slowly to and fro. That is its nature and no fault: the port's ledger is about the rest.
+/// An integral term gives energy to a hand that moves slowly to and fro. That is a property of the law and no fault: the port's ledger excludes it.
 #[test]
 fn a_hand_that_draws_energy_from_an_integral_term_is_no_fault() {
     let mut world = bare();

@@ -1,4 +1,4 @@
-//! A handle on a flexible shaft: closed forms, an independent integration, the grip that it is to the motor, and energies.
+//! A handle on a flexible shaft: closed forms, an independent integration, its equivalence to a grip, and energies.
 
 use crate::common::{bare, rows, scenario, spring, step, wheel};
 use crate::device::random_run;
@@ -9,7 +9,7 @@ use nalgebra::Complex;
 use proptest::prelude::*;
 use proptest::sample::select;
 
-/// Handles whose shaft swings at 5 to 500 Hz or so, with little damping or much.
+/// Handles whose shaft resonates at about 5 to 500 Hz, with little or much damping.
 fn handles() -> impl Strategy<Value = Handle> {
     let damping = prop_oneof![Just(0.0), 1e-6_f64..1e-3, 1e-3_f64..1.0];
     (1e-5_f64..1e-2, 0.3_f64..300.0, damping).prop_map(|(inertia, stiffness, damping)| Handle {
@@ -27,7 +27,7 @@ fn torque(shape: Shape) -> Drive {
     Drive::Torque(shape)
 }
 
-/// What the works of a row leave of its energy, and the size of the largest of them.
+/// The residual of a row's energy balance, and the magnitude of its largest term.
 fn imbalance(world: &World, row: &Row) -> (f64, f64) {
     let (handle, shaft) = (row.handle.unwrap(), world.device.handle.unwrap());
     let ledger = row.ledger;
@@ -38,7 +38,7 @@ fn imbalance(world: &World, row: &Row) -> (f64, f64) {
     (terms.iter().sum(), terms.iter().fold(0.0, |m: f64, x| m.max(x.abs())))
 }
 
-/// A handle whose motion is prescribed is to the motor a grip by the shaft's spring and damper.
+/// To the motor, a handle whose motion is prescribed is a grip by the shaft's spring and damper.
 fn is_a_grip(handle: Handle, friction: f64, lag: f64, shape: Shape) -> Result<(), TestCaseError> {
     let mut world = bare();
     world.couplings = vec![spring(End::Puck, End::Ground, 1.0)];
@@ -86,7 +86,7 @@ proptest! {
     }
 
     #[test]
-    fn a_device_with_a_handle_does_not_care_where_the_samples_fall(run in random_run(), handle in handles(), split in 2_u32..5) {
+    fn the_motion_of_a_device_with_a_handle_does_not_depend_on_the_sampling(run in random_run(), handle in handles(), split in 2_u32..5) {
         let (mut world, scenario) = run;
         world.device.handle = Some(handle);
         (world.bodies, world.couplings, world.names) = (vec![], vec![], vec![]);
@@ -135,7 +135,7 @@ proptest! {
         is_a_grip(handle, friction, lag, shape)?;
     }
 
-    /// Runge and Kutta's steps of 2 µs, friction as a torque that stops within a step.
+    /// Runge-Kutta steps of 2 µs, friction as a torque that stops the puck within a step.
     #[test]
     fn an_independent_integration_with_friction_gives_the_same_motion(
         (inertia, damping, friction) in (3e-4_f64..3e-3, 0.0_f64..0.01, 0.01_f64..0.05),
@@ -153,7 +153,7 @@ proptest! {
         let mut y = [0.0_f64; 4];
         for row in rows(&world, &scenario(0.1, drive, None)) {
             let at = row.handle.unwrap();
-            // A stop falls into a step, which is off by the step's part of the friction.
+            // A stop within a step causes an error of the step's part of the friction.
             prop_assert!((row.puck - y[0]).abs() < 1e-4 * (1.0 + y[0].abs()) && (at.0 - y[2]).abs() < 1e-4 * (1.0 + y[2].abs()), "{row:?} {y:?}");
             prop_assert!((row.puck_velocity - y[1]).abs() < 2e-3 * (1.0 + y[1].abs()), "{row:?} {y:?}");
             for i in 0..500 {
@@ -180,9 +180,9 @@ proptest! {
         }
     }
 
-    /// The stiffer the shaft, the nearer to a puck with the inertia of both: half the way at four times the stiffness.
+    /// The stiffer the shaft, the nearer to a puck with the inertia of both: half the deviation at four times the stiffness.
     #[test]
-    fn a_stiff_shaft_is_none(handle in handles(), grip in (0.0_f64..1e-3, 1e-3_f64..0.02, 0.5_f64..10.0)) {
+    fn a_stiff_shaft_tends_to_a_rigid_one(handle in handles(), grip in (0.0_f64..1e-3, 1e-3_f64..0.02, 0.5_f64..10.0)) {
         let mut rigid = wheel(Method::Zoh, Output::End);
         rigid.device.damping = 0.01;
         let mut world = rigid.clone();
@@ -200,9 +200,9 @@ proptest! {
         }
     }
 
-    /// Friction that nothing passes holds the puck, and the handle swings on the shaft alone.
+    /// Friction that no torque exceeds holds the puck, and the handle swings on the shaft.
     #[test]
-    fn a_held_puck_lets_the_handle_swing(handle in handles(), to in -0.5_f64..0.5) {
+    fn the_handle_swings_while_friction_holds_the_puck(handle in handles(), to in -0.5_f64..0.5) {
         let mut world = bare();
         let handle = Handle { damping: 0.0, ..handle };
         (world.device.friction, world.device.handle) = (1e6, Some(handle));
@@ -214,9 +214,9 @@ proptest! {
         }
     }
 
-    /// As a page does it: the numbers of the shaft change, it goes and comes again, in a hand or not.
+    /// Changes as by the page: the shaft's parameters change, the shaft is removed and added again, with or without a hand.
     #[test]
-    fn a_shaft_may_change_under_way(handle in handles(), other in handles(), held in any::<bool>(), position in -0.3_f64..0.3) {
+    fn a_shaft_may_change_during_a_run(handle in handles(), other in handles(), held in any::<bool>(), position in -0.3_f64..0.3) {
         let mut world = bare();
         world.device.handle = Some(handle);
         let mut device = VirtualDevice::new(&world.device_spec());
@@ -284,8 +284,8 @@ fn a_step_of_the_handle_bends_the_shaft_and_gives_no_impulse() {
     }
 }
 
-/// What is left of a sequence that a linear map of these eigenvalues made: (E - λ₁)(E - λ₂)... with E the next element, each over the size
-/// that its sequence had.
+/// The residual of a sequence under the linear map of these eigenvalues: (E - λ₁)(E - λ₂)... with E the shift, each factor relative to its
+/// sequence's magnitude.
 fn annihilated(sequence: &[f64], eigenvalues: &[Complex<f64>]) -> f64 {
     let mut all: Vec<Complex<f64>> = sequence.iter().map(|x| Complex::from(*x)).collect();
     let size = |all: &[Complex<f64>]| all.iter().fold(0.0_f64, |most, x| most.max(x.norm()));
@@ -314,7 +314,7 @@ proptest! {
         world.sampling.period = period;
         (world.sampling.estimator, world.sampling.cutoff) = (estimator, Some(40.0));
         (world.sampling.delay, world.device.lag) = (hapt_model::Delay::Samples(delay), lag * period);
-        // The shaft swings by so much in a sample.
+        // The phase in rad that the shaft's resonance advances in a sample.
         let mass = 1.0 / (1.0 / inertia + 1.0 / world.device.inertia);
         let omega = angle / period;
         world.device.handle = Some(Handle { inertia, stiffness: mass * omega * omega, damping: 2.0 * ratio * mass * omega });
@@ -329,14 +329,14 @@ proptest! {
             true => (step(0.3, 0.0), None, held_world_eigenvalues(&world).unwrap()),
         };
         prop_assert!(found.iter().all(|value| value.abs < 1.5));
-        // A constant, where the handle's place is held, and what dies within a few samples.
+        // The eigenvalue 1 of a constant, where the handle's position is held, and those that decay within a few samples.
         let values = found.iter().map(|value| Complex::new(value.re, value.im)).chain([Complex::from(1.0)]);
         let mut values: Vec<Complex<f64>> = values.collect();
         let run = rows(&world, &scenario(80.0 * period, drive, release));
         let sequence: Vec<f64> = run.iter().skip(12).map(|row| row.puck).collect();
         let left = annihilated(&sequence, &values);
         prop_assert!(left < 1e-9, "{left} {values:?}");
-        // Not so with another shaft: the test would not pass by chance.
+        // With another shaft the residual is large: the test does not pass by chance.
         let shaft = world.device.handle.unwrap();
         world.device.handle = Some(Handle { stiffness: 1.5 * shaft.stiffness, ..shaft });
         let other = if held { held_world_eigenvalues(&world) } else { free_eigenvalues(&world) }.unwrap();
@@ -345,9 +345,9 @@ proptest! {
     }
 }
 
-/// As the reader of files refuses it: beside friction a run looks for stops at every quarter of a swing.
+/// With friction a run searches for stops in every quarter radian, so that too stiff a shaft is refused here as by the reader of files.
 #[test]
-fn a_shaft_too_stiff_beside_friction_is_refused_in_a_world_that_was_built() {
+fn a_shaft_too_stiff_for_friction_is_refused_in_a_world_built_in_code() {
     let mut world = bare();
     world.device.friction = 0.0;
     world.device.handle = Some(Handle { inertia: 1e-4, stiffness: 1e9, damping: 0.0 });

@@ -8,7 +8,7 @@ fn constant(torque: f64) -> Coupling {
     Coupling { first: End::Puck, second: End::Ground, law: Law::Constant { torque }, limit: None }
 }
 
-/// A hand that does nothing.
+/// A hand that pushes with 0.
 fn no_hand() -> Drive {
     Drive::Torque(Shape::Step { to: 0.0, at: 0.0 })
 }
@@ -63,9 +63,9 @@ proptest! {
         }
     }
 
-    /// Its integral by Simpson's rule.
+    /// The work is integrated by Simpson's rule.
     #[test]
-    fn a_prescribed_hand_is_paid_the_work_of_the_lagged_torque(
+    fn the_work_on_a_prescribed_hand_is_that_of_the_lagged_torque(
         lag in 1e-4_f64..0.05, torque in -1.0_f64..1.0, amplitude in -1.0_f64..1.0, frequency in 0.5_f64..30.0,
         ramp in any::<bool>(),
     ) {
@@ -82,7 +82,7 @@ proptest! {
             false => amplitude * omega * (omega * t).cos(),
         };
         let last = rows(&world, &scenario(0.06, Drive::Position(shape), None)).pop().unwrap();
-        // Simpson over parts without a corner.
+        // Simpson's rule over smooth parts.
         let part = |from: f64, to: f64| {
             let n = 2000;
             let h = (to - from) / f64::from(n);
@@ -97,7 +97,7 @@ proptest! {
         prop_assert!((last.ledger.motor - work).abs() < 1e-8 * (1.0 + omega), "{} {work}", last.ledger.motor);
     }
 
-    /// Runge and Kutta's steps of 5 µs from the run's own commands, through a grip or free.
+    /// Runge-Kutta steps of 5 µs from the run's own commands, with or without a grip.
     #[test]
     fn an_independent_integration_of_the_same_commands_gives_the_same_motion(
         inertia in 3e-4_f64..1e-2, damping in 0.0_f64..0.02, lag in 2e-4_f64..0.02, delay in prop_oneof![Just(0.0), Just(4e-4), Just(2.6e-3)],
@@ -138,9 +138,9 @@ proptest! {
         }
     }
 
-    /// A lag that vanishes leaves the motion without one; one far beyond the run passes on the integral of the commands.
+    /// The motion tends to that without a lag as the lag vanishes; a lag far longer than the run integrates the commands.
     #[test]
-    fn a_vanishing_lag_is_none_and_a_long_one_integrates(friction in prop_oneof![Just(0.0), 0.0_f64..0.02], stiffness in 0.1_f64..3.0) {
+    fn a_vanishing_lag_has_no_effect_and_a_long_one_integrates(friction in prop_oneof![Just(0.0), 0.0_f64..0.02], stiffness in 0.1_f64..3.0) {
         let mut world = bare();
         (world.device.damping, world.device.friction) = (5e-3, friction);
         world.couplings = vec![spring(End::Puck, End::Ground, stiffness)];

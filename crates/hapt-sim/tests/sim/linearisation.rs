@@ -1,4 +1,4 @@
-//! Theory and shipped code meet: the core's real step, linearised, against the laboratory's matrices. The two share no code.
+//! The core's real step, linearised, against the laboratory's matrices. The two share no code.
 #![allow(clippy::needless_range_loop)] // Rows and columns, as on paper.
 
 use hapt_analysis::{Continuous, Discrete, Slopes};
@@ -92,12 +92,12 @@ fn step<F: Real>(control: &Room<F>, x: &[f64], last: Option<(f64, f64)>, u: (f64
         x.position[..n].iter().chain(&x.velocity[..n]).map(|x| x.to_f64()).collect::<Vec<_>>()
     };
     let (held, now, before) = (list(&state.change), list(&state.now), list(&before));
-    // What has been added to x: for the methods that take the new sample first, at once.
+    // The increment of x, which methods that take the new sample first apply at once.
     let change = held.iter().zip(now.iter().zip(&before)).map(|(held, (now, before))| held + (now - before)).collect();
     (change, torque)
 }
 
-/// Compares every column; `tolerance` beside the largest entry of each kind.
+/// Compares every column; `tolerance` is relative to the largest entry of each kind.
 fn compare<F: Real>(world: &Linear, method: Method, output: Output, tolerance: f64) -> Result<(), TestCaseError> {
     let spec = world.spec(method, output);
     let control = Room::<F>::new(&spec).unwrap();
@@ -172,8 +172,7 @@ fn compare<F: Real>(world: &Linear, method: Method, output: Output, tolerance: f
     Ok(())
 }
 
-/// A body four hundred times lighter than its dampers move in a period: C T/J = 2575. Its own motion is gone at once, and what
-/// it does is what the damper beside it does.
+/// A very light body between strong dampers: C T/J = 2575. Its own mode decays at once, and it follows the dampers.
 #[test]
 fn the_exact_hold_keeps_its_digits_on_a_light_body_between_strong_dampers() {
     let body = |inertia| Body { inertia, position: 0.0, velocity: 0.0 };

@@ -1,4 +1,4 @@
-//! Stations joined by links: how they run, and what the check asks of them. Random networks are in `cargo xtask truth`.
+//! Stations joined by links: their runs, and the damping that the check requires of them. Random networks are in `cargo xtask truth`.
 
 mod channel;
 mod damping;
@@ -7,7 +7,7 @@ use hapt_analysis::check_network;
 use hapt_model::{Source, System};
 use hapt_sim::Run;
 
-/// Two equal wheels, joined by a spring of K over a way that takes nearly all of the age, one of them pushed for a moment.
+/// Two equal wheels, joined by a spring of K over a channel whose delay is nearly the largest age; one of them is pushed briefly.
 fn pair(stiffness: f64, damping: f64, more: &str) -> System {
     let mut source = Source::from_text(
         "pair.toml",
@@ -39,20 +39,20 @@ fn speeds(network: &System) -> [f64; 2] {
 }
 
 #[test]
-fn two_wheels_on_a_late_spring_ring_below_what_is_asked_of_them_and_not_at_it() {
+fn two_wheels_on_a_delayed_spring_ring_below_the_required_damping_and_not_at_it() {
     let required = |network: &System| check_network(network).unwrap().stations[0].required_damping.unwrap();
-    let asked = required(&pair(1.0, 0.0, ""));
+    let required = required(&pair(1.0, 0.0, ""));
     // K (T/2 + A): the own hold, and half of the ages of both.
-    assert!((asked - (0.5e-3 + 20e-3)).abs() < 1e-12, "{asked}");
+    assert!((required - (0.5e-3 + 20e-3)).abs() < 1e-12, "{required}");
     // Below, the wheels swing against each other, ever faster.
-    let [early, late] = speeds(&pair(1.0, 0.3 * asked, ""));
+    let [early, late] = speeds(&pair(1.0, 0.3 * required, ""));
     assert!(late > 2.0 * early, "{early} and {late} rad/s");
-    let [early, late] = speeds(&pair(1.0, asked, ""));
+    let [early, late] = speeds(&pair(1.0, required, ""));
     assert!(late < 0.1 * early, "{early} and {late} rad/s");
 }
 
 #[test]
-fn the_largest_stiffness_and_age_are_where_the_network_is_passive_no_longer() {
+fn the_largest_stiffness_and_age_are_the_limits_of_passivity() {
     for damping in [0.005, 0.02, 0.1] {
         let network = pair(0.01, damping, "");
         let check = check_network(&network).unwrap();
@@ -70,13 +70,13 @@ fn the_largest_stiffness_and_age_are_where_the_network_is_passive_no_longer() {
 }
 
 #[test]
-fn a_strong_device_takes_a_part_of_what_is_asked_of_a_weak_one() {
+fn a_strongly_damped_device_supplies_a_part_of_the_damping_required_of_a_weak_one() {
     let mut network = pair(1.0, 0.0, "");
-    let alone = 0.5e-3 + 20e-3;
+    let equal = 0.5e-3 + 20e-3;
     // (b_1 - K a)(b_2 - K a) = (K A)²
     let share = |weak: f64| 0.5e-3 + 20e-3 * 20e-3 / (weak - 0.5e-3);
     for part in [0.2, 0.5, 0.9] {
-        let weak = part * alone;
+        let weak = part * equal;
         for (more, passive) in [(1e-6, true), (-1e-6, false)] {
             network.stations[0].world.device.damping = weak;
             network.stations[1].world.device.damping = share(weak) * (1.0 + more);
@@ -89,13 +89,13 @@ fn a_strong_device_takes_a_part_of_what_is_asked_of_a_weak_one() {
 }
 
 #[test]
-fn a_link_without_messages_lets_go_and_no_torque_is_left() {
+fn a_link_without_messages_releases_and_gives_no_torque() {
     let network = pair(1.0, 0.05, "loss = 1\n");
     let mut run = Run::new(&network, "all").unwrap();
     while let Some(row) = run.next() {
         assert_eq!(row.unwrap().link, 0.0);
     }
-    // One way is enough: an end that hears nothing says so, or says nothing.
+    // Loss in one direction is enough: an end that receives nothing reports that in its own messages, if those arrive.
     let network = pair(1.0, 0.05, "loss = 0.9\nseed = 3\n");
     let mut run = Run::new(&network, "all").unwrap();
     let (mut acting, mut silent) = (0, 0);
@@ -103,13 +103,13 @@ fn a_link_without_messages_lets_go_and_no_torque_is_left() {
         let link = row.unwrap().link;
         *(if link == 0.0 { &mut silent } else { &mut acting }) += 1;
     }
-    assert!(silent > 0 && run.let_go().flatten().sum::<u64>() > 0, "{acting} {silent}");
+    assert!(silent > 0 && run.releases().flatten().sum::<u64>() > 0, "{acting} {silent}");
 }
 
-/// Whatever way the messages have, and wherever the hands go: a link whose messages all come gives the torque of its spring from the first
-/// sample on, of the own position and the newest that has arrived.
+/// For any delay and any motion of the hands, a link whose messages all arrive gives the torque of its spring from the first sample on, between
+/// its own position and the newest one that has arrived.
 #[test]
-fn a_link_whose_messages_all_come_is_its_spring() {
+fn a_link_whose_messages_all_arrive_is_its_spring() {
     for (late, hand) in [(0, "step"), (3, "step"), (17, "step"), (5, "sine")] {
         let hand = match hand {
             "step" => "{ kind = \"step\", to = 0.3, at = 0 }",
@@ -142,7 +142,7 @@ fn a_link_whose_messages_all_come_is_its_spring() {
                 assert!((link - law).abs() < 1e-12, "{hand} {late}: {link} N m and not {law} at sample {k}");
             }
         }
-        assert_eq!(run.let_go().flatten().sum::<u64>(), 0);
+        assert_eq!(run.releases().flatten().sum::<u64>(), 0);
     }
 }
 
@@ -162,9 +162,9 @@ fn the_same_network_gives_the_same_rows_again() {
     assert!(one.len() == 2 * 6001 && one == other);
 }
 
-/// A wheel whose link has no stiffness is the wheel alone, to the bit.
+/// A wheel whose link has no stiffness is bit-identical to the wheel without a link.
 #[test]
-fn a_station_without_links_runs_as_its_world_alone() {
+fn a_station_without_links_runs_as_its_world() {
     let network = pair(0.0, 0.005, "");
     let station = &network.stations[0];
     let mut alone = hapt_sim::Simulation::new(&station.world, &station.world.scenarios[0]).unwrap();
@@ -195,7 +195,7 @@ impl Rng {
     }
 }
 
-/// A pair of equal wheels at one period, with a way of `delay`, the second's samples `phase` later.
+/// A pair of equal wheels at one period, with a channel of this `delay`, the second's samples `phase` later.
 fn even(period: f64, delay: f64, phase: f64, more: [&str; 2]) -> System {
     let mut source = Source::from_text(
         "pair.toml",
@@ -220,9 +220,10 @@ fn requires(network: &System, station: usize) -> f64 {
     fixed(network).required_damping[station].1.unwrap()
 }
 
-/// Of equal periods and whole delays: what either knows of the other is m samples old, and n; M = m + n. Both wheels need KT(1/2 + (M + 1)/2).
+/// With equal periods and whole delays the remote positions at the two ends are m and n samples old; M = m + n. Both wheels need
+/// KT(1/2 + (M + 1)/2).
 #[test]
-fn at_equal_periods_the_round_trip_alone_counts() {
+fn at_equal_periods_the_requirement_depends_only_on_the_round_trip() {
     let period = 2e-3;
     for (delay, phase, trip) in
         [(0.0, 0.0, 2.0), (2e-3, 0.0, 2.0), (6e-3, 0.0, 6.0), (0.0, 1e-3, 1.0), (3e-3, 1e-3, 3.0), (5e-3, 0.5e-3, 6.0)]
@@ -240,7 +241,7 @@ fn at_equal_periods_the_round_trip_alone_counts() {
 
 /// (b_1 - KT/2)(b_2 - KT/2) = (KT (M + 1)/2)²
 #[test]
-fn at_equal_periods_too_a_strong_device_takes_a_part() {
+fn at_equal_periods_too_a_strongly_damped_device_supplies_a_part() {
     for weak in [0.0015, 0.002, 0.004] {
         let mut network = even(2e-3, 0.0, 0.0, ["", ""]);
         let strong = 1e-3 + (3e-3f64).powi(2) / (weak - 1e-3);
@@ -252,9 +253,9 @@ fn at_equal_periods_too_a_strong_device_takes_a_part() {
     }
 }
 
-/// A delay with a fraction of a sample, and a spring of the world alone, are those of the world's own certificate.
+/// Also with a delay of a fraction of a sample the requirement is that of the world's own certificate.
 #[test]
-fn a_link_of_hardly_any_stiffness_or_none_leaves_what_the_world_requires() {
+fn a_link_of_vanishing_stiffness_requires_the_damping_of_the_world() {
     for delay in [0.0, 0.3, 1.0, 1.5, 2.9] {
         for couplings in [
             "stiffness = 2\n",
@@ -264,23 +265,23 @@ fn a_link_of_hardly_any_stiffness_or_none_leaves_what_the_world_requires() {
                 "loop.delay = \"{delay} samples\"\n[[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\n{couplings}"
             );
             let mut network = even(1e-3, 2e-3, 0.0, [&world, &world]);
-            let alone = hapt_analysis::required_damping(&network.stations[0].world).unwrap().unwrap();
+            let unlinked = hapt_analysis::required_damping(&network.stations[0].world).unwrap().unwrap();
             for stiffness in [1e-7, 0.0] {
                 network.links[0] = network.links[0].with_stiffness(stiffness);
                 let required = requires(&network, 0);
-                assert!((required / alone - 1.0).abs() < 1e-5, "{delay}: {required} and {alone} of {world}");
+                assert!((required / unlinked - 1.0).abs() < 1e-5, "{delay}: {required} and {unlinked} of {world}");
             }
             for station in &mut network.stations {
-                station.world.device.damping = 0.99 * alone;
+                station.world.device.damping = 0.99 * unlinked;
             }
             assert_eq!(fixed(&network).passive, Some(false), "without a link too");
         }
     }
 }
 
-/// Closed forms beside the form in stretches: the Hermitian part of b/T + K z^-m/(z - 1) of any links at one period, on a fine grid.
+/// The computed limit against a closed form: the Hermitian part of b/T + K z^-m/(z - 1) of any links at one period, on a fine grid.
 #[test]
-fn the_edge_is_that_of_the_multivariable_condition_of_colgate_and_schenkel() {
+fn the_limit_is_that_of_the_multivariable_condition_of_colgate_and_schenkel() {
     use nalgebra::{Complex, DMatrix};
     type C = Complex<f64>;
     let mut rng = Rng(7);
@@ -294,7 +295,7 @@ fn the_edge_is_that_of_the_multivariable_condition_of_colgate_and_schenkel() {
             let world = format!("loop = {{ period = {period}, delay = \"{delay} samples\" }}\ndevice.inertia = 1e-3\n");
             source.files.insert(format!("s{i}.toml"), world);
         }
-        // Rings too, whose delays no shift of a clock takes out.
+        // Rings too, whose delays no shift of the clocks removes.
         for i in 0..n {
             let (j, stiffness, delay) = ((i + 1) % n, 0.2 + rng.f64(), rng.usize(1..6) as f64 * period);
             if n > 2 || i == 0 {
@@ -346,7 +347,7 @@ fn the_edge_is_that_of_the_multivariable_condition_of_colgate_and_schenkel() {
 
 /// A wall between two equal wheels of a course, 500 N·mm/deg from a position of every 5 ms on a bus.
 #[test]
-fn the_wall_of_a_lab_asks_for_many_times_the_damping_of_its_wheels() {
+fn the_wall_of_a_lab_requires_many_times_the_damping_of_its_wheels() {
     const DAMPING: f64 = 1.3e-3;
     let lab = |period: f64| {
         let mut source = Source::from_text(
@@ -363,7 +364,7 @@ fn the_wall_of_a_lab_asks_for_many_times_the_damping_of_its_wheels() {
         assert_eq!((check.certified, check.fixed.passive), (false, Some(false)));
         [check.fixed.required_damping[0].1.unwrap(), check.stations[0].required_damping.unwrap()].map(|b| b / DAMPING)
     };
-    // K (T/2 + A) at any times. At the lab's own a loop much faster than the bus asks for 65 times, one of 1 ms for more.
+    // K (T/2 + A) at arbitrary times. At the lab's own times a loop much faster than the bus requires 65 times the damping, one of 1 ms more.
     let stiffness = 0.5 / 1f64.to_radians();
     for (period, fixed) in [(0.25e-3, 65.6), (1e-3, 94.0)] {
         let [exact, any] = parts(period);
@@ -372,7 +373,7 @@ fn the_wall_of_a_lab_asks_for_many_times_the_damping_of_its_wheels() {
     }
 }
 
-/// Periods of small ratios, phases, delays of loops and links, links that send seldom.
+/// Periods of small ratios, phases, delays of loops and links, links with long send periods.
 fn rational(rng: &mut Rng) -> System {
     let n = 2 + rng.usize(0..2);
     let mut source = Source::from_text("network.toml", "");
@@ -400,7 +401,7 @@ fn rational(rng: &mut Rng) -> System {
 }
 
 #[test]
-fn what_fixed_times_require_is_less_than_any_times_do() {
+fn fixed_times_require_less_damping_than_arbitrary_times() {
     let mut rng = Rng(3);
     for _ in 0..20 {
         let mut network = rational(&mut rng);

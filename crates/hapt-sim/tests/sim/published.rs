@@ -1,4 +1,4 @@
-//! What the field has published on encoder, sampling and friction at a virtual wall, as motions: Abbott and Okamura 2005,
+//! Published results on encoder, sampling and friction at a virtual wall, as motions: Abbott and Okamura 2005,
 //! "Effects of position quantization and sampling rate on virtual-wall passivity", IEEE Trans. Robotics 21(5); Diolaiti, Niemeyer,
 //! Barbagli and Salisbury 2006, "Stability of haptic rendering: discretization, quantization, time delay, and Coulomb effects",
 //! ibid. 22(2). Both: K ≤ min(2b/T, 2 f_c/Δ) for a device with damping b, friction f_c and counts of Δ.
@@ -19,7 +19,7 @@ fn wall(part: f64, friction: f64, counts: f64, damped: bool) -> World {
     world
 }
 
-/// The most that the hand has drawn at any sample, and the work that has gone round by then.
+/// The largest energy that the hand has drawn up to any sample, and the energy that friction has dissipated in the run.
 fn drawn(world: &World, points: Vec<(f64, f64)>) -> (f64, f64) {
     let duration = points.last().unwrap().0;
     let drive = Drive::Position(Shape::Path { file: String::new(), points });
@@ -69,7 +69,7 @@ proptest! {
             let world = wall(part, friction, counts, false);
             let drive = Drive::Position(Shape::Path { file: String::new(), points: points.clone() });
             let rows = rows(&world, &scenario(4.0, drive, None));
-            // Between two samples of one speed: the way there does not count, nor the puck that comes to rest at the end.
+            // Between two samples of equal speed: neither the approach nor the stop at the end counts.
             let turning = rows[2 * turns as usize - 2].ledger.hand - rows[2].ledger.hand;
             let wanted = 2.0 * friction * (1.0 - part) * tremble * count * f64::from(turns - 2);
             prop_assert!((turning - wanted).abs() <= 1e-3 * wanted.abs(), "{turning} {wanted}");
@@ -94,9 +94,9 @@ proptest! {
     }
 }
 
-/// Diolaiti's third region: neither damping nor friction pays, and the swing grows until the motor's limit holds it.
+/// Diolaiti's third region: neither damping nor friction suffices, and the oscillation grows until the motor's limit bounds it.
 #[test]
-fn beyond_both_limits_it_never_rests() {
+fn beyond_both_limits_the_puck_never_rests() {
     let mut world = wall(4.0, 1e-3, 2000.0, false);
     world.device.damping = 0.02 * world.sampling.period;
     world.device.limit = Some(0.5);

@@ -1,4 +1,4 @@
-//! Steps of the bodies in which the nonlinear torques do not agree: counted, and none with one body.
+//! Steps of the bodies whose iteration for the nonlinear torques does not converge: counted, and none with one body.
 
 use hapt_model::{Source, World};
 use hapt_sim::{Simulation, Summary};
@@ -26,7 +26,7 @@ fn unsettled(bodies: &[(f64, f64, f64)], detents: &[([&str; 2], f64, f64, f64)],
 }
 
 #[test]
-fn three_detents_of_one_body_agree_in_every_step_however_far_they_swing_it() {
+fn the_iteration_for_three_detents_of_one_body_converges_in_every_step() {
     let ground = |at| [at, "ground"];
     let detents = [(ground("b0"), 0.5, 0.31, 0.1), (ground("b0"), 0.7, 0.23, 0.0), (["puck", "b0"], 0.4, 0.17, 0.05)];
     let stiffness: f64 = detents.iter().map(|(_, torque, pitch, _)| std::f64::consts::TAU * torque / pitch).sum();
@@ -37,7 +37,7 @@ fn three_detents_of_one_body_agree_in_every_step_however_far_they_swing_it() {
 }
 
 #[test]
-fn steps_of_several_bodies_whose_torques_do_not_agree_are_counted() {
+fn steps_of_several_bodies_that_do_not_converge_are_counted() {
     let bodies = [(0.00202, -0.1375, -2.893), (0.00404, -0.0375, 1.446)];
     let detents = [
         (["b0", "ground"], 0.483, 0.3886, 0.36),

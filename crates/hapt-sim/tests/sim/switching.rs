@@ -1,4 +1,4 @@
-//! A hand that opens and takes hold again: where it leaves the puck, and that it is passive.
+//! A hand that opens and grips again: the motion of the puck, and the hand's passivity.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -32,14 +32,14 @@ fn a_quarter_swing_a_free_flight_and_a_quarter_swing_leave_the_puck_at_rest() {
             2.0 * to + to * omega * open
         };
         assert!((row.puck - expected).abs() < 1e-12, "{} {}", row.time, row.puck - expected);
-        // The puck's own part of what moves is all that the hand has given.
+        // The hand's work is the kinetic energy of the puck.
         let moving = 0.5 * world.device.inertia * row.puck_velocity * row.puck_velocity;
         assert!((row.ledger.hand - moving).abs() < 1e-14);
     }
 }
 
 #[test]
-fn a_hand_that_never_comes_to_open_is_one_that_holds_on() {
+fn a_hand_that_would_open_after_the_end_is_one_that_holds() {
     let mut world = bare();
     world.couplings = vec![spring(End::Puck, End::Ground, 3.0)];
     let with = |switching| rows(&world, &scenario(0.5, grip(1e-3, 1e-3, 2.0, 0.1, switching), None));
@@ -62,9 +62,9 @@ fn instants_near_a_sample_are_that_sample() {
 proptest! {
     #![proptest_config(hapt_testing::cases(150))]
 
-    /// Against a device of any kind, one that runs away too.
+    /// Against any loop, an unstable one too.
     #[test]
-    fn a_hand_that_means_to_stand_still_never_gives_more_than_its_spring_had_at_first(
+    fn a_hand_with_a_constant_target_never_supplies_more_than_the_initial_energy_of_its_spring(
         wall in 0.0_f64..20.0, damping in 0.0_f64..5e-3, friction in prop_oneof![Just(0.0), 0.0_f64..0.02], delay in 0.0_f64..3e-3,
         (inertia, hand_damping, stiffness) in (0.0_f64..3e-3, 0.0_f64..5e-3, 0.0_f64..20.0), to in -0.3_f64..0.3,
         (hold, open) in (5e-4_f64..0.05, 5e-4_f64..0.05),

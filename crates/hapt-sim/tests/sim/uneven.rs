@@ -19,7 +19,7 @@ fn path() -> impl Strategy<Value = Drive> {
     })
 }
 
-/// A spring on the puck, its device at `share` of the damping that THEORY asks for at these intervals and delays.
+/// A spring on the puck, its device at `share` of the damping that THEORY requires at these intervals and delays.
 fn spring_at(stiffness: f64, longest: f64, late: f64, share: f64) -> World {
     let mut world = bare();
     world.sampling.interval_max = Some(longest);
@@ -39,14 +39,14 @@ proptest! {
     #![proptest_config(hapt_testing::cases(60))]
 
     #[test]
-    fn a_pattern_of_even_intervals_has_the_bits_of_the_even_run(
-        run in random_run(), delays in 0.0_f64..=1.0, whole in any::<bool>(), told in any::<bool>(),
+    fn a_pattern_of_even_intervals_is_bit_identical_to_the_even_run(
+        run in random_run(), delays in 0.0_f64..=1.0, whole in any::<bool>(), with_delays in any::<bool>(),
     ) {
         let (mut world, even) = run;
         let delay = if whole { 1.0 } else { delays };
         world.sampling.delay = hapt_model::Delay::Seconds(delay * world.sampling.period);
-        let intervals = vec![1.0; if told { 3 } else { 1 }];
-        let delays = if told { vec![delay; 3] } else { vec![] };
+        let intervals = vec![1.0; if with_delays { 3 } else { 1 }];
+        let delays = if with_delays { vec![delay; 3] } else { vec![] };
         let uneven = Scenario { timing: Timing::Pattern { intervals, delays }, ..even.clone() };
         let (even, uneven) = (rows(&world, &even), rows(&world, &uneven));
         prop_assert_eq!(even.len(), uneven.len());
@@ -56,7 +56,7 @@ proptest! {
     }
 
     #[test]
-    fn random_samples_keep_their_bounds_and_come_again_with_their_seed(
+    fn random_samples_keep_their_bounds_and_repeat_with_their_seed(
         seed in any::<u32>(), longest in 1.0_f64..3.0, late in 0.0_f64..=1.0, shortest in prop::option::of(0.05_f64..1.0), drive in path(),
     ) {
         let world = spring_at(2.0, 1e-3 * longest, 1e-3 * late, 1.0);
@@ -171,7 +171,7 @@ fn plane(alpha: f64, beta: f64, delta: f64, stretch: f64, late: f64) -> World {
     world
 }
 
-/// The growth in 1/s between a tenth and the end of a hands-off run, by the most that the state reaches in each tenth.
+/// The growth in 1/s between a tenth and the end of a hands-off run, by the largest norm of the state in each tenth.
 fn grown(world: &World, timing: Timing, duration: f64) -> f64 {
     let hand = Hand { drive: Drive::Torque(Shape::Step { to: 1e-3, at: 0.0 }), release: Some(1e-3) };
     let scenario = Scenario { name: "free".into(), duration, hand, timing };
@@ -186,9 +186,9 @@ fn grown(world: &World, timing: Timing, duration: f64) -> f64 {
 proptest! {
     #![proptest_config(hapt_testing::cases(64))]
 
-    /// What the analysis proves decays on the real core under patterns of any kind, and what it breaks grows as fast as it says.
+    /// A loop that the analysis proves stable decays on the real core under every pattern, and one that it refutes grows at the predicted rate.
     #[test]
-    fn the_hands_off_loop_does_under_patterns_what_the_analysis_says(
+    fn the_hands_off_loop_decays_or_grows_under_patterns_as_analysed(
         alpha in 0.05..2.0f64, beta in 0.0..0.9f64, delta in 0.01..0.2f64, stretch in 1.1..1.9f64, late in prop_oneof![Just(0.0), Just(0.2)], seed: u32,
     ) {
         let world = plane(alpha, beta, delta, stretch, late);
@@ -200,7 +200,7 @@ proptest! {
             hapt_analysis::PatternVerdict::Broken => {
                 let growth = hapt_analysis::worst_pattern(&world).unwrap().growth_per_s;
                 prop_assert!(growth >= 0.9 * free.pattern().unwrap().growth_per_s);
-                // Long enough for what grows to overtake all else, and short of the numbers' end.
+                // Long enough for the growing mode to dominate, and short enough not to overflow.
                 let found = grown(&world, worst, (20.0 / growth).clamp(0.05, 8.0));
                 prop_assert!(growth < 3.0 || found > 0.4 * growth, "{found} {growth}");
             }

@@ -1,11 +1,11 @@
-//! The device alone, with a hand that commands move.
+//! The device without a loop, with a hand that calls move.
 
 use crate::common::{bare, rows, scenario};
 use hapt_model::{Drive, Shape, World};
 use hapt_sim::{Grip, VirtualDevice, script};
 use proptest::prelude::*;
 
-/// Half of the kinetic energy's change beside the works of hand, motor, damping and friction: zero.
+/// The works of hand and motor less those of damping and friction and less the kinetic energy: zero.
 fn imbalance(world: &World, device: &VirtualDevice) -> f64 {
     let ledger = device.ledger();
     let (_, v) = device.puck();
@@ -46,12 +46,12 @@ proptest! {
     #![proptest_config(hapt_testing::cases(100))]
 
     #[test]
-    fn a_hand_that_takes_hold_gives_no_impulse_and_one_that_lets_go_takes_none(world in devices(), grip in grips()) {
+    fn a_hand_that_grips_or_releases_gives_no_impulse(world in devices(), grip in grips()) {
         let mut device = moving(&world);
         let before = device.puck();
         device.hold(Some(grip));
         prop_assert_eq!(device.puck(), before);
-        // What the hand does at first is its damper's, and of its spring nothing: v̇ is finite, and the puck goes on.
+        // At first the hand's torque is that of its damper, and its spring is unloaded: v̇ is finite, and the velocity is continuous.
         let mut other = device.clone();
         device.travel();
         let mass = world.device.inertia + grip.inertia;
@@ -63,7 +63,7 @@ proptest! {
     }
 
     #[test]
-    fn words_at_a_steady_rate_are_the_path_between_them_one_word_behind(
+    fn targets_at_a_steady_rate_are_the_path_through_them_one_interval_late(
         world in devices(), grip in grips(), every in 1_usize..20, points in prop::collection::vec(-0.5_f64..0.5, 1..8),
     ) {
         // With a target every n samples, the hand arrives n samples later.
@@ -114,17 +114,17 @@ proptest! {
         }
     }
 
-    /// What a period is, the device asks once until something changes; between two events of uneven samples it asks anew.
+    /// The device caches the kind of an event-free period until something changes; for uneven samples it computes every period in general.
     #[test]
-    fn a_period_that_is_known_gives_the_bits_of_one_that_is_asked_about(
+    fn a_period_of_a_cached_kind_is_bit_identical_to_a_general_one(
         world in devices(), late in any::<bool>(),
         touches in prop::collection::vec((0_usize..6, -0.5_f64..0.5, grips(), 1_usize..9), 1..40),
     ) {
         let mut world = world;
         world.sampling.delay = hapt_model::Delay::Seconds(if late { 1e-3 } else { 0.0 });
-        let (mut known, mut asked) = (VirtualDevice::new(&world.device_spec()), VirtualDevice::new(&world.device_spec()));
+        let (mut cached, mut general) = (VirtualDevice::new(&world.device_spec()), VirtualDevice::new(&world.device_spec()));
         for (what, x, grip, periods) in touches {
-            for device in [&mut known, &mut asked] {
+            for device in [&mut cached, &mut general] {
                 let begins = |device: &mut VirtualDevice, drive| {
                     device.begin(&mut script(&scenario(1.0, drive, Some(4.5e-3)), 1e-3));
                 };
@@ -139,18 +139,18 @@ proptest! {
             }
             for k in 0..periods {
                 let torque = 0.1 * x - 0.01 * k as f64;
-                known.command(torque);
-                known.travel();
-                asked.command(torque);
-                asked.travel_uneven(1e-3, known.time(), 0.0, 0.0);
+                cached.command(torque);
+                cached.travel();
+                general.command(torque);
+                general.travel_uneven(1e-3, cached.time(), 0.0, 0.0);
                 let of = |device: &VirtualDevice| (device.puck(), device.ledger(), device.applied(), device.is_held(), device.announced());
-                prop_assert_eq!(of(&known), of(&asked));
+                prop_assert_eq!(of(&cached), of(&general));
             }
         }
     }
 
     #[test]
-    fn a_device_refitted_to_itself_goes_on_to_the_bit(world in devices(), grip in grips()) {
+    fn a_device_refitted_to_itself_continues_bit_identically(world in devices(), grip in grips()) {
         let (mut one, mut other) = (moving(&world), moving(&world));
         for device in [&mut one, &mut other] {
             device.hold(Some(grip));
@@ -177,7 +177,7 @@ proptest! {
         for device in [&mut one, &mut other] {
             device.hold(Some(grip));
             (0..10).for_each(|_| device.travel());
-            // On its way for ten periods.
+            // The move takes ten periods.
             device.intend(to);
             (0..3).for_each(|_| device.travel());
         }
@@ -208,7 +208,7 @@ fn a_prescribed_jump_is_announced_and_nothing_else_is() {
 }
 
 #[test]
-fn commands_on_their_way_arrive_under_another_delay_too() {
+fn delayed_commands_arrive_under_another_delay_too() {
     let delayed = |samples: f64| {
         let mut world = bare();
         world.sampling.delay = hapt_model::Delay::Seconds(samples * 1e-3);
@@ -220,7 +220,7 @@ fn commands_on_their_way_arrive_under_another_delay_too() {
         device.travel();
     }
     assert_eq!(device.applied(), 6.0);
-    // 7, 8 and 9 are on their way; with a shorter delay the older of them are overtaken.
+    // 7, 8 and 9 are in the delay line; with a shorter delay the older of them are dropped.
     device.refit(&mut VirtualDevice::new(&delayed(1.0).device_spec()));
     device.command(10.0);
     assert!((6.0..=9.0).contains(&device.applied()));

@@ -265,7 +265,7 @@ pub(crate) fn of_run(system: &System, scenario: usize, settling: bool, stop: &St
             final_energy: summary.stations.first().map(Summary::final_energy),
             settling_time: settling.and_then(|settling| settling.time()),
             energy_drawn: Some((summary.drawn - summary.blur()).max(0.0)),
-            let_go: Some(run.let_go().flatten().sum::<u64>() as f64),
+            let_go: Some(run.releases().flatten().sum::<u64>() as f64),
         })
     };
     run().unwrap_or_default()

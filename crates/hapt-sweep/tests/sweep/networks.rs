@@ -185,7 +185,7 @@ fn a_cell_of_a_network_is_its_check_and_its_run_alone() {
             let alone = match measure {
                 Measure::PeakTorque => Some(peak),
                 Measure::EnergyDrawn => Some(drawn),
-                Measure::LetGo => Some(run.let_go().flatten().sum::<u64>() as f64),
+                Measure::LetGo => Some(run.releases().flatten().sum::<u64>() as f64),
                 Measure::Certified => flag(check.certified),
                 Measure::DampingMargin => margin.clone().min_by(f64::total_cmp),
                 Measure::StiffnessScale => check.remedies.as_ref().unwrap().stiffness_scale,

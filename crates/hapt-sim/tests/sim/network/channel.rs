@@ -1,4 +1,4 @@
-//! Messages under way: when they arrive, and how many are kept.
+//! Messages in flight: their arrival, and the number that is kept.
 
 use hapt_model::{Source, System};
 use hapt_sim::{Channel, Run, uniform};
@@ -33,9 +33,9 @@ fn felt(network: &System) -> f64 {
 proptest! {
     #![proptest_config(hapt_testing::cases(200))]
 
-    /// The list of all messages ever sent, looked through at every sample.
+    /// Compared with a list of all messages ever sent, searched at every sample.
     #[test]
-    fn a_channel_gives_each_message_once_from_its_arrival_on_and_keeps_no_other(
+    fn a_channel_delivers_each_message_once_from_its_arrival_on_and_keeps_no_other(
         seed in any::<u64>(), delay in 0.0_f64..20.0, more in 0.0_f64..50.0, loss in 0.0_f64..1.0, duplicate in prop_oneof![Just(0.0), 0.0_f64..1.0],
     ) {
         let link = pair("age_max = \"20 ms\"", "", "1 s").links[0].clone();
@@ -79,12 +79,12 @@ proptest! {
     }
 }
 
-/// What was said before the first sample is not kept as messages, and each of those under way costs the search among them.
+/// Messages of the time before the first sample are not stored, and the cost of those in flight is logarithmic in their number.
 #[test]
 fn the_largest_phase_and_delay_run_as_any_other() {
-    let heard = felt(&pair("delay = 5\nage_max = 6", ", phase = 0", "8 s"));
-    // The step comes after the delay. Until then the other wheel is at rest, and said so.
-    assert!(heard > 0.04, "{heard}");
+    let received = felt(&pair("delay = 5\nage_max = 6", ", phase = 0", "8 s"));
+    // The step arrives after the delay. Until then the received position is 0.
+    assert!(received > 0.04, "{received}");
     assert_eq!(felt(&pair("delay = 9\ndelay_max = 1000\nage_max = 1000", "", "8 s")), 0.0);
     assert_eq!(felt(&pair("delay = 5\nage_max = 6", ", phase = 1000", "8 s")), 0.0);
     assert!(felt(&pair("delay = 2\ndelay_max = 100\nage_max = 1000", "", "20 s")) > 0.0);

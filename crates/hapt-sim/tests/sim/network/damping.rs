@@ -1,4 +1,4 @@
-//! Links with damping, and what rounded positions feed.
+//! Links with damping, and the power that rounded positions generate.
 
 use hapt_analysis::check_network;
 use hapt_model::{Source, System};
@@ -6,7 +6,8 @@ use hapt_sim::Run;
 
 use super::{Rng, pair};
 
-/// A link to a wheel that is held at 0 is the coupling of its kind to ground, with the damping of a wall at the same places, to the bit of a sum.
+/// A link to a wheel that is held at 0 is the coupling of its kind to ground, with the damping of a wall at the same positions, up to the rounding of a
+/// sum.
 #[test]
 fn a_damped_link_to_a_wheel_that_is_held_is_the_coupling_to_ground() {
     for (law, keys) in [
@@ -52,7 +53,7 @@ fn a_damped_link_to_a_wheel_that_is_held_is_the_coupling_to_ground() {
                 let row = row.unwrap();
                 if row.station == 0 {
                     let torque = single.next().unwrap().unwrap().torque;
-                    // Two messages make a velocity.
+                    // A velocity needs two messages.
                     assert!(
                         sample < 3 || (row.link - torque).abs() < 1e-12,
                         "{keys} {sample}: {} and {torque}",
@@ -84,14 +85,14 @@ fn damped(estimator: &str, stiffness: f64, damping: f64) -> System {
 }
 
 #[test]
-fn what_the_damping_of_a_link_asks_is_what_its_means_may_feed() {
+fn the_damping_that_a_links_damping_requires_is_that_of_its_velocity_estimates() {
     for estimator in ["difference", "low-pass"] {
         let check = check_network(&damped(estimator, 0.0, 0.01)).unwrap();
         // (T64): D for the own velocity, and D √(9/8 · 4) for the other's.
-        let asked = check.stations[0].required_damping.unwrap();
-        assert!((asked / (0.01 * (1.0 + 4.5f64.sqrt())) - 1.0).abs() < 1e-9, "{asked}");
+        let required = check.stations[0].required_damping.unwrap();
+        assert!((required / (0.01 * (1.0 + 4.5f64.sqrt())) - 1.0).abs() < 1e-9, "{required}");
         let both = check_network(&damped(estimator, 1.0, 0.01)).unwrap();
-        assert!((both.stations[0].required_damping.unwrap() - asked - 20.5e-3).abs() < 1e-9);
+        assert!((both.stations[0].required_damping.unwrap() - required - 20.5e-3).abs() < 1e-9);
         let scale = check.remedies.as_ref().unwrap().damping_scale.unwrap();
         assert!((0.01 * scale * (1.0 + 4.5f64.sqrt()) / 0.05 - 1.0).abs() < 1e-6, "{scale}");
         for (part, passive) in [(1.0, true), (1.0 + 1e-6, false)] {
@@ -101,7 +102,7 @@ fn what_the_damping_of_a_link_asks_is_what_its_means_may_feed() {
         assert!(check.fixed.passive.is_none() && check.fixed.not_proved[0].contains("is damped"), "{:?}", check.fixed);
         assert!(check_network(&damped(estimator, 1.0, 0.0)).unwrap().remedies.unwrap().damping_scale.is_none());
     }
-    // The velocity of an instant has no bound: nothing is claimed.
+    // An instantaneous velocity has no bound: nothing is proved.
     for estimator in ["exact", "foaw"] {
         let check = check_network(&damped(estimator, 0.1, 1e-9)).unwrap();
         assert!(!check.certified && check.stations.iter().all(|station| station.required_damping.is_none()));
@@ -109,7 +110,7 @@ fn what_the_damping_of_a_link_asks_is_what_its_means_may_feed() {
     }
 }
 
-/// Wheels on a damper alone come to one speed, and more damping than any device has is not called passive.
+/// Wheels joined only by a damper reach a common speed; a damping that exceeds every device's is not certified.
 #[test]
 fn a_damper_joins_the_speeds_of_two_wheels_and_a_huge_one_is_not_certified() {
     let mut network = damped("difference", 0.0, 0.02);
@@ -122,21 +123,21 @@ fn a_damper_joins_the_speeds_of_two_wheels_and_a_huge_one_is_not_certified() {
         let row = row.unwrap();
         last[row.station] = row.row.puck_velocity;
     }
-    // p = 5e-4 N m s of the push, less what each damper takes before the other's velocity has come: p = 2 v (J + D · 18 ms).
+    // p = 5e-4 N m s of the push, less the momentum that each damper removes before the other's velocity has arrived: p = 2 v (J + D · 18 ms).
     let speed = 5e-4 / (2.0 * (1e-3 + 0.02 * 18e-3));
     assert!(last.iter().all(|last| (last / speed - 1.0).abs() < 1e-3), "{last:?} and {speed}");
     let mut huge = damped("difference", 1.0, 0.0);
     huge.links[0].damping = f64::MAX;
     assert!(!check_network(&huge).unwrap().certified);
     let mut run = Run::new(&huge, "all").unwrap();
-    // It ends with an error, or the link has let go.
+    // The run ends with an error, or the link releases.
     while let Some(Ok(row)) = run.next() {
         assert!(row.link.is_finite());
     }
 }
 
-/// Hands that make the most of a rounding: the left one moves with the error, and the right one turns that round by a step across half of a `step` before
-/// it moves back. Their motion begins at 0.
+/// Hands that draw energy from rounding: the left one moves with the error's torque, and the right one reverses that by a step across half of a `step`
+/// before the left one moves back. Their motion begins at 0.
 fn with_rounding_hands(network: System, step: f64, speed: f64) -> System {
     let (leg, way, late) = (0.4, 0.4 * speed, 20e-3);
     let (mut left, mut right) = ("time_s,puck_rad\n0,0\n".to_string(), "time_s,puck_rad\n0,0\n".to_string());
@@ -161,15 +162,15 @@ fn with_paths(mut network: System, paths: [String; 2]) -> System {
     network
 }
 
-/// Hands that shake the wheels against each other, by a step there and back in each period: the velocities that the dampers know are those of steps that
-/// are over. So the own one feeds D, and so does the other's. (T64) asks for 3.1 D, since messages may be lost.
+/// Hands that shake the wheels against each other, by a step there and back in each period: the velocities that the dampers use are those of past
+/// steps. So the own velocity generates power as a damping of -D, and so does the other's. (T64) requires 3.1 D, since messages may be lost.
 #[test]
-fn hands_that_shake_draw_from_less_damping_than_twice_that_of_the_link() {
+fn shaking_hands_draw_energy_below_twice_the_damping_of_the_link() {
     let points = |k: u32, step: f64| format!("{},{}\n", 0.1 + 1e-3 * f64::from(k), step * f64::from(k % 2));
     let path = |step| (0..4000).fold("time_s,puck_rad\n0,0\n".to_string(), |path, k| path + &points(k, step));
     let mut network = with_paths(damped("difference", 0.0, 0.01), [path(1e-3), path(-1e-3)]);
-    let asked = check_network(&network).unwrap().stations[0].required_damping.unwrap();
-    for (damping, draws) in [(0.9 * 0.02, true), (1.1 * 0.02, false), (asked, false)] {
+    let required = check_network(&network).unwrap().stations[0].required_damping.unwrap();
+    for (damping, draws) in [(0.9 * 0.02, true), (1.1 * 0.02, false), (required, false)] {
         for station in &mut network.stations {
             station.world.device.damping = damping;
         }
@@ -185,20 +186,20 @@ fn hands_that_shake_draw_from_less_damping_than_twice_that_of_the_link() {
     }
 }
 
-/// Messages that round positions: by (T65) all hands draw no more than its power times the time, and friction of K/2 times a step covers it.
+/// Messages that round positions: by (T65) all hands draw at most a bounded power times the time, and friction of K/2 times a step covers it.
 #[test]
-fn rounded_positions_feed_no_more_power_than_their_bound() {
+fn rounded_positions_generate_no_more_power_than_their_bound() {
     let step = 0.01;
     let mut rng = Rng(7);
     for damping in [0.0, 0.0, 0.0, 0.0, 0.0005, 0.002] {
         let mut network = damped("difference", 1.0, damping);
-        let asked = check_network(&network).unwrap().stations[0].required_damping.unwrap();
-        let over = asked * (0.05 + 0.3 * rng.f64());
-        // Each end has K/2 of a step, and D of one in a period; the equal wheels have `over` to spare.
+        let required = check_network(&network).unwrap().stations[0].required_damping.unwrap();
+        let over = required * (0.05 + 0.3 * rng.f64());
+        // Each end has K/2 of a step, and D of one in a period; the equal wheels have an excess of `over`.
         let torque = step * (0.5 + damping / 1e-3);
-        network = with_rounding_hands(network, step, 0.25 * step / (asked + over));
+        network = with_rounding_hands(network, step, 0.25 * step / (required + over));
         for station in &mut network.stations {
-            station.world.device.damping = asked + over;
+            station.world.device.damping = required + over;
         }
         let check = check_network(&network).unwrap();
         let bound = hapt_analysis::rounded(&network, &check, step).unwrap();
@@ -217,12 +218,12 @@ fn rounded_positions_feed_no_more_power_than_their_bound() {
             }
             summary.had()
         };
-        // Rounded, the hands draw in the end, and not without it.
+        // With rounding the hands draw net energy, without it they do not.
         let (rounded, exact) = (drawn(step), drawn(0.0));
         assert!(damping > 0.0 || rounded > 1e-3 * power * 4.4 && exact < 0.0, "{rounded} and {exact} J of {power} W");
-        // With just what is required nothing bounds it; with enough friction nothing is left.
+        // With just the required damping it is unbounded; with enough friction it is 0.
         for station in &mut network.stations {
-            station.world.device.damping = asked * (1.0 - 1e-9);
+            station.world.device.damping = required * (1.0 - 1e-9);
         }
         let edge = check_network(&network).unwrap();
         assert_eq!(hapt_analysis::rounded(&network, &edge, step).unwrap().power, None);

@@ -112,7 +112,7 @@ pub fn drawn_together(network: &System, name: &str, begins: f64, had: f64) -> Re
             continue;
         }
         let taken: f64 = (0..network.links.len())
-            .zip(run.let_go())
+            .zip(run.releases())
             .map(|(index, let_go)| {
                 let most = |hold: &Hold| hold.most(&network.links[index], soft[index]);
                 most(&first[index]) + let_go.iter().sum::<u64>() as f64 * most(&whole[index])
@@ -133,6 +133,6 @@ pub fn drawn_together(network: &System, name: &str, begins: f64, had: f64) -> Re
         }
     }
     let blur = summary.blur() + grain(network);
-    let let_go = run.let_go().flatten().sum();
+    let let_go = run.releases().flatten().sum();
     Ok(DrawnTogether { end, until_s, blur, let_go, ..most.unwrap_or_default() })
 }
