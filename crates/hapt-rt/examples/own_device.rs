@@ -1,9 +1,9 @@
-//! A device of one's own in the loop: implement [`Device`] for it, two functions.
+//! A custom device in the loop: implement the two functions of [`Device`].
 //!
-//! Here it is a motor computed in a few lines, so that the example runs anywhere, and [`Cycle`] takes the samples one after the other.
-//! With hardware, `read` asks the encoder, `write` sets the current, and [`hapt_rt::Engine`] takes the samples on a thread of its own.
+//! Here it is a motor simulated in a few lines, so that the example runs anywhere, and [`Cycle`] takes the samples one after the other.
+//! With hardware, `read` reads the encoder, `write` sets the current, and [`hapt_rt::Engine`] takes the samples on its own thread.
 //!
-//! A microcontroller that runs the loop itself has a template of its own: `firmware/template`.
+//! For a microcontroller that runs the loop itself there is a template: `firmware/template`.
 //!
 //! `cargo run -p hapt-rt --example own_device`
 
@@ -13,7 +13,7 @@ use hapt_core::{Request, SafetyProfile};
 use hapt_model::{Source, World};
 use hapt_rt::{Cycle, Device, Failure, Moment, Plan, Position};
 
-/// A spring to ground, and a motor that starts a fifth of a radian away from its rest.
+/// A spring to ground, and a motor that starts a fifth of a radian away from the spring's rest.
 const WORLD: &str = r#"
 [loop]
 period = "1 ms"
@@ -48,7 +48,7 @@ struct Motor {
 
 impl Device for Motor {
     fn read(&mut self) -> Result<Position, Failure> {
-        // The loop estimates the velocity itself where the device does not know it.
+        // The loop estimates the velocity where the device does not measure it.
         Ok(Position { position: self.position, velocity: 0.0, announced: false })
     }
 
@@ -57,7 +57,7 @@ impl Device for Motor {
         Ok(())
     }
 
-    /// Time passes by itself on hardware. Here it is computed.
+    /// Advances the simulated motor; with hardware this function is not needed.
     fn passed(&mut self, periods: u32) {
         for _ in 0..periods {
             let acceleration = (self.torque - self.damping * self.velocity) / self.inertia;

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-/// The longest single sleep, so that a loop with a long period sees its end.
-const NAP: u64 = 100_000_000;
+/// The longest single sleep in ns, so that a loop with a long period notices its end.
+const MAX_SLEEP_NS: u64 = 100_000_000;
 
 /// A monotonic clock in ns. It polls for the last part of a wait instead of sleeping.
 #[derive(Clone, Copy, Debug)]
@@ -34,7 +34,7 @@ impl Clock {
         let wake = due.saturating_sub(self.spin);
         let mut now = self.now();
         while now < wake && !ends() {
-            self.origin.sleep_until(wake.min(now + NAP));
+            self.origin.sleep_until(wake.min(now + MAX_SLEEP_NS));
             now = self.now();
         }
         while now < due && !ends() {

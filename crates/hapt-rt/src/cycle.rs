@@ -8,7 +8,7 @@ use crate::pace::Pace;
 use crate::plan::PlanState;
 use crate::{BODIES, Device, Failure, Outside, Plan, Record, Snapshot};
 
-/// The time of a sample, as the caller's clock gives it.
+/// The time of a sample by the caller's clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moment {
     /// The sample's instant in ns from the start; only the record shows it.
@@ -54,11 +54,11 @@ pub struct Cycle {
     sample: u64,
     swaps: u32,
     outside: Outside,
-    /// With links: nobody else is told when the stations of one computer do not keep their periods.
+    /// With links: whether the computer is too slow for the loop, which nothing else reports where all stations run on it.
     pace: Pace,
 }
 
-/// A device that is left without torque, also after a panic.
+/// A device whose torque is set to 0 when it is dropped, also after a panic.
 struct Safe(Box<dyn Device>);
 
 impl Drop for Safe {
@@ -85,7 +85,7 @@ impl Cycle {
         }
     }
 
-    /// The same loop with torques from outside of its world. They stay when the world changes.
+    /// The same loop with external torques, which stay when the world changes.
     pub fn beside(self, outside: Outside) -> Self {
         Cycle { outside, ..self }
     }
@@ -95,7 +95,7 @@ impl Cycle {
         self.plan.period()
     }
 
-    /// Lets periods pass: 1 between two samples, more when samples were missed; none before the first.
+    /// Advances by periods: 1 between two samples, more when samples were missed; none before the first.
     pub fn pass(&mut self, periods: u32) {
         if periods > 0 {
             self.sample += u64::from(periods);
@@ -119,7 +119,7 @@ impl Cycle {
         std::mem::replace(&mut self.plan, plan)
     }
 
-    /// The device had the command of the last sample this long after it, in ns. The supervisor judges it at the next sample.
+    /// Sets the delay in ns after which the device has received the command of the last sample. The supervisor evaluates it at the next sample.
     pub fn commanded(&mut self, delay: u32) {
         self.state.commanded(f64::from(delay) / 1e9);
     }
@@ -153,12 +153,12 @@ impl Cycle {
         let Cycle { plan, device, state, outside, .. } = self;
         let before = state.supervisor.offset;
         let mut link = 0.0;
-        // One path for both in a page, whose program stays small.
+        // One path for both in the page, which keeps its program small.
         let guarded = if outside.is_none() && !cfg!(target_family = "wasm") {
             plan.step(state, &reading, request)
         } else {
-            plan.step_with(state, &reading, request, |beside| {
-                let torque = (!outside.is_none()).then(|| outside.sample(beside, moment.now));
+            plan.step_with(state, &reading, request, |input| {
+                let torque = (!outside.is_none()).then(|| outside.sample(input, moment.now));
                 link = torque.unwrap_or(0.0);
                 torque
             })

@@ -1,4 +1,4 @@
-//! The effects of a wheel for games beside the world: a ring with what plays, and what becomes of it at a sample.
+//! The effects of a game wheel in addition to the world: a ring of effect pools, and the torque at each sample.
 
 use hapt_core::ExternalTorqueInput;
 use hapt_core::wheel::game_loop::{GameLoop, GameLoopState, GameReport, HostLevel};
@@ -11,44 +11,44 @@ const POOLS: usize = 8;
 /// Capacity of the ring of samples.
 const SAMPLES: usize = 256;
 
-/// What a sample has made of the effects.
+/// The effects at a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EffectsSample {
-    /// When it was taken, in ns by the loop's clock.
+    /// The time of the sample, in ns by the loop's clock.
     pub sampled: u64,
     /// The wheel's position, rad.
     pub position: f64,
-    /// How many effects play.
+    /// The number of effects that play.
     pub playing: usize,
     /// The world's torque, before the motor's limit, N·m.
     pub world: f64,
-    /// What was asked and what is given, beside the world's torque.
+    /// The requested and the given torque of the effects, without the world's.
     pub given: Given<f32>,
-    /// The loop that the host closes, where it is looked for.
+    /// The loop that the host closes, where it is monitored.
     pub game: GameReport<f64>,
 }
 
-/// The loop that a host closes, and what is done about it.
+/// The monitor of the loop that a host closes, with its counter-measure.
 struct Watch {
     game: GameLoop<f64>,
     state: GameLoopState<f64>,
 }
 
-/// The loop's side of the effects. It reads the newest pool from a ring, and waits for nobody.
+/// The loop's side of the effects. It reads the newest pool from a ring, and never blocks.
 pub struct EffectsPort {
     player: Player,
     incoming: Consumer<Pool>,
-    /// The host's side is gone.
+    /// Whether the host's side was dropped.
     abandoned: bool,
     samples: Producer<EffectsSample>,
     watch: Option<Box<Watch>>,
 }
 
-/// The host's side of them. Dropped, in whatever way, it ends them.
+/// The host's side of the effects. Dropping it stops them.
 pub struct EffectsWire {
-    /// The pool after a change. Its times are those of the samples.
+    /// The pool after each change. Its times are by the clock of the samples.
     pub pools: Producer<Pool>,
-    /// One a sample; those without room are lost.
+    /// One per sample; samples that find the ring full are lost.
     pub samples: Consumer<EffectsSample>,
 }
 
@@ -61,18 +61,18 @@ pub fn effects(wheel: Wheel<f32>, scale: Scale) -> (EffectsPort, EffectsWire) {
 }
 
 impl EffectsPort {
-    /// The same with the loop that a host closes, found and kept quiet.
+    /// The same with a monitor that detects the loop that a host closes, and damps it.
     #[must_use]
     pub fn watching(self, game: GameLoop<f64>) -> Self {
         let state = game.start();
         EffectsPort { watch: Some(Box::new(Watch { game, state })), ..self }
     }
 
-    /// The torque of the effects beside the world's, in the sample that is taken at `now`, in ns by the loop's clock.
-    pub(crate) fn sample(&mut self, beside: ExternalTorqueInput<f64>, now: u64) -> f64 {
+    /// The torque of the effects in addition to the world's, in the sample that is taken at `now`, in ns by the loop's clock.
+    pub(crate) fn sample(&mut self, input: ExternalTorqueInput<f64>, now: u64) -> f64 {
         for _ in 0..POOLS {
             match self.incoming.pop() {
-                Ok(pool) if self.watch.is_some() => self.player.hear(&pool),
+                Ok(pool) if self.watch.is_some() => self.player.receive(&pool),
                 Ok(pool) => self.player.replace(&pool),
                 Err(_) => break,
             }
@@ -81,7 +81,7 @@ impl EffectsPort {
             self.abandoned = true;
             self.player.stop_all();
         }
-        let ExternalTorqueInput { ready, position, velocity, torque } = beside;
+        let ExternalTorqueInput { ready, position, velocity, torque } = input;
         let narrow =
             ExternalTorqueInput { ready, position: position as f32, velocity: velocity as f32, torque: torque as f32 };
         let (given, playing, game) = match self.watch.as_deref_mut() {
@@ -90,13 +90,13 @@ impl EffectsPort {
                 (given, playing, GameReport::NOTHING)
             }
             Some(Watch { game, state }) => {
-                let (mut given, playing) = self.player.sample_with(narrow, now / 1000, |heard| {
-                    let HostLevel { level, changed, torque } = heard;
-                    let heard = HostLevel { level: level.into(), changed, torque: torque.into() };
-                    game.step(state, position, heard) as f32
+                let (mut given, playing) = self.player.sample_with(narrow, now / 1000, |level| {
+                    let HostLevel { level, changed, torque } = level;
+                    let level = HostLevel { level: level.into(), changed, torque: torque.into() };
+                    game.step(state, position, level) as f32
                 });
                 game.commanded(state, torque + f64::from(given.torque));
-                // What is added is not what the host has asked for.
+                // The monitor's own torque is not a request of the host.
                 given.asked -= state.report().torque as f32;
                 (given, playing, *state.report())
             }

@@ -13,16 +13,16 @@ use crate::handle::{Epoch, LoopHandle};
 use crate::schedule::Schedule;
 use crate::{Device, Failure, LoopCommand, Outside, Plan, Realtime, Record, Snapshot, scheduling};
 
-/// The shortest period of a loop in real time, in s: a PC cannot wake a thread more often.
+/// The shortest period of a loop in real time, in s: the limit for waking a thread on a PC.
 pub const SHORTEST_PERIOD: f64 = 1e-5;
 /// Capacity of the rings of commands and of old plans.
-const ORDERS: usize = 64;
+const COMMANDS: usize = 64;
 /// Capacity of the ring of records: half a minute at 1 kHz.
 const RECORDS: usize = 1 << 15;
-/// The same without a thread: they are taken sample by sample.
+/// Capacity of the ring of records without a thread, where the caller takes them sample by sample.
 const STEPPED: usize = 4;
-/// Requests of a past epoch that one sample drops at most.
-const A_SAMPLE: usize = 4;
+/// The number of commands that one sample takes at most: requests of a past epoch are dropped, and the next one is read.
+const COMMANDS_PER_SAMPLE: usize = 4;
 
 /// The reason that a loop does not start.
 #[derive(Debug, thiserror::Error)]
@@ -45,10 +45,10 @@ pub struct Settings {
     pub priority: Option<u8>,
     /// Whether to lock the process's memory in place.
     pub lock: bool,
-    /// The thread polls the clock for this long before each instant instead of sleeping: more load on the core, less jitter.
+    /// The thread polls the clock for this time before each instant instead of sleeping: more load on the core, less jitter.
     pub spin: Duration,
-    /// With a priority it leaves the first core to all other threads, for loops that several run beside each other; where there is one core
-    /// only it takes no priority.
+    /// With a priority the thread leaves the first core to all other threads, for several loops on one computer; on a computer with a single core
+    /// it takes no priority.
     pub leave_a_core: bool,
 }
 
@@ -95,7 +95,7 @@ impl Engine {
         Engine::start_beside(plan, device, settings, Outside::default())
     }
 
-    /// The same with torques from outside of the world.
+    /// The same with external torques.
     pub fn start_beside(
         plan: Plan,
         device: Box<dyn Device>,
@@ -117,17 +117,17 @@ impl Engine {
         Ok(engine)
     }
 
-    /// Runs `plan` on `device` without a thread, disarmed, with torques from outside of its world: each sample is taken by [`Stepper::step`].
+    /// Runs `plan` on `device` without a thread, disarmed, with external torques: [`Stepper::step`] takes each sample.
     pub fn stepped(plan: Plan, device: Box<dyn Device>, outside: Outside) -> Result<(Self, Stepper), Error> {
         Engine::connect(plan, device, STEPPED, outside)
     }
 
     fn connect(plan: Plan, device: Box<dyn Device>, room: usize, outside: Outside) -> Result<(Self, Stepper), Error> {
         check(&plan)?;
-        let (commands, incoming) = RingBuffer::new(ORDERS);
+        let (commands, incoming) = RingBuffer::new(COMMANDS);
         let (outgoing, records) = RingBuffer::new(room);
-        let (back, spent) = RingBuffer::new(ORDERS);
-        let (taken, snapshots) = RingBuffer::new(ORDERS);
+        let (back, spent) = RingBuffer::new(COMMANDS);
+        let (taken, snapshots) = RingBuffer::new(COMMANDS);
         let handle = LoopHandle::default();
         let rings = Rings {
             commands: incoming,
@@ -144,7 +144,7 @@ impl Engine {
         Ok((engine, Stepper { cycle, rings, schedule, start: None }))
     }
 
-    /// What the system has granted; without a thread nothing.
+    /// The scheduling that the system has granted; none without a thread.
     pub fn realtime(&self) -> &Realtime {
         &self.realtime
     }
@@ -227,7 +227,7 @@ struct Rings {
     seen: Epoch,
 }
 
-/// The loop's side of an [`Engine`]: what takes the samples.
+/// The loop's side of an [`Engine`]: it takes the samples.
 pub struct Stepper {
     cycle: Cycle,
     rings: Rings,
@@ -242,10 +242,10 @@ impl Stepper {
         self.schedule.due()
     }
 
-    /// Takes the next sample, on time. Its record is lost where four are waiting.
+    /// Takes the next sample, at its instant. Its record is lost where four have not been read.
     ///
     /// # Errors
-    /// The device fails; it is asked for no torque then.
+    /// The device fails; its torque is then set to 0.
     pub fn step(&mut self) -> Result<(), Failure> {
         let due = self.schedule.due();
         let record = self.sample(due)?;
@@ -269,7 +269,7 @@ impl Stepper {
         cycle.sample(&moment, request)
     }
 
-    /// Passes a record on that was done at `now`. A record without room is lost; the loop waits for nothing.
+    /// Sends the record of a sample that was completed at `now`. A record that finds the ring full is lost; the loop does not wait.
     fn leave(&mut self, record: Record, now: u64) {
         self.cycle.commanded(record.computation);
         let _ = self.rings.records.push(record);
@@ -277,7 +277,7 @@ impl Stepper {
     }
 }
 
-/// The loop on its thread. From its first sample to its last it calls nothing of the system's but the clock and the device.
+/// The loop on its thread. From its first sample to its last its only system calls are those of the clock and the device.
 fn run(mut stepper: Stepper, clock: Clock) -> End {
     let handle = stepper.rings.handle.clone();
     let ends = || handle.is_ended();
@@ -298,8 +298,8 @@ fn run(mut stepper: Stepper, clock: Clock) -> End {
 }
 
 impl Rings {
-    /// Applies the commands of this sample: one request, one swap, or one snapshot. Two swaps at one sample would leave a world
-    /// that never ran, of which no record tells.
+    /// Applies the commands of this sample: one request, one swap, or one snapshot. Two swaps at one sample would skip a world
+    /// that appears in no record.
     fn commands(&mut self, cycle: &mut Cycle, schedule: &mut Schedule) -> Option<Request> {
         let (now, before) = (self.handle.epoch(), self.seen);
         self.seen = now;
@@ -309,8 +309,8 @@ impl Rings {
         if now != before {
             return Some(Request::Disarm);
         }
-        for _ in 0..A_SAMPLE {
-            // Nothing is freed here: without room on the way back it waits.
+        for _ in 0..COMMANDS_PER_SAMPLE {
+            // This thread frees nothing: a swap or snapshot waits until the ring back has room.
             match self.commands.peek() {
                 Ok((_, LoopCommand::Swap(_))) if self.back.is_full() => return None,
                 Ok((_, LoopCommand::Snapshot(_))) if self.snapshots.is_full() => return None,

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use crate::clock::Clock;
 
-/// A stop, in the upper half of [`Epoch`]; a withdrawal is 1.
+/// A stop counts in the upper half of [`Epoch`]; a withdrawal adds 1.
 const STOP: u64 = 1 << 32;
 
 /// The number of stops and withdrawals of control so far. A request to arm or to clear is valid only in the epoch in which it was

@@ -1,10 +1,10 @@
-//! The loop in real time: a thread that depends on the clock, the device and the core alone.
+//! The loop in real time: a thread that depends only on the clock, the device and the core.
 //!
 //! [`Engine::start`] takes a [`Plan`] (a world compiled) and a [`Device`], and takes one sample a period on a thread of its own.
 //! [`LoopCommand`]s reach that thread and [`Record`]s leave it through bounded rings without locks; a [`LoopHandle`] stops it from any other
-//! thread, past all orders. The thread itself never allocates,
-//! locks, prints, opens or waits on anything but the clock and the device. [`Engine::stepped`] is the same without clock and thread, for a
-//! program that has a time of its own, and [`Cycle`] without rings; [`Timing`] is what the records say about the clock.
+//! thread, ahead of all queued commands. The thread itself never allocates, locks, prints or opens anything, and waits only on the clock
+//! and the device. [`Engine::stepped`] is the same without clock and thread, for a program with its own time, and [`Cycle`] without rings;
+//! [`Timing`] computes statistics of the clock from the records.
 //!
 //! ```no_run
 //! use hapt_core::{SafetyProfile, Request};
@@ -62,7 +62,7 @@ pub use timing::{Bar, Certified, Quantiles, Timing};
 /// Bodies that a record has room for.
 pub const BODIES: usize = 32;
 
-/// A device with an encoder and a motor. Its functions run on the loop's thread: they do not allocate, and wait for nothing but the
+/// A device with an encoder and a motor. Its functions run on the loop's thread: they do not allocate, and wait only for the
 /// hardware.
 pub trait Device: Send {
     /// Reads the puck's position and velocity at a sample.
@@ -210,7 +210,7 @@ pub struct Record {
     pub latency: u32,
     /// From the reading to the completed write to the device, in ns; a stale reading's age counts.
     pub computation: u32,
-    /// Samples so far that came under a torque and later than the certificate covers, or behind a command that did.
+    /// Samples so far under a torque that were later than the certificate covers, or followed a command that was.
     pub outside: u32,
     /// x_k: positions and velocities of the bodies; unused entries are 0.
     pub bodies: [(f64, f64); BODIES],

@@ -1,4 +1,4 @@
-//! A link to another station's loop: two rings, and what becomes of them at a sample.
+//! A link to another station's loop: two rings, and the torque at each sample.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -11,22 +11,22 @@ use rtrb::{Consumer, Producer, RingBuffer};
 /// Capacity of the rings.
 const ROOM: usize = 64;
 
-/// What a sample has made of a link.
+/// A link at a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkSample {
-    /// What the other station is to know.
+    /// The message for the other station.
     pub outgoing: Outgoing,
     /// Whether its torque acts.
     pub acts: bool,
-    /// How old the position that acts, else the newest, is at most at the end of the coming hold, in s; infinite without one.
+    /// A bound on the age of the position that acts, else of the newest, at the end of the coming hold, in s; infinite without one.
     pub age: f64,
     /// The greatest age at which a position acts, in s.
     pub age_max: f64,
-    /// How often this end has let go.
+    /// The number of releases of this end.
     pub releases: u64,
 }
 
-/// What a simulation may change of a link's end while it runs: the link's stiffness, and what the end keeps to, in SI.
+/// The numbers of a link's end that a simulation may change while it runs: the link's stiffness, and the end's terms, in SI.
 #[derive(Clone, Debug)]
 pub struct LinkTuning(Arc<[AtomicU64; 5]>);
 
@@ -38,7 +38,7 @@ impl LinkTuning {
         tuning
     }
 
-    /// Changes all, from the next sample on.
+    /// Changes all numbers from the next sample on.
     pub fn set(&self, stiffness: f64, terms: LinkTerms) {
         let LinkTerms { age_max, hold, period, soft } = terms;
         for (number, value) in self.0.iter().zip([stiffness, age_max, hold, period, soft]) {
@@ -54,14 +54,14 @@ impl LinkTuning {
     }
 }
 
-/// The loop's side of a link. It reads the newest position from a ring, and waits for nobody.
+/// The loop's side of a link. It reads the newest position from a ring, and never blocks.
 pub struct LinkPort {
     link: Link,
     first: bool,
     end: LinkEnd,
-    /// Between two numbers of the other end's messages, in s of its clock.
+    /// The time between two consecutive numbers of the other end's messages, in s of its clock.
     tick: f64,
-    /// When the sample before was taken, in ns by the loop's clock.
+    /// The time of the previous sample, in ns by the loop's clock.
     before: Option<u64>,
     incoming: Consumer<Incoming>,
     samples: Producer<LinkSample>,
@@ -71,21 +71,21 @@ pub struct LinkPort {
 
 /// The network's side of it.
 pub struct LinkWire {
-    /// What the other station has said, in the order of its sending. Instants are by the loop's clock, as those of the samples.
+    /// The other station's messages, in the order of their sending. Instants are by the loop's clock, as those of the samples.
     pub incoming: Producer<Incoming>,
-    /// One a sample; those without room are lost.
+    /// One per sample; samples that find the ring full are lost.
     pub samples: Consumer<LinkSample>,
 }
 
 /// A link's end at its first or second station, on its terms ([`hapt_model::System::end`]). The other end takes its positions `tick`
 /// seconds apart for each 1 by which the numbers of its messages differ.
 pub fn link(link: &Link, first: bool, terms: LinkTerms, tick: f64) -> (LinkPort, LinkWire) {
-    let (coming, incoming) = RingBuffer::new(ROOM);
-    let (samples, going) = RingBuffer::new(ROOM);
+    let (pushed, incoming) = RingBuffer::new(ROOM);
+    let (samples, taken) = RingBuffer::new(ROOM);
     let end = LinkEnd::new(first, terms);
     let link = link.clone();
     let port = LinkPort { link, first, end, tick, before: None, incoming, samples, newest: None, tuning: None };
-    (port, LinkWire { incoming: coming, samples: going })
+    (port, LinkWire { incoming: pushed, samples: taken })
 }
 
 impl LinkPort {
@@ -108,9 +108,9 @@ impl LinkPort {
             }
             self.end.set_terms(terms);
         }
-        // From the future is from no clock of this loop.
+        // A position from the future is by another clock, and is ignored.
         let age = |since: u64| now.checked_sub(since).map(|age| age as f64 * 1e-9);
-        let heard = self.newest.and_then(|newest| {
+        let remote = self.newest.and_then(|newest| {
             let Incoming { number, since, position, strength } = newest;
             let taken = number.sequence as f64 * self.tick;
             Some(RemoteState { age: age(since?)?, session: number.session, taken, position, strength })
@@ -118,8 +118,9 @@ impl LinkPort {
         let elapsed = self.before.replace(now).map_or(0.0, |before| now.saturating_sub(before) as f64 * 1e-9);
         let LinkPort { link, first, .. } = self;
         let ExternalTorqueInput { ready, position, velocity, .. } = *own;
-        let torque =
-            self.end.sample(elapsed, ready, heard, |other, at| link.torque_at(*first, [position, velocity], other, at));
+        let torque = self
+            .end
+            .sample(elapsed, ready, remote, |other, at| link.torque_at(*first, [position, velocity], other, at));
         let outgoing = Outgoing {
             sampled: now,
             position,
@@ -127,7 +128,7 @@ impl LinkPort {
             heard: self.newest.map(|newest| newest.number),
         };
         let LinkTerms { age_max, hold, .. } = self.end.terms();
-        let age = self.end.age().or(heard.map(|heard| heard.age + hold)).unwrap_or(f64::INFINITY);
+        let age = self.end.age().or(remote.map(|remote| remote.age + hold)).unwrap_or(f64::INFINITY);
         let acts = self.end.strength().acts();
         let _ = self.samples.push(LinkSample { outgoing, acts, age, age_max, releases: self.end.let_go() });
         torque

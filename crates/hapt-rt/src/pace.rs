@@ -1,9 +1,9 @@
 //! Whether a loop's computer is fast enough for it.
 
-/// How long a loop is watched before it is judged, in s.
-const WINDOW: f64 = 5.0;
-/// As how long one pause counts at most, in s: a computer that stands still for once is not too slow.
-const PAUSE: f64 = 0.25;
+/// The time over which missed samples are counted, in s.
+const WINDOW_S: f64 = 5.0;
+/// The longest time that one pause counts, in s: a computer that pauses once is not too slow.
+const MAX_PAUSE_S: f64 = 0.25;
 
 /// Counts the time in which samples were taken, and in which they were missed.
 #[derive(Clone, Copy, Debug, Default)]
@@ -13,13 +13,13 @@ pub(crate) struct Pace {
 }
 
 impl Pace {
-    /// Adds a sample of a loop with this period, before which so many were missed. Where more than half of a window was missed, the computer is too
-    /// slow: how much, in per cent.
+    /// Adds a sample of a loop with this period, after `missed` missed ones. Returns the missed part in per cent where it is more than half of the
+    /// window: the computer is too slow.
     pub fn add(&mut self, period: f64, missed: u32) -> Option<u8> {
         self.taken += period;
-        self.missed += (f64::from(missed) * period).min(PAUSE);
+        self.missed += (f64::from(missed) * period).min(MAX_PAUSE_S);
         let all = self.taken + self.missed;
-        if all < WINDOW {
+        if all < WINDOW_S {
             return None;
         }
         let Pace { missed, .. } = std::mem::take(self);

@@ -23,11 +23,11 @@ pub struct Plan {
     bristles: Vec<Option<usize>>,
 }
 
-/// The parts of a world that another world can match.
+/// The names of a world's parts, by which another world can match them.
 #[derive(Clone, Debug, PartialEq)]
 struct Names {
     bodies: Vec<String>,
-    /// The ends of each LuGre friction and integral term, which of the two it is, and its number between them; `None` for other couplings.
+    /// Of each LuGre friction and integral term its ends, whether it is LuGre or integral, and its number between these ends; `None` for other couplings.
     bristles: Vec<Option<(String, String, bool, usize)>>,
 }
 
@@ -80,7 +80,7 @@ impl Plan {
         self.controller.step(state, reading, request)
     }
 
-    /// The same with a torque on the puck from outside of the world: see [`hapt_core::Controller::step_with`].
+    /// The same with an external torque on the puck: see [`hapt_core::Controller::step_with`].
     pub fn step_with(
         &self,
         state: &mut PlanState,
@@ -91,7 +91,7 @@ impl Plan {
         self.controller.step_with(state, reading, request, torque)
     }
 
-    /// Lets periods pass with the command `torque`, that of the last sample.
+    /// Advances the delay line by periods with the command `torque`, that of the last sample.
     pub(crate) fn hold(&mut self, periods: u32, torque: f64) {
         // Once the delay line is full of it, further periods change nothing.
         let longest = u32::try_from(self.motor.samples + 2).unwrap_or(u32::MAX);

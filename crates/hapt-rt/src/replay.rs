@@ -2,7 +2,7 @@
 
 use crate::{Device, Failure, Position};
 
-/// Positions, one a period.
+/// Positions, one per period.
 ///
 /// ```
 /// use hapt_core::SafetyProfile;

@@ -1,6 +1,6 @@
 //! The assignment of samples to instants. All times are whole ns of one monotonic clock.
 
-/// The instants origin + k · T, each taken once at most and never two in a burst.
+/// The instants origin + k · T, each taken at most once; missed instants are not caught up.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Schedule {
     /// The instant of sample 0, or of the sample at which the period last changed.
@@ -52,11 +52,11 @@ impl Schedule {
         self.instant(self.next)
     }
 
-    /// Awake at `now`, not before [`Schedule::due`]: the sample is that of the last instant that has passed.
+    /// Takes the sample at `now`, not before [`Schedule::due`]: that of the last instant that has passed.
     pub fn take(&mut self, now: u64) -> Taken {
         let mut k = self.before(now).max(self.next);
         if self.last.is_none() {
-            // However late the first sample is, it is number 0.
+            // The first sample is number 0, whatever its lateness.
             (self.origin, k) = (self.instant(k), 0);
         }
         let due = self.instant(k);
@@ -65,7 +65,7 @@ impl Schedule {
         Taken { due, late: now.saturating_sub(due), periods }
     }
 
-    /// The sample is done at `now`: the next is that of the first instant in the future.
+    /// Completes the sample at `now`: the next is that of the first instant in the future.
     pub fn done(&mut self, now: u64) {
         if self.due() <= now {
             self.next = self.before(now) + 1;
@@ -97,16 +97,16 @@ mod tests {
     }
 
     #[test]
-    fn a_stopped_process_misses_what_it_missed_and_goes_on_without_a_burst() {
+    fn a_stopped_process_counts_its_missed_samples_and_does_not_catch_them_up() {
         let mut schedule = Schedule::new(0, 1e-3);
         schedule.take(0);
         schedule.done(10_000);
-        // Stopped for 5.3 periods, asleep.
+        // Stopped for 5.3 periods during a sleep.
         let taken = schedule.take(5_300_000);
         assert_eq!(taken, Taken { due: 5_000_000, late: 300_000, periods: 5 });
         schedule.done(5_310_000);
         assert_eq!(schedule.due(), 6_000_000);
-        // And at work.
+        // And during a sample.
         schedule.take(6_000_000);
         schedule.done(9_400_000);
         assert_eq!(schedule.due(), 10_000_000);
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_period_counts_from_the_sample_that_it_came_with() {
+    fn a_new_period_counts_from_the_sample_of_its_change() {
         let mut schedule = Schedule::new(500, 1e-3);
         for _ in 0..4 {
             let taken = schedule.take(schedule.due() + 3);
@@ -129,7 +129,7 @@ mod tests {
         #![proptest_config(hapt_testing::cases(200))]
 
         #[test]
-        fn whatever_the_delays_each_sample_is_late_by_less_than_a_period_and_the_count_is_times(
+        fn for_any_delays_each_sample_is_late_by_less_than_a_period_and_the_count_is_the_time_in_periods(
             period in 1e-5_f64..1e-2, delays in prop::collection::vec((0_u64..30_000_000, 0_u64..30_000_000), 1..200),
         ) {
             let mut schedule = Schedule::new(12_345, period);

@@ -13,7 +13,7 @@ pub struct Realtime {
     pub warnings: Vec<String>,
 }
 
-/// More than the loop's deepest call takes.
+/// More stack, in bytes, than the loop's deepest call uses.
 const STACK: usize = 256 << 10;
 
 /// Prepares the calling thread.
@@ -28,7 +28,7 @@ pub(crate) fn prepare(settings: &Settings) -> Realtime {
 fn touch_the_stack() {
     let mut pages = [0_u8; STACK];
     for byte in pages.iter_mut().step_by(4096) {
-        // Not to be optimised away.
+        // Keeps the write from being optimised away.
         *std::hint::black_box(byte) = 1;
     }
 }
@@ -67,7 +67,7 @@ mod system {
         realtime
     }
 
-    /// Keeps this thread off the first of its cores; false where there is no other.
+    /// Excludes the first core from this thread's affinity; false where there is no other.
     fn leave_a_core() -> bool {
         let Ok(mut cores) = sched_getaffinity(None) else { return false };
         let first = (0..CpuSet::MAX_CPU).find(|core| cores.is_set(*core));
@@ -79,19 +79,19 @@ mod system {
         sched_setaffinity(None, &cores).is_ok()
     }
 
-    /// SCHED_FIFO for this thread. The one call here that no crate wraps for all of Linux's C libraries.
+    /// SCHED_FIFO for this thread. No crate wraps this call for all of Linux's C libraries.
     #[allow(unsafe_code)]
     fn set_fifo(priority: u8) -> std::io::Result<()> {
         // SAFETY: sched_param is plain integers, for which zeros are values; musl has more of them than glibc.
         let mut parameters: libc::sched_param = unsafe { std::mem::zeroed() };
         parameters.sched_priority = priority.into();
-        // SAFETY: pthread_self() is a thread that lives, and the parameters outlive the call, which only reads them.
+        // SAFETY: pthread_self() is a running thread, and the parameters outlive the call, which only reads them.
         let error = unsafe { libc::pthread_setschedparam(libc::pthread_self(), libc::SCHED_FIFO, &parameters) };
         if error == 0 { Ok(()) } else { Err(std::io::Error::from_raw_os_error(error)) }
     }
 
-    /// Everything that is in memory, and everything that will be. With a limit on locked memory the latter would make any later
-    /// allocation fail that goes beyond it, so that a limit is a no.
+    /// Locks present and future memory. Under a limit on locked memory any later allocation beyond the limit would fail, so that a limit
+    /// is a refusal.
     fn lock() -> Result<(), String> {
         let limit = getrlimit(Resource::Memlock).current;
         let is_free = capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::IPC_LOCK));

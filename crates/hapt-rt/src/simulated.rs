@@ -7,9 +7,9 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use crate::{Device, Failure, Plan, Position};
 
 /// Capacity of the rings of hand commands and of old scripts.
-const TOUCHES: usize = 64;
-/// After a longer pause than this many periods the simulation does not catch up; its time stops meanwhile.
-const LONGEST_PAUSE: u32 = 1 << 20;
+const HAND_COMMANDS: usize = 64;
+/// The largest number of missed periods that the simulation catches up; beyond it the simulated time lags.
+const MAX_CAUGHT_UP_PERIODS: u32 = 1 << 20;
 
 /// A command to the hand on the simulated puck.
 #[derive(Debug, PartialEq)]
@@ -48,27 +48,27 @@ pub struct SimulatedDevice {
     touches: Consumer<HandCommand>,
     back: Producer<Box<Script>>,
     announced: bool,
-    /// The world's 0 in what is read, rad (linear: m); hands count from there.
+    /// The position that is read at the world's 0, rad (linear: m); hands count from there.
     zero: f64,
     /// The last command of the motor, in N·m (linear: N).
-    asked: f64,
+    commanded: f64,
 }
 
 impl SimulatedDevice {
     /// The world's device, and the sender of commands to its hand.
     pub fn new(world: &World) -> (Self, Hands) {
-        let (producer, touches) = RingBuffer::new(TOUCHES);
-        let (back, spent) = RingBuffer::new(TOUCHES);
+        let (producer, touches) = RingBuffer::new(HAND_COMMANDS);
+        let (back, spent) = RingBuffer::new(HAND_COMMANDS);
         let mut device = VirtualDevice::new(&world.device_spec());
         device.reserve();
         (
-            SimulatedDevice { device, touches, back, announced: false, zero: 0.0, asked: 0.0 },
+            SimulatedDevice { device, touches, back, announced: false, zero: 0.0, commanded: 0.0 },
             Hands { touches: producer, spent },
         )
     }
 
     fn is_touched(&mut self) {
-        // The loop frees no script: while the ring back is full, the new one waits.
+        // The loop's thread frees no script: while the ring back is full, a new scenario waits.
         while !matches!(self.touches.peek(), Ok(HandCommand::Scenario(_))) || !self.back.is_full() {
             match self.touches.pop() {
                 Ok(HandCommand::Grab(grip)) => self.device.hold(Some(grip)),
@@ -93,7 +93,7 @@ impl Device for SimulatedDevice {
         self.is_touched();
         let (position, velocity) = self.device.puck();
         if !(position.is_finite() && velocity.is_finite()) {
-            // The simulation diverged. The supervisor sees it once, and faults; the simulation restarts.
+            // The simulation diverged. The supervisor receives one NaN, and faults; the simulation restarts.
             self.device.restart();
             return Ok(Position { position: f64::NAN, velocity: 0.0, announced: false });
         }
@@ -104,7 +104,7 @@ impl Device for SimulatedDevice {
     }
 
     fn write(&mut self, torque: f64) -> Result<(), Failure> {
-        self.asked = torque;
+        self.commanded = torque;
         self.device.command(torque);
         Ok(())
     }
@@ -114,10 +114,10 @@ impl Device for SimulatedDevice {
     }
 
     fn passed(&mut self, periods: u32) {
-        for period in 0..periods.min(LONGEST_PAUSE) {
+        for period in 0..periods.min(MAX_CAUGHT_UP_PERIODS) {
             if period > 0 {
                 // At a missed instant the last command is repeated: the delay is a time, not a number of commands.
-                self.device.command(self.asked);
+                self.device.command(self.commanded);
             }
             self.device.travel();
             self.announced |= self.device.announced();
@@ -141,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn samples_that_are_missed_make_no_delay_longer() {
+    fn missed_samples_do_not_lengthen_the_delay() {
         let file = "[loop]\nperiod = \"1 ms\"\ndelay = \"2.4 ms\"\n[device]\ninertia = 6.4e-4\n";
         let world = World::read(&Source::from_text("late.toml", file), &[]).unwrap();
         let (mut steady, _hands) = SimulatedDevice::new(&world);

@@ -1,4 +1,4 @@
-//! The state of a loop between two samples, from which it can go on.
+//! The state of a loop between two samples, from which it can continue.
 
 use hapt_core::{ControllerState, State, SupervisorState};
 

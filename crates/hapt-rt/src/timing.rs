@@ -30,16 +30,16 @@ use crate::Record;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Timing {
-    /// From the instant at which a sample was due to when one was taken: behind missed ones, from the first of them.
+    /// From the instant of a sample to its reading; after missed samples, from the instant of the first of them.
     latency: Histogram<u64>,
-    /// From one sample to the next, over those that were missed between them.
+    /// From one sample to the next, missed ones included.
     period: Histogram<u64>,
-    /// From there to when the device had its command.
+    /// From the reading to the completed write to the device.
     computation: Histogram<u64>,
     overruns: u64,
     missed: u64,
     lost: u64,
-    /// The longest time between two samples, and when it ended.
+    /// The longest time between two samples, and the time of its end.
     gap: (u64, u64),
     certified: Certified,
     last: Option<Last>,
@@ -51,23 +51,23 @@ struct Last {
     sample: u64,
     due: u64,
     taken: u64,
-    /// There may be a torque behind it.
+    /// Whether a torque may follow it.
     is_active: bool,
     outside: u32,
-    /// To when the device had its command, in ns.
+    /// From the reading to the completed write to the device, in ns.
     computation: u32,
 }
 
-/// How a loop kept the times that its certificate covers: of the samples with a torque before them.
+/// Whether a loop kept the times that its certificate covers, over the samples with a torque before them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Certified {
     /// The samples.
     pub samples: u64,
-    /// Those that came in time, behind a command in time.
+    /// The samples that were in time and followed a command in time.
     pub inside: u64,
     /// The longest time from a sample to the next, in ns.
     pub longest: u64,
-    /// The longest time from a sample to when the device had its command, in ns.
+    /// The longest time from a sample to the completed write to the device, in ns.
     pub longest_delay: u64,
 }
 
@@ -115,7 +115,7 @@ impl Timing {
         }
     }
 
-    /// One more record, in the order of the loop.
+    /// Adds a record, in the order of the loop.
     pub fn add(&mut self, record: &Record) {
         self.computation.saturating_record(record.computation.into());
         self.overruns += u64::from(record.missed > 0);
@@ -127,10 +127,10 @@ impl Timing {
         let mut latency = late;
         if let Some(last) = self.last {
             let steps = sample.saturating_sub(last.sample).max(1);
-            // A sample that is neither missed nor here is a lost record.
+            // A sample that was neither missed nor received is a lost record.
             let lost = steps.saturating_sub(1 + u64::from(record.missed));
             self.lost += lost;
-            // The next sample was due one period after the last. A device's old readings count as missed, too, but at their own instants.
+            // The next sample was due one period after the last. A device's stale readings count as missed, too, but at their own instants.
             let skipped = u64::from(record.missed).min(steps - 1);
             latency += due.saturating_sub(last.due) / steps * skipped;
             if lost == 0 {
@@ -151,7 +151,7 @@ impl Timing {
                     samples: samples + taken_since,
                     inside: inside + taken_since - outside,
                     longest: longest.max(between),
-                    // Judged at this sample.
+                    // The supervisor evaluates it at this sample.
                     longest_delay: longest_delay.max(last.computation.into()),
                 };
             }
@@ -186,7 +186,7 @@ impl Timing {
         self.gap.0
     }
 
-    /// How the loop kept the times that its world states; a world that states none is kept by every sample.
+    /// Whether the loop kept the times that its world states; with a world that states none every sample does.
     pub fn certified(&self) -> Certified {
         self.certified
     }
@@ -200,17 +200,17 @@ impl Timing {
         })
     }
 
-    /// From the instant at which a sample was due to when one was taken: behind missed ones, from the first of them.
+    /// From the instant of a sample to its reading; after missed samples, from the instant of the first of them.
     pub fn latency(&self) -> Quantiles {
         Quantiles::of(&self.latency)
     }
 
-    /// From one sample to the next, over those that were missed between them.
+    /// From one sample to the next, missed ones included.
     pub fn period(&self) -> Quantiles {
         Quantiles::of(&self.period)
     }
 
-    /// From when a sample was taken to when the device had its command.
+    /// From the reading to the completed write to the device.
     pub fn computation(&self) -> Quantiles {
         Quantiles::of(&self.computation)
     }
@@ -225,7 +225,7 @@ impl Timing {
         }
         let bar = |(from, to): (u64, u64)| Bar { from, to, count: 0 };
         let mut bars: Vec<Bar> = edges.iter().copied().zip(edges.iter().copied().skip(1)).map(bar).collect();
-        // The histogram's own bins are a thousandth wide; one that an edge cuts goes to where its largest number is.
+        // The histogram's own bins are a thousandth wide; one that an edge cuts counts in the bar of its largest number.
         for bin in self.latency.iter_recorded() {
             let at = bars.partition_point(|bar| bar.to <= bin.value_iterated_to());
             if let Some(bar) = bars.get_mut(at) {
@@ -331,7 +331,7 @@ mod tests {
         #![proptest_config(hapt_testing::cases(100))]
 
         #[test]
-        fn quantiles_are_those_of_the_sorted_times_and_every_sample_stands_in_one_bar(
+        fn quantiles_are_those_of_the_sorted_times_and_every_sample_is_in_one_bar(
             latencies in prop::collection::vec(1_u32..2_000_000, 1..500),
         ) {
             let mut timing = Timing::new();
@@ -355,8 +355,8 @@ mod tests {
     proptest! {
         #![proptest_config(hapt_testing::cases(100))]
 
-        /// A loop that stands still at some sample for any while, asleep or at work: the schedule's own sample after it is less than a
-        /// period late, and the table has all of the while.
+        /// After a stall of any length, in a sleep or in a sample, the schedule's next sample is less than a period late, and the table shows
+        /// the whole stall.
         #[test]
         fn a_stall_of_any_length_is_the_largest_latency_and_the_longest_gap(
             before in 1_u64..200, after in 1_u64..200, missed in 1_u32..50_000, late in 0_u32..1_000_000, device in 0_u32..4,
@@ -368,7 +368,7 @@ mod tests {
             let resumed = before + u64::from(missed);
             timing.add(&record(resumed, missed, late, 1));
             for k in 1..=after {
-                // Readings that are old are missed samples of the device's, and no stall.
+                // Stale readings are missed samples of the device, and no stall.
                 timing.add(&record(resumed + k, device, 1000, 1));
             }
             let stall = u64::from(missed) * 1_000_000 + u64::from(late);
@@ -382,15 +382,15 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missed_and_what_is_lost_are_two_things_and_what_is_lost_is_no_gap() {
+    fn missed_samples_and_lost_records_count_apart_and_lost_records_are_no_gap() {
         let mut timing = Timing::new();
-        // On time, late by 100 us, three missed by the loop, two that found no room.
+        // On time, late by 100 us, three missed by the loop, two records lost to a full ring.
         for given in [record(0, 0, 0, 1), record(1, 0, 100_000, 1), record(5, 3, 100_000, 1), record(8, 0, 100_000, 1)]
         {
             timing.add(&given);
         }
         assert_eq!((timing.samples(), timing.overruns(), timing.missed(), timing.lost()), (4, 1, 3, 2));
-        // 1.1 ms and, over three that were missed, 4 ms; over the lost ones nobody knows.
+        // 1.1 ms and, over three that were missed, 4 ms; the gap over the lost ones is unknown.
         assert_eq!(timing.longest_gap(), 4_000_000);
         assert!(timing.period().p50.abs_diff(1_100_000) < 1_100, "{:?}", timing.period());
         let text = timing.to_string();

@@ -1,5 +1,5 @@
 //! An allocator that counts what each thread allocates and frees.
-// An allocator is unsafe by its nature; this one counts, and hands on.
+// An allocator needs unsafe code; this one counts, and calls the system's.
 #![allow(unsafe_code)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -12,16 +12,16 @@ thread_local! {
 struct Counting;
 
 fn count() {
-    // Gone where the thread is ending.
+    // The counter no longer exists while the thread is ending.
     let _ = COUNT.try_with(|count| count.set(count.get() + 1));
 }
 
-/// How often this thread has allocated or freed so far.
+/// The number of allocations and frees of this thread so far.
 pub fn counted() -> u64 {
     COUNT.with(Cell::get)
 }
 
-// SAFETY: all of it is the system's allocator.
+// SAFETY: every call is passed to the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();

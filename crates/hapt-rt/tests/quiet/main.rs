@@ -1,6 +1,6 @@
-//! The loop's thread allocates nothing, frees nothing, and waits on nothing but its clock.
+//! The loop's thread allocates nothing, frees nothing, and waits only on its clock.
 //!
-//! A test program of its own, for its allocator counts.
+//! This is a separate test program, because its allocator counts.
 
 #[path = "../rt/common.rs"]
 mod common;
@@ -17,14 +17,14 @@ use hapt_model::World;
 use hapt_rt::{Device, Engine, Failure, HandCommand, Hands, LoopCommand, Plan, Position, Settings, SimulatedDevice};
 use hapt_sim::{Grip, script};
 
-/// A simulated device that notes how often its thread has allocated or freed, at the first sample and at the last.
-struct Watched {
+/// A simulated device that counts the allocations and frees of its thread since its first reading.
+struct CountingDevice {
     device: SimulatedDevice,
     first: Option<u64>,
     since: Arc<AtomicU64>,
 }
 
-impl Device for Watched {
+impl Device for CountingDevice {
     fn read(&mut self) -> Result<Position, Failure> {
         let now = counted();
         self.since.store(now - *self.first.get_or_insert(now), Ordering::SeqCst);
@@ -68,7 +68,7 @@ fn touch(hands: &mut Hands, k: u64) {
     let _ = hands.push(touch);
 }
 
-/// How often the loop's thread has given up its core by itself; `None` where the system does not say.
+/// The number of voluntary context switches of the loop's thread; `None` where the system does not report it.
 fn waits() -> Option<u64> {
     for task in std::fs::read_dir("/proc/self/task").ok()? {
         let task = task.ok()?.path();
@@ -82,10 +82,10 @@ fn waits() -> Option<u64> {
 }
 
 #[test]
-fn ten_thousand_samples_with_orders_swaps_snapshots_and_hands_allocate_nothing_and_wait_once_each() {
+fn ten_thousand_samples_with_commands_swaps_snapshots_and_hands_allocate_nothing_and_wait_once_each() {
     let (device, mut hands) = SimulatedDevice::new(&world(0));
     let since = Arc::new(AtomicU64::new(0));
-    let device = Watched { device, first: None, since: Arc::clone(&since) };
+    let device = CountingDevice { device, first: None, since: Arc::clone(&since) };
     let mut before = Plan::new(&world(0), SafetyProfile::Simulated).unwrap();
     let settings = Settings { lock: false, ..Settings::default() };
     let mut engine = Engine::start_with(before.clone(), Box::new(device), settings).unwrap();
@@ -119,7 +119,7 @@ fn ten_thousand_samples_with_orders_swaps_snapshots_and_hands_allocate_nothing_a
     assert!(plans > 20 && snapshots > 100, "{plans} swaps, {snapshots} snapshots");
     assert_eq!(since.load(Ordering::SeqCst), 0, "allocated or freed on the loop's thread");
     if let (Some(start), Some(end)) = (start, waits()) {
-        // Those that are still in the ring have waited, too.
+        // The samples whose records are still in the ring count too.
         while engine.records.pop().is_ok() {
             samples += 1;
         }

@@ -1,4 +1,4 @@
-//! Worlds in a few lines, and a device that is whatever a test wants.
+//! Worlds in a few lines, and a device whose positions are a function of the sample.
 #![allow(dead_code)]
 
 use std::sync::Arc;
@@ -13,7 +13,7 @@ pub fn world(text: &str) -> World {
     World::read(&Source::from_text("test.toml", text), &[]).unwrap_or_else(|error| panic!("{error}\n{text}"))
 }
 
-/// The Michigan wheel at this period, and whatever else stands in `rest`.
+/// The Michigan wheel at this period, with the further keys `rest`.
 pub fn wheel(period: &str, rest: &str) -> World {
     world(&format!(
         "[loop]\nperiod = \"{period}\"\n[device]\ninertia = \"6.4e-4 kg m^2\"\ndamping = \"1.2e-3 N m s/rad\"\n{rest}"
@@ -30,14 +30,14 @@ pub fn constant(torque: f64) -> String {
     format!("[[couplings]]\nkind = \"constant\"\nbetween = [\"puck\", \"ground\"]\ntorque = {torque}\n")
 }
 
-/// A device whose puck is where `at` says, by the sample.
-pub struct Held<F> {
+/// A device whose puck has the position and velocity `at(sample)`.
+pub struct ScriptedDevice<F> {
     pub at: F,
     pub samples: u64,
     pub torque: Torque,
 }
 
-/// The torque that a device was last asked for, for all to see.
+/// The torque that was last written to a device, readable from any thread.
 #[derive(Clone, Default)]
 pub struct Torque(Arc<AtomicU64>);
 
@@ -47,14 +47,14 @@ impl Torque {
     }
 }
 
-impl<F: FnMut(u64) -> Result<(f64, f64), Failure> + Send> Held<F> {
+impl<F: FnMut(u64) -> Result<(f64, f64), Failure> + Send> ScriptedDevice<F> {
     pub fn new(at: F) -> (Box<Self>, Torque) {
         let torque = Torque::default();
-        (Box::new(Held { at, samples: 0, torque: torque.clone() }), torque)
+        (Box::new(ScriptedDevice { at, samples: 0, torque: torque.clone() }), torque)
     }
 }
 
-impl<F: FnMut(u64) -> Result<(f64, f64), Failure> + Send> Device for Held<F> {
+impl<F: FnMut(u64) -> Result<(f64, f64), Failure> + Send> Device for ScriptedDevice<F> {
     fn read(&mut self) -> Result<Position, Failure> {
         let (position, velocity) = (self.at)(self.samples)?;
         self.samples += 1;
@@ -67,14 +67,14 @@ impl<F: FnMut(u64) -> Result<(f64, f64), Failure> + Send> Device for Held<F> {
     }
 }
 
-/// The next sample, on time.
+/// Takes the next sample, on time.
 pub fn sample(cycle: &mut Cycle, is_first: bool, request: Option<Request>) -> Record {
     let moment = Moment { periods: u32::from(!is_first), ..Moment::default() };
     cycle.pass(moment.periods);
     cycle.sample(&moment, request).unwrap()
 }
 
-/// Arms, and waits until all of the torque is there.
+/// Arms, and takes samples until the torque has faded in.
 pub fn armed(cycle: &mut Cycle) -> Record {
     sample(cycle, true, None);
     let mut record = sample(cycle, false, Some(Request::Arm));

@@ -1,4 +1,4 @@
-//! The loop without a clock: the same numbers as the simulation, and worlds that change under it.
+//! The loop without a clock: the same numbers as the simulation, and changes of its world.
 
 use hapt_core::{Phase, Reason, Request, SafetyProfile, WhenLate};
 use hapt_model::World;
@@ -6,10 +6,10 @@ use hapt_rt::{Cycle, Failure, HandCommand, Moment, Plan, Position, Replay, Simul
 use hapt_sim::{Simulation, script};
 use proptest::prelude::*;
 
-use crate::common::{Held, armed, constant, sample, spring, wheel};
+use crate::common::{ScriptedDevice, armed, constant, sample, spring, wheel};
 
-/// A device that is always there.
-type There = Result<(f64, f64), Failure>;
+/// What a device returns at a sample.
+type Read = Result<(f64, f64), Failure>;
 
 fn on(world: &World, device: Box<dyn hapt_rt::Device>) -> Cycle {
     Cycle::new(Box::new(Plan::new(world, SafetyProfile::Simulated).unwrap()), device)
@@ -82,7 +82,7 @@ proptest! {
     }
 
     #[test]
-    fn a_motor_that_does_not_say_what_it_holds_holds_what_it_was_asked_for_the_delay_ago(
+    fn a_motor_without_a_measured_torque_is_recorded_with_the_command_of_one_delay_ago(
         delay in 0.0_f64..5.0,
         whole in any::<bool>(),
         missed in prop::collection::vec(0_u32..4, 100),
@@ -90,7 +90,7 @@ proptest! {
         let delay = if whole { delay.floor() } else { delay };
         let mut world = wheel("1 ms", &spring("puck", "ground", 1.0));
         world.sampling.delay = hapt_model::Delay::Seconds(delay * 1e-3);
-        let mut cycle = on(&world, Held::new(|k| -> There { Ok(((0.1 * k as f64).sin(), 0.0)) }).0);
+        let mut cycle = on(&world, ScriptedDevice::new(|k| -> Read { Ok(((0.1 * k as f64).sin(), 0.0)) }).0);
         armed(&mut cycle);
         let mut asked: Vec<(u64, f64)> = Vec::new();
         for missed in missed {
@@ -100,7 +100,7 @@ proptest! {
             prop_assert!(record.output != 0.0 || record.position == 0.0);
             asked.push((record.sample, record.output));
             let arrived = asked.iter().rev().find(|(sample, _)| *sample as f64 + delay <= record.sample as f64 + 1e-6);
-            // What was asked for before these is on its way at first.
+            // At first the motor holds the commands before these.
             if let Some((_, torque)) = arrived {
                 prop_assert_eq!(record.applied, *torque, "at {}", record.sample);
             }
@@ -108,10 +108,10 @@ proptest! {
     }
 
     #[test]
-    fn a_swap_to_the_same_world_is_no_event(world in random_world(), at in 1_u32..100) {
-        let moves = |k: u64| -> There { Ok((0.1 * (0.05 * k as f64).sin(), 0.1 * 0.05e3 * (0.05 * k as f64).cos())) };
-        let mut plain = on(&world, Held::new(moves).0);
-        let mut swapped = on(&world, Held::new(moves).0);
+    fn a_swap_to_the_same_world_changes_nothing(world in random_world(), at in 1_u32..100) {
+        let moves = |k: u64| -> Read { Ok((0.1 * (0.05 * k as f64).sin(), 0.1 * 0.05e3 * (0.05 * k as f64).cos())) };
+        let mut plain = on(&world, ScriptedDevice::new(moves).0);
+        let mut swapped = on(&world, ScriptedDevice::new(moves).0);
         armed(&mut plain);
         armed(&mut swapped);
         let plan = Plan::new(&world, SafetyProfile::Simulated).unwrap();
@@ -131,11 +131,11 @@ proptest! {
             world.device.limit = Some(limit);
             world
         };
-        let mut cycle = on(&world(from), Held::new(|_| -> There { Ok((0.5, 0.0)) }).0);
+        let mut cycle = on(&world(from), ScriptedDevice::new(|_| -> Read { Ok((0.5, 0.0)) }).0);
         let mut last = armed(&mut cycle);
         let wanted = -(0.5 * to).min(limit);
         cycle.swap(Box::new(Plan::following(&world(to), &Plan::new(&world(from), SafetyProfile::Simulated).unwrap()).unwrap()));
-        // Evenly over a tenth of a second would be a hundredth a sample; another way there may be twice as steep.
+        // A linear fade over a tenth of a second changes by a hundredth per sample; the fade may be twice as steep.
         let steepest = 0.02 * (wanted - last.output).abs() + 1e-12;
         for _ in 0..300 {
             let next = sample(&mut cycle, false, None);
@@ -148,7 +148,7 @@ proptest! {
 }
 
 #[test]
-fn the_notes_wheel_let_go_in_real_time_is_the_simulation_to_its_last_row() {
+fn the_notes_wheel_released_in_real_time_is_the_simulation_to_its_last_row() {
     let text = format!(
         "limit = 0.82225\n[bodies.wheel]\ninertia = 0.0258\n{}[scenarios.let-go]\nduration = \"3 s\"\n\
          hand = {{ kind = \"ramp\", to = \"45 deg\", over = \"0.2 s\", release = \"0.5 s\" }}\n",
@@ -172,7 +172,7 @@ fn the_notes_wheel_let_go_in_real_time_is_the_simulation_to_its_last_row() {
 }
 
 #[test]
-fn bodies_go_on_by_their_names_and_others_start_where_they_start() {
+fn bodies_continue_by_their_names_and_others_start_at_their_initial_state() {
     let bodies = |names: [&str; 2], rest: &str| {
         let body = |name: &str| {
             format!(
@@ -183,7 +183,7 @@ fn bodies_go_on_by_their_names_and_others_start_where_they_start() {
         wheel("1 ms", &format!("{}{}{}{rest}", body(names[0]), body(names[1]), spring(names[0], names[1], 1.0)))
     };
     let (before, after) = (bodies(["a", "b"], ""), bodies(["b", "c"], ""));
-    let mut cycle = on(&before, Held::new(|_| -> There { Ok((0.0, 0.0)) }).0);
+    let mut cycle = on(&before, ScriptedDevice::new(|_| -> Read { Ok((0.0, 0.0)) }).0);
     let (mut one_before, mut last) = (armed(&mut cycle), sample(&mut cycle, false, None));
     for _ in 0..50 {
         (one_before, last) = (last, sample(&mut cycle, false, None));
@@ -191,7 +191,7 @@ fn bodies_go_on_by_their_names_and_others_start_where_they_start() {
     assert!(last.bodies[1].1.abs() > 1e-3, "b moves");
     cycle.swap(Box::new(Plan::following(&after, &Plan::new(&before, SafetyProfile::Simulated).unwrap()).unwrap()));
     let next = sample(&mut cycle, false, None);
-    // b, first now, goes on as it went; c is new.
+    // b, now the first, continues its motion; c is new.
     let (was, is) = (last.bodies[1], next.bodies[0]);
     let step = last.bodies[1].0 - one_before.bodies[1].0;
     assert!((is.0 - was.0 - step).abs() < 0.1 * step.abs(), "{was:?} {is:?} {step}");
@@ -200,13 +200,14 @@ fn bodies_go_on_by_their_names_and_others_start_where_they_start() {
 }
 
 #[test]
-fn a_bristle_goes_on_with_its_coupling() {
+fn a_bristle_continues_with_its_coupling() {
     let lugre = "[[couplings]]\nkind = \"friction\"\nbetween = [\"puck\", \"ground\"]\ncoulomb = 0.02\nstribeck = 0.03\n\
                  stribeck_velocity = 0.1\nbristle_stiffness = 10\nbristle_damping = 0.01\nviscous = 0.01\n";
     let (before, after) = (wheel("1 ms", lugre), wheel("1 ms", &format!("{}{lugre}", spring("puck", "ground", 0.0))));
-    // Pushed aside by less than breaks the bristle, and held there.
-    let device =
-        || Held::new(|k| -> There { Ok((1e-3 * (k as f64 * 1e-2).min(1.0), if k < 100 { 1e-2 } else { 0.0 })) }).0;
+    // Displaced by less than the bristle's break-away, and held there.
+    let device = || {
+        ScriptedDevice::new(|k| -> Read { Ok((1e-3 * (k as f64 * 1e-2).min(1.0), if k < 100 { 1e-2 } else { 0.0 })) }).0
+    };
     let mut cycle = on(&before, device());
     let mut last = armed(&mut cycle);
     for _ in 0..200 {
@@ -219,7 +220,7 @@ fn a_bristle_goes_on_with_its_coupling() {
 }
 
 #[test]
-fn another_period_is_another_period_of_the_device_too() {
+fn a_change_of_the_period_changes_the_devices_period_too() {
     let world = |period: &str| wheel(period, &constant(0.01));
     let (slow, fast) = (world("1 ms"), world("0.25 ms"));
     let (device, _hands) = SimulatedDevice::new(&slow);
@@ -228,7 +229,7 @@ fn another_period_is_another_period_of_the_device_too() {
     for _ in 0..100 {
         sample(&mut cycle, false, None);
     }
-    // The periods that pass before a swap are those of the plan before.
+    // Periods before a swap are those of the previous plan.
     cycle.pass(1);
     cycle.swap(Box::new(Plan::following(&fast, &Plan::new(&slow, SafetyProfile::Simulated).unwrap()).unwrap()));
     let mut seconds = 101e-3;
@@ -237,7 +238,7 @@ fn another_period_is_another_period_of_the_device_too() {
         last = sample(&mut cycle, false, None);
         seconds += 0.25e-3;
     }
-    // J v̇ = torque - damping v, all along.
+    // J v̇ = torque - damping v, throughout.
     let (tau, end) = (6.4e-4 / 1.2e-3, 0.01 / 1.2e-3);
     let velocity = end + (start.velocity - end) * f64::exp(-seconds / tau);
     assert!((last.velocity - velocity).abs() < 1e-9, "{} {velocity}", last.velocity);
@@ -245,7 +246,7 @@ fn another_period_is_another_period_of_the_device_too() {
 }
 
 #[test]
-fn a_simulation_that_runs_away_is_a_fault_to_clear() {
+fn a_simulation_that_diverges_is_a_fault_that_can_be_cleared() {
     let world = wheel("1 ms", &constant(1e305));
     let (device, _hands) = SimulatedDevice::new(&world);
     let mut cycle = on(&world, Box::new(device));
@@ -266,20 +267,20 @@ fn a_simulation_that_runs_away_is_a_fault_to_clear() {
             Phase::Disarmed if phases.len() > 2 => return,
             _ => {}
         }
-        // Long enough for a torque of 10³⁰⁵ to leave the range of numbers.
+        // Long enough for the motion under a torque of 10³⁰⁵ to overflow.
         cycle.pass(1_000);
     }
     panic!("never cleared: {phases:?}");
 }
 
 #[test]
-fn where_a_simulated_puck_is_armed_is_the_worlds_zero_and_nothing_throws_it() {
+fn the_position_of_a_simulated_puck_at_arming_is_the_worlds_zero_without_a_torque() {
     let world = wheel("1 ms", &spring("puck", "ground", 1.0));
     let (device, mut hands) = SimulatedDevice::new(&world);
     let mut cycle = on(&world, Box::new(device));
     armed(&mut cycle);
     for turns in [4.35, -3.0, 0.7] {
-        // Disarmed, a hand turns it and holds it there.
+        // Disarmed, a hand turns the puck and holds it there.
         let mut record = sample(&mut cycle, false, Some(Request::Disarm));
         while record.phase != Phase::Disarmed {
             record = sample(&mut cycle, false, None);
@@ -290,7 +291,7 @@ fn where_a_simulated_puck_is_armed_is_the_worlds_zero_and_nothing_throws_it() {
             record = sample(&mut cycle, false, None);
         }
         assert!((record.position - record.zero - turns).abs() < 1e-6, "{record:?}");
-        // Armed there, the spring is slack there, and the hand holds on where it is.
+        // Armed there, the spring is slack, and the hand keeps its position.
         sample(&mut cycle, false, Some(Request::Arm));
         for _ in 0..2000 {
             record = sample(&mut cycle, false, None);
@@ -298,7 +299,7 @@ fn where_a_simulated_puck_is_armed_is_the_worlds_zero_and_nothing_throws_it() {
         }
         assert_eq!(record.phase, Phase::Running);
         assert!((record.position - record.zero).abs() < 1e-6);
-        // From there it means to be where the world counts.
+        // From then on the hand's target counts from the world's new 0.
         hands.push(HandCommand::Move(0.1)).unwrap();
         for _ in 0..2000 {
             record = sample(&mut cycle, false, None);
@@ -306,20 +307,20 @@ fn where_a_simulated_puck_is_armed_is_the_worlds_zero_and_nothing_throws_it() {
         assert!((record.position - record.zero - 0.1 * 8.0 / 9.0).abs() < 1e-3, "{record:?}");
         hands.push(HandCommand::Release).unwrap();
     }
-    // Started over, it is at rest at 0.
+    // Restarted, the puck is at rest at 0.
     hands.push(HandCommand::Restart).unwrap();
     let record = sample(&mut cycle, false, None);
     assert_eq!(record.position - record.zero, 0.0);
 }
 
 #[test]
-fn a_replay_says_what_was_said_at_its_time_and_then_ends() {
+fn a_replay_returns_each_recorded_position_at_its_time_and_then_ends() {
     let at = |k: u32| Position { position: f64::from(k) * 0.01, velocity: 0.5, announced: true };
     let world = wheel("1 ms", &spring("puck", "ground", 1.0));
     let mut cycle = on(&world, Box::new(Replay::new((0..10).map(at).collect())));
     assert_eq!(sample(&mut cycle, true, None).position, 0.0);
     assert_eq!(sample(&mut cycle, false, None).position, 0.01);
-    // Two samples missed: the recording has gone on.
+    // Two samples missed: the recording has advanced.
     cycle.pass(3);
     let record = cycle.sample(&hapt_rt::Moment { periods: 3, ..Default::default() }, None).unwrap();
     assert_eq!((record.sample, record.missed, record.position), (4, 2, 0.04));
@@ -328,15 +329,15 @@ fn a_replay_says_what_was_said_at_its_time_and_then_ends() {
 }
 
 #[test]
-fn nothing_is_left_on_when_a_loop_is_dropped() {
-    let (device, torque) = Held::new(|_| -> There { Ok((0.0, 0.0)) });
+fn no_torque_stays_on_when_a_loop_is_dropped() {
+    let (device, torque) = ScriptedDevice::new(|_| -> Read { Ok((0.0, 0.0)) });
     let mut cycle = on(&wheel("1 ms", &constant(0.3)), device);
     armed(&mut cycle);
     assert_eq!(torque.get(), 0.3);
     drop(cycle);
     assert_eq!(torque.get(), 0.0);
 
-    let (device, torque) = Held::new(|k| -> There {
+    let (device, torque) = ScriptedDevice::new(|k| -> Read {
         if k < 1_000 { Ok((0.0, 0.0)) } else { Err(Failure::Gone) }
     });
     let mut cycle = on(&wheel("1 ms", &constant(0.3)), device);
@@ -350,10 +351,10 @@ fn nothing_is_left_on_when_a_loop_is_dropped() {
 proptest! {
     #![proptest_config(hapt_testing::cases(60))]
 
-    /// A loop at the instants of a clock that is late now and then: the records tell how many samples were inside the certificate, and the
-    /// torque goes as the world says, at the first one outside.
+    /// A loop at the instants of a clock that is occasionally late: the records show the number of samples inside the certificate, and the
+    /// torque is removed, where the world asks for that, at the first sample outside.
     #[test]
-    fn the_times_that_a_world_states_are_kept_or_the_torque_goes(
+    fn the_times_that_a_world_states_are_kept_or_the_torque_is_removed(
         pattern in prop::collection::vec((0.0..0.3f64, prop::option::weighted(0.02, 0.3..0.999f64), 0u32..900_000), 1..400),
         when in 0usize..3, stated in any::<bool>(),
     ) {
@@ -361,7 +362,7 @@ proptest! {
         let times = if stated { "interval_max = \"1.3 ms\"\ndelay_max = \"0.895 ms\"\n" } else { "" };
         let rest = format!("{}[safety]\nlate = \"{}\"\nfade = \"20 ms\"\n", constant(0.3), when_late.name());
         let world = wheel(&format!("1 ms\"\n{times}estimator = \"difference"), &rest);
-        let (device, torque) = Held::new(|_| -> There { Ok((0.0, 0.0)) });
+        let (device, torque) = ScriptedDevice::new(|_| -> Read { Ok((0.0, 0.0)) });
         let mut cycle = on(&world, device);
         armed(&mut cycle);
         let mut timing = Timing::new();
@@ -393,7 +394,7 @@ proptest! {
                     prop_assert_eq!(record.reason, Some(Reason::Uneven));
                 }
             }
-            // The first record has none before it.
+            // The first record has no predecessor.
             if was_active == Some(true) {
                 under_torque += 1;
                 outside += u64::from(counted);

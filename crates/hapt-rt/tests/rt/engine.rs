@@ -1,15 +1,15 @@
-//! The loop on its thread: whatever happens to it, no torque stays on.
+//! The loop on its thread: however it ends, no torque stays on.
 
 use std::time::Duration;
 
 use hapt_core::{Phase, Reason, Request, SafetyProfile};
 use hapt_rt::{End, Engine, Error, Failure, LoopCommand, Plan, Record, Settings, Timing};
 
-use crate::common::{Held, constant, spring, wheel};
+use crate::common::{ScriptedDevice, constant, spring, wheel};
 
-type There = Result<(f64, f64), Failure>;
+type Read = Result<(f64, f64), Failure>;
 
-/// Ordinary threads will do: nothing here looks at the time.
+/// Normal scheduling is enough: no test here depends on timing.
 const ORDINARY: Settings = Settings { priority: None, lock: false, spin: Duration::ZERO, leave_a_core: false };
 
 fn start(torque: f64, device: Box<dyn hapt_rt::Device>) -> Engine {
@@ -21,7 +21,7 @@ fn ask(engine: &mut Engine, request: Request) {
     engine.send(LoopCommand::Request(request)).unwrap();
 }
 
-/// Takes records until one is what is looked for.
+/// Takes records until one satisfies the condition.
 fn until(engine: &mut Engine, what: impl Fn(&Record) -> bool) -> Record {
     for _ in 0..60_000 {
         while let Ok(record) = engine.records.pop() {
@@ -46,7 +46,7 @@ fn ended(engine: &mut Engine) -> End {
 
 #[test]
 fn armed_the_torque_rises_and_disarmed_it_falls_and_dropped_it_is_off() {
-    let (device, torque) = Held::new(|_| -> There { Ok((0.0, 0.0)) });
+    let (device, torque) = ScriptedDevice::new(|_| -> Read { Ok((0.0, 0.0)) });
     let mut engine = start(0.2, device);
     assert_eq!(until(&mut engine, |_| true).output, 0.0);
     ask(&mut engine, Request::Arm);
@@ -62,10 +62,10 @@ fn armed_the_torque_rises_and_disarmed_it_falls_and_dropped_it_is_off() {
     assert_eq!(torque.get(), 0.0);
 }
 
-/// Its owner may be blocked in a print: nobody but the handle's thread does anything.
+/// The engine's owner may be blocked, in a print for example: only the handle's thread acts.
 #[test]
-fn a_handle_ends_the_loop_with_no_torque_on_while_its_owner_looks_at_nothing() {
-    let (device, torque) = Held::new(|_| -> There { Ok((0.0, 0.0)) });
+fn a_handle_ends_the_loop_with_no_torque_on_while_its_owner_is_blocked() {
+    let (device, torque) = ScriptedDevice::new(|_| -> Read { Ok((0.0, 0.0)) });
     let mut engine = start(0.2, device);
     ask(&mut engine, Request::Arm);
     until(&mut engine, |record| record.output == 0.2);
@@ -82,7 +82,7 @@ fn a_handle_ends_the_loop_with_no_torque_on_while_its_owner_looks_at_nothing() {
 
 #[test]
 fn a_device_that_fails_ends_the_loop_with_no_torque_on() {
-    let (device, torque) = Held::new(|k| -> There {
+    let (device, torque) = ScriptedDevice::new(|k| -> Read {
         if k < 600 { Ok((0.0, 0.0)) } else { Err(Failure::Gone) }
     });
     let mut engine = start(0.2, device);
@@ -94,7 +94,7 @@ fn a_device_that_fails_ends_the_loop_with_no_torque_on() {
 
 #[test]
 fn a_panic_on_the_loops_thread_leaves_no_torque_on() {
-    let (device, torque) = Held::new(|k| -> There {
+    let (device, torque) = ScriptedDevice::new(|k| -> Read {
         assert!(k < 600, "a defect, for this test");
         Ok((0.0, 0.0))
     });
@@ -106,12 +106,12 @@ fn a_panic_on_the_loops_thread_leaves_no_torque_on() {
 }
 
 #[test]
-fn stop_is_heard_where_no_other_order_gets_through() {
-    let (device, torque) = Held::new(|_| -> There { Ok((0.0, 0.0)) });
+fn a_stop_acts_where_the_queue_of_commands_is_full() {
+    let (device, torque) = ScriptedDevice::new(|_| -> Read { Ok((0.0, 0.0)) });
     let mut engine = start(0.2, device);
     ask(&mut engine, Request::Arm);
     until(&mut engine, |record| record.phase == Phase::Running);
-    // Faster than the loop takes them, until no more go in.
+    // Commands are sent faster than the loop takes them, until the queue is full.
     while engine.send(LoopCommand::Request(Request::Arm)).is_ok() {}
     engine.stop();
     let stopped = until(&mut engine, |record| record.phase == Phase::Faulted);
@@ -121,13 +121,13 @@ fn stop_is_heard_where_no_other_order_gets_through() {
 }
 
 #[test]
-fn what_was_asked_before_a_stop_brings_no_torque_back() {
-    let (device, torque) = Held::new(|_| -> There { Ok((0.0, 0.0)) });
+fn requests_from_before_a_stop_restore_no_torque() {
+    let (device, torque) = ScriptedDevice::new(|_| -> Read { Ok((0.0, 0.0)) });
     let mut engine = start(0.2, device);
     ask(&mut engine, Request::Arm);
     until(&mut engine, |record| record.phase == Phase::Running);
     let handle = engine.handle().clone();
-    // Some thread holds requests of before the stop back, until the cause is long gone.
+    // Another thread delays its requests from before the stop.
     let before = handle.epoch();
     handle.stop();
     let stopped = until(&mut engine, |record| record.phase == Phase::Faulted);
@@ -138,21 +138,21 @@ fn what_was_asked_before_a_stop_brings_no_torque_back() {
     }
     let late = until(&mut engine, |record| record.sample > stopped.sample + 500);
     assert_eq!((late.phase, torque.get()), (Phase::Faulted, 0.0));
-    // Who knows of the stop clears it.
+    // A request of the present epoch clears it.
     ask(&mut engine, Request::Clear);
     until(&mut engine, |record| record.phase == Phase::Disarmed);
 }
 
 #[test]
-fn control_that_is_withdrawn_fades_the_torque_out_and_takes_its_requests_along() {
-    let (device, torque) = Held::new(|_| -> There { Ok((0.0, 0.0)) });
+fn a_withdrawal_of_control_fades_the_torque_out_and_voids_earlier_requests() {
+    let (device, torque) = ScriptedDevice::new(|_| -> Read { Ok((0.0, 0.0)) });
     let mut engine = start(0.2, device);
     ask(&mut engine, Request::Arm);
     until(&mut engine, |record| record.phase == Phase::Running);
     let handle = engine.handle().clone();
     let before = handle.epoch();
     handle.withdraw();
-    // The next one speaks at once, and has asked for nothing.
+    // The next client sends a heartbeat at once, but no request.
     handle.heartbeat();
     engine.send_of(LoopCommand::Request(Request::Arm), before).unwrap();
     let out = until(&mut engine, |record| record.phase == Phase::Disarmed);
@@ -161,14 +161,14 @@ fn control_that_is_withdrawn_fades_the_torque_out_and_takes_its_requests_along()
 }
 
 #[test]
-fn every_plan_that_is_sent_arrives_whole_and_in_order() {
-    let (device, _torque) = Held::new(|_| -> There { Ok((0.1, 0.0)) });
+fn every_plan_that_is_sent_arrives_complete_and_in_order() {
+    let (device, _torque) = ScriptedDevice::new(|_| -> Read { Ok((0.1, 0.0)) });
     let world = |k: u32| wheel(["0.5 ms", "0.25 ms"][k as usize % 2], &spring("puck", "ground", f64::from(k + 1)));
     let mut engine =
         Engine::start_with(Plan::new(&world(0), SafetyProfile::Simulated).unwrap(), device, ORDINARY).unwrap();
     let mut before = Plan::new(&world(0), SafetyProfile::Simulated).unwrap();
     let mut sent = 0;
-    // More than the rings hold at once.
+    // More than the rings hold.
     while sent < 200 {
         let plan = Plan::following(&world(sent + 1), &before).unwrap();
         before = plan.clone();
@@ -189,10 +189,10 @@ fn every_plan_that_is_sent_arrives_whole_and_in_order() {
 }
 
 #[test]
-fn the_records_tell_what_was_missed_and_what_was_asked_and_how_long_nobody_spoke() {
-    let (device, _torque) = Held::new(|k| -> There {
+fn the_records_show_missed_samples_requests_and_the_time_since_a_heartbeat() {
+    let (device, _torque) = ScriptedDevice::new(|k| -> Read {
         if k == 100 {
-            // Some twenty periods.
+            // About twenty periods.
             std::thread::sleep(Duration::from_millis(10));
         }
         Ok((0.0, 0.0))
@@ -220,11 +220,11 @@ fn the_records_tell_what_was_missed_and_what_was_asked_and_how_long_nobody_spoke
 }
 
 #[test]
-fn a_period_that_no_clock_keeps_is_refused() {
-    let (device, _torque) = Held::new(|_| -> There { Ok((0.0, 0.0)) });
+fn a_period_too_short_for_the_clock_is_refused() {
+    let (device, _torque) = ScriptedDevice::new(|_| -> Read { Ok((0.0, 0.0)) });
     let plan = || Plan::new(&wheel("9 us", &constant(0.0)), SafetyProfile::Simulated).unwrap();
     let refused = Engine::start(plan(), device).err();
     assert!(matches!(refused, Some(Error::Period { given }) if given == 9e-6));
-    let mut engine = start(0.0, Held::new(|_| -> There { Ok((0.0, 0.0)) }).0);
+    let mut engine = start(0.0, ScriptedDevice::new(|_| -> Read { Ok((0.0, 0.0)) }).0);
     assert!(engine.send(LoopCommand::Swap(Box::new(plan()))).is_err());
 }

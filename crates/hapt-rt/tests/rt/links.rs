@@ -1,4 +1,4 @@
-//! Two loops at the ends of a link, over a network with every fault: no torque on a position that is too old, and the right reason.
+//! Two loops at the ends of a link, over a network with every fault: no torque from a position that is too old, and the right reason.
 
 use std::collections::HashMap;
 
@@ -9,12 +9,13 @@ use hapt_sim::Grip;
 use hapt_wire::link::{Codec, Datagrams, Frames, Number, Session};
 
 const MS: u64 = 1_000_000;
-const KEYS: [&[u8]; 2] = [b"both stations know this one", b"a key that nobody else has"];
-/// Numbers of the link, the second of a file that nobody else has.
+/// The keys of both stations and of a foreign one.
+const KEYS: [&[u8]; 2] = [b"the key of both stations....", b"the key of a foreign station"];
+/// The link's numbers in the network file of both stations and in a foreign one.
 const LINKS: [u64; 2] = [9, 10];
-/// How long a campaign is.
+/// The duration of a campaign.
 const END: u64 = 1500 * MS;
-/// The fault lasts from here to there.
+/// The start and the end of the fault.
 const FAULT: [u64; 2] = [500 * MS, 1000 * MS];
 
 /// Splitmix64.
@@ -41,15 +42,15 @@ impl Rng {
 enum Fault {
     Loss(f64),
     Bursts,
-    /// The way takes this much longer, in ms.
+    /// An additional delay of the channel, in ms.
     Delay(u64),
     Reordering,
     Replays,
     Restart,
-    /// The clock of one station, or its whole computer, leaps so far, in ms.
+    /// The clock of one station jumps by this time, or its computer pauses for it, in ms.
     Pause(u64),
     Stop,
-    /// One station runs under another key, or another network file.
+    /// One station has another key, or another network file.
     Stranger,
 }
 
@@ -70,7 +71,7 @@ fn fault(rng: &mut Rng) -> Fault {
     }
 }
 
-/// The codec of an end, at the first station or not; and of one that belongs to nobody else.
+/// The codec of an end, at the first station or not; or that of a foreign station.
 fn datagrams(first: bool, strange: bool) -> Datagrams {
     Datagrams::new(KEYS[usize::from(strange)], LINKS[0], first)
 }
@@ -84,15 +85,15 @@ struct Station<C> {
     hands: Hands,
     wire: LinkWire,
     session: Session<C>,
-    /// Its clock shows this much more than the true time.
+    /// Its clock's offset from the true time.
     offset: u64,
     period: u64,
     next: u64,
     samples: u64,
-    /// Samples that the next one follows late by.
+    /// The number of samples that its computer missed before the next one.
     paused: u32,
-    coming: Vec<(u64, Vec<u8>)>,
-    /// The newest that its loop has whose sender acted or could: the position that its torque is on.
+    incoming: Vec<(u64, Vec<u8>)>,
+    /// The number of the newest message whose sender acted or could act: the position of its torque.
     newest: Option<Number>,
     last: Option<Record>,
     arms: bool,
@@ -114,7 +115,7 @@ impl<C: Codec> Station<C> {
             next: rng.below(2_000_000),
             samples: 0,
             paused: 0,
-            coming: Vec::new(),
+            incoming: Vec::new(),
             newest: None,
             last: None,
             arms: true,
@@ -122,7 +123,7 @@ impl<C: Codec> Station<C> {
     }
 }
 
-/// The sum of what happened in all campaigns.
+/// The sums of events in all campaigns.
 #[derive(Default)]
 struct Seen {
     acted: u64,
@@ -170,10 +171,10 @@ fn campaign<C: Codec>(network: &System, codec: fn(bool, bool) -> C, seed: u64, s
             struck_once = true;
             match fault {
                 Fault::Restart => {
-                    let Station { coming, next, .. } = &mut stations[at];
-                    let (coming, next) = (std::mem::take(coming), *next + rng.below(100) * MS);
+                    let Station { incoming, next, .. } = &mut stations[at];
+                    let (incoming, next) = (std::mem::take(incoming), *next + rng.below(100) * MS);
                     stations[at] =
-                        Station { coming, next, ..Station::new(network, at, codec(at == 0, false), &mut rng) };
+                        Station { incoming, next, ..Station::new(network, at, codec(at == 0, false), &mut rng) };
                     continue;
                 }
                 Fault::Pause(length) => {
@@ -191,9 +192,9 @@ fn campaign<C: Codec>(network: &System, codec: fn(bool, bool) -> C, seed: u64, s
         let station = &mut stations[at];
         let clock = |true_time: u64| station.offset + true_time;
         let now = clock(time);
-        station.coming.sort_by_key(|(when, _)| *when);
-        let arrived = station.coming.partition_point(|(when, _)| *when <= time);
-        for (when, bytes) in station.coming.drain(..arrived).collect::<Vec<_>>() {
+        station.incoming.sort_by_key(|(when, _)| *when);
+        let arrived = station.incoming.partition_point(|(when, _)| *when <= time);
+        for (when, bytes) in station.incoming.drain(..arrived).collect::<Vec<_>>() {
             match station.session.receive(&bytes, now - (time - when)) {
                 Ok(None) => {}
                 Ok(Some(incoming)) => {
@@ -204,7 +205,7 @@ fn campaign<C: Codec>(network: &System, codec: fn(bool, bool) -> C, seed: u64, s
                 Err(_) => seen.refused += 1,
             }
         }
-        // Each is armed as soon as it runs, and the left wheel is pulled about.
+        // Each station is armed as soon as it runs, and a hand moves the left wheel.
         let stops = fault == Fault::Stop && is_on && at == struck && station.arms;
         let request = match station.samples {
             _ if stops => {
@@ -243,7 +244,7 @@ fn campaign<C: Codec>(network: &System, codec: fn(bool, bool) -> C, seed: u64, s
                 assert!(fault == Fault::Stop && at == struck, "{fault:?}: {record:?}");
                 seen.faulted += u64::from(stops);
             }
-            // So many samples missed.
+            // Too many samples were missed.
             Some(Reason::Late) => assert!(matches!(fault, Fault::Pause(_)) && at == struck, "{fault:?}: {record:?}"),
             Some(reason) => panic!("{fault:?}: {reason:?}"),
         }
@@ -281,17 +282,17 @@ fn campaign<C: Codec>(network: &System, codec: fn(bool, bool) -> C, seed: u64, s
             Fault::Replays => {
                 for _ in 0..2 {
                     let (to, bytes) = sent[rng.below(sent.len() as u64) as usize].clone();
-                    stations[to].coming.push((time + way, bytes));
+                    stations[to].incoming.push((time + way, bytes));
                 }
             }
             _ => {}
         }
         if rng.unit() >= loss {
-            stations[1 - at].coming.push((time + way, bytes));
+            stations[1 - at].incoming.push((time + way, bytes));
         }
     }
     seen.releases += gone;
-    // What takes the link away for good shows it.
+    // A permanent loss of the link shows in the status.
     if matches!(fault, Fault::Loss(1.0) | Fault::Stop | Fault::Stranger) {
         assert!(gone > 0 || seen.acted == 0, "{fault:?}");
     }
@@ -307,16 +308,16 @@ fn campaigns<C: Codec>(codec: fn(bool, bool) -> C) {
     }
     let Seen { acted, releases, again, refused, faulted } = seen;
     println!("acted {acted}, released {releases}, acts again {again}, refused {refused}, stopped {faulted}");
-    // Nothing of it is empty.
+    // Every kind of event occurs.
     assert!(acted > 100 * n && releases > n / 2 && again > 20 * n && refused > 10 * n && faulted > n / 50);
 }
 
 #[test]
-fn no_fault_of_the_network_makes_a_torque_on_a_position_that_is_too_old() {
+fn no_fault_of_the_network_causes_a_torque_from_a_position_that_is_too_old() {
     campaigns(datagrams);
 }
 
 #[test]
-fn no_fault_of_a_bus_makes_a_torque_on_a_position_that_is_too_old() {
+fn no_fault_of_a_bus_causes_a_torque_from_a_position_that_is_too_old() {
     campaigns(frames);
 }

@@ -1,4 +1,4 @@
-//! A world that takes another's place: whatever the method and the estimator of the two, what moves goes on moving.
+//! A world that replaces another: for any methods and estimators of the two, motion is continuous.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -8,7 +8,7 @@ use hapt_model::World;
 use hapt_rt::{Cycle, Failure, Moment, Plan, Record};
 use proptest::prelude::*;
 
-use crate::common::{Held, armed, sample, spring};
+use crate::common::{ScriptedDevice, armed, sample, spring};
 
 const METHODS: [&str; 8] =
     ["forward-euler", "backward-euler", "semi-implicit-euler", "trapezoidal", "zoh", "rk4", "tustin", "foh"];
@@ -19,7 +19,7 @@ const ESTIMATORS: [&str; 5] = [
     "estimator = \"foaw\"\n",
     "estimator = \"foaw-best\"\nwindow = 9\n",
 ];
-/// Of the encoder, per radian: 1 ms at 16 counts a millisecond is a whole number of them, and so are a half and two.
+/// The encoder's counts per radian: at 16 counts per ms a period of 0.5, 1 or 2 ms is a whole number of counts.
 const COUNTS: f64 = 4000.0 / std::f64::consts::TAU;
 
 fn world(method: &str, estimator: &str, period_ms: f64, encoder: bool, rest: &str) -> World {
@@ -30,17 +30,17 @@ fn world(method: &str, estimator: &str, period_ms: f64, encoder: bool, rest: &st
     ))
 }
 
-/// Runs `before` for a while, then `after` in its place, on a puck that goes as `moves` says of the time in s; the last record of the one
-/// and the first three of the other.
+/// Runs `before` for a while, then `after` in its place, on a puck with position and velocity `moves(t)`, t in s; returns the last record of the
+/// first and the first three of the second.
 fn swapped(before: &World, after: &World, moves: impl Fn(f64) -> (f64, f64) + Send + 'static) -> (Record, Vec<Record>) {
     // In µs: all periods here are whole numbers of them.
     let clock = Arc::new(AtomicU64::new(0));
     let its = Arc::clone(&clock);
     let at = move |_| -> Result<(f64, f64), Failure> { Ok(moves(its.load(Ordering::SeqCst) as f64 * 1e-6)) };
     let plan = Plan::new(before, SafetyProfile::Simulated).unwrap();
-    let mut cycle = Cycle::new(Box::new(plan.clone()), Held::new(at).0);
+    let mut cycle = Cycle::new(Box::new(plan.clone()), ScriptedDevice::new(at).0);
     let tick = |period: f64| clock.fetch_add((period * 1e6).round() as u64, Ordering::SeqCst);
-    // Armed where the time stands still, so that the bodies begin beside the puck.
+    // Armed while the time is constant, so that the bodies begin at the puck's position.
     let mut last = armed(&mut cycle);
     for _ in 0..300 {
         tick(before.sampling.period);
@@ -62,9 +62,9 @@ fn any_world(rest: &'static str) -> impl Strategy<Value = (&'static str, &'stati
     (prop::sample::select(&METHODS[..]), prop::sample::select(&ESTIMATORS[..]), period, Just(rest))
 }
 
-/// The puck feels nothing but its own velocity.
+/// A damper on the puck to ground.
 const DAMPER: &str = "[[couplings]]\nkind = \"damper\"\nbetween = [\"puck\", \"ground\"]\ndamping = 0.01\n";
-/// A body that nothing pulls, as fast as it began.
+/// A body without couplings, at constant velocity.
 const COASTS: &str = "[bodies.free]\ninertia = 0.01\nvelocity = 3\n";
 
 proptest! {
@@ -72,13 +72,13 @@ proptest! {
 
     /// The estimate of a steady velocity is that velocity, before and after.
     #[test]
-    fn a_steady_velocity_is_seen_on_over_any_change(
+    fn the_estimate_of_a_steady_velocity_continues_over_any_change(
         from in any_world(DAMPER),
         to in any_world(DAMPER),
         encoder in any::<bool>(),
     ) {
         let make = |(method, estimator, period, rest)| world(method, estimator, period, encoder, rest);
-        // 16 counts a millisecond.
+        // 16 counts per millisecond.
         let velocity = 16.0e3 / COUNTS;
         let (last, after) = swapped(&make(from), &make(to), move |time| (velocity * time, velocity));
         let wanted = -0.01 * velocity;
@@ -87,9 +87,9 @@ proptest! {
         }
     }
 
-    /// Inertia has no memory of methods: a body that coasts goes as far in the sample of the change as in any other.
+    /// A body without couplings moves as far in the sample of the change as in any other.
     #[test]
-    fn a_body_that_coasts_goes_on_by_its_velocity(from in any_world(COASTS), to in any_world(COASTS)) {
+    fn a_body_without_couplings_continues_at_its_velocity(from in any_world(COASTS), to in any_world(COASTS)) {
         let make = |(method, estimator, period, rest)| world(method, estimator, period, false, rest);
         let (before, now) = (make(from), make(to));
         let (last, after) = swapped(&before, &now, |_| (0.0, 0.0));
@@ -100,9 +100,9 @@ proptest! {
         }
     }
 
-    /// At rest in springs no change of method, estimator or period is felt.
+    /// At rest in springs a change of method, estimator or period causes no torque step.
     #[test]
-    fn at_rest_in_a_spring_no_change_is_felt(from in any_world(""), to in any_world(""), turned in -1.0_f64..1.0) {
+    fn at_rest_in_a_spring_a_change_causes_no_torque_step(from in any_world(""), to in any_world(""), turned in -1.0_f64..1.0) {
         let rest = format!(
             "[bodies.wheel]\ninertia = 0.02\nposition = {turned}\n{}{}{}",
             spring("puck", "ground", 1.5),
@@ -110,7 +110,7 @@ proptest! {
             "[[couplings]]\nkind = \"damper\"\nbetween = [\"puck\", \"wheel\"]\ndamping = 0.01\n"
         );
         let make = |(method, estimator, period, _)| world(method, estimator, period, true, &rest);
-        // The puck is turned, and the wheel stands where its spring is slack.
+        // The puck is turned, and the wheel rests where its spring is slack.
         let count = 1.0 / COUNTS;
         let at = (turned / count).round() * count;
         let exactly = |mut world: World| { world.bodies[0].position = at; world };
@@ -121,19 +121,19 @@ proptest! {
     }
 }
 
-/// A wheel that swings under a moving puck: over a change between any two methods its torque goes on as smoothly as they agree.
+/// A wheel that swings under a moving puck: over a change between any two methods the step of its torque is at most their difference.
 #[test]
-fn a_wheel_that_swings_goes_on_where_it_is() {
+fn a_swinging_wheel_continues_from_its_state() {
     let rest = format!("[bodies.wheel]\ninertia = 0.0258\n{}", spring("puck", "wheel", 1.0));
     let moves = |time: f64| (0.3 * (5.0 * time).sin(), 1.5 * (5.0 * time).cos());
     for (from, to) in METHODS.iter().flat_map(|from| METHODS.iter().map(move |to| (from, to))) {
         let make = |method| world(method, "", 1.0, false, &rest);
         let (last, after) = swapped(&make(from), &make(to), moves);
-        // Puck and wheel pass each other by 2 rad/s at most, and a method's output may stand a step before another's.
+        // The relative velocity of puck and wheel is at most 2 rad/s, and one method's output may be a step ahead of another's.
         let steepest = 3.0e-3;
         let step = (after[0].torque - last.torque).abs();
         assert!(step < steepest, "{from} to {to}: {step}");
-        // What is lost or doubled would be a step of the wheel, 1e-3 of its velocity.
+        // A lost or doubled step would be a change of the position by 1e-3 times the velocity.
         let (went, speed) = (after[0].bodies[0].0 - last.bodies[0].0, last.bodies[0].1);
         assert!((went - 1e-3 * speed).abs() < 0.05 * 1e-3 * speed.abs(), "{from} to {to}: {went} at {speed}");
     }

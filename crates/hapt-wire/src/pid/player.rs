@@ -31,7 +31,7 @@ impl Player {
     }
 
     /// The same, for [`Player::sample_with`]: what the change does to the static torque, where the wheel was at the last sample, is the host's doing.
-    pub fn hear(&mut self, pool: &Pool) {
+    pub fn receive(&mut self, pool: &Pool) {
         let [before, after] = [&self.pool, pool].map(|pool| {
             // A copy: what has ended leaves the loop's own.
             let mut pool = *pool;
