@@ -1,6 +1,6 @@
 //! An attached motor: the file's `[device]` and `[safety]` are ceilings for the whole session.
 //!
-//! Whatever is set, the certificate is about the file's device, and no limit of the supervisor exceeds the file's, derived ones included.
+//! The certificate always applies to the file's device, and no limit of the supervisor exceeds the file's, derived limits included.
 
 use hapt_core::{Limits, SafetyProfile};
 use hapt_model::{EstimatorKind, Safety, World};
@@ -9,7 +9,7 @@ use hapt_sim::{DesktopSupervisor, Measures};
 use crate::keys::SettableKey;
 
 /// The keys of `[loop]` that may be set with a motor: they describe the program. The others describe the hardware.
-const FREE: [&str; 10] =
+const SETTABLE: [&str; 10] =
     ["period", "method", "output", "advance", "bodies_every", "filter", "estimator", "cutoff", "every", "window"];
 
 /// The file's device and its limits.
@@ -39,7 +39,7 @@ impl Attached {
     /// Whether the key can be set.
     pub fn allows(&self, path: &str) -> bool {
         match path.split_once('.') {
-            Some(("loop", name)) => FREE.contains(&name),
+            Some(("loop", name)) => SETTABLE.contains(&name),
             Some(("device", name)) => name == "limit",
             Some(("bodies" | "couplings", _)) => true,
             _ => false,
@@ -91,7 +91,7 @@ impl Attached {
             return if asked == file.device.limit { Ok(()) } else { Err(self.refusal("device.limit")) };
         };
         let (unit, pulse) = (Measures::Effort.unit(world.motion), self.pulse);
-        // NaN compares false, and is refused.
+        // A NaN compares false, and is refused.
         let lower = asked <= limit;
         if !lower {
             return Err(format!(
@@ -114,7 +114,7 @@ impl Attached {
         }
     }
 
-    /// The world on the file's device, which the certificate is about.
+    /// The world on the file's device, to which the certificate applies.
     pub fn certified_world(&self, world: &World) -> World {
         World { device: self.file.device.clone(), ..world.clone() }
     }

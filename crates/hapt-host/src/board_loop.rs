@@ -1,4 +1,4 @@
-//! The loop on a board. The board keeps the time, and its own supervisor removes the torque when heartbeats stop.
+//! The loop on a board. The board's clock times the samples, and its own supervisor removes the torque when heartbeats stop.
 //!
 //! A thread owns the link, so that no caller blocks on the line. A board changes its world only while no torque can flow (docs/wire.md):
 //! an armed board fades out, loads the whole world, and is armed again unless it was disarmed or stopped meanwhile.
@@ -19,15 +19,15 @@ use crate::runner::{Runner, RunnerEvent};
 use crate::{error, packed};
 
 /// After this time without telemetry the handshake is made again.
-const SILENT: Duration = Duration::from_secs(1);
-/// The longest wait for telemetry before requests are looked at.
-const TICK: Duration = Duration::from_millis(4);
+const MAX_SILENCE: Duration = Duration::from_secs(1);
+/// The longest wait for telemetry before requests are read.
+const POLL_PERIOD: Duration = Duration::from_millis(4);
 /// The longest time between two heartbeats on the line, while heartbeats arrive.
-const HEARTBEAT: Duration = Duration::from_millis(50);
-/// A heartbeat within this time, in s, counts as present.
-const PRESENT: f64 = 0.2;
+const MAX_HEARTBEAT_PERIOD: Duration = Duration::from_millis(50);
+/// A client counts as present for this time after its last heartbeat, in s.
+const PRESENCE_S: f64 = 0.2;
 /// The time limit for the acknowledgement of the last stop.
-const LAST: Duration = Duration::from_millis(500);
+const LAST_STOP_TIMEOUT: Duration = Duration::from_millis(500);
 /// Capacity of the queue of requests.
 const REQUESTS: usize = 64;
 /// Capacity of the queue of samples: 16 s at 1 kHz.
@@ -115,7 +115,11 @@ impl BoardLoop {
 /// The longest time between two heartbeats: a quarter of what the board's supervisor allows.
 fn heartbeat_every(config: &WorldConfig, profile: SafetyProfile) -> Duration {
     let silence = config.world.limits(profile).silence(config.world.sampling.period);
-    if silence.is_finite() { Duration::from_secs_f64(silence.max(0.0) / 4.0).min(HEARTBEAT) } else { HEARTBEAT }
+    if silence.is_finite() {
+        Duration::from_secs_f64(silence.max(0.0) / 4.0).min(MAX_HEARTBEAT_PERIOD)
+    } else {
+        MAX_HEARTBEAT_PERIOD
+    }
 }
 
 impl Runner for BoardLoop {
@@ -166,7 +170,7 @@ impl Runner for BoardLoop {
     }
 
     fn log(&mut self, recorder: &Recorder, record: &Record) {
-        // The recorder counts what it has no room for.
+        // The recorder counts records that find it full.
         recorder.send(record);
     }
 }
@@ -192,11 +196,11 @@ struct BoardWorker {
     running: Box<WorldConfig>,
     /// The world to load next; a newer one replaces it.
     wanted: Option<Box<Change>>,
-    /// The board fades out for that world, or loads it.
+    /// Whether the board fades out for that world, or loads it.
     changing: bool,
-    /// The epoch in which the torque was requested; `None`: it is to be off.
+    /// The epoch in which the torque was requested; `None`: no torque is requested.
     armed_since: Option<Epoch>,
-    /// The last epoch that the board was told of, the last heartbeat seen, and when one was sent.
+    /// The last epoch that was sent to the board, the last heartbeat received, and the time of the last one sent.
     sent: Arc<Mutex<Epoch>>,
     received: u64,
     last_heartbeat: Option<Instant>,
@@ -216,8 +220,8 @@ impl BoardWorker {
         });
         let outcome = self.until_the_end();
         if outcome.is_ok() && self.link.may_be_armed() {
-            // The stop is repeated until the board confirms it, for a moment; a port that is closed may drop what it has not sent.
-            let until = Instant::now() + LAST;
+            // The stop is repeated until the board confirms it or a time limit ends; a port that is closed may drop unsent bytes.
+            let until = Instant::now() + LAST_STOP_TIMEOUT;
             self.link.interrupt_when(move || Instant::now() >= until);
             let _ = self.link.stop();
         }
@@ -231,9 +235,9 @@ impl BoardWorker {
                 Ok(()) | Err(Error::Interrupted) => {}
                 Err(error) => return Err(error),
             }
-            if self.take_telemetry(Instant::now() + TICK)? {
+            if self.take_telemetry(Instant::now() + POLL_PERIOD)? {
                 received = Instant::now();
-            } else if received.elapsed() > SILENT {
+            } else if received.elapsed() > MAX_SILENCE {
                 match self.reconnect() {
                     Ok(()) => received = Instant::now(),
                     Err(Error::Interrupted) => {}
@@ -244,7 +248,7 @@ impl BoardWorker {
         Ok(())
     }
 
-    /// Greets a board that shows no samples. A cut line is an error by itself.
+    /// Repeats the handshake with a board that sends no samples. A disconnected line is an error of its own.
     fn reconnect(&mut self) -> Result<(), Error> {
         self.link.handshake()?;
         if self.link.board().world != Some(self.world) {
@@ -253,7 +257,7 @@ impl BoardWorker {
         self.set_telemetry()
     }
 
-    /// Takes the requests that wait.
+    /// Takes the queued requests.
     fn take_requests(&mut self) -> Result<(), Error> {
         self.take_urgent()?;
         while let Ok(message) = self.requests.try_recv() {
@@ -266,7 +270,7 @@ impl BoardWorker {
         Ok(())
     }
 
-    /// Stop, withdrawal and heartbeats: they pass all requests.
+    /// Handles stop, withdrawal and heartbeats, ahead of all requests.
     fn take_urgent(&mut self) -> Result<(), Error> {
         let now = self.handle.epoch();
         let before = std::mem::replace(&mut *self.sent.lock().unwrap_or_else(PoisonError::into_inner), now);
@@ -274,7 +278,7 @@ impl BoardWorker {
             self.armed_since = None;
             match now.stopped_since(before) {
                 true => self.link.stop()?,
-                // A board that is disarmed already refuses; that is no error.
+                // A board that is already disarmed refuses; that is no error.
                 false => match self.link.disarm() {
                     Err(Error::Refused { .. }) => {}
                     disarmed => disarmed?,
@@ -291,7 +295,7 @@ impl BoardWorker {
         Ok(())
     }
 
-    /// Takes the telemetry that has come, and waits for the first of it; `false` where none has come until that instant.
+    /// Waits for telemetry until that instant, and takes all that has arrived; `false` where none has.
     fn take_telemetry(&mut self, mut until: Instant) -> Result<bool, Error> {
         let mut some = false;
         while let Some(telemetry) = self.link.telemetry(until)? {
@@ -302,7 +306,7 @@ impl BoardWorker {
                 let error = Error::UnknownReason { code: telemetry.reason };
                 let _ = self.events.send(RunnerEvent::Error(error.into()));
             }
-            // A sample without room in the queue is lost.
+            // A sample that finds the queue full is lost.
             let _ = self.records.try_send(self.decoder.record(&telemetry));
         }
         // After a fault or a lost link the board is not armed again.
@@ -310,13 +314,13 @@ impl BoardWorker {
         Ok(some)
     }
 
-    /// Sets how often the board shows a sample.
+    /// Sets the board's interval of telemetry.
     fn set_telemetry(&mut self) -> Result<(), Error> {
         self.link.set_telemetry(self.running.world.sampling.period, self.every)
     }
 
     fn request(&mut self, request: Request, epoch: Epoch) -> Result<(), Error> {
-        // Made before a stop, or before control was withdrawn.
+        // The request was made before a stop, or before control was withdrawn.
         if matches!(request, Request::Arm | Request::Clear) && epoch != self.handle.epoch() {
             return Ok(());
         }
@@ -331,7 +335,7 @@ impl BoardWorker {
             Request::Arm => self.arm(),
             Request::Disarm => self.link.disarm(),
             Request::Stop => self.link.stop(),
-            // Telemetry shows whether the cause is gone.
+            // Telemetry shows whether the cause has ended.
             Request::Clear => self.link.send(Command::Clear),
         };
         self.report_refusal(done)
@@ -369,7 +373,7 @@ impl BoardWorker {
         let generation = wanted.config.generation;
         match self.link.load(&wanted.bytes) {
             Ok(world) => {
-                // Telemetry up to here belongs to the world before.
+                // Telemetry up to here belongs to the previous world.
                 self.take_telemetry(Instant::now())?;
                 (self.world, self.running) = (world, Box::new(wanted.config));
                 self.decoder.change(generation, self.running.world.sampling.period);
@@ -398,7 +402,7 @@ impl BoardWorker {
         self.changing = false;
         // The board is armed again only if nothing has disarmed it and the controller is present.
         let again = self.armed_since == Some(self.handle.epoch()) && self.phase == Phase::Disarmed;
-        if again && self.handle.since_heartbeat() < PRESENT {
+        if again && self.handle.since_heartbeat() < PRESENCE_S {
             let armed = self.arm();
             return self.report_refusal(armed);
         }

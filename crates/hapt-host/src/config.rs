@@ -1,4 +1,4 @@
-//! The world of a session: its file, and what has been set over it.
+//! The world of a session: its file, and the keys set over it.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ const SIMULATED: &str = "sim";
 /// Checks a world beyond what the reader checks, with the source and overrides that it was read from; errors are sentences.
 pub type Rule = fn(&World, &Source, &[String]) -> Result<(), String>;
 
-/// A world file and what has been set over it.
+/// A world file and the keys set over it.
 ///
 /// ```
 /// use hapt_host::WorldConfig;
@@ -44,7 +44,7 @@ pub struct WorldConfig {
     /// With a motor: the limits of its file.
     attached: Option<Attached>,
     rule: Rule,
-    /// The keys that can be set. They are found here, and not by who shows them: it takes as long as reading the file.
+    /// The keys that can be set, computed once: that takes as long as reading the file.
     keys: Arc<[SettableKey]>,
 }
 
@@ -86,14 +86,14 @@ impl WorldConfig {
     pub fn on(mut self, device: String, profile: SafetyProfile) -> Result<Self, String> {
         if profile != SafetyProfile::Simulated {
             let attached = Attached::new(&self.world, profile)?;
-            // Only changes write the limits out: until then the world is what the file says, to the bit.
+            // The limits are written out only with a change: until then the world is bit-identical to the file's.
             attached.hold(&mut self.world.clone())?;
             self.attached = Some(attached);
         }
         Ok(WorldConfig { device, ..self }.with_keys())
     }
 
-    /// The world that the certificate is about: with a motor, on the file's device, whatever has been set.
+    /// The world to which the certificate applies: with a motor, on the file's device, independent of keys that were set.
     pub fn certified_world(&self) -> World {
         self.attached.as_ref().map_or_else(|| self.world.clone(), |attached| attached.certified_world(&self.world))
     }
@@ -119,7 +119,7 @@ impl WorldConfig {
         self.given.iter().cloned().chain(changes).collect()
     }
 
-    /// What has been set over the file and the command line, in the order in which it was first set.
+    /// The keys set over the file and the command line, in the order in which they were first set.
     pub fn changes(&self) -> &[(String, String)] {
         &self.changes
     }
@@ -127,7 +127,7 @@ impl WorldConfig {
     /// The text of a world file that is this world, with all overrides written into it.
     ///
     /// # Errors
-    /// When a file that the world refers to is gone.
+    /// A file that the world refers to no longer exists.
     pub fn file(&self) -> Result<String, String> {
         self.source.edited(&self.sets()).map_err(|error| message(&error))
     }
@@ -135,7 +135,7 @@ impl WorldConfig {
     /// The same with a key set; nothing is changed here.
     ///
     /// # Errors
-    /// In the reader's words, without the place in the text.
+    /// The reader's message, without the place in the text.
     pub fn with(&self, key: &str, value: &str) -> Result<Self, String> {
         self.with_all(&[(key.to_string(), value.to_string())])
     }
@@ -164,7 +164,7 @@ impl WorldConfig {
         let others: Vec<_> = sets.iter().filter_map(|(key, value)| companion(&self.world, key, value)).collect();
         match self.changed(sets).read() {
             Err(refused) if !others.is_empty() => self.changed(&others).changed(sets).read().map_err(|_| refused),
-            alone => alone,
+            single => single,
         }
     }
 
@@ -191,7 +191,7 @@ impl WorldConfig {
     /// The same with every key as in the file.
     ///
     /// # Errors
-    /// When a file that the world refers to is gone.
+    /// A file that the world refers to no longer exists.
     pub fn reset(&self) -> Result<Self, String> {
         let mut next = self.clone();
         next.changes.clear();
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn a_set_changes_one_key_and_a_reset_takes_it_back() {
+    fn a_set_changes_one_key_and_a_reset_restores_it() {
         let before = config();
         let softer = before.with("couplings.0.stiffness", "10 N mm/deg").unwrap();
         assert_eq!((softer.generation, before.generation), (1, 0));
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn a_state_of_before_is_taken_back_with_all_its_keys_and_no_other() {
+    fn an_earlier_state_is_restored_with_all_its_keys_and_no_other() {
         let before = config();
         let pair = |key: &str, value: &str| (key.to_string(), value.to_string());
         let mine = before.with("loop.period", "2 ms").unwrap().with("loop.method", "tustin").unwrap();
@@ -334,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn no_key_is_another_in_disguise() {
+    fn no_key_has_two_spellings() {
         let config = config();
         assert!(config.with("bodies.wheel.inertia", "1").is_ok());
         for (key, value) in [
@@ -370,18 +370,18 @@ mod tests {
     }
 
     #[test]
-    fn a_choice_brings_along_what_it_cannot_do_without() {
+    fn a_choice_sets_the_key_that_it_requires() {
         let config = config();
         let smooth = config.with("loop.estimator", "low-pass").unwrap();
         assert_eq!(smooth.world.sampling.cutoff, Some(100.0), "a tenth of 1 kHz");
         let start = config.with("loop.output", "middle").unwrap().with("loop.method", "tustin").unwrap();
         assert_eq!(start.world.sampling.output.name(), "start");
-        // And what needs nothing brings nothing.
+        // A choice that requires no other key sets none.
         assert_eq!(config.with("loop.method", "tustin").unwrap().sets().len(), 2);
     }
 
     #[test]
-    fn what_every_slider_offers_at_its_ends_the_reader_takes() {
+    fn the_reader_accepts_both_ends_of_every_slider() {
         let config = config();
         for key in config.keys().iter().filter(|key| key.kind == "quantity") {
             for end in [key.min, key.max] {
@@ -393,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn every_world_that_comes_along_has_its_sliders_in_order() {
+    fn every_shipped_world_has_ordered_sliders() {
         let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../worlds");
         let mut seen = 0;
         for entry in ["notes", "devices"].iter().flat_map(|under| std::fs::read_dir(folder.join(under)).unwrap()) {

@@ -1,13 +1,13 @@
-//! Why a loop does not run.
+//! The reasons that a loop does not run.
 
 use std::io;
 
 use hapt_rt::Failure;
 
-/// Why a session cannot start, or has ended.
+/// The reason that a session cannot start, or has ended.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The core or the board's room does not take the world.
+    /// The core refuses the world, or the world exceeds the board's size.
     #[error("{0}")]
     World(String),
     /// The system gives no thread.
@@ -27,7 +27,7 @@ pub enum Error {
         /// Why.
         failure: Failure,
     },
-    /// The board does not answer, or does not take the world.
+    /// The board does not answer, or refuses the world.
     #[cfg(not(target_family = "wasm"))]
     #[error(transparent)]
     Board(#[from] crate::board::Error),

@@ -12,12 +12,12 @@ use crate::session::Sample;
 
 /// Bytes before the columns.
 pub const HEAD: usize = 16;
-/// Where a sample has a signal.
+/// Gets a signal from a sample.
 pub type Get = fn(&Sample<'_>) -> f64;
 
 /// The columns before those of the bodies, which take two each: position and velocity.
 ///
-/// They are a run's columns without the time, and with the output in place of the applied torque, which a board does not tell; then the energy.
+/// They are a run's columns without the time, and with the output in place of the applied torque, which a board does not report; then the energy.
 pub const COLUMNS: [(Signal, Get); 8] = [
     (Signal::PUCK, |sample| sample.position),
     (Signal::PUCK_VELOCITY, |sample| sample.record.velocity),
@@ -43,15 +43,15 @@ pub struct Frames {
     /// Of the last sample.
     time: f64,
     generation: u32,
-    /// A torque was possible in the last sample.
+    /// Whether a torque was possible in the last sample.
     is_live: bool,
-    /// Where the bodies are shown, and their velocities.
+    /// The displayed positions and velocities of the bodies.
     bodies: Vec<(f64, f64)>,
 }
 
 impl Frames {
-    /// Adds a sample. The world begins anew when it is armed; up to then its bodies are shown where they were when the torque ended, as the puck is. What
-    /// puts the puck back to its start before, puts them back too.
+    /// Adds a sample. While no torque is possible the bodies keep the positions that they had when the torque ended, until the world is armed again or the
+    /// device is restarted.
     pub fn add(&mut self, sample: &Sample<'_>) {
         let Sample { generation, time, record, .. } = *sample;
         let is_live = record.phase.is_active();
@@ -63,7 +63,7 @@ impl Frames {
         }
         let own = COLUMNS.iter().map(|(_, get)| get(sample));
         let values = own.chain(self.bodies.iter().flat_map(|&(position, velocity)| [position, velocity]));
-        // No extreme of another world, or of one that has ended.
+        // Extremes of another world, or of the time before arming, are dropped.
         if generation != self.generation || is_live && !self.is_live {
             self.columns.clear();
         }
@@ -80,7 +80,7 @@ impl Frames {
         }
     }
 
-    /// The last, the smallest and the largest value of each column, as they go into the frame.
+    /// The last, the smallest and the largest value of each column, in the frame's order.
     pub fn columns(&self) -> &[[f64; 3]] {
         &self.columns
     }
@@ -159,9 +159,9 @@ mod tests {
         assert_eq!((generation, columns[0]), (1, [1.0, 1.0, 1.0]));
     }
 
-    /// A page shows a wheel of the notes that is armed, turned, and stopped: then the puck is turned on, and the world stands at its start.
+    /// A wheel of the notes is armed, turned, and stopped; then the puck is turned further, while the world is at its start.
     #[test]
-    fn where_no_torque_is_possible_none_is_shown_and_no_energy_and_the_bodies_stay_where_they_were() {
+    fn while_no_torque_is_possible_torque_and_energy_are_0_and_the_bodies_keep_their_positions() {
         let world = world();
         for phase in [Phase::Disarmed, Phase::Faulted] {
             let mut frames = Frames::default();
@@ -180,7 +180,7 @@ mod tests {
                 assert_eq!(none, [0.0; 3], "{columns:?}");
             }
             assert_eq!((columns[0], columns[8], columns[9]), ([9.0, 1.1, 9.0], [0.8; 3], [0.0; 3]));
-            // A restart puts both back.
+            // A restart resets both.
             let back = record(3, |r| (r.phase, r.announced) = (phase, true));
             add(&mut frames, &world, 0, 3.0, &back);
             add(&mut frames, &world, 0, 4.0, &at(4, phase, 0.0, (0.0, 0.0)));
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_world_that_is_armed_again_shows_no_torque_of_the_one_before() {
+    fn a_world_that_is_armed_again_shows_no_earlier_torque() {
         let world = world();
         let mut frames = Frames::default();
         for (time, phase, torque) in
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn the_columns_name_what_is_in_them() {
+    fn the_columns_have_the_names_of_their_signals() {
         let columns = columns_of(&world());
         let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
         assert_eq!(

@@ -1,4 +1,4 @@
-//! The hand on a simulated puck: where it is to be, and what the device has received.
+//! The hand on a simulated puck: its target, and the commands that the device has received.
 
 use hapt_model::World;
 use hapt_rt::{HandCommand, Hands};
@@ -14,9 +14,9 @@ pub struct VirtualHand {
     /// `None`: a real puck.
     hands: Option<Hands>,
     grip: Grip,
-    /// What to send next.
+    /// The next command to send.
     pending: Pending,
-    /// What was sent last.
+    /// The last command that was sent.
     last_sent: LastSent,
 }
 
@@ -26,7 +26,7 @@ enum Pending {
     At(f64),
     /// Play a scenario that has not been sent.
     Play(Box<Script>),
-    /// What was sent goes on.
+    /// Nothing to send: the last command stays in effect.
     Nothing,
 }
 
@@ -39,7 +39,7 @@ enum LastSent {
 }
 
 impl VirtualHand {
-    /// A hand that suits the puck of this world: critically damped with it at 10 Hz, so that it follows a pointer and feels walls.
+    /// A hand for the puck of this world: critically damped with it at 10 Hz, so that it follows a pointer and yields at walls.
     pub fn new(world: &World, hands: Option<Hands>) -> Self {
         VirtualHand { hands, grip: grip(world), pending: Pending::Release, last_sent: LastSent::Released }
     }
@@ -68,7 +68,7 @@ impl VirtualHand {
         self.hands.is_some()
     }
 
-    /// Sends what has changed. What the queue has no room for is sent by the next call, so that a release is never lost.
+    /// Sends the pending commands. Those that find the queue full are sent by the next call, so that a release is never lost.
     pub fn send(&mut self) {
         let Some(hands) = &mut self.hands else { return };
         match std::mem::replace(&mut self.pending, Pending::Nothing) {
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
     use crate::testing::world;
 
-    /// The puck after so many periods of 1 ms, the motor off and the hand updated every fourth of them.
+    /// The puck after this number of periods of 1 ms, with the motor off and the hand updated every fourth period.
     fn goes(device: &mut SimulatedDevice, hand: &mut VirtualHand, periods: u32) -> (f64, f64) {
         for period in 0..periods {
             if period % 4 == 0 {
@@ -140,7 +140,7 @@ mod tests {
         hand.move_to(Some(0.5));
         let (_, fast) = goes(&mut device, &mut hand, 20);
         hand.move_to(None);
-        // Damping and inertia of the device alone: e^{-bt/J} of the velocity is left.
+        // Only damping and inertia of the device: e^{-bt/J} of the velocity is left.
         let (_, slower) = goes(&mut device, &mut hand, 400);
         let left = (-world.device.damping / world.device.inertia * 0.4_f64).exp();
         assert!(fast > 1.0 && (slower / fast - left).abs() < 0.02, "{fast} {slower}");

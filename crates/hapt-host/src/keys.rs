@@ -8,7 +8,7 @@ use hapt_model::{
 
 use serde::Serialize;
 
-/// The periods offered for a loop that is watched, in s.
+/// The periods that a page offers, in s.
 pub const PERIODS: std::ops::RangeInclusive<f64> = 5e-5..=0.1;
 
 /// A key that can be set while the loop runs. Serialised, it is part of the page's protocol (docs/live.md).
@@ -51,7 +51,7 @@ pub struct SettableKey {
 /// A logarithmic slider covers this factor in either direction.
 const DECADE: f64 = 10.0;
 
-/// What a motor behind a gear adds to.
+/// The keys to which a motor behind a gear adds.
 const REFLECTED: [&str; 4] = ["device.inertia", "device.damping", "device.friction", "device.friction_backward"];
 
 /// Every key that can be set, with sliders about the values of the file under `given`, the overrides of the command line.
@@ -65,7 +65,7 @@ pub fn keys(source: &Source, given: &[String], sets: &[String]) -> Result<Vec<Se
     let mut now = parameters(source, sets)?;
     add_output(&mut own, &file);
     add_output(&mut now, &world);
-    // A slider is about a number of the puck; beside a motor of its own side the file's number is a part of that.
+    // A slider is about a number at the puck; with `device.motor` the file's number is only a part of that.
     let is_geared = now.iter().any(|parameter| parameter.path.starts_with("device.motor."));
     let is_part = |path: &str| is_geared && REFLECTED.contains(&path);
     let shown = now.iter().filter(|parameter| {
@@ -166,8 +166,8 @@ fn key(world: &World, now: &Parameter, before: Option<&Parameter>, file: &World)
             }
             let dimension = measure.dimension(world.motion);
             if !now.given && now.si == Some(0.0) {
-                // The file omits it: the usual unit of such devices.
-                key.written = format!("0 {}", usual_unit(measure, world.motion).unwrap_or(&now.unit));
+                // The file omits it: the display unit of such devices.
+                key.written = format!("0 {}", display_unit(measure, world.motion).unwrap_or(&now.unit));
             }
             let named = Some(unit(&key.written)).filter(|unit| !unit.is_empty());
             let sized = named.and_then(|unit| Some((unit_size(&unit, dimension, world)?, unit)));
@@ -188,7 +188,7 @@ fn key(world: &World, now: &Parameter, before: Option<&Parameter>, file: &World)
 }
 
 /// The display unit of a key that the file omits, where it is not the SI unit.
-fn usual_unit(measure: Measure, motion: Motion) -> Option<&'static str> {
+fn display_unit(measure: Measure, motion: Motion) -> Option<&'static str> {
     match (measure, motion) {
         (Measure::Time, _) => Some("ms"),
         (Measure::Angle, _) | (Measure::Position, Motion::Rotary) => Some("deg"),
@@ -203,13 +203,13 @@ pub fn row(world: &World, path: &str) -> Option<&'static Key> {
     let names: Vec<&str> = path.split('.').collect();
     let (pattern, kind) = match names[..] {
         ["loop" | "device", _] => (path.to_string(), None),
-        // The numbers of a handle that is there: one alone makes none.
+        // The numbers of an existing handle: a single one does not make a handle.
         ["device", "handle", _] if world.device.handle.is_some() => (path.to_string(), None),
         ["device", "stribeck", _] if world.device.stribeck.is_some() => (path.to_string(), None),
         ["device", "stops", _] if world.device.stops.is_some() => (path.to_string(), None),
         ["device", "gravity", _] if world.device.torque.gravity.is_some() => (path.to_string(), None),
         ["device", "cogging", _] if world.device.torque.cogging.is_some() => (path.to_string(), None),
-        // Only an existing name: any other text would be read as part of an override, up to its own `=`.
+        // Only an existing name: another text with a `=` would be read as an override of another key.
         ["bodies", body, name] if world.names.iter().any(|own| own == body) && !body.contains('=') => {
             (format!("bodies.*.{name}"), None)
         }
@@ -265,7 +265,7 @@ fn slider(path: &str, measure: Measure, range: Range, about: f64, file: &World) 
     if range != Range::Any && about > 0.0 {
         return (about / DECADE, about * DECADE, true);
     }
-    // About 0: a size that a hand can feel on this device.
+    // About 0: a perceptible magnitude on this device.
     let device = &file.device;
     let (turn, effort) = match file.motion {
         Motion::Rotary => (std::f64::consts::PI, device.limit.unwrap_or(1.0)),
@@ -279,7 +279,7 @@ fn slider(path: &str, measure: Measure, range: Range, about: f64, file: &World) 
         Measure::Velocity => 10.0 * turn,
         Measure::Torque => 0.2 * effort,
         Measure::Stiffness => 4.0 * effort / turn,
-        // Takes a tenth of the puck's speed in one sample.
+        // Reduces the puck's speed by a tenth in one sample.
         Measure::Damping => (0.1 * device.inertia / file.sampling.period).min(10.0 * device.damping.max(1e-9 * effort)),
         Measure::Inertia => DECADE * device.inertia,
         Measure::Energy => effort * turn,

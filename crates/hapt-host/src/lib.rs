@@ -1,13 +1,13 @@
-//! One session with whatever runs the loop: a thread of this computer, or a board with hapt's firmware.
+//! A session with a loop, which runs on a thread of this computer or on a board with hapt's firmware.
 //!
 //! [`Session`] is the state machine of a loop: it holds the world, arms and disarms it, sets keys, moves a simulated hand and records. It
-//! takes a [`WorldConfig`] (a world file and what is set over it) and a [`Machine`] (what runs it), and is advanced by [`Session::poll`].
+//! takes a [`WorldConfig`] (a world file and the keys set over it) and a [`Machine`] (which runs the loop), and is advanced by [`Session::poll`].
 //! `device` opens a machine by its address, such as `sim` or `moteus:/dev/ttyACM0`.
 //! `hapt run` and `hapt live` are both thin layers over it.
 //!
 //! [`PageSession`] is a session with pages: it takes their [`messages`], and gives messages and telemetry [`frames`] for them.
 //!
-//! With [`Machine::stepped`] a session needs no thread and no clock: it is what a page without a server runs, as WebAssembly.
+//! With [`Machine::stepped`] a session needs no thread and no clock: a page without a server runs it as WebAssembly.
 //!
 //! `board` is the host's side of a board: its serial port, its worlds, its torque.
 //!

@@ -12,7 +12,7 @@ use crate::error::Error;
 use crate::recording::Recorder;
 use crate::runner::{Runner, RunnerEvent};
 
-/// The longest time that a loop without a thread catches up at once; a longer pause is no time for it.
+/// The longest time that a loop without a thread catches up at once; in a longer pause its time stops.
 const MAX_CATCH_UP: Duration = Duration::from_millis(100);
 
 /// The loop of this computer.
@@ -25,7 +25,7 @@ pub(crate) struct LocalLoop {
     has_outside: bool,
 }
 
-/// What takes the samples without a thread.
+/// Takes the samples without a thread.
 struct Steps {
     stepper: Stepper,
     /// The last instant of the caller's clock, and the loop's time until which samples are due.

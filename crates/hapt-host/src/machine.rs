@@ -1,4 +1,4 @@
-//! What runs the loop, and how it starts.
+//! The machine that runs the loop, and its start.
 
 use hapt_core::SafetyProfile;
 #[cfg(not(target_family = "wasm"))]
@@ -14,37 +14,37 @@ use crate::local::LocalLoop;
 use crate::messages::{Controls, NetworkChange, NetworkInfo, WheelInfo};
 use crate::runner::Runner;
 
-/// What runs the loop of a session, and its safety profile.
+/// The machine that runs the loop of a session, and its safety profile.
 pub struct Machine {
     /// Its address: `sim`, `moteus:/dev/ttyACM0#1`.
     pub name: String,
-    /// What runs the loop.
+    /// Where the loop runs.
     pub backend: Backend,
-    /// What moves the hand of a simulated device; `None` for a real one.
+    /// The sender of commands to a simulated device's hand; `None` for a real one.
     pub hands: Option<Hands>,
-    /// The network that its loop is a station of, for its pages.
+    /// For its pages: the network of which its loop is a station.
     pub network: Option<Box<dyn StationView>>,
-    /// The wheel that games see of its device, for its pages.
+    /// For its pages: its device as a game wheel.
     pub wheel: Option<Box<dyn WheelView>>,
     /// The supervisor's profile. With [`SafetyProfile::Certified`] no key is set to a value that is not certified.
     pub profile: SafetyProfile,
 }
 
-/// What the pages of a station see of its network, and change of it.
+/// The network of a station, for its pages to display and change.
 pub trait StationView: Send {
-    /// Its numbers, its verdict, its links, and what is unusual of them.
+    /// Its numbers, its verdict, its links, and warnings.
     fn info(&self) -> NetworkInfo;
     /// Changes it for all stations.
     fn change(&self, change: &NetworkChange);
-    /// The station's world is another one from now on.
+    /// Replaces the station's world from now on.
     fn change_world(&self, world: &World);
 }
 
-/// What the pages see of a wheel for games, and press on it.
+/// A game wheel, for its pages to display and operate.
 pub trait WheelView: Send {
-    /// What plays, and what was given, since the last call.
+    /// The effects that play, and the given torques since the last call.
     fn info(&self) -> WheelInfo;
-    /// Presses its pedals and buttons.
+    /// Sets its pedals and buttons.
     fn press(&self, controls: Controls);
 }
 
@@ -60,7 +60,7 @@ pub enum Backend {
         /// Torques from outside of its world.
         outside: Outside,
     },
-    /// Wherever [`crate::Session::poll`] is called: each call takes the samples that are due then.
+    /// On the caller's thread: each call of [`crate::Session::poll`] takes the samples that are due.
     Stepped {
         /// Simulated.
         device: Box<dyn Device>,
@@ -110,7 +110,7 @@ impl Machine {
         Machine::simulation(world, |device| Backend::Stepped { device, outside: Outside::default() })
     }
 
-    /// The same loop with torques from outside of its world; `None` where a board runs it.
+    /// The same loop with external torques; `None` where a board runs it.
     pub fn beside(mut self, torques: Outside) -> Option<Self> {
         match &mut self.backend {
             #[cfg(not(target_family = "wasm"))]
@@ -122,10 +122,10 @@ impl Machine {
         Some(self)
     }
 
-    /// Clears the fault that an earlier session has left on a board; `None`: there was none. A loop of this computer starts without one.
+    /// Clears the fault of an earlier session on a board; `None`: there was none. A loop of this computer starts without one.
     ///
     /// # Errors
-    /// The board does not clear it.
+    /// The board refuses to clear it.
     #[cfg(not(target_family = "wasm"))]
     pub fn clear_fault(&mut self) -> Result<Option<&'static str>, crate::board::Error> {
         let Backend::Board { link, .. } = &mut self.backend else { return Ok(None) };

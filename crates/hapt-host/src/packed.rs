@@ -4,10 +4,10 @@ use hapt_core::{Loop, SafetyProfile, Supervisor};
 use hapt_model::World;
 use hapt_wire::{LARGEST, ROOM, pack};
 
-/// Packs a world as a board takes it, after checking it in the board's single precision and size.
+/// Packs a world for a board, after checking it in the board's single precision and size.
 ///
 /// # Errors
-/// In a sentence: the world exceeds the board's size, or the core does not take it.
+/// In a sentence: the world exceeds the board's size, or the core refuses it.
 pub fn packed(world: &World, profile: SafetyProfile) -> Result<Vec<u8>, String> {
     let (spec, limits) = (world.spec(), world.board_limits(profile));
     let refused = |error| format!("on a board: {error}");

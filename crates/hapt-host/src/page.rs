@@ -1,4 +1,4 @@
-//! A session with what its pages hear of it: their requests become calls, and what happens becomes messages.
+//! A session with the messages of its pages: requests become calls, and events become messages.
 
 mod describe;
 
@@ -15,10 +15,10 @@ use crate::worker::Task;
 
 pub use describe::describe;
 
-/// The time between two status messages while nothing happens.
-const STATUS: Duration = Duration::from_millis(200);
+/// The time between two status messages without a change.
+const STATUS_PERIOD: Duration = Duration::from_millis(200);
 
-/// The refusal of another world while games have the device.
+/// The refusal of a change of the world while the device is a game wheel.
 const FIXED: &str =
     "the world cannot change while a game uses the wheel; end hapt wheel, and start it with --set KEY=VALUE";
 
@@ -33,7 +33,7 @@ pub struct PageSession {
 }
 
 impl PageSession {
-    /// Begins. A simulated device is armed, so that it can be grabbed at once; a motor waits for a page to arm it.
+    /// Starts. A simulated device is armed, so that it can be used at once; a motor stays disarmed until a page arms it.
     pub fn new(mut session: Session) -> Self {
         if session.is_simulated() {
             let _ = session.request(Request::Arm, session.handle().epoch());
@@ -47,7 +47,7 @@ impl PageSession {
     pub fn handle(&mut self, client: u64, message: ClientMessage, epoch: Epoch) -> Option<ServerMessage> {
         let refused = |key: &str, message: String| ServerMessage::Refused { key: key.into(), message };
         if self.session.wheel().is_some() {
-            // The effects use the damping that this world does not need.
+            // The effects use the damping that this world leaves unused.
             if let ClientMessage::Set { key, .. } = &message {
                 return Some(refused(key, FIXED.into()));
             }
@@ -107,7 +107,7 @@ impl PageSession {
         None
     }
 
-    /// The world that runs as a file, or why there is none.
+    /// The world that runs as a file, or the reason that there is none.
     fn file(&self) -> ServerMessage {
         let config = self.session.config();
         let name = config.source().name.rsplit(['/', '\\']).next().unwrap_or_default().trim_end_matches(".toml");
@@ -161,13 +161,13 @@ impl PageSession {
         ServerMessage::World(Box::new(world))
     }
 
-    /// The status for this number of pages, where it has changed or was last given some time ago.
+    /// The status for this number of pages, where it has changed or its period has passed.
     pub fn status_due(&mut self, now: Duration, clients: usize) -> Option<ServerMessage> {
         let state = self.session.state();
         if state == self.state && self.status.is_some_and(|next| now < next) {
             return None;
         }
-        (self.state, self.status) = (state, Some(now + STATUS));
+        (self.state, self.status) = (state, Some(now + STATUS_PERIOD));
         Some(self.status(clients))
     }
 
@@ -194,7 +194,7 @@ impl PageSession {
         ServerMessage::Status(Box::new(status))
     }
 
-    /// What is unusual and no fault.
+    /// The warnings: conditions that are no fault.
     fn warnings(&self) -> Vec<String> {
         let session = &self.session;
         let warning = |reason: Reason| match session.is_simulated() {

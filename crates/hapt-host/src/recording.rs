@@ -23,6 +23,6 @@ pub struct RecordingStatus {
     pub seconds: f64,
     /// Samples lost for lack of room.
     pub lost: u64,
-    /// Why it has ended early.
+    /// The error that ended it early.
     pub error: Option<String>,
 }

@@ -1,4 +1,4 @@
-//! The numbers that a loop behind a page accepts. Beyond them there is no real device, and sums, squares and exponentials overflow.
+//! The numbers that a loop behind a page accepts. Beyond them no real device exists, and sums, squares and exponentials overflow.
 
 use hapt_model::keys::{Measure, Range, Takes};
 use hapt_model::{Handle, Parameter, Source, World, parameters};
@@ -9,9 +9,9 @@ use crate::keys::{PERIODS, row};
 const LARGEST: f64 = 1e9;
 const SMALLEST: f64 = 1e-15;
 /// The longest delay in periods.
-const LONGEST_DELAY: f64 = 1000.0;
+const MAX_DELAY_PERIODS: f64 = 1000.0;
 /// The fastest decay of the puck's speed, in 1/s.
-const FASTEST: f64 = 1e7;
+const MAX_DECAY_PER_S: f64 = 1e7;
 
 /// Whether a number of this measure is in the range of a loop behind a page.
 fn is_sensible(value: f64, measure: Measure, range: Range) -> bool {
@@ -44,23 +44,25 @@ pub fn check(world: &World, source: &Source, sets: &[String]) -> Result<(), Stri
             ));
         }
     }
-    if world.sampling.delay_s() > LONGEST_DELAY * world.sampling.period {
+    if world.sampling.delay_s() > MAX_DELAY_PERIODS * world.sampling.period {
         let delay = world.sampling.delay_s();
-        return Err(format!("loop.delay: {delay} s is more than {LONGEST_DELAY} periods, the longest behind a page"));
+        return Err(format!(
+            "loop.delay: {delay} s is more than {MAX_DELAY_PERIODS} periods, the longest behind a page"
+        ));
     }
     if let Some(Handle { inertia, stiffness, damping }) = world.device.handle {
         let masses = 1.0 / world.device.inertia + 1.0 / inertia;
         let rate = (stiffness * masses).sqrt().max(damping * masses);
-        if rate > FASTEST {
+        if rate > MAX_DECAY_PER_S {
             return Err(format!(
-                "device.handle: its shaft swings or decays at {rate:e} per s; at most {FASTEST:e} behind a page"
+                "device.handle: its shaft swings or decays at {rate:e} per s; at most {MAX_DECAY_PER_S:e} behind a page"
             ));
         }
     }
     let rate = world.device.damping / world.device.inertia;
-    if rate > FASTEST {
+    if rate > MAX_DECAY_PER_S {
         return Err(format!(
-            "device.damping: over the inertia it is {rate:e} per s; at most {FASTEST:e} behind a page"
+            "device.damping: over the inertia it is {rate:e} per s; at most {MAX_DECAY_PER_S:e} behind a page"
         ));
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! What runs the loop: a thread of this computer, or a board.
+//! The interface to the loop's runner: a thread of this computer, or a board.
 
 use std::time::Duration;
 
@@ -9,22 +9,22 @@ use crate::config::WorldConfig;
 use crate::error::Error;
 use crate::recording::Recorder;
 
-/// What runs the loop. No call blocks, except [`Runner::end`]. Dropped, it leaves no torque on.
+/// Runs the loop. No call blocks, except [`Runner::end`]. Dropping it removes the torque.
 #[cfg_attr(target_family = "wasm", allow(dead_code))]
 pub(crate) trait Runner: Send {
     /// Stop, heartbeats and the withdrawal of control, from any thread, ahead of all requests.
     fn handle(&self) -> LoopHandle;
 
-    /// Puts a request to the supervisor, made in this epoch, behind those before it; `false`: the queue is full.
+    /// Queues a request to the supervisor, made in this epoch; `false`: the queue is full.
     fn request(&mut self, request: Request, epoch: Epoch) -> bool;
 
-    /// Changes the world at one of the next samples, whole or not at all; from there on samples carry plan `next.generation`.
+    /// Changes the world atomically at one of the next samples; from there on samples carry plan `next.generation`.
     ///
     /// # Errors
     /// In a sentence; nothing has changed.
     fn change(&mut self, next: &WorldConfig) -> Result<(), String>;
 
-    /// Lets time pass up to `now`, counted from any instant, for a loop without a thread; every other has a clock.
+    /// Advances a loop without a thread to the time `now`, counted from any instant; other loops have a clock.
     fn advance(&mut self, _now: Duration) {}
 
     /// The next event.
@@ -39,7 +39,7 @@ pub(crate) trait Runner: Send {
     /// Ends the loop, and waits until the torque is off.
     fn end(&mut self);
 
-    /// What the system grants the loop; `None`: a board keeps the time.
+    /// The scheduling that the system grants the loop; `None`: the loop runs on a board.
     fn realtime(&self) -> Option<&Realtime>;
 
     /// Whether its samples can be recorded.
@@ -47,7 +47,7 @@ pub(crate) trait Runner: Send {
         true
     }
 
-    /// Whether torques from outside of its world add to the world's: of links, or of a game's effects.
+    /// Whether external torques add to the world's: of links, or of a game's effects.
     fn has_outside(&self) -> bool {
         false
     }
@@ -62,7 +62,7 @@ pub(crate) trait Runner: Send {
     fn log(&mut self, recorder: &Recorder, record: &Record);
 }
 
-/// What a board reports beside its samples.
+/// A board's report other than a sample.
 #[cfg_attr(not(unix), allow(dead_code))]
 pub(crate) enum RunnerEvent {
     /// A request was refused, or the board has faulted for an unknown reason.

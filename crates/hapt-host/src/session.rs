@@ -18,15 +18,15 @@ use crate::recording::{NO_FILES, Recording, RecordingStatus};
 use crate::runner::{Runner, RunnerEvent};
 use crate::worker::{Done, Job, Made, Task, Worker};
 
-/// The most tasks that wait for the one under way.
-const TASKS: usize = 32;
+/// The largest number of queued tasks.
+const MAX_TASKS: usize = 32;
 /// The time between two steps of a restart.
-const RETRY: Duration = Duration::from_millis(50);
+const RETRY_PERIOD: Duration = Duration::from_millis(50);
 
-/// One session with whatever runs the loop. No method blocks, except [`Session::end`]; the loop runs on without it.
+/// A session with the loop's runner. No method blocks, except [`Session::end`]; the loop does not wait for the session.
 ///
-/// Stop, heartbeats and the withdrawal of control go through [`Session::handle`] from any thread, ahead of everything asked here.
-/// Dropped, it leaves no torque on.
+/// Stop, heartbeats and the withdrawal of control go through [`Session::handle`] from any thread, ahead of all requests made here.
+/// Dropping it removes the torque.
 pub struct Session {
     config: WorldConfig,
     runner: Box<dyn Runner>,
@@ -36,23 +36,23 @@ pub struct Session {
     wheel: Option<Box<dyn WheelView>>,
     /// The worlds of the plans that the loop may still run, with their generations.
     worlds: VecDeque<(u32, World)>,
-    /// The loop's time in s at which the last change of the world has faded over.
+    /// The loop's time in s at which the last change of the world has faded in.
     settled: f64,
     hand: VirtualHand,
     /// The scenario that the hand plays, and the loop's time in s at which it ends.
     scenario: Option<(String, f64)>,
     recording: Option<Recording>,
-    /// A recording is requested.
+    /// Whether a recording is requested.
     records: bool,
     worker: Worker,
-    /// Tasks that wait, with their clients, and whether one is under way.
+    /// Queued tasks, with their clients, and whether one is running.
     tasks: VecDeque<(u64, Task)>,
     working: bool,
-    /// The task under way was cancelled.
+    /// Whether the running task was cancelled.
     cancelled: bool,
     /// A restart requested in this epoch, and the instant of its next step.
     restart: Option<(Epoch, Duration)>,
-    /// Where recordings go.
+    /// The folder of recordings.
     folder: PathBuf,
     timing: Timing,
     time: f64,
@@ -63,7 +63,7 @@ pub struct Session {
 
 /// One sample of the loop.
 pub struct Sample<'a> {
-    /// The world that made it.
+    /// The world at the sample.
     pub world: &'a World,
     /// That world's generation.
     pub generation: u32,
@@ -82,14 +82,14 @@ impl Sample<'_> {
         &all[..self.world.bodies.len().min(all.len())]
     }
 
-    /// A torque or an energy of the world; 0 in a phase in which nothing can act on the puck. The world then stands at its start, wherever the puck is,
-    /// and nobody makes what its couplings would ask for there.
+    /// A torque or an energy of the world; 0 in a phase without torque. The world is then at its start, wherever the puck is, and its couplings' torque is
+    /// not applied.
     pub fn made(&self, value: f64) -> f64 {
         if self.record.phase.is_active() { value } else { 0.0 }
     }
 }
 
-/// An event beside the samples.
+/// An event other than a sample.
 #[derive(Debug)]
 pub enum Event {
     /// Another world runs from one of the next samples on: [`Session::config`].
@@ -105,11 +105,11 @@ pub enum Event {
     },
     /// A board refused a request, or has faulted for an unknown reason.
     Error(Error),
-    /// A board rejected a changed world, and keeps the one before; [`Event::Changed`] follows.
+    /// A board rejected a changed world, and keeps the previous one; [`Event::Changed`] follows.
     Rejected(Error),
 }
 
-/// Why a request was not passed on.
+/// The reason that a request was not passed on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotTaken {
     /// It was made before a stop or a withdrawal of control.
@@ -142,7 +142,7 @@ impl Session {
         let Machine { name, backend, hands, network, wheel, profile } = machine;
         let worker = match &backend {
             Backend::Stepped { .. } => {
-                // Whatever there is to do is done by the poll itself.
+                // Without a thread the poll itself does all work.
                 drop(ready);
                 Worker::AtOnce(VecDeque::new())
             }
@@ -201,17 +201,17 @@ impl Session {
         self.state
     }
 
-    /// What would have been a fault on a real device.
+    /// The warning: a condition that would be a fault on a real device.
     pub fn warning(&self) -> Option<Reason> {
         self.warning
     }
 
-    /// The network that its loop is a station of.
+    /// The network of which its loop is a station.
     pub fn network(&self) -> Option<&dyn StationView> {
         self.network.as_deref()
     }
 
-    /// The wheel that games see of its device.
+    /// Its device as a game wheel.
     pub fn wheel(&self) -> Option<&dyn WheelView> {
         self.wheel.as_deref()
     }
@@ -226,7 +226,7 @@ impl Session {
         &self.timing
     }
 
-    /// What the system grants the loop; `None`: a board keeps the time.
+    /// The scheduling that the system grants the loop; `None`: the loop runs on a board.
     pub fn realtime(&self) -> Option<&Realtime> {
         self.runner.realtime()
     }
@@ -236,7 +236,7 @@ impl Session {
         self.scenario.as_ref().map(|(name, _)| name.as_str())
     }
 
-    /// The recording under way, or how the last one failed.
+    /// The present recording, or the failure of the last one.
     pub fn recording(&self) -> Option<RecordingStatus> {
         self.recording.as_ref().map(Recording::status)
     }
@@ -246,7 +246,7 @@ impl Session {
         &mut self.hand
     }
 
-    /// Puts a request, made in this epoch, to the supervisor. It ends a restart.
+    /// Sends a request, made in this epoch, to the supervisor. It cancels a restart.
     ///
     /// # Errors
     /// See [`NotTaken`].
@@ -260,14 +260,14 @@ impl Session {
             }
             Request::Arm | Request::Clear if is_outdated => return Err(NotTaken::Outdated),
             Request::Disarm if !self.is_simulated() => {
-                // Ahead of all queues. An outdated one has been done.
+                // Ahead of all queues. An outdated stop has been executed already.
                 if !is_outdated {
                     self.handle.withdraw();
                 }
                 return Ok(());
             }
             Request::Arm if self.is_simulated() => {
-                // Arming sets the world's 0 to the puck's position: a hand on its way elsewhere would throw the puck.
+                // Arming sets the world's 0 to the puck's position: a hand with another target would move the puck suddenly.
                 self.release();
                 self.hand.send();
             }
@@ -284,7 +284,7 @@ impl Session {
         }
     }
 
-    /// Releases a simulated puck, with the pedals and buttons of a wheel for games, and ends a scenario.
+    /// Releases a simulated puck and the pedals and buttons of a game wheel, and ends a scenario.
     pub fn release(&mut self) {
         if let Some(wheel) = &self.wheel {
             wheel.press(Controls::default());
@@ -327,10 +327,10 @@ impl Session {
         Ok(())
     }
 
-    /// Queues a task for this client, any number by which the caller knows its refusals. Consecutive changes of one key replace each other.
+    /// Queues a task for this client, a number that its refusals repeat. Consecutive changes of one key replace each other.
     ///
     /// # Errors
-    /// In a sentence: too many tasks wait.
+    /// In a sentence: too many tasks are queued.
     pub fn submit(&mut self, client: u64, task: Task) -> Result<(), String> {
         if task == Task::Record {
             if !self.runner.can_record() {
@@ -350,25 +350,25 @@ impl Session {
             sets.clone_from(next);
             return Ok(());
         }
-        if self.tasks.len() >= TASKS {
-            return Err(format!("{TASKS} changes are waiting to be computed; set it again when they are done"));
+        if self.tasks.len() >= MAX_TASKS {
+            return Err(format!("{MAX_TASKS} changes are waiting to be computed; set it again when they are done"));
         }
         self.tasks.push_back((client, task));
         Ok(())
     }
 
-    /// Drops all tasks, and the result of the one under way.
+    /// Drops all queued tasks, and the result of the running one.
     pub fn cancel_tasks(&mut self) {
         self.tasks.clear();
         self.cancelled = self.working;
     }
 
-    /// Records with a recording that begins with the loop's first sample.
+    /// Starts a recording that begins with the loop's first sample.
     pub fn record(&mut self, recording: Recording) {
         self.recording = Some(recording);
     }
 
-    /// Ends the recording; it is finished on a thread of its own.
+    /// Ends the recording; another thread finishes it.
     pub fn end_recording(&mut self) {
         self.tasks.retain(|(_, task)| *task != Task::Record);
         self.records = false;
@@ -383,9 +383,9 @@ impl Session {
     }
 
     /// Passes the new samples to `each`; moves the hand, takes finished tasks and begins the next. To be called every few milliseconds, with
-    /// the time since a fixed instant. Returns once how the loop has ended: on request, or by an error.
+    /// the time since a fixed instant. Returns the loop's end once: on request, or by an error.
     pub fn poll(&mut self, now: Duration, each: impl FnMut(Sample<'_>)) -> Option<Result<(), Error>> {
-        // Asked first: the samples taken next may be its last.
+        // Read first: the samples that are taken next may be the last.
         let ended = self.runner.ended();
         self.runner.advance(now);
         self.take_samples(each);
@@ -446,7 +446,7 @@ impl Session {
     fn take_event(&mut self, event: RunnerEvent) {
         match event {
             RunnerEvent::Error(error) => self.events.push_back(Event::Error(error)),
-            // A newer world is under way.
+            // A newer world is being changed to.
             RunnerEvent::Rejected(generation, ..) if generation != self.config.generation => {}
             RunnerEvent::Rejected(_, running, error) => {
                 self.events.push_back(Event::Rejected(error));
@@ -463,7 +463,7 @@ impl Session {
         let Done { client, task, generation, outcome } = done;
         self.working = false;
         let is_cancelled = std::mem::replace(&mut self.cancelled, false);
-        // A board has gone back to the world before, meanwhile.
+        // A board has returned to the previous world meanwhile.
         let is_stale = generation != self.config.generation;
         match outcome {
             Ok(Made::Recording(recording)) if is_cancelled || is_stale || !self.records => recording.end(),
@@ -507,7 +507,7 @@ impl Session {
         self.events.push_back(Event::Refused { client, key: task.key().into(), message });
     }
 
-    /// Begins the next task, where none is under way.
+    /// Begins the next task, where none is running.
     fn begin_task(&mut self) {
         let changes = self.tasks.front().is_some_and(|(_, task)| *task != Task::Record);
         if self.working || changes && !self.is_settled() {
@@ -537,7 +537,7 @@ impl Session {
     fn advance_restart(&mut self, now: Duration) {
         let Some((epoch, again)) = self.restart else { return };
         if epoch != self.handle.epoch() {
-            // Stopped meanwhile.
+            // The loop was stopped meanwhile.
             self.restart = None;
         } else if now >= again {
             let next = match self.state.0 {
@@ -548,7 +548,7 @@ impl Session {
                 Phase::FadingOut => None,
             };
             let done = next.is_some_and(|request| self.runner.request(request, epoch) && request == Request::Arm);
-            self.restart = (!done).then_some((epoch, now + RETRY));
+            self.restart = (!done).then_some((epoch, now + RETRY_PERIOD));
         }
     }
 }

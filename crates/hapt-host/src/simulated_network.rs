@@ -1,7 +1,7 @@
-//! A network whose stations are all simulated in one program: the numbers that its pages change, and the verdict on them.
+//! A network whose stations are all simulated in one program: the numbers that its pages change, and the network's verdict.
 //!
-//! The verdict is computed elsewhere, and may take long: a change makes a [`Question`], and [`SimulatedNetwork::answer`] is called when its
-//! verdict is there. Until then the pages are told that the verdict is an older one.
+//! The verdict is computed elsewhere, and may take long: a change makes a [`Question`], and [`SimulatedNetwork::answer`] is called with its
+//! verdict. Until then the pages show the previous verdict as outdated.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -13,10 +13,10 @@ use crate::links::{ChannelNumbers, LinkStatus};
 use crate::machine::StationView;
 use crate::messages::{LinkInfo, NetworkChange, NetworkInfo, NetworkRemedy};
 
-/// What a remedy leaves of the largest factor that is certified.
+/// The part of the largest certified factor that a remedy proposes.
 const MARGIN: f64 = 0.98;
 
-/// What all stations share.
+/// The data that all stations share.
 pub struct SimulatedNetwork {
     state: Mutex<State>,
     ways: Vec<Arc<ChannelNumbers>>,
@@ -25,30 +25,30 @@ pub struct SimulatedNetwork {
 }
 
 struct State {
-    /// As in its file, but for the worlds that pages have changed.
+    /// The network of its file, with the worlds that pages have changed.
     network: System,
     delay: f64,
     loss: f64,
     factors: Factors,
-    /// Of the last question.
+    /// The number of the last question.
     revision: u64,
-    /// Of the question whose verdict this is.
+    /// The number of the question of the present verdict.
     answered: u64,
     verdict: Linked,
     remedies: Vec<NetworkRemedy>,
 }
 
-/// On the file's numbers.
+/// The factors on the file's numbers.
 #[derive(Clone, Copy, Debug)]
 struct Factors {
     stiffness: f64,
     age: f64,
 }
 
-/// A network whose verdict is asked for.
+/// A network whose verdict is requested.
 #[derive(Clone, Debug)]
 pub struct Question {
-    /// As it is now.
+    /// The present network.
     pub network: System,
     revision: u64,
     factors: Factors,
@@ -121,7 +121,7 @@ impl SimulatedNetwork {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Changes its numbers. A question, where the verdict depends on what has changed.
+    /// Changes its numbers. Returns a question where the verdict depends on the change.
     pub fn change(&self, change: &NetworkChange) -> Option<Question> {
         let mut state = self.state();
         if let Some(delay) = change.delay_s {
@@ -140,7 +140,7 @@ impl SimulatedNetwork {
         Some(self.question(&mut state))
     }
 
-    /// The station of this index has another world from now on.
+    /// Replaces the world of the station of this index.
     ///
     /// # Panics
     /// There is no such station.
@@ -161,7 +161,7 @@ impl SimulatedNetwork {
         Question { network, revision: state.revision, factors: state.factors }
     }
 
-    /// The verdict on a question. It counts unless a newer one has been answered.
+    /// Sets the verdict on a question, unless a newer one has been answered.
     pub fn answer(&self, question: &Question, verdict: Linked) {
         let mut state = self.state();
         if question.revision >= state.answered {
@@ -171,7 +171,8 @@ impl SimulatedNetwork {
         }
     }
 
-    /// What the pages of the station of this index see of it. `links` is the state of its links; what `ask` takes is to be answered.
+    /// The view of the station of this index, for its pages. `links` returns the state of its links; `ask` receives questions, which are to be
+    /// answered.
     pub fn view(
         self: &Arc<Self>,
         station: usize,

@@ -1,4 +1,4 @@
-//! What the tests of this crate share.
+//! The common functions of this crate's tests.
 
 use hapt_core::Phase;
 use hapt_model::{Source, World};
@@ -9,7 +9,7 @@ pub fn world() -> World {
     World::read(&Source::from_text("wheel.toml", WHEEL), &[]).unwrap()
 }
 
-/// A sample of a loop at rest, but for what `change` makes of it.
+/// A sample of a loop at rest, modified by `change`.
 pub fn record(sample: u64, change: impl FnOnce(&mut Record)) -> Record {
     let mut record = Record {
         sample,

@@ -1,5 +1,5 @@
-//! Tasks that take long, on a thread beside the session where there is one: changed worlds with their certificates, and the files of recordings. Tasks run one
-//! at a time, so that each begins with what the one before it has made.
+//! Long tasks, on a separate thread where there is one: changed worlds with their certificates, and the files of recordings. Tasks run one at a time, so
+//! that each begins with the result of the previous one.
 
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -15,7 +15,7 @@ use crate::recording::Recording;
 /// The refusal of a key on a motor.
 const UNCERTIFIED: &str = "the world would not be certified, which a motor needs; hapt live --uncertified allows it";
 
-/// A task that takes long.
+/// A long task.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Task {
     /// Set several keys, all of them or none; a refusal names `key`.
@@ -44,16 +44,16 @@ impl Task {
     }
 }
 
-/// A task with its client and what it begins with.
+/// A task with its client and its initial data.
 pub(crate) struct Job {
     pub client: u64,
     pub task: Task,
     pub config: WorldConfig,
     pub profile: SafetyProfile,
     pub folder: PathBuf,
-    /// Whether a recording has the torque from outside of the world.
+    /// Whether a recording has the column of external torques.
     pub linked: bool,
-    /// The station that the loop is, of a network.
+    /// The name of the loop's station in a network.
     pub station: Option<String>,
 }
 
@@ -70,18 +70,18 @@ pub(crate) struct Done {
 pub(crate) enum Made {
     /// A changed world.
     World(Box<WorldConfig>),
-    /// A recording that has not begun.
+    /// A recording without samples yet.
     Recording(Recording),
 }
 
-/// What runs the tasks.
+/// Runs the tasks.
 pub(crate) enum Worker {
     /// A thread. Dropped, it finishes its task and ends.
     #[cfg(not(target_family = "wasm"))]
     Thread {
-        /// Tasks on their way to it.
+        /// Queued tasks.
         jobs: Sender<Job>,
-        /// Those that it has finished.
+        /// Finished tasks.
         done: Receiver<Done>,
     },
     /// The caller, where there is no thread.
@@ -108,7 +108,7 @@ impl Worker {
         Ok(Worker::Thread { jobs, done })
     }
 
-    /// Begins a task; `false`: the thread is gone.
+    /// Begins a task; `false`: the thread has ended.
     pub fn begin(&mut self, job: Job) -> bool {
         match self {
             #[cfg(not(target_family = "wasm"))]

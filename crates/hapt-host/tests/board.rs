@@ -12,7 +12,7 @@ use hapt_wire::{Command, DeviceMessage, Hello, frame, hash, pack};
 
 const BOARD: Board = Board { name: "table", firmware: "1.2.3", externally_clocked: false, periods: [5e-5, 1e-2] };
 
-/// A constant torque against a damped puck: something is on whenever it is armed.
+/// A constant torque on a damped puck: there is a torque whenever it is armed.
 const PUSH: &str = r#"
 [loop]
 period = "1 ms"
@@ -50,8 +50,8 @@ fn rig() -> DeviceSpec {
     world().device_spec()
 }
 
-/// However slow the machine is.
-fn patiently(mut what: impl FnMut() -> bool) {
+/// Repeats until it is true, for at most a minute.
+fn eventually(mut what: impl FnMut() -> bool) {
     let start = Instant::now();
     while !what() {
         assert!(start.elapsed() < Duration::from_secs(60), "waited too long");
@@ -59,7 +59,7 @@ fn patiently(mut what: impl FnMut() -> bool) {
     }
 }
 
-/// Telemetry until one of it is as wanted, the link kept all the while.
+/// Takes telemetry until one satisfies the condition, with heartbeats.
 fn until(link: &mut Link, mut wanted: impl FnMut(&Telemetry) -> bool) -> Telemetry {
     let start = Instant::now();
     loop {
@@ -83,19 +83,19 @@ fn running_with(board: &SimulatedBoard, sets: &[&str]) -> Link {
     let world = link.load(&packed_with(sets)).unwrap();
     link.set(Parameter::Divider, 10).unwrap();
     link.arm(world).unwrap();
-    // By the board's own report: the motor is looked at later, and a busy machine's heartbeat may have stayed away until then.
+    // By the board's telemetry: the motor's torque is read later, and on a busy machine the heartbeat may have been late by then.
     until(&mut link, |telemetry| telemetry.phase == Phase::Running as u8 && telemetry.output > 0.049);
     link
 }
 
 #[test]
-fn a_world_is_sent_armed_kept_and_disarmed() {
+fn a_world_is_loaded_armed_run_and_disarmed() {
     let board = SimulatedBoard::start(BOARD, rig()).unwrap();
     let mut link = running(&board);
     assert_eq!((link.board().name.as_str(), link.board().firmware.as_str()), ("table", "1.2.3"));
     assert_eq!((link.board().core, link.board().world), (hapt_core::SOURCE, Some(hash(&packed()))));
     assert_eq!(link.board().room, [4, 8, 16]);
-    // Its puck turns, and telemetry follows it.
+    // The puck turns, and telemetry shows it.
     let first = until(&mut link, |telemetry| telemetry.velocity > 0.1);
     let later = until(&mut link, |telemetry| telemetry.position > first.position + 0.01);
     assert!(later.sample > first.sample && later.output == 0.05);
@@ -104,20 +104,20 @@ fn a_world_is_sent_armed_kept_and_disarmed() {
     link.disarm().unwrap();
     until(&mut link, |telemetry| telemetry.phase == Phase::Disarmed as u8);
     assert_eq!(board.torque(), 0.0);
-    // It was left in order: nothing has to be cleared.
+    // It ended without a fault: nothing has to be cleared.
     drop(link);
     assert_eq!(Link::open(board.path()).unwrap().board().phase, Some(Phase::Disarmed));
 }
 
 #[test]
-fn a_link_that_is_dropped_with_a_torque_on_takes_it_off() {
+fn dropping_a_link_with_a_torque_on_removes_the_torque() {
     let board = SimulatedBoard::start(BOARD, rig()).unwrap();
     drop(running(&board));
-    patiently(|| board.torque() == 0.0);
+    eventually(|| board.torque() == 0.0);
     let link = Link::open(board.path()).unwrap();
     assert_eq!((link.board().phase, link.board().reason), (Some(Phase::Faulted), Some(hapt_core::Reason::Stop)));
 
-    // A panic is a way out, too.
+    // Also by a panic.
     let board = SimulatedBoard::start(BOARD, rig()).unwrap();
     let link = running(&board);
     let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(move || {
@@ -125,24 +125,24 @@ fn a_link_that_is_dropped_with_a_torque_on_takes_it_off() {
         panic!("as a test wants it");
     }));
     assert!(panicked.is_err());
-    patiently(|| board.torque() == 0.0);
+    eventually(|| board.torque() == 0.0);
 }
 
 #[test]
-fn a_plug_that_is_pulled_is_an_error_here_and_no_torque_there() {
+fn a_disconnected_line_is_an_error_at_the_host_and_no_torque_at_the_board() {
     let board = SimulatedBoard::start(BOARD, rig()).unwrap();
     let mut link = running(&board);
     board.unplug();
     let start = Instant::now();
     let error = loop {
         assert!(start.elapsed() < Duration::from_secs(60));
-        let told = link.heartbeat().and_then(|()| link.telemetry(Instant::now() + Duration::from_millis(20)));
-        if let Err(error) = told {
+        let received = link.heartbeat().and_then(|()| link.telemetry(Instant::now() + Duration::from_millis(20)));
+        if let Err(error) = received {
             break error;
         }
     };
     assert!(matches!(error, Error::Gone { .. }), "{error}");
-    patiently(|| board.torque() == 0.0);
+    eventually(|| board.torque() == 0.0);
 }
 
 #[test]
@@ -150,18 +150,18 @@ fn a_host_that_hangs_loses_the_torque() {
     let boards = [(); 2].map(|()| SimulatedBoard::start(BOARD, rig()).unwrap());
     let mut links = [running(&boards[0]), running_with(&boards[1], &["safety.link_lost=fault"])];
     for ((board, link), phase) in boards.iter().zip(&mut links).zip([Phase::Disarmed, Phase::Faulted]) {
-        patiently(|| board.torque() == 0.0);
+        eventually(|| board.torque() == 0.0);
         link.handshake().unwrap();
-        // Whatever else it says, it is armed by nobody.
+        // The board is faulted: no host has armed it.
         assert_eq!((link.board().phase, link.board().reason), (Some(phase), Some(hapt_core::Reason::Link)));
     }
-    // A host that clears is there again, when the board has heard it in time.
-    patiently(|| links[1].clear().is_ok());
+    // A clear succeeds once a heartbeat has arrived in time.
+    eventually(|| links[1].clear().is_ok());
     assert_eq!(links[1].handshake().unwrap().phase, Some(Phase::Disarmed));
 }
 
 #[test]
-fn a_board_that_restarts_in_the_middle_says_so_whatever_it_is_asked_next() {
+fn a_board_that_restarts_in_a_session_reports_it_at_any_next_command() {
     type Next = (&'static str, fn(&mut Link) -> Result<(), Error>);
     let nexts: [Next; 5] = [
         ("kept", |link| {
@@ -177,7 +177,7 @@ fn a_board_that_restarts_in_the_middle_says_so_whatever_it_is_asked_next() {
     for (what, next) in nexts {
         let mut link = running(&board);
         board.restart();
-        patiently(|| board.torque() == 0.0);
+        eventually(|| board.torque() == 0.0);
         let start = Instant::now();
         let error = loop {
             assert!(start.elapsed() < Duration::from_secs(60), "{what}: it does not say so");
@@ -187,7 +187,7 @@ fn a_board_that_restarts_in_the_middle_says_so_whatever_it_is_asked_next() {
         };
         assert!(matches!(error, Error::Restarted { .. }), "{what}: {error}");
         assert!(error.to_string().contains("has restarted"), "{error}");
-        // It is another board now, and as good as any.
+        // After a handshake the board can be used again.
         link.handshake().unwrap();
         assert_eq!((link.board().world, link.board().phase), (None, Some(Phase::Disarmed)), "{what}");
         assert_eq!(board.torque(), 0.0, "{what}");
@@ -213,7 +213,7 @@ fn a_fault_of_the_motors_driver_reaches_the_host_and_lasts_until_it_is_cleared()
 }
 
 #[test]
-fn a_line_that_flips_bytes_carries_a_world_whole_or_says_that_it_cannot() {
+fn a_line_that_corrupts_bytes_carries_a_world_completely_or_reports_an_error() {
     let board = SimulatedBoard::start(BOARD, rig()).unwrap();
     board.corrupt(401);
     let mut link = Link::open(board.path()).unwrap();
@@ -227,11 +227,11 @@ fn a_line_that_flips_bytes_carries_a_world_whole_or_says_that_it_cannot() {
     board.corrupt(0);
     let world = link.load(&packed()).unwrap();
     link.arm(world).unwrap();
-    patiently(|| board.torque() > 0.0);
+    eventually(|| board.torque() > 0.0);
 }
 
 #[test]
-fn a_fed_board_is_run_in_lockstep() {
+fn an_externally_clocked_board_runs_in_lockstep() {
     let fed = Board { externally_clocked: true, ..BOARD };
     let board = SimulatedBoard::start(fed, rig()).unwrap();
     let mut link = Link::open(board.path()).unwrap();
@@ -252,7 +252,7 @@ fn a_fed_board_is_run_in_lockstep() {
 }
 
 #[test]
-fn a_port_where_nobody_answers_or_where_somebody_else_does_is_named() {
+fn a_port_without_an_answer_or_with_another_version_is_named() {
     let (mut ours, path) = pty().unwrap();
     let error = Link::open(&path).unwrap_err();
     assert!(matches!(error, Error::NoAnswer { .. }), "{error}");

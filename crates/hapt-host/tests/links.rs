@@ -1,4 +1,4 @@
-//! Stations on this computer whose messages go over sockets, and what a network does to them on the way.
+//! Stations on this computer whose messages go over sockets, with delay, loss and interruption.
 
 use std::collections::VecDeque;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
@@ -17,10 +17,10 @@ use hapt_rt::{Device, Failure, Outside, Plan, Position};
 use hapt_wire::link::{Datagrams, Outgoing, Refusal};
 
 const KEY: &[u8] = b"both stations know this one";
-/// Beyond this something is broken, and not just slow.
+/// A time beyond which a test fails: far longer than on the slowest machine.
 const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// A pair with ages that a busy computer keeps.
+/// A pair with ages long enough for a busy computer.
 fn network() -> System {
     let mut source = Source::from_text(
         "pair.toml",
@@ -35,12 +35,12 @@ fn network() -> System {
     System::read(&source, &[]).unwrap()
 }
 
-/// An address of this computer that was free a moment ago.
+/// A free address of this computer.
 fn free() -> SocketAddr {
     UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap()
 }
 
-/// One way of a network that delays, loses and can be cut.
+/// One direction of a network with delay and loss that can be interrupted.
 struct DelayedPath {
     at: SocketAddr,
     cut: Arc<AtomicBool>,
@@ -63,7 +63,7 @@ impl DelayedPath {
             while !stops.load(Ordering::Relaxed) {
                 while let Ok((length, _)) = socket.recv_from(&mut buffer) {
                     number += 1;
-                    // One of five is lost.
+                    // One message of five is lost.
                     if !number.wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(17).is_multiple_of(5) {
                         way.push_back((Instant::now() + delay, buffer[..length].to_vec()));
                     }
@@ -89,7 +89,7 @@ impl Drop for DelayedPath {
     }
 }
 
-/// A station that runs, armed.
+/// A running, armed station.
 struct Station {
     session: Session,
     links: Links,
@@ -122,7 +122,7 @@ impl Station {
     }
 }
 
-/// Polls both until it is so.
+/// Polls both until the condition holds.
 fn until(what: &str, stations: &mut [Station; 2], is_so: impl Fn(&[LinkStatus; 2], &[Station; 2]) -> bool) {
     let begin = Instant::now();
     loop {
@@ -143,11 +143,11 @@ fn pair(network: &System) -> ([Station; 2], [DelayedPath; 2], [SocketAddr; 2]) {
 }
 
 #[test]
-fn two_stations_let_go_when_the_network_is_cut_and_meet_again_after() {
+fn two_stations_release_when_the_network_is_interrupted_and_reconnect_afterwards() {
     let network = network();
     let (mut stations, ways, _) = pair(&network);
     until("both act", &mut stations, |links, _| links.iter().all(|link| link.acts));
-    // The left hand turns its wheel: the right one feels it.
+    // The left hand turns its wheel: the right wheel follows.
     let hand = stations[0].session.hand();
     hand.move_to(Some(0.5));
     hand.send();
@@ -155,7 +155,7 @@ fn two_stations_let_go_when_the_network_is_cut_and_meet_again_after() {
     for way in &ways {
         way.cut.store(true, Ordering::Relaxed);
     }
-    until("both let go", &mut stations, |links, stations| {
+    until("both release", &mut stations, |links, stations| {
         links.iter().all(|link| !link.acts && link.releases > 0) && stations.iter().all(|station| station.link == 0.0)
     });
     for way in &ways {
@@ -164,7 +164,7 @@ fn two_stations_let_go_when_the_network_is_cut_and_meet_again_after() {
     let hand = stations[0].session.hand();
     hand.move_to(None);
     hand.send();
-    // The wheels are apart now, and nobody moves them: they do not meet by themselves, and nothing jerks.
+    // The wheels are apart now, without a hand: they reconnect without meeting and without a torque step.
     let taken = stations.each_ref().map(|station| station.links.status()[0].taken);
     until("both hear again", &mut stations, |links, _| {
         links.iter().zip(&taken).all(|(link, taken)| link.taken > taken + 50)
@@ -176,7 +176,7 @@ fn two_stations_let_go_when_the_network_is_cut_and_meet_again_after() {
     for link in stations.each_mut().map(Station::poll) {
         assert!(link.oldest <= link.age_max && link.oldest > 6e-3, "{link:?}");
     }
-    // An end that ends says so.
+    // An end that is dropped reports its release.
     let [mut left, right] = stations;
     drop(right);
     let begin = Instant::now();
@@ -187,7 +187,7 @@ fn two_stations_let_go_when_the_network_is_cut_and_meet_again_after() {
 }
 
 #[test]
-fn strangers_are_counted_by_what_is_wrong_with_them_and_change_nothing() {
+fn foreign_messages_are_counted_by_their_error_and_change_nothing() {
     let network = network();
     let (mut stations, ways, at) = pair(&network);
     until("both act", &mut stations, |links, _| links.iter().all(|link| link.acts));
@@ -228,7 +228,7 @@ fn stations_of_networks_that_differ_have_no_link() {
 }
 
 #[test]
-fn what_cannot_be_opened_says_why() {
+fn an_address_that_cannot_be_opened_gives_the_reason() {
     let network = network();
     let taken = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let at = taken.local_addr().unwrap();
@@ -238,12 +238,12 @@ fn what_cannot_be_opened_says_why() {
     assert!(matches!(open(free(), &[], KEY), LinkError::Peer { name } if name == "right"));
 }
 
-/// A device on a computer that misses three samples before so many of a hundred; once it has stood still.
+/// A device on a computer that misses three samples before `often` of a hundred, and pauses once.
 struct Slow {
     device: Box<dyn Device>,
     of_hundred: Arc<AtomicU64>,
     reads: u64,
-    /// What was written last, as bits.
+    /// The last torque written, as bits.
     written: Arc<AtomicU64>,
 }
 
@@ -278,8 +278,8 @@ impl Device for Slow {
     }
 }
 
-/// Eleven stations on one computer: where it is too slow for them they end, with one message and no torque; where it is late now and then, or has
-/// stood still for once, they run on.
+/// Eleven stations on one computer: where it is too slow for them they end, with one message and no torque; where it is occasionally late, or pauses
+/// once, they continue.
 #[test]
 fn a_computer_too_slow_for_its_stations_ends_them_without_a_torque() {
     let mut source = Source::from_text("chain.toml", "");

@@ -24,7 +24,7 @@ pub enum Error {
         /// The system's error.
         source: io::Error,
     },
-    /// Nothing answers a hello.
+    /// There is no answer to a hello.
     #[error(
         "nothing at {} answers in hapt's protocol: is it the board's port, and does the board run hapt's firmware?",
         path.display()
@@ -72,7 +72,7 @@ pub enum Error {
     /// command is unknown.
     #[error("interrupted while waiting for the board's acknowledgement")]
     Interrupted,
-    /// The board has faulted for a reason that this version does not have.
+    /// The board has faulted for a reason that this version does not define.
     #[error(
         "the board has faulted for a reason (code {code}) that this hapt does not have; a hapt of its firmware's release names it"
     )]

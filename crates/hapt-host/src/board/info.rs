@@ -25,7 +25,7 @@ pub struct Board {
 }
 
 impl Board {
-    /// What the user should know about it: its core differs from this program's.
+    /// A note for the user where its core differs from this program's.
     pub fn note(&self) -> Option<&'static str> {
         (self.core != hapt_core::SOURCE).then_some(
             "the board's core was built from another source than this hapt's; its torques may differ from hapt's",

@@ -13,22 +13,22 @@ use hapt_wire::{
 
 use super::{Board, Error, Line, SPEED};
 
-/// The bits of telemetry of four bodies on the line, as a frame.
-const TELEMETRY: f64 = 920.0;
-/// The longest frame of a board.
-const FRAME: usize = 512;
-/// How long a command counts, in s. A line that holds it back for longer has it refused.
+/// The size of a telemetry frame of four bodies on the line, in bits.
+const TELEMETRY_BITS: f64 = 920.0;
+/// The longest frame of a board, in bytes.
+const MAX_BOARD_FRAME_BYTES: usize = 512;
+/// The time in s for which a command is valid: the board refuses one that is delayed for longer.
 const COMMAND_LIFETIME_S: f64 = 0.25;
 /// The time limit of an acknowledgement; compiling a world takes longest.
-const ANSWER: Duration = Duration::from_millis(500);
-/// The polling period of what interrupts the wait.
-const LOOK: Duration = Duration::from_millis(4);
-/// How often a command that may have been lost is sent.
+const ANSWER_TIMEOUT: Duration = Duration::from_millis(500);
+/// The polling period of the interrupt of a wait.
+const POLL_PERIOD: Duration = Duration::from_millis(4);
+/// The number of times that an unacknowledged command is sent.
 const TRIES: usize = 4;
 /// Capacity of the queue of telemetry; the oldest is dropped.
 const WAITING: usize = 4096;
-/// The largest number of lost commands in a row that is not taken for a restart.
-const GAP: u32 = 2048;
+/// The largest gap of lost commands that does not count as a restart.
+const MAX_LOST_COMMANDS: u32 = 2048;
 
 /// A board at a serial port.
 #[derive(Debug)]
@@ -37,7 +37,7 @@ pub struct Link {
     line: Line,
     /// In bits per second.
     speed: u32,
-    reader: Reader<FRAME>,
+    reader: Reader<MAX_BOARD_FRAME_BYTES>,
     /// Bytes read from the line and not yet parsed.
     bytes: VecDeque<u8>,
     board: Board,
@@ -66,7 +66,7 @@ impl std::fmt::Debug for Urgent {
 /// A message of a board.
 enum Received {
     Telemetry,
-    /// Of the command with this sequence; of a hello without one.
+    /// Of the command with this sequence number; `None`: of a hello.
     Acknowledgement(Option<u32>, Acknowledgement),
 }
 
@@ -114,12 +114,12 @@ impl Link {
         }
     }
 
-    /// Sets the interval of telemetry to `every` s for a loop of this period in s, or to what the line carries; 0: every sample that it carries.
+    /// Sets the interval of telemetry to `every` s for a loop of this period in s, or to the shortest that the line carries; 0: the shortest.
     ///
     /// # Errors
     /// The board does not answer.
     pub fn set_telemetry(&mut self, period: f64, every: f64) -> Result<(), Error> {
-        let carried = TELEMETRY / f64::from(self.speed);
+        let carried = TELEMETRY_BITS / f64::from(self.speed);
         let samples = (every.max(carried) / period - 1e-6).ceil().clamp(1.0, 65_535.0);
         self.set(Parameter::Divider, samples as u32).map(drop)
     }
@@ -135,7 +135,7 @@ impl Link {
         &self.board
     }
 
-    /// Makes the handshake: asks the board what it is.
+    /// Makes the handshake: requests the board's description.
     ///
     /// # Errors
     /// It does not answer.
@@ -196,10 +196,10 @@ impl Link {
     /// # Errors
     /// It runs another one, or its supervisor does not arm.
     pub fn arm(&mut self, world: u32) -> Result<Option<Telemetry>, Error> {
-        // Before it is sent: its acknowledgement may be lost.
+        // Set before the command is sent: its acknowledgement may be lost.
         (self.armed, self.disarming) = (true, false);
         self.request("arm", Command::Arm { world })?;
-        // Older telemetry is of the time before.
+        // Older telemetry is from before the command.
         let last = self.waiting.pop_back();
         self.waiting.clear();
         self.armed = true;
@@ -236,9 +236,9 @@ impl Link {
             // After the fault `link` a clear needs a heartbeat before it.
             self.heartbeat()?;
             match self.request("clear", Command::Clear) {
-                // The cause has to be gone for some samples.
-                Err(Error::Refused { why: Refusal::Phase, .. }) if start.elapsed() < ANSWER => {
-                    std::thread::sleep(ANSWER / 20);
+                // The cause has to be absent for some samples.
+                Err(Error::Refused { why: Refusal::Phase, .. }) if start.elapsed() < ANSWER_TIMEOUT => {
+                    std::thread::sleep(ANSWER_TIMEOUT / 20);
                 }
                 Err(error) => return Err(error),
                 Ok(_) => {
@@ -294,7 +294,7 @@ impl Link {
     /// It has an encoder, or has received this sample already.
     pub fn sample(&mut self, command: Command) -> Result<Option<Telemetry>, Error> {
         let sequence = self.write(command)?;
-        let until = Instant::now() + ANSWER;
+        let until = Instant::now() + ANSWER_TIMEOUT;
         loop {
             if let Some(telemetry) = self.waiting.pop_front() {
                 return Ok(Some(telemetry));
@@ -330,7 +330,7 @@ impl Link {
             let sequence = self.write(command)?;
             match self.acknowledgement(Some(sequence))? {
                 None => {}
-                // It was delayed for too long, or the clocks differ: ask for the board's sample.
+                // It was delayed for too long, or the clocks differ: a handshake gives the board's sample.
                 Some(Acknowledgement::Refused(Refusal::Late | Refusal::Sequence)) => {
                     self.handshake()?;
                 }
@@ -352,22 +352,22 @@ impl Link {
             if let Command::Sample { sample, .. } = command { sample } else { sample.saturating_add(ahead) };
         let message = HostMessage { sequence: self.sequence, not_after, command };
         let mut room = [0; MAX_FRAME_BYTES + 1];
-        // A 0 before it ends a frame that noise has begun.
+        // A leading 0 ends a frame that noise has begun.
         let Some((first, rest)) = room.split_first_mut() else { return Ok(self.sequence) };
         *first = 0;
         let length = 1 + frame(&message, rest).map_err(|error| self.gone(io::Error::other(error)))?.len();
-        self.line.write(&room[..length], Instant::now() + ANSWER).map_err(|error| self.gone(error))?;
+        self.line.write(&room[..length], Instant::now() + ANSWER_TIMEOUT).map_err(|error| self.gone(error))?;
         Ok(self.sequence)
     }
 
     /// Waits for the acknowledgement of a command, or with `None` for a hello; returns `None` after the time limit.
     fn acknowledgement(&mut self, sequence: Option<u32>) -> Result<Option<Acknowledgement>, Error> {
-        let until = Instant::now() + ANSWER;
+        let until = Instant::now() + ANSWER_TIMEOUT;
         loop {
             if (self.urgent.0)() {
                 return Err(Error::Interrupted);
             }
-            match self.receive(until.min(Instant::now() + LOOK))? {
+            match self.receive(until.min(Instant::now() + POLL_PERIOD))? {
                 None if Instant::now() >= until => return Ok(None),
                 Some(Received::Acknowledgement(sent, answer)) if sent == sequence => return Ok(Some(answer)),
                 None | Some(_) => {}
@@ -383,7 +383,7 @@ impl Link {
                     return Ok(Some(received));
                 }
             }
-            let mut some = [0; FRAME];
+            let mut some = [0; MAX_BOARD_FRAME_BYTES];
             let count = self.line.read(&mut some, until).map_err(|error| self.gone(error))?;
             if count == 0 {
                 return Ok(None);
@@ -401,13 +401,13 @@ impl Link {
                 if board != PROTOCOL {
                     return Err(Error::Protocol { path: self.path.clone(), board });
                 }
-                // Samples are counted from its start.
+                // Samples are counted from the board's start.
                 let restarted = self.is_known && hello.sample < self.clock.0;
                 self.board = Board::new(&hello);
                 self.is_known = true;
                 self.clock = (hello.sample, Instant::now(), f64::from(hello.period.max(1)) * 1e-9);
-                // Lost commands leave a small gap, which the board accepts; a board that has restarted is far behind.
-                if self.sequence.wrapping_sub(hello.sequence) > GAP {
+                // Lost commands leave a small gap, which the board accepts; after a restart the gap is large.
+                if self.sequence.wrapping_sub(hello.sequence) > MAX_LOST_COMMANDS {
                     self.sequence = hello.sequence;
                 }
                 if restarted {
@@ -456,7 +456,7 @@ impl Link {
 }
 
 impl Drop for Link {
-    /// Removes a torque that is on, however the program ends. The board's own watchdog of the link is for a message that is lost.
+    /// Removes a torque that is on, however the program ends. The board's own watchdog of the link covers a lost message.
     fn drop(&mut self) {
         if self.armed {
             let _ = self.write(Command::Stop);

@@ -14,8 +14,8 @@ use hapt_wire::device::{Board, Endpoint, Measurement, WorldStorage};
 
 use super::{Line, pty};
 
-/// The most samples that a late thread catches up; the board's time stands still in a longer pause.
-const BURST: u32 = 50;
+/// The largest number of samples that a late thread catches up; after a longer pause the board's time lags.
+const MAX_CAUGHT_UP_SAMPLES: u32 = 50;
 /// The time limit of a write to a host that does not read.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(100);
 
@@ -30,7 +30,7 @@ pub struct SimulatedBoard {
 #[derive(Debug, Default)]
 struct Shared {
     end: AtomicBool,
-    /// The line is disconnected; the board runs on.
+    /// The line is disconnected; the board keeps running.
     unplugged: AtomicBool,
     /// The board restarts, without its world.
     restarted: AtomicBool,
@@ -72,7 +72,7 @@ impl SimulatedBoard {
         f32::from_bits(self.shared.peak.load(SeqCst))
     }
 
-    /// Disconnects the line. The board has a supply of its own and runs on.
+    /// Disconnects the line. The board has its own supply and keeps running.
     pub fn unplug(&self) {
         self.shared.unplugged.store(true, SeqCst);
     }
@@ -82,7 +82,7 @@ impl SimulatedBoard {
         self.shared.restarted.store(true, SeqCst);
     }
 
-    /// Lets the motor driver report a fault at the next sample, such as overcurrent.
+    /// Makes the motor driver report a fault at the next sample, such as overcurrent.
     pub fn fault_driver(&self) {
         self.shared.driver_fault.store(true, SeqCst);
     }
@@ -134,7 +134,7 @@ impl Bench {
                 self.line = None;
             }
             self.read_line(&mut endpoint, due);
-            for _ in 0..BURST {
+            for _ in 0..MAX_CAUGHT_UP_SAMPLES {
                 if due > Instant::now() {
                     break;
                 }
@@ -184,7 +184,7 @@ impl Bench {
         self.shared.peak.store(peak.to_bits(), SeqCst);
     }
 
-    /// Writes the answers that wait.
+    /// Writes the queued answers.
     fn write_answers(&mut self, endpoint: &mut Endpoint<'_>) {
         let mut room = [0; MAX_FRAME_BYTES];
         while let Some(frame) = endpoint.answer(&mut room) {

@@ -50,7 +50,7 @@ impl TelemetryDecoder {
         let (before, now) = (self.before.replace(*telemetry), phase(telemetry));
         let missed = before.map_or(0, |before| telemetry.missed.wrapping_sub(before.missed));
         let reason = Reason::from_code(telemetry.reason);
-        // What the supervisor was told follows from two samples in a row.
+        // The supervisor's request follows from two consecutive samples.
         let next = |before: &Telemetry| before.sample + 1 + u64::from(missed);
         let behind = before.filter(|before| next(before) == sample);
         let (request, late, silent) =
@@ -108,7 +108,7 @@ mod tests {
     #[test]
     fn every_signal_that_a_board_sends_is_the_same_signal_on_the_page() {
         let sent = Telemetry {
-            // A torque that nobody makes is 0 there.
+            // In a phase without torque the page shows 0.
             phase: Phase::ALL.iter().position(|phase| *phase == Phase::Running).unwrap() as u8,
             position: 1.0,
             measured: 2.0,
@@ -118,7 +118,7 @@ mod tests {
             output: 6.0,
             ..Telemetry::default()
         };
-        // A field that is new has to be a signal, or stand among the others here.
+        // A new field has to be a signal, or be listed here.
         let Telemetry {
             sequence: _,
             sample: _,
@@ -153,15 +153,15 @@ mod tests {
     }
 
     #[test]
-    fn instants_go_on_over_a_change_of_the_period() {
+    fn instants_are_continuous_over_a_change_of_the_period() {
         let mut decoder = TelemetryDecoder::new(3, 1e-3);
         let at = |sample, missed| Telemetry { sample, missed, ..Telemetry::default() };
-        let told = |record: Record| (record.sample, record.due, record.plan, record.missed);
-        // Samples are counted from the board's start, and its misses too.
-        assert_eq!(told(decoder.record(&at(70_000, 5))), (0, 0, 3, 0));
-        assert_eq!(told(decoder.record(&at(70_010, 5))), (10, 10_000_000, 3, 0));
+        let decoded = |record: Record| (record.sample, record.due, record.plan, record.missed);
+        // Samples and missed samples are counted from the board's start.
+        assert_eq!(decoded(decoder.record(&at(70_000, 5))), (0, 0, 3, 0));
+        assert_eq!(decoded(decoder.record(&at(70_010, 5))), (10, 10_000_000, 3, 0));
         decoder.change(4, 2e-3);
-        assert_eq!(told(decoder.record(&at(70_020, 7))), (20, 30_000_000, 4, 2));
-        assert_eq!(told(decoder.record(&at(70_021, 7))), (21, 32_000_000, 4, 0));
+        assert_eq!(decoded(decoder.record(&at(70_020, 7))), (20, 30_000_000, 4, 2));
+        assert_eq!(decoded(decoder.record(&at(70_021, 7))), (21, 32_000_000, 4, 0));
     }
 }

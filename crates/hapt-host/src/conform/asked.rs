@@ -1,9 +1,9 @@
-//! What a host asks of a wheel: effects as Linux's force feedback has them, with shares of full scale in place of its whole numbers.
+//! The requests of a host to a wheel: the effects of Linux's force feedback, with parts of full scale in place of its integers.
 
 /// The form of a periodic effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wave {
-    /// First up.
+    /// Begins at its highest.
     Square,
     /// Begins at its middle and rises.
     Triangle,
@@ -18,26 +18,26 @@ pub enum Wave {
 /// How an effect's level begins and ends; times in s, levels in shares.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Envelope {
-    /// From its start, so long.
+    /// The length of the attack, from the start.
     pub attack: f64,
     /// The magnitude at its start.
     pub attack_level: f64,
-    /// Before its end, so long.
+    /// The length of the fade, before the end.
     pub fade: f64,
     /// The magnitude at its end.
     pub fade_level: f64,
 }
 
-/// What a condition resists.
+/// The quantity that a condition resists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Law {
     /// The position, in shares of half of the steering range.
     Spring,
-    /// The velocity. What full scale of it is, the standard leaves to the wheel.
+    /// The velocity. The standard leaves its full scale to the wheel.
     Damper,
     /// The direction of the motion.
     Friction,
-    /// The acceleration. What full scale of it is, the standard leaves to the wheel.
+    /// The acceleration. The standard leaves its full scale to the wheel.
     Inertia,
 }
 
@@ -90,7 +90,7 @@ pub enum Form {
         magnitude: f64,
         /// The middle of the wave.
         offset: f64,
-        /// Where in the wave it begins, in turns.
+        /// The phase at the start, in turns.
         phase: f64,
         /// s
         period: f64,

@@ -1,4 +1,4 @@
-//! What is played on a wheel to see what it makes of it.
+//! The cases of the conformance test: effects that are played on a wheel.
 
 use super::asked::{Asked, Condition, Envelope, Form, LEFT, Law, RIGHT, Wave};
 use super::meaning::{Action, Played};
@@ -19,9 +19,9 @@ pub enum Scale {
 pub struct Case {
     /// Its name.
     pub name: &'static str,
-    /// What is asked, in a sentence.
+    /// The request, in a sentence.
     pub asks: String,
-    /// What plays.
+    /// The effects that play.
     pub effects: Vec<Played>,
     /// The device's gain.
     pub gain: f64,
@@ -29,24 +29,24 @@ pub struct Case {
     pub seconds: f64,
     /// The scale of what it asks for.
     pub scale: Scale,
-    /// Whether the swing is wide: conditions want motion.
+    /// Whether the swing is wide: conditions depend on motion.
     pub wide: bool,
 }
 
 impl Case {
-    /// Nothing but the swing.
+    /// The swing without effects.
     pub fn rest() -> Self {
         plain("rest", "nothing".into(), Vec::new(), 1.0)
     }
 }
 
-/// When effects start, s.
+/// The time at which effects start, in s.
 const START: f64 = 0.3;
 
-/// Longer than any case, s.
+/// A time longer than any case, in s.
 const LONG: f64 = 10.0;
 
-/// One that starts, and stops with the case. It has a length: that wheels play without one is a case of its own.
+/// An effect that starts once and has a length beyond the case; effects without a length have their own case.
 fn once(asked: Asked) -> Played {
     let asked = Asked { length: asked.length.or(Some(LONG)), ..asked };
     Played { asked, actions: vec![(START, Action::Start(1))] }

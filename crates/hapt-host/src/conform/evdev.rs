@@ -1,6 +1,6 @@
-//! A wheel as Linux shows it: /dev/input/event*, with any driver of force feedback.
+//! A wheel of Linux's evdev: /dev/input/event*, with any driver of force feedback.
 //!
-//! The kernel takes away the effects of a program that has ended, in whatever way.
+//! The kernel removes the effects of a program that has ended, however it ended.
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -16,10 +16,10 @@ use rustix::ioctl::{Opcode, Setter, ioctl, opcode};
 use super::asked::{Asked, Condition, Envelope, Form, Law, Wave};
 use super::run::{ConformError, Wheel};
 
-/// Where the kernel shows input devices.
+/// The folder of the kernel's input devices.
 const FOLDER: &str = "/dev/input";
-/// From one look for events to the next.
-const LOOK: Duration = Duration::from_millis(2);
+/// The polling period of events.
+const POLL_PERIOD: Duration = Duration::from_millis(2);
 /// Full scale of signed numbers, and of those without a sign.
 const FULL: f64 = 32_767.0;
 const WHOLE: f64 = 65_535.0;
@@ -31,11 +31,11 @@ const EVENTS: usize = 64;
 pub struct WheelDevice {
     /// /dev/input/event5
     pub path: PathBuf,
-    /// As it names itself.
+    /// Its own name.
     pub name: String,
 }
 
-/// The devices with force feedback and a steering axis that can be opened, and how many cannot.
+/// The devices with force feedback and a steering axis that can be opened, and the number of devices that cannot.
 ///
 /// # Errors
 /// The system shows no input devices.
@@ -96,7 +96,7 @@ fn name(handle: &EvdevHandle<File>) -> String {
     String::from_utf8_lossy(&bytes).trim_end_matches('\0').to_string()
 }
 
-/// An open wheel. Dropped, it plays nothing.
+/// An open wheel. Dropping it ends its effects.
 pub struct Evdev {
     handle: EvdevHandle<File>,
     name: String,
@@ -105,7 +105,7 @@ pub struct Evdev {
     /// The driver's number of the effect in each place.
     numbers: Vec<Option<i16>>,
     at: f64,
-    /// Whether the user has asked to end.
+    /// Whether the user has requested the end.
     is_over: Box<dyn Fn() -> bool>,
 }
 
@@ -136,7 +136,7 @@ impl Evdev {
         Ok(wheel)
     }
 
-    /// As it names itself.
+    /// Its own name.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -162,7 +162,7 @@ impl Evdev {
         number.ok_or_else(|| ConformError::Device(format!("{}: there is no effect {place}", self.name)))
     }
 
-    /// What has come: positions with the time at which the kernel saw them.
+    /// Reads the events so far: positions with the kernel's times.
     fn read(&mut self, trace: &mut Vec<(f64, f64)>) -> Result<(), ConformError> {
         let time = sys::timeval { tv_sec: 0, tv_usec: 0 };
         let mut events = [sys::input_event { time, type_: 0, code: 0, value: 0 }; EVENTS];
@@ -229,7 +229,7 @@ impl Wheel for Evdev {
     fn clear(&mut self) -> Result<(), ConformError> {
         let mut outcome = Ok(());
         for number in std::mem::take(&mut self.numbers).into_iter().flatten() {
-            // All of them, whatever becomes of one.
+            // All of them, also where erasing one fails.
             let erased = self.handle.erase_force_feedback(number).map(drop).map_err(|error| self.failed(&error));
             outcome = outcome.and(erased);
         }
@@ -242,7 +242,7 @@ impl Wheel for Evdev {
 
     fn watch(&mut self, until: f64, trace: &mut Vec<(f64, f64)>) -> Result<(), ConformError> {
         if trace.is_empty() {
-            // What came before belongs to no trace.
+            // Earlier events belong to no trace.
             self.read(&mut Vec::new())?;
             let now = self.now();
             trace.push((now, self.at));
@@ -256,7 +256,7 @@ impl Wheel for Evdev {
             if left <= 0.0 {
                 return Ok(());
             }
-            std::thread::sleep(LOOK.min(Duration::from_secs_f64(left)));
+            std::thread::sleep(POLL_PERIOD.min(Duration::from_secs_f64(left)));
         }
     }
 }
@@ -293,7 +293,7 @@ fn numbers(of: &Condition) -> sys::ff_condition_effect {
     }
 }
 
-/// As the driver takes it.
+/// The effect in the driver's form.
 fn effect(asked: &Asked, id: i16) -> ff_effect {
     let kind = match asked.form {
         Form::Constant { .. } => sys::FF_CONSTANT,

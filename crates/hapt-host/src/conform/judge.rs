@@ -1,4 +1,4 @@
-//! Compares what acted on a wheel with what was asked of it.
+//! Compares the torque that acted on a wheel with the requested one.
 
 use super::asked::Law;
 use super::cases::{Case, Scale};
@@ -7,44 +7,44 @@ use super::motion::Course;
 use super::plant::Plant;
 use super::run::Seen;
 
-/// The root mean square of a difference that is none, in shares of the largest torque.
+/// The root mean square of a difference that counts as none, in parts of the largest torque.
 pub const NEAR: f64 = 0.02;
-/// A difference within so many times the noise is none either.
+/// A difference within this multiple of the noise also counts as none.
 const NOISES: f64 = 3.0;
-/// An error explains a difference where it leaves less than this part of it.
+/// An error explains a difference where less than this part of the difference remains.
 const EXPLAINED: f64 = 0.4;
 
-/// Beyond this part of what is no difference, a law that is rendered as another is looked for.
+/// For a difference beyond this part of the tolerance, a law that is rendered as another one is searched for.
 const HIDDEN: f64 = 0.25;
 
-/// A law whose torque is below this part of it is missing.
-const LEAST: f64 = 0.2;
+/// A law whose torque is below this part of the tolerance is missing.
+const MIN_LAW: f64 = 0.2;
 
-/// What a case shows.
+/// The result of a case.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
-    /// It does what the standard means.
+    /// The wheel renders the standard's meaning.
     Conforms,
-    /// It does what drivers are known to do instead.
+    /// The wheel renders a known error of drivers.
     Known(KnownError),
-    /// It does something else.
+    /// The wheel renders something else.
     Differs,
 }
 
-/// A case with what was seen.
+/// A case with its result.
 #[derive(Clone, Debug)]
 pub struct Finding {
     /// Its name.
     pub name: &'static str,
-    /// What was asked, in a sentence.
+    /// The request, in a sentence.
     pub asks: String,
-    /// What it shows.
+    /// The result.
     pub verdict: Verdict,
     /// The root mean square of the difference, in shares of the largest torque.
     pub off: f64,
     /// The wheel's scale of the law, where the case has found one: the torque of full coefficient at 1/s, in motion, or at 1/s².
     pub scale: Option<(Law, f64)>,
-    /// The time in s, what acted, and what was meant, in shares to the right.
+    /// The time in s, the torque that acted, and the one that was meant, in parts of the largest, positive to the right.
     pub torques: Vec<(f64, f64, f64)>,
 }
 
@@ -54,7 +54,7 @@ pub struct Judge {
     scales: Vec<(Law, f64)>,
 }
 
-/// A hypothesis, and how far it is from what acted.
+/// A hypothesis, and its distance from the torque that acted.
 struct Fit {
     meant: Vec<f64>,
     off: f64,
@@ -64,17 +64,17 @@ struct Fit {
 }
 
 impl Judge {
-    /// Of a wheel.
+    /// The judge of a wheel with this plant.
     pub fn new(plant: Plant) -> Self {
         Judge { plant, scales: Vec::new() }
     }
 
-    /// What is taken as no difference, in shares of the largest torque.
+    /// The tolerance of a difference, in parts of the largest torque.
     pub fn near(&self) -> f64 {
         NEAR.max(NOISES * self.plant.noise)
     }
 
-    /// What the case shows; `None` where the wheel was seen too shortly.
+    /// The result of the case; `None` where the trace of the wheel is too short.
     pub fn judge(&mut self, case: &Case, seen: &Seen) -> Option<Finding> {
         let course = Course::of(&seen.trace)?;
         let acted = self.plant.acted(&course);
@@ -82,7 +82,7 @@ impl Judge {
             return None;
         }
         let begin = seen.trace.first()?.0;
-        // As it was done, and not as it was to be done.
+        // With the actual times of the actions, in place of the planned ones.
         let mut effects = case.effects.clone();
         for (at, effect) in effects.iter_mut().enumerate() {
             effect.actions = done(seen, at);
@@ -91,13 +91,13 @@ impl Judge {
         let plain = fit(None);
         let near = self.near();
         let fitted = self.fitted(case.scale);
-        let is_missing = fitted && plain.own < (LEAST * near).max(NOISES * self.plant.noise);
-        // What the scale of a law, which is fitted, would hide: another law with its own.
+        let is_missing = fitted && plain.own < (MIN_LAW * near).max(NOISES * self.plant.noise);
+        // A fitted scale can hide that another law is rendered.
         let hides = fitted && (is_missing || plain.off > HIDDEN * near);
         let verdict = if plain.off <= near && !hides {
             Verdict::Conforms
         } else {
-            // Of two that explain it alike the first: a sawtooth that runs the other way is inverted too.
+            // Of two equal explanations the first counts: a sawtooth that runs the other way is also an inverted one.
             let first = (self.plant.strength < 0.0).then_some(&KnownError::Inverted);
             let others = first.into_iter().chain(KnownError::ALL).map(|error| (*error, fit(Some(*error)).off));
             let best = others.min_by(|a, b| a.1.total_cmp(&b.1));
@@ -120,13 +120,13 @@ impl Judge {
         let middle = acted.iter().map(|(least, most)| 0.5 * (least + most));
         let push = self.pushes(case, seen, &course, None);
         let torques = times.zip(middle.zip(plain.meant).zip(push)).map(|(time, ((acted, meant), push))| {
-            // Without the torque that makes it swing.
+            // Without the torque of the swing.
             (time, acted - push, meant - push)
         });
         Some(Finding { name: case.name, asks: case.asks.clone(), verdict, off, scale, torques: torques.collect() })
     }
 
-    /// Whether the wheel's own scale is to be fitted: by the case that finds it, or where that has found none.
+    /// Whether the wheel's own scale is to be fitted: by the case that finds it, or where that case has found none.
     fn fitted(&self, scale: Scale) -> bool {
         match scale {
             Scale::Stated => false,
@@ -135,10 +135,10 @@ impl Judge {
         }
     }
 
-    /// The means of the torque that makes the wheel swing.
+    /// The means of the swing's torque.
     fn pushes(&self, case: &Case, seen: &Seen, course: &Course, error: Option<KnownError>) -> Vec<f64> {
         let gain = if error == Some(KnownError::Gain) { 1.0 } else { case.gain };
-        // Whether its sign is inverted, the fit has found.
+        // The fit of the plant has found whether the sign is inverted.
         let gain = gain * self.plant.strength.signum();
         let at = |at: usize| gain * seen.push(course.time(at) - self.plant.latency);
         course.means(&(0..course.motion.len()).map(at).collect::<Vec<_>>())
@@ -155,10 +155,10 @@ impl Judge {
     ) -> Fit {
         let one = |at: usize| {
             let time = course.time(at) - self.plant.latency;
-            let alone = torque(effects, case.gain, time, &course.motion[at], error);
-            // The torque that makes it swing has started first.
+            let effect = torque(effects, case.gain, time, &course.motion[at], error);
+            // The torque of the swing has started first.
             let stops_push = error == Some(KnownError::Last) && effects.iter().any(|effect| effect.plays(time, error));
-            (alone, stops_push)
+            (effect, stops_push)
         };
         let all: Vec<_> = (0..course.motion.len()).map(one).collect();
         let stated = course.means(&all.iter().map(|(torque, _)| torque.stated).collect::<Vec<_>>());
@@ -190,7 +190,7 @@ impl Judge {
     }
 }
 
-/// What was done with an effect, and when.
+/// The actions on an effect, with their times.
 fn done(seen: &Seen, at: usize) -> Vec<(f64, Action)> {
     seen.done.iter().filter(|(of, ..)| *of == at).map(|(_, when, action)| (*when, *action)).collect()
 }

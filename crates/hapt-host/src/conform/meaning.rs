@@ -1,14 +1,14 @@
-//! What effects mean, by the standard ("Device Class Definition for Physical Interface Devices", version 1.0) and Linux's `linux/input.h`, and what
-//! drivers are known to make of them instead.
+//! The meaning of effects, by the standard ("Device Class Definition for Physical Interface Devices", version 1.0) and Linux's `linux/input.h`, and the
+//! known errors of drivers.
 
 use super::asked::{Asked, Condition, Envelope, Form, Law, Wave};
 
-/// Below this velocity a friction's torque is not known, in shares of half the range a second.
+/// Below this velocity a friction's torque is not determined, in half ranges per second.
 pub const SLOW: f64 = 0.02;
 
 macro_rules! known_errors {
     ($($(#[$doc:meta])* $name:ident = $sentence:literal),* $(,)?) => {
-        /// What a wheel may make of an effect instead.
+        /// A known error in the rendering of an effect.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum KnownError { $($(#[$doc])* $name),* }
 
@@ -35,7 +35,7 @@ known_errors! {
     Sawtooth = "a sawtooth runs the other way",
     /// The other way.
     Inverted = "the sign is inverted",
-    /// As if it were left or right alone.
+    /// As if it were only left or right.
     Direction = "the direction counts only as left or right",
     /// The device's gain.
     Gain = "the device's gain is ignored",
@@ -77,7 +77,7 @@ known_errors! {
     SecondAxis = "the numbers of a second axis replace those of the wheel (hid-pidff: MISSING_PBO)",
 }
 
-/// How a wheel moves at an instant, in shares of half of the steering range and s.
+/// A wheel's motion at an instant, in parts of half of the steering range and s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WheelMotion {
     /// To the right.
@@ -88,18 +88,18 @@ pub struct WheelMotion {
     pub acceleration: f64,
 }
 
-/// Torques to the right, in shares of the largest.
+/// Torques to the right, in parts of the largest.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Torque {
     /// Whose scale the standard states.
     pub stated: f64,
     /// Of dampers, frictions and inertias, in the wheel's own scale.
     pub scaled: f64,
-    /// By which that may differ: friction at rest has any torque up to its largest.
+    /// The undetermined part of that: friction at rest has any torque up to its largest.
     pub slack: f64,
 }
 
-/// Something that happens to an effect.
+/// An action on an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
     /// It starts, so many times in a row.
@@ -110,17 +110,17 @@ pub enum Action {
     Stop,
 }
 
-/// An effect with what happens to it, in the order of time.
+/// An effect with the actions on it, in the order of time.
 #[derive(Clone, Debug)]
 pub struct Played {
-    /// Its numbers at first.
+    /// Its initial numbers.
     pub asked: Asked,
-    /// When, in s.
+    /// The times in s, and the actions.
     pub actions: Vec<(f64, Action)>,
 }
 
 impl Played {
-    /// When it started last before `time`, how often it plays, and its numbers then.
+    /// The time of its last start before `time`, the number of times that it plays, and its numbers then.
     fn at(&self, time: f64, error: Option<KnownError>) -> Option<(f64, u32, Asked)> {
         let (mut started, mut asked) = (None, self.asked);
         for (when, action) in self.actions.iter().take_while(|(when, _)| *when <= time) {
@@ -264,7 +264,7 @@ fn condition(law: Law, axes: &[Condition; 2], motion: &WheelMotion, error: Optio
     };
     let most = if error == Some(KnownError::Saturation) { 1.0 } else { most };
     let resisting = coefficient * beyond;
-    // In a scale that is not known, what it saturates at is not either.
+    // In an unknown scale the saturation is unknown too.
     let resisting = if scaled { resisting } else { resisting.clamp(-most, most) };
     let torque = if error == Some(KnownError::Inverted) { resisting } else { -resisting };
     let dry = match law {

@@ -1,8 +1,8 @@
-//! Whether a force-feedback wheel does what the standard means by each effect, whoever made it and its driver.
+//! Tests whether a force-feedback wheel, with any driver, renders each effect as the standard means it.
 //!
-//! The wheel shows its position and nothing else. [`conform`] first finds how a constant torque moves it ([`Plant`]), and then plays each case
-//! while it swings. What acted on the wheel follows from its motion, in shares of its largest torque; the judge compares it with the meaning of
-//! what was asked, and where it differs, with what drivers are known to make of it ([`KnownError`]).
+//! Only the wheel's position is measured. [`conform`] first identifies how a constant torque moves the wheel ([`Plant`]), and then plays each case
+//! while the wheel swings. The torque that acted follows from the motion, in parts of the largest torque; the judge compares it with the
+//! standard's meaning of the request, and where it differs, with the known errors of drivers ([`KnownError`]).
 
 mod asked;
 mod cases;
@@ -26,29 +26,29 @@ pub use run::{ConformError, Wheel};
 use motion::Course;
 use run::{Swing, probe};
 
-/// The wide swing, in shares of half the range, and the narrow one.
+/// The amplitudes of the wide and of the narrow swing, in parts of half the range.
 const WIDE: f64 = 0.15;
 const NARROW: f64 = 0.06;
 
-/// What is found of a wheel.
+/// The result for a wheel.
 #[derive(Clone, Debug)]
 pub struct Conformance {
     /// The wheel without effects.
     pub plant: Plant,
-    /// A positive level to the left turns it to the right.
+    /// Whether a positive level to the left turns the wheel to the right.
     pub inverted: bool,
-    /// Each case.
+    /// The findings, one for each case.
     pub findings: Vec<Finding>,
 }
 
 impl Conformance {
-    /// Whether every case does what the standard means.
+    /// Whether every case conforms to the standard.
     pub fn conforms(&self) -> bool {
         self.findings.iter().all(|finding| finding.verdict == Verdict::Conforms)
     }
 }
 
-/// Plays these cases, and makes the wheel swing with torques of at most `most`; `tell` hears of each.
+/// Plays these cases while the wheel swings by torques of at most `most`; `report` is called with each finding.
 ///
 /// # Errors
 /// The wheel cannot be measured. Nothing plays then.
@@ -56,7 +56,7 @@ pub fn conform(
     wheel: &mut dyn Wheel,
     cases: Vec<Case>,
     most: f64,
-    mut tell: impl FnMut(&Finding),
+    mut report: impl FnMut(&Finding),
 ) -> Result<Conformance, ConformError> {
     wheel.clear()?;
     let strength = probe(wheel, most)?;
@@ -82,12 +82,12 @@ pub fn conform(
         };
         let mut finding = once()?;
         if finding.verdict != Verdict::Conforms {
-            // What is wrong is wrong each time; what a busy computer has disturbed is not.
+            // An error of the wheel repeats, a disturbance by a busy computer does not.
             let again = once()?;
             let better = again.verdict == Verdict::Conforms || again.off < finding.off;
             finding = if better { again } else { finding };
         }
-        tell(&finding);
+        report(&finding);
         findings.push(finding);
     }
     wheel.gain(1.0)?;

@@ -1,14 +1,14 @@
 //! Torques from positions: weighted means of the acceleration over a short window.
 //!
 //! The second differences of positions are far too noisy by themselves. Their mean with the weight (1 - s²)², whose value and slope are 0 at
-//! both ends of the window, is a mean of the positions with a smooth weight. The same mean of all that acts on the wheel is equal to it by
-//! Newton's law.
+//! both ends of the window, is a mean of the positions with a smooth weight. By Newton's law it equals the same mean of all torques on the
+//! wheel, divided by its inertia.
 
 use super::meaning::WheelMotion;
 
-/// Of the even grid, s.
+/// The step of the even grid, in s.
 pub const STEP: f64 = 2e-3;
-/// Half of the window of a mean, and of the window over which a motion is smoothed, s.
+/// Half of the window of a mean, and half of the window over which a motion is smoothed, in s.
 const WINDOW: f64 = 0.1;
 const NEAR: f64 = 0.04;
 /// From one mean to the next, in steps.
@@ -16,9 +16,9 @@ const STRIDE: usize = 10;
 
 /// The motion of a wheel on an even grid.
 pub struct Course {
-    /// When it begins, s.
+    /// The time of its beginning, in s.
     pub begin: f64,
-    /// At each step, smoothed.
+    /// The smoothed motion at each step.
     pub motion: Vec<WheelMotion>,
     /// The acceleration by second differences.
     pub raw: Vec<f64>,
@@ -87,7 +87,7 @@ impl Course {
         (half..self.motion.len().saturating_sub(half)).step_by(STRIDE)
     }
 
-    /// The weighted mean of what is known at each step, at each middle.
+    /// The weighted means of the values, given at each step, at each middle.
     pub fn means(&self, values: &[f64]) -> Vec<f64> {
         let weights = weights((WINDOW / STEP) as usize);
         self.middles().map(|at| mean(&weights, values, at)).collect()

@@ -1,9 +1,9 @@
-//! The wheel itself: what its motion makes of a torque that is known.
+//! The wheel's dynamics, identified from its motion under a known torque.
 
 use super::meaning::SLOW;
 use super::motion::Course;
 
-/// The wheel without effects, in shares of half its range and of its largest torque.
+/// The wheel without effects, in parts of half its range and of its largest torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plant {
     /// The acceleration of the largest torque, 1/s².
@@ -14,11 +14,11 @@ pub struct Plant {
     pub friction: f64,
     /// As above.
     pub spring: f64,
-    /// A torque that is always there.
+    /// A constant torque.
     pub bias: f64,
     /// From a request to its torque, s.
     pub latency: f64,
-    /// The root mean square of what is not explained by all this.
+    /// The root mean square of the residual.
     pub noise: f64,
 }
 
@@ -28,7 +28,7 @@ const UNKNOWNS: usize = 5;
 const LATENCIES: u32 = 60;
 
 impl Plant {
-    /// The plant that explains the course best, where `push` is the torque that was asked for at a time.
+    /// The plant with the smallest residual, where `push` is the requested torque at a time.
     pub fn fit(course: &Course, push: impl Fn(f64) -> f64) -> Option<Self> {
         let all = |of: fn(&super::meaning::WheelMotion) -> f64| {
             course.means(&course.motion.iter().map(of).collect::<Vec<_>>())
@@ -66,8 +66,8 @@ impl Plant {
         fits.filter(|plant| plant.noise.is_finite()).min_by(|a, b| a.noise.total_cmp(&b.noise))
     }
 
-    /// The means of the torque that has acted on the wheel beside its own damping, friction and spring: the least and the largest that it may
-    /// have been. At rest friction hides what is smaller.
+    /// Lower and upper bounds of the means of the torque on the wheel other than that of its own damping, friction and spring. At rest a torque
+    /// below friction is not determined.
     pub fn acted(&self, course: &Course) -> Vec<(f64, f64)> {
         let strength = self.strength.abs();
         let of = |dry: fn(f64) -> f64| -> Vec<f64> {
@@ -89,7 +89,7 @@ fn dot(a: &[f64; UNKNOWNS], b: &[f64; UNKNOWNS]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The solution of the normal equations, by elimination with the largest pivot; `None` where they have none.
+/// The solution of the normal equations, by elimination with the largest pivot; `None` where they are singular.
 fn least_squares(rows: impl Iterator<Item = ([f64; UNKNOWNS], f64)>) -> Option<[f64; UNKNOWNS]> {
     let mut matrix = [[0.0; UNKNOWNS + 1]; UNKNOWNS];
     for (row, y) in rows {

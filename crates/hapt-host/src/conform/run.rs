@@ -1,19 +1,19 @@
-//! Plays effects on a wheel and watches it move.
+//! Plays effects on a wheel and records its motion.
 //!
-//! A constant torque, changed 50 times a second, makes the wheel swing about the middle, whatever else plays. What the wheel's motion needs
-//! beyond that torque is what the effects have given.
+//! A constant torque, changed 50 times a second, makes the wheel swing about the middle, also while other effects play. The torque that the
+//! wheel's motion needs beyond that one is the effects' torque.
 
 use super::asked::{Asked, LEFT};
 use super::cases::Case;
 use super::meaning::Action;
 
-/// Why a wheel is not judged to the end.
+/// The reason that a test of a wheel ends early.
 #[derive(Debug, thiserror::Error)]
 pub enum ConformError {
     /// The system, or the driver.
     #[error("{0}")]
     Device(String),
-    /// Asked to.
+    /// The user has requested the end.
     #[error("interrupted")]
     Interrupted,
     /// The probe.
@@ -33,7 +33,7 @@ pub enum ConformError {
     NoPlant,
 }
 
-/// A wheel as its driver shows it. Times are in s from any start.
+/// The interface of a wheel's driver. Times are in s from any start.
 pub trait Wheel {
     /// Now.
     fn now(&mut self) -> f64;
@@ -52,7 +52,7 @@ pub trait Wheel {
     /// # Errors
     /// As above.
     fn stop(&mut self, place: usize) -> Result<(), ConformError>;
-    /// Takes all effects away.
+    /// Removes all effects.
     ///
     /// # Errors
     /// As above.
@@ -62,70 +62,70 @@ pub trait Wheel {
     /// # Errors
     /// As above.
     fn gain(&mut self, share: f64) -> Result<(), ConformError>;
-    /// Waits until then, and appends when the wheel was where, in shares of half its range, 1 at the right end.
+    /// Waits until then, and appends times and positions of the wheel, in parts of half its range, 1 at the right end.
     ///
     /// # Errors
     /// The wheel is gone, or the user has asked to end.
     fn watch(&mut self, until: f64, trace: &mut Vec<(f64, f64)>) -> Result<(), ConformError>;
 }
 
-/// What was seen.
+/// The observations of a case.
 pub struct Seen {
-    /// Where the wheel was when.
+    /// Times and positions of the wheel.
     pub trace: Vec<(f64, f64)>,
-    /// The torque to the left that was asked for, from when on.
+    /// The times from which torques were requested, and these torques to the left.
     pub pushes: Vec<(f64, f64)>,
-    /// When each action was done: the effect's place in the case, and the action.
+    /// The effect's place in the case, the time, and the action, of each action.
     pub done: Vec<(usize, f64, Action)>,
 }
 
 impl Seen {
-    /// The torque to the right that was asked for then.
+    /// The requested torque to the right at that time.
     pub fn push(&self, time: f64) -> f64 {
         let before = self.pushes.partition_point(|(when, _)| *when <= time);
         before.checked_sub(1).and_then(|at| self.pushes.get(at)).map_or(0.0, |(_, level)| -level)
     }
 }
 
-/// How the wheel is made to swing.
+/// The controlled swing of the wheel.
 #[derive(Clone, Copy, Debug)]
 pub struct Swing {
     /// The acceleration of the largest torque to the right, 1/s²; negative where the sign is inverted.
     pub strength: f64,
     /// The largest share of the torque.
     pub most: f64,
-    /// Shares of half the range.
+    /// The amplitude, in parts of half the range.
     pub amplitude: f64,
 }
 
-/// From one change of the torque to the next, s.
+/// The time between two changes of the torque, in s.
 const TICK: f64 = 0.02;
-/// Of the swing, s.
+/// The period of the swing, in s.
 const PERIOD: f64 = 1.6;
 /// The natural frequency of the controller, rad/s, and its damping ratio.
 const FREQUENCY: f64 = 8.0;
 const RATIO: f64 = 0.8;
-/// Beyond this part of the range a case is at its end, and faster than so many half ranges a second.
+/// The position, in parts of half the range, and the speed, in half ranges per second, beyond which a case is ended.
 const EDGE: f64 = 0.7;
 const FASTEST: f64 = 4.0;
-/// How often half a second may bring the wheel no nearer to the middle.
+/// The number of half seconds that may pass without bringing the wheel nearer to the middle.
 const TRIES: u32 = 3;
-/// Over so long the controller takes the velocity, s.
-const RECENT: f64 = 0.04;
+/// The time over which the controller differences the position, in s.
+const DIFFERENCE_S: f64 = 0.04;
 /// The place of the effect that makes the wheel swing; a case's own follow.
 const PUSH: usize = 0;
 
-/// The torque that makes the wheel swing. It has a length: some wheels play nothing without, and none plays on if nobody stops it.
+/// The effect of the swing's torque. It has a length: some wheels ignore effects without one, and it ends also where the stop is lost.
 fn push(level: f64) -> Asked {
     Asked { length: Some(20.0), ..Asked::constant(level, LEFT) }
 }
 
-/// Position and velocity now. A trace has changes alone.
+/// Position and velocity now. A trace contains only changes.
 pub fn latest(trace: &[(f64, f64)], now: f64) -> (f64, f64) {
     let Some(&(_, position)) = trace.last() else { return (0.0, 0.0) };
-    let known = trace.partition_point(|(when, _)| *when <= now - RECENT);
+    let known = trace.partition_point(|(when, _)| *when <= now - DIFFERENCE_S);
     let before = trace.get(known.saturating_sub(1)).map_or(position, |(_, before)| *before);
-    (position, (position - before) / RECENT)
+    (position, (position - before) / DIFFERENCE_S)
 }
 
 impl Swing {
@@ -145,7 +145,7 @@ impl Swing {
         -(acceleration / self.strength).clamp(-self.most, self.most)
     }
 
-    /// Plays a case. Whatever happens, nothing plays at its end.
+    /// Plays a case. At its end no effect plays, also after an error.
     ///
     /// # Errors
     /// The wheel's.
@@ -188,7 +188,7 @@ impl Swing {
                     Action::Change(asked) => wheel.put(at + 1, &asked)?,
                 }
             }
-            // To the numbers that a driver has.
+            // Rounded to the driver's integers.
             let level = (32_767.0 * self.level(now - begin, at)).round() / 32_767.0;
             seen.pushes.push((wheel.now(), level));
             wheel.put(PUSH, &push(level))?;
@@ -204,7 +204,7 @@ impl Swing {
     pub fn centre(&self, wheel: &mut dyn Wheel) -> Result<(), ConformError> {
         let still = Swing { amplitude: 0.0, ..*self };
         let near = |(position, velocity): (f64, f64)| position.abs() < 0.05 && velocity.abs() < 0.1;
-        // Never near the middle: against a hand, or an end stop, it does not push for long.
+        // It gives up where the wheel does not come nearer to the middle: a hand or an end stop holds it.
         let (mut nearest, mut tries) = (f64::INFINITY, 0);
         while tries < TRIES {
             let rest = Case { seconds: 0.5, ..Case::rest() };
@@ -223,8 +223,8 @@ impl Swing {
     }
 }
 
-/// The smallest torque that moves the wheel by a hundredth of half its range in a moment, and the acceleration of the largest torque to the
-/// right that follows from it.
+/// Finds the smallest torque that moves the wheel by a hundredth of half its range in 0.3 s, and returns the acceleration of the largest torque to
+/// the right that follows from it.
 ///
 /// # Errors
 /// The wheel stays where it is, or takes no change of a torque.
@@ -248,7 +248,7 @@ pub fn probe(wheel: &mut dyn Wheel, most: f64) -> Result<f64, ConformError> {
         let first = latest(&trace, begin + MOMENT);
         let way = first.0 - from;
         if way.abs() >= MOVED {
-            // The other way, twice as strong: it has to turn round.
+            // The opposite direction, twice as strong: the wheel has to reverse.
             wheel.put(PUSH, &push(-(2.0 * level).min(most)))?;
             let turned = wheel.now();
             wheel.watch(turned + MOMENT, &mut trace)?;

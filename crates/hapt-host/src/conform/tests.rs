@@ -6,9 +6,9 @@ use hapt_wire::pid::{self, FULL, INFINITE, Kind, Operation, Pool, Report, Scale 
 use super::meaning::{Action, Played, WheelMotion, torque};
 use super::*;
 
-/// What a simulated wheel renders.
+/// The rendering of a simulated wheel.
 enum Renderer {
-    /// The meaning of what is asked, or an error.
+    /// The standard's meaning of the requests, or an error.
     Meaning { played: Vec<Option<Played>>, order: Vec<usize>, gain: f64, error: Option<KnownError>, scales: [f64; 3] },
     /// hapt's own effects, from the reports that a driver sends.
     Own { pool: Box<Pool>, wheel: hapt_core::wheel::Wheel<f32>, state: Box<hapt_core::wheel::WheelState<f32>> },
@@ -27,7 +27,7 @@ struct Simulated {
     friction: f64,
     count: f64,
     latency: f64,
-    /// What is on its way, with when it arrives.
+    /// Messages in flight, with their times of arrival.
     sent: Vec<(f64, Sent)>,
 }
 
@@ -107,7 +107,7 @@ impl Simulated {
         };
         let acceleration = self.strength * (self.held - dry) / (1.0 - self.strength * unit);
         let next = self.velocity + acceleration * STEP;
-        // Friction stops it, and does not turn it round.
+        // Friction stops the wheel, and does not reverse it.
         self.velocity = if next * self.velocity < 0.0 { 0.0 } else { next };
         self.position += self.velocity * STEP;
         self.time += STEP;
@@ -140,7 +140,7 @@ impl Renderer {
         match self {
             Renderer::Meaning { played, order, gain, error, .. } => match sent {
                 Sent::Put(at, asked) => match &mut played[at] {
-                    // The torque that makes it swing changes all the time.
+                    // The torque of the swing changes continually.
                     Some(effect) if at == 0 && *error != Some(KnownError::Update) => effect.asked = asked,
                     Some(effect) => effect.actions.push((now, Action::Change(asked))),
                     none => *none = Some(Played { asked, actions: Vec::new() }),
@@ -173,7 +173,7 @@ fn ms(seconds: f64) -> u16 {
     (1e3 * seconds).round() as u16
 }
 
-/// What Linux's driver makes of a request.
+/// The reports of Linux's driver for a request.
 fn reports(sent: Sent) -> Vec<Report> {
     let Asked { form, direction, length, delay } = match sent {
         Sent::Put(_, asked) => asked,
@@ -284,7 +284,7 @@ impl Wheel for Simulated {
         while self.time < until {
             self.step();
             let seen = counted(self.position, self.count);
-            // A driver tells changes alone.
+            // A driver reports only changes.
             if trace.last().is_none_or(|(_, last)| *last != seen) {
                 trace.push((self.time, seen));
             }
@@ -297,7 +297,7 @@ fn verdicts(wheel: &mut Simulated) -> Result<Conformance, ConformError> {
     conform(wheel, cases(0.2), 0.4, |_| ())
 }
 
-/// Of cases that are alike under every error, one.
+/// One of each set of cases that are equal under every error.
 fn each_once() -> Vec<Case> {
     const ALIKE: [&str; 7] =
         ["constant to the right", "sine", "square", "triangle", "sawtooth down", "spring", "half a spring"];
@@ -305,20 +305,20 @@ fn each_once() -> Vec<Case> {
     cases(0.2).into_iter().filter(unlike).collect()
 }
 
-fn told(found: &Conformance) -> Vec<String> {
+fn summary(found: &Conformance) -> Vec<String> {
     found.findings.iter().map(|f| format!("{:22} {:6.2} % {:?}", f.name, 100.0 * f.off, f.verdict)).collect()
 }
 
 #[test]
-fn what_renders_the_meaning_conforms() {
+fn a_wheel_that_renders_the_meaning_conforms() {
     let found = verdicts(&mut Simulated::meaning(None)).unwrap();
-    assert!(found.conforms() && !found.inverted, "{:?}\n{}", found.plant, told(&found).join("\n"));
+    assert!(found.conforms() && !found.inverted, "{:?}\n{}", found.plant, summary(&found).join("\n"));
 }
 
 #[test]
 fn hapts_own_wheel_conforms() {
     let found = verdicts(&mut Simulated::own()).unwrap();
-    assert!(found.conforms(), "{:?}\n{}", found.plant, told(&found).join("\n"));
+    assert!(found.conforms(), "{:?}\n{}", found.plant, summary(&found).join("\n"));
 }
 
 #[test]
@@ -328,7 +328,7 @@ fn every_known_error_is_found_and_named() {
         match found {
             Ok(found) => {
                 let named = found.findings.iter().any(|finding| finding.verdict == Verdict::Known(*error));
-                assert!(named, "{error:?}: {:?}\n{}", found.plant, told(&found).join("\n"));
+                assert!(named, "{error:?}: {:?}\n{}", found.plant, summary(&found).join("\n"));
             }
             // Without these two nothing can be measured.
             Err(ConformError::Still(_)) if *error == KnownError::Nothing => {}
@@ -339,15 +339,15 @@ fn every_known_error_is_found_and_named() {
 }
 
 #[test]
-fn a_wheel_that_stands_aside_is_not_pushed() {
+fn a_wheel_far_from_the_middle_is_not_pushed() {
     let mut wheel = Simulated { position: 0.9, ..Simulated::meaning(None) };
     assert!(matches!(verdicts(&mut wheel), Err(ConformError::Aside(_))));
     assert_eq!(wheel.velocity, 0.0);
 }
 
 #[test]
-fn other_wheels_are_measured_as_well() {
-    // A weak one with much friction of its own and a coarse axis; a strong one with little; one that answers late.
+fn weak_strong_and_late_wheels_are_measured_too() {
+    // A weak wheel with large friction and a coarse axis; a strong one with little friction; one with a long latency.
     let weak =
         Simulated { strength: 6.0, friction: 0.06, damping: 0.3, count: 1.0 / 2048.0, ..Simulated::meaning(None) };
     let strong =
@@ -355,6 +355,6 @@ fn other_wheels_are_measured_as_well() {
     let late = Simulated { latency: 0.04, ..Simulated::meaning(None) };
     for (name, mut wheel) in [("weak", weak), ("strong", strong), ("late", late)] {
         let found = verdicts(&mut wheel).unwrap_or_else(|error| panic!("{name}: {error}"));
-        assert!(found.conforms(), "{name}: {:?}\n{}", found.plant, told(&found).join("\n"));
+        assert!(found.conforms(), "{name}: {:?}\n{}", found.plant, summary(&found).join("\n"));
     }
 }

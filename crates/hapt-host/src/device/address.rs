@@ -1,4 +1,4 @@
-//! The address of a device, and what a world needs on it.
+//! The address of a device, and the requirements on a world there.
 
 use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
@@ -19,7 +19,7 @@ use crate::packed;
 pub enum DeviceAddress {
     /// The exact simulation.
     Sim,
-    /// The positions of a run, one a period: a CSV file or a log.
+    /// The positions of a run, one per period: a CSV file or a log.
     Replay(PathBuf),
     /// A motor drive.
     Drive(Address),
@@ -27,7 +27,7 @@ pub enum DeviceAddress {
     Board(BoardPort),
 }
 
-/// No drive has an address where drives are not supported.
+/// Where drives are not supported there is no address of one.
 #[cfg(not(target_os = "linux"))]
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Address {}
@@ -41,7 +41,7 @@ pub struct BoardPort {
     pub baud: u32,
 }
 
-/// The usual rate of a board's line, in bits per second (docs/wire.md).
+/// The default rate of a board's line, in bits per second (docs/wire.md).
 const BAUD: u32 = 921_600;
 
 impl FromStr for BoardPort {
@@ -102,7 +102,7 @@ impl FromStr for DeviceAddress {
                 let hint = if number.is_some_and(|number| number.parse::<u8>().is_ok()) {
                     format!("; did you mean \"hapt:{text}\"?")
                 } else if text.trim_start().starts_with('/') {
-                    // A serial port does not show what is connected to it.
+                    // A serial port does not identify the connected device.
                     format!(
                         "; did you mean \"hapt:{text}\", \"moteus:{text}\", \"odrive:{text}\" or \"simplefoc:{text}?...\"?"
                     )
@@ -168,8 +168,8 @@ impl DeviceAddress {
         }
     }
 
-    /// What a world needs on a motor that its file may lack, as `KEY=VALUE` overrides: an encoder gives no true velocity, so that the estimator
-    /// `exact` becomes `difference`, and is certified so.
+    /// The overrides that a world needs on a motor, as `KEY=VALUE`: an encoder gives no true velocity, so that the estimator `exact` becomes
+    /// `difference`, and is certified as such.
     ///
     /// # Errors
     /// [`DeviceError::Missing`]: a number that only the file can give.
@@ -189,11 +189,11 @@ impl DeviceAddress {
         Ok(exact.then(|| "loop.estimator=difference".into()).into_iter().collect())
     }
 
-    /// How the supervisor guards `world` on this device. On a motor only a certified world runs, unless `uncertified` allows any, with tighter
+    /// The supervisor's profile for `world` on this device. On a motor only a certified world runs, unless `uncertified` allows any, with tighter
     /// limits.
     ///
     /// # Errors
-    /// The world is not certified, or what runs the loop does not take it: this computer's core, or a board's, which is smaller.
+    /// The world is not certified, or the core that runs the loop refuses it: this computer's, or a board's, which is smaller.
     pub fn profile(&self, world: &World, uncertified: bool) -> Result<SafetyProfile, DeviceError> {
         let profile = if self.has_motor() { certified(world, uncertified)? } else { SafetyProfile::Simulated };
         match self {
@@ -241,7 +241,7 @@ mod tests {
         assert!(DeviceAddress::Sim.overrides(&world).unwrap().is_empty());
     }
 
-    /// A spring so stiff that the loop is unstable: no motor gets it by accident.
+    /// A spring so stiff that the loop is unstable.
     #[test]
     fn an_uncertified_world_runs_on_a_motor_on_request_only() {
         let mut world = world();

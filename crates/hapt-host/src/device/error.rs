@@ -1,9 +1,9 @@
-//! Why a device is not opened.
+//! The reasons that a device is not opened.
 
 use std::io;
 use std::path::PathBuf;
 
-/// Why a text is no address, a world does not run on a device, or the device does not open.
+/// The reason that a text is no address, that a world does not run on a device, or that the device does not open.
 #[derive(Debug, thiserror::Error)]
 pub enum DeviceError {
     /// The text is no address.
@@ -24,7 +24,7 @@ pub enum DeviceError {
     Missing {
         /// The key.
         key: &'static str,
-        /// What it says.
+        /// Its meaning.
         why: &'static str,
     },
     /// The world is not certified.
@@ -36,7 +36,7 @@ pub enum DeviceError {
     /// The certificate cannot be computed.
     #[error(transparent)]
     Check(#[from] hapt_analysis::Error),
-    /// The core does not take the world, or the board has no room for it.
+    /// The core refuses the world, or the world exceeds the board's size.
     #[error("{0}")]
     World(String),
     /// A recording cannot be read.
@@ -44,7 +44,7 @@ pub enum DeviceError {
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         error: io::Error,
     },
     /// A recording has a line that is no row of a run.

@@ -1,6 +1,6 @@
 //! Devices by address: `sim`, `replay:FILE`, `moteus:PATH`, `odrive:canX#ID`, `simplefoc:PATH?CONSTANT`, `hapt:PATH`.
 //!
-//! A [`DeviceAddress`] says which device is meant, what a world needs on it ([`DeviceAddress::overrides`]), how the supervisor guards there
+//! A [`DeviceAddress`] names a device, gives the overrides that a world needs on it ([`DeviceAddress::overrides`]) and the supervisor's profile
 //! ([`DeviceAddress::profile`]), and opens it: as a device of a loop on this computer ([`DeviceAddress::open`]), or as the [`Machine`] of a
 //! session, which includes boards ([`DeviceAddress::machine`]).
 //!

@@ -12,19 +12,19 @@ use crate::machine::{Backend, Machine};
 pub struct OpenedDevice {
     /// Started.
     pub device: Box<dyn Device>,
-    /// What moves the hand of a simulated device; `None` for every other.
+    /// The sender of commands to a simulated device's hand; `None` for every other device.
     pub hands: Option<Hands>,
-    /// What the user should know about it, such as what hapt cannot set in a drive.
+    /// Notes for the user, such as the settings of a drive that hapt cannot change.
     pub notes: Vec<String>,
 }
 
-/// What runs the loop of a session, without a torque.
+/// The machine that runs the loop of a session, without a torque.
 pub struct OpenedMachine {
     /// For [`crate::Session::start`].
     pub machine: Machine,
     /// The device in words: "the simulated device", "the board NAME".
     pub description: String,
-    /// What the user should know about it.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 
@@ -56,8 +56,8 @@ impl DeviceAddress {
         }
     }
 
-    /// Opens what runs the loop of `world` in a session: a thread of this computer with `settings`, or a board, which sends a sample every
-    /// `every` s (0: every sample).
+    /// Opens the machine that runs the loop of `world` in a session: a thread of this computer with `settings`, or a board, which sends a sample
+    /// every `every` s (0: every sample).
     ///
     /// # Errors
     /// The device cannot be opened, or is a board that runs no loop by itself.
@@ -108,10 +108,10 @@ fn board(port: &BoardPort, name: String, profile: SafetyProfile, every: f64) -> 
 }
 
 impl BoardPort {
-    /// Opens the port and greets the board there. Whatever torque it has goes on.
+    /// Opens the port and makes the handshake with the board there. A torque that is on stays on.
     ///
     /// # Errors
-    /// There is no such port, nothing answers, or it speaks another version of the protocol.
+    /// There is no such port, nothing answers, or the board has another version of the protocol.
     pub fn open(&self) -> Result<crate::board::Link, DeviceError> {
         Ok(crate::board::Link::open_at(&self.path, self.baud)?)
     }

@@ -9,9 +9,9 @@ use hapt_rt::Position;
 
 use super::DeviceError;
 
-/// The most positions of a recording: more than three hours at 1 kHz, some 300 MB.
+/// The largest number of positions of a recording: more than three hours at 1 kHz, about 300 MB.
 const MAX_SAMPLES: usize = 12_000_000;
-/// A longer line is no run's: 64 bodies in full digits take a tenth of it.
+/// The longest line of a run: 64 bodies in full digits take a tenth of it.
 const MAX_LINE_BYTES: u64 = 1 << 20;
 
 /// The puck's positions and velocities in a run's CSV, or in a log.
@@ -30,7 +30,7 @@ pub(super) fn positions(path: &Path, motion: Motion) -> Result<Vec<Position>, De
     Ok(positions)
 }
 
-/// Adds a position, unless the recording does not end.
+/// Adds a position, up to [`MAX_SAMPLES`].
 fn add(positions: &mut Vec<Position>, path: &Path, position: f64, velocity: f64) -> Result<(), DeviceError> {
     if positions.len() == MAX_SAMPLES {
         let message =

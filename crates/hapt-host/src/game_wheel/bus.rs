@@ -1,7 +1,7 @@
-//! A USB bus whose host is at the other end of a stream: USB/IP, as Linux's vhci-hcd speaks it ("USB/IP protocol", in the kernel's documentation).
+//! A USB bus whose host is at the other end of a stream: USB/IP in the form of Linux's vhci-hcd ("USB/IP protocol", in the kernel's documentation).
 //!
-//! The host sends transfers, and each is answered once; the device sees packets. A control transfer is taken to packets here: its setup, its
-//! data, its status.
+//! The host sends transfers, and each is answered once; the device handles packets. This module divides a control transfer into packets: setup,
+//! data, status.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -12,9 +12,9 @@ use usb_device::{UsbDirection, UsbError};
 
 /// The length of every message without its data, in bytes.
 pub const HEADER: usize = 48;
-/// The most data of a transfer, in bytes; a wheel's own are far shorter.
+/// The largest data of a transfer, in bytes; those of a wheel are far shorter.
 const MAX_TRANSFER_BYTES: usize = 4096;
-/// What the device takes of a control transfer, in bytes.
+/// The largest data of a control transfer to the device, in bytes.
 const MAX_CONTROL_BYTES: usize = 128;
 /// Endpoints in each direction, with the control pipe.
 const ENDPOINTS: usize = 3;
@@ -25,10 +25,10 @@ const SUBMITTED: u32 = 3;
 const UNLINKED: u32 = 4;
 /// The kernel's -EPIPE: the endpoint has stalled.
 const STALLED: i32 = -32;
-/// The kernel's -ECONNRESET: the transfer was taken back in time.
+/// The kernel's -ECONNRESET: the transfer was unlinked before it was answered.
 const ECONNRESET: i32 = -104;
 
-/// What comes on the stream is no message of the protocol.
+/// The bytes of the stream are no message of the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Malformed;
 
@@ -36,7 +36,7 @@ pub struct Malformed;
 struct Transfer {
     number: u32,
     setup: [u8; 8],
-    /// For a transfer to the device, what it carries; from the device, what was gathered.
+    /// The data of a transfer to the device; the data collected so far of one from the device.
     data: Vec<u8>,
     /// Bytes that the device has read.
     read: usize,
@@ -45,26 +45,26 @@ struct Transfer {
     is_in: bool,
 }
 
-/// How far the first control transfer is.
+/// The stage of the first control transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
-    /// The device has not seen it.
-    Waits,
+    /// The device has not been notified of its setup.
+    Idle,
     /// Its setup can be read.
     Setup,
-    /// The device writes.
-    Gathers {
-        /// A packet is gone, and the device does not know yet.
-        gone: bool,
+    /// The device writes the data.
+    DataIn {
+        /// A packet was sent, and the device has not been notified yet.
+        sent: bool,
     },
-    /// The device reads.
-    Gives,
-    /// The device may read the empty packet that ends what it wrote.
-    ReadsStatus,
-    /// The device is to write the empty packet that ends what it read.
-    WritesStatus,
-    /// It has written it, and does not know yet that it is gone.
-    Gone,
+    /// The device reads the data.
+    DataOut,
+    /// The device may read the empty status packet after the data that it wrote.
+    StatusOut,
+    /// The device is to write the empty status packet after the data that it read.
+    StatusIn,
+    /// The device has written the status, and has not been notified yet that it was sent.
+    StatusSent,
 }
 
 struct State {
@@ -77,8 +77,8 @@ struct State {
     into: [VecDeque<Transfer>; ENDPOINTS],
     /// Packets that wait for a transfer of the host.
     ready: [Option<Vec<u8>>; ENDPOINTS],
-    /// Endpoints whose packet is gone, and the device does not know yet.
-    gone: u16,
+    /// The endpoints, one bit each, whose packet was sent without a notification of the device yet.
+    sent: u16,
     stalled: [u16; 2],
     answers: Vec<u8>,
 }
@@ -92,11 +92,11 @@ impl Default for Bus {
             is_reset: true,
             used: [0; 2],
             control: VecDeque::new(),
-            stage: Stage::Waits,
+            stage: Stage::Idle,
             out: Default::default(),
             into: Default::default(),
             ready: Default::default(),
-            gone: 0,
+            sent: 0,
             stalled: [0; 2],
             answers: Vec::new(),
         }))
@@ -186,15 +186,15 @@ impl State {
         self.answers.resize(begin + HEADER, 0);
     }
 
-    /// The host takes a transfer back.
+    /// The host unlinks a transfer.
     fn unlink(&mut self, number: u32, which: u32) {
         let waits = |queue: &VecDeque<Transfer>| queue.iter().position(|transfer| transfer.number == which);
         let mut found = false;
         if let Some(at) = waits(&self.control) {
             self.control.remove(at);
             if at == 0 {
-                // The device forgets it at the next setup.
-                self.stage = Stage::Waits;
+                // The device drops it at the next setup.
+                self.stage = Stage::Idle;
             }
             found = true;
         }
@@ -209,40 +209,40 @@ impl State {
 
     /// Ends the first control transfer.
     fn end_control(&mut self, status: i32) {
-        self.stage = Stage::Waits;
+        self.stage = Stage::Idle;
         if let Some(mut transfer) = self.control.pop_front() {
             let data = std::mem::take(&mut transfer.data);
             self.answer(&transfer, status, if status == 0 { &data } else { &[] });
         }
     }
 
-    /// Gives a packet to a transfer, where there are both.
+    /// Answers a transfer with a packet, where there are both.
     fn deliver(&mut self, endpoint: usize) {
-        // A packet without a transfer waits, so that the device knows that nobody has read it.
+        // A packet without a transfer stays, so that the device can tell that it is unread.
         if let Some(packet) = self.ready[endpoint].take_if(|_| !self.into[endpoint].is_empty())
             && let Some(transfer) = self.into[endpoint].pop_front()
         {
             self.answer(&transfer, 0, &packet);
-            self.gone |= 1 << endpoint;
+            self.sent |= 1 << endpoint;
         }
     }
 
     fn write_control(&mut self, packet: &[u8]) -> Result<usize, UsbError> {
         let Some(transfer) = self.control.front_mut() else { return Err(UsbError::WouldBlock) };
         match self.stage {
-            Stage::Gathers { gone: false } => {
+            Stage::DataIn { sent: false } => {
                 transfer.data.extend_from_slice(packet);
                 let ends = packet.len() < usize::from(hapt_wire::usb::PACKET) || transfer.data.len() >= transfer.room;
-                self.stage = if ends { Stage::ReadsStatus } else { Stage::Gathers { gone: true } };
+                self.stage = if ends { Stage::StatusOut } else { Stage::DataIn { sent: true } };
                 Ok(packet.len())
             }
-            Stage::WritesStatus => {
-                self.stage = Stage::Gone;
+            Stage::StatusIn => {
+                self.stage = Stage::StatusSent;
                 Ok(packet.len())
             }
-            // The empty packet after the last full one, which the host has not asked for.
-            Stage::ReadsStatus => Ok(packet.len()),
-            Stage::Waits | Stage::Setup | Stage::Gathers { gone: true } | Stage::Gives | Stage::Gone => {
+            // The empty packet after the last full one, which the host has not requested.
+            Stage::StatusOut => Ok(packet.len()),
+            Stage::Idle | Stage::Setup | Stage::DataIn { sent: true } | Stage::DataOut | Stage::StatusSent => {
                 Err(UsbError::WouldBlock)
             }
         }
@@ -256,37 +256,37 @@ impl State {
                 let is_in = transfer.setup[0] & 0x80 != 0;
                 transfer.room = transfer.room.min(length);
                 self.stage = match (is_in, length) {
-                    (true, _) => Stage::Gathers { gone: false },
-                    (false, 0) => Stage::WritesStatus,
-                    (false, _) => Stage::Gives,
+                    (true, _) => Stage::DataIn { sent: false },
+                    (false, 0) => Stage::StatusIn,
+                    (false, _) => Stage::DataOut,
                 };
                 let setup = transfer.setup;
                 fill(buffer, &setup)
             }
-            Stage::Gives => {
+            Stage::DataOut => {
                 let taken = fill(buffer, packet(transfer))?;
                 transfer.read += taken;
                 if transfer.read >= transfer.data.len() {
-                    self.stage = Stage::WritesStatus;
+                    self.stage = Stage::StatusIn;
                 }
                 Ok(taken)
             }
-            Stage::ReadsStatus => {
+            Stage::StatusOut => {
                 self.end_control(0);
                 Ok(0)
             }
-            Stage::Waits | Stage::Gathers { .. } | Stage::WritesStatus | Stage::Gone => Err(UsbError::WouldBlock),
+            Stage::Idle | Stage::DataIn { .. } | Stage::StatusIn | Stage::StatusSent => Err(UsbError::WouldBlock),
         }
     }
 
     fn poll_control(&mut self) -> (bool, bool, bool) {
         let (mut setup, mut out, mut gone) = (false, false, false);
         match self.stage {
-            Stage::Waits => {
+            Stage::Idle => {
                 if let Some(transfer) = self.control.front() {
                     let length = usize::from(u16::from_le_bytes([transfer.setup[6], transfer.setup[7]]));
                     let is_out = transfer.setup[0] & 0x80 == 0;
-                    // The setup says something else than the transfer.
+                    // The setup contradicts the transfer.
                     let contradicts = is_out == transfer.is_in && length > 0 || is_out && transfer.data.len() != length;
                     if contradicts || is_out && length > MAX_CONTROL_BYTES {
                         self.end_control(STALLED);
@@ -297,22 +297,22 @@ impl State {
                 }
             }
             Stage::Setup => setup = true,
-            Stage::Gathers { gone: true } => {
-                self.stage = Stage::Gathers { gone: false };
+            Stage::DataIn { sent: true } => {
+                self.stage = Stage::DataIn { sent: false };
                 gone = true;
             }
-            Stage::Gives | Stage::ReadsStatus => out = true,
-            Stage::Gone => {
+            Stage::DataOut | Stage::StatusOut => out = true,
+            Stage::StatusSent => {
                 self.end_control(0);
                 gone = true;
             }
-            Stage::Gathers { gone: false } | Stage::WritesStatus => {}
+            Stage::DataIn { sent: false } | Stage::StatusIn => {}
         }
         (setup, out, gone)
     }
 }
 
-/// The packet of a transfer that comes next.
+/// The next packet of a transfer.
 fn packet(transfer: &Transfer) -> &[u8] {
     let rest = &transfer.data[transfer.read.min(transfer.data.len())..];
     &rest[..rest.len().min(usize::from(hapt_wire::usb::PACKET))]
@@ -352,10 +352,10 @@ impl UsbBus for Bus {
     fn reset(&self) {
         let mut state = self.state();
         state.ready = Default::default();
-        (state.gone, state.stalled) = (0, [0; 2]);
+        (state.sent, state.stalled) = (0, [0; 2]);
     }
 
-    /// The kernel keeps addresses to itself.
+    /// The kernel does not pass on addresses.
     fn set_device_address(&self, _: u8) {}
 
     fn write(&self, address: EndpointAddress, packet: &[u8]) -> Result<usize, UsbError> {
@@ -392,8 +392,8 @@ impl UsbBus for Bus {
     fn set_stalled(&self, address: EndpointAddress, stalled: bool) {
         let mut state = self.state();
         if address.index() == 0 {
-            // Until the next setup, which begins without.
-            if stalled && state.stage != Stage::Waits {
+            // A stall of the control endpoint ends with the next setup.
+            if stalled && state.stage != Stage::Idle {
                 state.end_control(STALLED);
             }
             return;
@@ -425,7 +425,7 @@ impl UsbBus for Bus {
         for (index, queue) in state.out.iter().enumerate().skip(1) {
             ep_out |= u16::from(!queue.is_empty()) << index;
         }
-        let ep_in_complete = std::mem::take(&mut state.gone) | u16::from(gone);
+        let ep_in_complete = std::mem::take(&mut state.sent) | u16::from(gone);
         let ep_setup = u16::from(setup);
         if ep_out | ep_in_complete | ep_setup == 0 {
             PollResult::None
@@ -446,7 +446,7 @@ mod tests {
 
     use super::{Bus, HEADER, SUBMIT, UNLINK, data_length, word};
 
-    /// A message with its data: any words, or those of a transfer that could be.
+    /// A message with its data: random words, or those of a plausible transfer.
     fn messages() -> impl Strategy<Value = Vec<u8>> {
         let setup = prop_oneof![
             any::<[u8; 8]>(),
@@ -462,7 +462,7 @@ mod tests {
         ];
         let data = prop_oneof![
             proptest::collection::vec(any::<u8>(), 0..200),
-            // Reports that may be whole.
+            // Reports that may be complete.
             (id::WHEEL..=id::POOL, proptest::collection::vec(0..20_u8, 0..15))
                 .prop_map(|(id, rest)| [vec![id], rest].concat()),
         ];
@@ -476,7 +476,7 @@ mod tests {
                     setup[6] = length as u8;
                     setup[7] = 0;
                 }
-                // The word of the length is the number of what is taken back.
+                // The word of the length is the number of the unlinked transfer.
                 let words = [command, number, 0, u32::from(is_in), endpoint];
                 let rest = if command == UNLINK { [room % 30, 0] } else { [0, length] };
                 let mut bytes: Vec<u8> =
@@ -491,9 +491,9 @@ mod tests {
     proptest! {
         #![proptest_config(hapt_testing::cases(256))]
 
-        /// Every transfer is answered once at most, and the device comes to rest after each message.
+        /// Every transfer is answered at most once, and the device becomes idle after each message.
         #[test]
-        fn whatever_a_host_sends_nothing_is_answered_twice(sent in proptest::collection::vec(messages(), 0..60)) {
+        fn for_any_messages_of_a_host_no_transfer_is_answered_twice(sent in proptest::collection::vec(messages(), 0..60)) {
             let bus = UsbBusAllocator::new(Bus::default());
             let mut class = WheelClass::new(&bus);
             let mut device = WheelClass::device(&bus).unwrap();
@@ -523,7 +523,7 @@ mod tests {
         }
 
         #[test]
-        fn what_is_no_message_is_refused(bytes in any::<[u8; HEADER]>()) {
+        fn malformed_messages_are_refused(bytes in any::<[u8; HEADER]>()) {
             let command = u32::from_be_bytes(bytes[..4].try_into().unwrap());
             prop_assert_eq!(data_length(&bytes).is_err(), !(command == SUBMIT || command == UNLINK) || command == SUBMIT && {
                 u32::from_be_bytes(bytes[24..28].try_into().unwrap()) > super::MAX_TRANSFER_BYTES as u32

@@ -5,16 +5,16 @@ use hapt_core::wheel::game_loop::{GameLaw, GameReport, Oddity};
 use super::view::number;
 use crate::messages::GameInfo;
 
-/// The loop that a game closes, as far as it is known.
+/// The loop that a game closes, as estimated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GameStatus {
-    /// As it was found last.
+    /// The last estimate.
     pub last: GameReport<f64>,
-    /// The damping that it lacked at most, N·m·s/rad.
+    /// The largest missing damping, N·m·s/rad.
     pub lacking: f64,
-    /// That was added at most, N·m·s/rad.
+    /// The largest added damping, N·m·s/rad.
     pub damping: f64,
-    /// The part of the level that was held back at most, 0 to 1.
+    /// The largest part of the level that was held back, 0 to 1.
     pub held_back: f64,
 }
 
@@ -50,7 +50,7 @@ pub fn game_law(law: &GameLaw<f64>) -> String {
     )
 }
 
-/// What was done about it, in a sentence.
+/// The counter-measure, in a sentence.
 pub fn game_remedy(game: &GameStatus, acts: bool) -> String {
     let lacks = number(game.lacking);
     if game.lacking <= 0.0 {
@@ -68,7 +68,7 @@ pub fn game_remedy(game: &GameStatus, acts: bool) -> String {
     }
 }
 
-/// What is peculiar about a game's levels, in a sentence.
+/// A peculiarity of a game's levels, in a sentence.
 pub fn oddity(peculiar: Oddity) -> &'static str {
     match peculiar {
         Oddity::Outward => {

@@ -1,7 +1,7 @@
 //! A loop's device as a force-feedback wheel of this computer (Linux): a thread between the loop's rings and the kernel's USB.
 //!
-//! The loop never waits for it. What a host asks for is a pool of effects ([`hapt_wire::pid`]); the loop renders it beside its world, with the
-//! damping that the world does not need ([`hapt_core::wheel`]).
+//! The loop never waits for it. The host's requests are a pool of effects ([`hapt_wire::pid`]); the loop renders it in addition to its world, with
+//! the damping that the world does not need ([`hapt_core::wheel`]).
 
 mod bus;
 mod game;
@@ -33,21 +33,21 @@ pub use game::{GameStatus, game_law, game_remedy, oddity};
 use view::PlayedEffects;
 pub use view::{View, reason};
 
-/// From one end of the steering to the other, rad: 1° to 100 turns. Outside of it the reports' numbers of an angle say nothing of this wheel.
+/// The permitted steering ranges from end to end, rad: 1° to 100 turns. Outside of them the reports' numbers of an angle are not meaningful.
 pub const STEERING: RangeInclusive<f64> = std::f64::consts::TAU / 360.0..=100.0 * std::f64::consts::TAU;
 
-/// How long the thread waits for the host before it looks at the loop again.
-const LOOK: Timespec = Timespec { tv_sec: 0, tv_nsec: 1_000_000 };
+/// The longest wait of the thread for the host before it reads the loop's samples again.
+const POLL_PERIOD: Timespec = Timespec { tv_sec: 0, tv_nsec: 1_000_000 };
 /// The kernel's device of the wheel appears within this.
 const APPEARS: Duration = Duration::from_secs(20);
 /// The kernel's name of it: manufacturer and product.
 const NAME: &str = "hapt hapt wheel";
-/// The host takes its answers within this, or is gone.
+/// A host that does not read its answers within this time counts as disconnected.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(2);
-/// Packets that the device takes before the thread looks at the loop again.
-const AT_ONCE: usize = 1000;
+/// The largest number of packets that the device handles before the thread reads the loop's samples again.
+const PACKETS_AT_ONCE: usize = 1000;
 
-/// Why there is no wheel.
+/// The reason that there is no wheel.
 #[derive(Debug, thiserror::Error)]
 pub enum WheelError {
     /// The kernel's module is not loaded.
@@ -59,19 +59,19 @@ pub enum WheelError {
     /// Every port is taken.
     #[error("the virtual USB controller has no free port; end another program that has attached a device")]
     NoPort,
-    /// The kernel does not take the device.
+    /// The kernel refuses the device.
     #[error("the kernel does not attach the wheel: {0}")]
     Attach(io::Error),
     /// The device cannot be a wheel.
     #[error("{0}")]
     Device(#[from] Refused),
-    /// The steering turns by an angle that no wheel has.
+    /// The steering range is outside of [`STEERING`].
     #[error("the steering turns by {degrees:.3e}°; expected 1° to 36000°, such as 900°")]
     Range {
         /// From one end to the other.
         degrees: f64,
     },
-    /// The world is not one of a wheel.
+    /// The world is not suitable for a wheel.
     #[error("{0}")]
     World(String),
     /// The certificate cannot be computed.
@@ -79,22 +79,22 @@ pub enum WheelError {
     Check(String),
 }
 
-/// What a world's device can be as a wheel.
+/// The numbers of a world's device as a game wheel.
 #[derive(Clone, Debug)]
 pub struct Room {
     device: Device,
     rotor: Rotor,
-    /// Whether the loop that a game closes is kept quiet, or only measured.
+    /// Whether the loop that a game closes is damped, or only measured.
     acts: bool,
     /// Half of the steering range, rad.
     half: f64,
-    /// Why the world by itself is passive as far as its linear loop goes only.
+    /// The reasons that the world's passivity is proved only for its linear loop.
     not_proved: Vec<String>,
 }
 
 impl Room {
-    /// The room of this world for effects, on a wheel that turns by `range` rad from one end to the other. The world is what the wheel does
-    /// without a game, its end stops and its base feel; the effects get the damping of the device that the world itself does not need.
+    /// The room of this world for effects, on a wheel that turns by `range` rad from one end to the other. The world is the wheel's behaviour
+    /// without a game: its end stops and its base feel; the effects get the damping of the device that the world does not need.
     ///
     /// # Errors
     /// The range is outside of [`STEERING`]; the world is linear, or has no limit, or is not certified.
@@ -132,7 +132,7 @@ impl Room {
             lag: world.device.lag_range()[1],
         };
         let damping = least - demand;
-        // The world's own counts and levels come first.
+        // The world's own counts and levels use damping and friction first.
         let own = hapt_analysis::quantisation(world).map_err(|error| WheelError::Check(error.to_string()))?;
         let count = world.count().unwrap_or(0.0);
         let ([friction, _], of_world) =
@@ -143,13 +143,13 @@ impl Room {
         Ok(Room { device, rotor, acts: true, half: 0.5 * range, not_proved: uneven.not_proved })
     }
 
-    /// The same for a wheel that measures the loop which a game closes, and does nothing about it.
+    /// The same for a wheel that only measures the loop which a game closes.
     #[must_use]
     pub fn measuring(self) -> Self {
         Room { acts: false, ..self }
     }
 
-    /// Whether the loop that a game closes is kept quiet, or only measured.
+    /// Whether the loop that a game closes is damped, or only measured.
     pub fn acts(&self) -> bool {
         self.acts
     }
@@ -162,7 +162,7 @@ impl Room {
         GameLoop::new(&self.device, &self.rotor, self.acts)
     }
 
-    /// The device with what is left of its damping and its friction.
+    /// The device with the remaining damping and friction.
     pub fn device(&self) -> &Device {
         &self.device
     }
@@ -172,8 +172,8 @@ impl Room {
         self.half
     }
 
-    /// Why the world by itself is passive as far as its linear loop goes only, one sentence each; empty where it is proved. What is claimed of
-    /// the effects is claimed as far.
+    /// The reasons that the world's passivity is proved only for its linear loop, one sentence each; empty where it is proved without that
+    /// restriction. The same restriction applies to the claims about effects.
     pub fn not_proved(&self) -> &[String] {
         &self.not_proved
     }
@@ -183,18 +183,18 @@ impl Room {
         self.device.damping
     }
 
-    /// The largest stiffness of springs that it pays for, N·m/rad.
+    /// The largest stiffness of springs that this damping permits, N·m/rad.
     pub fn stiffness(&self) -> f64 {
         self.device.stiffness()
     }
 
-    /// What full scale of the host's numbers means.
+    /// The full scale of the host's numbers.
     pub fn scale(&self) -> Scale {
         Scale::of_wheel(self.device.limit, self.half)
     }
 }
 
-/// What the host has done, and what it was given.
+/// The host's requests so far, and the given torques.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WheelStatus {
     /// Whether the host has the device.
@@ -216,11 +216,11 @@ pub struct WheelStatus {
     pub less: [u64; 3],
     /// The smallest factor on springs.
     pub scale: f64,
-    /// The loop that the game closes, as it was found last, and what was added and held back at most.
+    /// The last estimate of the loop that the game closes, and the largest added damping and held-back part.
     pub game: Option<GameStatus>,
 }
 
-/// What the thread shares with those who look at the wheel. Whoever holds a part of it does so for microseconds.
+/// The data that the thread shares with the pages and the owner of the wheel. Every lock is held for microseconds.
 pub(crate) struct Shared {
     status: Mutex<WheelStatus>,
     shown: Mutex<PlayedEffects>,
@@ -240,7 +240,7 @@ fn locked<T>(part: &Mutex<T>) -> MutexGuard<'_, T> {
     part.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Says so when the thread ends, by a panic too.
+/// Sets the status to detached when the thread ends, also by a panic.
 struct Detached<'a>(&'a Shared);
 
 impl Drop for Detached<'_> {
@@ -255,7 +255,7 @@ impl GameWheel {
     /// # Errors
     /// See [`WheelError`].
     pub fn attach(room: &Room) -> Result<(Self, EffectsPort), WheelError> {
-        // Before the kernel has anything that would have to be taken away again.
+        // Checked before the kernel has a device that would have to be removed again.
         Wheel::<f32>::new(&room.device)?;
         let wheel = GameWheel::on(vhci::attach()?, room)?;
         let stop = Arc::clone(&wheel.0.stop);
@@ -267,7 +267,7 @@ impl GameWheel {
         Ok(wheel)
     }
 
-    /// The same with a host at the other end of this stream, which speaks USB/IP.
+    /// The same with a USB/IP host at the other end of this stream.
     ///
     /// # Errors
     /// See [`WheelError`].
@@ -283,14 +283,14 @@ impl GameWheel {
         let limit = room.device.limit;
         let work = move || {
             let _detached = Detached(&sees);
-            // It owns the rings' ends: what the host has left plays no more when it ends, in whatever way.
+            // The worker owns the rings' ends: however it ends, the host's effects end with it.
             Worker { host, wire, half, limit, scale, shared: &sees, unsent: false }.run(&stops);
         };
         let thread = std::thread::Builder::new().name("wheel".into()).spawn(work).map_err(WheelError::Attach)?;
         Ok((GameWheel { stop, shared, limit, thread: Some(thread) }, port))
     }
 
-    /// What has happened so far.
+    /// The status so far.
     pub fn status(&self) -> WheelStatus {
         *locked(&self.shared.status)
     }
@@ -300,7 +300,7 @@ impl GameWheel {
         View::new(Arc::clone(&self.shared), self.limit)
     }
 
-    /// Detaches the wheel, and says what has happened.
+    /// Detaches the wheel, and returns its status.
     pub fn end(&mut self) -> WheelStatus {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
@@ -336,7 +336,7 @@ struct Worker<'a> {
     limit: f64,
     scale: Scale,
     shared: &'a Shared,
-    /// The pool has changed, and the ring had no room for it.
+    /// Whether the pool has changed and was not sent yet, because the ring was full.
     unsent: bool,
 }
 
@@ -349,12 +349,12 @@ impl Worker<'_> {
         let mut now = 0;
         while !stop.load(Ordering::Relaxed) {
             let goes_on = self.receive(&mut come);
-            let position = self.look(&mut now);
-            // The loop's samples are its clock.
+            let position = self.take_samples(&mut now);
+            // The loop's samples are the clock of the effects.
             class.at(now / 1000);
             let taken = feed(device.bus(), &mut come);
             let mut has_host = true;
-            for _ in 0..AT_ONCE {
+            for _ in 0..PACKETS_AT_ONCE {
                 let was_configured = device.state() == UsbDeviceState::Configured;
                 let goes_on = device.poll(&mut [&mut class]);
                 has_host &= !was_configured || device.state() == UsbDeviceState::Configured;
@@ -368,7 +368,7 @@ impl Worker<'_> {
             }
             self.pass_on(&mut class);
             let answers = device.bus().answers();
-            // The last answers too: the kernel may wait for them.
+            // The last answers are sent too: the kernel may wait for them.
             let is_gone = self.host.write_all(&answers).is_err();
             if taken.is_err() || !goes_on || is_gone || !has_host {
                 break;
@@ -376,11 +376,11 @@ impl Worker<'_> {
         }
     }
 
-    /// Waits for the host and appends what has come; false where the host has closed the stream.
+    /// Waits for the host and appends the bytes received; false where the host has closed the stream.
     fn receive(&mut self, come: &mut Vec<u8>) -> bool {
         // A socket's own timeout is counted in ticks of the kernel, 4 ms each on many systems: the game would read the steering as late.
         let mut waiting = [PollFd::new(&self.host, PollFlags::IN)];
-        match poll(&mut waiting, Some(&LOOK)) {
+        match poll(&mut waiting, Some(&POLL_PERIOD)) {
             Ok(0) | Err(Errno::INTR) => return true,
             Ok(_) => {}
             Err(_) => return false,
@@ -396,8 +396,8 @@ impl Worker<'_> {
         }
     }
 
-    /// Counts what the loop's samples have made of the effects; the newest position, where there is one.
-    fn look(&mut self, now: &mut u64) -> Option<f64> {
+    /// Updates the status by the loop's samples; returns the newest position, where there is one.
+    fn take_samples(&mut self, now: &mut u64) -> Option<f64> {
         let mut newest = None;
         let (mut status, mut shown) = (locked(&self.shared.status), locked(&self.shared.shown));
         while let Ok(sample) = self.wire.samples.pop() {
@@ -426,7 +426,7 @@ impl Worker<'_> {
         Input { steering: Input::at(position, self.half).steering, ..*locked(&self.shared.pressed) }
     }
 
-    /// Gives the loop the pool where it has changed.
+    /// Sends the pool to the loop where it has changed.
     fn pass_on(&mut self, class: &mut WheelClass<'_, Bus>) {
         {
             let mut status = locked(&self.shared.status);
@@ -448,7 +448,7 @@ fn reason_index(reason: Shortfall) -> usize {
     }
 }
 
-/// Gives the bus the messages that are whole, and keeps the rest.
+/// Passes complete messages to the bus, and keeps the rest.
 fn feed(bus: &Bus, come: &mut Vec<u8>) -> Result<(), Malformed> {
     let mut at = 0;
     while let Some(header) = come[at..].first_chunk::<HEADER>() {

@@ -1,4 +1,4 @@
-//! The virtual host controller of Linux's kernel (vhci-hcd): gives it one end of a stream, and a device appears on this computer.
+//! The virtual host controller of Linux's kernel (vhci-hcd): it takes one end of a stream, and a device appears on this computer.
 
 use std::fs;
 use std::io;
@@ -9,9 +9,9 @@ use std::path::Path;
 use super::WheelError;
 
 const CONTROLLER: &str = "/sys/devices/platform/vhci_hcd.0";
-/// Of full speed, 12 Mbit/s.
+/// The code of full speed, 12 Mbit/s.
 const FULL_SPEED: u32 = 2;
-/// A port's number, its state where it is free.
+/// The state of a free port.
 const FREE: &str = "004";
 
 /// The first free port for devices of full speed, in the text of the controller's `status`.
@@ -36,7 +36,7 @@ pub fn attach() -> Result<UnixStream, WheelError> {
     let status = fs::read_to_string(folder.join("status")).map_err(failed)?;
     let port = free_port(&status).ok_or(WheelError::NoPort)?;
     let (own, kernels) = UnixStream::pair().map_err(WheelError::Attach)?;
-    // The number of a device is the bus's and the device's; nothing here has either.
+    // The device identifier is bus number and device number; any unique value will do.
     let line = format!("{port} {} {} {FULL_SPEED}", kernels.as_raw_fd(), 1 << 16 | (port + 2));
     fs::write(folder.join("attach"), line).map_err(failed)?;
     Ok(own)

@@ -1,4 +1,4 @@
-//! What a page sees of the wheel, and presses on it.
+//! The page's view of the wheel, with pedals and buttons.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use super::{Shared, locked};
 use crate::machine::WheelView;
 use crate::messages::{Controls, EffectInfo, WheelInfo};
 
-/// Why less is given than asked, in a sentence.
+/// The reason that less torque is given than requested, in a sentence.
 pub fn reason(why: Shortfall) -> &'static str {
     match why {
         Shortfall::Drives => "a negative coefficient would drive the wheel by itself, and counts as 0",
@@ -22,15 +22,15 @@ pub fn reason(why: Shortfall) -> &'static str {
     }
 }
 
-/// The same of a host that says nothing.
+/// The same for a host that has stopped sending.
 const PAUSES: &str =
     "the game has said nothing for 10 s, and all that can do work on the wheel pauses up to its next report";
 
-/// What plays, and what became of it since someone looked.
+/// The effects that play, and their torques since the last status.
 #[derive(Default)]
 pub(super) struct PlayedEffects {
     effects: Vec<Effect<f32>>,
-    /// Least, last and most of what was asked and what was given, N·m: by how much it changes the motor's torque, which the world alone has too.
+    /// Smallest, last and largest of the requested and of the given torque, N·m: the change of the motor's torque over that of the world without effects.
     torques: Option<[[f64; 3]; 2]>,
     /// The last of each.
     held: [f64; 2],
@@ -52,9 +52,9 @@ impl PlayedEffects {
         self.last = Some(*given);
     }
 
-    /// What plays now, in µs of the pool's clock.
+    /// Sets the effects that play at `now`, in µs of the pool's clock.
     pub(super) fn plays(&mut self, pool: &Pool, now: u64, scale: &Scale) {
-        // A copy: what has ended leaves the loop's own.
+        // On a copy: `effects` removes those that have ended.
         let mut pool = *pool;
         let (all, playing): ([Effect<f32>; EFFECTS], usize) = pool.effects(now, scale);
         self.pauses = pool.pauses();
@@ -63,7 +63,7 @@ impl PlayedEffects {
     }
 }
 
-/// The wheel as its pages have it.
+/// The pages' handle on the wheel.
 pub struct View {
     shared: Arc<Shared>,
     limit: f64,

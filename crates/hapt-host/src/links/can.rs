@@ -13,7 +13,7 @@ use hapt_wire::link::{Codec, Frames};
 use super::ends::{Arrived, Medium};
 use super::station::{CanLimit, LinkError, Links, Transport};
 
-/// How long a frame waits for room on the way to the bus, before it is lost.
+/// The longest wait of a frame for room in the send queue, after which it is lost.
 const SEND_TIMEOUT: Duration = Duration::from_millis(1);
 
 /// A CAN bus of a network's links: `can:can0`, `can:/dev/ttyACM0@500k`, each with `#RANGE`.
@@ -68,7 +68,7 @@ impl fmt::Display for CanAddress {
 }
 
 impl CanAddress {
-    /// What the links of all stations send at most, in bit/s.
+    /// The largest total rate of the links of all stations, in bit/s.
     ///
     /// # Errors
     /// A bus does not carry this network: too many links, too many messages within an `age_max`, or more than the adapter's rate.
@@ -80,7 +80,7 @@ impl CanAddress {
         for (link, side) in network.links.iter().flat_map(|link| [(link, 0), (link, 1)]) {
             let [own, other] = [side, 1 - side].map(|side| &network.stations[link.between[side]]);
             let sample = own.world.sampling.period;
-            // Where messages are fewer than samples, one may come half a sample early.
+            // Where messages are fewer than samples, one may be sent half a sample early.
             let period = link.period.map_or(sample, |period| sample.max(period - 0.5 * sample));
             let most = Frames::UNANSWERED.unwrap_or(u64::MAX);
             if link.age_max / period > most as f64 {
@@ -164,7 +164,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_address_reads_back_and_says_what_is_wrong() {
+    fn an_address_reads_back_and_a_wrong_one_is_explained() {
         for text in ["can:can0#256", "can:vcan0#1", "can:/dev/ttyACM0@500k#511"] {
             assert_eq!(text.parse::<CanAddress>().unwrap().to_string(), text);
         }

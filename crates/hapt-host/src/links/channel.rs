@@ -1,4 +1,4 @@
-//! The channel of a simulated network, whose numbers pages change.
+//! The channel of a simulated network, whose numbers pages can change.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -6,27 +6,27 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use hapt_model::Link;
 use hapt_sim::Channel;
 
-/// How long the messages of an end take, and how many are lost: changed from any thread.
+/// Delay and loss of the messages of an end, which any thread may change.
 #[derive(Debug)]
 pub struct ChannelNumbers {
-    /// In s, as bits: shortest and longest.
+    /// The shortest and the longest delay in s, as bits.
     delay: [AtomicU64; 2],
     loss: AtomicU64,
 }
 
 impl ChannelNumbers {
-    /// From now on every message takes this long, in s.
+    /// Sets the delay of every message from now on, in s.
     pub fn set_delay(&self, delay: f64) {
         self.delay.iter().for_each(|end| end.store(delay.to_bits(), Ordering::Relaxed));
     }
 
-    /// From now on this part of them is lost.
+    /// Sets the part of the messages that is lost from now on.
     pub fn set_loss(&self, loss: f64) {
         self.loss.store(loss.to_bits(), Ordering::Relaxed);
     }
 }
 
-/// Messages on their way, at instants in ns.
+/// Messages in flight, at instants in ns.
 pub(crate) struct InFlight<T> {
     numbers: Arc<ChannelNumbers>,
     random: u64,
@@ -42,12 +42,12 @@ impl<T: Copy> InFlight<T> {
         InFlight { numbers: Arc::new(numbers), random, channel: Channel::new(link) }
     }
 
-    /// What may be changed of it.
+    /// Its numbers, which may be changed.
     pub fn numbers(&self) -> Arc<ChannelNumbers> {
         Arc::clone(&self.numbers)
     }
 
-    /// A message that is sent at `now`.
+    /// Takes a message that is sent at `now`.
     pub fn take(&mut self, now: u64, message: T) {
         let number = |of: &AtomicU64| f64::from_bits(of.load(Ordering::Relaxed));
         self.channel.delay = self.numbers.delay.each_ref().map(number);
@@ -55,13 +55,13 @@ impl<T: Copy> InFlight<T> {
         self.channel.send(&mut self.random, seconds(now), message);
     }
 
-    /// The next message that has arrived at `now`, which counts whole ns.
+    /// The next message that has arrived by `now`, in ns.
     pub fn arrived(&mut self, now: u64) -> Option<T> {
         self.channel.receive(seconds(now) + 0.5e-9)
     }
 }
 
-/// Of an instant in ns.
+/// An instant in ns, converted to s.
 fn seconds(instant: u64) -> f64 {
     instant as f64 * 1e-9
 }

@@ -11,32 +11,32 @@ use hapt_wire::link::{Codec, Outgoing, Refusal, SIZE, Session};
 use super::Counters;
 use super::channel::InFlight;
 
-/// Messages that are read at a time. More is a flood, and waits in the socket or is lost there.
-const AT_ONCE: usize = 64;
-/// How often an end says at its end that it has let go: a message may be lost.
-const FAREWELLS: usize = 3;
+/// The largest number of messages that are read at a time. Further ones wait in the socket or are lost there.
+const MESSAGES_AT_ONCE: usize = 64;
+/// The number of times that an end sends its last message, which reports the release: a message may be lost.
+const LAST_MESSAGES: usize = 3;
 
-/// What a look at a medium gives.
+/// The result of reading a medium.
 pub enum Arrived {
-    /// A message of so many bytes.
+    /// A message of this number of bytes.
     Message(usize),
-    /// What is no link's, or the failure of an earlier message.
+    /// A message that belongs to no link, or the failure of an earlier message.
     Other,
-    /// Nothing waits.
+    /// There is no message.
     Nothing,
 }
 
-/// What carries the messages of a station's links. Neither function waits.
+/// The medium of the messages of a station's links. Neither function blocks.
 pub trait Medium: Send + 'static {
-    /// How the messages are written.
+    /// The codec of the messages.
     type Codec: Codec + Send + 'static;
-    /// Where the other end of a link is.
+    /// The address of a link's other end.
     type To: Copy + Send + 'static;
 
-    /// The next message that has come.
+    /// The next received message.
     fn receive(&mut self, into: &mut [u8]) -> Arrived;
 
-    /// Sends a message. A network that is down loses it, and the link lets go.
+    /// Sends a message. A network that is down loses it, and the link releases.
     fn send(&mut self, to: Self::To, bytes: &[u8]);
 }
 
@@ -45,24 +45,24 @@ pub struct End<M: Medium> {
     pub wire: LinkWire,
     pub session: Session<M::Codec>,
     pub to: M::To,
-    /// Between two messages, in ns; half a sample less, since samples are late now and then.
+    /// The time between two messages, in ns, less half a sample, since samples may be late.
     pub period: u64,
-    /// When the next message is due, in ns by the loop's clock.
+    /// The time at which the next message is due, in ns by the loop's clock.
     pub next: u64,
     pub last: Option<Outgoing>,
-    /// Where messages are on their way before they are sent.
+    /// The simulated channel of messages before they are sent, where there is one.
     pub in_flight: Option<InFlight<<M::Codec as Codec>::Bytes>>,
     pub counters: Arc<Counters>,
 }
 
-/// Carries messages until it is stopped, and looks for them after each `nap`.
+/// Carries messages until it is stopped; reads the medium after each `nap`.
 pub fn run<M: Medium>(mut medium: M, mut ends: Vec<End<M>>, stop: &AtomicBool, nap: Duration) {
     let begin = Instant::now();
-    // One byte more than a message: what is longer is seen to be.
+    // One byte more than a message, so that a longer one is detected.
     let mut buffer = [0; SIZE + 1];
     while !stop.load(Ordering::Relaxed) {
         let now = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        for _ in 0..AT_ONCE {
+        for _ in 0..MESSAGES_AT_ONCE {
             match medium.receive(&mut buffer) {
                 Arrived::Message(length) => receive(&mut ends, &buffer[..length], now),
                 Arrived::Other => {}
@@ -77,7 +77,7 @@ pub fn run<M: Medium>(mut medium: M, mut ends: Vec<End<M>>, stop: &AtomicBool, n
     for end in &mut ends {
         end.send(&mut medium, 0);
         let Some(last) = end.last else { continue };
-        for _ in 0..FAREWELLS {
+        for _ in 0..LAST_MESSAGES {
             if let Some(bytes) = end.session.send(&Outgoing { strength: Strength::NONE, ..last }) {
                 medium.send(end.to, bytes.as_ref());
             }
@@ -85,7 +85,7 @@ pub fn run<M: Medium>(mut medium: M, mut ends: Vec<End<M>>, stop: &AtomicBool, n
     }
 }
 
-/// Gives a message to the link whose it is. One that is of none is counted at the one that knows best why.
+/// Passes a message to the link that it belongs to. One that belongs to none is counted at the link whose refusal is the most specific.
 fn receive<M: Medium>(ends: &mut [End<M>], bytes: &[u8], now: u64) {
     let mut refused: Option<(usize, Refusal)> = None;
     for (at, end) in ends.iter_mut().enumerate() {
@@ -93,7 +93,7 @@ fn receive<M: Medium>(ends: &mut [End<M>], bytes: &[u8], now: u64) {
             Ok(None) => return,
             Ok(Some(incoming)) => {
                 end.counters.take();
-                // Without room the loop stands still, and has no use for it.
+                // A full ring means that the loop has stopped: the message is dropped.
                 let _ = end.wire.incoming.push(incoming);
                 return;
             }
@@ -110,7 +110,7 @@ fn receive<M: Medium>(ends: &mut [End<M>], bytes: &[u8], now: u64) {
 }
 
 impl<M: Medium> End<M> {
-    /// Counts what the loop's samples have made of the link, and sends the newest of them where one is due.
+    /// Counts the loop's samples, and sends the newest of them where a message is due.
     fn send(&mut self, medium: &mut M, now: u64) {
         if let Some(in_flight) = &mut self.in_flight {
             while let Some(bytes) = in_flight.arrived(now) {

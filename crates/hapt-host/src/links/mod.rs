@@ -1,4 +1,4 @@
-//! The links of a station: over UDP or CAN, or between stations that one thread runs; and what happens to their messages on the way.
+//! The links of a station: over UDP or CAN, or between stations that one thread runs; with simulated delay and loss of their messages.
 
 #[cfg(target_os = "linux")]
 mod can;

@@ -1,7 +1,7 @@
 //! The links of a station over UDP or CAN: a thread between the loop's rings and a socket.
 //!
-//! The loop never waits for it. Between stations of one program the messages can take as long, and be lost as often, as the network's file says
-//! ([`Transport::AsWritten`]): what a person feels then is what a network does. What the messages are, and whom they are taken from, is [`hapt_wire::link`].
+//! The loop never waits for it. Between stations of one program the messages can have the delay and loss of the network's file
+//! ([`Transport::AsWritten`]), which simulates a network. The messages and their authentication are in [`hapt_wire::link`].
 
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
@@ -19,10 +19,10 @@ use super::ends::{End, Medium, run};
 use super::udp::Udp;
 use super::{ChannelNumbers, Counters, LinkStatus};
 
-/// Why links do not start.
+/// The reason that links do not start.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
-    /// The address to listen at is not to be had.
+    /// The address to listen at is not available.
     #[error("{address}: cannot listen there: {error}")]
     Listen {
         /// As given.
@@ -44,7 +44,7 @@ pub enum LinkError {
         /// The station.
         name: String,
     },
-    /// The CAN interface or adapter is not to be had.
+    /// The CAN interface or adapter is not available.
     #[error("{address}: cannot open it: {error}")]
     Bus {
         /// As given.
@@ -68,7 +68,7 @@ pub enum LinkError {
     },
 }
 
-/// Why a CAN bus does not carry the links of a network.
+/// The reason that a CAN bus does not carry the links of a network.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CanLimit {
     /// A CAN bus has identifiers for a limited number of links.
@@ -77,7 +77,7 @@ pub enum CanLimit {
         /// Of the network.
         count: usize,
     },
-    /// More messages within `age_max` than the numbers of frames tell apart.
+    /// More messages within `age_max` than the numbers of frames distinguish.
     #[error(
         "the link to {name} sends {messages:.0} messages within its age_max, and over CAN {most} may be unanswered; give it a period of \
          {:.2} ms or more", 1e3 * .period
@@ -85,11 +85,11 @@ pub enum CanLimit {
     Fast {
         /// The station at its other end.
         name: String,
-        /// In `age_max`.
+        /// The number of messages in `age_max`.
         messages: f64,
-        /// How many may be unanswered.
+        /// The largest number that may be unanswered.
         most: u64,
-        /// Between two messages, the least, in s.
+        /// The shortest time between two messages, in s.
         period: f64,
     },
     /// The links send more than the bus carries.
@@ -105,16 +105,16 @@ pub enum CanLimit {
     },
 }
 
-/// What happens to the messages of this station on their way.
+/// The transport of this station's messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transport {
-    /// Whatever the network does.
+    /// The real network, without a simulated delay or loss.
     Real,
-    /// They take the time of the links' `delay` and `delay_max`, and are lost as their `loss` says, before the network has them.
+    /// With the links' `delay`, `delay_max` and `loss`, before the messages are sent to the network.
     AsWritten,
 }
 
-/// The links of a station. Dropped, it tells the others that this end has let go.
+/// The links of a station. Dropping them reports the release to the other stations.
 pub struct Links {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -210,7 +210,7 @@ impl Links {
             let other = joint.between[1 - side];
             let (codec, to) = end(at, side == 0, number(&text, at))?;
             let sample = own.world.sampling.period;
-            // What the other's sessions have as their pace.
+            // The period of the other end's messages, as its session is paced.
             let tick = joint.between_messages(network.stations[other].world.sampling.period);
             let (port, wire) = link(joint, side == 0, network.end(at, side), tick);
             let mut random = [0; 8];
@@ -235,7 +235,7 @@ impl Links {
             });
         }
         let stop = Arc::new(AtomicBool::new(false));
-        // Several looks a sample: a message is to wait for a small part of one only.
+        // Several readings per sample, so that a message waits only for a small part of one.
         let nap = Duration::from_secs_f64((0.125 * own.world.sampling.period).clamp(50e-6, 500e-6));
         let stops = Arc::clone(&stop);
         let thread = std::thread::Builder::new().name("links".into()).spawn(move || {
@@ -246,18 +246,18 @@ impl Links {
         Ok((Links { stop, thread: Some(thread), links, channels }, ports))
     }
 
-    /// What happens to the messages of each end; none on a real network.
+    /// The simulated channels of the messages, one for each end; none on a real network.
     pub fn channels(&self) -> impl Iterator<Item = Arc<ChannelNumbers>> {
         self.channels.iter().map(Arc::clone)
     }
 
-    /// What each link has done so far.
+    /// The status of each link.
     pub fn status(&self) -> Vec<LinkStatus> {
         self.links.iter().map(|counters| counters.status()).collect()
     }
 }
 
-/// Raises the thread's priority above pages and browsers, where the system lets it: a position grows old while it waits for its message.
+/// Raises the thread's priority above pages and browsers, where the system permits it: the age of a position includes the wait for its message.
 fn raise_priority() {
     #[cfg(target_os = "linux")]
     let _ = rustix::process::nice(-10);
@@ -270,7 +270,7 @@ impl Drop for Links {
 }
 
 impl Links {
-    /// Tells the other stations that this end has let go, and what each link has done.
+    /// Reports the release to the other stations, and returns the status of each link.
     pub fn end(&mut self) -> Vec<LinkStatus> {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {

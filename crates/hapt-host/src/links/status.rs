@@ -1,11 +1,11 @@
-//! What a link has done so far.
+//! The status of a link.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use hapt_rt::LinkSample;
 use hapt_wire::link::Refusal;
 
-/// What a link has done so far.
+/// The status of a link.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LinkStatus {
     /// The station at its other end.
@@ -18,7 +18,7 @@ pub struct LinkStatus {
     pub acted: u64,
     /// Whether it acted in the last one.
     pub acts: bool,
-    /// How often this end has let go.
+    /// The number of releases of this end.
     pub releases: u64,
     /// The age of the other's position at the end of the last sample's hold, in s; infinite without one.
     pub age: f64,
@@ -31,7 +31,7 @@ pub struct LinkStatus {
 }
 
 impl LinkStatus {
-    /// That the link has let go, and why, where it has.
+    /// A sentence with the reason of a release, where the link has released.
     pub fn warning(&self) -> Option<String> {
         let LinkStatus { to, acts, age, age_max, samples, .. } = self;
         let oldest = 1e3 * age_max;
@@ -52,7 +52,7 @@ impl LinkStatus {
     }
 }
 
-/// The same while it changes.
+/// The same numbers while they change.
 pub(crate) struct Counters {
     to: String,
     samples: AtomicU64,
@@ -93,7 +93,7 @@ impl Counters {
         age.store(sample.age.to_bits(), Ordering::Relaxed);
         if sample.acts {
             acted.fetch_add(1, Ordering::Relaxed);
-            // Of numbers that are not negative the bits are in their order.
+            // The bits of numbers that are not negative have the order of the numbers.
             oldest.fetch_max(sample.age.to_bits(), Ordering::Relaxed);
         }
     }
@@ -103,13 +103,13 @@ impl Counters {
         self.taken.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Counts one that was not.
+    /// Counts a message that was refused.
     #[cfg(not(target_family = "wasm"))]
     pub fn refuse(&self, refusal: Refusal) {
         self.refused[refusal.code()].fetch_add(1, Ordering::Relaxed);
     }
 
-    /// What there is so far.
+    /// The present status.
     pub fn status(&self) -> LinkStatus {
         let number = |count: &AtomicU64| count.load(Ordering::Relaxed);
         LinkStatus {

@@ -18,11 +18,11 @@ pub struct SteppedLinks {
 
 struct End {
     station: usize,
-    /// Whose clock the samples are by.
+    /// The station whose clock times the samples.
     sender: Station,
     wire: LinkWire,
     in_flight: InFlight<Outgoing>,
-    /// Between two messages, in ns, and when the next one is due.
+    /// The time between two messages, in ns, and the time at which the next one is due.
     period: u64,
     next: u64,
     /// The newest sample of the other end that has arrived, by its instant in ns.
@@ -31,7 +31,7 @@ struct End {
 }
 
 impl SteppedLinks {
-    /// The second are the loops' ends, by station.
+    /// The links, and the loops' ends by station.
     pub fn new(network: &System) -> (Self, Vec<Vec<LinkPort>>) {
         let mut ports: Vec<Vec<LinkPort>> = network.stations.iter().map(|_| Vec::new()).collect();
         let mut ends = Vec::new();
@@ -57,19 +57,19 @@ impl SteppedLinks {
         (SteppedLinks { ends }, ports)
     }
 
-    /// What happens to the messages of each end.
+    /// The channels of the messages, one for each end.
     pub fn channels(&self) -> Vec<Arc<ChannelNumbers>> {
         self.ends.iter().map(|end| end.in_flight.numbers()).collect()
     }
 
-    /// What the links of a station have done so far, whenever it is called.
+    /// A function that returns the present status of the links of a station.
     pub fn status(&self, station: usize) -> impl Fn() -> Vec<LinkStatus> + Send + 'static {
         let own = self.ends.iter().filter(|end| end.station == station);
         let counters: Vec<Arc<Counters>> = own.map(|end| Arc::clone(&end.counters)).collect();
         move || counters.iter().map(|counters| counters.status()).collect()
     }
 
-    /// Sends what the loops have sampled, and passes on what has arrived at `now`, in ns by the network's clock.
+    /// Sends the loops' samples, and passes on messages that have arrived by `now`, in ns by the network's clock.
     pub fn carry(&mut self, now: u64) {
         for pair in self.ends.chunks_exact_mut(2) {
             let [one, other] = pair else { continue };
@@ -94,7 +94,7 @@ impl End {
         }
     }
 
-    /// Passes on what has arrived at the other end at `now`.
+    /// Passes on the messages that have arrived at the other end by `now`.
     fn pass_on(&mut self, now: u64, to: &mut End) {
         while let Some(message) = self.in_flight.arrived(now) {
             to.receive(&message);
@@ -108,10 +108,10 @@ impl End {
         }
         self.newest = Some(sampled);
         self.counters.take();
-        // A message is named by the instant of its sample: its answer says when the receiver took it.
+        // The number of a message is the instant of its sample, so that an answer to it gives that instant.
         let number = Number { session: 1, sequence: sampled };
         let since = heard.map(|heard| heard.sequence);
-        // Without room the loop stands still, and has no use for it.
+        // A full ring means that the loop has stopped: the message is dropped.
         let _ = self.wire.incoming.push(Incoming { number, since, position, strength });
     }
 }

@@ -7,7 +7,7 @@ use hapt_wire::link::Datagrams;
 
 use super::ends::{Arrived, Medium};
 
-/// A socket that does not wait.
+/// A non-blocking socket.
 pub struct Udp(pub UdpSocket);
 
 impl Medium for Udp {
@@ -18,7 +18,7 @@ impl Medium for Udp {
         match self.0.recv_from(into) {
             Ok((length, _)) => Arrived::Message(length),
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => Arrived::Nothing,
-            // That an earlier message found nobody, or was cut to the buffer.
+            // An earlier message had no receiver, or this one was truncated to the buffer.
             Err(_) => Arrived::Other,
         }
     }

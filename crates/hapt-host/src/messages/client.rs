@@ -58,7 +58,7 @@ pub enum ClientMessage {
         #[serde(default)]
         only: bool,
     },
-    /// Asks for the world that runs as a file.
+    /// Requests the world that runs as a file.
     File,
     /// Sets every key back to the file's value.
     Reset,
@@ -81,7 +81,7 @@ pub enum ClientMessage {
     },
     /// Changes the simulated network that the loop is a station of.
     Network(NetworkChange),
-    /// Presses the pedals and buttons of a simulated wheel for games. A page by itself has none.
+    /// Sets the pedals and buttons of a simulated game wheel. A page without a server has none.
     #[cfg(not(target_family = "wasm"))]
     Controls(Controls),
     /// A heartbeat.
@@ -97,10 +97,10 @@ pub struct Controls {
     pub buttons: u16,
 }
 
-/// A change of a simulated network, for all of its links. What it leaves out stays.
+/// A change of a simulated network, for all of its links. Omitted numbers stay.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 pub struct NetworkChange {
-    /// How long a message takes, 0 to 1 s.
+    /// The delay of a message, 0 to 1 s.
     pub delay_s: Option<f64>,
     /// The part of the messages that is lost, 0 to 1.
     pub loss: Option<f64>,

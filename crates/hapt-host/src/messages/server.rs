@@ -93,7 +93,7 @@ pub struct WorldInfo {
     pub scenarios: Vec<ScenarioInfo>,
     /// The keys that can be set.
     pub keys: Vec<SettableKey>,
-    /// What has been set over the file, as `sets` takes it.
+    /// The keys set over the file, in the form of `sets`.
     pub changes: Vec<(String, String)>,
     /// The columns of the telemetry.
     pub columns: Vec<ColumnInfo>,
@@ -133,7 +133,7 @@ pub struct ScenarioInfo {
 /// A column of the telemetry.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ColumnInfo {
-    /// As in the CSV, where it is there too.
+    /// The name in the CSV, where the CSV has the column.
     pub name: String,
     /// The unit as it is written.
     pub unit: &'static str,
@@ -144,7 +144,7 @@ pub struct ColumnInfo {
 pub struct VerdictMessage {
     /// The generation of the world.
     pub generation: u32,
-    /// Neither held nor free unstable, and passive.
+    /// Whether the loop is stable held and free, and passive.
     pub certified: bool,
     /// The verdict in one sentence.
     pub sentence: String,
@@ -164,9 +164,9 @@ pub struct VerdictMessage {
     pub required_damping: Option<f64>,
     /// The device's damping, in SI.
     pub device_damping: f64,
-    /// What is not proved, and notes on the numbers.
+    /// The claims that are not proved, and notes on the numbers.
     pub notes: Vec<String>,
-    /// What would certify the world, or its margins; `None`: not yet computed.
+    /// Changes that would certify the world, or its margins; `None`: not yet computed.
     pub remedies: Option<Vec<RemedyInfo>>,
     /// The time of the computation in ms; `None`: it was computed before.
     pub ms: Option<f64>,
@@ -205,44 +205,44 @@ pub struct Status {
     pub sentence: Option<String>,
     /// How to clear it.
     pub clear: Option<String>,
-    /// What is unusual and no fault.
+    /// Warnings: conditions that are no fault.
     pub warnings: Vec<String>,
     /// The scenario that runs.
     pub scenario: Option<String>,
-    /// The recording under way, or how the last one failed.
+    /// The present recording, or the failure of the last one.
     pub recording: Option<RecordingInfo>,
     /// The timing of a loop on this computer.
     pub timing: Option<TimingInfo>,
-    /// What the system grants its thread.
+    /// The scheduling that the system grants its thread.
     pub realtime: Option<Realtime>,
-    /// The network that the loop is a station of.
+    /// The network of which the loop is a station.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub network: Option<NetworkInfo>,
-    /// The wheel that games see of the device.
+    /// The device as a game wheel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wheel: Option<WheelInfo>,
     /// The number of pages connected.
     pub clients: usize,
 }
 
-/// The wheel that games see of a device, since the last of these messages. Torques in N·m, on the puck.
+/// A device as a game wheel, since the last of these messages. Torques in N·m, on the puck.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WheelInfo {
-    /// Whether the computer has it.
+    /// Whether it is attached to the computer.
     pub attached: bool,
-    /// What plays.
+    /// The effects that play.
     pub effects: Vec<EffectInfo>,
-    /// What was asked for: least, last, most.
+    /// The requested torque: smallest, last, largest.
     pub asked: [f64; 3],
-    /// What was given: least, last, most.
+    /// The given torque: smallest, last, largest.
     pub given: [f64; 3],
     /// The largest torque.
     pub limit: f64,
     /// The part of the device's damping for effects that is in use, 0 to 1.
     pub used: f64,
-    /// Why less is given than asked.
+    /// The reason that less is given than requested.
     pub reason: Option<&'static str>,
-    /// The loop that the game closes over the wheel, once it is known.
+    /// The loop that the game closes over the wheel, once it is estimated.
     pub game: Option<GameInfo>,
     /// Reports of the computer that were taken.
     pub taken: u64,
@@ -250,7 +250,7 @@ pub struct WheelInfo {
     pub refused: u64,
 }
 
-/// The loop that a game closes: its torque follows the wheel's position, late.
+/// The loop that a game closes: its torque follows the wheel's position with a delay.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GameInfo {
     /// N·m/rad, positive where the torque pulls back.
@@ -263,17 +263,17 @@ pub struct GameInfo {
     pub lateness_range: [f64; 2],
     /// From one level to the next, s.
     pub hold: f64,
-    /// The damping that it lacks hands off, N·m·s/rad.
+    /// The damping that it lacks hands-off, N·m·s/rad.
     pub lacking: f64,
-    /// What is added of it now.
+    /// The part of it that is added now.
     pub damping: f64,
     /// The part of the level that is held back now, 0 to 1.
     pub held_back: f64,
-    /// The part of the remedy that the hands leave to do, 0 to 1.
+    /// The part of the remedy that the damping of the hands does not supply, 0 to 1.
     pub hands_off: f64,
     /// The law in a sentence.
     pub law: String,
-    /// What is peculiar about it, in a sentence.
+    /// A peculiarity of it, in a sentence.
     pub oddity: Option<&'static str>,
 }
 
@@ -282,26 +282,26 @@ pub struct GameInfo {
 pub struct EffectInfo {
     /// `spring`, `damper`, `friction`, `inertia` or `torque`.
     pub kind: &'static str,
-    /// What is asked, with units.
+    /// The request, with units.
     pub asked: String,
-    /// What is given instead, where that is less.
+    /// The given value, where it is less.
     pub given: Option<String>,
 }
 
-/// The network that a loop is a station of.
+/// The network of which a loop is a station.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NetworkInfo {
     /// The station's name.
     pub station: String,
-    /// Whether all of it is.
+    /// Whether the whole network is certified.
     pub certified: bool,
     /// The verdict.
     pub sentence: String,
-    /// Whether that is the verdict from before the last change: the next one is being computed.
+    /// Whether the verdict is from before the last change: the next one is being computed.
     pub outdated: bool,
-    /// What would make it certified.
+    /// Changes that would make it certified.
     pub remedies: Vec<NetworkRemedy>,
-    /// How long a message takes, s.
+    /// The delay of a message, s.
     pub delay_s: f64,
     /// The part of the messages that is lost.
     pub loss: f64,
@@ -311,14 +311,14 @@ pub struct NetworkInfo {
     pub age: f64,
     /// This station's links.
     pub links: Vec<LinkInfo>,
-    /// What is unusual: it is not certified, or a link of this station has let go.
+    /// Warnings: it is not certified, or a link of this station has released.
     pub warnings: Vec<String>,
 }
 
 /// A change that makes a network certified.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NetworkRemedy {
-    /// What it does.
+    /// The change in words.
     pub text: String,
     /// As in [`super::NetworkChange`].
     pub stiffness: Option<f64>,
@@ -326,7 +326,7 @@ pub struct NetworkRemedy {
     pub age: Option<f64>,
 }
 
-/// A link, as its station sees it.
+/// A link at its station.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LinkInfo {
     /// The station at the other end.
@@ -335,7 +335,7 @@ pub struct LinkInfo {
     pub acts: bool,
     /// The age of the other's position at the end of the hold, s; `None`: there is none.
     pub age_s: Option<f64>,
-    /// The greatest at which it acts, s.
+    /// The largest age at which it acts, s.
     pub age_max_s: f64,
 }
 
@@ -348,7 +348,7 @@ pub struct RecordingInfo {
     pub seconds: f64,
     /// Samples lost for lack of room.
     pub lost: u64,
-    /// Why it has ended.
+    /// The error that ended it.
     pub error: Option<String>,
 }
 
@@ -369,22 +369,22 @@ pub struct TimingInfo {
     pub computation_us: Quantiles,
     /// The histogram of the latency.
     pub histogram: Bars,
-    /// How the loop kept the times of its certificate; null where the file states none.
+    /// Whether the loop kept the times of its certificate; null where the file states none.
     pub certified: Option<CertifiedInfo>,
 }
 
-/// The times of the certificate, and how many samples kept them, of those with a torque before them.
+/// The times of the certificate, and the number of samples that kept them, of those with a torque before them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct CertifiedInfo {
     /// The samples.
     pub samples: u64,
-    /// Those that came in time, behind a command in time.
+    /// The samples that were in time and followed a command in time.
     pub inside: u64,
     /// The longest time from a sample to the next.
     pub longest_us: f64,
     /// The longest that the certificate covers; null where the file states none.
     pub interval_max_us: Option<f64>,
-    /// The longest time from a sample to when the device had its command.
+    /// The longest time from a sample to the completed write to the device.
     pub longest_delay_us: f64,
     /// The longest that the certificate covers; null where the file states none.
     pub delay_max_us: Option<f64>,
@@ -414,13 +414,13 @@ pub struct Bars {
     pub latency: Vec<u64>,
 }
 
-/// What the system grants the loop's thread.
+/// The scheduling that the system grants the loop's thread.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Realtime {
     /// Whether it runs under SCHED_FIFO.
     pub fifo: bool,
     /// Whether its memory is locked.
     pub locked: bool,
-    /// What was not granted, and the remedy.
+    /// The setting that was not granted, and the remedy.
     pub warning: Option<String>,
 }

@@ -66,7 +66,7 @@ impl Quantiles {
 }
 
 impl Realtime {
-    /// What the system has granted.
+    /// The scheduling that the system has granted.
     pub fn of(granted: &hapt_rt::Realtime) -> Self {
         let warning = Some(granted.warnings.join(" ")).filter(|warning| !warning.is_empty());
         Realtime { fifo: granted.priority.is_some(), locked: granted.locked, warning }

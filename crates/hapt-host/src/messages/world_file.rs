@@ -1,4 +1,4 @@
-//! A world or a network as a page carries it: its text, and the texts of the files that it names.
+//! A world or a network embedded in a page: its text, and the texts of the files that it names.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::WorldConfig;
 use crate::rule;
 
-/// A world as a page without a server carries it.
+/// A world embedded in a page without a server.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WorldFile {
     /// The name of its file.
@@ -32,7 +32,7 @@ impl WorldFile {
         Ok(WorldFile { name, text, files, sets })
     }
 
-    /// The world for a session behind a page ([`rule::check`]); it is read from nothing but this.
+    /// The world for a session behind a page ([`rule::check`]), read only from these texts.
     ///
     /// # Errors
     /// In a sentence: as [`WorldConfig::checked`].
@@ -42,12 +42,12 @@ impl WorldFile {
     }
 }
 
-/// A network as a page without a server carries it.
+/// A network embedded in a page without a server.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NetworkFile {
     /// The network's file, with those of its stations' worlds.
     pub file: WorldFile,
-    /// What the certificate has found of each station.
+    /// The certificate of each station without its links.
     pub alone: Vec<Alone>,
 }
 
@@ -70,7 +70,7 @@ impl NetworkFile {
         Ok(NetworkFile { file, alone: check.alone() })
     }
 
-    /// The network; it is read from nothing but this.
+    /// The network, read only from these texts.
     ///
     /// # Errors
     /// In a sentence: as [`System::read_network`].

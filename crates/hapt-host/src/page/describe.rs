@@ -54,12 +54,12 @@ fn hand(hand: &Hand) -> &'static str {
     }
 }
 
-/// A coupling, with the numbers by which it is drawn.
+/// A coupling, with the numbers for drawing it.
 fn coupling(world: &World, index: usize) -> Value {
     let Some(coupling) = world.couplings.get(index) else { return Value::Null };
     let ends = [end(world, coupling.first), end(world, coupling.second)];
     let mut info = json!({ "kind": kind(coupling), "between": ends, "key": format!("couplings.{index}") });
-    // One number for either friction: the level when sliding.
+    // One number for both frictions: the level when sliding.
     let mut law = coupling.law;
     for quantity in law.quantities() {
         info[if quantity.name == "coulomb" { "torque" } else { quantity.name }] = json!(*quantity.value);

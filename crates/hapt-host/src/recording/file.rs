@@ -17,7 +17,7 @@ use crate::config::WorldConfig;
 pub struct Recording {
     recorder: Recorder,
     file: PathBuf,
-    /// It waits for the state of the loop, from which a replay can begin.
+    /// Whether it waits for the state of the loop, from which a replay can begin.
     needs_state: bool,
     /// The instant of its first sample, in ns.
     begun: Option<u64>,
@@ -70,7 +70,7 @@ impl Recording {
             ..Header::default()
         };
         let recorder = Recorder::start_in(opened, &file, &config.world, header).map_err(|error| {
-            // A file without a log in it is nobody's.
+            // A file without a log is removed.
             let _ = std::fs::remove_file(&file);
             error.to_string()
         })?;
@@ -87,13 +87,13 @@ impl Recording {
         self.needs_state && self.begun.is_none()
     }
 
-    /// Counts the next sample, and gives what writes it.
+    /// Counts the next sample, and returns the recorder that writes it.
     pub(crate) fn take(&mut self, record: &Record) -> &Recorder {
         self.length = record.due - *self.begun.get_or_insert(record.due);
         &self.recorder
     }
 
-    /// Finishes on a thread of its own, so that no caller waits for a slow disk.
+    /// Finishes on its own thread, so that no caller waits for a slow disk.
     pub(crate) fn end(self) {
         // Without a thread it finishes here.
         let _ = std::thread::Builder::new().name("finishing".into()).spawn(move || drop(self));

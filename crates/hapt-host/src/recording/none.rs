@@ -1,4 +1,4 @@
-//! In a page there are no files: no recording exists, and no value of these types. The signatures are those of file.rs.
+//! In a page there are no files: these types have no values. The signatures are those of file.rs.
 #![allow(dead_code)]
 
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! What a wheel does without a game, and beside its effects: the couplings of its world, on an exact device without a hand.
+//! The base feel of a wheel, without a game and together with effects: the couplings of its world, on an exact device without a hand.
 
 use std::sync::{Arc, Mutex};
 
@@ -62,7 +62,7 @@ fn damped_body(stiffness: f64, damping: f64) -> String {
     )
 }
 
-/// Where the wheel is and how fast it turns, sample by sample, after a kick to `speed`, while these effects play.
+/// Position and velocity of the wheel, sample by sample, from an initial velocity of `speed`, while these effects play.
 fn course(delay: f64, couplings: &str, asked: &[(Kind, Report)], speed: f64, seconds: f64) -> Vec<(f64, f64)> {
     let text = format!(
         "loop = {{ period = {PERIOD}, delay = {delay}, estimator = \"difference\" }}\n\
@@ -121,7 +121,7 @@ fn a_friction_of_the_world_stops_a_free_wheel_where_its_work_is_the_kicks_energy
     let at = |asked: &[(Kind, Report)], speed: f64| {
         let course = course(0.0, &friction(torque, bristles), asked, speed, 2.0);
         let (position, end) = course[course.len() - 1];
-        // It swings on its bristles for a while.
+        // It oscillates on its bristles at first.
         assert!(end.abs() < 0.01, "{end} rad/s");
         position
     };
@@ -142,9 +142,9 @@ fn a_friction_of_the_world_stops_a_free_wheel_where_its_work_is_the_kicks_energy
 proptest! {
     #![proptest_config(hapt_testing::cases(64))]
 
-    /// The world's own couplings take their part of the device's damping, and all conditions together what is left of it.
+    /// The world's own couplings use their part of the device's damping, and all conditions together the rest.
     #[test]
-    fn hands_off_no_set_of_conditions_beside_a_base_feel_grows(
+    fn hands_off_no_set_of_conditions_with_a_base_feel_grows(
         damping in 0.0..0.02_f64, body in proptest::option::of((0.1..5.0_f64, 0.01..0.3_f64)), torque in 1e-3..1.0_f64, bristles in 0.1..5.0_f64, stops in 0.5..5.0_f64, late in 0.0..0.5_f64,
         asked in proptest::collection::vec((0..4_usize, 0..=FULL, 0..=FULL), 1..8), kick in 0.2..4.0_f64,
     ) {

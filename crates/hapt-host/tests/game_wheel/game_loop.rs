@@ -1,4 +1,4 @@
-//! A game that computes its torque from the wheel's position, late, through pools and the loop's samples.
+//! A game that computes its torque from the wheel's position with a delay, through pools and the loop's samples.
 
 use std::sync::{Arc, Mutex};
 
@@ -18,7 +18,7 @@ const STIFFNESS: f64 = 10.0;
 const FRAME: usize = 17;
 const LATE: usize = 16;
 
-/// The largest speeds in the first second after a kick and in the last one of six, and what was found.
+/// The largest speeds in the first and in the last of six seconds after an initial velocity, and the estimate of the loop.
 fn kicked(acts: bool) -> ([f64; 2], GameStatus) {
     let text = format!(
         "loop = {{ period = \"1 ms\", estimator = \"difference\" }}\n\
@@ -77,7 +77,7 @@ fn kicked(acts: bool) -> ([f64; 2], GameStatus) {
 }
 
 #[test]
-fn a_late_game_is_measured_and_grows_and_is_kept_quiet() {
+fn the_loop_of_a_delayed_game_is_measured_grows_without_the_remedy_and_decays_with_it() {
     let ([_, grown], measured) = kicked(false);
     assert!(grown > 4.0, "{grown} rad/s");
     assert!(measured.damping == 0.0 && measured.lacking > 0.1, "{measured:?}");
@@ -85,7 +85,7 @@ fn a_late_game_is_measured_and_grows_and_is_kept_quiet() {
     let ([_, quiet], steadied) = kicked(true);
     assert!(quiet < 0.1, "{quiet} rad/s: {steadied:?}");
     let law = steadied.last.law.expect("a law");
-    // As docs/wheel.md has it.
+    // The output that docs/wheel.md shows.
     println!("{}\n{}", game_law(&law), game_remedy(&steadied, true));
     assert!((law.stiffness - STIFFNESS).abs() < 1.0 && (law.lateness - 0.016).abs() < 4e-3, "{}", game_law(&law));
     assert!((1.0 / law.hold - 1000.0 / FRAME as f64).abs() < 3.0);

@@ -1,4 +1,4 @@
-//! A USB host that speaks USB/IP over a stream.
+//! A USB/IP host over a stream.
 
 use std::io::{Read, Write};
 use std::os::unix::net::UnixStream;
@@ -14,7 +14,7 @@ pub type Answer = (i32, Vec<u8>);
 pub struct Host {
     pub stream: UnixStream,
     pub number: u32,
-    /// The transfer that waits for the wheel's position.
+    /// The pending transfer for the wheel's position.
     pub waiting: Option<u32>,
     pub shown: Vec<Vec<u8>>,
 }
@@ -29,7 +29,7 @@ impl Host {
         let mut bytes: Vec<u8> = words.iter().flat_map(|word| word.to_be_bytes()).collect();
         bytes.extend(setup);
         bytes.extend(data);
-        // A wheel that has ended takes no more.
+        // A wheel that has ended reads no more.
         let is_gone = |error: &std::io::Error| error.kind() == std::io::ErrorKind::BrokenPipe;
         self.stream.write_all(&bytes).or_else(|error| if is_gone(&error) { Ok(()) } else { Err(error) }).unwrap();
     }
@@ -41,7 +41,7 @@ impl Host {
         self.number
     }
 
-    /// The next answer: the number of its transfer, what it is, and the rest.
+    /// The next answer: the number of its transfer, its command, and its content.
     pub fn next(&mut self, ins: impl Fn(u32) -> bool) -> (u32, u32, Answer) {
         let mut header = [0; 48];
         self.stream.read_exact(&mut header).unwrap();
@@ -66,7 +66,7 @@ impl Host {
         }
     }
 
-    /// Waits for a position, as a driver does all the time.
+    /// Sends a transfer for a position, as a driver always has one pending.
     pub fn look(&mut self) {
         self.waiting = Some(self.submit(1, true, 64, [0; 8], &[]));
     }
@@ -81,12 +81,12 @@ impl Host {
     pub fn get(&mut self, kind: u8, value: u16, length: u16) -> Answer {
         let [low, high] = value.to_le_bytes();
         let [least, most] = length.to_le_bytes();
-        // Texts are asked for in English.
+        // Strings are requested in English.
         let [of, language] = if value >> 8 == 3 { [0x09, 0x04] } else { [0, 0] };
         self.control([0x80 | kind, 6, low, high, of, language, least, most], &[])
     }
 
-    /// A feature to the wheel, and one from it.
+    /// Sends a feature report to the wheel; `feature` gets one from it.
     pub fn set_feature(&mut self, bytes: &[u8]) -> i32 {
         self.control([0x21, 9, bytes[0], 3, 0, 0, bytes.len() as u8, 0], bytes).0
     }
@@ -100,7 +100,7 @@ impl Host {
         self.look();
     }
 
-    /// A report at the endpoint; answered when the wheel has read it.
+    /// Sends a report to the endpoint; the transfer is answered when the wheel has read it.
     pub fn send(&mut self, bytes: &[u8]) {
         let number = self.submit(1, false, bytes.len(), [0; 8], bytes);
         assert_eq!(self.answer(number, false).0, 0);

@@ -1,4 +1,4 @@
-//! A wheel for games at the other end of a stream, with a host of this test that speaks USB/IP, and a loop whose samples the test takes.
+//! A game wheel at the other end of a stream, with a USB/IP host of this test, and a loop whose samples the test takes.
 
 #![cfg(target_os = "linux")]
 
@@ -22,11 +22,11 @@ use hapt_wire::usb::UNREAD;
 
 use host::Host;
 
-/// Beyond this something is broken, and not just slow.
+/// A time beyond which a test fails: far longer than on the slowest machine.
 const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 const RANGE: f64 = 5.0 * std::f64::consts::PI;
 const LIMIT: f64 = 5.0;
-/// 1/3 N·m s/rad pays for more than 300 N·m/rad at 1 ms.
+/// A damping of 1/3 N·m s/rad permits more than 300 N·m/rad at 1 ms.
 const WORLD: &str = r#"
 loop.period = "1 ms"
 device.inertia = "0.02 kg m^2"
@@ -34,7 +34,7 @@ device.damping = "0.3 N m s/rad"
 device.limit = "5 N m"
 "#;
 
-/// A device that is moved, whatever its motor does: its position of the time since it was sent there.
+/// A device with a prescribed motion: its position is a function of the time since the function was set.
 struct Moved {
     path: Arc<Mutex<Path>>,
 }
@@ -65,7 +65,7 @@ struct Bench {
     cycle: Cycle,
     path: Arc<Mutex<Path>>,
     host: Host,
-    /// The host takes reports, as a driver does while a program has the wheel open.
+    /// Whether the host reads reports, as a driver does while a program has the wheel open.
     reads: bool,
     samples: u64,
 }
@@ -98,14 +98,14 @@ impl Bench {
         self.cycle.sample(&Moment { periods, now, ..Moment::default() }, request).unwrap()
     }
 
-    /// Waits until the wheel has seen all samples but the last, or is detached.
+    /// Waits until the wheel has taken all samples but the last, or is detached.
     fn settle(&mut self) -> WheelStatus {
         let begin = Instant::now();
         loop {
             let status = self.wheel.status();
             if status.samples + 1 >= self.samples || !status.is_attached {
                 if status.is_attached && self.reads {
-                    // Any transfer gathers what has been shown.
+                    // Any transfer collects the positions so far.
                     self.host.feature(id::POOL);
                 }
                 return status;
@@ -115,19 +115,19 @@ impl Bench {
         }
     }
 
-    /// What a page sees.
+    /// The information for a page.
     fn view(&self) -> WheelInfo {
         self.wheel.view().info()
     }
 
-    /// Samples for so long; the last.
+    /// Takes samples for `ms`; returns the last.
     fn run(&mut self, ms: u64) -> Record {
         let last = (0..ms).map(|_| self.sample(None)).last().unwrap();
         self.settle();
         last
     }
 
-    /// Moves the wheel on this path for so long; the last sample's torque of effects, and the position.
+    /// Moves the wheel on this path for `ms`; returns the last sample's torque of effects, and the position.
     fn moved(&mut self, ms: u64, at: impl Fn(f64) -> f64 + Send + 'static) -> (f64, f64) {
         *self.path.lock().unwrap() = Path { at: Box::new(at), samples: 0 };
         let record = self.run(ms);
@@ -165,7 +165,7 @@ fn a_host_finds_a_wheel_with_its_descriptors() {
     assert_eq!(configuration[18..27], [9, 0x21, 0x11, 1, 0, 1, 0x22, length[0], length[1]]);
     let (status, descriptor) = bench.host.get(1, 0x2200, 4096);
     assert_eq!((status, &descriptor[..]), (0, DESCRIPTOR));
-    // Half of it, as a host may ask.
+    // A host may request half of it.
     assert_eq!(bench.host.get(1, 0x2200, 128).1, DESCRIPTOR[..128]);
     let (_, name) = bench.host.get(0, 0x0302, 255);
     let name: Vec<u16> = name[2..].chunks(2).map(|two| u16::from_le_bytes([two[0], two[1]])).collect();
@@ -174,7 +174,7 @@ fn a_host_finds_a_wheel_with_its_descriptors() {
 }
 
 #[test]
-fn the_host_sees_where_the_wheel_is() {
+fn the_host_receives_the_wheels_position() {
     let mut bench = Bench::new();
     for (turn, expected) in [(0.25, 16_384), (-0.5, -32_767), (9.0, 32_767)] {
         bench.moved(50, move |_| turn * RANGE);
@@ -194,7 +194,7 @@ fn the_host_sees_where_the_wheel_is() {
 }
 
 #[test]
-fn a_page_sees_the_effects_and_presses_what_a_simulated_wheel_has() {
+fn a_page_shows_the_effects_and_sets_the_pedals_of_a_simulated_wheel() {
     let source = Source::from_text("wheel.toml", WORLD);
     let world = World::read(&source, &[]).unwrap();
     let (own, other) = UnixStream::pair().unwrap();
@@ -220,7 +220,7 @@ fn a_page_sees_the_effects_and_presses_what_a_simulated_wheel_has() {
     host.play(Kind::Spring, condition(-FULL));
     let info = until(&mut page, &mut host, &|info, _| info.given[0] < -0.4 * LIMIT && info.effects.len() == 2);
     assert_eq!(info.effects.iter().map(|effect| effect.kind).collect::<Vec<_>>(), ["torque", "spring"]);
-    // A driving spring counts as 0, and the page is told.
+    // A driving spring counts as 0, and the page shows the reason.
     assert!(info.attached && info.limit == LIMIT && info.reason.is_some(), "{info:?}");
     host.report(Report::Free { block });
     until(&mut page, &mut host, &|info, _| info.effects.len() == 1 && info.given[0] > -1e-9);
@@ -234,7 +234,7 @@ fn a_page_sees_the_effects_and_presses_what_a_simulated_wheel_has() {
         }
     };
     until(&mut page, &mut host, &shows([32_767, 0, 16_384], 5));
-    // Who leaves presses nothing any more.
+    // A page that leaves releases pedals and buttons.
     page.session.release();
     until(&mut page, &mut host, &shows([0; 3], 0));
     for bad in [
@@ -243,7 +243,7 @@ fn a_page_sees_the_effects_and_presses_what_a_simulated_wheel_has() {
     ] {
         assert!(ClientMessage::read(bad).is_err(), "{bad}");
     }
-    // The effects' damping is what this world leaves.
+    // The effects use the damping that this world leaves unused.
     let set = ClientMessage::Set { key: "device.damping".into(), value: "1 N m s/rad".into() };
     assert!(matches!(page.handle(1, set, epoch), Some(ServerMessage::Refused { .. })));
     let ServerMessage::World(world) = page.world() else { panic!("no world") };
@@ -283,7 +283,7 @@ fn conditions_have_their_closed_forms_to_two_hundredths_of_full_scale() {
 }
 
 #[test]
-fn torques_have_their_closed_forms_and_the_sample_after_the_report_has_them() {
+fn torques_have_their_closed_forms_from_the_sample_after_the_report_on() {
     let mut bench = Bench::new();
     let block = bench.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL / 2 });
     assert!(near(bench.run(50).link, -0.5 * LIMIT));
@@ -307,7 +307,7 @@ fn torques_have_their_closed_forms_and_the_sample_after_the_report_has_them() {
         let block = bench.host.play(kind, |block| Report::Periodic { block, periodic });
         for _ in 0..500 {
             let found = bench.sample(None).link;
-            // The start fades in, and jumps are a sample early or late.
+            // The start fades in, and steps may be a sample early or late.
             let ms = bench.samples - begin;
             let turn = ms as f64 / 200.0;
             let jumps = ms % 100 < 3 || ms % 100 > 97;
@@ -321,7 +321,7 @@ fn torques_have_their_closed_forms_and_the_sample_after_the_report_has_them() {
 }
 
 #[test]
-fn whatever_the_host_asks_for_the_sum_is_within_the_limit_and_it_is_told_why_less_is_given() {
+fn for_any_request_the_sum_is_within_the_limit_and_the_reason_of_a_smaller_torque_is_reported() {
     let mut bench = Bench::new();
     for _ in 0..4 {
         bench.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
@@ -330,12 +330,12 @@ fn whatever_the_host_asks_for_the_sum_is_within_the_limit_and_it_is_told_why_les
     let record = bench.run(100);
     assert!(record.link >= -LIMIT - 1e-6 && record.output.abs() <= LIMIT, "{record:?}");
     let status = bench.settle();
-    assert!(status.less[0] > 0, "a driving spring is told");
+    assert!(status.less[0] > 0, "a driving spring is reported");
     assert_eq!(status.refused, 0);
 }
 
 #[test]
-fn a_pool_without_room_says_so_and_malformed_reports_change_nothing() {
+fn a_full_pool_is_reported_and_malformed_reports_change_nothing() {
     let mut bench = Bench::new();
     for _ in 0..16 {
         bench.host.report(Report::Create(Kind::Spring));
@@ -350,17 +350,17 @@ fn a_pool_without_room_says_so_and_malformed_reports_change_nothing() {
     bench.host.send(&[id::CONSTANT, block as u8 + 1, 0xff, 0x7f]);
     assert_eq!(bench.host.set_feature(&[id::CREATE, 99]), -32, "a stall");
     assert_eq!(bench.host.feature(99).0, -32);
-    // More than a control transfer's room.
+    // More than a control transfer may carry.
     assert_eq!(bench.host.control([0x21, 9, id::CREATE, 3, 0, 0, 0, 2], &[0; 512]).0, -32);
     assert_eq!(bench.host.control([0x21, 0x77, 0, 0, 0, 0, 0, 0], &[]).0, -32);
-    // The loop has taken no sample meanwhile, and the ring to it is full. It takes what is there, and then the newest.
+    // The loop has taken no sample meanwhile, and the ring to it is full. It takes the pools in the ring, and then the newest.
     bench.sample(None);
     bench.host.feature(id::POOL);
     assert!(near(bench.run(50).link, -LIMIT));
     assert_eq!(bench.settle().refused, 5);
 }
 
-/// A wheel that a constant torque and a spring turn.
+/// A wheel under a constant torque and a spring.
 fn playing() -> Bench {
     let mut bench = Bench::new();
     bench.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
@@ -370,7 +370,7 @@ fn playing() -> Bench {
     bench
 }
 
-/// The wheel is detached, and the loop has no torque of effects any more.
+/// Asserts that the wheel is detached, and that the effects' torque ends.
 fn ends_without_torque(bench: &mut Bench) {
     let begin = Instant::now();
     while bench.wheel.status().is_attached {
@@ -381,7 +381,7 @@ fn ends_without_torque(bench: &mut Bench) {
 }
 
 #[test]
-fn a_host_that_goes_leaves_no_torque_on() {
+fn a_host_that_disconnects_leaves_no_torque_on() {
     let mut bench = playing();
     bench.host.stream.shutdown(std::net::Shutdown::Both).unwrap();
     ends_without_torque(&mut bench);
@@ -392,7 +392,7 @@ fn a_wheel_that_loses_its_configuration_gives_no_torque() {
     let mut bench = playing();
     assert_eq!(bench.host.control([0, 9, 0, 0, 0, 0, 0, 0], &[]).0, 0, "the kernel has its answer");
     ends_without_torque(&mut bench);
-    // A host that gives it back at once, before the wheel has looked, has taken the driver's effects away too.
+    // A host that restores it at once, before the wheel has polled, has removed the driver's effects too.
     let mut bench = playing();
     for configuration in [0, 1] {
         bench.host.submit(0, false, 0, [0, 9, configuration, 0, 0, 0, 0, 0], &[]);
@@ -404,9 +404,9 @@ fn a_wheel_that_loses_its_configuration_gives_no_torque() {
 fn a_wheel_that_no_driver_reads_gives_no_torque() {
     let mut bench = playing();
     bench.reads = false;
-    // Some of it is left, since the host may have been busy.
+    // A part of the torque is left, since the host may have been busy.
     assert!(bench.run(UNREAD / 1000 / 2).link < -1.0);
-    // What counts of the time between two looks is bounded, and this loop runs ahead of them.
+    // The counted time between two polls is bounded, and this loop runs ahead of them.
     bench.run(4 * UNREAD / 1000);
     ends_without_torque(&mut bench);
 }
@@ -423,7 +423,7 @@ fn a_wheel_that_no_program_has_open_waits_for_the_next() {
 }
 
 #[test]
-fn what_is_no_message_of_the_protocol_ends_in_a_detached_wheel_without_torque() {
+fn a_malformed_message_detaches_the_wheel_without_torque() {
     let mut bench = Bench::new();
     bench.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: FULL });
     bench.run(20);
@@ -443,7 +443,7 @@ fn a_silent_host_leaves_no_torque_on_but_its_springs() {
     assert!(near(bench.sample(None).link, spring - LIMIT) || bench.sample(None).link <= -LIMIT + 1e-6);
     let after = bench.run(200).link;
     assert!(near(after, spring), "{after}");
-    // The limit was reached before.
+    // The limit was reached earlier.
     bench.view();
     bench.run(10);
     assert!(is_told(&bench));
@@ -453,7 +453,7 @@ fn a_silent_host_leaves_no_torque_on_but_its_springs() {
 }
 
 #[test]
-fn a_transfer_that_is_taken_back_is_gone() {
+fn an_unlinked_transfer_is_not_answered() {
     let mut bench = Bench::new();
     bench.run(20);
     let waiting = bench.host.waiting.take().unwrap();
@@ -461,7 +461,7 @@ fn a_transfer_that_is_taken_back_is_gone() {
     let unlink = bench.host.number;
     bench.host.message([2, unlink, 1 << 16 | 2, 0, 0, waiting, 0, 0, 0, 0], [0; 8], &[]);
     let (command, number, (mut status, _)) = bench.host.next(|number| number == waiting);
-    // It may have been answered before it was taken back.
+    // It may have been answered before it was unlinked.
     let was_shown = command == 3;
     if was_shown {
         assert_eq!(number, waiting);
@@ -476,7 +476,7 @@ fn a_transfer_that_is_taken_back_is_gone() {
 }
 
 #[test]
-fn a_storm_of_updates_is_followed_without_a_loss() {
+fn updates_at_a_high_rate_are_all_rendered() {
     let mut bench = Bench::new();
     let block = bench.host.play(Kind::Constant, |block| Report::Constant { block, magnitude: 0 });
     let before = bench.settle().taken;
