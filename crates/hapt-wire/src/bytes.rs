@@ -1,5 +1,5 @@
-//! Deserialisation of messages. A board links this: nothing here can panic, and every compiler proves that. postcard's own reader copies
-//! slices of a length that some compilers do not track, so that a bounds check with a panic remains.
+//! Deserialisation of messages. A board links this: nothing here can panic, which every compiler can prove. postcard's own reader copies
+//! slices whose length some compilers do not track, so that a bounds check with a panic remains.
 
 use postcard::de_flavors::Flavor;
 use postcard::{Deserializer, Error, Result};
@@ -31,7 +31,7 @@ impl<'de> Flavor<'de> for Rest<'de> {
     }
 }
 
-/// A value, and what comes after it.
+/// A value, and the bytes after it.
 pub(crate) fn read<'de, T: Deserialize<'de>>(bytes: &'de [u8]) -> Result<(T, &'de [u8])> {
     let mut from = Deserializer::from_flavor(Rest(bytes));
     let value = T::deserialize(&mut from)?;

@@ -9,7 +9,7 @@ use postcard::{Error, Result};
 /// The code of a block without a 0 at its end.
 const FULL: u8 = 255;
 
-/// Stuffs a message as its bytes come, and ends it with a 0.
+/// Stuffs a message byte by byte, and ends it with a 0.
 pub(crate) struct Stuffed<'a> {
     room: &'a mut [u8],
     /// The index of the block's code, and its value so far.
@@ -40,7 +40,7 @@ impl<'a> Stuffed<'a> {
 impl<'a> Flavor for Stuffed<'a> {
     type Output = &'a [u8];
 
-    // Every number of every message passes here: one copy keeps the firmware small.
+    // Every number of every message passes through this function: a single copy keeps the firmware small.
     #[inline(never)]
     fn try_push(&mut self, byte: u8) -> Result<()> {
         if byte == 0 {

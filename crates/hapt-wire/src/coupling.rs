@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 
-/// Harmonics of a texture as they are written.
+/// The number of harmonics of a texture on the wire.
 const HARMONICS: usize = 4;
 
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]

@@ -41,7 +41,7 @@ impl<const N: usize> Reader<N> {
     /// Takes a byte; the last one of a frame returns its message.
     pub fn push<'a, T: Deserialize<'a>>(&'a mut self, byte: u8) -> Option<T> {
         if byte != 0 {
-            // One that is too long is refused at its end.
+            // A frame that is too long is refused at its end.
             if let Some(place) = self.bytes.get_mut(self.length) {
                 *place = byte;
             }
@@ -50,7 +50,7 @@ impl<const N: usize> Reader<N> {
         }
         let length = core::mem::take(&mut self.length);
         if length == 0 {
-            // A 0 after a 0: a writer sends one to start its frame afresh.
+            // A 0 after a 0: a writer sends one before its frame.
             return None;
         }
         let message = self.bytes.get_mut(..length).and_then(|stuffed| {

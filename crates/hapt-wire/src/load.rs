@@ -4,8 +4,8 @@
 //! u8         postcard  f64, f64, code u8           as write() makes it
 //! ```
 //!
-//! A world that states no times is of version 1, as it always was. A board that reads only that refuses the other: it would not enforce
-//! what the world states.
+//! A world that states no times keeps version 1. A board that reads only version 1 refuses version 2, since it would not enforce the
+//! stated times.
 
 use hapt_core::wheel::Device;
 use hapt_core::{Limits, Spec};
@@ -41,7 +41,7 @@ pub fn pack<'a>(spec: &Spec, limits: &Limits, room: &'a mut [u8]) -> Result<&'a 
     room.get(..at).ok_or(Error::NoRoom)
 }
 
-/// Writes a board's wheel: the device as its effects may use it, half of its steering range in rad, then its world as [`pack`] does.
+/// Writes a board's wheel: the device with the damping and friction for effects, half of its steering range in rad, then its world as [`pack`] does.
 ///
 /// Errors as [`write()`] does.
 pub fn pack_wheel<'a>(
@@ -59,7 +59,7 @@ pub fn pack_wheel<'a>(
     room.get(..at).ok_or(Error::NoRoom)
 }
 
-/// Reads what [`pack_wheel`] wrote before the world, and what comes after it.
+/// Reads the part that [`pack_wheel`] writes before the world; returns it with the bytes after it.
 pub(crate) fn unpack_wheel(bytes: &[u8]) -> Result<(Device, f64, &[u8]), Error> {
     let (version, mut rest) = bytes.split_first().ok_or(Error::Cut)?;
     if *version != VERSION {

@@ -17,7 +17,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 pub const PROTOCOL: u16 = 1;
 /// The longest frame to a board, its 0 too.
 pub const MAX_FRAME_BYTES: usize = 256;
-/// The most bytes of a [`Command::Piece`] that fit into one.
+/// The largest number of bytes of a [`Command::Piece`] that fits into one frame.
 pub const PIECE: usize = 224;
 /// Capacity of a board: bodies, couplings, and counts of its velocity estimator (a FOAW window and one).
 pub const ROOM: [usize; 3] = [4, 8, 17];
@@ -55,7 +55,7 @@ pub enum Command<'a> {
     },
     /// Fade out.
     Disarm,
-    /// From faulted, the cause gone: disarmed. After a lost link it is gone when `Alive` has come within the world's `safety.link`.
+    /// From faulted to disarmed, once the cause has ended. A lost link has ended when a `Heartbeat` has arrived within the world's `safety.link`.
     Clear,
     /// Starts the upload of a world; discards an unfinished upload.
     Begin {
@@ -114,7 +114,7 @@ hapt_core::named! {
         Missed = 2 => "missed",
         /// The longest sample so far, in the board's unit of [`Telemetry::used`]; setting it restarts the maximum from that value.
         MostUsed = 3 => "most-used",
-        /// Samples under a torque since the start that came later than the certificate covers, or behind a command that did; read only.
+        /// Samples under a torque since the start that were later than the certificate covers, or followed a command that was; read only.
         Outside = 4 => "outside",
     }
 }

@@ -1,7 +1,7 @@
-//! A wheel for games as a USB device, for any bus that the crate `usb-device` has: a microcontroller's, or a computer's own.
+//! A game wheel as a USB device, for any bus of the crate `usb-device`: a microcontroller's, or a computer's own.
 //!
-//! The class holds the pool of effects, and takes the host's reports from the control pipe and from its endpoint. Whoever renders them takes a
-//! copy of the pool after each change. "Device Class Definition for Human Interface Devices", version 1.11.
+//! The class holds the pool of effects, and takes the host's reports from the control pipe and from its endpoint. The renderer takes a copy of the
+//! pool after each change. "Device Class Definition for Human Interface Devices", version 1.11.
 
 use usb_device::UsbError;
 use usb_device::class_prelude::{
@@ -18,12 +18,12 @@ use crate::pid::{DESCRIPTOR, Input, Pool, Report};
 pub const IDENTITY: UsbVidPid = UsbVidPid(0x1209, 0x0001);
 /// The size of a packet on every pipe, bytes.
 pub const PACKET: u16 = 64;
-/// From one look of the host for a report to the next, ms.
-const INTERVAL: u8 = 1;
-/// In µs: a host that takes no report of where the wheel is for so long, while effects play, has no driver any more.
+/// The polling interval of the endpoint, ms.
+const INTERVAL_MS: u8 = 1;
+/// In µs: a host that reads no input report for this time, while effects play, has lost its driver.
 pub const UNREAD: u64 = 500_000;
-/// In µs: what counts of the time between two reports. A computer that stood still for a moment has not left.
-const COUNTED: u64 = 50_000;
+/// In µs: the largest counted time between two reports, so that a pause of the computer does not count as a lost driver.
+const MAX_COUNTED_US: u64 = 50_000;
 
 const HID: u8 = 3;
 const HID_DESCRIPTOR: u8 = 0x21;
@@ -52,9 +52,9 @@ pub struct WheelClass<'a, B: UsbBus> {
     output: EndpointOut<'a, B>,
     pool: Pool,
     shown: Input,
-    /// When it was shown, µs.
+    /// The time of the last input report, µs.
     shown_at: u64,
-    /// For how long the host has taken no report while effects play, µs.
+    /// The counted time for which the host has read no report while effects play, µs.
     unread: u64,
     now: u64,
     changed: bool,
@@ -64,12 +64,12 @@ pub struct WheelClass<'a, B: UsbBus> {
 }
 
 impl<'a, B: UsbBus> WheelClass<'a, B> {
-    /// With an empty pool.
+    /// The class with an empty pool.
     pub fn new(bus: &'a UsbBusAllocator<B>) -> Self {
         WheelClass {
             interface: bus.interface(),
-            input: bus.interrupt(PACKET, INTERVAL),
-            output: bus.interrupt(PACKET, INTERVAL),
+            input: bus.interrupt(PACKET, INTERVAL_MS),
+            output: bus.interrupt(PACKET, INTERVAL_MS),
             pool: Pool::new(),
             shown: Input::default(),
             shown_at: 0,
@@ -82,17 +82,17 @@ impl<'a, B: UsbBus> WheelClass<'a, B> {
         }
     }
 
-    /// The device of this class, as it names itself.
+    /// The USB device of this class.
     ///
     /// # Errors
-    /// Never with these numbers; the crate wants them checked.
+    /// Never with these numbers; the crate requires a check.
     pub fn device(bus: &'a UsbBusAllocator<B>) -> Result<UsbDevice<'a, B>, UsbError> {
         let text = StringDescriptors::default().manufacturer("hapt").product("hapt wheel").serial_number("1");
         let builder = UsbDeviceBuilder::new(bus, IDENTITY).strings(&[text]).map_err(|_| UsbError::InvalidState)?;
         Ok(builder.max_packet_size_0(PACKET as u8).map_err(|_| UsbError::InvalidState)?.build())
     }
 
-    /// The time of the reports that come from now on, in µs; it does not go back.
+    /// Sets the time of the reports that are received from now on, in µs; it is monotonic.
     pub fn at(&mut self, now: u64) {
         self.now = now;
     }
@@ -107,17 +107,17 @@ impl<'a, B: UsbBus> WheelClass<'a, B> {
         core::mem::take(&mut self.changed)
     }
 
-    /// Tells the host where the wheel is, and starts the effects of buttons. A report for which there is no room yet is left out.
+    /// Sends the input report to the host, and starts the effects of buttons. A report that finds the endpoint busy is left out.
     ///
-    /// False where the host has taken no report for [`UNREAD`] while effects played: its driver has left the device, and nothing plays any more. A
-    /// driver takes reports for as long as a program has the wheel open, and removes the effects of a program that closes it.
+    /// False where the host has read no report for [`UNREAD`] while effects played: its driver has released the device, and all effects stop. A
+    /// driver reads reports for as long as a program has the wheel open, and removes the effects of a program that closes it.
     pub fn show(&mut self, input: &Input) -> bool {
         let before = self.pool.revision();
         self.pool.press(input.buttons, self.now);
         self.changed |= self.pool.revision() != before;
         self.shown = *input;
         let is_taken = self.input.write(&input.write()).is_ok();
-        let passed = self.now.saturating_sub(self.shown_at).min(COUNTED);
+        let passed = self.now.saturating_sub(self.shown_at).min(MAX_COUNTED_US);
         self.shown_at = self.now;
         self.unread = if is_taken || !self.pool.plays(self.now) { 0 } else { self.unread + passed };
         let reads = self.unread < UNREAD;
@@ -132,7 +132,7 @@ impl<'a, B: UsbBus> WheelClass<'a, B> {
         (self.taken, self.refused)
     }
 
-    /// Nothing plays any more: the host has suspended or left the device.
+    /// Stops all effects: the host has suspended or released the device.
     pub fn stop_all(&mut self) {
         self.pool.stop_all();
         self.changed = true;
@@ -143,7 +143,7 @@ impl<'a, B: UsbBus> WheelClass<'a, B> {
             self.refused += 1;
             return false;
         };
-        // A pool that is full is an answer, and no error of the report.
+        // A full pool is an answer, and no error of the report.
         let known = self.pool.take(&report, self.now) || matches!(report, Report::Create(_));
         self.changed = true;
         if known {
@@ -154,7 +154,7 @@ impl<'a, B: UsbBus> WheelClass<'a, B> {
         known
     }
 
-    /// What waits at the endpoint. It was sent before any control request that comes now.
+    /// Takes the packets queued at the endpoint, which were sent before the next control request.
     fn drain(&mut self) {
         let mut packet = [0; PACKET as usize];
         while let Ok(length) = self.output.read(&mut packet) {
@@ -163,22 +163,22 @@ impl<'a, B: UsbBus> WheelClass<'a, B> {
     }
 }
 
-/// The main loop's half of a board that is a wheel by itself: USB on one side, the mailbox of its sampler on the other.
+/// The main loop's half of a board that is a standalone wheel: USB on one side, the mailbox of its sampler on the other.
 pub struct WheelPort<'a, B: UsbBus> {
     device: UsbDevice<'a, B>,
     class: WheelClass<'a, B>,
     half: f64,
     has_host: bool,
-    /// What the sampler has shown last, and whether the host has not seen it yet.
+    /// The sampler's last state, and whether the host has not received it yet.
     shown: WheelStatus,
     is_new: bool,
 }
 
-/// Packets that are taken before the mailbox is looked at again.
-const AT_ONCE: usize = 8;
+/// The largest number of packets that are taken between two exchanges with the mailbox.
+const PACKETS_AT_ONCE: usize = 8;
 
 impl<'a, B: UsbBus> WheelPort<'a, B> {
-    /// The device that a host sees, with a steering range of twice `half`, rad.
+    /// The device of the host, with a steering range of twice `half`, rad.
     ///
     /// # Errors
     /// As [`WheelClass::device`].
@@ -188,11 +188,11 @@ impl<'a, B: UsbBus> WheelPort<'a, B> {
         Ok(WheelPort { device, class, half, has_host: false, shown, is_new: false })
     }
 
-    /// Takes and answers what has come, and tells the host where the wheel is. A host that resets, suspends or leaves the device ends all effects, and
-    /// one that reads no reports any more.
+    /// Takes and answers received packets, and sends the input report. All effects end when the host resets, suspends or releases the device, or reads no
+    /// more reports.
     pub fn poll(&mut self) {
         self.class.at(self.shown.now);
-        for _ in 0..AT_ONCE {
+        for _ in 0..PACKETS_AT_ONCE {
             let goes_on = self.device.poll(&mut [&mut self.class]);
             let has_host = self.device.state() == UsbDeviceState::Configured;
             if self.has_host && !has_host {
@@ -208,7 +208,7 @@ impl<'a, B: UsbBus> WheelPort<'a, B> {
         }
     }
 
-    /// Gives the sampler what has changed, and takes what it shows. The mailbox is held for the time of copying a pool.
+    /// Passes changes to the sampler, and takes its state. The mailbox is locked for the time of copying a pool.
     pub fn exchange(&mut self, mailbox: &mut WheelMailbox) {
         let pool = self.class.has_changed().then_some(self.class.pool());
         let shown = mailbox.serve(pool, self.has_host);
@@ -225,7 +225,7 @@ impl<B: UsbBus> UsbClass<B> for WheelClass<'_, B> {
         writer.endpoint(&self.output)
     }
 
-    /// The host begins anew.
+    /// Handles a reset by the host.
     fn reset(&mut self) {
         self.pool = Pool::new();
         self.changed = true;
@@ -243,7 +243,7 @@ impl<B: UsbBus> UsbClass<B> for WheelClass<'_, B> {
             return;
         }
         let [low, high] = request.value.to_le_bytes();
-        // An answer that finds no room ends in an error of the transfer, which the host sees.
+        // An answer that does not fit ends in an error of the transfer, which the host receives.
         let _ = match (request.request_type, request.request) {
             (RequestType::Standard, Request::GET_DESCRIPTOR) if high == REPORT_DESCRIPTOR => {
                 transfer.accept_with_static(DESCRIPTOR)

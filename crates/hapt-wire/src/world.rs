@@ -5,8 +5,8 @@
 //! u8         postcard, u32, f64              postcard      postcard         CRC-16/IBM-3740 of all before it, little-endian u16
 //! ```
 //!
-//! A world whose bodies step at every sample and see the measured position is of version 1, as it always was. A board that reads only that
-//! refuses the others: it would step the bodies too often, or show them another position.
+//! A world whose bodies step at every sample by the measured position keeps version 1. A board that reads only version 1 refuses the others,
+//! since it would step the bodies too often, or use another position.
 
 use core::fmt;
 
@@ -21,7 +21,7 @@ pub const VERSION: u8 = 1;
 /// The version of a world whose bodies do not step at every sample.
 const BODIES_EVERY: u8 = 2;
 
-/// The version of a world that sees a filtered position.
+/// The version of a world with a filtered position.
 const FILTER: u8 = 3;
 
 const SUM_BYTES: usize = 2;

@@ -49,7 +49,7 @@ impl<'w> Endpoint<'w> {
         self.sampler.next()
     }
 
-    /// The motor had the torque of the last sample this long after it, in s.
+    /// Sets the delay in s after which the motor has received the torque of the last sample.
     pub fn commanded(&mut self, delay: f32) {
         self.sampler.commanded(delay);
     }

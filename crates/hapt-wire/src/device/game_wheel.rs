@@ -1,4 +1,4 @@
-//! A board that is a force-feedback wheel by itself: its world is part of its program, and a game's computer is its host, over USB.
+//! A board that is a standalone force-feedback wheel: its world is part of its program, and a game's computer is its host, over USB.
 
 use core::fmt;
 
@@ -11,10 +11,10 @@ use crate::load::unpack_wheel;
 use crate::pid::{Player, Pool, Scale};
 use crate::{Error, ROOM, unpack};
 
-/// The effects end when the main loop, which follows the host, has not come by for so long, in s.
+/// The effects end when the main loop, which serves the host, has not exchanged data for this time, in s.
 pub const UNSERVED: f32 = 0.02;
 
-/// What the sampler shows the main loop.
+/// The sampler's state, for the main loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WheelStatus {
     /// Time since the first sample, in µs: the clock of the host's reports.
@@ -25,17 +25,17 @@ pub struct WheelStatus {
     pub phase: Phase,
     /// Of a fault.
     pub reason: Option<Reason>,
-    /// How many effects play.
+    /// The number of effects that play.
     pub playing: usize,
 }
 
-/// What the main loop and the interrupt share, each of which holds it for microseconds: a pool goes one way, a position the other.
+/// The data that the main loop and the interrupt share, each of which locks it for microseconds: a pool in one direction, a position in the other.
 #[derive(Clone, Copy, Debug)]
 pub struct WheelMailbox {
     pool: Option<Pool>,
-    /// The main loop has come by.
+    /// Whether the main loop has served the mailbox since the last sample.
     served: bool,
-    /// A host has taken the device.
+    /// Whether a host has configured the device.
     claimed: bool,
     shown: WheelStatus,
 }
@@ -54,13 +54,13 @@ impl WheelMailbox {
         WheelMailbox { pool: None, served: false, claimed: false, shown }
     }
 
-    /// What the sampler has shown last.
+    /// The last state of the sampler.
     #[must_use]
     pub fn shown(&self) -> WheelStatus {
         self.shown
     }
 
-    /// The main loop comes by: with the pool where it has changed, and whether a host has taken the device. What the sampler shows.
+    /// The exchange of the main loop: sets the pool where it has changed, and whether a host has configured the device; returns the sampler's state.
     pub fn serve(&mut self, changed: Option<&Pool>, claimed: bool) -> WheelStatus {
         if let Some(pool) = changed {
             self.pool = Some(*pool);
@@ -71,13 +71,13 @@ impl WheelMailbox {
     }
 }
 
-/// Why bytes are no wheel for a board.
+/// The reason that bytes are no wheel for a board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum NoWheel {
     /// They cannot be read.
     Bytes(Error),
-    /// The core does not take the world or its limits.
+    /// The core refuses the world or its limits.
     World(hapt_core::Error),
     /// The device cannot be a wheel.
     Device(hapt_core::wheel::Refused),
@@ -95,7 +95,7 @@ impl fmt::Display for NoWheel {
 
 impl core::error::Error for NoWheel {}
 
-/// One guarded sample a period, with the effects beside the world. It waits for nobody.
+/// One guarded sample per period, with effects in addition to the world. It never blocks.
 #[derive(Clone, Debug)]
 pub struct WheelSampler {
     controller: BoardController,
@@ -104,16 +104,16 @@ pub struct WheelSampler {
     half: f64,
     period_ns: u64,
     now_ns: u64,
-    /// Samples since the main loop came by.
+    /// The number of samples since the main loop served the mailbox.
     unserved: u32,
-    /// So many of them end the effects.
+    /// The number of them that ends the effects.
     longest_unserved: u32,
-    /// The first host arms it. A fault stays until the board starts anew.
+    /// Whether a host has armed it: the first one does. A fault stays until the board restarts.
     armed: bool,
 }
 
 impl WheelSampler {
-    /// The wheel that [`crate::pack_wheel`] made: disarmed until a host takes it.
+    /// The wheel that [`crate::pack_wheel`] wrote: disarmed until a host configures it.
     ///
     /// # Errors
     /// See [`NoWheel`].
@@ -152,7 +152,7 @@ impl WheelSampler {
         longest_hold(&self.controller)
     }
 
-    /// Takes one sample. The torque is 0 before a host has taken the device, and after a fault.
+    /// Takes one sample. The torque is 0 before a host has configured the device, and after a fault.
     pub fn sample(&mut self, measurement: &Measurement, mailbox: &mut WheelMailbox) -> Motor {
         let passed = 1 + u64::from(measurement.missed);
         self.now_ns = self.now_ns.saturating_add(passed.saturating_mul(self.period_ns));
@@ -173,16 +173,16 @@ impl WheelSampler {
         };
         let (player, mut playing, mut seen) = (&mut self.player, 0, 0.0);
         let guarded =
-            self.controller.step_with(&mut self.state, &reading, request, |beside: ExternalTorqueInput<f32>| {
-                let (given, count) = player.sample(beside, now);
-                (playing, seen) = (count, beside.position);
+            self.controller.step_with(&mut self.state, &reading, request, |input: ExternalTorqueInput<f32>| {
+                let (given, count) = player.sample(input, now);
+                (playing, seen) = (count, input.position);
                 Some(given.torque)
             });
         mailbox.shown = WheelStatus { now, position: seen, phase: guarded.phase, reason: guarded.reason, playing };
         Motor { torque: guarded.output, on: guarded.phase.is_active() }
     }
 
-    /// What the main loop has left.
+    /// Takes the main loop's data.
     fn follow(&mut self, mailbox: &mut WheelMailbox) {
         if core::mem::take(&mut mailbox.served) {
             self.unserved = 0;
@@ -196,7 +196,7 @@ impl WheelSampler {
         }
     }
 
-    /// The motor had the torque of the last sample this long after it, in s.
+    /// Sets the delay in s after which the motor has received the torque of the last sample.
     pub fn commanded(&mut self, delay: f32) {
         self.state.commanded(delay);
     }
@@ -205,6 +205,6 @@ impl WheelSampler {
 /// The whole periods for which the motor may hold a torque, where the world bounds it.
 pub(super) fn longest_hold(controller: &BoardController) -> Option<u32> {
     let periods = controller.longest_hold() / controller.period();
-    // An interval rounded to whole periods is one.
+    // The tolerance covers a rounded interval of whole periods.
     periods.is_finite().then_some((periods + 1e-4) as u32)
 }

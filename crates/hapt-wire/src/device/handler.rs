@@ -9,7 +9,7 @@ use hapt_core::{Estimator, Phase, Request};
 use super::mailbox::{Action, Outcome, Pending, Progress, Queue, Response};
 use super::{Mailbox, Measurement, WorldStorage};
 
-/// The largest distance of a command's sequence behind the next one.
+/// The largest distance of a command's sequence beyond the next one.
 const AHEAD: u32 = 4096;
 /// The largest number of samples for which a command is valid.
 const HORIZON: u64 = 65_536;
@@ -34,13 +34,13 @@ pub struct CommandHandler<'w> {
     state: State<'w>,
 }
 
-/// The state of the handler beside its reader.
+/// The state of the handler other than its reader.
 #[derive(Debug)]
 struct State<'w> {
     board: Board,
     /// Whether a host of this protocol version has completed the handshake.
     greeted: bool,
-    /// A hello has not been answered yet.
+    /// Whether a hello has not been answered yet.
     greet: bool,
     /// The sequence of the last command.
     sequence: u32,
@@ -177,7 +177,7 @@ impl<'w> State<'w> {
         let done = |()| Handled::Outcome(Outcome::Done);
         let progress = self.progress;
         let pending = match message.command {
-            // Both are done by now.
+            // Both have been executed before.
             Command::Hello { .. } | Command::Stop => return Ok(Handled::Later),
             Command::Begin { length, hash } => return self.upload.begin(length, hash).map(done),
             Command::Piece { at, bytes } => return self.upload.add(at, bytes).map(done),
@@ -244,7 +244,7 @@ impl<'w> State<'w> {
     }
 
     fn respond(&mut self, sequence: u32, outcome: Outcome) {
-        // Without a reading host it is lost.
+        // A response that finds the queue full is lost: the host does not read.
         let _ = self.responses.push(Response { sequence, outcome });
     }
 
@@ -281,7 +281,7 @@ impl<'w> State<'w> {
 }
 
 /// Checks a world, and compiles it for a board.
-#[allow(clippy::wildcard_enum_match_arm)] // Any other error, a new one too, is a refusal all the same.
+#[allow(clippy::wildcard_enum_match_arm)] // Every other error, also a future one, is a refusal.
 fn compile(storage: &mut WorldStorage, bytes: &[u8], board: &Board) -> Result<(), Refusal> {
     let (limits, stored) = unpack::<{ ROOM[0] }, { ROOM[1] }>(bytes).map_err(|error| match error {
         Error::Version { .. } => Refusal::Version,
@@ -335,7 +335,7 @@ impl Upload {
 
     fn add(&mut self, at: u16, piece: &[u8]) -> Result<(), Refusal> {
         let end = self.so_far.saturating_add(piece.len());
-        // The last piece once more: its acknowledgement was lost.
+        // The last piece is repeated: its acknowledgement was lost.
         if self.bytes.get(usize::from(at)..self.so_far) == Some(piece) {
             return Ok(());
         }
@@ -348,7 +348,7 @@ impl Upload {
         Ok(())
     }
 
-    /// The whole upload, if its length and hash are right.
+    /// The complete upload, if its length and hash are right.
     fn whole(&self) -> Result<&[u8], Refusal> {
         let bytes = self.bytes.get(..self.length).filter(|bytes| !bytes.is_empty() && self.so_far == self.length);
         bytes.filter(|bytes| hash(bytes) == self.hash).ok_or(Refusal::Hash)

@@ -14,7 +14,7 @@ pub(crate) const WAITING: usize = 8;
 /// A short queue.
 #[derive(Debug)]
 pub(crate) struct Queue<T> {
-    /// The oldest first, no hole between them.
+    /// The oldest first, without gaps.
     items: [Option<T>; WAITING],
 }
 
@@ -108,7 +108,7 @@ impl Progress {
     };
 }
 
-/// The data shared by both halves, each of which holds it for microseconds at most.
+/// The data shared by both halves, each of which locks it for microseconds at most.
 #[derive(Debug)]
 pub struct Mailbox<'w> {
     pub(crate) pending: Queue<Pending<'w>>,

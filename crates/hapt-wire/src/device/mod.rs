@@ -1,4 +1,4 @@
-//! The device's side of the wire: a board's command handler and its sampler. Worlds come in, are checked and run; torques go out.
+//! The device's side of the wire: a board's command handler and its sampler. They receive, check and run worlds, and output torques.
 //!
 //! Two halves, so that compiling a world, which takes milliseconds, never delays a sample:
 //!
@@ -6,9 +6,9 @@
 //!   spare [`WorldStorage`].
 //! - The [`Sampler`] runs in the timer's interrupt. It takes one sample a period under the supervisor and gives the motor's torque.
 //!
-//! They share a [`Mailbox`]: commands go one way, responses and telemetry the other, and a world as a reference that changes hands.
-//! Only a few words are copied, and neither half waits for the other. Each half calls `exchange` with it; the board lends it to one
-//! at a time (a critical section in the main loop, the interrupt's own priority there).
+//! They share a [`Mailbox`]: commands in one direction, responses and telemetry in the other, and a world as a reference whose ownership moves.
+//! Only a few words are copied, and neither half waits for the other. Each half calls `exchange` with it; the board gives access to one
+//! half at a time (by a critical section in the main loop, and by the interrupt's priority there).
 //!
 //! ```no_run
 //! # use hapt_wire::{MAX_FRAME_BYTES, device::*};
@@ -24,7 +24,7 @@
 //! let mut handler = CommandHandler::new(board, &mut one);
 //! let mut sampler = Sampler::new(&board, &mut other);
 //!
-//! // The main loop, again and again; `exchange` with the interrupt off.
+//! // The main loop, repeatedly; `exchange` with the interrupt off.
 //! while let Some(byte) = byte() {
 //!     handler.push(byte);
 //! }
@@ -47,8 +47,8 @@
 //!
 //! [`Command::Sample`]: crate::Command::Sample
 //!
-//! A board that is a force-feedback wheel by itself has its world in its program, and a game's computer as its host: [`WheelSampler`] is its
-//! interrupt's half, [`WheelMailbox`] stands between, and the main loop's half is `WheelPort` of the module `usb`.
+//! A board that is a standalone force-feedback wheel has its world in its program, and a game's computer as its host: [`WheelSampler`] is its
+//! interrupt's half, `WheelPort` of the module `usb` the main loop's half, and [`WheelMailbox`] connects them.
 
 mod endpoint;
 mod game_wheel;

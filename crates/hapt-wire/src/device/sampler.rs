@@ -32,7 +32,7 @@ pub struct Motor {
     pub on: bool,
 }
 
-/// Takes one guarded sample a period. It owns the running world; commands and worlds arrive by [`Sampler::exchange`] alone.
+/// Takes one guarded sample per period. It owns the running world; commands and worlds arrive only by [`Sampler::exchange`].
 #[derive(Debug)]
 pub struct Sampler<'w> {
     storage: &'w mut WorldStorage,
@@ -57,7 +57,7 @@ pub struct Sampler<'w> {
 }
 
 impl<'w> Sampler<'w> {
-    /// Disarmed, and with nothing to run: `storage` is the second of the board's two, and comes empty.
+    /// Disarmed and without a world: `storage` is the second of the board's two, and empty.
     pub fn new(board: &Board, storage: &'w mut WorldStorage) -> Self {
         *storage = WorldStorage::EMPTY;
         Sampler {
@@ -84,7 +84,7 @@ impl<'w> Sampler<'w> {
     }
 
     /// The whole periods for which the motor may hold a torque, where the world bounds it: a timer that has begun more of them without a
-    /// sample takes the torque away by itself.
+    /// sample removes the torque in hardware.
     pub fn longest_hold(&self) -> Option<u32> {
         super::game_wheel::longest_hold(&self.storage.0.as_ref()?.controller)
     }
@@ -150,7 +150,7 @@ impl<'w> Sampler<'w> {
         Motor { torque: output, on: phase.is_active() || output != 0.0 }
     }
 
-    /// The motor had the torque of the last sample this long after it, in s: the supervisor judges it at the next sample.
+    /// Sets the delay in s after which the motor has received the torque of the last sample: the supervisor evaluates it at the next sample.
     pub fn commanded(&mut self, delay: f32) {
         self.state.commanded(delay);
     }
@@ -161,7 +161,7 @@ impl<'w> Sampler<'w> {
         self.most_used = self.most_used.max(used);
     }
 
-    /// Passes on responses and telemetry, and takes commands for the next sample. True where the world has changed, and so perhaps the
+    /// Passes on responses and telemetry, and takes commands for the next sample. True where the world has changed, which may change the
     /// timer's period.
     pub fn exchange(&mut self, mailbox: &mut Mailbox<'w>) -> bool {
         if let Some(response) = self.response.take() {

@@ -5,23 +5,23 @@ use sha2::{Digest, Sha256};
 
 use super::{Codec, Known, Message, Number, Refusal};
 
-/// Of the frames.
+/// The version of the frames.
 const VERSION: u8 = 1;
-/// Of a session's number.
+/// The number of bits of a session's number.
 const SESSION: u32 = 28;
-/// Bits of the check in the identifier, below the kind.
+/// The number of bits of the check in the identifier, below the kind.
 const CHECKED: u32 = 13;
-/// Of the identifier: the kind, 1 for an introduction.
+/// The identifier's bit of the kind, 1 for an introduction.
 const KIND: u32 = 1 << CHECKED;
-/// Where the end stands in the identifier, 6 bits, and the range, 9 bits.
+/// The lowest bits of the end, of 6 bits, and of the range, of 9 bits, in the identifier.
 const END: u32 = 14;
 const RANGE: u32 = 20;
-/// Steps of a position in a radian (linear: a metre).
+/// The number of steps of a position per radian (linear: metre).
 const STEPS: f64 = (1_u32 << 22) as f64;
 
-/// Classical CAN frames with 29-bit identifiers and 8 bytes, for a closed bus: whoever sends on it is believed.
+/// Classical CAN frames with 29-bit identifiers and 8 bytes, for a closed bus: every sender on it is trusted.
 ///
-/// As bytes a frame is 4 of its identifier, little-endian, and its 8 of data.
+/// A frame is written as 12 bytes: 4 of its identifier, little-endian, and 8 of data.
 ///
 /// | bits of the identifier | content |
 /// | --- | --- |
@@ -38,45 +38,44 @@ const STEPS: f64 = (1_u32 << 22) as f64;
 /// | 6 | the receiver's newest message before the sample, its lower 8 bits |
 /// | 7 | the check's upper 8 bits |
 ///
-/// An introduction has the sender's session in bits 0 to 27, the receiver's as the sender knows it in 28 to 55 (0: not at all), and the
-/// check in byte 7.
+/// An introduction has the sender's session in bits 0 to 27, the receiver's session, if the sender has received it, in 28 to 55 (0: unknown), and
+/// the check in byte 7.
 ///
-/// The check is the first 21 bits of SHA-256 of all that the frame says *in full*: the network's link, both sessions, both numbers with 64 bits, position and
-/// strength. It tells networks that differ, and frames of another session, and it is no authentication: there is no key, and 21 bits are guessed in minutes.
+/// The check is the first 21 bits of SHA-256 of the frame's content *in full*: the network's link, both sessions, both numbers with 64 bits, position and
+/// strength. It detects frames of other networks and of other sessions. It is no authentication: there is no key, and 21 bits are guessed in minutes.
 ///
-/// **Numbers that wrap.** A bus may lose frames and hold them back for any time. What an end sends arrives in its order, or within a session is
-/// overtaken by none whose number is more than 128 above its own. Then no message is mistaken for one of another turn, and each echo is read right:
+/// **Numbers that wrap.** A bus may lose frames and delay them for any time. The frames of an end arrive in their order, or at least no frame of a session is
+/// overtaken by one whose number is more than 128 above its own. Then every number and every echo is decoded correctly:
 ///
-/// * Let a be the newest own message that the other has named, and n the newest that was sent. [`Session`](super::Session) sends none
-///   beyond n = a + 127: it begins a new session instead. The echo in a message is in a..=n, as taken messages are in their order, and
-///   a sender's echoes do not fall. At most 128 numbers lie there, so their lower 8 bits tell them apart.
-/// * Let S be the newest message taken. A newer one has its number in S + 1..=S + 127, since its sender knows of no answer beyond S. An older one, by the
-///   bound on overtaking, is in S - 128..=S. These are 256 numbers, so 8 bits tell them apart, and the older are refused.
-/// * Sessions change in pairs: an end that learns of a new session begins one itself, unless it has sent nothing in its own. Frames of a pair
-///   that is over were sent before the introduction that ended it, so they come before it.
+/// * Let a be the newest own message that the other end has acknowledged, and n the newest that was sent. [`Session`](super::Session) sends none
+///   beyond n = a + 127: it begins a new session instead. The echo in a message is in a..=n, as messages are taken in their order, and
+///   a sender's echoes do not decrease. These are at most 128 numbers, so their lower 8 bits distinguish them.
+/// * Let S be the newest message taken. A newer one has its number in S + 1..=S + 127, since its sender has received no answer beyond S. An older one, by
+///   the bound on overtaking, is in S - 128..=S. These are 256 numbers, so 8 bits distinguish them, and the older are refused.
+/// * Sessions change in pairs: an end that receives a new session begins one itself, unless it has sent nothing in its own. Frames of an ended
+///   pair were sent before the introduction that ended it, so they arrive before it.
 ///
-/// A frame that comes later still, as from a queue that was forgotten while another program ran as its station, has to pass the check, which
-/// one in 2 million does.
+/// A frame that arrives later still, for example from the queue of an earlier program, has to pass the check, which one in 2 million does.
 #[derive(Clone, Debug)]
 pub struct Frames {
     link: u64,
-    /// The range and the own end, in place.
+    /// The identifier's bits of the range and of the own end.
     own: u32,
 }
 
 impl Frames {
-    /// The ranges of identifiers. Below are those of a moteus.
+    /// The ranges of identifiers. The identifiers below are those of moteus drives.
     pub const RANGES: core::ops::RangeInclusive<u16> = 1..=511;
-    /// The range where none is given. Identifiers of 11 bits below 0x400 go first on the bus.
+    /// The default range. Identifiers of 11 bits below 0x400 have priority on the bus.
     pub const RANGE: u16 = 256;
     /// Positions are rounded to the nearest multiple of this, in rad (linear: m).
     pub const STEP: f64 = 1.0 / STEPS;
-    /// Links that have room in a range.
+    /// The largest number of links in a range.
     pub const LINKS: usize = 32;
-    /// Bits of a frame on the bus at most, with those stuffed in and the space after it.
+    /// The largest number of bits of a frame on the bus, with stuffed bits and the space after it.
     pub const BITS: u32 = 160;
 
-    /// Of the link `link` ([`number`](super::number)), which is the network's `at`-th from 0, at its first or second station. `None`: the range
+    /// The codec of the link `link` ([`number`](super::number)), the network's `at`-th from 0, at its first or second station. `None`: the range
     /// or the link has no identifier.
     pub fn new(range: u16, at: usize, link: u64, first: bool) -> Option<Self> {
         if !Frames::RANGES.contains(&range) || at >= Frames::LINKS {
@@ -111,7 +110,7 @@ impl Frames {
         u32::from_le_bytes([a, b, c, 0]) & ((1 << (CHECKED + 8)) - 1)
     }
 
-    /// The message of a position frame, by what is known; its check is not looked at.
+    /// The message of a position frame, with its numbers completed by those known; the check is not verified here.
     fn numbered(data: &[u8; 7], known: &Known) -> Option<Message> {
         let [.., strength, number, echo] = *data;
         let step = number.wrapping_sub(known.other.sequence as u8);
@@ -135,7 +134,7 @@ impl Codec for Frames {
         let Message { from, to, position, strength } = *message;
         let introduces = from.sequence == 0;
         let steps = position * STEPS;
-        // A NaN is in no range.
+        // A NaN is outside of every range.
         if !(-f64::from(i32::MAX)..=f64::from(i32::MAX)).contains(&steps) {
             return None;
         }

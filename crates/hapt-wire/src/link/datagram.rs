@@ -1,4 +1,4 @@
-//! Messages for a network that nobody trusts.
+//! Messages for an untrusted network.
 
 use hapt_core::Strength;
 use hmac::{Hmac, KeyInit, Mac};
@@ -6,28 +6,28 @@ use sha2::Sha256;
 
 use super::{Codec, Known, Message, Number, Refusal};
 
-/// Of a datagram, in bytes.
+/// The size of a datagram, in bytes.
 pub const SIZE: usize = 67;
-/// Of the datagrams.
+/// The version of the datagrams.
 pub const VERSION: u8 = 2;
 /// The shortest key in bytes.
 pub const SHORTEST_KEY: usize = 16;
-/// Where the authentication code begins.
+/// The offset of the authentication code.
 const SUM: usize = SIZE - 16;
 
 const FIRST: u8 = 1;
 
-/// Datagrams of [`SIZE`] bytes with an authentication code under a key that both stations know. Numbers have 64 bits, and never wrap.
+/// Datagrams of [`SIZE`] bytes with an authentication code under a key of both stations. Numbers have 64 bits, and never wrap.
 ///
 /// | bytes | content, little-endian |
 /// | --- | --- |
 /// | 0 | version, [`VERSION`] |
 /// | 1 | flags: 1 from the first station of the link |
 /// | 2 | the part of the torque that acts, from the second station the largest that can ([`Strength`]) |
-/// | 3..11 | which link of which network |
+/// | 3..11 | the number of the link ([`number`](super::number)) |
 /// | 11..19 | the sender's session |
 /// | 19..27 | the message's number in it, from 1 |
-/// | 27..35 | the receiver's session, as the sender knows it; 0: not at all |
+/// | 27..35 | the receiver's session, if the sender has received it; 0: unknown |
 /// | 35..43 | the receiver's newest message before the sample; 0: none |
 /// | 43..51 | the position, a double, in rad (linear: m) |
 /// | 51..67 | HMAC-SHA-256 (RFC 2104) of all before it, its first 16 bytes |
@@ -45,9 +45,9 @@ impl core::fmt::Debug for Datagrams {
 }
 
 impl Datagrams {
-    /// Of the link `link` ([`number`](super::number)) at its first or second station, under `key`.
+    /// The codec of the link `link` ([`number`](super::number)) at its first or second station, under `key`.
     pub fn new(key: &[u8], link: u64, first: bool) -> Self {
-        // It takes keys of every length.
+        // HMAC takes keys of every length: this does not fail.
         let mac = Hmac::new_from_slice(key).unwrap_or_else(|_| Hmac::new(&Default::default()));
         Datagrams { mac, link, first }
     }

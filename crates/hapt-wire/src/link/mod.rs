@@ -1,23 +1,22 @@
 //! The messages of a link between two wheels.
 //!
-//! Each station sends its position at its samples. A [`Session`] makes and judges the messages: numbers, ages, and whom it listens to. It has no clock, no
-//! socket and no memory but its own. How a message is written is its [`Codec`]:
+//! Each station sends its position at its samples. A [`Session`] makes and checks the messages: numbers, ages, and the accepted sender. It has no clock and
+//! no socket, and allocates nothing. A [`Codec`] writes and reads messages:
 //!
 //! | codec | for | size | who can send |
 //! | --- | --- | --- | --- |
-//! | [`Datagrams`] | UDP, a network that nobody trusts | 67 bytes | who has the key |
-//! | [`Frames`] | CAN, a bus that is closed | 8 bytes and the identifier | who is on the bus |
+//! | [`Datagrams`] | UDP, an untrusted network | 67 bytes | holders of the key |
+//! | [`Frames`] | CAN, a closed bus | 8 bytes and the identifier | every node on the bus |
 //!
-//! **Age without a shared clock.** A message names the newest message of the receiver that its sender had before it took the position. So the
-//! position is no older than the receiver's own message of that number, whose time the receiver knows: the bound is the time of the round trip, by
-//! one clock. A message held back, repeated or reordered by anybody only looks older.
+//! **Age without a shared clock.** A message contains the number of the receiver's newest message that its sender had before it sampled the position. So the
+//! position is no older than the receiver's own message of that number, whose time the receiver has stored: the bound is the round-trip time, by
+//! one clock. Delay, repetition or reordering of a message only increases its age.
 //!
-//! **Numbers.** A message's number is above the last one's by the periods between their samples, 1 at least ([`Session::paced`]): so the receiver knows
-//! the time between two positions by the sender's clock, and the other's velocity. Numbers in between are never sent.
+//! **Numbers.** A message's number exceeds the last one's by the periods between their samples, at least 1 ([`Session::paced`]): so the receiver has
+//! the time between two positions by the sender's clock, and the remote velocity. Numbers in between are never sent.
 //!
-//! **Sessions.** Each start of a station draws a number that has never been before. A position is used only if its message names the
-//! receiver's own number: nothing that was recorded before this start counts. A second sender is refused until the first has been silent for
-//! [`SILENCE`].
+//! **Sessions.** Each start of a station draws a random session number. A position is used only if its message contains the receiver's own session
+//! number, so that messages recorded before this start are refused. A second sender is refused until the first has been silent for [`SILENCE`].
 
 mod can;
 mod datagram;
@@ -30,7 +29,7 @@ pub use can::Frames;
 pub use datagram::{Datagrams, SHORTEST_KEY, SIZE, VERSION};
 pub use session::{Codec, Known, Message, SILENCE, Session};
 
-/// A message by its session and its number in it.
+/// The identity of a message: its session, and its number in that session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Number {
     /// The session of its sender.
@@ -39,48 +38,48 @@ pub struct Number {
     pub sequence: u64,
 }
 
-/// What a station has to say at a sample.
+/// A station's content of a message at a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outgoing {
-    /// When the sample was taken, in ns by the station's own clock.
+    /// The time of the sample, in ns by the station's own clock.
     pub sampled: u64,
     /// In rad (linear: m).
     pub position: f64,
     /// [`hapt_core::LinkEnd::said`]
     pub strength: Strength,
-    /// The newest message that it had before the sample.
+    /// The newest message that the station had received before the sample.
     pub heard: Option<Number>,
 }
 
-/// What a message of the other says.
+/// The content of a received message.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Incoming {
-    /// To be named in the next message.
+    /// The number to acknowledge in the next message.
     pub number: Number,
-    /// The position was taken after this instant of the receiver's clock, in ns; `None`: nobody knows when, and it must not be used.
+    /// The position was sampled after this instant of the receiver's clock, in ns; `None`: its age is unknown, and it must not be used.
     pub since: Option<u64>,
     /// In rad (linear: m), finite.
     pub position: f64,
-    /// The part of its torque with which the other acts, or can.
+    /// The part of its torque with which the other end acts, or can act.
     pub strength: Strength,
 }
 
-/// Why a message is refused. Nothing of it is used.
+/// The reason that a message is refused. Nothing of it is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
     /// Not of the codec's size.
     Size,
     /// Of another version.
     Version(u8),
-    /// Not under this key.
+    /// Its authentication code is not of this key.
     Key,
     /// Of another link, or of a network file with other numbers.
     Link,
     /// From this end of the link: its own message, or another station that was started as this one.
     SameEnd,
-    /// Of a second sender, while the first still sends.
+    /// Of a second sender, while the first is still sending.
     Session,
-    /// Not newer than one that was taken, or of a session that is over.
+    /// Not newer than one that was taken, or of an ended session.
     Old,
     /// The position is not finite, a flag is unknown, or a number is 0.
     Content,
@@ -99,7 +98,7 @@ impl Refusal {
         Refusal::Content,
     ];
 
-    /// Its place in [`Refusal::ALL`].
+    /// Its index in [`Refusal::ALL`].
     pub fn code(self) -> usize {
         match self {
             Refusal::Size => 0,

@@ -1,4 +1,4 @@
-//! The effects that a host has made, and which of them play.
+//! The effects that a host has created, and their playback.
 
 use hapt_core::Number;
 use hapt_core::wheel::{Effect, Sides};
@@ -6,7 +6,7 @@ use hapt_core::wheel::{Effect, Sides};
 use super::descriptor::{EFFECTS, FULL, INFINITE, id};
 use super::report::{Common, Condition, Control, Envelope, Kind, Operation, Periodic, Report};
 
-/// What full scale of the reports means on this wheel, SI.
+/// The full scale of the reports on this wheel, SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     /// Of every torque, N·m.
@@ -44,7 +44,7 @@ struct Slot {
     magnitude: i16,
     ramp: (i16, i16),
     playing: Option<Playing>,
-    /// When its button started it last, µs.
+    /// The time of its last start by a button, µs.
     triggered: u64,
 }
 
@@ -58,15 +58,15 @@ pub struct Pool {
     enabled: bool,
     paused: Option<u64>,
     pressed: u16,
-    /// When the last report came, µs.
-    heard: u64,
-    /// Since then too much time has passed.
+    /// The time of the last report, µs.
+    received_at: u64,
+    /// Whether the time since then exceeds [`SILENCE`].
     silent: bool,
     revision: u32,
 }
 
-/// In µs: what can do work on the wheel without end (a torque, a damper that moves along) pauses when the host has said nothing for so long, up to
-/// its next report. A game that hangs leaves no torque on. Springs, frictions and inertia stay: no hand draws energy from them.
+/// In µs: effects that can do unlimited work on the wheel (a torque, a damper with an offset) pause when the host has sent nothing for this time,
+/// until its next report. A game that hangs leaves no torque on. Springs, frictions and inertia stay: no hand draws energy from them.
 pub const SILENCE: u64 = 10_000_000;
 
 const SUCCESS: u8 = 1;
@@ -90,22 +90,22 @@ impl Pool {
             enabled: true,
             paused: None,
             pressed: 0,
-            heard: 0,
+            received_at: 0,
             silent: false,
             revision: 0,
         }
     }
 
-    /// A number that differs after every change of what plays.
+    /// A number that differs after every change of the playing effects.
     #[must_use]
     pub fn revision(&self) -> u32 {
         self.revision
     }
 
-    /// Takes a report. What names an effect that is not in the pool changes nothing, and returns false; but an effect's own report puts it there:
-    /// a reset that was sent before the effect was created may arrive after that.
+    /// Takes a report. A report on an effect that is not in the pool changes nothing, and returns false; but an effect's own report creates it:
+    /// a reset that was sent before the effect was created may arrive after its creation.
     pub fn take(&mut self, report: &Report, now: u64) -> bool {
-        self.heard = now;
+        self.received_at = now;
         self.revision = self.revision.wrapping_add(1);
         match *report {
             Report::Create(kind) => self.create(kind),
@@ -181,7 +181,7 @@ impl Pool {
         }
     }
 
-    /// Nothing plays any more: the host has suspended or left the device, or said so.
+    /// Stops all effects: the host has suspended or released the device, or has requested it.
     pub fn stop_all(&mut self) {
         self.revision = self.revision.wrapping_add(1);
         for slot in self.slots.iter_mut().flatten() {
@@ -189,7 +189,7 @@ impl Pool {
         }
     }
 
-    /// The buttons that are pressed, the first in the lowest bit: they start the effects that name them.
+    /// Sets the pressed buttons, the first in the lowest bit: they start the effects that they trigger.
     pub fn press(&mut self, buttons: u16, now: u64) {
         let before = self.pressed;
         self.pressed = buttons;
@@ -217,7 +217,7 @@ impl Pool {
         }
     }
 
-    /// What plays now, for [`hapt_core::wheel::Wheel::step`]: the first so many of the array. Effects that have ended leave.
+    /// The effects that play now, for [`hapt_core::wheel::Wheel::step`], and their number. Effects that have ended are removed.
     pub fn effects(&mut self, now: u64, scale: &Scale) -> ([Effect<f32>; EFFECTS], usize) {
         let mut all = [Effect::Torque(0.0); EFFECTS];
         let mut count = 0;
@@ -225,7 +225,7 @@ impl Pool {
             return (all, count);
         }
         let gain = share(self.gain);
-        let silent = now.saturating_sub(self.heard) > SILENCE;
+        let silent = now.saturating_sub(self.received_at) > SILENCE;
         if silent != self.silent {
             self.silent = silent;
             self.revision = self.revision.wrapping_add(1);
@@ -262,7 +262,7 @@ impl Pool {
     }
 }
 
-/// Of full scale.
+/// A level as a part of full scale.
 fn share(level: i16) -> f32 {
     f32::from(level) / f32::from(FULL)
 }
@@ -358,7 +358,7 @@ impl Slot {
                 share(self.periodic.offset) + magnitude * self.wave(time)
             }
         };
-        // 90° is where the force comes from: right. It pushes to the left, as with Linux, where 0x4000 is left, and DirectInput.
+        // The direction is the origin of the force: 90° is from the right, and pushes to the left, as with Linux, where 0x4000 is left, and DirectInput.
         let right = self
             .common
             .direction

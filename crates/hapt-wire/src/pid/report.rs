@@ -1,4 +1,4 @@
-//! Reports of the host, read and made. Numbers are little-endian.
+//! Reading and writing of the host's reports. Numbers are little-endian.
 
 use super::descriptor::{EFFECTS, FULL, id};
 
@@ -20,7 +20,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All of them, in that order.
+    /// All types, in that order.
     pub const ALL: [Kind; 11] = [
         Kind::Constant,
         Kind::Ramp,
@@ -36,7 +36,7 @@ impl Kind {
     ];
 }
 
-/// What is common to effects of all types.
+/// The properties common to effects of all types.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Common {
     /// Its type.
@@ -51,7 +51,7 @@ pub struct Common {
     pub gain: i16,
     /// The button that starts it, from 1; 0 and 255: none.
     pub button: u8,
-    /// In 1/100 degree, where the effect has one: whence a force comes. From the right (90°, or none given), a positive one turns the wheel to the
+    /// The origin of the force in 1/100 degree, where the effect has one. From the right (90°, or none given), a positive force turns the wheel to the
     /// left.
     pub direction: Option<u16>,
 }
@@ -88,7 +88,7 @@ pub struct Periodic {
     pub period: u16,
 }
 
-/// What a host does with an effect.
+/// An operation of the host on an effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)] // Their names are the standard's.
 pub enum Operation {
@@ -97,7 +97,7 @@ pub enum Operation {
     Stop,
 }
 
-/// What a host does with the device.
+/// An operation of the host on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)] // Their names are the standard's.
 pub enum Control {
@@ -193,7 +193,7 @@ impl Fields<'_> {
 }
 
 impl Report {
-    /// A report with its id first. `None` where the length, or any number, is not within what the descriptor states.
+    /// A report with its id first. `None` where the length, or any number, is outside of the descriptor's limits.
     #[must_use]
     pub fn read(bytes: &[u8]) -> Option<Report> {
         let mut rest = Fields(bytes);
@@ -298,7 +298,7 @@ impl Report {
     }
 }
 
-/// What the wheel tells the host.
+/// The input report of the wheel to the host.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Input {
     /// Full scale 32767 to the right end of the steering range, -32767 to the left.
@@ -313,7 +313,7 @@ impl Input {
     /// A wheel at this position, of a steering range of twice `half`, rad; pedals and buttons at rest.
     #[must_use]
     pub fn at(position: f64, half: f64) -> Self {
-        // Rounded by hand: the standard's own function is not everywhere.
+        // Rounded by adding a half: `f64::round` is not available without std.
         let steps = f64::from(i16::MAX) * (position / half).clamp(-1.0, 1.0);
         Input { steering: (steps + if steps < 0.0 { -0.5 } else { 0.5 }) as i16, ..Input::default() }
     }

@@ -1,4 +1,4 @@
-//! The firmware's own file of the B-G431B-ESC1, its registers in this test's memory, under the sampler that runs on it.
+//! The firmware's own file of the B-G431B-ESC1, with its registers in this test's memory, under the sampler that runs on it.
 
 #[allow(dead_code, clippy::precedence)]
 #[path = "../../../../firmware/src/board.rs"]
@@ -36,12 +36,12 @@ fn register(at: usize) -> u32 {
     CHIP.with_borrow(|chip| chip.registers[&at])
 }
 
-/// A sample as the firmware's interrupt takes it.
+/// A sample in the manner of the firmware's interrupt.
 fn sample(host: &mut TestHost, motor: &mut Motor) {
     host.heartbeat();
     host.seen = Measurement { fault: motor.fault(), position: motor.position(), ..Measurement::default() };
-    let told = host.sample();
-    motor.hold(told.torque, told.on);
+    let motor_command = host.sample();
+    motor.hold(motor_command.torque, motor_command.on);
     motor.feed();
 }
 
@@ -59,7 +59,7 @@ fn running_world(host: &mut TestHost, text: &str) -> (Motor, u32) {
 }
 
 #[test]
-fn too_much_current_is_a_fault_that_nothing_but_a_clear_ends() {
+fn an_overcurrent_is_a_fault_that_only_a_clear_ends() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
     let (mut motor, world) = running(&mut host);
@@ -71,11 +71,11 @@ fn too_much_current_is_a_fault_that_nothing_but_a_clear_ends() {
     current(false);
     host.received.clear();
     sample(&mut host, &mut motor);
-    let told = host.received.iter().find_map(|received| match received {
+    let telemetry = host.received.iter().find_map(|received| match received {
         Received::Telemetry(telemetry) => Some((telemetry.phase, telemetry.reason, telemetry.output)),
         _ => None,
     });
-    assert_eq!(told, Some((Phase::Faulted as u8, Reason::Driver.code(), 0.0)));
+    assert_eq!(telemetry, Some((Phase::Faulted as u8, Reason::Driver.code(), 0.0)));
     for k in 0..100 {
         sample(&mut host, &mut motor);
         assert!(!is_on(), "{k} samples later");
@@ -94,7 +94,7 @@ fn too_much_current_is_a_fault_that_nothing_but_a_clear_ends() {
 }
 
 #[test]
-fn a_current_that_stays_too_large_cannot_be_cleared_and_disarmed_it_cannot_be_armed() {
+fn a_lasting_overcurrent_can_neither_be_cleared_nor_armed() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
     let (mut motor, world) = running(&mut host);
@@ -111,7 +111,7 @@ fn a_current_that_stays_too_large_cannot_be_cleared_and_disarmed_it_cannot_be_ar
         sample(&mut host, &mut motor);
     }
     host.ask(Command::Clear).unwrap();
-    // Disarmed, and at the very sample that is to arm it.
+    // The overcurrent begins at the sample that is to arm the board.
     current(true);
     host.send(Command::Arm { world });
     sample(&mut host, &mut motor);
@@ -124,7 +124,7 @@ fn a_fault_while_the_puck_is_braked_ends_the_braking() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
     let (mut motor, _) = running_world(&mut host, &WHEEL.replace("[safety]", "[safety]\nbrake = 5e-3"));
-    // Its puck turns, three counts a sample.
+    // The puck turns by three counts per sample.
     let mut turn = |host: &mut TestHost| {
         CHIP.with_borrow_mut(|chip| *chip.registers.entry(TIM4_COUNT).or_default() += 3);
         sample(host, &mut motor);
@@ -147,7 +147,7 @@ fn a_fault_while_the_puck_is_braked_ends_the_braking() {
 }
 
 #[test]
-fn a_torque_that_is_no_number_turns_the_bridges_off() {
+fn a_nan_torque_turns_the_bridges_off() {
     let (_, mut motor) = Here::start();
     motor.hold(0.1, true);
     assert!(is_on());
@@ -181,11 +181,11 @@ fn the_comparators_trip_at_ten_amperes() {
 }
 
 proptest! {
-    /// Bits that a register holds at reset and that are none of the board's are there afterwards: the debugger's access to the flash, other
-    /// ports' clocks, other pins.
+    /// Bits of a register that the board does not use keep their values: the debugger's access to the flash, other ports' clocks, other
+    /// pins.
     #[test]
-    fn registers_that_others_use_too_are_changed_in_their_own_bits_alone(held in any::<u32>(), pins in any::<u32>()) {
-        // Register, and the bits that are the board's to write.
+    fn shared_registers_are_changed_only_in_the_boards_bits(held in any::<u32>(), pins in any::<u32>()) {
+        // Registers, and the bits that the board may write.
         let shared = [
             (FLASH_ACCESS, 0x70f),
             (RCC_CONTROL, 3 << 24 | 3 << 16), // and of these

@@ -1,5 +1,5 @@
-//! A USB controller without a wire, and the host at its other end. This file is compiled twice, into the tests of this crate and into the program
-//! that runs on an emulated board.
+//! A simulated USB controller, and the host at its other end. This file is compiled into the tests of this crate and into the program of an emulated
+//! board.
 
 use core::cell::RefCell;
 
@@ -9,18 +9,18 @@ use usb_device::endpoint::{EndpointAddress, EndpointType};
 use usb_device::{Result, UsbDirection, UsbError};
 
 const PACKET: usize = 64;
-/// Of the longest answer.
+/// The length of the longest answer.
 pub const MAX_TRANSFER_BYTES: usize = 1024;
 
-/// What lies between device and host.
+/// The packets between device and host.
 struct State {
     event: Option<PollResult>,
     setup: Option<[u8; 8]>,
-    /// To the control pipe, and to the endpoint of reports.
+    /// The packets to the control pipe and to the endpoint of reports.
     out: [Option<([u8; PACKET], usize)>; 2],
-    /// What the device has written to the control pipe since the last setup.
+    /// The device's bytes to the control pipe since the last setup.
     answer: ([u8; MAX_TRANSFER_BYTES], usize),
-    /// Packets written and not yet told of.
+    /// The endpoints, one bit each, with written packets of which the device has not been notified.
     written: u16,
     stalled: bool,
     /// The newest report of the wheel.
@@ -47,12 +47,12 @@ impl Host {
         critical_section::with(|section| change(&mut self.0.borrow_ref_mut(section)))
     }
 
-    /// Resets, suspends or resumes the device at its next look.
+    /// Resets, suspends or resumes the device at its next poll.
     pub fn signal(&self, event: PollResult) {
         self.with(|state| state.event = Some(event));
     }
 
-    /// A control transfer with the device that `poll` lets look; the answer, or nothing where the device refuses.
+    /// A control transfer with the device, which `poll` polls; returns the answer, or nothing where the device refuses.
     pub fn control<'r>(
         &self,
         setup: [u8; 8],
@@ -70,7 +70,7 @@ impl Host {
                 self.send(0, packet, &mut poll);
             }
         }
-        // A packet of the answer a look, and the last one is told of.
+        // One packet of the answer per poll, and one poll for the notification of the last.
         for _ in 0..2 + MAX_TRANSFER_BYTES / PACKET {
             poll();
         }
@@ -84,7 +84,7 @@ impl Host {
         .and_then(|length| room.get(..length))
     }
 
-    /// A packet to one of the endpoints, which the device takes at this look.
+    /// Sends a packet to one of the endpoints, which the device takes at the next poll.
     pub fn send(&self, endpoint: usize, packet: &[u8], mut poll: impl FnMut()) {
         let mut bytes = [0; PACKET];
         bytes.iter_mut().zip(packet).for_each(|(place, byte)| *place = *byte);

@@ -1,5 +1,5 @@
-//! Every code on the wire by its name. Boards in the field and logs on disks use these codes: none of them changes, and new ones come
-//! after them. A variant without a row here does not compile.
+//! Every code on the wire with its name. Existing boards and logs use these codes: none of them changes, and new ones follow. A
+//! variant without a row here does not compile.
 
 use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Phase, Reason, Side, Spec, WhenLate};
 use hapt_plant::spec::{Drive, Shape};
@@ -35,7 +35,7 @@ fn are_all<T: PartialEq + Copy + std::fmt::Debug>(rows: &[(u8, T)], all: &[T]) {
     assert_eq!(rows.iter().map(|row| row.1).collect::<Vec<_>>(), all);
 }
 
-/// A world with one coupling between puck and ground: its law's code stands behind the two ends, a byte each.
+/// A world with one coupling between puck and ground: the law's code follows the two ends, a byte each.
 fn law_codes(coupling: Coupling) -> Vec<u8> {
     let with = |couplings: &[Coupling]| {
         let spec = Spec { couplings, ..EMPTY };
@@ -79,7 +79,7 @@ fn the_code_of_each_law_is_what_it_always_was() {
     assert_eq!(limited.next(), None);
 }
 
-/// The bytes of a world from the time when a limit was a law of its own.
+/// The bytes of a world of the earlier format, in which a limit is a law.
 const LAWS: &str = "\
      01fca9f1d24d62503f0402000100019a9999999999e93f00010ab37bf2b0506b9a3f0000000000000000000000000000000000020000000000000000\
      f83f000000000000d0bf00020001010002000201000000000000e0bf00000000000034407b14ae47e17a843f000200039a9999999999b93f9a999999\

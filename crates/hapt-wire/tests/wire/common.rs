@@ -60,7 +60,7 @@ pub struct TestHost<'w> {
     reader: Reader<512>,
     /// The measurement of the next samples.
     pub seen: Measurement,
-    /// The messages from the board that no test has taken.
+    /// The messages from the board that the test has not taken.
     pub received: Vec<Received>,
     /// The motor command of the last sample.
     pub motor: Motor,
@@ -97,7 +97,7 @@ impl<'w> TestHost<'w> {
         self.put(&bytes);
     }
 
-    /// Puts any bytes on the line.
+    /// Writes bytes to the line.
     pub fn put(&mut self, bytes: &[u8]) {
         for byte in bytes {
             if let Some(motor) = self.endpoint.push(*byte) {

@@ -1,4 +1,4 @@
-//! What a board does with what a host message.
+//! A board's reactions to the messages of a host.
 
 use hapt_core::{CertifiedTime, Controller, Phase, Reading, Reason, Request, SafetyProfile, WhenLate};
 use hapt_plant::{Grip, VirtualDevice};
@@ -8,7 +8,7 @@ use hapt_wire::{Command, PROTOCOL, Parameter, ROOM, Refusal, Telemetry, hash};
 use crate::common::{BOARD, EXTERNALLY_CLOCKED, Received, TestHost, WHEEL, packed, storage, world};
 
 #[test]
-fn a_loaded_world_gives_the_torques_of_the_core_itself_bit_for_bit() {
+fn the_torques_of_a_loaded_world_are_bit_identical_to_the_cores() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
     let world = world(WHEEL, &[]);
@@ -69,7 +69,7 @@ fn no_torque_without_a_world_and_none_before_it_is_armed() {
 }
 
 #[test]
-fn a_world_that_is_no_good_is_refused_by_name_and_the_one_before_it_stays() {
+fn an_invalid_world_is_refused_by_name_and_the_previous_one_stays() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
     let good = world(WHEEL, &[]);
@@ -94,7 +94,7 @@ fn a_world_that_is_no_good_is_refused_by_name_and_the_one_before_it_stays() {
     let heavy = spoilt(&|world| world.device.inertia = -1.0);
     let version = [&[9], &bytes[1..]].concat();
     let inside = {
-        // Complete with the announced hash, but with a wrong checksum of its own.
+        // Complete with the announced hash, but with a wrong checksum in it.
         let mut inside = bytes.clone();
         *inside.last_mut().unwrap() ^= 1;
         inside
@@ -120,7 +120,7 @@ fn a_world_that_is_no_good_is_refused_by_name_and_the_one_before_it_stays() {
     host.ask(Command::Piece { at: 0, bytes: &bytes[..100] }).unwrap();
     assert_eq!(host.ask(Command::Commit), Err(Refusal::Hash));
     assert_eq!(host.ask(Command::Piece { at: 99, bytes: &bytes[99..200] }), Err(Refusal::Piece));
-    // Once more, because its acknowledgement was lost; but no other bytes in its place.
+    // A repeated piece is accepted, because its acknowledgement may be lost; other bytes in its place are not.
     host.ask(Command::Piece { at: 0, bytes: &bytes[..100] }).unwrap();
     assert_eq!(host.ask(Command::Piece { at: 0, bytes: &[0xa5; 100] }), Err(Refusal::Piece));
     host.ask(Command::Begin { length: bytes.len() as u16, hash: 1 }).unwrap();
@@ -136,7 +136,7 @@ fn a_world_that_is_no_good_is_refused_by_name_and_the_one_before_it_stays() {
 }
 
 #[test]
-fn while_there_may_be_a_torque_the_world_stays_and_afterwards_it_is_another() {
+fn while_there_may_be_a_torque_the_world_cannot_change_and_afterwards_it_can() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
     let hash = host.run(WHEEL);
@@ -150,7 +150,7 @@ fn while_there_may_be_a_torque_the_world_stays_and_afterwards_it_is_another() {
     let hash = host.load(&other).unwrap();
     assert_eq!(host.state(), (Phase::Disarmed, Some(hash)));
     assert_eq!(host.endpoint.period(), 2e-3);
-    // Any number of times: the two storages alternate.
+    // Repeatedly: the two storages alternate.
     for stiffness in 3..20 {
         let bytes = packed(&world(WHEEL, &[&format!("couplings.0.stiffness={}", 0.1 * f64::from(stiffness))]));
         let hash = host.load(&bytes).unwrap();
@@ -159,7 +159,7 @@ fn while_there_may_be_a_torque_the_world_stays_and_afterwards_it_is_another() {
 }
 
 #[test]
-fn a_command_counts_once_in_its_order_and_in_its_time() {
+fn a_command_is_executed_once_in_its_order_and_in_its_time() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
     let hash = host.load(&packed(&world(WHEEL, &[]))).unwrap();
@@ -170,7 +170,7 @@ fn a_command_counts_once_in_its_order_and_in_its_time() {
     host.put(&disarm);
     host.sample();
     host.received.clear();
-    // Both once more, the earlier one last.
+    // Both are repeated, the earlier one last.
     for bytes in [&disarm, &arm] {
         host.put(bytes);
         host.sample();
@@ -183,7 +183,7 @@ fn a_command_counts_once_in_its_order_and_in_its_time() {
     assert_eq!(host.received.len(), 2);
     assert_eq!(host.state().0, Phase::Disarmed);
 
-    // One that arrives after its last valid sample.
+    // A command that arrives after its last valid sample.
     let late = host.framed(Command::Arm { world: hash });
     for _ in 0..102 {
         host.sample();
@@ -191,7 +191,7 @@ fn a_command_counts_once_in_its_order_and_in_its_time() {
     host.received.clear();
     host.put(&late);
     assert_eq!(host.received, [Received::Refused(host.sequence, Refusal::Late)]);
-    // One without an end of validity, and one with a sequence far ahead.
+    // A command without an end of validity, and one with a sequence far ahead.
     host.received.clear();
     let (sequence, next) = (host.sequence, host.endpoint.next());
     let endless = host.framed_as(sequence + 1, next + 65_537, Command::Arm { world: hash });
@@ -205,7 +205,7 @@ fn a_command_counts_once_in_its_order_and_in_its_time() {
 }
 
 #[test]
-fn a_host_of_another_version_is_told_so_and_moves_nothing() {
+fn a_host_of_another_version_is_refused_and_moves_nothing() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
     let hash = host.load(&packed(&world(WHEEL, &[]))).unwrap();
@@ -218,7 +218,7 @@ fn a_host_of_another_version_is_told_so_and_moves_nothing() {
 }
 
 #[test]
-fn a_host_that_falls_silent_loses_the_torque_within_the_links_deadline_the_fade_included() {
+fn without_heartbeats_the_torque_ends_within_the_links_deadline_the_fade_included() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
     host.run(WHEEL);
@@ -243,7 +243,7 @@ fn a_host_that_falls_silent_loses_the_torque_within_the_links_deadline_the_fade_
 }
 
 #[test]
-fn after_a_lost_link_a_clear_counts_only_behind_a_heartbeat() {
+fn after_a_lost_link_a_clear_counts_only_after_a_heartbeat() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
     host.run(&WHEEL.replace("[safety]", "[safety]\nlink_lost = \"fault\""));
@@ -267,7 +267,7 @@ fn after_a_lost_link_a_clear_counts_only_behind_a_heartbeat() {
 }
 
 #[test]
-fn a_driver_that_has_switched_itself_off_is_told_with_no_world_and_through_a_new_one() {
+fn a_driver_fault_is_reported_without_a_world_and_after_a_new_one() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
     host.ask(Command::Set { parameter: Parameter::Divider as u8, value: 1 }).unwrap();
@@ -294,13 +294,13 @@ fn a_driver_that_has_switched_itself_off_is_told_with_no_world_and_through_a_new
 }
 
 #[test]
-fn stop_takes_the_torque_at_the_next_sample_and_whatever_waits_with_it() {
+fn a_stop_removes_the_torque_at_the_next_sample_and_voids_queued_commands() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
     let hash = host.run(WHEEL);
     host.seen.position = 0.01;
     assert!(host.sample().on);
-    // An old one, too: it is valid with any sequence and at any time.
+    // An old stop too: it is valid with any sequence and at any time.
     host.received.clear();
     let stop = host.framed_as(1, 0, Command::Stop);
     let disarm = host.framed(Command::Disarm);
@@ -319,7 +319,7 @@ fn stop_takes_the_torque_at_the_next_sample_and_whatever_waits_with_it() {
 }
 
 #[test]
-fn telemetry_comes_at_a_divided_rate_and_says_what_the_supervisor_says() {
+fn telemetry_has_a_divided_rate_and_the_supervisors_state() {
     let mut storage = storage();
     let mut host = TestHost::new(BOARD, &mut storage);
     host.run(WHEEL);
@@ -358,13 +358,13 @@ fn telemetry_comes_at_a_divided_rate_and_says_what_the_supervisor_says() {
 }
 
 #[test]
-fn a_fed_board_takes_each_sample_once_and_counts_those_between_as_missed() {
+fn an_externally_clocked_board_takes_each_sample_once_and_counts_gaps_as_missed() {
     let mut storage = storage();
     let mut host = TestHost::new(EXTERNALLY_CLOCKED, &mut storage);
     let free = world(&WHEEL.replace("limit", "#"), &["loop.estimator=exact"]);
     let hash = host.load(&packed(&free)).unwrap();
     let feed = |sample, position| Command::Sample { sample, position, velocity: 0.0, late: 0.0, announced: false };
-    let told = |host: &mut TestHost, sample, position| {
+    let taken = |host: &mut TestHost, sample, position| {
         host.received.clear();
         host.send(feed(sample, position));
         match host.received[..] {
@@ -376,16 +376,16 @@ fn a_fed_board_takes_each_sample_once_and_counts_those_between_as_missed() {
             ref other => panic!("{other:?}"),
         }
     };
-    assert_eq!(told(&mut host, 0, 0.0), Ok((0, 0, 0.0)));
-    assert_eq!(told(&mut host, 0, 0.0), Err(Refusal::Sample));
-    assert_eq!(told(&mut host, 3, 0.0), Ok((3, 2, 0.0)));
+    assert_eq!(taken(&mut host, 0, 0.0), Ok((0, 0, 0.0)));
+    assert_eq!(taken(&mut host, 0, 0.0), Err(Refusal::Sample));
+    assert_eq!(taken(&mut host, 3, 0.0), Ok((3, 2, 0.0)));
     host.send(Command::Arm { world: hash });
-    assert_eq!(told(&mut host, 4, 0.0), Ok((4, 2, 0.0)));
+    assert_eq!(taken(&mut host, 4, 0.0), Ok((4, 2, 0.0)));
     // Three counts of the encoder; two hundredths of the spring's torque: the second sample of a fade over 100.
     let counts = 3.0 * std::f32::consts::TAU / 4000.0;
-    let (_, _, torque) = told(&mut host, 5, counts).unwrap();
+    let (_, _, torque) = taken(&mut host, 5, counts).unwrap();
     assert!((torque + 0.02 * 1.02 * counts).abs() < 1e-6 * counts, "{torque}");
-    assert_eq!(told(&mut host, 80_000, 0.0), Err(Refusal::Sample));
+    assert_eq!(taken(&mut host, 80_000, 0.0), Err(Refusal::Sample));
 
     let mut storage = [WorldStorage::EMPTY, WorldStorage::EMPTY];
     let mut host = TestHost::new(BOARD, &mut storage);
@@ -448,7 +448,7 @@ fn a_board_enforces_the_times_that_the_world_states_and_a_late_sample_is_a_fault
         host.endpoint.commanded(delay);
         let motor = host.sample();
         host.seen = Measurement::default();
-        let told = host.received.iter().find_map(|received| match received {
+        let taken = host.received.iter().find_map(|received| match received {
             Received::Telemetry(telemetry) => Some((telemetry.phase, telemetry.reason, telemetry.warning)),
             _ => None,
         });
@@ -457,14 +457,14 @@ fn a_board_enforces_the_times_that_the_world_states_and_a_late_sample_is_a_fault
             Some("fade") => (Phase::FadingOut, Reason::Uneven.code(), 0, true),
             _ => (Phase::Running, 0, Reason::Uneven.code(), true),
         };
-        assert_eq!((told, motor.on), (Some((phase as u8, reason, warning)), on), "{late:?} {delay} {when:?}");
+        assert_eq!((taken, motor.on), (Some((phase as u8, reason, warning)), on), "{late:?} {delay} {when:?}");
         assert_eq!(outside(&mut host), 1);
         if when != Some("count") {
             for _ in 0..150 {
                 host.heartbeat();
                 host.sample();
             }
-            assert!(!host.motor.on, "nobody has armed it again");
+            assert!(!host.motor.on, "not armed again");
         }
     }
 }
@@ -485,7 +485,7 @@ fn board_packed(world: &hapt_model::World) -> Vec<u8> {
 }
 
 #[test]
-fn a_world_that_states_no_times_has_the_bytes_that_it_always_had_and_one_that_does_is_another_version() {
+fn a_world_without_stated_times_keeps_its_bytes_and_one_with_them_is_another_version() {
     let plain = world(WHEEL, &[]);
     assert_eq!(board_packed(&plain), packed(&plain), "nothing to enforce");
     assert_eq!(packed(&plain)[0], 1);
@@ -496,7 +496,7 @@ fn a_world_that_states_no_times_has_the_bytes_that_it_always_had_and_one_that_do
         let (limits, stored) = hapt_wire::unpack::<4, 8>(&bytes).unwrap();
         assert_eq!(limits.time, CertifiedTime { interval: 1.5e-3, delay: f64::INFINITY, when_late: when });
         assert_eq!(stored.spec(), stated.spec());
-        // As a board reads it that knows the first version alone, and the other way around: never half of it.
+        // A board that reads only version 1 refuses the other version as a whole, and the reverse.
         for version in [0, 1, 3, 255] {
             assert!(hapt_wire::unpack::<4, 8>(&[&[version], &bytes[1..]].concat()).is_err(), "{version}");
         }

@@ -30,7 +30,7 @@ fn read(bytes: &[u8]) -> (Vec<String>, u32) {
 
 proptest! {
     #[test]
-    fn what_is_framed_is_read_and_has_one_zero(bytes in prop::collection::vec(0..3u8, 0..520), number in any::<(u32, f32)>()) {
+    fn a_framed_message_is_read_and_has_one_zero(bytes in prop::collection::vec(0..3u8, 0..520), number in any::<(u32, f32)>()) {
         for message in [Message::Bytes(&bytes), Message::Number(number.0, number.1), Message::Nothing] {
             let framed = framed(&message);
             prop_assert_eq!(framed.iter().position(|&byte| byte == 0), Some(framed.len() - 1));
@@ -39,7 +39,7 @@ proptest! {
     }
 
     #[test]
-    fn frames_are_stuffed_as_others_do(bytes in prop::collection::vec(prop_oneof![1 => Just(0), 200 => 1..=255u8], 0..520)) {
+    fn frames_are_stuffed_as_by_other_implementations(bytes in prop::collection::vec(prop_oneof![1 => Just(0), 200 => 1..=255u8], 0..520)) {
         let message = Message::Bytes(&bytes);
         let crc = crc::Crc::<u16>::new(&crc::CRC_16_IBM_3740);
         // As postcard's own flavours, byte for byte; a buffer shorter by one byte is refused.
@@ -50,7 +50,7 @@ proptest! {
         prop_assert_eq!(&ours[..], theirs);
         let mut small = vec![0; ours.len() - 1];
         prop_assert_eq!(frame(&message, &mut small), Err(Error::NoRoom));
-        // By the crate cobs, which leaves out an empty last block: read all the same.
+        // The crate cobs leaves out an empty last block: its frames are read too.
         let mut room = [0; 1024];
         let checked = to_slice_u16(&message, &mut room, crc.digest()).unwrap();
         let mut theirs = [0; 1024];
@@ -70,7 +70,7 @@ proptest! {
     }
 
     #[test]
-    fn a_flipped_bit_is_refused_and_costs_nothing_beyond_its_frame(number in any::<(u32, f32)>(), at in any::<prop::sample::Index>(), bit in 0..8u8) {
+    fn a_flipped_bit_loses_only_its_frame(number in any::<(u32, f32)>(), at in any::<prop::sample::Index>(), bit in 0..8u8) {
         let message = Message::Number(number.0, number.1);
         let mut flipped = framed(&message);
         let at = at.index(flipped.len());

@@ -1,4 +1,4 @@
-//! A board that is a wheel by itself: USB, mailbox and sampler, with a host at one end and an exact device at the other.
+//! A board that is a standalone wheel: USB, mailbox and sampler, with a host at one end and an exact device at the other.
 
 use hapt_core::{CertifiedTime, Phase, Reason, SafetyProfile};
 use hapt_model::{Source, World};
@@ -21,7 +21,7 @@ device.damping = "0.05 N m s/rad"
 device.limit = "5 N m"
 "#;
 
-/// The bytes of a wheel with nothing of its own.
+/// The bytes of a wheel without couplings.
 fn bytes() -> Vec<u8> {
     use hapt_core::wheel::{Device, Timing};
     let world = World::read(&Source::from_text("wheel.toml", WORLD), &[]).unwrap();
@@ -36,7 +36,7 @@ fn bytes() -> Vec<u8> {
     hapt_wire::pack_wheel(&device, HALF, &world.spec(), &limits, &mut room).unwrap().to_vec()
 }
 
-/// The board with its wheel. `turn` is the main loop's, and may be left out.
+/// The board with its wheel. `turn` is an iteration of the main loop, which tests may omit.
 struct Bench<'p> {
     turn: Box<dyn FnMut(&mut WheelMailbox) + 'p>,
     sampler: WheelSampler,
@@ -54,7 +54,7 @@ impl Bench<'_> {
         motor
     }
 
-    /// So many samples, the main loop in between.
+    /// Takes this number of samples, with the main loop in between.
     fn run(&mut self, samples: usize) -> (f64, WheelStatus) {
         let mut torque = 0.0;
         for _ in 0..samples {
@@ -65,7 +65,7 @@ impl Bench<'_> {
     }
 }
 
-/// What a host does with the board.
+/// The host's actions on the board.
 struct Game<'h> {
     host: &'h Host,
 }
@@ -109,7 +109,7 @@ impl Game<'_> {
         }
     }
 
-    /// From the right of the host's numbers: half of full scale to the right.
+    /// A constant torque of half of full scale to the right.
     fn push(&self, bench: &mut Bench<'_>) {
         self.play(bench, Kind::Constant, |block| Report::Constant { block, magnitude: FULL / 2 });
     }
@@ -142,7 +142,7 @@ fn is_near(found: f64, expected: f64) -> bool {
 }
 
 #[test]
-fn no_torque_before_a_host_has_the_wheel_and_then_what_it_asks_for() {
+fn no_torque_before_a_host_has_the_wheel_and_then_the_requested_one() {
     with_bench(|game, bench| {
         assert_eq!(bench.run(100).1.phase, Phase::Disarmed);
         game.configure(bench);
@@ -151,7 +151,7 @@ fn no_torque_before_a_host_has_the_wheel_and_then_what_it_asks_for() {
         game.push(bench);
         let (torque, shown) = bench.run(50);
         assert!(is_near(torque, 0.5 * LIMIT) && shown.playing == 1, "{torque}");
-        // The host sees the wheel turn, as it was at the sample before.
+        // The host receives the wheel's position of the sample before.
         let expected = Input::at(f64::from(bench.mailbox.shown().position), HALF);
         bench.run(2);
         let (report, length) = game.host.report();
@@ -185,7 +185,7 @@ fn a_host_that_suspends_resets_or_is_silent_leaves_no_torque_on() {
 }
 
 #[test]
-fn effects_end_where_the_main_loop_stops_and_begin_anew_with_it() {
+fn effects_end_where_the_main_loop_stops_and_resume_with_it() {
     with_bench(|game, bench| {
         game.configure(bench);
         bench.run(500);
@@ -208,7 +208,7 @@ fn effects_end_where_the_main_loop_stops_and_begin_anew_with_it() {
 }
 
 #[test]
-fn a_fault_of_the_driver_stays_whatever_a_host_asks_for() {
+fn a_fault_of_the_driver_stays_for_any_request_of_a_host() {
     with_bench(|game, bench| {
         game.configure(bench);
         bench.run(500);
@@ -226,7 +226,7 @@ fn a_fault_of_the_driver_stays_whatever_a_host_asks_for() {
 }
 
 #[test]
-fn a_spring_of_a_host_brings_the_wheel_back_and_what_is_more_than_the_device_pays_for_is_scaled() {
+fn a_spring_of_a_host_returns_the_wheel_and_is_scaled_to_the_stiffness_budget() {
     with_bench(|game, bench| {
         game.configure(bench);
         bench.run(500);

@@ -1,4 +1,4 @@
-//! The messages of a link on a network that loses, delays, reorders, repeats, forges and remembers.
+//! The messages of a link on a network with loss, delay, reordering, repetition, forgery and replay.
 
 use hapt_core::Strength;
 use hapt_wire::link::{
@@ -37,7 +37,7 @@ fn end(link: u64, first: bool, own: u64) -> Session<Datagrams> {
     Session::new(datagrams(link, first), own)
 }
 
-/// A station with a clock of its own, which knows no other's.
+/// A station with its own clock.
 struct Station<C> {
     session: Session<C>,
     period: u64,
@@ -46,8 +46,8 @@ struct Station<C> {
     offset: u64,
     rate: f64,
     heard: Option<Number>,
-    /// What arrives for it: when, and the bytes.
-    coming: Vec<(u64, Vec<u8>)>,
+    /// The messages to it: times of arrival, and bytes.
+    incoming: Vec<(u64, Vec<u8>)>,
 }
 
 impl<C: Codec> Station<C> {
@@ -59,7 +59,7 @@ impl<C: Codec> Station<C> {
             offset: random() % (1 << 50),
             rate: 0.9 + 0.2 * (random() % 1000) as f64 / 1000.0,
             heard: None,
-            coming: Vec::new(),
+            incoming: Vec::new(),
         }
     }
 
@@ -68,14 +68,15 @@ impl<C: Codec> Station<C> {
     }
 }
 
-/// What an adversary does to messages: it loses so many of 100, holds each back for up to so long, and repeats so many of all that there ever were.
+/// An adversary's effect on messages: it loses `loss` of 100, delays each by up to `longest`, and replays `replays` earlier ones at every message.
 struct Adversary {
     loss: u64,
     longest: u64,
     replays: u64,
 }
 
-/// No position is younger than it looks, whatever happens to the messages: its bound, by the receiver's clock, is never after its sample. How many had one.
+/// For every treatment of the messages the bound on a position's sampling time, by the receiver's clock, is never after its sample. Returns the number of
+/// bounded positions.
 fn dated<C: Codec>(codec: fn(u64, bool) -> C, seed: u64, adversary: &Adversary) -> u64 {
     let Adversary { loss, longest, replays } = *adversary;
     let mut state = seed;
@@ -89,9 +90,9 @@ fn dated<C: Codec>(codec: fn(u64, bool) -> C, seed: u64, adversary: &Adversary) 
         let at = usize::from(stations[0].next > stations[1].next);
         let time = stations[at].next;
         let station = &mut stations[at];
-        station.coming.sort_by_key(|(when, _)| *when);
-        let arrived = station.coming.partition_point(|(when, _)| *when <= time);
-        for (when, bytes) in station.coming.drain(..arrived).collect::<Vec<_>>() {
+        station.incoming.sort_by_key(|(when, _)| *when);
+        let arrived = station.incoming.partition_point(|(when, _)| *when <= time);
+        for (when, bytes) in station.incoming.drain(..arrived).collect::<Vec<_>>() {
             let now = station.clock(when);
             let Ok(Some(Incoming { number, since, position, .. })) = station.session.receive(&bytes, now) else {
                 continue;
@@ -115,21 +116,21 @@ fn dated<C: Codec>(codec: fn(u64, bool) -> C, seed: u64, adversary: &Adversary) 
                 let bit = random() as usize % (8 * bytes.len());
                 bytes[bit / 8] ^= 1 << (bit % 8);
             }
-            stations[1 - at].coming.push((time + random() % (longest + 1), bytes));
+            stations[1 - at].incoming.push((time + random() % (longest + 1), bytes));
         }
         for _ in 0..replays {
             let (to, bytes) = seen[random() as usize % seen.len()].clone();
-            // To the station it was sent to, or back to its sender.
+            // To its receiver, or back to its sender.
             let to = if random() % 8 == 0 { 1 - to } else { to };
-            stations[to].coming.push((time + random() % (longest + 1), bytes));
+            stations[to].incoming.push((time + random() % (longest + 1), bytes));
         }
         if random() % 700 == 0 {
             let again = random() as usize % 2;
             let next = stations[again].next + random() % (4 * SILENCE);
-            let coming = std::mem::take(&mut stations[again].coming);
+            let incoming = std::mem::take(&mut stations[again].incoming);
             let Station { offset, rate, period, .. } = stations[again];
             stations[again] =
-                Station { next, offset, rate, period, coming, ..Station::new(codec(link, again == 0), &mut random) };
+                Station { next, offset, rate, period, incoming, ..Station::new(codec(link, again == 0), &mut random) };
         }
     }
     dated
@@ -144,16 +145,16 @@ fn a_position_is_never_older_than_its_bound() {
         sums[0] += dated(datagrams, seed, &adversary);
         sums[1] += dated(frames, seed, &adversary);
     }
-    // Messages with an age, of both codecs: the test is not empty.
+    // There are many messages with a bounded age, of both codecs.
     assert!(sums.iter().all(|sum| *sum > 2000), "{sums:?}");
 }
 
 proptest! {
     #![proptest_config(hapt_testing::cases(256))]
 
-    // Nothing that differs from a message in a single bit is one.
+    // A message with one changed bit is refused.
     #[test]
-    fn no_bit_of_a_message_is_free(seed in any::<u64>(), bit in 0..8 * SIZE) {
+    fn every_bit_of_a_message_is_checked(seed in any::<u64>(), bit in 0..8 * SIZE) {
         let (mut left, mut right) = (end(seed, true, 1), end(seed, false, 2));
         let mut bytes = left.send(&say(0, 0.25, None)).unwrap();
         bytes[bit / 8] ^= 1 << (bit % 8);
@@ -169,13 +170,13 @@ proptest! {
     }
 
     #[test]
-    fn what_is_on_time_is_dated_by_the_round_trip(way in 0_u64..30 * MS, period in MS..5 * MS, offset in 0_u64..1 << 60) {
+    fn messages_on_time_are_dated_by_the_round_trip(way in 0_u64..30 * MS, period in MS..5 * MS, offset in 0_u64..1 << 60) {
         is_dated_by_the_round_trip(datagrams, way, period, offset);
         is_dated_by_the_round_trip(frames, way, period, offset);
     }
 }
 
-/// Without loss every message after the handshake is dated, by no more than the time there and back and a sample's wait.
+/// Without loss every message after the handshake is dated, by at most the round-trip time and a sample's wait.
 fn is_dated_by_the_round_trip<C: Codec>(codec: fn(u64, bool) -> C, way: u64, period: u64, offset: u64) {
     let mut left = Session::new(codec(1, true), 10);
     let mut right = Session::new(codec(1, false), 20);
@@ -189,7 +190,7 @@ fn is_dated_by_the_round_trip<C: Codec>(codec: fn(u64, bool) -> C, way: u64, per
             for (when, bytes) in wires[at].drain(..arrived) {
                 let incoming = session.receive(bytes.as_ref(), clock - (time - when)).unwrap();
                 heard[at] = incoming.map(|incoming| incoming.number).or(heard[at]);
-                // The handshake takes a way there and back, an introduction one more, and what is on its way at most twice as long again.
+                // The handshake takes one round trip, an introduction another one, and messages in flight at most twice as long again.
                 if time > 6 * (way + period) {
                     let since = incoming.unwrap().since.unwrap();
                     assert!(clock - since <= 2 * way + 4 * period, "{} at {way}, {period}", clock - since);
@@ -202,7 +203,7 @@ fn is_dated_by_the_round_trip<C: Codec>(codec: fn(u64, bool) -> C, way: u64, per
 }
 
 #[test]
-fn each_stranger_is_told_by_name() {
+fn each_foreign_message_is_refused_by_name() {
     let hello = |key: &[u8], link, first, own| {
         Session::new(Datagrams::new(key, link, first), own).send(&say(5, 1.0, None)).unwrap()
     };
@@ -224,7 +225,7 @@ fn each_stranger_is_told_by_name() {
     assert!(KEY.len() >= SHORTEST_KEY);
 }
 
-/// The handshake: both name each other's session.
+/// The handshake: each acknowledges the other's session.
 fn meet<C: Codec>(left: &mut Session<C>, right: &mut Session<C>, now: u64) -> [Option<Number>; 2] {
     let mut heard = [None; 2];
     for _ in 0..3 {
@@ -244,18 +245,18 @@ fn a_second_sender_waits_until_the_first_is_silent() {
     let mut again = end(1, false, 21);
     let hello = |again: &mut Session<Datagrams>| again.send(&say(0, 0.0, None)).unwrap();
     assert_eq!(left.receive(&hello(&mut again), SILENCE - 1), Err(Refusal::Session));
-    // The first goes on: nothing changes.
+    // The first sender continues: nothing changes.
     let bytes = right.send(&say(0, 0.0, heard[1])).unwrap();
     assert!(left.receive(&bytes, SILENCE - 1).unwrap().unwrap().since.is_some());
     assert_eq!(left.receive(&hello(&mut again), 2 * SILENCE - 2), Err(Refusal::Session));
-    // It is silent: whoever was started anew takes its place, and the first is the second sender now.
+    // The first sender is silent: the restarted station replaces it, and the first is now the second sender.
     assert_eq!(left.receive(&hello(&mut again), 2 * SILENCE).unwrap().unwrap().since, None);
     assert!(meet(&mut left, &mut again, 2 * SILENCE).iter().all(Option::is_some));
     assert_eq!(left.receive(&right.send(&say(0, 0.0, None)).unwrap(), 2 * SILENCE), Err(Refusal::Session));
 }
 
 #[test]
-fn a_replayed_hello_holds_up_nobody() {
+fn a_replayed_hello_does_not_block_a_peer() {
     let (mut left, mut dead) = (end(1, true, 10), end(1, false, 19));
     let replayed = dead.send(&say(0, 0.0, None)).unwrap();
     assert_eq!(left.receive(&replayed, 0).unwrap().unwrap().since, None);
@@ -270,7 +271,7 @@ fn a_replayed_hello_holds_up_nobody() {
 }
 
 #[test]
-fn what_answers_a_message_too_long_ago_has_no_age() {
+fn an_answer_to_a_message_too_long_ago_has_no_age() {
     let (mut left, mut right) = (end(1, true, 10), end(1, false, 20));
     let heard = meet(&mut left, &mut right, 0);
     let late = right.send(&say(0, 0.5, heard[1])).unwrap();
@@ -281,9 +282,9 @@ fn what_answers_a_message_too_long_ago_has_no_age() {
 }
 
 proptest! {
-    // The velocity of a wheel is a way over a time that its messages' numbers tell: (T64) takes the time for 9/8 of that at most.
+    // The remote velocity is a displacement over the time that the numbers of its messages encode: (T64) assumes that the time is at most 9/8 of that.
     #[test]
-    fn numbers_tell_the_time_between_samples(pace in 1_u64..5 * MS, waits in prop::collection::vec(0..20 * MS, 1..200)) {
+    fn numbers_encode_the_time_between_samples(pace in 1_u64..5 * MS, waits in prop::collection::vec(0..20 * MS, 1..200)) {
         let mut session = Session::new(datagrams(1, true), 10).paced(pace);
         let (mut now, mut before) = (1000, None);
         for wait in waits {
@@ -291,9 +292,9 @@ proptest! {
             session.send(&say(now, 0.0, None)).unwrap();
             let number = session.own().sequence;
             if let Some((then, last)) = before {
-                let told = (number - last) * pace;
-                prop_assert!(number > last && 8 * (now - then) <= 9 * told.max(pace) + 8, "{} of {told}", now - then);
-                prop_assert!(told <= (now - then) + pace, "{told} of {}", now - then);
+                let stated = (number - last) * pace;
+                prop_assert!(number > last && 8 * (now - then) <= 9 * stated.max(pace) + 8, "{} of {stated}", now - then);
+                prop_assert!(stated <= (now - then) + pace, "{stated} of {}", now - then);
             }
             before = Some((now, number));
         }

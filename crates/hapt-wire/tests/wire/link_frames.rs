@@ -1,4 +1,4 @@
-//! The frames of a link on a CAN bus: numbers of 8 bits, sessions that are introduced, and strangers.
+//! The frames of a link on a CAN bus: numbers of 8 bits, introduced sessions, and foreign frames.
 
 use hapt_core::Strength;
 use hapt_wire::link::{Codec, Frames, Incoming, Known, Message, Number, Outgoing, Refusal, SILENCE, Session};
@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use crate::link::random;
 
 const MS: u64 = 1_000_000;
-/// Of a position, half a step.
+/// The rounding error of a position: half a step.
 const ROUNDED: f64 = 0.5 / (1 << 22) as f64;
 
 type End = Session<Frames>;
@@ -28,7 +28,7 @@ struct Bus {
 }
 
 impl Bus {
-    /// Of two that have met.
+    /// Two stations after their handshake.
     fn met() -> Self {
         let mut bus = Bus { ends: pair(), heard: [None; 2], now: 0 };
         for _ in 0..4 {
@@ -55,7 +55,7 @@ impl Bus {
         incoming
     }
 
-    /// Each sends, and hears the other.
+    /// Each sends, and receives the other's message.
     fn turn(&mut self) -> [Option<Incoming>; 2] {
         self.now += MS;
         [0, 1].map(|at| {
@@ -68,7 +68,7 @@ impl Bus {
 proptest! {
     #![proptest_config(hapt_testing::cases(1000))]
 
-    // What is lost of a message is found again, as long as numbers are as near as sessions keep them.
+    // The omitted bits of the numbers are restored, as long as the numbers are within the bounds that sessions keep.
     #[test]
     fn a_frame_reads_back_as_it_was_written(
         link: u64, sessions in (1_u64..1 << 28, 1_u64..1 << 28), newest in 0_u64..1 << 40, step in -128_i64..128,
@@ -96,7 +96,7 @@ proptest! {
         let read = right.read(&bytes, &known);
         prop_assert_eq!(read, if sequence > newest { Ok(message) } else { Err(Refusal::Old) });
         prop_assert_eq!(left.read(&bytes, &known), Err(Refusal::SameEnd));
-        // It is of no other session.
+        // In another session it is refused.
         let other = Known { own: Number { session: sessions.1 ^ 1, ..known.own }, ..known };
         prop_assert_eq!(right.read(&bytes, &other), Err(Refusal::Old));
     }
@@ -137,7 +137,7 @@ proptest! {
 }
 
 #[test]
-fn what_is_no_position_is_not_sent() {
+fn a_position_that_cannot_be_encoded_is_not_sent() {
     for position in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300] {
         let mut bus = Bus::met();
         let say = Outgoing { sampled: bus.now, position, strength: Strength::WHOLE, heard: bus.heard[0] };
@@ -150,12 +150,12 @@ fn identifiers_have_a_range_and_links_a_number() {
     for (range, at) in [(0, 0), (512, 0), (1, Frames::LINKS)] {
         assert!(Frames::new(range, at, 1, true).is_none(), "{range} {at}");
     }
-    // The lowest is above those of a moteus, of 16 bits.
+    // The lowest identifier is above those of moteus drives, of 16 bits.
     let [lowest, _] = Frames::filter(*Frames::RANGES.start());
     assert!(lowest > 0xffff);
 }
 
-/// A frame that is held back for any number of turns, alone or with all that follow, is refused or no older than it looks.
+/// A frame that is delayed for any number of turns, with or without the following ones, is refused or has its true age.
 #[test]
 fn a_frame_of_an_older_turn_is_never_taken_for_a_new_one() {
     for held in (0..4).chain(125..131).chain(253..259).chain([300, 511, 512, 513]) {
@@ -182,7 +182,7 @@ fn a_frame_of_an_older_turn_is_never_taken_for_a_new_one() {
             assert_eq!(taken.is_some(), silent <= 126, "{silent}");
             assert!(taken.and_then(|taken| taken.since).is_none_or(|since| since < sampled), "{silent}");
         }
-        // The pair meets again.
+        // The pair reconnects.
         assert!(
             (0..8).any(|_| bus.turn().iter().all(|heard| heard.is_some_and(|heard| heard.since.is_some()))),
             "{silent}"
@@ -191,7 +191,7 @@ fn a_frame_of_an_older_turn_is_never_taken_for_a_new_one() {
 }
 
 #[test]
-fn a_flood_of_repeated_and_random_frames_holds_up_nobody() {
+fn a_flood_of_repeated_and_random_frames_does_not_block_the_link() {
     let mut state = 3;
     let mut bus = Bus::met();
     let mut seen: Vec<[u8; 12]> = Vec::new();
@@ -219,9 +219,9 @@ fn a_flood_of_repeated_and_random_frames_holds_up_nobody() {
 }
 
 #[test]
-fn a_station_that_is_started_again_is_met_again_and_a_second_one_is_not() {
+fn a_restarted_station_reconnects_and_a_second_one_is_refused() {
     let mut bus = Bus::met();
-    // A second sender of the same station: it introduces itself, and is refused.
+    // A second program as the same station introduces itself, and is refused.
     let mut second = end(0, 1, false, 1 << 20);
     let hello = |session: &mut End| {
         session.send(&Outgoing { sampled: 0, position: 0.0, strength: Strength::NONE, heard: None }).unwrap()
@@ -231,7 +231,7 @@ fn a_station_that_is_started_again_is_met_again_and_a_second_one_is_not() {
         assert_eq!(bus.ends[0].receive(&bytes, bus.now), Err(Refusal::Session));
         assert!(bus.turn().iter().all(Option::is_some));
     }
-    // The first is gone. What is unanswered ends the session, and the new one is met.
+    // The first has ended. Unanswered messages end the session, and the second one connects.
     bus.ends[1] = second;
     bus.heard[1] = None;
     let met = (0..200).position(|_| bus.turn().iter().all(|heard| heard.is_some_and(|heard| heard.since.is_some())));

@@ -129,7 +129,7 @@ fn spec() -> Spec<'static> {
 }
 
 #[test]
-fn the_page_shows_every_message_as_it_goes_over_the_wire() {
+fn the_page_shows_the_bytes_of_every_message() {
     for (name, bytes) in examples() {
         let row = PAGE.lines().find(|line| line.starts_with(&format!("| {name} |")) && line.contains(" 00` |"));
         let row = row.unwrap_or_else(|| panic!("no example of {name}: | {name} | `{bytes}` |"));
@@ -138,7 +138,7 @@ fn the_page_shows_every_message_as_it_goes_over_the_wire() {
 }
 
 #[test]
-fn the_page_shows_a_world_as_it_goes_over_the_wire() {
+fn the_page_shows_the_bytes_of_a_world() {
     let bytes = packed();
     let shown: String = PAGE.split("```hex\n").nth(1).unwrap().split("```").next().unwrap().into();
     let shown: Vec<&str> = shown.split_whitespace().collect();
@@ -232,7 +232,7 @@ fn a_packed_world_is_the_same_world_with_the_same_limits() {
 }
 
 proptest! {
-    /// The host's side: the board's frames among noise.
+    /// The host's side: the board's frames between noise.
     #[test]
     fn after_any_noise_and_a_zero_the_boards_next_frame_is_read(
         noise in vec(any::<u8>(), 0..1500), sequence in any::<u32>(), sample in any::<u64>(), output in any::<f32>(),

@@ -1,4 +1,4 @@
-//! Lines that lose, double, reorder, corrupt and cut frames never cause a torque.
+//! Lines that lose, duplicate, reorder, corrupt and cut frames never cause a torque.
 
 use hapt_core::Phase;
 use hapt_wire::{Command, PROTOCOL, Parameter, hash};
@@ -40,14 +40,14 @@ impl Fate {
                 frame[at] ^= bits;
                 frame
             }
-            // A lost 0 alone is no loss: the end of the next frame replaces it.
+            // Losing only the last 0 loses no frame: the end of the next frame replaces it.
             Fate::Cut(at) => frame[..at.index(frame.len() - 1)].to_vec(),
             Fate::Late(noise) => [noise.clone(), vec![0], frame].concat(),
         }
     }
 }
 
-/// Everything that a host message but to arm, as numbers choose.
+/// Any host message except to arm, chosen by these numbers.
 fn harmless(choice: u8, number: u32) -> Command<'static> {
     match choice % 8 {
         0 => Command::Heartbeat,
@@ -87,7 +87,7 @@ proptest! {
 
     /// A session that arms and disarms, its frames in any order, any number of times, in any state.
     #[test]
-    fn an_arm_counts_at_most_once_and_never_after_what_came_later(
+    fn an_arm_counts_at_most_once_and_never_after_a_later_command(
         delivered in vec((0..9_usize, fates(), 0..30_u8), 1..60),
     ) {
         let mut storage = storage();
@@ -108,7 +108,7 @@ proptest! {
         let first = host.sequence + 1;
         let frames: Vec<Vec<u8>> = commands.iter().map(|command| host.framed(*command)).collect();
         let (arm, stop) = (1, 7);
-        // Whether an arm arrived whole; whether a later command, or a stop, arrived before it.
+        // Whether an arm arrived complete; whether a later command, or a stop, arrived before it.
         let (mut said, mut over, mut rises, mut was_on) = (false, false, 0, false);
         for (which, fate, samples) in delivered {
             host.received.clear();
@@ -123,7 +123,7 @@ proptest! {
                 host.seen.position += 1e-4;
                 let motor = host.sample();
                 prop_assert!(motor.on || motor.torque == 0.0);
-                prop_assert!(!motor.on || said, "nobody has armed it");
+                prop_assert!(!motor.on || said, "not armed");
                 prop_assert!(!(motor.on && stopped), "it was stopped");
                 rises += u32::from(motor.on && !was_on);
                 was_on = motor.on;
@@ -184,7 +184,7 @@ proptest! {
 
     /// Lost, doubled and corrupted pieces: either the uploaded world runs, or the previous one.
     #[test]
-    fn a_world_that_comes_over_a_bad_line_is_the_one_that_was_sent_or_none(
+    fn a_world_over_a_bad_line_is_the_one_that_was_sent_or_none(
         fates in vec(fates(), 12), twice in vec(any::<bool>(), 12),
     ) {
         let mut storage = storage();

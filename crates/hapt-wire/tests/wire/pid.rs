@@ -83,7 +83,7 @@ fn reports() -> impl Strategy<Value = Report> {
 }
 
 #[test]
-fn the_descriptor_states_the_lengths_of_what_is_sent() {
+fn the_descriptor_states_the_lengths_of_the_reports() {
     let bits = bits();
     assert!(bits.values().all(|bits| bits % 8 == 0), "{bits:?}");
     let bytes = |tag, report| bits[&(tag, report)] / 8 + 1;
@@ -108,7 +108,7 @@ proptest! {
     }
 
     #[test]
-    fn whatever_arrives_the_effects_are_finite_and_a_stop_ends_them(
+    fn for_any_reports_the_effects_are_finite_and_a_stop_ends_them(
         bytes in proptest::collection::vec(proptest::collection::vec(any::<u8>(), 0..20), 0..20),
         reports in proptest::collection::vec(reports(), 0..100),
         step in 0..100_000_u64,
@@ -170,14 +170,14 @@ fn an_effect_of_65535_ms_has_no_end_until_it_is_stopped() {
     let mut pool = playing(Kind::Constant, &[effect, Report::Constant { block: 0, magnitude: FULL }], 1);
     for ms in (0..100).map(|turn| 10 + 5000 * turn) {
         assert_eq!(torque(&mut pool, ms), Some(-2.5));
-        // Any report will do.
+        // Any report counts.
         pool.take(&Report::Gain(FULL), 1000 * ms);
     }
     pool.take(&Report::Control(Control::StopAll), 0);
     assert_eq!(torque(&mut pool, 1_000_000_001), None);
 }
 
-/// A host has no word for a longer one: 16 bits of milliseconds.
+/// The longest duration that 16 bits of milliseconds can encode.
 #[test]
 fn the_longest_effect_with_an_end_has_it_after_65534_ms_and_one_of_no_length_has_none() {
     let ends = |duration| {
@@ -193,7 +193,7 @@ fn the_longest_effect_with_an_end_has_it_after_65534_ms_and_one_of_no_length_has
 }
 
 #[test]
-fn what_can_do_work_pauses_while_the_host_is_silent_and_what_cannot_stays() {
+fn effects_that_can_do_work_pause_while_the_host_is_silent_and_the_others_stay() {
     let moving = Condition { offset: FULL / 2, positive: FULL, negative: FULL, ..Condition::default() };
     let still = Condition { offset: 0, ..moving };
     for kind in Kind::ALL {
@@ -217,7 +217,7 @@ fn what_can_do_work_pauses_while_the_host_is_silent_and_what_cannot_stays() {
 }
 
 #[test]
-fn an_effect_whose_place_a_late_reset_has_emptied_is_there_again_with_its_own_report() {
+fn an_effect_that_a_late_reset_has_removed_is_restored_by_its_own_report() {
     let mut pool = Pool::new();
     // The host has sent the reset first, on the slower pipe.
     pool.take(&Report::Create(Kind::Constant), 0);
@@ -256,7 +256,7 @@ fn waves_and_envelopes_have_their_closed_forms() {
     }
 }
 
-/// The wave of a kind at so many turns, of which the first begins at 0.
+/// The wave of a kind at this time in turns, from 0 on.
 fn wave(kind: Kind, turns: f64) -> f64 {
     let x = turns - turns.floor();
     match kind {
@@ -282,7 +282,7 @@ fn jumps(kind: Kind, turns: f64) -> bool {
 proptest! {
     /// Levels are of 10000, times of 1 ms, angles of 1/100°.
     #[test]
-    fn torques_have_their_closed_forms_whatever_the_host_says_of_them(
+    fn torques_have_their_closed_forms_for_any_parameters(
         at in 0..7_usize,
         (magnitude, offset, start, end) in (-FULL..=FULL, -FULL..=FULL, -FULL..=FULL, -FULL..=FULL),
         (phase, period) in (0..36_000_u16, 2..2000_u16),
@@ -336,9 +336,9 @@ proptest! {
         prop_assert!((found - expected).abs() < 2e-3 * f64::from(SCALE.torque), "{kind:?}: {found}, expected {expected}");
     }
 
-    /// On a device that pays for all of it: at rest, in an even turn, in an even change of acceleration.
+    /// On a device with enough damping for every effect: at rest, at constant velocity, at a constant rate of the acceleration.
     #[test]
-    fn conditions_have_their_closed_forms_whatever_the_host_says_of_them(
+    fn conditions_have_their_closed_forms_for_any_parameters(
         at in 0..4_usize,
         (positive, negative) in (-FULL..=FULL, -FULL..=FULL),
         (positive_saturation, negative_saturation) in (0..=FULL, 0..=FULL),
@@ -352,14 +352,14 @@ proptest! {
             Report::Gain(of_all),
             Report::Effect { block: 0, common: Common { gain: own, delay: 0, ..common(kind, INFINITE) } },
             Report::Condition { block: 0, axis: 0, condition },
-            // The other axis is none of a wheel's.
+            // A wheel has no second axis.
             Report::Condition { block: 0, axis: 1, condition: Condition { positive: 1, ..Condition::default() } },
         ];
         let mut pool = playing(kind, &reports, 1);
         let (effects, count) = pool.effects(1000, &SCALE);
         let timing = Timing::even(1e-3);
         let device = Device::ideal(timing, 20.0, 5.0);
-        // The pool's numbers are f32, and a wheel may well be f64.
+        // The pool's numbers are f32; the wheel here is f64.
         let wide = effects[..count].iter().map(|effect| {
             let sides = |s: Sides<f32>| Sides {
                 offset: s.offset.into(), dead_band: s.dead_band.into(), above: s.above.into(), below: s.below.into(),
@@ -388,7 +388,7 @@ proptest! {
         }
         let share = |level: i16| f64::from(level) / f64::from(FULL);
         let gain = share(own) * share(of_all);
-        // Resisting, in shares of the whole torque. What would drive counts as 0.
+        // The resisting torque, in parts of full scale. A driving coefficient counts as 0.
         let one = |coefficient: i16, x: f64, least: f64, most: f64| (share(coefficient).max(0.0) * x).clamp(least, most);
         let (above, below) = (share(positive_saturation), share(negative_saturation));
         let resisted = match kind {
@@ -402,7 +402,7 @@ proptest! {
             }
         };
         let expected = (-gain * resisted * f64::from(SCALE.torque)).clamp(-5.0, 5.0);
-        // The body follows a change of acceleration a little late.
+        // The body follows a change of acceleration with a small delay.
         prop_assert!((torque - expected).abs() < 0.01 * f64::from(SCALE.torque), "{kind:?}: {torque}, expected {expected}");
     }
 
@@ -430,7 +430,7 @@ proptest! {
 }
 
 #[test]
-fn a_pool_that_is_full_says_so_and_a_place_that_is_freed_is_used_again() {
+fn a_full_pool_is_reported_and_a_freed_place_is_used_again() {
     let mut pool = Pool::new();
     for block in 0..EFFECTS {
         assert!(pool.take(&Report::Create(Kind::Spring), 0));
@@ -443,7 +443,7 @@ fn a_pool_that_is_full_says_so_and_a_place_that_is_freed_is_used_again() {
     assert_eq!(pool.feature(id::LOAD).unwrap()[1..4], [6, 1, 0]);
 }
 
-/// A free wheel after a kick: the largest speed of its first and of its last second, of four.
+/// A free wheel with an initial velocity: the largest speeds of the first and of the last of four seconds.
 fn speeds(device: &DeviceSpec, kick: f64, mut torque: impl FnMut(f64, f64) -> f64) -> [f64; 2] {
     let mut wheel = VirtualDevice::new(device);
     wheel.set_out((0.0, kick), (0.0, 0.0));
@@ -467,9 +467,9 @@ fn speeds(device: &DeviceSpec, kick: f64, mut torque: impl FnMut(f64, f64) -> f6
 proptest! {
     #![proptest_config(hapt_testing::cases(64))]
 
-    /// Conditions of any size, without a dead band or an offset, on wheels with counts, with and without friction, whatever the kick.
+    /// Conditions of any size, without a dead band or an offset, on wheels with counts, with and without friction, for any initial velocity.
     #[test]
-    fn hands_off_no_set_of_conditions_that_a_host_asks_for_grows(
+    fn hands_off_no_set_of_conditions_of_a_host_grows(
         asked in proptest::collection::vec((0..4_usize, 0..=FULL, 0..=FULL), 1..8),
         inertia in 1e-3..0.1_f64, damping in 1e-3..0.1_f64, late in 0.0..1.0_f64, period in 2.5e-4..2e-3_f64,
         friction in prop_oneof![Just(0.0), 1e-3..0.1_f64], counts in 500.0..100_000.0_f64, kick in 0.2..4.0_f64,
@@ -501,7 +501,7 @@ proptest! {
 fn the_same_damper_and_inertia_from_differences_shake_the_wheel_hands_off() {
     let spec = DeviceSpec { delay: 5e-4, damping: 0.01, ..DeviceSpec::new(1e-3, 5e-3) };
     let damper = speeds(&spec, 2.0, |_, way| (-20.0 * way / 1e-3).clamp(-5.0, 5.0));
-    // A limit cycle: the device alone would have less than 2 exp(-2 · 3) rad/s left.
+    // A limit cycle: without effects less than 2 exp(-2 · 3) rad/s would be left.
     assert!(damper[1] > 0.2, "{damper:?}");
     let mut before = 0.0;
     let inertia = speeds(&spec, 2.0, |_, way| {

@@ -118,12 +118,12 @@ proptest! {
         let mut room = [0; 4096];
         let bytes = write(&world.spec(), &mut room).unwrap();
         let stored = Stored::<4, 8>::read(bytes).unwrap();
-        // Debug prints every bit of a number that there is to see.
+        // Debug prints every distinguishable number differently.
         prop_assert_eq!(format!("{:?}", stored.spec()), format!("{:?}", world.spec()));
     }
 
     #[test]
-    fn what_is_cut_or_flipped_is_no_world(world in worlds(), at in any::<prop::sample::Index>(), bit in 0..8u8) {
+    fn truncated_or_corrupted_bytes_are_no_world(world in worlds(), at in any::<prop::sample::Index>(), bit in 0..8u8) {
         let mut room = [0; 4096];
         let bytes = write(&world.spec(), &mut room).unwrap().to_vec();
         let cut = at.index(bytes.len());
@@ -137,12 +137,12 @@ proptest! {
     }
 
     #[test]
-    fn bytes_that_nobody_meant_are_refused_quietly(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+    fn random_bytes_are_refused_without_a_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
         let _ = Stored::<4, 8>::read(&bytes);
     }
 
     #[test]
-    fn room_that_is_too_small_is_said(world in worlds(), room in 0..64usize) {
+    fn too_small_a_room_is_an_error(world in worlds(), room in 0..64usize) {
         let mut small = vec![0; room];
         let mut large = [0; 4096];
         let whole = write(&world.spec(), &mut large).unwrap();
@@ -154,7 +154,7 @@ proptest! {
 }
 
 #[test]
-fn more_than_there_is_room_for_is_refused_by_number() {
+fn too_many_bodies_or_couplings_are_refused_with_their_number() {
     let bodies = [Body { inertia: 1.0, position: 0.0, velocity: 0.0 }; 5];
     let spec = Spec { bodies: &bodies, ..Spec::new(1e-3) };
     let mut room = [0; 512];
@@ -164,7 +164,7 @@ fn more_than_there_is_room_for_is_refused_by_number() {
     assert_eq!(Stored::<4, 8>::read(&other).unwrap_err(), Error::Version { given: 4 });
 }
 
-/// A board that reads version 1 alone refuses bodies that it would step too often or show another position, and takes every other world as before.
+/// A board that reads only version 1 refuses worlds whose bodies it would step too often or with another position, and takes every other world.
 #[test]
 fn bodies_at_every_nth_sample_are_another_version() {
     let body = Body { inertia: 0.02, position: 0.0, velocity: 0.0 };

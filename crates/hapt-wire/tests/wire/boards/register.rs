@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 
-/// By its address.
+/// A register by its address.
 #[derive(Clone, Copy, Debug)]
 pub struct Register(usize);
 
@@ -26,7 +26,7 @@ impl Register {
 }
 
 thread_local! {
-    /// Each test has a thread, and a chip.
+    /// Each test has its own thread, and so its own chip.
     pub static CHIP: RefCell<Chip> = RefCell::default();
 }
 
@@ -43,15 +43,15 @@ pub const DAC3_VALUE_2: usize = 0x5000_1014;
 
 /// MOE: the outputs' enable.
 const OUTPUTS: u32 = 1 << 15;
-/// BIF: a break came.
+/// BIF: a break has occurred.
 const BROKEN: u32 = 1 << 7;
 
-/// What of a STM32G431 matters here (ST RM0440): clocks that are ready at once, and timer 1's break.
+/// The modelled part of a STM32G431 (ST RM0440): clocks that are ready at once, and timer 1's break.
 #[derive(Debug, Default)]
 pub struct Chip {
     pub registers: BTreeMap<usize, u32>,
-    /// A comparator detects overcurrent.
-    too_much: bool,
+    /// Whether a comparator detects overcurrent.
+    overcurrent: bool,
 }
 
 impl Chip {
@@ -70,7 +70,7 @@ impl Chip {
             // Writing 0 clears a flag, and only the chip sets it.
             TIM1_STATE => value & self.read(at),
             // A break keeps the outputs disabled.
-            TIM1_BREAK if self.too_much => value & !OUTPUTS,
+            TIM1_BREAK if self.overcurrent => value & !OUTPUTS,
             _ => value,
         };
         self.registers.insert(at, value);
@@ -78,14 +78,14 @@ impl Chip {
     }
 
     /// Sets or ends an overcurrent at a comparator.
-    pub fn current(&mut self, too_much: bool) {
-        self.too_much = too_much;
+    pub fn current(&mut self, overcurrent: bool) {
+        self.overcurrent = overcurrent;
         self.look();
     }
 
     /// The break of a comparator is a level: it sets its flag again for as long as it lasts.
     fn look(&mut self) {
-        if self.too_much {
+        if self.overcurrent {
             *self.registers.entry(TIM1_STATE).or_default() |= BROKEN;
             *self.registers.entry(TIM1_BREAK).or_default() &= !OUTPUTS;
         }
