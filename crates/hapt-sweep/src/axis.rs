@@ -5,12 +5,12 @@ use hapt_model::{Motion, Source, System, parse_quantity};
 
 use crate::error::Error;
 
-/// The most axes of a grid.
-const MOST_AXES: usize = 8;
-/// The most cells of a grid: as many as a scenario has samples at most.
-const MOST_CELLS: u64 = 10_000_000_000;
-/// The most values of an axis that are kept with their text.
-const MOST_LABELLED: u64 = 1 << 16;
+/// The largest number of axes of a grid.
+const MAX_AXES: usize = 8;
+/// The largest number of cells of a grid: that of the samples of a scenario.
+const MAX_CELLS: u64 = 10_000_000_000;
+/// The largest number of values of an axis that are kept with their text.
+const MAX_LABELLED_VALUES: u64 = 1 << 16;
 
 /// A key and its values, in SI.
 #[derive(Clone, Debug, PartialEq)]
@@ -129,9 +129,9 @@ impl Grid {
     /// # Errors
     /// [`Error::Axis`] for an invalid axis, [`Error::Model`] for a file, or a corner, that cannot be read.
     pub fn new(source: &Source, sets: &[String], axes: &[String]) -> Result<(Grid, System), Error> {
-        if axes.is_empty() || axes.len() > MOST_AXES {
+        if axes.is_empty() || axes.len() > MAX_AXES {
             let message =
-                format!("a sweep varies 1 to {MOST_AXES} keys, and {} are given: --vary KEY=FROM..TO:N", axes.len());
+                format!("a sweep varies 1 to {MAX_AXES} keys, and {} are given: --vary KEY=FROM..TO:N", axes.len());
             return Err(Error::Axis(message));
         }
         Grid::read(source, sets, axes, Form::Grid)
@@ -165,8 +165,8 @@ impl Grid {
             }
             cells = cells
                 .checked_mul(axis.count)
-                .filter(|cells| *cells <= MOST_CELLS)
-                .ok_or_else(|| Error::Axis(format!("{key}: the grid has more than {MOST_CELLS} cells")))?;
+                .filter(|cells| *cells <= MAX_CELLS)
+                .ok_or_else(|| Error::Axis(format!("{key}: the grid has more than {MAX_CELLS} cells")))?;
         }
         grid.cells = cells;
         grid.corners(source, sets)?;
@@ -219,10 +219,10 @@ impl Grid {
                 return Err(wrong(text, message));
             }
             let axis = axis(&parts, key, system.motion).map_err(|message| wrong(text, message))?;
-            let cells = grid.cells.checked_mul(axis.count).filter(|cells| *cells <= MOST_CELLS);
+            let cells = grid.cells.checked_mul(axis.count).filter(|cells| *cells <= MAX_CELLS);
             grid.cells = match cells {
                 Some(cells) => cells,
-                None => return Err(wrong(text, format!("the grid has more than {MOST_CELLS} cells"))),
+                None => return Err(wrong(text, format!("the grid has more than {MAX_CELLS} cells"))),
             };
             grid.axes.push(axis);
         }
@@ -286,8 +286,8 @@ impl Labelled {
 impl<'g> Ticks<'g> {
     /// The values of the grid's axes.
     pub fn new(grid: &'g Grid) -> Self {
-        // More values than a stretch of cells meets are not worth their memory.
-        let few = |axis: &Axis| axis.count <= MOST_LABELLED.min(grid.cells);
+        // An axis with more values than the grid has cells is computed cell by cell, to save memory.
+        let few = |axis: &Axis| axis.count <= MAX_LABELLED_VALUES.min(grid.cells);
         Ticks { grid, axes: grid.axes.iter().map(|axis| few(axis).then(|| Labelled::new(axis))).collect() }
     }
 
@@ -305,7 +305,7 @@ impl<'g> Ticks<'g> {
     }
 }
 
-/// A cell's place on every axis, cell after cell.
+/// A cell's index on every axis, cell after cell.
 #[derive(Clone, Debug)]
 pub(crate) struct Place {
     /// For each axis, the number of its value.
@@ -322,7 +322,7 @@ impl Place {
         Place { at: at.collect() }
     }
 
-    /// Goes to the next cell; behind the last one comes the first.
+    /// Advances to the next cell; the first follows the last.
     pub fn advance(&mut self, grid: &Grid) {
         for (at, axis) in self.at.iter_mut().zip(&grid.axes).rev() {
             *at += 1;
@@ -350,7 +350,7 @@ fn varied(mut error: hapt_model::Error) -> hapt_model::Error {
 
 fn axis(parts: &Written<'_>, key: &Key, motion: Motion) -> Result<Axis, String> {
     let number = |text: &str| match key.takes.quantity() {
-        // Seconds while another axis moves the period, or periods: a column has one unit.
+        // A column has one unit: seconds, or samples, where another axis changes the period.
         Some(_) if key.takes == Takes::TimeOrSamples && in_samples(text).is_some() => {
             Err(format!("{text:?} is in samples; an axis takes {} as a time, such as \"1.5 ms\"", parts.key))
         }

@@ -9,7 +9,7 @@ pub enum Error {
     /// An axis.
     #[error("{0}")]
     Axis(String),
-    /// A claim that is none about such a file.
+    /// A claim that does not apply to such a file.
     #[error("{0}")]
     Claim(String),
     /// A measure, or the scenario that it needs.
@@ -23,7 +23,7 @@ pub enum Error {
         /// The cause.
         error: hapt_analysis::Error,
     },
-    /// It was asked to stop.
+    /// It was stopped.
     #[error("interrupted")]
     Interrupted,
 }

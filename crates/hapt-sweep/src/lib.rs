@@ -3,8 +3,8 @@
 //! * [`Grid`] holds the axes, each a key of the world file with its values, and their combinations, the cells.
 //! * [`Measure`] is a number of a cell: peaks, energies and settling of a run, growth and damping of the loop.
 //! * [`Sweep`] is a grid of a world or network with its measures: [`Sweep::rows`] computes a stretch of cells on all cores, in the order of
-//!   the table, with the same bits whatever the number of threads.
-//! * [`boundary`] finds where in the plane of two keys a loop stops being stable or passive, without a grid.
+//!   the table, bit-identical for any number of threads.
+//! * [`boundary`] finds the edges of stability and passivity in the plane of two keys, without a grid.
 //! * [`worst`] searches for the passive hand that draws most energy from a loop.
 //! * [`table`] names the columns and writes them as CSV.
 //!

@@ -1,7 +1,7 @@
-//! The zero set of a function on the square, traced from its sign alone.
+//! The zero set of a function on the square, traced by the change of its sign.
 //!
 //! The square is [`INSET`] smaller than the frame on each side: the end of a key's range, such as no damping, may be a special case. A
-//! function is above 0 on one side of its edge, and may jump there, have a corner, or be infinite.
+//! function is above 0 on one side of its edge, and may be discontinuous there, have a corner, or be infinite.
 //!
 //! From a point on the edge the next one is where a circle about it changes its sign, near the direction that the last steps
 //! predict. Where the circle leaves the square, the square's side takes its place, so that an edge ends there by the same rule. The
@@ -13,14 +13,14 @@ use rayon::prelude::*;
 
 /// The margin along each side of the frame.
 pub(crate) const INSET: f64 = 1e-6;
-/// Steps, in parts of the frame.
+/// The longest and the shortest step, in parts of the frame.
 const MAX_STEP: f64 = 0.02;
-const SHORTEST: f64 = 1e-5;
+const MIN_STEP: f64 = 1e-5;
 /// The largest angle between the edge and a step, in rad, except for the shortest step.
-const TURN: f64 = 0.12;
+const MAX_TURN_RAD: f64 = 0.12;
 /// The accuracy of a point.
 const ON_EDGE: f64 = 1e-13;
-/// The most points of an edge.
+/// The largest number of points of an edge.
 const MAX_POINTS: usize = 20_000;
 /// Intervals of each side of the square, and of each line through it, that are searched for a change of sign.
 const STRETCHES: usize = 48;
@@ -49,8 +49,8 @@ pub(crate) fn on_frame(p: Place) -> bool {
     p.iter().any(|x| *x <= 1.01 * INSET || *x >= 1.0 - 1.01 * INSET)
 }
 
-/// Where the function changes its sign on a path, which runs over [0, 1] and knows the values at its ends: regula falsi with the
-/// Illinois correction, halving where a value is infinite. The last two parameters, the one above 0 last.
+/// Finds a change of the function's sign on a path over [0, 1] with known values at its ends: regula falsi with the Illinois
+/// correction, and bisection where a value is infinite. Returns the last two parameters, the one above 0 last.
 fn crossing<E>(
     f: &impl Fn(Place) -> Result<f64, E>,
     path: impl Fn(f64) -> Place,
@@ -80,7 +80,7 @@ fn crossing<E>(
 /// From `p` in the direction of `angle`, by `step` or to the square's side.
 fn star(p: Place, angle: f64, step: f64) -> Place {
     let (sin, cos) = angle.sin_cos();
-    // The sine of π is not quite 0. Along a side it is no way out of the square.
+    // The rounded sine of π is not 0. A direction along a side does not leave the square.
     let room = |x: f64, d: f64| match d {
         d if d > 1e-12 => (1.0 - INSET - x) / d,
         d if d < -1e-12 => (INSET - x) / d,
@@ -94,7 +94,7 @@ fn star(p: Place, angle: f64, step: f64) -> Place {
 #[derive(Clone, Copy, Debug)]
 struct Seed {
     at: Place,
-    /// In this direction the function is above 0, and against it not.
+    /// The direction in which the function is above 0; in the opposite one it is not.
     beyond: f64,
     /// Inwards, on a side of the square.
     inward: Option<f64>,
@@ -105,11 +105,11 @@ impl Trace {
     fn has_the_ends_of(&self, other: &Trace) -> bool {
         let ends = |trace: &Trace| Some([*trace.points.first()?, *trace.points.last()?]);
         let (Some(own), Some(others)) = (ends(self), ends(other)) else { return false };
-        let same = own.iter().zip(&others).all(|(a, b)| on_frame(*a) && distance(*a, *b) < 2.0 * SHORTEST);
+        let same = own.iter().zip(&others).all(|(a, b)| on_frame(*a) && distance(*a, *b) < 2.0 * MIN_STEP);
         same && !self.closed && !other.closed
     }
 
-    /// Where the edge goes on, but turns or narrows within the shortest step: ends that are not on a side of the square, or the only point.
+    /// The places at which the edge continues, but turns or narrows within the shortest step: ends that are not on a side of the square, or the only point.
     pub fn lost(&self) -> impl Iterator<Item = Place> {
         let only = self.points.len() == 1;
         let ends = match (self.closed, only) {
@@ -122,7 +122,7 @@ impl Trace {
 }
 
 /// Every edge that intersects a side of the square, or one of a few lines through it, except those along `known`. An island that
-/// fits between the lines is not found. An edge of which not even a step is found has one point.
+/// fits between the lines is not found. An edge on which no step succeeds has one point.
 pub(crate) fn trace<E: Send>(f: &(impl Fn(Place) -> Result<f64, E> + Sync), known: &[Trace]) -> Result<Vec<Trace>, E> {
     let mut found: Vec<Trace> = Vec::new();
     for seed in seeds(f)? {
@@ -138,7 +138,7 @@ pub(crate) fn trace<E: Send>(f: &(impl Fn(Place) -> Result<f64, E> + Sync), know
     Ok(found)
 }
 
-/// Where the sides of the square and the lines through it cross an edge, the sides first.
+/// The places at which the sides of the square and the lines through it cross an edge, the sides first.
 fn seeds<E: Send>(f: &(impl Fn(Place) -> Result<f64, E> + Sync)) -> Result<Vec<Seed>, E> {
     let mut along: Vec<f64> = (0..=STRETCHES).map(|i| i as f64 / STRETCHES as f64).collect();
     along.extend(NEAR_ENDS.iter().flat_map(|x| [*x, 1.0 - x]));
@@ -171,7 +171,7 @@ fn seeds<E: Send>(f: &(impl Fn(Place) -> Result<f64, E> + Sync)) -> Result<Vec<S
     Ok(all.into_iter().flatten().collect())
 }
 
-/// Whether a place is on the polygon's line, as exactly as that follows its edge.
+/// Whether a place is on the polygon's line, within the accuracy of the polygon.
 fn lies_on(trace: &Trace, at: Place) -> bool {
     let last = trace.points.len().saturating_sub(1);
     let closing = trace.closed.then(|| [trace.points[last], trace.points[0]]);
@@ -180,7 +180,7 @@ fn lies_on(trace: &Trace, at: Place) -> bool {
         let along = ((at[0] - a[0]) * (b[0] - a[0]) + (at[1] - a[1]) * (b[1] - a[1])) / (length * length).max(1e-300);
         let along = along.clamp(0.0, 1.0);
         let foot = [a[0] + along * (b[0] - a[0]), a[1] + along * (b[1] - a[1])];
-        distance(foot, at) < (0.06 * length).clamp(2.0 * SHORTEST, 1e-3)
+        distance(foot, at) < (0.06 * length).clamp(2.0 * MIN_STEP, 1e-3)
     })
 }
 
@@ -216,16 +216,16 @@ fn follow<E>(
     may_close: bool,
 ) -> Result<Trace, E> {
     let mut points = vec![start];
-    let (mut p, mut step, mut length) = (start, 10.0 * SHORTEST, 0.0);
-    // The direction of the last step; at first only a half plane is known, as behind a corner.
+    let (mut p, mut step, mut length) = (start, 10.0 * MIN_STEP, 0.0);
+    // The direction of the last step; initially, and after a corner, only a half plane is known.
     let mut last: Option<f64> = None;
     while points.len() < MAX_POINTS {
         if may_close && length > 4.0 * step && distance(p, start) <= step {
             return Ok(Trace { points, closed: true });
         }
-        let is_shortest = step <= 1.01 * SHORTEST;
-        // Arcs: where the middle of each is, seen from the heading, and half its width. Where a step has gone a little past a corner, the
-        // edge crosses the heading, and goes on to one side.
+        let is_shortest = step <= 1.01 * MIN_STEP;
+        // Arcs: the middle of each, relative to the heading, and half its width. After a step slightly past a corner, the edge crosses the
+        // heading, and continues to one side.
         let arcs: &[(f64, f64)] = match (last, is_shortest) {
             (None, _) => &[(0.0, 0.5 * PI)],
             (_, false) => &[(0.0, 0.06), (0.0, 0.3)],
@@ -248,21 +248,21 @@ fn follow<E>(
             (q, towards, last.map_or(0.0, |last| (towards - last + PI).rem_euclid(2.0 * PI) - PI))
         };
         match next.map(step_to) {
-            Some((q, towards, turn)) if is_shortest || turn.abs() <= TURN => {
+            Some((q, towards, turn)) if is_shortest || turn.abs() <= MAX_TURN_RAD => {
                 length += distance(p, q);
                 points.push(q);
                 if on_frame(q) {
                     break;
                 }
                 // The curvature continues, except at a corner.
-                heading = if turn.abs() <= TURN { towards + turn } else { towards };
-                if turn.abs() < 0.3 * TURN {
+                heading = if turn.abs() <= MAX_TURN_RAD { towards + turn } else { towards };
+                if turn.abs() < 0.3 * MAX_TURN_RAD {
                     step = (2.0 * step).min(MAX_STEP);
                 }
                 (p, last) = (q, Some(towards));
             }
             _ if is_shortest => break,
-            _ => step = (0.5 * step).max(SHORTEST),
+            _ => step = (0.5 * step).max(MIN_STEP),
         }
     }
     Ok(Trace { points, closed: false })
@@ -292,8 +292,8 @@ mod tests {
     }
 
     #[test]
-    fn a_corner_is_turned_and_an_infinite_side_is_no_hindrance() {
-        // Beyond a right angle at (0.3, 0.6), once with a function that jumps.
+    fn a_corner_is_followed_also_with_an_infinite_side() {
+        // Beyond a right angle at (0.3, 0.6), with a finite and with an infinite function.
         for beyond in [1.0, f64::INFINITY] {
             let f = |p: Place| if p[0] > 0.3 && p[1] < 0.6 { beyond } else { -1.0 };
             let found = all(f);
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_that_goes_past_a_corner_is_no_end() {
+    fn a_step_past_a_corner_does_not_end_the_edge() {
         // Stairs of all heights, above 0 to their upper right.
         for flight in 2..40 {
             let stairs = |p: Place| p[1] - 1.0 / (1.0 + (f64::from(flight) * p[0]).floor());
@@ -355,12 +355,12 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_too_small_to_follow_is_lost_and_says_so() {
+    fn an_edge_too_small_to_follow_is_reported_as_lost() {
         // A disc of a third of the shortest step, where a side is searched.
-        let found = all(|p| SHORTEST / 3.0 - distance(p, [0.5, INSET]));
+        let found = all(|p| MIN_STEP / 3.0 - distance(p, [0.5, INSET]));
         let lost: Vec<Place> = found.iter().flat_map(Trace::lost).collect();
-        assert!(!lost.is_empty() && lost.iter().all(|p| distance(*p, [0.5, INSET]) < SHORTEST), "{found:?}");
-        // A whole edge has no such place.
+        assert!(!lost.is_empty() && lost.iter().all(|p| distance(*p, [0.5, INSET]) < MIN_STEP), "{found:?}");
+        // A complete edge has no such place.
         assert_eq!(all(|p| p[0] - 0.4 + 0.1 * p[1]).iter().flat_map(Trace::lost).count(), 0);
     }
 

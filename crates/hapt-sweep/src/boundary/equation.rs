@@ -1,8 +1,7 @@
 //! The parts of the D-decomposition's curves that are the edge: those at which the verdict differs on the two sides.
 //!
-//! The curves are followed by their own parameter, φ or the place on a line, halving it until the chords lie on the curve. Where
-//! a stretch begins or ends, at the frame or where two curves cross, is found by halving too; stretches that meet there are put
-//! together.
+//! The curves are followed by their parameter, φ or the position on a line, which is halved until the chords lie on the curve. The
+//! ends of a stretch, at the frame or where two curves cross, are found by bisection too; stretches that meet there are joined.
 
 use std::f64::consts::{PI, TAU};
 
@@ -21,9 +20,9 @@ const MAX_STEP: f64 = 0.01;
 /// The largest distance of joined ends.
 const MEETS: f64 = 1e-3;
 /// The smallest φ, and the smallest distance of φ from π or of a place from its line's end, relative to the range.
-const LEAST: f64 = 1e-7;
-/// Halvings of a stretch between neighbouring parameters.
-const DEEPEST: usize = 24;
+const MIN_PARAMETER: f64 = 1e-7;
+/// The largest number of halvings between neighbouring parameters.
+const MAX_HALVINGS: usize = 24;
 
 /// An edge, and at each of its points the frequency in Hz and the direction beyond it, of length 1.
 #[derive(Clone, Debug, Default)]
@@ -76,7 +75,7 @@ impl BoundaryCurve<'_> {
         for pair in base.windows(2) {
             let &[t, u] = pair else { continue };
             all.push(t);
-            self.refine((t, self.place(t)), (u, self.place(u)), DEEPEST, &mut all);
+            self.refine((t, self.place(t)), (u, self.place(u)), MAX_HALVINGS, &mut all);
         }
         all.extend(base.last());
         all
@@ -87,7 +86,7 @@ impl BoundaryCurve<'_> {
         let middle = (t, self.place(t));
         let fine = match (a.1, middle.1, b.1) {
             (Some(a), Some(m), Some(b)) => {
-                // All of it to one side of the frame.
+                // The chord lies to one side of the frame.
                 let apart = |i: usize| {
                     let (low, high) = (a[i].min(m[i]).min(b[i]), a[i].max(m[i]).max(b[i]));
                     let room = high - low;
@@ -195,7 +194,7 @@ pub(crate) fn edges(plane: &Plane, edge: Edge, equations: &[Decomposition]) -> R
         stretches.extend(curve.stretches(&base(&equation.angles()))?);
         for (line, hz) in equation.lines().into_iter().zip([0.0, 0.5 / period]) {
             let Some([from, to]) = line.and_then(|line| through(plane, line)) else { continue };
-            // A little beyond both ends, so that the frame is crossed.
+            // Slightly beyond both ends, so that the line crosses the frame.
             let at = move |t: f64| Some([0, 1].map(|i| from[i] + (1.02 * t - 0.01) * (to[i] - from[i])));
             let curve = BoundaryCurve { plane, edge, at: Box::new(at), hz: Box::new(move |_| hz) };
             stretches.extend(curve.stretches(&base(&[]))?);
@@ -213,17 +212,17 @@ fn base(angles: &[(f64, f64)]) -> Vec<f64> {
             .map(move |i| least * 10f64.powf(f64::from(i) / 6.0))
             .flat_map(move |x| [centre - x, centre + x])
     };
-    all.extend(near(0.0, LEAST).chain(near(1.0, LEAST)));
+    all.extend(near(0.0, MIN_PARAMETER).chain(near(1.0, MIN_PARAMETER)));
     for (angle, width) in angles {
-        all.extend(near(angle / PI, (0.1 * width / PI).max(LEAST)));
+        all.extend(near(angle / PI, (0.1 * width / PI).max(MIN_PARAMETER)));
     }
-    all.retain(|t| *t >= LEAST && *t <= 1.0 - LEAST);
+    all.retain(|t| *t >= MIN_PARAMETER && *t <= 1.0 - MIN_PARAMETER);
     all.sort_by(f64::total_cmp);
     all.dedup();
     all
 }
 
-/// Where a line enters and leaves the plane's ranges; `None` where it passes by.
+/// The points at which a line enters and leaves the plane's ranges; `None` where it does not cross them.
 fn through(plane: &Plane, line: Line) -> Option<[[f64; 2]; 2]> {
     let ranges = plane.axes.each_ref().map(|axis| [axis.from, axis.to]);
     let [a, b] = line.normal;

@@ -60,17 +60,17 @@ pub struct Piece {
 /// One claim in the plane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Claim {
-    /// Which.
+    /// The claim.
     pub edge: Edge,
-    /// Its edge.
+    /// The pieces of its edge.
     pub pieces: Vec<Piece>,
     /// The region beyond the edge as polygons: even-odd, in parts of the frame. None where a part of the edge is lost.
     pub beyond: Vec<Vec<Place>>,
-    /// The values of the keys where the edge goes on, but turns or narrows within a hundred-thousandth of the frame, and is not followed.
+    /// The values of the keys at which the edge continues, but turns or narrows within a hundred-thousandth of the frame, and is not followed.
     pub lost: Vec<[f64; 2]>,
     /// Whether the whole plane is beyond it, or nothing; `None` where there is an edge, or no verdict.
     pub everywhere: Option<bool>,
-    /// Why there is no verdict in the whole plane; `None` where there is one.
+    /// The reason that there is no verdict in the whole plane; `None` where there is one.
     pub undecided: Option<String>,
 }
 
@@ -105,16 +105,16 @@ pub struct Claim {
 pub struct Boundary {
     /// The plane.
     pub plane: Plane,
-    /// In the order asked for.
+    /// The claims in the requested order.
     pub claims: Vec<Claim>,
 }
 
 impl Boundary {
     /// Finds the edges of `claims` in the plane of the axes, each `KEY=FROM..TO[:log]`, of the world or network in `source` with
-    /// the overrides `sets`. No claims are all that there are about it.
+    /// the overrides `sets`. An empty list stands for all claims about the file.
     ///
-    /// Work: some thousand verdicts for each edge, on rayon's current pool. An island of a claim between the searched lines, five each
-    /// way and the frame, is not found.
+    /// Work: about a thousand verdicts for each edge, on rayon's current pool. An island of a claim between the searched lines, five in each
+    /// direction and the frame, is not found.
     ///
     /// # Errors
     /// See [`Error`].
@@ -122,7 +122,7 @@ impl Boundary {
         Boundary::until(source, sets, axes, claims, &|| false)
     }
 
-    /// As [`Boundary::new`]; `stop` is asked before each verdict of an edge that is followed, and ends the work when true.
+    /// As [`Boundary::new`]; `stop` is called before each verdict of an edge that is followed, and ends the work when true.
     ///
     /// # Errors
     /// As [`Boundary::new`]; [`Error::Interrupted`].

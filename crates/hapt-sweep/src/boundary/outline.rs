@@ -70,7 +70,7 @@ mod tests {
         assert!((area(&up[0]) - 0.3).abs() < 1e-12, "{up:?}");
         let down = beyond(&[edge(&[[0.3, 1.0], [0.3, 0.0]])], false);
         assert!((area(&down[0]) - 0.7).abs() < 1e-12, "{down:?}");
-        // Off the corner at the upper left, and on to it.
+        // An edge around the upper left corner, in both directions.
         let corner = beyond(&[edge(&[[0.0, 0.8], [0.2, 1.0]])], false);
         assert!((area(&corner[0]) - 0.02).abs() < 1e-12, "{corner:?}");
         let rest = beyond(&[edge(&[[0.2, 1.0], [0.0, 0.8]])], true);
@@ -78,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn two_edges_make_a_stripe_or_what_is_beside_it() {
+    fn two_edges_bound_a_stripe_or_its_complement() {
         let stripe = [edge(&[[0.2, 1.0], [0.2, 0.0]]), edge(&[[0.5, 0.0], [0.5, 1.0]])];
         let inside = beyond(&stripe, false);
         assert!(inside.len() == 1 && (area(&inside[0]) - 0.3).abs() < 1e-12, "{inside:?}");

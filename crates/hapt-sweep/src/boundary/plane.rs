@@ -17,7 +17,7 @@ hapt_model::named! {
     /// A claim that holds on one side of an edge and fails beyond it. Its name is that of the command line and of tables.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum Edge {
-        /// The world alone, with the puck held, is not unstable.
+        /// The world with the puck held is not unstable.
         Held => "held",
         /// The whole loop, with the puck free, is not unstable.
         Free => "free",
@@ -47,7 +47,7 @@ impl Edge {
     }
 }
 
-/// Of a network the demands of its stations' worlds, and the stations for which they change in the plane.
+/// Of a network: the required dampings of its stations' worlds, and the stations for which they change in the plane.
 #[derive(Clone, Debug, PartialEq)]
 struct Asked {
     demands: Demands,
@@ -68,7 +68,7 @@ impl Plane {
     /// Reads two axes, each `KEY=FROM..TO[:log]`, against the world or network in `source` with the overrides `sets`.
     ///
     /// # Errors
-    /// [`Error::Axis`] for what is no axis of it, [`Error::Model`] for a file, or a corner, that cannot be read, [`Error::At`].
+    /// [`Error::Axis`] for an invalid axis, [`Error::Model`] for a file, or a corner, that cannot be read, [`Error::At`].
     pub fn new(source: &Source, sets: &[String], axes: &[String]) -> Result<Plane, Error> {
         let (grid, system) = Grid::plane(source, sets, axes)?;
         let wrong = |i: usize, message: String| Error::Axis(format!("--vary {}: {message}", axes[i]));
@@ -134,7 +134,7 @@ impl Plane {
     /// suffices; of a network at fixed times [`FixedExcess`], infinite where there is no verdict.
     ///
     /// # Errors
-    /// [`Error::At`]; [`Error::Claim`] for a claim that is none about such a file.
+    /// [`Error::At`]; [`Error::Claim`] for a claim that does not apply to such a file.
     pub fn beyond(&self, edge: Edge, place: Place) -> Result<f64, Error> {
         let system = self.at(place);
         match (system.world(), edge) {
@@ -166,13 +166,13 @@ impl Plane {
         }
     }
 
-    /// Of a network at fixed times, or why there is no verdict.
+    /// Of a network at fixed times, or the reasons that there is no verdict.
     fn fixed(&self, network: &System, place: Place) -> Result<Result<FixedExcess, Vec<String>>, Error> {
         let excess = self.demands(network).and_then(|demands| demands.fixed_excess(network));
         excess.map_err(|error| self.failed(place, error))
     }
 
-    /// Why a claim has no verdict in the whole plane, as far as its corners and its middle tell; `None` where it has some.
+    /// The reason that a claim has no verdict in the whole plane, by its corners and its middle; `None` where it has a verdict at one of them.
     pub(crate) fn undecided(&self, edge: Edge) -> Result<Option<String>, Error> {
         if edge != Edge::Fixed {
             return Ok(None);

@@ -21,11 +21,11 @@ hapt_model::named! {
         FinalEnergy => "final_energy",
         /// Time from the hand's last event until all motion stays within 2 % of its final value.
         SettlingTime => "settling_time",
-        /// Growth of the world alone, the puck held.
+        /// Growth of the world with the puck held.
         HeldGrowth => "held_growth_per_s",
         /// Growth of the whole loop, with the puck free.
         FreeGrowth => "free_growth_per_s",
-        /// The verdict on the world alone, the puck held: -1 stable, 0 marginal, 1 unstable.
+        /// The verdict on the world with the puck held: -1 stable, 0 marginal, 1 unstable.
         HeldVerdict => "held_verdict",
         /// The verdict on the whole loop, with the puck free.
         FreeVerdict => "free_verdict",
@@ -33,11 +33,11 @@ hapt_model::named! {
         RequiredDamping => "required_damping",
         /// 1 for a certified loop, or network, else 0.
         Certified => "certified",
-        /// Of a network: the most energy that all hands together have had from it.
+        /// Of a network: the largest net energy that all hands together have drawn from it.
         EnergyDrawn => "energy_drawn",
-        /// Of a network: how often ends of links let go.
+        /// Of a network: the number of releases of link ends.
         LetGo => "let_go",
-        /// Of a network: the least of what the devices have of damping beyond what is required of them.
+        /// Of a network: the smallest difference between a device's damping and the required one.
         DampingMargin => "damping_margin",
         /// Of a network: the largest factor on the stiffness of all links with which it is passive.
         StiffnessScale => "stiffness_scale",
@@ -166,7 +166,7 @@ impl Measure {
         }
     }
 
-    /// Its value of this system, for a measure of the loop; `None` where it does not exist, and for a measure of a run.
+    /// Its value for this system, for a measure of the loop; `None` where it does not exist, and for a measure of a run.
     pub fn of_the_loop(self, system: &System) -> Option<f64> {
         Checked::new(system, &|| false).value(self)
     }
@@ -202,7 +202,7 @@ pub(crate) struct OfRun {
 }
 
 impl OfRun {
-    /// The measures of a run in a lane; none of one that stops being finite.
+    /// The measures of a run in a lane; none for one that stops being finite.
     pub fn of(outcome: Option<Outcome>) -> Self {
         OfRun {
             peak_torque: outcome.map(|run| run.peak_torque),
@@ -360,7 +360,7 @@ impl Settling {
     }
 
     fn time(&self) -> Option<f64> {
-        // Nothing was seen of the motion after the event.
+        // The run has no motion after the event.
         if self.from >= self.duration {
             return None;
         }

@@ -18,17 +18,17 @@ use worker::Worker;
 
 pub use measure::Measure;
 
-/// The most samples of a run with a settling time: they are kept until its end.
-const MOST_KEPT: f64 = 1e8;
+/// The largest number of samples of a run with a settling time, which are kept until its end.
+const MAX_KEPT_SAMPLES: f64 = 1e8;
 
-/// Pieces of a stretch of cells for each thread, so that none waits long for the last one.
+/// The number of pieces of a stretch of cells for each thread, so that no thread waits long for the last one.
 const PIECES: u64 = 8;
-/// The most cells of a piece: its text is written in one call.
-const LONGEST_PIECE: u64 = 1024;
-/// Bytes of a number's text, about.
-const ROOM: usize = 20;
+/// The largest number of cells of a piece, whose text is written in one call.
+const MAX_PIECE_CELLS: u64 = 1024;
+/// The approximate size of a number's text, in bytes.
+const NUMBER_BYTES: usize = 20;
 
-/// Whether the work is to stop; asked now and then from all threads.
+/// Whether the work is to stop; called repeatedly from all threads.
 pub(crate) type Stop<'a> = dyn Fn() -> bool + Sync + 'a;
 
 /// A world or network, a grid of its numbers, and measures.
@@ -99,9 +99,9 @@ impl Sweep {
         let duration = longest(&format!("scenarios.{}.duration", scenario.name), scenario.duration, f64::max);
         let period = longest("loop.period", world.sampling.period, f64::min);
         let samples = duration / period;
-        if samples > MOST_KEPT {
+        if samples > MAX_KEPT_SAMPLES {
             let message =
-                format!("settling_time keeps every sample of a run: {samples:.0} are more than {MOST_KEPT:.0}");
+                format!("settling_time keeps every sample of a run: {samples:.0} are more than {MAX_KEPT_SAMPLES:.0}");
             return Err(Error::Measure(message));
         }
         Ok(())
@@ -118,24 +118,24 @@ impl Sweep {
     }
 
     /// The rows of these cells, in their order, on rayon's current pool: the axes' values, then the measures; `None` for a
-    /// measure without a value. A cell's result does not depend on its thread or on other cells, so its bits are the same on any number of
+    /// measure without a value. A cell's result does not depend on its thread or on other cells, so it is bit-identical for any number of
     /// threads.
     pub fn rows(&self, cells: Range<u64>) -> Rows {
         Rows { width: self.width(), values: self.values(cells, &|| false) }
     }
 
-    /// As [`Sweep::rows`]; `stop` is asked now and then, and ends the work when true: `None`.
+    /// As [`Sweep::rows`]; `stop` is called repeatedly, and ends the work when true: `None`.
     pub fn rows_until(&self, cells: Range<u64>, stop: &Stop<'_>) -> Option<Rows> {
         let values = self.values(cells, stop);
         (!stop()).then(|| Rows { width: self.width(), values })
     }
 
-    /// The same rows as lines of CSV, and how many of them have no value, for each measure. `ticks` are those of the sweep's grid.
+    /// The same rows as lines of CSV, and the number of rows without a value, for each measure. `ticks` are those of the sweep's grid.
     pub fn lines(&self, ticks: &Ticks<'_>, cells: Range<u64>) -> Lines {
         let count = cells.end - cells.start;
-        // Pieces of whole batches: small ones where a cell takes long and a stretch has few, so that all threads have work.
+        // Pieces are whole batches; in a short stretch they are small, so that all threads have work.
         let share = count / (PIECES * rayon::current_num_threads() as u64);
-        let piece = share.clamp(1, LONGEST_PIECE).next_multiple_of(LANES as u64);
+        let piece = share.clamp(1, MAX_PIECE_CELLS).next_multiple_of(LANES as u64);
         let stop = || false;
         let pieces = (0..count.div_ceil(piece)).into_par_iter().map_init(
             || (Worker::new(self, ticks, &stop), vec![None; self.width() * LANES]),
@@ -161,7 +161,7 @@ impl Sweep {
         rows: &mut [Option<f64>],
     ) -> (String, Vec<u64>) {
         let (axes, width) = (self.grid.axes.len(), self.width());
-        let mut text = String::with_capacity((cells.end - cells.start) as usize * width * ROOM);
+        let mut text = String::with_capacity((cells.end - cells.start) as usize * width * NUMBER_BYTES);
         let mut missing = vec![0; self.measures.len()];
         let mut columns = vec![Text::default(); self.measures.len()];
         let mut place = Place::new(&self.grid, cells.start);

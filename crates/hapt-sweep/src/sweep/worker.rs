@@ -112,7 +112,7 @@ impl<'s> Worker<'s> {
         let none = [OfRun::default(); LANES];
         let (Some(scenario), Some(systems)) = (self.sweep.scenario, &self.systems) else { return none };
         let settling = self.sweep.measures.contains(&Measure::SettlingTime);
-        // A batch has one world a lane, and of a few worlds it takes no fewer instructions than single runs.
+        // A batch has one world per lane; for few worlds it needs no fewer instructions than single runs.
         let in_batch = self.sweep.system.world().is_some() && !settling && count >= LANES / 4;
         let worlds = || systems.each_ref().map(|system| &system.stations[0].world);
         match in_batch.then(|| run_batch(&worlds(), scenario, self.stop)).flatten() {

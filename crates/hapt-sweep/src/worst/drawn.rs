@@ -5,7 +5,7 @@ use hapt_sim::{DelayWork, Error, Row, Simulation, world_energy};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-/// A run whose energy exceeds this many times the initial one has run away, and ends.
+/// A run whose energy exceeds this multiple of the initial one has diverged, and ends.
 pub(super) const RUNAWAY: f64 = 1e6;
 
 /// The part of the energy exchanged that may be rounding.
@@ -26,7 +26,7 @@ pub struct Drawn {
     pub end: f64,
     /// The work of hand and motor and the device's losses up to the last sample, in J.
     pub moved: f64,
-    /// The time of the last sample, in s: before the scenario's end where the loop has run away.
+    /// The time of the last sample, in s: before the scenario's end where the loop has diverged.
     pub until_s: f64,
 }
 
@@ -43,7 +43,7 @@ pub(super) struct Supply {
     stored: World,
     /// Those whose work counts as supplied.
     constants: Vec<(End, End, f64)>,
-    /// The energy that the others can supply beyond the stored one, in J.
+    /// The energy that the other constant torques can supply beyond the stored one, in J.
     reserve: f64,
     first: f64,
     /// Σ torque · q at the start.
@@ -56,7 +56,7 @@ impl Supply {
         let reserve = reserve(world);
         let mut stored = world.clone();
         let mut constants = Vec::new();
-        // Couplings keep their places: bristles are counted by index.
+        // Couplings keep their indices, by which bristles are counted.
         for c in &mut stored.couplings {
             if let Some(torque) = c.law.constant() {
                 c.law = Law::Constant { torque: 0.0 };
@@ -139,13 +139,13 @@ fn reserve(world: &World) -> Option<f64> {
     if (&matrix * &way - &push).amax() > 1e-9 * push.amax() {
         return Some(0.0);
     }
-    // From the start to the equilibrium of the springs alone, and on to the equilibrium with the torques.
+    // From the start to the equilibrium of the springs without the torques, and on to the equilibrium with them.
     let start: f64 = world.bodies.iter().enumerate().map(|(i, body)| push[i] * body.position).sum();
     Some((0.5 * push.dot(&way) + way.dot(&rest) - start).max(0.0))
 }
 
-/// The speed at which the supervisor takes the torque away, rad/s (linear: m/s), as the certificate has it: what a hand draws beyond that, it
-/// draws from no device.
+/// The speed at which the supervisor removes the torque, rad/s (linear: m/s), as in the certificate: no device gives a hand energy beyond
+/// that speed.
 fn overspeed(world: &World) -> f64 {
     let kept = world.safety.overspeed.map(|most| world.safety.velocity.unwrap_or(0.0).max(most));
     kept.unwrap_or(f64::INFINITY)
@@ -174,7 +174,7 @@ pub fn drawn(world: &World, scenario: &Scenario, had: f64) -> Result<Drawn, Erro
         }
         let supplied = supply.until(row);
         let ledger = row.ledger;
-        // Gravity and cogging of the device are a part of the hand: what they store is not drawn.
+        // Gravity and cogging of the device count as a part of the hand: their stored energy is not drawn.
         let gain = -(ledger.hand + ledger.field) - supplied;
         if !gain.is_finite() {
             break;

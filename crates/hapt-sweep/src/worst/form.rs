@@ -1,12 +1,12 @@
-//! The motion of the puck that draws most energy from a linear loop, and the pattern of intervals and delays that lets it.
+//! The motion of the puck that draws most energy from a linear loop, with the pattern of intervals and delays for it.
 //!
-//! The puck moves uniformly over each part of an interval, by x. The motor's work is a quadratic form of x, the device takes Σ b x²/part. So
-//! the damping that a pattern requires is the largest eigenvalue of the one form in the other (Lanczos). The world's torques are those of the
-//! real core, and since a loop at rest is the same whenever it begins, the transposed form runs the core backwards. For the motion that was
-//! found each delay then takes the length that lets it draw most, and so on in turn.
+//! The puck moves uniformly over each part of an interval, by x. The motor's work is a quadratic form of x, the device dissipates Σ b x²/part. So
+//! the damping that a pattern requires is the largest eigenvalue of the first form relative to the second (Lanczos). The world's torques are
+//! those of the real core, and since a loop at rest is time-invariant, the transposed form is evaluated with the core in reversed time. For the
+//! motion found each delay then takes the length that maximises the energy drawn, and both steps alternate.
 //!
-//! What is claimed of it is tested by the real core on the exact device: the motion returns to its start and is repeated. A loop that gives
-//! energy in each repetition is not passive.
+//! The real core on the exact device tests the result: the motion returns to its start and is repeated. A loop that gives energy in each
+//! repetition is not passive.
 
 use hapt_model::{Drive, EstimatorKind, Hand, Law, Scenario, Shape, Timing, World};
 use hapt_sim::{DesktopLoop, Simulation};
@@ -16,37 +16,37 @@ use nalgebra::DMatrix;
 const PARTS: usize = 4;
 /// Dimensions of the space that is searched for an eigenvector.
 const LANCZOS: usize = 40;
-/// Turns between motion and pattern.
+/// The number of alternations between motion and pattern.
 const TURNS: usize = 6;
-/// A turn that raises the demand by less than this part is the last.
+/// An alternation that raises the required damping by less than this part is the last.
 const SETTLED: f64 = 1e-4;
-/// Repetitions of a motion; the first pays for the puck's speed, and is not counted.
+/// Repetitions of a motion; the first supplies the puck's kinetic energy, and is not counted.
 const REPEATED: usize = 4;
 /// A delay is a whole number of samples up to this part of one.
 const WHOLE: f64 = 1e-6;
 
-/// What follows on a sample, s.
+/// The delay and the interval after a sample, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Step {
     interval: f64,
     delay: f64,
 }
 
-/// A motion over some samples, and the pattern under which it is made.
+/// A motion over some samples, with its pattern.
 #[derive(Clone, Debug)]
 pub struct WorkMotion {
     /// The damping of the device up to which it draws energy, N·m·s/rad.
     pub demand: f64,
     steps: Vec<Step>,
-    /// Length in s and way in rad, one after the other.
+    /// The lengths in s and the displacements in rad of the parts, in their order.
     parts: Vec<(f64, f64)>,
 }
 
-/// The loop as a linear map from the ways of the parts to the mean torques of the motor over them.
+/// The loop as a linear map from the displacements of the parts to the motor's mean torques over them.
 struct Form<'a> {
     core: &'a DesktopLoop,
     lag: f64,
-    /// Whole samples by which every command is late, beside the delays of the steps.
+    /// The number of whole samples by which every command is delayed, in addition to the delays of the steps.
     whole: usize,
     steps: Vec<Step>,
     /// Of each part: its sample, its length in s, and whether the command of the sample has arrived.
@@ -59,7 +59,7 @@ impl<'a> Form<'a> {
         for (k, step) in steps.iter().enumerate() {
             for (length, arrived) in [(step.delay, false), (step.interval - step.delay, true)] {
                 let count = if lag > 0.0 { PARTS } else { 1 };
-                // Finer where the lagged torque bends most.
+                // Finer where the curvature of the lagged torque is largest.
                 let at = |i: usize| length * (i as f64 / count as f64).powi(2);
                 parts.extend((0..count).map(|i| (k, at(i + 1) - at(i), arrived)).filter(|part| part.1 > 0.0));
             }
@@ -70,7 +70,7 @@ impl<'a> Form<'a> {
     /// The torques of the real core at the samples, from rest.
     fn torques(&self, positions: impl Iterator<Item = f64>) -> Vec<f64> {
         let mut state = self.core.start();
-        // The first sample is where the estimators begin.
+        // The first sample initialises the estimators.
         self.core.step(&mut state, 0.0, 0.0);
         positions.map(|z| self.core.step(&mut state, z, 0.0).torque).collect()
     }
@@ -93,7 +93,7 @@ impl<'a> Form<'a> {
         k.checked_sub(self.whole + usize::from(!arrived))
     }
 
-    /// What of a torque at its start a part has as mean, and at its end.
+    /// The parts of a torque at the start of a part that remain in its mean and at its end.
     fn kept(&self, length: f64) -> [f64; 2] {
         if self.lag > 0.0 {
             let x = length / self.lag;
@@ -119,7 +119,7 @@ impl<'a> Form<'a> {
     /// The symmetric part of the form, times `ways`.
     fn times(&self, ways: &[f64]) -> Vec<f64> {
         let mut forces = self.means(&self.torques(self.positions(ways).into_iter()));
-        // The transposed: from ways to what each torque's command does with them, and back through the core.
+        // The transposed map: from displacements to the work of each command, and back through the core.
         let mut commands = vec![0.0; self.steps.len()];
         let mut motor = 0.0;
         for (&(k, length, arrived), way) in self.parts.iter().zip(ways).rev() {
@@ -132,7 +132,7 @@ impl<'a> Form<'a> {
         }
         let mut back = self.torques(commands.into_iter().rev());
         back.reverse();
-        // What each way adds to all later positions.
+        // The contribution of each displacement to all later positions.
         let mut later = vec![0.0; back.len() + 1];
         for k in (0..back.len()).rev() {
             later[k] = later[k + 1] + back[k];
@@ -143,7 +143,7 @@ impl<'a> Form<'a> {
         forces
     }
 
-    /// The motion that returns to its start and requires most damping.
+    /// The motion that returns to its start and requires the largest damping.
     fn worst(&self, from: Option<&[f64]>) -> WorkMotion {
         let root: Vec<f64> = self.parts.iter().map(|part| part.1.sqrt()).collect();
         let total: f64 = self.parts.iter().map(|part| part.1).sum();
@@ -153,7 +153,7 @@ impl<'a> Form<'a> {
         };
         let mut start: Vec<f64> = match from {
             Some(ways) => ways.iter().zip(&root).map(|(way, root)| way / root).collect(),
-            // Slow and fast motions alike, the same each time: Knuth's linear congruential numbers, from -0.2 to 0.8.
+            // A fixed start with slow and fast components: Knuth's linear congruential numbers, from -0.2 to 0.8.
             None => {
                 let mut state = 1u64;
                 let mut next = || {
@@ -197,14 +197,14 @@ impl<'a> Form<'a> {
             motion.iter_mut().zip(vector).for_each(|(sum, y)| *sum += weight * y);
         }
         let ways: Vec<f64> = root.iter().zip(&motion).map(|(root, y)| y * root).collect();
-        // The work itself and not the eigenvalue, which rounding may raise.
+        // The computed work in place of the eigenvalue, which rounding may increase.
         let work = dot(&self.means(&self.torques(self.positions(&ways).into_iter())), &ways);
         let parts: Vec<(f64, f64)> = self.parts.iter().zip(ways).map(|(part, way)| (part.1, way)).collect();
         let lost: f64 = parts.iter().map(|(length, way)| way * way / length).sum();
         WorkMotion { demand: work / lost, steps: self.steps.clone(), parts }
     }
 
-    /// The delays that let this motion draw most: -u d δ/L + u² d (L - d)/(4 b L), u the change of the command and δ the way of the interval.
+    /// The delays that maximise the energy of this motion: -u d δ/L + u² d (L - d)/(4 b L), u the change of the command and δ the displacement of the interval.
     fn delays(&self, motion: &WorkMotion, [least, largest]: [f64; 2]) -> Vec<Step> {
         let ways: Vec<f64> = motion.parts.iter().map(|part| part.1).collect();
         let mut positions = self.positions(&ways);
@@ -238,7 +238,7 @@ fn about_rest(world: &World) -> Option<World> {
         return None;
     }
     let mut rest = world.clone();
-    // The velocity of the way: what an exact one differs by is found by motions of another kind.
+    // The velocity by difference: the effects of an exact velocity are found by motions of another kind.
     if sampling.estimator == EstimatorKind::Exact {
         (rest.sampling.estimator, rest.sampling.every) = (EstimatorKind::Difference, 1);
     }
@@ -263,8 +263,8 @@ fn about_rest(world: &World) -> Option<World> {
     Some(rest)
 }
 
-/// The motion over `samples` samples that was found to draw most, of a linear world without a handle; `None` where it is not one, or the core
-/// refuses it.
+/// The motion over `samples` samples that draws most, found for a linear world without a handle; `None` for other worlds, or where the core
+/// refuses the world.
 pub fn work_motion(world: &World, samples: usize) -> Option<WorkMotion> {
     let rest = about_rest(world)?;
     let core = DesktopLoop::new(&rest.spec()).ok()?;
@@ -272,7 +272,7 @@ pub fn work_motion(world: &World, samples: usize) -> Option<WorkMotion> {
     let (longest, shortest) = (sampling.interval_max_s(), sampling.interval_min_s());
     let bounds = [sampling.delay_s(), sampling.delay_max_s()];
     let [least, largest] = bounds;
-    // Whole samples are apart; with intervals or delays that vary, only a delay within the sample is analysed.
+    // Whole samples of delay are separate; with varying intervals or delays only a delay within the sample is analysed.
     let is_even = longest == shortest && least == largest;
     let whole = if is_even { (least / longest + WHOLE).floor() } else { 0.0 };
     if largest > sampling.period && !is_even {
@@ -320,7 +320,7 @@ impl WorkMotion {
         self.points(1, 1.0).iter().map(|point| point.1.abs()).fold(0.0, f64::max)
     }
 
-    /// It so many times, `size` times as large.
+    /// The points of the motion, repeated, and scaled by `size`.
     pub(super) fn points(&self, repeated: usize, size: f64) -> Vec<(f64, f64)> {
         let mut points = Vec::with_capacity(repeated * self.parts.len() + 1);
         points.push((0.0, 0.0));
@@ -337,13 +337,13 @@ impl WorkMotion {
         points
     }
 
-    /// It so many times, as large as `speed` in rad/s (linear: m/s) allows: times in s, and positions.
+    /// The points of the motion, repeated, scaled to the largest speed `speed` in rad/s (linear: m/s): times in s, and positions.
     pub fn at_speed(&self, repeated: usize, speed: f64) -> Vec<(f64, f64)> {
         let fastest = self.parts.iter().map(|(length, way)| way.abs() / length).fold(0.0, f64::max);
         self.points(repeated, speed / fastest)
     }
 
-    /// The pattern under which it is made.
+    /// The pattern of the motion.
     pub(super) fn timing(&self, world: &World) -> Timing {
         let (sampling, first) = (&world.sampling, self.steps.first());
         let period = sampling.period;

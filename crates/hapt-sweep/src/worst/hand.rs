@@ -18,7 +18,7 @@ pub struct Hand {
 impl Hand {
     /// A hand that comes to rest with the puck at `target` if it stays closed. Its spring has to hold there against the world.
     pub fn toward(world: &World, grip: Grip, target: f64, hold_and_open: Option<(f64, f64)>) -> Hand {
-        // And against twice the device's friction, which would hold the puck.
+        // Also against twice the device's friction, which could hold the puck.
         let force = -torque(world, target) + 2.0 * world.device.largest_friction() * target.signum();
         let to = target + force / grip.stiffness;
         Hand { grip, to, hold_and_open }
@@ -29,7 +29,7 @@ impl Hand {
         0.5 * self.grip.stiffness * self.to * self.to
     }
 
-    /// The scenario that shows it, its spring drawn at `begins`, in s.
+    /// The scenario that shows it; its spring is stretched at `begins`, in s.
     pub fn scenario(&self, name: &str, duration: f64, begins: f64) -> Scenario {
         let Grip { inertia, damping, stiffness } = self.grip;
         let drive = Drive::Grip {
@@ -88,7 +88,7 @@ pub(super) fn reach(world: &World, stiffness: f64) -> f64 {
     plain(world.motion).min(within).max(world.count().map_or(0.0, |count| 10.0 * count))
 }
 
-/// The targets of hands, at least one: a little beside the start, at each wall's face, and some way inside. `stiffness` is that at the puck.
+/// The targets of hands, at least one: near the start, at each wall's face, and inside of each wall. `stiffness` is that at the puck.
 pub(crate) fn targets(world: &World, stiffness: f64) -> Vec<f64> {
     let reach = reach(world, stiffness);
     let mut all = vec![reach];
@@ -122,7 +122,7 @@ pub(crate) fn targets(world: &World, stiffness: f64) -> Vec<f64> {
     if all.is_empty() {
         all.push(plain(world.motion));
     }
-    // In a world of many walls not every one is a target.
+    // In a world of many walls only the first targets count.
     all.truncate(5);
     all
 }

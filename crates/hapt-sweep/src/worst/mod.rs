@@ -1,4 +1,4 @@
-//! The passive hand that draws most energy from a loop: the other side of the certificate.
+//! The passive hand that draws most energy from a loop: a test of the certificate by counterexamples.
 //!
 //! A certificate states that no passive hand can draw energy. This search tries to find one that does: masses, springs and dampers, also
 //! ones that release and grip again. For the linear loop with a hand the result is exact ([`hapt_analysis::worst_grip`]). For the whole
@@ -12,7 +12,7 @@
 //! * [`work_motion`] is the former of a linear loop, by the largest eigenvalue of the work as a quadratic form of the motion.
 //! * [`Drawn`] is the energy that the hand has drawn from the loop, from a run's ledger.
 //!
-//! No hand may draw energy from a certified world. Some hand should from a refused one; where none does, [`WorstAlone::gap`] is the distance
+//! No hand may draw energy from a certified world. From a refused world some hand should; where none does, [`WorstAlone::gap`] is the distance
 //! between the certificate and the worst hand found.
 
 mod drawn;
@@ -34,7 +34,7 @@ pub use moved::{FILE, Moved, best_motion};
 pub use network::{DrawnTogether, WorstTogether, search_together};
 pub use search::{Error, Gap, Watch, WorstAlone, most_runs_alone, search_alone};
 
-/// The worst hands of a system. It serialises to what `hapt worst --json` prints.
+/// The worst hands of a system. It serialises to the output of `hapt worst --json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Worst {
@@ -54,7 +54,7 @@ impl Worst {
     }
 }
 
-/// Searches for the passive hands that draw most energy from a system, under a watch that may end it.
+/// Searches for the passive hands that draw most energy from a system; `watch` may end the search.
 ///
 /// # Errors
 /// [`Error`].
@@ -70,5 +70,5 @@ pub fn search(system: &System, watch: &Watch<'_>) -> Result<Worst, Error> {
 /// # Errors
 /// As [`search`].
 pub fn most_runs(system: &System) -> Result<usize, Error> {
-    system.world().map_or(Ok(network::MOST_RUNS), most_runs_alone)
+    system.world().map_or(Ok(network::MAX_RUNS), most_runs_alone)
 }

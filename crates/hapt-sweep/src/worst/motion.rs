@@ -1,8 +1,8 @@
 //! Hands that prescribe the puck's motion and exploit quantisation and sampling: dithering across a count or a level, pumping a body
 //! by counts, reversing within a sample, moving with a constant torque.
 //!
-//! A loop is passive when no motion of the puck draws unbounded energy from it; so that such a hand's gain is as good a counterexample
-//! as a grip's. Each motion is found by running the loop beside it, and is then a path like any other.
+//! A loop is passive when no motion of the puck draws unbounded energy from it, so that such a hand's gain is a counterexample like
+//! a grip's. Each motion is found by running the loop along with it, and is then an ordinary path.
 
 use std::collections::VecDeque;
 
@@ -18,13 +18,13 @@ use super::search::Error;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Exploit {
-    /// It is the motion for which the motor's work on a linear loop is largest beside the damping's ([`super::work_motion`]), repeated.
+    /// It repeats the motion with the largest ratio of the motor's work on a linear loop to the damping's ([`super::work_motion`]).
     Work,
     /// It moves with the quantisation error of the held torque, sample by sample.
     Dither,
     /// It crosses a count in both directions in phase with a body's oscillation, and yields at the end of the oscillation.
     Pump,
-    /// At each sample it moves one way, and between samples the other way.
+    /// At each sample it moves in one direction, and between samples in the other.
     Reverse,
     /// It moves with a constant torque at constant velocity.
     Follow,
@@ -37,7 +37,7 @@ pub struct HandMotion {
     pub trick: Exploit,
     /// Times in s and positions in rad (linear: m), straight in between.
     pub points: Vec<(f64, f64)>,
-    /// The pattern of intervals and delays under which it is made.
+    /// The pattern of intervals and delays of the motion.
     pub timing: Timing,
 }
 
@@ -59,7 +59,7 @@ impl HandMotion {
         self.points.iter().map(|point| (point.1 - first).abs()).fold(0.0, f64::max)
     }
 
-    /// The lines of its file.
+    /// The text of its file.
     pub fn csv(&self, motion: hapt_model::Motion) -> String {
         let unit = match motion {
             hapt_model::Motion::Rotary => "rad",
@@ -102,7 +102,7 @@ impl Running {
     }
 }
 
-/// All motions that are worth a run, for as many samples.
+/// All candidate motions, for this number of samples.
 pub(crate) fn motions(world: &World, targets: &[f64], samples: usize) -> Result<Vec<HandMotion>, Error> {
     let (mut stiffness, mut damping, mut pulls) = (0.0, 0.0, Vec::new());
     let period = world.sampling.period;
@@ -166,22 +166,22 @@ fn places(world: &World, targets: &[f64]) -> Vec<f64> {
             all.push(place);
         }
     }
-    all.truncate(PLACES);
+    all.truncate(MAX_PLACES);
     all
 }
 
-/// The most places.
-const PLACES: usize = 6;
+/// The largest number of starting places.
+const MAX_PLACES: usize = 6;
 /// The dither per sample, in counts, or in steps of the levels over the stiffness.
 const DITHERS: [f64; 6] = [0.5, 0.15, 0.04, 0.01, 0.002, 4e-4];
 /// The number of half periods for which a body is pumped, and the part of the final amplitude that a hand takes per sample.
 const SWINGS: [u32; 5] = [3, 6, 12, 30, 80];
 const YIELDING: [f64; 2] = [0.1, 0.3];
-/// The backward motion of a reversal within a sample, relative to the way at the sampled velocity.
+/// The backward motion of a reversal within a sample, relative to the displacement at the sampled velocity.
 const BACKS: [f64; 6] = [0.4, 0.2, 0.1, 0.04, 0.015, 0.005];
 /// The part of a sample for which it moves backward.
 const FORTH: f64 = 2e-5;
-/// A reversal moves this many samples one way and then as many the other.
+/// A reversal moves this number of samples in one direction and then as many in the other.
 const BLOCK: usize = 32;
 
 impl Bench<'_> {
@@ -215,7 +215,7 @@ impl Bench<'_> {
         let Some(step) = self.grain().map(|grain| part * grain) else { return Ok(None) };
         let mut ideal = self.world.clone();
         (ideal.device.encoder, ideal.device.levels) = (None, None);
-        // With bodies the ideal loop would drift away from the other: only the couplings at the puck are compared.
+        // With bodies the loop without counts would drift from the one with them: only the couplings at the puck are compared.
         let mut world = self.world.clone();
         if world.device.encoder.is_some() && !world.bodies.is_empty() {
             let held = |world: &mut World| {

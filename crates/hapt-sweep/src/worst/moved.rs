@@ -10,17 +10,17 @@ use super::hand::{reach, targets};
 use super::motion::{Exploit, HandMotion, motions};
 use super::search::{Error, Watch, go_on, stiffness};
 
-/// Samples of a prescribed motion: the fewest, the most, and half swings of the slowest body that hangs on the puck.
+/// Samples of a prescribed motion: the smallest and the largest number, and the number of half periods of the slowest body coupled to the puck.
 const MOVED: [f64; 3] = [2e4, 2e5, 80.0];
 /// The file of a motion, in the scenario that shows it.
 pub const FILE: &str = "worst.csv";
 
-/// Samples of the motion for which the motor's work is largest, without bodies and with some: as long as the swings that a body holds.
+/// The numbers of samples of the motion with the largest work of the motor, without bodies and with bodies, whose oscillations last longer.
 const WORKED: [&[usize]; 2] = [&[100, 300, 1_000], &[300, 3_000]];
-/// Repetitions of it, and the most samples of all: each repetition draws more, and the first pays for the puck's speed.
+/// The numbers of repetitions, and the largest number of all samples: each repetition draws more, and the first supplies the puck's kinetic energy.
 const REPETITIONS: [usize; 3] = [4, 16, 64];
-const MOST_WORKED: usize = 200_000;
-/// Its sizes: friction takes a smaller part of the work of a larger motion.
+const MAX_WORKED_SAMPLES: usize = 200_000;
+/// The sizes of the motion: friction dissipates a smaller part of the work of a larger motion.
 const SIZES: [f64; 2] = [1.0, 30.0];
 
 /// The number of samples of a prescribed motion.
@@ -50,7 +50,7 @@ pub fn best_motion(world: &World, samples: usize) -> Result<(Option<Moved>, usiz
     best_motion_watched(world, samples, &|_| ControlFlow::Continue(()))
 }
 
-/// As [`best_motion`]; `watch` is given how many were tried.
+/// As [`best_motion`]; `watch` receives the number of tried motions.
 pub(super) fn best_motion_watched(
     world: &World,
     samples: usize,
@@ -65,7 +65,7 @@ pub(super) fn best_motion_watched(
     for (i, motion) in all.into_iter().enumerate() {
         go_on(watch, i)?;
         let scenario = motion.scenario("worst", FILE, length);
-        // The energy of its way: a million times that suffices.
+        // The energy of the motion's amplitude, of which a million times ends the run.
         let had = (stiffness + world.device.damping / period) * motion.reach().powi(2);
         let drawn = drawn(world, &scenario, had)?;
         let gains = drawn.is_gain(4.0 * grain(world, stiffness));
@@ -88,14 +88,14 @@ pub(super) fn work(world: &World, watch: &Watch<'_>, runs: &mut usize) -> Result
     let lengths = WORKED[usize::from(!world.bodies.is_empty())].iter();
     let found = lengths.filter_map(|samples| work_motion(world, *samples).map(|motion| (*samples, motion)));
     let mut found: Vec<_> = found.filter(|(_, motion)| motion.demand > world.device.damping).collect();
-    // The shortest is the soonest repeated; a longer one requires more.
+    // In the order of the required damping, the largest first.
     found.sort_by(|a, b| b.1.demand.total_cmp(&a.1.demand));
     for (samples, motion) in found {
         let whole = reach(world, stiffness) / motion.reach();
         let is_rough = world.device.largest_friction() > 0.0 || world.device.encoder.is_some();
         let sizes = if is_rough && world.device.limit.is_none() { &SIZES[..] } else { &SIZES[..1] };
         for (repetitions, size) in REPETITIONS.iter().flat_map(|n| sizes.iter().map(move |size| (*n, size * whole))) {
-            if repetitions * samples > MOST_WORKED || !size.is_finite() {
+            if repetitions * samples > MAX_WORKED_SAMPLES || !size.is_finite() {
                 continue;
             }
             let points = motion.points(repetitions, size);

@@ -17,11 +17,11 @@ use super::hand::{Hand, targets};
 use super::motion::HandMotion;
 use super::moved::{best_motion_watched, grain, moved, work};
 
-/// The most and the fewest rows of a run, and its duration otherwise, s.
-const ROWS: f64 = 4_000.0;
-const FEWEST: f64 = 2_000.0;
-const LONG: f64 = 2.0;
-/// The most rows of the run that shows a hand, where runs are fast, and where friction or nonlinear laws make them slow; the multiple of
+/// The largest and the smallest number of rows of a run, and its nominal duration in s.
+const MAX_ROWS: f64 = 4_000.0;
+const MIN_ROWS: f64 = 2_000.0;
+const DURATION_S: f64 = 2.0;
+/// The largest number of rows of the run that shows a hand, for fast runs, and for runs that friction or nonlinear laws slow down; the multiple of
 /// the growth's time constant that shows a slow hand.
 const SHOWN: [f64; 2] = [3e6, 2e5];
 const GROWN: f64 = 12.0;
@@ -29,18 +29,18 @@ const GROWN: f64 = 12.0;
 /// Masses over the device's inertia, and ωT, of the hands that are always tried.
 const MASSES: [f64; 3] = [0.3, 3.0, 30.0];
 const ANGLES: [f64; 4] = [0.01, 0.06, 0.35, 2.0];
-/// The damping ratio of a hand's own swing.
+/// The damping ratio of a hand's own oscillation.
 const DAMPED: f64 = 0.01;
 /// The closed and open times of a switching hand, over the period of its own oscillation.
 const SWITCHED: [(f64, f64); 3] = [(0.25, 0.05), (0.25, 0.25), (0.5, 0.1)];
-/// The range of a climb, as a logarithm.
+/// The range of a local search, as a logarithm.
 const FAR: f64 = 5.0;
 /// Springs of a hand to be kicked, over those at the puck.
 const STIFFER: [f64; 4] = [1.0, 0.3, 0.1, 0.03];
-/// The most runs of one climb.
-const RUNS: usize = 30;
+/// The largest number of runs of one local search.
+const MAX_CLIMB_RUNS: usize = 30;
 
-/// Receives the number of hands tried by simulation so far, [`super::most_runs`] at most; `Break` ends the search.
+/// Receives the number of hands tried by simulation so far, at most [`super::most_runs`]; `Break` ends the search.
 pub type Watch<'a> = dyn Fn(usize) -> ControlFlow<()> + 'a;
 
 /// The reason that the search has no result.
@@ -73,8 +73,8 @@ pub struct Gap {
 pub struct WorstAlone {
     /// Whether the world is certified, open or refuted.
     pub status: Status,
-    /// The linear loop's worst hand, or one nearly as bad with a stronger kick, and its growth in 1/s; `None` where no tried hand makes
-    /// it grow.
+    /// The linear loop's worst hand, or one with nearly the same growth and a stronger initial kick, and the growth in 1/s; `None` where no tried
+    /// hand makes the loop grow.
     pub linear: Option<WorstGrip>,
     /// The grip that drew most energy from the whole loop.
     pub hand: Hand,
@@ -86,8 +86,8 @@ pub struct WorstAlone {
     pub drew: bool,
     /// The run that shows it, under the name `worst`.
     pub scenario: Scenario,
-    /// Whether a hand draws energy: from the whole loop by a run, or from one that grows at large motions as the linear loop does, by that
-    /// growth, whatever the run shows.
+    /// Whether a hand draws energy: from the whole loop in a run, or by the growth of the linear loop, where the whole loop grows at large motions as
+    /// the linear one does.
     pub broken: bool,
     /// The gap between the linear loop and the certificate.
     pub gap: Gap,
@@ -95,7 +95,7 @@ pub struct WorstAlone {
     pub runs: usize,
 }
 
-/// As `hapt worst --json` prints it, in SI.
+/// The form of `hapt worst --json`, in SI.
 impl Serialize for WorstAlone {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         #[derive(Serialize)]
@@ -136,8 +136,8 @@ struct Tried {
 }
 
 impl Tried {
-    /// A gain ranks above any loss: by its energy, and by the time until the loop ran away. A loss ranks by its share of the exchanged
-    /// energy, so that no motion is not best.
+    /// A gain ranks above any loss: by its energy, and by the time until the loop diverged. A loss ranks by its share of the exchanged
+    /// energy, so that a run without motion does not rank best.
     fn height(&self, duration: f64, grain: f64) -> f64 {
         let Drawn { gain, end, until_s, moved, .. } = self.drawn;
         if self.drawn.is_gain(grain) {
@@ -205,11 +205,11 @@ impl Trials<'_> {
         };
         match from.hand.hold_and_open {
             None => {
-                maximise([0.0; 3], [0.4, 0.02, 0.4], RUNS, |x| height(self, grip(x), None));
+                maximise([0.0; 3], [0.4, 0.02, 0.4], MAX_CLIMB_RUNS, |x| height(self, grip(x), None));
             }
             Some((hold, open)) => {
                 let period = self.world.sampling.period;
-                maximise([0.0; 5], [0.4, 0.02, 0.4, 0.2, 0.2], 2 * RUNS, |x| {
+                maximise([0.0; 5], [0.4, 0.02, 0.4, 0.2, 0.2], 2 * MAX_CLIMB_RUNS, |x| {
                     let of = |t: f64, x: f64| whole(t * x.clamp(-FAR, FAR).exp(), period);
                     height(self, grip(x), Some((of(hold, x[3]), of(open, x[4]))))
                 });
@@ -219,7 +219,7 @@ impl Trials<'_> {
     }
 }
 
-/// Whole samples, one at least: a hand that switches with the loop is as bad as any, and its runs are fast.
+/// The time in whole samples, at least one: hands that switch at samples suffice, and their runs are fast.
 fn whole(t: f64, period: f64) -> f64 {
     (t / period).round().max(1.0) * period
 }
@@ -227,7 +227,7 @@ fn whole(t: f64, period: f64) -> f64 {
 /// The stiffness at the puck, nonlinear couplings on their steepest rise.
 pub(super) fn stiffness(world: &World) -> Result<f64, Error> {
     let ties = linearise(&world.bodies, &world.couplings, &Slopes::Steep)?;
-    // An empty sum is -0, and nothing can be divided by that.
+    // An empty sum is -0, and a division by it would give -∞.
     Ok(ties.iter().filter(|t| t.first == End::Puck || t.second == End::Puck).fold(0.0, |sum, t| sum + t.stiffness))
 }
 
@@ -271,14 +271,14 @@ fn with_a_kick(world: &World, worst: WorstGrip, stiffness: f64) -> Result<WorstG
     Ok(worst)
 }
 
-/// The largest number of hands that [`search_alone`] tries by simulation: two of the linear loop and those of the grid at each target, one that
-/// switches for each of the grid, and both climbs, each with the round that it ends.
+/// The largest number of hands that [`search_alone`] tries by simulation: two of the linear loop and those of the grid at each target, a switching
+/// one for each of the grid, and both local searches, each with the round that ends it.
 ///
 /// # Errors
 /// As [`search_alone`].
 pub fn most_runs_alone(world: &World) -> Result<usize, Error> {
     let (targets, grid) = (targets(world, stiffness(world)?).len(), MASSES.len() * ANGLES.len());
-    let climbs = 3 * RUNS + (3 + 1) + (5 + 1);
+    let climbs = 3 * MAX_CLIMB_RUNS + (3 + 1) + (5 + 1);
     Ok((2 + grid) * targets + grid + climbs)
 }
 
@@ -289,7 +289,7 @@ pub fn most_runs_alone(world: &World) -> Result<usize, Error> {
 /// motion for which the motor's work on the linear loop is largest ([`super::work_motion`]), then motions against counts, levels, samples and
 /// constant torques ([`HandMotion`]). Deterministic.
 ///
-/// Work: some 250 runs of up to 12 000 samples, and the eigenvalues of [`breaking_damping`].
+/// Work: about 250 runs of up to 12 000 samples, and the eigenvalues of [`breaking_damping`].
 ///
 /// A spring held over each sample lags by half a period and so gives energy away, as a damper of -KT/2 would: some passive hand draws it
 /// from a device with less damping.
@@ -321,7 +321,7 @@ pub fn search_alone(world: &World, watch: &Watch<'_>) -> Result<WorstAlone, Erro
     let period = world.sampling.period;
     let stiffness = stiffness(world)?;
     let targets = targets(world, stiffness);
-    let duration = LONG.clamp(FEWEST * period, ROWS * period);
+    let duration = DURATION_S.clamp(MIN_ROWS * period, MAX_ROWS * period);
     let grain = grain(world, stiffness);
     let mut trials = Trials { world, duration, grain, runs: 0, best: None, watch };
 
@@ -363,7 +363,7 @@ pub fn search_alone(world: &World, watch: &Watch<'_>) -> Result<WorstAlone, Erro
     let gains = |tried: &Tried| tried.drawn.is_gain(grain);
     let mut shown = Vec::new();
     let longest = period * SHOWN[usize::from(!is_smooth(world))];
-    // The linear loop's hand, for long enough to show its growth; where none grows, the one nearest to growth.
+    // The linear loop's hand, in a run long enough to show its growth; where none grows, the one nearest to growth.
     if let Some(first) = held.first() {
         let length = linear.map_or(duration, |w| (GROWN / w.growth_per_s).clamp(duration, longest.max(duration)));
         shown.push(show(world, first.hand, (length / period).round() * period)?);
@@ -414,7 +414,7 @@ struct ShownHand {
     drawn: Drawn,
 }
 
-/// A run of `length`, or until the loop runs away.
+/// A run of `length`, or until the loop diverges.
 fn show(world: &World, hand: Hand, length: f64) -> Result<ShownHand, Error> {
     let drawn = drawn(world, &hand.scenario("worst", length, 0.0), hand.energy())?;
     let length = if drawn.until_s < length - world.sampling.period { drawn.until_s } else { length };

@@ -58,7 +58,7 @@ fn boundary(file: &str, sets: &[&str], axes: &[&str], claims: &[Edge]) -> Result
     Boundary::new(&Source::from_text("w.toml", file), &strings(sets), &strings(axes), claims)
 }
 
-/// The one claim asked for, found without a flaw.
+/// The requested claim, without failed or lost points.
 fn claim(file: &str, sets: &[&str], axes: [&str; 2], edge: Edge) -> Claim {
     let mut boundary = boundary(file, sets, &axes, &[edge]).unwrap();
     let claim = boundary.claims.remove(0);
@@ -66,8 +66,8 @@ fn claim(file: &str, sets: &[&str], axes: [&str; 2], edge: Edge) -> Claim {
     claim
 }
 
-/// Every point of the edge by its closed form, of which no more than `most` is left, relatively. There is one piece, of so many
-/// points at least.
+/// Asserts that every point of the edge satisfies its closed form within `most`, relatively, and that there is one piece, of at least `least`
+/// points.
 fn is(claim: &Claim, way: EdgeMethod, least: usize, most: f64, left: impl Fn([f64; 2]) -> f64) {
     let [piece] = &claim.pieces[..] else { panic!("{} pieces", claim.pieces.len()) };
     assert_eq!(piece.way, way);
@@ -87,13 +87,13 @@ fn the_edge_of_passivity_of_a_wall_is_a_line() {
     let low_pass = of(&["loop.estimator=low-pass", "loop.cutoff=40Hz"]);
     let share = PERIOD / (PERIOD + 2.0 / (TAU * 40.0));
     is(&low_pass, EdgeMethod::Continuation, 5, 1e-9, |[k, b]| (0.5 * k * PERIOD + share * b) / DAMPING - 1.0);
-    // A half of the sampling rate is where a damper is dearest.
+    // A damper requires most damping at half of the sampling rate.
     assert!(low_pass.pieces[0].points.iter().all(|p| p.hz.is_none_or(|hz| (hz - 500.0).abs() < 1e-6)));
 }
 
 /// K(1/2 + d) T = b for whole samples d, and between them b = (KT/4)(q + √(q² + 4a(1 - a))), q = 1 + 2(d + a).
 #[test]
-fn delay_against_stiffness_is_the_known_curve() {
+fn the_edge_of_delay_against_stiffness_is_its_closed_form() {
     let axes = ["loop.delay=0..4ms", "couplings.0.stiffness=0..5"];
     let found = claim(WALL, &["couplings.0.damping=0"], axes, Edge::Passive);
     is(&found, EdgeMethod::Continuation, 40, 1e-9, |[delay, k]| {
@@ -103,7 +103,7 @@ fn delay_against_stiffness_is_the_known_curve() {
     });
 }
 
-/// The equation's curve, and the same curve followed where a detent's pitch, in which it is not linear, stands for the stiffness
+/// The curve of the equation, and the same curve by continuation where a detent's pitch, in which the equation is not linear, gives the stiffness
 /// K = 2π torque/pitch: Hulin's α = 2β(2 - β)/(2 + β), without damping of the device.
 #[test]
 fn continuation_and_equation_are_one_curve() {
@@ -139,7 +139,7 @@ fn continuation_and_equation_are_one_curve() {
     is(&followed, EdgeMethod::Continuation, 50, 1e-7, |[pitch, b]| left(TAU * 10.0 / pitch, b));
 }
 
-/// The notes' (2.14) and what it leaves out: forward Euler holds for T ≤ 2ζ/ω, and from ζ = 1 on for Tω ≤ 2(ζ - √(ζ² - 1)).
+/// The notes' (2.14) and the branch that it omits: forward Euler is stable for T ≤ 2ζ/ω, and from ζ = 1 on for Tω ≤ 2(ζ - √(ζ² - 1)).
 #[test]
 fn forward_euler_against_damping_has_a_corner_at_critical_damping() {
     let (k, j) = (1.0, 0.0258f64);
@@ -169,7 +169,7 @@ fn forward_euler_against_damping_has_a_corner_at_critical_damping() {
 
 /// Where nothing depends on the keys, or no value makes a difference, there is no edge, and all is on one side.
 #[test]
-fn a_plane_without_an_edge_says_on_which_side_it_is() {
+fn a_plane_without_an_edge_has_the_verdict_of_all_its_points() {
     let axes = ["couplings.0.stiffness=0.1..0.2", "device.damping=0.01..0.02"];
     for (sets, unstable) in [(&["loop.method=trapezoidal"][..], false), (&["couplings.1.damping=0"], true)] {
         let found = claim(WHEEL, sets, axes, Edge::Held);
@@ -179,7 +179,7 @@ fn a_plane_without_an_edge_says_on_which_side_it_is() {
 }
 
 #[test]
-fn what_is_no_plane_is_said() {
+fn invalid_planes_are_refused_with_a_reason() {
     let message = |axes: &[&str]| boundary(WALL, &[], axes, &Edge::ALL).unwrap_err().to_string();
     let stiffness = "couplings.0.stiffness=0..1";
     for (axes, part) in [
@@ -198,7 +198,7 @@ fn what_is_no_plane_is_said() {
     }
 }
 
-/// What is beyond an edge, by a world that is read from its file.
+/// Whether a world, read from its file, is beyond an edge.
 fn beyond(world: &World, edge: Edge) -> bool {
     let sampling = &world.sampling;
     match edge {
@@ -231,7 +231,7 @@ const KEYS: [&str; 8] = [
     "bodies.wheel.inertia=1e-3..0.1:log",
 ];
 
-/// A wheel on the puck beside a wall.
+/// A wheel on the puck, and a wall.
 fn random_world() -> impl Strategy<Value = String> {
     let methods = prop::sample::select(vec!["forward-euler", "semi-implicit-euler", "zoh", "trapezoidal", "rk4"]);
     let outputs = prop::sample::select(vec!["end", "middle"]);
@@ -273,8 +273,8 @@ fn random_world() -> impl Strategy<Value = String> {
     })
 }
 
-/// A millionth of the frame to either side of the points of every edge the verdicts differ, every edge ends at the frame, where it
-/// began, or says that it is lost, and wherever one asks, the coloured side is the right one.
+/// A millionth of the frame to either side of the points of every edge the verdicts differ, every edge ends at the frame, at its start, or is
+/// reported as lost, and at the points `asked` the region has the right verdict.
 fn is_true(found: &Boundary, file: &str, asked: &[(f64, f64)]) -> Result<(), TestCaseError> {
     let source = Source::from_text("w.toml", file);
     let [x, y] = &found.plane.axes;
@@ -321,7 +321,7 @@ proptest! {
     #![proptest_config(hapt_testing::cases_from(11, 12))]
 
     #[test]
-    fn every_edge_parts_two_verdicts_and_every_colour_is_true(
+    fn every_edge_separates_two_verdicts_and_every_region_has_its_verdict(
         pair in (0..8usize, 0..7usize),
         file in random_world(),
         asked in asked(),
@@ -330,9 +330,9 @@ proptest! {
         is_true(&boundary(&file, &[], &axes, &[]).unwrap(), &file, &asked)?;
     }
 
-    /// The same where the equation says the edge, at every scale of the keys.
+    /// The same for edges by their equation, at every scale of the keys.
     #[test]
-    fn every_edge_by_its_equation_is_true(
+    fn every_edge_by_its_equation_separates_two_verdicts(
         file in random_world(),
         stiffness in 0.0..3.0f64,
         damping in -3.0..0.5f64,

@@ -1,4 +1,4 @@
-//! Neither lanes nor what is kept from cell to cell changes a bit of the table.
+//! The table is bit-identical with and without lanes and values kept from cell to cell.
 
 use hapt_analysis::check;
 use hapt_model::keys::Takes;
@@ -7,7 +7,7 @@ use hapt_sim::{Simulation, Summary};
 use hapt_sweep::{Measure, Sweep};
 use proptest::prelude::*;
 
-/// Two wheels and a puck, let go; with a wall no lane can run it.
+/// Two wheels and a released puck; with a wall no lane can run it.
 const WHEELS: &str = r#"
 [loop]
 period = "1 ms"
@@ -48,13 +48,13 @@ duration = 0.12
 hand = { kind = "step", to = 0.5, at = 0.01, release = 0.04 }
 "#;
 
-/// The same without the wall: what lanes can do.
+/// The same without the wall, which lanes can run.
 fn without_wall() -> String {
     let (before, rest) = WHEELS.split_once("[[couplings]]\nkind = \"wall\"").unwrap();
     before.to_string() + &rest[rest.find("[scenarios").unwrap()..]
 }
 
-fn alone(world: &World, scenario: &Scenario) -> [Option<f64>; 2] {
+fn single(world: &World, scenario: &Scenario) -> [Option<f64>; 2] {
     let mut run = Simulation::new(world, scenario).unwrap();
     let mut summary = Summary::new(world, &run);
     while let Some(row) = run.next() {
@@ -89,7 +89,7 @@ proptest! {
     #![proptest_config(hapt_testing::cases(40))]
 
     #[test]
-    fn a_cell_is_its_run_alone_whatever_stands_beside_it(
+    fn a_cell_is_its_single_run_whatever_its_neighbours(
         slow in 0..AXES.len(),
         fast in 0..AXES.len(),
         wall in any::<bool>(),
@@ -112,15 +112,15 @@ proptest! {
             for (axis, value) in sweep.grid.axes.iter().zip(row) {
                 prop_assert!(world.set_number(&axis.key, value.unwrap()));
             }
-            prop_assert_eq!(bits(&row[2..]), bits(&alone(&world, &world.scenarios[0])), "{:?}", row);
+            prop_assert_eq!(bits(&row[2..]), bits(&single(&world, &world.scenarios[0])), "{:?}", row);
         }
     }
 }
 
-/// Every number of a world in turn: a measure that were wrongly taken for one that it cannot change would stay as it was.
+/// Every number of a world in turn: a measure that is wrongly assumed to be independent of it would keep its old value.
 #[test]
-fn what_a_measure_does_not_look_at_does_not_change_it() {
-    // One wheel alone has its growths from vector lanes.
+fn a_measure_changes_only_with_the_numbers_that_it_depends_on() {
+    // A single wheel has its growths from vector lanes.
     let lone = World::read(&Source::from_text("w.toml", without_wall()), &[]).unwrap();
     let mut lone = World { bodies: lone.bodies[..1].to_vec(), names: lone.names[..1].to_vec(), ..lone };
     lone.couplings.retain(|c| [c.first, c.second].iter().all(|end| end.body() != Some(1)));

@@ -1,4 +1,4 @@
-//! Networks of stations: edges against closed forms and against the check, cells against the check and the run alone.
+//! Networks of stations: edges against closed forms and against the check, cells against the check and the single run.
 
 use std::ops::ControlFlow;
 
@@ -45,7 +45,7 @@ fn the_edge_of_two_equal_wheels_for_any_clocks_is_a_hyperbola() {
     }
 }
 
-/// K T (1/2 + (M + 1)/2) = b at whole delays of M samples for the round trip; the way to a sample is its delay, or a period at least.
+/// K T (1/2 + (M + 1)/2) = b at whole delays of M samples for the round trip; each direction takes its delay, at least a period.
 #[test]
 fn the_edge_at_fixed_times_is_a_staircase_over_the_delay() {
     let source = pair(0.005, "stiffness = 0.2\nage_max = '20 ms'");
@@ -93,7 +93,7 @@ fn network(system: System) -> System {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2, ..ProptestConfig::default() })]
 
-    /// A little to each side of every point of both edges `check` says what the edge says.
+    /// Slightly to each side of every point of both edges the verdict of `check` is that of the edge.
     #[test]
     fn an_edge_of_a_network_is_where_its_check_changes(
         dampings in prop::array::uniform3(0.004..0.02f64),
@@ -127,7 +127,7 @@ proptest! {
 }
 
 #[test]
-fn there_is_no_edge_at_fixed_times_where_none_are_fixed() {
+fn there_is_no_edge_at_fixed_times_for_varying_times() {
     let edges = |link: &str, axes: [&str; 2]| {
         let boundary = Boundary::new(&pair(0.005, link), &[], &axes.map(String::from), &[]).unwrap();
         let [passive, fixed] = &boundary.claims[..] else { panic!("{} claims", boundary.claims.len()) };
@@ -156,9 +156,9 @@ fn pushed() -> Source {
 
 const AXES: [&str; 2] = ["links.0.stiffness=0.05..0.4:5", "stations.right.device.damping=1e-3..2e-2:4"];
 
-/// Every number of a cell is bit by bit what the check and the run of the network that its overrides are have.
+/// Every number of a cell is bit-identical to that of the check and of the run of the network with the cell's overrides.
 #[test]
-fn a_cell_of_a_network_is_its_check_and_its_run_alone() {
+fn a_cell_of_a_network_is_its_check_and_its_single_run() {
     let source = pushed();
     let measures: Vec<Measure> = Measure::of(&System::read(&source, &[]).unwrap()).collect();
     let sweep = Sweep::new(&source, &[], &AXES.map(String::from), &measures, None).unwrap();
@@ -182,7 +182,7 @@ fn a_cell_of_a_network_is_its_check_and_its_run_alone() {
         let margin = check.stations.iter().map(|of| of.device_damping - of.required_damping.unwrap());
         let flag = |holds: bool| Some(f64::from(u8::from(holds)));
         for (measure, value) in measures.iter().zip(&row[2..]) {
-            let alone = match measure {
+            let expected = match measure {
                 Measure::PeakTorque => Some(peak),
                 Measure::EnergyDrawn => Some(drawn),
                 Measure::LetGo => Some(run.releases().flatten().sum::<u64>() as f64),
@@ -192,10 +192,10 @@ fn a_cell_of_a_network_is_its_check_and_its_run_alone() {
                 Measure::FixedPassive => check.fixed.passive.and_then(flag),
                 other => panic!("{} is of a world", other.name()),
             };
-            assert_eq!(value.map(f64::to_bits), alone.map(f64::to_bits), "{} of {sets:?}", measure.name());
+            assert_eq!(value.map(f64::to_bits), expected.map(f64::to_bits), "{} of {sets:?}", measure.name());
         }
     }
-    // Both verdicts are there, and what is certified has all the damping that is asked for.
+    // Both verdicts occur, and certified cells have the required damping.
     let at = |measure: Measure| 2 + measures.iter().position(|of| *of == measure).unwrap();
     let certified: Vec<bool> = rows.iter().map(|row| row[at(Measure::Certified)] == Some(1.0)).collect();
     assert!(certified.contains(&true) && certified.contains(&false));
@@ -216,7 +216,7 @@ fn shards_of_a_network_are_its_table() {
 }
 
 #[test]
-fn a_measure_that_is_of_the_other_kind_of_file_is_refused_with_those_that_there_are() {
+fn a_measure_of_the_other_kind_of_file_is_refused_with_the_available_ones() {
     let sweep = |measure, scenario| {
         Sweep::new(&pushed(), &[], &AXES.map(String::from), &[measure], scenario).map(|_| ()).unwrap_err().to_string()
     };
@@ -247,7 +247,7 @@ proptest! {
     /// From a network that is certified no hands draw, with the messages of the file or as late as the ages allow; with a quarter less of
     /// the damping some do.
     #[test]
-    fn the_worst_hands_together_draw_from_what_is_refused_and_never_from_what_is_certified(
+    fn the_worst_hands_together_draw_from_refused_networks_and_never_from_certified_ones(
         stiff in prop::array::uniform2(0.05..0.4f64),
         age in 25e-3..40e-3f64,
         spring in 0.0..0.5f64,
@@ -261,7 +261,7 @@ proptest! {
         let source = source("kind = 'spring'");
         let worst = of(&damped(&source, 0.75));
         prop_assert!(!worst.certified && worst.broken && worst.late, "{:?}", worst);
-        // What it says is what the run of its network shows, and that has the scenario alone.
+        // Its numbers are those of the run of its network, which has only this scenario.
         let mut run = Run::new(&worst.network, "worst").unwrap();
         let (mut hands, mut most) = ([0.0; 3], 0.0f64);
         while let Some(Ok(row)) = run.next() {

@@ -1,4 +1,4 @@
-//! A table of any kind of world is the same, bit by bit, in one piece and in parts: for shards, and for what goes on after an interruption.
+//! A table of any kind of world is bit-identical in one piece and in parts: for shards, and for continuation after an interruption.
 
 use hapt_model::Source;
 use hapt_sweep::{Measure, Rows, Sweep};
@@ -22,7 +22,7 @@ duration = 0.1
 hand = { kind = "step", to = 0.5, at = 0.01, release = 0.04 }
 "#;
 
-/// What a world of each kind has beside the base: overrides, and lines at its end.
+/// The overrides of each kind of world in addition to the base, and the lines at its end.
 const KINDS: [(&str, &[&str], &str); 13] = [
     ("linear", &[], ""),
     ("delays", &["loop.delay=0.37 ms", "scenarios.go.hand.release=0.0403"], ""),
@@ -115,7 +115,7 @@ proptest! {
     ) {
         prop_assume!(slow != fast);
         let (name, sets, lines) = KINDS[kind];
-        // A step that is prescribed has no grip's keys, and a grip no step's.
+        // A prescribed step has no keys of a grip, and a grip none of a step.
         let base = if name == "a grip" { BASE.replace(r#"kind = "step", to = 0.5, at = 0.01, "#, "") } else { BASE.into() };
         let source = Source::from_text("w.toml", format!("{base}{lines}"));
         let sets: Vec<String> = sets.iter().map(|set| set.to_string()).collect();

@@ -1,4 +1,4 @@
-//! A sweep's cells are the worlds that a file with those numbers would have been.
+//! A sweep's cells are the worlds of files with these numbers.
 
 use hapt_model::{Source, World};
 use hapt_sim::{Simulation, Summary};
@@ -92,7 +92,7 @@ proptest! {
 proptest! {
     #![proptest_config(hapt_testing::cases(24))]
 
-    /// Of short axes and of one that is too long to keep, over any stretch and any number of threads.
+    /// With short axes and with one that is too long to keep, over any stretch and any number of threads.
     #[test]
     fn lines_are_the_rows_as_text(
         counts in (1u64..8, 1u64..40, prop_oneof![1u64..50, 100_000u64..100_001]),
@@ -145,7 +145,7 @@ fn one_value_is_the_first() {
 }
 
 #[test]
-fn the_bits_are_the_same_on_any_number_of_threads() {
+fn rows_are_bit_identical_for_any_number_of_threads() {
     let sweep = sweep(&["loop.period=0.2ms..5ms:37"], &[Measure::PeakTorque, Measure::FinalEnergy]).unwrap();
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -172,7 +172,7 @@ fn a_damped_puck_settles_when_its_closed_form_does() {
 }
 
 #[test]
-fn what_never_settles_has_no_time_and_what_never_moves_has_none_to_wait() {
+fn an_undamped_motion_has_no_settling_time_and_a_puck_at_rest_has_zero() {
     let still = "loop.period = 1e-3\ndevice.inertia = 1e-3\nscenarios.s = { duration = 1, hand = { kind = \"torque\", moves = { kind = \"step\", to = 0 } } }";
     let time = |file: &str| {
         let axes = ["loop.period=1e-3..1e-3:1".to_string()];
@@ -208,7 +208,7 @@ fn nothing_has_settled_before_the_hands_last_event() {
 }
 
 #[test]
-fn a_run_that_runs_away_has_no_peak_and_is_no_failure() {
+fn a_run_that_diverges_has_no_peak_and_is_no_error() {
     let sweep = sweep(
         &["loop.period=1ms..100ms:2", "couplings.1.damping=0..0:1", "scenarios.let-go.duration=400..400:1"],
         &[Measure::PeakTorque],
@@ -220,7 +220,7 @@ fn a_run_that_runs_away_has_no_peak_and_is_no_failure() {
 }
 
 #[test]
-fn what_is_no_axis_is_said_with_what_would_be_right() {
+fn invalid_axes_are_refused_with_what_would_be_right() {
     let held = [Measure::HeldGrowth];
     let cases: &[(&[&str], &str)] = &[
         (&["loop.period"], "expected KEY=FROM..TO:N"),

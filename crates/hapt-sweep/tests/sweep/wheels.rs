@@ -1,4 +1,4 @@
-//! Held loops of one body are decided side by side, and nobody can tell.
+//! Held loops of one body are computed in lanes, bit-identical to single ones.
 
 use hapt_analysis::sign;
 use hapt_analysis::{Verdict, held_growth};
@@ -64,14 +64,14 @@ proptest! {
     #![proptest_config(hapt_testing::cases(64))]
 
     #[test]
-    fn a_held_cell_is_its_world_alone(
+    fn a_held_cell_is_its_single_world(
         slow in 0..AXES.len(),
         fast in 0..AXES.len(),
         method in prop::sample::select(Method::ALL.to_vec()),
         follows in prop::sample::select(vec!["", "couplings.1.damping=compensating", "couplings.3.damping=compensating"]),
         wall in prop::bool::weighted(0.2),
-        // With what else is asked, which takes whole worlds.
-        beside in prop::option::of(Just(Measure::FreeGrowth)),
+        // With another measure, which needs complete worlds.
+        other in prop::option::of(Just(Measure::FreeGrowth)),
         cut in 0.0..1.0f64,
     ) {
         let follows: Vec<String> = if follows.is_empty() { vec![] } else { vec![follows.to_string()] };
@@ -81,7 +81,7 @@ proptest! {
         prop_assume!(!(wall && method.takes_new_sample_first()));
         let text = if wall { WHEEL.to_string() + WALL } else { WHEEL.to_string() };
         let sets = [follows, vec![format!("loop.method={}", method.name())]].concat();
-        let measures: Vec<Measure> = [Measure::HeldGrowth, Measure::HeldVerdict].into_iter().chain(beside).collect();
+        let measures: Vec<Measure> = [Measure::HeldGrowth, Measure::HeldVerdict].into_iter().chain(other).collect();
         let axes = [AXES[slow], AXES[fast]].map(String::from);
         let sweep = Sweep::new(&Source::from_text("w.toml", &text), &sets, &axes, &measures, None).unwrap();
         let middle = (cut * sweep.cells() as f64) as u64;

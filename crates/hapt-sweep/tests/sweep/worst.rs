@@ -1,4 +1,4 @@
-//! Certified worlds survive their worst hand, refused ones fall.
+//! No hand draws energy from certified worlds; from refused ones some hand does.
 
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -32,7 +32,7 @@ fn search(world: &World) -> Result<WorstAlone, Error> {
 }
 
 #[test]
-fn a_sampled_spring_falls_where_it_is_refused_and_survives_where_it_is_certified() {
+fn a_hand_draws_from_a_refused_spring_and_none_from_a_certified_one() {
     let limit = 2.0 * bare().device.damping / bare().sampling.period;
     for part in [0.5, 0.98] {
         let worst = search(&spring(part * limit)).unwrap();
@@ -46,11 +46,11 @@ fn a_sampled_spring_falls_where_it_is_refused_and_survives_where_it_is_certified
         })
         .unwrap();
         assert!(!worst.is_certified() && worst.broken, "{worst:?}");
-        // No more than whoever watches was told.
+        // The number of runs is within the announced bound.
         assert!((1..=most_runs_alone(&world).unwrap()).contains(&seen.load(Relaxed)), "{seen:?}");
         let breaking = worst.gap.breaking_damping.unwrap();
         assert!((breaking / worst.gap.required_damping.unwrap() - 1.0).abs() < 1e-3, "{:?}", worst.gap);
-        // Nothing bends, so the run shows it: a million times what the hand began with, unless that takes too long.
+        // The loop is linear, so the run shows the growth: a million times the hand's initial energy, unless that takes too long.
         assert!(worst.drew && worst.drawn.gain > worst.hand.energy(), "{worst:?}");
     }
 }
@@ -66,24 +66,24 @@ fn a_search_ends_where_its_watch_ends_it() {
 }
 
 #[test]
-fn the_scenario_shows_what_the_search_says() {
+fn the_scenario_reproduces_the_result_of_the_search() {
     let mut world = spring(4.0);
     world.device.limit = Some(0.8);
     let worst = search(&world).unwrap();
     assert!(worst.broken && worst.drew);
     let again = drawn(&world, &worst.scenario, worst.hand.energy()).unwrap();
     assert!((again.gain - worst.drawn.gain).abs() < 1e-9 * worst.drawn.turnover, "{again:?} {worst:?}");
-    // By the file too, through text and back.
+    // Also through the text of a file.
     let file = World { scenarios: vec![worst.scenario.clone()], ..world }.to_toml();
     let read = World::read(&Source::from_text("worst.toml", &file), &[]).unwrap();
     let third = drawn(&read, read.scenario("worst").unwrap(), worst.hand.energy()).unwrap();
     assert_eq!(third, again);
-    // What the hand has more, motor and initial energy have given: the ledger of the run closes.
+    // The hand's gain is supplied by motor and initial energy: the ledger of the run closes.
     assert_eq!(search(&read).unwrap(), search(&read).unwrap(), "the search is deterministic");
 }
 
 #[test]
-fn a_wall_falls_to_a_hand_that_leans_on_it() {
+fn a_hand_pressed_against_a_wall_draws_energy_from_it() {
     let wall = |stiffness, damping| Law::Wall { side: hapt_model::Side::Above, at: 0.3, stiffness, damping };
     let mut world = World { couplings: vec![to_ground(wall(8.0, 0.0))], ..bare() };
     world.device.limit = Some(0.8);
@@ -96,8 +96,8 @@ fn a_wall_falls_to_a_hand_that_leans_on_it() {
 }
 
 #[test]
-fn a_body_that_nothing_ties_to_the_puck_gives_a_hand_nothing() {
-    // With a motor's limit, a reach in parts of it over a stiffness of nothing.
+fn a_body_without_a_coupling_to_the_puck_gives_a_hand_no_energy() {
+    // With a motor's limit, whose part over a stiffness of 0 gives the amplitude.
     for couplings in
         [vec![], vec![Coupling { first: End::Body(0), ..to_ground(Law::Spring { stiffness: 1.0, rest: 0.0 }) }]]
     {
@@ -111,7 +111,7 @@ fn a_body_that_nothing_ties_to_the_puck_gives_a_hand_nothing() {
 }
 
 #[test]
-fn what_a_constant_torque_does_is_not_drawn() {
+fn the_work_of_a_constant_torque_is_not_drawn() {
     let mut world = World { couplings: vec![to_ground(Law::Constant { torque: 0.1 })], ..bare() };
     assert!(is_certified(&world));
     let worst = search(&world).unwrap();
@@ -122,7 +122,7 @@ fn what_a_constant_torque_does_is_not_drawn() {
 
 /// Every world of the repository that no friction makes slow to run, and a wall with some.
 #[test]
-fn the_worlds_and_templates_get_the_answer_of_their_certificate() {
+fn worlds_and_templates_have_the_result_of_their_certificate() {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
     let folders = ["../../worlds/notes", "../../worlds/devices", "../hapt/templates"];
     let files = folders.iter().flat_map(|folder| std::fs::read_dir(root.join(folder)).unwrap());
@@ -174,7 +174,7 @@ proptest! {
     #![proptest_config(hapt_testing::cases_from(11, 24))]
 
     #[test]
-    fn what_the_certificate_asks_for_and_a_hundredth_more_survives(world in world()) {
+    fn no_hand_draws_at_a_hundredth_more_than_the_required_damping(world in world()) {
         let mut world = world;
         let Some(required) = required_damping(&world).unwrap() else { return Ok(()) };
         world.device.damping = 1.01 * required;
@@ -185,7 +185,7 @@ proptest! {
     }
 
     #[test]
-    fn half_of_what_the_certificate_asks_for_falls(world in world()) {
+    fn a_hand_draws_at_half_of_the_required_damping(world in world()) {
         let mut world = world;
         let Some(required) = required_damping(&world).unwrap() else { return Ok(()) };
         world.device.damping = 0.5 * required;
@@ -197,10 +197,10 @@ proptest! {
 proptest! {
     #![proptest_config(hapt_testing::cases_from(13, 4))]
 
-    /// A damper asks for most at half of the sampling rate, where a mass on a spring reaches 8/π² of that. The motion for which the motor's
-    /// work is largest moves in straight lines from sample to sample, and reaches nearly all.
+    /// A damper requires most damping at half of the sampling rate, where a mass on a spring reaches 8/π² of that. The motion with the largest work
+    /// of the motor moves in straight lines from sample to sample, and reaches nearly all of it.
     #[test]
-    fn nineteen_twentieths_of_what_the_certificate_asks_for_falls(
+    fn a_hand_draws_at_nineteen_twentieths_of_the_required_damping(
         k in 0.2..2.0f64, damping in 1e-3..5e-3f64, delay in 0.0..2.5f64, whole: bool, part in 0.88..0.95f64,
     ) {
         let mut world = spring(k);
@@ -214,18 +214,18 @@ proptest! {
         prop_assert!((again.gain - worst.drawn.gain).abs() <= 1e-9 * worst.drawn.turnover, "{again:?} {:?}", worst.drawn);
     }
 
-    /// Friction holds the loop against the hands that were tried; a larger motion grows all the same.
+    /// Friction stops the loop in the runs of the tried hands; a larger motion still grows.
     #[test]
-    fn a_linear_loop_that_grows_is_broken_whatever_the_run_shows(part in 1.1..2.0f64, friction in 0.05..0.2f64) {
+    fn a_linear_loop_that_grows_is_broken_also_where_the_run_decays(part in 1.1..2.0f64, friction in 0.05..0.2f64) {
         let mut world = spring(part * 2.0 * bare().device.damping / bare().sampling.period);
         world.device.friction = friction;
         let worst = search(&world).unwrap();
         prop_assert!(worst.linear.is_some() && worst.broken && worst.status == Status::Refuted, "{worst:?}");
     }
 
-    /// Friction that falls with the speed is missing damping to a slow motion, and gives no hand energy.
+    /// Friction that falls with the speed is a negative damping for slow motions, and gives no hand energy.
     #[test]
-    fn of_a_loop_that_is_certified_no_hand_draws_beside_friction_that_falls(
+    fn no_hand_draws_from_a_certified_loop_with_falling_friction(
         part in 0.7..0.99f64, friction in 1e-3..0.01f64, torque in 1e-3..0.05f64, velocity in 0.05..5.0f64, backward in 0.5..2.0f64,
     ) {
         let mut world = spring(part * 2.0 * bare().device.damping / bare().sampling.period);
@@ -236,9 +236,9 @@ proptest! {
         prop_assert!(worst.is_certified() && !worst.broken && !worst.drew, "{worst:?}");
     }
 
-    /// A stop gives back no more than it was given.
+    /// A stop returns no more energy than it received.
     #[test]
-    fn of_a_loop_that_is_certified_no_hand_draws_between_stops(
+    fn no_hand_draws_from_a_certified_loop_between_stops(
         part in 0.7..0.99f64, low in 0.0..0.2f64, high in 0.0..0.2f64, stiffness in 1.0..500.0f64, damping in 0.0..0.05f64,
     ) {
         let mut world = spring(part * 2.0 * bare().device.damping / bare().sampling.period);
@@ -247,9 +247,9 @@ proptest! {
         prop_assert!(worst.is_certified() && !worst.broken && !worst.drew, "{worst:?}");
     }
 
-    /// The supervisor takes the torque away from a puck that is faster than friction pays for.
+    /// The supervisor removes the torque from a puck that is faster than friction can cover.
     #[test]
-    fn of_a_loop_that_friction_certifies_up_to_a_speed_no_hand_draws(part in 1.1..2.0f64, friction in 0.005..0.05f64, more in 0.0..3.0f64, back: bool) {
+    fn no_hand_draws_from_a_loop_that_friction_certifies_up_to_a_speed(part in 1.1..2.0f64, friction in 0.005..0.05f64, more in 0.0..3.0f64, back: bool) {
         let mut world = spring(part * 2.0 * bare().device.damping / bare().sampling.period);
         let levels = [friction, (1.0 + more) * friction];
         (world.device.friction, world.device.friction_backward) =
@@ -264,10 +264,10 @@ proptest! {
 proptest! {
     #![proptest_config(hapt_testing::cases_from(14, 12))]
 
-    /// Of any linear loop the motion requires no more than the certificate, and of bare springs and dampers nearly as much: the real core gives
-    /// energy in each repetition up to that.
+    /// For any linear loop the motion requires no more damping than the certificate, and for springs and dampers without bodies nearly as much: the
+    /// real core gives energy in each repetition up to that damping.
     #[test]
-    fn the_motion_of_most_work_requires_what_the_certificate_does(
+    fn the_motion_of_most_work_requires_the_damping_of_the_certificate(
         k in 0.2..2.0f64, damping in 0.0..5e-3f64, delay in 0.0..3.0f64, times in 0..3u32,
     ) {
         let mut world = spring(k);
@@ -283,7 +283,7 @@ proptest! {
     }
 }
 
-/// A wall pressed at the start, its torque `samples` late, on a device with just the damping that this asks for, and a push.
+/// A wall that is pressed at the start, its torque `samples` late, on a device with just the required damping, and a push.
 fn pressed(stiffness: f64, depth: f64, samples: u32, push: f64) -> (World, Scenario) {
     let wall = Law::Wall { side: Side::Above, at: -depth, stiffness, damping: 0.0 };
     let mut world = World { couplings: vec![to_ground(wall)], ..bare() };
@@ -298,7 +298,7 @@ proptest! {
     #![proptest_config(hapt_testing::cases_from(7, 200))]
 
     #[test]
-    fn of_a_pressed_wall_with_a_delay_nobody_gets_more_than_it_stores_and_lends(
+    fn no_hand_draws_more_from_a_pressed_wall_with_a_delay_than_it_stores_and_the_delay_supplies(
         stiffness in 0.1..50.0, depth in 0.0..0.3, samples in 0u32..6, push in -3.0..3.0,
     ) {
         let (world, scenario) = pressed(stiffness, depth, samples, push);
@@ -310,11 +310,11 @@ proptest! {
 }
 
 #[test]
-fn a_delay_lends_the_torque_of_its_first_samples() {
+fn a_delay_supplies_the_work_of_its_first_samples() {
     let stored = |stiffness: f64, depth: f64| 0.5 * stiffness * depth * depth;
     let (world, scenario) = pressed(28.0, 0.14, 3, 2.4);
     let lent = drawn(&world, &scenario, 0.0).unwrap();
-    // More than was stored: without the loan this would count as a gain.
+    // More than the stored energy: without the delay's work this would count as a gain.
     assert!(lent.gain <= 0.0 && lent.gain + lent.supplied > stored(28.0, 0.14), "{lent:?}");
     let (world, scenario) = pressed(28.0, 0.14, 0, 2.4);
     let at_once = drawn(&world, &scenario, 0.0).unwrap();
@@ -325,7 +325,7 @@ fn fixed(damping: f64) -> Law {
     Law::Damper { damping: Damping::Fixed(damping) }
 }
 
-/// What a motion of `samples` samples draws, and that the scenario shows it again.
+/// The kind of the motion of `samples` samples that draws; asserts that its scenario reproduces it.
 fn moved(world: &World, samples: usize) -> Option<Exploit> {
     let found = best_motion(world, samples).unwrap().0?;
     let had = 1e6 * found.drawn.gain;
@@ -337,9 +337,9 @@ fn moved(world: &World, samples: usize) -> Option<Exploit> {
 proptest! {
     #![proptest_config(hapt_testing::cases_from(12, 6))]
 
-    /// At the puck alone friction decides, on both sides of what counts, dampers and levels ask for.
+    /// Without bodies friction decides, on both sides of the friction that counts, dampers and levels require.
     #[test]
-    fn a_dither_draws_energy_where_friction_does_not_pay_for_counts_and_levels(
+    fn a_dither_draws_energy_where_friction_does_not_cover_counts_and_levels(
         k in 0.5..20.0f64, damping in 0.0..5e-3f64, counts in 500.0..2e4f64, step in 0.0..1.0f64, spare in 1.05..2.0f64, late in 0..3u32, which in 0..3usize,
     ) {
         let mut world = spring(k);
@@ -358,12 +358,12 @@ proptest! {
             let step = world.device.levels.map_or(0.0, |levels| 20.0 / f64::from(levels));
             0.5 * k * count + damping * count / world.sampling.period + 0.5 * step
         };
-        // Errors of counts, dampers and levels do not all come at once where the torque is late.
+        // The errors of counts, dampers and levels do not coincide where the torque is late.
         world.device.friction = if late > 0 || which == 2 { 0.3 } else { 0.6 } * least(&world);
         world.device.friction_backward = Some((if late > 0 { 1.0 } else { spare }) * world.device.friction);
         prop_assert!(!passivity(&world).unwrap().proved.holds());
         prop_assert_eq!(moved(&world, 6000), Some(Exploit::Dither));
-        // What one direction has more changes nothing.
+        // A larger friction in one direction changes nothing.
         let levels = [1.000001 * least(&world), spare * least(&world)];
         (world.device.friction, world.device.friction_backward) = (levels[which % 2], Some(levels[1 - which % 2]));
         let cut = late == 0 || damping == 0.0 || world.device.limit.is_none();
@@ -371,7 +371,7 @@ proptest! {
         prop_assert_eq!(moved(&world, 6000), None);
     }
 
-    /// A body that counts pump, damped or not, whatever friction the puck has beyond what its own counts ask for.
+    /// A body that counts excite, damped or not, with any friction of the puck beyond that required for its own counts.
     #[test]
     fn counts_pump_a_damped_body_and_the_hand_draws_it(
         k in 0.5..5.0f64, swing in 50.0..300.0f64, ratio in 0.0..0.02f64, counts in 1000.0..1e4f64, friction in 1.0..2.0f64, behind: bool,
@@ -395,10 +395,10 @@ proptest! {
         prop_assert_eq!(moved(&world, 20_000), Some(Exploit::Pump));
     }
 
-    /// The true velocity of an instant says nothing of the way until the next. In 4000 samples a weaker damper gives less than the puck's
-    /// own energy, and the search does not count it.
+    /// The exact velocity at a sample does not determine the displacement until the next. In 4000 samples a weaker damper gives less than the puck's
+    /// own energy, which the search does not count.
     #[test]
-    fn an_exact_velocity_is_fooled_by_turning_round_within_a_sample(damping in 2e-3..1e-2f64, k in 0.0..2.0f64, spare in 1.0..3.0f64, friction in 0.0..1e-3f64) {
+    fn a_reversal_within_a_sample_draws_energy_from_an_exact_velocity(damping in 2e-3..1e-2f64, k in 0.0..2.0f64, spare in 1.0..3.0f64, friction in 0.0..1e-3f64) {
         let mut world = spring(k);
         world.couplings.push(to_ground(fixed(damping)));
         world.device.damping = required_damping(&world).unwrap().unwrap() * spare;
@@ -411,9 +411,9 @@ proptest! {
         prop_assert_eq!(moved(&world, 4000), None);
     }
 
-    /// A constant torque at a body that no spring holds is drawn for ever; held by a spring, it has so much to give and no more.
+    /// A constant torque at a body without a spring supplies unbounded energy; with a spring its energy is bounded.
     #[test]
-    fn a_constant_at_a_body_is_a_source_where_nothing_holds_it(k in 0.5..5.0f64, torque in 0.02..0.2f64, held: bool, toward: bool) {
+    fn a_constant_at_a_body_without_a_spring_is_an_unbounded_source(k in 0.5..5.0f64, torque in 0.02..0.2f64, held: bool, toward: bool) {
         let mut world = bare();
         world.sampling.estimator = hapt_model::EstimatorKind::Difference;
         world.names = vec!["wheel".into()];

@@ -11,20 +11,20 @@ use crate::worst::drawn::{ROUNDING, RUNAWAY, Supply};
 pub struct DrawnTogether {
     /// The net energy from all pucks to their hands, less `supplied`, in J. At most 0 for a passive network.
     pub gain: f64,
-    /// What worlds and links had to give, in J: the energy stored at the start, the work of delays and constant torques, and the most that
-    /// links add when they take hold.
+    /// The energy that worlds and links supply, in J: the energy stored at the start, the work of delays and constant torques, and the largest
+    /// energy that links add when they connect.
     pub supplied: f64,
     /// That instant, in s.
     pub at_s: f64,
     /// All the work that went between hands and network up to that instant, in J; rounding is a part of it.
     pub exchanged: f64,
-    /// What may be missing between the samples of different stations, and counts of encoders, in J.
+    /// The error due to the different sample times of stations, and the counts of encoders, in J.
     pub blur: f64,
-    /// How often ends of links let go.
+    /// The number of releases of link ends.
     pub let_go: u64,
     /// The gain at the last sample, in J.
     pub end: f64,
-    /// The time of the last sample, in s: before the scenario's end where the network has run away.
+    /// The time of the last sample, in s: before the scenario's end where the network has diverged.
     pub until_s: f64,
 }
 
@@ -35,7 +35,7 @@ impl DrawnTogether {
     }
 }
 
-/// What a link may add each time that it takes hold, (T54) and (T55).
+/// The energy that a link may add each time that it connects, (T54) and (T55).
 #[derive(Clone, Copy, Default)]
 struct Hold {
     /// The largest torque of its law, N·m (linear: N), and how far its ends were beyond slack there, rad (linear: m).
@@ -56,7 +56,7 @@ impl Hold {
 
     fn most(&self, link: &Link, soft: f64) -> f64 {
         let beyond = (self.torque / soft).max(1.0).ln();
-        // The way in the sum of both ages.
+        // The displacement in the sum of both ages.
         let way = 2.0 * link.age_max * self.speed;
         self.torque.min(soft) * (self.stretch + way * (1.0 + beyond))
     }
@@ -72,9 +72,9 @@ fn grain(network: &System) -> f64 {
     network.stations.iter().enumerate().map(of).sum()
 }
 
-/// Runs the scenario `name` and computes at each sample what all hands have drawn. They move from `begins` on, when links have taken hold.
-/// `had` in J is what the hands' springs are given. A gain of a million times that plus the network's own ends the run, and so does a
-/// number that is not finite.
+/// Runs the scenario `name` and computes at each sample the energy that all hands have drawn. They move from `begins` on, when links have
+/// connected. `had` in J is the initial energy of the hands' springs. A gain of a million times that plus the network's own ends the run, and
+/// so does a number that is not finite.
 ///
 /// # Errors
 /// When a loop cannot be compiled.
@@ -84,7 +84,7 @@ pub fn drawn_together(network: &System, name: &str, begins: f64, had: f64) -> Re
     let mut supplies: Vec<Supply> = network.stations.iter().map(|station| Supply::new(&station.world)).collect();
     let count = network.stations.len();
     let (mut supplied, mut places, mut speeds) = (vec![0.0; count], vec![0.0; count], vec![0.0f64; count]);
-    // Until the hands begin, and at any time: where a link lets go it takes hold again.
+    // The first connection, before the hands begin, and any later one, after a release.
     let mut first = vec![Hold::default(); network.links.len()];
     let mut whole = first.clone();
     let soft: Vec<f64> = (0..network.links.len()).map(|at| network.end(at, 0).soft).collect();

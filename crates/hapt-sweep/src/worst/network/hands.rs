@@ -1,27 +1,27 @@
-//! Hands at all stations whose inertias make a mode of the whole network.
+//! Hands at all stations whose inertias tune a mode of the whole network.
 //!
-//! A link on old positions feeds what pulls at its two ends in turn: K A of negative damping each way, at slow frequencies. Let v be
-//! what the pucks do, their signs opposite at the two ends of every link, and let each hand have a spring of the part ρ of the stiffness
-//! that the puck feels. With
+//! A link on old positions amplifies opposite motions of its two ends: a negative damping of K A in each direction, at low frequencies. Let v be
+//! the mode shape of the pucks, with opposite signs at the two ends of every link, and let each hand have a spring of the part ρ of the stiffness
+//! at the puck. With
 //!
 //! ```text
 //! S_i = k_i + Σ_j K_ij (1 - v_j/v_i),    m_i = (1 + ρ) S_i/ω²
 //! ```
 //!
-//! v is a mode of the frequency ω, whatever the network: the hand's inertia is m_i less the device's.
+//! v is a mode of the frequency ω for any network: the hand's inertia is m_i less the device's.
 
 use hapt_analysis::Grip;
 use hapt_model::{Link, System};
 
 use crate::worst::hand::{Hand, plain};
 
-/// A hand has at least this part of its device's inertia.
-const LIGHTEST: f64 = 1e-3;
+/// The smallest inertia of a hand, as a part of its device's inertia.
+const MIN_INERTIA_RATIO: f64 = 1e-3;
 
-/// What pucks do in a mode.
+/// The motion of the pucks in a mode.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Mode {
-    /// Largest 1, for each station; 0 where it has no hand.
+    /// The mode shape, scaled to a largest entry of 1; 0 for a station without a hand.
     pub shape: Vec<f64>,
     /// ω in rad/s.
     pub angular: f64,
@@ -33,7 +33,7 @@ fn joined(network: &System) -> impl Iterator<Item = &Link> {
     network.links.iter().filter(|link| link.stiffness() > 0.0)
 }
 
-/// Signs that differ at the two ends of every link, as far as circles of links allow; 0 without a link.
+/// Signs that differ at the two ends of every link, as far as rings of links allow; 0 without a link.
 pub(super) fn opposite(network: &System) -> Vec<f64> {
     let mut signs = vec![0.0; network.stations.len()];
     for start in 0..signs.len() {
@@ -71,7 +71,7 @@ impl Mode {
         felt
     }
 
-    /// The hands, for pucks that swing about `reach` times the shape, with as much to each side.
+    /// The hands, for pucks that oscillate with the amplitudes `reach` times the shape.
     pub fn hands(&self, network: &System, own: &[f64], reach: f64) -> Vec<Option<Hand>> {
         let felt = self.felt(network, own);
         let hand = |(at, station): (usize, &hapt_model::Station)| {
@@ -81,9 +81,9 @@ impl Mode {
             let device = station.world.device.inertia;
             let all = (1.0 + self.share) * felt[at] / (self.angular * self.angular);
             let stiffness = self.share * felt[at];
-            let grip = Grip { inertia: (all - device).max(LIGHTEST * device), damping: 0.0, stiffness };
+            let grip = Grip { inertia: (all - device).max(MIN_INERTIA_RATIO * device), damping: 0.0, stiffness };
             let place = reach * self.shape[at];
-            // In rest its spring holds what the network pulls back, and the friction.
+            // At rest its spring balances the network's torque and the friction.
             let to = place * (1.0 + 1.0 / self.share)
                 + 2.0 * station.world.device.largest_friction() * place.signum() / stiffness;
             Some(Hand { grip, to, hold_and_open: None })
@@ -92,8 +92,8 @@ impl Mode {
     }
 }
 
-/// How far pucks go: a tenth of a radian (linear: 1 cm), within a quarter of the limits of links and motors, at least ten counts, and inside
-/// of every wall.
+/// The amplitude of the pucks: a tenth of a radian (linear: 1 cm), within a quarter of the limits of links and motors, at least ten counts, and
+/// inside of every wall.
 pub(super) fn reach(network: &System) -> f64 {
     let (mut within, mut least) = (plain(network.motion), 0.0f64);
     for link in joined(network) {

@@ -1,8 +1,8 @@
 //! The passive hands, one at each station, that draw most energy together from a network.
 //!
-//! The certificate of a network is for any clocks, any order and any loss within the links' ages. So the search does not only try hands: it
-//! tries them with the messages of the file, and with messages that come as late as `age_max` allows. Hands are those of modes of the whole
-//! network ([`hands`]), from slow to fast, and a climb from the best; each is run on the exact devices, and its energy is that of the ledgers.
+//! The certificate of a network is for any clocks, any order and any loss within the links' ages. So the search runs the hands with the messages of
+//! the file, and with messages as late as `age_max` allows. The hands are those of modes of the whole network ([`hands`]), from slow to fast, and
+//! of a local search from the best; each is run on the exact devices, and its energy is that of the ledgers.
 
 mod drawn;
 mod hands;
@@ -21,47 +21,47 @@ pub use drawn::DrawnTogether;
 
 /// ω times the largest age, of the modes that are always tried.
 const ANGLES: [f64; 6] = [0.05, 0.12, 0.3, 0.6, 1.0, 1.6];
-/// The springs of hands over what the pucks feel.
+/// The stiffness of hands relative to that at the pucks.
 const SHARES: [f64; 2] = [0.1, 0.4];
-/// Swings of a run, and the most and the fewest samples of one station.
+/// Periods of a run, and the smallest and the largest number of samples of one station.
 const SWINGS: f64 = 12.0;
 const SAMPLES: [f64; 2] = [2_000.0, 40_000.0];
-/// The most runs of the climb, and its range as a logarithm.
+/// The largest number of runs of the local search, and its range as a logarithm.
 const CLIMB: usize = 24;
 const FAR: f64 = 1.0;
-/// The part of the required dampings with which hands are sought where none draw from the network itself.
+/// The part of the required dampings with which hands are searched where none draws from the network itself.
 const WEAK: f64 = 0.7;
-/// Halvings of the damping up to which hands draw.
+/// The number of bisections for the damping up to which hands draw.
 const HALVINGS: usize = 7;
-/// The parts of `age_max` that messages may take, where a link would let go with more.
+/// The largest ages of messages as parts of `age_max`, tried in this order where a link releases with a larger one.
 const LATE: [f64; 3] = [0.99, 0.9, 0.74];
 /// The name of the scenario.
 const NAME: &str = "worst";
 
-/// The worst hands found of a network; as `hapt worst --json` prints them, in SI.
+/// The worst hands found for a network, in the form of `hapt worst --json`, in SI.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WorstTogether {
     /// Whether the hands draw energy.
     pub broken: bool,
     /// Whether the network is certified.
     pub certified: bool,
-    /// Whether the messages come as late as the links' `age_max` allows, and not as the file has it.
+    /// Whether the messages are as late as the links' `age_max` allows, instead of the file's delays.
     pub late: bool,
     /// In file order; serialised as a mapping by name.
     #[serde(serialize_with = "by_name")]
     pub stations: Vec<WorstStation>,
-    /// When the hands begin, s: links have taken hold by then.
+    /// The time at which the hands begin, s: links have connected by then.
     pub begins_s: f64,
     /// The frequency of the mode that they make, Hz.
     pub hz: f64,
     /// The energy that they drew.
     pub drawn: DrawnTogether,
-    /// The network as it was run, with the scenario `worst` alone.
+    /// The network of the run, with the scenario `worst` only.
     #[serde(skip)]
     pub network: System,
     /// The duration of that, s.
     pub duration_s: f64,
-    /// The largest part of what is required of all devices at which such hands still draw; `None`: at none that was tried.
+    /// The largest part of all required dampings at which such hands still draw; `None`: at no tried one.
     pub breaking_part: Option<f64>,
     /// The number of runs.
     pub runs: usize,
@@ -73,7 +73,7 @@ pub struct WorstStation {
     /// Its name.
     #[serde(skip)]
     pub name: String,
-    /// Its hand; `None`: nobody holds it.
+    /// Its hand; `None`: hands-off.
     pub hand: Option<Hand>,
     /// The damping that the certificate requires, where there is one, N·m·s/rad (linear: N·s/m).
     pub required_damping: Option<f64>,
@@ -134,7 +134,7 @@ impl Trials<'_> {
         Ok(Tried { mode, hands, drawn, network, duration })
     }
 
-    /// The best of modes from slow to fast, and of a climb from one that draws.
+    /// The best of modes from slow to fast, and of a local search from one that draws.
     fn best(&mut self, network: &System, shapes: &[Vec<f64>]) -> Result<Option<Tried>, Error> {
         let oldest = network.links.iter().map(|link| link.age_max).fold(0.0, f64::max);
         let mut best: Option<Tried> = None;
@@ -174,7 +174,7 @@ impl Trials<'_> {
     }
 }
 
-/// The same network with messages that take as long as leaves positions `part` of their `age_max` old at most, and all arrive.
+/// The same network without loss, and with the delay that makes positions at most `part` of their `age_max` old.
 fn late(network: &System, part: f64) -> System {
     let mut late = network.clone();
     for (index, link) in late.links.iter_mut().enumerate() {
@@ -190,7 +190,7 @@ fn late(network: &System, part: f64) -> System {
 }
 
 /// The largest number of runs of [`search_together`].
-pub(super) const MOST_RUNS: usize = 3 * (2 * ANGLES.len() * SHARES.len() + CLIMB + 3) + LATE.len() + 1 + HALVINGS;
+pub(super) const MAX_RUNS: usize = 3 * (2 * ANGLES.len() * SHARES.len() + CLIMB + 3) + LATE.len() + 1 + HALVINGS;
 
 /// Searches for the passive hands that draw most energy together.
 ///
@@ -237,11 +237,11 @@ pub fn search_together(network: &System, watch: &Watch<'_>) -> Result<WorstToget
     let last = trials.best(&latest, &shapes)?;
     let required: Option<Vec<f64>> = check.stations.iter().map(|station| station.required_damping).collect();
     let gains = |tried: &Option<Tried>| tried.as_ref().is_some_and(|tried| tried.drawn.is_gain());
-    // The file's own messages show more than later ones.
+    // The hands draw with the file's own messages, but not with later ones.
     let is_late = !gains(&file) && last.is_some();
     let mut best = if is_late { last } else { file };
     if let Some(required) = required.as_ref().filter(|_| !gains(&best)) {
-        // The hands that would be the first to draw.
+        // The hands that draw at the smallest reduction of the damping.
         let weak = trials.best(&damped(&latest, required, WEAK), &shapes)?;
         if let Some(weak) = weak.filter(|weak| weak.drawn.is_gain()) {
             best = Some(trials.run(&latest, weak.mode)?);
@@ -270,7 +270,7 @@ pub fn search_together(network: &System, watch: &Watch<'_>) -> Result<WorstToget
     })
 }
 
-/// What pucks do in the modes that are tried: all the same, and as the network's matrix favours.
+/// The mode shapes that are tried: equal amplitudes, and those of the network's matrix.
 fn shapes(network: &System, signs: &[f64]) -> Result<Vec<Vec<f64>>, Error> {
     let mut shapes = vec![signs.to_vec()];
     if let Some(favoured) = Demands::of(network)?.favoured(network)? {
@@ -292,7 +292,7 @@ fn damped(network: &System, required: &[f64], part: f64) -> System {
     damped
 }
 
-/// The largest part of the required dampings with which hands of a mode draw, by halving; `None` where they draw with none.
+/// The largest part of the required dampings at which the hands of a mode draw, by bisection; `None` where they draw at none.
 fn breaking(
     trials: &mut Trials<'_>,
     network: &System,
