@@ -1,7 +1,7 @@
-//! How long one exchange with a drive takes over a serial port: hapt's question, answer and command beside one command with its answer
-//! of the makers' own library. The drive at the other end is simulated, and the same for both.
+//! The time of one exchange with a drive over a serial port: hapt's request, answer and command, compared with one command and its answer
+//! by the manufacturer's library. The drive at the other end is simulated, and the same for both.
 //!
-//! `cargo run --release -p hapt-drive --example exchange [PYTHON]`; without a Python that has the library, hapt's alone.
+//! `cargo run --release -p hapt-drive --example exchange [PYTHON]`; without a Python that has the library, only hapt's time.
 
 use std::path::Path;
 use std::process::Command;
@@ -43,7 +43,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// In us.
+/// The time of hapt's exchange in us.
 fn ours(path: &Path) -> Result<f64, Box<dyn std::error::Error>> {
     let mut drive = Moteus::new(Box::new(Client::new(Line::open(path)?, true)), 1, path.display().to_string());
     drive.start(&DriveLimits { watchdog: 1.0, torque: 0.8 })?;

@@ -28,7 +28,7 @@ hapt_core::named! {
     }
 }
 
-/// A CAN bus: an interface of the system, or an adapter on a serial port, with the rate that it is to have.
+/// A CAN bus: an interface of the system, or an adapter on a serial port, with its rate.
 ///
 /// ```
 /// use hapt_drive::BusAddress;
@@ -134,7 +134,7 @@ impl Make {
         match self {
             Make::Moteus => 1..=126,
             Make::Odrive => 0..=62,
-            // It is alone on its port.
+            // It is the only device on its port.
             Make::Simplefoc => 1..=1,
         }
     }

@@ -19,7 +19,7 @@ pub trait Bus: Send {
     /// Sends a frame.
     ///
     /// # Errors
-    /// The bus is gone, or has not accepted the frame until that instant.
+    /// The bus was removed, or has not accepted the frame until that instant.
     fn send(&mut self, frame: &Frame, until: Instant) -> io::Result<()>;
 
     /// Receives the next frame; `None` if none arrives until that instant. With an instant in the past it only returns a frame already there.
@@ -92,7 +92,7 @@ impl Bus for Socket {
     }
 }
 
-/// What is missing where no interface of this name opens.
+/// The error of an interface that does not open, with the cause.
 fn explained(interface: &str, error: io::Error) -> io::Error {
     let what = match Errno::from_io_error(&error) {
         Some(Errno::AFNOSUPPORT | Errno::PROTONOSUPPORT) => "this system's kernel has no CAN (modprobe can_raw)".into(),

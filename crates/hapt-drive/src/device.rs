@@ -174,7 +174,7 @@ impl Device for DriveDevice {
             Ok(()) => None,
             Err(DriveError::Fault(fault)) => Some(Failure::Drive(fault)),
             Err(DriveError::Gone) => Some(Failure::Unplugged),
-            // A line that accepts nothing for this long has no peer.
+            // A line that accepts nothing for this time has no peer.
             Err(DriveError::Silent | DriveError::Late) => Some(Failure::Gone),
         };
         self.failed = failure;

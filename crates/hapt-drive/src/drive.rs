@@ -5,10 +5,10 @@ use std::time::Instant;
 
 pub use hapt_rt::DriveFault;
 
-/// The most foreign frames read before a sample's request, and after it: a busy bus does not delay the loop.
+/// The largest number of foreign frames read before a sample's request, and after it, so that a busy bus does not delay the loop.
 pub(crate) const OTHERS: usize = 256;
 
-/// A motor drive, whatever its protocol. Angles are revolutions and torques N·m, both at the drive's own shaft.
+/// A motor drive with any protocol. Angles are revolutions and torques N·m, both at the drive's own shaft.
 ///
 /// [`Drive::read`] and [`Drive::command`] are called on the loop's thread, one after the other in every sample: they allocate nothing,
 /// and wait until the instant that they are given, no longer.
@@ -103,7 +103,7 @@ pub trait Drive: Send {
     }
 }
 
-/// The limits that a drive enforces by itself.
+/// The limits that a drive enforces independently of the host.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriveLimits {
     /// Without a command for this time, in s, the drive removes the torque, until an explicit stop and start.

@@ -29,16 +29,16 @@ use crate::drive::{Drive, DriveError, DriveLimits, Error, OTHERS, ShaftState};
 use crate::frame::Frame;
 
 pub use simulated::Simulated;
-pub use start::LONGEST_WATCHDOG;
+pub use start::MAX_WATCHDOG;
 
 /// Timeout of an answer outside the loop.
-const AN_ANSWER: Duration = Duration::from_millis(50);
+const ANSWER_TIMEOUT: Duration = Duration::from_millis(50);
 /// Timeout of a change of state, including the heartbeat that reports it.
-const A_STATE: Duration = Duration::from_secs(1);
+const STATE_TIMEOUT: Duration = Duration::from_secs(1);
 /// Timeout of its heartbeat, in s of the loop's time and of the clock: three periods of the factory setting.
-const HEARTBEATS: f64 = 0.3;
+const HEARTBEAT_TIMEOUT_S: f64 = 0.3;
 /// Timeout of sending a frame outside the loop.
-const A_FRAME: Duration = Duration::from_millis(20);
+const FRAME_TIMEOUT: Duration = Duration::from_millis(20);
 /// Frames of another host to this drive.
 const FOREIGN: DriveFault =
     DriveFault { code: 0, what: "another host addresses it, and feeds its watchdog", reason: Some(Reason::Link) };
@@ -48,8 +48,8 @@ const DOUBLED: DriveFault = DriveFault {
     what: "another drive answers in its place, or it sends its position cyclically less than five times a second",
     reason: Some(Reason::Link),
 };
-/// The drive's state and errors are unknown.
-const HEARTLESS: DriveFault =
+/// Without a heartbeat the drive's state and errors are unknown.
+const NO_HEARTBEAT: DriveFault =
     DriveFault { code: Command::Heartbeat as u32, what: "no heartbeat for 0.3 s", reason: Some(Reason::Link) };
 
 /// A drive at a node of a bus.
@@ -72,7 +72,7 @@ pub struct Odrive {
     since_heartbeat: f64,
     heartbeat: Instant,
     /// The measured time of its watchdog.
-    bitten: Duration,
+    watchdog_time: Duration,
     /// The largest command of the loop, N·m.
     most: f64,
     /// The time of arming, and whether a heartbeat has confirmed it.
@@ -93,9 +93,9 @@ impl Drive for Odrive {
     }
 
     fn notes(&self) -> Vec<String> {
-        let (name, bitten, most) = (&self.name, self.bitten.as_millis(), self.most);
+        let (name, watchdog_time, most) = (&self.name, self.watchdog_time.as_millis(), self.most);
         let mut notes = vec![format!(
-            "{name}: in a test its watchdog removed the torque after {bitten} ms without frames; CANSimple cannot set that time"
+            "{name}: in a test its watchdog removed the torque after {watchdog_time} ms without frames; CANSimple cannot set that time"
         )];
         notes.push(if most.is_finite() {
             format!(
@@ -122,33 +122,33 @@ impl Drive for Odrive {
             return Err(fault);
         }
         let node = self.node;
-        let mut tell =
+        let mut send =
             |command: Command, data: [u8; 8]| self.bus.send(&Frame::classic(command.id(node).into(), &data), until);
         if self.begun.is_none() {
-            // The watchdog may also expire on a disarmed drive and leave an error. No other error is cleared unseen.
+            // The watchdog may also expire on a disarmed drive and leave an error. No other error is cleared without a report.
             if self.version.is_old() {
-                tell(Command::Clear, [0; 8])?;
+                send(Command::Clear, [0; 8])?;
             }
-            tell(Command::Mode, codec::pair(control::TORQUE, PASSTHROUGH))?;
-            tell(Command::Torque, [0; 8])?;
-            tell(Command::State, codec::pair(state::CLOSED_LOOP, 0))?;
+            send(Command::Mode, codec::pair(control::TORQUE, PASSTHROUGH))?;
+            send(Command::Torque, [0; 8])?;
+            send(Command::State, codec::pair(state::CLOSED_LOOP, 0))?;
             self.begun = Some(Instant::now());
         }
         let torque = torque as f32;
-        tell(Command::Torque, codec::floats(torque, 0.0))?;
-        self.proof.tell(torque.into());
+        send(Command::Torque, codec::floats(torque, 0.0))?;
+        self.proof.record_command(torque.into());
         Ok(())
     }
 
     fn halt(&mut self, until: Instant) {
-        // Each is sent on its own: one may succeed where the other fails.
+        // Each is sent separately: one may succeed where the other fails.
         for (command, data) in [(Command::Torque, [0; 8]), (Command::State, codec::pair(state::IDLE, 0))] {
             let _ = self.bus.send(&Frame::classic(command.id(self.node).into(), &data), until);
         }
     }
 
     fn stop(&mut self) {
-        self.halt(Instant::now() + A_FRAME);
+        self.halt(Instant::now() + FRAME_TIMEOUT);
     }
 }
 
@@ -185,7 +185,7 @@ impl Odrive {
             period: 1e-3,
             since_heartbeat: 0.0,
             heartbeat: Instant::now(),
-            bitten: Duration::ZERO,
+            watchdog_time: Duration::ZERO,
             most: 0.0,
             begun: None,
             is_armed: false,
@@ -210,8 +210,9 @@ impl Odrive {
         if !self.is_armed {
             self.proof.rest();
         }
-        let is_missing = self.since_heartbeat > HEARTBEATS && self.heartbeat.elapsed().as_secs_f64() > HEARTBEATS;
-        let missing = is_missing.then_some(HEARTLESS).or(self.proof.fault());
+        let is_missing =
+            self.since_heartbeat > HEARTBEAT_TIMEOUT_S && self.heartbeat.elapsed().as_secs_f64() > HEARTBEAT_TIMEOUT_S;
+        let missing = is_missing.then_some(NO_HEARTBEAT).or(self.proof.fault());
         self.fault = self.fault.or(missing);
         self.is_well()?;
         let mut past = self.owed > 0 || self.chats;
@@ -288,7 +289,7 @@ impl Odrive {
         let is_wrong = match self.begun {
             None => heartbeat.error & !waits != 0,
             // Before arming is confirmed, a heartbeat may be older than the command.
-            Some(begun) if !self.is_armed => begun.elapsed() > A_STATE,
+            Some(begun) if !self.is_armed => begun.elapsed() > STATE_TIMEOUT,
             Some(_) => !is_armed || heartbeat.error != 0,
         };
         if is_wrong {
@@ -340,9 +341,9 @@ impl Odrive {
         Error::Gone { name: self.name.clone(), error }
     }
 
-    fn tell(&mut self, command: Command, data: [u8; 8]) -> Result<(), Error> {
+    fn send(&mut self, command: Command, data: [u8; 8]) -> Result<(), Error> {
         let frame = Frame::classic(command.id(self.node).into(), &data);
-        self.bus.send(&frame, Instant::now() + A_FRAME).map_err(|error| self.gone(error))
+        self.bus.send(&frame, Instant::now() + FRAME_TIMEOUT).map_err(|error| self.gone(error))
     }
 
     fn ask(&mut self, command: Command) -> Result<(), Error> {
@@ -350,6 +351,6 @@ impl Odrive {
             self.asked = Some(Instant::now());
         }
         let frame = Frame::remote(command.id(self.node).into(), 8);
-        self.bus.send(&frame, Instant::now() + A_FRAME).map_err(|error| self.gone(error))
+        self.bus.send(&frame, Instant::now() + FRAME_TIMEOUT).map_err(|error| self.gone(error))
     }
 }

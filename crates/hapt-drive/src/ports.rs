@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn adapters_and_interfaces_are_known_by_what_the_system_says_of_them() {
+    fn adapters_and_interfaces_are_identified_by_the_systems_files() {
         let sys = std::env::temp_dir().join(format!("hapt-ports-{}", std::process::id()));
         let file = |path: &str, text: &str| {
             let path = sys.join(path);

@@ -14,14 +14,14 @@ use crate::frame::Frame;
 
 /// The longest step of the simulation, in s: torques change and watchdogs expire at its instants.
 const STEP: f64 = 50e-6;
-/// After a longer pause the simulation does not catch up: the machine has stood still. In lockstep that is no silence of the loop's.
-const LONGEST_PAUSE: Duration = Duration::from_secs(1);
-const LONGEST_PAUSE_IN_LOCKSTEP: Duration = Duration::from_millis(20);
+/// After a longer pause of the machine the simulation does not catch up. In lockstep such a pause does not count as silence of the loop.
+const MAX_PAUSE: Duration = Duration::from_secs(1);
+const MAX_PAUSE_IN_LOCKSTEP: Duration = Duration::from_millis(20);
 /// The interval between two checks of the end.
-const LOOK: Duration = Duration::from_millis(1);
-/// Lockstep changes to real time after this long without a frame.
-const QUIET: Duration = Duration::from_millis(50);
-/// An answer that the bus does not accept for this long is lost.
+const POLL_PERIOD: Duration = Duration::from_millis(1);
+/// Lockstep changes to real time after this time without a frame.
+const LOCKSTEP_TIMEOUT: Duration = Duration::from_millis(50);
+/// An answer that the bus does not accept for this time is lost.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(20);
 
 /// The firmware of a simulated drive: its protocol, its state, its watchdog.
@@ -102,15 +102,15 @@ impl Simulator {
         self.now = Instant::now();
         let mut quiet = Duration::ZERO;
         while !ends() {
-            let frame = self.bus.receive(Instant::now() + LOOK)?;
+            let frame = self.bus.receive(Instant::now() + POLL_PERIOD)?;
             let Simulator { bus, inside, time, now } = self;
             // An answer that the bus does not accept is lost, as on a real bus.
             let mut send = |frame: Frame| drop(bus.send(&frame, Instant::now() + WRITE_TIMEOUT));
             let then = std::mem::replace(now, Instant::now());
-            let longest = if *time == Time::Real { LONGEST_PAUSE } else { LONGEST_PAUSE_IN_LOCKSTEP };
+            let longest = if *time == Time::Real { MAX_PAUSE } else { MAX_PAUSE_IN_LOCKSTEP };
             let passed = (*now - then).min(longest);
             quiet = if frame.is_some() { Duration::ZERO } else { quiet + passed };
-            if *time == Time::Real || quiet > QUIET {
+            if *time == Time::Real || quiet > LOCKSTEP_TIMEOUT {
                 inside.travel(passed.as_secs_f64(), &mut send);
             }
             if let Some(frame) = frame {

@@ -27,7 +27,7 @@ const RATES: [u32; 9] = [10, 20, 50, 100, 125, 250, 500, 800, 1000];
 const YES: &[u8] = b"\r";
 const NO: &[u8] = b"\x07";
 /// The longest time of an adapter for a command outside the loop.
-const A_WORD: Duration = Duration::from_millis(200);
+const COMMAND_TIMEOUT: Duration = Duration::from_millis(200);
 /// The longest line: the kind, 8 digits of identifier, the length, 16 digits of data, the end.
 const MAX_LINE_BYTES: usize = 1 + 8 + 1 + 16 + 1;
 
@@ -82,7 +82,7 @@ impl Client {
     /// The port is gone.
     pub fn open(line: Line, rate: Rate) -> io::Result<Self> {
         let mut lines = Lines::new(line);
-        lines.write(&[b'C', b'\r', b'S', b'0' + rate.0, b'\r', b'O', b'\r'], Instant::now() + A_WORD)?;
+        lines.write(&[b'C', b'\r', b'S', b'0' + rate.0, b'\r', b'O', b'\r'], Instant::now() + COMMAND_TIMEOUT)?;
         Ok(Client(lines))
     }
 }
@@ -150,7 +150,7 @@ impl Bus for Adapter {
                 HostCommand::Number => b"NHAPT\r",
                 HostCommand::Unknown => NO,
             };
-            self.lines.write(answer, Instant::now() + A_WORD)?;
+            self.lines.write(answer, Instant::now() + COMMAND_TIMEOUT)?;
         }
         Ok(None)
     }
@@ -268,7 +268,7 @@ mod tests {
 
     /// The numbers are those of the adapters' manuals.
     #[test]
-    fn a_rate_goes_to_the_adapter_by_its_number() {
+    fn a_rate_is_sent_to_the_adapter_by_its_number() {
         for (text, opens) in
             [("10k", b"C\rS0\rO\r"), ("125k", b"C\rS4\rO\r"), ("250k", b"C\rS5\rO\r"), ("1M", b"C\rS8\rO\r")]
         {
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_that_is_cut_anywhere_is_no_other_frame() {
+    fn a_truncated_line_is_no_other_frame() {
         let whole = b"t02E80000803F00000000";
         for length in 0..whole.len() {
             assert_eq!(read(&whole[..length]), None, "{length}");
@@ -302,7 +302,7 @@ mod tests {
 
     proptest::proptest! {
         #[test]
-        fn what_is_written_is_read(id in 0_u32..1 << 29, extended: bool, remote: bool, length in 0_u8..9, data: [u8; 8]) {
+        fn a_written_frame_reads_back(id in 0_u32..1 << 29, extended: bool, remote: bool, length in 0_u8..9, data: [u8; 8]) {
             let id = if extended { id } else { id & 0x7ff };
             let mut frame = if remote { Frame::remote(id, length) } else { Frame::classic(id, &data[..length.into()]) };
             frame.extended = extended;
@@ -311,7 +311,7 @@ mod tests {
         }
 
         #[test]
-        fn garbage_is_a_frame_or_not_but_no_panic(line: Vec<u8>) {
+        fn random_bytes_are_parsed_without_a_panic(line: Vec<u8>) {
             if let Some(frame) = read(&line) {
                 let mut room = [0; MAX_LINE_BYTES];
                 proptest::prop_assert!(write(&frame, &mut room).is_some());

@@ -123,7 +123,7 @@ mod tests {
     use crate::serial::pty;
 
     #[test]
-    fn lines_come_whole_however_they_were_cut_and_too_long_ones_not_at_all() {
+    fn lines_are_complete_however_they_were_split_and_too_long_ones_are_discarded() {
         let (mut ours, path) = pty().unwrap();
         let mut lines = Lines::new(Line::open(&path).unwrap());
         let soon = Instant::now() + Duration::from_secs(10);

@@ -1,4 +1,4 @@
-//! `hapt-grade`: the answers to a pack of questions, such as a lesson of the course, against what hapt computes.
+//! `hapt-grade`: compares the answers to a pack of questions, such as a lesson of the course, with the results of hapt.
 
 mod failure;
 mod mark;
@@ -105,7 +105,7 @@ fn questions(pack: &Pack, sets: &[String], as_json: bool) -> Result<String, Fail
     Ok(text)
 }
 
-/// A file for the answers, in which each question is a comment above its line.
+/// A file for the answers, with each question as a comment above its line.
 fn template(pack: &Pack, sets: &[String]) -> String {
     let comment = |text: &str| text.trim().lines().map(|line| format!("# {}\n", line.trim())).collect::<String>();
     let mut text = comment(&pack.title);

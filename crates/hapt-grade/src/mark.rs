@@ -1,6 +1,6 @@
 //! One answer against its question.
 
-// JSON has no further kinds of values: those that a match does not name are compared as they stand.
+// Values of the kinds that a match does not name are compared unchanged.
 #![allow(clippy::wildcard_enum_match_arm)]
 
 use std::path::Path;
@@ -20,7 +20,7 @@ pub struct Marked {
     /// The right answer, for the lecturer.
     pub expected: String,
     pub right: bool,
-    /// Why it is wrong, where that gives nothing away.
+    /// The reason that it is wrong, where that does not reveal the answer.
     pub why: String,
     pub points: u32,
 }
@@ -31,12 +31,12 @@ impl Marked {
     }
 }
 
-/// What answers are held against.
+/// The reference of the answers.
 pub struct Marker<'a> {
     pub starter: &'a Source,
     /// The overrides of the student.
     pub sets: &'a [String],
-    /// The folder of the answers, which no file of theirs may leave.
+    /// The folder of the answers, outside of which they may name no file.
     pub folder: &'a Path,
 }
 
@@ -67,7 +67,7 @@ impl Marker<'_> {
         })
     }
 
-    /// The expected answer, and what is wrong with the given one: an empty text where the reason would tell the answer.
+    /// The expected answer, and the reason that the given one is wrong: an empty text where the reason would reveal the answer.
     fn of_value(
         &self,
         question: &Question,
@@ -111,7 +111,7 @@ impl Marker<'_> {
         let text = "a world that fulfils the conditions".to_string();
         let (source, mut sets) = match answer {
             None => return Ok((text, Some("no answer".into()))),
-            // A file of its own.
+            // A separate file.
             Some(Value::String(_)) if is_network(self.starter) => {
                 return Ok((text, Some("a network is answered with keys and values for the starter".into())));
             }
@@ -148,7 +148,7 @@ impl Marker<'_> {
                 Some(format!("{key} is not to be changed; the question leaves {}", question.change.join(", "))),
             ));
         }
-        // Where keys are named, the rest is the starter's, its files included.
+        // An answer of keys changes the starter, and may use the starter's files.
         let source = match &source {
             Some(source) if question.change.is_empty() => source,
             Some(_) | None => self.starter,
@@ -165,7 +165,7 @@ impl Marker<'_> {
             let value = match made.value(&condition.of) {
                 Ok(value) => value,
                 Err(failure) => {
-                    // A value that the starter does not have either is asked for by mistake.
+                    // A value that the starter lacks too is a mistake of the pack.
                     subject.value(&condition.of)?;
                     return unreadable(text, failure);
                 }
@@ -178,10 +178,10 @@ impl Marker<'_> {
     }
 }
 
-/// The row of an answer that cannot be read: the others are graded all the same.
+/// The row of an answer that cannot be read; the others are graded.
 fn unreadable(text: String, failure: Failure) -> Result<(String, Option<String>), Failure> {
     match failure {
-        // The file's lines below the first are for its author.
+        // Lines below the first are meant for the file's author.
         Failure::Input(message) => {
             Ok((text, Some(format!("cannot be read: {}", message.lines().next().unwrap_or_default()))))
         }
@@ -212,7 +212,7 @@ fn differences(subject: &Subject<'_>, source: &Source) -> Result<Result<Vec<(Str
     Ok(Ok(changes))
 }
 
-/// The dotted paths of a table, with their values as `--set` takes them.
+/// The dotted paths of a table, with their values in the form of `--set`.
 fn flat(value: &Value) -> Vec<(String, String)> {
     let Value::Object(table) = value else { return vec![(String::new(), shown(value))] };
     let below = |(key, value): (&String, &Value)| -> Vec<(String, String)> {
@@ -224,7 +224,7 @@ fn flat(value: &Value) -> Vec<(String, String)> {
     table.iter().flat_map(below).collect()
 }
 
-/// Why a condition does not hold.
+/// The reason that a condition does not hold.
 fn fails(condition: &Condition, value: &Value) -> Result<Option<String>, Failure> {
     let name = match &condition.of {
         Of::Measure(name) | Of::Check(name) | Of::Key(name) | Of::Column { name, .. } => name.as_str(),
@@ -267,7 +267,7 @@ fn quantity(value: &Value, dimension: Dimension) -> Result<Value, String> {
     }
 }
 
-/// A word, yes or no, or the absence of a value, as people write them.
+/// A word, yes or no, or the absence of a value, as text.
 fn word(value: &Value) -> String {
     let text = shown(value).trim().to_lowercase();
     match text.as_str() {
@@ -277,7 +277,7 @@ fn word(value: &Value) -> String {
     }
 }
 
-/// A text without what moves the cursor.
+/// A text without control characters.
 fn plain(text: &str) -> String {
     text.chars().map(visible).collect()
 }

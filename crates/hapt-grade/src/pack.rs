@@ -11,10 +11,10 @@ use toml::de::{DeTable, DeValue};
 
 use crate::failure::Failure;
 
-/// The most questions of a pack.
+/// The largest number of questions of a pack.
 const MAX_QUESTIONS: usize = 200;
 
-/// What `pack.toml` says.
+/// The content of `pack.toml`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pack {
@@ -59,7 +59,7 @@ pub struct Question {
     pub conditions: Vec<Condition>,
 }
 
-/// How a value is found.
+/// The source of a value.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Of {
@@ -95,7 +95,7 @@ pub enum Take {
     Rms,
 }
 
-/// What a world as an answer has to fulfil.
+/// A condition that a world as an answer has to fulfil.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Condition {
@@ -158,7 +158,7 @@ impl Pack {
         Ok(())
     }
 
-    /// The overrides that make the starter that of a student: of each key one value, chosen by the name alone.
+    /// The overrides of the starter for a student: of each key one value, chosen by the name.
     pub fn of_student(&self, name: Option<&str>) -> Vec<String> {
         let Some(name) = name else { return Vec::new() };
         let chosen = |(key, values): (&String, &Vec<String>)| {
@@ -178,7 +178,7 @@ fn hash(name: &str, key: &str) -> u64 {
     hash ^ (hash >> 32)
 }
 
-/// A file of a folder or below it: no other, no link, nothing but a file.
+/// Opens a regular file of a folder or below it; other files and links are refused.
 pub fn open(folder: &Path, file: &str) -> Result<Source, Failure> {
     let refused = |why: &str| {
         Failure::input(format!("{file:?} {why}; give a file beside this one or below, by its relative path"))
@@ -196,7 +196,7 @@ pub fn open(folder: &Path, file: &str) -> Result<Source, Failure> {
             return Err(refused("is or passes through a symbolic link"));
         }
     }
-    // Opening anything but a file might wait forever.
+    // Opening anything but a regular file might block.
     if !at.is_file() {
         return Err(refused("is not a file"));
     }

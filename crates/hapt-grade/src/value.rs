@@ -15,17 +15,17 @@ use serde_json::Value;
 use super::pack::{Of, Take};
 use crate::failure::Failure;
 
-/// The limits of a world that is graded: far beyond a lesson's, and soon computed.
+/// The limits of a graded world: far beyond a lesson's, and fast to compute.
 const MAX_BODIES: usize = 8;
 const MAX_COUPLINGS: usize = 16;
 const MAX_SAMPLES: f64 = 1e6;
 const MAX_PERIODS: f64 = 64.0;
-/// The longest that one value may take.
+/// The time limit of one value.
 const TIME_LIMIT: Duration = Duration::from_secs(60);
 
 const MAX_STATIONS: usize = 16;
 
-/// A world or a network whose values are asked for.
+/// A world or a network whose values are requested.
 pub struct Subject<'a> {
     pub source: &'a Source,
     pub sets: Vec<String>,
@@ -33,7 +33,7 @@ pub struct Subject<'a> {
 }
 
 impl Subject<'_> {
-    /// What is asked for, within the limits.
+    /// The system, where it is within the limits.
     pub fn system(&self) -> Result<System, Failure> {
         let system = System::read(self.source, &self.sets)?;
         self.most_of("stations", system.stations.len(), MAX_STATIONS)?;
@@ -131,7 +131,7 @@ impl Subject<'_> {
         field(&in_time(|| hapt_analysis::check_system(&system, wanted))??, pointer)
     }
 
-    /// A column of a run, of a network that of a station.
+    /// A column of a run; of a network, that of a station.
     fn column(&self, system: &System, station: Option<&str>, name: &str, take: Take) -> Result<f64, Failure> {
         let names: Vec<&str> = system.stations.iter().map(|station| station.name.as_str()).collect();
         let named = || names.iter().position(|known| Some(*known) == station);
@@ -200,7 +200,7 @@ fn too_long() -> Failure {
     Failure::input(format!("a value takes longer than the {seconds} s that hapt-grade gives it; take a smaller world"))
 }
 
-/// The result of an analysis, which ends when its time is over.
+/// The result of an analysis, which is ended at its time limit.
 fn in_time<T>(work: impl FnOnce() -> T) -> Result<T, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     let (done, ends) = channel::<()>();

@@ -1,4 +1,4 @@
-//! The course's packs, their keys, and answers that are no answers.
+//! The course's packs, their keys, and invalid answers.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use std::process::Command;
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// How a run ended, and what it said.
+/// The exit code and the output of a run.
 #[derive(Debug)]
 struct Ended {
     code: Option<i32>,
@@ -55,7 +55,7 @@ fn lesson(name: &str) -> PathBuf {
     lessons().into_iter().find(|lesson| lesson.ends_with(name)).unwrap()
 }
 
-/// The answer file of a lesson that this repository keeps beside its tests.
+/// The answer file of a lesson in this folder of tests.
 fn kept(lesson: &Path, which: &str) -> PathBuf {
     let tests = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/course");
     tests.join(lesson.file_name().unwrap()).join(format!("{which}.toml"))
@@ -97,7 +97,7 @@ fn every_answer_of_a_wrong_file_is_graded_as_wrong() {
 fn one_wrong_answer_costs_its_own_points_and_no_others() {
     for lesson in lessons() {
         let read = |which| fs::read_to_string(kept(&lesson, which)).unwrap();
-        // An answer a line, in the same order in both files.
+        // One answer per line, in the same order in both files.
         let (right, wrong) = (read("right"), read("wrong"));
         assert_eq!(right.lines().count(), wrong.lines().count());
         for (at, line) in wrong.lines().enumerate() {
@@ -135,7 +135,7 @@ fn the_expected_answers_follow_the_students_numbers() {
 }
 
 #[test]
-fn a_world_file_answers_where_inline_keys_do_and_its_changes_are_held_to_the_same_keys() {
+fn a_world_file_answers_as_inline_keys_do_and_may_change_the_same_keys() {
     let lesson = lesson("passivity");
     let starter = fs::read_to_string(lesson.join("starter.toml")).unwrap();
     let graded = |world: &str| {
@@ -179,7 +179,7 @@ fn an_answer_reads_no_file_outside_of_its_folder_and_nothing_but_files() {
     cannot_be_read(&lesson, &inner, "broken.toml", "loop.period");
 }
 
-/// A row says so, and the other answers are graded.
+/// A row reports an unreadable answer, and the other answers are graded.
 fn cannot_be_read(lesson: &Path, inner: &Path, file: &str, why: &str) {
     fs::write(inner.join("answer.toml"), format!("wall = {file:?}\nrequired = 2e-3\n")).unwrap();
     let ended = grade(lesson, &inner.join("answer.toml"), &[]);
@@ -189,9 +189,9 @@ fn cannot_be_read(lesson: &Path, inner: &Path, file: &str, why: &str) {
     assert!(row("required").contains("right"), "{ended:?}");
 }
 
-/// Whatever a student writes, the table has the columns that it seems to have.
+/// For any text of a student the table has its own columns.
 #[test]
-fn no_answer_turns_or_hides_a_part_of_the_table() {
+fn no_answer_hides_or_reorders_a_part_of_the_table() {
     let lesson = lesson("passivity");
     let at = folder(&[]);
     for hidden in
@@ -234,7 +234,7 @@ fn answers_that_are_too_large_or_malformed_are_wrong_with_their_place() {
     is_a_row(&grade(&lesson, &at.path().join("answer.toml"), &[]), &["larger than 1 MiB"]);
 }
 
-/// A world that cannot be read is a wrong answer that says why, so that all others are graded; answers that cannot be read are refused.
+/// A world that cannot be read is a wrong answer with its reason, so that all others are graded; an answer file that cannot be read is refused.
 fn is_a_row(ended: &Ended, words: &[&str]) {
     let is_row = ended.out.contains("cannot be read");
     assert_eq!(ended.code, Some(if is_row { 1 } else { 2 }), "{ended:?}");
@@ -262,7 +262,7 @@ fn a_pack_with_a_mistake_is_refused_with_its_name() {
 }
 
 #[test]
-fn a_question_about_a_network_that_only_a_world_answers_is_refused_by_its_name() {
+fn a_question_about_a_network_that_only_a_world_can_answer_is_refused_by_its_name() {
     let starter = "[stations.a]\nworld = \"w.toml\"\n[stations.b]\nworld = \"w.toml\"\n\
                    [[links]]\nkind = \"spring\"\nbetween = [\"a\", \"b\"]\nstiffness = \"0.1 N m/rad\"\nage_max = \"20 ms\"\n";
     let world = "loop.period = \"1 ms\"\ndevice = { inertia = \"6.4e-4 kg m^2\", damping = \"0.02 N m s/rad\" }\n\
@@ -283,7 +283,7 @@ fn a_question_about_a_network_that_only_a_world_answers_is_refused_by_its_name()
             folder(&[("pack.toml", &pack), ("starter.toml", starter), ("w.toml", world), ("answer.toml", "q = 1")]);
         hapt_grade(at.path(), [".", "answer.toml"]).refused(2, &["q", says]);
     }
-    // What is there is graded: the first wheel is held at 10°.
+    // Existing columns are graded: the first wheel is held at 10°.
     let pack = format!(
         "title = \"t\"\n[[questions]]\nid = \"q\"\ntext = \"?\"\nunit = \"rad\"\n{}\n",
         column(", station = \"a\"")
@@ -298,7 +298,7 @@ fn a_question_about_a_network_that_only_a_world_answers_is_refused_by_its_name()
 }
 
 #[test]
-fn a_template_is_a_file_of_answers_with_a_line_a_question() {
+fn a_template_is_a_file_of_answers_with_one_line_per_question() {
     for lesson in lessons() {
         let pack = lesson.to_str().unwrap();
         let template = hapt_grade(Path::new("."), [pack, "--template"]).done().out;
@@ -321,7 +321,7 @@ fn a_template_is_a_file_of_answers_with_a_line_a_question() {
 }
 
 #[test]
-fn the_key_is_of_answers_and_a_bad_usage_is_refused() {
+fn the_key_needs_answers_and_a_bad_usage_is_refused() {
     let wall = lesson("wall");
     let wall = wall.to_str().unwrap();
     hapt_grade(Path::new("."), [wall, "--key"]).refused(2, &["ANSWER.toml"]);

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::fault::{self, fault};
 use super::numbers::Numbers;
 use super::registers::{Parser, Resolution, Subframe, Value, Writer};
-use super::{EVERYBODY, REPLY, mode, register};
+use super::{BROADCAST, REPLY, mode, register};
 use crate::can::Bus;
 use crate::drive::{Drive, DriveError, DriveFault, DriveLimits, Error, OTHERS, ShaftState};
 use crate::frame::Frame;
@@ -34,10 +34,10 @@ const STOP: Value = Value::Int8(mode::STOPPED as i8);
 /// watchdog's time. Both gains and the limit of the integrator are 0, and trajectories have no limits, so that the torque is the commanded
 /// one for every tuning of the drive.
 ///
-/// Each frame writes its number into a register that the mode in use does not look at, and reads what stood there before and what stands
-/// there now. The second assigns the answer to its frame, so that a late answer is recognised. The first is the number of the drive's
-/// previous frame: a command of another host sets it to 0, and a lost or repeated command of this host leaves another number. A drive
-/// that was stopped when a command arrived is stopped again at once.
+/// Each frame writes its number into a register that the mode in use ignores, and reads the register's value before and after that. The
+/// latter assigns the answer to its frame, so that a late answer is recognised. The former is the number of the drive's previous frame: a
+/// command of another host sets it to 0, and a lost or repeated command of this host leaves another number. A drive that was stopped when
+/// a command arrived is stopped again at once.
 ///
 /// No other host may command the drive: a frame of another host on the bus is a fault too.
 pub struct Moteus {
@@ -163,7 +163,7 @@ impl Moteus {
         if frame.id >> 16 != 0 {
             return Received::Nothing;
         }
-        if to == u32::from(self.id) || to == EVERYBODY {
+        if to == u32::from(self.id) || to == BROADCAST {
             return Received::Foreign;
         }
         if frame.id & REPLY != 0 || from != u32::from(self.id) {
@@ -233,7 +233,7 @@ impl Moteus {
         self.lost = if sent.is_taken { 0 } else { self.lost + 1 };
         self.unanswered = if sent.is_answered { 0 } else { self.unanswered + 1 };
         if self.lost >= LOST || self.unanswered >= UNANSWERED {
-            self.fault.get_or_insert(fault::UNHEARD);
+            self.fault.get_or_insert(fault::NOT_EXECUTED);
         }
     }
 
@@ -294,7 +294,7 @@ impl Moteus {
 
     /// The other drives on the bus, as the end of a sentence.
     fn others(&mut self) -> String {
-        let everybody = Writer::new(REPLY | EVERYBODY).read(register::MODE, 1, Resolution::Int8).frame();
+        let everybody = Writer::new(REPLY | BROADCAST).read(register::MODE, 1, Resolution::Int8).frame();
         let until = Instant::now() + REPLY_TIMEOUT;
         let mut seen = Vec::new();
         if self.bus.send(&everybody, until).is_ok() {
@@ -347,7 +347,7 @@ impl Drive for Moteus {
     fn start(&mut self, limits: &DriveLimits) -> Result<ShaftState, Error> {
         (self.limits, self.ran, self.fault) = (*limits, false, None);
         (self.command, self.lost, self.unanswered) = (None, 0, 0);
-        // Alone, because a bus that is down says so here.
+        // Sent separately: a bus that is down fails here.
         let stop = self.stopping();
         let sent = self.bus.send(&stop, Instant::now() + REPLY_TIMEOUT);
         sent.map_err(|error| Error::Gone { name: self.name.clone(), error })?;
@@ -377,7 +377,7 @@ impl Drive for Moteus {
             if mode == mode::POSITION {
                 let position = status.position.unwrap_or(f32::NAN);
                 if position.abs() < FARTHEST {
-                    // From now on a stopped mode comes from elsewhere.
+                    // From now on a stopped mode has another cause than this start.
                     self.ran = true;
                     return Ok(ShaftState {
                         position: position.into(),

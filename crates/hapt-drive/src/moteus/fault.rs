@@ -9,14 +9,14 @@ use crate::drive::DriveFault;
 pub const FOREIGN: DriveFault = DriveFault { code: 0, what: "another host addresses it", reason: Some(Reason::Link) };
 
 /// The drive does not execute the commands, or does not confirm them.
-pub const UNHEARD: DriveFault = DriveFault {
+pub const NOT_EXECUTED: DriveFault = DriveFault {
     code: 0,
     what: "commands do not reach it, or their answers do not come back",
     reason: Some(Reason::Late),
 };
 
 /// The meaning of mode and fault register, where the drive gives no torque, or may give another one than commanded. A number that is not known
-/// to be harmless is a fault in whatever mode: a new firmware may go on with it. A stopped drive keeps the number of its last fault up to the
+/// to be harmless is a fault in every mode: a new firmware may continue with it. A stopped drive keeps the number of its last fault up to the
 /// next start.
 pub fn fault(mode: i32, code: i32) -> Option<DriveFault> {
     match mode {
@@ -34,7 +34,7 @@ pub fn fault(mode: i32, code: i32) -> Option<DriveFault> {
     }
 }
 
-/// These put current where it makes no torque, and are harmless.
+/// These codes set a current that gives no torque, and are harmless.
 const FLUX_BRAKING: i32 = 104;
 const FIELD_WEAKENING: i32 = 105;
 
@@ -58,12 +58,12 @@ fn limit(code: i32) -> Option<DriveFault> {
     Some(DriveFault { code: number(code), what, reason })
 }
 
-/// As the drive prints it: the register is read as 8 bits with a sign.
+/// The number in the drive's own notation: the register is read as a signed byte.
 fn number(code: i32) -> u32 {
     u32::from(code as u8)
 }
 
-/// By the number in register 0x00f.
+/// The fault of a number in register 0x00f.
 fn named(code: i32) -> DriveFault {
     let (what, reason) = match code {
         32 => ("calibration fault: the encoder detected no magnet", Some(Reason::Jump)),

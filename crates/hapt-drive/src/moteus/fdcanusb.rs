@@ -3,7 +3,7 @@
 //! ```text
 //! > can send 8001 1f01 bF        to the adapter: identifier, data, flags (B or b: faster data or not, F: FD)
 //! < OK                           it was sent
-//! < rcv 0100 2f01... E B F       a frame has come
+//! < rcv 0100 2f01... E B F       a frame was received
 //! ```
 //!
 //! Where the port is a drive's own UART and no fdcanusb, every line ends with ` *` and a CRC-8, of the polynomial 0x97, of everything
@@ -70,7 +70,7 @@ impl Adapter {
         Adapter { lines: Lines::new(line), checked: false }
     }
 
-    /// A host that sends without reading loses it.
+    /// Sends a reply; a host that does not read loses it.
     fn reply(&mut self, what: &[u8], until: Instant) -> io::Result<()> {
         let mut text = Text::new();
         text.put(what);
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn who_sends_and_never_reads_does_not_end_the_adapter() {
+    fn a_host_that_never_reads_does_not_end_the_adapter() {
         let (line, path) = pty().unwrap();
         let mut adapter = Adapter::new(line);
         let mut client = Client::new(Line::open(&path).unwrap(), true);
@@ -215,7 +215,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_line_is_a_danger(line in proptest::collection::vec(any::<u8>(), 0..200)) {
+        fn any_line_is_parsed_without_a_panic(line in proptest::collection::vec(any::<u8>(), 0..200)) {
             if let Some((line, _)) = unchecked(&line) {
                 let _ = frame(line);
             }

@@ -21,7 +21,7 @@ pub const NOP: u8 = 0x50;
 /// The bit of a frame's identifier that requests an answer.
 const REPLY: u32 = 0x8000;
 /// The broadcast identifier.
-const EVERYBODY: u32 = 0x7f;
+const BROADCAST: u32 = 0x7f;
 
 /// Registers by their numbers.
 mod register {

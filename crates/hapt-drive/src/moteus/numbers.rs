@@ -73,10 +73,10 @@ mod tests {
     }
 
     proptest! {
-        /// Any losses of frames and answers are not mistaken for another host; another host, and a doubled frame of this one, are detected
-        /// with the next answer.
+        /// Losses of frames and answers are not mistaken for another host; another host, and a doubled frame of this one, are detected with the
+        /// next answer.
         #[test]
-        fn others_are_seen_and_losses_are_not_taken_for_others(
+        fn other_hosts_are_detected_and_losses_are_not_mistaken_for_them(
             from in prop_oneof![Just(0), Just(LARGEST - 20), 0..LARGEST],
             lost in proptest::collection::vec((any::<bool>(), any::<bool>()), 0..40),
             again in any::<bool>(),

@@ -50,7 +50,7 @@ pub enum Subframe {
 }
 
 impl Value {
-    /// In its register's unit, whose integer steps are `scales` for 8, 16 and 32 bits.
+    /// The value in its register's unit, whose integer steps are `scales` for 8, 16 and 32 bits.
     pub fn scaled(self, scales: [f32; 3]) -> f32 {
         match self {
             Value::Int8(i8::MIN) | Value::Int16(i16::MIN) | Value::Int32(i32::MIN) => f32::NAN,
@@ -332,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn what_finds_no_room_is_left_out_whole() {
+    fn a_subframe_that_does_not_fit_is_omitted_completely() {
         let full = Writer::new(1).write(0x20, &[Value::Float(1.0); 14]);
         assert_eq!(Parser::new(full.write(0x30, &[Value::Float(1.0); 3]).frame().data()).count(), 14);
         assert_eq!(Parser::new(full.write(0, &[Value::Int8(1)]).frame().data()).count(), 15);
@@ -349,7 +349,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_was_written_is_read(register in 0_u32..100_000, value in a_value(), count in 1_usize..12) {
+        fn written_registers_read_back(register in 0_u32..100_000, value in a_value(), count in 1_usize..12) {
             let written = Writer::new(1).write(register, &vec![value; count]).reply(register, &[value]).frame();
             let wanted = (0..count as u32).map(|i| Subframe::Write(register + i, value));
             let wanted: Vec<_> = wanted.chain([Subframe::Reply(register, value)]).collect();
@@ -358,7 +358,7 @@ mod tests {
 
         /// Parsing random bytes ends, with no more subframes than bytes.
         #[test]
-        fn garbage_is_no_danger(data in proptest::collection::vec(any::<u8>(), 0..=64)) {
+        fn random_bytes_are_parsed_without_a_panic(data in proptest::collection::vec(any::<u8>(), 0..=64)) {
             let answers = Parser::new(&data).take(1 << 17).filter(|part| !matches!(part, Subframe::Read(..)));
             prop_assert!(answers.count() <= data.len());
         }

@@ -7,7 +7,7 @@
 
 use super::registers::{Parser, Resolution, Subframe, Value, Writer};
 use super::tuning::{MOTOR, Tuning};
-use super::{EVERYBODY, REPLY, mode, register};
+use super::{BROADCAST, REPLY, mode, register};
 use crate::frame::Frame;
 use crate::simulate::{Firmware, Shaft};
 
@@ -265,7 +265,7 @@ impl Firmware for Simulated {
 
     fn receive(&mut self, frame: &Frame, shaft: Shaft, send: &mut dyn FnMut(Frame)) {
         let (to, source) = (frame.id & 0x7f, frame.id >> 8 & 0x7f);
-        if frame.id >> 16 != 0 || ![u32::from(self.id), EVERYBODY].contains(&to) {
+        if frame.id >> 16 != 0 || ![u32::from(self.id), BROADCAST].contains(&to) {
             return;
         }
         let mut answer = Writer::new(u32::from(self.id) << 8 | source);

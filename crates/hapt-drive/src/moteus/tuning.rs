@@ -52,7 +52,7 @@ impl Tuning {
             }
         };
         if let Some(position) = position {
-            // Only outward torque.
+            // Only torque outwards is limited.
             let beyond = if torque > 0.0 { position - self.position.1 } else { self.position.0 - position };
             if beyond > 0.0 && torque != 0.0 {
                 hold(torque * (1.0 - beyond / self.position_derate).max(0.0), &mut torque, 103);

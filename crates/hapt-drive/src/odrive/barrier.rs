@@ -81,7 +81,7 @@ mod tests {
     proptest! {
         /// With any delay and any losses, only the answer of this sample passes.
         #[test]
-        fn no_answer_passes_but_that_to_this_samples_question(late in 0_usize..8, lost in proptest::collection::vec(0_u8..4, 200)) {
+        fn only_the_answer_to_this_samples_request_passes(late in 0_usize..8, lost in proptest::collection::vec(0_u8..4, 200)) {
             let mut barrier = Barrier::new(ALL);
             let mut under_way: VecDeque<Option<(usize, Command)>> = VecDeque::from(vec![None; late]);
             for (sample, lost) in lost.iter().enumerate() {
@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_said_unasked_is_no_barrier_any_more() {
+    fn a_kind_that_is_sent_cyclically_is_no_barrier() {
         let mut barrier = Barrier::new(ALL);
         barrier.pass();
         assert!(!barrier.is_passed_by(Command::Bus));
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_never_answers_is_asked_again_after_a_while() {
+    fn an_unanswered_request_is_repeated_after_its_timeout() {
         let mut barrier = Barrier::new(ALL);
         let asked = (0..LOST + 1).filter(|_| {
             barrier.pass();

@@ -1,4 +1,4 @@
-//! CANSimple: the messages of ODrive's drives, as the DBC files of firmware 0.5.6 and 0.6.10 have them.
+//! CANSimple: the messages of ODrive's drives, by the DBC files of firmware 0.5.6 and 0.6.10.
 //!
 //! A frame's 11-bit identifier is `node << 5 | command`, its data up to 8 bytes, numbers little-endian, floats of 32 bits. Positions
 //! are in revolutions, torques in N·m. A host requests data by a remote frame of the same identifier.

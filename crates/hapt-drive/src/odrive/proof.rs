@@ -1,5 +1,5 @@
-//! Verification that the drive applies the commanded torque. Requests feed its watchdog too: only this check detects that torque frames
-//! alone are lost.
+//! Verification that the drive applies the commanded torque. Requests feed its watchdog too: only this check detects the loss of only the
+//! torque frames.
 
 use hapt_core::Reason;
 use hapt_rt::DriveFault;
@@ -64,7 +64,7 @@ impl Proof {
     }
 
     /// Registers a command.
-    pub fn tell(&mut self, torque: f64) {
+    pub fn record_command(&mut self, torque: f64) {
         self.commanded = [torque, self.commanded[0]];
     }
 
@@ -91,11 +91,11 @@ impl Proof {
             // Small currents are inconclusive until the motor's constant is known.
             None => last.abs() <= MIN_TORQUE_RATIO * self.most,
         };
-        let lets_go = (self.constant.unwrap_or(1.0) * uses).abs() <= USED_TOLERANCE[1] * self.most;
+        let is_zero = (self.constant.unwrap_or(1.0) * uses).abs() <= USED_TOLERANCE[1] * self.most;
         let (uses, makes) = (agrees(uses, USED_TOLERANCE), agrees(makes, MADE_TOLERANCE));
         // A setpoint of zero means idle, and the heartbeat reports the reason.
-        self.wrong = if uses || lets_go { 0 } else { self.wrong + 1 };
-        self.idle = if makes && (uses || !lets_go) { (0, 0.0) } else { (self.idle.0 + 1, self.idle.1) };
+        self.wrong = if uses || is_zero { 0 } else { self.wrong + 1 };
+        self.idle = if makes && (uses || !is_zero) { (0, 0.0) } else { (self.idle.0 + 1, self.idle.1) };
         self.unproven = 0;
     }
 
@@ -134,7 +134,7 @@ mod tests {
                 return Some(fault);
             }
             let torque = 0.3 + 0.2 * (0.1 * f64::from(k)).sin();
-            proof.tell(torque);
+            proof.record_command(torque);
             commanded.push(torque);
         }
         None
@@ -155,7 +155,7 @@ mod tests {
         }
 
         #[test]
-        fn a_drive_that_does_not_is_found_out(constant in 0.01_f64..5.0, held in 0.01_f64..1.0, age in 1_usize..3) {
+        fn a_drive_that_uses_another_torque_fails(constant in 0.01_f64..5.0, held in 0.01_f64..1.0, age in 1_usize..3) {
             for (kind, one) in [(Command::Torques, 1.0), (Command::Current, constant)] {
                 let lost = |commanded: &[f64]| Some((if commanded.len() < 60 { newest(commanded, 0) } else { held } / one, newest(commanded, 0) / one));
                 prop_assert_eq!(fault(kind, 60 + 40, lost), Some(DISAGREES));

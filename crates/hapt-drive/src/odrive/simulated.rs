@@ -1,4 +1,4 @@
-//! A simulated ODrive as seen from the bus: its messages, states, errors and watchdog.
+//! The bus interface of a simulated ODrive: its messages, states, errors and watchdog.
 //!
 //! Firmware 0.6, or 0.5 after its published source: 0.5 does not report its version, its watchdog also expires while disarmed, its
 //! heartbeat contains present errors and not the reason of the last disarming, and it has no position until it has been armed once.
@@ -45,7 +45,7 @@ pub struct Simulated {
     /// Time of its watchdog, s; `None`: off.
     watchdog: Option<f64>,
     /// Time since the watchdog was fed, s.
-    hungry: f64,
+    since_fed: f64,
     is_armed: bool,
     was_armed: bool,
     error: u32,
@@ -73,7 +73,7 @@ impl Simulated {
             node,
             version: Version::LATE,
             watchdog: Some(WATCHDOG),
-            hungry: 0.0,
+            since_fed: 0.0,
             is_armed: false,
             was_armed: false,
             error: 0,
@@ -281,7 +281,7 @@ impl Firmware for Simulated {
     fn receive(&mut self, frame: &Frame, shaft: Shaft, send: &mut dyn FnMut(Frame)) {
         if self.id(frame).is_some() {
             // Any frame feeds the watchdog.
-            self.hungry = 0.0;
+            self.since_fed = 0.0;
         }
         let Some(command) = self.command(frame) else { return };
         if frame.data().is_empty() {
@@ -295,8 +295,8 @@ impl Firmware for Simulated {
     }
 
     fn pass(&mut self, seconds: f64, shaft: Shaft, send: &mut dyn FnMut(Frame)) -> f64 {
-        self.hungry += seconds;
-        if self.watchdog.is_some_and(|watchdog| self.hungry > watchdog) && (self.is_armed || self.version.is_old()) {
+        self.since_fed += seconds;
+        if self.watchdog.is_some_and(|watchdog| self.since_fed > watchdog) && (self.is_armed || self.version.is_old()) {
             self.fail(self.version.watchdog());
         }
         if self.is_armed {

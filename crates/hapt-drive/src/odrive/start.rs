@@ -5,12 +5,12 @@ use std::time::{Duration, Instant};
 use super::barrier::{Barrier, KINDS};
 use super::codec::{self, Command, Heartbeat, PASSTHROUGH, Version, control, state};
 use super::proof::Proof;
-use super::{A_STATE, AN_ANSWER, Odrive, Received};
+use super::{ANSWER_TIMEOUT, Odrive, Received, STATE_TIMEOUT};
 use crate::drive::{Drive, Error, OTHERS, ShaftState};
 use crate::frame::Frame;
 
 /// The longest accepted time of a drive's watchdog.
-pub const LONGEST_WATCHDOG: Duration = Duration::from_millis(100);
+pub const MAX_WATCHDOG: Duration = Duration::from_millis(100);
 /// The factory period of heartbeats, with a margin for a busy bus.
 const HEARTBEAT: Duration = Duration::from_millis(200);
 /// Beyond this position, in revolutions, the resolution of a float is coarser than 1/65 536 of a revolution.
@@ -32,12 +32,12 @@ impl Odrive {
         self.asked = Some(Instant::now());
         self.is_there()?;
         self.clear()?;
-        self.bites()?;
+        self.tests_watchdog()?;
         self.clear()?;
         // Earlier answers arrive before this one.
         if let Some(kind) = self.barrier.ask() {
             self.ask(kind)?;
-            self.until(AN_ANSWER, false, |_, said| {
+            self.until(ANSWER_TIMEOUT, false, |_, said| {
                 matches!(said, Received::Other(answer, _) if answer == kind).then_some(())
             })?;
             self.barrier.is_passed_by(kind);
@@ -63,7 +63,7 @@ impl Odrive {
         self.stop();
         let node = self.node;
         let mut others = [false; 64];
-        let heartbeat = self.until(A_STATE, false, |frame, said| {
+        let heartbeat = self.until(STATE_TIMEOUT, false, |frame, said| {
             if let (Received::Nothing, false) = (&said, frame.extended)
                 && frame.id & 0x1f == Command::Heartbeat as u32
                 && let Some(other) = others.get_mut((frame.id >> 5) as usize)
@@ -101,7 +101,7 @@ impl Odrive {
             if kind != Command::Torques || !self.version.is_old() {
                 self.ask(kind)?;
             }
-            self.until::<()>(AN_ANSWER, false, |_, said| {
+            self.until::<()>(ANSWER_TIMEOUT, false, |_, said| {
                 match said {
                     Received::Other(answer, _) if answer == kind => answers[now] += 1,
                     Received::Other(answer, _) => {
@@ -146,13 +146,13 @@ impl Odrive {
 
     /// Clears latched errors; an error where one remains.
     fn clear(&mut self) -> Result<(), Error> {
-        self.tell(Command::Clear, [0; 8])?;
+        self.send(Command::Clear, [0; 8])?;
         let left = if self.version.is_old() {
             let mut left = self.last_error()?;
             // If this machine pauses, the watchdog of a disarmed drive expires again.
             for _ in 1..TRIES {
                 if left == Some(self.version.watchdog()) {
-                    self.tell(Command::Clear, [0; 8])?;
+                    self.send(Command::Clear, [0; 8])?;
                     left = self.last_error()?;
                 }
             }
@@ -170,7 +170,7 @@ impl Odrive {
     /// The error of the second heartbeat from now on, or of the first one without an error: the first may be old.
     fn last_error(&mut self) -> Result<Option<u32>, Error> {
         let mut seen = 0;
-        self.until(A_STATE, true, |_, said| {
+        self.until(STATE_TIMEOUT, true, |_, said| {
             let Received::Heartbeat(heartbeat) = said else { return None };
             seen += 1;
             (heartbeat.error == 0 || seen == 2).then_some(heartbeat.error)
@@ -178,12 +178,12 @@ impl Odrive {
     }
 
     /// Tests the drive's watchdog: armed with a torque of zero, the drive has to disarm when it receives no frames.
-    fn bites(&mut self) -> Result<(), Error> {
-        self.tell(Command::Mode, codec::pair(control::TORQUE, PASSTHROUGH))?;
-        self.tell(Command::Torque, [0; 8])?;
-        self.tell(Command::State, codec::pair(state::CLOSED_LOOP, 0))?;
+    fn tests_watchdog(&mut self) -> Result<(), Error> {
+        self.send(Command::Mode, codec::pair(control::TORQUE, PASSTHROUGH))?;
+        self.send(Command::Torque, [0; 8])?;
+        self.send(Command::State, codec::pair(state::CLOSED_LOOP, 0))?;
         let mut last = Heartbeat::default();
-        let armed = self.until(A_STATE, true, |_, said| {
+        let armed = self.until(STATE_TIMEOUT, true, |_, said| {
             let Received::Heartbeat(heartbeat) = said else { return None };
             last = heartbeat;
             (u32::from(heartbeat.state) == state::CLOSED_LOOP).then_some(())
@@ -193,7 +193,7 @@ impl Odrive {
             let why = format!("does not arm: {} (its code {}, axis state {})", fault.what, fault.code, last.state);
             return Err(self.refused(why));
         }
-        let (silence, longest) = (Instant::now(), LONGEST_WATCHDOG + HEARTBEAT);
+        let (silence, longest) = (Instant::now(), MAX_WATCHDOG + HEARTBEAT);
         let disarmed = self.until(longest, false, |_, said| {
             let Received::Heartbeat(heartbeat) = said else { return None };
             (u32::from(heartbeat.state) != state::CLOSED_LOOP).then_some(heartbeat.error)
@@ -203,7 +203,7 @@ impl Odrive {
             Some(_) if silence.elapsed() > longest => Err(self
                 .refused("could not be observed while its watchdog was tested: this machine paused. Try again".into())),
             Some(error) if error & self.version.watchdog() != 0 => {
-                self.bitten = silence.elapsed();
+                self.watchdog_time = silence.elapsed();
                 Ok(())
             }
             Some(error) => Err(Error::Fault { drive: self.name.clone(), fault: self.version.fault(error) }),
@@ -220,7 +220,7 @@ impl Odrive {
     fn answer<T>(&mut self, command: Command, take: impl Fn(Received) -> Option<T>) -> Result<Option<T>, Error> {
         for tried in 0..TRIES {
             self.ask(command)?;
-            let answer = self.until(AN_ANSWER, false, |_, said| take(said))?;
+            let answer = self.until(ANSWER_TIMEOUT, false, |_, said| take(said))?;
             if answer.is_some() {
                 // Answers to the other attempts may still arrive.
                 self.owed = if command == Command::Estimates { tried } else { self.owed };
@@ -255,7 +255,7 @@ impl Odrive {
                 continue;
             };
             let said = self.decode(&frame);
-            let is_answer = self.asked.is_some_and(|asked| asked.elapsed() <= AN_ANSWER);
+            let is_answer = self.asked.is_some_and(|asked| asked.elapsed() <= ANSWER_TIMEOUT);
             self.chats |= matches!(said, Received::Estimates(_)) && !is_answer;
             if let Some(taken) = take(&frame, said) {
                 return Ok(Some(taken));

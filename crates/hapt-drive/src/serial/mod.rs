@@ -15,10 +15,10 @@ pub use unix::{Line, pty, wait};
 #[cfg(windows)]
 pub use windows::Line;
 
-/// The usual speed of a UART between a computer and a board or a drive, in bits per second. USB ports accept any.
+/// The default speed of a UART between a computer and a board or a drive, in bits per second. USB ports accept any speed.
 pub const SPEED: u32 = 921_600;
 
-/// The serial ports that the system lists, by name. On Linux [`crate::ports()`] says more of those on USB.
+/// The serial ports that the system lists, by name. On Linux [`crate::ports()`] gives more details of those on USB.
 ///
 /// # Errors
 /// Those of the system.

@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn a_port_that_is_pulled_out_is_an_error() {
+    fn a_removed_port_is_an_error() {
         let (ours, path) = pty().unwrap();
         let mut theirs = Line::open(&path).unwrap();
         drop(ours);

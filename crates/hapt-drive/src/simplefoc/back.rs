@@ -17,11 +17,11 @@ use crate::frame::Frame;
 /// Timeout of an answer before the loop runs, and the number of attempts.
 const REPLY_TIMEOUT: Duration = Duration::from_millis(100);
 const TRIES: u32 = 8;
-/// Opening its port resets many a board, and SimpleFOC then turns the motor to find its field.
-const STARTING: Duration = Duration::from_secs(10);
-/// The longest time until an expired watchdog shows, beyond its own.
-const EXPIRING: Duration = Duration::from_secs(1);
-const LOOKING: Duration = Duration::from_millis(2);
+/// Timeout of the start: opening its port resets many boards, and SimpleFOC then turns the motor to align its field.
+const START_TIMEOUT: Duration = Duration::from_secs(10);
+/// The longest time until an expired watchdog is reported, in addition to its own time.
+const EXPIRY_TIMEOUT: Duration = Duration::from_secs(1);
+const POLL_PERIOD: Duration = Duration::from_millis(2);
 /// Consecutive answers without the last target that fail.
 const LOST: u32 = 8;
 /// Units of its watchdog, per s.
@@ -35,9 +35,9 @@ const SKETCH: &str = "load the sketch simplefoc_drive of the library that hapt e
 
 /// A SimpleFOC board at a serial port, with hapt's sketch.
 ///
-/// A sample of the loop is two lines, both answered: a query and a target. Only a target feeds the board's watchdog. Every answer has the
-/// number of its line, so that a late one is recognised; the number of the target in use, so that lost targets are; and the board's state,
-/// which is on from the first target up to a fault or a restart, and never again before a start.
+/// A sample of the loop is two lines, both answered: a query and a target. Only a target feeds the board's watchdog. Every answer contains the
+/// number of its line, by which a late answer is recognised; the number of the target in use, by which lost targets are recognised; and the
+/// board's state, which is on from the first target up to a fault or a restart, and then off until a start.
 pub struct SimpleFoc {
     bus: Box<dyn Bus>,
     /// Its name in messages.
@@ -98,7 +98,7 @@ impl SimpleFoc {
         let answer = Answer::read(frame)?;
         let age = u32::from(self.number.wrapping_sub(answer.number));
         let is_on = self.since_on > 0;
-        // An answer from before it was switched on says nothing of the state since then.
+        // An answer from before it was switched on does not show the present state.
         if !is_on || age < self.since_on {
             self.fault = self.fault.or(fault(answer.state, is_on));
         }
@@ -140,9 +140,9 @@ impl SimpleFoc {
         if self.since_on > 0 {
             let is_last = answer.last == self.last;
             self.lost = if is_last { 0 } else { self.lost + 1 };
-            let unheard = (self.lost >= LOST).then_some(fault::UNHEARD);
+            let not_executed = (self.lost >= LOST).then_some(fault::NOT_EXECUTED);
             let another = self.proof.receive(answer.measured.into(), seconds).filter(|_| is_last);
-            self.fault = self.fault.or(unheard).or(another);
+            self.fault = self.fault.or(not_executed).or(another);
         }
         let turns = f64::from(answer.angle) / TAU;
         // One turn, to either side, with its rounding.
@@ -195,7 +195,7 @@ impl SimpleFoc {
 
     /// The board's version, unit and limit, once it has started.
     fn about(&mut self) -> Result<About, Error> {
-        let end = Instant::now() + STARTING;
+        let end = Instant::now() + START_TIMEOUT;
         loop {
             let frame = self.answer(kind::VERSION, &[], |frame| About::read(frame).map(|about| about.number))?;
             if let Some(about) = frame.as_ref().and_then(About::read) {
@@ -211,7 +211,7 @@ impl SimpleFoc {
     fn ceiling(&self, about: &About, torque: f64) -> Result<f32, Error> {
         let limit = f64::from(about.limit);
         let wanted = if torque.is_finite() { self.motor.target(torque) } else { limit };
-        // NaN is no limit either.
+        // A NaN limit is refused too.
         if wanted <= limit * (1.0 + ROUNDING) {
             return Ok(wanted.min(limit) as f32);
         }
@@ -253,7 +253,7 @@ impl SimpleFoc {
     /// Tests the board's watchdog: switched on with a target of zero, it has to switch off when no target arrives.
     fn expires(&mut self) -> Result<(), Error> {
         self.state_after(kind::ENABLE, &self.watchdog.to_be_bytes(), &[state::ON, state::EXPIRED])?;
-        let end = Instant::now() + EXPIRING + Duration::from_secs_f64(f64::from(self.watchdog) / WATCHDOG_UNITS);
+        let end = Instant::now() + EXPIRY_TIMEOUT + Duration::from_secs_f64(f64::from(self.watchdog) / WATCHDOG_UNITS);
         loop {
             let answer = self.state_after(kind::QUERY, &[], &[state::ON, state::EXPIRED])?;
             if answer.state == state::EXPIRED {
@@ -262,7 +262,7 @@ impl SimpleFoc {
             if Instant::now() >= end {
                 return Err(self.refused("keeps its motor on without targets: its sketch has no watchdog".into()));
             }
-            std::thread::sleep(LOOKING);
+            std::thread::sleep(POLL_PERIOD);
         }
     }
 
@@ -276,7 +276,7 @@ impl SimpleFoc {
         Err(self.stands())
     }
 
-    /// The fault that it stays in.
+    /// The error of a fault that does not clear.
     fn stands(&mut self) -> Error {
         self.stop();
         match self.fault {
@@ -326,7 +326,7 @@ impl Drive for SimpleFoc {
         let target = self.motor.target(if torque.is_finite() { torque } else { 0.0 }) as f32;
         let target = target.clamp(-self.most, self.most);
         self.last = self.send(kind::TARGET, &target.to_be_bytes(), until)?;
-        self.proof.tell(target.into());
+        self.proof.record_target(target.into());
         Ok(())
     }
 

@@ -1,4 +1,4 @@
-//! The kinds of lines, and what their bytes mean.
+//! The kinds of lines, and the meaning of their bytes.
 
 use crate::frame::Frame;
 
@@ -14,7 +14,7 @@ pub mod kind {
     pub const ENABLE: u8 = b'E';
     /// The target; the only line that feeds the watchdog.
     pub const TARGET: u8 = b'T';
-    /// Switches the motor off, and clears what is latched.
+    /// Switches the motor off, and clears a latched state.
     pub const STOP: u8 = b'S';
 }
 

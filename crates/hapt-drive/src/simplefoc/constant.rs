@@ -1,9 +1,9 @@
-//! The motor's constant: how many volts or amperes make a torque.
+//! The motor's constant: volts or amperes per torque.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// What the target is for a torque. SimpleFOC's torque is a voltage or a current; the factor is the motor's.
+/// The factor from torque to target. SimpleFOC's target is a voltage or a current; the factor is a property of the motor.
 ///
 /// ```
 /// use hapt_drive::simplefoc::MotorConstant;
@@ -23,7 +23,7 @@ pub enum MotorConstant {
     TorqueConstant(f64),
 }
 
-/// The number is finite.
+/// Sound, since the number is finite.
 impl Eq for MotorConstant {}
 
 const VOLTS: &str = "volts-per-torque";
@@ -46,7 +46,7 @@ impl MotorConstant {
         }
     }
 
-    /// The same motor where it makes this part of the commanded torque.
+    /// The corrected constant of a motor that gives this part of the commanded torque.
     #[must_use]
     pub fn corrected(self, gain: f64) -> Self {
         match self {
@@ -70,7 +70,7 @@ impl FromStr for MotorConstant {
                 ));
             }
         };
-        // Beyond these no motor is.
+        // No motor is outside of this range.
         let found = number.parse::<f64>().ok().filter(|number| (1e-6..=1e6).contains(number));
         found.map(make).ok_or_else(|| match number.split_once('&') {
             Some((_, more)) => format!("{text:?}: expected one option of a board, without {more:?}"),

@@ -22,22 +22,22 @@ pub fn fault(state: u8, is_on: bool) -> Option<DriveFault> {
     Some(DriveFault { code: state.into(), what, reason })
 }
 
-/// Targets do not arrive, or not the last one.
-pub const UNHEARD: DriveFault =
+/// Targets, or the last target, do not arrive.
+pub const NOT_EXECUTED: DriveFault =
     DriveFault { code: state::ON as u32, what: "targets do not reach it, or come late", reason: Some(Reason::Late) };
-/// The sensor's angle is not one.
+/// The sensor's angle is invalid.
 pub const NO_ANGLE: DriveFault =
     DriveFault { code: state::ON as u32, what: "its sensor gives no angle", reason: Some(Reason::Jump) };
 /// Turns are counted in 16 bits.
 pub const FARTHEST: DriveFault =
     DriveFault { code: state::ON as u32, what: "it has counted all the turns that it can", reason: Some(Reason::Jump) };
-/// By voltage: what the sketch applies is known exactly.
+/// Of a motor controlled by voltage: the sketch reports the applied voltage exactly.
 pub const ANOTHER_TARGET: DriveFault = DriveFault {
     code: state::ON as u32,
     what: "it uses another voltage than the commanded one: its sketch or its voltage_limit changes it",
     reason: None,
 };
-/// By current.
+/// Of a motor controlled by current.
 pub const ANOTHER_CURRENT: DriveFault = DriveFault {
     code: state::ON as u32,
     what: "its motor has another current than the commanded one: check its supply, its current_limit and its current sensors",

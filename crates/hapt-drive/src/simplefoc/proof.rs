@@ -30,7 +30,7 @@ impl Proof {
     }
 
     /// Registers a target.
-    pub fn tell(&mut self, target: f64) {
+    pub fn record_target(&mut self, target: f64) {
         self.recent.rotate_right(1);
         self.recent[0] = target;
     }

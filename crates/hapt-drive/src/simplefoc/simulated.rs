@@ -25,7 +25,7 @@ pub struct Simulated {
     last: u8,
     /// Time of its watchdog, and since the last target, s.
     watchdog: f64,
-    hungry: f64,
+    since_fed: f64,
 }
 
 impl Default for Simulated {
@@ -39,7 +39,7 @@ impl Default for Simulated {
             ceiling: 0.0,
             last: 0,
             watchdog: 0.0,
-            hungry: 0.0,
+            since_fed: 0.0,
         }
     }
 }
@@ -68,7 +68,7 @@ impl Simulated {
         Simulated { limit, ..self }
     }
 
-    /// As after a reset or a power failure.
+    /// Restarts, as after a reset or a power failure.
     pub fn restart(&mut self) {
         let Simulated { version, motor, limit, .. } = *self;
         *self = Simulated { version, motor, limit, ..Simulated::default() };
@@ -83,7 +83,7 @@ impl Simulated {
         (self.state, self.target) = (why, 0.0);
     }
 
-    /// Executes a line; `false`: it is none of the sketch's.
+    /// Executes a line; `false`: the sketch does not define it.
     fn obey(&mut self, frame: &Frame) -> bool {
         match (u8::try_from(frame.id).unwrap_or(0), frame.data()) {
             (kind::QUERY, [_]) => {}
@@ -103,14 +103,14 @@ impl Simulated {
                 let watchdog = u16::from_be_bytes([*a, *b]);
                 if self.state == state::OFF && watchdog > 0 {
                     (self.state, self.target, self.last) = (state::ON, 0.0, *number);
-                    (self.watchdog, self.hungry) = (f64::from(watchdog) * 1e-4, 0.0);
+                    (self.watchdog, self.since_fed) = (f64::from(watchdog) * 1e-4, 0.0);
                 }
             }
             (kind::TARGET, [number, a, b, c, d]) => {
                 let target = f32::from_be_bytes([*a, *b, *c, *d]);
                 if self.state == state::ON {
                     if (-self.ceiling..=self.ceiling).contains(&target) {
-                        (self.target, self.last, self.hungry) = (target, *number, 0.0);
+                        (self.target, self.last, self.since_fed) = (target, *number, 0.0);
                     } else {
                         self.off(state::REFUSED);
                     }
@@ -154,8 +154,8 @@ impl Firmware for Simulated {
     }
 
     fn pass(&mut self, seconds: f64, _shaft: Shaft, _send: &mut dyn FnMut(Frame)) -> f64 {
-        self.hungry += seconds;
-        if self.state == state::ON && self.hungry > self.watchdog {
+        self.since_fed += seconds;
+        if self.state == state::ON && self.since_fed > self.watchdog {
             self.off(state::EXPIRED);
         }
         // The torque of 1 V or 1 A is the reciprocal of the target for 1 N·m.

@@ -1,4 +1,4 @@
-//! A simulated drive on a thread of its own, with injected bus faults, and a loop on it.
+//! A simulated drive on its own thread, with injected bus faults, and a loop on it.
 #![allow(dead_code)]
 
 use std::collections::VecDeque;
@@ -191,16 +191,16 @@ impl Bus for Faulty {
 }
 
 /// A drive whose host waits longer by this many ms, so that a busy machine answers in time. In lockstep this takes no longer.
-pub struct Patient(pub Box<dyn Drive>, pub Arc<AtomicU64>);
+pub struct WaitingDrive(pub Box<dyn Drive>, pub Arc<AtomicU64>);
 
-impl Patient {
+impl WaitingDrive {
     /// Also where the machine paused until the deadline.
     fn until(&self, until: Instant) -> Instant {
         until.max(Instant::now()) + Duration::from_millis(self.1.load(SeqCst))
     }
 }
 
-impl Drive for Patient {
+impl Drive for WaitingDrive {
     fn start(&mut self, limits: &DriveLimits) -> Result<ShaftState, Error> {
         self.0.start(limits)
     }
@@ -244,7 +244,7 @@ pub struct TestBench {
     pub place: Place,
     make: Make,
     /// The additional waiting time of hosts, ms.
-    patience: Arc<AtomicU64>,
+    wait_ms: Arc<AtomicU64>,
     ends: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -280,7 +280,7 @@ impl TestBench {
                 }
             }
         });
-        TestBench { faults, place, make, patience: Arc::default(), ends, thread: Some(thread) }
+        TestBench { faults, place, make, wait_ms: Arc::default(), ends, thread: Some(thread) }
     }
 
     /// The back end for the drive with this identifier.
@@ -303,14 +303,14 @@ impl TestBench {
             Make::Moteus => Box::new(Moteus::new(bus, id, name)),
             Make::Simplefoc => Box::new(SimpleFoc::new(bus, MotorConstant::VoltsPerTorque(VOLTS_PER_TORQUE), &name)),
         };
-        Box::new(Patient(drive, Arc::clone(&self.patience)))
+        Box::new(WaitingDrive(drive, Arc::clone(&self.wait_ms)))
     }
 
     /// A loop on the drive with identifier 1, which waits this many ms for answers, for any period.
-    pub fn looped(&self, world: &World, patience: u64) -> Looped {
+    pub fn looped(&self, world: &World, wait_ms: u64) -> Looped {
         self.wait_for(0);
         let wheel = self.wheel(world);
-        self.wait_for(patience);
+        self.wait_for(wait_ms);
         Looped::on(Box::new(wheel), world)
     }
 
@@ -328,10 +328,10 @@ impl TestBench {
     }
 
     /// The same loop at full torque; repeated if the machine pauses and the drive's watchdog expires.
-    pub fn running(&self, world: &World, patience: u64) -> Looped {
+    pub fn running(&self, world: &World, wait_ms: u64) -> Looped {
         let mut last = None;
         for _ in 0..TRIES {
-            let mut looped = self.looped(world, patience);
+            let mut looped = self.looped(world, wait_ms);
             match looped.runs() {
                 Ok(_) => return looped,
                 ended => last = Some(ended),
@@ -341,8 +341,8 @@ impl TestBench {
     }
 
     /// Sets the waiting time of hosts, ms.
-    pub fn wait_for(&self, patience: u64) {
-        self.patience.store(patience, SeqCst);
+    pub fn wait_for(&self, wait_ms: u64) {
+        self.wait_ms.store(wait_ms, SeqCst);
     }
 
     /// Removes the other end.

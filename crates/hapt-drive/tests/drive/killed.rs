@@ -1,5 +1,4 @@
-//! The host is killed while a game's effect plays. Only the drive's watchdog takes the torque off, in time by the drive's own clock, which is
-//! all that passes here.
+//! The host is killed while a game's effect plays. Only the drive's watchdog removes the torque, by the drive's own clock.
 
 use std::collections::VecDeque;
 use std::io;
@@ -19,10 +18,10 @@ use crate::bench::world;
 
 const PERIOD: f64 = 1e-3;
 const LIMIT: f64 = 0.1;
-/// The time of a frame on its way, s.
+/// The transmission time of a frame, s.
 const FRAME: f64 = 0.1 * PERIOD;
 
-/// A drive, and what it has answered.
+/// A drive with its answers.
 struct Board {
     firmware: Simulated,
     answers: VecDeque<Frame>,
@@ -99,7 +98,7 @@ fn a_moteus_whose_host_is_killed_while_a_game_plays_holds_its_torque_for_ten_per
             "{} {link}",
             killed.torque
         );
-        // As by a kill -9: nothing says goodbye.
+        // As by a kill -9: no last frame is sent.
         std::mem::forget(cycle);
         let begin = killed.time;
         while killed.torque != 0.0 {

@@ -73,7 +73,7 @@ fn torque(way: Direction, frame: &Frame) -> bool {
 }
 
 #[test]
-fn torque_frames_that_are_lost_alone_end_the_loop_though_questions_feed_the_drives_watchdog() {
+fn losing_only_torque_frames_ends_the_loop_though_requests_feed_the_drives_watchdog() {
     in_time(|| {
         for firmware in odrives() {
             let ended = fault(ends(Make::Odrive, &firmware, 60, || {
@@ -114,7 +114,7 @@ fn torque_frames_that_are_late_or_changed_end_the_loop() {
 }
 
 #[test]
-fn a_heartbeat_that_stays_away_ends_the_loop() {
+fn a_missing_heartbeat_ends_the_loop() {
     in_time(|| {
         for firmware in odrives() {
             let ended = fault(ends(Make::Odrive, &firmware, 100_000, || {
@@ -127,7 +127,7 @@ fn a_heartbeat_that_stays_away_ends_the_loop() {
 
 /// With a missing or a repeated old heartbeat an idle drive is detected, and never switched on again.
 #[test]
-fn a_drive_that_is_made_idle_ends_the_loop_though_no_heartbeat_says_so() {
+fn an_idle_drive_ends_the_loop_though_no_heartbeat_reports_it() {
     in_time(|| {
         for firmware in odrives() {
             for repeated in [false, true] {
@@ -170,7 +170,7 @@ fn an_error_in_the_heartbeat_of_an_armed_drive_ends_the_loop_by_name() {
 }
 
 #[test]
-fn a_drive_that_does_not_say_which_torque_it_uses_is_not_driven_on() {
+fn a_drive_that_does_not_report_its_torque_ends_the_loop() {
     in_time(|| {
         for (firmware, kind) in odrives().iter().zip([Command::Torques, Command::Torques, Command::Current]) {
             let ended = fault(ends(Make::Odrive, firmware, 100, || {
@@ -218,7 +218,7 @@ fn stop() -> Frame {
 
 /// In a period that is long enough to switch the motor on again undetected.
 #[test]
-fn a_moteus_that_is_stopped_once_between_question_and_command_stays_stopped() {
+fn a_moteus_that_is_stopped_between_request_and_command_stays_stopped() {
     in_time(|| {
         let world = world(&["loop.period=20 ms", "couplings.0.stiffness=0.02", "safety.pulse=0", "safety.stall=1"]);
         let bench = TestBench::new(Make::Moteus, None, Box::new(moteus()), &world, lockstep(&world));
@@ -264,7 +264,7 @@ fn a_moteus_whose_commands_or_their_answers_are_lost_ends_the_loop() {
 }
 
 #[test]
-fn an_old_command_that_comes_late_or_again_ends_the_loop() {
+fn a_late_or_repeated_command_ends_the_loop() {
     in_time(|| {
         for (late, again) in [(1, false), (3, false), (0, true)] {
             let ended = fault(ends(Make::Moteus, &moteus(), 20, || {
@@ -288,7 +288,7 @@ fn an_old_command_that_comes_late_or_again_ends_the_loop() {
 }
 
 #[test]
-fn an_old_answer_of_a_moteus_is_never_taken_for_a_new_one() {
+fn an_old_answer_of_a_moteus_never_counts_as_a_new_one() {
     in_time(|| {
         let ends = ends(Make::Moteus, &moteus(), 40, || {
             let mut first = None;
@@ -303,7 +303,7 @@ fn an_old_answer_of_a_moteus_is_never_taken_for_a_new_one() {
 
 /// For every tuning: no torque but the commanded one, or an end that names the active limit.
 #[test]
-fn a_tuned_moteus_makes_the_torque_that_it_is_asked_for_and_no_other() {
+fn a_tuned_moteus_gives_only_the_commanded_torque() {
     in_time(|| {
         let world = world(&["safety.pulse=0", "couplings.0.stiffness=0"]);
         for integrator in [(1.0, 0.3), (10.0, 5.0), (400.0, 50.0)] {
@@ -326,7 +326,7 @@ fn a_tuned_moteus_makes_the_torque_that_it_is_asked_for_and_no_other() {
 }
 
 #[test]
-fn whatever_holds_a_moteus_torque_back_ends_the_loop_by_its_code() {
+fn every_limit_of_a_moteus_torque_ends_the_loop_by_its_code() {
     in_time(|| {
         let tuned = Tuning::TUNED;
         let limits = [
@@ -366,7 +366,7 @@ enum Act {
 
 /// Every kind of frame, lost, late, doubled or frozen: in the end there is no torque, or the commanded one.
 #[test]
-fn whatever_is_done_to_frames_of_one_kind_no_torque_stays_that_nobody_asks_for() {
+fn for_any_faults_of_frames_of_one_kind_no_torque_stays_that_is_not_commanded() {
     in_time(|| {
         let acts = [Act::Lost, Act::Late(1), Act::Late(3), Act::Again, Act::Frozen];
         let kinds = [

@@ -1,4 +1,4 @@
-//! The loop on a simulated moteus over a serial line: a certified world is quiet, and every fault removes the torque.
+//! The loop on a simulated moteus over a serial line: a certified world comes to rest, and every fault removes the torque.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering::SeqCst};
@@ -14,7 +14,7 @@ use hapt_testing::in_time;
 
 use crate::bench::{Looped, TestBench, lockstep, read, soon};
 
-/// A spring to ground that this device certifies, through a gear that turns the other way. The period is long, so that a busy machine
+/// A spring to ground that this device certifies, through a gear that reverses the direction. The period is long, so that a busy machine
 /// answers in time; in lockstep it takes no longer.
 const WORLD: &str = r#"
     [loop]
@@ -65,7 +65,7 @@ impl Firmware for WithFaults {
     }
 }
 
-/// A drive that goes on, and says this number in its fault register, where it is not 0.
+/// A drive that continues, with this number in its fault register, where it is not 0.
 struct Goes(Simulated, Arc<AtomicU32>);
 
 impl Firmware for Goes {
@@ -163,7 +163,7 @@ fn a_drive_that_dies_is_gone_within_five_samples() {
 }
 
 #[test]
-fn answers_that_come_late_are_never_taken_for_new_ones() {
+fn late_answers_never_count_as_new_ones() {
     in_time(|| {
         let world = world(&[]);
         let bench = bench(&world, 1, lockstep(&world));
@@ -181,7 +181,7 @@ fn answers_that_come_late_are_never_taken_for_new_ones() {
     });
 }
 
-/// One answer lost now and then is a missed sample, and no more.
+/// A single lost answer is only a missed sample.
 #[test]
 fn a_lost_answer_is_a_missed_sample() {
     in_time(|| {
@@ -204,7 +204,7 @@ fn a_lost_answer_is_a_missed_sample() {
 }
 
 #[test]
-fn garbage_is_no_answer() {
+fn random_bytes_are_no_answer() {
     in_time(|| {
         let world = world(&[]);
         let bench = bench(&world, 1, lockstep(&world));
@@ -238,9 +238,10 @@ fn a_fault_of_the_drive_ends_the_loop_by_name() {
     });
 }
 
-/// Whatever a firmware means by a number, hapt has certified a drive without it. Flux braking and field weakening take nothing from the torque.
+/// Any number in the fault register is a condition that the certificate does not cover, except flux braking and field weakening, which do not change
+/// the torque.
 #[test]
-fn a_drive_that_goes_on_with_any_number_in_its_fault_register_ends_the_loop_unless_the_number_is_harmless() {
+fn any_number_in_the_fault_register_ends_the_loop_unless_it_is_harmless() {
     in_time(|| {
         let world = world(&[]);
         for code in [1, 31, 33, 39, 50, 51, 70, 95, 96, 104, 105, 106, 127, 128, 200, 255] {
@@ -265,7 +266,7 @@ fn a_drive_that_goes_on_with_any_number_in_its_fault_register_ends_the_loop_unle
 }
 
 #[test]
-fn a_cable_that_is_pulled_out_ends_the_loop() {
+fn a_removed_cable_ends_the_loop() {
     in_time(|| {
         let world = world(&[]);
         let mut bench = bench(&world, 1, lockstep(&world));
@@ -332,7 +333,7 @@ fn the_drives_watchdog_latches_and_only_a_stop_clears_it() {
 }
 
 #[test]
-fn a_wrong_identifier_says_which_one_is_there() {
+fn a_wrong_identifier_names_the_one_on_the_bus() {
     in_time(|| {
         let world = world(&[]);
         let bench = bench(&world, 7, Time::Real);

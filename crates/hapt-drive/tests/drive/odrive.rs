@@ -1,4 +1,4 @@
-//! The loop on a simulated ODrive behind a serial adapter: a certified world is quiet, and every fault removes the torque.
+//! The loop on a simulated ODrive behind a serial adapter: a certified world comes to rest, and every fault removes the torque.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering::SeqCst};
@@ -134,7 +134,7 @@ fn a_drive_that_dies_is_gone_within_five_samples() {
 }
 
 #[test]
-fn answers_that_come_late_are_never_taken_for_new_ones() {
+fn late_answers_never_count_as_new_ones() {
     in_time(|| {
         let world = world(&[]);
         // By less than two samples, by more than three, by more than four, at 20 ms a sample.
@@ -154,7 +154,7 @@ fn answers_that_come_late_are_never_taken_for_new_ones() {
 }
 
 #[test]
-fn a_few_lost_frames_are_missed_samples_and_half_of_them_are_the_end() {
+fn a_few_lost_frames_are_missed_samples_and_half_of_them_end_the_loop() {
     in_time(|| {
         for (loss, survives) in [(0, true), (2, true), (500, false)] {
             let world = world(&[]);
@@ -238,7 +238,7 @@ fn an_error_between_start_and_first_command_is_not_cleared() {
 
 /// CANSimple cannot set them: the drive's notes report them.
 #[test]
-fn a_started_drive_says_what_it_cannot_be_told() {
+fn a_started_drive_notes_the_settings_that_cannot_be_set() {
     in_time(|| {
         let world = world(&[]);
         let bench = bench(&world, Time::Real);
@@ -249,7 +249,7 @@ fn a_started_drive_says_what_it_cannot_be_told() {
     });
 }
 
-/// With the factory settings an ODrive's torque stays for ever. No program may drive it so, and the watchdog of every drive is tested.
+/// With the factory settings an ODrive's torque stays without frames. Such a drive is refused, and the watchdog of every drive is tested.
 #[test]
 fn a_drive_that_is_not_set_up_is_not_started() {
     in_time(|| {
@@ -272,7 +272,7 @@ fn a_drive_that_is_not_set_up_is_not_started() {
 /// Before 0.6 the watchdog also expires while the drive is disarmed, a heartbeat contains only present errors, and there is no position
 /// until the drive has been armed once.
 #[test]
-fn a_drive_of_the_old_firmware_starts_out_of_its_own_watchdogs_error_and_from_where_it_is() {
+fn a_drive_of_the_old_firmware_starts_despite_its_watchdogs_error_and_at_its_position() {
     in_time(|| {
         let world = world(&["couplings.0.stiffness=0"]);
         let bench = with(old(), &world, Time::Real);
@@ -336,7 +336,7 @@ fn heartbeat(mut bus: impl Bus, is_so: impl Fn(&codec::Heartbeat) -> bool) -> co
 }
 
 #[test]
-fn the_watchdog_bites_whoever_is_killed_and_torques_alone_do_not_bring_the_drive_back() {
+fn the_watchdog_disarms_the_drive_of_a_killed_host_and_torque_frames_do_not_arm_it_again() {
     in_time(|| {
         let world = world(&["couplings.0.stiffness=0"]);
         let bench = bench(&world, Time::Real);
@@ -398,7 +398,7 @@ fn error(mut bus: impl Bus) -> u32 {
 }
 
 #[test]
-fn a_cable_that_is_pulled_out_ends_the_loop() {
+fn a_removed_cable_ends_the_loop() {
     in_time(|| {
         let world = world(&[]);
         let mut bench = bench(&world, lockstep(&world));
@@ -409,7 +409,7 @@ fn a_cable_that_is_pulled_out_ends_the_loop() {
 }
 
 #[test]
-fn a_wrong_node_says_which_one_is_there() {
+fn a_wrong_node_names_the_one_on_the_bus() {
     in_time(|| {
         let world = world(&[]);
         let bench = bench(&world, Time::Real);

@@ -58,7 +58,7 @@ proptest! {
 proptest! {
     /// Links between stations have identifiers of 29 bits above those of both drives (`hapt_wire::link::Frames`).
     #[test]
-    fn a_frame_of_a_link_is_nothing_to_a_drive(id in 1_u32 << 20..1 << 29, data: [u8; 8]) {
+    fn a_frame_of_a_link_does_not_concern_a_drive(id in 1_u32 << 20..1 << 29, data: [u8; 8]) {
         let frame = Frame::classic(id, &data).with_extended(true);
         for mut drive in drives(|| Listed(VecDeque::from([frame]))) {
             let read = drive.read(soon());
@@ -95,7 +95,7 @@ impl Firmware for Elsewhere {
 }
 
 #[test]
-fn a_command_of_another_host_that_we_do_not_hear_is_known_by_the_drives_answer() {
+fn a_command_of_another_host_on_another_line_is_detected_by_the_drives_answer() {
     in_time(|| {
         let world = world(&[]);
         let speaks = Arc::new(AtomicBool::new(false));
@@ -133,11 +133,11 @@ impl Bus for Flood {
 const OTHERS: [u32; 4] = [0x8002, 0x0200, 0x049, 0x5ff];
 
 #[test]
-fn a_bus_that_is_full_of_others_frames_ends_the_sample_and_not_the_loop() {
+fn a_bus_full_of_other_frames_ends_the_sample_and_not_the_loop() {
     in_time(|| {
         for id in OTHERS {
             for mut drive in drives(|| Flood { frame: Frame::fd(id, &[0; 8]), pause: Duration::ZERO }) {
-                // With an instant that never comes, by their number.
+                // With a deadline that is never reached, the limit is the number of frames.
                 let _ = drive.read(Instant::now() + Duration::from_secs(1_000_000)).unwrap_err();
             }
         }
@@ -178,7 +178,7 @@ impl Bus for Busy {
 }
 
 #[test]
-fn an_answer_behind_many_frames_of_others_is_found() {
+fn an_answer_after_many_other_frames_is_found() {
     in_time(|| {
         let mut drive = Moteus::new(Box::new(Busy { others: 200, frames: VecDeque::new() }), 1, "nowhere".into());
         for _ in 0..10 {
@@ -190,7 +190,7 @@ fn an_answer_behind_many_frames_of_others_is_found() {
 /// After the last command of hapt: for each of the drive's settings the torque removes energy from the wheel or is 0, and with the factory
 /// setting it is 0.
 #[test]
-fn after_its_watchdog_a_moteus_takes_energy_and_gives_none() {
+fn after_its_watchdog_a_moteus_only_removes_energy() {
     in_time(|| {
         for mode in [0, 12, 15] {
             let mut firmware = moteus::Simulated::new(1).with_timeout_mode(mode);
@@ -248,7 +248,7 @@ fn a_frame_of_another_host_to_an_odrive_is_a_fault() {
 }
 
 #[test]
-fn an_answer_that_nobody_has_asked_for_is_another_drives() {
+fn an_answer_without_a_request_is_of_another_drive() {
     in_time(|| {
         let answer = Frame::classic(codec::Command::Estimates.id(1).into(), &codec::floats(0.1, 0.0));
         // One before the request, and one as its answer.

@@ -1,4 +1,4 @@
-//! The loop on a simulated SimpleFOC board: a certified world is quiet, every fault removes the torque, and no torque is beyond the limit.
+//! The loop on a simulated SimpleFOC board: a certified world comes to rest, every fault removes the torque, and no torque is beyond the limit.
 
 use std::cell::{Cell, RefCell};
 use std::sync::Arc;
@@ -13,13 +13,13 @@ use hapt_testing::{cases, in_time};
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 
-use crate::bench::{Looped, Patient, Place, TestBench, lockstep, world};
+use crate::bench::{Looped, Place, TestBench, WaitingDrive, lockstep, world};
 
 /// Longer than an answer takes and shorter than the timeout of lockstep, ms.
 const ANSWER_MS: u64 = 30;
 const TERMS: DriveLimits = DriveLimits { watchdog: 0.01, torque: 0.1 };
 
-/// A board that does something at the next line after it is told.
+/// A board that executes an injected action at the next line after the flag is set.
 struct Struck(Simulated, Arc<AtomicBool>, fn(&mut Simulated));
 
 impl Firmware for Struck {
@@ -44,7 +44,7 @@ fn bench(firmware: impl Firmware + 'static) -> TestBench {
     TestBench::new(Make::Simplefoc, None, Box::new(firmware), &world, lockstep(&world))
 }
 
-/// Does not start, and gives no torque.
+/// The error of a start that fails; asserts that there is no torque.
 fn refused(firmware: impl Firmware + 'static) -> Error {
     let bench = bench(firmware);
     let error = bench.drive(1).start(&TERMS).unwrap_err();
@@ -70,7 +70,7 @@ fn a_certified_world_brings_the_puck_to_rest_on_a_simplefoc_board() {
 }
 
 #[test]
-fn a_board_that_is_not_the_one_meant_is_not_driven() {
+fn a_board_with_other_settings_is_not_driven() {
     in_time(|| {
         let is_refused = |error: Error, words: &str| {
             assert!(matches!(error, Error::Refused { .. }) && error.to_string().contains(words), "{error}");
@@ -111,7 +111,7 @@ fn a_board_without_a_watchdog_is_not_driven() {
 }
 
 #[test]
-fn a_port_without_the_sketch_is_said_to_be_so() {
+fn a_port_without_the_sketch_is_reported() {
     in_time(|| {
         let bench = bench(Simulated::new());
         bench.faults.dead.store(true, SeqCst);
@@ -143,7 +143,7 @@ fn a_board_that_restarts_or_whose_driver_fails_ends_the_loop_by_name_and_stays_o
 }
 
 #[test]
-fn a_board_that_falls_silent_ends_the_loop_and_its_watchdog_takes_the_torque_off() {
+fn a_board_that_stops_answering_ends_the_loop_and_its_watchdog_removes_the_torque() {
     in_time(|| {
         let world = world(&[]);
         let bench = bench(Simulated::new());
@@ -202,15 +202,15 @@ fn by_current(bench: &TestBench) -> DriveDevice {
     let open = || {
         let bus = Box::new(Client::new(Line::open(path).unwrap()));
         let drive = SimpleFoc::new(bus, MotorConstant::TorqueConstant(0.04), "here");
-        let patient = Patient(Box::new(drive), Arc::new(AtomicU64::new(ANSWER_MS)));
-        DriveDevice::start(Box::new(patient), &world(&["loop.period=100 ms"]))
+        let drive = WaitingDrive(Box::new(drive), Arc::new(AtomicU64::new(ANSWER_MS)));
+        DriveDevice::start(Box::new(drive), &world(&["loop.period=100 ms"]))
     };
     (0..20).find_map(|_| open().ok()).expect("it starts")
 }
 
 /// The board's motor is controlled by current, and the torque is the commanded one; where the current is not the commanded one, the loop ends.
 #[test]
-fn a_board_by_current_makes_the_torque_and_says_where_it_does_not() {
+fn a_board_by_current_gives_the_torque_or_ends_the_loop() {
     in_time(|| {
         let world = world(&["loop.period=100 ms"]);
         for is_weak in [false, true] {
@@ -237,9 +237,9 @@ fn a_board_by_current_makes_the_torque_and_says_where_it_does_not() {
     });
 }
 
-/// Any number that a loop may ask for: the board's torque is that number, or the limit, or 0 where it is no number.
+/// For any commanded number the board's torque is that number, or the limit, or 0 for a NaN.
 #[test]
-fn no_number_makes_a_torque_beyond_the_limit() {
+fn no_command_gives_a_torque_beyond_the_limit() {
     in_time(|| {
         // A watchdog of a second.
         let world = world(&["device.drive.gear=3", "loop.period=100 ms"]);

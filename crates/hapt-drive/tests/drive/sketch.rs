@@ -1,5 +1,5 @@
-//! The sketch of the Arduino library, compiled for this computer, at the end of a serial line: the loop on it, every kind of dirt on the
-//! line, and the simulated board beside it. The sketch is C++, which exists once; what it speaks is therefore what a board speaks.
+//! The sketch of the Arduino library, compiled for this computer, at the end of a serial line: the loop on it, noise on the line, and the simulated
+//! board compared with it. The same C++ source runs on boards.
 
 use std::cell::RefCell;
 use std::f64::consts::TAU;
@@ -22,7 +22,7 @@ use hapt_testing::{cases, in_time};
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 
-use crate::bench::{Looped, Patient, soon, world};
+use crate::bench::{Looped, WaitingDrive, soon, world};
 
 /// Longer than an answer takes on a busy machine, and shorter than the watchdog, ms.
 const ANSWER_MS: u64 = 200;
@@ -56,8 +56,8 @@ static BOARD: LazyLock<Option<(tempfile::TempDir, PathBuf)>> = LazyLock::new(|| 
     Some((folder, program))
 });
 
-/// Bytes on their way to the board or from it, replaced by others.
-type Dirt = Box<dyn FnMut(bool, &[u8]) -> Vec<u8> + Send>;
+/// Replaces bytes in transit to the board or from it.
+type Interceptor = Box<dyn FnMut(bool, &[u8]) -> Vec<u8> + Send>;
 
 /// A board with the sketch, and the line to it.
 struct Board {
@@ -71,7 +71,7 @@ struct Board {
     /// The largest voltage so far and the present one, as bits.
     largest: Arc<AtomicU64>,
     present: Arc<AtomicU64>,
-    dirt: Arc<Mutex<Option<Dirt>>>,
+    interceptor: Arc<Mutex<Option<Interceptor>>>,
     ends: Arc<AtomicBool>,
     line: Option<JoinHandle<()>>,
 }
@@ -81,9 +81,9 @@ impl Board {
     fn new(period: u64, starts: bool) -> Option<Self> {
         let (_, program) = BOARD.as_ref()?;
         let ((mut computer, ours), (mut board, theirs)) = (pty().unwrap(), pty().unwrap());
-        let (dirt, ends) = (Arc::new(Mutex::new(None::<Dirt>)), Arc::new(AtomicBool::new(false)));
+        let (interceptor, ends) = (Arc::new(Mutex::new(None::<Interceptor>)), Arc::new(AtomicBool::new(false)));
         let line = std::thread::spawn({
-            let (dirt, ends) = (Arc::clone(&dirt), Arc::clone(&ends));
+            let (interceptor, ends) = (Arc::clone(&interceptor), Arc::clone(&ends));
             move || {
                 let mut bytes = [0; 256];
                 while !ends.load(SeqCst) {
@@ -92,8 +92,8 @@ impl Board {
                             if to_board { (&mut computer, &mut board) } else { (&mut board, &mut computer) };
                         let wait = Duration::from_micros(if to_board { 200 } else { 0 });
                         let count = from.read(&mut bytes, Instant::now() + wait).unwrap_or(0);
-                        let bytes = match &mut *dirt.lock().unwrap() {
-                            Some(dirt) if count > 0 => dirt(to_board, &bytes[..count]),
+                        let bytes = match &mut *interceptor.lock().unwrap() {
+                            Some(interceptor) if count > 0 => interceptor(to_board, &bytes[..count]),
                             _ => bytes[..count].to_vec(),
                         };
                         // A board that is off reads nothing.
@@ -111,7 +111,7 @@ impl Board {
             listener: None,
             largest: Arc::default(),
             present: Arc::default(),
-            dirt,
+            interceptor,
             ends,
             line: Some(line),
         };
@@ -150,12 +150,12 @@ impl Board {
         self.present.store(0, SeqCst);
     }
 
-    fn intercept(&self, dirt: impl FnMut(bool, &[u8]) -> Vec<u8> + Send + 'static) {
-        *self.dirt.lock().unwrap() = Some(Box::new(dirt));
+    fn intercept(&self, interceptor: impl FnMut(bool, &[u8]) -> Vec<u8> + Send + 'static) {
+        *self.interceptor.lock().unwrap() = Some(Box::new(interceptor));
     }
 
     fn is_clean(&self) {
-        *self.dirt.lock().unwrap() = None;
+        *self.interceptor.lock().unwrap() = None;
     }
 
     fn client(&self) -> Client {
@@ -167,12 +167,12 @@ impl Board {
     }
 
     /// Started, and waiting this long for answers; repeated if the machine pauses.
-    fn wheel(&self, world: &World, patience: u64) -> DriveDevice {
-        let patience_ms = Arc::new(AtomicU64::new(patience));
+    fn wheel(&self, world: &World, wait_ms: u64) -> DriveDevice {
+        let shared_wait_ms = Arc::new(AtomicU64::new(wait_ms));
         let mut last = None;
         for _ in 0..20 {
             let drive = self.drive(MotorConstant::VoltsPerTorque(VOLTS_PER_TORQUE));
-            match DriveDevice::start(Box::new(Patient(Box::new(drive), Arc::clone(&patience_ms))), world) {
+            match DriveDevice::start(Box::new(WaitingDrive(Box::new(drive), Arc::clone(&shared_wait_ms))), world) {
                 Ok(wheel) => return wheel,
                 Err(error) => last = Some(error),
             }
@@ -245,7 +245,7 @@ fn a_certified_world_brings_the_puck_to_rest_on_the_sketch() {
 }
 
 #[test]
-fn a_board_whose_motor_does_not_start_or_that_is_taken_for_another_is_not_driven() {
+fn a_board_whose_motor_does_not_start_or_with_other_settings_is_not_driven() {
     in_time(|| {
         let terms = DriveLimits { watchdog: 0.01, torque: 0.1 };
         let volts = MotorConstant::VoltsPerTorque(VOLTS_PER_TORQUE);
@@ -261,7 +261,7 @@ fn a_board_whose_motor_does_not_start_or_that_is_taken_for_another_is_not_driven
     });
 }
 
-/// A reset while the motor holds a torque. The sketch starts anew, without one, and stays so.
+/// A reset while the motor holds a torque. The sketch restarts without a torque, and stays off.
 #[test]
 fn a_board_that_resets_ends_the_loop_by_name() {
     in_time(|| {
@@ -280,7 +280,7 @@ fn a_board_that_resets_ends_the_loop_by_name() {
 }
 
 #[test]
-fn a_line_that_is_cut_leaves_no_torque() {
+fn a_disconnected_line_leaves_no_torque() {
     in_time(|| {
         let world = world_of_the_board();
         for cut in [true, false] {
@@ -296,15 +296,15 @@ fn a_line_that_is_cut_leaves_no_torque() {
     });
 }
 
-/// What is done to the bytes of the line.
+/// The faults of the line's bytes.
 #[derive(Clone, Debug)]
 struct Noise {
-    /// Of a thousand bytes, those that are lost, changed, followed by others, or cut off with all behind them.
+    /// Of a thousand bytes, the numbers of those that are lost, changed, followed by others, or cut off with all following ones.
     lost: u32,
     changed: u32,
     added: u32,
     cut: u32,
-    /// What is added: other bytes, or a line that is too long.
+    /// The added bytes: random ones, or a line that is too long.
     more: Vec<u8>,
     seed: u64,
 }
@@ -352,9 +352,9 @@ impl Noise {
     }
 }
 
-/// Whatever noise: no voltage beyond the session's limit, and what ends the loop has a name; then nothing is left on.
+/// With any noise: no voltage beyond the session's limit, and every end of the loop has a name; then no voltage is left on.
 #[test]
-fn noise_on_the_line_makes_no_torque_beyond_the_limit_and_every_end_has_a_name() {
+fn noise_on_the_line_causes_no_torque_beyond_the_limit_and_every_end_has_a_name() {
     in_time(|| {
         let world = world_of_the_board();
         let Some(board) = Board::new(LONG_PERIOD_US, true) else { return };
@@ -367,7 +367,7 @@ fn noise_on_the_line_makes_no_torque_beyond_the_limit_and_every_end_has_a_name()
                 prop_assert!(board.largest() <= CEILING, "{} V", board.largest());
                 match ended {
                     Some(Err(Failure::Gone | Failure::Drive(_)) | Ok(Reason::Late)) | None => {}
-                    // A lost sample lengthens what the supervisor sees.
+                    // A lost sample lengthens the interval of the supervisor's reading.
                     Some(Ok(Reason::Uneven | Reason::Jump | Reason::Velocity | Reason::PortEnergy)) => {}
                     other => prop_assert!(false, "{other:?}"),
                 }
@@ -389,14 +389,14 @@ fn float(number: u8, value: f32) -> Vec<u8> {
     [&[number][..], &value.to_be_bytes()].concat()
 }
 
-/// The state that an answer tells.
+/// The state in an answer.
 fn state(frame: Option<Frame>) -> Option<u8> {
     Some(frame?.data()[1])
 }
 
 /// A target that is no number, or beyond the limit, switches off, and only a stop clears that.
 #[test]
-fn a_target_that_is_no_number_switches_the_motor_off_until_it_is_stopped_and_switched_on_again() {
+fn a_nan_target_switches_the_motor_off_until_it_is_stopped_and_switched_on_again() {
     in_time(|| {
         let Some(board) = Board::new(PERIOD_US, true) else { return };
         let mut client = board.client();
@@ -421,7 +421,7 @@ fn a_target_that_is_no_number_switches_the_motor_off_until_it_is_stopped_and_swi
 
 /// In lockstep: ten queries of a millisecond without a target.
 #[test]
-fn the_watchdog_counts_from_the_last_target_and_a_query_feeds_it_not() {
+fn the_watchdog_counts_from_the_last_target_and_a_query_does_not_feed_it() {
     in_time(|| {
         let Some(board) = Board::new(PERIOD_US, true) else { return };
         let mut client = board.client();
@@ -515,7 +515,7 @@ fn the_simulated_board_answers_as_the_sketch_does() {
     });
 }
 
-/// Whatever stands in a line, however long and however cut: without its checksum it has no answer and no effect.
+/// A line of any content and length without a valid checksum has no answer and no effect.
 #[test]
 fn a_malformed_line_has_no_answer() {
     in_time(|| {
@@ -526,7 +526,7 @@ fn a_malformed_line_has_no_answer() {
         let is_alone = |wrong: &[u8]| {
             let mut line = line.borrow_mut();
             line.write(wrong, soon()).unwrap();
-            // The next sound line is answered, alone; in two parts too.
+            // The next valid line is answered, also in two parts.
             line.write(first.as_bytes(), soon()).unwrap();
             std::thread::sleep(Duration::from_millis(1));
             line.write(second.as_bytes(), soon()).unwrap();
@@ -546,7 +546,7 @@ fn a_malformed_line_has_no_answer() {
         for wrong in [&long, &lower, &right.replace('\n', "\r\n"), &right.replace("HT", "HT "), "HT\n", "H\n", "\n"] {
             is_alone(wrong.as_bytes());
         }
-        // One digit of any line for another: only the checksum tells.
+        // One digit of any line replaced: only the checksum detects it.
         let wrong = (0..right.len() - 3, 0..15_u8, any::<bool>(), -1.0_f32..1.0);
         TestRunner::new(cases(128))
             .run(&wrong, |(at, step, is_cut, value)| {
@@ -574,7 +574,7 @@ fn sound(kind: u8, data: &[u8]) -> String {
     String::from_utf8(bytes[..count].to_vec()).unwrap()
 }
 
-/// The simulated board's end of the line takes and refuses what the sketch does.
+/// The simulated board's end of the line accepts and refuses the same lines as the sketch.
 #[test]
 fn the_simulated_boards_line_refuses_what_the_sketch_refuses() {
     in_time(|| {

@@ -11,7 +11,7 @@ use hapt_testing::in_time;
 
 use crate::bench::Looped;
 
-/// A drive on a shaft that stands still. It answers late where it is told to.
+/// A drive on a shaft at rest, with answers that can be made late.
 #[derive(Clone, Default)]
 struct Standing {
     is_late: Arc<AtomicBool>,
@@ -69,7 +69,7 @@ fn running(world: &World) -> (Looped, Standing) {
 }
 
 #[test]
-fn an_answer_older_than_what_is_certified_takes_the_torque_as_the_world_says() {
+fn an_answer_older_than_certified_removes_the_torque_where_the_world_asks_for_that() {
     in_time(|| {
         let interval = "interval_max = \"1.8 ms\"";
         let delay = "delay_max = \"0.8 ms\"";
@@ -82,7 +82,7 @@ fn an_answer_older_than_what_is_certified_takes_the_torque_as_the_world_says() {
             // Two periods are certified, and one old answer is within them.
             ("interval_max = \"2 ms\"", "late = \"fault\"", None),
             ("interval_max = \"2 ms\"\ndelay_max = \"1.5 ms\"", "late = \"fault\"", None),
-            // Nothing is stated, and nothing enforced but the stall.
+            // No times are stated, and only the stall is enforced.
             ("", "late = \"fault\"", None),
         ] {
             let (mut looped, drive) = running(&world(times, late));
@@ -106,7 +106,7 @@ fn an_answer_older_than_what_is_certified_takes_the_torque_as_the_world_says() {
             }
             assert_eq!(drive.torque() == 0.0, ends.is_some(), "{times} {late}");
             if ends == Some(Phase::FadingOut) {
-                // It stays off until somebody arms it.
+                // It stays off until it is armed.
                 let record = looped.sample(Some(Request::Arm)).unwrap();
                 assert_eq!((record.phase, record.reason), (Phase::FadingIn, None));
             }

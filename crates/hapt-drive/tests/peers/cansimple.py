@@ -1,4 +1,4 @@
-"""What ODrive's DBC files say about frames of node 1: a line in, a line out.
+"""Decodes and encodes frames of node 1 by ODrive's DBC files: a line in, a line out.
 
     0.6.10 decode Set_Input_Torque 0000803f00000000      02e Input_Torque=1.0
     0.6.10 encode Heartbeat Axis_State=8 Axis_Error=0    021 0000000008000000

@@ -77,7 +77,7 @@ fn numbers() -> impl Iterator<Item = f32> {
 }
 
 #[test]
-fn what_we_tell_a_drive_is_what_the_dbc_reads() {
+fn commands_to_a_drive_are_decoded_alike_by_the_dbc() {
     in_time(|| {
         let Some(mut oracle) = Oracle::new() else { return };
         for (version, _) in VERSIONS {
@@ -110,7 +110,7 @@ fn what_we_tell_a_drive_is_what_the_dbc_reads() {
 }
 
 #[test]
-fn what_the_dbc_writes_for_a_drive_is_what_we_read() {
+fn messages_of_a_drive_encoded_by_the_dbc_read_back() {
     in_time(|| {
         let Some(mut oracle) = Oracle::new() else { return };
         for (version, _) in VERSIONS {
@@ -174,7 +174,7 @@ fn each_bit_of_an_error_has_the_name_that_the_dbc_gives_it() {
 }
 
 #[test]
-fn a_short_frame_of_a_drive_is_none_and_a_hosts_is_filled_up() {
+fn a_short_frame_of_a_drive_is_ignored_and_a_hosts_is_padded() {
     in_time(|| {
         let data = codec::floats(1.0, 2.0);
         for length in 0..8 {

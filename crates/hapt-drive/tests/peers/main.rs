@@ -1,6 +1,6 @@
 //! Interoperation with other programs: ODrive's DBC files, a client for ODrives, and the manufacturer's library for the moteus.
 //!
-//! A test program of its own: it needs Python with packages, which `cargo xtask test` installs.
+//! This is a separate test program: it needs Python with packages, which `cargo xtask test` installs.
 #![cfg(target_os = "linux")]
 
 #[path = "../drive/bench.rs"]

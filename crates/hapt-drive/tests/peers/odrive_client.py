@@ -1,4 +1,4 @@
-"""odrive-can, a client of somebody else's, on a simulated ODrive behind a serial adapter: odrive_client.py PORT INERTIA
+"""odrive-can, an independent client, on a simulated ODrive behind a serial adapter: odrive_client.py PORT INERTIA
 
 The wheel is free and without friction, the drive's watchdog at half a second, its position on the bus every 10 ms.
 """
@@ -33,13 +33,13 @@ async def main(port, inertia):
     def error():
         return str(drive._last_heartbeat.data["Axis_Error"])
 
-    # What it is asked it answers.
+    # It answers requests.
     drive.clear_errors()
     assert (await drive.get_bus_voltage_current())["Bus_Voltage"] == 24
     still = await drive.get_encoder_estimates()
     assert still["Vel_Estimate"] == 0
 
-    # A torque: what it works is the wheel's energy, at every place and whatever the time.
+    # A torque: its work is the wheel's energy, at every position and independent of time.
     drive.set_controller_mode("TORQUE_CONTROL", "PASSTHROUGH")
     drive.set_input_torque(0)
     await drive.set_axis_state("CLOSED_LOOP_CONTROL")
@@ -49,11 +49,11 @@ async def main(port, inertia):
         energy, work = inertia * (2 * pi * velocity) ** 2 / 2, TORQUE * 2 * pi * (position - still["Pos_Estimate"])
         assert abs(energy - work) < 1e-4 * TORQUE * 2 * pi, (energy, work)
 
-    # Nobody feeds it: it disarms, and the wheel goes on as it was.
+    # Without frames it disarms, and the wheel keeps its velocity.
     await until("the watchdog", lambda: error() == "WATCHDOG_TIMER_EXPIRED")
     assert drive.axis_state == "IDLE"
     seen.clear()
-    # Torques, and the wish to be armed, do not bring it back.
+    # Torques, and requests to arm, do not restore the torque.
     await until("positions", lambda: len(seen) > 20, lambda: drive.set_input_torque(TORQUE))
     try:
         await drive.set_axis_state("CLOSED_LOOP_CONTROL")
@@ -64,7 +64,7 @@ async def main(port, inertia):
     drive.clear_errors()
     await until("no error", lambda: error() == "NONE")
 
-    # Its own controller: it keeps a velocity, and a position.
+    # Its own controller holds a velocity, and a position.
     drive.set_controller_mode("VELOCITY_CONTROL", "PASSTHROUGH")
     drive.set_input_vel(2)
     await drive.set_axis_state("CLOSED_LOOP_CONTROL")
@@ -74,7 +74,7 @@ async def main(port, inertia):
     steady = lambda: abs(seen[-1][0] - wanted) < 0.01 and abs(seen[-1][1]) < 0.01
     await until("one turn further", steady, lambda: drive.set_input_pos(wanted))
 
-    # Somebody hits the button.
+    # An emergency stop.
     drive._send_message("Estop")
     await until("the emergency stop", lambda: error() == "ESTOP_REQUESTED")
     assert drive.axis_state == "IDLE"

@@ -9,7 +9,7 @@ use hapt_drive::odrive::Simulated;
 use hapt_drive::simulate::Time;
 use hapt_testing::in_time;
 
-/// The client gives the drive a second for an answer, and looks for it ten times: a busy machine can take that from it.
+/// The client waits a second for an answer, and polls ten times, which a busy machine can exceed.
 const ATTEMPTS: usize = 4;
 
 #[test]

@@ -1,7 +1,7 @@
 """The official moteus library on a simulated drive: official.py PORT [--time N]
 
 The drive has the inertia, damping and limit of the wheel in official.rs. Every check is a law of the protocol or of the puck; none
-looks at a clock, but for the watchdog, which has ten times as long as it needs.
+depends on a clock, except for the watchdog, with a margin of ten.
 """
 
 import asyncio
@@ -32,7 +32,7 @@ async def it_is_found_and_stands_still(transport, drive):
 
 
 async def a_constant_torque_moves_the_wheel_by_its_inertia_and_damping(drive):
-    """theta = tau/b (-J/b ln(1 - b v/tau) - J v/tau), from rest: no clock in it."""
+    """theta = tau/b (-J/b ln(1 - b v/tau) - J v/tau), from rest: independent of time."""
     torque = 0.02
     await drive.set_position(position=math.nan, kp_scale=0, kd_scale=0, ilimit_scale=0, feedforward_torque=torque, watchdog_timeout=math.nan)
     seen = 0
@@ -74,7 +74,7 @@ async def it_goes_where_it_is_sent_and_counts_from_where_it_is_told(drive):
             break
         await asyncio.sleep(0.005)
     near(values[R.POSITION], 2.6, 1e-3)
-    # Every type of answer says the same, to its own step.
+    # Every type of answer has the same value, to its own step.
     for kind, step in [(moteus.INT8, 0.01), (moteus.INT16, 1e-4), (moteus.INT32, 1e-5), (moteus.F32, 1e-6)]:
         if kind == moteus.INT8:
             continue  # From -1.27 to 1.27 only.

@@ -1,6 +1,6 @@
 //! A sample on a drive allocates nothing and frees nothing, whether the drive answers, sends other frames, does not answer, or is gone.
 //!
-//! A test program of its own, for its allocator counts.
+//! This is a separate test program, because its allocator counts.
 
 #![cfg(target_os = "linux")]
 
@@ -18,7 +18,7 @@ use hapt_drive::simulate::Firmware;
 use hapt_drive::{Make, moteus, odrive, simplefoc};
 use hapt_rt::{Device, Failure};
 
-/// Of each make, with each way of requests.
+/// The firmwares of each make, with each kind of requests.
 fn firmwares() -> [(Make, Box<dyn Firmware>); 5] {
     let odrive = odrive::Simulated::new(1);
     [

@@ -1,5 +1,5 @@
 //! Both drives on a CAN bus of the system, with its faults: the torque is removed for the right reason, and returns only after a new
-//! start. A test program of its own: `cargo xtask guest` runs it in an emulated machine, which has the interface for itself alone.
+//! start. This is a separate test program: `cargo xtask guest` runs it in an emulated machine, which has exclusive use of the interface.
 //!
 //! Time is that of the loop (1 ms a sample), at any speed of the machine.
 
@@ -24,7 +24,7 @@ use hapt_rt::Failure;
 static BUS: Mutex<()> = Mutex::new(());
 /// Longer than an answer takes and shorter than the timeout of lockstep, ms.
 const ANSWER_MS: u64 = 40;
-/// The longest accepted time in s: an emulated machine pauses now and then.
+/// The longest accepted time in s: an emulated machine may pause.
 const WATCHDOG: f64 = 0.095;
 const TERMS: DriveLimits = DriveLimits { watchdog: 0.1, torque: 1.0 };
 
@@ -73,7 +73,7 @@ fn stays_over(looped: &mut Looped, bench: &TestBench) {
     }
 }
 
-/// Of each make, with each way of requests.
+/// The firmwares of a make, with each kind of requests.
 fn kinds(make: Make) -> Vec<Box<dyn Firmware>> {
     let shipped = odrive::Simulated::new(1).with_watchdog(Some(WATCHDOG)).with_estimates(Some(0.01));
     let old = shipped.clone().with_version(codec::Version::SILENT);
@@ -123,7 +123,7 @@ fn link(interface: &str, how: &str) {
 }
 
 #[test]
-fn a_bus_that_goes_down_and_up_again_brings_no_torque_back() {
+fn a_bus_that_goes_down_and_up_again_restores_no_torque() {
     on_the_bus(|make, interface| {
         let world = world(&[]);
         let (bench, mut looped) = running(make, interface, &world, firmware(make, 1));
@@ -139,7 +139,7 @@ fn a_bus_that_goes_down_and_up_again_brings_no_torque_back() {
 }
 
 #[test]
-fn lost_frames_are_missed_samples_and_too_many_are_the_end() {
+fn lost_frames_are_missed_samples_and_too_many_end_the_loop() {
     on_the_bus(|make, interface| {
         for (loss, must_end) in [(10, false), (100, false), (500, true)] {
             let world = world(&[]);
@@ -186,7 +186,7 @@ fn a_drive_that_answers_late_is_late() {
 }
 
 #[test]
-fn a_drive_with_another_identifier_is_none_and_is_named() {
+fn a_drive_with_another_identifier_is_refused_and_named() {
     on_the_bus(|make, interface| {
         let world = world(&[]);
         let bench = TestBench::new(make, Some(interface), firmware(make, 7), &world, Time::Real);
@@ -215,7 +215,7 @@ fn two_odrives_with_one_identifier_are_not_driven() {
 
 /// Every command of another host moves the drive, and every request may precede a command.
 #[test]
-fn another_speaker_on_the_bus_ends_the_loop() {
+fn another_host_on_the_bus_ends_the_loop() {
     on_the_bus(|make, interface| {
         let world = world(&[]);
         let frames = match make {
@@ -239,7 +239,7 @@ fn another_speaker_on_the_bus_ends_the_loop() {
 
 /// Other traffic on the bus may make the loop late, but does not block it.
 #[test]
-fn a_crowded_bus_does_not_hold_the_loop() {
+fn a_busy_bus_does_not_block_the_loop() {
     on_the_bus(|make, interface| {
         let world = world(&[]);
         let (bench, mut looped) = running(make, interface, &world, firmware(make, 1));
