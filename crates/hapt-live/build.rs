@@ -1,5 +1,5 @@
-//! Lists the built page, web/dist, as a table of `include_bytes!`, so that the binary needs no files beside it and a build no Node; beside
-//! it the page's core, web/core/hapt.wasm. A package has both through links.
+//! Lists the built page, web/dist, as a table of `include_bytes!`, so that the binary needs no further files and a build no Node; also the
+//! page's core, web/core/hapt.wasm. A package has both through links.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ fn main() {
     }
 }
 
-/// Copies the files to where this build has its own, for the page may be built anew while it runs, and writes the table.
+/// Copies the files to this build's folder, since the page may be rebuilt while the build runs, and writes the table.
 fn embed(files: &[(String, PathBuf)], core: &Path) -> std::io::Result<()> {
     let out = PathBuf::from(std::env::var_os("OUT_DIR").unwrap_or_default());
     let mut table = String::from("&[\n");
@@ -32,7 +32,7 @@ fn embed(files: &[(String, PathBuf)], core: &Path) -> std::io::Result<()> {
         // Debug quotes as Rust does.
         table += &format!("    ({name:?}, include_bytes!({:?})),\n", copy.display().to_string());
     }
-    // A checkout without it builds too, and has no pages without a server.
+    // A checkout without it builds too, without pages that need no server.
     fs::write(out.join("core.wasm"), fs::read(core).unwrap_or_default())?;
     fs::write(out.join("page.rs"), table + "]")
 }

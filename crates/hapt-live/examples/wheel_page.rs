@@ -1,17 +1,17 @@
 //! The page of `hapt wheel --page` without the kernel: this program is the computer that the simulated wheel is plugged into.
 //!
-//! It prints the page's link, and then what the page presses, as `pressed THROTTLE BRAKE CLUTCH BUTTONS`. On its input: `torque SHARE`, `sine SHARE`,
-//! `spring SHARE`, `damper SHARE`, `friction SHARE` or `inertia SHARE` plays an effect of so much of full scale, `free` ends all, and `unplug`
-//! takes the wheel away. The input's end ends it. The page's own test drives it (`web/test/wheel.test.mjs`).
+//! It prints the page's link, and then the page's pedals and buttons, as `pressed THROTTLE BRAKE CLUTCH BUTTONS`. Its input: `torque SHARE`,
+//! `sine SHARE`, `spring SHARE`, `damper SHARE`, `friction SHARE` or `inertia SHARE` plays an effect of this part of full scale, `free` ends all
+//! effects, and `unplug` removes the wheel. The end of the input ends the program. The page's own test runs it (`web/test/wheel.test.mjs`).
 //!
 //! `cargo run --profile tested --workspace --example wheel_page`
 
 #[cfg(target_os = "linux")]
-#[allow(dead_code)] // As much of it as a test of the protocol needs.
+#[allow(dead_code)] // Only a part of the host is used here.
 #[path = "../../hapt-host/tests/game_wheel/host.rs"]
 mod host;
 
-/// The host waits for an answer no longer.
+/// The longest wait of the host for an answer.
 #[cfg(target_os = "linux")]
 const TEST_TIMEOUT: std::time::Duration = std::time::Duration::from_secs(60);
 
@@ -67,7 +67,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             Err(TryRecvError::Disconnected) => return Ok(()),
             Err(TryRecvError::Empty) => live.wait(Duration::from_millis(20))?,
         }
-        // Any transfer gathers what the wheel has shown.
+        // Any transfer collects the wheel's positions so far.
         host.feature(id::POOL);
         for shown in host.shown.drain(..).filter(|shown| shown.len() == 11) {
             if pressed != shown[3..] {
@@ -77,13 +77,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             }
         }
     }
-    // The page sees that the wheel is gone.
+    // The page shows that the wheel is detached.
     drop(host);
     while lines.recv().is_ok() {}
     Ok(())
 }
 
-/// Plays what a line asks for; its place.
+/// Plays the effect of a line; returns its place.
 #[cfg(target_os = "linux")]
 fn play(host: &mut host::Host, line: &str) -> Result<usize, Box<dyn std::error::Error>> {
     use hapt_wire::pid::{Condition, FULL, Kind, Periodic, Report};

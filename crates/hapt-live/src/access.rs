@@ -12,7 +12,7 @@ pub struct Access {
     token: Option<String>,
 }
 
-/// Why a request is refused.
+/// The reason that a request is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Denied {
     /// The request is for another server.
@@ -78,7 +78,7 @@ impl Access {
         let own = self.address;
         let (name, port) = match host.rsplit_once(':') {
             Some((name, port)) if !port.is_empty() && port.bytes().all(|c| c.is_ascii_digit()) => (name, port),
-            // Browsers leave the usual port out.
+            // Browsers omit the default port.
             _ => (host, "80"),
         };
         if port.parse() != Ok(own.port()) {

@@ -1,9 +1,9 @@
-//! How many messages a page may send.
+//! The limit of a page's messages.
 
 use std::time::Instant;
 
-/// The most messages a second.
-const RATE: f64 = 200.0;
+/// The largest number of messages per second.
+const MAX_PER_S: f64 = 200.0;
 
 /// The state of an [`Allowance`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,17 +24,17 @@ pub struct Allowance {
 
 impl Allowance {
     pub fn new(now: Instant) -> Self {
-        Allowance { left: RATE, at: now }
+        Allowance { left: MAX_PER_S, at: now }
     }
 
     /// Counts one message.
     pub fn spend(&mut self, now: Instant) -> Quota {
-        self.left = (self.left + RATE * now.saturating_duration_since(self.at).as_secs_f64()).min(RATE);
+        self.left = (self.left + MAX_PER_S * now.saturating_duration_since(self.at).as_secs_f64()).min(MAX_PER_S);
         self.at = now;
-        self.left = (self.left - 1.0).max(-RATE - 1.0);
+        self.left = (self.left - 1.0).max(-MAX_PER_S - 1.0);
         match self.left {
             left if left >= 0.0 => Quota::Within,
-            left if left >= -RATE => Quota::Exceeded,
+            left if left >= -MAX_PER_S => Quota::Exceeded,
             _ => Quota::Exhausted,
         }
     }
@@ -59,7 +59,7 @@ mod tests {
             [200, 200, 600]
         );
         let mut fast = Allowance::new(start);
-        // At 1000 a second 0.8 of each are more than is earned, and 200 are saved up.
+        // At 1000 per second each message exceeds the allowance by 0.8, and 200 are in reserve.
         let lasted = (1..).take_while(|n| fast.spend(at(*n)) == Quota::Within).count();
         assert!((249..=251).contains(&lasted), "{lasted}");
     }

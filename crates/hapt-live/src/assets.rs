@@ -6,7 +6,7 @@ const PAGE: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/page.rs"));
 /// The core in WebAssembly, for pages without a server; empty where it has not been built.
 pub const CORE: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/core.wasm"));
 
-/// What is served in a checkout where the page has not been built.
+/// The page of a checkout in which the page has not been built.
 const UNBUILT: &[u8] = b"<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>hapt live</title>\
 <p>The page has not been built: npm ci and npm run build in web/, then build hapt anew.\n";
 
@@ -21,7 +21,7 @@ pub struct Asset {
     pub is_hashed: bool,
 }
 
-/// Where the files are that stand in reports.
+/// The path of the files that are embedded in reports.
 const REPORT: &str = "/report/";
 
 /// Every file of the page: its path on the server, and its bytes.
@@ -40,7 +40,7 @@ pub fn asset(path: &str) -> Option<Asset> {
     let name = if path == "/" { "/index.html" } else { path };
     let found = all().find(|(at, _)| *at == name).map(|(_, bytes)| bytes);
     let bytes = found.or_else(|| (name == "/index.html").then_some(UNBUILT))?;
-    // Vite puts what has a hash in its name there.
+    // Vite puts files with a hash in their names there.
     Some(Asset { bytes, media: media(name), is_hashed: name.starts_with("/assets/") })
 }
 
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_the_page_asks_for_is_there() {
+    fn every_file_that_the_page_loads_exists() {
         let page = String::from_utf8_lossy(asset("/").unwrap().bytes);
         for name in page.split(['"', '\'']).filter(|word| word.starts_with("/assets/") || word.starts_with("./assets/"))
         {

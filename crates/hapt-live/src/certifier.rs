@@ -1,4 +1,4 @@
-//! The certificate, on threads of its own; the results go to the session as events.
+//! The certificate, on its own threads; the results go to the session as events.
 //!
 //! A newer request replaces an older one. One thread computes the verdict, so that it comes quickly; another computes critical periods,
 //! remedies and certified ranges, which take hundreds of certificates, and gives up when the world changes.
@@ -14,9 +14,9 @@ use hapt_model::World;
 
 /// The number of values of a slider that are tried before the edges are refined.
 const PLACES: usize = 33;
-/// The verdict where the analysis panics; the server runs on.
+/// The verdict where the analysis panics; the server continues.
 pub(crate) const BROKEN: &str = "the analysis has panicked, a defect of hapt";
-/// How far below other programs the threads are: the verdict of a newer world does not wait for the ranges of an older one.
+/// The nice values of the threads: the verdict of a newer world does not wait for the ranges of an older one.
 pub(crate) const VERDICTS: i32 = 5;
 const RANGES: i32 = 15;
 /// The accuracy of an edge, as a part of the slider.
@@ -29,11 +29,11 @@ pub struct Certifier {
     focus: Arc<Mutex<Option<String>>>,
 }
 
-/// Passes a result on with its generation; `false`: the session has ended.
+/// Passes on a result with its generation; `false`: the session has ended.
 type Publish = Arc<dyn Fn(u32, ServerMessage) -> bool + Send + Sync>;
 
 impl Certifier {
-    /// Answers go to `answer` with their generation.
+    /// Starts the threads; `publish` receives the answers with their generation.
     ///
     /// # Errors
     /// The system gives no thread.
@@ -107,7 +107,7 @@ impl<T> Latest<T> {
         self.slot.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Replaces what waits.
+    /// Replaces the waiting value.
     pub fn put(&self, value: T) {
         self.slot().0 = Some(value);
         self.changed.notify_one();
@@ -207,7 +207,7 @@ pub(crate) fn to_verdict(config: &WorldConfig, check: &Check) -> VerdictMessage 
     message
 }
 
-/// Computes remedies and ranges until a newer world is asked about; `None`: the session has ended.
+/// Computes remedies and ranges until a newer world is requested; `None`: the session has ended.
 fn remedies_and_ranges(
     config: &WorldConfig,
     next: &Latest<WorldConfig>,
@@ -244,7 +244,7 @@ fn remedies(config: &WorldConfig, check: &Check) -> Vec<RemedyInfo> {
         hapt_analysis::proposal(&world, config.source(), &config.sets(), check, &found).ok().flatten()
     });
     let mut remedies = proposal.as_ref().map_or(Vec::new(), proposed);
-    // Remedies that change the hardware or the file are shown without a button.
+    // Remedies that change the hardware or the file are displayed without a button.
     remedies.iter_mut().filter(|remedy| !config.allows(&remedy.sets)).for_each(|remedy| remedy.sets.clear());
     remedies
 }
@@ -306,12 +306,12 @@ mod tests {
     }
 
     #[test]
-    fn a_range_ends_where_the_certificate_turns() {
+    fn a_range_ends_where_the_certificate_changes() {
         let config = config();
         let keys = config.keys();
         let stiffness = keys.iter().find(|key| key.path == "couplings.0.stiffness").unwrap();
         let found = range(&config, stiffness, &|| false).unwrap();
-        // END asks for b >= KT/2 (the energy theorem): one range from the slider's end up to 2b/T.
+        // END requires b >= KT/2 (the energy theorem): one range from the slider's end up to 2b/T.
         let edge = 2.0 * 1.2e-3 / 1e-3;
         assert_eq!(found.len(), 1);
         let [from, to] = found[0];
@@ -321,7 +321,7 @@ mod tests {
 
     #[test]
     fn every_remedy_of_keys_makes_the_world_certified_when_they_are_set_together() {
-        // A wheel, a wheel behind a wall and detents, and one with a bristle: one key is enough here, several are needed there.
+        // A wheel, a wheel with a wall and detents, and one with a bristle: some need one key, some several.
         let many = format!(
             "{WHEEL}{}{}",
             "[[couplings]]\nkind = \"wall\"\nbetween = [\"puck\", \"ground\"]\nside = \"above\"\nat = 0.5\nstiffness = 4\n",
@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn of_several_questions_the_last_is_answered_and_the_end_is_heard() {
+    fn of_several_questions_the_last_is_answered_and_the_end_ends_the_wait() {
         let (to, answers) = channel();
         let certifier = Certifier::start(move |generation, _| to.send(generation).is_ok()).unwrap();
         let mut config = config();
@@ -357,7 +357,7 @@ mod tests {
             config = config.reset().unwrap();
             certifier.ask(config.clone());
         }
-        // Those between may be skipped, the last is not, and after it comes no other.
+        // Those in between may be skipped, the last is not, and no other follows it.
         let is_open: Vec<u32> = std::iter::from_fn(|| answers.recv().ok()).take_while(|g| *g != 20).collect();
         assert!(is_open.is_sorted());
         drop(certifier);

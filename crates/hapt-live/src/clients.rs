@@ -10,13 +10,13 @@ use tokio::task::AbortHandle;
 use crate::access::Access;
 use crate::sender::EventSender;
 
-/// The most websockets after their hello, and before it.
-const PAGES: usize = 64;
-const PENDING: usize = 64;
-/// A page that is silent for this long is closed where another needs its place.
-const SILENT: Duration = Duration::from_secs(10);
+/// The largest number of websockets after their hello, and before it.
+const MAX_PAGES: usize = 64;
+const MAX_PENDING: usize = 64;
+/// A page that has sent nothing for this time is closed where another needs its place.
+const MAX_SILENCE: Duration = Duration::from_secs(10);
 
-/// What all connections share.
+/// The state shared by all connections.
 pub struct ServerState {
     pub(crate) access: Access,
     pub(crate) sender: EventSender,
@@ -31,7 +31,7 @@ pub struct ServerState {
 /// A websocket.
 struct Socket {
     client: u64,
-    /// It has said hello, with the token where one is asked for.
+    /// Whether its hello was accepted, with the token where one is required.
     is_page: bool,
     last_message: Instant,
     task: Option<AbortHandle>,
@@ -43,7 +43,7 @@ impl ServerState {
         ServerState { access, sender, clients, sockets: Mutex::default(), connections: Mutex::default() }
     }
 
-    /// Notes the task of a websocket.
+    /// Stores the task of a websocket.
     pub(crate) fn served_by(&self, client: u64, task: AbortHandle) {
         if let Some(socket) = self.sockets().iter_mut().find(|socket| socket.client == client) {
             socket.task = Some(task);
@@ -55,7 +55,7 @@ impl ServerState {
         let client = self.clients.fetch_add(1, Ordering::Relaxed);
         let mut sockets = self.sockets();
         let pending = sockets.iter().filter(|socket| !socket.is_page).count();
-        if pending >= PENDING
+        if pending >= MAX_PENDING
             && let Some(oldest) = sockets.iter().position(|socket| !socket.is_page)
             && let Some(Socket { task: Some(task), .. }) = sockets.remove(oldest)
         {
@@ -69,20 +69,20 @@ impl ServerState {
     pub(crate) fn has_room(&self, now: Instant) -> bool {
         let sockets = self.sockets();
         let is_silent = |socket: &Socket| self.is_replaceable(socket, now);
-        sockets.iter().filter(|socket| socket.is_page).count() < PAGES || sockets.iter().any(is_silent)
+        sockets.iter().filter(|socket| socket.is_page).count() < MAX_PAGES || sockets.iter().any(is_silent)
     }
 
     fn is_replaceable(&self, socket: &Socket, now: Instant) -> bool {
         socket.is_page
             && !self.sender.is_in_control(socket.client)
-            && now.saturating_duration_since(socket.last_message) > SILENT
+            && now.saturating_duration_since(socket.last_message) > MAX_SILENCE
     }
 
     /// Makes a client a page after its hello; `false`: there is no place.
     pub(crate) fn make_page(&self, client: u64) -> bool {
         let now = Instant::now();
         let mut sockets = self.sockets();
-        if sockets.iter().filter(|socket| socket.is_page).count() >= PAGES {
+        if sockets.iter().filter(|socket| socket.is_page).count() >= MAX_PAGES {
             let silent = sockets.iter().enumerate().filter(|(_, socket)| self.is_replaceable(socket, now));
             let Some((longest, _)) = silent.min_by_key(|(_, socket)| socket.last_message) else { return false };
             if let Some(Socket { task: Some(task), .. }) = sockets.remove(longest) {
@@ -93,7 +93,7 @@ impl ServerState {
         own.map(|socket| (socket.is_page, socket.last_message) = (true, now)).is_some()
     }
 
-    /// Notes a message of a client.
+    /// Records the time of a client's message.
     pub(crate) fn message_from(&self, client: u64) {
         if let Some(socket) = self.sockets().iter_mut().find(|socket| socket.client == client) {
             socket.last_message = Instant::now();

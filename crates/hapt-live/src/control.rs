@@ -1,15 +1,15 @@
-//! Control: one client has it at a time. The first client gets it, others take it on purpose. A client that is silent for [`CONTROL_TIMEOUT`] keeps
+//! Control: one client has it at a time. The first client gets it, others take it by a request. A client that sends nothing for [`CONTROL_TIMEOUT`] keeps
 //! control, but its hand releases the puck.
 
 use std::time::{Duration, Instant};
 
-/// How long the client in control may be silent before its hand releases the puck.
+/// The time without a message of the client in control after which its hand releases the puck.
 pub const CONTROL_TIMEOUT: Duration = Duration::from_millis(300);
 
 /// A client's number, never used twice.
 pub type Client = u64;
 
-/// The client in control, and when its last message came.
+/// The client in control, and the time of its last message.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Control {
     holder: Option<(Client, Instant)>,
@@ -47,7 +47,7 @@ impl Control {
         had
     }
 
-    /// Notes a message of a client.
+    /// Records the time of a client's message.
     pub fn message_from(&mut self, client: Client, now: Instant) {
         if self.is_held_by(client) {
             self.holder = Some((client, now));
@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_client_gets_control_and_others_take_it_on_purpose() {
+    fn the_first_client_gets_control_and_others_take_it_by_a_request() {
         let now = Instant::now();
         let mut control = Control::default();
         assert!(control.joined(1, now) && !control.joined(2, now));
@@ -74,12 +74,12 @@ mod tests {
         assert!(control.take(2, now) && !control.take(2, now));
         assert!(!control.leave(1) && control.leave(2));
         assert_eq!(control.holder(), None);
-        // A page loaded anew.
+        // A reloaded page.
         assert!(control.joined(3, now));
     }
 
     #[test]
-    fn a_silent_client_is_unresponsive_whatever_other_clients_send() {
+    fn a_silent_client_is_unresponsive_although_other_clients_send() {
         let start = Instant::now();
         let at = |ms: u64| start + Duration::from_millis(ms);
         let mut control = Control::default();

@@ -139,7 +139,7 @@ mod tests {
         #![proptest_config(hapt_testing::cases(64))]
 
         #[test]
-        fn every_frame_that_is_no_whole_message_is_counted_however_the_bytes_are_cut(
+        fn every_frame_that_is_no_complete_message_is_counted_however_the_bytes_are_split(
             frames in prop::collection::vec((prop::sample::select(vec![0x81_u8, 0x82, 0x01, 0x00, 0x80, 0x89]), 0_usize..300, any::<bool>()), 1..30),
             long in 0_usize..70_000,
             cut in 1_usize..50,

@@ -10,7 +10,7 @@ use tokio_tungstenite::tungstenite::handshake::derive_accept_key;
 use crate::access::Access;
 use crate::assets::asset;
 
-/// The headers of every response, beside [`policy`].
+/// The headers of every response, in addition to [`policy`].
 const HEADERS: [(HeaderName, &str); 6] = [
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     (header::REFERRER_POLICY, "no-referrer"),

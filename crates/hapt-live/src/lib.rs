@@ -1,8 +1,8 @@
 //! The loop in real time behind a web page.
 //!
 //! [`Live::start`] takes a world and an address. It starts the loop's session ([`hapt_host::Session`]), the [`session`] with the pages, which
-//! owns it, and the [`server`], which carries their messages. A [`certifier`] computes the certificate on threads of its own. Between the
-//! threads are bounded queues. Stop, and the heartbeats of the client in control, pass the queues and go from the server to the loop itself:
+//! owns it, and the [`server`], which carries their messages. A [`certifier`] computes the certificate on its own threads. Bounded queues
+//! connect the threads. Stop, and the heartbeats of the client in control, bypass the queues and go directly from the server to the loop:
 //!
 //! ```text
 //! browser <-> server <-> session with the pages <-> session of the loop <-> loop, or a board

@@ -1,4 +1,4 @@
-//! Starts everything, and ends it in the right order.
+//! Starts session, server and certifier, and ends them in the right order.
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
@@ -21,7 +21,7 @@ use crate::session::SharedSession;
 /// The default port.
 pub const PORT: u16 = 4278;
 
-/// How to start a loop behind a page.
+/// The options of a loop behind a page.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// The world file.
@@ -34,7 +34,7 @@ pub struct Options {
     pub folder: PathBuf,
 }
 
-/// Why a loop behind a page cannot start, or has ended.
+/// The reason that a loop behind a page cannot start, or has ended.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The world file is wrong.
@@ -54,7 +54,7 @@ pub enum Error {
     /// The loop does not start.
     #[error(transparent)]
     Session(#[from] hapt_host::Error),
-    /// The loop has failed while it ran.
+    /// The loop failed while it ran.
     #[error("{0}")]
     Device(String),
 }
@@ -141,7 +141,7 @@ impl Live {
         let access = Access::new(address, machine.profile != SafetyProfile::Simulated).map_err(Error::System)?;
         let (link, asks_for_token) = (access.link(), access.asks_for_token());
         let ready = to_session.clone();
-        // A full queue wakes the session all the same.
+        // With a full queue the session is awake.
         let ready = move || drop(ready.try_send(Event::TaskDone));
         let session = Session::start_in(config, machine, folder, ready).map_err(Error::Session)?;
         let sender = EventSender::new(to_session, session.handle());
@@ -192,7 +192,7 @@ impl Live {
 
 impl Drop for Live {
     fn drop(&mut self) {
-        // At once, whatever the session does.
+        // At once, also while the session is busy.
         self.sender.handle().end();
         self.sender.end();
         if let Some(session) = self.session.take() {

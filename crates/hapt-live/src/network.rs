@@ -1,4 +1,4 @@
-//! All stations of a network in one program: their links over sockets of this computer, and the network's certificate on a thread of its own.
+//! All stations of a network in one program: their links over sockets of this computer, and the network's certificate on its own thread.
 
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -17,12 +17,12 @@ use crate::certifier::{BROKEN, Latest, VERDICTS, lower_priority};
 pub struct StationEnd {
     /// The loop's ends of its links, for [`hapt_host::Machine::beside`].
     pub ports: Vec<LinkPort>,
-    /// What its pages see and change.
+    /// The network's view for its pages.
     pub view: Box<dyn StationView>,
 }
 
-/// Connects the stations of `network`, in their order. Their messages go over sockets of this computer, and take the time, and are lost, as the file
-/// says, until a page changes that. The verdict follows what pages change of the links, and of each station's world.
+/// Connects the stations of `network`, in their order. Their messages go over sockets of this computer, with the delay and loss of the file until a page
+/// changes them. The verdict follows the pages' changes of the links and of each station's world.
 ///
 /// # Errors
 /// The network has no certificate, or the system gives no socket, thread or random numbers.
@@ -30,7 +30,7 @@ pub fn connect(network: &System) -> Result<Vec<StationEnd>, LinkError> {
     connect_by(network, check_network)
 }
 
-/// The same with certificates from elsewhere.
+/// The same with certificates computed by the caller.
 ///
 /// # Errors
 /// As [`connect`].
@@ -61,7 +61,7 @@ pub fn connect_by(
     Ok(ends.collect())
 }
 
-/// The thread that answers questions about a network, the newest first. Dropped, it finishes what it computes, and ends.
+/// The thread that answers questions about a network, the newest first. Dropped, it finishes its computation, and ends.
 struct NetworkCertifier(Arc<Latest<Question>>);
 
 impl NetworkCertifier {

@@ -1,4 +1,4 @@
-//! How the session answers the messages of pages.
+//! The session's handling of the messages of pages.
 
 use std::time::Instant;
 
@@ -32,7 +32,7 @@ impl SharedSession {
                 }
                 self.broadcast(&message);
             }
-            // An answer on an earlier world. The task's result is taken by the next poll.
+            // An answer on an earlier world is dropped. The next poll takes a task's result.
             Event::Certified(..) | Event::TaskDone | Event::End => {}
         }
     }
@@ -69,7 +69,7 @@ impl SharedSession {
             ClientMessage::Alive | ClientMessage::Command { command: Command::Stop } => None,
             ClientMessage::Take => {
                 let from = self.control.holder();
-                // A page that has disconnected takes nothing.
+                // A page that has disconnected cannot take control.
                 if self.clients.contains_key(&client) && self.control.take(client, Instant::now()) {
                     self.control_changed(from);
                 }

@@ -1,4 +1,4 @@
-//! Events on their way to the session, from the server and from the certifier.
+//! The queue of events from the server and the certifier to the session.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -12,13 +12,13 @@ use tokio_tungstenite::tungstenite::Message;
 
 use crate::control::Client;
 
-/// The most messages of one client that wait, and the most events of all.
-const OF_ONE: usize = 256;
-const WAITING: usize = 16384;
-/// How long the end of the program waits before it tries a full queue again.
-const RETRY: Duration = Duration::from_millis(4);
-/// The number of no client.
-pub(crate) const NOBODY: Client = 0;
+/// The largest number of queued messages of one client, and of all queued events.
+const MAX_OF_CLIENT: usize = 256;
+const MAX_EVENTS: usize = 16384;
+/// The wait of the program's end before it tries a full queue again.
+const RETRY_PERIOD: Duration = Duration::from_millis(4);
+/// A number that no client has.
+pub(crate) const NO_CLIENT: Client = 0;
 
 /// An event for the session.
 pub enum Event {
@@ -36,17 +36,17 @@ pub enum Event {
     End,
 }
 
-/// The number of a client's messages that wait.
+/// The number of a client's queued messages.
 #[derive(Clone, Debug, Default)]
 pub struct Waiting(Arc<AtomicUsize>);
 
-/// One of them. Dropped, it waits no longer.
+/// A queued message; dropping it decrements the number.
 pub struct Ticket(Waiting);
 
 impl Waiting {
-    /// A place for one more, if there is one.
+    /// A ticket for one more message, if the limit permits it.
     fn ticket(&self) -> Option<Ticket> {
-        let taken = self.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, |n| (n < OF_ONE).then_some(n + 1));
+        let taken = self.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, |n| (n < MAX_OF_CLIENT).then_some(n + 1));
         taken.ok().map(|_| Ticket(self.clone()))
     }
 }
@@ -57,7 +57,7 @@ impl Drop for Ticket {
     }
 }
 
-/// The server's side of the queue to the session. It never blocks, and takes urgent messages past the queue to the loop.
+/// The server's side of the queue to the session. It never blocks, and sends urgent messages directly to the loop.
 #[derive(Clone)]
 pub struct EventSender {
     events: SyncSender<Event>,
@@ -68,7 +68,7 @@ pub struct EventSender {
 
 /// The queue to the session: its two ends.
 pub fn events() -> (SyncSender<Event>, Receiver<Event>) {
-    sync_channel(WAITING)
+    sync_channel(MAX_EVENTS)
 }
 
 impl EventSender {
@@ -77,7 +77,7 @@ impl EventSender {
         EventSender { events, handle, controller: Arc::default() }
     }
 
-    /// Sends a client's message; `false`: the session has ended, or too many messages of this client wait.
+    /// Sends a client's message; `false`: the session has ended, or too many messages of this client are queued.
     ///
     /// A stop goes to the loop at once, from any client; so do the heartbeats of the client in control, and its disarming of a motor.
     pub fn send(&self, client: Client, message: ClientMessage, waiting: &Waiting) -> bool {
@@ -92,7 +92,7 @@ impl EventSender {
             }
         }
         if let ClientMessage::Command { command: Command::Stop } | ClientMessage::Alive = message {
-            // The session needs it for the hand on a simulated puck only: it may be lost.
+            // The session needs it only for the hand on a simulated puck: it may be lost.
             if let Some(ticket) = waiting.ticket() {
                 let _ = self.events.try_send(Event::Message(client, ClientMessage::Alive, epoch, ticket));
             }
@@ -114,7 +114,7 @@ impl EventSender {
 
     /// Sets the client whose messages are heartbeats; `None`: there is none.
     pub(crate) fn set_controller(&self, client: Option<Client>) {
-        self.controller.store(client.unwrap_or(NOBODY), Ordering::Release);
+        self.controller.store(client.unwrap_or(NO_CLIENT), Ordering::Release);
     }
 
     /// The loop's handle.
@@ -127,7 +127,7 @@ impl EventSender {
         let mut event = Event::End;
         while let Err(TrySendError::Full(back)) = self.events.try_send(event) {
             event = back;
-            std::thread::sleep(RETRY);
+            std::thread::sleep(RETRY_PERIOD);
         }
     }
 }

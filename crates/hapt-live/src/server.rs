@@ -1,11 +1,11 @@
-//! The server: accepts connections and serves the page and the websockets, on a thread of its own.
+//! The server: accepts connections and serves the page and the websockets, on its own thread.
 //!
-//! Connections stand in short lists. In a full list the oldest connection is closed for the newest, so that a thousand silent connections
-//! never block the page. Websockets before their hello have a list of their own; of those after it, a silent one is closed. Only
-//! [`EventSender`] leads from here to the loop.
+//! Connections are in short lists. In a full list the oldest connection is closed for the newest, so that a thousand silent connections
+//! never block the page. Websockets before their hello have a separate list; of those after it, a silent one is closed. Only
+//! [`EventSender`] connects the server to the loop.
 //!
-//! hyper alone carries this: axum serves its own connections and hands out whole messages, and neither lists that close the oldest
-//! connection nor the frames below a message (`counted.rs`) have a place in it.
+//! This needs hyper without axum: axum serves its own connections and returns complete messages, and permits neither lists that close the oldest
+//! connection nor counting the frames below a message (`counted.rs`).
 
 use std::net::TcpListener;
 use std::sync::Arc;
@@ -24,13 +24,13 @@ use crate::http::{Reply, reply};
 use crate::sender::EventSender;
 use crate::socket;
 
-/// The most connections that are no websockets.
-const CONNECTIONS: usize = 256;
+/// The largest number of connections that are no websockets.
+const MAX_CONNECTIONS: usize = 256;
 /// The time limit for a request's head.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
-/// The size limit of a request's head in bytes, and its most headers.
-const HEAD: usize = 16 * 1024;
-const FIELDS: usize = 64;
+/// The largest size of a request's head in bytes, and the largest number of its headers.
+const MAX_HEAD_BYTES: usize = 16 * 1024;
+const MAX_HEADERS: usize = 64;
 
 /// A running server. Dropped, it ends.
 pub struct Server {
@@ -78,7 +78,7 @@ async fn accept(listener: &tokio::net::TcpListener, state: &Arc<ServerState>) {
             Ok((stream, _)) => {
                 let own = Arc::clone(state);
                 let mut connections = state.connections();
-                if connections.len() >= CONNECTIONS
+                if connections.len() >= MAX_CONNECTIONS
                     && let Some((_, oldest)) = connections.pop_front()
                 {
                     oldest.abort();
@@ -89,7 +89,7 @@ async fn accept(listener: &tokio::net::TcpListener, state: &Arc<ServerState>) {
                 });
                 connections.push_back((number, task.abort_handle()));
             }
-            // Out of file descriptors, or the connection was closed already: the oldest is closed, and accepting goes on a little later.
+            // Out of file descriptors, or the connection was closed already: the oldest is closed, and accepting continues after a short wait.
             Err(_) => {
                 if let Some((_, oldest)) = state.connections().pop_front() {
                     oldest.abort();
@@ -140,7 +140,10 @@ async fn serve(stream: TcpStream, state: Arc<ServerState>) {
         }
     });
     let mut http = http1::Builder::new();
-    http.timer(TokioTimer::new()).header_read_timeout(REQUEST_TIMEOUT).max_buf_size(HEAD).max_headers(FIELDS);
-    // A connection that breaks off or speaks no HTTP is no error of the server.
+    http.timer(TokioTimer::new())
+        .header_read_timeout(REQUEST_TIMEOUT)
+        .max_buf_size(MAX_HEAD_BYTES)
+        .max_headers(MAX_HEADERS);
+    // A connection that breaks off or is no HTTP is no error of the server.
     let _ = http.serve_connection(TokioIo::new(stream), service).with_upgrades().await;
 }

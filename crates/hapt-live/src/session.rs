@@ -1,7 +1,7 @@
 //! The session with the pages: passes their messages to the loop's session, and the loop's state to them.
 //!
-//! Its thread blocks on its queue alone, for a few milliseconds at most: a page that stops reading is disconnected, certificates and changed
-//! worlds are computed on other threads, and the loop runs on without it.
+//! Its thread blocks only on its queue, for a few milliseconds at most: a page that stops reading is disconnected, certificates and changed
+//! worlds are computed on other threads, and the loop does not wait for it.
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
@@ -18,11 +18,11 @@ use crate::control::{Client, Control};
 use crate::sender::{Event, EventSender};
 
 /// The longest wait for an event before the loop is polled again.
-const TICK: Duration = Duration::from_millis(4);
+const POLL_PERIOD: Duration = Duration::from_millis(4);
 /// The time between two telemetry frames.
-const FRAME: Duration = Duration::from_micros(16_667);
-/// The most events handled before the loop is polled again.
-const AT_ONCE: usize = 1024;
+const FRAME_PERIOD: Duration = Duration::from_micros(16_667);
+/// The largest number of events handled before the loop is polled again.
+const EVENTS_AT_ONCE: usize = 1024;
 
 /// The session that several pages share.
 pub struct SharedSession {
@@ -37,7 +37,7 @@ pub struct SharedSession {
     pub(crate) world: Message,
     pub(crate) handle: LoopHandle,
     sender: EventSender,
-    /// The client in control that the pages were told of.
+    /// The client in control of the last message to the pages.
     announced: Option<Client>,
 }
 
@@ -69,9 +69,9 @@ impl SharedSession {
         let begin = Instant::now();
         let mut frame = begin;
         loop {
-            match events.recv_timeout(TICK) {
+            match events.recv_timeout(POLL_PERIOD) {
                 Ok(first) => {
-                    for event in std::iter::once(first).chain(events.try_iter().take(AT_ONCE)) {
+                    for event in std::iter::once(first).chain(events.try_iter().take(EVENTS_AT_ONCE)) {
                         if matches!(event, Event::End) {
                             return Ok(());
                         }
@@ -95,7 +95,7 @@ impl SharedSession {
                 self.broadcast(&to_message(&ServerMessage::Control { control: self.announced }));
             }
             if now >= frame {
-                frame = (frame + FRAME).max(now);
+                frame = (frame + FRAME_PERIOD).max(now);
                 if let Some(bytes) = self.page.frame() {
                     self.broadcast(&Message::Binary(bytes.into()));
                 }
@@ -109,7 +109,7 @@ impl SharedSession {
         }
     }
 
-    /// Passes a message of the session on. Certificates of a changed world are computed anew.
+    /// Passes on a message of the session. Certificates of a changed world are recomputed.
     fn pass_on(&mut self, to: Option<Client>, message: &ServerMessage) {
         let text = to_message(message);
         if let Some(client) = to {
@@ -136,7 +136,7 @@ impl SharedSession {
             self.handle.withdraw();
         }
         if next.is_some() {
-            // Its message has just arrived.
+            // Its message has just arrived: it counts as a heartbeat.
             self.handle.heartbeat();
             self.sender.set_controller(next);
         }
@@ -158,7 +158,7 @@ impl SharedSession {
     }
 }
 
-/// A message as it is sent.
+/// A message in the form of the websocket.
 pub fn to_message(message: &ServerMessage) -> Message {
     Message::Text(message.json().into())
 }

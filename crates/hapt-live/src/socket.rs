@@ -22,23 +22,23 @@ use crate::counted::Counted;
 use crate::sender::{Event, EventSender, Waiting};
 use crate::session::to_message;
 
-/// The most messages that wait for a page to read them: two seconds of telemetry.
-const WAITING: usize = 128;
+/// The largest number of messages queued for a page: two seconds of telemetry.
+const MAX_QUEUED: usize = 128;
 /// The time limit for the hello.
-const HELLO: Duration = Duration::from_secs(5);
+const HELLO_TIMEOUT: Duration = Duration::from_secs(5);
 /// The time limit between two messages: a page sends ten heartbeats a second, in the background of a browser one a minute.
 const SILENCE: Duration = Duration::from_secs(90);
 /// The time limit for a page to take a message.
-const STALLED: Duration = Duration::from_secs(5);
-/// How long the messages beyond the limit are searched for a stop.
-const LAST: Duration = Duration::from_secs(2);
-/// The most invalid messages in a row.
-const STRIKES: u32 = 20;
+const WRITE_TIMEOUT: Duration = Duration::from_secs(5);
+/// The time for which messages beyond the limit are searched for a stop.
+const STOP_SEARCH: Duration = Duration::from_secs(2);
+/// The largest number of consecutive invalid messages.
+const MAX_INVALID: u32 = 20;
 
-/// Why a websocket is closed: a code of RFC 6455 and a sentence.
+/// The reason that a websocket is closed: a code of RFC 6455 and a sentence.
 type Close = (CloseCode, &'static str);
 
-/// For messages and for frames that are no whole message.
+/// The reason for too many messages, or frames that are no complete message.
 const TOO_MANY: Close = (CloseCode::Policy, "more than 200 messages a second");
 
 /// Serves a page until either side closes the websocket.
@@ -54,12 +54,12 @@ pub async fn serve(io: TokioIo<Upgraded>, state: Arc<ServerState>, client: u64) 
     let socket = WebSocketStream::from_raw_socket(io, Role::Server, Some(config)).await;
     let disconnect = Disconnect(state.sender.clone(), client);
     let (mut sink, mut stream) = socket.split();
-    let (outbox, mut waiting) = mpsc::channel(WAITING);
+    let (outbox, mut waiting) = mpsc::channel(MAX_QUEUED);
     let joined = AtomicBool::new(false);
     let receiving = receive(&mut stream, &state, client, outbox, &allowance, &joined);
     let sending = async {
         while let Some(message) = waiting.recv().await {
-            if !matches!(timeout(STALLED, sink.send(message)).await, Ok(Ok(()))) {
+            if !matches!(timeout(WRITE_TIMEOUT, sink.send(message)).await, Ok(Ok(()))) {
                 return (CloseCode::Away, "");
             }
         }
@@ -72,9 +72,9 @@ pub async fn serve(io: TokioIo<Upgraded>, state: Arc<ServerState>, client: u64) 
     drop(disconnect);
     // The server closes it: a stop that the page has sent before still counts.
     if !matches!(code, CloseCode::Normal | CloseCode::Protocol) && joined.load(Ordering::Relaxed) {
-        let _ = timeout(LAST, find_stop(&mut stream, &state, client)).await;
+        let _ = timeout(STOP_SEARCH, find_stop(&mut stream, &state, client)).await;
     }
-    // The messages that wait, and the reason, while the page takes them.
+    // The queued messages, and the reason, as long as the page reads them.
     let last = async {
         while let Ok(message) = waiting.try_recv() {
             sink.send(message).await?;
@@ -103,7 +103,7 @@ async fn receive(
     };
     let opened = tokio::time::Instant::now();
     loop {
-        let until = if own.is_none() { tokio::time::Instant::now() + SILENCE } else { opened + HELLO };
+        let until = if own.is_none() { tokio::time::Instant::now() + SILENCE } else { opened + HELLO_TIMEOUT };
         let text = match tokio::time::timeout_at(until, stream.next()).await {
             Err(_) => return (CloseCode::Policy, "no message for too long"),
             Ok(None | Some(Ok(Message::Close(_)))) => return (CloseCode::Normal, ""),
@@ -169,7 +169,7 @@ async fn receive(
             Ok(false) => return (CloseCode::Again, "the page does not read its messages, or the server is overloaded"),
             Err(message) => {
                 strikes += 1;
-                if strikes >= STRIKES || !answer(message) {
+                if strikes >= MAX_INVALID || !answer(message) {
                     return (CloseCode::Policy, "too many invalid messages in a row");
                 }
             }
@@ -177,7 +177,7 @@ async fn receive(
     }
 }
 
-/// Searches for a stop in what a page has sent beyond the limits.
+/// Searches the messages of a page beyond the limits for a stop.
 async fn find_stop(
     stream: &mut (impl StreamExt<Item = Result<Message, Error>> + Unpin),
     state: &ServerState,

@@ -1,12 +1,12 @@
-//! The page without a server, as files that a browser opens from where they lie: the same page, and web/core as WebAssembly in place of
-//! what is behind a websocket.
+//! The page without a server, as files that a browser opens from a folder: the same page, with web/core as WebAssembly in place of the
+//! websocket's server.
 //!
 //! ```text
 //! NAME.html   NAME.js   assets/page.js, .css ...   assets/core-SUM.js
 //! the page    a world   shared by all worlds       the program, in base64
 //! ```
 //!
-//! Scripts of a folder are classic ones, and bytes are text in them: browsers load nothing else from there.
+//! The scripts are classic ones, with bytes as text: browsers load no modules and no other data from a folder.
 
 use std::collections::BTreeMap;
 
@@ -23,41 +23,41 @@ use serde_json::{Value, json};
 use crate::assets::{self, CORE};
 use crate::certifier::{proposed, range, to_verdict};
 
-/// With more bodies only the period's certified range is looked for: all of them would take longer than the report.
+/// With more bodies only the period's certified range is computed: all ranges would take longer than the report.
 const MANY: usize = 4;
 
-/// A file by its name, which may be in a folder.
+/// A file with its name, which may contain a folder.
 pub type File = (String, Vec<u8>);
 
-/// What a page has beside its system.
+/// A system's page with its title and place.
 #[derive(Clone, Copy, Debug)]
 pub struct PageInput<'a> {
     /// The system.
     pub page: &'a Page,
-    /// What it is called.
+    /// The title.
     pub title: &'a str,
     /// A world's remedies or margins.
     pub proposal: Option<&'a Proposal>,
-    /// Where the page is.
+    /// The place of the page.
     pub place: Place<'a>,
 }
 
-/// Where a page is, and by which words more is to be had there.
+/// The place of a page, with the text of its links.
 #[derive(Clone, Copy, Debug)]
 pub enum Place<'a> {
-    /// Beside a report.
+    /// In the folder of a report.
     Report {
-        /// What the world is called on the command line, with what is set there.
+        /// The world on the command line, with its overrides.
         command: &'a str,
-        /// The report that the page leads back to, from its folder.
+        /// The report to which the page links back, relative to its folder.
         report: &'a str,
     },
-    /// Under a cell of a notebook.
+    /// In the output of a notebook's cell.
     Notebook,
 }
 
 impl Place<'_> {
-    /// As the page takes it.
+    /// The place in the form of the page's data.
     fn data(self) -> Value {
         match self {
             Place::Report { command, report } => json!({ "command": command, "report": report }),
@@ -70,10 +70,10 @@ impl Place<'_> {
 #[derive(Clone, Debug)]
 pub struct Page(Contents);
 
-/// As the page carries it.
+/// The content of the page.
 #[derive(Clone, Debug)]
 enum Contents {
-    /// A world, the same as the page reads it, and its verdict.
+    /// A world, its configuration as the page reads it, and its verdict.
     World(WorldFile, Box<WorldConfig>, Box<VerdictMessage>),
     /// A network for a page with all of its wheels, and its stations' names.
     Network(NetworkFile, Vec<String>),
@@ -83,7 +83,7 @@ impl Page {
     /// The system that was read from `source` under `sets`, with its certificate, and the files that it names.
     ///
     /// # Errors
-    /// In words, why it has no page: the page has not been built, or does not run this world, or that of a station.
+    /// In a sentence: the page has not been built, or does not run this world, or that of a station.
     pub fn new(source: &Source, sets: Vec<String>, system: &System, check: &SystemCheck) -> Result<Self, String> {
         let built = !CORE.is_empty() && assets::all().any(|(name, _)| name == "/index.html");
         if !built {
@@ -114,7 +114,7 @@ fn runs(world: &World) -> Result<(), String> {
     Plan::new(world, SafetyProfile::Simulated).map(drop).map_err(|error| error.to_string())
 }
 
-/// What makes the still figures of a report ones that are moved: a script and a style to stand in its page.
+/// The script and the style that make the figures of a report interactive.
 #[derive(Clone, Copy, Debug)]
 pub struct ReportPlots {
     /// The script.
@@ -131,7 +131,7 @@ pub fn report_plots() -> Option<ReportPlots> {
     Some(ReportPlots { script: script?, sum: sum?, style: style? })
 }
 
-/// The files that all worlds share.
+/// The files common to all worlds.
 pub fn shared() -> Vec<File> {
     let files = assets::all().filter(|(name, _)| *name != "/index.html");
     let mut list: Vec<File> =
@@ -150,7 +150,7 @@ pub fn files(stem: &str, input: &PageInput<'_>) -> [File; 2] {
     [(format!("{stem}.html"), page(stem).into_bytes()), (format!("{stem}.js"), data.into_bytes())]
 }
 
-/// A system's page as one file, which a frame takes as its text.
+/// A system's page as one file, for the text of an embedded frame.
 pub fn single(input: &PageInput<'_>) -> String {
     let text = |ending: &str| {
         let found = assets::all().find(|(name, _)| name.ends_with(ending));
@@ -160,7 +160,7 @@ pub fn single(input: &PageInput<'_>) -> String {
     let head = html.split("<link rel=\"icon\"").next().unwrap_or_default();
     let body = html.split_once("</head>").map_or("", |(_, rest)| rest);
     let body = body.split("</body>").next().unwrap_or_default();
-    // No text of the world ends the element; and what it might load, the policy forbids.
+    // The escape prevents the world's text from ending the element; the policy forbids loading.
     let data = with_core(&data(input)).replace('<', "\\u003c");
     let core = core_script();
     format!(
@@ -170,12 +170,12 @@ pub fn single(input: &PageInput<'_>) -> String {
     )
 }
 
-/// A script that gives the page its data, beside the program.
+/// A script that gives the page its data, and the program.
 fn with_core(data: &Value) -> String {
     format!("Object.assign(window.hapt, {data});\n")
 }
 
-/// The program's file. It has a sum in its name: another hapt's worlds in the same folder keep theirs.
+/// The name of the program's file, which contains its checksum: worlds of another version in the same folder keep theirs.
 fn core() -> String {
     // FNV-1a
     let sum = CORE
@@ -184,7 +184,7 @@ fn core() -> String {
     format!("assets/core-{sum:016x}.js")
 }
 
-/// The page, with what it runs before its own script. Whatever a world's text would load or run, the policy forbids.
+/// The page, with the scripts before its own one. The policy forbids everything that a world's text might load or run.
 fn page(stem: &str) -> String {
     let html = assets::asset("/").map_or(String::new(), |page| String::from_utf8_lossy(page.bytes).into_owned());
     let own = format!(
@@ -198,7 +198,7 @@ fn page(stem: &str) -> String {
     format!("{head}{own}{rest}")
 }
 
-/// The contents of a page in the form that its script takes: web/src/local.ts and web/src/wheels.ts have their form.
+/// The data of a page in the form of its script: that of web/src/local.ts and web/src/wheels.ts.
 fn data(input: &PageInput<'_>) -> Value {
     let PageInput { page: Page(contents), title, proposal, place } = *input;
     let (file, config, verdict) = match contents {
@@ -227,7 +227,7 @@ mod tests {
     use hapt_testing::WHEEL;
 
     #[test]
-    fn a_worlds_text_stays_text() {
+    fn a_worlds_text_is_escaped() {
         let title = "title = \"</script><script>alert(1)</script>\"";
         let source = Source::from_text("wheel.toml", WHEEL.replace("title = \"wheel\"", title));
         let sets = vec!["loop.period=2 ms".to_string()];
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn a_page_of_one_file_asks_for_nothing_and_no_text_ends_its_scripts() {
+    fn a_page_of_one_file_loads_nothing_and_no_text_ends_its_scripts() {
         let title = "title = \"</script><script>alert(1)</script>\"";
         let source = Source::from_text("wheel.toml", WHEEL.replace("title = \"wheel\"", title));
         let system = System::read(&source, &[]).unwrap();

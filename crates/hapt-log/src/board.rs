@@ -1,4 +1,4 @@
-//! Replay of a board's log: its loop is one of f32 and small capacity, and its inputs follow from its phases.
+//! Replay of a board's log: the loop has numbers of f32 and a small capacity, and its inputs are inferred from its phases.
 //!
 //! Telemetry contains neither the requests to the board's supervisor nor the lateness of a sample: [`inputs`] infers them from the
 //! phases before and after. A disarmed world stays at its start, so that the replay can begin at every arming.
@@ -28,11 +28,11 @@ const TOO_LATE: f64 = f32::MAX as f64;
 pub fn inputs(before: Phase, after: Phase, reason: Option<Reason>) -> (Option<Request>, f64, f64) {
     use Phase::{Disarmed, FadingIn, FadingOut, Faulted, Running};
     let lost = reason == Some(Reason::Link);
-    // By itself: as a link that is lost, or behind a sample that came too late for the certificate.
+    // An automatic fade: by a lost link, or after a sample that was too late for the certificate.
     let by_itself = lost || reason == Some(Reason::Uneven);
     let request = match (before, after) {
         (_, Faulted) if reason == Some(Reason::Stop) && before != Faulted => Some(Request::Stop),
-        // Arming failed: its motor's driver has a fault.
+        // Arming failed: the motor's driver has a fault.
         (Disarmed, Faulted) if reason == Some(Reason::Driver) => None,
         (Disarmed, FadingIn | Running | Faulted) | (FadingOut, FadingIn | Running) => Some(Request::Arm),
         (FadingIn | Running, FadingOut | Disarmed) if !by_itself => Some(Request::Disarm),
@@ -106,7 +106,7 @@ pub(crate) fn replay<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(
         if state.supervisor.phase != Phase::Faulted && inputs.reason == u64::from(Reason::Driver.code()) {
             state.trip(Reason::Driver);
         }
-        // Neither are the times of its samples.
+        // The times of its samples are no part of a reading either.
         if inputs.reason == u64::from(Reason::Uneven.code()) && state.supervisor.reason != Some(Reason::Uneven) {
             let faults = inputs.phase == Phase::Faulted as u64;
             state.supervisor.lapse(if faults { WhenLate::Fault } else { WhenLate::Fade });
@@ -116,7 +116,7 @@ pub(crate) fn replay<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(
         let torques = [(TORQUE, guarded.sample.torque), (COMMAND, guarded.sample.command), (output, guarded.output)];
         result.compare(&sample, inputs.sample, &torques.map(|(place, torque)| (place, f64::from(torque))));
     }
-    // Hardly two consecutive samples: telemetry was set to every nth one.
+    // Few consecutive samples: telemetry was set to every nth one.
     if result.gaps > consecutive {
         return Err(Error::NoReplay(
             "a board's log can be replayed only where every sample is in it, and this one skips some between each two: record it over a \
@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_board_was_told_follows_from_its_phases() {
+    fn a_boards_requests_follow_from_its_phases() {
         use Phase::{Disarmed, FadingIn, FadingOut, Faulted, Running};
         let asked = |before, after, reason| inputs(before, after, reason).0;
         assert_eq!(asked(Disarmed, FadingIn, None), Some(Request::Arm));

@@ -82,7 +82,7 @@ pub(crate) struct Container<R> {
     body: Vec<u8>,
     /// The unread part of it, where it is a chunk.
     chunk: Range<usize>,
-    /// The file ends in it.
+    /// Whether the file ends in it.
     cut: bool,
     ending: Option<Ending>,
 }

@@ -94,7 +94,7 @@ pub struct Inputs {
     pub reason: u64,
     /// The torque command to the motor, after the supervisor.
     pub output: f64,
-    /// From the sample to when the device had that command, in s.
+    /// From the sample to the completed write of that command to the device, in s.
     pub computation: f64,
     /// The torque of the links; `None` without them.
     pub link: Option<f64>,
@@ -141,7 +141,7 @@ impl<R: Read> Log<R> {
                 }
                 Item::Message(message) => {
                     let Some(plan) = plans.get(&message.channel).cloned() else { continue };
-                    // A program that rewrites a log may put the metadata after the samples: then they stay unknown.
+                    // A program that rewrites a log may put the metadata after the samples: they are then unknown.
                     header.fill(&metadata.unwrap_or_default(), &plan);
                     let origin = if plan.live { Origin::Live(message.log_time) } else { Origin::Run };
                     let (first, values) = (Some(message), Vec::new());
@@ -183,7 +183,7 @@ impl<R: Read> Log<R> {
     ///
     /// # Errors
     /// [`Error::Unreadable`] and, for another world, [`Error::World`].
-    #[allow(clippy::should_implement_trait)] // The sample is lent.
+    #[allow(clippy::should_implement_trait)] // The sample is borrowed.
     pub fn next(&mut self) -> Result<Option<Sample<'_>>, Error> {
         let message = match self.first.take() {
             Some(message) => message,
@@ -235,7 +235,7 @@ impl Header {
 }
 
 impl LoggedPlan {
-    /// Of a loop in real time: where the columns that only such a loop has begin among a sample's values.
+    /// The index among a sample's values of the first column that only a loop in real time has.
     pub(crate) fn live_columns(&self) -> usize {
         self.columns.len().saturating_sub(LIVE_COLUMNS + usize::from(self.linked))
     }

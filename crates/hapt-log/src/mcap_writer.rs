@@ -36,7 +36,7 @@ impl Fields {
         self
     }
 
-    /// Bytes behind their number, which is below 2³² in every log.
+    /// Bytes preceded by their number, which is below 2³² in every log.
     fn bytes(self, bytes: &[u8]) -> Self {
         let mut fields = self.u32(bytes.len() as u32);
         fields.0.extend(bytes);
@@ -52,7 +52,7 @@ impl Fields {
         self.bytes(&pairs.0)
     }
 
-    /// Pairs of a channel's number and something of it.
+    /// Pairs of a channel's number and a value.
     fn by_channel(self, values: &BTreeMap<u16, u64>) -> Self {
         let pairs = values.iter().fold(Fields::default(), |pairs, (id, value)| pairs.u16(*id).u64(*value));
         self.bytes(&pairs.0)
@@ -88,7 +88,7 @@ impl Span {
     }
 }
 
-/// The chunk at hand.
+/// The present chunk.
 #[derive(Default)]
 struct Chunk {
     records: Vec<u8>,
@@ -102,7 +102,7 @@ pub(crate) struct McapWriter<W> {
     out: W,
     /// Bytes written.
     written: u64,
-    /// Of these bytes.
+    /// The checksum of these bytes.
     checksum: crc32fast::Hasher,
     chunk: Chunk,
     /// The contents of schemas and channels without their numbers, which count from 1.
@@ -141,7 +141,7 @@ impl<W: Write> McapWriter<W> {
         Ok(mcap)
     }
 
-    /// Writes behind what is there. Returns where it begins, and its length.
+    /// Appends bytes. Returns their position and their length.
     fn write(&mut self, bytes: &[u8]) -> io::Result<Fields> {
         self.out.write_all(bytes)?;
         self.checksum.update(bytes);
@@ -170,13 +170,13 @@ impl<W: Write> McapWriter<W> {
         Ok(())
     }
 
-    /// The number of a schema; it is written where it is new.
+    /// The number of a schema; a new one is written.
     pub fn schema(&mut self, name: &str, encoding: &str, data: &[u8]) -> io::Result<u16> {
         let content = Fields::default().text(name).text(encoding).bytes(data);
         numbered(&mut self.schemas, content, SCHEMA, &mut self.chunk.records)
     }
 
-    /// The number of a channel; it is written where it is new.
+    /// The number of a channel; a new one is written.
     pub fn channel(
         &mut self,
         schema: u16,
@@ -203,7 +203,7 @@ impl<W: Write> McapWriter<W> {
         chunk.records = head.0;
     }
 
-    /// Ends the chunk, and has `out` write what it keeps.
+    /// Ends the chunk, and flushes `out`.
     pub fn flush(&mut self) -> io::Result<()> {
         self.end_chunk()?;
         self.out.flush()
@@ -275,7 +275,7 @@ impl<W: Write> McapWriter<W> {
     }
 }
 
-/// The number of this content; what is new is written with the next number.
+/// The number of this content; new content is written with the next number.
 fn numbered(contents: &mut Vec<Vec<u8>>, content: Fields, opcode: u8, to: &mut Vec<u8>) -> io::Result<u16> {
     let (id, is_new) = match contents.iter().position(|known| *known == content.0) {
         Some(place) => (place + 1, false),
@@ -321,7 +321,7 @@ mod tests {
         prop::collection::vec(entry, 0..40)
     }
 
-    /// By the crate of MCAP's authors.
+    /// The file as written by the crate of MCAP's authors.
     fn expected(entries: &[Entry]) -> Vec<u8> {
         let options = WriteOptions::new().compression(None).chunk_size(None).disable_seeking(true).library("l");
         let mut writer = Writer::with_options(NoSeek::new(Vec::new()), options).unwrap();

@@ -18,14 +18,14 @@ use crate::Error;
 use crate::complete::Complete;
 use crate::writer::{Header, LogWriter, Origin};
 
-/// The queue's capacity in records: 16 s of a loop at 1 kHz, some 12 MB.
+/// The queue's capacity in records: 16 s of a loop at 1 kHz, about 12 MB.
 const WAITING: usize = 1 << 14;
 /// The longest time between flushes.
 const FLUSH_INTERVAL: Duration = Duration::from_secs(1);
 /// The number of consecutive samples without a loss that ends a gap.
-const CALM: u32 = 256;
+const GAP_END_SAMPLES: u32 = 256;
 
-/// Writes the log of a running loop, on a thread of its own. Sending a record never waits: a record without room in the queue is lost, and
+/// Writes the log of a running loop, on its own thread. Sending a record never blocks: a record that finds the queue full is lost, and
 /// counted.
 ///
 /// ```no_run
@@ -103,7 +103,7 @@ impl Recorder {
     pub fn start(path: impl AsRef<Path>, world: &World, header: Header) -> Result<Self, Error> {
         let path = path.as_ref();
         let failed = |error: io::Error| Error::Write { path: path.display().to_string(), error: error.to_string() };
-        // Emptied when nobody else writes it.
+        // Truncated only after the lock is taken.
         let file = OpenOptions::new().write(true).create(true).truncate(false).open(path).map_err(failed)?;
         let name = path.to_path_buf();
         if file.metadata().is_ok_and(|there| there.is_file()) {
@@ -147,7 +147,7 @@ impl Recorder {
         writer.flush().map_err(failed)?;
         let (to, name) = (Arc::clone(&shared), path.display().to_string());
         let thread = std::thread::Builder::new().name("recorder".into()).spawn(move || {
-            stand_back();
+            lower_priority();
             if let Err(error) = write(writer, &records, &to) {
                 *lock(&to.error) = Some(format!("cannot write {name}: {error}"));
                 // Unblocks senders after an error.
@@ -198,7 +198,7 @@ impl Recorder {
             self.send_snapshot(snapshot);
         }
         self.send(record);
-        if self.since_gap.get().is_some_and(|since| since >= CALM) && engine.snapshot() {
+        if self.since_gap.get().is_some_and(|since| since >= GAP_END_SAMPLES) && engine.snapshot() {
             self.since_gap.set(Some(0));
         }
     }
@@ -249,8 +249,8 @@ impl Drop for Recorder {
     }
 }
 
-/// Holds a file up to the end of this process, or of its last handle: nobody else is to replace it meanwhile. Elsewhere than on Unix a held file
-/// could not be read, and an open one cannot be replaced anyway. File systems without locks hold nothing.
+/// Locks a file up to the end of this process, or of its last handle, so that no other recorder replaces it meanwhile. On other systems than Unix a
+/// locked file could not be read, and an open one cannot be replaced. On file systems without locks this has no effect.
 fn hold(file: &File) -> io::Result<()> {
     if !cfg!(unix) {
         return Ok(());
@@ -261,17 +261,17 @@ fn hold(file: &File) -> io::Result<()> {
     }
 }
 
-/// What [`is_recorded`] means, as the end of a message.
+/// The meaning of [`is_recorded`], as the end of a message.
 pub const RECORDED: &str = "another run is writing its log there; give another name";
 
-/// Whether a recorder writes this file now, in whatever process.
+/// Whether a recorder of any process is writing this file.
 pub fn is_recorded(path: &Path) -> bool {
     let is_file = std::fs::metadata(path).is_ok_and(|there| there.is_file());
     let held = |file: File| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock));
     cfg!(unix) && is_file && File::open(path).is_ok_and(held)
 }
 
-/// Writes the queue until all senders are gone.
+/// Writes the queue until all senders are dropped.
 fn write<W: Write>(mut writer: LogWriter<W>, entries: &Receiver<Entry>, shared: &Shared) -> io::Result<()> {
     let mut waiting = 0;
     // Snapshots by their samples, whose records follow.
@@ -309,7 +309,7 @@ fn write<W: Write>(mut writer: LogWriter<W>, entries: &Receiver<Entry>, shared: 
             }
         }
         let ended = matches!(next, Err(RecvTimeoutError::Disconnected));
-        // The writer flushes by itself when a chunk is full.
+        // The writer flushes automatically when a chunk is full.
         if Instant::now() >= due || ended {
             if let Err(error) = writer.flush() {
                 break Err(error);
@@ -328,8 +328,8 @@ fn write<W: Write>(mut writer: LogWriter<W>, entries: &Receiver<Entry>, shared: 
     end
 }
 
-/// Gives the recorder the lowest priority.
-fn stand_back() {
+/// Gives the recorder a low priority.
+fn lower_priority() {
     #[cfg(target_os = "linux")]
     {
         // Without the permission it keeps the normal priority.

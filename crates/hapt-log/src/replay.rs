@@ -37,7 +37,7 @@ pub fn replay<R: Read>(log: &mut Log<R>) -> Result<Replay, Error> {
     Ok(result)
 }
 
-/// The log of a run: the loop alone, from each of its worlds' start.
+/// The log of a run: the loop without a supervisor, from the start of each of its worlds.
 fn run<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
     let mut running: Option<(Arc<LoggedPlan>, DesktopLoop, DesktopState)> = None;
     while let Some(sample) = log.next()? {
@@ -70,7 +70,7 @@ fn live<R: Read>(log: &mut Log<R>, result: &mut Replay) -> Result<(), Error> {
     let mut before: Option<Inputs> = None;
     while let Some(sample) = log.next()? {
         let Some(inputs) = sample.inputs() else { continue };
-        // A reading may count as missed although its sample was taken: the device had no new one.
+        // A reading may count as missed although its sample was taken: it was stale.
         let next = |before: &Inputs| before.sample + 1..=before.sample + 1 + u64::from(inputs.reading.missed);
         let follows = before.as_ref().is_some_and(|before| next(before).contains(&inputs.sample));
         if before.is_some() && !follows {

@@ -8,11 +8,11 @@ use hapt_sim::{Row, SIGNALS, Signal};
 /// A column of a log: a field of its messages, a column of the CSV or Parquet file that it is converted to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
-    /// As in the CSV's header.
+    /// The name in the CSV's header.
     pub name: String,
     /// The unit as written in text; empty for counts and names.
     pub unit: &'static str,
-    /// One line for people.
+    /// One line of text.
     pub doc: &'static str,
     /// Its encoding.
     pub kind: Kind,
@@ -178,12 +178,12 @@ pub(crate) const LIVE_COLUMNS: usize = LIVE.len();
 
 /// The columns of a world's log, in order; `live`: of a loop in real time; `linked`: of one at the ends of links.
 pub fn columns(world: &World, live: bool, linked: bool) -> Vec<Column> {
-    // Of a device in real time nobody sees the handle beyond its shaft.
+    // The handle of a real device is not measured.
     let run = if live { hapt_sim::loop_columns(world) } else { hapt_sim::columns(world) }.into_iter();
     let run = run.map(|column| Column { name: column.name, unit: column.unit, doc: column.doc, kind: Kind::Number });
     let mut columns: Vec<Column> = run.collect();
     columns.extend(LIVE.iter().filter(|_| live).map(|&Live { name, unit, doc, kind, .. }| {
-        // The one of them that is a torque: its unit is the world's.
+        // The output is the one torque among them: its unit is the world's.
         let output = Some(Signal::OUTPUT).filter(|output| output.stem == name);
         let own = output.map(|output| output.column(world.motion));
         own.map_or_else(

@@ -96,7 +96,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_was_put_in_is_taken_out(fields in proptest::collection::vec((1u32..1000, any::<u64>(), any::<bool>()), 0..20)) {
+        fn encoded_fields_read_back(fields in proptest::collection::vec((1u32..1000, any::<u64>(), any::<bool>()), 0..20)) {
             let mut message = Vec::new();
             for &(field, bits, double) in &fields {
                 match double {

@@ -141,7 +141,7 @@ impl<W: Write> LogWriter<W> {
         Ok(writer)
     }
 
-    /// Starts the samples of another world: a channel of its own, on the same topic.
+    /// Starts the samples of another world: a new channel, on the same topic.
     pub fn begin(&mut self, plan: u32, world: &World) -> io::Result<()> {
         let live = self.origin != Origin::Run;
         let columns = columns(world, live, self.linked);

@@ -1,4 +1,4 @@
-//! What a force-feedback wheel makes of each effect, as a page.
+//! The results of a conformance test of a force-feedback wheel, as a page.
 
 use maud::html;
 
@@ -12,32 +12,32 @@ use crate::ticks::number;
 pub struct ConformanceCase {
     /// Its name.
     pub name: String,
-    /// What was asked, in a sentence.
+    /// The request, in a sentence.
     pub asks: String,
-    /// Whether the wheel does that.
+    /// Whether the wheel renders the request.
     pub conforms: bool,
-    /// What it does, in a sentence.
+    /// The result, in a sentence.
     pub verdict: String,
     /// The root mean square of the difference, in % of the largest torque.
     pub off: f64,
-    /// Over time in s, in % of the largest torque: what acted.
+    /// The torque that acted over time in s, in % of the largest torque.
     pub acted: Vec<Point>,
-    /// And what was meant.
+    /// The torque that was meant, in the same form.
     pub meant: Vec<Point>,
 }
 
 /// A wheel with its cases.
 #[derive(Clone, Debug)]
 pub struct ConformanceReport {
-    /// As the wheel names itself.
+    /// The wheel's own name.
     pub wheel: String,
-    /// Of all cases, in a sentence.
+    /// The result of all cases, in a sentence.
     pub verdict: String,
-    /// What was found of the wheel itself: names and numbers.
+    /// The identified numbers of the wheel, with their names.
     pub found: Vec<(String, String)>,
     /// In the order in which they were played.
     pub cases: Vec<ConformanceCase>,
-    /// What drivers are known to do wrong, and in which cases this one does.
+    /// The known errors of drivers, and the cases in which this wheel has them.
     pub errors: Vec<(String, Vec<String>)>,
 }
 

@@ -1,4 +1,4 @@
-//! A world as a drawing: puck, bodies, ground, and the couplings between them, as the notes' figures 2 and 4 have it.
+//! A world as a drawing: puck, bodies, ground, and the couplings between them, in the form of the notes' figures 2 and 4.
 //!
 //! The bodies are in a row, each as near to the puck as its couplings allow; couplings of neighbours are between them, those to ground
 //! below, and those that pass a body above.
@@ -15,7 +15,7 @@ use crate::units::{DEGREES, say_effort};
 const NODE: f64 = 92.0;
 const TALL: f64 = 50.0;
 const GAP: f64 = 138.0;
-/// Of one coupling beside another.
+/// The distance between parallel couplings.
 const LANE: f64 = 44.0;
 const DOWN: f64 = 118.0;
 
@@ -28,7 +28,7 @@ pub struct Diagram {
     pub alt: String,
 }
 
-/// Draws a world, as a file of its own with its styles, or for a page that includes them.
+/// Draws a world, as a separate file with its styles, or for a page that includes them.
 pub fn diagram(world: &World, own_file: bool) -> Diagram {
     let order = order(world);
     let place = |end: End| match end {
@@ -48,7 +48,7 @@ pub fn diagram(world: &World, own_file: bool) -> Diagram {
             (None, None) => {}
         }
     }
-    // Each node is as wide as the couplings below it need, and as tall as those beside it.
+    // Each node is as wide as the couplings below it need, and as tall as those at its sides need.
     let widths: Vec<f64> = below.iter().map(|list| NODE.max(DOWN * list.len() as f64)).collect();
     let most = beside.iter().map(Vec::len).max().unwrap_or(0);
     let tall = TALL.max(LANE * most as f64 + 6.0);
@@ -84,7 +84,7 @@ pub fn diagram(world: &World, own_file: bool) -> Diagram {
         for (lane, coupling) in list.iter().enumerate() {
             let at = centres[i] + DOWN * (lane as f64 - 0.5 * (list.len() as f64 - 1.0))
                 - if list.len() > 1 { 30.0 } else { 0.0 };
-            // Beyond the node's edge an arm carries the coupling.
+            // A coupling beyond the node's edge is connected by an arm.
             if (at - centres[i]).abs() > 0.5 * NODE {
                 let _ = write!(body, "<path class=\"ink\" d=\"M{:.1} {:.1}H{at:.1}\"/>", centres[i], top + tall - 8.0);
                 let _ = write!(body, "<path class=\"ink\" d=\"M{at:.1} {:.1}V{:.1}\"/>", top + tall - 8.0, top + tall);
@@ -237,7 +237,7 @@ fn element(svg: &mut String, law: &Law, a: (f64, f64), b: (f64, f64)) {
             go('L', to, 0.0);
         }
         Law::Coulomb { .. } | Law::Lugre { .. } => {
-            // Two brushes on each other.
+            // Two brushes in contact.
             go('L', to - 6.0, 0.0);
             for i in 0..4 {
                 let s = from + (to - from) * (f64::from(i) + 0.5) / 4.5;
@@ -249,7 +249,7 @@ fn element(svg: &mut String, law: &Law, a: (f64, f64), b: (f64, f64)) {
             go('L', to, 0.0);
         }
         Law::Integral { .. } => {
-            // A box with a ramp, as block diagrams have it.
+            // A box with a ramp, as in block diagrams.
             go('L', middle - 9.0, 0.0);
             go('L', middle - 9.0, -9.0);
             go('L', middle + 9.0, -9.0);
@@ -272,7 +272,7 @@ fn element(svg: &mut String, law: &Law, a: (f64, f64), b: (f64, f64)) {
     let _ = write!(svg, "<path class=\"ink\" d=\"{d}\"/>");
 }
 
-/// A coupling's numbers in usual units.
+/// A coupling's numbers in display units.
 fn words(coupling: &Coupling, motion: Motion) -> (&'static str, String) {
     let rotary = motion == Motion::Rotary;
     let stiffness = |k: f64| match rotary {

@@ -9,7 +9,7 @@ use crate::extremes::Point;
 use crate::figure::{Axis, Figure, Fill, Panel, Shape, Style};
 use crate::ticks::number;
 
-/// The most decades that an axis shows, from the highest down.
+/// The largest ratio of values on an axis, from the largest down.
 const DECADES: f64 = 1e8;
 
 /// The parts of a rendered impedance and of its ideal: sizes by powers of ten, above 0 and below 0 each in a colour, or a dash, of
@@ -78,7 +78,7 @@ fn sizes(name: &str, unit: &str, values: impl Iterator<Item = f64>) -> Axis {
     Axis::logarithmic(name, unit, least, most)
 }
 
-/// The springs and dampers that a device can render: near 0, where passivity ends, and all of them.
+/// The springs and dampers that a device can render: near 0, at the limit of passivity, and over their full range.
 pub fn z_width(title: &str, found: &ZWidth, motion: Motion) -> Figure {
     let stiffness = Measure::Stiffness.dimension(motion).symbol();
     let damping = Measure::Damping.dimension(motion).symbol();
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn what_changes_its_sign_changes_its_colour_and_is_not_joined() {
+    fn a_curve_that_changes_its_sign_changes_its_colour_and_is_not_joined() {
         let rows = [row(1.0, -1.0), row(2.0, -4.0), row(4.0, 3.0), row(8.0, 2.0)];
         let figure = impedance("a wheel", &rows, &[], [1.0, 1.0], Motion::Rotary);
         let curves = |panel: usize| -> Vec<(&str, usize)> {

@@ -21,9 +21,9 @@ pub struct Figure {
     pub title: String,
     /// The alternative text.
     pub alt: String,
-    /// The panels: side by side where there is room, else below each other.
+    /// The panels: in a row where there is room, else below each other.
     pub panels: Vec<Panel>,
-    /// Panels beside each other in the wide drawing; the narrow one has one column.
+    /// The number of panels in a row of the wide drawing; the narrow one has one column.
     pub columns: usize,
 }
 
@@ -65,7 +65,7 @@ pub struct Axis {
     pub logarithmic: bool,
 }
 
-/// The look of a curve: colours that are safe for colour blindness, and a dash for curves that are no signals.
+/// The style of a curve: colours that are safe for colour blindness, and a dash for curves that are no signals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
     /// The n-th signal.
@@ -109,7 +109,7 @@ pub struct Region {
 pub struct Series {
     /// The name in the legend; empty: none.
     pub name: String,
-    /// Its look.
+    /// Its style.
     pub style: Style,
     /// The points, in the axes' units.
     pub points: Vec<Point>,
@@ -124,7 +124,7 @@ pub struct Bands {
     pub list: Vec<(f64, f64)>,
 }
 
-/// The look of a single point.
+/// The shape of a single point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// A cross.
@@ -140,7 +140,7 @@ pub enum Shape {
 pub struct Mark {
     /// The name in the legend; empty: none.
     pub name: String,
-    /// Its look.
+    /// Its shape.
     pub shape: Shape,
     /// Its colour.
     pub style: Style,
@@ -160,7 +160,7 @@ impl Axis {
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
         let (low, high) = if low > high { (0.0, 1.0) } else { (low, high) };
         let size = low.abs().max(high.abs());
-        // Variation by rounding alone is drawn flat.
+        // Variation that is only rounding is drawn flat.
         let (low, high) = if high - low > 1e-9 * size {
             let room = 0.06 * (high - low);
             (low - room, high + room)
@@ -183,7 +183,7 @@ impl Axis {
         Axis { logarithmic: true, ..Axis::from_to(name, unit, low, high) }
     }
 
-    /// "stiffness (N·mm/°)", the unit as people write it.
+    /// "stiffness (N·mm/°)", with the unit in typographic form.
     pub fn label(&self) -> String {
         if self.unit.is_empty() { self.name.clone() } else { format!("{} ({})", self.name, written(&self.unit)) }
     }
@@ -198,7 +198,7 @@ impl Axis {
     }
 }
 
-/// A unit of a world file as people write it: "N mm/deg^2" as "N·mm/°²".
+/// A unit of a world file in typographic form: "N mm/deg^2" as "N·mm/°²".
 fn written(unit: &str) -> String {
     let word = |word: &str| match word {
         "deg" => "°".to_string(),

@@ -1,4 +1,4 @@
-//! Several worlds side by side.
+//! A comparison of several worlds.
 
 use hapt_model::Motion;
 use maud::{Markup, html};
@@ -10,12 +10,12 @@ use crate::stability::{Half, growth_by_period, period_panel};
 use crate::svg::Width;
 use crate::units::{say_effort, say_time};
 
-/// The most worlds in one figure.
-const PANELS: usize = 12;
-/// The most worlds with colours of their own.
-const CURVES: usize = 7;
+/// The largest number of worlds in one figure.
+const MAX_PANELS: usize = 12;
+/// The largest number of worlds with separate colours.
+const MAX_CURVES: usize = 7;
 
-/// What the index draws, from the worlds of the pages.
+/// The drawings of the index, from the worlds of the pages.
 pub fn index_drawings(reports: &[Report<'_>]) -> Vec<Drawing> {
     let mut list = Vec::new();
     for motion in [Motion::Rotary, Motion::Linear] {
@@ -23,7 +23,7 @@ pub fn index_drawings(reports: &[Report<'_>]) -> Vec<Drawing> {
             .iter()
             .filter(|report| report.world().is_some() && report.system.motion == motion)
             .filter_map(|report| Some((report, report.runs.first()?)))
-            .take(PANELS)
+            .take(MAX_PANELS)
             .collect();
         if runs.len() > 1 {
             let size = runs.iter().map(|(_, run)| run.traces[0].largest_effort()).fold(0.0, f64::max);
@@ -51,14 +51,14 @@ pub fn index_drawings(reports: &[Report<'_>]) -> Vec<Drawing> {
             }));
         }
     }
-    // A decade to either side of all periods: at a critical period far away all else would be flat.
+    // A decade to either side of all periods: with a distant critical period on the axis the curves would be flat.
     let worlds = || reports.iter().filter_map(|report| Some((report, report.world()?)));
     let periods = || worlds().map(|(_, (_, check))| check.period_s);
     let span = (0.1 * periods().fold(f64::INFINITY, f64::min), 10.0 * periods().fold(0.0, f64::max));
     let curves: Vec<(&str, Vec<Point>)> = worlds()
         .map(|(report, (world, check))| (report.title.as_str(), growth_by_period(Half::Held, world, check, span)))
         .filter(|(_, curve)| !curve.is_empty())
-        .take(CURVES)
+        .take(MAX_CURVES)
         .collect();
     if curves.len() > 1 {
         let borrowed: Vec<(&str, &[Point])> = curves.iter().map(|(name, curve)| (*name, curve.as_slice())).collect();

@@ -3,10 +3,10 @@
 //! * [`Report`] is a system's page: diagram, verdict, eigenvalues, growth against period, and for each [`Run`] motion, torque
 //!   and energy over time. Its figures are also files ([`Drawing`]), and several systems have an index ([`index_page`]).
 //!   Of a network of stations it has the links too.
-//! * [`ConformanceReport`] shows what a force-feedback wheel makes of each effect.
+//! * [`ConformanceReport`] shows how a force-feedback wheel renders each effect.
 //! * [`Traces`] holds a run's signals for drawing, from the simulation or, by [`read_csv`], from a file.
 //! * [`Figure`](figure::Figure) is a figure as plain data; [`svg`](figure::Figure::svg) renders it.
-//! * [`PlotScript`] makes the runs' figures on a page ones that are moved and spread; without it, and without JavaScript, they stand still.
+//! * [`PlotScript`] makes the runs' figures on a page interactive: they can be panned and zoomed. Without it, and without JavaScript, they are static.
 //!
 //! A run is reduced to its [`Extremes`] while it streams: the memory does not depend on its length, and no peak disappears.
 #![forbid(unsafe_code)]

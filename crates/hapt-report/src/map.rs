@@ -17,14 +17,14 @@ pub struct Map {
     pub edge: Option<f64>,
 }
 
-/// How values become colours.
+/// The mapping of values to colours.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Scale {
     /// Viridis, by these bounds between neighbouring colours, upwards; at most 7.
     Sequential(Vec<f64>),
     /// Blue below 0 and orange above, each darker beyond these sizes, upwards; at most 3.
     Signed(Vec<f64>),
-    /// A few values, the worst first, three at most, each with a name and the colour of such a region of a boundary.
+    /// At most three values, the worst first, each with a name and the colour of such a region of a boundary.
     Named(&'static [(f64, &'static str)]),
 }
 
@@ -152,14 +152,14 @@ impl Map {
         Map { columns, values: (0..columns * rows).map(block).collect(), ..self.clone() }
     }
 
-    /// Into a view of this size: runs of one colour as rectangles, and the edge as a line between cells.
+    /// Draws into a view of this size: runs of one colour as rectangles, and the edge as a line between cells.
     pub(crate) fn draw(&self, svg: &mut String, width: f64, height: f64) {
         let rows = self.rows();
         if rows == 0 {
             return;
         }
         let (dx, dy) = (width / self.columns as f64, height / rows as f64);
-        // One path a colour.
+        // One path per colour.
         let mut paths: Vec<(String, String)> = Vec::new();
         for row in 0..rows {
             let class =
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn names_have_a_colour_each_and_of_a_block_the_worst_is_seen() {
+    fn names_have_a_colour_each_and_a_block_shows_the_worst() {
         let scale = Scale::Named(&[(1.0, "unstable"), (0.0, "marginal"), (-1.0, "stable")]);
         let values = (0..64).map(|i| Some(if i == 27 { 1.0 } else { -1.0 })).collect();
         let map = Map { columns: 8, values, scale, edge: Some(0.5) }.reduced(2, 2);
@@ -247,13 +247,13 @@ mod tests {
     }
 
     #[test]
-    fn a_map_of_one_value_says_it() {
+    fn the_legend_of_a_map_of_one_value_has_that_value() {
         let map = Map { columns: 2, values: vec![Some(0.5); 4], scale: Scale::of([0.5].into_iter()), edge: None };
         assert_eq!(map.legend(), [("m4".to_string(), "0.5 everywhere".to_string())]);
     }
 
     #[test]
-    fn every_colour_of_a_scale_stands_in_its_legend() {
+    fn every_colour_of_a_scale_is_in_its_legend() {
         for scale in
             [Scale::of([1.0, 5.0].into_iter()), Scale::of([-1.0, 5.0].into_iter()), Scale::of([1.0, 1e6].into_iter())]
         {

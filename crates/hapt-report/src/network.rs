@@ -1,4 +1,4 @@
-//! What a network of stations has on its page.
+//! The page of a network of stations.
 
 use hapt_analysis::NetworkCheck;
 use hapt_model::{Law, Motion, Station, System};
@@ -10,7 +10,7 @@ use crate::diagram::diagram;
 use crate::extremes::Extremes;
 use crate::figure::{Axis, Figure, Panel, Style};
 use crate::page::{Drawing, PLOTS, Report, parameters, run_data};
-use crate::recorded::{Look, Recorded, moving, torque};
+use crate::recorded::{CurveStyle, Recorded, moving, torque};
 use crate::run::Run;
 use crate::svg::Width;
 use crate::ticks::number;
@@ -27,7 +27,7 @@ impl Run<'_> {
         Traces::overlay_with(&title, &runs, &signals, room.min(width.stretches()))
     }
 
-    /// The run at each station for the plots of a page, in about so many bytes together; `name` begins the names of its files.
+    /// The run at each station for the plots of a page, in about `bytes` bytes together; `name` begins the names of its files.
     fn station_plots(&self, name: &str, bytes: usize) -> Vec<Value> {
         let (motion, stations) = (self.system.motion, &self.system.stations);
         let each = bytes / stations.len().max(1);
@@ -35,9 +35,9 @@ impl Run<'_> {
             let [positions, velocities] = moving(&station.world);
             let first = 2 * positions.len();
             let torques = vec![
-                torque(motion, "asked for", first, Column::TORQUE, Look::Signal(0)),
-                torque(motion, "applied", first + 1, Column::APPLIED, Look::Dashed(1)),
-                torque(motion, "of the links", first + 2, Column::LINK, Look::Signal(2)),
+                torque(motion, "asked for", first, Column::TORQUE, CurveStyle::Signal(0)),
+                torque(motion, "applied", first + 1, Column::APPLIED, CurveStyle::Dashed(1)),
+                torque(motion, "of the links", first + 2, Column::LINK, CurveStyle::Signal(2)),
             ];
             let limits: Vec<f64> = station.world.device.limit.iter().flat_map(|limit| [*limit, -limit]).collect();
             let panels = [

@@ -49,7 +49,7 @@ const BUDGET: usize = 620_000;
 /// The approximate size of the data for its plots.
 pub(crate) const PLOTS: usize = 250_000;
 
-/// A figure in a page and in a file of its own.
+/// A figure in a page and in a separate file.
 #[derive(Clone, Debug)]
 pub struct Drawing {
     /// The name of its file, after the world's name.
@@ -75,7 +75,7 @@ impl Drawing {
         }
     }
 
-    /// One that fits every width: `inline` in a page, and `file` by itself.
+    /// A drawing that fits every width: `inline` in a page, and `file` as a separate file.
     pub(crate) fn one(name: &str, caption: &str, inline: String, file: String) -> Self {
         Drawing { name: name.into(), file, caption: caption.into(), wide: inline, narrow: None }
     }
@@ -157,7 +157,7 @@ pub struct Report<'s> {
     pub runs: Vec<Run<'s>>,
     /// The link to the page that runs it, where there is one.
     pub live: Option<String>,
-    /// What moves the runs' figures on the page; `None`: they stand still.
+    /// The script of interactive figures of the runs; `None`: static figures.
     pub plots: Option<PlotScript<'s>>,
 }
 
@@ -186,7 +186,7 @@ impl Report<'_> {
     /// The number of intervals per curve, so that a page of many scenarios and bodies stays small.
     fn room(&self, world: &World) -> usize {
         let curves = self.runs.len().max(1) * (2 * (world.bodies.len() + 1) + 2 + 5);
-        // Two points per interval of some seven bytes each, drawn wide and narrow.
+        // Two points per interval of about seven bytes each, drawn wide and narrow.
         let each = BUDGET / curves / (2 * 7 + 2 * 7 * 2 / 5);
         each.clamp(12, Width::Wide.stretches())
     }
@@ -216,7 +216,7 @@ impl Report<'_> {
         )
     }
 
-    /// A run's figures, with the data by which they move.
+    /// A run's figures, with the data of the interactive ones.
     fn figures(&self, world: &World, run: &Run<'_>, drawings: &[Drawing]) -> Markup {
         let still = html! { @for drawing in drawings { (drawing.markup()) } };
         if self.plots.is_none() {
@@ -314,13 +314,13 @@ fn scenario(world: &World, check: &Check, run: &Run<'_>) -> Markup {
     }
 }
 
-/// Still figures of a run with the data by which they move: of one clock each.
+/// The static figures of a run with the data of the interactive ones, one entry for each clock.
 pub(crate) fn run_data(data: &[Value], still: &Markup) -> Markup {
     html! {
         div.run {
             (still)
             @for data in data {
-                // Data, which no browser runs; and no text of it ends the element.
+                // Data, which no browser runs; the escape prevents its text from ending the element.
                 script type="application/json" { (PreEscaped(data.to_string().replace('<', "\\u003c"))) }
             }
         }
@@ -417,7 +417,7 @@ pub(crate) fn parameters(list: &[Parameter]) -> Markup {
 
 /// A whole document around `body`.
 pub(crate) fn document(title: &str, plots: Option<PlotScript<'_>>, body: Markup) -> String {
-    // Even if a world's text escaped its element, it could load and run nothing.
+    // Even if a world's text escaped its element, the policy would prevent it from loading or running anything.
     let own = plots.map_or(String::new(), |plots| format!("; script-src 'sha256-{}'", plots.sum));
     let policy = format!("default-src 'none'; style-src 'unsafe-inline'{own}");
     html! {

@@ -1,4 +1,4 @@
-//! A run's signals for the plots of a page, which are moved and spread there (web/src/report.ts).
+//! A run's signals for the interactive plots of a page, which can be panned and zoomed (web/src/report.ts).
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -10,13 +10,13 @@ use crate::units::Unit;
 
 /// The largest number of intervals while a run streams.
 const ROOM: usize = 4096;
-/// A plot without a size of its own, in its unit.
+/// The size of a plot whose signals are 0, in its unit.
 const FLAT: f64 = 1.0;
 
-/// What makes a still figure one that is moved: the built script and style of web/, as the page carries them.
+/// The built script and style of web/ that make a figure interactive, as embedded in a page.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlotScript<'a> {
-    /// The script, which may stand in an element.
+    /// The script, safe to embed in an element.
     pub script: &'a str,
     /// The SHA-256 of the script in base64: a browser runs no other.
     pub sum: &'a str,
@@ -59,7 +59,7 @@ pub(crate) struct Trace {
     pub column: usize,
     /// Its name in a run's file.
     pub file: String,
-    pub look: Look,
+    pub style: CurveStyle,
 }
 
 /// Positions and velocities of a world's puck and bodies. Their columns come first: position and velocity of one after the other.
@@ -72,25 +72,25 @@ pub(crate) fn moving(world: &World) -> [Vec<Trace>; 2] {
             name: name.into(),
             column: 2 * i + shift,
             file: file.clone(),
-            look: Look::Signal(i),
+            style: CurveStyle::Signal(i),
         };
         names().zip(files.iter().skip(shift).step_by(2)).enumerate().map(trace).collect()
     })
 }
 
 /// A torque of a run on its puck, in this column.
-pub(crate) fn torque(motion: Motion, name: &str, column: usize, signal: Signal, look: Look) -> Trace {
-    Trace { name: name.into(), column, file: signal.column(motion).name, look }
+pub(crate) fn torque(motion: Motion, name: &str, column: usize, signal: Signal, style: CurveStyle) -> Trace {
+    Trace { name: name.into(), column, file: signal.column(motion).name, style }
 }
 
-/// How a column is drawn.
+/// The style of a column's curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Look {
+pub(crate) enum CurveStyle {
     /// The n-th signal.
     Signal(usize),
     /// A signal that another one mostly covers.
     Dashed(usize),
-    /// A prediction, to which no axis fits itself.
+    /// A prediction, which does not affect the axis's range.
     Predicted,
 }
 
@@ -142,14 +142,14 @@ impl Recorded {
         intervals.map(|[_, low, high]| low.abs().max(high.abs())).fold(0.0, f64::max)
     }
 
-    /// A plot of these columns, in the unit that suits them.
+    /// A plot of these columns, in a unit suitable for them.
     pub fn panel(&self, title: &str, traces: Vec<Trace>, unit: impl Fn(f64) -> Unit, lines: &[f64]) -> PlotPanel {
-        let drawn = traces.iter().filter(|trace| trace.look != Look::Predicted);
+        let drawn = traces.iter().filter(|trace| trace.style != CurveStyle::Predicted);
         let size = drawn.map(|trace| self.size(trace.column)).fold(0.0, f64::max);
         PlotPanel { title: title.into(), unit: unit(size), traces, lines: lines.to_vec(), size }
     }
 
-    /// Gives a column what a formula says of the time.
+    /// Sets a column to a function of the time.
     pub fn set(&mut self, column: usize, formula: impl Fn(f64) -> f64) {
         let columns = self.columns;
         for (interval, time) in self.values.chunks_mut(columns).zip(&self.times) {
@@ -157,10 +157,10 @@ impl Recorded {
         }
     }
 
-    /// The run as the page's script takes it, in about so many bytes. `name` is what its files are called.
+    /// The run in the form of the page's script, in about `bytes` bytes. `name` is the name of its files.
     pub fn data(&self, name: &str, panels: &[PlotPanel], bytes: usize) -> Value {
         let traces = || panels.iter().flat_map(|panel| panel.traces.iter().map(move |trace| (panel, trace)));
-        // Three numbers of four bytes a column, eight for the time; four letters for three bytes.
+        // Three numbers of four bytes per column, eight for the time; four letters for three bytes.
         let most = bytes * 3 / 4 / (12 * traces().count() + 8);
         let mut of = self.clone();
         while of.times.len() > most.max(2) {
@@ -180,7 +180,7 @@ impl Recorded {
         json!({ "name": name, "panels": panels, "names": names, "factors": factors, "time": time, "columns": columns })
     }
 
-    /// Joins neighbours, whatever their number.
+    /// Joins neighbours, also of an odd number of intervals.
     fn thin(&mut self) {
         let columns = self.columns;
         let pairs = self.times.len().div_ceil(2);
@@ -208,7 +208,7 @@ fn joined(one: [f64; 3], other: [f64; 3]) -> [f64; 3] {
 }
 
 impl PlotPanel {
-    /// As web/src/plots.ts takes it; its columns are `next` and those after it.
+    /// The plot in the form of web/src/plots.ts; its columns are `next` and those after it.
     fn data(&self, next: &mut usize) -> Value {
         let traces: Vec<Value> = self.traces.iter().map(|trace| trace.data(next)).collect();
         let lines: Vec<f64> = self.lines.iter().map(|line| line * self.unit.per_si).collect();
@@ -229,10 +229,12 @@ impl Trace {
         let column = *next;
         *next += 1;
         let colour = |n: usize| format!("c{}", n % 7);
-        match self.look {
-            Look::Signal(n) => json!({ "name": self.name, "column": column, "colour": colour(n) }),
-            Look::Dashed(n) => json!({ "name": self.name, "column": column, "colour": colour(n), "dash": [6, 3] }),
-            Look::Predicted => {
+        match self.style {
+            CurveStyle::Signal(n) => json!({ "name": self.name, "column": column, "colour": colour(n) }),
+            CurveStyle::Dashed(n) => {
+                json!({ "name": self.name, "column": column, "colour": colour(n), "dash": [6, 3] })
+            }
+            CurveStyle::Predicted => {
                 json!({ "name": self.name, "column": column, "colour": "c6", "dash": [2, 3], "guide": true })
             }
         }
@@ -245,7 +247,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn panel(columns: usize) -> PlotPanel {
-        let trace = |column| Trace { name: "a".into(), column, file: "a_rad".into(), look: Look::Signal(column) };
+        let trace =
+            |column| Trace { name: "a".into(), column, file: "a_rad".into(), style: CurveStyle::Signal(column) };
         let traces = (0..columns).map(trace).collect();
         PlotPanel {
             title: "position".into(),
@@ -293,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_run_is_there_sample_by_sample() {
+    fn a_short_run_is_kept_sample_by_sample() {
         let mut recorded = Recorded::new(1);
         for (k, value) in [0.0, 3.0, -1.0, 2.0].into_iter().enumerate() {
             recorded.add(k as f64, [value]);

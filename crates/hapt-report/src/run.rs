@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::extremes::Extremes;
 use crate::figure::{Axis, Figure, Panel, Style};
-use crate::recorded::{Look, Recorded, Trace, moving, torque};
+use crate::recorded::{CurveStyle, Recorded, Trace, moving, torque};
 use crate::svg::Width;
 use crate::traces::{Envelope, Traces, scaled};
 use crate::units;
@@ -25,13 +25,13 @@ pub struct Run<'s> {
     pub summary: SystemSummary<'s>,
     /// The signals of each station.
     pub traces: Vec<Traces>,
-    /// How often each end of each link has let go.
+    /// The number of releases of each end of each link.
     pub releases: Vec<[u64; 2]>,
     /// The reason of an early end, if any.
     pub failure: Option<String>,
     /// Of each station of a network, the torque of its links.
     pub(crate) links: Vec<Extremes>,
-    /// Of a world.
+    /// The energies of a world.
     energies: [Extremes; 5],
     /// Of each station, positions and velocities of the puck and each body, and both torques; then of a world the energies, and room for both
     /// bounds that are predicted; of a network the torque of its links.
@@ -44,9 +44,9 @@ const ENERGIES: [&str; 5] =
 
 /// The names of their columns.
 const ENERGY_COLUMNS: [&str; 5] = ["energy_J", "hand_J", "motor_J", "damping_J", "friction_J"];
-/// The command and what is applied.
+/// The number of torques: command and applied torque.
 const TORQUES: usize = 2;
-/// Of a prediction.
+/// The number of bounds of a prediction.
 const BOUNDS: usize = 2;
 /// The torques of a network's station: these, and that of its links.
 const LINKED: usize = TORQUES + 1;
@@ -122,14 +122,14 @@ impl<'s> Run<'s> {
         }
     }
 
-    /// The run of a world for the plots of a page, in about so many bytes; `name` is what its files are called.
+    /// The run of a world for the plots of a page, in about `bytes` bytes; `name` is the name of its files.
     pub(crate) fn plots(&self, world: &World, name: &str, bytes: usize) -> Value {
         let motion = world.motion;
         let [positions, velocities] = moving(world);
         let first = 2 * positions.len();
         let mut torques = vec![
-            torque(motion, "asked for", first, Signal::TORQUE, Look::Signal(0)),
-            torque(motion, "applied", first + 1, Signal::APPLIED, Look::Dashed(1)),
+            torque(motion, "asked for", first, Signal::TORQUE, CurveStyle::Signal(0)),
+            torque(motion, "applied", first + 1, Signal::APPLIED, CurveStyle::Dashed(1)),
         ];
         let mut recorded = self.recorded[0].clone();
         let bounds = first + TORQUES + ENERGIES.len();
@@ -141,11 +141,11 @@ impl<'s> Run<'s> {
             for (column, (end, side)) in (bounds..).zip([("low", -1.0), ("high", 1.0)]) {
                 recorded.set(column, |time| centre + side * size * (growth * (time - from)).exp());
                 let (name, file) = ("predicted".into(), format!("predicted_{end}_{effort}"));
-                torques.push(Trace { name, column, file, look: Look::Predicted });
+                torques.push(Trace { name, column, file, style: CurveStyle::Predicted });
             }
         }
         let energies = ENERGIES.iter().zip(ENERGY_COLUMNS).enumerate().filter(|(i, _)| {
-            // What never takes or gives anything is left out, as in the figure.
+            // Energies that are always 0 are left out, as in the figure.
             *i == 0 || recorded.size(first + TORQUES + i) > 0.0
         });
         let energies: Vec<Trace> = energies
@@ -153,7 +153,7 @@ impl<'s> Run<'s> {
                 name: (*name).into(),
                 column: first + TORQUES + i,
                 file: file.into(),
-                look: Look::Signal(i),
+                style: CurveStyle::Signal(i),
             })
             .collect();
         let limits: Vec<f64> = world.device.limit.iter().flat_map(|limit| [*limit, -limit]).collect();

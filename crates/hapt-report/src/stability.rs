@@ -185,7 +185,7 @@ pub(crate) fn period_panel(curves: &[(&str, &[Point])]) -> Option<Panel> {
     }
     let x = Axis::logarithmic("sampling period", "ms", 1e3 * low, 1e3 * high);
     let name = "growth";
-    // A loop that grows at every period: straight lines on logarithmic axes.
+    // For loops that grow at every period: straight lines on logarithmic axes.
     let y = if all().all(|p| p.1 > NONE) {
         let least = all().map(|p| p.1).fold(f64::INFINITY, f64::min);
         let most = all().map(|p| p.1).fold(0.0, f64::max);

@@ -18,7 +18,7 @@ pub enum Width {
     Wide,
     /// A phone.
     Narrow,
-    /// A column of a paper, which has the caption itself: thin lines, and no title.
+    /// A column of a paper, which prints the caption: thin lines, and no title.
     Paper(Paper),
     /// A slide: heavy lines, 16:9.
     Slide(Paper),
@@ -34,19 +34,19 @@ pub struct Paper {
 impl Paper {
     /// Millimetres in a point of text, the 72nd part of an inch.
     const POINT: f64 = 25.4 / 72.0;
-    /// The narrowest layout, in its own pixels: axes with their numbers, and a legend below each other.
-    const NARROWEST: f64 = 240.0;
+    /// The narrowest layout, in its own pixels: axes with their numbers, and a legend of one column.
+    const MIN_WIDTH_PX: f64 = 240.0;
 
     /// A width in mm, and the size of the text in points.
     ///
     /// # Errors
-    /// In a sentence: text beyond 4 to 24 points, a width above 300 mm, or one that this text does not leave room for a drawing.
+    /// In a sentence: text outside of 4 to 24 points, a width above 300 mm, or a width too small for this text.
     pub fn new(mm: f64, points: f64) -> Result<Self, String> {
         if !(4.0..=24.0).contains(&points) {
             return Err(format!("text of {points} points; expected 4 to 24"));
         }
         let paper = Paper { mm, points };
-        let least = Paper::NARROWEST * paper.mm_per_pixel();
+        let least = Paper::MIN_WIDTH_PX * paper.mm_per_pixel();
         if !(least..=300.0).contains(&mm) {
             return Err(format!(
                 "a width of {} mm; with text of {points} points, expected {} to 300 mm",
@@ -64,7 +64,7 @@ impl Paper {
 
 /// The size of the text in the layout's pixels; [`STYLE`] has it too.
 const FONT: f64 = 12.0;
-/// Panels stand below each other in what is narrower.
+/// A narrower drawing has its panels below each other.
 const ONE_COLUMN: f64 = 500.0;
 
 const COLOURS: usize = 7;
@@ -72,7 +72,7 @@ const COLOURS: usize = 7;
 const LINE: f64 = 17.0;
 const BELOW: f64 = 40.0;
 const RIGHT: f64 = 12.0;
-/// Between panels beside each other, and below a row of them.
+/// The gaps between panels of a row, and below a row.
 const PANEL_GAP: f64 = 14.0;
 const GAP: f64 = 8.0;
 /// Above and left of everything, and the line of a file's title.
@@ -90,7 +90,7 @@ impl Width {
         }
     }
 
-    /// The width and height of a drawing of so many pixels as an SVG states them.
+    /// The width and height attributes of an SVG of this size in pixels.
     fn size(self, w: f64, h: f64) -> String {
         match self {
             Width::Wide | Width::Narrow => format!("width=\"{w}\" height=\"{h}\""),
@@ -132,7 +132,7 @@ pub(crate) fn text_width(text: &str) -> f64 {
 /// The opening of an SVG, with its alternative text.
 pub(crate) fn open(on: Width, width: f64, height: f64, title: &str, alt: &str, own_file: bool) -> String {
     let (w, h) = (width.ceil(), height.ceil());
-    // Scaled down further its text would be unreadable; pages scroll it instead.
+    // Scaled down further the text would be unreadable; pages scroll instead.
     let least = match on {
         Width::Wide | Width::Narrow => format!(" style=\"min-width:{:.0}px\"", 0.74 * w),
         Width::Paper(_) | Width::Slide(_) => String::new(),
@@ -163,7 +163,7 @@ pub(crate) fn text(svg: &mut String, x: f64, y: f64, anchor: &str, class: &str, 
 }
 
 impl Figure {
-    /// As SVG: for a file of its own, with its styles, or for a page that has them.
+    /// The figure as SVG: for a separate file, with its styles, or for a page that includes them.
     pub fn svg(&self, width: Width, own_file: bool) -> String {
         let has_title = own_file && !matches!(width, Width::Paper(_));
         let top = EDGE + if has_title { TITLE } else { 0.0 };
@@ -195,7 +195,7 @@ impl Figure {
         svg
     }
 
-    /// The panels in so many columns.
+    /// The panels in this number of columns.
     fn layouts(&self, width: f64, columns: usize) -> Vec<Layout<'_>> {
         let each = (width + PANEL_GAP) / columns as f64 - PANEL_GAP;
         // Frames below each other are aligned, so that their times coincide.
@@ -221,7 +221,7 @@ impl Figure {
             let room = layouts.iter().map(|layout| layout.height.min(0.6 * layout.width)).fold(f64::INFINITY, f64::min);
             (room.min(height), columns, layouts)
         };
-        // Of several the first: fewer columns are wider.
+        // Of equal ones the first: fewer columns are wider.
         let best =
             (1..=self.panels.len().max(1)).map(fitted).reduce(|best, next| if next.0 > best.0 { next } else { best });
         best.map_or((1, Vec::new()), |(_, columns, layouts)| (columns, layouts))
@@ -246,13 +246,13 @@ struct Layout<'a> {
 /// A legend's entry, its place relative to the panel's top left.
 struct Entry<'a> {
     name: Cow<'a, str>,
-    look: Look,
+    symbol: LegendSymbol,
     x: f64,
     line: usize,
 }
 
 #[derive(Clone)]
-enum Look {
+enum LegendSymbol {
     /// A map's or a region's colour, by its class.
     Cell(String),
     Line(Style),
@@ -394,17 +394,19 @@ fn tick_labels(axis: &Axis, at: &[f64]) -> Vec<String> {
     }
 }
 
-/// The legend's entries behind the vertical axis's name and on as many further lines as they need.
+/// The legend's entries after the vertical axis's name and on as many further lines as they need.
 fn legend(panel: &Panel, total: f64) -> (Vec<Entry<'_>>, usize) {
-    let cells = panel.map.iter().flat_map(|map| map.legend()).map(|(class, name)| (Cow::from(name), Look::Cell(class)));
+    let cells =
+        panel.map.iter().flat_map(|map| map.legend()).map(|(class, name)| (Cow::from(name), LegendSymbol::Cell(class)));
     let regions = panel.regions.iter().filter(|region| !region.polygons.is_empty());
-    let cells = cells.chain(regions.map(|r| (Cow::from(&r.name), Look::Cell(fill(r.fill).into()))));
-    let lines = panel.series.iter().map(|s| (Cow::from(&s.name), Look::Line(s.style)));
-    let bands = panel.bands.iter().filter(|bands| !bands.list.is_empty()).map(|b| (Cow::from(&b.name), Look::Band));
-    let marks = panel.marks.iter().map(|m| (Cow::from(&m.name), Look::Mark(m.shape, m.style)));
+    let cells = cells.chain(regions.map(|r| (Cow::from(&r.name), LegendSymbol::Cell(fill(r.fill).into()))));
+    let lines = panel.series.iter().map(|s| (Cow::from(&s.name), LegendSymbol::Line(s.style)));
+    let bands =
+        panel.bands.iter().filter(|bands| !bands.list.is_empty()).map(|b| (Cow::from(&b.name), LegendSymbol::Band));
+    let marks = panel.marks.iter().map(|m| (Cow::from(&m.name), LegendSymbol::Mark(m.shape, m.style)));
     let mut entries: Vec<Entry<'_>> = Vec::new();
     let (mut x, mut line) = (text_width(&panel.y.label()) + 14.0, 0);
-    for (name, look) in cells.chain(lines).chain(bands).chain(marks) {
+    for (name, symbol) in cells.chain(lines).chain(bands).chain(marks) {
         if name.is_empty() || entries.iter().any(|entry| entry.name == name) {
             continue;
         }
@@ -412,7 +414,7 @@ fn legend(panel: &Panel, total: f64) -> (Vec<Entry<'_>>, usize) {
         if x + wide > total + 12.0 && x > 2.0 {
             (x, line) = (2.0, line + 1);
         }
-        entries.push(Entry { name, look, x, line });
+        entries.push(Entry { name, symbol, x, line });
         x += wide;
     }
     (entries, line)
@@ -421,28 +423,28 @@ fn legend(panel: &Panel, total: f64) -> (Vec<Entry<'_>>, usize) {
 impl Entry<'_> {
     fn draw(&self, svg: &mut String, x0: f64, y: f64) {
         let (x, middle) = (x0 + self.x, y - 4.0);
-        let _ = match self.look {
-            Look::Cell(ref class) => {
+        let _ = match self.symbol {
+            LegendSymbol::Cell(ref class) => {
                 write!(
                     svg,
                     "<rect class=\"cell {class}\" x=\"{x:.1}\" y=\"{:.1}\" width=\"18\" height=\"11\"/>",
                     middle - 5.5
                 )
             }
-            Look::Line(style @ Style::Edge(_)) => {
+            LegendSymbol::Line(style @ Style::Edge(_)) => {
                 let d = format!("d=\"M{x:.1} {middle:.1}h18\"");
                 write!(svg, "<path class=\"halo\" {d}/><path class=\"line {}\" {d}/>", class(style))
             }
-            Look::Line(style) => {
+            LegendSymbol::Line(style) => {
                 write!(svg, "<path class=\"line {}\" d=\"M{x:.1} {middle:.1}h18\"/>", class(style))
             }
-            Look::Mark(Shape::Line, style) => {
+            LegendSymbol::Mark(Shape::Line, style) => {
                 write!(svg, "<path class=\"mark {}\" d=\"M{:.1} {:.1}v12\"/>", class(style), x + 9.0, middle - 6.0)
             }
-            Look::Mark(shape, style) => {
+            LegendSymbol::Mark(shape, style) => {
                 write!(svg, "<path class=\"mark {}\" d=\"{}\"/>", class(style), symbol(shape, x + 9.0, middle))
             }
-            Look::Band => {
+            LegendSymbol::Band => {
                 write!(svg, "<rect class=\"band\" x=\"{x:.1}\" y=\"{:.1}\" width=\"18\" height=\"11\"/>", middle - 5.5)
             }
         };
@@ -521,20 +523,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_path_takes_steps_and_leaves_out_what_lies_on_the_way() {
+    fn a_path_takes_steps_and_omits_points_on_a_line() {
         let points = [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (2.0, -0.5), (3.25, -0.4)];
         assert_eq!(path(points.into_iter()), "M0 0l2 0l0 -0.5l1.3 0.1");
     }
 
     #[test]
-    fn a_turn_back_on_the_same_line_is_kept() {
+    fn a_reversal_on_the_same_line_is_kept() {
         let points = [(0.0, 0.0), (0.0, 9.0), (0.0, 1.0)];
         assert_eq!(path(points.into_iter()), "M0 0l0 9l0 -8");
     }
 
-    /// The text of a paper's figure has the size that was asked for, whatever the width.
+    /// The text of a paper's figure has the requested size for every width.
     #[test]
-    fn a_figure_on_paper_is_as_wide_and_its_text_as_large_as_asked_for() {
+    fn a_figure_on_paper_has_the_requested_width_and_text_size() {
         for (mm, points) in [(88.0, 7.0), (88.0, 8.0), (180.0, 9.5), (60.0, 5.0)] {
             let width = Width::Paper(Paper::new(mm, points).unwrap());
             let mut panel =

@@ -1,7 +1,7 @@
 //! Ticks of axes, and formatting of numbers.
 
-/// Values at which an axis from `low` to `high` is marked, about `wanted` of them and no fewer than three: 1, 2 or 5 times a
-/// power of ten apart.
+/// The ticks of an axis from `low` to `high`, about `wanted` and at least three, with distances of 1, 2 or 5 times a power of
+/// ten.
 pub fn linear(low: f64, high: f64, wanted: usize) -> Vec<f64> {
     let more = (wanted.max(3)..12).map(|more| spaced(low, high, more));
     std::iter::once(spaced(low, high, wanted))

@@ -60,9 +60,9 @@ hapt_model::named! {
     /// A quantity that [`Traces::overlay`] draws, from the top down. Its name is that of the command line.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum Signal {
-        /// Of puck and bodies.
+        /// The positions of puck and bodies.
         Position => "position",
-        /// Of puck and bodies.
+        /// The velocities of puck and bodies.
         Velocity => "velocity",
         /// The motor's command and its applied torque; linear: the force.
         Torque => "torque",
@@ -74,7 +74,7 @@ hapt_model::named! {
 pub struct Envelope {
     /// N·m; linear: N.
     pub centre: f64,
-    /// At `from`, in the same unit.
+    /// The size at `from`, in the same unit.
     pub size: f64,
     /// In s.
     pub from: f64,
@@ -82,7 +82,7 @@ pub struct Envelope {
     pub growth: f64,
 }
 
-/// One signal of every run on common axes, in units that suit them all. Of torques those that the motor applied.
+/// One signal of every run on common axes, in units suitable for all. Torques are the applied ones.
 fn overlaid(signal: Signal, runs: &[(String, Traces)], room: usize) -> Panel {
     let motion = runs.first().map_or(Motion::Rotary, |(_, traces)| traces.motion);
     let mut curves: Vec<(String, &Extremes)> = Vec::new();
@@ -154,13 +154,13 @@ impl Traces {
         self.motion
     }
 
-    /// The figure of several runs of one motion, each under its name, a panel for each of these signals. One run alone is drawn as
-    /// [`Traces::figure`] draws it.
+    /// The figure of several runs of one motion, each with its name, a panel for each of these signals. A single run is drawn as by
+    /// [`Traces::figure`].
     pub fn overlay(title: &str, runs: &[(String, Traces)], signals: &[Signal], width: Width) -> Figure {
         Traces::overlay_with(title, runs, signals, width.stretches())
     }
 
-    /// The same, with so many intervals a curve.
+    /// The same, with this number of intervals per curve.
     pub(crate) fn overlay_with(title: &str, runs: &[(String, Traces)], signals: &[Signal], room: usize) -> Figure {
         let of = |traces: &Traces, signal: Signal| match signal {
             Signal::Position => traces.states("position", &traces.positions, units::position, room),
@@ -212,7 +212,7 @@ impl Traces {
         Figure { title: title.into(), alt: self.alt(envelope), panels, columns: 1 }
     }
 
-    /// The torque alone under the name `title`, on an axis that holds ± `size` (in SI), unless that would hide it.
+    /// The torque under the name `title`, on an axis that includes ± `size` (in SI), unless the torque would then be invisible.
     pub fn torque_panel(&self, title: &str, size: f64, width: Width) -> Panel {
         let mut panel = self.efforts(None, width.stretches());
         let unit = units::effort(self.motion, self.largest_effort());
@@ -258,7 +258,7 @@ impl Traces {
         let axis = Axis::around(units::effort_name(self.motion), unit.name, values.map(|x| x * unit.per_si));
         let mut panel = Panel::new("", time, axis);
         let (from, to) = self.span();
-        // Without clipping both coincide: the broad one is visible behind the other.
+        // Without clipping both coincide: the broad curve is visible behind the other.
         panel.curve("applied", Style::Beneath, scaled(self.applied.points(room), seconds, unit.per_si));
         panel.curve("asked for", Style::Signal(0), scaled(self.asked.points(room), seconds, unit.per_si));
         if let Some(limit) = self.limit {

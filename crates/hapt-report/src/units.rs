@@ -1,4 +1,4 @@
-//! The units of a run's figures, those usual for such devices.
+//! The display units of a run's figures.
 
 use hapt_model::Motion;
 
@@ -63,7 +63,7 @@ impl Unit {
     }
 }
 
-/// A time in the unit that suits it.
+/// A time in a suitable unit.
 pub(crate) fn say_time(s: f64) -> String {
     time(if s == 0.0 { 1.0 } else { s.abs() }).say(s, 4)
 }

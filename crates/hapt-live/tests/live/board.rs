@@ -1,4 +1,4 @@
-//! A page as the face of a board: the firmware's own station in real time, behind a pseudoterminal.
+//! The page of a board: the firmware's own endpoint in real time, behind a pseudoterminal.
 
 use std::time::{Duration, Instant};
 
@@ -15,7 +15,7 @@ use crate::common::{Page, arm};
 
 const BOARD: Board = Board { name: "table", firmware: "1.2.3", externally_clocked: false, periods: [5e-5, 1e-2] };
 
-/// A constant torque against a damped puck, and a wheel on a spring: something is on whenever it is armed.
+/// A constant torque on a damped puck, and a wheel on a spring: there is a torque whenever it is armed.
 const PUSH: &str = r#"title = "push"
 [loop]
 period = "1 ms"
@@ -41,7 +41,7 @@ between = ["puck", "wheel"]
 stiffness = "0.1 N m/rad"
 "#;
 
-/// A board on the table, and a loop behind a page on it.
+/// A simulated board, and a loop behind a page on it.
 fn plugged(folder: &str) -> (SimulatedBoard, Live) {
     let source = Source::from_text("push.toml", PUSH);
     let board = SimulatedBoard::start(BOARD, World::read(&source, &[]).unwrap().device_spec()).unwrap();
@@ -61,8 +61,8 @@ fn plugged(folder: &str) -> (SimulatedBoard, Live) {
     (board, live.unwrap())
 }
 
-/// However slow the machine is.
-fn patiently(mut what: impl FnMut() -> bool) {
+/// Repeats until it is true, for at most the test's timeout.
+fn eventually(mut what: impl FnMut() -> bool) {
     let start = Instant::now();
     while !what() {
         assert!(start.elapsed() < Duration::from_secs(60), "waited too long");
@@ -75,26 +75,26 @@ fn set(page: &mut Page, key: &str, value: &str) {
 }
 
 #[test]
-fn a_board_waits_to_be_armed_shows_what_it_does_and_lets_go_when_the_page_is_silent() {
+fn a_board_stays_disarmed_shows_its_state_and_removes_the_torque_when_the_page_is_silent() {
     let (board, live) = plugged(".");
     let (mut page, _) = Page::new(&live);
     assert_eq!(page.hear("world")["device"], "hapt:table");
     for _ in 0..3 {
         let status = page.hear("status");
         assert_eq!(status["phase"], "disarmed", "nobody has armed it");
-        // Its clock is its own.
+        // The board has its own clock: there is no timing.
         assert_eq!((&status["timing"], &status["realtime"]), (&Value::Null, &Value::Null));
     }
     assert_eq!(board.peak_torque(), 0.0);
     arm(&mut page);
-    // The largest, at first: the wheel comes after, and takes its spring's torque away.
-    patiently(|| board.peak_torque() > 0.03);
+    // The peak torque: later the wheel follows, which unloads the spring.
+    eventually(|| board.peak_torque() > 0.03);
     assert!(board.peak_torque() < 0.07, "{}", board.peak_torque());
-    // The puck turns by the motor's torque, and the wheel after it, as the telemetry has it.
+    // By the telemetry the puck turns by the motor's torque, and the wheel follows.
     let frame = page.frame_until(|frame| frame.columns[0][0] > 0.01 && frame.columns[8][0] > 0.0);
     let [position, velocity, output] = [0, 1, 6].map(|column| frame.columns[column][0]);
     assert!(velocity > 0.0 && output > 0.0 && frame.columns[0][1] <= position, "{position} {velocity} {output}");
-    // The page says nothing more, and the board takes the torque away by itself.
+    // The page sends nothing more, and the board removes the torque.
     let status = page.hear_until("status", |status| status["phase"] == "disarmed");
     assert_eq!(status["reason"], "link", "{status}");
     assert_eq!(board.torque(), 0.0);
@@ -105,19 +105,19 @@ fn a_board_waits_to_be_armed_shows_what_it_does_and_lets_go_when_the_page_is_sil
 }
 
 #[test]
-fn the_end_takes_a_boards_torque_by_the_loops_handle_though_its_page_is_there() {
+fn the_end_removes_a_boards_torque_by_the_loops_handle_though_its_page_is_connected() {
     let (board, live) = plugged(".");
     let (mut page, _) = Page::new(&live);
     arm(&mut page);
     assert!(board.torque() > 0.0);
     live.handle().end();
-    patiently(|| board.torque() == 0.0 || !page.send(json!({ "type": "alive" }).to_string().into()));
+    eventually(|| board.torque() == 0.0 || !page.send(json!({ "type": "alive" }).to_string().into()));
     assert_eq!(board.torque(), 0.0);
     assert!(live.wait(Duration::from_secs(60)).is_ok());
 }
 
 #[test]
-fn a_key_that_is_set_is_judged_and_taken_whole_and_the_board_armed_again() {
+fn a_key_that_is_set_is_certified_and_loaded_and_the_board_is_armed_again() {
     let (board, live) = plugged(".");
     let (mut page, _) = Page::new(&live);
     set(&mut page, "loop.estimator", "exact");
@@ -131,7 +131,7 @@ fn a_key_that_is_set_is_judged_and_taken_whole_and_the_board_armed_again() {
     set(&mut page, "couplings.0.torque", "60 N mm");
     page.frame_until(|frame| frame.generation == 1);
     assert_eq!(page.hear("status")["phase"], "disarmed");
-    // Armed, it fades out, changes, and fades in; where the page was not heard meanwhile, it stays disarmed. Once is enough.
+    // Armed, it fades out, changes, and fades in; without a heartbeat meanwhile it stays disarmed. One success is enough.
     for generation in 2.. {
         assert!(generation < 50, "never armed again");
         arm(&mut page);
@@ -146,7 +146,7 @@ fn a_key_that_is_set_is_judged_and_taken_whole_and_the_board_armed_again() {
         let status =
             page.stay_until("status", |status| ["running", "disarmed"].contains(&status["phase"].as_str().unwrap()));
         if status["phase"] == "running" {
-            // The constant's, less what the spring takes as the puck turns: the more, the longer a busy computer takes to fade it in.
+            // The constant torque less that of the spring as the puck turns, which grows with the time that a busy computer takes to fade it in.
             assert!(board.peak_torque() > 0.6 * torque, "{} of {torque}", board.peak_torque());
             break;
         }
@@ -154,14 +154,14 @@ fn a_key_that_is_set_is_judged_and_taken_whole_and_the_board_armed_again() {
 }
 
 #[test]
-fn a_world_that_the_board_does_not_take_leaves_the_one_that_runs() {
+fn a_world_that_the_board_refuses_leaves_the_running_one() {
     let (_board, live) = plugged(".");
     let (mut page, _) = Page::new(&live);
     // Its timer goes up to 10 ms, and only the board knows.
     page.say(json!({ "type": "sets", "sets": [["loop.period", "20 ms"]] }));
     let refused = page.hear("refused");
     assert!(refused["message"].as_str().unwrap().contains("the board refuses to take the world"), "{refused}");
-    // What is shown is again what runs.
+    // The page shows the running world again.
     let world = page.hear_until("world", |world| world["generation"] == 2);
     assert_eq!(world["period_s"], 1e-3);
     assert!(world["keys"].as_array().unwrap().iter().all(|key| key["changed"] == false));
@@ -179,7 +179,7 @@ fn anybody_may_stop_a_board_and_a_fault_is_cleared_on_the_page() {
     let status = page.stay_until("status", |status| status["phase"] == "faulted");
     assert_eq!(status["reason"], "stop");
     assert_eq!(board.torque(), 0.0);
-    // Refused by the board, in its words, and nothing else.
+    // The refusal is the board's.
     page.say(json!({ "type": "order", "order": "arm" }));
     assert!(page.hear("error")["message"].as_str().unwrap().contains("the board refuses to arm"));
     loop {
@@ -192,7 +192,7 @@ fn anybody_may_stop_a_board_and_a_fault_is_cleared_on_the_page() {
 }
 
 #[test]
-fn what_a_board_shows_is_recorded() {
+fn a_boards_telemetry_is_recorded() {
     let folder = tempfile::tempdir().unwrap();
     let (_board, live) = plugged(folder.path().to_str().unwrap());
     let (mut page, _) = Page::new(&live);
@@ -213,7 +213,7 @@ fn what_a_board_shows_is_recorded() {
 }
 
 #[test]
-fn a_plug_that_is_pulled_ends_it_and_a_loop_that_is_dropped_takes_the_torque_off() {
+fn a_disconnected_line_ends_the_loop_and_a_dropped_loop_removes_the_torque() {
     let (board, live) = plugged(".");
     let (mut page, _) = Page::new(&live);
     arm(&mut page);
@@ -226,23 +226,23 @@ fn a_plug_that_is_pulled_ends_it_and_a_loop_that_is_dropped_takes_the_torque_off
         }
     };
     assert!(error.to_string().contains("is gone"), "{error}");
-    patiently(|| board.torque() == 0.0);
+    eventually(|| board.torque() == 0.0);
 
     let (board, live) = plugged(".");
     let (mut page, _) = Page::new(&live);
     arm(&mut page);
     drop((live, page));
-    patiently(|| board.torque() == 0.0);
+    eventually(|| board.torque() == 0.0);
     let link = Link::open(board.path()).unwrap();
     assert_eq!(link.board().reason, Some(hapt_core::Reason::Stop));
 }
 
 #[test]
-fn where_a_board_is_armed_is_the_worlds_zero_on_the_page_too() {
+fn the_position_of_a_board_at_arming_is_the_worlds_zero_on_the_page_too() {
     let (_board, live) = plugged(".");
     let (mut page, _) = Page::new(&live);
     arm(&mut page);
-    // It turns one way alone.
+    // It turns in one direction only.
     loop {
         page.say(json!({ "type": "alive" }));
         if page.frame().columns[0][0] > 2.0 {
@@ -253,6 +253,6 @@ fn where_a_board_is_armed_is_the_worlds_zero_on_the_page_too() {
     page.stay_until("status", |status| status["phase"] == "disarmed");
     arm(&mut page);
     let again = page.frame_until(|frame| frame.columns[0][1] < 1.0);
-    // And the spring is not wound up by all that the puck had turned before: its energy and the wheel's.
+    // The earlier rotation does not load the spring: the energy is that of spring and wheel since arming.
     assert!(again.columns[7][0] < 0.5, "{} J", again.columns[7][0]);
 }

@@ -10,10 +10,10 @@ use serde_json::{Value, json};
 use tokio_tungstenite::tungstenite::handshake::client::Request;
 use tokio_tungstenite::tungstenite::{Error, Message, WebSocket, client};
 
-/// Longer than anything here takes on the slowest machine.
+/// A time beyond which a test fails: far longer than on the slowest machine.
 const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// A wheel on a spring to the puck, the puck on one to ground: what is let go comes back.
+/// A wheel on a spring to the puck, the puck on one to ground: a released puck returns.
 pub const WORLD: &str = r#"title = "wheel"
 [loop]
 period = "1 ms"
@@ -39,7 +39,7 @@ duration = "1 s"
 hand = { kind = "torque", moves = { kind = "step", to = "5 N mm" } }
 "#;
 
-/// A chain of so many bodies on springs between the puck and ground.
+/// A chain of `bodies` bodies on springs between the puck and ground.
 pub fn many_bodies(bodies: usize) -> String {
     let mut world =
         String::from("[loop]\nperiod = \"1 ms\"\n[device]\ninertia = 6.4e-4\ndamping = 1.2e-3\nlimit = 0.8\n");
@@ -65,7 +65,7 @@ pub fn live_at(world: &str, address: &str) -> Live {
     Live::start(Options { source, sets: Vec::new(), address, folder: ".".into() }).unwrap()
 }
 
-/// Says that it is there and asks for the torque, until that is all there.
+/// Sends heartbeats and requests to arm, until the torque has faded in.
 pub fn arm(page: &mut Page) {
     loop {
         page.say(json!({ "type": "alive" }));
@@ -79,7 +79,7 @@ pub fn arm(page: &mut Page) {
     }
 }
 
-/// What the server answers to these bytes, up to the end of the connection.
+/// The server's answer to these bytes, up to the end of the connection.
 pub fn answer(address: SocketAddr, request: &str) -> String {
     let mut stream = TcpStream::connect(address).unwrap();
     stream.set_read_timeout(Some(TEST_TIMEOUT)).unwrap();
@@ -108,7 +108,7 @@ pub struct Frame {
 }
 
 impl Page {
-    /// The websocket, and nothing said.
+    /// A websocket before its hello.
     pub fn open(live: &Live) -> Page {
         Page::connect(live.address()).unwrap_or_else(|error| panic!("{error}"))
     }
@@ -129,7 +129,7 @@ impl Page {
         client(request, stream).map(|(socket, _)| Page { socket }).map_err(|error| error.to_string())
     }
 
-    /// The websocket with its hello said and answered.
+    /// A websocket after its hello and the answer.
     pub fn new(live: &Live) -> (Page, Value) {
         let mut page = Page::open(live);
         // With a motor the link has a token.
@@ -143,12 +143,12 @@ impl Page {
         self.socket.send(Message::text(message.to_string())).unwrap();
     }
 
-    /// Whether these bytes found their way out.
+    /// Sends a message; returns whether that succeeded.
     pub fn send(&mut self, message: Message) -> bool {
         self.socket.send(message).is_ok()
     }
 
-    /// The next message of this type; what comes before it goes by.
+    /// The next message of this type; earlier ones are dropped.
     pub fn hear(&mut self, kind: &str) -> Value {
         self.hear_until(kind, |_| true)
     }
@@ -174,13 +174,13 @@ impl Page {
         self.wait(kind, wanted, false)
     }
 
-    /// The same, saying now and then that it is there.
+    /// The same, with heartbeats.
     pub fn stay_until(&mut self, kind: &str, wanted: impl Fn(&Value) -> bool) -> Value {
         self.wait(kind, wanted, true)
     }
 
     fn wait(&mut self, kind: &str, wanted: impl Fn(&Value) -> bool, stays: bool) -> Value {
-        // A page speaks ten times a second; the server takes two hundred.
+        // A page sends ten heartbeats per second; the server accepts two hundred messages.
         for message in 0.. {
             if stays && message % 4 == 0 {
                 self.say(json!({ "type": "alive" }));
@@ -215,13 +215,13 @@ impl Page {
         }
     }
 
-    /// The code with which the server closes; what comes before goes by.
+    /// The code with which the server closes; earlier messages are dropped.
     pub fn closed(&mut self) -> u16 {
         loop {
             match self.socket.read() {
                 Ok(Message::Close(Some(why))) => return why.code.into(),
                 Ok(_) => {}
-                // It was closed while we still spoke, and what was said last is lost.
+                // It was closed while messages were being sent: the last ones are lost.
                 Err(Error::Io(_) | Error::Protocol(_) | Error::ConnectionClosed) => return 0,
                 Err(error) => panic!("{error}"),
             }

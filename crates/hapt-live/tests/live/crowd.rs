@@ -1,4 +1,4 @@
-//! Many who want nothing good.
+//! Floods of connections and messages.
 
 use std::collections::VecDeque;
 use std::io::Write;
@@ -14,14 +14,14 @@ use tokio_tungstenite::tungstenite::protocol::frame::coding::{Data, OpCode};
 use crate::common::{Page, WORLD, answer, live, status};
 
 #[test]
-fn hundreds_of_connections_with_garbage_keep_neither_page_nor_frames_from_anybody() {
+fn hundreds_of_connections_with_random_bytes_block_neither_page_nor_frames() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
     let before = page.frame().time;
     let mut crowd = Vec::new();
     for i in 0..400_usize {
         let mut stream = TcpStream::connect(live.address()).unwrap();
-        // Some say nothing, some begin, some speak nonsense; a broken pipe is their own affair.
+        // Some send nothing, some begin a request, some send random bytes; a broken pipe is ignored.
         let _ = match i % 4 {
             0 => Ok(()),
             1 => stream.write_all(b"GET / HT"),
@@ -40,10 +40,10 @@ fn hundreds_of_connections_with_garbage_keep_neither_page_nor_frames_from_anybod
 }
 
 #[test]
-fn websockets_that_say_nothing_shut_nobody_out() {
+fn silent_websockets_do_not_block_other_pages() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
-    // Twice as many as there are places: the oldest give way.
+    // More than twice as many as there are places: the oldest are closed.
     let silent: Vec<Page> = (0..160).map(|_| Page::open(&live)).collect();
     let (mut other, _) = Page::new(&live);
     for page in [&mut page, &mut other] {
@@ -53,12 +53,12 @@ fn websockets_that_say_nothing_shut_nobody_out() {
 }
 
 #[test]
-fn pages_beyond_the_sixty_fourth_find_no_room_until_one_leaves() {
+fn pages_beyond_the_sixty_fourth_are_refused_until_one_leaves() {
     let live = live(WORLD);
     let mut pages: Vec<Page> = (0..64).map(|_| Page::new(&live).0).collect();
     let refused = Page::connect(live.address()).err().unwrap();
     assert!(refused.contains("503"), "{refused}");
-    // The page itself is served all the same.
+    // The page's files are still served.
     let own = live.address().to_string();
     let request = format!("GET / HTTP/1.1\r\nHost: {own}\r\nConnection: close\r\n\r\n");
     assert_eq!(status(&answer(live.address(), &request)), 200);
@@ -69,7 +69,7 @@ fn pages_beyond_the_sixty_fourth_find_no_room_until_one_leaves() {
 }
 
 #[test]
-fn a_message_in_endless_pieces_costs_what_messages_do() {
+fn the_fragments_of_an_endless_message_count_as_messages() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
     let piece = |opcode| Message::Frame(Frame::message(Vec::new(), OpCode::Data(opcode), false));
@@ -80,12 +80,12 @@ fn a_message_in_endless_pieces_costs_what_messages_do() {
 }
 
 #[test]
-fn a_page_that_does_not_read_is_shown_out_and_the_others_hear_on() {
+fn a_page_that_does_not_read_is_disconnected_and_the_others_are_not() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
     let (mut deaf, _) = Page::new(&live);
     page.hear_until("status", |status| status["clients"] == 2);
-    // Each answer is a world of several KiB: more than any buffer holds, in the time that the rate allows.
+    // Each answer is a world of several KiB: together more than any buffer holds, at the permitted rate.
     for _ in 0.. {
         for _ in 0..20 {
             page.say(json!({ "type": "reset" }));
@@ -100,11 +100,11 @@ fn a_page_that_does_not_read_is_shown_out_and_the_others_hear_on() {
 }
 
 #[test]
-fn bytes_that_are_no_frames_end_their_own_websocket_and_no_other() {
+fn invalid_frames_end_only_their_own_websocket() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
     let own = live.address().to_string();
-    // xorshift: as good as any for nonsense.
+    // xorshift: the same random bytes in every run.
     let mut state = 0x9e37_79b9_7f4a_7c15_u64;
     let mut byte = || {
         state ^= state << 13;
@@ -119,7 +119,7 @@ fn bytes_that_are_no_frames_end_their_own_websocket_and_no_other() {
              Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
         );
         let bytes: Vec<u8> = head.into_bytes().into_iter().chain((0..1000).map(|_| byte())).collect();
-        // It may have been shown out before it was through.
+        // It may have been disconnected before all was sent.
         let _ = stream.write_all(&bytes);
     }
     let time = page.frame().time;
@@ -127,8 +127,8 @@ fn bytes_that_are_no_frames_end_their_own_websocket_and_no_other() {
     Page::new(&live);
 }
 
-/// What a crowd does to the loop's clock, beside a run without one: `cargo test --release -p hapt-live --test live -- --ignored
-/// --nocapture`. It judges nothing, because the machine's other work would be judged with it.
+/// Prints the loop's timing under a flood and without one: `cargo test --release -p hapt-live --test live -- --ignored
+/// --nocapture`. It asserts nothing, because the machine's other work affects the result.
 #[test]
 #[ignore = "a measurement"]
 fn measured_a_thousand_connections_beside_an_idle_run() {

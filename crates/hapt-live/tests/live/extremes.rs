@@ -1,10 +1,10 @@
-//! Numbers that nobody means: whatever is set, the server is there afterwards, and the loop goes on.
+//! Extreme numbers: for any settings the server keeps answering, and the loop continues.
 
 use serde_json::json;
 
 use crate::common::{Page, WORLD, live};
 
-/// As a page may write them, with no unit: SI.
+/// Numbers without a unit, in SI, as a page may send them.
 const EXTREMES: [&str; 30] = [
     "1e308",
     "-1e308",
@@ -38,7 +38,7 @@ const EXTREMES: [&str; 30] = [
     "1e3",
 ];
 
-/// xorshift: as good as any for nonsense.
+/// xorshift: the same random numbers in every run.
 struct Dice(u64);
 
 impl Dice {
@@ -50,7 +50,7 @@ impl Dice {
     }
 }
 
-/// Everything that a world has, so that every key is there.
+/// A world with every key.
 const RICH: &str = r#"
 [[couplings]]
 kind = "wall"
@@ -87,7 +87,7 @@ between = ["puck", "ground"]
 torque = 0.01
 "#;
 
-/// The world with all of it, and the path of every number and name in it.
+/// The world with every key, in which every path of a number or name can be set.
 fn rich() -> String {
     let (head, scenarios) = WORLD.split_once("[scenarios.step]").unwrap();
     format!("{head}{RICH}[scenarios.step]{scenarios}")
@@ -129,7 +129,7 @@ fn random_keys_with_extreme_values_never_end_the_server() {
             }
         };
         *if answer["type"] == "world" { &mut taken } else { &mut refused } += 1;
-        // It is grabbed and thrown meanwhile, and whatever faulted is cleared.
+        // Meanwhile a hand grips and throws the puck, and faults are cleared.
         page.say(json!({ "type": "hand", "grip": round % 3 != 0, "position": 3.0 - (round % 7) as f64 }));
         for order in ["clear", "arm"] {
             page.say(json!({ "type": "order", "order": order }));
@@ -141,12 +141,12 @@ fn random_keys_with_extreme_values_never_end_the_server() {
             page.say(json!({ "type": "reset" }));
             page.hear_any(&["world", "refused"]);
         }
-        // The loop goes on.
+        // The loop continues.
         let time = page.frame().time;
         page.frame_until(|frame| frame.time > time);
     }
     assert!(taken > 10 && refused > 10, "{taken} taken, {refused} refused");
-    // And all of it can be put right again.
+    // And all settings can be reset.
     page.say(json!({ "type": "reset" }));
     page.hear("world");
     page.say(json!({ "type": "restart" }));
@@ -155,8 +155,8 @@ fn random_keys_with_extreme_values_never_end_the_server() {
 }
 
 #[test]
-fn a_world_that_runs_away_is_a_fault_to_clear() {
-    // Forward Euler far beyond its stability: every body leaves the range of numbers within a second.
+fn a_world_that_diverges_is_a_fault_that_can_be_cleared() {
+    // Forward Euler far beyond its stability: every body overflows within a second.
     let live = live(&WORLD.replace("0.02580123", "1e-9").replace("limit = \"822.25 N mm\"", ""));
     let (mut page, _) = Page::new(&live);
     page.say(json!({ "type": "set", "key": "loop.method", "value": "forward-euler" }));
@@ -173,7 +173,7 @@ fn a_world_that_runs_away_is_a_fault_to_clear() {
 }
 
 #[test]
-fn what_is_out_of_every_range_is_refused_at_the_start_too() {
+fn numbers_out_of_range_are_refused_at_the_start_too() {
     for set in ["device.inertia=1e-320", "device.damping=1e308", "bodies.wheel.inertia=1e-300", "loop.delay=10 s"] {
         let source = hapt_model::Source::from_text("wheel.toml", WORLD);
         let address = "127.0.0.1:0".parse().unwrap();

@@ -1,29 +1,29 @@
-//! The hand on the puck, and who has it.
+//! The hand on the puck, and its control.
 
 use serde_json::json;
 
 use crate::common::{Frame, Page, WORLD, live};
 
-/// Where the hand means to be in these tests, in rad, and what of it is enough to see that it holds.
-const THERE: f64 = 0.5;
-const HELD: f32 = 0.3;
+/// The hand's target in these tests, in rad, and the position beyond which the puck counts as held.
+const TARGET_RAD: f64 = 0.5;
+const HELD_RAD: f32 = 0.3;
 
 fn puck(frame: &Frame) -> f32 {
     frame.columns[0][0]
 }
 
-/// Says that the puck is held until it is seen to be.
+/// Sends the grip until the puck is held.
 fn grab(page: &mut Page) {
     loop {
-        page.say(json!({ "type": "hand", "grip": true, "position": THERE }));
-        if puck(&page.frame()) > HELD {
+        page.say(json!({ "type": "hand", "grip": true, "position": TARGET_RAD }));
+        if puck(&page.frame()) > HELD_RAD {
             return;
         }
     }
 }
 
 #[test]
-fn a_hand_turns_the_puck_and_let_go_it_swings_back() {
+fn a_hand_turns_the_puck_and_a_released_puck_swings_back() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
     grab(&mut page);
@@ -32,16 +32,16 @@ fn a_hand_turns_the_puck_and_let_go_it_swings_back() {
 }
 
 #[test]
-fn the_hand_of_a_page_that_says_nothing_lets_go() {
+fn the_hand_of_a_silent_page_releases() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
     grab(&mut page);
-    // Silence, while the frames go on: a hand that held would keep the puck above 0.
+    // No messages, while the frames continue: a gripping hand would keep the puck above 0.
     page.frame_until(|frame| puck(frame) < 0.0);
 }
 
 #[test]
-fn the_hand_of_a_page_that_has_gone_lets_go() {
+fn the_hand_of_a_disconnected_page_releases() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
     let (mut watcher, _) = Page::new(&live);
@@ -49,13 +49,13 @@ fn the_hand_of_a_page_that_has_gone_lets_go() {
     drop(page);
     watcher.hear_until("control", |control| control["control"].is_null());
     watcher.frame_until(|frame| puck(frame) < 0.0);
-    // Who comes next has control, as after a reload.
+    // The next page has control, as after a reload.
     let (_, hello) = Page::new(&live);
     assert_eq!(hello["client"], hello["control"]);
 }
 
 #[test]
-fn control_is_taken_on_purpose_and_then_the_other_hand_lets_go() {
+fn control_is_taken_by_a_request_and_the_other_hand_releases() {
     let live = live(WORLD);
     let (mut first, one) = Page::new(&live);
     let (mut second, two) = Page::new(&live);
@@ -77,14 +77,14 @@ fn control_is_taken_on_purpose_and_then_the_other_hand_lets_go() {
 }
 
 #[test]
-fn a_scenario_leads_the_hand_and_ends_when_it_is_told() {
+fn a_scenario_moves_the_hand_and_ends_on_request() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
     page.say(json!({ "type": "scenario", "name": "stop" }));
     assert!(page.hear("refused")["message"].as_str().unwrap().contains("no scenario"));
     page.say(json!({ "type": "scenario", "name": "step" }));
     page.hear_until("status", |status| status["scenario"] == "step");
-    // It goes to 20 degrees and is held there, while the page says that it is there.
+    // It goes to 20 degrees and is held there, while the page sends heartbeats.
     for _ in 0.. {
         page.say(json!({ "type": "alive" }));
         if puck(&page.frame()) > 0.2 {
@@ -96,7 +96,7 @@ fn a_scenario_leads_the_hand_and_ends_when_it_is_told() {
     page.frame_until(|frame| puck(frame) < 0.0);
 }
 
-/// Holds the puck there, and says so until it is.
+/// Sends the grip at this position until the puck is there.
 fn hold(page: &mut Page, there: f64) {
     loop {
         page.say(json!({ "type": "hand", "grip": true, "position": there }));
@@ -107,7 +107,7 @@ fn hold(page: &mut Page, there: f64) {
 }
 
 #[test]
-fn armed_again_the_simulated_wheel_has_its_zero_there_and_is_not_thrown() {
+fn a_simulated_wheel_that_is_armed_again_has_its_zero_at_its_position_without_a_torque() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
     for there in [4.35, -2.0] {
@@ -134,7 +134,7 @@ fn armed_again_the_simulated_wheel_has_its_zero_there_and_is_not_thrown() {
 }
 
 #[test]
-fn start_over_puts_puck_and_world_at_their_start_from_wherever_they_are() {
+fn a_restart_resets_puck_and_world_from_any_state() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
     for phase in ["running", "disarmed", "faulted"] {
@@ -154,7 +154,7 @@ fn start_over_puts_puck_and_world_at_their_start_from_wherever_they_are() {
         let frame = page.frame();
         assert_eq!((puck(&frame), frame.columns[8][0]), (0.0, 0.0), "{phase}");
     }
-    // Who presses stop meanwhile has the last word.
+    // A stop meanwhile cancels the restart.
     hold(&mut page, 0.4);
     page.say(json!({ "type": "restart" }));
     page.say(json!({ "type": "order", "order": "stop" }));

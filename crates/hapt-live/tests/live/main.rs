@@ -1,4 +1,4 @@
-//! The server as a browser meets it: over the loopback, by HTTP and websocket.
+//! The server from a browser's side: over the loopback, by HTTP and websocket.
 
 #[cfg(unix)]
 mod board;

@@ -1,4 +1,4 @@
-//! A loop behind a page whose device is not the page's to move.
+//! A loop behind a page on a motor, which no page's hand can move.
 
 use hapt_core::SafetyProfile;
 use hapt_host::Machine;
@@ -9,7 +9,7 @@ use serde_json::json;
 
 use crate::common::{Frame, Page, WORLD, arm, many_bodies};
 
-/// The world on a device that is guarded as a real one; its hand is the test's. A busy machine is late, and that is no matter here.
+/// The world on a device with the supervisor's profile of a real one; its hand is the test's. Lateness of a busy machine is permitted here.
 fn on_a_motor(profile: SafetyProfile) -> (Live, Option<Hands>) {
     on_a_motor_with(profile, WORLD, &[])
 }
@@ -34,15 +34,15 @@ fn on_a_motor_with(profile: SafetyProfile, world: &str, more: &[&str]) -> (Live,
 }
 
 #[test]
-fn a_motor_waits_to_be_armed_and_lets_go_when_the_page_is_silent() {
+fn a_motor_stays_disarmed_until_armed_and_loses_the_torque_when_the_page_is_silent() {
     let (live, _hands) = on_a_motor(SafetyProfile::Certified);
     let (mut page, _) = Page::new(&live);
     assert_eq!(page.hear("world")["device"], "motor");
     for _ in 0..5 {
-        assert_eq!(page.hear("status")["phase"], "disarmed", "nobody has armed it");
+        assert_eq!(page.hear("status")["phase"], "disarmed", "not armed");
     }
     arm(&mut page);
-    // The page says nothing more: asleep, closed, cut off.
+    // The page sends nothing more: it is asleep, closed or disconnected.
     let status = page.hear_until("status", |status| status["phase"] == "disarmed");
     assert_eq!(status["reason"], "link", "{status}");
     arm(&mut page);
@@ -77,7 +77,7 @@ fn set(page: &mut Page, key: &str, value: &str) -> Result<(), String> {
 }
 
 #[test]
-fn what_the_file_says_of_device_and_safety_is_a_ceiling_whatever_a_page_says() {
+fn the_files_device_and_safety_limit_the_settings_of_a_page() {
     for profile in [SafetyProfile::Certified, SafetyProfile::Uncertified] {
         let (live, _hands) = on_a_motor(profile);
         let (mut page, _) = Page::new(&live);
@@ -110,12 +110,12 @@ fn what_the_file_says_of_device_and_safety_is_a_ceiling_whatever_a_page_says() {
         ] {
             let refused = set(&mut page, key, value);
             assert!(refused.is_err(), "{key} = {value}");
-            // And not in the company of what may be set.
+            // Also not together with a key that may be set.
             page.say(json!({ "type": "sets", "sets": [["couplings.0.stiffness", "1 N m/rad"], [key, value]] }));
             let answer = page.hear_any(&["refused", "world"]);
             assert_eq!(answer["type"], "refused", "{key} = {value}");
         }
-        // Lower it may be, and back up to the file's.
+        // It may be lowered, and raised again up to the file's.
         for (limit, right) in [("400 N mm", true), ("822.25 N mm", true), ("200 N mm", true), ("823 N mm", false)] {
             assert_eq!(set(&mut page, "device.limit", limit).is_ok(), right, "{limit}");
         }
@@ -134,18 +134,18 @@ fn what_the_file_says_of_device_and_safety_is_a_ceiling_whatever_a_page_says() {
 }
 
 #[test]
-fn the_certificate_is_about_the_files_device() {
+fn the_certificate_applies_to_the_files_device() {
     let (live, _hands) = on_a_motor(SafetyProfile::Certified);
     let (mut page, _) = Page::new(&live);
     page.hear("world");
-    // b = 5 mN m s/rad pays for K T/2 up to 5 N m/rad in all, by whatever road.
+    // b = 5 mN m s/rad permits K T/2 up to 5 N m/rad in all, however they are set.
     assert!(set(&mut page, "couplings.0.stiffness", "500 N m/rad").unwrap_err().contains("would not be certified"));
     page.say(json!({ "type": "sets", "sets": [["device.damping", "100"], ["couplings.0.stiffness", "500 N m/rad"]] }));
     page.hear("refused");
     set(&mut page, "device.limit", "100 N mm").unwrap();
     set(&mut page, "loop.period", "1 ms").unwrap();
     assert!(set(&mut page, "couplings.0.stiffness", "20 N m/rad").is_err());
-    // No button proposes another device. Only after a world's message nobody has heard its verdict yet.
+    // No button proposes another device. Directly after a world's message its verdict has not been sent yet.
     set(&mut page, "couplings.0.stiffness", "0.5 N m/rad").unwrap();
     let verdict = page.stay_until("verdict", |verdict| verdict["remedies"].is_array());
     for remedy in verdict["remedies"].as_array().unwrap() {
@@ -157,7 +157,7 @@ fn the_certificate_is_about_the_files_device() {
 }
 
 #[test]
-fn without_the_links_token_nobody_gets_control_of_a_motor() {
+fn without_the_links_token_no_client_gets_control_of_a_motor() {
     let (live, _hands) = on_a_motor(SafetyProfile::Certified);
     let token = live.link().split_once("/#").unwrap().1.to_string();
     assert!(live.asks_for_token() && token.len() == 32);
@@ -177,7 +177,7 @@ fn without_the_links_token_nobody_gets_control_of_a_motor() {
     assert_eq!(page.hear("status")["phase"], "disarmed");
 }
 
-/// Of a machine that stands still now and then, the best of some tries.
+/// The best of several tries, since the machine may pause.
 #[test]
 fn the_torque_is_off_within_the_links_time_of_the_pages_last_message() {
     let (live, _hands) = on_a_motor_with(SafetyProfile::Certified, PUSHED, &[]);
@@ -197,7 +197,7 @@ fn the_torque_is_off_within_the_links_time_of_the_pages_last_message() {
 }
 
 #[test]
-fn a_page_that_comes_after_another_inherits_no_torque() {
+fn a_page_that_follows_another_gets_no_torque() {
     let (live, _hands) = on_a_motor_with(SafetyProfile::Certified, PUSHED, &["safety.link=20 s"]);
     for way in ["reload", "give", "take"] {
         let (mut page, _) = Page::new(&live);
@@ -215,7 +215,7 @@ fn a_page_that_comes_after_another_inherits_no_torque() {
             _ => Page::new(&live).0,
         };
         next.say(json!({ "type": "take" }));
-        // It says that it is there all along, and asks for nothing.
+        // It sends heartbeats, and no request.
         next.stay_until("status", |status| status["phase"] == "disarmed");
         for _ in 0..5 {
             let status = next.stay_until("status", |_| true);
@@ -228,9 +228,9 @@ fn a_page_that_comes_after_another_inherits_no_torque() {
 }
 
 #[test]
-fn stop_waits_for_no_certificate_and_for_no_flood() {
+fn a_stop_waits_neither_for_a_certificate_nor_for_a_flood() {
     let world = many_bodies(24);
-    // Some 400 at once are taken or dropped; beyond that the socket closes, and looks for a stop in what came.
+    // About 400 at once are taken or dropped; beyond that the socket closes, and searches the received messages for a stop.
     for (messages, is_motor) in [(60, true), (200, true), (200, false), (1000, false)] {
         let (live, _hands) = match is_motor {
             true => on_a_motor_with(SafetyProfile::Uncertified, &world, &["safety.stuck=0"]),
@@ -262,19 +262,19 @@ fn stop_waits_for_no_certificate_and_for_no_flood() {
             }
         }
         assert!(worlds < 20, "{worlds} changed worlds came before the stop of {messages} messages");
-        // And nothing of what was asked for before arms it again.
+        // Earlier requests do not arm it again.
         for _ in 0..5 {
             assert_eq!(watcher.hear("status")["phase"], "faulted");
         }
     }
 }
 
-/// Sets a key anew twice in each frame's time, until a frame is as wanted or the loop's time in s is over.
+/// Sets a key twice in each frame's time, until a frame satisfies the condition or the loop's time in s is over.
 fn set_without_end(page: &mut Page, torque: f64, time: f64, wanted: impl Fn(&Frame) -> bool) -> bool {
     let begun = page.frame().time;
     let mut k = 0;
     loop {
-        // Not more than the server takes from one page.
+        // Not more than the server accepts from one page.
         for _ in 0..2 {
             k += 1;
             let value = format!("{} N mm", torque + 1e-6 * f64::from(k % 100));
@@ -289,7 +289,7 @@ fn set_without_end(page: &mut Page, torque: f64, time: f64, wanted: impl Fn(&Fra
 
 #[test]
 fn the_motors_torque_follows_the_world_however_quickly_a_page_changes_it() {
-    // Each swap fades over, and takes the torque on from where it was: at every sample they would hold it there.
+    // Each swap fades over from the present torque: a swap at every sample would freeze the torque.
     let (live, _hands) = on_a_motor_with(
         SafetyProfile::Certified,
         PUSHED,
@@ -301,7 +301,7 @@ fn the_motors_torque_follows_the_world_however_quickly_a_page_changes_it() {
         let follows = |frame: &Frame| (f64::from(frame.columns[6][0]) - 1e-3 * torque).abs() < 1e-4;
         assert!(set_without_end(&mut page, torque, 3.0, follows), "{torque} N mm are not there after 3 s");
     }
-    // And it is taken away at once, whatever is still to be done.
+    // A stop removes it at once, also with queued changes.
     let begun = page.frame().time;
     page.say(json!({ "type": "order", "order": "disarm" }));
     let off = page.frame_until(|frame| frame.columns[6][0] == 0.0).time - begun;
@@ -316,7 +316,7 @@ fn a_delay_in_samples_does_not_shrink_with_the_period() {
     for period in ["0.2 ms", "1 ms", "4 ms"] {
         assert!(set(&mut page, "loop.period", period).unwrap_err().contains("in samples"), "{period}");
     }
-    // As a time it stays what it is.
+    // Given as a time it stays.
     let (live, _hands) = on_a_motor_with(SafetyProfile::Certified, PUSHED, &["loop.delay=3 ms"]);
     let (mut page, _) = Page::new(&live);
     page.hear("world");

@@ -11,7 +11,7 @@ use hapt_live::network::{StationEnd, connect, connect_by};
 use hapt_model::{Source, System};
 use hapt_rt::Outside;
 
-/// Beyond this something is broken, and not just slow.
+/// A time beyond which a test fails: far longer than on the slowest machine.
 const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 
 fn source() -> Source {
@@ -32,7 +32,7 @@ fn source() -> Source {
     source
 }
 
-/// The stations' sessions behind their pages, that run.
+/// The stations' running sessions behind their pages.
 fn pages(network: &System, ends: Vec<StationEnd>) -> Vec<PageSession> {
     pages_in(std::path::Path::new("."), network, ends)
 }
@@ -90,7 +90,7 @@ fn soften(page: &mut PageSession, stiffness: f64) {
     say(page, ClientMessage::Network(NetworkChange { stiffness: Some(stiffness), ..NetworkChange::default() }));
 }
 
-/// Polls them until it is so; the worlds that were begun, and the telemetry frames, of each.
+/// Polls them until the condition holds, by the number of worlds begun and of telemetry frames of each.
 fn until(what: &str, pages: &mut [PageSession], mut is_so: impl FnMut(&[PageSession], &[[usize; 2]]) -> bool) {
     let begin = Instant::now();
     let mut counts = vec![[0; 2]; pages.len()];
@@ -108,7 +108,7 @@ fn until(what: &str, pages: &mut [PageSession], mut is_so: impl FnMut(&[PageSess
     }
 }
 
-/// Whatever key of whichever station is set, the verdict becomes the one of the files with that key.
+/// For any key of any station the verdict becomes the one of the files with that key.
 #[test]
 fn the_verdict_follows_the_settings_of_every_station() {
     let network = System::read(&source(), &[]).unwrap();
@@ -135,7 +135,7 @@ fn the_verdict_follows_the_settings_of_every_station() {
         verdicts[usize::from(check.certified)] += 1;
     }
     assert!(verdicts.iter().all(|verdicts| *verdicts >= 2), "{verdicts:?}");
-    // The links' sliders beside it: what is certified with both is asked together.
+    // With the links' sliders too: the certificate is for both changes together.
     soften(&mut pages[1], 10.0);
     until("the verdict of stiffer links", &mut pages, |pages, _| !info(&pages[0]).outdated);
     sets.push("links.0.stiffness=0.5".into());
@@ -144,9 +144,9 @@ fn the_verdict_follows_the_settings_of_every_station() {
     assert!(!check.certified && !info(&pages[0]).remedies.is_empty());
 }
 
-/// While a verdict is computed the loops run on, and so do their pages, which say that they show an older one. Of many questions the newest is answered.
+/// While a verdict is computed the loops and their pages continue, and the pages mark the older verdict. Of many questions the newest is answered.
 #[test]
-fn a_slow_verdict_holds_up_nobody() {
+fn a_slow_verdict_blocks_neither_loops_nor_pages() {
     let network = System::read(&source(), &[]).unwrap();
     let (entered, enters) = channel();
     let (leave, leaves) = channel::<()>();
@@ -154,7 +154,7 @@ fn a_slow_verdict_holds_up_nobody() {
     let slow = move |network: &System| {
         let check = check_network(network);
         entered.send(network.links[0].stiffness()).unwrap();
-        // An error: the test is over.
+        // An error means that the test is over.
         let _ = leaves.lock().unwrap().recv();
         check
     };

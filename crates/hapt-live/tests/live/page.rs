@@ -1,4 +1,4 @@
-//! The page's files, and who is let in.
+//! The page's files, and the admission of requests.
 
 use crate::common::{Page, WORLD, answer, live, live_at, status};
 
@@ -48,7 +48,7 @@ fn the_page_is_at_the_root_and_nothing_loads_from_elsewhere() {
 }
 
 #[test]
-fn only_the_servers_own_names_and_pages_come_in() {
+fn only_requests_of_the_servers_own_names_and_pages_are_admitted() {
     let live = live(WORLD);
     let port = live.address().port();
     let named = |name: &str| format!("{name}:{port}");
@@ -83,7 +83,7 @@ fn only_the_servers_own_names_and_pages_come_in() {
         assert_eq!(status(&answer(live.address(), &get("/", &own, &origin))), 403, "{origin}");
         assert_eq!(status(&answer(live.address(), &upgrade(&own, &origin))), 403, "{origin}");
     }
-    // No browser, no second Host, no other server's request by way of us.
+    // Refused: a request of no browser, a second Host, and a proxy request for another server.
     assert_eq!(status(&answer(live.address(), &upgrade(&own, ""))), 403);
     assert_eq!(status(&answer(live.address(), &get("/", &own, "Host: evil.example\r\n"))), 403);
     assert_eq!(status(&answer(live.address(), &get("http://evil.example/", &own, ""))), 403);

@@ -1,4 +1,4 @@
-//! The recording of a loop under way.
+//! The recording of a running loop.
 
 use std::path::Path;
 use std::time::Duration;
@@ -15,13 +15,13 @@ use serde_json::json;
 use crate::common::{Page, WORLD};
 
 #[test]
-fn a_recording_is_a_log_of_the_worlds_that_ran_while_it_was_on_and_gives_their_torques_again() {
+fn a_recording_is_a_log_of_the_worlds_that_ran_and_replays_their_torques() {
     let folder = tempfile::tempdir().unwrap();
     let source = Source::from_text("wheel.toml", WORLD);
     let address = "127.0.0.1:0".parse().unwrap();
     let live = Live::start(Options { source, sets: Vec::new(), address, folder: folder.path().into() }).unwrap();
     let (mut page, _) = Page::new(&live);
-    // The loop has armed itself, and the hand makes it work: the recording begins in the middle of it.
+    // The loop is armed, and a hand moves it: the recording begins during a run.
     page.say(json!({ "type": "hand", "grip": true, "position": 0.4 }));
     page.frame_until(|frame| frame.columns[0][0].abs() > 0.1);
     page.say(json!({ "type": "record", "on": true }));
@@ -38,7 +38,7 @@ fn a_recording_is_a_log_of_the_worlds_that_ran_while_it_was_on_and_gives_their_t
 
     let file = folder.path().join("live-0001.mcap");
     assert_eq!(status["recording"]["file"], file.display().to_string());
-    // It is finished aside.
+    // It is finished on another thread.
     while !is_whole(&file) {
         std::thread::sleep(Duration::from_millis(20));
     }
@@ -60,7 +60,7 @@ fn a_recording_is_a_log_of_the_worlds_that_ran_while_it_was_on_and_gives_their_t
 }
 
 #[test]
-fn a_recording_beside_what_a_game_plays_has_its_torque_in_a_column_of_its_own() {
+fn a_recording_with_a_games_effects_has_their_torque_in_a_separate_column() {
     let folder = tempfile::tempdir().unwrap();
     let (port, mut wire) =
         effects(Wheel::new(&Device::ideal(Timing::even(1e-3), 1e-3, 0.4)).unwrap(), Scale::of_wheel(0.4, 1.0));
@@ -103,7 +103,7 @@ fn a_recording_beside_what_a_game_plays_has_its_torque_in_a_column_of_its_own() 
     assert_eq!((again.compared, again.first), (links.len() as u64, None));
 }
 
-/// Programs that know nothing of each other, and record into one folder at once.
+/// Independent programs that record into one folder at once.
 #[test]
 fn recordings_into_one_folder_have_a_file_each_and_lose_nothing() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! What pages and server say to each other.
+//! The messages between pages and server.
 
 use hapt_host::frames::columns_of;
 use hapt_live::{Live, Options};
@@ -9,7 +9,7 @@ use tokio_tungstenite::tungstenite::Message;
 use crate::common::{Page, WORLD, live};
 
 #[test]
-fn a_page_hears_hello_world_verdict_and_a_stream_of_frames() {
+fn a_page_receives_hello_world_verdict_and_frames() {
     let live = live(WORLD);
     let (mut page, hello) = Page::new(&live);
     assert_eq!((&hello["v"], &hello["control"]), (&json!(1), &hello["client"]), "the first has control");
@@ -26,7 +26,7 @@ fn a_page_hears_hello_world_verdict_and_a_stream_of_frames() {
     let verdict = page.hear("verdict");
     assert_eq!((&verdict["generation"], &verdict["certified"]), (&json!(0), &json!(true)), "{verdict}");
     assert_eq!(verdict["sentences"].as_array().unwrap().len(), 3);
-    // Remedies come once they are found, with the first verdict where the page came late, and a range for every number.
+    // Remedies follow once they are found, or with the first verdict of a page that joins later, and a range for every number.
     if !verdict["remedies"].is_array() {
         page.stay_until("verdict", |verdict| verdict["remedies"].is_array());
     }
@@ -58,8 +58,8 @@ fn a_page_hears_hello_world_verdict_and_a_stream_of_frames() {
 }
 
 #[test]
-fn the_status_says_how_the_loop_keeps_the_times_that_the_file_states() {
-    // Counted, and not faded out: this test is about the numbers, on a machine that may be slow.
+fn the_status_shows_whether_the_loop_keeps_the_times_that_the_file_states() {
+    // Counted, without a fade-out: this test checks the numbers, on a machine that may be slow.
     let times = "interval_max = \"1.5 ms\"\n[safety]\nlate = \"count\"\n[device]";
     let live = live(&WORLD.replace("[device]", times));
     let (mut page, _) = Page::new(&live);
@@ -74,7 +74,7 @@ fn the_status_says_how_the_loop_keeps_the_times_that_the_file_states() {
 }
 
 #[test]
-fn a_key_that_is_set_makes_another_world_with_its_own_verdict() {
+fn setting_a_key_gives_another_world_with_its_own_verdict() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
     page.say(json!({ "type": "set", "key": "loop.method", "value": "forward-euler" }));
@@ -94,7 +94,7 @@ fn a_key_that_is_set_makes_another_world_with_its_own_verdict() {
 }
 
 #[test]
-fn a_key_that_is_wrong_is_refused_in_the_readers_words_and_changes_nothing() {
+fn an_invalid_key_is_refused_with_the_readers_message_and_changes_nothing() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
     for (key, value, word) in [
@@ -120,7 +120,7 @@ fn a_key_that_is_wrong_is_refused_in_the_readers_words_and_changes_nothing() {
 }
 
 #[test]
-fn what_is_no_message_is_answered_and_dropped_and_over_and_over_it_closes() {
+fn invalid_messages_are_answered_and_dropped_and_too_many_close_the_socket() {
     let live = live(WORLD);
     let mut page = Page::open(&live);
     page.say(json!({ "type": "alive" }));
@@ -132,7 +132,7 @@ fn what_is_no_message_is_answered_and_dropped_and_over_and_over_it_closes() {
     for text in ["", "{", "[]", "{\"type\":\"fly\"}", "{\"type\":\"hand\",\"grip\":true,\"position\":1e400}"] {
         page.send(Message::text(text));
         page.hear("error");
-        // And what is right goes on.
+        // Valid messages still count.
         page.say(json!({ "type": "alive" }));
     }
     page.send(Message::binary(vec![1, 2, 3]));
@@ -141,7 +141,7 @@ fn what_is_no_message_is_answered_and_dropped_and_over_and_over_it_closes() {
         page.send(Message::text("garbage"));
     }
     assert!([1008, 0].contains(&page.closed()));
-    // The server is none the worse.
+    // The server still accepts pages.
     Page::new(&live);
 }
 
@@ -152,14 +152,14 @@ fn too_long_a_message_and_too_many_close_the_socket() {
     page.say(json!({ "type": "set", "key": "loop.period", "value": "1 ms".repeat(2000) }));
     assert!([1009, 0].contains(&page.closed()));
     let (mut page, _) = Page::new(&live);
-    // Some thousand in the time that two hundred are allowed in.
+    // Thousands in the time of two hundred.
     let sent = (0..20_000).take_while(|_| page.send(Message::text("{\"type\":\"alive\"}"))).count();
     assert!([1008, 0].contains(&page.closed()), "{sent} sent");
     Page::new(&live);
 }
 
 #[test]
-fn orders_move_the_supervisor_and_anybody_may_stop() {
+fn commands_change_the_supervisor_and_every_client_may_stop() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
     let (mut watcher, hello) = Page::new(&live);
@@ -176,7 +176,7 @@ fn orders_move_the_supervisor_and_anybody_may_stop() {
     // A watcher may not clear.
     watcher.say(json!({ "type": "order", "order": "clear" }));
     assert!(watcher.hear("error")["message"].as_str().unwrap().contains("control"));
-    // The supervisor wants some quiet samples first.
+    // The supervisor requires some samples at rest first.
     loop {
         page.say(json!({ "type": "order", "order": "clear" }));
         if page.hear("status")["phase"] == "disarmed" {
@@ -186,7 +186,7 @@ fn orders_move_the_supervisor_and_anybody_may_stop() {
 }
 
 #[test]
-fn a_file_that_is_gone_refuses_every_change_and_the_loop_goes_on() {
+fn with_a_removed_file_every_change_is_refused_and_the_loop_continues() {
     let folder = tempfile::tempdir().unwrap();
     let way = folder.path().join("way.csv");
     std::fs::write(&way, "time_s,puck_deg\n0,0\n1,10\n").unwrap();

@@ -35,7 +35,7 @@ pub fn header(text: &str) -> Header {
 pub fn rows(world: &World) -> Vec<Row> {
     let mut run = Simulation::new(world, &world.scenarios[0]).unwrap();
     let mut rows = Vec::new();
-    // A run may leave the numbers: its rows end there.
+    // A run may diverge: its rows end there.
     while let Some(Ok(row)) = run.next() {
         rows.push(row.clone());
     }
@@ -60,8 +60,8 @@ pub fn bits(log: &mut Log<&[u8]>) -> Vec<Vec<u64>> {
     all
 }
 
-/// Worlds with one to three bodies in a row behind the puck: springs, dampers, a wall, detents and friction; every estimator and
-/// output; counts, levels and a delay; a hand that jumps, swings, pushes or grips.
+/// Worlds with one to three bodies in a row from the puck: springs, dampers, a wall, detents and friction; every estimator and
+/// output; counts, levels and a delay; a hand that steps, swings, pushes or grips.
 pub fn worlds() -> impl Strategy<Value = String> {
     let sampling = (
         prop::sample::select(vec!["zoh", "trapezoidal", "rk4", "tustin", "foh", "semi-implicit-euler"]),

@@ -1,4 +1,4 @@
-//! Logs that were cut or damaged, and files that are none.
+//! Truncated and damaged logs, and other files.
 
 use std::sync::LazyLock;
 
@@ -27,7 +27,7 @@ fn three_chunks() -> (Vec<u8>, Vec<Vec<u64>>) {
     THREE_CHUNKS.clone()
 }
 
-/// What can be read of these bytes, and how they end; `None` where that is nothing.
+/// The readable samples of these bytes, and their ending; `None` where nothing can be read.
 fn read(bytes: &[u8]) -> Option<(Vec<Vec<u64>>, Ending)> {
     let mut log = Log::read(bytes).ok()?;
     let mut all = Vec::new();
@@ -38,7 +38,7 @@ fn read(bytes: &[u8]) -> Option<(Vec<Vec<u64>>, Ending)> {
 }
 
 #[test]
-fn a_log_cut_at_any_byte_gives_its_first_samples_and_says_so() {
+fn a_log_cut_at_any_byte_gives_its_first_samples_and_reports_the_cut() {
     let (bytes, samples) = three_chunks();
     let mut longest = 0;
     for length in 0..bytes.len() {
@@ -60,7 +60,7 @@ fn a_log_cut_at_any_byte_gives_its_first_samples_and_says_so() {
     assert_eq!(longest, samples.len());
 }
 
-/// A cut costs the sample that it goes through, and none before it.
+/// A cut loses the sample in which it lies, and none before it.
 #[test]
 fn a_cut_within_a_chunk_keeps_the_chunks_whole_samples() {
     let (bytes, samples) = three_chunks();
@@ -70,7 +70,7 @@ fn a_cut_within_a_chunk_keeps_the_chunks_whole_samples() {
     }
 }
 
-/// Every sample that is read is one that was written, in its order; and where one is missing the log does not pass for whole.
+/// Every sample that is read was written, in its order; and where one is missing the log is not reported as complete.
 fn is_honest(bytes: &[u8], samples: &[Vec<u64>]) -> Result<(), TestCaseError> {
     let Some((read, ending)) = read(bytes) else { return Ok(()) };
     let mut rest = samples.iter();
@@ -85,7 +85,7 @@ proptest! {
     #![proptest_config(hapt_testing::cases(4000))]
 
     #[test]
-    fn a_flipped_bit_is_found_and_costs_no_more_than_what_is_behind_it(at in any::<prop::sample::Index>(), bit in 0u8..8) {
+    fn a_flipped_bit_is_detected_and_loses_only_the_following_samples(at in any::<prop::sample::Index>(), bit in 0u8..8) {
         let (mut bytes, samples) = three_chunks();
         let at = at.index(bytes.len());
         bytes[at] ^= 1 << bit;
@@ -107,14 +107,14 @@ proptest! {
     }
 
     #[test]
-    fn bytes_behind_the_magic_are_no_log(rest in prop::collection::vec(any::<u8>(), 0..300)) {
+    fn random_bytes_after_the_magic_are_no_log(rest in prop::collection::vec(any::<u8>(), 0..300)) {
         let bytes = [&b"\x89MCAP0\r\n"[..], &rest].concat();
         prop_assert!(read(&bytes).is_none());
     }
 }
 
 #[test]
-fn other_files_are_told_what_they_are_not() {
+fn other_files_are_refused_with_a_reason() {
     let said = |bytes: &[u8]| Log::read(bytes).err().unwrap().to_string();
     for none in [&b""[..], b"\x89MCAP", b"time_s,puck_rad\n0,0\n", b"\x89PNG\r\n\x1a\n"] {
         assert_eq!(said(none), "it is not a log: it does not begin as an MCAP file does");
@@ -132,9 +132,9 @@ fn other_files_are_told_what_they_are_not() {
     assert_eq!(said(&empty.finish().unwrap()), "it holds no sample");
 }
 
-/// What goes with the samples may stand behind them, as other programs that write a log anew may put it: the samples do not need it.
+/// Metadata may follow the samples, as in logs rewritten by other programs: the samples do not need it.
 #[test]
-fn a_log_without_its_metadata_is_replayed_all_the_same() {
+fn a_log_without_its_metadata_is_replayed() {
     let (bytes, samples) = three_chunks();
     let mut without = bytes[..8].to_vec();
     let mut at = 8;
@@ -153,7 +153,7 @@ fn a_log_without_its_metadata_is_replayed_all_the_same() {
 }
 
 #[test]
-fn a_log_that_was_cut_is_whole_again_when_its_samples_are_written_anew() {
+fn a_cut_log_is_complete_after_its_samples_are_rewritten() {
     let all = rows(&world(WHEEL));
     let bytes = logged(WHEEL, &all);
     let mut log = Log::read(&bytes[..bytes.len() * 2 / 3]).unwrap();

@@ -1,4 +1,4 @@
-//! Logs: written, cut, recorded beside the loop, and replayed.
+//! Logs: written, cut, recorded along with the loop, and replayed.
 
 mod common;
 mod cut;

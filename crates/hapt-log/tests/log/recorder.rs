@@ -1,4 +1,4 @@
-//! The recorder: what it has written stays, what it cannot write it counts, and it never holds anybody up.
+//! The recorder: written samples stay, lost ones are counted, and it never blocks the loop.
 
 use std::io::{self, BufRead, BufReader, Write};
 use std::path::Path;
@@ -12,7 +12,7 @@ use hapt_log::{Ending, Error, Log, Recorder, Summary, columns, phase_name, repla
 use hapt_rt::{BODIES, Engine, HandCommand, LoopCommand, Plan, Record, SimulatedDevice};
 use hapt_sim::Grip;
 
-/// Sample k of a loop that stands still.
+/// Sample k of a loop at rest.
 fn record(sample: u64) -> Record {
     Record {
         sample,
@@ -43,8 +43,8 @@ fn record(sample: u64) -> Record {
     }
 }
 
-/// A loop in real time that is armed, grabbed, moved and let go, goes over to another world and is disarmed and armed again; so
-/// many samples of it.
+/// `samples` samples of a loop in real time that is armed, gripped, moved and released, changes to another world, and is disarmed and armed
+/// again.
 fn session(samples: usize, text: &str, other: &str) -> Vec<Record> {
     let world = world(text);
     let plan = Plan::new(&world, SafetyProfile::Simulated).unwrap();
@@ -92,7 +92,7 @@ fn recorded(path: &Path, records: &[Record], other: &str) -> Summary {
 }
 
 #[test]
-fn a_session_through_the_core_again_gives_the_same_bits_over_a_change_of_worlds() {
+fn a_replay_of_a_session_is_bit_identical_over_a_change_of_worlds() {
     let other = WHEEL.replace("1.018592", "2.5").replace("1 ms", "2 ms");
     let records = session(900, WHEEL, &other);
     let folder = tempfile::tempdir().unwrap();
@@ -110,7 +110,7 @@ fn a_session_through_the_core_again_gives_the_same_bits_over_a_change_of_worlds(
         assert_eq!(inputs.reading.position.to_bits(), record.position.to_bits());
         assert_eq!((inputs.reading.late, inputs.reading.missed), (record.late, record.missed));
         assert_eq!(phase_name(inputs.phase).unwrap().replace('-', ""), format!("{:?}", record.phase).to_lowercase());
-        // Time goes on, by whole periods of the world that ran.
+        // Time continues, by whole periods of the world that ran.
         let period = sample.plan.world.sampling.period;
         let step = if last.1 < 0.0 { 0.0 } else { sample.values[0] - last.1 };
         assert!(sample.log_time > last.0 && (last.1 < 0.0 || (step / period).round() >= 1.0), "{step}");
@@ -124,7 +124,7 @@ fn a_session_through_the_core_again_gives_the_same_bits_over_a_change_of_worlds(
     let again = replay(&mut Log::open(&path).unwrap()).unwrap();
     assert_eq!((again.compared, again.first, again.skipped, again.gaps), (900, None, 0, 0));
 
-    // Behind a gap nothing is known without a snapshot.
+    // After a gap the state is unknown without a snapshot.
     recorded(&path, &[&records[..300], &records[303..]].concat(), &other);
     let again = replay(&mut Log::open(&path).unwrap()).unwrap();
     assert_eq!((again.compared, again.first, again.skipped, again.gaps), (300, None, 597, 1));
@@ -134,7 +134,7 @@ fn a_session_through_the_core_again_gives_the_same_bits_over_a_change_of_worlds(
 }
 
 #[test]
-fn behind_a_gap_the_recorder_orders_the_loops_state_and_the_replay_goes_on_from_there() {
+fn after_a_gap_the_recorder_requests_the_loops_state_and_the_replay_continues_from_there() {
     let world = world(WHEEL);
     let (device, mut hand) = SimulatedDevice::new(&world);
     let mut engine = Engine::start(Plan::new(&world, SafetyProfile::Simulated).unwrap(), Box::new(device)).unwrap();
@@ -147,7 +147,7 @@ fn behind_a_gap_the_recorder_orders_the_loops_state_and_the_replay_goes_on_from_
     while records < 1500 {
         while let Ok(record) = engine.records.pop() {
             records += 1;
-            // Here are some that nobody hands on.
+            // Some records are not passed on.
             if !(400..410).contains(&records) {
                 recorder.follow(&mut engine, &record);
             }
@@ -200,11 +200,11 @@ impl Write for Disk {
 }
 
 #[test]
-fn a_disk_that_stands_still_costs_samples_and_no_time() {
+fn a_blocked_disk_loses_samples_and_does_not_block_the_sender() {
     let disk = Disk::new(1 << 30);
     let recorder = Recorder::start_on(disk.clone(), "slow", &world(WHEEL), header(WHEEL)).unwrap();
     disk.gate(false);
-    // More than it holds: what is sent while nothing moves returns all the same, and is counted.
+    // More than the queue holds: sending returns while the disk is blocked, and the lost records are counted.
     let sent = 60_000;
     for sample in 0..sent {
         recorder.send(&record(sample));
@@ -224,7 +224,7 @@ fn a_disk_that_stands_still_costs_samples_and_no_time() {
 }
 
 #[test]
-fn a_full_disk_is_said_and_keeps_what_was_written() {
+fn a_full_disk_is_reported_and_keeps_the_written_samples() {
     let disk = Disk::new(700_000);
     let recorder = Recorder::start_on(disk.clone(), "full.mcap", &world(WHEEL), header(WHEEL)).unwrap();
     let mut sent = 0;
@@ -253,7 +253,7 @@ fn a_full_disk_is_said_and_keeps_what_was_written() {
 }
 
 #[test]
-fn what_cannot_be_written_at_all_is_known_at_once() {
+fn an_output_that_cannot_be_written_fails_at_the_start() {
     let refused = |path: &str| Recorder::start(path, &world(WHEEL), header(WHEEL)).err().unwrap().to_string();
     assert_eq!(refused("no/such/x.mcap"), "cannot write no/such/x.mcap: No such file or directory (os error 2)");
     #[cfg(target_os = "linux")]
@@ -276,7 +276,7 @@ fn a_log_begun_just_after_a_change_of_worlds_begins_with_the_new_one() {
 }
 
 #[test]
-fn samples_of_a_world_that_nobody_announced_are_an_error() {
+fn samples_of_an_unannounced_world_are_an_error() {
     let disk = Disk::new(1 << 30);
     let recorder = Recorder::start_on(disk, "x", &world(WHEEL), header(WHEEL)).unwrap();
     recorder.send(&Record { plan: 3, ..record(0) });
@@ -286,7 +286,7 @@ fn samples_of_a_world_that_nobody_announced_are_an_error() {
     );
 }
 
-/// Not a test by itself: what the next one runs, and kills.
+/// Not a test: the program that the next test runs and kills.
 #[test]
 #[ignore = "runs until it is killed"]
 fn a_recorder_at_work() {
@@ -299,16 +299,16 @@ fn a_recorder_at_work() {
         let written = recorder.state().written;
         if written > said {
             said = written;
-            // Past the harness, which would keep it to itself.
+            // Directly to standard error, since the harness captures output.
             writeln!(io::stderr(), "written {written} of {sample}").unwrap();
         }
     }
 }
 
-/// What the recorder says that it has written is there after a kill -9; and it says so at least once a second, whatever comes.
+/// Samples that the recorder reports as written are in the file after a kill -9; and it writes at least once a second.
 #[cfg(unix)]
 #[test]
-fn a_killed_recorder_leaves_what_it_had_written() {
+fn a_killed_recorder_leaves_its_written_samples() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("killed.mcap");
     let mut command = Command::new(std::env::current_exe().unwrap());
@@ -332,8 +332,8 @@ fn a_killed_recorder_leaves_what_it_had_written() {
     assert!(written > 0 && count >= written, "{count} of {written}");
 }
 
-/// Between two flushes the file ends as an MCAP file does: the mcap crate's reader, which wants that end, takes every sample of it, and our
-/// own says that its writer has not ended it.
+/// Between two flushes the file has the end of an MCAP file: the mcap crate's reader, which requires that end, reads every sample, and our own
+/// reports that its writer has not finished it.
 #[test]
 fn a_recording_is_a_complete_file_at_every_moment_and_unfinished_until_it_is_finished() {
     let messages = |path: &Path| -> Option<usize> {
@@ -348,7 +348,7 @@ fn a_recording_is_a_complete_file_at_every_moment_and_unfinished_until_it_is_fin
     let path = folder.path().join("r.mcap");
     let recorder = Recorder::start(&path, &world(WHEEL), header(WHEEL)).unwrap();
     assert_eq!(messages(&path), Some(0));
-    // More than a chunk, then a little more.
+    // More than a chunk, then a few more samples.
     let mut sent = 0;
     for more in [5000, 7, 3] {
         for sample in sent..sent + more {
@@ -372,7 +372,7 @@ fn a_recording_is_a_complete_file_at_every_moment_and_unfinished_until_it_is_fin
     let mut log = Log::open(&path).unwrap();
     while log.next().unwrap().is_some() {}
     assert_eq!(*log.ending(), Ending::Whole);
-    // The index is the writer's own, and nothing is left of what it covers.
+    // The index is the writer's own, and it overwrites the provisional end.
     let bytes = std::fs::read(&path).unwrap();
     let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
     assert_eq!(summary.stats.unwrap().message_count, sent);

@@ -1,4 +1,4 @@
-//! What goes into a log comes out of it, to the bit, and goes through the core again.
+//! A log is read back bit-identically, and replayed through the core.
 
 use crate::common::{WHEEL, bits, header, logged, rows, world, worlds};
 use hapt_log::{Ending, Header, Log, LogWriter, Origin, columns, descriptor, replay};
@@ -36,7 +36,7 @@ proptest! {
     }
 
     #[test]
-    fn every_run_goes_through_the_core_again_with_the_same_bits(text in worlds()) {
+    fn the_replay_of_every_run_is_bit_identical(text in worlds()) {
         let rows = rows(&world(&text));
         prop_assume!(!rows.is_empty());
         let bytes = logged(&text, &rows);
@@ -45,7 +45,7 @@ proptest! {
     }
 
     #[test]
-    fn a_torque_changed_in_its_last_bit_is_found_where_it_stands(at in 0usize..51, command in any::<bool>()) {
+    fn a_torque_changed_in_its_last_bit_is_detected_at_its_sample(at in 0usize..51, command in any::<bool>()) {
         let mut rows = rows(&world(WHEEL));
         let torque = if command { &mut rows[at].command } else { &mut rows[at].torque };
         let changed = f64::from_bits(torque.to_bits() ^ 1);
@@ -61,7 +61,7 @@ proptest! {
 }
 
 #[test]
-fn what_is_no_number_and_minus_nothing_keep_their_bits() {
+fn nan_and_negative_zero_keep_their_bits() {
     let mut rows = rows(&world(WHEEL));
     rows[3].torque = -0.0;
     rows[4].puck = f64::NAN;
@@ -76,7 +76,7 @@ fn what_is_no_number_and_minus_nothing_keep_their_bits() {
 }
 
 #[test]
-fn what_goes_with_the_samples_comes_back() {
+fn the_header_of_the_samples_reads_back() {
     let header = Header {
         overrides: vec!["loop.period=2ms".into(), "title='''two\nlines'''".into()],
         certificate_json: Some("{}".into()),
@@ -107,11 +107,11 @@ fn two_bodies_whose_names_differ_in_a_dash_are_two_fields() {
 }
 
 #[test]
-fn a_log_of_a_longer_run_is_many_chunks_none_much_larger_than_it_should_be() {
+fn a_log_of_a_longer_run_has_many_chunks_of_bounded_size() {
     let text = WHEEL.replace("0.05 s", "20 s");
     let rows = rows(&world(&text));
     let bytes = logged(&text, &rows);
-    // Opcode 6 and a length: between the attachments' end and the index only chunks and their indexes stand.
+    // Opcode 6 and a length: between the attachments' end and the index there are only chunks and their indexes.
     let mut at = 8;
     let mut chunks = Vec::new();
     while at + 9 <= bytes.len() - 8 {

@@ -1,4 +1,4 @@
-//! A log that begins anywhere in a loop's life, and goes on behind a gap: with the loop's state, its replay gives the same bits.
+//! A log that begins anywhere in a loop's run, and continues after a gap: with the loop's state its replay is bit-identical.
 
 use crate::common::{WHEEL, header, world, worlds};
 use hapt_core::{Reason, Request, SafetyProfile, WhenLate};
@@ -8,10 +8,10 @@ use hapt_rt::{Cycle, Device, Failure, HandCommand, Hands, Moment, Plan, Position
 use hapt_sim::Grip;
 use proptest::prelude::*;
 
-/// Samples of a life.
-const LIFE: u64 = 700;
+/// The number of samples of a run.
+const RUN_SAMPLES: u64 = 700;
 
-/// A simulated device whose encoder says something else now and then.
+/// A simulated device whose encoder occasionally has an error.
 struct Glitching {
     device: SimulatedDevice,
     sample: u64,
@@ -40,7 +40,7 @@ impl Device for Glitching {
     }
 }
 
-/// What happens to a loop.
+/// An event of a loop.
 #[derive(Clone, Copy, Debug)]
 enum Event {
     Ask(Request),
@@ -50,7 +50,7 @@ enum Event {
     Glitch(f64),
     Miss(u32),
     Late(f64),
-    /// The command of the sample is so many ns late.
+    /// The delay of the sample's command, in ns.
     Command(u32),
     Silence(f64),
 }
@@ -69,13 +69,13 @@ fn events() -> impl Strategy<Value = Vec<(u64, Event)>> {
         1 => (0u32..2_000_000).prop_map(Event::Command),
         1 => (0.0..1.0).prop_map(Event::Silence),
     ];
-    prop::collection::vec((20..LIFE, event), 5..30)
+    prop::collection::vec((20..RUN_SAMPLES, event), 5..30)
 }
 
 /// A loop's records, and the snapshots before some of them.
 struct Life {
     worlds: Vec<World>,
-    /// Of each plan, by its number: which of the worlds.
+    /// The index of the world of each plan, by the plan's number.
     plans: Vec<usize>,
     records: Vec<Record>,
     snapshots: Vec<Snapshot>,
@@ -91,7 +91,7 @@ fn hand(hands: &mut Hands, to: Option<f64>, held: &mut bool) {
     hands.push(touch).unwrap();
 }
 
-/// Certified for samples a third of a period late, and commands of half a period.
+/// A world that states samples a third of a period late, and commands half a period late.
 fn timed((mut world, when_late): (World, WhenLate)) -> World {
     let period = world.sampling.period;
     world.sampling.interval_max = Some(1.33 * period);
@@ -100,7 +100,7 @@ fn timed((mut world, when_late): (World, WhenLate)) -> World {
     world
 }
 
-/// Lives it, with a snapshot before each sample that `taken` names.
+/// Runs a loop with these events, with a snapshot before each sample of `taken`.
 fn live(texts: &[String], profile: SafetyProfile, events: &[(u64, Event)], taken: &[u64]) -> Life {
     let worlds: Vec<World> = texts.iter().map(|text| world(text)).zip(WhenLate::ALL).map(timed).collect();
     let (device, mut hands) = SimulatedDevice::new(&worlds[0]);
@@ -113,7 +113,7 @@ fn live(texts: &[String], profile: SafetyProfile, events: &[(u64, Event)], taken
     let mut cycle = Cycle::new(Box::new(plan.clone()), Box::new(device));
     let (mut records, mut snapshots, mut plans) = (Vec::<Record>::new(), Vec::new(), vec![0]);
     let (mut held, mut k) = (false, 0);
-    while k < LIFE {
+    while k < RUN_SAMPLES {
         let mut moment = Moment { periods: u32::from(k > 0), ..Moment::default() };
         let (mut request, mut swap, mut delay) = ((k == 10).then_some(Request::Arm), None, 0);
         for (_, event) in events.iter().filter(|(at, _)| *at == k) {
@@ -139,7 +139,7 @@ fn live(texts: &[String], profile: SafetyProfile, events: &[(u64, Event)], taken
             cycle.snapshot(&mut snapshot);
             snapshots.push(snapshot);
         }
-        // A world may run away with the puck: then the loop has ended.
+        // The loop may diverge: then it has ended.
         let Ok(mut record) = cycle.sample(&moment, request) else { break };
         record.computation = delay;
         cycle.commanded(delay);
@@ -150,7 +150,7 @@ fn live(texts: &[String], profile: SafetyProfile, events: &[(u64, Event)], taken
 }
 
 impl Life {
-    /// The log of some of the records, with the snapshots that stand before one of them.
+    /// The log of some of the records, with the snapshots before them.
     fn log(&self, profile: SafetyProfile, records: impl Iterator<Item = usize>) -> Vec<u8> {
         let mut writer: Option<LogWriter<Vec<u8>>> = None;
         for record in records.filter_map(|at| self.records.get(at)) {
@@ -177,11 +177,11 @@ proptest! {
     #![proptest_config(hapt_testing::cases(96))]
 
     #[test]
-    fn a_replay_begins_with_a_snapshot_wherever_it_was_taken_and_goes_on_behind_a_gap(
+    fn a_replay_begins_at_any_snapshot_and_continues_after_a_gap(
         texts in prop::collection::vec(worlds(), 3),
         profile in prop::sample::select(SafetyProfile::ALL.to_vec()),
         events in events(),
-        begin in 0..LIFE - 200,
+        begin in 0..RUN_SAMPLES - 200,
         gap in 1usize..60,
         late in 0usize..30,
     ) {
@@ -199,9 +199,9 @@ proptest! {
         prop_assert_eq!(gone.first, None);
     }
 
-    /// The state is looked at: one bit of it, and the torques are others.
+    /// The replay uses the state: with one changed bit the torques differ.
     #[test]
-    fn a_snapshot_changed_in_one_place_is_not_the_loops(bit in 30u32..52) {
+    fn a_replay_from_a_changed_snapshot_differs(bit in 30u32..52) {
         let texts = vec![WHEEL.to_string()];
         let mut life = live(&texts, SafetyProfile::Simulated, &[(20, Event::Hand(Some(0.0))), (22, Event::Hand(Some(0.5)))], &[300]);
         let place = &mut life.snapshots[0].state.world.now.position[0];
@@ -212,8 +212,8 @@ proptest! {
 }
 
 #[test]
-fn the_lives_have_faults_swaps_and_torques_in_them() {
-    // Of the strategy above: otherwise it would show nothing.
+fn the_runs_contain_faults_swaps_and_torques() {
+    // A check of the strategy above, which the tests rely on.
     use proptest::strategy::ValueTree;
     use proptest::test_runner::TestRunner;
     let mut runner = TestRunner::deterministic();
@@ -246,16 +246,16 @@ fn a_log_copied_sample_by_sample_keeps_its_snapshots() {
     assert!(copy.finish().unwrap() == bytes);
 }
 
-/// What was written by a version with another form of the state is as if it had none.
+/// A log with a state of another version is read as one without.
 #[test]
-fn a_state_of_another_version_is_left_alone() {
+fn a_state_of_another_version_is_ignored() {
     let texts = vec![WHEEL.to_string()];
     let life = live(&texts, SafetyProfile::Simulated, &[], &[200]);
     let mut bytes = life.log(SafetyProfile::Simulated, 200..300);
     assert_eq!(replayed(&bytes).compared, 100);
     let name = b"state-200";
     let at = bytes.windows(name.len()).position(|window| window == name).unwrap();
-    // Behind its name: its media type, and the length of what it holds.
+    // After its name: its media type, and the length of its content.
     let data = at + name.len() + 4 + "application/octet-stream".len() + 8;
     assert_eq!(bytes[data], 4);
     let length = u64::from_le_bytes(bytes[data - 8..data].try_into().unwrap()) as usize;

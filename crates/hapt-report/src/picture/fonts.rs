@@ -1,4 +1,4 @@
-//! The fonts of a PDF, with the letters that its text has: the program's own as TrueType, and those of the machine drawn.
+//! The fonts of a PDF, with the letters of its text: the program's own as TrueType, and those of the machine as outlines.
 
 use std::collections::BTreeMap;
 
@@ -18,7 +18,7 @@ use super::pdf::{deflated, next};
 /// The letters of a drawn font, which has codes of one byte.
 const LETTERS: usize = 256;
 const IDENTITY: SystemInfo<'_> = SystemInfo { registry: Str(b"Adobe"), ordering: Str(b"Identity"), supplement: 0 };
-/// Of a name in a PDF: a font that has not all of its letters.
+/// The prefix of a name in a PDF that marks a subset of a font.
 const PART: &str = "HAPTAA+";
 
 /// The fonts in use, with their letters.
@@ -47,7 +47,7 @@ pub(super) struct Run {
     pub font: String,
     /// From the line to the page.
     pub at: [f32; 6],
-    /// Codes, each after the space that is taken away before it, in thousandths of the font's size.
+    /// Codes, each with the space that is removed before it, in thousandths of the font's size.
     pub letters: Vec<(f32, Vec<u8>)>,
 }
 
@@ -101,7 +101,7 @@ impl<'a> Fonts<'a> {
     /// The letters of a text as runs, in points of this size.
     pub fn runs(&mut self, glyphs: &[PositionedGlyph], to: Transform, size: f32) -> Vec<Run> {
         let mut runs: Vec<Run> = Vec::new();
-        // Where the next letter of the run stands by the widths alone.
+        // The position of the next letter of the run by the widths.
         let mut pen = 0.0;
         for glyph in glyphs {
             let Some((font, code, width, units)) = self.letter(glyph) else { continue };
@@ -225,7 +225,7 @@ impl<'a> Fonts<'a> {
         }
         let names: Vec<String> = (0..letters.len()).map(|code| format!("g{code}")).collect();
         let mut described = pdf.type3_font(font);
-        // A box of zeros: viewers look at the letters themselves.
+        // A box of zeros: viewers use the letters' own extents.
         described.bbox(Rect::new(0.0, 0.0, 0.0, 0.0)).to_unicode(unicode);
         described.matrix([1.0 / face.units, 0.0, 0.0, 1.0 / face.units, 0.0, 0.0]);
         described.first_char(0).last_char((letters.len() - 1) as u8).widths(letters.iter().map(|letter| letter.width));

@@ -27,7 +27,7 @@ pub use png::png;
 
 const FONTS: [&[u8]; 2] =
     [include_bytes!("../../fonts/DejaVuSans.ttf"), include_bytes!("../../fonts/DejaVuSans-Bold.ttf")];
-/// The least weight of bold letters.
+/// The smallest weight of bold letters.
 const BOLD: u16 = 600;
 /// The characters of the fonts.
 const COVERED: [(char, char); 11] = [
@@ -53,7 +53,7 @@ pub struct Picture {
     pub missing: String,
 }
 
-/// Reads a drawing of a file of its own ([`crate::figure::Figure::svg`]) in the colours of paper; and the characters that no font has.
+/// Reads a separate drawing ([`crate::figure::Figure::svg`]) in the colours of paper; returns also the characters that no font has.
 fn read(svg: &str) -> Result<(Tree, String), String> {
     // No dark colours.
     let paper = STYLE.split("@media").next().unwrap_or_default();
@@ -67,7 +67,7 @@ fn read(svg: &str) -> Result<(Tree, String), String> {
         fonts.load_system_fonts();
     }
     let missing = foreign.chars().filter(|c| !fonts.faces().any(|face| has(fonts, face.id, *c))).collect();
-    // Before a font of the machine that has the same name.
+    // Takes precedence over a font of the machine with the same name.
     options.font_resolver.select_font = Box::new(move |font, _| if font.weight() < BOLD { regular } else { bold });
     let tree = Tree::from_str(&svg, &options).map_err(|error| format!("the figure cannot be drawn: {error}"))?;
     Ok((tree, missing))
@@ -98,7 +98,7 @@ fn has(fonts: &Database, id: ID, c: char) -> bool {
     fonts.with_face_data(id, mapped).unwrap_or(false)
 }
 
-/// What a drawing is drawn on.
+/// The target of a drawing.
 trait Canvas {
     /// A path, by a transform from its own coordinates to the drawing's, within a rectangle of the drawing.
     fn path(&mut self, path: &Path, to: Transform, clip: Option<Rect>);
@@ -145,7 +145,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_fonts_have_the_characters_that_they_are_said_to_have() {
+    fn the_fonts_have_the_characters_of_the_table() {
         for characters in ["Ω·m ± 20 %, ∞ → ≤", "Ж", "Колесо"] {
             assert!(characters.chars().all(covered));
         }
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn texts_alone_are_drawn_with_letters() {
+    fn only_texts_are_drawn_with_letters() {
         let svg = "<svg aria-label=\"轮\"><title>轮</title><text x=\"0\">a轮b轮</text><text y=\"1\" class=\"soft\">Ж ж</text></svg>";
         assert_eq!(foreign(svg), "轮");
     }

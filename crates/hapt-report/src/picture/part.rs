@@ -1,16 +1,16 @@
-//! A TrueType font with a few of its letters: the others are empty, and the numbers of the glyphs stay.
+//! A subset of a TrueType font: the omitted letters are empty, and the numbers of the glyphs stay.
 
 use std::collections::BTreeSet;
 
 use skrifa::raw::types::Tag;
 use skrifa::{FontRef, raw::TableProvider as _};
 
-/// What a PDF asks of a font's file, in the order of the file's directory.
+/// The tables that a PDF requires of a font's file, in the order of the file's directory.
 const TABLES: [&[u8; 4]; 9] = [b"cvt ", b"fpgm", b"glyf", b"head", b"hhea", b"hmtx", b"loca", b"maxp", b"prep"];
-/// Where a font's own checksum stands in `head`; readers of PDFs ignore it.
+/// The place of a font's own checksum in `head`; readers of PDFs ignore it.
 const ADJUSTMENT: std::ops::Range<usize> = 8..12;
 
-/// The file of a font with the glyphs of these numbers and what they are made of; `None` of a font without such tables.
+/// The file of a font with the glyphs of these numbers and their components; `None` for a font without such tables.
 pub(super) fn part(font: &FontRef<'_>, glyphs: impl IntoIterator<Item = u16>) -> Option<Vec<u8>> {
     let table = |name: &[u8; 4]| font.table_data(Tag::new(name)).map(|data| data.as_bytes());
     let (loca, glyf) = (table(b"loca")?, table(b"glyf")?);
@@ -60,7 +60,7 @@ pub(super) fn part(font: &FontRef<'_>, glyphs: impl IntoIterator<Item = u16>) ->
     Some(file(&tables))
 }
 
-/// The glyphs that a composite one is made of.
+/// The components of a composite glyph.
 fn components(outline: &[u8]) -> Vec<u16> {
     const WORDS: u16 = 1;
     const SCALE: u16 = 8;
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_of_a_font_has_the_letters_asked_for_and_no_others() {
+    fn a_subset_of_a_font_has_only_the_requested_letters() {
         for font in FONTS {
             let whole = FontRef::new(font).unwrap();
             let glyph = |c: char| whole.charmap().map(c).unwrap().to_u32() as u16;

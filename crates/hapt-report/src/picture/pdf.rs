@@ -1,4 +1,4 @@
-//! A figure as a page of PDF: paths as paths, text as text in fonts that the file has.
+//! A figure as a page of PDF: paths as paths, text as text in embedded fonts.
 
 use std::io::Write as _;
 
@@ -15,8 +15,8 @@ use super::{Canvas, Picture, colour, draw, read};
 /// Points in one of an SVG's pixels, of which CSS has 96 in an inch.
 const POINTS: f32 = 0.75;
 
-/// A drawing of a file of its own ([`crate::figure::Figure::svg`]) as PDF, in the colours of paper, as large as the drawing says. The file has
-/// the title and no time: the same figure is the same bytes.
+/// A separate drawing ([`crate::figure::Figure::svg`]) as PDF, in the colours of paper, in the drawing's size. The file has the title and no time:
+/// the same figure gives the same bytes.
 ///
 /// # Errors
 /// SVG that usvg refuses, which would be a defect.
@@ -66,7 +66,7 @@ pub(super) fn next(numbers: &mut impl Iterator<Item = Ref>) -> Ref {
 
 pub(super) fn deflated(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
-    // A vector takes everything.
+    // Writing to a vector does not fail.
     encoder.write_all(bytes).and_then(|()| encoder.finish()).unwrap_or_default()
 }
 
@@ -81,15 +81,15 @@ fn state_name(opacity: u8) -> String {
 
 struct Page<'a> {
     content: Content,
-    /// What holds now.
+    /// The present clip.
     clip: Option<Rect>,
-    /// Those below 1, in 255ths.
+    /// The opacities below 1, in 255ths.
     opacities: Vec<u8>,
     fonts: Fonts<'a>,
 }
 
 impl Page<'_> {
-    /// Sets the rectangle that is drawn in.
+    /// Sets the rectangle to which drawing is clipped.
     fn clip(&mut self, clip: Option<Rect>) {
         if self.clip == clip {
             return;
@@ -192,7 +192,7 @@ fn rgb(paint: &usvg::Paint) -> [f32; 3] {
     [colour.red, colour.green, colour.blue].map(|part| short(f32::from(part) / 255.0))
 }
 
-/// How much larger a transform makes lengths.
+/// The factor of lengths under a transform.
 fn scale(to: Transform) -> f32 {
     (to.sx * to.sy - to.kx * to.ky).abs().sqrt()
 }
@@ -293,7 +293,7 @@ mod tests {
         }
     }
 
-    /// What a reader selects: the text of each font, by the file's own maps from codes to characters.
+    /// The selectable text of each font, by the file's own maps from codes to characters.
     fn selected(bytes: &[u8]) -> String {
         let streams = streams(bytes);
         let map = |stream: &Vec<u8>| -> Option<HashMap<u16, String>> {
@@ -358,7 +358,7 @@ mod tests {
         }
     }
 
-    /// Axis, legend and title are text that a reader selects, in fonts that the file has.
+    /// Axis, legend and title are selectable text in embedded fonts.
     #[test]
     fn the_text_of_a_page_is_text_in_embedded_fonts() {
         let picture = page("Σ of the wheel (45°, ½ µs)", Width::Wide);
@@ -373,7 +373,7 @@ mod tests {
 
     /// A letter of another script is in a font of the machine, or it is named.
     #[test]
-    fn what_no_font_has_is_said() {
+    fn a_character_that_no_font_has_is_reported() {
         let picture = page("轮 轮", Width::Wide);
         let is_drawn = String::from_utf8_lossy(&picture.bytes).contains("/Type3");
         assert!(is_drawn || picture.missing == "轮", "{}", picture.missing);

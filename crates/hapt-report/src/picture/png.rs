@@ -9,8 +9,8 @@ use super::{Canvas, Picture, colour, draw, read};
 /// Pixels of an SVG in an inch, by CSS.
 const SVG_DPI: f64 = 96.0;
 
-/// A drawing of a file of its own ([`crate::figure::Figure::svg`]) as PNG, in the colours of paper, with so many pixels in an inch; a
-/// drawing for a screen has 96 in an inch.
+/// A separate drawing ([`crate::figure::Figure::svg`]) as PNG, in the colours of paper, with `dpi` pixels per inch; a drawing for a
+/// screen has 96.
 ///
 /// # Errors
 /// SVG that usvg refuses, which would be a defect.
@@ -28,7 +28,7 @@ pub fn png(svg: &str, dpi: f64) -> Result<Picture, String> {
 
 struct Pixels {
     pixels: Pixmap,
-    /// Of the latest clip.
+    /// The mask of the latest clip.
     mask: Option<(Rect, Mask)>,
 }
 

@@ -1,4 +1,4 @@
-//! What the tests of pictures share.
+//! The common functions of the tests of pictures.
 
 use crate::figure::{Axis, Figure, Panel, Style};
 

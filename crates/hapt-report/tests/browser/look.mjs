@@ -1,8 +1,8 @@
-// Opens pages from disk in a real browser, wide and narrow, light and dark, and says what is wrong with them.
+// Opens pages from disk in a real browser, wide and narrow, light and dark, and reports their faults.
 //
 //   node look.mjs BROWSER SCREENSHOTS PAGE.html...
 //
-// One line of JSON a fault; exit code 1 when there is any. What has a fault leaves a screenshot, with HAPT_SCREENSHOTS set everything does.
+// One line of JSON per fault; exit code 1 when there is any. A page with a fault leaves a screenshot, with HAPT_SCREENSHOTS set every page does.
 import { chromium } from "playwright-core";
 import { basename, join } from "node:path";
 import { pathToFileURL } from "node:url";
@@ -13,11 +13,11 @@ const views = [
   { name: "wide-dark", width: 1280, height: 900, colorScheme: "dark" },
   { name: "narrow-light", width: 390, height: 844, colorScheme: "light" },
   { name: "narrow-dark", width: 390, height: 844, colorScheme: "dark" },
-  // A reader in the dark prints on white paper: A4 less its margins.
+  // Print with dark colours selected: white paper, A4 less its margins.
   { name: "print", width: 718, height: 1000, colorScheme: "dark", media: "print" },
 ];
 
-// In the page: everything that is cut off, lies on other text, or cannot be read.
+// In the page: everything that is cut off, overlaps other text, or is unreadable.
 function faults() {
   const found = [];
   const root = document.documentElement;
@@ -51,7 +51,7 @@ function faults() {
       }
     }
   }
-  // What is said can be told from what is behind it: WCAG's 4.5, by the colours as they come out.
+  // The contrast of text and background: WCAG's 4.5, by the computed colours.
   const channels = (colour) => colour.match(/[\d.]+/g).map(Number);
   const light = (colour) => {
     const linear = (c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
@@ -92,7 +92,7 @@ for (const path of pages) {
   page.on("request", (request) => {
     if (request.url() !== pathToFileURL(path).href) say(`asks for ${request.url()}`);
   });
-  // Loaded once: a page without a script is laid out anew for each view, and remembers nothing of the last.
+  // Loaded once: a page without a script is laid out anew for each view, without state from the last one.
   await page.goto(pathToFileURL(path).href);
   if (await page.locator("script").count()) say("has a script");
   for (const { name, width, height, colorScheme, media = "screen" } of views) {

@@ -1,7 +1,7 @@
-//! The pages in a real browser, wide and narrow, light and dark: nothing overflows, nothing lies on anything else, no errors.
+//! The pages in a real browser, wide and narrow, light and dark: no overflow, no overlap, no errors.
 //!
-//! A test program of its own: it needs Chromium, node and npm. Where they are missing this says so. With `CI` set, as in
-//! `cargo xtask test`, which installs them, the test fails.
+//! This is a separate test program: it needs Chromium, node and npm. Where they are missing it prints that. With `CI` set, as in
+//! `cargo xtask test`, which installs them, the test then fails.
 
 #[path = "../report/common.rs"]
 mod common;
@@ -11,18 +11,18 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Runs a command to its end; whether it did what it should.
+/// Runs a command to its end; returns whether it succeeded.
 fn runs<A: AsRef<OsStr>>(program: &str, args: impl IntoIterator<Item = A>, folder: &Path) -> bool {
     Command::new(program).args(args).current_dir(folder).output().is_ok_and(|ended| ended.status.success())
 }
 
 fn chromium() -> Option<PathBuf> {
     let named = std::env::var_os("CHROMIUM").map(PathBuf::from);
-    let usual = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"].map(PathBuf::from);
-    named.into_iter().chain(usual).find(|path| path.exists())
+    let installed = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"].map(PathBuf::from);
+    named.into_iter().chain(installed).find(|path| path.exists())
 }
 
-/// The browser, and the script's folder with what the script needs; or what is missing.
+/// The browser, and the script's folder with its dependencies; or a description of what is missing.
 fn ready() -> Result<(PathBuf, PathBuf), String> {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser");
     let tools = || runs("node", ["--version"], &script) && runs("npm", ["--version"], &script);
@@ -49,7 +49,7 @@ fn nothing_overflows_or_overlaps_in_a_browser_wide_or_narrow_light_or_dark() {
     };
     let folder = tempfile::tempdir().unwrap();
     let mut command = Command::new("node");
-    // Of what has a fault, and with HAPT_SCREENSHOTS set of all; kept where the build's other results are, for whoever wants to look too.
+    // Screenshots of pages with a fault, and with HAPT_SCREENSHOTS set of all, in the build's folder.
     let screenshots = Path::new(env!("CARGO_TARGET_TMPDIR")).join("screenshots");
     std::fs::create_dir_all(&screenshots).unwrap();
     command.arg("look.mjs").arg(browser).arg(&screenshots).current_dir(script);

@@ -1,4 +1,4 @@
-//! Reports of world files, made as the command line makes them.
+//! Reports of world files, made in the manner of the command line.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use hapt_analysis::check_system;
 use hapt_model::{Source, System, parameters};
 use hapt_report::{Drawing, Report, Run, index_drawings, index_page};
 
-/// Every world that comes along.
+/// Every shipped world.
 pub fn worlds() -> Vec<PathBuf> {
     let (mut found, mut folders) = (Vec::new(), vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("../../worlds")]);
     while let Some(folder) = folders.pop() {
@@ -24,7 +24,7 @@ pub fn worlds() -> Vec<PathBuf> {
     found
 }
 
-/// Worlds that a page has to bear: (stem, file).
+/// Difficult worlds for a page: (stem, file).
 pub fn hard_worlds() -> Vec<(String, String)> {
     let device = "[loop]\nperiod = \"1 ms\"\nmethod = \"forward-euler\"\n[device]\ninertia = \"1e-3 kg m^2\"\nlimit = \"1 N m\"\n";
     let step = "[scenarios.step]\nduration = \"2 s\"\nhand = { kind = \"step\", to = \"45 deg\" }\n";
@@ -66,7 +66,7 @@ pub fn hard_worlds() -> Vec<(String, String)> {
 }
 
 /// A page with its figures.
-#[allow(dead_code)] // Not every test program looks at both.
+#[allow(dead_code)] // Not every test program uses both.
 pub struct Made {
     pub stem: String,
     pub page: String,
@@ -122,7 +122,7 @@ pub fn pages(sources: &[(String, Source)]) -> Vec<Made> {
     made
 }
 
-/// The pages of every world that comes along, the hard ones and the index.
+/// The pages of every shipped world, the difficult ones and the index.
 pub fn all_pages() -> Vec<Made> {
     let shipped = worlds().into_iter().map(|path| {
         let stem = path.file_stem().unwrap().to_str().unwrap().to_string();

@@ -1,4 +1,4 @@
-//! What a page is: small, self-contained, and said in words too.
+//! Properties of a page: it is small and self-contained, and has alternative texts.
 
 use hapt_model::{Source, System, World};
 use hapt_report::{Width, read_csv};
@@ -9,7 +9,7 @@ use crate::common::{all_pages, pages};
 const NAMESPACE: &str = "http://www.w3.org/2000/svg";
 
 #[test]
-fn every_page_is_under_a_megabyte_and_needs_nothing_from_elsewhere() {
+fn every_page_is_under_a_megabyte_and_self_contained() {
     for made in all_pages() {
         assert!(made.page.len() < 1_000_000, "{} has {} bytes", made.stem, made.page.len());
         for text in made.drawings.iter().map(|d| d.file.as_str()).chain([made.page.as_str()]) {
@@ -22,7 +22,7 @@ fn every_page_is_under_a_megabyte_and_needs_nothing_from_elsewhere() {
 }
 
 #[test]
-fn every_figure_says_in_words_what_is_seen() {
+fn every_figure_has_an_alternative_text() {
     for made in all_pages() {
         let figures = made.page.matches("<svg xmlns").count();
         let words: Vec<&str> =
@@ -41,7 +41,7 @@ fn every_figure_says_in_words_what_is_seen() {
 }
 
 #[test]
-fn no_figure_has_a_coordinate_that_is_no_number() {
+fn no_figure_has_a_nan_coordinate() {
     for made in all_pages() {
         for drawing in &made.drawings {
             for word in ["NaN", "inf"] {
@@ -58,13 +58,13 @@ fn no_figure_has_a_coordinate_that_is_no_number() {
 }
 
 #[test]
-fn a_worlds_text_stays_text() {
+fn a_worlds_text_is_escaped() {
     let page = all_pages().into_iter().find(|made| made.stem == "every-coupling").unwrap().page;
     assert!(page.contains("&lt;script&gt;alert(1)&lt;/script&gt; &amp;") && !page.contains("<script"));
 }
 
 #[test]
-fn the_forward_euler_page_shows_growth_clipping_and_what_was_predicted() {
+fn the_forward_euler_page_shows_growth_clipping_and_the_prediction() {
     let made = all_pages();
     let euler = made.iter().find(|made| made.stem == "euler").unwrap();
     for words in [
@@ -88,7 +88,7 @@ fn the_forward_euler_page_shows_growth_clipping_and_what_was_predicted() {
 }
 
 #[test]
-fn the_envelope_holds_the_whole_growing_run_and_touches_it() {
+fn the_envelope_contains_the_whole_growing_run_and_touches_it() {
     let path = crate::common::worlds().into_iter().find(|path| path.ends_with("euler.toml")).unwrap();
     let system = System::read(&Source::open(path).unwrap(), &[]).unwrap();
     let check = hapt_analysis::check_system(&system, false).unwrap();
@@ -101,7 +101,7 @@ fn the_envelope_holds_the_whole_growing_run_and_touches_it() {
         run.add(&row);
         rows.push((row.row.time, row.row.torque));
     }
-    // Predicted from the first turn; a run that grew by one percent more a second would leave it.
+    // Predicted from the first turn; a run that grew by one percent more per second would leave it.
     let envelope = run.envelope().unwrap();
     assert_eq!(envelope.centre, 0.0);
     let filled = rows.iter().map(|(t, torque)| torque.abs() / (envelope.size * (envelope.growth * t).exp()));
@@ -130,7 +130,7 @@ fn a_csv_draws_the_same_curves_as_the_run() {
 }
 
 #[test]
-fn a_csv_that_is_none_is_refused_with_its_line() {
+fn an_invalid_csv_is_refused_with_its_line() {
     let head = "time_s,puck_rad,puck_rad_per_s,torque_Nm,applied_Nm";
     for (text, line, words) in [
         (String::new(), "line 1", "no header"),
