@@ -1,4 +1,4 @@
-//! `cargo xtask bench`: hapt beside plain C, in turns, each in a process of its own that times its inner loop; and what makes
+//! `cargo xtask bench`: hapt and plain C, in turns, each in a process of its own that times its inner loop; and what makes
 //! docs/performance.md. The workloads are in `bench`.
 
 mod certificates;
@@ -30,17 +30,17 @@ pub fn command(words: &[String]) -> Result<()> {
     match words.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         [] => run(false),
         ["--write"] => run(true),
-        ["intervals"] => intervals::alone(false),
-        ["intervals", "--write"] => intervals::alone(true),
-        ["page"] => page::alone(false),
-        ["page", "--write"] => page::alone(true),
-        ["realtime"] => realtime::alone(false),
-        ["realtime", "--write"] => realtime::alone(true),
+        ["intervals"] => intervals::measure(false),
+        ["intervals", "--write"] => intervals::measure(true),
+        ["page"] => page::measure(false),
+        ["page", "--write"] => page::measure(true),
+        ["realtime"] => realtime::measure(false),
+        ["realtime", "--write"] => realtime::measure(true),
         ["--guards"] => guards(false),
         ["--guards", "--write"] => guards(true),
-        ["python"] => package::alone(25, false),
-        ["python", "--short"] => package::alone(2, false),
-        ["python", "--write"] => package::alone(25, true),
+        ["python"] => package::measure(25, false),
+        ["python", "--short"] => package::measure(2, false),
+        ["python", "--write"] => package::measure(25, true),
         ["scale"] => package::scale("1e8", false),
         ["scale", "--short"] => package::scale("1e6", false),
         ["scale", "--write"] => package::scale("1e8", true),
@@ -55,7 +55,7 @@ pub fn command(words: &[String]) -> Result<()> {
     }
 }
 
-/// One exchange with a simulated drive over a serial port, beside that of the makers' own library.
+/// One exchange with a simulated drive over a serial port, compared with that of the makers' own library.
 fn drive(python: &str) -> Result<()> {
     let mut command = Command::new(env!("CARGO"));
     command.args(["run", "--quiet", "--profile", "dist", "-p", "hapt-drive", "--example", "exchange", "--", python]);
@@ -66,7 +66,7 @@ fn drive(python: &str) -> Result<()> {
 /// A part of the page, measured.
 type Part = fn(&Bench) -> Result<String>;
 
-/// Those that are measured alone as well, by name.
+/// Those that can be measured without the others, by name.
 const PARTS: [(&str, Part); 11] = [
     ("run", Bench::runs),
     ("step", Bench::steps),
@@ -257,7 +257,7 @@ impl Bench {
         Ok(bench)
     }
 
-    /// hapt-bench alone, for a part that needs nothing else.
+    /// With only hapt-bench, for a part that needs nothing else.
     fn of_one(part: &str) -> Result<Self> {
         let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from);
         let folder = target.join("bench").join(part);

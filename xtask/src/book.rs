@@ -7,7 +7,7 @@
 //! - A `toml` block that begins with `# answer.toml` is that file.
 //! - A line of a `console` block that is followed by a link starts a server: it is started on any free port, prints the link, answers a
 //!   browser, and ends by Ctrl-C.
-//! - A `python` block of README.md is run by Python with the package that its first line imports, beside the `sh` block's files.
+//! - A `python` block of README.md is run by Python with the package that its first line imports, in the folder of the `sh` block's files.
 //! - A `text` block below `<!-- output -->` is what the `sh` block before it prints.
 //! - What stands between `<!-- made: NAME -->` and `<!-- end -->` is made by [`reference::tables`].
 //! - Every page is in the table of contents. [`crate::links`] checks the links.

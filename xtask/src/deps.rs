@@ -106,7 +106,7 @@ fn core() -> Result<()> {
         println!("        (the core with Rust {CORE} skipped: rustup toolchain install {CORE})");
         return Ok(());
     };
-    // The proof's workspace holds the core and libm alone: the others need a newer cargo to be read.
+    // The proof's workspace has only the core and libm: the others need a newer cargo to be read.
     let status = command
         .args(["build", "--quiet", "--release", "--locked", "--manifest-path", "crates/hapt-core/proof/Cargo.toml"])
         .args(["--target-dir", "target/oldest"])

@@ -22,10 +22,11 @@ use kinds::Kind;
 use test_bench::TestBench;
 
 const PAGE: &str = "docs/safety.md";
-/// A fault that is not caught within this time is not caught, s; and samples.
+/// A fault counts as caught within this time, s.
 const WINDOW: f64 = 3.0;
-const LEAST_SAMPLES: u32 = 2000;
-const MOST_SAMPLES: u32 = 10_000;
+/// Bounds of that time in samples.
+const MIN_SAMPLES: u32 = 2000;
+const MAX_SAMPLES: u32 = 10_000;
 /// A frozen encoder is found after a second of sufficient torque, and a slowly swinging body supplies it for a part of the time, s.
 const FROZEN_WINDOW: f64 = 15.0;
 /// Samples after a fault for which the torque has to stay away.
@@ -33,7 +34,7 @@ const AFTER: u32 = 50;
 /// Samples of one clean run.
 const CLEAN: u64 = 100_000;
 
-/// What became of one fault.
+/// The outcome of one fault.
 struct Trial {
     kind: Kind,
     /// From its onset to the sample from which on there was no torque, in samples and in s; `None`: not caught.
@@ -80,7 +81,7 @@ pub fn are_caught() -> Result<()> {
     Ok(())
 }
 
-/// What came of runs without a fault.
+/// The outcome of runs without a fault.
 #[derive(Default)]
 struct Clean {
     samples: u64,
@@ -119,7 +120,7 @@ fn clean_runs(runs: u64, seed: u64) -> Result<Clean> {
     Ok(all)
 }
 
-/// A generator of its own for each run, so that any of them can be looked at alone.
+/// A generator of its own for each run, so that any of them can be repeated without the others.
 fn generator(seed: u64, i: u64) -> Rng {
     Rng::with_seed(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ i)
 }
@@ -195,7 +196,7 @@ fn trial(seed: u64, i: u64) -> Result<Option<Trial>> {
     let window = if swings {
         (FROZEN_WINDOW / period) as u32
     } else {
-        ((WINDOW / period) as u32).clamp(LEAST_SAMPLES, MOST_SAMPLES)
+        ((WINDOW / period) as u32).clamp(MIN_SAMPLES, MAX_SAMPLES)
     };
     let mut trial = Trial { kind, caught: None, peak: 0.0, given: 0.0 };
     let (mut ended, mut samples) = (None, 0);

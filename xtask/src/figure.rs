@@ -106,10 +106,10 @@ const FIGURES: &[Figure] = &[
         span: (0.0, 3.0),
         curves: &[
             PlottedCurve {
-                sets: &["device.damping=0", LET_GO],
+                sets: &["device.damping=0", RELEASE],
                 ..curve("no device damping", RED, "notes/wheel", "torque_Nm")
             },
-            PlottedCurve { sets: &[LET_GO], ..curve("the course's damping", BLUE, "notes/wheel", "torque_Nm") },
+            PlottedCurve { sets: &[RELEASE], ..curve("the course's damping", BLUE, "notes/wheel", "torque_Nm") },
         ],
         limit: true,
     },
@@ -182,7 +182,7 @@ const DRAWN: &[(&str, &[&str])] = &[
         ],
     ),
 ];
-const LET_GO: &str = "scenarios.step.hand.release=0.25s";
+const RELEASE: &str = "scenarios.step.hand.release=0.25s";
 
 /// Values over time in s.
 type Points = Vec<(f64, f64)>;

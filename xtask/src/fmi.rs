@@ -1,4 +1,4 @@
-//! FMUs: their library needs no other one and exports the standard's functions alone; importers of others judge them.
+//! FMUs: their library needs no other one and exports only the standard's functions; importers of others check them.
 
 mod reference;
 

@@ -10,7 +10,7 @@ use anyhow::{Context, Result, bail, ensure};
 
 use crate::{commands, programs};
 
-/// Where builds, corpora and logs are, beside those of the workspace.
+/// The folder of builds, corpora and logs, apart from the workspace's own build.
 const SCRATCH: &str = "target/fuzz";
 
 /// Of the worlds of whole commands.

@@ -121,7 +121,7 @@ fn text(value: &Value) -> String {
 }
 
 impl Part {
-    /// The texts of the licences that are chosen of its terms, as it has them; where it has none, the usual text and its authors. Any notice
+    /// The texts of the licences that are chosen of its terms, as it has them; where it has none, the licence's standard text and its authors. Any notice
     /// goes along.
     fn texts(&self) -> Result<Vec<String>> {
         let mut texts = Vec::new();

@@ -11,7 +11,7 @@ use crate::tools;
 const TARGETS: [&str; 2] = ["aarch64-apple-darwin", "x86_64-apple-darwin"];
 /// The program and the library of FMUs, with all that they are made of.
 const PACKAGES: [&str; 4] = ["-p", "hapt", "-p", "hapt-fmi"];
-/// Apple's frameworks that a linker asks for, as lists of their names.
+/// Apple's frameworks that a linker needs, as lists of their names.
 const FRAMEWORKS: &str = "xtask/macos";
 
 pub fn holds() -> Result<()> {
@@ -37,7 +37,7 @@ pub fn holds() -> Result<()> {
     Ok(())
 }
 
-/// What rustc's linker is told, for zig has Apple's C library alone.
+/// The linker's argument for the frameworks: of Apple's libraries zig has only the C library.
 pub fn frameworks() -> Result<String> {
     Ok(format!("-Clink-arg=-F{}", absolute(FRAMEWORKS)?.display()))
 }

@@ -118,7 +118,7 @@ fn main() -> Result<()> {
         ["macos"] => macos::holds(),
         ["release", ..] => release::command(&arguments[1..]),
         ["licences"] => licences::write(),
-        // The step of the tests, which runs beside others.
+        // The step of the tests, which runs at the same time as others.
         ["firmware", "holds"] => firmware::holds(),
         ["firmware", ref arguments @ ..] => firmware::command(arguments),
         ["faults", ref arguments @ ..] => faults::command(arguments),

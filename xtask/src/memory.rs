@@ -25,7 +25,7 @@ impl Write for Counted {
     }
 }
 
-/// Streams so many samples of the notes' damped wheel, its summary beside; returns the bytes of CSV.
+/// Streams so many samples of the notes' damped wheel, with their summary; returns the bytes of CSV.
 fn stream(samples: u64) -> Result<u64> {
     let mut world = world("damped")?;
     let period = world.sampling.period;
@@ -67,7 +67,7 @@ pub fn is_bounded() -> Result<()> {
         println!("        (looked at on Linux only)");
         return Ok(());
     }
-    // Each in a process of its own: this one does other things beside.
+    // Each in a process of its own: this one's memory has other contents too.
     let of = |samples: &str| -> Result<f64> {
         let output = Command::new(std::env::current_exe()?).args(["memory", samples]).output()?;
         let text = String::from_utf8_lossy(&output.stdout);

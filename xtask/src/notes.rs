@@ -13,7 +13,7 @@ use crate::marked;
 
 const PAGE: &str = "docs/notes.md";
 
-/// The table in Markdown: the results of runs, with those of formulas beside them.
+/// The table in Markdown: the results of runs, next to those of formulas.
 pub fn table() -> Result<String> {
     let wheel = Design::new(FRAC_PI_4, 0.8, 1.0, 1e-3)?;
     let (k, j, omega, period) = (wheel.stiffness, wheel.inertia, TAU, 1e-3);

@@ -36,9 +36,9 @@ const SOURCES: [&str; 9] = [
 ];
 /// Samples of each method.
 const EACH: u32 = 100_000;
-/// What a page without a server loads beside its files, in bytes: much of it reads world files. 65 000 of them are networks: their file, their
-/// links, and the verdict on them.
-const LARGEST: usize = 1_130_000;
+/// The most that a page without a server loads in addition to its files, in bytes: much of it reads world files. 65 000 of them are networks:
+/// their file, their links, and the verdict on them.
+const MAX_BYTES: usize = 1_130_000;
 
 /// Builds the core for the browser: with rustup's target where it is installed, else with the distribution's compiler and sources.
 pub fn build() -> Result<()> {
@@ -78,7 +78,7 @@ pub fn build() -> Result<()> {
     let status = command.status().context("no compiler for the browser: rustup target add wasm32-unknown-unknown")?;
     ensure!(status.success(), "the page's core does not build: rustup target add {PAGE_TARGET}");
     let bytes = fs::read(format!("{folder}/{PAGE_TARGET}/web/hapt_web.wasm"))?;
-    ensure!(bytes.len() <= LARGEST, "the page's core has {} bytes, more than {LARGEST}", bytes.len());
+    ensure!(bytes.len() <= MAX_BYTES, "the page's core has {} bytes, more than {MAX_BYTES}", bytes.len());
     println!("{BUILT}: {} bytes", bytes.len());
     fs::write(BUILT, &bytes)?;
     let rustc = if deps::has_target(PAGE_TARGET) { "rustc" } else { "/usr/bin/rustc" };
@@ -87,7 +87,7 @@ pub fn build() -> Result<()> {
     same_bits()
 }
 
-/// Sums of the built core and of all that it is built of. Its bytes alone would not do: they depend on the folder that it is built in.
+/// Sums of the built core and of all that it is built of. Its bytes are not enough: they depend on the folder that it is built in.
 fn stamp() -> Result<String> {
     let mut files = Vec::new();
     for folder in SOURCES {
@@ -163,8 +163,8 @@ pub fn works() -> Result<()> {
     if !has_npm()? {
         return Ok(());
     }
-    let usual = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"];
-    if std::env::var_os("CHROMIUM").is_none() && !usual.iter().any(|path| Path::new(path).exists()) {
+    let places = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"];
+    if std::env::var_os("CHROMIUM").is_none() && !places.iter().any(|path| Path::new(path).exists()) {
         ensure!(std::env::var_os("CI").is_none(), "no Chromium: apt-get install chromium");
         println!("        (skipped: the page needs Chromium, apt-get install chromium)");
         return Ok(());

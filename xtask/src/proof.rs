@@ -1,7 +1,7 @@
 //! `cargo xtask proof`: the proofs of random certified worlds before an independent checker.
 //!
 //! Each world is drawn, given about the damping that its theorem requires, and its proof written. `proof/checker.py` has to accept all of them,
-//! and to refuse each of them with one digit changed in any of its numbers, and each of them beside a world that was changed.
+//! and to refuse each of them with one digit changed in any of its numbers, and each of them with a changed world.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -351,7 +351,7 @@ fn random(rng: &mut Rng) -> World {
     world
 }
 
-/// A velocity behind a low-pass beside nonlinear laws has no proof.
+/// A filtered velocity together with nonlinear laws has no proof.
 fn sampling_is_linear(world: &World) -> bool {
     world.sampling.estimator == EstimatorKind::LowPass
 }
@@ -376,13 +376,13 @@ fn law(rng: &mut Rng, is_linear: bool) -> Law {
     }
 }
 
-/// Compiles the Coq file: no proof in it is left open, and its theorems rest on the axioms of the real numbers alone.
+/// Compiles the Coq file: no proof in it is left open, and its theorems assume only the axioms of the real numbers.
 pub fn is_checked_by_coq() -> Result<()> {
     if !Command::new("coqc").arg("--version").output().is_ok_and(|said| said.status.success()) {
         println!("        (no coqc: {COQ} was not looked at; it is in Debian's package coq)");
         return Ok(());
     }
-    // The compiler writes beside its source.
+    // The compiler writes into its source's folder.
     let folder = programs::target().join("proofs-by-coq");
     fs::create_dir_all(&folder)?;
     let text = fs::read_to_string(COQ).context(COQ)?;

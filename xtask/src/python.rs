@@ -49,7 +49,7 @@ pub fn has_types() -> Result<()> {
     ]))
 }
 
-/// Builds the package and makes an environment import it: the library beside the sources, and their folder on Python's path. A wheel by
+/// Builds the package and makes an environment import it: the library in the sources' folder, and that folder on Python's path. A wheel by
 /// maturin holds the same files, and would compile most dependencies again with other features (`cargo xtask release` makes wheels).
 pub fn install(environment: &Path, profile: &str) -> Result<()> {
     let packages: &[&str] = if profile == programs::PROFILE { &["--workspace"] } else { &["--package", "hapt-python"] };

@@ -1,5 +1,5 @@
 //! `cargo xtask release`: what a release holds, in target/packages: archives of the program, wheels, the Debian package, the crates and the
-//! site, with their checksums. Each is tried as far as this machine can, and the table says of each how.
+//! site, with their checksums. Each is tried as far as this machine can, and the table states for each how.
 
 mod archive;
 mod debian;
@@ -22,7 +22,7 @@ minutes [--write]";
 const SHIPPED: &str = "dist";
 /// Crates that are on no registry.
 const PRIVATE: [&str; 6] = ["hapt-bench", "hapt-fuzz", "hapt-python", "hapt-testing", "hapt-web", "xtask"];
-/// What the draft on GitHub says, and the sums of its files.
+/// The text of the draft on GitHub, and the sums of its files.
 const NOTES: &str = "NOTES.md";
 const SUMS: &str = "SHA256SUMS";
 
@@ -191,7 +191,7 @@ fn shell(hapt: &Path, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// A folder as an archive, whose bytes depend on the files alone.
+/// A folder as an archive, whose bytes depend only on the files.
 fn packed(of: &Path, file: &Path) -> Result<()> {
     let (parent, name) = (of.parent().context("no parent")?, of.file_name().context("no name")?);
     if file.extension().is_some_and(|extension| extension == "zip") {

@@ -2,7 +2,7 @@
 //!
 //! The site begins with the notes' wheel itself, as [`first_page`] makes it. Two things change in the copy. `<!-- live: @notes/euler -->` becomes the interactive page of that world, which `hapt report`
 //! writes and which needs no server; in a lesson of docs/course it names a file of the lesson. A link out of docs/ becomes one into the
-//! repository on the web, so that the site stands alone. Afterwards every link and anchor of the built pages is checked.
+//! repository on the web, so that the site needs nothing else. Afterwards every link and anchor of the built pages is checked.
 
 use std::fs;
 use std::path::{Path, PathBuf};

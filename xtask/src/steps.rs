@@ -95,7 +95,7 @@ pub struct Tally {
     failed: u64,
     since: Instant,
     rows: Vec<(String, f64)>,
-    /// The lines of the steps that failed, said once more at the end: they stand far above it.
+    /// The lines of the steps that failed, printed once more at the end: they stand far above it.
     failures: Vec<String>,
 }
 
@@ -109,8 +109,8 @@ impl Tally {
         self.run_after(None, None, steps);
     }
 
-    /// The same once `alone` has ended. `quiet`, which leaves the processor to others, begins beside it.
-    pub fn run_after(&mut self, alone: Option<Step>, quiet: Option<Step>, steps: Vec<Step>) {
+    /// The same once `first` has ended. `quiet`, which leaves the processor to others, begins together with it.
+    pub fn run_after(&mut self, first: Option<Step>, quiet: Option<Step>, steps: Vec<Step>) {
         let queue = Mutex::new(VecDeque::from(steps));
         let tally = Mutex::new(self);
         // A step that panics has failed the whole run: the scope passes it on.
@@ -126,7 +126,7 @@ impl Tally {
                 take(step);
             }
         };
-        let (is_alone, ended) = mpsc::channel::<()>();
+        let (running, ended) = mpsc::channel::<()>();
         let ended = Mutex::new(ended);
         // Nothing is sent: the wait ends with the sender.
         let wait = || {
@@ -135,8 +135,8 @@ impl Tally {
         std::thread::scope(|scope| {
             let (take, rest, wait) = (&take, &rest, &wait);
             scope.spawn(move || {
-                alone.into_iter().for_each(take);
-                drop(is_alone);
+                first.into_iter().for_each(take);
+                drop(running);
                 rest();
             });
             scope.spawn(move || {
@@ -176,7 +176,7 @@ impl Tally {
     }
 }
 
-/// The slowest first. Steps run beside each other: their times add up to more than the whole.
+/// The slowest first. Steps run at the same time: their times add up to more than the whole.
 impl fmt::Display for Tally {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut rows: Vec<_> = self.rows.iter().collect();

@@ -35,7 +35,7 @@ pub fn run() -> Result<()> {
     ]);
     let Ok(programs) = all_built() else { std::process::exit(i32::from(!tally.end())) };
 
-    // Builds end in one crate on one core: the tests run beside them.
+    // Builds end in one crate on one core: the tests run at the same time.
     let mut steps = vec![
         Step::check("the released programs build", || {
             // As a newcomer does, who has to get this program and no other; then the course's own, which the book runs.
@@ -44,18 +44,18 @@ pub fn run() -> Result<()> {
         }),
         Step::check("the Python package builds", python::is_built),
     ];
-    // A drive's watchdog runs by the clock: its tests have the machine to themselves.
+    // A drive's watchdog runs by the clock: its tests run one program at a time, with nothing else.
     let tests = |program: &Program| Step::tests(program.name(), program.command());
-    let mut alone = Vec::new();
+    let mut exclusive = Vec::new();
     for program in &programs {
         match program.name().as_str() {
-            name if name.starts_with("hapt-drive/") => alone.push(tests(program)),
+            name if name.starts_with("hapt-drive/") => exclusive.push(tests(program)),
             name @ "hapt/cli" => {
                 let (mut rest, mut timed) = (program.command(), program.command());
                 rest.args(BY_THE_CLOCK.iter().flat_map(|name| ["--skip", name]));
                 timed.args(BY_THE_CLOCK);
                 steps.push(Step::tests(name, rest));
-                alone.push(Step::tests(format!("{name}, by the clock"), timed));
+                exclusive.push(Step::tests(format!("{name}, by the clock"), timed));
             }
             _ => steps.push(tests(program)),
         }
@@ -65,7 +65,7 @@ pub fn run() -> Result<()> {
         cargo(&format!("doc --workspace --no-deps --profile {PROFILE}"), "-D warnings")
     }));
     tally.run(steps);
-    for step in alone {
+    for step in exclusive {
         tally.run(vec![step]);
     }
 
@@ -149,7 +149,7 @@ fn same_bytes(world: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Links the core alone and looks for the standard panic routines; a control with a way to panic must show them.
+/// Links only the core and looks for the standard panic routines; a control with a way to panic must show them.
 fn cannot_panic() -> Result<()> {
     if !cfg!(target_os = "linux") {
         println!("        (the proof is linked on Linux only)");

@@ -1,4 +1,4 @@
-//! Random sets of effects on random force-feedback wheels, hands off: what hapt renders beside what differences render.
+//! Random sets of effects on random force-feedback wheels, hands off: what hapt renders, compared with what differences of positions render.
 
 use std::fmt::Write as _;
 
@@ -153,8 +153,8 @@ fn differenced(spec: &DeviceSpec, count: f64, effects: &[Effect<f64>]) -> Course
 fn table(courses: &[Vec<Course>; 2], n: u64) -> String {
     let mut out = String::from("| hands off, after a kick of 2 rad/s | hapt | differences |\n| --- | ---: | ---: |\n");
     let count = |of: fn(&Course) -> bool| courses.each_ref().map(|all| all.iter().filter(|course| of(course)).count());
-    let mut row = |name: &str, [ours, usual]: [String; 2]| {
-        let _ = writeln!(out, "| {name} | {ours} | {usual} |");
+    let mut row = |name: &str, [ours, differences]: [String; 2]| {
+        let _ = writeln!(out, "| {name} | {ours} | {differences} |");
     };
     row("sets of effects", [n.to_string(), n.to_string()]);
     let counted = |of| count(of).map(|count| count.to_string());

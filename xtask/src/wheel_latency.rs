@@ -18,10 +18,10 @@ const LOOPS: [(f64, f64); 4] = [(0.5, 0.1), (1.0, 0.2), (1.0, 0.5), (2.0, 0.5)];
 const LIMIT: f64 = 5.0;
 /// The time between two changes, ms: the torque of the one before has settled.
 const PAUSE: (f64, f64) = (30.0, 50.0);
-/// A torque has begun to change at this part of the way.
+/// A torque has begun to change at this part of the whole change.
 const BEGUN: f64 = 0.01;
 
-/// A wheel that nobody turns.
+/// A wheel that stands still.
 struct Still;
 
 impl Device for Still {

@@ -1,4 +1,4 @@
-//! The command line for Windows, cross-compiled by MinGW, under Wine: its tests, the bytes of every world beside Linux's, Ctrl-C, and
+//! The command line for Windows, cross-compiled by MinGW, under Wine: its tests, the bytes of every world against Linux's, Ctrl-C, and
 //! the library of an FMU in a host of its own.
 
 use std::fs;

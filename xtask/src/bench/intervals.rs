@@ -1,4 +1,4 @@
-//! The intervals of a loop on this machine, alone and beside busy programs, as a part of the page about time.
+//! The intervals of a loop on this machine, with and without busy programs, as a part of the page about time.
 
 use std::fmt::Write;
 use std::fs;
@@ -11,11 +11,11 @@ use super::{Bench, output};
 
 const PAGE: &str = "docs/realtime.md";
 const BLOCK: &str = "cargo xtask bench intervals";
-/// What each measurement takes.
+/// The duration of each measurement.
 const DURATION: &str = "20s";
 
-/// A way of running the loop: its name, the words after `hapt latency`, and whether every core has two busy programs.
-const WAYS: [(&str, &[&str], bool); 4] = [
+/// The conditions of a measurement: their name, the words after `hapt latency`, and whether every core has two busy programs.
+const CONDITIONS: [(&str, &[&str], bool); 4] = [
     ("alone", &[], false),
     ("busy", &[], true),
     ("busy, spinning", &["--spin", "200us"], true),
@@ -38,15 +38,15 @@ impl Busy {
 impl Drop for Busy {
     fn drop(&mut self) {
         for child in &mut self.0 {
-            // One that has ended already is what is wanted.
+            // An error means that it has ended already.
             let _ = child.kill();
             let _ = child.wait();
         }
     }
 }
 
-/// This part alone, and with `write` into its place on the page.
-pub fn alone(write: bool) -> Result<()> {
+/// Measures and prints only this part, and with `write` puts it into its place on the page.
+pub fn measure(write: bool) -> Result<()> {
     let text = Bench::of_one("intervals")?.intervals()?;
     println!("{text}");
     if write {
@@ -61,14 +61,14 @@ impl Bench {
     fn intervals(&self) -> Result<String> {
         let hapt = self.shipped()?;
         let mut measured = Vec::new();
-        for (_, words, busy) in WAYS {
-            let beside = busy.then(Busy::new).transpose()?;
+        for (_, words, busy) in CONDITIONS {
+            let load = busy.then(Busy::new).transpose()?;
             let mut command = Command::new(&hapt);
             let said = output(command.args(["latency", "--json", "--duration", DURATION]).args(words))?;
-            drop(beside);
+            drop(load);
             measured.push(serde_json::from_str::<Value>(&said)?);
         }
-        let names: Vec<&str> = WAYS.iter().map(|(name, ..)| *name).collect();
+        let names: Vec<&str> = CONDITIONS.iter().map(|(name, ..)| *name).collect();
         let mut text = format!("| | {} |\n| ---{} |\n", names.join(" | "), " | ---".repeat(names.len()));
         let mut row = |name: &str, cell: &dyn Fn(&Value) -> Result<String>| -> Result<()> {
             let cells: Vec<String> = measured.iter().map(cell).collect::<Result<_>>()?;

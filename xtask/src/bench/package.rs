@@ -1,4 +1,4 @@
-//! The Python package beside the crates and beside other tools: `bench/python/package.py` in an environment of its own.
+//! The Python package compared with the crates and with other tools: `bench/python/package.py` in an environment of its own.
 
 use std::fs;
 use std::path::{Path, PathBuf, absolute};
@@ -11,15 +11,15 @@ use super::{Bench, PAGE, PAIRS, output};
 const SCALE: &str = "docs/python.md";
 const BLOCK: &str = "cargo xtask bench python";
 
-/// What is installed beside the package; Drake has no wheel for some systems.
+/// The other packages that are installed; Drake has no wheel for some systems.
 const NEEDED: [&str; 4] = ["maturin==1.16.0", "numpy==2.4.6", "pyarrow==26.0.1", "scipy==1.17.1"];
 const COMPARED: [&str; 6] =
     ["control==0.10.2", "pathsim==0.27.1", "mujoco==4.0.0", "drake==1.51.1", "numba==0.68.1", "jax==0.10.2"];
 /// Rounds of whole sweeps, of which MuJoCo and pathsim take seconds each.
 const SWEEPS: usize = 5;
 
-/// Prints the tables alone, of so many rounds; with `write`, into the page.
-pub(super) fn alone(rounds: usize, write: bool) -> Result<()> {
+/// Measures and prints only these tables, of so many rounds; with `write`, puts them into the page.
+pub(super) fn measure(rounds: usize, write: bool) -> Result<()> {
     let bench = Bench::of_one("package")?;
     output(Command::new(env!("CARGO")).args(["build", "--quiet", "--profile", "dist", "--package", "hapt"]))?;
     let text = bench.tables(rounds)?;

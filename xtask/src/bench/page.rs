@@ -14,8 +14,8 @@ const BLOCK: &str = "cargo xtask bench page";
 const SCRIPT: &str = "web/test/latency.mjs";
 const KEY: &str = "couplings.0.stiffness";
 
-/// This part alone, and with `write` into its place on the page.
-pub fn alone(write: bool) -> Result<()> {
+/// Measures and prints only this part, and with `write` puts it into its place on the page.
+pub fn measure(write: bool) -> Result<()> {
     let text = Bench::of_one("page")?.page()?;
     println!("{text}");
     if write {

@@ -1,4 +1,4 @@
-//! The loop in real time beside a bare C loop with the same calls of the clock, in turns on the same core.
+//! The loop in real time and a bare C loop with the same calls of the clock, in turns on the same core.
 
 use std::fmt::Write;
 use std::fs;
@@ -33,8 +33,8 @@ impl Latencies {
     }
 }
 
-/// This part alone, and with `write` into its place on the page.
-pub fn alone(write: bool) -> Result<()> {
+/// Measures and prints only this part, and with `write` puts it into its place on the page.
+pub fn measure(write: bool) -> Result<()> {
     let text = Bench::of_one("realtime")?.realtime()?;
     eprintln!("{text}");
     if write {

@@ -1,4 +1,4 @@
-//! Many worlds at once: `hapt sweep` beside C with OpenMP, and loops beside NumPy.
+//! Many worlds at once: `hapt sweep` compared with C with OpenMP, and loops with NumPy.
 
 use std::fmt::Write;
 use std::fs;
@@ -109,7 +109,7 @@ impl Bench {
         Ok(text)
     }
 
-    /// 100 000 worlds of a second that let go between two samples, each with its own period, from the command to the file.
+    /// 100 000 worlds of a second whose hand releases between two samples, each with its own period, from the command to the file.
     pub(super) fn worlds(&self) -> Result<String> {
         let mut text = String::from(
             "\n## Sweeps of worlds that do more\n\n`hapt sweep` of 100 000 worlds of 1 s at about 1 kHz, over 250 stiffnesses (or torques of a detent) \

@@ -117,7 +117,7 @@ impl Scratch {
         Ok(())
     }
 
-    /// Runs a server until its page has come. Another program may have the page's usual port, so it takes any free one.
+    /// Runs a server until its page has come. Another program may have the page's default port, so it takes any free one.
     fn serve(&self, command: &str) -> Result<()> {
         let mut sh = self.shell(&format!("exec {command} --port 0"))?;
         let mut server = Server(sh.stdout(Stdio::piped()).spawn()?);

@@ -52,16 +52,16 @@ pub fn swinging(rng: &mut Rng) -> World {
         let mut world = world(rng);
         let device = &world.device;
         let (limit, count) = (device.limit.unwrap_or(1.0), world.count().unwrap_or(1e-4));
-        let asks = 2.0 * device.friction + 0.05 * limit;
-        let torque = asks * log(rng, 1.5, 8.0);
+        let least = 2.0 * device.friction + 0.05 * limit;
+        let torque = least * log(rng, 1.5, 8.0);
         let (rate, way) = (log(rng, 0.5, 100.0), log(rng, 0.1, 3.0));
         let inertia = device.inertia * log(rng, 5.0, 100.0);
-        // Beside a puck that stands still the body swings on both springs.
+        // While the puck stands still the body oscillates on both springs.
         let stiffness = torque / way;
         let grounded = inertia * rate * rate - stiffness;
-        // A free puck under the least torque that counts moves four counts within a push, and the swing throws it no faster
+        // Under the least torque that counts a free puck moves four counts within a push, and the swing makes it no faster
         // than a hand does.
-        let (net, push) = (0.5 * (asks - device.friction), (1.0 / rate).min(0.1));
+        let (net, push) = (0.5 * (least - device.friction), (1.0 / rate).min(0.1));
         let quick = 4.0 * count < net * push * (0.5 * push / device.inertia).min(0.5 / device.damping)
             && push > 10.0 * world.sampling.period;
         if grounded < 0.0 || torque > limit || !quick || torque > 10.0 * device.inertia * rate {
@@ -114,11 +114,11 @@ enum HandMotion {
     },
 }
 
-/// No hand moves faster, in rad/s.
-const FASTEST: f64 = 20.0;
+/// A hand's largest speed, in rad/s.
+const MAX_SPEED: f64 = 20.0;
 
-/// Nor swings faster on what it holds, in rad/s: fingers are soft.
-const SOFT: f64 = 300.0;
+/// The largest natural frequency of hand and puck on the grip's stiffness, in rad/s.
+const MAX_GRIP_RATE: f64 = 300.0;
 
 impl Hand {
     pub fn new() -> Self {
@@ -148,7 +148,7 @@ impl Hand {
                 HandMotion::Sine { amplitude, rate } => amplitude * (rate * t).sin(),
             };
             let wanted = self.from + place + self.tremor * (self.rate * t).sin();
-            let most = FASTEST * world.sampling.period;
+            let most = MAX_SPEED * world.sampling.period;
             self.intended += (wanted - self.intended).clamp(-most, most);
             device.intend(self.intended);
         }
@@ -157,13 +157,13 @@ impl Hand {
     fn change(&mut self, rng: &mut Rng, world: &World, device: &mut VirtualDevice) {
         let period = world.sampling.period;
         // A hand does not catch a faster puck.
-        let flies = self.grip.is_none() && device.puck().1.abs() > FASTEST;
+        let flies = self.grip.is_none() && device.puck().1.abs() > MAX_SPEED;
         let open = flies || rng.u8(..4) == 0;
-        // Holding what it holds, or taking hold anew: now and then with all its mass.
+        // The same grip goes on, or another one begins.
         if open || self.grip.is_none() || rng.u8(..3) == 0 {
             let inertia = log(rng, 1e-5, 3e-3);
-            // No stiffer than would turn the speed over within a few samples, nor than fingers are.
-            let stiffest = (0.3 / period).min(SOFT).powi(2) * (inertia + world.device.inertia);
+            // The natural frequency on the grip is at most 0.3 rad a sample and `MAX_GRIP_RATE`.
+            let stiffest = (0.3 / period).min(MAX_GRIP_RATE).powi(2) * (inertia + world.device.inertia);
             let stiffness = log(rng, 0.3, 30.0).min(stiffest);
             let damping = 2.0 * (0.3 + 0.7 * rng.f64()) * (stiffness * (inertia + world.device.inertia)).sqrt();
             self.grip = (!open).then_some(Grip { inertia, damping, stiffness });
@@ -178,13 +178,13 @@ impl Hand {
         self.tremor = 3.0 * count + 4.0 * world.device.friction / grip.stiffness;
         self.rate = TAU * (8.0 + 4.0 * rng.f64()) * period;
         let inertia = grip.inertia + world.device.inertia;
-        let farthest = FASTEST * (inertia / grip.stiffness).sqrt();
+        let farthest = MAX_SPEED * (inertia / grip.stiffness).sqrt();
         self.way = match rng.u8(..4) {
             0 => HandMotion::Still,
             1 | 2 => HandMotion::Bang(farthest.min(3.0) * (2.0 * rng.f64() - 1.0)),
             _ => {
                 let frequency = log(rng, 0.1, (0.25 / period).min(100.0));
-                let amplitude = (FASTEST / (TAU * frequency)).min(3.0) * rng.f64();
+                let amplitude = (MAX_SPEED / (TAU * frequency)).min(3.0) * rng.f64();
                 HandMotion::Sine { amplitude, rate: TAU * frequency * period }
             }
         };

@@ -23,7 +23,7 @@ const GLIBC: &str = "2.17";
 const AARCH64: &str = "/usr/aarch64-linux-gnu";
 /// How the verdict on the notes' wheel begins.
 const VERDICT: &str = "Certified:";
-/// What `hapt sim` writes of the run under Euler's method, beside its own note of the folder.
+/// The file that `hapt sim` writes of the run under Euler's method.
 const RUN: &str = "step.csv";
 /// A server that is silent for longer does not work.
 const ANSWER: Duration = Duration::from_secs(30);

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, ensure};
 use super::{Made, SHIPPED, done, emptied, folder, only};
 use crate::{macos, programs, tools};
 
-/// A wheel's target, and what maturin is told of it. zig links for an old glibc, and for macOS.
+/// A wheel's target, and maturin's arguments for it. zig links for an old glibc, and for macOS.
 pub const TARGETS: [(&str, &[&str]); 5] = [
     ("x86_64-unknown-linux-gnu", &["--zig", "--compatibility", "manylinux2014"]),
     ("aarch64-unknown-linux-gnu", &["--zig", "--compatibility", "manylinux2014"]),
@@ -103,7 +103,7 @@ fn interpreter(version: &str) -> Option<PathBuf> {
     own.map(|path| path.join("bin/python")).find(|path| runs(path))
 }
 
-/// A wheel for elsewhere has a library of that system, which needs that system's own libraries alone.
+/// A wheel for another system has a library of that system, which needs only that system's own libraries.
 fn holds_library(wheel: &Path, target: &str) -> Result<()> {
     let unpacked = wheel.with_extension("");
     emptied(&unpacked)?;
