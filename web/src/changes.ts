@@ -14,7 +14,7 @@ export const quoted = (word: string) => (/^[\w@%+=:,./-]+$/.test(word) ? word : 
 export const overrides = (sets: Sets) => sets.map(([key, value]) => `--set ${quoted(`${key}=${value}`)}`).join(" ");
 
 /** What a key's new value is, and what it belongs to: "stiffness 20 N·mm/° (spring, puck to wheel)"; of a new coupling its kind and ends. */
-export function told(key: string, value: string, known: Key | undefined): string {
+export function described(key: string, value: string, known: Key | undefined): string {
   const damper = /^\{ kind = "(.*?)", between = \["(.*?)", "(.*?)"\], damping = "(.*?)" \}$/.exec(value);
   if (damper) return `a new ${damper[1]}, ${damper[2]} to ${damper[3]}: damping ${pretty(damper[4]!)}`;
   return known ? `${known.label} ${pretty(brief(value))} (${known.group ?? ""})` : `${key} ${value}`;
@@ -49,7 +49,7 @@ export class Steps {
     this.last = keys.length === 1 ? { key: keys[0]!, time } : null;
   }
 
-  /** The state so many steps away, which the world is asked for; nothing where there is none. */
+  /** The state so many steps away, which is then requested; `null` where there is none. */
   step(by: 1 | -1): Sets | null {
     const state = this.states[this.at + by];
     if (!state) return null;
@@ -80,7 +80,7 @@ export class Changes {
   private readonly ask: () => void;
   private readonly reset: HTMLElement;
 
-  /** `only` puts the file's values with these over them; `ask` asks for the file; `reset` puts the file's own. */
+  /** `only` sets the file's values with these over them; `ask` requests the file; `reset` sets the file's own. */
   constructor(root: HTMLElement, reset: HTMLElement, only: (sets: Sets) => void, ask: () => void) {
     [this.only, this.ask, this.reset] = [only, ask, reset];
     root.append(html("div", { class: "buttons" }, this.undo, this.redo, this.back, this.save, this.copy), this.differences);
@@ -100,7 +100,7 @@ export class Changes {
         const own = key?.own ? `, in the file ${pretty(brief(key.own))}` : "";
         const rest = this.state.filter(([other]) => other !== path && !other.startsWith(`${path}.`));
         const takeBack = button("Take back", () => this.only(rest), { "data-back": path, "aria-label": `Take back ${key?.label ?? path}` });
-        return html("li", {}, html("span", {}, told(path, value, key) + own), takeBack);
+        return html("li", {}, html("span", {}, described(path, value, key) + own), takeBack);
       }),
     );
     say(this.command, overrides(differing));

@@ -13,7 +13,7 @@ export class Euler {
   readonly button: HTMLButtonElement;
   private method = "";
   private before = "zoh";
-  /** The period to go back to; nothing where it was left alone. */
+  /** The period to go back to; `null` where it was not changed. */
   private period: string | null = null;
   private now: Key | undefined;
   private breaks = false;

@@ -58,7 +58,7 @@ export class Hand {
     if (!this.allowed) this.release();
     if (this.intended === null) return;
     for (const speed of this.keys.values()) this.intended += speed * this.stage.geometry.pace * seconds;
-    // A fast screen draws more often than the server wants to hear.
+    // A fast screen draws more often than positions need to be sent.
     if (this.intended === this.sent || now - this.told < PAUSE) return;
     this.told = now;
     this.sent = this.intended;

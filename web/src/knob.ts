@@ -111,13 +111,13 @@ export class Knob {
     );
     this.root.classList.toggle("nowhere", intervals.length === 0);
     const ends = this.ends();
-    const told = ([from, to]: [number, number]) => {
+    const inWords = ([from, to]: [number, number]) => {
       const low = ends !== null && from <= ends[0] * (1 + 1e-9);
       const high = ends !== null && to >= ends[1] * (1 - 1e-9);
       if (low && high) return "everywhere here";
       return low ? `up to ${this.shown(to)}` : high ? `from ${this.shown(from)} on` : `${this.shown(from)} to ${this.shown(to)}`;
     };
-    say(this.certified, intervals.length === 0 ? "certified nowhere here" : `certified ${intervals.map(told).join(" and ")}`);
+    say(this.certified, intervals.length === 0 ? "certified nowhere here" : `certified ${intervals.map(inWords).join(" and ")}`);
   }
 
   private get typed(): boolean {

@@ -1,4 +1,4 @@
-// What a coupling pushes with, for its colour alone: the loop's own torque comes from the server.
+// A coupling's torque, only for its colour: the loop's torque comes from the server.
 
 import type { Coupling } from "./protocol.ts";
 

@@ -1,4 +1,4 @@
-// The websocket: says hello, keeps the hand alive, and comes back by itself with growing pauses.
+// The websocket: sends the hello, keeps the hand alive, and reconnects by itself after growing pauses.
 
 import { decode, VERSION, type Frame, type FromServer, type ToServer } from "./protocol.ts";
 

@@ -4,7 +4,7 @@ import { quoted } from "./changes.ts";
 import type { Listener, Peer } from "./link.ts";
 import { decode, type Frame, type FromServer, type Key, type ToServer, type Verdict, type World } from "./protocol.ts";
 
-/** What `hapt report` writes beside the page, as `window.hapt`. */
+/** What `hapt report` writes for this page, as `window.hapt`. */
 export interface Recorded {
   /** The program, in base64. */
   core: string;
@@ -56,7 +56,7 @@ export class Program {
     this.core.send(station);
   }
 
-  /** Gives what the program has to say to a station's page. */
+  /** Passes the program's next messages for a station to its page. */
   listen(station: number, message: (message: FromServer) => void, frame: (frame: Frame) => void): void {
     for (let kind = this.core.next(station); kind !== 0; kind = this.core.next(station)) {
       const bytes = this.message();
@@ -69,11 +69,11 @@ export class Program {
   private write(message: unknown): void {
     const text = new TextEncoder().encode(JSON.stringify(message));
     const room = this.core.room(text.length);
-    // Anew each time: memory that grows moves.
+    // A new view each time: memory that grows moves.
     new Uint8Array(this.core.memory.buffer, room, text.length).set(text);
   }
 
-  /** A copy of what the program says. */
+  /** A copy of the program's message. */
   private message(): Uint8Array<ArrayBuffer> {
     return new Uint8Array(this.core.memory.buffer, this.core.message(), this.core.length()).slice();
   }

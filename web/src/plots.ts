@@ -24,7 +24,7 @@ export interface Panel {
   lines: number[];
   /** No narrower than this, in the unit that is shown. */
   least: number;
-  /** An energy, whose axis takes the unit that its size asks for. */
+  /** An energy, whose axis takes a unit that fits its size. */
   scales?: boolean;
 }
 

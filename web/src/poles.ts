@@ -9,10 +9,10 @@ type Pole = readonly [number, number];
 const SIZE = 100;
 const CROSS = "M-4.5-4.5L4.5 4.5M-4.5 4.5L4.5-4.5";
 
-/** What the judge says of these poles. `growth` leaves out the shifts: motions that change no torque, at 1; `null`: nothing else is there. */
-export function told(poles: Pole[], growth: number | null, period: number): string {
+/** The poles in words. `growth` is that of all but free shifts: motions that change no torque, at 1; `null`: there are no others. */
+export function summary(poles: Pole[], growth: number | null, period: number): string {
   if (poles.length === 0) return "none";
-  // Near 1 the growth says more than digits of the radius.
+  // Near 1 the growth resolves more than the radius's digits.
   const radius = growth === null ? 0 : Math.exp(growth * period);
   const largest = Math.max(...poles.map(([re, im]) => Math.hypot(re, im)));
   const shifts = largest > radius && (growth === null || Math.log(largest) / period > growth + 1e-9);
@@ -29,11 +29,11 @@ export class Poles {
     this.root = root;
   }
 
-  /** `period` in s: what an eigenvalue is over. */
+  /** `period`, s: the time of one multiplication by an eigenvalue. */
   show({ held, free, held_growth_per_s, free_growth_per_s, command }: Verdict, period: number): void {
     if (command !== undefined) return this.root.replaceChildren(html("p", { class: "soft" }, "Not computed for what has been changed here."));
     const row = (name: string, kind: string, poles: Pole[], growth: number | null) =>
-      html("li", { class: kind }, html("span", {}, name), ` ${told(poles, growth, period)}`);
+      html("li", { class: kind }, html("span", {}, name), ` ${summary(poles, growth, period)}`);
     this.root.replaceChildren(
       html("div", { class: "maps" }, this.circle(held, free), this.lens(held, free, period)),
       html("ul", { class: "key" }, row("○ held", "held", held, held_growth_per_s), row("× free", "free", free, free_growth_per_s)),

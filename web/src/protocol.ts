@@ -84,7 +84,7 @@ export interface World {
 export interface Verdict {
   type: "verdict";
   generation: number;
-  /** With a `command`, which judges it, only whether it is in a certified range; `null`: nobody knows. */
+  /** With a `command`, which judges it, only whether it is in a certified range; `null`: not known. */
   certified: boolean | null;
   command?: string;
   /** All of it in one. */

@@ -1,7 +1,7 @@
 // One loop: wires the link, what is drawn, and what the visitor does.
 
 import { lateness, showBar, type Desk } from "./bar.ts";
-import { Changes, download, told } from "./changes.ts";
+import { Changes, described, download } from "./changes.ts";
 import { attribute, button, byId, html, say } from "./dom.ts";
 import { Euler } from "./euler.ts";
 import { Gauge } from "./gauge.ts";
@@ -56,7 +56,7 @@ export function single(recorded: Recorded | undefined): void {
   const link: Peer = recorded ? new Local(listener, recorded) : new Link(listener);
   const hand = new Hand(stage, link);
   const set = (key: string, value: string) => void link.send({ type: "set", key, value });
-  const verdict = new VerdictCard(byId("sentences"), byId("verdict"), byId("strip"), (sets) => void link.send({ type: "sets", sets }), (key, value) => told(key, value, world?.keys.find(({ path }) => path === key)));
+  const verdict = new VerdictCard(byId("sentences"), byId("verdict"), byId("strip"), (sets) => void link.send({ type: "sets", sets }), (key, value) => described(key, value, world?.keys.find(({ path }) => path === key)));
   const changes = new Changes(
     byId("changes"),
     byId("reset"),
@@ -135,7 +135,7 @@ export function single(recorded: Recorded | undefined): void {
     bar();
   }
 
-  /** A real wheel is turned by a real hand alone. */
+  /** The page's hand turns only a simulated device. */
   function mayGrab(): void {
     hand.allowed = desk.up && desk.mine && world?.device === SIMULATED;
   }
@@ -189,7 +189,7 @@ export function single(recorded: Recorded | undefined): void {
     bar();
   }
 
-  /** With a simulated hand alone: what breaks a loop, or pushes its puck, is nothing for a motor. */
+  /** Only for a simulated device: what breaks a loop, or pushes its puck, must not reach a motor. */
   function experiments({ device, scenarios }: World): void {
     byId("experiments").hidden = byId("scenarios").hidden = device !== SIMULATED;
     const played = scenarios.map(({ name, hand: kind, duration_s }) =>
@@ -230,8 +230,8 @@ export function single(recorded: Recorded | undefined): void {
     plots.draw(history);
   }
 
-  /** What a page without a server cannot do is not there, and it says so. */
-  function alone({ place }: Recorded): void {
+  /** Hides what a page without a server cannot do, and explains it. */
+  function serverless({ place }: Recorded): void {
     document.body.classList.add("alone");
     byId("alone").hidden = false;
     byId("alone").append(
@@ -312,6 +312,6 @@ export function single(recorded: Recorded | undefined): void {
   placeWarnings();
   bar();
   press("strip", () => turnTo("verdict"));
-  if (recorded) alone(recorded);
+  if (recorded) serverless(recorded);
   requestAnimationFrame(draw);
 }

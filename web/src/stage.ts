@@ -135,8 +135,8 @@ export class Stage {
     this.svg.append(this.grip, this.intended);
   }
 
-  private couple(told: Coupling, names: string[]): void {
-    const coupling = grounded(told);
+  private couple(ofWorld: Coupling, names: string[]): void {
+    const coupling = grounded(ofWorld);
     const geometry = this.geometry;
     const ground = names.length + 1;
     const end = (name: string) => (name === "ground" ? ground : name === "puck" ? 0 : names.indexOf(name) + 1);
@@ -156,7 +156,7 @@ export class Stage {
     this.parts.push((q, v, live) => {
       const torque = !live ? 0 : push(coupling, q[first]! - q[second]!, v[first]! - v[second]!);
       if (this.world!.limit === null) this.scale = Math.max(this.scale, Math.abs(torque));
-      // Seen from the puck's side: ground's own push is of no interest.
+      // The sign is that of the torque on the end at the puck's side.
       const share = ((framed ? -sign : sign) * torque) / this.scale;
       element.style.setProperty("--push", tint(share));
       attribute(element, "data-push", share.toFixed(3));

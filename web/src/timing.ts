@@ -22,7 +22,7 @@ function place(label: HTMLElement, part: number): HTMLElement {
 
 const meter = (what: string) => html("meter", { min: 0, max: 2, high: 1, optimum: 0, "aria-label": `Longest ${what}, as a part of the longest that the certificate covers` });
 
-/** Shows the longest time of a kind against the one that is certified, and says it; nothing where the file states none. */
+/** Shows the longest time of a kind against the one that is certified, and returns it in words; nothing where the file states none. */
 function bound(meter: HTMLMeterElement, what: string, longest: number, most: number | null): string {
   meter.hidden = most === null;
   if (most === null) return "";

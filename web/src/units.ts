@@ -81,7 +81,7 @@ export function brief(written: string): string {
   return written.replace(/^[-+]?[\d.]+(?:[eE][-+]?\d+)?/, (text) => (text.replace(/[eE].*|\D|^0+/g, "").length > 6 && Number.isFinite(Number(text)) ? plain(Number(text), 6) : text));
 }
 
-/** With as many decimals as the size of what it stands beside asks for, so that it does not jitter. */
+/** With as many decimals as `scale` needs, so that the text does not jitter. */
 export function steady(value: number, scale: number): string {
   if (Math.abs(value) >= 1e7) return number(value);
   const places = Math.min(6, Math.max(0, 2 - Math.floor(Math.log10(Math.max(scale, 1e-9)))));

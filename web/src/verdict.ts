@@ -16,7 +16,7 @@ const ABOUT = {
   quantisation: "with the counts of the encoder",
 } as const;
 
-/** A verdict that comes within this time of its world is not waited for in words, in ms. */
+/** "Waiting" is shown only once a verdict has not come within this time after its world, in ms. */
 const SOON = 250;
 
 /** Of a claim that is neither good nor bad. */
@@ -28,7 +28,7 @@ export class VerdictCard {
   /** The heading again, where a phone always shows it. */
   private readonly strip: HTMLElement;
   private readonly apply: (sets: Sets) => void;
-  /** What a change is for people. */
+  /** A change in words. */
   private readonly told: (key: string, value: string) => string;
   /** Folded as the visitor left them. */
   private readonly reasons = html("details", { class: "reasons", open: matchMedia("(min-height: 1000px) and (min-width: 761px)").matches });
@@ -36,7 +36,7 @@ export class VerdictCard {
   private said = "";
   private waiting: number | null = null;
 
-  /** `heading` is announced by screen readers when its words change; the details beside it are not. */
+  /** `heading` is announced by screen readers when its words change; the details next to it are not. */
   constructor(root: HTMLElement, heading: HTMLElement, strip: HTMLElement, apply: (sets: Sets) => void, told: (key: string, value: string) => string) {
     this.root = root;
     this.heading = heading;
@@ -67,7 +67,7 @@ export class VerdictCard {
     const sentences = html("dl");
     for (const { what, ok, text } of verdict.sentences) {
       const [mark, meaning, kind] = ok === null ? [...(UNDECIDED[what] ?? ["?", "not proved"]), "even"] : ok ? ["✓", "good", "good"] : ["✗", "bad", "bad"];
-      // What is neither good nor bad says in words what it is.
+      // A sentence that is neither good nor bad has its meaning as a word.
       const word = ok === null ? ` ${NAMES[what] ?? what}: ${meaning}` : ` ${NAMES[what] ?? what}`;
       const named = () => [html("span", ok === null ? { "aria-hidden": "true" } : { "aria-label": meaning, role: "img" }, mark!), word];
       marks.append(html("span", { class: kind, title: ABOUT[what] }, ...named()));

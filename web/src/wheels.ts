@@ -11,7 +11,7 @@ import { Legend, Stage } from "./stage.ts";
 import { stopOn } from "./stop.ts";
 import { steady, units } from "./units.ts";
 
-/** What `hapt report` writes beside the page of a network, as `window.hapt`. */
+/** What `hapt report` writes for the page of a network, as `window.hapt`. */
 export interface RecordedNetwork {
   /** The program, in base64. */
   core: string;
@@ -90,7 +90,7 @@ class Station implements Peer {
         const { phase, code, sentence } = message;
         attribute(this.phase, "data-phase", phase);
         say(this.phase, PHASES[phase]);
-        // A phase that nobody asked for has a reason.
+        // A phase that no visitor requested has a reason.
         const why = sentence === null ? [] : [`${phase === "faulted" ? "Fault" : PHASES[phase]}${code === null ? "" : ` ${code}`}: ${sentence}`];
         const then = phase === "faulted" ? ["Start over clears it."] : why.length > 0 && phase === "disarmed" ? ["Start over arms it."] : message.warnings;
         return say(this.fault, [...why, ...then].join(" "));

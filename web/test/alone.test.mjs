@@ -1,4 +1,4 @@
-// The page without a server, in a real browser: from a report's folder, where nothing answers but hapt's own core.
+// The page without a server, in a real browser: from a report's folder, where only hapt's core runs.
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
 import { mkdtempSync, readdirSync, rmSync, writeFileSync } from "node:fs";
@@ -33,7 +33,7 @@ const set = async (page, key, value) => {
   await field.press("Enter");
 };
 
-visit("grabbed, the puck follows the hand; let go, puck and wheel swing by themselves", "@notes/default", "default", async (page) => {
+visit("grabbed, the puck follows the hand; released, puck and wheel swing by themselves", "@notes/default", "default", async (page) => {
   let [low, high] = [0, 0];
   // On a slow machine a turn takes long, and the wheel comes along without a swing: then once more.
   for (const to of [60, -60, 60, -60, 60]) {
@@ -49,7 +49,7 @@ visit("grabbed, the puck follows the hand; let go, puck and wheel swing by thems
   assert.ok(most > 0 && least >= 0, `energy is never negative, ${least} to ${most}`);
 });
 
-visit("forward Euler runs away into the motor's limit, and the file's own values bring the certificate back", "@notes/default", "default", async (page) => {
+visit("forward Euler's torque grows up to the motor's limit, and the file's own values bring the certificate back", "@notes/default", "default", async (page) => {
   await until(verdict(page), (text) => text === "Certified");
   await page.click("#euler");
   await until(verdict(page), (text) => text === "Not judged");
@@ -66,7 +66,7 @@ visit("forward Euler runs away into the motor's limit, and the file's own values
   assert.equal(await page.inputValue('[data-key="loop.method"] select'), "zoh");
 });
 
-visit("one slider alone is in its certified range, or outside of it; two are judged by the command", "@notes/default", "default", async (page) => {
+visit("one changed slider is in its certified range, or outside of it; two are judged by the command", "@notes/default", "default", async (page) => {
   const slider = page.locator('[data-key="loop.period"] input[type=range]');
   assert.ok((await page.locator('[data-key="loop.period"] .paint rect').count()) > 0);
   await slider.press("Home");
@@ -79,7 +79,7 @@ visit("one slider alone is in its certified range, or outside of it; two are jud
   await until(() => page.locator('[data-key="couplings.0.stiffness"] .refusal').textContent(), (text) => text.includes("N mm/deg"));
 });
 
-visit("stop takes the torque away until it is cleared and armed; who goes back finds the report", "@notes/default", "default", async (page) => {
+visit("stop switches the torque off until it is cleared and armed; the link leads back to the report", "@notes/default", "default", async (page) => {
   await page.keyboard.press("Escape");
   await until(phase(page), (now) => now === "faulted");
   assert.match(await page.textContent("#fault-text"), /stop/i);

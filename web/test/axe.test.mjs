@@ -27,7 +27,7 @@ async function accessible(page, view) {
       await page.emulateMedia({ colorScheme });
       // Colours change over some time, and have to be the new ones.
       await page.evaluate(() => Promise.allSettled(document.getAnimations().filter((a) => a instanceof CSSTransition).map((a) => a.finished)));
-      // The source is evaluated beside the page, whose policy lets no other script in.
+      // The source is evaluated outside of the page's scripts: the page's policy lets no other script in.
       await page.evaluate(axe.source);
       const { violations, passes } = await page.evaluate(() => window.axe.run(document, { resultTypes: ["violations"] }));
       assert.ok(passes.length > 10, `${view}: axe saw ${passes.length} rules hold`);

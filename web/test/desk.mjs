@@ -1,4 +1,4 @@
-// What every test needs: the server under test, a browser that goes nowhere else, and hands.
+// What every test needs: the server under test, a browser whose requests go to it only, and pointers.
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { once } from "node:events";
@@ -38,7 +38,7 @@ export async function launch() {
 }
 export const quit = () => browser?.close();
 
-/** A page on `url`, whose complaints and requests are kept. `down`: the server will be away, so that failed connections are no complaint. */
+/** A page on `url`, whose errors and requests are kept. `down`: the server will be away, so that failed connections are no complaint. */
 export async function open(url, options = {}, { down = false } = {}) {
   const context = await (await launch()).newContext({ viewport: { width: 1280, height: 900 }, ...options });
   const page = await context.newPage();
@@ -57,7 +57,7 @@ export async function open(url, options = {}, { down = false } = {}) {
   return { page, context, quiet: () => assert.deepEqual(complaints, []) };
 }
 
-/** Position of the puck (0) or a body in degrees or millimetres, as the page says it. */
+/** Position of the puck (0) or a body in degrees or millimetres, as the page shows it. */
 export async function place(page, index = 0) {
   return number(await page.locator("#legend dd").nth(index).textContent());
 }
@@ -71,7 +71,7 @@ export async function extremes(page, read, seconds) {
   return [Math.min(...values), Math.max(...values)];
 }
 
-/** Waits until a reading is as wanted, or tells the last. */
+/** Waits until a reading is as wanted, or fails with the last one. */
 export async function until(read, wanted, seconds = 60) {
   let last;
   for (const end = Date.now() + 1000 * seconds; Date.now() < end; await new Promise((ok) => setTimeout(ok, 50))) {
@@ -80,7 +80,7 @@ export async function until(read, wanted, seconds = 60) {
   throw new assert.AssertionError({ message: `${read} stays at ${JSON.stringify(last)}, expected ${wanted}` });
 }
 
-/** Moves the n-th slider of the network to a part of its way, as a finger does that lets go there. */
+/** Moves the n-th slider of the network to a part of its track, as a finger does that is lifted there. */
 export async function slide(page, n, part) {
   await page.locator("#network input").nth(n).evaluate((input, value) => {
     input.value = String(value);

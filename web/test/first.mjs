@@ -1,4 +1,4 @@
-// How long a newcomer waits: from `hapt live` on the command line to the wheel that turns in an open browser, in s. For
+// The time until a first use: from `hapt live` on the command line to the wheel that turns in an open browser, in s. For
 // `cargo xtask release minutes`.
 import { launch, open, quit, serve } from "./desk.mjs";
 

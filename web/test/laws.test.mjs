@@ -13,7 +13,7 @@ const { History } = await load("history");
 const { rotary } = await load("rotary");
 const { roundUp } = await load("linear");
 const { brief, joules, number, plain, steady, tick } = await load("units");
-const { told } = await load("poles");
+const { summary } = await load("poles");
 const { ScenarioStart } = await load("scenario");
 const { isReachable, modules } = await load("phone");
 
@@ -68,7 +68,7 @@ test("dampers, friction and walls take energy; springs, detents, dead bands, mag
   }
 });
 
-test("a frame reads as it was written, and a cut one not at all", () => {
+test("a frame reads as it was written, and a truncated one is refused", () => {
   const columns = 12;
   const view = new DataView(new ArrayBuffer(16 + 12 * columns));
   view.setUint8(0, 1);
@@ -107,7 +107,7 @@ test("the history keeps every extreme of its window, however long it runs, and b
   assert.deepEqual([...history.window([0], -10, 1)[0]], [3 / 60]);
 });
 
-test("a loop that has run away leaves a gap, and no infinite axis", () => {
+test("values that are not finite leave a gap, and no infinite axis", () => {
   const history = new History([1]);
   history.add({ time: 0, last: [1], low: [-Infinity], high: [Infinity] });
   const [, last, low, high] = history.window([0], -5, 0);
@@ -160,13 +160,13 @@ test("a written value keeps its unit and six digits", () => {
   ]) assert.equal(brief(written), short);
 });
 
-test("a shift is told apart from what the verdict is about", () => {
+test("a free shift is distinguished from the poles that the verdict is about", () => {
   const [shift, swing] = [[1, 0], [0.9999, 0.01]];
   const growth = Math.log(Math.hypot(...swing)) / 1e-3;
-  assert.match(told([shift, swing], growth, 1e-3), /free shift at 1.*(decays|grows)/);
-  assert.doesNotMatch(told([swing], growth, 1e-3), /shift/);
-  assert.match(told([shift], null, 1e-3), /free shift at 1 and nothing that lasts/);
-  assert.match(told([shift], 0, 1e-3), /keeps its size/);
+  assert.match(summary([shift, swing], growth, 1e-3), /free shift at 1.*(decays|grows)/);
+  assert.doesNotMatch(summary([swing], growth, 1e-3), /shift/);
+  assert.match(summary([shift], null, 1e-3), /free shift at 1 and nothing that lasts/);
+  assert.match(summary([shift], 0, 1e-3), /keeps its size/);
 });
 
 test("a scenario starts once the loop is running again, and not after a stop", () => {
@@ -186,11 +186,11 @@ test("a scenario starts once the loop is running again, and not after a stop", (
   // Stopped on the way: what is armed later plays nothing.
   assert.deepEqual(started(["fading-out", "faulted", "disarmed", "fading-in", "running"]), []);
   assert.deepEqual(started(["disarmed", "running"], 5000), []);
-  // A start that was too short to be told of.
+  // A start that was too short to be reported.
   assert.deepEqual(started(["running"], 1100), ["step"]);
 });
 
-test("a puck that has run away is told of in a few digits", () => {
+test("the position of an unstable puck is shown in a few digits", () => {
   for (const place of [-1397842711756215, 1e300, 12345678]) assert.ok(steady(place, 90).length <= 8, steady(place, 90));
   assert.equal(steady(7640.25, 90), "7640.3");
 });

@@ -1,4 +1,4 @@
-// Two wheels of a network, each on its own page in its own browser, and a story that both are told.
+// Two wheels of a network, each on its own page in its own browser, and one course of events that both show.
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { once } from "node:events";
@@ -13,7 +13,7 @@ const PAIR = join(import.meta.dirname, "../../networks/pair.toml");
 const said = (page) => () => page.locator("#network p").first().textContent();
 const link = (page) => () => page.locator("#network p").nth(1).textContent();
 
-/** A way without loss and with an even delay leaves a busy machine most of `age_max` for itself. The pictures are of the file as it is. */
+/** Without loss and with a constant delay most of `age_max` is left for a busy machine's pauses. The pictures are of the file as it is. */
 const STEADY = process.env.PICTURES ? [] : ["--set", "links.0.loss=0", "--set", "links.0.delay_max=0.3ms"];
 
 /** With PICTURES, the folder for the pictures of docs/links.md: `npm run pictures`. */
@@ -22,7 +22,7 @@ async function picture(page, name) {
   if (folder) await page.screenshot({ path: join(folder, `${name}.png`), clip: { x: 0, y: 0, width: 1280, height: 800 } });
 }
 
-test("two pages feel one shaft, are told when it will ring, and a button ends it", { timeout: 300_000 }, async () => {
+test("two pages share one shaft, both warn before it rings, and a button ends it", { timeout: 300_000 }, async () => {
   const child = spawn(HAPT, ["live", PAIR, "--port", "0", ...STEADY], { stdio: ["ignore", "pipe", "inherit"] });
   try {
     const lines = createInterface({ input: child.stdout });
@@ -50,7 +50,7 @@ test("two pages feel one shaft, are told when it will ring, and a button ends it
     await right.click("#reset");
     for (const page of [left, right]) await until(said(page), (text) => text.startsWith("✓ Certified: passive for any clocks"));
 
-    // The other wheel is pulled along, and is no hand on this page. Where a busy machine has let the link go, it takes hold softly, and
+    // The other wheel is pulled along, and is no hand on this page. Where a busy machine has made the link release, it takes hold softly, and
     // draws the other wheel along.
     let way = 60;
     const pulled = async () => {
@@ -67,7 +67,7 @@ test("two pages feel one shaft, are told when it will ring, and a button ends it
     await until(pulled, (angle) => angle > 40, 90);
     await picture(right, "pair-shaft");
 
-    // A long way, and positions that may be as old: both pages say so before anybody has touched it.
+    // A long delay, and an `age_max` that allows it: both pages warn before any hand turns a wheel.
     await slide(left, 3, 0.9);
     await slide(left, 0, 0.375);
     for (const page of [left, right]) {
@@ -89,7 +89,7 @@ test("two pages feel one shaft, are told when it will ring, and a button ends it
       await page.click("#arm");
       await until(phase, (now) => now === "running");
     };
-    // A busy machine may stand still for longer than a position lives: the link lets go, and the wheel is turned once more.
+    // A busy machine may stand still for longer than a position is valid: the link releases, and the wheel is turned once more.
     way = 120;
     const kicked = async () => {
       for (const page of [left, right]) await armed(page);
@@ -108,7 +108,7 @@ test("two pages feel one shaft, are told when it will ring, and a button ends it
     await until(ringing, (swing) => swing < 10, 60);
     await picture(right, "pair-quiet");
 
-    // Every position is older than the link allows: both let go, and say why.
+    // Every position is older than the link allows: both ends release, and show why.
     await slide(right, 3, 0);
     await slide(right, 0, 1);
     for (const page of [left, right]) {

@@ -32,7 +32,7 @@ const set = async (page, key, value) => {
   await field.press("Enter");
 };
 
-visit("grabbed, the puck follows the hand; let go, puck and wheel swing by themselves", undefined, async (page) => {
+visit("grabbed, the puck follows the hand; released, puck and wheel swing by themselves", undefined, async (page) => {
   let [low, high] = [0, 0];
   // On a slow machine a turn takes long, and the wheel comes along without a swing: then once more.
   for (const to of [60, -60, 60, -60, 60]) {
@@ -61,7 +61,7 @@ visit("an experiment begins at rest, however far the puck has turned before", "@
   assert.ok(low > -805 && high < 805, `${low} to ${high} N mm`);
 });
 
-visit("forward Euler is called unstable, and runs into the motor's limit and no further", "@notes/default", async (page) => {
+visit("forward Euler is judged unstable, and its torque grows up to the motor's limit", "@notes/default", async (page) => {
   await page.click("#euler");
   await until(verdict(page), (text) => text === "Not certified: unstable");
   // Growth is w²T/2 a second: at 10 ms ten times that of the notes.
@@ -76,18 +76,18 @@ visit("forward Euler is called unstable, and runs into the motor's limit and no 
   await until(() => page.inputValue('[data-key="loop.method"] select'), (method) => method === "zoh");
 });
 
-visit("a slider moved out of what is certified turns the verdict, and back again", "@notes/default", async (page) => {
+visit("a slider moved out of its certified range changes the verdict, and back into it restores the verdict", "@notes/default", async (page) => {
   await until(verdict(page), (text) => text === "Certified");
   const slider = page.locator('[data-key="loop.period"] input[type=range]');
   await slider.focus();
   await page.waitForSelector('[data-key="loop.period"].ranged', { timeout: 20_000 });
-  const told = await page.locator('[data-key="loop.period"] .certified').textContent();
-  assert.match(told, /^certified .*ms/);
+  const certified = await page.locator('[data-key="loop.period"] .certified').textContent();
+  assert.match(certified, /^certified .*ms/);
   assert.ok((await page.locator('[data-key="loop.period"] .paint rect').count()) > 0);
   await slider.press("End");
   await until(verdict(page), (text) => text.startsWith("Not certified"));
   // The certified range of a key does not depend on where that key stands.
-  assert.equal(await page.locator('[data-key="loop.period"] .certified').textContent(), told);
+  assert.equal(await page.locator('[data-key="loop.period"] .certified').textContent(), certified);
   await page.click("#reset");
   await until(verdict(page), (text) => text === "Certified");
 });
@@ -110,7 +110,7 @@ visit("a remedy of several keys is one press away, and one change", world("two-b
   for (const key of keys) assert.equal(await page.locator(`.knob.changed[data-key="${key}"]`).count(), 1, key);
 });
 
-visit("what the reader refuses is said beside the field, and changes nothing", undefined, async (page) => {
+visit("an invalid value shows its error next to the field, and changes nothing", undefined, async (page) => {
   const before = await page.inputValue('[data-key="couplings.0.stiffness"] input[type=text]');
   await set(page, "couplings.0.stiffness", "3 bananas");
   await until(() => page.locator('[data-key="couplings.0.stiffness"] .refusal').textContent(), (text) => text.includes("bananas"));
@@ -120,7 +120,7 @@ visit("what the reader refuses is said beside the field, and changes nothing", u
   assert.equal(await page.inputValue('[data-key="couplings.0.stiffness"] input[type=text]'), before);
 });
 
-visit("a reload in the middle lets the hand go and comes back to the same loop", undefined, async (page) => {
+visit("a reload releases the hand and comes back to the same running loop", undefined, async (page) => {
   await set(page, "loop.period", "2 ms");
   await turn(page, 60);
   await until(() => place(page), (puck) => puck > 40);
@@ -131,7 +131,7 @@ visit("a reload in the middle lets the hand go and comes back to the same loop",
   await page.mouse.up();
   const [low, high] = await extremes(page, () => place(page), 3);
   // A busy computer reloads late, when the swing has decayed; a held puck stays where it is.
-  assert.ok(high - low > 1, `nobody holds the puck: it goes from ${low} to ${high} degrees`);
+  assert.ok(high - low > 1, `the puck is hands-off: it goes from ${low} to ${high} degrees`);
 });
 
 test("of two tabs one has control; the other watches, may stop, and may take it", { timeout: 90_000 }, async () => {
@@ -163,7 +163,7 @@ test("of two tabs one has control; the other watches, may stop, and may take it"
 });
 
 visit(
-  "the server killed: a banner says so and controls are off; back again: they are on",
+  "without the server a banner shows it and controls are off; with it again they are on",
   undefined,
   async (page, server) => {
     await server.end("SIGKILL");
@@ -217,7 +217,7 @@ visit("Space and Escape stop wherever the focus is; a text field keeps its space
   assert.equal(await phase(page)(), "running");
 });
 
-test("a loop that fades out by itself says why, and up to when", { timeout: 90_000 }, async () => {
+test("a loop that fades out by itself shows why, and until when", { timeout: 90_000 }, async () => {
   const server = await serve(world("hurried"));
   const context = await (await launch()).newContext({ viewport: { width: 1280, height: 900 } });
   try {
@@ -273,7 +273,7 @@ visit("a warning goes with the world that it is of", "@notes/default", async (pa
   assert.ok(await page.locator("#warnings").isHidden(), await page.textContent("#warnings"));
 });
 
-visit("on the keyboard alone: an arrow turns the puck, H keeps hold of it, Tab reaches everything", undefined, async (page) => {
+visit("with the keyboard: an arrow turns the puck, H keeps hold of it, Tab reaches everything", undefined, async (page) => {
   await page.locator("#stage").focus();
   await page.keyboard.down("ArrowRight");
   await until(() => place(page), (puck) => puck > 30);
@@ -379,7 +379,7 @@ visit("the world that opens by itself is certified, its method is in view, and o
   assert.equal(colours[0], `rgb(${[1, 3, 5].map((i) => parseInt(bad.slice(i, i + 2), 16)).join(", ")})`);
 });
 
-visit("the poles say what the verdict says: a free loop that decays does not keep its size", undefined, async (page) => {
+visit("poles and verdict agree: a free loop that decays does not keep its size", undefined, async (page) => {
   await until(verdict(page), (text) => text === "Certified");
   assert.match(await page.locator("#poles .key .free").textContent(), /free shift.*decays by 0\.0261 per s/);
   assert.match(await page.locator("#poles .key .held").textContent(), /keeps its size/);
@@ -404,7 +404,7 @@ visit("a value with many digits is shown with six, and whole where it is edited"
   assert.equal(await page.locator(".knob.changed").count(), 0);
 });
 
-visit("a wall two turns on is told of, and not drawn where it is not", world("two-turns"), async (page) => {
+visit("a wall two turns away is named in words, and not drawn within the first turn", world("two-turns"), async (page) => {
   await until(() => page.textContent("#far"), (text) => text === "wall 2.0 turns clockwise");
   const drawn = await page.evaluate(() => [...document.querySelectorAll(".coupling.wall")].map((wall) => getComputedStyle(wall).visibility));
   assert.deepEqual(drawn.sort(), ["hidden", "visible"]);
@@ -416,7 +416,7 @@ visit("margins go to the edge, and are no remedies", "@notes/default", async (pa
   assert.equal(await page.locator(".remedies").count(), 0);
 });
 
-visit("a recording says where its file is, also when it has ended", undefined, async (page) => {
+visit("a recording shows where its file is, also when it has ended", undefined, async (page) => {
   await page.click("#record");
   await until(() => page.textContent("#recording"), (text) => /^Recording/.test(text));
   await page.waitForTimeout(300);
@@ -506,7 +506,7 @@ visit("a finger grabs the wheel", undefined, async (page) => {
     await until(() => page.getAttribute("#stage", "data-held"), (held) => held === null);
 }, { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true });
 
-visit("end stops stand where the file has them: a hand that means to go beyond is held there", "@devices/smartknob-detents", async (page) => {
+visit("end stops stand where the file has them: a hand whose intended position is beyond stays there", "@devices/smartknob-detents", async (page) => {
   await turn(page, 100);
   await until(() => page.locator(".coupling.wall").first().getAttribute("data-push"), (push) => Number(push) < 0);
   await until(() => place(page), (puck) => puck > 55 && puck < 98);

@@ -14,7 +14,7 @@ after(async () => {
   rmSync(folder, { recursive: true });
 });
 
-/** A test with a world's report open in a browser that is offline and complains of nothing. */
+/** A test with a world's report open in a browser that is offline and reports no error. */
 function reads(name, world, stem, act, options = {}) {
   test(name, { timeout: 120_000 }, async () => {
     const { status, stderr } = spawnSync(HAPT, ["report", world, "--out", folder], { encoding: "utf8" });

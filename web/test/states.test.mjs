@@ -1,4 +1,4 @@
-// What the page says and offers in each state, against the real server.
+// The page's texts and buttons in each state, against the real server.
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
 import { mkdtempSync, readFileSync, rmSync } from "node:fs";
@@ -77,10 +77,10 @@ async function through(url, change, viewport = { width: 1280, height: 900 }) {
   return { page, say: (message) => say(message), close: () => context.close() };
 }
 
-/** What the supervisor's documentation says of each reason: its code, its name, what happened and what to do. */
+/** The supervisor's documentation of each reason: its code, its name, what happened and what to do. */
 const REASONS = [...readFileSync(new URL("../../docs/safety.md", import.meta.url), "utf8").matchAll(/^- (\d+) `([a-z-]+)`: (.*?\.) (.*)$/gm)].map(([, code, name, sentence, clear]) => ({ code: Number(code), reason: name, sentence, clear }));
 
-test("each reason is said with what to do, and offers clearing after a fault and arming after a fade", { timeout: 120_000 }, async () => {
+test("each reason is shown with what to do, with a button that clears after a fault and one that arms after a fade", { timeout: 120_000 }, async () => {
   assert.equal(REASONS.length, 17);
   let [shown, last] = [{}, null];
   const server = await serve("@notes/default");
@@ -109,7 +109,7 @@ test("each reason is said with what to do, and offers clearing after a fault and
         await expect({ phase: name, state: at, ...said, clear: at === "faulted", arm: at === "disarmed", disarm: false, stop: true });
       }
     }
-    // Nothing is said of a phase that somebody asked for.
+    // A phase that was requested needs no reason.
     for (const [at, name, arm, disarm] of [["disarmed", "Disarmed", true, false], ["fading-in", "Fading in", false, true], ["fading-out", "Fading out", false, false]]) {
       show({ phase: at, code: null, reason: null, sentence: null, clear: null });
       await expect({ phase: name, state: at, ...silent, arm, disarm, stop: true });
@@ -120,7 +120,7 @@ test("each reason is said with what to do, and offers clearing after a fault and
   }
 });
 
-test("while a verdict is waited for the page says so, and whose the last one was", { timeout: 60_000 }, async () => {
+test("while a verdict is computed the page shows that, and whose the last one was", { timeout: 60_000 }, async () => {
   let lets = true;
   const server = await serve("@notes/default");
   const { page, close } = await through(server.url, (message) => (message.type === "verdict" && !lets ? null : message));
@@ -142,7 +142,7 @@ test("while a verdict is waited for the page says so, and whose the last one was
   }
 });
 
-test("times that the page cannot set are said as what to start with", { timeout: 60_000 }, async () => {
+test("times that the page cannot set are shown as options to start with", { timeout: 60_000 }, async () => {
   const server = await serve(world("hurried"));
   const fixed = (key) => (/_max$/.test(key.path) ? { ...key, fixed: true } : key);
   const { page, close } = await through(server.url, (message) => (message.type === "world" ? { ...message, keys: message.keys.map(fixed) } : message));
@@ -156,7 +156,7 @@ test("times that the page cannot set are said as what to start with", { timeout:
   }
 });
 
-test("while it connects the page says so, and nothing can be pressed but stop", { timeout: 60_000 }, async () => {
+test("while it connects the page shows that, and only stop can be pressed", { timeout: 60_000 }, async () => {
   const server = await serve();
   const context = await (await launch()).newContext({ viewport: { width: 1280, height: 900 } });
   try {
@@ -241,7 +241,7 @@ test("between the file's values and mine a held puck feels no bump, and the whee
     const step = (of, k) => Math.abs(of[k] - of[k - 1]);
     const changes = plan.flatMap((_, k) => (k > 0 && step(plan, k) > 0 ? [k] : []));
     assert.equal(changes.length, 4);
-    // As far as the world's torque goes in a sample by the motion alone.
+    // The change of the world's torque within a sample that the motion causes.
     const moves = Math.max(...torque.map((_, k) => (k === 0 || changes.includes(k) ? 0 : step(torque, k) / (sample[k] - sample[k - 1]))));
     for (const k of changes) {
       const jump = step(torque, k);
@@ -280,7 +280,7 @@ visit("a remedy that adds a coupling is one press away, and one press back", "@n
   await until(() => page.locator(".coupling.damper").count(), (count) => count === 0);
 });
 
-visit("breaking it takes a period at which growth is seen within seconds, and back takes the period back", "@notes/default", async (page) => {
+visit("breaking it sets a period at which growth is visible within seconds, and back takes the period back", "@notes/default", async (page) => {
   await page.click("#euler");
   await until(value(page, "loop.period"), (period) => period === "5 ms");
   await page.click("#euler");
@@ -288,7 +288,7 @@ visit("breaking it takes a period at which growth is seen within seconds, and ba
   assert.equal(await page.inputValue('[data-key="loop.method"] select'), "zoh");
 });
 
-visit("a stop on the page asks for nothing but to clear and arm", "@notes/default", async (page) => {
+visit("after a stop on the page clearing and arming are enough", "@notes/default", async (page) => {
   await page.click("#stop");
   await until(phase(page), (now) => now === "faulted");
   await until(() => page.textContent("#fault-clear"), (text) => text === "Clear it, then arm.");
@@ -317,7 +317,7 @@ test("after a recording the header keeps its height, and the end of the path is 
   }
 });
 
-test("on a phone the experiments stand above what warns of them, and both above the stop", { timeout: 60_000 }, async () => {
+test("on a phone the experiments stand above their warnings, and both above the stop", { timeout: 60_000 }, async () => {
   const server = await serve("@notes/default");
   const warns = (message) => (message.type === "status" ? { ...message, warnings: ["On a real device it would have faulted. The integration method generated energy inside the world."] } : message);
   const { page, close } = await through(server.url, warns, { width: 390, height: 844 });

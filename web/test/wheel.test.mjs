@@ -11,7 +11,7 @@ import { WHEEL, number, open, quit, until } from "./desk.mjs";
 
 after(quit);
 
-test("the card shows what a game plays, asks for and gets, and presses pedals and buttons", { timeout: 120_000, skip: process.platform !== "linux" }, async () => {
+test("the card shows what a game plays, the torque that it requests and gets, and presses pedals and buttons", { timeout: 120_000, skip: process.platform !== "linux" }, async () => {
   const folder = mkdtempSync(join(tmpdir(), "hapt-wheel-"));
   const child = spawn(WHEEL, [folder], { stdio: ["pipe", "pipe", "inherit"] });
   try {
@@ -42,11 +42,11 @@ test("the card shows what a game plays, asks for and gets, and presses pedals an
     plays("sine 0.2");
     await until(rows, (texts) => texts.map((text) => text.match(/^[a-z]+/)[0].replace(/torque.*/, "torque")).join(" ") === "torque spring damper torque");
     assert.match((await rows())[1], /^spring0\.637 N m\/rad, at most 5\.00 N m$/);
-    // A wheel that was fast before the damper played asks it for more than the limit for a moment.
+    // On a wheel that was fast before it played, the damper requests more than the limit for a moment.
     await until(() => card.getAttribute("class"), (name) => /good/.test(name));
     if (process.env.SHOTS) await page.screenshot({ path: join(process.env.SHOTS, "plays.png"), fullPage: true });
 
-    // A spring that drives is not given, and the card says why.
+    // A spring that adds energy is not given, and the card shows why.
     plays("spring -1");
     await until(reason, (text) => text === "Less is given: a negative coefficient would drive the wheel by itself, and counts as 0.");
     assert.match(await card.getAttribute("class"), /bad/);
