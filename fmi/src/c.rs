@@ -22,7 +22,7 @@ pub struct Component {
     is_dead: bool,
 }
 
-/// Makes an instance, or says why not; null then.
+/// Makes an instance; null where that fails. An error of `make` goes to the log.
 pub fn instantiate(log: Log, make: impl FnOnce() -> Result<Model, String>) -> *mut c_void {
     let mut log = Some(log);
     let made = catch_unwind(AssertUnwindSafe(|| {
@@ -194,7 +194,7 @@ fn fits<T>(pointer: *const T, count: usize, what: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// Writes a value where the importer wants it, unless it does not.
+/// Writes a value to the importer's place for it, unless the pointer is null.
 ///
 /// # Safety
 /// Null, or a place for a value.

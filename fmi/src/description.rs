@@ -134,12 +134,12 @@ fn display_unit(variable: &Variable, written: &[Parameter], units: &BTreeMap<Str
     let display = &units.get(&variable.unit)?.display;
     let parameter = written.iter().find(|parameter| parameter.given && parameter.path == variable.name);
     let own = parameter.and_then(|parameter| unit_of(&parameter.written));
-    let usual = match variable.unit.as_str() {
+    let default = match variable.unit.as_str() {
         "rad" => Some("deg"),
         "rad/s" => Some("deg/s"),
         _ => None,
     };
-    own.or(usual.filter(|_| !variable.is_parameter())).filter(|name| display.contains_key(*name)).map(str::to_string)
+    own.or(default.filter(|_| !variable.is_parameter())).filter(|name| display.contains_key(*name)).map(str::to_string)
 }
 
 /// The attributes that both versions have.
@@ -204,8 +204,8 @@ fn typed_variable(xml: &mut Xml, reference: usize, variable: &Variable, shown: O
     xml.empty(name, &[attributes, values(variable, shown)].concat())
 }
 
-/// The outputs, which depend on the inputs of a loop alone at once, and on those of a loop on its device later; at the beginning on all that
-/// can be set.
+/// The outputs: those of a loop without its device depend on its inputs at once, those of a loop on its device later; at the beginning all
+/// depend on all that can be set.
 fn structure(xml: &mut Xml, variables: &[(usize, &Variable)], version: Version) -> io::Result<()> {
     // FMI 2.0 counts the variables from 1, FMI 3.0 names their references.
     let label = |place: usize, reference: usize| match version {

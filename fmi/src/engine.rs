@@ -1,4 +1,4 @@
-//! The loop, alone or on its device, from one communication point to the next.
+//! The loop, without or on its device, from one communication point to the next.
 
 use std::sync::Arc;
 
@@ -23,7 +23,7 @@ pub struct Engine {
     row: Row,
 }
 
-/// What an engine remembers, as data.
+/// An engine's state, as data.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Memory {
     state: Box<DesktopState>,
@@ -77,7 +77,7 @@ impl Engine {
         clock.part == 0.0 && self.taken == clock.sample
     }
 
-    /// One sample: at the device's puck, or at the puck that the inputs say.
+    /// One sample: at the device's puck, or at the puck of the inputs.
     fn sample(&mut self, inputs: [f64; 2]) {
         let (position, velocity) = self.device.as_ref().map_or(inputs.into(), VirtualDevice::puck);
         let sample = self.compiled.step(&mut self.state, position, velocity);
@@ -96,7 +96,7 @@ impl Engine {
         self.taken += 1;
     }
 
-    /// Sample 0 of a loop on its device, whose torque its hand cannot change any more. A loop alone takes each sample when the step that
+    /// Sample 0 of a loop on its device, whose torque its hand cannot change any more. Without a device a loop takes each sample when the step that
     /// begins with it is made, for its puck is an input.
     pub fn begin(&mut self) {
         if self.device.is_some() {
@@ -104,7 +104,7 @@ impl Engine {
         }
     }
 
-    /// Goes on from `from` to `to` with held inputs. A loop alone takes every sample from `from` up to `to`, without that of `to`.
+    /// Goes on from `from` to `to` with held inputs. Without a device a loop takes every sample from `from` up to `to`, without that of `to`.
     ///
     /// # Errors
     /// The instant in s at which a number is no longer finite.
@@ -192,7 +192,7 @@ impl Engine {
     }
 }
 
-/// What the linear part of a loop alone, at rest, makes of a puck at `motion`: the outputs' derivatives in that direction. Encoder, levels,
+/// The response of the linear part of a loop without its device, at rest, to a puck at `motion`: the outputs' derivatives in that direction. Encoder, levels,
 /// limits and nonlinear couplings are left out; FOAW counts with its shortest window. Where the bodies step at every n-th sample, it is one
 /// at which they stand still.
 ///

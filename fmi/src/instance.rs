@@ -282,7 +282,7 @@ impl Instance {
         })
     }
 
-    /// Makes the row of inputs that no step has taken yet: before the first step, and of a loop alone when its puck has been set at the
+    /// Makes the row of inputs that no step has taken yet: before the first step, and of a loop without its device when its puck has been set at the
     /// instant of a sample.
     fn show(&mut self) {
         let is_ahead = match self.phase {

@@ -4,7 +4,7 @@ hapt_model::named! {
     /// What of a world is in an FMU.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum Kind {
-        /// The loop alone: from the puck's motion to the torque on it.
+        /// The loop without its device: from the puck's motion to the torque on it.
         Loop => "loop",
         /// The loop on its exact device: from the hand's torque to the columns of a run.
         Whole => "whole",

@@ -3,7 +3,7 @@
 //! [`write()`] makes an FMU of a world. The same crate, built as a library for C, is the FMU's binary: `fmi2.rs` and `fmi3.rs` are the
 //! functions of the two standards over one [`Instance`], which reads the world from the FMU's resources.
 //!
-//! An FMU is a [`Kind`]: the loop alone, whose inputs are the puck's motion and whose output is the torque on it; or the loop on its exact
+//! An FMU is a [`Kind`]: the loop without its device, whose inputs are the puck's motion and whose output is the torque on it; or the loop on its exact
 //! device, with the hand's torque as input and the columns of a run as outputs.
 #![deny(unsafe_code)]
 

@@ -1,4 +1,4 @@
-//! What an importer is told: statuses, categories, messages.
+//! Reports to an importer: statuses, categories, messages.
 
 /// How serious a message is, and what a call returns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -12,7 +12,7 @@ pub const WORLD: &str = "world.toml";
 /// The world of an FMU.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// The loop alone, or with its device.
+    /// The loop without its device, or on it.
     pub kind: Kind,
     /// The world file, which needs no other file.
     pub source: Source,

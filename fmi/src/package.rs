@@ -105,7 +105,7 @@ pub const LIBRARY: &str = match (DLL_PREFIX.is_empty(), DLL_SUFFIX.as_bytes()) {
     (false, _) => "libhapt_fmi.so",
 };
 
-/// The places where the library may be for a program at `program`: beside it, where cargo builds it, where it is installed.
+/// The places where the library may be for a program at `program`: in its folder, where cargo builds it, where it is installed.
 pub fn places(program: &Path) -> [PathBuf; 3] {
     ["", "deps", "../lib/hapt"].map(|place| program.parent().unwrap_or(Path::new("")).join(place).join(LIBRARY))
 }

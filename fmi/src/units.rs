@@ -6,8 +6,8 @@ use hapt_model::{Dimension, Unit};
 
 use crate::variable::Variable;
 
-/// The display units offered for a dimension, beside those of the world file.
-const USUAL: &[&str] = &["ms", "deg", "rev", "deg/s", "rpm", "mm", "mm/s", "N mm", "N mm/deg"];
+/// The display units offered for a dimension, in addition to those of the world file.
+const DISPLAY_UNITS: &[&str] = &["ms", "deg", "rev", "deg/s", "rpm", "mm", "mm/s", "N mm", "N mm/deg"];
 
 /// An SI unit with the units that show it.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +27,7 @@ pub fn definitions<'a>(variables: &[Variable], written: impl Iterator<Item = &'a
             all.entry(variable.unit.clone()).or_insert(definition);
         }
     }
-    for name in USUAL.iter().copied().chain(written.filter_map(unit_of)) {
+    for name in DISPLAY_UNITS.iter().copied().chain(written.filter_map(unit_of)) {
         for (own, definition) in &mut all {
             if let Some(size) = size(name, definition.dimension).filter(|_| own != name) {
                 definition.display.insert(name.to_string(), size.recip());

@@ -121,9 +121,9 @@ impl Variable {
     }
 }
 
-/// The puck's signals, the inputs of a loop alone.
+/// The puck's signals, the inputs of a loop without its device.
 pub const PUCK: [usize; 2] = [1, 2];
-/// The device's torque, which a loop alone does not know.
+/// The device's torque, which a loop without its device does not have.
 const APPLIED: usize = 7;
 
 /// All variables of an FMU of this world: time, inputs, outputs, parameters.

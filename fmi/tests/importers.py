@@ -1,4 +1,4 @@
-"""Importers judge the FMUs that hapt exports: python importers.py HAPT FOLDER.
+"""Importers check the FMUs that hapt exports: python importers.py HAPT FOLDER.
 
 FMPy validates and simulates both versions against `hapt sim` and against stored results; libcosim runs two FMUs that drive each other; pathsim-fmi runs one.
 """
@@ -29,7 +29,7 @@ WORLDS = sorted(Path("worlds").glob("*/*.toml"))
 
 # Of a push, in periods: a second of most worlds.
 ROWS = 1000
-# A hand's torque for half of the time, then none: what a held input can say exactly.
+# A hand's torque for half of the time, then none: a held input can represent it exactly.
 PUSH = """
 [scenarios.pushed]
 duration = "{} ms"
@@ -120,9 +120,9 @@ class Slave:
 
 
 def referenced(world):
-    """An importer's own simulation, with the input and the options that are stored beside the world, gives the stored results."""
-    beside = lambda ending: str(world.with_name(world.stem + ending))  # noqa: E731
-    options, given, stored = read_ref_opt_file(beside("_ref.opt")), read_csv(beside("_in.csv")), read_csv(beside("_ref.csv"))
+    """An importer's own simulation, with the input and the options that are stored next to the world, gives the stored results."""
+    sibling = lambda ending: str(world.with_name(world.stem + ending))  # noqa: E731
+    options, given, stored = read_ref_opt_file(sibling("_ref.opt")), read_csv(sibling("_in.csv")), read_csv(sibling("_ref.csv"))
     for fmi in (2, 3):
         result = fmpy.simulate_fmu(
             exported(world, f"reference-{world.stem}", fmi, "--whole"),
@@ -167,8 +167,8 @@ def whole(world, name, fmi):
     slave.close()
 
 
-def alone(world, scenario, name, fmi):
-    """The loop alone on a run's puck: the outputs of the step that begins with a sample are that sample's."""
+def loop_fed(world, scenario, name, fmi):
+    """The loop without its device on a run's puck: the outputs of the step that begins with a sample are that sample's."""
     fmu = exported(world, name, fmi)
     run = simulated(world, scenario)
     times = run.pop("time_s")[:2001]
@@ -295,7 +295,7 @@ def main():
     for file in WORLDS:
         scenario = file.read_text().split("[scenarios.")[1].split("]")[0]
         for fmi in (2, 3):
-            alone(file, scenario, file.stem, fmi)
+            loop_fed(file, scenario, file.stem, fmi)
     for file in sorted(Path("fmi/reference").glob("*.toml")):
         referenced(file)
     wheel = FOLDER / "default.toml"

@@ -51,7 +51,7 @@ fn the_loop_on_its_device_under_a_hands_torque_is_the_run_of_that_hand() {
     }
 }
 
-/// A loop alone, fed with a run's puck, gives its torque with each step that begins with a sample.
+/// A loop without its device, fed with a run's puck, gives its torque with each step that begins with a sample.
 #[test]
 fn every_builtin_worlds_loop_fed_with_a_runs_puck_is_that_run() {
     let mut seen = 0;

@@ -226,7 +226,7 @@ fn calls_out_of_order_are_errors_that_name_the_state() {
 }
 
 #[test]
-fn a_loop_that_runs_away_fails_with_its_instant_and_goes_back_to_a_state() {
+fn an_unstable_loop_fails_with_its_instant_and_goes_back_to_a_state() {
     let text =
         WHEEL.replace("limit = \"822.25 N mm\"\n", "").replace("levels = 2048\n", "").replace("encoder = 4000\n", "");
     let text = text.replace("17.8 N mm/deg", "1e6 N m/rad");

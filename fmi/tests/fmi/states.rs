@@ -108,11 +108,11 @@ fn a_reset_instance_is_as_it_was_made() {
 }
 
 #[test]
-fn two_instances_know_nothing_of_each_other() {
+fn two_instances_share_no_state() {
     let fmu = Fmu::new(Kind::Whole, &world(WHEEL, &[]));
-    let alone = fmu.instance(Version::Two);
-    alone.start(0.0);
-    let expected = run(&alone, 0, 100);
+    let uninterrupted = fmu.instance(Version::Two);
+    uninterrupted.start(0.0);
+    let expected = run(&uninterrupted, 0, 100);
     let (one, other) = (fmu.instance(Version::Two), fmu.instance(Version::Three));
     one.start(0.0);
     assert!(other.set("bodies.wheel.inertia", 1.0) && other.set_up(5.0, None) && other.enter() && other.exit());
@@ -146,7 +146,7 @@ fn ten_thousand_instances_come_and_go() {
     assert!(grown < 50 << 20, "{grown} bytes more");
 }
 
-/// The memory of this process in bytes, where the system says it.
+/// The memory of this process in bytes, where the system reports it.
 fn resident() -> u64 {
     let text = std::fs::read_to_string("/proc/self/statm").unwrap_or_default();
     text.split_whitespace().nth(1).and_then(|pages| pages.parse::<u64>().ok()).map_or(0, |pages| 4096 * pages)
