@@ -1,4 +1,4 @@
-"""What is asked of a world without running it."""
+"""Analyses of a world, a record or a specification without a run."""
 
 from __future__ import annotations
 
@@ -31,8 +31,9 @@ class Design(Answer):
 class Identified(Answer):
     """`inertia`, `damping`, `friction`, `delay_s`, `lag_s`, `late_s`, `offset`, `sign`, `counts_per_rev`.
 
-    Each `{"value", "low", "high"}` (95 %) or None. A lag from 0 is not told from a delay: `delay_s` is then both together, as `late_s` is.
-    Of a device that is richer than the model the numbers are those of the torque's equation; a warning says so, and delay and lag are None.
+    Each `{"value", "low", "high"}` (95 %) or None. A lag that may be 0 is not distinguished from a delay: `delay_s` is then both together, as
+    `late_s` is. Of a device that is richer than the model the numbers are those of the torque's equation; there is a warning then, and delay
+    and lag are None.
     """
 
     def __init__(self, fields: dict[str, Any], warnings: list[str]) -> None:
@@ -98,10 +99,10 @@ class Piece(NamedTuple):
 class Boundary:
     """Where a loop stops being stable or passive, or a network passive, in the plane of two keys.
 
-    `keys` are the two keys, `pieces` the edges. `everywhere` tells of each claim without an edge whether it fails everywhere (True) or
-    nowhere (False), and is None for a claim with an edge or without a verdict. `lost` tells of each claim where its edge goes on but is not followed, because it
-    turns or narrows within a hundred-thousandth of the plane: a smaller plane around such a point shows it. `undecided` tells why a claim
-    has no verdict in the plane, for those that have none.
+    `keys` are the two keys, `pieces` the edges. `everywhere` is, for each claim without an edge, whether it fails everywhere (True) or nowhere
+    (False), and is None for a claim with an edge or without a verdict. `lost` is, for each claim, where its edge goes on but is not followed,
+    because it turns or narrows within a hundred-thousandth of the plane: a smaller plane around such a point shows it. `undecided` is the
+    reason why a claim has no verdict in the plane, for those that have none.
     """
 
     def __init__(

@@ -25,7 +25,7 @@ class Mode(TypedDict):
 
 
 class Stability(TypedDict):
-    """The world alone with the puck held, or the loop on its device with no hand."""
+    """The world with the puck held, without the device, or the loop on its device with no hand."""
 
     eigenvalues: list[Eigenvalue]
     spectral_radius: float
@@ -97,7 +97,7 @@ class Check(Certificate):
 
     @property
     def certified(self) -> bool:
-        """Held, free and passive, each by a theorem that covers the world; every station alone, and all passive together."""
+        """Held, free and passive, each by a theorem that covers the world; every station by itself, and all passive together."""
         return bool(self._fields["certified"])
 
     @property
@@ -112,7 +112,7 @@ class Check(Certificate):
 
     @property
     def held(self) -> Stability:
-        """The world alone, the puck held still."""
+        """The world without the device, the puck held still."""
         return cast(Stability, self._fields["held"])
 
     @property

@@ -93,7 +93,7 @@ def _filtered(estimator: tuple[Matrix, Matrix, Matrix, Matrix], pole: float | No
 def _sampled(a: Matrix, b: Matrix, period: float, delay: float) -> tuple[Matrix, Matrix]:
     """The device a period later: its state and the commands in flight; inputs: this sample's command, and a hand's torque.
 
-    The motor is told the command of n + 1 samples ago for the delay's part of a period, then that of n samples ago.
+    The motor's command is that of n + 1 samples ago for the delay's part of a period, then that of n samples ago.
     """
     from scipy.linalg import expm
 

@@ -17,8 +17,9 @@ class Run(Table):
     """A run of a scenario: `run["torque_Nm"]` is the array of that CSV column, shape (rows,), SI.
 
     `summary` has what `hapt sim` prints, in SI: `rows`, `peak_torque` (before the limit) and `peak_time_s`, `clipped` (samples beyond the
-    motor's limit) and `first_clipped_s`, `final_energy` of the world, the fitted `growth_per_s` or None, and the energies that hand and
-    motor gave and damping, friction, end stops and the damping of a handle's shaft took. `ended` says why the run stops before its duration, or is None.
+    motor's limit) and `first_clipped_s`, `final_energy` of the world, the fitted `growth_per_s` or None, and the energies that hand and motor
+    gave and damping, friction, end stops and the damping of a handle's shaft took. `ended` is the reason why the run stops before its duration,
+    or None.
     """
 
     def __init__(

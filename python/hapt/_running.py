@@ -1,4 +1,4 @@
-"""The loop and the device alone, sample by sample, for other simulators."""
+"""The loop without its device, and the device without its loop, sample by sample, for other simulators."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Loop:
 
     @property
     def command(self) -> float:
-        """What the motor is asked for at the last sample, after levels and limit, in N·m (linear: N)."""
+        """The torque commanded to the motor at the last sample, after levels and limit, in N·m (linear: N)."""
         return self._native.command
 
     @property
@@ -97,7 +97,7 @@ class Device:
         self._native = world._native.device(scenario) if native is None else native
 
     def step(self, torque: float) -> tuple[float, float]:
-        """Asks the motor for `torque` (N·m; linear: N) and lets a period pass: the puck's position and velocity at its end.
+        """Commands `torque` (N·m; linear: N) to the motor for a period: the puck's position and velocity at its end.
 
         The limit and the levels are the loop's: see `Loop.command`. Raises ValueError for what is not finite, and OverflowError where the
         puck stops being finite: only `reset` goes on from it.

@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow.dataset
 
-#: The file that tells of which sweep the others are, and which of them are there.
+#: The file that records of which sweep the others are, and which of them are there.
 MANIFEST = "_manifest.json"
-#: A shard shall take so long, in s, so that what it costs beside its work does not count.
+#: A shard shall take so long, in s, so that its overhead is small.
 SHARD = 1.0
-#: Rows of a shard at most, and in memory at once.
-MOST, GROUP = 1 << 24, 1 << 16
+#: The most rows of a shard, and in memory at once.
+MAX_ROWS, GROUP = 1 << 24, 1 << 16
 #: Shards under way at once at most, and seconds between two writes of the manifest.
 UNDER_WAY, NOTED = 1000, 1.0
 
@@ -114,7 +114,7 @@ def shards_of(cells: int, grid: _hapt.Sweep, threads: int) -> int:
         began = time.perf_counter()
         grid.rows(0, count, threads)
         spent = time.perf_counter() - began
-    most = min(MOST, int(SHARD * count / max(spent, 1e-9)))
+    most = min(MAX_ROWS, int(SHARD * count / max(spent, 1e-9)))
     return max(-(-cells // max(most, 1)), 1)
 
 

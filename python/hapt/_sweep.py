@@ -79,7 +79,7 @@ def in_shards(
                 manifest.note(shard)
                 advance(end - start)
         except BaseException:
-            with suppress(OSError):  # A target that is full or gone is told of already.
+            with suppress(OSError):  # The error of a target that is full or gone is raised below.
                 manifest.write()
             raise
         if todo:
@@ -89,7 +89,7 @@ def in_shards(
 
 @contextmanager
 def _bar(cells: int, progress: Optional[bool]) -> Iterator[Callable[[int], Any]]:
-    """What the bar is told of cells done; there is none without tqdm, or when `progress` is False."""
+    """A function that adds cells done to a progress bar; without tqdm, or when `progress` is False, there is no bar."""
     if progress is False or find_spec("tqdm") is None:
         yield lambda _: None
         return

@@ -69,5 +69,5 @@ def _umask() -> int:
     return mask
 
 
-# What a file's permissions leave out: `mkstemp` makes one that nobody else can read.
+# What a file's permissions leave out: `mkstemp` makes one that no other user can read.
 _UMASK = _umask()

@@ -8,7 +8,7 @@ import html
 class Widget:
     """A world that runs under a notebook's cell: the page of `hapt live` with hapt's core as WebAssembly, in a frame.
 
-    `html` is the page as one document, for a file or a frame of one's own; it asks for nothing elsewhere.
+    `html` is the page as one document, for a file or a frame of one's own; it requests nothing from elsewhere.
     """
 
     def __init__(self, page: str, title: str, height: int = 720) -> None:

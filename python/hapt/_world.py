@@ -176,7 +176,7 @@ class World(System):
     def simulate(self, scenario: Optional[str] = None) -> Run:
         """Runs a scenario of a world, the only one by default: the loop on the exact device.
 
-        A run that stops being finite keeps its rows up to there, warns, and says why in `Run.ended`. Raises WorldError for an unknown
+        A run that stops being finite keeps its rows up to there, warns, and has the reason in `Run.ended`. Raises WorldError for an unknown
         scenario, ValueError for a network, when one must be named or the loop cannot be compiled, MemoryError for a run larger than memory.
         """
         if self.stations:
@@ -230,7 +230,7 @@ class World(System):
 
         The arrays are those of `hapt.identify`; the times are a period of the loop apart, to 5 %. A number contradicts the world where
         its estimate is more than four standard errors outside of the world's range, its tolerance. Raises ValueError for a record that
-        says nothing or is of another loop.
+        determines nothing or is of another loop.
 
         >>> import hapt, numpy as np
         >>> world, k = hapt.load("@notes/euler"), np.arange(1000)
@@ -251,11 +251,11 @@ class World(System):
     # Parts
 
     def loop(self) -> Loop:
-        """The loop alone, for other simulators: `step(position, velocity) -> torque`."""
+        """The loop without its device, for other simulators: `step(position, velocity) -> torque`."""
         return Loop(self)
 
     def device(self, scenario: Optional[str] = None) -> Device:
-        """The device alone, with the hand of a scenario or none: `step(torque) -> (position, velocity)`."""
+        """The device without the loop, with the hand of a scenario or none: `step(torque) -> (position, velocity)`."""
         return Device(self, scenario)
 
     def to_control(self) -> StateSpaces:
@@ -362,7 +362,7 @@ def identify(
     """What a device is made of, from a record of its motion: arrays of one shape (n,), n >= 200, at least half a second.
 
     Times in s, rising; positions in rad (linear: m); torques in N·m (N), each commanded at its sample and held until the next. A known
-    `inertia` in kg·m² (kg) gives damping and friction of a coast-down. Raises ValueError for a record that says nothing.
+    `inertia` in kg·m² (kg) gives damping and friction of a coast-down. Raises ValueError for a record that determines nothing.
     """
     arrays = _record(times, positions, torques)
     known = None if inertia is None else float(numbers("inertia", [inertia])[0])

@@ -127,7 +127,7 @@ pub fn design(travel: &str, torque: &str, frequency: &str, period: &str) -> PyRe
     serde_json::to_string(&design.map_err(value)?).map_err(internal)
 }
 
-/// What a record says of a device, as `(JSON, warnings)`.
+/// The device of a record, identified, as `(JSON, warnings)`.
 #[pyfunction]
 pub fn identify(
     py: Python<'_>,

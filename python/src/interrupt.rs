@@ -1,4 +1,4 @@
-//! Long work beside Python: the interpreter's lock is released, and Ctrl-C ends the call.
+//! Long work in parallel with Python: the interpreter's lock is released, and Ctrl-C ends the call.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -11,15 +11,15 @@ use rayon::ThreadPoolBuilder;
 
 use crate::error::internal;
 
-/// How often Python's signals are looked at.
-const LOOK: Duration = Duration::from_millis(50);
+/// The time between two looks at Python's signals.
+const SIGNAL_PERIOD: Duration = Duration::from_millis(50);
 
-/// Set once the call has been interrupted: work looks at it and ends early, its result unseen.
+/// Set once the call has been interrupted: work checks it and ends early, its result unused.
 #[derive(Clone, Default)]
 pub struct Stop(Arc<AtomicBool>);
 
 impl Stop {
-    /// Whether nobody waits for the result any more.
+    /// Whether the call has been interrupted.
     pub fn is_set(&self) -> bool {
         self.0.load(Relaxed)
     }
@@ -38,7 +38,7 @@ pub fn unwanted() -> PyErr {
 /// Runs `work` on a thread of its own.
 ///
 /// # Errors
-/// What a signal's handler raises, KeyboardInterrupt by default, within [`LOOK`]; RuntimeError when the work panics.
+/// What a signal's handler raises, KeyboardInterrupt by default, within [`SIGNAL_PERIOD`]; RuntimeError when the work panics.
 pub fn interruptible<T: Send + 'static>(py: Python<'_>, work: impl FnOnce(&Stop) -> T + Send + 'static) -> PyResult<T> {
     let stop = Stop::default();
     let (give, mut take) = sync_channel(1);
@@ -47,7 +47,7 @@ pub fn interruptible<T: Send + 'static>(py: Python<'_>, work: impl FnOnce(&Stop)
     Builder::new().name("hapt".into()).stack_size(8 << 20).spawn(run).map_err(internal)?;
     loop {
         let (back, answer) = py.detach(move || {
-            let answer = take.recv_timeout(LOOK);
+            let answer = take.recv_timeout(SIGNAL_PERIOD);
             (take, answer)
         });
         take = back;
@@ -66,11 +66,11 @@ pub fn interruptible<T: Send + 'static>(py: Python<'_>, work: impl FnOnce(&Stop)
 /// What a signal's handler raises.
 pub fn asking<T: Send>(py: Python<'_>, work: impl FnOnce(&mut dyn FnMut() -> bool) -> T + Send) -> PyResult<T> {
     py.detach(|| {
-        let (mut next, mut raised) = (Instant::now() + LOOK, Ok(()));
+        let (mut next, mut raised) = (Instant::now() + SIGNAL_PERIOD, Ok(()));
         let value = work(&mut || {
             if raised.is_ok() && Instant::now() >= next {
                 raised = Python::attach(|py| py.check_signals());
-                next = Instant::now() + LOOK;
+                next = Instant::now() + SIGNAL_PERIOD;
             }
             raised.is_err()
         });

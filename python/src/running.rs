@@ -1,4 +1,4 @@
-//! The loop and the device alone, sample by sample, for the simulators of others.
+//! The loop without its device, and the device without its loop, sample by sample, for the simulators of others.
 
 use std::sync::Arc;
 
@@ -37,7 +37,7 @@ impl Loop {
         sample.torque
     }
 
-    /// As [`hapt_sim::Row::is_finite`] asks of a run.
+    /// The condition of [`hapt_sim::Row::is_finite`].
     fn is_finite(&self, torque: f64) -> bool {
         let bodies = self.state.now.position.iter().zip(&self.state.now.velocity).take(self.world.bodies.len());
         let own = [torque, self.command, self.measured.0, self.measured.1];

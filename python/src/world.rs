@@ -249,7 +249,7 @@ impl World {
         analyses::boundary(py, self.source.clone(), self.sets.clone(), axes, &claims)
     }
 
-    /// The worst hands found, as JSON, and the system with the scenario that shows them where no file of a motion is needed beside it.
+    /// The worst hands found, as JSON, and the system with the scenario that shows them where it needs no file of a motion.
     fn worst(&self, py: Python<'_>) -> PyResult<(String, Option<World>)> {
         let model = Arc::clone(&self.model);
         let found = in_parallel(py, 0, move |stop| {
@@ -295,12 +295,12 @@ impl World {
         Sweep::new(py, &self.source, &self.sets, &axes, &measures, scenario)
     }
 
-    /// The loop alone.
+    /// The loop without its device.
     fn running(&self) -> PyResult<Loop> {
         Loop::new(Arc::new(self.world()?.clone()))
     }
 
-    /// The device alone, with the hand of a scenario or none.
+    /// The device without the loop, with the hand of a scenario or none.
     fn device(&self, py: Python<'_>, scenario: Option<&str>) -> PyResult<Device> {
         let world = self.world()?;
         let scenario = scenario.map(|name| world.scenario(name)).transpose();

@@ -1,4 +1,4 @@
-"""A spring to ground, certified, with a hand that lets go of it."""
+"""A spring to ground, certified, with a hand that releases the puck."""
 
 import hapt
 import pytest

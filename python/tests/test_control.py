@@ -130,4 +130,4 @@ def test_check_and_python_control_agree_on_passivity() -> None:
         if theirs != passivity["passive"]:
             wrong.append((method, damping, required))
     assert not wrong
-    assert min(verdicts.values()) >= 50 and near < 30, "one verdict alone, or a margin that leaves out much, would prove little"
+    assert min(verdicts.values()) >= 50 and near < 30, "with only one verdict, or a margin that leaves out much, the test would prove little"

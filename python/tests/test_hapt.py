@@ -145,7 +145,7 @@ def test_a_run_becomes_a_dataset(world: hapt.World) -> None:
     assert data.sizes == {"time_s": 501} and data.attrs["rows"] == 501
 
 
-def test_a_run_that_runs_away_keeps_its_rows() -> None:
+def test_a_run_that_stops_being_finite_keeps_its_rows() -> None:
     world = hapt.load(WALL).set("couplings.0.stiffness", 1e7).set("scenarios.step.duration", "10 s")
     with pytest.warns(RuntimeWarning, match="stops being finite"):
         run = world.simulate()
@@ -190,8 +190,8 @@ def test_a_sweep_has_an_axis_for_each_key(world: hapt.World) -> None:
     assert sweep["required_damping"] == pytest.approx(expected)
     assert np.array_equal(sweep["certified"], expected <= 1.2e-3)
     peak = world.sweep({"couplings.0.stiffness": stiffness}, "peak_torque", progress=False, threads=1)
-    alone = [world.set("couplings.0.stiffness", k).simulate().summary["peak_torque"] for k in stiffness]
-    assert np.array_equal(peak["peak_torque"], alone)
+    single = [world.set("couplings.0.stiffness", k).simulate().summary["peak_torque"] for k in stiffness]
+    assert np.array_equal(peak["peak_torque"], single)
 
 
 def test_a_sweep_refuses_what_is_no_axis(world: hapt.World) -> None:
@@ -246,7 +246,7 @@ def test_the_loop_and_the_device_together_are_a_run(world: hapt.World) -> None:
 
 
 @pytest.mark.parametrize("limit", [None, 0.8])
-def test_a_loop_that_runs_away_raises_as_a_run_ends(world: hapt.World, limit: Optional[float]) -> None:
+def test_a_loop_that_stops_being_finite_raises_as_a_run_ends(world: hapt.World, limit: Optional[float]) -> None:
     far = world if limit is None else world.set("device.limit", limit)
     loop = far.loop()
     with pytest.raises(OverflowError, match="finite"):
@@ -370,7 +370,7 @@ def test_responses_draw_themselves(world: hapt.World) -> None:
     plt.close("all")
 
 
-def test_a_widget_is_a_page_in_a_frame_that_asks_for_nothing(world: hapt.World) -> None:
+def test_a_widget_is_a_page_in_a_frame_that_requests_nothing(world: hapt.World) -> None:
     widget = world.set("loop.period", "2 ms").widget(height=500)
     frame = widget._repr_html_()
     parser = Frame()

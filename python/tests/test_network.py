@@ -53,8 +53,8 @@ def test_a_network_is_a_world_with_stations_and_links(pair: hapt.World) -> None:
     assert isinstance(pair, hapt.World) and pair.stations == ["left", "right"] and pair.links == [("left", "right")]
     assert pair.get("stations.right.loop.method") and pair.get("stations.left.phase") == 0
     assert pair == pair.set("links.0.stiffness", 0.2) != pair.set("links.0.stiffness", 0.3)
-    alone = hapt.load(WHEEL)
-    assert alone.stations == [] and alone.links == [] and alone.run()[""] == alone.simulate()
+    single = hapt.load(WHEEL)
+    assert single.stations == [] and single.links == [] and single.run()[""] == single.simulate()
     with pytest.raises(ValueError, match="is a network"):
         pair.loop()
 
@@ -94,7 +94,7 @@ def test_the_edge_of_a_pair_is_that_of_the_shared_burden(pair: hapt.World) -> No
     assert list(edge.to_pandas().columns) == ["edge", "piece", "links.0.stiffness", "links.0.age_max", "hz"]
 
 
-def test_a_claim_without_a_verdict_says_why(pair: hapt.World) -> None:
+def test_a_claim_without_a_verdict_has_its_reason(pair: hapt.World) -> None:
     lossy = pair.set("links.0.loss", 0.1)
     edges = lossy.boundary({"links.0.stiffness": (0.05, 1.0), "links.0.age_max": ("5 ms", "60 ms")})
     assert edges.everywhere["fixed"] is None and list(edges.undecided) == ["fixed"] and "lost" in edges.undecided["fixed"]

@@ -82,7 +82,7 @@ except KeyboardInterrupt:
 """
 
 
-@pytest.mark.skipif(os.name != "posix", reason="no signal can be sent to one process alone")
+@pytest.mark.skipif(os.name != "posix", reason="no signal can be sent to a single process")
 @pytest.mark.parametrize("call", ["check", "simulate", "sweep", "boundary", "worst", "impedance", "design", "identify", "against"])
 def test_ctrl_c_ends_every_long_call_and_its_work(call: str) -> None:
     # A shell's background job ignores the signal, and Python then installs no handler.
@@ -99,7 +99,7 @@ def test_ctrl_c_ends_every_long_call_and_its_work(call: str) -> None:
     assert child.returncode == 0
 
 
-def test_threads_run_beside_each_other(world: hapt.World) -> None:
+def test_threads_run_at_the_same_time(world: hapt.World) -> None:
     expected = world.simulate()
     found: list[hapt.Run] = []
     threads = [threading.Thread(target=lambda: found.append(world.simulate())) for _ in range(8)]

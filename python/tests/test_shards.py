@@ -48,13 +48,13 @@ def test_an_executor_gives_the_rows_of_one_process(world: hapt.World) -> None:
 
 def test_files_are_the_table_shard_by_shard(world: hapt.World, tmp_path: pathlib.Path) -> None:
     arrow = pytest.importorskip("pyarrow")
-    alone = world.sweep(AXES, MEASURES, shards=5, out=tmp_path / "alone", progress=False)
+    serial = world.sweep(AXES, MEASURES, shards=5, out=tmp_path / "serial", progress=False)
     with ThreadPoolExecutor(3) as threads:
         spread = world.sweep(AXES, MEASURES, client=threads, shards=5, out=f"file://{tmp_path}/spread", progress=False)
-    assert files(tmp_path / "alone") == files(tmp_path / "spread") and len(alone.files) == 5
+    assert files(tmp_path / "serial") == files(tmp_path / "spread") and len(serial.files) == 5
     whole = world.sweep(AXES, MEASURES, progress=False)
-    assert alone.scan().to_table() == arrow.table(whole) == spread.scan().to_table()
-    assert alone.cells == 210 and [path.name for path in (tmp_path / "alone").glob(".*")] == []
+    assert serial.scan().to_table() == arrow.table(whole) == spread.scan().to_table()
+    assert serial.cells == 210 and [path.name for path in (tmp_path / "serial").glob(".*")] == []
 
 
 def test_pandas_polars_and_duckdb_read_the_files(world: hapt.World, tmp_path: pathlib.Path) -> None:
