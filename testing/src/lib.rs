@@ -1,4 +1,4 @@
-//! What the tests of several crates share.
+//! Helpers for the tests of several crates.
 
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -8,10 +8,10 @@ use std::time::{Duration, Instant};
 
 use proptest::test_runner::{Config, RngSeed};
 
-/// In the contributor's loop a random test runs this part of its cases.
-const PART: u32 = 8;
-/// But no fewer than this, if it has so many.
-const FEWEST: u32 = 8;
+/// Without `HAPT_CASES` a random test runs one case in so many.
+const ONE_IN: u32 = 8;
+/// The least number of cases that a test runs, if it has so many.
+const MIN_CASES: u32 = 8;
 
 /// The world file of a wheel on a spring.
 pub const WHEEL: &str = r#"title = "wheel"
@@ -37,14 +37,14 @@ hand = { kind = "step", to = "45 deg" }
 /// Its random numbers are those of `PROPTEST_RNG_SEED`, which `.cargo/config.toml` sets.
 #[must_use]
 pub fn cases(all: u32) -> Config {
-    let cases = if takes_all() { all } else { (all / PART).max(FEWEST.min(all)) };
+    let cases = if takes_all() { all } else { (all / ONE_IN).max(MIN_CASES.min(all)) };
     Config { cases, failure_persistence: None, ..Config::default() }
 }
 
 /// The seeds of a test that draws its own numbers and takes long over each: 0 to `all`, or the first eighth of them.
 #[must_use]
 pub fn seeds(all: u64) -> Range<u64> {
-    0..if takes_all() { all } else { all.div_ceil(u64::from(PART)) }
+    0..if takes_all() { all } else { all.div_ceil(u64::from(ONE_IN)) }
 }
 
 fn takes_all() -> bool {
@@ -57,15 +57,15 @@ pub fn cases_from(seed: u64, all: u32) -> Config {
     Config { rng_seed: RngSeed::Fixed(seed), ..cases(all) }
 }
 
-/// A thread that asks to be woken after 1 ms and is woken so much later has met a machine that keeps no time.
-const LATE: Duration = Duration::from_millis(5);
-/// Attempts of a test on such a machine.
-const ATTEMPTS: u32 = 8;
-/// Before the second attempt, and twice as long before each further one: what else runs may end meanwhile.
-const PAUSE: Duration = Duration::from_millis(100);
+/// Where a thread that sleeps 1 ms wakes up so much later, the machine is too busy for tests by the clock.
+const MAX_LATENESS: Duration = Duration::from_millis(5);
+/// The most attempts of a test on such a machine.
+const MAX_ATTEMPTS: u32 = 8;
+/// The pause before the second attempt; each further one is twice as long. Other programs may end meanwhile.
+const FIRST_PAUSE: Duration = Duration::from_millis(100);
 
 /// Runs a test of what lives by the clock, such as a drive's watchdog. Where it fails while the machine was too busy to keep time, it runs
-/// again, at most eight times: what is wrong is wrong in time too.
+/// again, eight times in all: a defect fails on a machine that keeps time too.
 ///
 /// # Panics
 /// As the test, where the machine kept time or the last attempt failed.
@@ -88,9 +88,9 @@ pub fn in_time(test: impl Fn()) {
         });
         match ended {
             Ok(()) => return,
-            Err(_) if latest > LATE && attempt < ATTEMPTS => {
+            Err(_) if latest > MAX_LATENESS && attempt < MAX_ATTEMPTS => {
                 eprintln!("a thread was woken {latest:?} late: attempt {attempt} does not count");
-                thread::sleep(PAUSE * 2_u32.pow(attempt - 1));
+                thread::sleep(FIRST_PAUSE * 2_u32.pow(attempt - 1));
             }
             Err(panic) => resume_unwind(panic),
         }
