@@ -25,7 +25,7 @@ const SAMPLES: f64 = 10_001.0;
 /// Of the sixteen worlds of `hapt-bench lanes` together.
 const LANES_SAMPLES: f64 = 15_960.0;
 
-/// What the words after `bench` ask for.
+/// The part that the words after `bench` name.
 pub fn command(words: &[String]) -> Result<()> {
     match words.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         [] => run(false),

@@ -1,7 +1,7 @@
 //! Whole commands on random worlds: the programs that users start, with ordinary and extreme numbers, each within a bound on its work.
 //!
 //! A command may answer or refuse. It may not panic, not run on beyond its processor time, not end with another code than its
-//! contract's, and print no number that is none: what it cannot compute it has to say in words, or as null.
+//! contract's, and print no number that is none: what it cannot compute is stated in words, or is null.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -193,7 +193,7 @@ fn npm(arguments: &[&str]) -> Result<()> {
     }
     let said = command.output()?;
     let text = [said.stdout, said.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).join("\n");
-    // Either reporter of node's: what passed before the first failure tells nothing.
+    // For either reporter of node: only what follows the first failure is shown.
     let lines = || text.lines().filter(|line| !line.starts_with("✔"));
     let first = lines().position(|line| line.starts_with("not ok")).unwrap_or(0);
     let failed: Vec<&str> = lines().skip(first).take(60).collect();

@@ -91,7 +91,7 @@ fn device(rng: &mut Rng) -> (DeviceSpec, f64) {
     (spec, std::f64::consts::TAU / counts)
 }
 
-/// One to six conditions about the middle, as strong as games ask for: their largest torque is 5 N·m.
+/// One to six conditions about the middle, as strong as those of games: their largest torque is 5 N·m.
 fn effects(rng: &mut Rng) -> Vec<Effect<f64>> {
     let one = |rng: &mut Rng| match rng.u8(0..4) {
         0 => Effect::Spring(Sides::even(between(rng, 0.1, 300.0), 5.0)),

@@ -17,7 +17,7 @@ pub(crate) const NO_FILES: &str = "a page without a server writes no files; hapt
 /// The progress of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordingStatus {
-    /// The file, absolute where the system says so.
+    /// The file, with an absolute path where the system gives one.
     pub file: PathBuf,
     /// Its length in s.
     pub seconds: f64,

@@ -161,7 +161,7 @@ impl Signal {
 
     /// Its column in worlds of this motion.
     pub fn column(&self, motion: Motion) -> Column {
-        // In a linear world the torque is a force, and the column's name says so.
+        // In a linear world the torque is a force, and the column is named so.
         let stem = if (*self, motion) == (Signal::TORQUE, Motion::Linear) { "force" } else { self.stem };
         column(stem, self.measures, self.doc, motion)
     }

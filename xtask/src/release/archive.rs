@@ -72,7 +72,7 @@ pub fn file() -> Result<PathBuf> {
     Ok(file)
 }
 
-/// How somebody gets the program: it needs no installer.
+/// The instructions for getting the program: it needs no installer.
 pub fn install_line() -> String {
     let (name, repository) = (name(HERE), env!("CARGO_PKG_REPOSITORY"));
     format!(

@@ -27,7 +27,7 @@ pub struct Case {
     pub gain: f64,
     /// s
     pub seconds: f64,
-    /// The scale of what it asks for.
+    /// How the case treats the scale of its law.
     pub scale: Scale,
     /// Whether the swing is wide: conditions depend on motion.
     pub wide: bool,

@@ -218,7 +218,7 @@ impl State {
 
     /// Answers a transfer with a packet, where there are both.
     fn deliver(&mut self, endpoint: usize) {
-        // A packet without a transfer stays, so that the device can tell that it is unread.
+        // A packet without a transfer stays, so that the device can detect that it is unread.
         if let Some(packet) = self.ready[endpoint].take_if(|_| !self.into[endpoint].is_empty())
             && let Some(transfer) = self.into[endpoint].pop_front()
         {

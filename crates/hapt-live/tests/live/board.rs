@@ -157,7 +157,7 @@ fn a_key_that_is_set_is_certified_and_loaded_and_the_board_is_armed_again() {
 fn a_world_that_the_board_refuses_leaves_the_running_one() {
     let (_board, live) = plugged(".");
     let (mut page, _) = Page::new(&live);
-    // Its timer goes up to 10 ms, and only the board knows.
+    // The board's timer goes up to 10 ms, which only the board can check.
     page.say(json!({ "type": "sets", "sets": [["loop.period", "20 ms"]] }));
     let refused = page.hear("refused");
     assert!(refused["message"].as_str().unwrap().contains("the board refuses to take the world"), "{refused}");

@@ -352,7 +352,7 @@ proptest! {
     #![proptest_config(hapt_testing::cases(60))]
 
     /// A loop at the instants of a clock that is occasionally late: the records show the number of samples inside the certificate, and the
-    /// torque is removed, where the world asks for that, at the first sample outside.
+    /// torque is removed, where the world enables that, at the first sample outside.
     #[test]
     fn the_times_that_a_world_states_are_kept_or_the_torque_is_removed(
         pattern in prop::collection::vec((0.0..0.3f64, prop::option::weighted(0.02, 0.3..0.999f64), 0u32..900_000), 1..400),

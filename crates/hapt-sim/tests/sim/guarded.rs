@@ -90,7 +90,7 @@ fn a_wheel_that_diverges_hands_off_is_stopped_and_stays_without_torque() {
     let mut world = michigan(Method::ForwardEuler, Output::Start);
     world.bodies[0].position = 0.2;
     world.device.damping = 1e-4;
-    // On the simulated device it is stopped only where the file asks for faults of the energy ledgers.
+    // On the simulated device it is stopped only where the file enables faults of the energy ledgers.
     for (profile, asked) in
         [(SafetyProfile::Simulated, Some(true)), (SafetyProfile::Simulated, None), (SafetyProfile::Uncertified, None)]
     {
