@@ -395,9 +395,9 @@ class Coupling:
     """A law between two ends, with its steepest rise and its damping."""
 
     def __init__(self, table, ends):
-        if table.left.get("kind") in ("texture", "friction", "integral"):
+        if table.left.get("kind") == "texture":
             raise Refused(f"{table.name}: no theorem here covers a coupling of the kind {table.left['kind']}")
-        kinds = ("spring", "damper", "wall", "detent", "dead-band", "magnet", "constant")
+        kinds = ("spring", "damper", "wall", "detent", "dead-band", "magnet", "constant", "friction", "integral")
         self.kind = table.name_of("kind", kinds)
         between = table.take("between")
         if type(between) is not list or len(between) != 2 or any(type(end) is not str for end in between):
@@ -405,7 +405,7 @@ class Coupling:
         if between[0] == between[1] or not set(between) <= ends:
             raise Refused(f"{table.path('between')} has ends that are the same, or not known")
         self.ends = frozenset(between)
-        self.stiffness = self.damping = ZERO
+        self.stiffness = self.damping = self.within = ZERO
         self.compensates, self.limit = False, None
         getattr(self, "read_" + self.kind.replace("-", "_"))(table)
         if self.kind in ("spring", "damper", "wall", "dead-band") and "limit" in table.left:
@@ -449,12 +449,29 @@ class Coupling:
         if torque.low != 0 or torque.high != 0:
             raise Refused(f"{table.name}: a constant torque has an energy without a lower bound, and no theorem here covers it")
 
+    def read_friction(self, table):
+        self.within_friction(table, table.number("torque", TORQUE))
+
+    def read_integral(self, table):
+        table.number("stiffness", STIFFNESS)
+        table.number("time", TIME, positive=True)
+        table.any("rest", POSITION, ZERO)
+        if "limit" not in table.left:
+            raise Refused(f"{table.name}: an integral term without a limit is covered by no theorem")
+        self.within_friction(table, table.number("limit", TORQUE, positive=True))
+
+    def within_friction(self, table, most):
+        """(T76): friction of the device takes a torque of this size at most, whatever it is."""
+        if self.ends != {"puck", "ground"}:
+            raise Refused(f"{table.name}: no theorem here covers a coupling of the kind {self.kind} at a body")
+        self.within = most
+
     @classmethod
     def of_gravity(cls, share, torque):
         """A detent of a turn, share · torque · 2 pi/(2 pi) steep."""
         law = cls.__new__(cls)
         law.kind, law.ends = "detent", frozenset(("puck", "ground"))
-        law.stiffness, law.damping = share * torque, ZERO
+        law.stiffness, law.damping, law.within = share * torque, ZERO, ZERO
         law.compensates, law.limit = False, None
         return law
 
@@ -465,7 +482,8 @@ class Coupling:
         return not self.ends <= {"puck", "ground"}
 
     def is_linear(self):
-        return self.kind in ("spring", "damper", "constant") and self.limit is None
+        """Or taken by friction, so that it is none of the couplings of the rest."""
+        return self.kind in ("spring", "damper", "constant", "friction", "integral") and self.limit is None
 
 
 class World:
@@ -577,8 +595,9 @@ class World:
     def read_device(self, table):
         table.range("inertia", INERTIA, positive=True)
         self.damping, _ = table.range("damping", DAMPING)
-        table.range("friction", TORQUE)
-        table.range("friction_backward", TORQUE)
+        self.friction, _ = table.range("friction", TORQUE)
+        if "friction_backward" in table.left:
+            self.friction = least_of(self.friction, table.range("friction_backward", TORQUE)[0])
         # (T74): friction that falls with the speed is Coulomb friction beside what takes power and gives none.
         if "stribeck" in table.left:
             falling = Table("device.stribeck", table.take("stribeck"), table.is_linear)
@@ -647,6 +666,12 @@ class World:
 
     def at_puck(self):
         return [(index, coupling) for index, coupling in enumerate(self.couplings) if coupling.is_at("puck")]
+
+    def needs_friction(self):
+        """(T76): the device's friction takes the torques that it has to take, whatever the rest asks for."""
+        within = sum((coupling.within for coupling in self.couplings), ZERO)
+        if self.friction.low * SLACK < within.high:
+            raise Refused(f"the device's friction of {shown(self.friction.low)} does not take torques of up to {shown(within.high)}")
 
     def sums(self):
         """K and B: the sums of stiffness and damping at the puck."""
@@ -942,6 +967,7 @@ def check_claim(world, claim):
     name, theorem, times_of, damping, _, witness = with_keys(claim, keys, "a claim")
     if name not in CLAIMS or theorem not in THEOREMS:
         raise Refused(f"the claim {name!r} by the theorem {theorem!r} is not known here")
+    world.needs_friction()
     rule, check = THEOREMS[theorem]
     if theorem not in world.found:
         world.found[theorem] = rule(world)

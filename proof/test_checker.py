@@ -313,6 +313,24 @@ class Checker(unittest.TestCase):
             with self.subTest(device=wrong):
                 self.refuses(alone("", 5e-4, SPRING, device=wrong), proof(**own))
 
+    def test_friction_takes_torques_of_no_more_than_itself(self):
+        term = 'kind = "integral"\nstiffness = 1\ntime = "0.1 s"\nlimit = "0.75 N mm"'
+        drag = 'kind = "friction"\ntorque = "0.25 N mm"'
+        laws = [(0, "1", "0"), (1, "0", "0"), (2, "0", "0")]
+        own = {"theorem": "laws", "laws": laws, "required": "5e-4"}
+        enough, both = 'friction = "1 N mm"\n', (SPRING, term, drag)
+        self.accepts(alone("", 5e-4, *both, device=enough), proof(**own))
+        self.accepts(alone("", 5e-4, *both, device='friction = "1.25 N mm ± 20 %"\n'), proof(**own))
+        for less in ("", 'friction = "0.999999999 N mm"\n', enough + 'friction_backward = "0.99 N mm"\n', 'friction = "1.25 N mm ± 21 %"\n'):
+            with self.subTest(friction=less):
+                self.refuses(alone("", 5e-4, *both, device=less), proof(**own))
+        for wrong in (term.replace('limit = "0.75 N mm"', ""), term + "\ndamping = 1", drag + "\ncoulomb = 1", drag.replace('torque = "0.25 N mm"', "coulomb = 1")):
+            with self.subTest(coupling=wrong):
+                self.refuses(alone("", 5e-4, SPRING, wrong, drag, device=enough), proof(**own))
+        # On a body the device's friction takes nothing.
+        at_body = WORLD.replace('kind = "spring"', 'kind = "friction"\ntorque = "0.1 N mm"').replace("[bodies", enough + "[bodies")
+        self.refuses(at_body.replace('stiffness = "1 N m/rad"', "", 1), proof(laws=[(0, "0", "0"), (1, "0", "1e-4"), (3, "1/2", "0")]))
+
     def test_a_polynomial_needs_its_own_coefficients_and_intervals(self):
         # A spring and a damper behind one sample: with s, K T (3/2 - 2 s) - B (1 - 8 s + 8 s²), K T = 1e-3, B = 2e-4, is largest at 0.
         world = alone('estimator = "difference"\ndelay = "1 ms"', 1.3e-3, SPRING, 'kind = "damper"\ndamping = 2e-4')

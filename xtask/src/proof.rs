@@ -239,6 +239,9 @@ fn changed_worlds(world: &World, required: f64, theorem: &str) -> Vec<(&'static 
         all.push(("start", with(&|world| world.sampling.output = Output::Start)));
         all.push(("explicit", with(&|world| world.sampling.method = Method::SemiImplicitEuler)));
     }
+    if world.couplings.iter().any(|c| matches!(c.law, Law::Integral { .. } | Law::Coulomb { .. })) {
+        all.push(("slippery", with(&|world| world.device.friction *= 1.0 - 1e-9)));
+    }
     let stiff = |c: &Coupling| {
         c.law.spring().is_some_and(|stiffness| stiffness > 0.0) && [c.first, c.second].contains(&End::Puck)
     };
@@ -333,6 +336,11 @@ fn random(rng: &mut Rng) -> World {
             .collect();
         world.names = (0..world.bodies.len()).map(|i| format!("b{i}")).collect();
     }
+    for _ in 0..rng.usize(..3) {
+        let torque = log_uniform(rng, -4.0, -1.0);
+        let friction = (torque, rng.bool());
+        within_friction(rng, &mut world, friction);
+    }
     let ends: Vec<End> = [End::Puck, End::Ground].into_iter().chain((0..world.bodies.len()).map(End::Body)).collect();
     for _ in 0..rng.usize(1..6) {
         let first = one_of(rng, &ends);
@@ -349,6 +357,21 @@ fn random(rng: &mut Rng) -> World {
         }
     }
     world
+}
+
+/// Adds an integral term or friction at the puck that the device's friction takes, all of it or more.
+fn within_friction(rng: &mut Rng, world: &mut World, (torque, is_integral): (f64, bool)) {
+    let (law, limit) = match is_integral {
+        true => (Law::Integral { stiffness: log_uniform(rng, -2.0, 2.0), time: 0.1, rest: rng.f64() }, Some(torque)),
+        false => (Law::Coulomb { torque }, None),
+    };
+    let (first, second) = if rng.bool() { (End::Puck, End::Ground) } else { (End::Ground, End::Puck) };
+    world.couplings.push(Coupling { first, second, law, limit });
+    let device = &mut world.device;
+    let [least, _] = device.friction_range();
+    device.tolerances.friction = if rng.bool() { 0.0 } else { 0.2 };
+    device.friction = (least + torque) * (1.0 + 1e-12) / (1.0 - device.tolerances.friction);
+    device.friction_backward = rng.bool().then_some(1.5 * device.friction);
 }
 
 /// A filtered velocity together with nonlinear laws has no proof.

@@ -44,7 +44,7 @@ fn excess_or_sign(world: &World, spare: f64, sign: bool) -> f64 {
         let mut by_friction = false;
         let mut take = |claim: &Claim| {
             excess = excess.max(claim.excess());
-            by_friction |= claim.is_by_friction();
+            by_friction |= claim.is_by_friction() || claim.is_within_friction;
             excess
         };
         if is_stated(world) {

@@ -133,9 +133,11 @@ fn with_stability(world: &World, held: Stability, free: Stability) -> Result<Che
     let by_friction = is_passive && (passivity.by_friction || uneven.by_friction);
     let passive = uneven.passive.and(&passivity.passive).when(is_passive);
     let held_claim = held_claim(world, &held, &passive);
-    let free_claim = free_claim(world, &free, &passive, by_friction);
+    let is_within_friction = is_passive && passivity.is_within_friction && uneven.is_within_friction;
+    let rests_on_friction = by_friction || is_within_friction;
+    let free_claim = free_claim(world, &free, &passive, rests_on_friction);
     let certified = held_claim.and(&free_claim).and(&passive);
-    let is_broken = uneven.free.verdict() == PatternVerdict::Broken && !by_friction;
+    let is_broken = uneven.free.verdict() == PatternVerdict::Broken && !rests_on_friction;
     let is_refuted = !is_stable(&held) || !is_stable(&free) || passivity.is_refuted || uneven.is_refuted || is_broken;
     let status = match (certified.holds(), is_refuted) {
         (true, _) => Status::Certified,
@@ -356,7 +358,7 @@ fn at_puck(world: &World) -> impl Iterator<Item = String> {
     world.couplings.iter().enumerate().filter(|(_, c)| laws::at_puck(c)).filter_map(move |(index, c)| match (Kind::of(c), laws::most(c)) {
         (Kind::Coulomb, torque) if torque > 0.0 => Some(format!(
             "couplings.{index}: Coulomb friction at the puck jumps with the sign of the velocity, so no finite damping makes \
-             it passive; LuGre friction with its bristles has a finite slope"
+             it passive, but the device's own friction of as much does; LuGre friction with its bristles has a finite slope"
         )),
         (Kind::Constant, torque) if torque != 0.0 => {
             let speed = if damping > 0.0 {
@@ -371,8 +373,9 @@ fn at_puck(world: &World) -> impl Iterator<Item = String> {
             ))
         }
         (Kind::Integral, _) if laws::integral_gain(&c.law) > 0.0 => Some(format!(
-            "couplings.{index}: an integral term gives energy to a hand that moves slowly to and fro, whatever the damping is. \
-             Hands-off it is decided by the eigenvalues, where it has no limit; held away from its rest its torque grows, which held leaves out"
+            "couplings.{index}: an integral term gives energy to a hand that moves slowly to and fro, whatever the damping is, but a limit within \
+             the device's friction, which takes as much. Hands-off it is decided by the eigenvalues, where it has no limit; held away from its rest \
+             its torque grows, which held leaves out"
         )),
         (Kind::Linear | Kind::Constant | Kind::Potential | Kind::Coulomb | Kind::Lugre | Kind::Integral, _) => None,
     })

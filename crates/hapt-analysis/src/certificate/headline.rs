@@ -50,6 +50,7 @@ impl Check {
         let by_friction = is_certified && self.uneven.is_stated && under_all != PatternVerdict::Proved;
         match (self.free.verdict, self.claims("free")) {
             (_, true) if by_friction => "safe to let go, as long as its speed is kept",
+            (Verdict::Unstable, true) if self.kept_speed().is_none() => "safe to let go, on the device's friction",
             (Verdict::Unstable, true) => "safe to let go, as long as its speed is kept",
             (Verdict::Unstable, false) => "not safe to let go",
             (Verdict::Marginal, true) => "safe to let go, though it may never come to rest",
@@ -144,6 +145,9 @@ impl Check {
                 "; the device's friction brings it to rest below {}",
                 with_unit(speed, Measure::Velocity, self.motion)
             ),
+            None if self.passivity.is_within_friction && free.verdict == Verdict::Unstable && self.claims("free") => {
+                "; the device's friction takes what makes it grow".into()
+            }
             None => String::new(),
         };
         pace(free, &swing) + &friction + &self.pushed()

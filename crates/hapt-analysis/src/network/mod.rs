@@ -35,6 +35,7 @@ use crate::certificate::remedies::remedies;
 use crate::equations::laws;
 use crate::error::Error;
 use crate::passivity::quantisation::{quantisation, step};
+use crate::passivity::within::beside;
 use burden::{Burden, bounds_damping};
 
 pub use demands::{Demands, FixedExcess};
@@ -270,6 +271,13 @@ fn counts(network: &System, index: usize, own: &[&Link]) -> Result<Option<String
     }))
 }
 
+/// The world of a claim on the least friction of its device: what torques within it leave, (T76).
+fn on_least_friction(world: &World) -> World {
+    let mut least = world.clone();
+    least.device.set_friction(world.device.friction_range()[0]);
+    beside(&least).into_owned()
+}
+
 /// The world of a station with its links as couplings to ground, and the friction that the counts at their other ends leave; `None` without
 /// counts and levels, or links.
 fn beside_links(network: &System, index: usize, own: &[&Link]) -> Option<World> {
@@ -289,8 +297,8 @@ fn beside_links(network: &System, index: usize, own: &[&Link]) -> Option<World> 
     if here + damping == 0.0 || others + size(&station.world) == 0.0 && step(&station.world) == 0.0 {
         return None;
     }
-    let mut with_links = station.world.clone();
-    with_links.device.set_friction(station.world.device.friction_range()[0] - others);
+    let mut with_links = on_least_friction(&station.world);
+    with_links.device.set_friction(with_links.device.friction - others);
     let laws = [Law::Spring { stiffness: here, rest: 0.0 }, Law::Damper { damping: Damping::Fixed(damping) }];
     with_links.couplings.extend(laws.map(|law| law.between(End::Puck, End::Ground)));
     Some(with_links)

@@ -6,6 +6,7 @@ pub(crate) mod required;
 pub(crate) mod supremum;
 pub(crate) mod timing;
 pub(crate) mod two_rates;
+pub(crate) mod within;
 pub mod worst_grip;
 
 pub use required::Cause;

@@ -18,6 +18,7 @@ use crate::equations::discrete::keeps_energy;
 use crate::equations::laws::{self, Kind};
 use crate::equations::slopes::at_puck;
 use crate::error::Error;
+use crate::passivity::within::beside;
 
 /// The stiffness that encoder and torque quantisation allow.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -29,7 +30,7 @@ pub struct Quantisation {
     /// ΣB Δ/T + step/2, N·m (linear: N).
     #[serde(skip)]
     pub least_friction: f64,
-    /// The friction of the device in the direction that has less, in the same unit.
+    /// The friction of the device in the direction that has less, without what (T76) takes of it, in the same unit.
     #[serde(skip)]
     pub friction: f64,
     /// The stiffness at the puck, at the steepest slopes.
@@ -66,7 +67,7 @@ pub(crate) fn step(world: &World) -> f64 {
 pub fn quantisation(world: &World) -> Result<Quantisation, Error> {
     let [stiffness, damping] = at_puck(world, &world.couplings)?;
     let (device, period) = (&world.device, world.sampling.period);
-    let (friction, step, count) = (device.least_friction(), step(world), world.count());
+    let (friction, step, count) = (beside(world).device.least_friction(), step(world), world.count());
     let over = if world.sampling.takes_several_samples() { f64::from(world.sampling.every) } else { 1.0 };
     let least_friction = count.map_or(0.0, |count| damping * count / (over * period)) + 0.5 * step;
     let max_stiffness = (count.is_some() || step > 0.0).then(|| {

@@ -19,14 +19,12 @@ use crate::equations::slopes::at_puck;
 use crate::error::Error;
 use crate::passivity::quantisation::{Quantisation, quantisation, step};
 use crate::passivity::timing::Timing;
+use crate::passivity::within::taken;
 use crate::text::with_unit;
 
 pub(super) const LOW_PASS: &str = "a low-pass delays the velocity, and nonlinear couplings have no proof with that";
 
 pub(super) const BRISTLE_EVERY: &str = "a velocity over several samples bends the bristles of LuGre friction behind the puck, and they have no proof with that: every = 1";
-
-pub(super) const INTEGRAL_IN_FRICTION: &str =
-    "an integral term whose limit the device's friction takes may be passive, and has no proof";
 
 pub(super) const BRISTLE: &str =
     "LuGre friction at the puck is proved as a hysteresis alone: bristle_damping = 0, and stribeck the same as coulomb";
@@ -231,6 +229,17 @@ pub(super) fn friction(world: &World, found: &Quantisation) -> Option<String> {
         "the stiffness at the puck, {stiffness}, is above the {most} up to which damping and a friction of {} absorb {what}: it may hum",
         torque(found.friction)
     ))
+}
+
+/// Why (T76) does not cover a world whose torques are more than friction takes.
+pub(super) fn within_friction(world: &World) -> String {
+    let torque = |torque: f64| with_unit(torque, Measure::Torque, world.motion);
+    format!(
+        "friction, integral terms and compensations of friction at the puck give up to {} together, and the device's friction takes {} at \
+         least: torques of no more than that have a proof",
+        torque(taken(&world.couplings)),
+        torque(world.device.least_friction())
+    )
 }
 
 /// Why the energy theorem does not cover a world with nonlinear couplings at bodies; `None` where it does.

@@ -9,9 +9,10 @@ use crate::passivity::quantisation::quantisation;
 use crate::passivity::required::Cause;
 use crate::passivity::supremum::{Wanted, requirement_beside};
 use crate::passivity::timing::Timing;
+use crate::passivity::within::{beside, taken};
 use crate::theorems::assumptions::{Omission, beyond, is_estimate, outside};
 use crate::theorems::demands::{Demand, best, estimate, steepest_at_hz};
-use crate::theorems::{Claimed, FRICTION};
+use crate::theorems::{Claimed, FRICTION, WITHIN_FRICTION};
 
 /// The claim that a loop is passive against every passive hand.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +30,8 @@ pub(crate) struct Claim {
     pub outside: Vec<String>,
     /// The speed below which the device's friction makes up for missing damping, rad/s (linear: m/s).
     pub speed_max: Option<f64>,
+    /// Whether friction of the device takes torques of the world, which the rest is claimed without, (T76).
+    pub is_within_friction: bool,
     /// The device damping that the claim is about.
     pub device_damping: f64,
     /// The largest speed that the supervisor allows, where the file states it.
@@ -49,6 +52,9 @@ pub(crate) fn least(world: &World) -> World {
 impl Claim {
     /// Of `world`, with one device, one delay and one lag, under `timing`.
     pub fn of(world: &World, timing: Timing, wanted: Wanted) -> Result<Claim, Error> {
+        let rest = beside(world);
+        let is_within_friction = taken(&world.couplings) > taken(&rest.couplings);
+        let world = &*rest;
         let device_damping = world.device.damping;
         let demanded = best(world, timing, wanted)?;
         let mut reasons = outside(world);
@@ -80,7 +86,9 @@ impl Claim {
             }
         };
         let at_hz = if wanted == Wanted::Value { steepest_at_hz(world, timing)?.unwrap_or(at_hz) } else { at_hz };
-        let covered = Claimed::by(&demanded.theorems).when(is_covered);
+        let mut theorems = demanded.theorems;
+        theorems.extend(is_within_friction.then_some(&WITHIN_FRICTION));
+        let covered = Claimed::by(&theorems).when(is_covered);
         let speed_max = match required {
             Some(required) if covered.holds() && required > device_damping => speed_max(world, timing, required)?,
             _ => None,
@@ -95,6 +103,7 @@ impl Claim {
             is_refuted,
             outside: reasons,
             speed_max,
+            is_within_friction,
             device_damping,
             overspeed,
         })
@@ -136,7 +145,7 @@ impl Claim {
 
     /// The claim, with what is left out of it: counts, levels, the motor's limit and friction of the device.
     pub(super) fn beyond(&self, world: &World, timing: Timing) -> Result<Vec<Omission>, Error> {
-        beyond(world, timing, self.required.map(|b| b.max(self.device_damping)))
+        beyond(&beside(world), timing, self.required.map(|b| b.max(self.device_damping)))
     }
 }
 

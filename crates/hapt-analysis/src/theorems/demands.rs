@@ -14,9 +14,7 @@ use crate::passivity::required::{
 };
 use crate::passivity::supremum::Wanted;
 use crate::passivity::timing::Timing;
-use crate::theorems::assumptions::{
-    BRISTLE, BRISTLE_EVERY, INTEGRAL_IN_FRICTION, LOW_PASS, behind_filter, outside_energy,
-};
+use crate::theorems::assumptions::{BRISTLE, BRISTLE_EVERY, LOW_PASS, behind_filter, outside_energy, within_friction};
 use crate::theorems::{ENERGY, INTEGRAL, LAWS, LINEAR, LINEAR_LAG, LINEAR_LATE, LINEAR_UNEVEN, TWO_RATES, Theorem};
 
 /// What a theorem demands.
@@ -79,8 +77,8 @@ pub(super) fn best(world: &World, timing: Timing, wanted: Wanted) -> Result<Dema
     // With a limit it gives the same energy in every turn of a hand that is slow and small; but friction of more than the limit takes that.
     if world.couplings.iter().any(integrates) {
         let most: f64 = world.couplings.iter().filter(|c| integrates(c)).map(laws::most).sum();
-        if most <= world.device.friction {
-            return Ok(Demanded::outside(INTEGRAL_IN_FRICTION));
+        if most <= world.device.least_friction() {
+            return Ok(Demanded::outside(within_friction(world)));
         }
         return Ok(Demanded::new(Demand::Never { cause: Cause::Integral, at_hz: Some(0.0) }, &INTEGRAL));
     }

@@ -157,6 +157,16 @@ pub static FRICTION: Theorem = Theorem {
     ],
 };
 
+/// Torques that the device's friction takes.
+pub static WITHIN_FRICTION: Theorem = Theorem {
+    id: "within-friction",
+    equations: "(T76)",
+    assumes: &[
+        "friction and integral terms between puck and ground have a largest torque each, together no more than the device's Coulomb friction",
+        "the device's Coulomb friction is at least the least of its tolerance",
+    ],
+};
+
 /// Whether a theorem makes a claim. Only [`crate::theorems`] makes one that holds.
 #[derive(Clone, Default, PartialEq)]
 pub struct Claimed(Option<Vec<&'static Theorem>>);

@@ -46,6 +46,9 @@ pub struct Passivity {
     /// The damping is lacking in the linear loop, and friction makes up for it: `speed_max` is kept.
     #[serde(skip)]
     pub by_friction: bool,
+    /// The device's friction takes torques of the world, (T76), which `free` has beside no friction.
+    #[serde(skip)]
+    pub is_within_friction: bool,
 }
 
 impl Passivity {
@@ -71,6 +74,7 @@ impl Passivity {
             is_covered: claim.covered.holds() && claim.outside.is_empty(),
             is_refuted: claim.is_refuted,
             by_friction: claim.is_by_friction(),
+            is_within_friction: claim.is_within_friction,
         }
     }
 

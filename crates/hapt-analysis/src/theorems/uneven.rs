@@ -53,6 +53,9 @@ pub struct Uneven {
     /// The damping is lacking in the linear loop, and friction makes up for it.
     #[serde(skip)]
     pub by_friction: bool,
+    /// As [`Passivity::is_within_friction`].
+    #[serde(skip)]
+    pub is_within_friction: bool,
     /// Whether something was found against it.
     #[serde(skip)]
     pub is_refuted: bool,
@@ -91,6 +94,7 @@ pub fn uneven(world: &World) -> Result<Uneven, Error> {
         required_damping: found.required_damping,
         is_covered: found.is_covered,
         by_friction: found.by_friction,
+        is_within_friction: found.is_within_friction,
         is_refuted: found.is_refuted,
         passive: found.passive,
         speed_max: found.speed_max,

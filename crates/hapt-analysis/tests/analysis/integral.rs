@@ -1,6 +1,6 @@
 //! The integral term of a PID controller: the hands-off loop by its eigenvalues, and no claim of passivity.
 
-use hapt_analysis::{Status, check, free_growth, gripped_growth, worst_grip};
+use hapt_analysis::{Status, Verdict, check, free_growth, gripped_growth, is_certified, worst_grip};
 use hapt_core::{Loop, Puck};
 use hapt_model::{Coupling, Delay, End, EstimatorKind, Law, Method, Output, World};
 use nalgebra::{Complex, DMatrix};
@@ -119,15 +119,29 @@ fn the_search_for_hands_finds_one() {
     assert!(worst.growth_per_s > 0.0);
 }
 
-/// Friction of more than its limit takes what it gives. That is not proved, and it is not refuted.
+/// Friction of its limit takes what it gives, (T76), and of the same limit from both sides.
 #[test]
-fn friction_that_takes_the_limit_leaves_it_open() {
+fn friction_that_takes_the_limit_makes_it_passive() {
     let mut world = pid(1e-3, [4.0, 0.0, 10.0]);
     (world.device.damping, world.couplings[2].limit) = (0.02, Some(0.1));
-    for (friction, status) in [(0.0, Status::Refuted), (0.099, Status::Refuted), (0.15, Status::Open)] {
+    for (friction, status) in
+        [(0.0, Status::Refuted), (0.099, Status::Refuted), (0.1, Status::Certified), (0.15, Status::Certified)]
+    {
         world.device.friction = friction;
         let found = check(&world).unwrap();
         assert_eq!(found.status, status, "{friction}: {:?}", found.passivity);
-        assert!(!found.passivity.passive.holds());
+        assert_eq!(found.passivity.passive.holds(), status == Status::Certified);
+        assert_eq!(is_certified(&world), status == Status::Certified);
     }
+    // By its eigenvalues alone it would grow.
+    world.couplings[2].law = Law::Integral { stiffness: 1e4, time: 0.5, rest: 0.0 };
+    let found = check(&world).unwrap();
+    assert_eq!((found.free.verdict, found.status, is_certified(&world)), (Verdict::Unstable, Status::Certified, true));
+    assert!(found.headline().contains("safe to let go, on the device's friction"), "{}", found.headline());
+    // A tolerance counts, and so does the direction that has less.
+    world.device.tolerances.friction = 0.5;
+    assert!(!check(&world).unwrap().certified.holds() && !is_certified(&world));
+    world.device.tolerances.friction = 0.0;
+    world.device.friction_backward = Some(0.09);
+    assert!(!check(&world).unwrap().certified.holds() && !is_certified(&world));
 }

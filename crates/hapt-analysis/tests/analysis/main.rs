@@ -21,5 +21,6 @@ mod published;
 mod remedies;
 mod side;
 mod two_rates;
+mod within_friction;
 mod witnesses;
 mod z_width;

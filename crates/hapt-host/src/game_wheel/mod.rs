@@ -132,11 +132,12 @@ impl Room {
             lag: world.device.lag_range()[1],
         };
         let damping = least - demand;
-        // The world's own counts and levels use damping and friction first.
+        // The world's own torques within friction, counts and levels use damping and friction first.
         let own = hapt_analysis::quantisation(world).map_err(|error| WheelError::Check(error.to_string()))?;
         let count = world.count().unwrap_or(0.0);
+        let within = world.device.least_friction() - own.friction;
         let ([friction, _], of_world) =
-            (world.device.friction_range(), own.least_friction + 0.5 * own.stiffness * count);
+            (world.device.friction_range(), within + own.least_friction + 0.5 * own.stiffness * count);
         let device = Device { timing, damping, friction: (friction - of_world).max(0.0), count, limit };
         let [inertia, _] = world.device.inertia_range();
         let rotor = Rotor { inertia, damping: world.device.damping, friction: world.device.least_friction() };

@@ -1,0 +1,44 @@
+//! Torques that the device's friction takes, whatever they are (docs/theory.md, (T76)).
+//!
+//! A coupling between puck and ground whose torque never exceeds L gives at most L times the path, and Coulomb friction of L takes as much. So a
+//! world is as passive as it is without the coupling on a device with that much less friction: whatever the coupling's law, estimator, delay,
+//! hold and lag are, and beside a motor that clips, since a clipped sum differs from the clipped rest by no more than L.
+
+use std::borrow::Cow;
+
+use hapt_model::{Coupling, Law, World};
+
+use crate::equations::laws::{self, Kind, most};
+
+/// The largest torque of a coupling between puck and ground that no theorem but (T76) covers: friction, an integral term, a compensation of friction.
+/// `None` of any other. An integral term without a limit has any torque.
+fn torque(coupling: &Coupling) -> Option<f64> {
+    let is_covered = match Kind::of(coupling) {
+        Kind::Coulomb => true,
+        Kind::Integral => laws::integral_gain(&coupling.law) > 0.0,
+        Kind::Linear | Kind::Constant | Kind::Potential | Kind::Lugre => false,
+    };
+    (is_covered && laws::at_puck(coupling) && !laws::at_body(coupling)).then(|| most(coupling))
+}
+
+/// The sum of such torques, N·m (linear: N); infinite where one has no bound.
+pub(crate) fn taken(couplings: &[Coupling]) -> f64 {
+    couplings.iter().filter_map(torque).sum()
+}
+
+/// The world that the claim is about: without the couplings that friction takes, on the friction that they leave. The world itself where there
+/// are none, or where the friction is less.
+pub(crate) fn beside(world: &World) -> Cow<'_, World> {
+    let taken = taken(&world.couplings);
+    let friction = world.device.least_friction();
+    if taken == 0.0 || taken > friction {
+        return Cow::Borrowed(world);
+    }
+    let mut rest = world.clone();
+    // In their places, so that others keep theirs.
+    for coupling in rest.couplings.iter_mut().filter(|coupling| torque(coupling).is_some()) {
+        *coupling = Law::Constant { torque: 0.0 }.between(coupling.first, coupling.second);
+    }
+    rest.device.set_friction(friction - taken);
+    Cow::Owned(rest)
+}

@@ -1,0 +1,243 @@
+//! Torques that the device's friction takes, (T76): integral terms with a limit and friction between puck and ground.
+//!
+//! A hand that prescribes the path z(t) of the puck gets ∫τ dz - b ∫ż² dt - f ∫|dz|, but for what it puts into the puck's inertia and gets back.
+//! Starting from rest at the rest of all springs it may never get any: of all passive hands those with a prescribed path are the strongest.
+
+use hapt_analysis::{Status, check, passivity, uneven};
+use hapt_core::Loop;
+use hapt_model::{Coupling, Delay, End, EstimatorKind, Law, Method, Output, Side, World};
+use proptest::prelude::*;
+
+use crate::common::*;
+
+type Room = Loop<f64, 2, 8, 32>;
+
+/// What a hand does from one sample to the next: how long, when in it the command arrives, and the ways before and after that.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    interval: f64,
+    late: f64,
+    ways: [f64; 2],
+}
+
+/// The most energy that the hand has got at any time of the path, J.
+fn drawn(world: &World, path: impl IntoIterator<Item = Part>) -> f64 {
+    let core = Room::new(&world.spec()).unwrap();
+    let mut state = core.start();
+    let (b, f) = (world.device.damping, world.device.least_friction());
+    let (mut z, mut held, mut work, mut most) = (0.0, 0.0, 0.0_f64, 0.0_f64);
+    for Part { interval, late, ways } in path {
+        let command = core.step(&mut state, z, 0.0).command;
+        for (way, time, torque) in [(ways[0], late, held), (ways[1], interval - late, command)] {
+            if time > 0.0 {
+                work += torque * way - b * way * way / time - f * way.abs();
+                z += way;
+                most = most.max(work);
+            }
+        }
+        held = command;
+    }
+    most
+}
+
+/// SplitMix64.
+struct Rng(u64);
+
+impl Rng {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let x = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        x ^ (x >> 31)
+    }
+}
+
+fn uniform(rng: &mut Rng, from: f64, to: f64) -> f64 {
+    from + (to - from) * (rng.next() >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+/// Paths of hands that try: to and fro across a sample, slow turns, waiting beside the rest and striking across it, random walks.
+fn path(world: &World, rng: &mut Rng, samples: usize) -> Vec<Part> {
+    let sampling = &world.sampling;
+    let kind = rng.next() % 4;
+    let size = 10_f64.powf(uniform(rng, -6.0, -0.5));
+    let turn = uniform(rng, 2.0, 400.0).floor() as usize;
+    let wait = uniform(rng, 1.0, 300.0).floor() as usize;
+    let strike = 1 + (rng.next() % 8) as usize;
+    let mut z = 0.0;
+    (0..samples)
+        .map(|k| {
+            let shortest = sampling.interval_min_s().max(sampling.delay_max_s());
+            let interval = uniform(rng, shortest, sampling.interval_max_s());
+            let late = uniform(rng, sampling.delay_s(), sampling.delay_max_s());
+            let to = match kind {
+                0 => size * if k % 2 == 0 { 1.0 } else { -1.0 },
+                1 => size * (std::f64::consts::TAU * k as f64 / turn as f64).sin(),
+                2 => {
+                    let (half, at) = (k / (wait + strike), k % (wait + strike));
+                    let moved = (at as f64 - wait as f64 + 1.0).max(0.0) / strike as f64;
+                    size * (1.0 - 2.0 * moved) * if half % 2 == 0 { 1.0 } else { -1.0 }
+                }
+                _ => z + size * uniform(rng, -1.0, 1.0),
+            };
+            let way = to - z;
+            let first = way * uniform(rng, -0.5, 1.5);
+            z = to;
+            let ways = if late > 0.0 && late < interval {
+                [first, way - first]
+            } else if late > 0.0 {
+                [way, 0.0]
+            } else {
+                [0.0, way]
+            };
+            Part { interval, late, ways }
+        })
+        .collect()
+}
+
+fn integral(stiffness: f64, time: f64, limit: f64, flip: bool) -> Coupling {
+    let ends = if flip { [End::Ground, End::Puck] } else { [End::Puck, End::Ground] };
+    Coupling { limit: Some(limit), ..Law::Integral { stiffness, time, rest: 0.0 }.between(ends[0], ends[1]) }
+}
+
+fn friction(torque: f64) -> Coupling {
+    Law::Coulomb { torque }.between(End::Puck, End::Ground)
+}
+
+prop_compose! {
+    /// A world with torques within friction, with `share` of the friction that they, counts and levels ask for.
+    fn within(share: std::ops::Range<f64>)(
+        k in 0.0..5.0_f64, b in 0.0..0.01_f64, wall in prop::option::of((0.0..2.0_f64, 0.0..0.003_f64)), gain in 0.5..500.0_f64, time in 0.01..1.0_f64,
+        limits in [1e-3..0.1_f64, 1e-3..0.1_f64], which in 1..4_u8, flip: bool,
+        late in prop_oneof![Just(0.0), 0.0..1.0_f64, Just(1.0)], more in prop_oneof![Just(0.0), 0.0..0.5_f64], longest in prop_oneof![Just(None), (1.0..1.5_f64).prop_map(Some)],
+        encoder in prop::option::of(500.0..2e4_f64), levels in prop::option::of(100..2000_u32), foaw: bool, share in share,
+    ) -> World {
+        let mut couplings = vec![spring(End::Puck, End::Ground, k), damper(End::Puck, End::Ground, b)];
+        couplings.extend(wall.map(|(stiffness, damping)| {
+            Law::Wall { side: Side::Above, at: 0.05, stiffness, damping }.between(End::Puck, End::Ground)
+        }));
+        couplings.extend((which & 1 > 0).then(|| integral(gain * time, time, limits[0], flip)));
+        couplings.extend((which & 2 > 0).then(|| friction(limits[1])));
+        let mut world = Bench::of(couplings).world(Method::Zoh, Output::End, 1e-3);
+        world.sampling.delay = Delay::Seconds(late * 1e-3);
+        world.sampling.delay_max = (more > 0.0).then_some(Delay::Seconds((late + more * (1.0 - late)) * 1e-3));
+        world.sampling.interval_max = longest.map(|longest| longest * 1e-3);
+        if foaw {
+            // A damping with it has no proof.
+            for coupling in &mut world.couplings {
+                match &mut coupling.law {
+                    Law::Damper { damping } => *damping = hapt_model::Damping::Fixed(0.0),
+                    Law::Wall { damping, .. } => *damping = 0.0,
+                    _ => {}
+                }
+            }
+            world.sampling.estimator = EstimatorKind::Foaw;
+        }
+        world.device.encoder = encoder.map(f64::round);
+        (world.device.limit, world.device.levels) = (levels.map(|_| 10.0), levels.map(|half| 2 * half));
+        let taken = if which & 1 > 0 { limits[0] } else { 0.0 } + if which & 2 > 0 { limits[1] } else { 0.0 };
+        let stiffness = k + wall.map_or(0.0, |wall| wall.0);
+        let damping = b + wall.map_or(0.0, |wall| wall.1);
+        let count = world.count().unwrap_or(0.0);
+        let levels = levels.map_or(0.0, |half| 10.0 / f64::from(2 * half));
+        let rounded = 0.5 * stiffness * count + damping * count / 1e-3 + levels;
+        world.device.set_friction(share * taken + rounded * (1.0 + 1e-9));
+        world
+    }
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(300))]
+
+    /// With the damping that it requires, the loop gives nothing to the hands that try, whatever the times are.
+    #[test]
+    fn what_friction_takes_no_hand_gets(mut world in within(1.0 + 1e-12..1.0 + 2e-12), seed: u64) {
+        let required = uneven(&world).unwrap().required_damping;
+        prop_assert!(required.is_some(), "{:?}", uneven(&world).unwrap().not_proved);
+        world.device.damping = required.unwrap() * (1.0 + 1e-12);
+        // A motor that clips may ask for more.
+        while !uneven(&world).unwrap().proved.holds() && world.device.damping < 1e3 {
+            world.device.damping *= 1.2;
+        }
+        let found = uneven(&world).unwrap();
+        prop_assert!(found.passive.holds() && found.proved.holds(), "{:?}", found.not_proved);
+        prop_assert!(found.passive.theorems().iter().any(|theorem| theorem.id == "within-friction"));
+        let mut rng = Rng(seed);
+        for _ in 0..12 {
+            let path = path(&world, &mut rng, 1500);
+            let travelled: f64 = path.iter().map(|part| part.ways[0].abs() + part.ways[1].abs()).sum();
+            let got = drawn(&world, path);
+            prop_assert!(got <= 1e-9 * world.device.friction * travelled, "{got} J over {travelled}");
+        }
+    }
+
+    /// Friction of less is not enough: the hand that tries gets some.
+    #[test]
+    fn with_less_friction_a_hand_gets_some(limit in 1e-3..0.1_f64, share in 0.0..0.9_f64, gain in 1.0..100.0_f64, is_integral: bool) {
+        let coupling = if is_integral { integral(gain * 0.1, 0.1, limit, false) } else { friction(limit) };
+        let mut world = Bench::of(vec![coupling]).world(Method::Zoh, Output::End, 1e-3);
+        (world.device.damping, world.device.friction) = (1e-3, share * limit);
+        let found = check(&world).unwrap();
+        prop_assert!(found.status == Status::Refuted && !found.passivity.passive.holds());
+        // It waits until the integral is full, and goes across the rest while it is.
+        let full = limit / gain;
+        let speed = 0.25 * (1.0 - share) * limit / world.device.damping;
+        let size = (0.05 * speed * full).sqrt();
+        let strike = ((2.0 * size / speed / 1e-3).ceil() as usize).max(1);
+        let wait = (2.5 * full / size / 1e-3).ceil() as usize + 1 + strike;
+        let to_and_fro = |k: usize| {
+            let (half, at) = (k / (wait + strike), k % (wait + strike));
+            let step = 2.0 * size / strike as f64;
+            let way = match (half, at) {
+                // To the first place as fast as across.
+                (0, at) if at < strike => 0.5 * step,
+                (_, at) if at < wait => 0.0,
+                (half, _) => if half % 2 == 0 { -step } else { step },
+            };
+            Part { interval: 1e-3, late: 0.0, ways: [0.0, way] }
+        };
+        let dither = |k: usize| {
+            let size = 0.1 * (1.0 - share) * limit * 1e-3 / world.device.damping;
+            Part { interval: 1e-3, late: 0.0, ways: [0.0, if k.is_multiple_of(2) { size } else { -size }] }
+        };
+        let got = if is_integral {
+            drawn(&world, (0..8 * (wait + strike)).map(to_and_fro))
+        } else {
+            drawn(&world, (0..100).map(dither))
+        };
+        prop_assert!(got > 0.0);
+    }
+
+    /// What is left of the friction pays for counts and for missing damping as that of a device which has only so much.
+    #[test]
+    fn the_rest_is_that_of_a_device_with_the_rest_of_the_friction(world in within(0.5..3.0), part in 0.2..2.0_f64, overspeed in 0.01..100.0_f64, back: bool) {
+        let mut world = world;
+        world.safety.overspeed = Some(overspeed);
+        world.device.damping = part * passivity(&world).unwrap().required_damping.unwrap_or(1e-3);
+        if back {
+            world.device.friction_backward = Some(world.device.friction);
+            world.device.friction *= 2.0;
+        }
+        let torques: Vec<usize> = (0..world.couplings.len())
+            .filter(|i| matches!(world.couplings[*i].law, Law::Integral { .. } | Law::Coulomb { .. }))
+            .collect();
+        let taken: f64 = torques.iter().map(|i| match world.couplings[*i].law {
+            Law::Coulomb { torque } => torque,
+            _ => world.couplings[*i].limit.unwrap(),
+        }).sum();
+        let mut rest = world.clone();
+        for i in torques.into_iter().rev() {
+            rest.couplings.remove(i);
+        }
+        let left = world.device.least_friction() - taken;
+        rest.device.set_friction(left.max(0.0));
+        let (found, of_rest) = (passivity(&world).unwrap(), passivity(&rest).unwrap());
+        if left < 0.0 {
+            prop_assert!(!found.passive.holds());
+        } else {
+            prop_assert_eq!(found.required_damping, of_rest.required_damping);
+            prop_assert_eq!((found.passive.holds(), found.speed_max, &found.not_proved), (of_rest.passive.holds(), of_rest.speed_max, &of_rest.not_proved));
+            prop_assert_eq!(uneven(&world).unwrap().required_damping, uneven(&rest).unwrap().required_damping);
+        }
+    }
+}
