@@ -397,7 +397,7 @@ class Coupling:
     def __init__(self, table, ends):
         if table.left.get("kind") == "texture":
             raise Refused(f"{table.name}: no theorem here covers a coupling of the kind {table.left['kind']}")
-        kinds = ("spring", "damper", "wall", "detent", "dead-band", "magnet", "constant", "friction", "integral")
+        kinds = ("spring", "damper", "wall", "detent", "dead-band", "magnet", "constant", "friction", "integral", "assist")
         self.kind = table.name_of("kind", kinds)
         between = table.take("between")
         if type(between) is not list or len(between) != 2 or any(type(end) is not str for end in between):
@@ -460,11 +460,22 @@ class Coupling:
             raise Refused(f"{table.name}: an integral term without a limit is covered by no theorem")
         self.within_friction(table, table.number("limit", TORQUE, positive=True))
 
+    def read_assist(self, table):
+        table.number("velocity", VELOCITY, positive=True)
+        self.within_friction(table, table.number("torque", TORQUE))
+
     def within_friction(self, table, most):
         """(T76): friction of the device takes a torque of this size at most, whatever it is."""
         if self.ends != {"puck", "ground"}:
             raise Refused(f"{table.name}: no theorem here covers a coupling of the kind {self.kind} at a body")
         self.within = most
+
+    @classmethod
+    def of_friction(cls, share, torque):
+        """An assist of share · torque."""
+        law = cls.of_gravity(ZERO, ZERO)
+        law.kind, law.within = "assist", share * torque
+        return law
 
     @classmethod
     def of_gravity(cls, share, torque):
@@ -483,7 +494,7 @@ class Coupling:
 
     def is_linear(self):
         """Or taken by friction, so that it is none of the couplings of the rest."""
-        return self.kind in ("spring", "damper", "constant", "friction", "integral") and self.limit is None
+        return self.kind in ("spring", "damper", "constant", "friction", "integral", "assist") and self.limit is None
 
 
 class World:
@@ -573,12 +584,15 @@ class World:
         taken = set()
         for i, table in enumerate(tables):
             table = Table(f"compensation.{i}", table, is_linear)
-            of, share = table.name_of("of", ("gravity",)), table.number("share", RATIO, ONE)
+            of, share = table.name_of("of", ("gravity", "friction")), table.number("share", RATIO, ONE)
+            if of == "friction":
+                table.number("velocity", VELOCITY, positive=True)
             table.close()
-            if of in taken or self.gravity is None or share.high > 1:
+            there = self.gravity if of == "gravity" else self.nominal_friction
+            if of in taken or there is None or share.high > 1:
                 raise Refused(f"compensation.{i} takes back what is not there, or more than there is")
             taken.add(of)
-            self.couplings.append(Coupling.of_gravity(share, self.gravity))
+            self.couplings.append(Coupling.of_gravity(share, there) if of == "gravity" else Coupling.of_friction(share, there))
 
     def read_delay(self, table, key, default):
         """A time, or a number of samples."""
@@ -595,9 +609,13 @@ class World:
     def read_device(self, table):
         table.range("inertia", INERTIA, positive=True)
         self.damping, _ = table.range("damping", DAMPING)
-        self.friction, _ = table.range("friction", TORQUE)
-        if "friction_backward" in table.left:
-            self.friction = least_of(self.friction, table.range("friction_backward", TORQUE)[0])
+        levels = [table.range(key, TORQUE) for key in ("friction", "friction_backward") if key == "friction" or key in table.left]
+        self.friction, self.nominal_friction = levels[0][0], (levels[0][0] + levels[0][1]) * HALF
+        for least, most in levels[1:]:
+            self.friction = least_of(self.friction, least)
+            self.nominal_friction = least_of(self.nominal_friction, (least + most) * HALF)
+        if self.nominal_friction.high == 0:
+            self.nominal_friction = None
         # (T74): friction that falls with the speed is Coulomb friction beside what takes power and gives none.
         if "stribeck" in table.left:
             falling = Table("device.stribeck", table.take("stribeck"), table.is_linear)

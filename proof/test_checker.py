@@ -327,6 +327,17 @@ class Checker(unittest.TestCase):
         for wrong in (term.replace('limit = "0.75 N mm"', ""), term + "\ndamping = 1", drag + "\ncoulomb = 1", drag.replace('torque = "0.25 N mm"', "coulomb = 1")):
             with self.subTest(coupling=wrong):
                 self.refuses(alone("", 5e-4, SPRING, wrong, drag, device=enough), proof(**own))
+        push = '[[compensation]]\nof = "friction"\nshare = 0.5\nvelocity = "0.1 rad/s"\n'
+        given = {"theorem": "laws", "laws": [(0, "1", "0"), (1, "0", "0")], "required": "5e-4"}
+        self.accepts(alone("", 5e-4, SPRING, device='friction = "1 N mm ± 50 %"\n') + push, proof(**given))
+        self.accepts(alone("", 5e-4, SPRING, 'kind = "assist"\ntorque = "1 N mm"\nvelocity = 1', device=enough), proof(**given))
+        self.refuses(alone("", 5e-4, SPRING, 'kind = "assist"\ntorque = "1.001 N mm"\nvelocity = 1', device=enough), proof(**given))
+        for wrong in (push.replace("0.5", "1.1"), push.replace('velocity = "0.1 rad/s"\n', ""), push + push, push.replace("friction", "gravity")):
+            with self.subTest(compensation=wrong):
+                result, _ = code(alone("", 5e-4, SPRING, device=enough) + wrong, proof(**given))
+                self.assertNotEqual(result, 0)
+        self.refuses(alone("", 5e-4, SPRING, device='friction = "1 N mm ± 51 %"\n') + push, proof(**given))
+        self.refuses(alone("", 5e-4, SPRING) + push, proof(**given))
         # On a body the device's friction takes nothing.
         at_body = WORLD.replace('kind = "spring"', 'kind = "friction"\ntorque = "0.1 N mm"').replace("[bodies", enough + "[bodies")
         self.refuses(at_body.replace('stiffness = "1 N m/rad"', "", 1), proof(laws=[(0, "0", "0"), (1, "0", "1e-4"), (3, "1/2", "0")]))

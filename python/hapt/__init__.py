@@ -13,6 +13,7 @@ All numbers are in SI; strings carry units. The command line and this package ar
 
 from ._analyses import Boundary, Comparison, Design, Identified, Impedance, Piece, Worst
 from ._build import (
+    Assist,
     Constant,
     Damper,
     DeadBand,
@@ -57,6 +58,7 @@ __all__ = [
     "Detent",
     "Device",
     "Friction",
+    "Assist",
     "Integral",
     "Grip",
     "Identified",

@@ -131,6 +131,14 @@ class Integral(Coupling):
 
 
 @dataclass(frozen=True)
+class Assist(Coupling):
+    """torque · q̇/velocity, within ±torque, between puck and ground: what a compensation of friction is read as."""
+
+    torque: Quantity
+    velocity: Quantity
+
+
+@dataclass(frozen=True)
 class Constant(Coupling):
     """A constant torque on the first end."""
 

@@ -49,6 +49,8 @@ export function push(coupling: Coupling, q: number, velocity: number): number {
       return torque * harmonics(coupling, q).reduce((sum, { sin, cos, sine, cosine }) => sum + sine * sin + cosine * cos, 0);
     case "friction":
       return -torque * Math.tanh(100 * velocity);
+    case "assist":
+      return coupling.velocity ? torque * Math.max(-1, Math.min(1, velocity / coupling.velocity)) : 0;
     case "constant":
       return torque;
   }

@@ -21,7 +21,7 @@ export type ToServer =
   | ({ type: "network" } & NetworkChange);
 
 export interface Coupling {
-  kind: "spring" | "damper" | "wall" | "detent" | "dead-band" | "magnet" | "texture" | "friction" | "integral" | "constant";
+  kind: "spring" | "damper" | "wall" | "detent" | "dead-band" | "magnet" | "texture" | "friction" | "integral" | "assist" | "constant";
   between: [string, string];
   key: string;
   at?: number | null;
@@ -35,6 +35,7 @@ export interface Coupling {
   torque?: number | null;
   stiffness?: number | null;
   damping?: number | null;
+  velocity?: number | null;
 }
 
 /** One of the file's keys that can be changed here. `factor` is SI per `unit`; `min` and `max` are SI. */

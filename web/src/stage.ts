@@ -183,6 +183,7 @@ export class Stage {
         return (q) => attribute(element, "d", geometry.spring(gap, q[outer]!, q[inner]! + shift));
       }
       case "damper":
+      case "assist":
         return (q) => attribute(element, "d", geometry.damper(gap, q[outer]!, q[inner]!));
       case "wall": {
         const face = coupling.at ?? 0;

@@ -29,6 +29,7 @@ const couplings = [
   { kind: "texture", between, torque: 0.5, pitch: 0.7, phase: 0.1, sine: [0.5, 0, 0.3, 0], cosine: [0.2, -0.4, 0, 0.1] },
   { kind: "integral", between, stiffness: 2, rest: 0.3 },
   { kind: "friction", between, torque: 0.2 },
+  { kind: "assist", between, torque: 0.2, velocity: 0.3 },
   { kind: "constant", between, torque: 0.2 },
 ];
 const random = (size) => size * (2 * Math.random() - 1);

@@ -239,7 +239,8 @@ fn changed_worlds(world: &World, required: f64, theorem: &str) -> Vec<(&'static 
         all.push(("start", with(&|world| world.sampling.output = Output::Start)));
         all.push(("explicit", with(&|world| world.sampling.method = Method::SemiImplicitEuler)));
     }
-    if world.couplings.iter().any(|c| matches!(c.law, Law::Integral { .. } | Law::Coulomb { .. })) {
+    if world.couplings.iter().any(|c| matches!(c.law, Law::Integral { .. } | Law::Coulomb { .. } | Law::Assist { .. }))
+    {
         all.push(("slippery", with(&|world| world.device.friction *= 1.0 - 1e-9)));
     }
     let stiff = |c: &Coupling| {
@@ -319,7 +320,7 @@ fn random(rng: &mut Rng) -> World {
     }
     if world.motion == Motion::Rotary && rng.u8(..6) == 0 {
         world.device.torque.gravity = Some(Gravity { torque: log_uniform(rng, -4.0, 0.0), phase: rng.f64() });
-        world.couplings.extend(world.device.compensation(Compensated::Gravity, rng.f64()));
+        world.couplings.extend(world.device.compensation(Compensated::Gravity, rng.f64(), None));
     }
     if rng.u8(..6) == 0 {
         let waveform = Waveform { sine: [1.0, 0.0, -0.5, 0.0], cosine: [0.0, 0.25, 0.0, 0.0] };
@@ -338,8 +339,8 @@ fn random(rng: &mut Rng) -> World {
     }
     for _ in 0..rng.usize(..3) {
         let torque = log_uniform(rng, -4.0, -1.0);
-        let friction = (torque, rng.bool());
-        within_friction(rng, &mut world, friction);
+        let kind = rng.u8(..3);
+        within_friction(rng, &mut world, torque, kind);
     }
     let ends: Vec<End> = [End::Puck, End::Ground].into_iter().chain((0..world.bodies.len()).map(End::Body)).collect();
     for _ in 0..rng.usize(1..6) {
@@ -359,11 +360,12 @@ fn random(rng: &mut Rng) -> World {
     world
 }
 
-/// Adds an integral term or friction at the puck that the device's friction takes, all of it or more.
-fn within_friction(rng: &mut Rng, world: &mut World, (torque, is_integral): (f64, bool)) {
-    let (law, limit) = match is_integral {
-        true => (Law::Integral { stiffness: log_uniform(rng, -2.0, 2.0), time: 0.1, rest: rng.f64() }, Some(torque)),
-        false => (Law::Coulomb { torque }, None),
+/// Adds an integral term, friction or an assist at the puck that the device's friction takes, all of it or more.
+fn within_friction(rng: &mut Rng, world: &mut World, torque: f64, kind: u8) {
+    let (law, limit) = match kind {
+        0 => (Law::Assist { torque, velocity: log_uniform(rng, -3.0, 2.0) }, None),
+        1 => (Law::Integral { stiffness: log_uniform(rng, -2.0, 2.0), time: 0.1, rest: rng.f64() }, Some(torque)),
+        _ => (Law::Coulomb { torque }, None),
     };
     let (first, second) = if rng.bool() { (End::Puck, End::Ground) } else { (End::Ground, End::Puck) };
     world.couplings.push(Coupling { first, second, law, limit });

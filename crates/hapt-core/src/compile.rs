@@ -182,8 +182,8 @@ fn check(spec: &Spec) -> Result<(), Error> {
             return Err(Error::SameEnds { coupling: index });
         }
         check_numbers(coupling)?;
-        if coupling.law.integrates() && (coupling.is_at_body() || spec.advance > 0) {
-            return Err(Error::Integral { coupling: index });
+        if coupling.law.is_at_puck() && (coupling.is_at_body() || spec.advance > 0) {
+            return Err(Error::AtPuck { coupling: index });
         }
         if !coupling.goes_with(spec.method) {
             return Err(Error::Unsupported { coupling: index, method: spec.method });

@@ -53,8 +53,8 @@ pub enum Error {
         /// Which coupling.
         coupling: usize,
     },
-    /// An integral term with an end that is a body, or beside an advance.
-    Integral {
+    /// An integral term or an assist with an end that is a body, or beside an advance.
+    AtPuck {
         /// Which coupling.
         coupling: usize,
     },
@@ -92,10 +92,10 @@ impl fmt::Display for Error {
             Error::NoSuchBody { coupling } => write!(f, "coupling {coupling} is tied to a body that is not there"),
             Error::SameEnds { coupling } => write!(f, "coupling {coupling} is tied to the same end twice"),
             Error::NoSpring { coupling } => write!(f, "coupling {coupling} compensates springs, and there is none"),
-            Error::Integral { coupling } => {
+            Error::AtPuck { coupling } => {
                 write!(
                     f,
-                    "coupling {coupling} is an integral term, which is between puck and ground and has no advance"
+                    "coupling {coupling} is an integral term or an assist, which is between puck and ground and has no advance"
                 )
             }
             Error::Unsupported { coupling, method } => {

@@ -4,7 +4,9 @@ use core::array::from_fn;
 use core::mem::discriminant;
 
 use crate::contact::{Solution, StepResponse};
-use crate::law::{Coulomb, Damper, DeadBand, Detent, Integral, Lugre, Magnet, Spring, Texture, Wall, direction, most};
+use crate::law::{
+    Coulomb, Damper, DeadBand, Detent, Integral, Lugre, Magnet, Spring, Texture, Wall, direction, gain, most,
+};
 use crate::spec::sign_at_puck;
 use crate::{Coupling, Damping, End, Lanes, Law, Number, Real, Vector};
 
@@ -14,7 +16,7 @@ pub(crate) enum LoopLaw<F> {
     Wall(Wall<F>),
     /// With a limit; the others are matrices.
     Spring(Spring<F>),
-    /// With a limit.
+    /// With a limit; an assist is one of negative damping.
     Damper(Damper<F>),
     Detent(Detent<F>),
     DeadBand(DeadBand<F>),
@@ -175,6 +177,9 @@ impl<F: Real> Nonlinear<F> {
                     bristle_damping: f(bristle_damping),
                     viscous: f(viscous),
                 })
+            }
+            Law::Assist { torque, velocity } => {
+                LoopLaw::Damper(Damper { damping: f(-gain(torque, velocity)), limit: f(torque) })
             }
             Law::Integral { stiffness, time, rest } => {
                 let bound = most(stiffness, time, coupling.limit.unwrap_or(f64::INFINITY));

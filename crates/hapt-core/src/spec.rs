@@ -83,12 +83,12 @@ impl Coupling {
 
     /// Whether the method takes it: at a body, a nonlinear torque is taken where it stands by the explicit methods, and found over
     /// the step by those that hold their torques, where LuGre's bristle has no such step. The methods that take the new sample first
-    /// would have it from the start of the step, where it makes energy, a constant too. An integral term is between puck and ground alone.
+    /// would have it from the start of the step, where it makes energy, a constant too. An integral term and an assist are between puck and ground alone.
     pub fn goes_with(&self, method: Method) -> bool {
         if !self.is_at_body() {
             return true;
         }
-        if self.law.integrates() {
+        if self.law.is_at_puck() {
             return false;
         }
         if self.law.has_bristle() {

@@ -1,6 +1,6 @@
 //! The file, composed of the parts that its world needs.
 
-use hapt_core::{Estimator, Limits, Output, Phase, Reason, Spec, WhenLate};
+use hapt_core::{Estimator, Law, Limits, Output, Phase, Reason, Spec, WhenLate};
 
 use crate::data::{Data, data};
 use crate::names::{Prefix, comment};
@@ -118,6 +118,7 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
     let nearest = gradient && (law("detent") || law("magnet") || law("texture"));
     let (sin, exp) = (law("detent") || law("texture"), law("magnet") || law("lugre"));
     let bristles = law("lugre") || law("integral");
+    let assist = spec.couplings.iter().any(|coupling| matches!(coupling.law, Law::Assist { .. }));
     let f64s = float == Float::F64;
     let all = yes("is_all");
     for (name, is_so) in [
@@ -126,6 +127,8 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
         ("bodies", has_bodies),
         ("nonlinear", !kinds.is_empty()),
         ("bristles", bristles),
+        ("assist", assist),
+        ("sources", assist || law("integral")),
         ("new_first", new_first),
         ("held_bodies", has_bodies && !new_first),
         ("new_first_bodies", has_bodies && new_first),

@@ -1,7 +1,7 @@
-//! `[[compensation]]`: torques of the device that the loop takes back, by the position that it measures.
+//! `[[compensation]]`: torques of the device that the loop takes back, by the position or the velocity that it measures.
 //!
-//! A compensation is the coupling between puck and ground that it makes: of gravity a detent of a turn, of cogging a texture. So it runs, is
-//! supervised, certified and exported as any other coupling of the world.
+//! A compensation is the coupling between puck and ground that it makes: of gravity a detent of a turn, of cogging a texture, of friction an
+//! assist. So it runs, is supervised, certified and exported as any other coupling of the world.
 
 use std::f64::consts::TAU;
 
@@ -12,8 +12,9 @@ use crate::kinds::Compensated;
 use crate::world::Device;
 
 impl Device {
-    /// The coupling that takes back `share` of a torque of this device; `None` where it has none.
-    pub fn compensation(&self, of: Compensated, share: f64) -> Option<Coupling> {
+    /// The coupling that takes back `share` of a torque of this device, of friction wholly from the speed `velocity` on; `None` where it has none.
+    /// Of friction that differs by direction the smaller level is taken back.
+    pub fn compensation(&self, of: Compensated, share: f64, velocity: Option<f64>) -> Option<Coupling> {
         let law = match of {
             Compensated::Gravity => {
                 let Gravity { torque, phase } = self.torque.gravity?;
@@ -24,6 +25,11 @@ impl Device {
                 let Waveform { sine, cosine } = waveform;
                 let waveform = Waveform { sine: sine.map(|x| -x), cosine: cosine.map(|x| -x) };
                 Law::Texture { torque: share * torque, pitch, phase, waveform }
+            }
+            Compensated::Friction => {
+                let friction = self.least_friction();
+                let torque = share * friction;
+                (friction > 0.0).then_some(Law::Assist { torque, velocity: velocity? })?
             }
         };
         Some(law.between(End::Puck, End::Ground))
@@ -45,9 +51,10 @@ impl Device {
                 let is_opposite = opposite(waveform.sine, sine) && opposite(waveform.cosine, cosine);
                 (is_same && is_opposite).then_some((Compensated::Cogging, torque, cogging.torque))?
             }
+            Law::Assist { torque, .. } => (Compensated::Friction, torque, self.least_friction()),
             _ => return None,
         };
-        let is_there = torque > 0.0 && coupling.first == End::Puck && coupling.second == End::Ground;
+        let is_there = torque > 0.0 && whole > 0.0 && coupling.first == End::Puck && coupling.second == End::Ground;
         is_there.then_some((of, torque / whole))
     }
 }

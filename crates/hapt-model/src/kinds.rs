@@ -46,6 +46,8 @@ hapt_core::named! {
         Gravity => "gravity",
         /// That of the motor's poles.
         Cogging => "cogging",
+        /// That of bearings, brushes and cables.
+        Friction => "friction",
     }
 }
 
@@ -71,6 +73,8 @@ hapt_core::named! {
         Friction => "friction",
         /// [`Law::Integral`]
         Integral => "integral",
+        /// [`Law::Assist`]
+        Assist => "assist",
         /// [`Law::Constant`]
         Constant => "constant",
     }
@@ -123,6 +127,7 @@ impl CouplingKind {
             Law::Texture { .. } => CouplingKind::Texture,
             Law::Coulomb { .. } | Law::Lugre { .. } => CouplingKind::Friction,
             Law::Integral { .. } => CouplingKind::Integral,
+            Law::Assist { .. } => CouplingKind::Assist,
             Law::Constant { .. } => CouplingKind::Constant,
         }
     }
@@ -140,6 +145,7 @@ impl CouplingKind {
             Law::Coulomb { .. } => "Coulomb friction",
             Law::Lugre { .. } => "LuGre friction",
             Law::Integral { .. } => "an integral term",
+            Law::Assist { .. } => "an assist",
             Law::Constant { .. } => "a constant torque",
         }
     }

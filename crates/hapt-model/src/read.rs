@@ -260,6 +260,7 @@ fn coupling(fields: &Fields<'_>, names: &[String], files: &path::Reader<'_>) -> 
             time: fields.number("time")?,
             rest: fields.number("rest")?,
         },
+        CouplingKind::Assist => Law::Assist { torque: fields.number("torque")?, velocity: fields.number("velocity")? },
         CouplingKind::Constant => Law::Constant { torque: fields.number("torque")? },
     };
     // The table of keys has a limit for the laws that take one, and for no others.
@@ -278,9 +279,22 @@ fn compensate(top: &Fields<'_>, motion: Motion, device: &Device, couplings: &mut
         if share > 1.0 {
             return wrong("share", format!("{share:?} takes back more than there is; expected 0 to 1"));
         }
-        let Some(coupling) = device.compensation(of, share) else {
-            let of = of.name();
-            return wrong("of", format!("the device has no {of} to take back; expected a table [device.{of}]"));
+        let velocity = fields.optional_number("velocity")?;
+        if (of == Compensated::Friction) != velocity.is_some() {
+            return Err(match velocity {
+                None => fields.missing("velocity"),
+                Some(_) => {
+                    let message = format!("{} is taken back by the position: only friction has a velocity", of.name());
+                    fields.error(ErrorKind::Combination, "velocity", message)
+                }
+            });
+        }
+        let Some(coupling) = device.compensation(of, share, velocity) else {
+            let wanted = match of {
+                Compensated::Friction => "device.friction above 0, of both directions".to_string(),
+                Compensated::Gravity | Compensated::Cogging => format!("a table [device.{}]", of.name()),
+            };
+            return wrong("of", format!("the device has no {} to take back; expected {wanted}", of.name()));
         };
         if std::mem::replace(&mut compensated[of as usize], true) {
             return wrong("of", format!("{} is compensated already; expected one share of it", of.name()));
@@ -363,12 +377,13 @@ fn check_coupling(
         };
         return Err(fields.error(ErrorKind::Combination, "damping", message));
     }
-    if coupling.law.integrates() && coupling.is_at_body() {
-        let message = "an integral term acts between \"puck\" and \"ground\" only";
+    let noun = CouplingKind::noun(&coupling.law);
+    if coupling.law.is_at_puck() && coupling.is_at_body() {
+        let message = format!("{noun} acts between \"puck\" and \"ground\" only");
         return Err(fields.error(ErrorKind::Unsupported, "between", message));
     }
-    if coupling.law.integrates() && sampling.advance > 0 {
-        let message = "an integral term goes with loop.advance = 0 only, since it depends on how the hand will move";
+    if coupling.law.is_at_puck() && sampling.advance > 0 {
+        let message = format!("{noun} goes with loop.advance = 0 only, since it depends on how the hand will move");
         return Err(fields.error(ErrorKind::Unsupported, "kind", message));
     }
     if sampling.bodies_every > 1 && coupling.is_at_body() && coupling.law.has_bristle() {

@@ -248,6 +248,16 @@ fn element(svg: &mut String, law: &Law, a: (f64, f64), b: (f64, f64)) {
             go('L', to, 9.0);
             go('L', to, 0.0);
         }
+        Law::Assist { .. } => {
+            // A triangle, as block diagrams have a gain.
+            go('L', middle - 8.0, 0.0);
+            go('L', middle - 8.0, -9.0);
+            go('L', middle + 8.0, 0.0);
+            go('L', middle - 8.0, 9.0);
+            go('L', middle - 8.0, 0.0);
+            go('M', middle + 8.0, 0.0);
+            go('L', to, 0.0);
+        }
         Law::Integral { .. } => {
             // A box with a ramp, as in block diagrams.
             go('L', middle - 9.0, 0.0);
@@ -298,6 +308,7 @@ fn words(coupling: &Coupling, motion: Motion) -> (&'static str, String) {
         Law::DeadBand { stiffness: k, width, .. } => ("dead band", format!("±{}, {}", position(width), stiffness(k))),
         Law::Magnet { torque, width, .. } => ("magnet", format!("{}, {}", say_effort(torque, motion), position(width))),
         Law::Coulomb { torque } => ("friction", say_effort(torque, motion)),
+        Law::Assist { torque, .. } => ("assist", say_effort(torque, motion)),
         Law::Integral { stiffness: k, time, .. } => ("integral", format!("{} in {} s", stiffness(k), number(time, 4))),
         Law::Lugre { coulomb, .. } => ("LuGre friction", say_effort(coulomb, motion)),
         Law::Constant { torque } => {

@@ -79,6 +79,10 @@ enum Law {
         time: f64,
         rest: f64,
     },
+    Assist {
+        torque: f64,
+        velocity: f64,
+    },
 }
 
 /// The laws that take a limit.
@@ -117,6 +121,7 @@ impl Coupling {
             }
             Core::Integral { stiffness, time, rest } => clamped(Clampable::Integral { stiffness, time, rest })
                 .unwrap_or(Law::Integral { stiffness, time, rest }),
+            Core::Assist { torque, velocity } => Law::Assist { torque, velocity },
             Core::Constant { torque } => Law::Constant { torque },
         };
         let fits = coupling.limit.is_none() || coupling.law.takes_limit();
@@ -141,6 +146,7 @@ impl Coupling {
                 None,
             ),
             Law::Constant { torque } => (Core::Constant { torque }, None),
+            Law::Assist { torque, velocity } => (Core::Assist { torque, velocity }, None),
             Law::Integral { stiffness, time, rest } => (Core::Integral { stiffness, time, rest }, None),
             Law::Clamped { law, limit } => {
                 let law = match law {

@@ -1,7 +1,7 @@
 //! The check of a world.
 
 use hapt_model::keys::Measure;
-use hapt_model::{Coupling, End, EstimatorKind, Law, Method, Motion, World};
+use hapt_model::{Compensated, Coupling, End, EstimatorKind, Law, Method, Motion, World};
 use serde::Serialize;
 
 use crate::certificate::remedies::Remedies;
@@ -324,6 +324,19 @@ fn compensations(world: &World) -> Result<Vec<String>, Error> {
     let mut notes = Vec::new();
     for (index, coupling) in world.couplings.iter().enumerate() {
         let Some((of, share)) = world.device.compensated_by(coupling) else { continue };
+        if of == Compensated::Friction {
+            let least = world.device.friction_range()[0];
+            let torque = |torque: f64| with_unit(torque, Measure::Torque, world.motion);
+            notes.push(format!(
+                "couplings.{index}: it takes {} of device.friction back by the measured velocity, {}: friction is {} at least, which pays for as \
+                 much and for nothing else, so that a share of {} is the most there is; free has neither",
+                short(share),
+                torque(laws::most(coupling)),
+                torque(least),
+                short((least / world.device.least_friction()).min(1.0))
+            ));
+            continue;
+        }
         let cost = laws_cost(world, [laws::steepest(&coupling.law).0, 0.0])?;
         notes.push(format!(
             "couplings.{index}: it takes {} of device.{} back by the measured position: a law of its steepest slope, which costs {} of the \
@@ -377,6 +390,12 @@ fn at_puck(world: &World) -> impl Iterator<Item = String> {
              the device's friction, which takes as much. Hands-off it is decided by the eigenvalues, where it has no limit; held away from its rest \
              its torque grows, which held leaves out"
         )),
-        (Kind::Linear | Kind::Constant | Kind::Potential | Kind::Coulomb | Kind::Lugre | Kind::Integral, _) => None,
+        (Kind::Assist, torque) if torque > 0.0 => Some(format!(
+            "couplings.{index}: an assist pushes along with the hand, and is passive where the device's friction takes as much; free leaves out both"
+        )),
+        (
+            Kind::Linear | Kind::Constant | Kind::Potential | Kind::Coulomb | Kind::Lugre | Kind::Integral | Kind::Assist,
+            _,
+        ) => None,
     })
 }

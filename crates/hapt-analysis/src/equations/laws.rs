@@ -18,6 +18,8 @@ pub(crate) enum Kind {
     Lugre,
     /// The integral term of a controller: linear, with a state. A limit stops it.
     Integral,
+    /// A bounded torque along the velocity, which only gives.
+    Assist,
 }
 
 impl Kind {
@@ -35,6 +37,7 @@ impl Kind {
             Law::Coulomb { .. } => Kind::Coulomb,
             Law::Lugre { .. } => Kind::Lugre,
             Law::Integral { .. } => Kind::Integral,
+            Law::Assist { .. } => Kind::Assist,
         }
     }
 }
@@ -43,7 +46,7 @@ impl Kind {
 pub(crate) fn is_nonlinear(coupling: &Coupling) -> bool {
     match Kind::of(coupling) {
         Kind::Linear | Kind::Constant => false,
-        Kind::Potential | Kind::Coulomb | Kind::Lugre => true,
+        Kind::Potential | Kind::Coulomb | Kind::Lugre | Kind::Assist => true,
         Kind::Integral => coupling.limit.is_some(),
     }
 }
@@ -61,6 +64,7 @@ pub(crate) fn integral_gain(law: &Law) -> f64 {
         | Law::Texture { .. }
         | Law::Coulomb { .. }
         | Law::Lugre { .. }
+        | Law::Assist { .. }
         | Law::Constant { .. } => 0.0,
     }
 }
@@ -93,7 +97,8 @@ pub(crate) fn linear_law(coupling: &Coupling) -> Option<LinearLaw> {
         | Law::Texture { .. }
         | Law::Coulomb { .. }
         | Law::Lugre { .. }
-        | Law::Integral { .. } => None,
+        | Law::Integral { .. }
+        | Law::Assist { .. } => None,
     }
 }
 
@@ -117,7 +122,7 @@ pub(crate) fn steepest(law: &Law) -> (f64, f64) {
         Law::Lugre { bristle_stiffness, bristle_damping, viscous, .. } => {
             (bristle_stiffness, bristle_damping + viscous)
         }
-        Law::Coulomb { .. } | Law::Integral { .. } | Law::Constant { .. } => (0.0, 0.0),
+        Law::Coulomb { .. } | Law::Integral { .. } | Law::Assist { .. } | Law::Constant { .. } => (0.0, 0.0),
     }
 }
 
@@ -150,6 +155,7 @@ pub(crate) fn flattest(law: &Law) -> (f64, f64) {
         | Law::Texture { .. }
         | Law::Coulomb { .. }
         | Law::Integral { .. }
+        | Law::Assist { .. }
         | Law::Constant { .. } => (0.0, 0.0),
     }
 }
@@ -157,7 +163,10 @@ pub(crate) fn flattest(law: &Law) -> (f64, f64) {
 /// The largest torque that a coupling can ask for; infinite where it has no bound of its own.
 pub(crate) fn most(coupling: &Coupling) -> f64 {
     let own = match coupling.law {
-        Law::Detent { torque, .. } | Law::Magnet { torque, .. } | Law::Coulomb { torque } => torque,
+        Law::Detent { torque, .. }
+        | Law::Magnet { torque, .. }
+        | Law::Coulomb { torque }
+        | Law::Assist { torque, .. } => torque,
         Law::Texture { torque, ref waveform, .. } => torque * largest(waveform.harmonics()),
         Law::Constant { torque } => torque.abs(),
         Law::Spring { .. }
@@ -175,7 +184,7 @@ pub(crate) fn takes_velocity(law: &Law) -> bool {
     match *law {
         Law::Damper { damping: Damping::Fixed(damping) } | Law::Wall { damping, .. } => damping > 0.0,
         Law::Damper { damping: Damping::Compensating } | Law::Lugre { .. } => true,
-        Law::Coulomb { torque } => torque > 0.0,
+        Law::Coulomb { torque } | Law::Assist { torque, .. } => torque > 0.0,
         Law::Spring { .. }
         | Law::Detent { .. }
         | Law::DeadBand { .. }
@@ -197,7 +206,8 @@ pub(crate) fn rises_only(law: &Law) -> bool {
         | Law::Texture { .. }
         | Law::Coulomb { .. }
         | Law::Lugre { .. }
-        | Law::Integral { .. } => false,
+        | Law::Integral { .. }
+        | Law::Assist { .. } => false,
     }
 }
 
@@ -214,6 +224,7 @@ pub(crate) fn is_damped_wall(law: &Law) -> bool {
         | Law::Coulomb { .. }
         | Law::Lugre { .. }
         | Law::Integral { .. }
+        | Law::Assist { .. }
         | Law::Constant { .. } => false,
     }
 }
@@ -227,7 +238,8 @@ pub(crate) fn may_not_settle(law: &Law) -> bool {
         | Law::Texture { .. }
         | Law::Coulomb { .. }
         | Law::Lugre { .. }
-        | Law::Integral { .. } => true,
+        | Law::Integral { .. }
+        | Law::Assist { .. } => true,
         Law::Wall { damping, .. } => damping > 0.0,
         Law::Spring { .. } | Law::Damper { .. } | Law::DeadBand { .. } | Law::Constant { .. } => false,
     }
@@ -248,6 +260,7 @@ pub(crate) fn bristles_give(law: &Law) -> bool {
         | Law::Texture { .. }
         | Law::Coulomb { .. }
         | Law::Integral { .. }
+        | Law::Assist { .. }
         | Law::Constant { .. } => false,
     }
 }
@@ -266,6 +279,7 @@ pub(crate) fn is_hysteresis(law: &Law) -> bool {
         | Law::Texture { .. }
         | Law::Coulomb { .. }
         | Law::Integral { .. }
+        | Law::Assist { .. }
         | Law::Constant { .. } => false,
     }
 }

@@ -14,7 +14,7 @@ use crate::equations::laws::{self, Kind, most};
 /// `None` of any other. An integral term without a limit has any torque.
 fn torque(coupling: &Coupling) -> Option<f64> {
     let is_covered = match Kind::of(coupling) {
-        Kind::Coulomb => true,
+        Kind::Coulomb | Kind::Assist => true,
         Kind::Integral => laws::integral_gain(&coupling.law) > 0.0,
         Kind::Linear | Kind::Constant | Kind::Potential | Kind::Lugre => false,
     };

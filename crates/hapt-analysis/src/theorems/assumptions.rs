@@ -235,7 +235,7 @@ pub(super) fn friction(world: &World, found: &Quantisation) -> Option<String> {
 pub(super) fn within_friction(world: &World) -> String {
     let torque = |torque: f64| with_unit(torque, Measure::Torque, world.motion);
     format!(
-        "friction, integral terms and compensations of friction at the puck give up to {} together, and the device's friction takes {} at \
+        "friction, integral terms and assists at the puck give up to {} together, and the device's friction takes {} at \
          least: torques of no more than that have a proof",
         torque(taken(&world.couplings)),
         torque(world.device.least_friction())

@@ -82,6 +82,9 @@ pub(super) fn best(world: &World, timing: Timing, wanted: Wanted) -> Result<Dema
         }
         return Ok(Demanded::new(Demand::Never { cause: Cause::Integral, at_hz: Some(0.0) }, &INTEGRAL));
     }
+    if world.couplings.iter().any(|c| Kind::of(c) == Kind::Assist && laws::most(c) > 0.0) {
+        return Ok(Demanded::outside(within_friction(world)));
+    }
     let at_body = |c: &Coupling| is_nonlinear(c) && laws::at_body(c);
     if !world.couplings.iter().any(is_nonlinear) {
         let linear = linear(world, timing, wanted)?;
@@ -241,7 +244,7 @@ fn sum(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Error>
     let (laws, straight): (Vec<Coupling>, Vec<Coupling>) = all.into_iter().partition(is_nonlinear);
     for law in &laws {
         match Kind::of(law) {
-            Kind::Potential | Kind::Linear | Kind::Constant | Kind::Integral => {}
+            Kind::Potential | Kind::Linear | Kind::Constant | Kind::Integral | Kind::Assist => {}
             Kind::Lugre if world.sampling.takes_several_samples() => return Ok(Demanded::outside(BRISTLE_EVERY)),
             Kind::Lugre if laws::is_hysteresis(&law.law) => {}
             Kind::Lugre => return Ok(Demanded::outside(BRISTLE)),

@@ -162,7 +162,7 @@ pub static WITHIN_FRICTION: Theorem = Theorem {
     id: "within-friction",
     equations: "(T76)",
     assumes: &[
-        "friction and integral terms between puck and ground have a largest torque each, together no more than the device's Coulomb friction",
+        "friction, integral terms and assists between puck and ground have a largest torque each, together no more than the device's Coulomb friction",
         "the device's Coulomb friction is at least the least of its tolerance",
     ],
 };

@@ -104,7 +104,9 @@ fn is_known(law: &Law) -> bool {
         | Law::DeadBand { .. }
         | Law::Magnet { .. } => true,
         Law::Constant { torque } => torque == 0.0,
-        Law::Texture { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Integral { .. } => false,
+        Law::Texture { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Integral { .. } | Law::Assist { .. } => {
+            false
+        }
     }
 }
 

@@ -3,9 +3,9 @@
 //! A hand that prescribes the path z(t) of the puck gets ∫τ dz - b ∫ż² dt - f ∫|dz|, but for what it puts into the puck's inertia and gets back.
 //! Starting from rest at the rest of all springs it may never get any: of all passive hands those with a prescribed path are the strongest.
 
-use hapt_analysis::{Status, check, passivity, uneven};
+use hapt_analysis::{Status, check, is_certified, passivity, uneven};
 use hapt_core::Loop;
-use hapt_model::{Coupling, Delay, End, EstimatorKind, Law, Method, Output, Side, World};
+use hapt_model::{Compensated, Coupling, Delay, End, EstimatorKind, Law, Method, Output, Side, World};
 use proptest::prelude::*;
 
 use crate::common::*;
@@ -104,11 +104,15 @@ fn friction(torque: f64) -> Coupling {
     Law::Coulomb { torque }.between(End::Puck, End::Ground)
 }
 
+fn assist(torque: f64, velocity: f64) -> Coupling {
+    Law::Assist { torque, velocity }.between(End::Ground, End::Puck)
+}
+
 prop_compose! {
     /// A world with torques within friction, with `share` of the friction that they, counts and levels ask for.
     fn within(share: std::ops::Range<f64>)(
         k in 0.0..5.0_f64, b in 0.0..0.01_f64, wall in prop::option::of((0.0..2.0_f64, 0.0..0.003_f64)), gain in 0.5..500.0_f64, time in 0.01..1.0_f64,
-        limits in [1e-3..0.1_f64, 1e-3..0.1_f64], which in 1..4_u8, flip: bool,
+        limits in [1e-3..0.1_f64, 1e-3..0.1_f64, 1e-3..0.1_f64], which in 1..8_u8, flip: bool, speed in -4.0..1.0_f64,
         late in prop_oneof![Just(0.0), 0.0..1.0_f64, Just(1.0)], more in prop_oneof![Just(0.0), 0.0..0.5_f64], longest in prop_oneof![Just(None), (1.0..1.5_f64).prop_map(Some)],
         encoder in prop::option::of(500.0..2e4_f64), levels in prop::option::of(100..2000_u32), foaw: bool, share in share,
     ) -> World {
@@ -118,6 +122,7 @@ prop_compose! {
         }));
         couplings.extend((which & 1 > 0).then(|| integral(gain * time, time, limits[0], flip)));
         couplings.extend((which & 2 > 0).then(|| friction(limits[1])));
+        couplings.extend((which & 4 > 0).then(|| assist(limits[2], 10_f64.powf(speed))));
         let mut world = Bench::of(couplings).world(Method::Zoh, Output::End, 1e-3);
         world.sampling.delay = Delay::Seconds(late * 1e-3);
         world.sampling.delay_max = (more > 0.0).then_some(Delay::Seconds((late + more * (1.0 - late)) * 1e-3));
@@ -135,7 +140,7 @@ prop_compose! {
         }
         world.device.encoder = encoder.map(f64::round);
         (world.device.limit, world.device.levels) = (levels.map(|_| 10.0), levels.map(|half| 2 * half));
-        let taken = if which & 1 > 0 { limits[0] } else { 0.0 } + if which & 2 > 0 { limits[1] } else { 0.0 };
+        let taken: f64 = (0..3).filter(|i| which >> i & 1 > 0).map(|i| limits[i]).sum();
         let stiffness = k + wall.map_or(0.0, |wall| wall.0);
         let damping = b + wall.map_or(0.0, |wall| wall.1);
         let count = world.count().unwrap_or(0.0);
@@ -219,10 +224,10 @@ proptest! {
             world.device.friction *= 2.0;
         }
         let torques: Vec<usize> = (0..world.couplings.len())
-            .filter(|i| matches!(world.couplings[*i].law, Law::Integral { .. } | Law::Coulomb { .. }))
+            .filter(|i| matches!(world.couplings[*i].law, Law::Integral { .. } | Law::Coulomb { .. } | Law::Assist { .. }))
             .collect();
         let taken: f64 = torques.iter().map(|i| match world.couplings[*i].law {
-            Law::Coulomb { torque } => torque,
+            Law::Coulomb { torque } | Law::Assist { torque, .. } => torque,
             _ => world.couplings[*i].limit.unwrap(),
         }).sum();
         let mut rest = world.clone();
@@ -239,5 +244,47 @@ proptest! {
             prop_assert_eq!((found.passive.holds(), found.speed_max, &found.not_proved), (of_rest.passive.holds(), of_rest.speed_max, &of_rest.not_proved));
             prop_assert_eq!(uneven(&world).unwrap().required_damping, uneven(&rest).unwrap().required_damping);
         }
+    }
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(200))]
+
+    /// A compensation of friction is passive as far as the least friction goes, whatever the estimator is; of more a hand that goes steadily draws.
+    #[test]
+    fn a_compensation_of_friction_is_passive_up_to_the_least_friction(
+        friction in 1e-3..0.1_f64, tolerance in 0.0..0.9_f64, share in 0.0..1.0_f64, velocity in 1e-3..10.0_f64, k in 0.0..2.0_f64,
+        estimator in prop::sample::select(vec![EstimatorKind::Exact, EstimatorKind::Difference, EstimatorKind::LowPass, EstimatorKind::Foaw]),
+    ) {
+        let mut world = Bench::of(vec![spring(End::Puck, End::Ground, k)]).world(Method::Zoh, Output::End, 1e-3);
+        (world.sampling.estimator, world.sampling.cutoff) = (estimator, Some(50.0));
+        (world.device.friction, world.device.tolerances.friction) = (friction, tolerance);
+        let compensation = world.device.compensation(Compensated::Friction, share, Some(velocity)).unwrap();
+        if share > 0.0 {
+            let (of, found) = world.device.compensated_by(&compensation).unwrap();
+            prop_assert!(of == Compensated::Friction && (found - share).abs() < 1e-12);
+        }
+        world.couplings.push(compensation);
+        let found = check(&world).unwrap();
+        if share < (1.0 - tolerance) * (1.0 - 1e-12) {
+            prop_assert!(found.certified.holds() && is_certified(&world), "{:?}", found.uneven);
+            prop_assert_eq!(found.passivity.required_damping, Some(0.5e-3 * k));
+        } else if share > (1.0 - tolerance) * (1.0 + 1e-12) {
+            prop_assert!(!found.certified.holds() && !is_certified(&world));
+            let why = &found.uneven.not_proved;
+            prop_assert!(why.iter().any(|why| why.contains("assists at the puck give up to")), "{why:?}");
+        }
+    }
+
+    /// What is given beyond the friction a hand that goes steadily draws.
+    #[test]
+    fn a_steady_hand_draws_what_is_more_than_friction(torque in 1e-3..0.1_f64, share in 0.0..0.9_f64, part in 0.01..0.9_f64) {
+        let damping = 1e-3;
+        let velocity = part * (1.0 - share) * torque / damping;
+        let mut world = Bench::of(vec![assist(torque, velocity)]).world(Method::Zoh, Output::End, 1e-3);
+        (world.device.damping, world.device.friction) = (damping, share * torque);
+        prop_assert!(!check(&world).unwrap().certified.holds());
+        let steady = (0..100).map(|_| Part { interval: 1e-3, late: 0.0, ways: [0.0, velocity * (1.0 + 1e-9) * 1e-3] });
+        prop_assert!(drawn(&world, steady) > 0.0);
     }
 }

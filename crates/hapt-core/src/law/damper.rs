@@ -14,11 +14,17 @@ pub enum Damping {
     Compensating,
 }
 
-/// A damper with a limit; those without are matrices.
+/// A damper with a limit; those without are matrices. An assist is one of negative damping.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Damper<F> {
     pub damping: F,
     pub limit: F,
+}
+
+/// torque/velocity of an assist, and no more than any number of a file is: its product with a velocity is finite.
+pub(crate) fn gain(torque: f64, velocity: f64) -> f64 {
+    let gain = torque / velocity;
+    if gain < 1e30 { gain } else { 1e30 }
 }
 
 impl<F: Number> Damper<F> {

@@ -16,8 +16,8 @@ mod texture;
 mod wall;
 
 pub(crate) use coulomb::Coulomb;
-pub(crate) use damper::Damper;
 pub use damper::Damping;
+pub(crate) use damper::{Damper, gain};
 pub(crate) use dead_band::DeadBand;
 pub(crate) use detent::Detent;
 pub(crate) use integral::{Integral, most};
@@ -125,6 +125,13 @@ pub enum Law {
         /// The q at which it stands still.
         rest: f64,
     },
+    /// torque · q̇/velocity, within ±torque: a torque along the velocity, as a compensation of friction makes it. Between puck and ground.
+    Assist {
+        /// The largest torque, zero or more.
+        torque: f64,
+        /// The q̇ from which on it is that, positive.
+        velocity: f64,
+    },
     /// torque
     Constant {
         /// Any finite number.
@@ -173,6 +180,7 @@ struct Traits {
     takes_limit: bool,
     has_bristle: bool,
     integrates: bool,
+    is_at_puck: bool,
 }
 
 /// Bounds on the slopes of a law's torque, and the magnitude of its dry friction.
@@ -232,6 +240,9 @@ impl Law {
             Law::Integral { stiffness, time, rest } => {
                 padded([of("stiffness", ZeroOrMore, stiffness), of("time", Positive, time), of("rest", Any, rest)])
             }
+            Law::Assist { torque, velocity } => {
+                padded([of("torque", ZeroOrMore, torque), of("velocity", Positive, velocity)])
+            }
             Law::Constant { torque } => padded([of("torque", Any, torque)]),
         };
         all.into_iter().flatten()
@@ -239,7 +250,14 @@ impl Law {
 
     /// One row for each law.
     const fn traits(&self) -> Traits {
-        let none = Traits { center: None, strength: None, takes_limit: false, has_bristle: false, integrates: false };
+        let none = Traits {
+            center: None,
+            strength: None,
+            takes_limit: false,
+            has_bristle: false,
+            integrates: false,
+            is_at_puck: false,
+        };
         match *self {
             Law::Spring { rest, .. } | Law::DeadBand { rest, .. } => {
                 Traits { center: Some(rest), strength: Some("stiffness"), takes_limit: true, ..none }
@@ -251,7 +269,10 @@ impl Law {
             }
             Law::Magnet { at, .. } => Traits { center: Some(at), strength: Some("torque"), ..none },
             Law::Lugre { .. } => Traits { strength: Some("bristle_stiffness"), has_bristle: true, ..none },
-            Law::Integral { rest, .. } => Traits { center: Some(rest), takes_limit: true, integrates: true, ..none },
+            Law::Integral { rest, .. } => {
+                Traits { center: Some(rest), takes_limit: true, integrates: true, is_at_puck: true, ..none }
+            }
+            Law::Assist { .. } => Traits { is_at_puck: true, ..none },
             Law::Coulomb { .. } | Law::Constant { .. } => none,
         }
     }
@@ -281,7 +302,7 @@ impl Law {
                 damping: Damping::Fixed(bristle_damping + viscous),
                 friction: coulomb.max(stribeck),
             },
-            Law::Integral { .. } | Law::Constant { .. } => none,
+            Law::Integral { .. } | Law::Assist { .. } | Law::Constant { .. } => none,
         }
     }
 
@@ -293,6 +314,11 @@ impl Law {
     /// Whether it is the integral term of a controller, whose torque depends on all of the past.
     pub const fn integrates(&self) -> bool {
         self.traits().integrates
+    }
+
+    /// Whether it is between puck and ground alone, and without an advance: it depends on how the puck moves, or has moved.
+    pub const fn is_at_puck(&self) -> bool {
+        self.traits().is_at_puck
     }
 
     /// Whether it has a bristle, an internal state that bends with the motion.
@@ -349,7 +375,8 @@ impl Law {
             | Law::Texture { .. }
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
-            | Law::Integral { .. } => None,
+            | Law::Integral { .. }
+            | Law::Assist { .. } => None,
         }
     }
 
@@ -364,7 +391,7 @@ impl Law {
             Law::Texture { torque, pitch, phase, ref waveform } => texture::energy(torque, pitch, phase, waveform, q),
             Law::Constant { torque } => -torque * q,
             Law::Lugre { bristle_stiffness, .. } => 0.5 * bristle_stiffness * (bristle * bristle),
-            Law::Damper { .. } | Law::Coulomb { .. } | Law::Integral { .. } => 0.0,
+            Law::Damper { .. } | Law::Coulomb { .. } | Law::Integral { .. } | Law::Assist { .. } => 0.0,
         }
     }
 }

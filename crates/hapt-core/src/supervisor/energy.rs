@@ -3,7 +3,8 @@
 //! The loop's matrices know torques alone, so that this is derived from the spec a second time, and a check of them.
 
 use crate::compile::compensated;
-use crate::law::HARMONICS;
+use crate::contact::within;
+use crate::law::{HARMONICS, gain};
 use crate::spec::sign_at_puck;
 use crate::supervisor::springs::{Springs, Well};
 use crate::supervisor::sums::{Step, Sums};
@@ -108,7 +109,9 @@ pub(crate) struct Energy<F, const B: usize, const C: usize> {
     constant: F,
     /// Of each coupling what its sum is multiplied by for its torque on the puck: minus stiffness/time of an integral term, else 0.
     integrals: [F; C],
-    has_integrals: bool,
+    /// Of each coupling the gain and the largest torque of an assist; 0 of others.
+    assists: [(F, F); C],
+    has_sources: bool,
 }
 
 impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
@@ -135,12 +138,19 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
             sees_filtered: spec.filter.is_some() && !spec.bodies.is_empty(),
             constant: f(constant),
             integrals: [F::ZERO; C],
-            has_integrals: false,
+            assists: [(F::ZERO, F::ZERO); C],
+            has_sources: false,
         };
         for (factor, coupling) in energy.integrals.iter_mut().zip(spec.couplings) {
             if let Law::Integral { stiffness, time, .. } = coupling.law {
                 *factor = f(-(stiffness / time) * sign_at_puck(coupling.first, coupling.second));
-                energy.has_integrals = true;
+                energy.has_sources = true;
+            }
+        }
+        for (assist, coupling) in energy.assists.iter_mut().zip(spec.couplings) {
+            if let Law::Assist { torque, velocity } = coupling.law {
+                *assist = (f(gain(torque, velocity)), f(torque));
+                energy.has_sources = true;
             }
         }
         for (place, coupling) in spec.couplings.iter().enumerate() {
@@ -174,19 +184,24 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
         }
     }
 
-    /// The torque on the puck of what gives energy by its nature, with `state` as it is: constants, and integral terms, which give as much in
-    /// every slow turn of the hand (docs/theory.md, (T72)). The ledgers leave its work out.
+    /// The torque on the puck of what gives energy by its nature, with `state` and the puck's `velocity` as they are: constants, integral terms,
+    /// which give as much in every slow turn of the hand, and assists (docs/theory.md, (T72), (T76)). The ledgers leave its work out.
     #[inline]
-    pub fn sources<const W: usize>(&self, state: &State<F, B, C, W>) -> F {
-        if self.has_integrals { self.with_integrals(&state.bristles) } else { self.constant }
+    pub fn sources<const W: usize>(&self, state: &State<F, B, C, W>, velocity: F) -> F {
+        if self.has_sources { self.with_sources(&state.bristles, velocity) } else { self.constant }
     }
 
     #[cold]
     #[inline(never)]
-    fn with_integrals(&self, sums: &[F; C]) -> F {
+    fn with_sources(&self, sums: &[F; C], velocity: F) -> F {
         let mut torque = self.constant;
-        for (factor, sum) in self.integrals.iter().zip(sums).filter(|(factor, _)| **factor != F::ZERO) {
-            torque += *factor * *sum;
+        for ((factor, sum), (gain, most)) in self.integrals.iter().zip(sums).zip(&self.assists) {
+            if *factor != F::ZERO {
+                torque += *factor * *sum;
+            }
+            if *gain > F::ZERO {
+                torque += within(*gain * velocity, -*most, *most);
+            }
         }
         torque
     }
@@ -451,7 +466,7 @@ fn part<F: Real>(spec: &Spec, coupling: &Coupling) -> Part<F> {
             let potential = Potential::Bristle { stiffness: f(bristle_stiffness) };
             (potential, bristle_damping + viscous, level, 0.0)
         }
-        Law::Integral { .. } => (Potential::Nothing, 0.0, 0.0, 0.0),
+        Law::Integral { .. } | Law::Assist { .. } => (Potential::Nothing, 0.0, 0.0, 0.0),
         Law::Constant { torque } => (Potential::Nothing, 0.0, 0.0, torque),
     };
     let ends = [coupling.first, coupling.second];

@@ -382,7 +382,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             state.fault(Reason::NotFinite);
             return;
         }
-        let torque = sample.torque - self.energy.sources(loop_state);
+        let torque = sample.torque - self.energy.sources(loop_state, puck.1);
         self.ledger.enter(&mut state.books, &step, puck.0, torque, reading.missed);
         // Written so that a NaN is outside every limit.
         let within = state.books.account >= F::ZERO && state.books.made <= self.ledger.most;

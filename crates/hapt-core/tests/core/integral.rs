@@ -58,12 +58,12 @@ fn it_is_between_puck_and_ground_and_without_an_advance() {
         for (first, second) in [(End::Puck, End::Body(0)), (End::Body(0), End::Ground)] {
             let couplings = [integral(first, second, None, numbers)];
             let refused = Room::new(&Spec { bodies: &bodies, ..spec(&couplings, method, None) }).err();
-            assert_eq!(refused, Some(Error::Integral { coupling: 0 }));
+            assert_eq!(refused, Some(Error::AtPuck { coupling: 0 }));
         }
     }
     let couplings = [integral(End::Puck, End::Ground, None, numbers)];
     let ahead = Spec { advance: 3, ..spec(&couplings, Method::Zoh, None) };
-    assert_eq!(Room::new(&ahead).err(), Some(Error::Integral { coupling: 0 }));
+    assert_eq!(Room::new(&ahead).err(), Some(Error::AtPuck { coupling: 0 }));
     let never = [integral(End::Puck, End::Ground, None, (1.0, 0.0, 0.0))];
     assert!(matches!(Room::new(&spec(&never, Method::Zoh, None)).err(), Some(Error::Value { what: "time", .. })));
 }

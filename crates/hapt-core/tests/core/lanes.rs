@@ -41,7 +41,7 @@ proptest! {
 }
 
 /// How many kinds of nonlinear couplings there are, each between three pairs of ends.
-const KINDS: usize = 11;
+const KINDS: usize = 12;
 
 /// A nonlinear coupling of some kind.
 fn nonlinear_coupling(kind: usize, scale: f64) -> Coupling {
@@ -63,12 +63,13 @@ fn nonlinear_coupling(kind: usize, scale: f64) -> Coupling {
         7 => Law::Magnet { torque: 0.05 * scale, width: 0.1, at: 0.05 * scale },
         8 => Law::Texture { torque: 0.05 * scale, pitch: 0.2, phase: 0.1 * scale, waveform: WAVEFORM },
         9 => Law::Integral { stiffness: 2.0 * scale, time: 0.3, rest: 0.01 * scale },
+        10 => Law::Assist { torque: 0.02 * scale, velocity: 0.3 },
         _ => Law::Wall { side: Side::Below, at: -0.05, stiffness: 5.0 * scale, damping: 0.01 },
     };
     let limit = matches!(kind % KINDS, 5 | 6 | 9).then_some(0.1);
     let ends = [(End::Puck, End::Ground), (End::Puck, End::Body(0)), (End::Body(1), End::Ground)];
-    // An integral term is between puck and ground.
-    let (first, second) = ends[if kind % KINDS == 9 { 0 } else { kind / KINDS % 3 }];
+    // An integral term and an assist are between puck and ground.
+    let (first, second) = ends[if law.is_at_puck() { 0 } else { kind / KINDS % 3 }];
     Coupling { first, second, law, limit }
 }
 
@@ -96,8 +97,9 @@ fn compiled(
         Coupling { first: End::Puck, second: End::Body(1), law: damper, limit: None },
     ];
     let advance = if output == Output::End && bodies_every == 1 { 2 } else { 0 };
-    // An integral term has no advance.
+    // An integral term and an assist have no advance.
     let spring_for = |c: &Coupling| match c.law {
+        Law::Assist { .. } if advance > 0 => Coupling { law: Law::Coulomb { torque: 0.01 }, ..*c },
         Law::Integral { stiffness, rest, .. } if advance > 0 => Coupling { law: Law::Spring { stiffness, rest }, ..*c },
         _ => *c,
     };

@@ -2,6 +2,7 @@
 // Tests run where the standard library is.
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)]
 
+mod assist;
 mod game_loop;
 mod gradient;
 mod integral;

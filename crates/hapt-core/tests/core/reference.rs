@@ -123,7 +123,7 @@ pub fn stored(coupling: &Coupling, q: f64) -> f64 {
             torque * pitch / std::f64::consts::TAU * (1..).zip(sine.into_iter().zip(cosine)).map(of).sum::<f64>()
         }
         Law::Constant { torque } => -torque * q,
-        Law::Damper { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Integral { .. } => 0.0,
+        Law::Damper { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Integral { .. } | Law::Assist { .. } => 0.0,
     }
 }
 

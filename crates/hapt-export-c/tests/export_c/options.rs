@@ -188,6 +188,10 @@ fn the_random_worlds_have_every_method_estimator_law_and_reason() {
     assert!(has(&|world| world.couplings.iter().any(|coupling| coupling.law.has_bristle() && coupling.is_at_body())));
 
     assert!(has(&|world| world.couplings.iter().any(|coupling| coupling.law.integrates() && coupling.limit.is_some())));
+    let assists = |coupling: &hapt_core::Coupling| matches!(coupling.law, Law::Assist { .. });
+    let integrates = |coupling: &hapt_core::Coupling| coupling.law.integrates();
+    assert!(has(&|world| world.couplings.iter().any(assists) && world.couplings.iter().any(integrates)));
+    assert!(has(&|world| world.couplings.iter().any(assists) && !world.couplings.iter().any(integrates)));
 
     let mut seen = [false; 18];
     for (i, world) in worlds.iter().enumerate() {

@@ -86,6 +86,7 @@ fn law() -> impl Strategy<Value = (Law, Option<f64>)> {
         ),
         (0.0..20.0_f64, 0.05..5.0_f64, -0.3..0.3_f64, limit())
             .prop_map(|(stiffness, time, rest, limit)| (Law::Integral { stiffness, time, rest }, limit)),
+        (0.0..0.05_f64, 1e-3..5.0_f64).prop_map(move |(torque, velocity)| none(Law::Assist { torque, velocity })),
         (-0.1..0.1_f64).prop_map(move |torque| none(Law::Constant { torque })),
     ]
 }

@@ -175,12 +175,16 @@ pub const KEYS: &[Key] = &[
     key("couplings.*.bristle_stiffness", Quantity(Stiffness, ZeroOrMore), LUGRE, "LuGre: sigma_0.").of(&["friction"]),
     key("couplings.*.bristle_damping", Quantity(Damping, ZeroOrMore), LUGRE, "LuGre: sigma_1.").of(&["friction"]),
     key("couplings.*.viscous", Quantity(Damping, ZeroOrMore), LUGRE, "LuGre: sigma_2.").of(&["friction"]),
+    key("couplings.*.torque", Quantity(Torque, ZeroOrMore), Required, "The assist's largest torque, along the rate of q.").of(&["assist"]),
+    key("couplings.*.velocity", Quantity(Velocity, Positive), Required, "The rate of q from which on the assist has its largest torque; below it is proportional.").of(&["assist"]),
     key("couplings.*.torque", Quantity(Torque, Any), Required, "The torque on the first end.").of(&["constant"]),
 
     key("compensation", List { most: Compensated::ALL.len(), what: "compensation" }, Optional,
-        "Torques of the device that the loop takes back by the measured position, each a coupling between puck and ground behind the others."),
-    key("compensation.*.of", Takes::Name(Compensated::NAMES), Required, "Which torque of the device: that of device.gravity or device.cogging."),
+        "Torques of the device that the loop takes back by the measured position, or friction by the velocity: each a coupling between puck and ground behind the others."),
+    key("compensation.*.of", Takes::Name(Compensated::NAMES), Required, "Which torque of the device: that of device.gravity, device.cogging or device.friction."),
     key("compensation.*.share", Quantity(Ratio, ZeroOrMore), Number(1.0), "The part of it that is taken back, 1 at most."),
+    key("compensation.*.velocity", Quantity(Velocity, Positive), Depends("required of friction; of nothing else"),
+        "The measured speed from which on the whole share of the friction is taken back; below it is proportional."),
 
     key("safety", Table, Optional, "What the supervisor holds a live loop to."),
     key("safety.fade", Quantity(Time, Positive), Number(0.1), "How long the torque rises when armed, and falls when disarmed.").within(1e-3, 10.0),

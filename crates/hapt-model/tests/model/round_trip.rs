@@ -63,6 +63,7 @@ fn plain_law() -> impl Strategy<Value = Law> {
             }
         ),
         (zero(), above(), finite()).prop_map(|(stiffness, time, rest)| Law::Integral { stiffness, time, rest }),
+        (zero(), above()).prop_map(|(torque, velocity)| Law::Assist { torque, velocity }),
         finite().prop_map(|torque| Law::Constant { torque }),
     ]
 }
@@ -77,10 +78,10 @@ fn couplings(bodies: usize, linear_at_bodies: bool) -> impl Strategy<Value = Vec
     let one = (pair, law(), any::<bool>()).prop_map(move |((first, second), (law, limit), compensated)| {
         let at_body = matches!(first, End::Body(_)) || matches!(second, End::Body(_));
         let mut coupling = Coupling { first, second, law, limit };
-        if law.integrates() {
+        if law.is_at_puck() {
             (coupling.first, coupling.second) = (End::Ground, End::Puck);
         }
-        if linear_at_bodies && at_body && !law.integrates() && (coupling.linear().is_none() || law.constant().is_some())
+        if linear_at_bodies && at_body && !law.is_at_puck() && (coupling.linear().is_none() || law.constant().is_some())
         {
             coupling = Law::Spring { stiffness: 1.0, rest: 0.5 }.between(first, second);
         }
@@ -355,7 +356,7 @@ fn world() -> impl Strategy<Value = World> {
                 (device.torque, device.stribeck, device.stops) = (DeviceTorque::default(), None, None);
             }
             let mut sampling = sampling;
-            if couplings.iter().any(|coupling| coupling.law.integrates()) {
+            if couplings.iter().any(|coupling| coupling.law.is_at_puck()) {
                 sampling.advance = 0;
             }
             World { title, motion, sampling, device, safety, names, bodies, couplings, scenarios }

@@ -267,3 +267,29 @@ fn a_hand_that_draws_energy_from_an_integral_term_is_no_fault() {
     let most = world.limits(SafetyProfile::Simulated).energy;
     assert!(guard.watch.reason.is_none() && drawn > 2.0 * most, "{:?} {drawn} J of {most} J", guard.watch.reason);
 }
+
+/// An assist pushes along with the hand, and so gives energy at every turn. That is its nature and no fault, behind a delay too.
+#[test]
+fn a_hand_that_draws_energy_from_an_assist_is_no_fault() {
+    for delay in [0.0, 1.5] {
+        let mut world = bare();
+        world.device.limit = Some(0.8);
+        world.sampling.estimator = EstimatorKind::Difference;
+        world.sampling.delay = hapt_model::Delay::Samples(delay);
+        world.safety.world_trips = Some(true);
+        world.couplings = vec![
+            Law::Spring { stiffness: 0.5, rest: 0.0 }.between(End::Puck, End::Ground),
+            Law::Assist { torque: 0.2, velocity: 0.05 }.between(End::Ground, End::Puck),
+        ];
+        let mut guard = Guard::new(&world, SafetyProfile::Simulated);
+        let (mut drawn, mut last) = (0.0, (0.0, 0.0));
+        for sample in 0..20_000 {
+            let position = 0.1 * (std::f64::consts::TAU * 0.5 * f64::from(sample) * 1e-3).sin();
+            let guarded = guard.step(position, 0.0, false, (sample == 20).then_some(Request::Arm));
+            drawn += last.1 * (position - last.0);
+            last = (position, guarded.output);
+        }
+        let most = world.limits(SafetyProfile::Simulated).energy;
+        assert!(guard.watch.reason.is_none() && drawn > 2.0 * most, "{:?} {drawn} J of {most} J", guard.watch.reason);
+    }
+}

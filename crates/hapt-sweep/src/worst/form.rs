@@ -257,7 +257,8 @@ fn about_rest(world: &World) -> Option<World> {
             | Law::Magnet { .. }
             | Law::Texture { .. }
             | Law::Coulomb { .. }
-            | Law::Lugre { .. } => {}
+            | Law::Lugre { .. }
+            | Law::Assist { .. } => {}
         }
     }
     Some(rest)

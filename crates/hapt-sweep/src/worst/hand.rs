@@ -66,6 +66,7 @@ fn torque(world: &World, q: f64) -> f64 {
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
             | Law::Integral { .. }
+            | Law::Assist { .. }
             | Law::Constant { .. } => 0.0,
         };
         sign * torque
@@ -114,6 +115,7 @@ pub(crate) fn targets(world: &World, stiffness: f64) -> Vec<f64> {
             | Law::Coulomb { .. }
             | Law::Lugre { .. }
             | Law::Integral { .. }
+            | Law::Assist { .. }
             | Law::Constant { .. } => {}
         }
     }

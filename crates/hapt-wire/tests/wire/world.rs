@@ -31,6 +31,7 @@ fn laws() -> impl Strategy<Value = Law> {
         ),
         x().prop_map(|torque| Law::Coulomb { torque }),
         (x(), x(), x()).prop_map(|(stiffness, time, rest)| Law::Integral { stiffness, time, rest }),
+        (x(), x()).prop_map(|(torque, velocity)| Law::Assist { torque, velocity }),
         x().prop_map(|torque| Law::Constant { torque }),
         prop::array::uniform6(x()).prop_map(|[coulomb, stribeck, stribeck_velocity, a, b, viscous]| Law::Lugre {
             coulomb,

@@ -168,3 +168,49 @@ fn nothing_at_the_puck_asks_for_nothing() {
     let Passivity { required_damping, at_hz, passive, proved, .. } = passivity(&plain(vec![], 1e-3)).unwrap();
     assert_eq!((required_damping, at_hz, passive.holds(), proved.holds()), (Some(0.0), None, true, true));
 }
+
+/// Steps of a sine of a whole number of turns, of which a hand draws what the law gives beyond b ∫ż² (T29).
+fn drawn(theta: f64, damping: f64, [mass, pole, period]: [f64; 3]) -> f64 {
+    let turns = 400;
+    let samples = (turns as f64 * TAU / theta).round() as usize;
+    let (mut z, mut steps, mut rate, mut last) = ([0.0; 2], [0.0; 2], 0.0, 0.0);
+    let mut work = 0.0;
+    for k in 0..samples {
+        z = [(theta * k as f64).sin(), z[0]];
+        // The velocity behind the low-pass, and its difference as the acceleration.
+        steps = [z[0] - z[1], steps[0]];
+        rate += (1.0 - pole) * (steps[0] / period - rate);
+        let torque = mass * (rate - last) / period;
+        last = rate;
+        let way = (theta * (k + 1) as f64).sin() - z[0];
+        // The start swings in.
+        if 2 * k > samples {
+            work += torque * way - damping * way * way / period;
+        }
+    }
+    work
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(64))]
+
+    /// (T78): what it costs to give back an acceleration behind a low-pass, at the worst of all frequencies and no less.
+    #[test]
+    fn a_compensated_inertia_costs_more_than_it_is_worth(mass in 1e-5..1e-2_f64, ratio in -2.0..2.0_f64, period in 1e-4..1e-2_f64) {
+        let tau = period * 10_f64.powf(ratio);
+        let pole = tau / (tau + period);
+        let root = (1.0 + pole).sqrt();
+        let cost = mass / period * (1.0 - pole) * (root - (1.0 - pole)).powi(2) / (2.0 * pole * pole);
+        // Where the bound is reached: y = (1 - p) √(1 + p).
+        let worst = ((1.0 + pole * pole - (1.0 - pole) * root) / (2.0 * pole)).acos();
+        let numbers = [mass, pole, period];
+        prop_assert!(drawn(worst, 0.98 * cost, numbers) > 0.0);
+        for part in 1..60 {
+            let theta = PI * f64::from(part) / 60.0;
+            prop_assert!(drawn(theta, 1.02 * cost, numbers) < 0.0);
+        }
+        prop_assert!(drawn(worst, 1.02 * cost, numbers) < 0.0);
+        // Below the filter's corner ω J_c is less.
+        prop_assert!(cost * (1.0 + 1e-12) >= mass / (tau + period));
+    }
+}

@@ -98,18 +98,27 @@ static hapt_real hapt_nonlinear_torque(const hapt_world *world, const hapt_vecto
     return torque;
 }
 
-//if integral
-/* The torque on the puck of what gives energy by its nature: constants and integral terms. */
-static hapt_real hapt_sources(const hapt_world *world, const hapt_real *sum)
+//if sources
+/* The torque on the puck of what gives energy by its nature: constants, integral terms and assists. */
+static hapt_real hapt_sources(const hapt_world *world, const hapt_state *state, hapt_real velocity)
 {
     hapt_real torque = world->constant;
     int i;
+    (void)state;
+    (void)velocity;
     for (i = 0; i < HAPT_COUPLINGS; i++) {
         const hapt_coupling *coupling = &world->couplings[i];
+//if integral
         if (coupling->law == HAPT_INTEGRAL) {
-            const hapt_real part = hapt_integral_torque(&world->integral[coupling->place], sum[i]);
+            const hapt_real part = hapt_integral_torque(&world->integral[coupling->place], state->bristle[i]);
             torque += (coupling->first == HAPT_PUCK ? (hapt_real)1 : (hapt_real)-1) * part;
         }
+//end
+//if assist
+        if (coupling->law == HAPT_DAMPER && world->damper[coupling->place].damping < (hapt_real)0) {
+            torque += hapt_damper_torque(&world->damper[coupling->place], velocity);
+        }
+//end
     }
     return torque;
 }

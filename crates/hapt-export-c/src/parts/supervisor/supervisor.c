@@ -179,8 +179,8 @@ static void hapt_book(const hapt_world *world, hapt_controller *self, const hapt
         hapt_fault(self, HAPT_REASON_NOT_FINITE);
         return;
     }
-//if integral
-    hapt_enter(world, self, &step, sample->position, sample->torque - hapt_sources(world, self->world.bristle), reading->missed);
+//if sources
+    hapt_enter(world, self, &step, sample->position, sample->torque - hapt_sources(world, &self->world, sample->velocity), reading->missed);
 //else
     hapt_enter(world, self, &step, sample->position, sample->torque - world->constant, reading->missed);
 //end

@@ -50,6 +50,18 @@ fn the_device_and_the_top() {
             "device = { inertia = 1, gravity = { torque = 1 } }\ncompensation = [{ of = \"gravity\" }, { of = \"gravity\", share = 0.5 }]",
             "compensation.1.of: gravity is compensated already; expected one share of it",
         ),
+        (
+            "device = { inertia = 1 }\ncompensation = [{ of = \"friction\", velocity = 1 }]",
+            "compensation.0.of: the device has no friction to take back; expected device.friction above 0, of both directions",
+        ),
+        (
+            "device = { inertia = 1, friction = 1 }\ncompensation = [{ of = \"friction\" }]",
+            "compensation.0.velocity: missing; expected an angular velocity (rad/s) above 0, such as \"90 deg/s\"",
+        ),
+        (
+            "device = { inertia = 1, gravity = { torque = 1 } }\ncompensation = [{ of = \"gravity\", velocity = 1 }]",
+            "compensation.0.velocity: gravity is taken back by the position: only friction has a velocity",
+        ),
         ("motion = \"spherical\"", "motion: \"spherical\" is not known here; expected \"rotary\" or \"linear\""),
         ("title = 5", "title: 5 is a number; expected text in quotes"),
         (
@@ -213,7 +225,7 @@ fn couplings() {
     let table = [
         (
             "",
-            "couplings.0.kind: missing; expected \"spring\", \"damper\", \"wall\", \"detent\", \"dead-band\", \"magnet\", \"texture\", \"friction\", \"integral\" or \"constant\"",
+            "couplings.0.kind: missing; expected \"spring\", \"damper\", \"wall\", \"detent\", \"dead-band\", \"magnet\", \"texture\", \"friction\", \"integral\", \"assist\" or \"constant\"",
         ),
         ("kind = \"sprign\"", "couplings.0.kind: \"sprign\" is not known here; did you mean \"spring\"?"),
         (
@@ -275,6 +287,10 @@ fn couplings() {
         (
             "kind = \"integral\"\nbetween = [\"wheel\", \"ground\"]\nstiffness = 1",
             "couplings.0.between: an integral term acts between \"puck\" and \"ground\" only",
+        ),
+        (
+            "kind = \"assist\"\nbetween = [\"puck\", \"wheel\"]\ntorque = 1\nvelocity = 1",
+            "couplings.0.between: an assist acts between \"puck\" and \"ground\" only",
         ),
         (
             "kind = \"integral\"\nbetween = [\"puck\", \"ground\"]\nstiffness = 1\ntime = 0",

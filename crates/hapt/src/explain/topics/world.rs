@@ -185,7 +185,21 @@ of the spring, `time` is the controller's integral time. A `limit` stops it from
   hapt check @knob/return-to-center --set couplings.0.kind=integral      energy to slow hands
 
 No damping makes it passive: a hand that moves slowly to and fro draws energy from it, (T72) of
-docs/theory.md. Hands-off, `hapt check` decides by the eigenvalues; see free.
+docs/theory.md. Friction of the device of no less than its limit does, (T76).
+"#,
+    },
+    Topic {
+        name: "assist",
+        aliases: &["friction-compensation", "compensate-friction"],
+        line: "a torque along the velocity, within the device's friction",
+        text: r#"kind = "assist" between puck and ground has the torque torque · v/velocity, within ±torque: it pushes
+along with the hand. A compensation of friction is one:
+
+  compensation = [{ of = "friction", share = 0.7, velocity = "0.2 rad/s" }]
+
+The device's friction takes what it gives, whatever counts, estimator and delay are: so it is
+certified up to the least friction within its tolerance, (T76) of docs/theory.md. More is not, and
+no motor runs it. What it takes of the friction does not pay for counts and missing damping.
 "#,
     },
     Topic {
