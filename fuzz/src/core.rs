@@ -86,7 +86,7 @@ impl Bits<'_> {
     }
 
     fn law(&mut self) -> Law {
-        match self.below(11) {
+        match self.below(13) {
             0 => Law::Spring { stiffness: self.number(), rest: self.number() },
             1 => Law::Damper { damping: Damping::Fixed(self.number()) },
             2 => Law::Damper { damping: Damping::Compensating },
@@ -118,6 +118,7 @@ impl Bits<'_> {
                 },
             },
             10 => Law::Integral { stiffness: self.number(), time: self.number(), rest: self.number() },
+            11 => Law::Assist { torque: self.number(), velocity: self.number() },
             _ => Law::Constant { torque: self.number() },
         }
     }

@@ -40,6 +40,45 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(hapt_testing::cases(60))]
+
+    /// (T77): hands off the energy never grows, though the eigenvalues of an integral term may tell so, and the way is at most that energy over
+    /// the friction that integral term and assist leave.
+    #[test]
+    fn what_friction_takes_neither_grows_nor_hunts_for_ever(
+        stiffness in 0.05_f64..2.4, gain in 1.0_f64..500.0, limits in [1e-4_f64..0.02, 1e-4_f64..0.02], velocity in 1e-3_f64..1.0, more in 0.05_f64..1.0,
+        stribeck in prop::option::of((1e-3_f64..0.02, 0.02_f64..3.0)), counts: bool, push in -0.3_f64..0.3,
+    ) {
+        let mut world = bare();
+        world.sampling.estimator = EstimatorKind::Difference;
+        world.device.encoder = counts.then_some(20_000.0);
+        let rounded = 0.5 * stiffness * world.count().unwrap_or(0.0);
+        let integral = Law::Integral { stiffness: 0.1 * gain, time: 0.1, rest: 0.02 }.between(End::Puck, End::Ground);
+        world.couplings = vec![
+            spring(End::Puck, End::Ground, stiffness),
+            Coupling { limit: Some(limits[0]), ..integral },
+            Law::Assist { torque: limits[1], velocity }.between(End::Puck, End::Ground),
+        ];
+        let left = more * (limits[0] + limits[1]);
+        world.device.friction = limits[0] + limits[1] + rounded + left;
+        world.device.stribeck = stribeck.map(|(torque, velocity)| Stribeck { torque, velocity });
+        prop_assert!(is_certified(&world));
+        let rows = rows(&world, &scenario(6.0, Drive::Torque(Shape::Step { to: push, at: 0.0 }), Some(0.2)));
+        let energy = |row: &hapt_sim::Row| {
+            0.5 * world.device.inertia * row.puck_velocity.powi(2) + 0.5 * stiffness * row.puck.powi(2)
+        };
+        let start = energy(&rows[201]);
+        let mut way = 0.0;
+        for pair in rows[201..].windows(2) {
+            way += (pair[1].puck - pair[0].puck).abs();
+            let energy = energy(&pair[1]);
+            prop_assert!(energy + left * way <= start * (1.0 + 1e-9) + 1e-15, "{energy} J and {way} rad of {start} J");
+        }
+        prop_assert_eq!(rows.last().unwrap().puck_velocity, 0.0);
+    }
+}
+
 #[test]
 fn friction_that_falls_too_fast_for_the_period_is_refused_by_name() {
     let mut world = bare();
