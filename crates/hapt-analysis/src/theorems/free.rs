@@ -17,6 +17,7 @@ use crate::stability::free::free_growth;
 use crate::stability::patterns::{Pattern, even, have_common_form, search};
 use crate::text::time;
 use crate::theorems::assumptions::changes_window;
+use crate::theorems::stable::winds_up;
 use crate::theorems::{Claimed, FREE_FORM, FREE_LINEAR, FREE_PASSIVE, Theorem};
 
 /// What is known of the hands-off loop under every pattern.
@@ -104,6 +105,11 @@ impl FreePatterns {
         let tolerances = &world.device.tolerances;
         if [tolerances.inertia, tolerances.damping, tolerances.lag] != [0.0; 3] {
             return Ok(FreePatterns::open("tolerances of the device are covered by a proof of passivity only"));
+        }
+        if winds_up(world) {
+            return Ok(FreePatterns::open(
+                "an integral term winds up at the motor's limit: no theorem covers large swings",
+            ));
         }
         if !world.device.is_plain() {
             let growth = free_growth(world)?;

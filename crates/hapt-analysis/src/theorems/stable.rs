@@ -5,7 +5,7 @@ use hapt_model::World;
 use crate::equations::discrete::keeps_energy;
 use crate::equations::laws::{self, is_nonlinear};
 use crate::stability::{Stability, Verdict};
-use crate::theorems::assumptions::changes_window;
+use crate::theorems::assumptions::{changes_window, may_saturate};
 use crate::theorems::{Claimed, FREE_LINEAR, FREE_PASSIVE, HELD_ENERGY, HELD_LINEAR};
 
 fn has_nonlinear_bodies(world: &World) -> bool {
@@ -13,9 +13,14 @@ fn has_nonlinear_bodies(world: &World) -> bool {
 }
 
 /// Whether eigenvalues decide how the puck moves: not between the slopes of laws, gravity and cogging, with friction that falls with the speed, at a
-/// stop, or with a window that changes.
+/// stop, with a window that changes, or where an integral term winds up.
 fn is_linear(world: &World) -> bool {
-    world.device.is_plain() && !world.couplings.iter().any(is_nonlinear) && !changes_window(world)
+    world.device.is_plain() && !world.couplings.iter().any(is_nonlinear) && !changes_window(world) && !winds_up(world)
+}
+
+/// Whether an integral term goes on growing at the motor's limit: a swing that reaches the limit may grow though small ones die out.
+pub(super) fn winds_up(world: &World) -> bool {
+    may_saturate(world) && world.couplings.iter().any(|c| laws::integral_gain(&c.law) > 0.0)
 }
 
 /// Whether a theorem covers the held world: the linear step by its eigenvalues, a discrete-gradient step by its energy.

@@ -145,3 +145,26 @@ fn friction_that_takes_the_limit_makes_it_passive() {
     world.device.friction_backward = Some(0.09);
     assert!(!check(&world).unwrap().certified.holds() && !is_certified(&world));
 }
+
+/// At the motor's limit an integral term goes on growing, so that a large swing may grow where small ones die out; and eigenvalues are those of one inertia.
+#[test]
+fn a_pid_that_winds_up_or_whose_inertia_is_uncertain_is_not_claimed_hands_off() {
+    let mut world = pid(1e-3, [1.0, 0.01, 1.0 / 0.15]);
+    (world.device.inertia, world.device.damping) = (1e-3, 1e-3);
+    world.sampling.estimator = EstimatorKind::Difference;
+    assert!(check(&world).unwrap().headline().contains(": safe to let go"));
+    let mut limited = world.clone();
+    limited.device.limit = Some(0.1);
+    let found = check(&limited).unwrap();
+    assert!(found.headline().contains(": not proved safe to let go"), "{}", found.headline());
+    assert!(found.headline().contains("clipping"), "{}", found.headline());
+    // What it can never ask for does not matter.
+    for coupling in &mut limited.couplings {
+        coupling.limit = Some(0.03);
+    }
+    limited.device.limit = Some(0.1);
+    assert!(!check(&limited).unwrap().headline().contains("clipping"));
+    world.device.tolerances.inertia = 0.5;
+    let found = check(&world).unwrap();
+    assert!(found.headline().contains(": not proved safe to let go"), "{}", found.headline());
+}
