@@ -76,7 +76,7 @@ impl BestFit {
         let bounded = lag.map_or_else(|| Bounded::new(record, self.best), |lag| lag.bounded(record));
         let residual = residual(&left(record, &bounded.fit));
         let spread = spread(record, &bounded.fit);
-        let found = Intervals::new(bounded, self.lag.as_ref(), known).identified(record, residual, spread);
+        let found = Intervals::new(record, bounded, self.lag.as_ref(), known).identified(record, residual, spread);
         Identified { damping: found.damping.map(|damping| known.own(damping)), ..found }
     }
 }

@@ -11,11 +11,10 @@ use crate::position::position_torque;
 use crate::puck::{DAMPING, DELAY, FRICTION, GAIN, OFFSET, Puck};
 use crate::quantile::student;
 use crate::record::Record;
+use crate::remainder::{RESOLUTION, error_variance};
 
 /// The correlation of two estimates above which the record does not separate them.
 pub(crate) const CORRELATED: f64 = 0.99;
-/// Positions without counts whose residuals are below this part of them are from a simulation without noise.
-const EXACT: f64 = 1e-9;
 /// A correlated pair is reported where either of the two is as uncertain as this part of itself.
 pub(crate) const VAGUE: f64 = 0.1;
 
@@ -34,8 +33,9 @@ pub(crate) struct Intervals<'k> {
 }
 
 impl<'k> Intervals<'k> {
-    pub fn new(Bounded { fit: best, ends }: Bounded, lag: Option<&'k Lag>, known: &'k Known) -> Self {
-        Intervals { best, ends, lag, known, factor: student(best.freedom()) * best.variance().sqrt() }
+    pub fn new(record: &Record, Bounded { fit: best, ends }: Bounded, lag: Option<&'k Lag>, known: &'k Known) -> Self {
+        let factor = student(best.freedom()) * error_variance(record, &best).sqrt();
+        Intervals { best, ends, lag, known, factor }
     }
 
     pub fn identified(&self, record: &Record, residual: Residual, spread: f64) -> Identified {
@@ -91,7 +91,7 @@ impl<'k> Intervals<'k> {
         let instead = rate(DELAY).filter(|_| told.is_none());
         let late = bounded(lag.map(|lag| instead.into_iter().fold(lag.late(), Interval::with)));
         let lattice = lattice(record.positions());
-        let is_exact = lattice.is_none() && residual.rms < EXACT * spread;
+        let is_exact = lattice.is_none() && residual.rms < RESOLUTION * spread;
         let (condition, correlated) = covariance.map_or((f64::INFINITY, Vec::new()), |c| self.correlations(&c));
         Identified {
             inertia: inertia.map(positive),

@@ -10,7 +10,7 @@ use crate::identified::Interval;
 use crate::puck::{DELAY, LAG, Puck};
 use crate::quantile::student;
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
-use crate::remainder::is_right as explains;
+use crate::remainder::{error_variance, is_right as explains};
 use crate::start::{Begin, begins};
 
 /// A torque that has come up for so many lags has arrived.
@@ -87,7 +87,7 @@ impl Lag {
 
     fn of(record: &Record, fit: Fit) -> Option<Self> {
         let covariance = fit.inverse()?;
-        let factor = student(fit.freedom()) * fit.variance().sqrt();
+        let factor = student(fit.freedom()) * error_variance(record, &fit).sqrt();
         let of = |i: usize| covariance[(i, i)].max(0.0).sqrt();
         let p = fit.puck.parameters();
         let is_least = fit.puck.lag < 2.0 * SHORTEST_LAG * record.period();

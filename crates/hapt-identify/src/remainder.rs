@@ -7,6 +7,14 @@ use crate::identified::Residual;
 use crate::puck::Puck;
 use crate::record::Record;
 
+/// Positions are known to this part of their standard deviation at best, by the arithmetic of a fit and the digits of a record.
+pub(crate) const RESOLUTION: f64 = 1e-9;
+
+/// The variance of the positions' errors that a fit shows, and at least that of their resolution: what is smaller is rounding.
+pub(crate) fn error_variance(record: &Record, fit: &Fit) -> f64 {
+    fit.variance().max((RESOLUTION * spread(record, fit)).powi(2))
+}
+
 /// Whether counts and noise explain what a fit leaves.
 pub(crate) fn is_right(record: &Record, fit: &Fit) -> bool {
     explained(record, &left(record, fit), lattice(record.positions()), spread(record, fit))

@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::quantile::student;
 use crate::record::{LONGEST_DELAY, Record};
+use crate::remainder::{RESOLUTION, variance};
 use crate::shaft::Shafted;
 
 /// Of ln (J + J_h), b, f, the time d + λ to the torque, ln (J_h / J), ln (k / m), d / m, λ², with m = J J_h / (J + J_h); of the beginning,
@@ -60,6 +61,8 @@ pub(super) struct Fit {
     pub free: Free,
     pub left: Vec<f64>,
     pub squares: f64,
+    /// The least mean square of the positions' errors: that of their resolution.
+    least: f64,
     derivatives: DMatrix<f64>,
 }
 
@@ -114,6 +117,7 @@ impl Fit {
             free: Free::All,
             left,
             squares,
+            least: RESOLUTION * RESOLUTION * variance(record.positions()),
             derivatives: DMatrix::zeros(0, 0),
         })
     }
@@ -138,7 +142,7 @@ impl Fit {
     /// By so much the squares of what a 95 % interval covers may be above the least.
     pub fn unit(&self) -> f64 {
         let freedom = self.left.len().saturating_sub(self.parameters()).max(1) as f64;
-        student(freedom).powi(2) * self.squares / freedom
+        student(freedom).powi(2) * (self.squares / freedom).max(self.least)
     }
 
     /// The largest squares of devices that explain the record as well.

@@ -277,3 +277,30 @@ fn a_shaft_contradicts_a_rigid_file() {
     let found = against(&record, &claims(&DeviceSpec { inertia: whole, handle: None, ..rig }, 0.1), false).unwrap();
     assert!(!found.agrees() && found.wrong.is_some(), "{found:?}");
 }
+
+/// Without counts and noise a fit is right to rounding. That is no contradiction, and a number that is off by a millionth still is.
+#[test]
+fn rounding_contradicts_no_file() {
+    for seed in hapt_testing::seeds(12) {
+        let mut rng = Rng::with_seed(seed);
+        let drawn = device(&mut rng);
+        // Every second one swings on a spring without losses of its own.
+        let rig = if seed % 2 == 0 { DeviceSpec { delay: 0.0, lag: 0.0, damping: 0.0, ..drawn } } else { drawn };
+        let stiffness = if seed % 2 == 0 { 0.2 + rng.f64() } else { 0.0 };
+        let mut device = VirtualDevice::new(&rig);
+        let step = |push: f64| {
+            let z = device.puck().0;
+            let torque = push - stiffness * z;
+            device.command(torque);
+            device.travel();
+            (z, torque)
+        };
+        let (seen, torques): (Vec<f64>, Vec<f64>) = steps(&mut rng, 2000, 0.1).into_iter().map(step).unzip();
+        let record = Record::new(times(&rig, 2000), seen, torques).unwrap();
+        let right = claims(&rig, 0.0);
+        let found = against(&record, &right, false).unwrap();
+        assert!(found.agrees(), "seed {seed}: {rig:?}: {:?}", found.numbers);
+        let off = Claims { inertia: right.inertia.map(|x| 1.000_001 * x), ..right };
+        assert_eq!(wrong(&against(&record, &off, false).unwrap()), ["inertia"], "seed {seed}");
+    }
+}
