@@ -2,8 +2,10 @@
 
 use hapt_model::keys::Measure;
 use hapt_model::{DeviceSpec, Handle, World};
+use hapt_plant::spec::{Stops, Stribeck};
 use serde_json::{Value, json};
 
+use crate::device::{self, Device};
 use crate::estimate::{search_from, search_or_glimpse};
 use crate::fit::Fit;
 use crate::handle::{self, WithHandle};
@@ -11,7 +13,7 @@ use crate::identified::{Identified, Interval, Known, Residual};
 use crate::misfit::Misfit;
 use crate::puck::Puck;
 use crate::record::{CancellableRecord, Record};
-use crate::remainder::{left, residual};
+use crate::remainder::{RESOLUTION, left, residual};
 use crate::start::{Begin, begins, noise};
 use crate::torque::{TorqueFit, fit_torque};
 use crate::{Error, Lattice, lattice};
@@ -47,6 +49,10 @@ pub struct Claims {
     pub period: f64,
     /// On a flexible shaft; its numbers have no tolerance.
     pub handle: Option<Handle>,
+    /// Friction that falls with the speed; its numbers have no tolerance.
+    pub stribeck: Option<Stribeck>,
+    /// End stops; their numbers have no tolerance.
+    pub stops: Option<Stops>,
 }
 
 /// What a record says of a number of a file.
@@ -63,19 +69,20 @@ pub enum Verdict {
 /// One number, of the record and of the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compared {
-    /// inertia, damping, friction, constant torque, lag, delay, delay and lag, sign; handle inertia, shaft stiffness, shaft damping.
+    /// inertia, damping, friction, constant torque, lag, delay, delay and lag, sign; handle inertia, shaft stiffness, shaft damping; stribeck
+    /// torque, stribeck velocity; low stop, high stop, stop stiffness, stop damping.
     pub name: &'static str,
     /// Of its unit; `None`: it has none.
     pub measure: Option<Measure>,
     /// Of the record.
     pub estimate: Option<Interval>,
-    /// The least and the largest that the file allows.
+    /// The least and the largest that the file allows; NaN: the file has none.
     pub file: [f64; 2],
     /// How many standard errors the estimate is outside of that; 0 inside.
     pub sigmas: Option<f64>,
     /// What follows.
     pub verdict: Verdict,
-    /// Why it is not told.
+    /// Why it is not told, or how it contradicts where no estimate does.
     pub reason: Option<&'static str>,
 }
 
@@ -126,6 +133,8 @@ impl Claims {
             delay: [world.sampling.delay_s(), world.sampling.delay_max_s()],
             period: world.sampling.period,
             handle: device.handle,
+            stribeck: device.stribeck.filter(|stribeck| stribeck.torque > 0.0),
+            stops: device.stops,
         }
     }
 
@@ -165,8 +174,8 @@ impl Claims {
             damping: middle(self.damping),
             friction: middle(self.friction) - self.lean,
             friction_backward: Some(middle(self.friction) + self.lean).filter(|_| self.lean != 0.0),
-            stribeck: None,
-            stops: None,
+            stribeck: self.stribeck,
+            stops: self.stops,
             lag: middle(self.lag),
             delay: middle(self.delay),
             period: self.period,
@@ -237,6 +246,23 @@ fn compared(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) ->
 fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Result<Comparison, Error> {
     let lag = middle(claims.lag);
     let known = Known { is_linear, lag: (lag > 0.0).then_some(lag), ..Known::default() };
+    // Near the file's own device first where a puck alone is another one.
+    let near = device_of(claims).and_then(|device| device::near(record, &device));
+    if let Some(x) = near.or_else(|| device::search(record, &known)).and_then(|fit| fit.identified(record, &known)) {
+        let mut numbers = judged(&x, claims, &Scale::of(record));
+        numbers.extend(judged_stribeck(&x, claims, &Scale::of(record)));
+        numbers.extend(judged_stops(record, &x, claims));
+        return Ok(Comparison {
+            numbers,
+            wrong: None,
+            misfit: None,
+            fitted: x.fitted(record),
+            residuals: x.residuals(record),
+            residual: x.residual,
+            noise: noise(record),
+            lattice: x.lattice,
+        });
+    }
     let mut found = search_or_glimpse(record, &known)?;
     if found.wrong.is_some()
         && let Some(near) = search_from(record, &known, claims.puck(record)).filter(|near| near.wrong.is_none())
@@ -246,7 +272,10 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
     }
     let (numbers, puck, first, residual) = if found.wrong.is_none() {
         let x = found.identified(record, &known);
-        (judged(&x, claims, &Scale::of(record)), x.puck, x.first, x.residual)
+        let mut numbers = judged(&x, claims, &Scale::of(record));
+        numbers.extend(judged_stribeck(&x, claims, &Scale::of(record)));
+        numbers.extend(judged_stops(record, &x, claims));
+        (numbers, x.puck, x.first, x.residual)
     } else {
         let Fit { puck, first, .. } = found.best;
         (judged_without(claims), puck, first, residual(&left(record, &found.best)))
@@ -320,6 +349,76 @@ fn judged(found: &Identified, claims: &Claims, scale: &Scale) -> Vec<Compared> {
     numbers
 }
 
+/// The device of a file with Stribeck friction or end stops; `None` where it has neither.
+fn device_of(claims: &Claims) -> Option<Device> {
+    let (stribeck, stops) = (claims.stribeck, claims.stops);
+    if stribeck.is_none() && stops.is_none() {
+        return None;
+    }
+    Some(Device::of_spec(&claims.device()))
+}
+
+/// Stribeck friction of the file against that of a fit.
+fn judged_stribeck(found: &Identified, claims: &Claims, scale: &Scale) -> Vec<Compared> {
+    let Some(Stribeck { torque, velocity }) = claims.stribeck else { return Vec::new() };
+    let number =
+        |name, measure, estimate, file: f64, least| Compared::new(name, Some(measure), estimate, [file; 2], least);
+    let seen = found.stribeck;
+    let mut numbers = vec![
+        number("stribeck torque", Measure::Torque, seen.map(|x| x.torque), torque, SMALL * scale.torque),
+        number("stribeck velocity", Measure::Velocity, seen.map(|x| x.velocity), velocity, 0.0),
+    ];
+    if seen.is_none() && found.device.is_none() {
+        // A puck without it explains the record.
+        numbers.iter_mut().for_each(|number| number.reason = Some(NO_FALL));
+    }
+    numbers
+}
+
+/// The stops of the file against those that the record runs into, or passes by.
+fn judged_stops(record: &Record, found: &Identified, claims: &Claims) -> Vec<Compared> {
+    if claims.stops.is_none() && found.stops.is_none() {
+        return Vec::new();
+    }
+    let (low, high) =
+        record.positions().iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
+    let step = found.lattice.map_or(0.0, |lattice| lattice.step);
+    // A stop acts where the puck is in it by more than the positions' errors.
+    let noise = SURELY * found.residual.rms.max(step).max(RESOLUTION * found.spread);
+    let place = |name, side: f64, reached: f64, estimate: Option<Interval>, file: Option<f64>| {
+        let range = [file.unwrap_or(f64::NAN); 2];
+        let mut number = Compared::new(name, Some(Measure::Position), estimate, range, high - low);
+        (number.verdict, number.reason) = match (estimate, file) {
+            (Some(_), None) => (Verdict::Contradicts, Some(NO_STOP)),
+            (None, Some(file)) if side * (reached - file) > noise => (Verdict::Contradicts, Some(PASSES)),
+            (None, _) => (Verdict::NotTold, Some(BEFORE)),
+            (Some(_), Some(_)) => (number.verdict, number.reason),
+        };
+        number
+    };
+    let (file, seen) = (claims.stops, found.stops);
+    let mut numbers = vec![
+        place("low stop", -1.0, low, seen.and_then(|x| x.low), file.and_then(|x| x.low)),
+        place("high stop", 1.0, high, seen.and_then(|x| x.high), file.and_then(|x| x.high)),
+    ];
+    // A file without this stop has nothing to say where the record has nothing.
+    numbers.retain(|number| number.estimate.is_some() || !number.file[0].is_nan());
+    let of = |name, measure, estimate, file: Option<f64>, least| {
+        let mut number = Compared::new(name, Some(measure), estimate, [file.unwrap_or(f64::NAN); 2], least);
+        if estimate.is_none() || file.is_none() {
+            (number.verdict, number.reason) = (Verdict::NotTold, Some(if file.is_none() { NO_STOP } else { BEFORE }));
+        }
+        number
+    };
+    // A damping is small beside twice the root of stiffness and inertia.
+    let critical = file.map_or(0.0, |x| 2.0 * (x.stiffness * middle(claims.inertia)).sqrt());
+    numbers.extend([
+        of("stop stiffness", Measure::Stiffness, seen.map(|x| x.stiffness), file.map(|x| x.stiffness), 0.0),
+        of("stop damping", Measure::Damping, seen.map(|x| x.damping), file.map(|x| x.damping), SMALL * critical),
+    ]);
+    numbers
+}
+
 /// Lag, delay, and both together.
 fn lateness(lag: Option<Interval>, delay: Option<Interval>, late: Option<Interval>, claims: &Claims) -> [Compared; 3] {
     let number = |name, estimate, file, least| Compared::new(name, Some(Measure::Time), estimate, file, least);
@@ -348,6 +447,10 @@ fn lateness(lag: Option<Interval>, delay: Option<Interval>, late: Option<Interva
 const SLOW: &str = "the record tells only the sum of delay and lag: its torque changes too little, or too slowly, for the size of its noise";
 const NONE: &str = "not in this record";
 const WIDE: &str = "the record allows too much";
+const BEFORE: &str = "the record does not reach it";
+const PASSES: &str = "the record moves beyond it without a stop";
+const NO_STOP: &str = "the file has no such stop";
+const NO_FALL: &str = "a puck without it explains the record: the speeds are too high, or too low, to show it";
 const LATE: &str = "the torque's equation does not tell it";
 const UNEXPLAINED: &str = "no interval is valid beside a motion that no device explains";
 
@@ -436,6 +539,9 @@ impl Compared {
 
     fn judge(&mut self, estimate: Option<Interval>, least: f64) {
         let [low, high] = self.file;
+        if low.is_nan() {
+            return;
+        }
         let allowed = (0.5 * (high - low)).max(TOLD * (0.5 * (high + low)).abs().max(least));
         let is_told = estimate.is_some_and(|x| (x.high - x.value).max(x.value - x.low) <= allowed);
         (self.verdict, self.reason) = match (self.sigmas, is_told) {

@@ -63,6 +63,8 @@ const GAP: f64 = 4.0;
 const MOVES: f64 = 0.7;
 /// No real spring is straight and without loss to better than this part: so much of its torque may go with the acceleration.
 const BENT: f64 = 0.05;
+/// Records that a bootstrap puts together.
+const RESAMPLES: usize = 100;
 /// Parts of a record that are left out in turn (the jackknife).
 pub(crate) const BLOCKS: usize = 8;
 
@@ -89,8 +91,23 @@ pub(crate) struct Row {
     area: f64,
 }
 
+/// How the standard errors of the equation's terms are found; each is compared with that of least squares, and the larger one counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Errors {
+    /// By leaving out one of eight blocks of the record in turn.
+    #[default]
+    Jackknife,
+    /// By the sandwich of Newey and West (Econometrica 55 (1987) 703) with Andrews's lag for an autoregression (Econometrica 59 (1991) 817).
+    Sandwich,
+    /// By the moving blocks bootstrap (Künsch, Ann. Stat. 17 (1989) 1217), with blocks of twice the time over which what is left is correlated.
+    Bootstrap,
+    /// By the larger one of jackknife and sandwich.
+    Both,
+}
+
 /// All windows of a record.
 pub(crate) struct Rows {
+    errors: Errors,
     pub rows: Vec<Row>,
     /// What the positions' noise adds to the squares of a row's terms.
     noise: Square,
@@ -113,7 +130,7 @@ impl Rows {
     pub fn new(record: &Record, signs: &[f64], torques: &[f64], band: Band) -> Self {
         let (times, positions) = (record.times(), record.positions());
         let half = (0.5 * band.length / record.period()).round() as usize;
-        let mut all = Rows { rows: Vec::new(), noise: Square::zeros() };
+        let mut all = Rows { errors: Errors::default(), rows: Vec::new(), noise: Square::zeros() };
         if half < FEWEST {
             return all;
         }
@@ -192,6 +209,20 @@ impl Rows {
             }
         }
         all
+    }
+
+    /// The same, whose solutions have standard errors by another way.
+    pub fn with_errors(self, errors: Errors) -> Rows {
+        Rows { errors, ..self }
+    }
+
+    /// Those whose positions are all between two places.
+    pub fn between(&self, record: &Record, [low, high]: [f64; 2]) -> Rows {
+        let is_inside =
+            |row: &&Row| record.positions()[row.span.0..=row.span.1].iter().all(|z| (low..=high).contains(z));
+        let rows: Vec<Row> = self.rows.iter().filter(is_inside).copied().collect();
+        let noise = self.noise * (rows.len() as f64 / self.rows.len().max(1) as f64);
+        Rows { errors: self.errors, rows, noise }
     }
 
     /// The sums over each of the blocks.
@@ -302,8 +333,17 @@ impl Rows {
             let jack = others.iter().fold(Column::zeros(), |sum, other| sum + (other.0 - values).map(|x| x * x));
             let sum = |term: usize| self.rows.iter().map(|row| row.terms[term].powi(2)).sum::<f64>();
             let bent = BENT * values[STIFFNESS].abs() * (sum(STIFFNESS) / sum(INERTIA).max(f64::MIN_POSITIVE)).sqrt();
+            let is_sandwich = matches!(self.errors, Errors::Sandwich | Errors::Both);
+            let sandwich = if is_sandwich { self.sandwich(&inverse, &left) } else { Column::zeros() };
+            let is_bootstrap = self.errors == Errors::Bootstrap;
+            let bootstrap = if is_bootstrap { self.bootstrap(mask, n / independent) } else { Column::zeros() };
             let errors = Column::from_fn(|i, _| {
-                let jackknife = jack[i] * (count - 1.0) / count;
+                let jackknife = match self.errors {
+                    Errors::Jackknife => jack[i] * (count - 1.0) / count,
+                    Errors::Sandwich => sandwich[i],
+                    Errors::Bootstrap => bootstrap[i],
+                    Errors::Both => sandwich[i].max(jack[i] * (count - 1.0) / count),
+                };
                 let plain = inverse[(i, i)].max(0.0) * square * n / freedom;
                 let spring = if i == INERTIA { bent * bent } else { 0.0 };
                 (jackknife.max(plain) + spring).sqrt().max(at_bound[i])
@@ -324,6 +364,66 @@ impl Rows {
                 has_constant,
             });
         }
+    }
+}
+
+impl Rows {
+    /// The variances of the estimates by the sandwich: what is left of neighbouring windows is correlated up to a lag that the data give.
+    fn sandwich(&self, inverse: &Square, left: &[f64]) -> Column {
+        let scores: Vec<Column> =
+            self.rows.iter().zip(left).map(|(row, left)| inverse * Column::from(row.terms) * *left).collect();
+        let n = scores.len();
+        let of = |i: usize| {
+            let at = |lag: usize| scores.iter().zip(&scores[lag..]).map(|(a, b)| a[i] * b[i]).sum::<f64>();
+            let own = at(0);
+            if own <= 0.0 {
+                return 0.0;
+            }
+            let next = (at(1) / own).clamp(-0.97, 0.97);
+            let alpha = 4.0 * next * next / ((1.0 - next).powi(2) * (1.0 + next).powi(2));
+            let lag = (1.1447 * (alpha * n as f64).cbrt()).clamp(1.0, 0.5 * n as f64) as usize;
+            let more = (1..=lag).map(|k| 2.0 * (1.0 - k as f64 / (lag + 1) as f64) * at(k)).sum::<f64>();
+            (own + more).max(0.0)
+        };
+        Column::from_fn(|i, _| of(i))
+    }
+
+    /// The variances of the estimates over records that are put together of blocks of this one.
+    fn bootstrap(&self, mask: Mask, correlated: f64) -> Column {
+        let n = self.rows.len();
+        let length = ((2.0 * correlated).ceil() as usize).clamp(1, n.div_ceil(4));
+        let noise = self.noise * (n as f64).recip();
+        // The sums up to each row.
+        let none = Sums { terms: Square::zeros(), torque: Column::zeros(), squares: 0.0 };
+        let mut sums = vec![none];
+        let mut sum = none;
+        for row in &self.rows {
+            let x = Column::from(row.terms);
+            sum.terms += x * x.transpose() - noise;
+            sum.torque += x * row.torque;
+            sums.push(sum);
+        }
+        // xorshift64 (Marsaglia 2003): the same blocks each time.
+        let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
+        let mut draw = |below: usize| {
+            seed ^= seed << 13;
+            seed ^= seed >> 7;
+            seed ^= seed << 17;
+            (seed >> 11) as usize % below
+        };
+        let mut values = Vec::with_capacity(RESAMPLES);
+        for _ in 0..RESAMPLES {
+            let mut all = none;
+            for _ in 0..n.div_ceil(length) {
+                let from = draw(n - length + 1);
+                all.terms += sums[from + length].terms - sums[from].terms;
+                all.torque += sums[from + length].torque - sums[from].torque;
+            }
+            values.extend(solve(&all, mask).map(|(values, _)| values));
+        }
+        let count = values.len().max(2) as f64;
+        let mean = values.iter().fold(Column::zeros(), |sum, value| sum + value) / count;
+        values.iter().fold(Column::zeros(), |sum, value| sum + (value - mean).map(|x| x * x)) / (count - 1.0)
     }
 }
 

@@ -5,6 +5,7 @@ use std::cmp::Ordering;
 use crate::best::{best, free};
 use crate::bound::Bounded;
 use crate::counts::lattice;
+use crate::device;
 use crate::fit::{Fit, fit};
 use crate::handle::resonance;
 use crate::identified::{Identified, Known, PositionTorque};
@@ -47,6 +48,10 @@ pub fn identify_until(record: &Record, known: &Known, stop: &dyn Fn() -> bool) -
 }
 
 fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identified, Error> {
+    // Where the puck is turned round near the ends of its travel a search without stops is long and in vain.
+    if let Some(found) = device::search(record, known).and_then(|fit| fit.identified(record, known)) {
+        return Ok(found);
+    }
     let found = search_or_glimpse(record, known)?;
     match found.wrong {
         Some(wrong) => Err(wrong),
@@ -258,11 +263,18 @@ impl Identified {
 
     /// The residuals with their times, from the first sample that is fitted on.
     pub fn residuals(&self, record: &Record) -> Vec<(f64, f64)> {
-        self.puck.left_from_sample(record, self.first)
+        let rows = self.fitted(record).into_iter().zip(&record.positions()[self.first..]);
+        rows.map(|((t, z), y)| (t, y - z)).collect()
     }
 
     /// The positions that the fit gives, with their times.
     pub fn fitted(&self, record: &Record) -> Vec<(f64, f64)> {
-        self.puck.positions_from(record, self.first)
+        match &self.device {
+            Some((device, shots)) => {
+                let positions = shots.iter().flat_map(|shot| shot.positions(record, device));
+                record.times()[self.first..].iter().copied().zip(positions).collect()
+            }
+            None => self.puck.positions_from(record, self.first),
+        }
     }
 }

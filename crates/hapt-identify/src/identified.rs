@@ -1,6 +1,9 @@
 //! The result of an identification, as plain data.
 
+use hapt_plant::spec::Stops;
+
 use crate::counts::Lattice;
+use crate::device::{Device, Shot};
 use crate::puck::Puck;
 
 /// What is known beforehand.
@@ -85,8 +88,14 @@ pub struct Identified {
     pub lattice: Option<Lattice>,
     /// b/J in 1/s and f/J in rad/s² (m/s²), which a coast-down determines.
     pub rates: [Option<Interval>; 2],
+    /// The end stops that the record runs into; `None`: it reaches none.
+    pub stops: Option<FoundStops>,
+    /// Friction that falls with the speed, where it was asked for.
+    pub stribeck: Option<FoundStribeck>,
     /// The fit itself, with damping, friction and delay of 0 or more wherever that explains the record.
     pub puck: Puck,
+    /// The same with end stops or Stribeck friction, where the device has any.
+    pub(crate) device: Option<(Device, Vec<Shot>)>,
     /// The first sample that is fitted.
     pub first: usize,
     /// Its residuals.
@@ -101,6 +110,36 @@ pub struct Identified {
     pub condition: f64,
     /// The pairs of parameters that the record does not separate.
     pub correlated: Vec<CorrelatedPair>,
+}
+
+/// End stops of the device: springs and dampers of the same numbers at both ends of the way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FoundStops {
+    /// Where that toward smaller positions begins, in rad (m); `None`: the record does not reach it.
+    pub low: Option<Interval>,
+    /// Where that toward larger positions begins.
+    pub high: Option<Interval>,
+    /// In N·m/rad (N/m).
+    pub stiffness: Interval,
+    /// In N·m·s/rad (N·s/m).
+    pub damping: Interval,
+}
+
+impl FoundStops {
+    /// The values alone.
+    pub fn values(&self) -> Stops {
+        let [low, high] = [self.low, self.high].map(|x| x.map(|x| x.value));
+        Stops { low, high, stiffness: self.stiffness.value, damping: self.damping.value }
+    }
+}
+
+/// Friction that is so much more at rest, and falls to Coulomb friction by a straight line up to the velocity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FoundStribeck {
+    /// In N·m (N).
+    pub torque: Interval,
+    /// In rad/s (m/s).
+    pub velocity: Interval,
 }
 
 /// A torque that depends on the position.

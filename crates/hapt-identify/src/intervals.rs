@@ -107,7 +107,10 @@ impl<'k> Intervals<'k> {
             counts: lattice.filter(|_| !self.known.is_linear).and_then(counts),
             lattice,
             rates: [DAMPING, FRICTION].map(|i| bounded(rate(i))),
+            stops: None,
+            stribeck: None,
             puck: self.best.puck,
+            device: None,
             first: self.best.first,
             residual,
             // Rounding correlates with any shape.
@@ -153,7 +156,7 @@ pub(crate) fn no_longer(Interval { value, low, high }: Interval, late: Interval)
 }
 
 /// The whole number of counts a revolution that a lattice corresponds to; `None` where it is not whole.
-fn counts(lattice: Lattice) -> Option<Interval> {
+pub(crate) fn counts(lattice: Lattice) -> Option<Interval> {
     let counts = std::f64::consts::TAU / lattice.step;
     let doubt = 2.0 * counts * lattice.error / lattice.step;
     let whole = counts.round();

@@ -41,6 +41,7 @@ mod best;
 mod bound;
 mod columns;
 mod counts;
+mod device;
 mod equation;
 mod error;
 mod estimate;
@@ -72,15 +73,20 @@ mod warnings;
 pub use against::{Claims, Compared, Comparison, Verdict, against, against_until};
 pub use columns::{Columns, Read, Scale};
 pub use counts::{Lattice, lattice};
+pub use equation::Errors;
 pub use error::{Error, LargeResidual};
 pub use estimate::{identify, identify_until};
 pub use experiment::{Bounds, Push};
 pub use foretold::FORETOLD;
 pub use handle::{WithHandle, identify_handle, identify_handle_until};
-pub use identified::{CorrelatedPair, Identified, Interval, Known, PositionTorque, Residual};
+pub use identified::{
+    CorrelatedPair, FoundStops, FoundStribeck, Identified, Interval, Known, PositionTorque, Residual,
+};
 pub use mat::{is_mat, mat_table};
 pub use misfit::{Kind, Misfit, Part};
 pub use puck::{Puck, Sensitivity};
 pub use record::{LONGEST_DELAY, Record};
 pub use terms::{Term, TermKind};
+#[doc(hidden)]
+pub use torque::fit_torque_by;
 pub use torque::{TorqueFit, Window, fit_torque};

@@ -27,9 +27,12 @@ const COMPLEX: u32 = 0x0800;
 /// A column with its name.
 type Column = (String, Vec<f64>);
 
-/// Whether bytes are those of a MATLAB file, of any level that has a header.
+/// How an HDF5 file begins that has no header of MATLAB before it.
+const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
+
+/// Whether bytes are those of a MATLAB file, of any level that has a header, or of an HDF5 file.
 pub fn is_mat(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"MATLAB ")
+    bytes.starts_with(b"MATLAB ") || bytes.starts_with(HDF5)
 }
 
 /// The table of a MATLAB file as text with commas, for [`crate::Columns::read_all`]: the arrays of the longest length that two of them have.
@@ -39,6 +42,13 @@ pub fn is_mat(bytes: &[u8]) -> bool {
 /// [`Error::Columns`] for a file of another level, one that is cut short, and one without two numeric arrays of one length.
 pub fn mat_table(bytes: &[u8]) -> Result<String, Error> {
     let wrong = |what: &str| Error::Columns(format!("the .mat file {what}"));
+    if bytes.starts_with(HDF5) {
+        return Err(Error::Columns(
+            "the file is HDF5, as .mat files of level 7.3 are; expected a .mat file of level 5: save('file.mat', '-v7') in MATLAB or \
+             scipy.io.savemat in Python writes it, or a table as text"
+                .into(),
+        ));
+    }
     let Some(header) = bytes.get(..HEADER) else { return Err(wrong("is cut short: its header alone has 128 bytes")) };
     let is_big = match &header[126..] {
         b"MI" => true,
@@ -47,7 +57,9 @@ pub fn mat_table(bytes: &[u8]) -> Result<String, Error> {
     };
     let version = if is_big { header[124] } else { header[125] };
     if version != 1 {
-        return Err(wrong("is of level 7.3 (HDF5); expected level 5: save('file.mat', '-v7') in MATLAB writes it"));
+        return Err(wrong(
+            "is of level 7.3 (HDF5); expected level 5: save('file.mat', '-v7') in MATLAB writes it, scipy.io.savemat in Python too",
+        ));
     }
     let mut columns: Vec<Column> = Vec::new();
     let mut reader = Reader { bytes: &bytes[HEADER..], is_big };

@@ -2,8 +2,8 @@
 
 use crate::counts::{Lattice, lattice};
 use crate::equation::{
-    BLOCKS, Band, CONSTANT, COSINE, DAMPING, DIRECTION, FORCE, FRICTION, INERTIA, Mask, Rows, SINE, STIFFNESS, Solved,
-    TERMS,
+    BLOCKS, Band, CONSTANT, COSINE, DAMPING, DIRECTION, Errors, FORCE, FRICTION, INERTIA, Mask, Rows, SINE, STIFFNESS,
+    Solved, TERMS,
 };
 use crate::foretold::foretold;
 use crate::identified::{Interval, Known};
@@ -215,6 +215,12 @@ fn weighed(models: &[Solved]) -> Vec<(f64, &Solved)> {
 ///
 /// `None` where there is no torque, or where no window of the record moves.
 pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
+    fit_torque_by(record, known, Errors::default())
+}
+
+/// The same with standard errors by another way, to compare their coverage.
+#[doc(hidden)]
+pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<TorqueFit> {
     if !record.is_driven() {
         return None;
     }
@@ -237,7 +243,7 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
     let torques = torques_of(delay);
     let mut bands: Vec<(Band, f64, Vec<Solved>)> = Vec::new();
     for band in BANDS.into_iter().filter(|band| 4.0 * band.length < duration) {
-        let rows = Rows::new(record, &signs, &torques, band);
+        let rows = Rows::new(record, &signs, &torques, band).with_errors(errors);
         if rows.rows.len() < 4 * TERMS {
             continue;
         }
@@ -276,7 +282,7 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
     let inertia = of(INERTIA, true)?;
     let way = if inertia.value < 0.0 { -1.0 } else { 1.0 };
     let deviation = inertia.variance.sqrt();
-    let rows = Rows::new(record, &signs, &torques, SHOWN);
+    let rows = Rows::new(record, &signs, &torques, SHOWN).with_errors(errors);
     let plain = rows.solved(plain_terms, duration)?;
     // Motion of one frequency does not tell an inertia from a spring, nor from what a hand does.
     let is_apart = rows.solved(spring_terms, duration).is_some();

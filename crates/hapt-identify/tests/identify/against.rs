@@ -11,7 +11,7 @@ use crate::lever::Lever;
 use crate::rig::{WHEEL, counted, motion, steps, times};
 
 /// The numbers themselves, with this tolerance.
-fn claims(rig: &DeviceSpec, part: f64) -> Claims {
+pub fn claims(rig: &DeviceSpec, part: f64) -> Claims {
     let within = |x: f64| [x * (1.0 - part), x * (1.0 + part)];
     Claims {
         inertia: within(rig.inertia),
@@ -22,6 +22,8 @@ fn claims(rig: &DeviceSpec, part: f64) -> Claims {
         delay: [rig.delay; 2],
         period: rig.period,
         handle: None,
+        stribeck: rig.stribeck,
+        stops: rig.stops,
     }
 }
 
@@ -172,6 +174,8 @@ fn a_richer_device_contradicts_the_numbers_that_are_wrong() {
             delay: [0.0, 0.1],
             period: record.period(),
             handle: None,
+            stribeck: None,
+            stops: None,
         };
         let Ok(right) = against(&record, &of(lever.inertia), false) else { continue };
         let Ok(far) = against(&record, &of(4.0 * lever.inertia), false) else { continue };

@@ -9,5 +9,6 @@ mod lever;
 mod mat;
 mod richer;
 mod rig;
+mod stops;
 mod tables;
 mod terms;

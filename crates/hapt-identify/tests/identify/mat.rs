@@ -102,6 +102,14 @@ fn arrays_of_one_length_are_a_table_of_either_byte_order() {
 
 #[test]
 fn what_is_no_record_is_refused_with_what_would_be_right() {
+    // HDF5, with MATLAB's header of level 7.3 before it and without.
+    let mut header = format!("{:<124}", "MATLAB 7.3 MAT-file, Platform: GLNXA64").into_bytes();
+    header.extend([0x00, 0x02, b'I', b'M']);
+    for bytes in [header, b"\x89HDF\r\n\x1a\n and so on".to_vec()] {
+        assert!(is_mat(&bytes));
+        let words = mat_table(&bytes).unwrap_err().to_string();
+        assert!(["HDF5", "7.3", "save('file.mat', '-v7')"].iter().all(|part| words.contains(part)), "{words}");
+    }
     let w = Writer { is_big: false };
     let error = |file: &[u8]| mat_table(file).unwrap_err().to_string();
     let none = w.file(&[w.array("note", 4, 1, 2, &w.element(4, &[65, 0, 66, 0]))]);

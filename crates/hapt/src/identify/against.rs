@@ -19,12 +19,6 @@ pub fn run(args: &IdentifyArgs, given: &Given) -> Result<ExitCode, Failure> {
         return Err(Failure::input("--against needs a world"));
     };
     let file = path.display().to_string();
-    if world.device.stribeck.is_some() {
-        return Err(Failure::input(format!(
-            "{file} has [device.stribeck], and --against compares devices whose friction is the same at all speeds; fit the record \
-             without --against, or compare it with a file without that table"
-        )));
-    }
     let claims = Claims::of(world);
     is_of(given, world, &claims, &file)?;
     let found = against(&given.record, &claims, given.motion == Motion::Linear)
@@ -118,6 +112,9 @@ impl Scale {
             Some(Measure::Damping) => (1.0, damping),
             Some(Measure::Time) => (1e3, "ms".into()),
             Some(Measure::Torque) => (per_si, effort.into()),
+            Some(Measure::Position) if motion == Motion::Linear => (1e3, "mm".into()),
+            Some(Measure::Position) => (1f64.to_degrees(), "deg".into()),
+            Some(Measure::Velocity) => (1.0, Measure::Velocity.dimension(motion).symbol()),
             Some(Measure::Stiffness) => (1.0, if motion == Motion::Linear { "N/m" } else { "N m/rad" }.into()),
             Some(_) | None => (1.0, String::new()),
         };
@@ -129,6 +126,7 @@ impl Scale {
 fn range(number: &Compared, factor: f64, unit: &str) -> String {
     let [low, high] = number.file.map(|x| factor * x);
     match (number.measure, low == high) {
+        _ if low.is_nan() => "none".into(),
         (None, _) => format::number(high),
         (Some(_), true) => format!("{} {unit}, exactly", format::number(high)),
         (Some(_), false) => {
@@ -145,8 +143,8 @@ fn words(number: &Compared) -> String {
         _ => ", outside".into(),
     };
     match (number.verdict, number.reason) {
-        (Verdict::NotTold, Some(reason)) => format!("not told, {reason}"),
-        (verdict, _) => format!("{}{}", verdict.word(), number.sigmas.map_or(String::new(), outside)),
+        (verdict, Some(reason)) => format!("{}, {reason}", verdict.word()),
+        (verdict, None) => format!("{}{}", verdict.word(), number.sigmas.map_or(String::new(), outside)),
     }
 }
 
@@ -194,6 +192,15 @@ fn remedy(number: &Compared, motion: Motion) -> Option<String> {
         "delay" => format!("[loop] delay = \"{} {unit}\"", to(factor * x.value, 0.5 * factor * (x.high - x.low))),
         "delay and lag" => {
             format!("[loop] delay and [device] lag have to sum up to {}", sized(x, factor, &unit))
+        }
+        "low stop" | "high stop" => {
+            let key = if number.name == "low stop" { "low" } else { "high" };
+            format!("[device.stops] {key} = \"{} {unit}\"", to(factor * x.value, 0.5 * factor * (x.high - x.low)))
+        }
+        "stop stiffness" | "stop damping" | "stribeck torque" | "stribeck velocity" => {
+            let (table, key) = number.name.split_once(' ').unwrap_or_default();
+            let table = if table == "stop" { "stops" } else { table };
+            format!("[device.{table}] {key} = \"{} {unit}\"", to(factor * x.value, 0.5 * factor * (x.high - x.low)))
         }
         name => match name.strip_prefix("handle ").or_else(|| name.strip_prefix("shaft ")) {
             Some(key) => {

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use hapt_identify::{Identified, Interval, Kind, Misfit, Part, PositionTorque, Term, TermKind, TorqueFit};
+use hapt_identify::{FoundStops, Identified, Interval, Kind, Misfit, Part, PositionTorque, Term, TermKind, TorqueFit};
 use hapt_model::keys::Measure;
 use hapt_model::{Delay, Motion, World};
 use serde_json::{Value, json};
@@ -17,7 +17,21 @@ const LEAST_TOLERANCE: f64 = 1.0;
 
 /// The contract's six, lag, time to the torque and constant torque, each with its interval or null.
 pub fn json(found: &Identified, by_torque: Option<&TorqueFit>) -> Result<String, Failure> {
-    named(&found.named(), by_torque, &[])
+    let mut json = values(&found.named(), by_torque, &[]);
+    if let Some(FoundStops { low, high, stiffness, damping }) = found.stops {
+        let numbers = [("low", low), ("high", high), ("stiffness", Some(stiffness)), ("damping", Some(damping))];
+        json.insert("stops".into(), numbers.map(|(name, x)| (name.to_string(), value(x))).into_iter().collect());
+    }
+    pretty(&json)
+}
+
+fn value(interval: Option<Interval>) -> Value {
+    interval.map_or(Value::Null, |x| json!({ "value": x.value, "low": x.low, "high": x.high }))
+}
+
+fn pretty(json: &serde_json::Map<String, Value>) -> Result<String, Failure> {
+    let text = serde_json::to_string_pretty(json).map_err(|error| Failure::System(error.to_string()))?;
+    Ok(text + "\n")
 }
 
 /// Where the inertia by the motion is another than by the torque's equation, with the likely reason.
@@ -40,17 +54,21 @@ pub fn named(
     by_torque: Option<&TorqueFit>,
     terms: &[Term],
 ) -> Result<String, Failure> {
-    let value = |interval: Option<Interval>| -> Value {
-        interval.map_or(Value::Null, |x| json!({ "value": x.value, "low": x.low, "high": x.high }))
-    };
+    pretty(&values(numbers, by_torque, terms))
+}
+
+fn values(
+    numbers: &[(&str, Option<Interval>)],
+    by_torque: Option<&TorqueFit>,
+    terms: &[Term],
+) -> serde_json::Map<String, Value> {
     let mut json: serde_json::Map<String, Value> =
         numbers.iter().map(|(name, interval)| (name.to_string(), value(*interval))).collect();
     json.insert("misfit".into(), by_torque.map_or(Value::Null, |fit| misfit(&fit.misfit)));
     if !terms.is_empty() {
         json.insert("terms".into(), terms.iter().map(term).collect());
     }
-    let text = serde_json::to_string_pretty(&json).map_err(|error| Failure::System(error.to_string()))?;
-    Ok(text + "\n")
+    json
 }
 
 /// A misfit as JSON.
@@ -136,6 +154,7 @@ pub fn text(given: &Given, found: &Identified, inertia_is_known: bool) -> String
     if let Some(offset) = found.offset.filter(|offset| !offset.covers(0.0)) {
         line("offset", format!("{}: a constant torque that was not commanded", sized(offset, per_si, effort)));
     }
+    stops(given, found).into_iter().for_each(|(name, words)| line(name, words));
     line(
         "sign",
         match found.sign {
@@ -151,6 +170,30 @@ pub fn text(given: &Given, found: &Identified, inertia_is_known: bool) -> String
         found.lattice.map_or(String::new(), |lattice| format!(", {:.2} counts", found.residual.rms / lattice.step));
     line("residual", format!("{} {unit} rms{counts}", digits(found.residual.rms * factor, 3)));
     text
+}
+
+/// The end stops that the record runs into, or where it moves without one.
+fn stops(given: &Given, found: &Identified) -> Vec<(&'static str, String)> {
+    let (unit, factor) = place(given.motion);
+    let Some(FoundStops { low, high, stiffness, damping }) = found.stops else {
+        let positions = given.record.positions();
+        let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
+        let [low, high] = [low, high].map(|z| digits(factor * z, 3));
+        return vec![("stops", format!("none between {low} and {high} {unit}; the record goes no farther"))];
+    };
+    let [_, of_damping] = units(given.motion);
+    let at = |x: Option<Interval>| x.map_or("not reached".to_string(), |x| sized(x, factor, unit));
+    vec![
+        ("stops", format!("low  {}", at(low))),
+        ("", format!("high {}", at(high))),
+        ("", format!("stiffness {}", sized(stiffness, 1.0, &Measure::Stiffness.dimension(given.motion).symbol()))),
+        ("", format!("damping {}", sized(damping, 1.0, &of_damping))),
+    ]
+}
+
+/// The unit of positions, and its number per rad (m).
+fn place(motion: Motion) -> (&'static str, f64) {
+    if motion == Motion::Linear { ("mm", 1e3) } else { ("deg", 1f64.to_degrees()) }
 }
 
 /// A lag, or why it has no number.
@@ -199,6 +242,7 @@ pub fn certificate(given: &Given, found: &Identified) -> Result<String, Failure>
     if let Some([forward, backward]) = by_direction(found.friction, found.offset) {
         (world.device.friction, world.device.friction_backward) = (forward.value, Some(backward.value));
     }
+    world.device.stops = found.stops.map(|stops| stops.values()).or(world.device.stops);
     world.device.encoder = encoder_key(given.motion, found).or(world.device.encoder);
     world.device.lag = found.lag.map_or(world.device.lag, |lag| lag.value);
     if let Some(delay) = found.delay {
@@ -272,6 +316,27 @@ pub fn table(given: &Given, found: &Identified) -> String {
     }
     if found.sign.is_some_and(|sign| sign.value < 0.0) {
         text += "# the motor's sign is -1: turn its leads over, or its sign in the driver, before a world runs on it\n";
+    }
+    text + &stops_table(given, found)
+}
+
+/// `[device.stops]`, where the record runs into any.
+fn stops_table(given: &Given, found: &Identified) -> String {
+    let Some(FoundStops { low, high, stiffness, damping }) = found.stops else { return String::new() };
+    let [_, of_damping] = units(given.motion);
+    let (unit, factor) = place(given.motion);
+    let of_stiffness = Measure::Stiffness.dimension(given.motion).symbol();
+    let mut text = "\n[device.stops]\n".to_string();
+    let numbers = [
+        ("low", low, factor, unit),
+        ("high", high, factor, unit),
+        ("stiffness", Some(stiffness), 1.0, &of_stiffness),
+        ("damping", Some(damping), 1.0, &of_damping),
+    ];
+    for (key, x, factor, unit) in numbers.into_iter().filter_map(|(key, x, factor, unit)| Some((key, x?, factor, unit)))
+    {
+        let value = to(factor * x.value, 0.5 * factor * (x.high - x.low));
+        let _ = writeln!(text, "{:<50}# {}", format!("{key:<9} = \"{value} {unit}\""), ends(x, factor));
     }
     text
 }

@@ -1,0 +1,375 @@
+//! Fits of a puck with end stops or Stribeck friction to a record, by differences of its exact motion.
+//!
+//! Each turn at a stop multiplies what is off before it, and after some turns the squares of one long run are no guide. So the motion begins anew
+//! every [`SHOT`] s, from a position and a velocity of its own (multiple shooting; Bock 1983); the numbers of the device are those of all.
+
+use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
+
+use hapt_plant::spec::{DeviceSpec, Stops};
+
+use super::motion::Numbers;
+use crate::quantile::student;
+use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
+use crate::remainder::{RESOLUTION, variance};
+use crate::start::{Begin, begins};
+
+/// ln J, or ln of the motor's gain where the inertia is known; b, f, a constant torque; d + λ and λ²; Stribeck's torque and ln of its velocity;
+/// where the stops begin, ln k and c of both.
+pub(crate) const PARAMETERS: usize = 12;
+pub(crate) type Parameters = [f64; PARAMETERS];
+pub(crate) type Free = [bool; PARAMETERS];
+
+pub(crate) const INERTIA: usize = 0;
+pub(crate) const DAMPING: usize = 1;
+pub(crate) const FRICTION: usize = 2;
+pub(crate) const OFFSET: usize = 3;
+pub(crate) const LATE: usize = 4;
+pub(crate) const VARIANCE: usize = 5;
+pub(crate) const RISE: usize = 6;
+pub(crate) const FAST: usize = 7;
+pub(crate) const STOPS: [usize; 2] = [8, 9];
+pub(crate) const STIFFNESS: usize = 10;
+pub(crate) const STOP_DAMPING: usize = 11;
+
+/// So long the motion is followed from one beginning, in s.
+pub(crate) const SHOT: f64 = 0.4;
+
+const LOGARITHMS: [usize; 3] = [INERTIA, FAST, STIFFNESS];
+const NOT_BELOW_0: [usize; 6] = [DAMPING, FRICTION, LATE, VARIANCE, RISE, STOP_DAMPING];
+/// A step of this many standard errors is none.
+const SMALL: f64 = 1e-3;
+/// The fastest rate of a device that is followed, per period of the record.
+const FASTEST: f64 = 60.0;
+/// A derivative is a difference over this part of a number's size.
+const DIFFERENCE: f64 = 1e-5;
+
+/// A device of these numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Device {
+    pub p: Parameters,
+    pub sign: f64,
+    /// J, where it is known beforehand.
+    pub inertia: Option<f64>,
+}
+
+impl Device {
+    /// Of a motor of sign 1.
+    pub fn of_spec(spec: &DeviceSpec) -> Self {
+        let DeviceSpec { inertia, damping, friction, lag, delay, .. } = *spec;
+        let backward = spec.friction_backward.unwrap_or(friction);
+        let (stribeck, stops) = (spec.stribeck, spec.stops);
+        let stop = |of: &dyn Fn(&Stops) -> f64| stops.as_ref().map_or(0.0, of);
+        let p = [
+            inertia.ln(),
+            damping,
+            0.5 * (friction + backward),
+            0.5 * (backward - friction),
+            delay + lag,
+            lag * lag,
+            stribeck.map_or(0.0, |stribeck| stribeck.torque),
+            stribeck.map_or(0.0, |stribeck| stribeck.velocity.ln()),
+            stops.and_then(|stops| stops.low).unwrap_or(f64::NEG_INFINITY),
+            stops.and_then(|stops| stops.high).unwrap_or(f64::INFINITY),
+            stop(&|stops| stops.stiffness.ln()),
+            stop(&|stops| stops.damping),
+        ];
+        Device { p, sign: 1.0, inertia: None }
+    }
+
+    pub fn inertia(&self) -> f64 {
+        self.inertia.unwrap_or(self.p[INERTIA].exp())
+    }
+
+    /// The motor's torque per commanded one.
+    pub fn gain(&self) -> f64 {
+        self.inertia.map_or(1.0, |_| self.p[INERTIA].exp())
+    }
+
+    /// Of a motion that begins there.
+    pub fn numbers(&self, [position, velocity]: [f64; 2]) -> Numbers {
+        let p = &self.p;
+        let per = self.inertia().recip();
+        let lag = p[VARIANCE].max(0.0).sqrt();
+        Numbers {
+            gain: self.sign * self.gain() * per,
+            damping: p[DAMPING] * per,
+            friction: p[FRICTION] * per,
+            offset: p[OFFSET] * per,
+            delay: p[LATE] - lag,
+            lag,
+            rise: p[RISE] * per,
+            fast: p[FAST].exp(),
+            stops: STOPS.map(|i| p[i]),
+            stiffness: p[STIFFNESS].exp() * per,
+            stop_damping: p[STOP_DAMPING] * per,
+            position,
+            velocity,
+        }
+    }
+}
+
+/// A motion from a beginning of its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Shot {
+    /// Its samples.
+    from: usize,
+    to: usize,
+    /// Position and velocity at the first of them.
+    state: [f64; 2],
+}
+
+impl Shot {
+    pub fn new(record: &Record, from: usize, to: usize) -> Self {
+        let Begin { position, velocity } = begins(record, from)[1];
+        Shot { from, to, state: [position, velocity] }
+    }
+
+    /// All of a record, from a sample on.
+    pub fn all(record: &Record, first: usize) -> Vec<Shot> {
+        let n = record.times().len();
+        let count = (((n - first) as f64 * record.period() / SHOT).round() as usize).max(1);
+        let at = |k: usize| first + k * (n - first) / count;
+        (0..count).map(|k| Shot::new(record, at(k), at(k + 1))).collect()
+    }
+
+    /// Where the device is at its samples.
+    pub fn positions(&self, record: &Record, device: &Device) -> Vec<f64> {
+        let before = self.from.saturating_sub((LONGEST_DELAY / record.period()).ceil() as usize);
+        let mut all = Vec::with_capacity(self.to - self.from);
+        let (times, torques) = (&record.times()[before..self.to], &record.torques()[before..self.to]);
+        device.numbers(self.state).follow(times, torques, self.from - before, |_, z| all.push(z));
+        all
+    }
+
+    /// What that leaves of the positions that are measurements.
+    fn left(&self, record: &Record, device: &Device) -> Vec<f64> {
+        let rows = self.positions(record, device).into_iter().zip(self.from..);
+        rows.filter(|(_, i)| record.is_news(*i)).map(|(z, i)| record.positions()[i] - z).collect()
+    }
+}
+
+/// A device, its motions, what they leave of a record, and the derivatives.
+#[derive(Clone, Debug)]
+pub(crate) struct Fit {
+    pub device: Device,
+    pub free: Free,
+    pub shots: Vec<Shot>,
+    pub left: Vec<f64>,
+    pub squares: f64,
+    /// Those of each shot: by the device's numbers, and by its position and velocity.
+    derivatives: Vec<(DMatrix<f64>, DMatrix<f64>)>,
+}
+
+/// The normal equations of a step: of the device's numbers without the shots' states, and what gives those.
+struct Normal {
+    information: DMatrix<f64>,
+    right: DVector<f64>,
+    /// The inverse of each shot's own information, its right side, and its products with the device's.
+    shots: Vec<(Matrix2<f64>, Vector2<f64>, DMatrix<f64>)>,
+}
+
+impl Fit {
+    pub fn of(record: &Record, device: Device, free: Free, shots: Vec<Shot>) -> Option<Fit> {
+        // No record shows what is so fast, and none is so large.
+        let fastest = device.numbers([0.0; 2]).fastest();
+        if fastest * record.period() >= FASTEST {
+            return None;
+        }
+        let left: Vec<f64> = shots.iter().flat_map(|shot| shot.left(record, &device)).collect();
+        let squares: f64 = left.iter().map(|r| r * r).sum();
+        squares.is_finite().then_some(Fit { device, free, shots, left, squares, derivatives: Vec::new() })
+    }
+
+    /// The number of parameters that are fitted.
+    fn fitted(&self) -> usize {
+        self.free.iter().filter(|free| **free).count() + 2 * self.shots.len()
+    }
+
+    /// The first sample that is fitted.
+    pub fn first(&self) -> usize {
+        self.shots.first().map_or(0, |shot| shot.from)
+    }
+
+    pub fn freedom(&self) -> f64 {
+        self.left.len().saturating_sub(self.fitted()).max(1) as f64
+    }
+
+    /// The residuals' variance.
+    pub fn variance(&self) -> f64 {
+        self.squares / self.freedom()
+    }
+
+    /// The change of each parameter over which a derivative is taken.
+    fn steps(&self, record: &Record) -> (Parameters, [f64; 2]) {
+        let p = &self.device.p;
+        let rms = |values: &[f64]| (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt();
+        let (way, period) = (variance(record.positions()).sqrt(), record.period());
+        let torque = self.device.gain() * rms(record.torques());
+        let speed = (torque * way / self.device.inertia()).sqrt();
+        let [torque, speed] = [torque, speed].map(|x| x.max(f64::MIN_POSITIVE));
+        let stop = (p[STIFFNESS].exp() * self.device.inertia()).sqrt();
+        let sizes: Parameters = [
+            1.0,
+            p[DAMPING].max(0.01 * torque / speed),
+            p[FRICTION].max(0.01 * torque),
+            torque,
+            period,
+            p[VARIANCE].max(period * period),
+            p[RISE].max(0.01 * torque),
+            1.0,
+            0.1 * way,
+            0.1 * way,
+            1.0,
+            p[STOP_DAMPING].max(0.1 * stop),
+        ];
+        (sizes.map(|size| DIFFERENCE * size), [0.1 * way, speed].map(|size| DIFFERENCE * size))
+    }
+
+    /// With its derivatives.
+    fn differentiated(mut self, record: &Record) -> Option<Fit> {
+        let (steps, of_state) = self.steps(record);
+        let mut rest = &self.left[..];
+        let mut all = Vec::with_capacity(self.shots.len());
+        for shot in &self.shots {
+            let news = (shot.from..shot.to).filter(|i| record.is_news(*i)).count();
+            let (left, after) = rest.split_at(news);
+            rest = after;
+            let (mut own, mut state) = (DMatrix::zeros(news, PARAMETERS), DMatrix::zeros(news, 2));
+            for i in (0..PARAMETERS).filter(|i| self.free[*i]) {
+                let mut moved = self.device;
+                moved.p[i] += steps[i];
+                for (j, (a, b)) in left.iter().zip(shot.left(record, &moved)).enumerate() {
+                    own[(j, i)] = (a - b) / steps[i];
+                }
+            }
+            for i in 0..2 {
+                let mut moved = *shot;
+                moved.state[i] += of_state[i];
+                for (j, (a, b)) in left.iter().zip(moved.left(record, &self.device)).enumerate() {
+                    state[(j, i)] = (a - b) / of_state[i];
+                }
+            }
+            let finite = |matrix: &DMatrix<f64>| matrix.iter().all(|x| x.is_finite());
+            if !(finite(&own) && finite(&state)) {
+                return None;
+            }
+            all.push((own, state));
+        }
+        self.derivatives = all;
+        Some(self)
+    }
+
+    fn normal(&self, more: f64) -> Normal {
+        let mut normal = Normal {
+            information: DMatrix::zeros(PARAMETERS, PARAMETERS),
+            right: DVector::zeros(PARAMETERS),
+            shots: Vec::with_capacity(self.shots.len()),
+        };
+        let mut rest = &self.left[..];
+        for (own, state) in &self.derivatives {
+            let (left, after) = rest.split_at(own.nrows());
+            rest = after;
+            let left = DVector::from_column_slice(left);
+            let products = state.tr_mul(state);
+            // A velocity that friction ends before it shows is not moved.
+            let at = |i: usize, j: usize| {
+                if i == j { products[(i, j)] * (1.0 + more) + f64::MIN_POSITIVE } else { products[(i, j)] }
+            };
+            let inverse = Matrix2::new(at(0, 0), at(0, 1), at(1, 0), at(1, 1)).try_inverse();
+            let inverse =
+                inverse.filter(|inverse| inverse.iter().all(|x| x.is_finite())).unwrap_or_else(Matrix2::zeros);
+            let (across, right) = (state.tr_mul(own), state.tr_mul(&left));
+            let right = Vector2::new(right[0], right[1]);
+            normal.information += own.tr_mul(own) - across.tr_mul(&(inverse * &across));
+            normal.right += own.tr_mul(&left) - across.tr_mul(&(inverse * right));
+            normal.shots.push((inverse, right, across));
+        }
+        normal
+    }
+
+    /// The steps of Levenberg and Marquardt from here, so many at most.
+    pub fn improved(self, record: &CancellableRecord<'_>, most: usize) -> Option<Fit> {
+        let least = (0.02 * record.period()).powi(2);
+        let mut at = self.differentiated(record)?;
+        let mut damping = 1e-3;
+        for _ in 0..most {
+            if (record.stop)() {
+                break;
+            }
+            let normal = at.normal(damping);
+            let Some(step) = at.step(&normal.information, &normal.right, damping) else { break };
+            let mut size = step.dot(&(&normal.information * &step));
+            let (mut device, mut shots) = (at.device, at.shots.clone());
+            for (shot, (inverse, right, across)) in shots.iter_mut().zip(&normal.shots) {
+                let other = across * &step;
+                let own = inverse * (right - Vector2::new(other[0], other[1]));
+                shot.state.iter_mut().zip(own.iter()).for_each(|(x, step)| *x += step);
+                size += own.dot(right).abs();
+            }
+            for (i, p) in device.p.iter_mut().enumerate() {
+                // Far steps of what enters by its logarithm lead nowhere.
+                *p += if LOGARITHMS.contains(&i) { step[i].clamp(-1.0, 1.0) } else { step[i] };
+            }
+            NOT_BELOW_0.into_iter().for_each(|i| device.p[i] = device.p[i].max(0.0));
+            device.p[LATE] = device.p[LATE].min(LONGEST_DELAY);
+            if at.free[VARIANCE] {
+                device.p[VARIANCE] = device.p[VARIANCE].clamp(least, LONGEST_DELAY.powi(2));
+            }
+            let is_small = size < SMALL * SMALL * at.variance();
+            match Fit::of(record, device, at.free, shots) {
+                Some(next) if next.squares < at.squares => {
+                    at = next.differentiated(record)?;
+                    damping = (0.1 * damping).max(1e-12);
+                    if is_small && damping < 1e-4 {
+                        break;
+                    }
+                }
+                _ if is_small || damping > 1e9 => break,
+                _ => damping *= 10.0,
+            }
+        }
+        Some(at)
+    }
+
+    /// The next step, damped by Marquardt's `more`. What is 0 already, and would go below, stays while the others move.
+    fn step(&self, information: &DMatrix<f64>, right: &DVector<f64>, more: f64) -> Option<DVector<f64>> {
+        let mut free = self.free;
+        loop {
+            let (matrix, scale) = scaled(information, free, more);
+            let step = matrix.cholesky()?.solve(&right.component_mul(&scale)).component_mul(&scale);
+            match NOT_BELOW_0.into_iter().find(|i| free[*i] && self.device.p[*i] == 0.0 && step[*i] < 0.0) {
+                Some(i) => free[i] = false,
+                None => return Some(step),
+            }
+        }
+    }
+
+    /// The covariance of the estimates, in halves of 95 % intervals: their squares are on its diagonal. 0 of what is not fitted, `None` where two
+    /// numbers cannot be told apart at all.
+    pub fn covariance(&self, record: &Record) -> Option<DMatrix<f64>> {
+        let (matrix, scale) = scaled(&self.normal(0.0).information, self.free, 0.0);
+        let inverse = matrix.cholesky()?.inverse();
+        let least = RESOLUTION * RESOLUTION * variance(record.positions());
+        let unit = student(self.freedom()).powi(2) * self.variance().max(least);
+        let all = DMatrix::from_fn(PARAMETERS, PARAMETERS, |i, j| unit * inverse[(i, j)] * scale[i] * scale[j]);
+        all.iter().all(|x| x.is_finite()).then_some(all)
+    }
+
+    /// Whether the record says anything of a parameter.
+    pub fn sees(&self, i: usize) -> bool {
+        self.free[i] && self.derivatives.iter().any(|(own, _)| own.column(i).iter().any(|x| *x != 0.0))
+    }
+}
+
+/// The information with ones on its diagonal, `more` there, and the scale of each parameter.
+fn scaled(information: &DMatrix<f64>, free: Free, more: f64) -> (DMatrix<f64>, DVector<f64>) {
+    let scale = DVector::from_fn(PARAMETERS, |i, _| {
+        let own = information[(i, i)];
+        if free[i] && own > 0.0 { own.sqrt().recip() } else { 0.0 }
+    });
+    let matrix = DMatrix::from_fn(PARAMETERS, PARAMETERS, |i, j| match i == j {
+        true => 1.0 + more,
+        false => information[(i, j)] * scale[i] * scale[j],
+    });
+    (matrix, scale)
+}

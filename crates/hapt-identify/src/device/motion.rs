@@ -1,0 +1,504 @@
+//! A puck with end stops and Stribeck friction under the held torque, exactly.
+//!
+//! Its motion is linear between events, of which there are: it comes to rest or starts, friction stops falling with the speed, a stop takes
+//! hold or lets go. Over a piece without an event position, velocity and the motor's gap to its command are power series; pieces are so
+//! short that the series end at rounding, and events are located on them. As hapt-plant's device has them, friction and stops are
+//!
+//! ```text
+//! f + s max(0, 1 - |v|/w)    against the slide, and up to f + s at rest
+//! max(0, k p + c ṗ)          with the way p > 0 into the stop
+//! ```
+
+/// The numbers of a device as its motion shows them, torques per inertia.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Numbers {
+    /// 1/J with the motor's sign.
+    pub gain: f64,
+    /// b/J.
+    pub damping: f64,
+    /// f/J.
+    pub friction: f64,
+    /// A constant torque over J.
+    pub offset: f64,
+    /// In s.
+    pub delay: f64,
+    /// In s.
+    pub lag: f64,
+    /// s/J of Stribeck's friction.
+    pub rise: f64,
+    /// The velocity w at which that has gone.
+    pub fast: f64,
+    /// Where the stops begin, toward smaller positions and toward larger ones; infinite: there is none.
+    pub stops: [f64; 2],
+    /// k/J.
+    pub stiffness: f64,
+    /// c/J.
+    pub stop_damping: f64,
+    /// At the beginning.
+    pub position: f64,
+    /// At the beginning.
+    pub velocity: f64,
+}
+
+/// Terms of a series after the constant one, and the most of a piece in the fastest time constants: 1/17! is the last digit.
+const ORDER: usize = 16;
+const REACH: f64 = 1.0;
+/// A term of a series of this size is none.
+const SMALLEST: f64 = 1e-18;
+/// A gap of this part of the largest one that was is none.
+const NO_GAP: f64 = 1e-12;
+/// More events between two changes of the torque are chatter.
+const MOST_EVENTS: usize = 64;
+/// A root is located in so many steps at most.
+const STEPS: usize = 160;
+
+/// How it is to a stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Touch {
+    /// In none of them.
+    Free,
+    /// In one, which pushes.
+    Pressed,
+    /// In one that it leaves faster than it follows.
+    Left,
+}
+
+/// Position, velocity and the motor's torque less what it holds.
+type State = [f64; 3];
+
+/// The coefficients of their series, up to an order.
+struct Series {
+    of: [State; ORDER + 1],
+    order: usize,
+}
+
+/// velocity · v + position · z + constant
+#[derive(Clone, Copy)]
+struct Line {
+    position: f64,
+    velocity: f64,
+    constant: f64,
+}
+
+/// What ends a piece.
+#[derive(Clone, Copy, PartialEq)]
+enum Event {
+    Rests,
+    ChangesSpeed,
+    Enters(usize),
+    LetsGo,
+    TakesHold,
+    Leaves,
+}
+
+struct Motion {
+    numbers: Numbers,
+    state: State,
+    torque: f64,
+    /// The largest gap so far.
+    widest: f64,
+    /// 1 or -1 while it slides, 0 at rest.
+    way: f64,
+    /// Whether friction falls with the speed.
+    falls: bool,
+    touch: Touch,
+    /// The stop that it is in: 0 the low one, 1 the high one.
+    stop: usize,
+}
+
+impl Series {
+    fn at(&self, t: f64) -> State {
+        self.of[..=self.order].iter().rev().fold([0.0; 3], |sum, c| std::array::from_fn(|i| c[i] + t * sum[i]))
+    }
+
+    /// Where a line is above 0 first within `end`, where it is above 0 at the end.
+    fn crossing(&self, line: &Line, end: f64) -> f64 {
+        let value = |t: f64| line.value(&self.at(t));
+        let (mut low, mut high) = (0.0, end);
+        let (mut at_low, mut at_high) = (value(low), value(high));
+        // From a zero on it may first go down.
+        let mut before = end;
+        while at_low >= 0.0 {
+            before *= 0.5;
+            if before < 1e-3 * end {
+                return 0.0;
+            }
+            if value(before) < 0.0 {
+                (low, at_low) = (before, value(before));
+            }
+        }
+        for step in 0..STEPS {
+            // Regula falsi, every third time a half.
+            let part = if step % 3 == 2 { 0.5 } else { at_low / (at_low - at_high) };
+            let secant = low + part * (high - low);
+            let t = if secant > low && secant < high { secant } else { 0.5 * (low + high) };
+            if t <= low || t >= high {
+                break;
+            }
+            let there = value(t);
+            if there > 0.0 {
+                (high, at_high) = (t, there);
+            } else {
+                (low, at_low) = (t, there);
+            }
+        }
+        high
+    }
+}
+
+impl Line {
+    fn value(&self, [z, v, _]: &State) -> f64 {
+        self.position * z + self.velocity * v + self.constant
+    }
+}
+
+impl Numbers {
+    /// The fastest rate of its motion, in 1/s.
+    pub fn fastest(&self) -> f64 {
+        let Numbers { damping, lag, rise, fast, stiffness, stop_damping, .. } = *self;
+        let rates = [damping + stop_damping, stiffness.sqrt(), rise / fast, if lag > 0.0 { lag.recip() } else { 0.0 }];
+        if rates.iter().any(|rate| rate.is_nan()) { f64::INFINITY } else { rates.into_iter().fold(0.0, f64::max) }
+    }
+
+    /// Gives each time's index from `first` on and the position there to `see`. The motion starts at the sample `first` under torques
+    /// commanded at `times` and held; before the first command there is the first.
+    pub fn follow(&self, times: &[f64], torques: &[f64], first: usize, mut see: impl FnMut(usize, f64)) {
+        let (Some(&start), Some(&held)) = (times.get(first), torques.first()) else { return };
+        let mut motion = Motion::new(*self, held);
+        let (mut next, mut now) = (0, f64::NEG_INFINITY);
+        let arrival = |next: usize, until: f64| {
+            let at = times.get(next)? + self.delay;
+            (at <= until).then_some(at)
+        };
+        while let (Some(at), Some(&torque)) = (arrival(next, start), torques.get(next)) {
+            next += 1;
+            if torque != motion.torque {
+                motion.relax(at - now);
+                now = at;
+                motion.command(torque);
+            }
+        }
+        motion.relax(start - now);
+        motion.set_out();
+        now = start;
+        for (i, &to) in times.iter().enumerate().skip(first) {
+            while let (Some(at), Some(&torque)) = (arrival(next, to), torques.get(next)) {
+                next += 1;
+                if torque != motion.torque {
+                    motion.pass(at - now);
+                    now = at;
+                    motion.command(torque);
+                }
+            }
+            motion.pass(to - now);
+            now = to;
+            see(i, motion.state[0]);
+        }
+    }
+}
+
+impl Motion {
+    fn new(numbers: Numbers, torque: f64) -> Self {
+        let state = [numbers.position, numbers.velocity, 0.0];
+        Motion { numbers, state, torque, widest: 0.0, way: 0.0, falls: false, touch: Touch::Free, stop: 0 }
+    }
+
+    /// The gap alone, while `length` s go by.
+    fn relax(&mut self, length: f64) {
+        if self.state[2] != 0.0 {
+            self.state[2] *= (-length / self.numbers.lag).exp();
+        }
+    }
+
+    fn command(&mut self, torque: f64) {
+        if self.numbers.lag > 0.0 {
+            self.state[2] += self.torque - torque;
+            self.widest = self.widest.max(self.state[2].abs());
+        }
+        self.torque = torque;
+        if self.way == 0.0 {
+            self.start();
+        }
+    }
+
+    /// From the first state: which way it goes, and whether it is in a stop.
+    fn set_out(&mut self) {
+        let [z, v, _] = self.state;
+        if let Some(stop) = (0..2).find(|stop| self.depth(*stop, z) > 0.0) {
+            (self.stop, self.touch) = (stop, Touch::Pressed);
+            if self.push_of_stop().value(&self.state) <= 0.0 {
+                self.touch = Touch::Left;
+            }
+        }
+        self.way = if v != 0.0 { v.signum() } else { 0.0 };
+        self.falls = v.abs() < self.numbers.fast;
+        if v == 0.0 {
+            self.start();
+        }
+    }
+
+    /// 1 for the stop toward larger positions.
+    fn side(stop: usize) -> f64 {
+        if stop == 0 { -1.0 } else { 1.0 }
+    }
+
+    fn depth(&self, stop: usize, z: f64) -> f64 {
+        Self::side(stop) * (z - self.numbers.stops[stop])
+    }
+
+    /// What the stop that it is in would push with.
+    fn push_of_stop(&self) -> Line {
+        let Numbers { stops, stiffness, stop_damping, .. } = self.numbers;
+        let side = Self::side(self.stop);
+        Line {
+            position: side * stiffness,
+            velocity: side * stop_damping,
+            constant: -side * stiffness * stops[self.stop],
+        }
+    }
+
+    /// The acceleration of a puck that does not slide, friction aside.
+    fn push(&self) -> f64 {
+        let Numbers { gain, offset, .. } = self.numbers;
+        let stop = match self.touch {
+            Touch::Free => 0.0,
+            Touch::Pressed | Touch::Left => -Self::side(self.stop) * self.push_of_stop().value(&self.state).max(0.0),
+        };
+        gain * (self.torque + self.state[2]) + offset + stop
+    }
+
+    /// From rest, where the push overcomes friction.
+    fn start(&mut self) {
+        let push = self.push();
+        let holds = self.numbers.friction + self.numbers.rise;
+        self.way = if push.abs() <= holds || push == 0.0 { 0.0 } else { push.signum() };
+        self.falls = true;
+        // A stop pushes a puck that does not leave it.
+        if self.touch == Touch::Left {
+            self.touch = Touch::Pressed;
+        }
+    }
+
+    /// v̇ = drive - damping v - stiffness z + gain gap
+    fn rates(&self) -> (f64, f64, f64) {
+        let Numbers { gain, damping, friction, offset, rise, fast, stops, stiffness, stop_damping, .. } = self.numbers;
+        let (mut drive, mut loss, mut spring) = (gain * self.torque + offset - friction * self.way, damping, 0.0);
+        if self.falls && rise > 0.0 {
+            drive -= rise * self.way;
+            loss -= rise / fast;
+        }
+        if self.touch == Touch::Pressed {
+            drive += stiffness * stops[self.stop];
+            loss += stop_damping;
+            spring = stiffness;
+        }
+        (drive, loss, spring)
+    }
+
+    /// The series of a piece, and its length: `most`, or less where something is faster.
+    fn series(&self, most: f64) -> (Series, f64) {
+        let (drive, loss, spring) = self.rates();
+        let Numbers { gain, lag, .. } = self.numbers;
+        let rate = if self.state[2] == 0.0 { 0.0 } else { lag.recip() };
+        let fastest = loss.abs().max(spring.sqrt()).max(rate);
+        let length = most.min(REACH / fastest);
+        // Up to the term that is below the last digit.
+        let (mut order, mut term) = (2, 0.5 * (fastest * length).powi(2));
+        while order < ORDER && term > SMALLEST {
+            order += 1;
+            term *= fastest * length / order as f64;
+        }
+        let mut of = [[0.0; 3]; ORDER + 1];
+        of[0] = self.state;
+        for n in 0..order {
+            let [z, v, gap] = of[n];
+            let more = if n == 0 { drive } else { 0.0 };
+            let over = ((n + 1) as f64).recip();
+            of[n + 1] = [v * over, (more - loss * v - spring * z + gain * gap) * over, -rate * gap * over];
+        }
+        (Series { of, order }, length)
+    }
+
+    /// The events of the present piece; that of rest first, as the position grows or falls steadily up to it.
+    fn events(&self) -> [Option<(Event, Line)>; 4] {
+        let speed = |by: f64, constant: f64| Line { position: 0.0, velocity: by * self.way, constant };
+        let Numbers { rise, fast, stops, .. } = self.numbers;
+        let rests = (Event::Rests, speed(-1.0, 0.0));
+        let changes = match (rise > 0.0, self.falls) {
+            (false, _) => None,
+            (true, true) => Some((Event::ChangesSpeed, speed(1.0, -fast))),
+            (true, false) => Some((Event::ChangesSpeed, speed(-1.0, fast))),
+        };
+        let into = |stop: usize, by: f64| {
+            let side = by * Self::side(stop);
+            stops[stop].is_finite().then_some(Line { position: side, velocity: 0.0, constant: -side * stops[stop] })
+        };
+        let push = self.push_of_stop();
+        let negative =
+            |line: Line| Line { position: -line.position, velocity: -line.velocity, constant: -line.constant };
+        let [one, other] = match self.touch {
+            Touch::Free => [0, 1].map(|stop| into(stop, 1.0).map(|line| (Event::Enters(stop), line))),
+            Touch::Pressed => [Some((Event::LetsGo, negative(push))), None],
+            Touch::Left => [Some((Event::TakesHold, push)), into(self.stop, -1.0).map(|line| (Event::Leaves, line))],
+        };
+        [Some(rests), changes, one, other]
+    }
+
+    /// `length` s go by under the command that is held.
+    fn pass(&mut self, length: f64) {
+        let (mut rest, mut events) = (length, 0);
+        while rest > 0.0 {
+            if self.way == 0.0 {
+                let Some(wait) = self.breaks_away(rest) else { return self.relax(rest) };
+                self.relax(wait);
+                // The way that the torque goes to.
+                self.way = (self.push() - self.numbers.gain * self.state[2]).signum();
+                self.falls = true;
+                rest -= wait;
+                continue;
+            }
+            let (series, mut end) = self.series(rest);
+            let (mut middle, mut last, mut first) = (series.at(0.5 * end), series.at(end), None);
+            if events < MOST_EVENTS {
+                for (event, line) in self.events().into_iter().flatten() {
+                    // One that comes and goes within the piece shows in its middle.
+                    let part = match (line.value(&middle) > 0.0, line.value(&last) > 0.0) {
+                        (true, _) => 0.5,
+                        (false, true) => 1.0,
+                        (false, false) => continue,
+                    };
+                    end = series.crossing(&line, part * end);
+                    (middle, last, first) = (series.at(0.5 * end), series.at(end), Some(event));
+                }
+            }
+            self.state = last;
+            if self.state[2].abs() < NO_GAP * self.widest {
+                self.state[2] = 0.0;
+            }
+            rest -= end;
+            if first.is_none() && end <= 0.0 {
+                break;
+            }
+            if let Some(event) = first {
+                events += 1;
+                self.happens(event);
+            }
+        }
+    }
+
+    fn happens(&mut self, event: Event) {
+        match event {
+            Event::Rests => {
+                self.state[1] = 0.0;
+                self.start();
+            }
+            Event::ChangesSpeed => self.falls = !self.falls,
+            Event::Enters(stop) => {
+                (self.stop, self.touch) = (stop, Touch::Pressed);
+                self.state[0] = self.numbers.stops[stop];
+            }
+            Event::LetsGo => {
+                // Without a damper the stop lets go where it begins.
+                if self.numbers.stop_damping > 0.0 {
+                    self.touch = Touch::Left;
+                } else {
+                    self.happens(Event::Leaves);
+                }
+            }
+            Event::TakesHold => self.touch = Touch::Pressed,
+            Event::Leaves => {
+                self.touch = Touch::Free;
+                self.state[0] = self.numbers.stops[self.stop];
+            }
+        }
+    }
+
+    /// When the torque that comes up overcomes the friction, within `rest` s.
+    fn breaks_away(&self, rest: f64) -> Option<f64> {
+        let gap = self.numbers.gain * self.state[2];
+        if gap == 0.0 {
+            return None;
+        }
+        let holds = self.numbers.friction + self.numbers.rise;
+        let end = self.push() - gap;
+        if end == 0.0 || end.abs() <= holds {
+            return None;
+        }
+        let part = (holds * end.signum() - end) / gap;
+        let wait = if part >= 1.0 { 0.0 } else { -self.numbers.lag * part.ln() };
+        (wait < rest).then_some(wait)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fastrand::Rng;
+    use hapt_plant::VirtualDevice;
+    use hapt_plant::spec::{DeviceSpec, Stops, Stribeck};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #![proptest_config(hapt_testing::cases(64))]
+
+        #[test]
+        fn it_goes_where_the_exact_device_goes(
+            seed in any::<u64>(), rate in 0.0..10.0f64, friction in 0.0..0.03f64, delay in 0.0..4e-3f64,
+            lag in prop_oneof![Just(0.0), 5e-5..1e-2f64], stiffness in 1.0..200.0f64, ratio in prop_oneof![Just(0.0), 0.0..1.5f64],
+            rise in prop_oneof![Just(0.0), 0.0..0.005f64], fast in 0.3..3.0f64,
+        ) {
+            let mut rng = Rng::with_seed(seed);
+            let inertia = 1e-3;
+            let stops = Stops {
+                low: Some(-0.2 - rng.f64()).filter(|_| rng.bool()),
+                high: Some(0.2 + rng.f64()),
+                stiffness,
+                damping: 2.0 * ratio * f64::sqrt(stiffness * inertia),
+            };
+            let stribeck = Some(Stribeck { torque: rise, velocity: fast }).filter(|stribeck| stribeck.torque > 0.0);
+            let rig = DeviceSpec {
+                lag, delay, damping: rate * inertia, friction, stops: Some(stops), stribeck, ..DeviceSpec::new(1e-3, inertia)
+            };
+            let mut level = 0.0;
+            let torques: Vec<f64> = (0..1500).map(|k| {
+                if k % 60 == 10 {
+                    level = 0.1 * (2.0 * rng.f64() - 1.0);
+                }
+                level
+            }).collect();
+            let mut device = VirtualDevice::new(&rig);
+            let truth: Vec<f64> = torques.iter().map(|torque| {
+                let z = device.puck().0;
+                device.command(*torque);
+                device.travel();
+                z
+            }).collect();
+            let numbers = Numbers {
+                gain: inertia.recip(),
+                damping: rate,
+                friction: friction / inertia,
+                offset: 0.0,
+                delay,
+                lag,
+                rise: rise / inertia,
+                fast,
+                stops: [stops.low.unwrap_or(f64::NEG_INFINITY), stops.high.unwrap_or(f64::INFINITY)],
+                stiffness: stiffness / inertia,
+                stop_damping: stops.damping / inertia,
+                position: 0.0,
+                velocity: 0.0,
+            };
+            let times: Vec<f64> = (0..1500).map(|k| f64::from(k) * 1e-3).collect();
+            let size = truth.iter().fold(1e-3, |size: f64, z| size.max(z.abs()));
+            let mut worst = (0, 0.0);
+            numbers.follow(&times, &torques, 0, |k, z| {
+                let off = (z - truth[k]).abs() / size;
+                if off > worst.1 {
+                    worst = (k, off);
+                }
+            });
+            prop_assert!(worst.1 < 1e-7, "sample {}: {:e} of the motion", worst.0, worst.1);
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! End stops, found where a record runs into them.
+
+use fastrand::Rng;
+use hapt_identify::{Comparison, Identified, Interval, Known, Record, Verdict, against, identify};
+use hapt_plant::spec::{DeviceSpec, Stops, Stribeck};
+
+use crate::against::claims;
+use crate::rig::{WHEEL, counted, motion, steps, times};
+
+/// A random device between stops, and a record that runs into both.
+pub fn stopped(rng: &mut Rng) -> (DeviceSpec, Record) {
+    let mut between = |low: f64, high: f64| low * (high / low).powf(rng.f64());
+    let inertia = between(3e-4, 2e-3);
+    let (rate, friction, delay) = (between(1.0, 8.0), between(2e-3, 8e-3), between(0.1e-3, 4e-3));
+    let stiffness = inertia * between(80.0, 400.0).powi(2);
+    let damping = 2.0 * between(0.05, 0.8) * (stiffness * inertia).sqrt();
+    let stops = Stops { low: Some(-between(0.2, 1.0)), high: Some(between(0.2, 1.0)), stiffness, damping };
+    let rig = DeviceSpec { delay, inertia, damping: rate * inertia, friction, stops: Some(stops), ..WHEEL };
+    let mut torques = steps(rng, 3000, 100.0 * inertia);
+    torques[0] = 0.0;
+    let seen = counted(&motion(&rig, &torques), 20_000.0, 0.7, rng);
+    (rig, Record::new(times(&rig, 3000), seen, torques).unwrap())
+}
+
+/// The numbers that an answer gives with their truths.
+fn pairs(found: &Identified, rig: &DeviceSpec) -> Vec<(&'static str, Option<Interval>, f64)> {
+    let stops = found.stops.unwrap();
+    let truth = rig.stops.unwrap();
+    vec![
+        ("inertia", found.inertia, rig.inertia),
+        ("damping", found.damping, rig.damping),
+        ("friction", found.friction, rig.friction),
+        ("delay", found.delay, rig.delay),
+        ("low", stops.low, truth.low.unwrap()),
+        ("high", stops.high, truth.high.unwrap()),
+        ("stiffness", Some(stops.stiffness), truth.stiffness),
+        ("stop's damping", Some(stops.damping), truth.damping),
+    ]
+}
+
+#[test]
+fn stops_that_a_record_runs_into_are_found() {
+    let (mut all, mut found, mut told, mut covered) = (0, 0, 0, 0);
+    for seed in hapt_testing::seeds(40) {
+        let (rig, record) = stopped(&mut Rng::with_seed(seed));
+        all += 1;
+        let Ok(answer) = identify(&record, &Known::default()) else { continue };
+        if answer.stops.is_none() {
+            continue;
+        }
+        found += 1;
+        for (_, interval, truth) in pairs(&answer, &rig) {
+            let Some(interval) = interval else { continue };
+            told += 1;
+            covered += u32::from(interval.covers(truth));
+            assert!((interval.value / truth - 1.0).abs() < 0.2 || interval.covers(truth), "{rig:?}: {answer:?}");
+        }
+    }
+    // A start that is too far off ends beside the device, and what does not explain the record is no answer.
+    assert!(10 * found >= 8 * all, "{found} of {all}");
+    assert!(10 * covered >= 9 * told, "{covered} of {told}");
+}
+
+/// A record that turns round before the stops tells none, also where torques turn it round hard.
+#[test]
+fn stops_that_no_record_reaches_are_not_told() {
+    for seed in hapt_testing::seeds(12) {
+        let mut rng = Rng::with_seed(seed);
+        let torques: Vec<f64> = (0..3000).map(|k| if (k / 40) % 2 == 0 { 0.3 } else { -0.3 }).collect();
+        let stops = Stops { low: Some(-100.0), high: Some(100.0), stiffness: 30.0, damping: 0.01 };
+        let rig = DeviceSpec { stops: Some(stops), damping: 1e-3 * (1.0 + rng.f64()), ..WHEEL };
+        let seen = counted(&motion(&rig, &torques), 4000.0, 0.7, &mut rng);
+        let answer = identify(&Record::new(times(&rig, 3000), seen, torques).unwrap(), &Known::default()).unwrap();
+        assert_eq!(answer.stops, None, "seed {seed}");
+    }
+}
+
+#[test]
+fn a_file_is_compared_in_its_stops() {
+    let (mut all, mut missed) = (0, 0);
+    for seed in hapt_testing::seeds(16) {
+        let mut rng = Rng::with_seed(100 + seed);
+        let (rig, record) = stopped(&mut rng);
+        let stops = rig.stops.unwrap();
+        let verdicts = |stops: Option<Stops>| {
+            let found = against(&record, &claims(&DeviceSpec { stops, ..rig }, 0.0), false).unwrap();
+            let of = |verdict: Verdict| -> Vec<&str> {
+                found.numbers.iter().filter(|number| number.verdict == verdict).map(|number| number.name).collect()
+            };
+            (of(Verdict::Agrees), of(Verdict::Contradicts), found.wrong.is_some())
+        };
+        all += 1;
+        let (agrees, wrong, unexplained) = verdicts(Some(stops));
+        if unexplained {
+            missed += 1;
+            continue;
+        }
+        assert!(wrong.is_empty(), "seed {seed}: {wrong:?}");
+        for name in ["low stop", "high stop", "stop stiffness"] {
+            assert!(agrees.contains(&name), "seed {seed}: {agrees:?}");
+        }
+        let (off, name) = match seed % 4 {
+            0 => (Stops { high: stops.high.map(|x| 1.1 * x), ..stops }, "high stop"),
+            1 => (Stops { low: stops.low.map(|x| 1.1 * x), ..stops }, "low stop"),
+            2 => (Stops { stiffness: 1.5 * stops.stiffness, ..stops }, "stop stiffness"),
+            _ => (Stops { low: None, ..stops }, "low stop"),
+        };
+        let (_, wrong, unexplained) = verdicts(Some(off));
+        assert!(unexplained || wrong == [name], "seed {seed}, {name}: {wrong:?}");
+        missed += i32::from(unexplained);
+    }
+    assert!(8 * missed <= all, "{missed} of {all}");
+}
+
+/// Free motion beyond a stop of the file contradicts it, and motion before it says nothing.
+#[test]
+fn a_stop_that_the_record_passes_is_contradicted() {
+    let mut rng = Rng::with_seed(4);
+    let torques = steps(&mut rng, 3000, 0.1);
+    let seen = counted(&motion(&WHEEL, &torques), 4000.0, 0.7, &mut rng);
+    let most = seen.iter().fold(f64::NEG_INFINITY, |most, z| most.max(*z));
+    let record = Record::new(times(&WHEEL, 3000), seen, torques).unwrap();
+    for (high, verdict) in [(0.5 * most, Verdict::Contradicts), (1.5 * most, Verdict::NotTold)] {
+        let stops = Stops { low: None, high: Some(high), stiffness: 50.0, damping: 0.05 };
+        let found = against(&record, &claims(&DeviceSpec { stops: Some(stops), ..WHEEL }, 0.0), false).unwrap();
+        let stop = found.numbers.iter().find(|number| number.name == "high stop").unwrap();
+        assert_eq!(stop.verdict, verdict, "{high}: {:?}", found.numbers);
+        assert!(stop.reason.is_some());
+    }
+}
+
+#[test]
+fn a_file_is_compared_in_its_stribeck_friction() {
+    let (mut all, mut told, mut named) = (0, 0, 0);
+    for seed in hapt_testing::seeds(12) {
+        let mut rng = Rng::with_seed(seed);
+        let fall = Stribeck { torque: 6e-3 * (1.0 + rng.f64()), velocity: 1.0 + 2.0 * rng.f64() };
+        let rig = DeviceSpec { stribeck: Some(fall), damping: 2e-3, friction: 8e-3, ..WHEEL };
+        let torques = steps(&mut rng, 4000, 0.04);
+        let seen = counted(&motion(&rig, &torques), 40_000.0, 0.7, &mut rng);
+        let record = Record::new(times(&rig, 4000), seen, torques).unwrap();
+        let found = |stribeck: Option<Stribeck>| {
+            against(&record, &claims(&DeviceSpec { stribeck, ..rig }, 0.0), false).unwrap()
+        };
+        all += 1;
+        let right = found(Some(fall));
+        assert!(right.agrees(), "seed {seed}: {:?} {:?}", right.wrong, right.numbers);
+        let of =
+            |found: &Comparison, name: &str| found.numbers.iter().find(|number| number.name == name).unwrap().verdict;
+        if of(&right, "stribeck torque") != Verdict::Agrees {
+            continue;
+        }
+        told += 1;
+        let off = found(Some(Stribeck { torque: 2.0 * fall.torque, ..fall }));
+        let is_named = off.wrong.is_none() && of(&off, "stribeck torque") == Verdict::Contradicts;
+        assert!(!off.agrees(), "seed {seed}: {:?}", off.numbers);
+        named += i32::from(is_named);
+        assert!(!found(None).agrees(), "seed {seed}");
+    }
+    assert!(10 * told >= 8 * all && 10 * named >= 8 * told, "{named} of {told} of {all}");
+}
