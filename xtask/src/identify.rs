@@ -7,6 +7,7 @@ mod bench;
 mod handle;
 mod measured;
 mod records;
+mod richer;
 
 use std::fs;
 
@@ -67,14 +68,21 @@ const HANDLE: (&str, &str) = (
     "Random steps on motors that lag, with a handle on a flexible shaft; every second device has uneven samples, of 0.4 to 1.6 periods",
 );
 
+/// The word and the title of devices that are richer than the model.
+const RICHER: (&str, &str) = (
+    "coverage",
+    "Random steps, and loops with a moving target, on levers with a cable, gravity, cogging, friction by direction and Stribeck friction; two stretches of 2 s of each",
+);
+
 /// The tables of records of real devices, on a page of their own: their words, and what makes them where the records are at hand.
 type Table = fn() -> Result<Option<String>>;
 const REAL: [(&str, Table); 2] = [("records", records::text), ("measured", measured::text)];
 const MEASURED_PAGE: &str = "docs/measured.md";
 
-/// `[mixed|guided|quiet|lagging|offset|cogged|handle|records|measured] [--n N] [--seed S] [--write]`; all of them where none is named.
+/// `[mixed|guided|quiet|lagging|offset|cogged|handle|coverage|records|measured] [--n N] [--seed S] [--write]`; all of them where none is named.
 pub fn command(words: &[&str]) -> Result<()> {
-    let mut all = CAMPAIGNS.iter().map(|campaign| campaign.1).chain([HANDLE.0]).chain(REAL.map(|real| real.0));
+    let mut all =
+        CAMPAIGNS.iter().map(|campaign| campaign.1).chain([HANDLE.0, RICHER.0]).chain(REAL.map(|real| real.0));
     let named = words.first().filter(|word| all.any(|campaign| campaign == **word));
     let told = Campaign::parse(&words[usize::from(named.is_some())..], false)?;
     for (kind, word, title) in CAMPAIGNS.into_iter().filter(|campaign| named.is_none_or(|named| *named == campaign.1)) {
@@ -86,6 +94,16 @@ pub fn command(words: &[&str]) -> Result<()> {
     if named.is_none_or(|named| *named == word) {
         let table = handle::table(&handle::campaign(told.n, told.seed)?);
         let text = format!("{title}: {} random devices, seed {}.\n\n{table}", told.n, told.seed);
+        told.publish(&format!("identify {word}"), PAGE, &text)?;
+    }
+    let (word, title) = RICHER;
+    if named.is_none_or(|named| *named == word) {
+        let text = format!(
+            "{title}: {} random devices, seed {}.\n\n{}",
+            told.n,
+            told.seed,
+            richer::campaign(told.n, told.seed)?
+        );
         told.publish(&format!("identify {word}"), PAGE, &text)?;
     }
     for (word, text) in REAL {

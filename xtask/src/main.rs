@@ -48,6 +48,7 @@ cargo xtask figure    the documents' pictures, from the runs' CSV, into docs/ima
 cargo xtask truth     the certificate against brute force, on random loops: [--n N] [--seed S] [--minutes M]; --write: docs/truth.md
 cargo xtask proof     the proofs of random worlds before proof/checker.py, and Coq's file: [--n N] [--seed S]
 cargo xtask patterns  the same under patterns of intervals and delays
+cargo xtask published boundaries that others have published, recomputed
 cargo xtask networks  the same of stations joined by links
 cargo xtask wheel     random sets of effects on random force-feedback wheels, hands off: [--n N] [--seed S]; --write: docs/wheel.md
                       games: random games that follow the steering late, hands on and off
@@ -105,6 +106,7 @@ fn main() -> Result<()> {
         ["truth", ref arguments @ ..] => truth::command(arguments),
         ["proof", ref arguments @ ..] => proof::command(arguments),
         ["patterns", ref arguments @ ..] => truth::patterns(arguments),
+        ["published", ref arguments @ ..] => truth::published::command(arguments),
         ["networks", ref arguments @ ..] => truth::networks(arguments),
         ["wheel", "games", ref arguments @ ..] => wheel_games::command(arguments),
         ["wheel", "record", ref arguments @ ..] => wheel_games::record::command(arguments),

@@ -8,6 +8,7 @@ mod brute;
 mod friction;
 mod near;
 mod networks;
+pub mod published;
 mod table;
 mod uneven;
 pub mod worlds;

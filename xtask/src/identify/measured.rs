@@ -484,6 +484,9 @@ fn stiffest(device: &Device, cutoff: f64, damping: f64, hand: &Grip) -> Result<f
     Ok(stable * PI / 180.0)
 }
 
+/// Hands that a paddle may be held by: inertias in kg m², dampings in N m s/rad, stiffnesses in N m/rad, from a light touch to a firm grip.
+const HANDS: [[f64; 3]; 3] = [[1e-5, 3e-4, 1e-3], [3e-3, 0.02, 0.1], [1.0, 10.0, 100.0]];
+
 fn walls(device: Device) -> Result<String> {
     // The authors compensated the friction, and the damping is the data sheet's.
     let with = |delay: f64| Device { damping: RATIO * RATIO * LAB_DAMPING, delay, ..device };
@@ -516,6 +519,8 @@ fn walls(device: Device) -> Result<String> {
     let none = table(0.0, &Grip::default())?;
     let held = table(0.0, &best)?;
     let late = table(delay, &late_hand)?;
+    let ranges = [0.0, delay].map(|delay| of_hands(&|hand| table(delay, hand)));
+    let ranges = ranges.into_iter().collect::<Result<Vec<_>>>()?;
     let mut text = String::from(
         "| | hand: inertia, kg m² | damping, N m s/rad | stiffness, N m/rad | delay, ms | off by a factor of, rms |\n\
          | --- | --- | --- | --- | --- | --- |\n",
@@ -527,7 +532,24 @@ fn walls(device: Device) -> Result<String> {
         let off = off(found);
         writeln!(text, "| {name} | {inertia:.5} | {damping:.3} | {stiffness:.2} | {:.2} | {off:.1} |", 1e3 * delay)?;
     }
-    text += "\n| filters, Hz | |";
+    let [low, high] = [0, 2].map(|end| HANDS.map(|of| of[end].to_string()));
+    writeln!(
+        text,
+        "\nHands of {} to {} kg m², {} to {} N m s/rad and {} to {} N m/rad, {} of them and none, reach from the softest to the stiffest of the \
+         rows of their name. Of the authors' {} walls {} are within them at once, and {} with the delay of {:.2} ms.\n",
+        low[0],
+        high[0],
+        low[1],
+        high[1],
+        low[2],
+        high[2],
+        HANDS.iter().map(|of| of.len()).product::<usize>(),
+        WALLS.iter().map(|wall| wall.1.len()).sum::<usize>(),
+        within(&ranges[0]),
+        within(&ranges[1]),
+        1e3 * delay,
+    )?;
+    text += "| filters, Hz | |";
     for b in DAMPINGS {
         write!(text, " B = {b} |")?;
     }
@@ -535,16 +557,46 @@ fn walls(device: Device) -> Result<String> {
     text += &" --- |".repeat(DAMPINGS.len());
     text.push('\n');
     for (i, wall) in WALLS.iter().enumerate() {
+        let cell = |k: &f64| match *k {
+            0.0 => "0".to_string(),
+            k if k < 1e-3 => "< 0.001".into(),
+            k => format!("{k:.3}"),
+        };
         for (name, row) in [("the authors", &wall.1), ("no hand", &none[i]), ("one hand", &held[i]), ("late", &late[i])]
         {
-            let cell = |k: &f64| match *k {
-                0.0 => "0".to_string(),
-                k if k < 1e-3 => "< 0.001".into(),
-                k => format!("{k:.3}"),
-            };
             let cells: Vec<String> = row.iter().map(cell).collect();
+            writeln!(text, "| {} | {name} | {} |", wall.0, cells.join(" | "))?;
+        }
+        for (name, range) in ["hands", "hands, late"].into_iter().zip(&ranges) {
+            let cells: Vec<String> = range[i].iter().map(|ends| ends.map(|k| cell(&k)).join(" to ")).collect();
             writeln!(text, "| {} | {name} | {} |", wall.0, cells.join(" | "))?;
         }
     }
     Ok(text)
+}
+
+/// The softest and the stiffest of each wall.
+type Ranges = Vec<[[f64; 2]; 8]>;
+
+/// Over all hands of [`HANDS`], and none.
+fn of_hands(table: &dyn Fn(&Grip) -> Result<Vec<[f64; 8]>>) -> Result<Ranges> {
+    let mut ranges: Ranges = WALLS.iter().map(|_| [[f64::INFINITY, f64::NEG_INFINITY]; 8]).collect();
+    let [masses, dampers, springs] = HANDS;
+    let all = (0..masses.len() * dampers.len() * springs.len()).map(|i| Grip {
+        inertia: masses[i % 3],
+        damping: dampers[i / 3 % 3],
+        stiffness: springs[i / 9],
+    });
+    for hand in all.chain([Grip::default()]) {
+        for (range, row) in ranges.iter_mut().zip(table(&hand)?) {
+            range.iter_mut().zip(row).for_each(|(ends, k)| *ends = [ends[0].min(k), ends[1].max(k)]);
+        }
+    }
+    Ok(ranges)
+}
+
+/// How many of the authors' walls are within the ranges.
+fn within(ranges: &Ranges) -> usize {
+    let pairs = ranges.iter().zip(&WALLS).flat_map(|(range, wall)| range.iter().zip(&wall.1));
+    pairs.filter(|(ends, k)| (ends[0]..=ends[1]).contains(*k)).count()
 }

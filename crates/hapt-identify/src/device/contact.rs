@@ -5,8 +5,8 @@
 //! numbers to all of the record.
 
 use super::fit::{
-    DAMPING, Device, FAST, FRICTION, Fit, Free, INERTIA, LATE, OFFSET, PARAMETERS, Parameters, RISE, STIFFNESS,
-    STOP_DAMPING, STOPS, Shot, VARIANCE,
+    DAMPING, Device, FAST, FRICTION, Fit, Free, INERTIA, LATE, OFFSET, PARAMETERS, Parameters, RISE, SHORTEST_LAG,
+    STIFFNESS, STOP_DAMPING, STOPS, Shot, VARIANCE,
 };
 use crate::counts::lattice;
 use crate::equation::{self, Band, Rows};
@@ -28,11 +28,15 @@ const HARD: f64 = 0.4;
 /// Depths of the stop in parts of the travel from which fits of a turn start, and its damping ratios.
 const DEPTHS: [f64; 4] = [0.003, 0.01, 0.03, 0.1];
 const RATIOS: [f64; 2] = [0.05, 0.4];
+/// The puck goes into a stop by this part of its travel at most.
+const DEEPEST: f64 = 0.25;
 /// Parts of the file's Stribeck torque from which fits start.
 const RISES: [f64; 4] = [1.0, 0.3, 3.0, 0.1];
 /// Steps of a fit of one turn, and of all of the record.
 const BRIEF: usize = 12;
 const MANY: usize = 60;
+/// Steps of a fit with a lag, which begins near the best one.
+const FEW: usize = 20;
 /// The lag that a fit starts from, in periods.
 const SHORT: f64 = 0.5;
 
@@ -84,7 +88,10 @@ pub(crate) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fi
         let found = [hardest(0), hardest(1)];
         let start = with_stops(record, &away.device, found)?;
         let free = free(true, known.lag.is_some(), found.map(|turn| turn.is_some()));
-        shots(record, start, free).and_then(|fit| settled(record, fit)).filter(|fit| needs_stops(record, fit))
+        shots(record, start, free)
+            .filter(|fit| are_ends(record, fit))
+            .and_then(|fit| settled(record, fit))
+            .filter(|fit| needs_stops(record, fit))
     })
 }
 
@@ -116,6 +123,14 @@ pub(crate) fn near(record: &CancellableRecord<'_>, device: &Device) -> Option<Fi
         let fit = shots(record, device, free)?;
         settled(record, fit).filter(|fit| falls || needs_stops(record, fit))
     })
+}
+
+/// Whether what was found are ends of the way, and no spring about its middle.
+fn are_ends(record: &Record, fit: &Fit) -> bool {
+    let positions = record.positions();
+    let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
+    let deepest = DEEPEST * (high - low);
+    fit.device.p[STOPS[0]] - low < deepest && high - fit.device.p[STOPS[1]] < deepest
 }
 
 /// Whether the record is another motion without the stops.
@@ -254,13 +269,13 @@ pub(super) fn lagging(record: &CancellableRecord<'_>, fit: &Fit) -> Option<Fit> 
     let start = |lag: f64| {
         let mut device = fit.device;
         device.p[VARIANCE] = lag * lag;
-        Fit::of(record, device, free, fit.shots.clone())?.improved(record, MANY)
+        Fit::of(record, device, free, fit.shots.clone())?.improved(record, FEW)
     };
     // Beside a fit that is right without one a short lag tells whether there is any.
     let late = [0.5, 1.0].into_iter().filter(|_| !is_right(record, fit)).map(|part| part * fit.device.p[LATE]);
     let short = SHORT * record.period();
     // Last from where the lag changes next to nothing: no fit of more numbers is worse than the one without them.
-    let mut lags = std::iter::once(short).chain(late).chain([0.1 * short]);
+    let mut lags = std::iter::once(short).chain(late).chain([SHORTEST_LAG * record.period()]);
     let mut best: Option<Fit> = None;
     for lag in &mut lags {
         best = best.into_iter().chain(start(lag)).min_by(|a, b| a.squares.total_cmp(&b.squares));

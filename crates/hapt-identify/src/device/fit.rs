@@ -38,6 +38,8 @@ const LOGARITHMS: [usize; 3] = [INERTIA, FAST, STIFFNESS];
 const NOT_BELOW_0: [usize; 6] = [DAMPING, FRICTION, LATE, VARIANCE, RISE, STOP_DAMPING];
 /// A step of this many standard errors is none.
 const SMALL: f64 = 1e-3;
+/// The shortest lag of a fit, in periods: a shorter one is a delay.
+pub(crate) const SHORTEST_LAG: f64 = 0.1;
 /// The fastest rate of a device that is followed, per period of the record.
 const FASTEST: f64 = 60.0;
 /// A derivative is a difference over this part of a number's size.
@@ -289,7 +291,7 @@ impl Fit {
 
     /// The steps of Levenberg and Marquardt from here, so many at most.
     pub fn improved(self, record: &CancellableRecord<'_>, most: usize) -> Option<Fit> {
-        let least = (0.02 * record.period()).powi(2);
+        let least = (SHORTEST_LAG * record.period()).powi(2);
         let mut at = self.differentiated(record)?;
         let mut damping = 1e-3;
         for _ in 0..most {

@@ -5,7 +5,9 @@ mod fit;
 mod motion;
 
 pub(crate) use contact::{near, search};
-use fit::{DAMPING, FAST, FRICTION, INERTIA, LATE, OFFSET, RISE, STIFFNESS, STOP_DAMPING, STOPS, VARIANCE};
+use fit::{
+    DAMPING, FAST, FRICTION, INERTIA, LATE, OFFSET, RISE, SHORTEST_LAG, STIFFNESS, STOP_DAMPING, STOPS, VARIANCE,
+};
 pub(crate) use fit::{Device, Fit, Shot};
 
 use crate::counts::lattice;
@@ -36,7 +38,7 @@ impl Fit {
         let (covariance, p) = (self.covariance(record)?, &self.device.p);
         let half = |i: usize| covariance[(i, i)].max(0.0).sqrt();
         let slope = covariance[(LATE, VARIANCE)] / covariance[(VARIANCE, VARIANCE)];
-        let is_least = p[VARIANCE].sqrt() < 0.05 * record.period();
+        let is_least = p[VARIANCE].sqrt() < 2.0 * SHORTEST_LAG * record.period();
         Late::new([p[LATE], half(LATE)], [if is_least { 0.0 } else { p[VARIANCE] }, half(VARIANCE)], slope)
     }
 
@@ -63,8 +65,10 @@ impl Fit {
         let numbers = device.numbers([0.0; 2]);
         let lag = late.filter(Late::is_told);
         let delay = plain(LATE).map(positive);
-        let sum =
-            late.map(|late| delay.filter(|_| lag.is_none()).into_iter().fold(positive(late.late()), Interval::with));
+        // Without a lag that fits, the delay is both.
+        let sum = late
+            .map(|late| delay.filter(|_| lag.is_none()).into_iter().fold(positive(late.late()), Interval::with))
+            .or(delay);
         let rate = |i: usize| {
             // Of b/J: J's own uncertainty goes with it.
             let (value, j) = (p[i] / device.inertia(), device.inertia());
