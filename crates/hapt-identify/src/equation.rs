@@ -101,8 +101,6 @@ pub enum Errors {
     Sandwich,
     /// By the moving blocks bootstrap (Künsch, Ann. Stat. 17 (1989) 1217), with blocks of twice the time over which what is left is correlated.
     Bootstrap,
-    /// By the larger one of jackknife and sandwich.
-    Both,
 }
 
 /// All windows of a record.
@@ -333,7 +331,7 @@ impl Rows {
             let jack = others.iter().fold(Column::zeros(), |sum, other| sum + (other.0 - values).map(|x| x * x));
             let sum = |term: usize| self.rows.iter().map(|row| row.terms[term].powi(2)).sum::<f64>();
             let bent = BENT * values[STIFFNESS].abs() * (sum(STIFFNESS) / sum(INERTIA).max(f64::MIN_POSITIVE)).sqrt();
-            let is_sandwich = matches!(self.errors, Errors::Sandwich | Errors::Both);
+            let is_sandwich = self.errors == Errors::Sandwich;
             let sandwich = if is_sandwich { self.sandwich(&inverse, &left) } else { Column::zeros() };
             let is_bootstrap = self.errors == Errors::Bootstrap;
             let bootstrap = if is_bootstrap { self.bootstrap(mask, n / independent) } else { Column::zeros() };
@@ -342,7 +340,6 @@ impl Rows {
                     Errors::Jackknife => jack[i] * (count - 1.0) / count,
                     Errors::Sandwich => sandwich[i],
                     Errors::Bootstrap => bootstrap[i],
-                    Errors::Both => sandwich[i].max(jack[i] * (count - 1.0) / count),
                 };
                 let plain = inverse[(i, i)].max(0.0) * square * n / freedom;
                 let spring = if i == INERTIA { bent * bent } else { 0.0 };
