@@ -140,6 +140,7 @@ pub const LIMITS: Limits = Limits {
     port_trips: false,
     pulse: 0.0,
     brake: 1e-3,
+    recentre: 0.0,
     zero_where_armed: true,
     announcements: false,
     inertia: 6.4e-4,

@@ -19,7 +19,7 @@ use crate::{Error, Loop, Real, Spec, State};
 /// let limits = Limits {
 ///     fade: 0.1, velocity: 100.0, jump: 0.03, overspeed: 50.0, stuck: 1.0, stuck_torque: 0.05, torque: 0.8,
 ///     slew: f64::INFINITY, motor: heat, driver: heat, stall: 5e-3, time: CertifiedTime::NOT_STATED, link: 0.3, link_faults: false, energy: 0.04,
-///     world_trips: true, port_trips: true, pulse: 0.0, brake: 0.0, zero_where_armed: true, announcements: false,
+///     world_trips: true, port_trips: true, pulse: 0.0, brake: 0.0, recentre: 0.0, zero_where_armed: true, announcements: false,
 ///     inertia: 6.4e-4, damping: 1.2e-3, friction: 5e-3, delay: 0.0,
 /// };
 /// let controller = Controller::<f64, 4, 8, 16>::new(&spec, &limits)?;

@@ -183,6 +183,8 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
         ("parts_texture", stored.contains(&"texture")),
         ("parts_bristle", stored.contains(&"bristle")),
         ("pulse", world.whole("pulse_samples").is_some()),
+        ("recentre_counts", world.whole("recentre_idle").is_some() && spec.count.is_some()),
+        ("recentre", world.whole("recentre_idle").is_some()),
         ("zero_where_armed", yes("zero_where_armed")),
         ("late_fault", limits.time.when_late == WhenLate::Fault),
         ("late_fade", limits.time.when_late == WhenLate::Fade),
@@ -268,6 +270,7 @@ fn code(facts: &Facts) -> String {
     put("", part!("supervisor/ledger.c"));
     put("", part!("supervisor/motion.c"));
     put("pulse", part!("supervisor/pulse.c"));
+    put("recentre", part!("supervisor/recentre.c"));
     put("", part!("supervisor/supervisor.c"));
     code
 }

@@ -106,6 +106,7 @@ impl World {
             port_trips: real || safety.world_trips == Some(true),
             pulse: safety.pulse.unwrap_or(if real { pulse } else { 0.0 }),
             brake,
+            recentre: self.sampling.recentre.unwrap_or(0.0),
             zero_where_armed: device.drive.home.is_none(),
             announcements: !real,
             inertia: device.inertia,

@@ -79,6 +79,7 @@ pub(crate) fn sampling(sampling: &mut Sampling) -> NumberSlots<'_> {
         ("delay_max", NumberSlot::OptionalDelay(&mut sampling.delay_max)),
         ("interval_max", Optional(&mut sampling.interval_max)),
         ("filter", Optional(&mut sampling.filter)),
+        ("recentre", Optional(&mut sampling.recentre)),
         ("cutoff", Optional(&mut sampling.cutoff)),
         ("every", Whole(&mut sampling.every)),
         ("window", Whole(&mut sampling.window)),

@@ -81,6 +81,20 @@ impl World {
             let fields = Fields::new(table("loop"), top.node("loop"))?;
             return Err(fields.error(ErrorKind::Combination, "bodies_every", message));
         }
+        if sampling.recentre.is_some() {
+            let fields = Fields::new(table("loop"), top.node("loop"))?;
+            let wrong = |message: &str| Err(fields.error(ErrorKind::Combination, "recentre", message));
+            if device.least_friction() == 0.0 {
+                return wrong(
+                    "the origin slips under torques within the device's friction, and it has none; expected device.friction",
+                );
+            }
+            if !items(&top, "compensation").is_empty() {
+                return wrong(
+                    "a [[compensation]] counts from the device's own position, and the origin would slip away from it; expected one of both",
+                );
+            }
+        }
 
         let mut scenarios = Vec::new();
         for entry in named(&top, "scenarios") {
@@ -151,6 +165,7 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
         delay: fields.delay("delay")?,
         delay_max: fields.optional_delay("delay_max")?,
         filter: fields.optional_number("filter")?,
+        recentre: fields.optional_number("recentre")?,
         estimator,
         cutoff: fields.optional_number("cutoff")?,
         every: fields.whole("every")?,
@@ -207,6 +222,13 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
             "{longest:?} s is below loop.period, {period:?} s, which the samples have on average; expected {period:?} s or more"
         );
         return combination("interval_max", message);
+    }
+    if let Some(time) = sampling.recentre.filter(|time| *time < 2.0 * period) {
+        let least = 2.0 * period;
+        let message = format!(
+            "{time:?} s is below two periods, and the origin slips in many samples; expected {least:?} s or more"
+        );
+        return combination("recentre", message);
     }
     if estimator == EstimatorKind::LowPass && sampling.cutoff.is_none() {
         return Err(fields.missing("cutoff"));

@@ -25,6 +25,9 @@ pub struct Sampling {
     pub delay_max: Option<Delay>,
     /// The cutoff in Hz of the one pole behind which bodies and couplings see the puck's position; `None`: they see it as measured.
     pub filter: Option<f64>,
+    /// For how long in s the puck rests before the world's origin slips to where its torque is 0, and the time constant of the slip; two
+    /// periods or more. `None`: it stays.
+    pub recentre: Option<f64>,
     /// The velocity estimator's name.
     pub estimator: EstimatorKind,
     /// The low-pass estimator's cutoff in Hz; always there with `low-pass`, kept when given with another.
@@ -67,6 +70,7 @@ impl Sampling {
             delay: Delay::Seconds(0.0),
             delay_max: None,
             filter: None,
+            recentre: None,
             estimator: EstimatorKind::Exact,
             cutoff: None,
             every: 1,

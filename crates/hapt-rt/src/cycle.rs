@@ -2,7 +2,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use hapt_core::{Reading, Request, SafeOutput};
+use hapt_core::{Phase, Reading, Request, SafeOutput};
 
 use crate::pace::Pace;
 use crate::plan::PlanState;
@@ -165,7 +165,8 @@ impl Cycle {
         };
         let SafeOutput { sample, output, phase, reason, warning, outside: _ } = guarded;
         let zero = state.supervisor.offset;
-        if zero != before {
+        // Where the origin slips while the puck rests, what holds the puck stays where it is.
+        if zero != before && phase != Phase::Running {
             device.0.homed(zero);
         }
         device.0.write(output)?;

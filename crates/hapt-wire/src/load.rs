@@ -1,11 +1,12 @@
 //! ```text
 //! version 1  limits    world
 //! version 2  limits    interval, delay, when late  world
-//! u8         postcard  f64, f64, code u8           as write() makes it
+//! version 3  limits    interval, delay, when late  recentre  world
+//! u8         postcard  f64, f64, code u8           f64       as write() makes it
 //! ```
 //!
-//! A world that states no times keeps version 1. A board that reads only version 1 refuses version 2, since it would not enforce the
-//! stated times.
+//! A world that states no times keeps version 1. A board that reads only version 1 refuses the others, since it would not enforce the
+//! stated times, or keep its origin where it is to slip.
 
 use hapt_core::wheel::Device;
 use hapt_core::{Limits, Spec};
@@ -22,6 +23,9 @@ const HASH: Crc<u32> = Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 /// The version of a packed world that states its times.
 const STATES_TIMES: u8 = 2;
 
+/// The version of a packed world whose origin slips while the puck rests.
+const RECENTRES: u8 = 3;
+
 /// The identity of a packed world: the CRC-32 of its bytes.
 pub fn hash(bytes: &[u8]) -> u32 {
     HASH.checksum(bytes)
@@ -32,10 +36,18 @@ pub fn hash(bytes: &[u8]) -> u32 {
 /// Errors as [`write()`] does.
 pub fn pack<'a>(spec: &Spec, limits: &Limits, room: &'a mut [u8]) -> Result<&'a [u8], Error> {
     let mut at = 0;
-    put(room, &mut at, if limits.time.is_stated() { &STATES_TIMES } else { &VERSION })?;
+    let version = match (limits.recentre > 0.0, limits.time.is_stated()) {
+        (true, _) => RECENTRES,
+        (false, true) => STATES_TIMES,
+        (false, false) => VERSION,
+    };
+    put(room, &mut at, &version)?;
     put(room, &mut at, limits)?;
-    if limits.time.is_stated() {
+    if version >= STATES_TIMES {
         put(room, &mut at, &limits.time)?;
+    }
+    if version >= RECENTRES {
+        put(room, &mut at, &limits.recentre)?;
     }
     at += write(spec, room.get_mut(at..).ok_or(Error::NoRoom)?)?.len();
     room.get(..at).ok_or(Error::NoRoom)
@@ -72,12 +84,15 @@ pub(crate) fn unpack_wheel(bytes: &[u8]) -> Result<(Device, f64, &[u8]), Error> 
 /// Reads the bytes of [`pack`]. The core checks the ranges of the numbers when it compiles them.
 pub fn unpack<const B: usize, const C: usize>(bytes: &[u8]) -> Result<(Limits, Stored<B, C>), Error> {
     let (version, mut rest) = bytes.split_first().ok_or(Error::Cut)?;
-    if ![VERSION, STATES_TIMES].contains(version) {
+    if !(VERSION..=RECENTRES).contains(version) {
         return Err(Error::Version { given: *version });
     }
     let mut limits: Limits = take(&mut rest)?;
-    if *version == STATES_TIMES {
+    if *version >= STATES_TIMES {
         limits.time = take(&mut rest)?;
+    }
+    if *version >= RECENTRES {
+        limits.recentre = take(&mut rest)?;
     }
     Ok((limits, Stored::read(rest)?))
 }

@@ -289,3 +289,36 @@ pub(super) fn outside_energy(world: &World, timing: Timing) -> Option<String> {
     }
     None
 }
+
+/// Why an origin that slips has no proof (docs/theory.md, (T80)); `None` where it has.
+pub(super) fn outside_recentre(world: &World, timing: Timing) -> Option<String> {
+    let sampling = &world.sampling;
+    let outside = |why: &str| Some(format!("loop.recentre has no proof here: {why}"));
+    if timing.delay[1] > 0.0 || sampling.advance > 0 {
+        return outside("the torque is not that of the newest sample");
+    }
+    if timing.lag[1] > 0.0 {
+        return outside("the motor's torque lags behind its command");
+    }
+    if sampling.filter.is_some() {
+        return outside("loop.filter shows the world a position behind the puck's");
+    }
+    let takes = |c: &&Coupling| laws::at_puck(c) && (laws::takes_velocity(&c.law) || Kind::of(c) == Kind::Lugre);
+    if world.couplings.iter().any(|c| takes(&c)) {
+        return outside("a damping or a friction at the puck takes the slip for a motion");
+    }
+    if world.bodies.is_empty() {
+        return None;
+    }
+    if !keeps_energy(sampling.method) || sampling.output != Output::End {
+        return outside(
+            "with bodies the proof is of the energy at the end of a step of zoh, trapezoidal or backward-euler",
+        );
+    }
+    if sampling.estimator == EstimatorKind::LowPass
+        && world.couplings.iter().any(|c| is_nonlinear(c) && laws::at_body(c))
+    {
+        return outside(LOW_PASS);
+    }
+    outside_energy(world, timing)
+}

@@ -14,8 +14,12 @@ use crate::passivity::required::{
 };
 use crate::passivity::supremum::Wanted;
 use crate::passivity::timing::Timing;
-use crate::theorems::assumptions::{BRISTLE, BRISTLE_EVERY, LOW_PASS, behind_filter, outside_energy, within_friction};
-use crate::theorems::{ENERGY, INTEGRAL, LAWS, LINEAR, LINEAR_LAG, LINEAR_LATE, LINEAR_UNEVEN, TWO_RATES, Theorem};
+use crate::theorems::assumptions::{
+    BRISTLE, BRISTLE_EVERY, LOW_PASS, behind_filter, outside_energy, outside_recentre, within_friction,
+};
+use crate::theorems::{
+    ENERGY, INTEGRAL, LAWS, LINEAR, LINEAR_LAG, LINEAR_LATE, LINEAR_UNEVEN, RECENTRE, TWO_RATES, Theorem,
+};
 
 /// What a theorem demands.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,6 +89,9 @@ pub(super) fn best(world: &World, timing: Timing, wanted: Wanted) -> Result<Dema
     if world.couplings.iter().any(|c| Kind::of(c) == Kind::Assist && laws::most(c) > 0.0) {
         return Ok(Demanded::outside(within_friction(world)));
     }
+    if world.sampling.recentre.is_some() {
+        return recentred(world, timing);
+    }
     let at_body = |c: &Coupling| is_nonlinear(c) && laws::at_body(c);
     if !world.couplings.iter().any(is_nonlinear) {
         let linear = linear(world, timing, wanted)?;
@@ -101,6 +108,9 @@ fn integrates(coupling: &Coupling) -> bool {
 /// The linear estimate of a world that no theorem covers: the worst over its flat and steep slopes.
 pub(super) fn estimate(world: &World, timing: Timing, wanted: Wanted) -> Result<Demand, Error> {
     let mut worst: Option<Demand> = None;
+    let mut world = world.clone();
+    world.sampling.recentre = None;
+    let world = &world;
     for slopes in combinations(&piecewise(&world.couplings)) {
         let couplings = straightened(world, &slopes)?;
         let found = best(&World { couplings, ..world.clone() }, timing, wanted)?.demand;
@@ -222,6 +232,21 @@ fn without_delay(world: &World) -> World {
 /// (T35), (T39), (T42), (T45), (T46): everything is between puck and ground, linear or not.
 fn at_the_puck(world: &World, timing: Timing) -> Result<Demanded, Error> {
     Ok(Demanded::enough(timing.of_laws(felt(world, &world.couplings)?)?, &LAWS))
+}
+
+/// (T80): the origin slips while the puck rests. Its own energy pays, so that the requirement is that of the energy theorem.
+fn recentred(world: &World, timing: Timing) -> Result<Demanded, Error> {
+    if let Some(why) = outside_recentre(world, timing) {
+        return Ok(Demanded::outside(why));
+    }
+    let [stiffness, _] = at_puck(world, &world.couplings)?;
+    let own = if world.bodies.is_empty() { &LAWS } else { &ENERGY };
+    let mut demanded = Demanded::enough(0.5 * stiffness * timing.longest, own);
+    if world.sampling.bodies_every > 1 {
+        demanded.theorems.push(&TWO_RATES);
+    }
+    demanded.theorems.push(&RECENTRE);
+    Ok(demanded)
 }
 
 /// The stiffness and damping that count at the puck: the steepest slopes, and of bristles twice their stiffness. Where a puck turns round they

@@ -123,6 +123,11 @@ impl FreePatterns {
             };
             return Ok(FreePatterns::open(format!("{what} covered by a proof of passivity only")));
         }
+        if sampling.recentre.is_some() {
+            return Ok(FreePatterns::open(
+                "an origin that slips, by loop.recentre, is covered by a proof of passivity only",
+            ));
+        }
         if world.couplings.iter().any(is_nonlinear) {
             return of_laws(world, timing);
         }

@@ -13,9 +13,13 @@ fn has_nonlinear_bodies(world: &World) -> bool {
 }
 
 /// Whether eigenvalues decide how the puck moves: not between the slopes of laws, gravity and cogging, with friction that falls with the speed, at a
-/// stop, with a window that changes, or where an integral term winds up.
+/// stop, with a window that changes, with an origin that slips, or where an integral term winds up.
 fn is_linear(world: &World) -> bool {
-    world.device.is_plain() && !world.couplings.iter().any(is_nonlinear) && !changes_window(world) && !winds_up(world)
+    world.device.is_plain()
+        && world.sampling.recentre.is_none()
+        && !world.couplings.iter().any(is_nonlinear)
+        && !changes_window(world)
+        && !winds_up(world)
 }
 
 /// Whether an integral term goes on growing at the motor's limit: a swing that reaches the limit may grow though small ones die out.
@@ -34,6 +38,10 @@ pub(crate) fn held_claim(world: &World, held: &Stability, passive: &Claimed) -> 
     // The puck goes on moving on the shaft of a handle that is held: what nonlinear laws and the device do to it, eigenvalues do not tell.
     if world.device.handle.is_some() && !is_linear(world) {
         return passive.and(&Claimed::by(&[&FREE_PASSIVE])).when(is_stable && is_held_covered(world));
+    }
+    // The slip of the origin follows the bodies' torque, and the eigenvalues are of an origin that stays.
+    if world.sampling.recentre.is_some() && !world.bodies.is_empty() {
+        return passive.and(&Claimed::by(&[&HELD_ENERGY])).when(is_stable);
     }
     let theorem = if has_nonlinear_bodies(world) { &HELD_ENERGY } else { &HELD_LINEAR };
     Claimed::by(&[theorem]).when(is_stable && is_held_covered(world))

@@ -69,6 +69,7 @@ pub(crate) fn witness(world: &World, is_held: bool) -> Result<Option<Witnessed>,
         || !has_mean_velocity(world, damping)
         || (world.sampling.filter.is_some() && !world.bodies.is_empty())
         || world.sampling.advance > 0
+        || world.sampling.recentre.is_some()
     {
         return Ok(None);
     }

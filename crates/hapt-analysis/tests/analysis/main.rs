@@ -18,6 +18,7 @@ mod integral;
 mod passivity;
 mod patterns;
 mod published;
+mod recentre;
 mod remedies;
 mod side;
 mod two_rates;

@@ -61,6 +61,7 @@ fn guarded<F: Real, const B: usize, const C: usize, const W: usize>(
         port_trips: z > 1.0,
         pulse: z,
         brake: z,
+        recentre: z,
         zero_where_armed: z > 2.0,
         announcements: z > 3.0,
         inertia: z,

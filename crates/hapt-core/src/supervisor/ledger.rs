@@ -73,6 +73,16 @@ impl<F: Real> Books<F> {
         self.position = None;
     }
 
+    /// The world's origin slips by `way`, so that the next position is further by that: no work is done.
+    pub fn slip(&mut self, way: F) {
+        self.position = self.position.map(|position| position + way);
+    }
+
+    /// The couplings' torque on the puck in the last sample.
+    pub fn torque(&self) -> F {
+        self.held(0)
+    }
+
     fn held(&self, age: usize) -> F {
         self.held.get((self.newest % HELD + HELD - age % HELD) % HELD).copied().unwrap_or(F::ZERO)
     }

@@ -103,6 +103,10 @@ pub struct Limits {
     pub pulse: f64,
     /// Damping after a fault that leaves the encoder trusted, in N·m·s/rad (N·s/m); 0: none.
     pub brake: f64,
+    /// For how long the puck rests before the world's origin slips to where its torque is 0, and the time constant of the slip, in s; at least
+    /// two periods, 0: never. Not serialized: a board gets it behind the other limits.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    pub recentre: f64,
     /// Whether arming sets the position to 0.
     pub zero_where_armed: bool,
     /// Whether announced jumps are accepted: those of a simulated hand.
@@ -175,10 +179,15 @@ impl Limits {
             let wanted = "longer than the fade, a period and the delay together: the torque is 0 by then";
             return Err(Error::Value { what: "link", given: self.link, wanted });
         }
+        if self.recentre > 0.0 && self.recentre < 2.0 * spec.period {
+            let wanted = "two periods or longer: the origin slips in many samples";
+            return Err(Error::Value { what: "recentre", given: self.recentre, wanted });
+        }
         for (what, given) in [
             ("stuck_torque", self.stuck_torque),
             ("pulse", self.pulse),
             ("brake", self.brake),
+            ("recentre", self.recentre),
             ("damping", self.damping),
             ("friction", self.friction),
             ("delay", self.delay),

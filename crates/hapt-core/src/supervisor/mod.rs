@@ -18,6 +18,7 @@ mod motion;
 mod phase;
 mod pulse;
 mod reason;
+mod recentre;
 mod springs;
 mod standing;
 mod state;
@@ -32,6 +33,7 @@ use motion::ReadingLimits;
 pub use phase::{ExternalTorqueInput, Phase, Reading, Request, SafeOutput};
 use pulse::{Pulse, SignTest, Testing};
 pub use reason::Reason;
+use recentre::Recentre;
 use standing::Stand;
 pub use state::SupervisorState;
 use thermal::Thermal;
@@ -71,6 +73,7 @@ pub struct Supervisor<F, const B: usize, const C: usize> {
     motor: Thermal<F>,
     driver: Thermal<F>,
     pulse: Option<Pulse<F>>,
+    recentre: Option<Recentre<F>>,
     torque: F,
     slew: F,
     /// Torque per displacement of a sample after a fault; 0: none.
@@ -107,6 +110,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             motor: Thermal::new(&limits.motor, spec.period),
             driver: Thermal::new(&limits.driver, spec.period),
             pulse: Pulse::new(limits, spec),
+            recentre: Recentre::new(limits, spec),
             // A limit rounded to this number is no fault.
             torque: f(limits.torque * (1.0 + 8.0 * F::EPSILON.to_f64())),
             slew: f(limits.slew),
@@ -130,6 +134,9 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         self.driver.constants(to, "driver_part", "driver_most");
         if let Some(pulse) = &self.pulse {
             pulse.constants(to);
+        }
+        if let Some(recentre) = &self.recentre {
+            recentre.constants(to);
         }
         to.number("torque", "the largest command", self.torque.to_f64());
         to.number("slew", "the largest change of torque in a sample", self.slew.to_f64());
@@ -184,6 +191,9 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             request.is_none() && state.is_steady() && self.motion.is_ordinary(&mut state.seen, reading, state.output);
         let evaluation =
             if ordinary { Evaluation::ORDINARY } else { self.evaluate(state, world, loop_state, reading, request) };
+        if let (true, Some(recentre)) = (ordinary, &self.recentre) {
+            state.slip(recentre);
+        }
         // A NaN never enters the world.
         let velocity = reading.velocity.finite_or_zero();
         let mut sample = world.step(loop_state, state.seen.position - state.offset, velocity);
@@ -224,6 +234,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         reading: &Reading<F>,
         request: Option<Request>,
     ) -> Evaluation {
+        state.rest.samples = 0;
         let announced = reading.announced && self.announcements;
         let keeps_time = self.motion.keeps_time(&mut state.seen, reading);
         let wrong = self.motion.wrong(&mut state.seen, reading, announced, state.output);
@@ -323,6 +334,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
     fn home(&self, state: &mut SupervisorState<F>) {
         if self.zero_where_armed {
             state.offset = state.seen.position;
+            state.rest.origin_is_set();
         }
     }
 

@@ -19,8 +19,8 @@ use crate::supervisor::Limits;
 use crate::{Constants, Real, Spec};
 
 /// In counts; and in rad or m where there are none.
-const COUNTS: f64 = 4.0;
-const FAR: f64 = 0.25e-3;
+pub(super) const COUNTS: f64 = 4.0;
+pub(super) const FAR: f64 = 0.25e-3;
 
 /// How a free puck moves in a sample, in displacements.
 #[derive(Clone, Copy, Debug)]

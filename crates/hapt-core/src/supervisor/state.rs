@@ -4,6 +4,7 @@ use crate::Real;
 use crate::supervisor::ledger::Books;
 use crate::supervisor::motion::Seen;
 use crate::supervisor::pulse::Testing;
+use crate::supervisor::recentre::{Recentre, Rest};
 use crate::supervisor::{CALM, Phase, Reason, WhenLate};
 
 /// What the supervisor remembers from sample to sample.
@@ -27,6 +28,7 @@ pub struct SupervisorState<F> {
     /// Of the motor and of its driver.
     pub(crate) heat: [F; 2],
     pub(crate) testing: Option<Testing<F>>,
+    pub(crate) rest: Rest<F>,
     /// The world begins anew at the next sample.
     pub(crate) fresh: bool,
     /// The world is another from the next sample on.
@@ -54,6 +56,7 @@ impl<F: Real> SupervisorState<F> {
         books: Books::CLOSED,
         heat: [F::ZERO; 2],
         testing: None,
+        rest: Rest::NONE,
         fresh: true,
         swapped: false,
         transfer: [F::ZERO; 2],
@@ -108,6 +111,17 @@ impl<F: Real> SupervisorState<F> {
     /// The energy that the integration method has generated, in J.
     pub fn made(&self) -> F {
         self.books.made
+    }
+
+    /// Lets the world's origin slip where the puck rests.
+    #[inline]
+    pub(crate) fn slip(&mut self, recentre: &Recentre<F>) {
+        let step = self.seen.step.unwrap_or(F::ZERO);
+        let origin = recentre.origin(&mut self.rest, self.offset, self.seen.position, step, self.books.torque());
+        if origin != self.offset {
+            self.books.slip(self.offset - origin);
+            self.offset = origin;
+        }
     }
 
     /// Whether this sample continues the last one: running, without a transfer, a test or a recent fault.

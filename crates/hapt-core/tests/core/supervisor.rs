@@ -17,6 +17,7 @@ mod any_reading;
 mod arming;
 mod fades;
 mod ledger;
+mod recentre;
 mod stuck;
 mod trips;
 mod uneven;
@@ -44,6 +45,7 @@ const LIMITS: Limits = Limits {
     port_trips: true,
     pulse: 0.0,
     brake: 0.0,
+    recentre: 0.0,
     zero_where_armed: false,
     announcements: true,
     inertia: 6.4e-4,

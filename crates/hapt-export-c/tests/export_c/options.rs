@@ -3,10 +3,13 @@
 use std::fs;
 use std::process::Command;
 
-use hapt_core::{Body, Controller, Damping, End, Estimator, Law, Method, Output, Reading, Reason, Request};
+use hapt_core::{
+    Body, CertifiedTime, Controller, Damping, End, Estimator, Heat, Law, Limits, Method, Output, Phase, Reading,
+    Reason, Request,
+};
 use hapt_export_c::{About, Float, Prefix, library};
 
-use crate::bits::{BODIES, COUNTS, COUPLINGS, agree, drawn, readings, some, worlds, written};
+use crate::bits::{BODIES, COUNTS, COUPLINGS, agree, drawn, fed, readings, some, worlds, written};
 use crate::compiler::{BOARDS, SANITIZERS, compile, compilers, has_board};
 use crate::worlds::World;
 
@@ -49,6 +52,62 @@ fn linear_couplings_behind_a_friction_at_a_body_read_nothing_beyond_the_state() 
             ..some.clone()
         };
         agree(&[world], Float::F32, "gcc", &SANITIZERS);
+    }
+}
+
+/// A puck that rests again and again beside its detents, under torques that the friction holds.
+#[test]
+fn an_origin_that_slips_in_c_slips_by_the_cores_bits() {
+    let some = drawn(1, hapt_testing::cases_from(1, 1)).remove(0);
+    let never = f64::INFINITY;
+    let heat = Heat { rms: never, time: 1.0 };
+    for (i, count) in [None, Some(1e-4)].into_iter().enumerate() {
+        let limits = Limits {
+            velocity: never,
+            jump: never,
+            overspeed: never,
+            stuck: never,
+            torque: never,
+            slew: never,
+            motor: heat,
+            driver: heat,
+            time: CertifiedTime::NOT_STATED,
+            port_trips: true,
+            pulse: 0.0,
+            friction: 0.5,
+            fade: 4e-3,
+            energy: 1.0,
+            recentre: 5e-3,
+            link: 1.0,
+            delay: 0.0,
+            ..some.limits
+        };
+        let detent = Law::Detent { torque: 0.05, pitch: 0.3, phase: 0.02 };
+        let world = World {
+            period: 1e-3,
+            method: Method::Zoh,
+            output: Output::End,
+            advance: 0,
+            bodies_every: 1,
+            estimator: Estimator::Difference,
+            filter: None,
+            count,
+            limit: Some(1.0),
+            levels: None,
+            bodies: Vec::new(),
+            couplings: vec![detent.between(End::Puck, End::Ground)],
+            limits,
+        };
+        let controller = Controller::<f64, BODIES, COUPLINGS, COUNTS>::new(&world.spec(), &world.limits).unwrap();
+        let (mut state, mut slips, mut before) = (controller.start(), 0, 0.0);
+        for row in readings(&world, 1, false) {
+            let safe = fed(&controller, &mut state, &world, &row);
+            slips += i32::from(safe.phase == Phase::Running && state.supervisor.offset != before);
+            before = state.supervisor.offset;
+        }
+        assert!(slips > 50, "the origin slips at {slips} samples only");
+        agree(std::slice::from_ref(&world), [Float::F32, Float::F64][i], "gcc", &SANITIZERS);
+        agree(&[world], [Float::F64, Float::F32][i], "gcc", &["-O2"]);
     }
 }
 

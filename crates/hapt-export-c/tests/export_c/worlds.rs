@@ -131,13 +131,18 @@ fn limits(period: f64) -> impl Strategy<Value = Limits> {
             delay: delay * period,
             when_late: [WhenLate::Fault, WhenLate::Fade, WhenLate::Count][late],
         });
-    let third =
-        (prop::option::of(0.02..0.2_f64), prop::option::of(0.001..0.05_f64), prop::option::of(0.0..20.0_f64), time);
+    let third = (
+        prop::option::of(0.02..0.2_f64),
+        prop::option::of(0.001..0.05_f64),
+        prop::option::of(0.0..20.0_f64),
+        time,
+        prop::option::of(2.0..20.0_f64),
+    );
     (first, second, third, prop::array::uniform4(any::<bool>()), or_none(0.05..0.5)).prop_map(
         move |(first, second, third, [link_faults, world_trips, port_trips, zero_where_armed], link)| {
             let (fade, velocity, jump, overspeed, stuck, stuck_torque) = first;
             let (torque, slew, motor, driver, stall, energy) = second;
-            let (pulse, brake, delay, time) = third;
+            let (pulse, brake, delay, time, recentre) = third;
             let (fade, delay) = (fade * period, delay.unwrap_or(0.0) * period);
             Limits {
                 fade,
@@ -159,11 +164,12 @@ fn limits(period: f64) -> impl Strategy<Value = Limits> {
                 port_trips,
                 pulse: pulse.unwrap_or(0.0),
                 brake: brake.unwrap_or(0.0),
+                recentre: recentre.unwrap_or(0.0) * period,
                 zero_where_armed,
                 announcements: false,
                 inertia: 6.4e-4,
                 damping: 1.2e-3,
-                friction: 5e-3,
+                friction: if recentre.is_some() { 0.5 } else { 5e-3 },
                 delay,
             }
         },

@@ -257,7 +257,7 @@ fn a_state_of_another_version_is_ignored() {
     let at = bytes.windows(name.len()).position(|window| window == name).unwrap();
     // After its name: its media type, and the length of its content.
     let data = at + name.len() + 4 + "application/octet-stream".len() + 8;
-    assert_eq!(bytes[data], 4);
+    assert_eq!(bytes[data], 5);
     let length = u64::from_le_bytes(bytes[data - 8..data].try_into().unwrap()) as usize;
     bytes[data] = 1;
     // 0: no checksum.

@@ -64,6 +64,8 @@ pub const KEYS: &[Key] = &[
         "The longest true time between two samples, in any pattern; no shorter than the period, the nominal one.").within(1e-5, 1.0),
     key("loop.filter", Quantity(Frequency, Positive), Optional,
         "The cutoff of one pole behind which the world sees the puck's position; the velocity is that of the measured one. Absent: none.").within(0.5, 1e5),
+    key("loop.recentre", Quantity(Time, Positive), Optional,
+        "While the puck rests for so long under a torque within the device's friction, the world's origin slips, with this time constant, to where its torque is 0; two periods at least. Absent: it stays.").within(1e-2, 60.0),
     key("loop.estimator", Takes::Name(EstimatorKind::NAMES), Name("exact"), "How the loop estimates the puck's velocity."),
     key("loop.cutoff", Quantity(Frequency, Positive), Depends("required with the estimator low-pass"),
         "The cutoff of the low-pass estimator.").within(0.5, 1e5),

@@ -213,6 +213,12 @@ impl System {
                 );
                 return Err(fields.error(ErrorKind::Combination, "world", message));
             }
+            if world.sampling.recentre.is_some() {
+                let message = format!(
+                    "{file} has loop.recentre, and links count positions from an origin that stays; expected a world without it"
+                );
+                return Err(fields.error(ErrorKind::Combination, "world", message));
+            }
             let phase = fields.number("phase")?;
             no_longer(&fields, "phase", Some(phase))?;
             let drift = drift(&fields, &world)?;

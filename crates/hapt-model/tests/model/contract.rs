@@ -18,6 +18,7 @@ output    = "end"                       # which state makes the torque: "start",
 advance   = 0                           # "end" only: further steps ahead, puck held still (whole samples; for a known delay)
 delay     = "0 ms"                      # from the sample to the moment the motor torque changes
 # filter  = "100 Hz"                    # bodies and couplings see the position behind one pole; absent: none
+# recentre = "1 s"                      # the time for which the puck rests before the origin slips to it; absent: it stays
 estimator = "exact"                     # puck velocity: "exact", "difference", "low-pass", "foaw", "foaw-best"
 cutoff    = "50 Hz"                     # low-pass only
 every     = 1                           # difference only: over so many samples
@@ -122,6 +123,7 @@ fn what_is_absent_has_its_default() {
         delay: hapt_model::Delay::Seconds(0.0),
         delay_max: None,
         filter: None,
+        recentre: None,
         estimator: EstimatorKind::Exact,
         cutoff: None,
         every: 1,

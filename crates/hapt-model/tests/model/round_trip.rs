@@ -136,7 +136,7 @@ fn sampling() -> impl Strategy<Value = Sampling> {
         steps,
         (0.0..1e5, any::<bool>()),
         uneven(),
-        (option::of(positive()), option::of(positive())),
+        (option::of(positive()), option::of(positive()), option::of(2.0..1e3)),
         (1u32..=256, 1u32..=256),
     )
         .prop_map(
@@ -146,7 +146,7 @@ fn sampling() -> impl Strategy<Value = Sampling> {
                 (advance, bodies_every),
                 (delays, follows),
                 (longer, later),
-                (cutoff, filter),
+                (cutoff, filter, recentre),
                 (every, window),
             )| {
                 let output = if method.takes_new_sample_first() { Output::Start } else { output };
@@ -171,6 +171,7 @@ fn sampling() -> impl Strategy<Value = Sampling> {
                     delay,
                     delay_max,
                     filter,
+                    recentre: recentre.map(|periods: f64| periods * period),
                     estimator,
                     cutoff,
                     every,
@@ -355,6 +356,9 @@ fn world() -> impl Strategy<Value = World> {
             if device.fault(sampling.period).is_some() {
                 (device.torque, device.stribeck, device.stops) = (DeviceTorque::default(), None, None);
             }
+            // An origin that slips needs friction.
+            let recentre = sampling.recentre.filter(|_| device.least_friction() > 0.0);
+            let sampling = Sampling { recentre, ..sampling };
             let mut sampling = sampling;
             if couplings.iter().any(|coupling| coupling.law.is_at_puck()) {
                 sampling.advance = 0;

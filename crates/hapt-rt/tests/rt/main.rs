@@ -4,4 +4,5 @@ mod common;
 mod cycle;
 mod engine;
 mod links;
+mod recentre;
 mod swap;

@@ -503,3 +503,19 @@ fn a_world_without_stated_times_keeps_its_bytes_and_one_with_them_is_another_ver
         assert!(hapt_wire::unpack::<4, 8>(&[&[2], &packed(&plain)[1..]].concat()).is_err());
     }
 }
+
+#[test]
+fn a_world_whose_origin_slips_is_another_version() {
+    let plain = world(WHEEL, &["device.friction=5 N mm"]);
+    for more in [vec![], vec!["loop.interval_max=1.5 ms"]] {
+        let slips = world(WHEEL, &[&["device.friction=5 N mm", "loop.recentre=0.7 s"], &more[..]].concat());
+        let bytes = packed(&slips);
+        assert_eq!((bytes[0], bytes.len()), (3, packed(&plain).len() + 25));
+        let (limits, stored) = hapt_wire::unpack::<4, 8>(&bytes).unwrap();
+        assert_eq!(limits, slips.limits(SafetyProfile::Certified));
+        assert_eq!((limits.recentre, stored.spec()), (0.7, slips.spec()));
+        for version in [0, 1, 2, 4, 255] {
+            assert!(hapt_wire::unpack::<4, 8>(&[&[version], &bytes[1..]].concat()).is_err(), "{version}");
+        }
+    }
+}

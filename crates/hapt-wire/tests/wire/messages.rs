@@ -102,6 +102,7 @@ fn packed() -> Vec<u8> {
         port_trips: true,
         pulse: 0.0,
         brake: 0.0,
+        recentre: 0.0,
         zero_where_armed: true,
         announcements: false,
         inertia: 6.4e-4,

@@ -98,6 +98,15 @@ typedef struct {
     int32_t has_booked;
     hapt_real booked_position;
     hapt_real heat[2];
+//if recentre
+    hapt_real rest_at;
+    uint32_t rest_samples;
+//if count
+    hapt_real rest_way;
+    int32_t rest_counts;
+    hapt_real rest_origin;
+//end
+//end
 //if pulse
     int32_t testing;
     uint32_t test_sample;

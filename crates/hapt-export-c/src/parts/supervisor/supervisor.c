@@ -52,6 +52,9 @@ static void hapt_home(hapt_controller *self)
 {
 //if zero_where_armed
     self->offset = self->seen_position;
+//if recentre_counts
+    self->rest_counts = 0;
+//end
 //else
     (void)self;
 //end
@@ -127,6 +130,9 @@ static int hapt_look(const hapt_world *world, hapt_controller *self, const hapt_
     const int keeps_time = hapt_keeps_time(world, self, reading);
     const int lost = reading->silent > world->link;
     int outside, waits;
+//if recentre
+    self->rest_samples = 0;
+//end
     *wrong = hapt_wrong(world, self, reading);
 //if late_fault
     if (*wrong != HAPT_REASON_NONE || !keeps_time) {
@@ -292,6 +298,11 @@ hapt_real hapt_step_reading(hapt_controller *self, const hapt_reading *reading)
         waits = hapt_look(world, self, reading, request, &wrong);
         leaps = HAPT_IS_TESTING(self);
     }
+//if recentre
+    if (ordinary) {
+        hapt_recentre(world, self);
+    }
+//end
 //if exact
     /* A NaN never enters the world. */
     velocity = hapt_is_finite(reading->velocity) ? reading->velocity : (hapt_real)0;
@@ -418,6 +429,15 @@ void hapt_init(hapt_controller *self)
     self->booked_position = (hapt_real)0;
     self->heat[0] = (hapt_real)0;
     self->heat[1] = (hapt_real)0;
+//if recentre
+    self->rest_at = (hapt_real)0;
+    self->rest_samples = 0;
+//if count
+    self->rest_way = (hapt_real)0;
+    self->rest_counts = 0;
+    self->rest_origin = (hapt_real)0;
+//end
+//end
 //if pulse
     self->testing = 0;
     self->test_sample = 0;

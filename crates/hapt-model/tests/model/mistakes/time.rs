@@ -99,15 +99,23 @@ fn the_loop() {
             "period = 1\nfilter = \"0 Hz\"",
             "loop.filter: \"0 Hz\" is not above 0; expected a frequency (Hz) above 0, such as \"50 Hz\"",
         ),
+        (
+            "period = 0.01\nrecentre = \"15 ms\"",
+            "loop.recentre: 0.015 s is below two periods, and the origin slips in many samples; expected 0.02 s or more",
+        ),
+        (
+            "period = 0.01\nrecentre = \"1 s\"",
+            "loop.recentre: the origin slips under torques within the device's friction, and it has none; expected device.friction",
+        ),
         ("period = 1\npreiod = 1", "loop.preiod: unknown key; did you mean \"period\"?"),
         (
             "period = 1\ncolour = 1",
-            "loop.colour: unknown key; loop takes period, method, output, advance, bodies_every, delay, delay_max, interval_max, filter, estimator, cutoff, every, window",
+            "loop.colour: unknown key; loop takes period, method, output, advance, bodies_every, delay, delay_max, interval_max, filter, recentre, estimator, cutoff, every, window",
         ),
         (
             "period = 1\ninertia = 1",
             "loop.inertia: unknown key here; it belongs in device; \
-             loop takes period, method, output, advance, bodies_every, delay, delay_max, interval_max, filter, estimator, cutoff, every, window",
+             loop takes period, method, output, advance, bodies_every, delay, delay_max, interval_max, filter, recentre, estimator, cutoff, every, window",
         ),
     ];
     check(&table, |given| format!("[loop]\n{given}\n[device]\ninertia = 1\n"));
