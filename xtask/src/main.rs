@@ -11,6 +11,7 @@ mod firmware;
 mod fmi;
 mod fuzz;
 mod identify;
+mod lecture;
 mod licences;
 mod links;
 mod macos;

@@ -1,4 +1,4 @@
-//! The notes' numbers, computed: the table of docs/notes.md.
+//! The notes' numbers, computed: the tables of docs/notes.md.
 
 use std::f64::consts::{FRAC_PI_4, PI, TAU};
 use std::fmt::Write;
@@ -9,7 +9,7 @@ use hapt_analysis::{Design, check, closed_form};
 use hapt_model::{Source, World};
 use hapt_sim::{Simulation, Summary};
 
-use crate::marked;
+use crate::{lecture, marked};
 
 const PAGE: &str = "docs/notes.md";
 
@@ -92,7 +92,8 @@ fn run(world: &World) -> Result<Summary<'_>> {
 
 /// The page with its table made anew.
 pub fn page() -> Result<String> {
-    marked::replaced(&fs::read_to_string(PAGE).context(PAGE)?, "cargo xtask notes", &table()?)
+    let page = marked::replaced(&fs::read_to_string(PAGE).context(PAGE)?, "cargo xtask notes", &table()?)?;
+    marked::replaced(&page, "cargo xtask notes: in C", &lecture::table()?)
 }
 
 pub fn write() -> Result<()> {
@@ -113,6 +114,7 @@ pub fn names_real_tests() -> Result<()> {
         let Some((file, name)) = code.split_once(".rs:") else { continue };
         let (folder, file) = file.split_once('/').with_context(|| format!("no folder in {code}"))?;
         let path = match folder {
+            "export_c" => format!("crates/hapt-export-c/tests/export_c/{file}.rs"),
             "cli" => format!("crates/hapt/tests/cli/{file}.rs"),
             name => format!("crates/hapt-{name}/tests/{name}/{file}.rs"),
         };

@@ -2,6 +2,7 @@
 
 mod bits;
 mod compiler;
+mod lecture;
 mod options;
 mod refused;
 mod tune;
