@@ -19,6 +19,7 @@ mod fades;
 mod ledger;
 mod recentre;
 mod stuck;
+mod swap;
 mod trips;
 mod uneven;
 

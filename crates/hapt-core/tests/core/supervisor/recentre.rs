@@ -7,7 +7,7 @@ use proptest::prelude::*;
 const PERIODS: f64 = 50.0;
 const RECENTRE: Limits = Limits { recentre: PERIODS * T, ..LIMITS };
 
-fn at_puck(law: Law) -> Coupling {
+pub fn at_puck(law: Law) -> Coupling {
     law.between(End::Puck, End::Ground)
 }
 
@@ -70,7 +70,7 @@ fn a_slip_is_no_work_of_the_hand<F: Real>() {
     }
 }
 
-fn law() -> impl Strategy<Value = Law> {
+pub fn law() -> impl Strategy<Value = Law> {
     let waveform = Waveform { sine: [0.6, 0.3, 0.0, 0.1], cosine: [0.2, 0.0, 0.1, 0.0] };
     prop_oneof![
         (0.05..2.0_f64, -0.02..0.02_f64).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),

@@ -109,6 +109,7 @@ the worst pattern that was found with timing = { kind = "worst" }. In real time 
             "cutoff",
             "every",
             "filter",
+            "recentre",
             "window",
         ],
         line: "the estimator of the puck's velocity",
@@ -118,6 +119,7 @@ low-pass     the same through a filter with `cutoff`: smoother and later
 foaw         over the longest window that fits within one count: smooth at rest, fast in motion
 foaw-best    the best line over that window
 `filter` is of the position: the world sees it behind one pole, late by 1/(2π filter).
+`recentre`: while the puck rests for so long, the world's origin slips to it (friction holds it there).
 
 With differences a step causes a torque peak, of 2 k z0 with b = Tk between puck and wheel:
 
