@@ -84,14 +84,14 @@ impl World {
         if sampling.recentre.is_some() {
             let fields = Fields::new(table("loop"), top.node("loop"))?;
             let wrong = |message: &str| Err(fields.error(ErrorKind::Combination, "recentre", message));
-            if device.least_friction() == 0.0 {
-                return wrong(
-                    "the origin slips under torques within the device's friction, and it has none; expected device.friction",
-                );
-            }
             if !items(&top, "compensation").is_empty() {
                 return wrong(
                     "a [[compensation]] counts from the device's own position, and the origin would slip away from it; expected one of both",
+                );
+            }
+            if device.least_friction() == 0.0 {
+                return wrong(
+                    "the origin slips under torques within the device's friction, and it has none; expected device.friction",
                 );
             }
         }

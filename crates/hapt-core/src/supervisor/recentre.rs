@@ -59,7 +59,7 @@ impl<F: Real> Rest<F> {
 }
 
 /// Counts up to which every number of them is one of f32.
-const MOST: i32 = 1 << 24;
+const MOST: u32 = 1 << 24;
 
 impl<F: Real> Recentre<F> {
     /// `None` where the limits have none, or where nothing pulls at the puck.
@@ -114,7 +114,7 @@ impl<F: Real> Recentre<F> {
             return origin - way;
         }
         rest.way += way;
-        if rest.way.abs() < self.count || rest.counts.abs() >= MOST {
+        if rest.way.abs() < self.count || rest.counts.unsigned_abs() >= MOST {
             return origin;
         }
         if rest.counts == 0 {

@@ -192,3 +192,12 @@ fn no_station_of_a_network_is_without_a_name() {
     let error = System::read(&source, &[]).unwrap_err().to_string();
     assert!(error.contains("stations"), "{error}");
 }
+
+#[test]
+fn a_station_whose_origin_slips_is_refused() {
+    let mut source = Source::from_text("n.toml", "stations.a.world = \"w.toml\"\nlinks = []\n");
+    let world = "loop = { period = '1 ms', recentre = '1 s' }\ndevice = { inertia = 1e-3, friction = 1e-3 }\n";
+    source.files.insert("w.toml".into(), world.into());
+    let error = System::read(&source, &[]).unwrap_err().to_string();
+    assert!(error.contains("stations.a.world: w.toml has loop.recentre, and links count"), "{error}");
+}

@@ -128,6 +128,10 @@ fn a_number_that_c_changes_has_the_range_that_is_certified() {
         hapt(at.path(), ["export", "c", "w.toml", "-o", "knob.c", "--tune", key]).refused(2, words);
         assert_eq!(before, fs::read_to_string(at.path().join("knob.c")).unwrap());
     }
+    let wheel = "bodies = { wheel = { inertia = 1e-3 } }\n";
+    fs::write(at.path().join("wheel.toml"), format!("{wheel}{SPRING}")).unwrap();
+    hapt(at.path(), ["export", "c", "wheel.toml", "-o", "o.c", "--tune", "bodies.wheel.inertia"])
+        .refused(2, &["--tune bodies.wheel.inertia: a body's numbers go through the matrices of the method"]);
     let stiff = ["export", "c", "w.toml", "-o", "o.c", "--uncertified", "--set", "couplings.0.stiffness=1000"];
     for key in ["couplings.0.stiffness", "all"] {
         hapt(at.path(), stiff.iter().chain(&["--tune", key])).refused(2, &["--tune: the world is not certified"]);

@@ -107,6 +107,10 @@ fn the_loop() {
             "period = 0.01\nrecentre = \"1 s\"",
             "loop.recentre: the origin slips under torques within the device's friction, and it has none; expected device.friction",
         ),
+        (
+            "period = 1\nrecentre = \"10 s\"\n[[compensation]]\nof = \"gravity\"\n[device.gravity]\ntorque = 1",
+            "loop.recentre: a [[compensation]] counts from the device's own position, and the origin would slip away from it; expected one of both",
+        ),
         ("period = 1\npreiod = 1", "loop.preiod: unknown key; did you mean \"period\"?"),
         (
             "period = 1\ncolour = 1",
