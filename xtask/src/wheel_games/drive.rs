@@ -24,7 +24,7 @@ const PAGE: &str = "docs/wheel.md";
 /// s
 const PERIOD: f64 = 1e-3;
 /// Of a run, and when the hands release the wheel, s after full torque.
-const DURATION: f64 = 8.0;
+const DURATION: f64 = 12.0;
 const RELEASE: f64 = 4.0;
 /// What hands feel is compared from here to there, s after full torque.
 const COMPARED: Range<f64> = 1.0..RELEASE - 0.1;
