@@ -91,11 +91,13 @@ pub(crate) struct Row {
     area: f64,
 }
 
-/// How the standard errors of the equation's terms are found; each is compared with that of least squares, and the larger one counts.
+/// How the standard errors of the equation's terms are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Errors {
-    /// By leaving out one of eight blocks of the record in turn.
+    /// By the larger one of the jackknife and of least squares with as many values as are independent in what is left.
     #[default]
+    Larger,
+    /// By leaving out one of eight blocks of the record in turn.
     Jackknife,
     /// By the sandwich of Newey and West (Econometrica 55 (1987) 703) with Andrews's lag for an autoregression (Econometrica 59 (1991) 817).
     Sandwich,
@@ -336,14 +338,16 @@ impl Rows {
             let is_bootstrap = self.errors == Errors::Bootstrap;
             let bootstrap = if is_bootstrap { self.bootstrap(mask, n / independent) } else { Column::zeros() };
             let errors = Column::from_fn(|i, _| {
-                let jackknife = match self.errors {
-                    Errors::Jackknife => jack[i] * (count - 1.0) / count,
+                let jackknife = jack[i] * (count - 1.0) / count;
+                let plain = inverse[(i, i)].max(0.0) * square * n / freedom;
+                let variance = match self.errors {
+                    Errors::Larger => jackknife.max(plain),
+                    Errors::Jackknife => jackknife,
                     Errors::Sandwich => sandwich[i],
                     Errors::Bootstrap => bootstrap[i],
                 };
-                let plain = inverse[(i, i)].max(0.0) * square * n / freedom;
                 let spring = if i == INERTIA { bent * bent } else { 0.0 };
-                (jackknife.max(plain) + spring).sqrt().max(at_bound[i])
+                (variance + spring).sqrt().max(at_bound[i])
             });
             let motion = by_motion(&all, &values, &inverse);
             let jack = others.iter().map(|other| (other.1 - motion).powi(2)).sum::<f64>() * (count - 1.0) / count;
