@@ -108,6 +108,14 @@ pub enum Error {
         /// In s.
         duration: f64,
     },
+    /// Samples that are too far apart for a device.
+    #[error(
+        "the samples are {apart} s apart; a device shows itself in samples at most 0.5 s apart. Are the times in ms? Name their column time_ms"
+    )]
+    Sparse {
+        /// In s.
+        apart: f64,
+    },
     /// The position does not change.
     #[error(
         "nothing moves: different positions in the whole record: {values}, where 8 are the least; the torque has to overcome the friction, and move the puck by many counts"

@@ -135,7 +135,9 @@ pub(crate) fn misfit(rows: &Rows, plain: &Solved, duration: f64, is_linear: bool
     if rest > LEAST && squares > 0.0 {
         kinds.push(Part { kind: Kind::Unexplained, share: rest * plain.share });
     }
-    Misfit { share: plain.share, kinds }
+    // Where no torque is left to compare, nothing is explained.
+    let share = if plain.share.is_finite() { plain.share } else { 1.0 };
+    Misfit { share, kinds }
 }
 
 /// The part of what is left that these columns take, each made orthogonal to the ones before it.

@@ -9,6 +9,8 @@ pub const LONGEST_DELAY: f64 = 0.05;
 /// The least that anything can be said of.
 const FEWEST_SAMPLES: usize = 200;
 const SHORTEST: f64 = 0.5;
+/// Samples farther apart, s, show nothing of a device.
+const SPARSEST: f64 = 0.5;
 const FEWEST_VALUES: usize = 8;
 
 /// So many equal positions one after the other are one measurement: a puck at rest on one count, without noise.
@@ -45,8 +47,8 @@ impl Record {
     /// Times in s, increasing; positions in rad (linear: m); torques in N·m (N), each commanded at its sample and held until the next.
     ///
     /// # Errors
-    /// Numbers that are not finite, times that do not increase, fewer than 200 samples, less than half a second, a puck that does not
-    /// move, a torque that is always the same and not 0.
+    /// Numbers that are not finite, times that do not increase, fewer than 200 samples, less than half a second, samples more than half a
+    /// second apart, a puck that does not move, a torque that is always the same and not 0.
     pub fn new(times: Vec<f64>, positions: Vec<f64>, torques: Vec<f64>) -> Result<Self, Error> {
         let lengths = (times.len(), positions.len(), torques.len());
         if lengths.0 != lengths.1 || lengths.0 != lengths.2 {
@@ -63,6 +65,10 @@ impl Record {
         let duration = times.last().zip(times.first()).map_or(0.0, |(last, first)| last - first);
         if times.len() < FEWEST_SAMPLES || duration < SHORTEST {
             return Err(Error::Short { samples: times.len(), duration });
+        }
+        let apart = duration / (times.len() - 1) as f64;
+        if apart > SPARSEST {
+            return Err(Error::Sparse { apart });
         }
         let mut values = positions.clone();
         values.sort_by(f64::total_cmp);

@@ -194,10 +194,11 @@ impl Game {
             if pauses && (3.0..3.5).contains(&t) {
                 continue;
             }
-            if t > kerb_at {
+            // The wheel is at full torque later than the game begins: no kerb shakes it once it is released.
+            if t > kerb_at && t < RELEASE - 0.5 {
                 (kerb_end, kerb_at) = (t + 0.3, t + 0.5 + 2.0 * rng.f64());
             }
-            let stone = if (30.0 * t) as u32 % 2 == 0 { 0.1 } else { -0.1 };
+            let stone = if ((30.0 * t) as u32).is_multiple_of(2) { 0.1 } else { -0.1 };
             let kerb = if t < kerb_end { stone * limit } else { 0.0 };
             let engine = 0.002 * limit * (rng.f64() - 0.5);
             let angle = 0.5 * RANGE * trace.last().map_or(0.0, |(_, share)| *share);
@@ -240,7 +241,8 @@ impl Game {
             (0..samples.len()).filter(within).map(|at| of(at) * of(at)).sum::<f64>()
         };
         // A record's clock begins when the program does.
-        let apart = least(-APART..APART, |apart| Ok(misread(frames, samples, f64::from(apart) * PERIOD)))?.0;
+        let held: Vec<&Sample> = during(0.0..RELEASE).collect();
+        let apart = least(-APART..APART, |apart| Ok(misread(frames, &held, f64::from(apart) * PERIOD)))?.0;
         let (late, felt) = least(apart..apart + LONGEST, |late| {
             // A level comes a sample sooner or later.
             let mut asked = Vec::new();
@@ -271,7 +273,7 @@ fn least(among: Range<i32>, of: impl Fn(i32) -> Result<f64>) -> Result<(i32, f64
 }
 
 /// How far the angles that the game read are from those of the record so long after, mean square.
-fn misread(frames: &[Frame], samples: &[Sample], after: f64) -> f64 {
+fn misread(frames: &[Frame], samples: &[&Sample], after: f64) -> f64 {
     let (mut sum, mut count, mut at) = (0.0, 0.0, 0);
     for frame in frames {
         while samples.get(at).is_some_and(|sample| sample.time < frame.time + after) {
@@ -282,7 +284,7 @@ fn misread(frames: &[Frame], samples: &[Sample], after: f64) -> f64 {
             count += 1.0;
         }
     }
-    if count < 0.5 * frames.len() as f64 { f64::INFINITY } else { sum / count }
+    if count < 0.1 * frames.len() as f64 { f64::INFINITY } else { sum / count }
 }
 
 /// The samples of a record at full torque.

@@ -13,9 +13,10 @@ fn has_nonlinear_bodies(world: &World) -> bool {
 }
 
 /// Whether eigenvalues decide how the puck moves: not between the slopes of laws, gravity and cogging, with friction that falls with the speed, at a
-/// stop, with a window that changes, with an origin that slips, or where an integral term winds up.
+/// stop, with a window that changes, with an origin that slips, or where an integral term winds up; and they are those of one inertia.
 fn is_linear(world: &World) -> bool {
     world.device.is_plain()
+        && world.device.tolerances.inertia == 0.0
         && world.sampling.recentre.is_none()
         && !world.couplings.iter().any(is_nonlinear)
         && !changes_window(world)

@@ -67,8 +67,7 @@ pub(crate) fn is_stated(world: &World) -> bool {
     let device = &world.device;
     let wide = |[least, most]: [f64; 2]| least != most;
     let friction = device.frictions_range().into_iter().any(wide);
-    let of_device = [device.lag_range(), device.damping_range(), device.inertia_range()];
-    !timing.is_even() || of_device.into_iter().any(wide) || friction
+    !timing.is_even() || wide(device.lag_range()) || wide(device.damping_range()) || friction
 }
 
 /// The passivity of a world under all that its file allows.

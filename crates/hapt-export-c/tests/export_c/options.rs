@@ -222,7 +222,7 @@ const SIMPLE_FOC: &str = include_str!("../arduino/SimpleFOC.h");
 /// A comparison of what never occurs compares nothing.
 #[test]
 fn the_random_worlds_have_every_method_estimator_law_and_reason() {
-    let worlds = drawn(160, hapt_testing::cases_from(1, 1));
+    let worlds = drawn(320, hapt_testing::cases_from(1, 1));
     let has = |holds: &dyn Fn(&World) -> bool| worlds.iter().any(holds);
     for method in Method::ALL {
         assert!(has(&|world| world.method == method && !world.bodies.is_empty()), "{method:?}");

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::fs;
 
-use hapt_core::{Body, Controller, Coupling, Damping, End, Estimator, Law, Method, Output, Phase, Real, Side};
+use hapt_core::{Body, Controller, Coupling, Damping, End, Estimator, Law, Limits, Method, Output, Phase, Real, Side};
 use hapt_export_c::{About, Error, Float, Prefix, Tune, export};
 
 use crate::bits::{BODIES, COUNTS, COUPLINGS, drawn, fed, random, readings, run, some};
@@ -229,6 +229,8 @@ fn numbers_that_stand_in_no_matrix_can_be_set_and_others_are_refused() {
         bodies_every: 1,
         bodies: vec![Body { inertia: 0.01, position: 0.0, velocity: 0.0 }],
         couplings: vec![Coupling { limit, ..law.between(first, End::Ground) }],
+        // An origin that slips needs the stiffness in a number of its own.
+        limits: Limits { recentre: 0.0, ..some.limits },
         ..some.clone()
     };
     let spring = Law::Spring { stiffness: 2.0, rest: 0.1 };

@@ -192,10 +192,10 @@ docs/theory.md. Friction of the device of no less than its limit does, (T76).
         name: "assist",
         aliases: &["friction-compensation", "compensate-friction"],
         line: "a torque along the velocity, within the device's friction",
-        text: r#"kind = "assist" between puck and ground has the torque torque · v/velocity, within ±torque: it pushes
-along with the hand. A compensation of friction is one:
+        text: r#"kind = "assist" between puck and ground has the torque torque · v/velocity, within ±torque: it
+pushes along with the hand. A compensation of friction is one:
 
-  compensation = [{ of = "friction", share = 0.7, velocity = "0.2 rad/s" }]
+  hapt check @knob/on-off --set 'compensation=[{of="friction",share=0.7,velocity="1 rad/s"}]'   safe
 
 The device's friction takes what it gives, whatever counts, estimator and delay are: so it is
 certified up to the least friction within its tolerance, (T76) of docs/theory.md. More is not, and
