@@ -236,7 +236,7 @@ fn what_is_no_experiment_is_refused() {
     assert!(matches!(new(&t[..100], &z[..100], &u[..100]), Err(Error::Short { samples: 100, .. })));
     // Milliseconds in a column of seconds.
     let slow: Vec<f64> = (0..t.len()).map(|k| 5.0 * k as f64).collect();
-    assert!(matches!(new(&slow, &z, &u), Err(Error::Sparse { apart }) if (apart - 5.0).abs() < 1e-9));
+    assert!(matches!(new(&slow, z, u), Err(Error::Sparse { apart }) if (apart - 5.0).abs() < 1e-9));
     assert_eq!(new(t, &[0.0; 600], u), Err(Error::Still { values: 1 }));
     assert_eq!(new(t, z, &[0.5; 600]), Err(Error::Constant { torque: 0.5 }));
     let mut back = t.to_vec();

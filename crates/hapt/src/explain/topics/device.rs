@@ -119,7 +119,7 @@ low-pass     the same through a filter with `cutoff`: smoother and later
 foaw         over the longest window that fits within one count: smooth at rest, fast in motion
 foaw-best    the best line over that window
 `filter` is of the position: the world sees it behind one pole, late by 1/(2π filter).
-`recentre`: while the puck rests for so long, the world's origin slips to it (friction holds it there).
+`recentre`: the world's origin slips to a puck that has rested for so long, held by friction.
 
 With differences a step causes a torque peak, of 2 k z0 with b = Tk between puck and wheel:
 
