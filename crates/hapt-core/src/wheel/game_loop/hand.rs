@@ -9,7 +9,7 @@ use crate::contact::within;
 const WINDOW: f64 = 0.1;
 /// A hand that was found is believed in for a time of this constant, s, while it still holds a torque: its work passes through 0 where it turns
 /// round, and its torque does not at the same time. The second one is that where it holds none.
-const BELIEF: [f64; 2] = [0.5, 0.05];
+const BELIEF: [f64; 2] = [1.0, 0.05];
 /// A hand's torque is averaged over this, s.
 const GRASP: f64 = 0.05;
 /// What inertia, damping and friction have taken at most fades with this time constant, s.
@@ -123,7 +123,10 @@ impl<F: Real> Hand<F> {
     pub fn interval(&self, works: &mut Works<F>, way: F) -> Interval<F> {
         let speed = way / self.period;
         let torque = works.commands[0] + self.late * (works.commands[1] - works.commands[0]);
-        let dry = speed.if_above(F::ZERO, self.friction, F::ZERO) - (-speed).if_above(F::ZERO, self.friction, F::ZERO);
+        let slides =
+            speed.if_above(F::ZERO, self.friction, F::ZERO) - (-speed).if_above(F::ZERO, self.friction, F::ZERO);
+        // At rest friction takes the torque that there is, up to as much.
+        let dry = if speed == F::ZERO { torque.within(self.friction) } else { slides };
         let (before, other) = (works.velocity, works.other);
         works.velocity += self.fresh * (speed - before);
         works.other += self.fresh * (torque - self.damping * speed - dry - other);
