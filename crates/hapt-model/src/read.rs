@@ -75,7 +75,7 @@ impl World {
         for (fields, coupling) in rows.iter().zip(&couplings) {
             check_coupling(fields, coupling, &couplings, &names, &sampling)?;
         }
-        compensate(&top, motion, &device, &mut couplings)?;
+        compensate(&top, motion, (&sampling, &device), &mut couplings)?;
         if sampling.bodies_every > 1 && bodies.is_empty() {
             let message = format!("{} samples a step, and this world has no bodies; expected 1", sampling.bodies_every);
             let fields = Fields::new(table("loop"), top.node("loop"))?;
@@ -88,6 +88,13 @@ impl World {
                 return wrong(
                     "a [[compensation]] counts from the device's own position, and the origin would slip away from it; expected one of both",
                 );
+            }
+            if let Some(coupling) = couplings.iter().find(|coupling| carries_origin(coupling)) {
+                let noun = CouplingKind::noun(&coupling.law);
+                return wrong(&format!(
+                    "the origin slips to where the torque of springs, walls and detents is 0, and {noun} at the puck would carry it along; expected \
+                     one of both"
+                ));
             }
             if device.least_friction() == 0.0 {
                 return wrong(
@@ -289,8 +296,30 @@ fn coupling(fields: &Fields<'_>, names: &[String], files: &path::Reader<'_>) -> 
     Ok(Coupling { first, second, law, limit: fields.optional_number("limit")? })
 }
 
+/// Whether a coupling at the puck has a torque that no place of the origin ends: the origin would slip on and on.
+fn carries_origin(coupling: &Coupling) -> bool {
+    let is_carrying = match coupling.law {
+        Law::Constant { torque } => torque != 0.0,
+        Law::Integral { .. } | Law::Assist { .. } | Law::Coulomb { .. } => true,
+        Law::Spring { .. }
+        | Law::Lugre { .. }
+        | Law::Damper { .. }
+        | Law::Wall { .. }
+        | Law::Detent { .. }
+        | Law::DeadBand { .. }
+        | Law::Magnet { .. }
+        | Law::Texture { .. } => false,
+    };
+    is_carrying && [coupling.first, coupling.second].contains(&End::Puck)
+}
+
 /// Adds the couplings that take back torques of the device.
-fn compensate(top: &Fields<'_>, motion: Motion, device: &Device, couplings: &mut Vec<Coupling>) -> Result<(), Error> {
+fn compensate(
+    top: &Fields<'_>,
+    motion: Motion,
+    (sampling, device): (&Sampling, &Device),
+    couplings: &mut Vec<Coupling>,
+) -> Result<(), Error> {
     let mut compensated = [false; Compensated::ALL.len()];
     for (index, node) in items(top, "compensation").iter().enumerate() {
         let (path, pattern) = (format!("compensation.{index}"), "compensation.*");
@@ -320,6 +349,10 @@ fn compensate(top: &Fields<'_>, motion: Motion, device: &Device, couplings: &mut
         };
         if std::mem::replace(&mut compensated[of as usize], true) {
             return wrong("of", format!("{} is compensated already; expected one share of it", of.name()));
+        }
+        if of == Compensated::Friction && sampling.advance > 0 {
+            let message = "friction is taken back by the velocity, which goes with loop.advance = 0 only";
+            return wrong("of", message.into());
         }
         if couplings.len() == keys::MOST_COUPLINGS {
             return wrong("of", format!("with it the world has more than {} couplings", keys::MOST_COUPLINGS));

@@ -27,11 +27,11 @@ pub(crate) fn taken(couplings: &[Coupling]) -> f64 {
 }
 
 /// The world that the claim is about: without the couplings that friction takes, on the friction that they leave. The world itself where there
-/// are none, or where the friction is less.
+/// are none, where the friction is less, or where the origin of the world slips: it follows their torque, so that the rest does not see the position only.
 pub(crate) fn beside(world: &World) -> Cow<'_, World> {
     let taken = taken(&world.couplings);
     let friction = world.device.least_friction();
-    if taken == 0.0 || taken > friction {
+    if taken == 0.0 || taken > friction || world.sampling.recentre.is_some() {
         return Cow::Borrowed(world);
     }
     let mut rest = world.clone();

@@ -307,6 +307,17 @@ pub(super) fn outside_recentre(world: &World, timing: Timing) -> Option<String> 
     if world.couplings.iter().any(|c| takes(&c)) {
         return outside("a damping or a friction at the puck takes the slip for a motion");
     }
+    let carries = |c: &&Coupling| {
+        let has_torque = match Kind::of(c) {
+            Kind::Coulomb | Kind::Assist | Kind::Integral => true,
+            Kind::Constant => laws::most(c) > 0.0,
+            Kind::Linear | Kind::Potential | Kind::Lugre => false,
+        };
+        has_torque && laws::at_puck(c)
+    };
+    if world.couplings.iter().any(|c| carries(&c)) {
+        return outside("a torque at the puck that no place of the origin ends carries it along");
+    }
     if world.bodies.is_empty() {
         return None;
     }

@@ -78,6 +78,9 @@ impl Demanded {
 
 /// The theorem that asks least of the device of `world`, whose times are `timing`. The world has one delay, one lag, and the least device.
 pub(super) fn best(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Error> {
+    if world.sampling.recentre.is_some() {
+        return recentred(world, timing);
+    }
     // With a limit it gives the same energy in every turn of a hand that is slow and small; but friction of more than the limit takes that.
     if world.couplings.iter().any(integrates) {
         let most: f64 = world.couplings.iter().filter(|c| integrates(c)).map(laws::most).sum();
@@ -88,9 +91,6 @@ pub(super) fn best(world: &World, timing: Timing, wanted: Wanted) -> Result<Dema
     }
     if world.couplings.iter().any(|c| Kind::of(c) == Kind::Assist && laws::most(c) > 0.0) {
         return Ok(Demanded::outside(within_friction(world)));
-    }
-    if world.sampling.recentre.is_some() {
-        return recentred(world, timing);
     }
     let at_body = |c: &Coupling| is_nonlinear(c) && laws::at_body(c);
     if !world.couplings.iter().any(is_nonlinear) {

@@ -1,7 +1,7 @@
 //! An origin that slips while the puck rests: certified by (T80) alone, and nowhere else.
 
 use hapt_analysis::{Status, check, passivity, required_damping};
-use hapt_model::{Source, World};
+use hapt_model::{Coupling, End, Law, Source, World};
 use proptest::prelude::*;
 
 const KNOB: &str = "[loop]\nperiod = \"0.25 ms\"\nestimator = \"difference\"\nrecentre = \"0.5 s\"\n\
@@ -52,6 +52,20 @@ fn what_the_theorem_does_not_cover_is_not_proved_and_says_why() {
             reasons.contains("loop.recentre has no proof here") && reasons.contains(why),
             "{text} {sets:?}: {reasons}"
         );
+    }
+    // What the reader refuses, and no place of the origin ends: a friction that the slip moves lifted a weight without a hand.
+    for law in [
+        Law::Constant { torque: 1e-4 },
+        Law::Coulomb { torque: 1e-4 },
+        Law::Assist { torque: 1e-4, velocity: 0.1 },
+        Law::Integral { stiffness: 1e-3, time: 1.0, rest: 0.0 },
+    ] {
+        let mut world = read(KNOB, &[]);
+        world.couplings.push(Coupling { limit: Some(1e-4), ..law.between(End::Puck, End::Ground) });
+        let found = check(&world).unwrap();
+        assert!(!found.certified.holds() && found.status != Status::Certified, "{law:?}");
+        let reasons = passivity(&world).unwrap().not_proved.join("; ");
+        assert!(reasons.contains("carries it along") || reasons.contains("for a motion"), "{law:?}: {reasons}");
     }
     assert!(!check(&read(KNOB, &["loop.delay_max=0.1 ms"])).unwrap().certified.holds());
     let world = read(&format!("{KNOB}{spring}"), &["device.encoder=1e9"]);

@@ -105,6 +105,12 @@ impl Room {
         if world.motion != hapt_model::Motion::Rotary {
             return Err(WheelError::World("the world is linear, and a wheel turns; leave `motion` out".into()));
         }
+        if world.sampling.recentre.is_some() {
+            return Err(WheelError::World(
+                "the world has loop.recentre, and a game's effects count from an origin that stays; leave it out"
+                    .into(),
+            ));
+        }
         let Some(limit) = world.device.limit else {
             return Err(WheelError::World("device.limit: a wheel needs the largest torque of its motor".into()));
         };

@@ -356,8 +356,13 @@ fn world() -> impl Strategy<Value = World> {
             if device.fault(sampling.period).is_some() {
                 (device.torque, device.stribeck, device.stops) = (DeviceTorque::default(), None, None);
             }
-            // An origin that slips needs friction.
-            let recentre = sampling.recentre.filter(|_| device.least_friction() > 0.0);
+            // An origin that slips needs friction of the device, and nothing at the puck that would carry it along.
+            let carries = |law: &Law| {
+                matches!(law, Law::Constant { .. } | Law::Integral { .. } | Law::Assist { .. } | Law::Coulomb { .. })
+            };
+            let recentre = sampling
+                .recentre
+                .filter(|_| device.least_friction() > 0.0 && !couplings.iter().any(|coupling| carries(&coupling.law)));
             let sampling = Sampling { recentre, ..sampling };
             let mut sampling = sampling;
             if couplings.iter().any(|coupling| coupling.law.is_at_puck()) {

@@ -111,6 +111,10 @@ fn the_loop() {
             "period = 1\nrecentre = \"10 s\"\n[[compensation]]\nof = \"gravity\"\n[device.gravity]\ntorque = 1",
             "loop.recentre: a [[compensation]] counts from the device's own position, and the origin would slip away from it; expected one of both",
         ),
+        (
+            "period = 1\nrecentre = \"10 s\"\n[[couplings]]\nkind = \"constant\"\nbetween = [\"puck\", \"ground\"]\ntorque = 1",
+            "loop.recentre: the origin slips to where the torque of springs, walls and detents is 0, and a constant torque at the puck would carry it along; expected one of both",
+        ),
         ("period = 1\npreiod = 1", "loop.preiod: unknown key; did you mean \"period\"?"),
         (
             "period = 1\ncolour = 1",
