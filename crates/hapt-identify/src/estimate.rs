@@ -32,6 +32,8 @@ const BEGINNINGS: [f64; 3] = [0.125, 0.25, 0.5];
 /// If those fail too: the number of starts around the best, and how far each number may be off, as a part of itself.
 const HOPS: usize = 12;
 const AROUND: [f64; 3] = [0.3, 0.1, 0.03];
+/// A stop's stiffness is known where the ends of its interval are no farther apart than by this ratio.
+const STIFFEST: f64 = 100.0;
 
 /// Fits the puck to a record.
 ///
@@ -49,7 +51,10 @@ pub fn identify_until(record: &Record, known: &Known, stop: &dyn Fn() -> bool) -
 
 fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identified, Error> {
     // Where the puck is turned round near the ends of its travel a search without stops is long and in vain.
-    if let Some(found) = device::search(record, known).and_then(|fit| fit.identified(record, known)) {
+    // A stop whose stiffness the record does not tell is none that it ran into.
+    let is_told =
+        |found: &Identified| found.stops.is_none_or(|stops| stops.stiffness.high < STIFFEST * stops.stiffness.low);
+    if let Some(found) = device::search(record, known).and_then(|fit| fit.identified(record, known)).filter(is_told) {
         return Ok(found);
     }
     let found = search_or_glimpse(record, known)?;

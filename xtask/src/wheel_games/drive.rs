@@ -274,6 +274,9 @@ fn least(among: Range<i32>, of: impl Fn(i32) -> Result<f64>) -> Result<(i32, f64
 
 /// How far the angles that the game read are from those of the record so long after, mean square.
 fn misread(frames: &[Frame], samples: &[&Sample], after: f64) -> f64 {
+    let rate =
+        frames.len() as f64 / frames.last().zip(frames.first()).map_or(1.0, |(last, first)| last.time - first.time);
+    let most = rate * samples.len() as f64 * PERIOD;
     let (mut sum, mut count, mut at) = (0.0, 0.0, 0);
     for frame in frames {
         while samples.get(at).is_some_and(|sample| sample.time < frame.time + after) {
@@ -284,7 +287,8 @@ fn misread(frames: &[Frame], samples: &[&Sample], after: f64) -> f64 {
             count += 1.0;
         }
     }
-    if count < 0.1 * frames.len() as f64 { f64::INFINITY } else { sum / count }
+    // A shift at which few of them meet says nothing.
+    if count < 0.8 * most { f64::INFINITY } else { sum / count }
 }
 
 /// The samples of a record at full torque.
