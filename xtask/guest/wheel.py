@@ -43,7 +43,7 @@ SETTLED = 80
 # Of one effect, a thousand a second.
 UPDATES = {"storm": 60000}.get(sys.argv[2] if len(sys.argv) > 2 else "", 5000)
 # Of hapt wheel --conform, in the short run.
-JUDGED = "constant,gain,sine,spring,dead band,damper,friction,inertia"
+JUDGED = "constant,gain,sine,spring,dead band,damper,inertia"
 # A torque is gone so long after its host, in s: the guest's time runs by jumps.
 GONE = 0.3
 

@@ -368,7 +368,7 @@ fn judged_stribeck(found: &Identified, claims: &Claims, scale: &Scale) -> Vec<Co
         number("stribeck torque", Measure::Torque, seen.map(|x| x.torque), torque, SMALL * scale.torque),
         number("stribeck velocity", Measure::Velocity, seen.map(|x| x.velocity), velocity, 0.0),
     ];
-    if seen.is_none() && found.device.is_none() {
+    if seen.is_none() && found.positions.is_none() {
         // A puck without it explains the record.
         numbers.iter_mut().for_each(|number| number.reason = Some(NO_FALL));
     }

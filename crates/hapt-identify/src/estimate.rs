@@ -274,11 +274,8 @@ impl Identified {
 
     /// The positions that the fit gives, with their times.
     pub fn fitted(&self, record: &Record) -> Vec<(f64, f64)> {
-        match &self.device {
-            Some((device, shots)) => {
-                let positions = shots.iter().flat_map(|shot| shot.positions(record, device));
-                record.times()[self.first..].iter().copied().zip(positions).collect()
-            }
+        match &self.positions {
+            Some(positions) => record.times()[self.first..].iter().copied().zip(positions.iter().copied()).collect(),
             None => self.puck.positions_from(record, self.first),
         }
     }

@@ -3,7 +3,6 @@
 use hapt_plant::spec::Stops;
 
 use crate::counts::Lattice;
-use crate::device::{Device, Shot};
 use crate::puck::Puck;
 
 /// What is known beforehand.
@@ -94,8 +93,8 @@ pub struct Identified {
     pub stribeck: Option<FoundStribeck>,
     /// The fit itself, with damping, friction and delay of 0 or more wherever that explains the record.
     pub puck: Puck,
-    /// The same with end stops or Stribeck friction, where the device has any.
-    pub(crate) device: Option<(Device, Vec<Shot>)>,
+    /// Where the device is at each sample from `first` on, where it has end stops or Stribeck friction.
+    pub(crate) positions: Option<Vec<f64>>,
     /// The first sample that is fitted.
     pub first: usize,
     /// Its residuals.

@@ -110,7 +110,7 @@ impl<'k> Intervals<'k> {
             stops: None,
             stribeck: None,
             puck: self.best.puck,
-            device: None,
+            positions: None,
             first: self.best.first,
             residual,
             // Rounding correlates with any shape.

@@ -8,7 +8,7 @@ pub(crate) use contact::{near, search};
 use fit::{
     DAMPING, FAST, FRICTION, INERTIA, LATE, OFFSET, RISE, SHORTEST_LAG, STIFFNESS, STOP_DAMPING, STOPS, VARIANCE,
 };
-pub(crate) use fit::{Device, Fit, Shot};
+pub(crate) use fit::{Device, Fit};
 
 use crate::counts::lattice;
 use crate::identified::{CorrelatedPair, FoundStops, FoundStribeck, Identified, Interval, Known};
@@ -116,7 +116,7 @@ impl Fit {
                 velocity: numbers.velocity,
                 lag: numbers.lag,
             },
-            device: Some((self.device, self.shots.clone())),
+            positions: Some(self.shots.iter().flat_map(|shot| shot.positions(record, &self.device)).collect()),
             first: self.first(),
             residual,
             unmodelled: None,
