@@ -52,7 +52,7 @@ struct Outcome {
     found: [Option<(bool, f64)>; 7],
     sign: bool,
     counts: bool,
-    /// The lag is told from a delay.
+    /// The lag is distinguished from a delay.
     apart: bool,
     /// A torque that goes with the position was seen, where there is none, or as often as another.
     mistaken: bool,
@@ -84,32 +84,32 @@ pub fn command(words: &[&str]) -> Result<()> {
     let mut all =
         CAMPAIGNS.iter().map(|campaign| campaign.1).chain([HANDLE.0, RICHER.0]).chain(REAL.map(|real| real.0));
     let named = words.first().filter(|word| all.any(|campaign| campaign == **word));
-    let told = Campaign::parse(&words[usize::from(named.is_some())..], false)?;
+    let arguments = Campaign::parse(&words[usize::from(named.is_some())..], false)?;
     for (kind, word, title) in CAMPAIGNS.into_iter().filter(|campaign| named.is_none_or(|named| *named == campaign.1)) {
-        let table = table(kind, &campaign(kind, told.n, told.seed)?);
-        let text = format!("{title}: {} random devices, seed {}.\n\n{table}", told.n, told.seed);
-        told.publish(&format!("identify {word}"), PAGE, &text)?;
+        let table = table(kind, &campaign(kind, arguments.n, arguments.seed)?);
+        let text = format!("{title}: {} random devices, seed {}.\n\n{table}", arguments.n, arguments.seed);
+        arguments.publish(&format!("identify {word}"), PAGE, &text)?;
     }
     let (word, title) = HANDLE;
     if named.is_none_or(|named| *named == word) {
-        let table = handle::table(&handle::campaign(told.n, told.seed)?);
-        let text = format!("{title}: {} random devices, seed {}.\n\n{table}", told.n, told.seed);
-        told.publish(&format!("identify {word}"), PAGE, &text)?;
+        let table = handle::table(&handle::campaign(arguments.n, arguments.seed)?);
+        let text = format!("{title}: {} random devices, seed {}.\n\n{table}", arguments.n, arguments.seed);
+        arguments.publish(&format!("identify {word}"), PAGE, &text)?;
     }
     let (word, title) = RICHER;
     if named.is_none_or(|named| *named == word) {
         let text = format!(
             "{title}: {} random devices, seed {}.\n\n{}",
-            told.n,
-            told.seed,
-            richer::campaign(told.n, told.seed)?
+            arguments.n,
+            arguments.seed,
+            richer::campaign(arguments.n, arguments.seed)?
         );
-        told.publish(&format!("identify {word}"), PAGE, &text)?;
+        arguments.publish(&format!("identify {word}"), PAGE, &text)?;
     }
     for (word, text) in REAL {
         if named.is_none_or(|named| *named == word) {
             match text()? {
-                Some(text) => told.publish(&format!("identify {word}"), MEASURED_PAGE, &text)?,
+                Some(text) => arguments.publish(&format!("identify {word}"), MEASURED_PAGE, &text)?,
                 None => {
                     println!(
                         "the records of real devices are not at hand: the tables of {MEASURED_PAGE} stay as they are"
@@ -189,7 +189,7 @@ fn outcome(kind: Kind, seed: u64, i: u64) -> Result<Outcome> {
         Err(Error::Unexplained) => return Ok(Outcome::refused(&trial, None)),
         Err(error) => return Err(error).with_context(|| format!("{trial:?}")),
     };
-    // A constant torque that the record does not tell is assumed, and none of the bound's unknowns. Counts alone are a part of half a count
+    // A constant torque that the record does not determine is assumed, and none of the bound's unknowns. Counts alone are a part of half a count
     // of noise, and all of none: there the bound is no measure.
     let bound = match kind {
         Kind::Quiet | Kind::Offset | Kind::Cogged | Kind::Lagging => Vec::new(),
@@ -201,7 +201,7 @@ fn outcome(kind: Kind, seed: u64, i: u64) -> Result<Outcome> {
     let intervals = [answer.inertia, answer.damping, answer.friction, answer.delay, answer.offset, answer.lag, late];
     for (i, interval) in intervals.into_iter().enumerate() {
         let Some(interval) = interval else {
-            // Beside a large constant torque a puck may go one way only, and tell little.
+            // Beside a large constant torque a puck may go one way only, which determines little.
             ensure!(i >= PROMISED || i == 2 || kind == Kind::Offset, "no {}: {trial:?}", NAMES[i]);
             continue;
         };
@@ -209,7 +209,7 @@ fn outcome(kind: Kind, seed: u64, i: u64) -> Result<Outcome> {
         if kind == Kind::Offset && i == 2 && answer.offset.is_none() {
             continue;
         }
-        // What is not told apart is the sum.
+        // What is not distinguished is the sum.
         let truth = if i == 3 && !apart { truth[6] } else { truth[i] };
         // Half a width is the quantile times the standard error; where 0 cuts the lower half off, twice the upper is meant.
         let half = interval.high - interval.value;

@@ -278,7 +278,7 @@ pub(crate) struct Solved {
     pub share: f64,
     /// The number of independent values among what is left.
     pub independent: f64,
-    /// Whether a constant is told: motion in one direction does not tell it from friction, nor do both from a friction by direction.
+    /// Whether a constant is determined: motion in one direction does not distinguish it from friction, nor do both from a friction by direction.
     pub has_constant: bool,
 }
 
@@ -332,7 +332,7 @@ impl Rows {
             let freedom = (independent - terms).max(1.0);
             let jack = others.iter().fold(Column::zeros(), |sum, other| sum + (other.0 - values).map(|x| x * x));
             let sum = |term: usize| self.rows.iter().map(|row| row.terms[term].powi(2)).sum::<f64>();
-            let bent = BENT * values[STIFFNESS].abs() * (sum(STIFFNESS) / sum(INERTIA).max(f64::MIN_POSITIVE)).sqrt();
+            let curved = BENT * values[STIFFNESS].abs() * (sum(STIFFNESS) / sum(INERTIA).max(f64::MIN_POSITIVE)).sqrt();
             let is_sandwich = self.errors == Errors::Sandwich;
             let sandwich = if is_sandwich { self.sandwich(&inverse, &left) } else { Column::zeros() };
             let is_bootstrap = self.errors == Errors::Bootstrap;
@@ -346,7 +346,7 @@ impl Rows {
                     Errors::Sandwich => sandwich[i],
                     Errors::Bootstrap => bootstrap[i],
                 };
-                let spring = if i == INERTIA { bent * bent } else { 0.0 };
+                let spring = if i == INERTIA { curved * curved } else { 0.0 };
                 (variance + spring).sqrt().max(at_bound[i])
             });
             let motion = by_motion(&all, &values, &inverse);

@@ -37,6 +37,7 @@
 #![warn(clippy::wildcard_enum_match_arm)]
 
 mod against;
+mod arrivals;
 mod best;
 mod bound;
 mod columns;

@@ -7,6 +7,7 @@
 //! A motor that lags has a torque of its own: the command that is held plus a gap, which decays with the lag. A step of the command
 //! changes both, and their sum not.
 
+use crate::arrivals::Arrivals;
 use crate::lagging::Lagging;
 use crate::stretch::{Stretch, stopping_time};
 
@@ -93,34 +94,20 @@ impl Puck {
         let (Some(&start), Some(&held)) = (times.get(first), torques.first()) else { return };
         let mut motion = SimulatedPuck::new(*self, held);
         // What has arrived before the start; a motor that lags remembers it.
-        let (mut next, mut now) = (0, f64::NEG_INFINITY);
-        while let (Some(&at), Some(&torque)) = (times.get(next), torques.get(next)) {
-            let at = at + self.delay;
-            if at > start {
-                break;
-            }
-            next += 1;
-            if torque != motion.torque {
-                motion.relax(at - now);
-                now = at;
-                motion.command(torque);
-            }
+        let (mut arrivals, mut now) = (Arrivals::new(times, torques, self.delay), f64::NEG_INFINITY);
+        while let Some((at, torque)) = arrivals.change(start, motion.torque) {
+            motion.relax(at - now);
+            now = at;
+            motion.command(torque);
         }
         motion.relax(start - now);
         motion.set_out();
         now = start;
         for (i, &to) in times.iter().enumerate().skip(first) {
-            while let (Some(&at), Some(&torque)) = (times.get(next), torques.get(next)) {
-                let at = at + self.delay;
-                if at > to {
-                    break;
-                }
-                next += 1;
-                if torque != motion.torque {
-                    motion.pass(at - now);
-                    now = at;
-                    motion.switch(torque);
-                }
+            while let Some((at, torque)) = arrivals.change(to, motion.torque) {
+                motion.pass(at - now);
+                now = at;
+                motion.switch(torque);
             }
             motion.pass(to - now);
             now = to;

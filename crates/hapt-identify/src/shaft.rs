@@ -13,6 +13,8 @@
 
 use hapt_plant::spec::Handle;
 
+use crate::arrivals::Arrivals;
+
 /// The longest step, over the sum of the rates of the motion: 0.5^12/12! is 5e-13.
 const MAX_STEP_TIMES_RATE: f64 = 0.5;
 const TERMS: usize = 13;
@@ -57,19 +59,12 @@ impl Shafted {
     pub fn follow(&self, times: &[f64], torques: &[f64], begins: Begins, mut see: impl FnMut(usize, f64)) {
         let mut motion = SimulatedShaft::new(*self, begins);
         let Some(&start) = times.first() else { return };
-        let (mut next, mut now) = (0, start);
+        let (mut arrivals, mut now) = (Arrivals::new(times, torques, self.delay), start);
         for (i, &to) in times.iter().enumerate() {
-            while let (Some(&at), Some(&torque)) = (times.get(next), torques.get(next)) {
-                let at = at + self.delay;
-                if at > to {
-                    break;
-                }
-                next += 1;
-                if torque != motion.torque {
-                    motion.pass(at - now);
-                    now = at.max(now);
-                    motion.command(torque);
-                }
+            while let Some((at, torque)) = arrivals.change(to, motion.torque) {
+                motion.pass(at - now);
+                now = at.max(now);
+                motion.command(torque);
             }
             motion.pass(to - now);
             now = to;

@@ -524,3 +524,42 @@ fn fault(range: Range, value: f64) -> String {
         Range::ZeroOrMore | Range::Any => "is negative".to_string(),
     }
 }
+
+/// The one of `all` whose name the key has; `None` where the file has no such key, nor the table a default for it. A name that the table
+/// of keys takes and none of these has is an error, and not another's.
+pub(crate) fn one_of<T: Copy>(
+    fields: &Fields<'_>,
+    key: &str,
+    all: &[T],
+    name: fn(T) -> &'static str,
+) -> Result<Option<T>, Error> {
+    let Some(given) = fields.name(key) else { return Ok(None) };
+    let found = all.iter().copied().find(|one| name(*one) == given);
+    found.map(Some).ok_or_else(|| fields.error(ErrorKind::Unsupported, key, nothing_reads(given)))
+}
+
+/// The table's kind. As [`one_of`].
+pub(crate) fn kind<K>(fields: &Fields<'_>, from_name: fn(&str) -> Option<K>) -> Result<K, Error> {
+    let given = fields.kind.ok_or_else(|| fields.missing("kind"))?;
+    from_name(given).ok_or_else(|| fields.error(ErrorKind::Unsupported, "kind", nothing_reads(given)))
+}
+
+fn nothing_reads(name: &str) -> String {
+    format!("this version of hapt does not know what {} means", words::quoted(name))
+}
+
+/// The entries of a table; none where there is no such table.
+pub(crate) fn entries<'a>(fields: &Fields<'a>, name: &str) -> &'a [Entry] {
+    match fields.node(name) {
+        Some(Node { value: Value::Table(entries), .. }) => entries,
+        _ => &[],
+    }
+}
+
+/// The items of an array; none where there is no such array.
+pub(crate) fn items<'a>(fields: &Fields<'a>, name: &str) -> &'a [Node] {
+    match fields.node(name) {
+        Some(Node { value: Value::Array(items), .. }) => items,
+        _ => &[],
+    }
+}

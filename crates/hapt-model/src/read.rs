@@ -2,13 +2,13 @@
 
 #![warn(clippy::wildcard_enum_match_arm)]
 
-use hapt_core::{Body, Coupling, Damping, End, Law, Method, Output, Side, WhenLate};
+use hapt_core::{Body, Coupling, Damping, End, Law, Method, Output, Side};
 use hapt_plant::spec::{Drive, Hand, Shape, Switching};
 
 use crate::device::device;
-use crate::document::{Document, Entry, Node, Place, Value};
+use crate::document::{Document, Place};
 use crate::error::{Error, ErrorKind};
-use crate::fields::{Context, Fields};
+use crate::fields::{Context, Fields, entries, items, kind, one_of};
 use crate::keys;
 use crate::kinds::{Compensated, CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
 use crate::path::{self, Carries};
@@ -49,7 +49,7 @@ impl World {
         let safety = Safety::read(&Fields::new(table("safety"), top.node("safety"))?)?;
 
         let (mut names, mut bodies) = (Vec::new(), Vec::new());
-        for entry in named(&top, "bodies") {
+        for entry in entries(&top, "bodies") {
             let context = Context { path: format!("bodies.{}", entry.key), pattern: "bodies.*", ..table("bodies") };
             let fields = Fields::new(context, Some(&entry.node))?;
             if entry.key == keys::HANDLE && device.handle.is_some() {
@@ -104,7 +104,7 @@ impl World {
         }
 
         let mut scenarios = Vec::new();
-        for entry in named(&top, "scenarios") {
+        for entry in entries(&top, "scenarios") {
             let context =
                 Context { path: format!("scenarios.{}", entry.key), pattern: "scenarios.*", ..table("scenarios") };
             let fields = Fields::new(context, Some(&entry.node))?;
@@ -131,29 +131,6 @@ impl World {
             Error { kind: ErrorKind::Name, key: String::new(), message, location: None }
         })
     }
-}
-
-/// The one of `all` whose name the key has; `None` where the file has no such key, nor the table a default for it. A name that the table
-/// of keys takes and none of these has is an error, and not another's.
-pub(crate) fn one_of<T: Copy>(
-    fields: &Fields<'_>,
-    key: &str,
-    all: &[T],
-    name: fn(T) -> &'static str,
-) -> Result<Option<T>, Error> {
-    let Some(given) = fields.name(key) else { return Ok(None) };
-    let found = all.iter().copied().find(|one| name(*one) == given);
-    found.map(Some).ok_or_else(|| fields.error(ErrorKind::Unsupported, key, nothing_reads(given)))
-}
-
-/// The table's kind. As [`one_of`].
-pub(crate) fn kind<K>(fields: &Fields<'_>, from_name: fn(&str) -> Option<K>) -> Result<K, Error> {
-    let given = fields.kind.ok_or_else(|| fields.missing("kind"))?;
-    from_name(given).ok_or_else(|| fields.error(ErrorKind::Unsupported, "kind", nothing_reads(given)))
-}
-
-fn nothing_reads(name: &str) -> String {
-    format!("this version of hapt does not know what {} means", words::quoted(name))
 }
 
 fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
@@ -560,44 +537,4 @@ fn shape(fields: &Fields<'_>, carries: Carries, paths: &mut path::Reader<'_>) ->
             Shape::Path { file, points }
         }
     })
-}
-
-pub(crate) fn named<'a>(fields: &Fields<'a>, name: &str) -> &'a [Entry] {
-    match fields.node(name) {
-        Some(Node { value: Value::Table(entries), .. }) => entries,
-        _ => &[],
-    }
-}
-
-pub(crate) fn items<'a>(fields: &Fields<'a>, name: &str) -> &'a [Node] {
-    match fields.node(name) {
-        Some(Node { value: Value::Array(items), .. }) => items,
-        _ => &[],
-    }
-}
-
-impl Safety {
-    pub(crate) fn read(fields: &Fields<'_>) -> Result<Safety, Error> {
-        Ok(Safety {
-            fade: fields.number("fade")?,
-            velocity: fields.optional_number("velocity")?,
-            jump: fields.optional_number("jump")?,
-            overspeed: fields.optional_number("overspeed")?,
-            stuck: fields.optional_number("stuck")?,
-            torque: fields.optional_number("torque")?,
-            slew: fields.optional_number("slew")?,
-            rms: fields.optional_number("rms")?,
-            heating: fields.number("heating")?,
-            driver_rms: fields.optional_number("driver_rms")?,
-            driver_heating: fields.number("driver_heating")?,
-            stall: fields.optional_number("stall")?,
-            late: one_of(fields, "late", &WhenLate::ALL, WhenLate::name)?,
-            link: fields.optional_number("link")?,
-            link_faults: fields.name("link_lost") == Some(keys::LINK_LOST[1]),
-            energy: fields.optional_number("energy")?,
-            world_trips: fields.name("world_ledger").map(|name| name == keys::WORLD_LEDGER[1]),
-            pulse: fields.optional_number("pulse")?,
-            brake: fields.number("brake")?,
-        })
-    }
 }

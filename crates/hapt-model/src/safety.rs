@@ -2,6 +2,8 @@
 
 use hapt_core::WhenLate;
 
+use crate::error::Error;
+use crate::fields::{Fields, one_of};
 use crate::keys::{LINK_LOST, WORLD_LEDGER};
 
 /// The `[safety]` table, in SI; `None`: the default, which depends on the world ([`World::limits`](crate::World::limits)).
@@ -80,5 +82,31 @@ impl Safety {
         let ledger = self.world_trips.map(|trips| ("world_ledger", WORLD_LEDGER[usize::from(trips)]));
         let late = self.late.map(|late| ("late", late.name()));
         link.into_iter().chain(ledger).chain(late)
+    }
+}
+
+impl Safety {
+    pub(crate) fn read(fields: &Fields<'_>) -> Result<Safety, Error> {
+        Ok(Safety {
+            fade: fields.number("fade")?,
+            velocity: fields.optional_number("velocity")?,
+            jump: fields.optional_number("jump")?,
+            overspeed: fields.optional_number("overspeed")?,
+            stuck: fields.optional_number("stuck")?,
+            torque: fields.optional_number("torque")?,
+            slew: fields.optional_number("slew")?,
+            rms: fields.optional_number("rms")?,
+            heating: fields.number("heating")?,
+            driver_rms: fields.optional_number("driver_rms")?,
+            driver_heating: fields.number("driver_heating")?,
+            stall: fields.optional_number("stall")?,
+            late: one_of(fields, "late", &WhenLate::ALL, WhenLate::name)?,
+            link: fields.optional_number("link")?,
+            link_faults: fields.name("link_lost") == Some(LINK_LOST[1]),
+            energy: fields.optional_number("energy")?,
+            world_trips: fields.name("world_ledger").map(|name| name == WORLD_LEDGER[1]),
+            pulse: fields.optional_number("pulse")?,
+            brake: fields.number("brake")?,
+        })
     }
 }

@@ -10,6 +10,7 @@ use crate::equations::laws::{self, Kind, is_nonlinear};
 use crate::equations::slopes::COMBINED;
 use crate::error::Error;
 use crate::passivity::quantisation::{Quantisation, count_power, quantisation};
+use crate::passivity::within::taken;
 use crate::stability::clamped::{held_world, held_world_at_this_period};
 use crate::stability::fall::{Fall, fall};
 use crate::stability::free::{free, free_at_this_period, shortest_period};
@@ -326,14 +327,16 @@ fn compensations(world: &World) -> Result<Vec<String>, Error> {
         let Some((of, share)) = world.device.compensated_by(coupling) else { continue };
         if of == Compensated::Friction {
             let least = world.device.friction_range()[0];
+            let others = taken(&world.couplings) - laws::most(coupling);
+            let share_max = ((least - others) / world.device.least_friction()).clamp(0.0, 1.0);
             let torque = |torque: f64| with_unit(torque, Measure::Torque, world.motion);
             notes.push(format!(
                 "couplings.{index}: it takes {} of device.friction back by the measured velocity, {}: friction is {} at least, which pays for as \
-                 much and for nothing else, so that a share of {} is the most there is; free has neither",
+                 much and for nothing else, so that a share of {} is the most beside the other couplings; free has neither",
                 short(share),
                 torque(laws::most(coupling)),
                 torque(least),
-                short((least / world.device.least_friction()).min(1.0))
+                short(share_max)
             ));
             continue;
         }

@@ -152,7 +152,7 @@ pub static RECENTRE: Theorem = Theorem {
     id: "recentre",
     equations: "(T80)",
     assumes: &[
-        "only laws of the position, and constants, act on the puck, and the torque comes at once: no delay, no lag, no filter",
+        "only laws of the position act on the puck, and the torque comes at once: no delay, no lag, no filter",
         "with bodies the method is zoh, trapezoidal or backward-euler, and the torque is that of the end of the step",
         "the origin slips only where the torque is at least twice what displacement and counts may change it by",
     ],

@@ -29,8 +29,8 @@ impl<F: Number> Lugre<F> {
         let rate = self.rate(velocity);
         let forgotten = (-(rate * t)).expm1();
         // At an infinite rate nothing is left of the bristle: level 0 holds nothing. At rest it stays, whatever 0/0 is as a rate.
-        let bent = bristle + bristle * forgotten - velocity * forgotten / rate;
-        rate.if_above(F::ZERO, bent, bristle + velocity * t)
+        let deflection = bristle + bristle * forgotten - velocity * forgotten / rate;
+        rate.if_above(F::ZERO, deflection, bristle + velocity * t)
     }
 
     /// -(σ0 s + σ1 ṡ + σ2 q̇), ṡ = q̇ - σ0 |q̇| s/g

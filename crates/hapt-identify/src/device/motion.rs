@@ -9,6 +9,8 @@
 //! max(0, k p + c ṗ)          with the way p > 0 into the stop
 //! ```
 
+use crate::arrivals::Arrivals;
+
 /// The numbers of a device as its motion shows them, torques per inertia.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Numbers {
@@ -165,30 +167,20 @@ impl Numbers {
     pub fn follow(&self, times: &[f64], torques: &[f64], first: usize, mut see: impl FnMut(usize, f64)) {
         let (Some(&start), Some(&held)) = (times.get(first), torques.first()) else { return };
         let mut motion = Motion::new(*self, held);
-        let (mut next, mut now) = (0, f64::NEG_INFINITY);
-        let arrival = |next: usize, until: f64| {
-            let at = times.get(next)? + self.delay;
-            (at <= until).then_some(at)
-        };
-        while let (Some(at), Some(&torque)) = (arrival(next, start), torques.get(next)) {
-            next += 1;
-            if torque != motion.torque {
-                motion.relax(at - now);
-                now = at;
-                motion.command(torque);
-            }
+        let (mut arrivals, mut now) = (Arrivals::new(times, torques, self.delay), f64::NEG_INFINITY);
+        while let Some((at, torque)) = arrivals.change(start, motion.torque) {
+            motion.relax(at - now);
+            now = at;
+            motion.command(torque);
         }
         motion.relax(start - now);
         motion.set_out();
         now = start;
         for (i, &to) in times.iter().enumerate().skip(first) {
-            while let (Some(at), Some(&torque)) = (arrival(next, to), torques.get(next)) {
-                next += 1;
-                if torque != motion.torque {
-                    motion.pass(at - now);
-                    now = at;
-                    motion.command(torque);
-                }
+            while let Some((at, torque)) = arrivals.change(to, motion.torque) {
+                motion.pass(at - now);
+                now = at;
+                motion.command(torque);
             }
             motion.pass(to - now);
             now = to;

@@ -5,8 +5,8 @@ use hapt_core::{Law, LinkTerms, Side};
 use crate::document::Place;
 use crate::error::{Error, ErrorKind};
 use crate::fields::Fields;
+use crate::fields::{kind, one_of};
 use crate::kinds::Motion;
-use crate::read::{kind, one_of};
 use crate::words;
 
 use super::{Station, System, no_longer};

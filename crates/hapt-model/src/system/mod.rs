@@ -6,10 +6,10 @@ mod numbers;
 use crate::document::Document;
 use crate::error::{Error, ErrorKind};
 use crate::fields::{Context, Fields};
+use crate::fields::{entries, items};
 use crate::keys::NETWORK_FILE;
 use crate::kinds::Motion;
 use crate::path;
-use crate::read::{items, named};
 use crate::source::Source;
 use crate::timing::Timing;
 use crate::words;
@@ -192,7 +192,7 @@ impl System {
         let top = Fields::new(root(Motion::Rotary), Some(&document.root))?;
 
         let mut stations: Vec<Station> = Vec::new();
-        for entry in named(&top, "stations") {
+        for entry in entries(&top, "stations") {
             let context =
                 Context { path: format!("stations.{}", entry.key), ..top.inner("stations", "network.stations.*") };
             let fields = Fields::new(context, Some(&entry.node))?;
