@@ -30,12 +30,15 @@ pub(crate) fn fall(world: &World) -> Result<Option<Fall>, Error> {
     if steepest == 0.0 {
         return Ok(None);
     }
-    let growth = match analyse_anchored(world, &Grip::default(), -steepest, Extent::Eigenvalues) {
-        Ok((found, _)) => found.growth_per_s.filter(|growth| *growth > MARGINAL),
-        // It leaves the range of numbers within a sample: no world holds it.
-        Err(Error::Eigenvalues { .. }) => Some((steepest / world.device.inertia).sqrt()),
-        Err(error) => return Err(error),
-    };
+    // An origin that slips lets the springs go slack.
+    let slack = world.sampling.recentre.map(|_| World { couplings: Vec::new(), ..world.clone() });
+    let growth =
+        match analyse_anchored(slack.as_ref().unwrap_or(world), &Grip::default(), -steepest, Extent::Eigenvalues) {
+            Ok((found, _)) => found.growth_per_s.filter(|growth| *growth > MARGINAL),
+            // It leaves the range of numbers within a sample: no world holds it.
+            Err(Error::Eigenvalues { .. }) => Some((steepest / world.device.inertia).sqrt()),
+            Err(error) => return Err(error),
+        };
     let puck = world.device.inertia * (1.0 - world.device.tolerances.inertia);
     let lightest = world.device.handle.map_or(puck, |handle| puck.min(handle.inertia));
     let by = match (torque.gravity.is_some(), torque.cogging.is_some()) {

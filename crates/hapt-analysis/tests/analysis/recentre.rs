@@ -92,3 +92,15 @@ proptest! {
         prop_assert!(!slips.certified.holds() || stays.certified.holds());
     }
 }
+
+/// The spring that would hold a lever goes slack as the origin slips to where it hangs.
+#[test]
+fn a_spring_whose_origin_slips_holds_nothing_against_gravity() {
+    let text = KNOB
+        .replace("kind = \"detent\"", "kind = \"spring\"")
+        .replace("torque = \"5 N mm\"\npitch = \"8.2258 deg\"", "stiffness = \"50 N mm/rad\"");
+    let lever = format!("{text}[device.gravity]\ntorque = \"2 N mm\"\n");
+    let line = |text: &str| check(&read(text, &[])).unwrap().headline();
+    assert!(line(&lever).contains("gravity may move the puck"), "{}", line(&lever));
+    assert!(!line(&lever.replace("recentre = \"0.5 s\"\n", "")).contains("gravity may move"));
+}
