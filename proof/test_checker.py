@@ -342,6 +342,19 @@ class Checker(unittest.TestCase):
         at_body = WORLD.replace('kind = "spring"', 'kind = "friction"\ntorque = "0.1 N mm"').replace("[bodies", enough + "[bodies")
         self.refuses(at_body.replace('stiffness = "1 N m/rad"', "", 1), proof(laws=[(0, "0", "0"), (1, "0", "1e-4"), (3, "1/2", "0")]))
 
+    def test_a_motor_behind_a_gear_counts_at_the_puck(self):
+        # 0.02 x 5² of damping, and 5 x 0.2 N mm of friction.
+        motor = '[device.motor]\nratio = 5\ninertia = 1e-6\ndamping = 2e-5\nfriction = "0.2 N mm"\nencoder = 4096\n'
+        given = {"theorem": "laws", "laws": [(0, "1", "0"), (1, "0", "0")], "required": "5e-4"}
+        push = '[[compensation]]\nof = "friction"\nvelocity = "0.1 rad/s"\n'
+        held = proof(**given, damping="6e-4") | {"left_out": ["encoder"]}
+        self.accepts(alone("", 1e-4, SPRING, device=motor) + push, held)
+        self.refuses(alone("", 1e-4, SPRING, device=motor) + push, held | {"left_out": []})
+        self.refuses(alone("", 1e-4, SPRING, device=motor.replace("2e-5", "1.5e-5")) + push, held)
+        self.refuses(alone("", 1e-4, SPRING, device=motor.replace("[device.m", "encoder = 400\n[device.m")) + push, held)
+        self.refuses(alone("", 1e-4, SPRING, 'kind = "friction"\ntorque = "1.001 N mm"', device=motor), held)
+        self.refuses(alone("", 1e-4, SPRING, device=motor + "current = 2\n") + push, held)
+
     def test_a_polynomial_needs_its_own_coefficients_and_intervals(self):
         # A spring and a damper behind one sample: with s, K T (3/2 - 2 s) - B (1 - 8 s + 8 s²), K T = 1e-3, B = 2e-4, is largest at 0.
         world = alone('estimator = "difference"\ndelay = "1 ms"', 1.3e-3, SPRING, 'kind = "damper"\ndamping = 2e-4')

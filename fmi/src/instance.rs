@@ -101,11 +101,14 @@ impl Instance {
     /// A new instance of `model`.
     ///
     /// # Errors
-    /// In a sentence: the core does not take the world.
+    /// In a sentence, which goes to `log` too: the core does not take the world.
     pub fn new(model: Model, log: Log) -> Result<Instance, String> {
-        let values = values(&model, &BTreeMap::new()).map_err(|error| named(&error))?;
         let world = model.world.clone();
-        let engine = Engine::new(model.kind, &world).map_err(|error| error.to_string())?;
+        let parts = values(&model, &BTreeMap::new()).map_err(|error| named(&error)).and_then(|values| {
+            let engine = Engine::new(model.kind, &world).map_err(|error| error.to_string())?;
+            Ok((values, engine))
+        });
+        let (values, engine) = parts.inspect_err(|message| log.say(Status::Error, message))?;
         let clock = Clock::new(world.sampling.period, 0.0);
         Ok(Instance {
             model,

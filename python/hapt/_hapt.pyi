@@ -34,6 +34,7 @@ class WorldError(ValueError):
 _Edges = tuple[
     list[tuple[str, NDArray[float64], NDArray[float64], NDArray[float64]]],
     list[tuple[str, Optional[bool], list[tuple[float, float]], Optional[str]]],
+    Optional[tuple[float, float, str]],
 ]
 
 @final

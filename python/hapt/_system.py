@@ -40,7 +40,7 @@ class System:
             f"{a_key(key)}={'..'.join(text_of(end, key) for end in ends)}{':log' if log else ''}" for key, ends in ranges.items()
         ]
         names = [claims] if isinstance(claims, str) else list(claims)
-        pieces, claimed = self._native.boundary(spelled, names)
+        pieces, claimed, open_at = self._native.boundary(spelled, names)
         first, second = ranges
         return Boundary(
             (first, second),
@@ -48,6 +48,7 @@ class System:
             {claim: everywhere for claim, everywhere, _, _ in claimed},
             {claim: lost for claim, _, lost, _ in claimed},
             {claim: reason for claim, _, _, reason in claimed if reason is not None},
+            open_at,
         )
 
     @overload

@@ -87,6 +87,8 @@ pub enum Style {
 pub enum Fill {
     /// All claims hold.
     Good,
+    /// No claim is refuted, and not all of them are proved.
+    Open,
     /// Some claims hold.
     Fair,
     /// Not even the weakest claim holds.

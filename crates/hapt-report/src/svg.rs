@@ -478,6 +478,7 @@ pub(crate) fn class(style: Style) -> String {
 fn fill(fill: Fill) -> &'static str {
     match fill {
         Fill::Good => "n1",
+        Fill::Open => "n0",
         Fill::Fair => "p0",
         Fill::Bad => "p2",
     }

@@ -4,7 +4,7 @@ use std::io::{Write, stdout};
 use std::process::ExitCode;
 
 use hapt_analysis::Design;
-use hapt_model::{Dimension, parse_quantity};
+use hapt_model::{Dimension, Source, World, parse_quantity};
 
 use crate::args::DesignArgs;
 use crate::failure::Failure;
@@ -27,11 +27,19 @@ pub fn run(args: &DesignArgs) -> Result<ExitCode, Failure> {
             messages::say(line);
         }
     }
+    let file = world_file(args, &design, travel, period);
+    // A number may leave the physical range only here, where it is computed.
+    if let Err(refused) = World::read(&Source::from_text("the world", file.as_str()), &[]) {
+        return Err(Failure::input(format!(
+            "these numbers make no world that hapt reads: {}: {}",
+            refused.key, refused.message
+        )));
+    }
     let text = if args.json {
         let json = serde_json::to_string_pretty(&design).map_err(|error| Failure::System(error.to_string()))?;
         json + "\n"
     } else {
-        world_file(args, &design, travel, period)
+        file
     };
     if std::f64::consts::TAU * frequency * period >= 2.0 {
         messages::say("hapt: at this period the damper b = Tk no longer balances forward Euler (it does for ωT < 2)");

@@ -33,8 +33,8 @@ impl Check {
         format!("{status}: {}", parts.join("; "))
     }
 
-    /// Whether a theorem makes the claim.
-    fn claims(&self, claim: &str) -> bool {
+    /// Whether a theorem makes the claim: `held`, `free` or `passive`.
+    pub fn claims(&self, claim: &str) -> bool {
         self.theorems.iter().any(|theorem| theorem.claims.contains(&claim))
     }
 
@@ -126,7 +126,7 @@ impl Check {
     fn pace_held(&self) -> String {
         let held = &self.held;
         if held.growth_per_s.is_none() {
-            return "stable: nothing is left to move after a sample".into();
+            return "stable: nothing moves once the puck is held".into();
         }
         pace(held, "")
     }

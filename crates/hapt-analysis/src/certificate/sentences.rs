@@ -86,7 +86,7 @@ impl Check {
         let held = &self.held;
         let method = spoken(self.method);
         let Some(growth) = held.growth_per_s else {
-            return "stable: with the puck held, nothing is left to move after a sample".to_string();
+            return "stable: nothing moves once the puck is held".to_string();
         };
         match held.verdict {
             Verdict::Unstable => {

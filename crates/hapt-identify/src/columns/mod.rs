@@ -128,7 +128,7 @@ impl Columns {
         };
         let force = match &self.force {
             None => None,
-            Some(_) => Some(Scale { column: self.place(&table, "force", &self.force, &[])?, factor: 1.0 }),
+            Some(_) => Some(sensor(names, self.place(&table, "force", &self.force, &[])?)?),
         };
         let mut rows: [Vec<f64>; 4] = Default::default();
         let (mut missing, mut repeated, mut all) = (0, 0, 0);
@@ -302,6 +302,19 @@ fn split(name: &str) -> (&str, &str) {
     let bracketed = name.split_once(['(', '[']).map(|(name, unit)| (name, unit.trim_end_matches([')', ']'])));
     let (name, unit) = bracketed.or_else(|| name.rsplit_once('_')).unwrap_or((name, ""));
     (name.trim(), unit.trim())
+}
+
+/// A sensor's column, whose scale is found: in a torque's unit, volts or raw numbers, and not in a motion's.
+fn sensor(names: &[&str], column: usize) -> Result<Scale, Error> {
+    let unit = Unit::parse(&plain(split(names[column]).1)).map(|unit| unit.dimension());
+    let of_motion = [Dimension::TIME, Dimension::ANGLE, Dimension::LENGTH];
+    match unit.ok().filter(|dimension| of_motion.contains(dimension)) {
+        Some(dimension) => {
+            let wants = "expected a torque, a force, or a sensor's raw numbers";
+            Err(Error::Columns(format!("column {} is {dimension}; {wants}", names[column])))
+        }
+        None => Ok(Scale { column, factor: 1.0 }),
+    }
 }
 
 /// The scale of a column by its unit, which must be of one of the `wanted` dimensions; `counts`: the column may be in counts.

@@ -350,3 +350,24 @@ proptest! {
         is_true(&found, &file, &asked)?;
     }
 }
+
+/// A magnet at a body behind a delay: no theorem covers it, whatever the edges say of its eigenvalues and its port.
+#[test]
+fn what_no_edge_refutes_is_not_called_certified_where_no_theorem_covers_it() {
+    let magnet = WHEEL
+        .replace("method = \"forward-euler\"", "delay = \"0.4 ms\"")
+        .replace("kind = \"spring\"", "kind = \"magnet\"\nat = 0\nwidth = \"0.1 rad\"")
+        .replace("stiffness = \"1 N m/rad\"", "torque = \"0.01 N m\"");
+    let axes = ["loop.period=0.1ms..2ms:log", "device.damping=0.001..1:log"];
+    let open = boundary(&magnet, &[], &axes, &[]).unwrap().open.unwrap();
+    assert!(open.headline.starts_with("Not certified, for want of a theorem"), "{}", open.headline);
+    let at: Vec<String> = axes
+        .iter()
+        .zip(open.values)
+        .map(|(axis, value)| format!("{}={value}", axis.split('=').next().unwrap()))
+        .collect();
+    let world = World::read(&Source::from_text("w.toml", magnet), &at).unwrap();
+    assert_eq!(hapt_analysis::check(&world).unwrap().headline(), open.headline);
+    let wall = boundary(WALL, &[], &["couplings.0.stiffness=0.1..10", "device.damping=0..0.01"], &[]).unwrap();
+    assert_eq!(wall.open, None);
+}

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_sweep::boundary::{Boundary, Edge, EdgeMethod, Piece, Point};
+use hapt_sweep::boundary::{Boundary, Edge, EdgeMethod, Open, Piece, Point};
 use hapt_sweep::table;
 
 use crate::args::BoundaryArgs;
@@ -128,6 +128,11 @@ fn summary(boundary: &Boundary, axes: &[DisplayedAxis; 2]) -> String {
                 claim.edge.beyond()
             );
         }
+    }
+    if let Some(Open { values, headline }) = &boundary.open {
+        let [x, y] = [axes[0].value(values[0]), axes[1].value(values[1])];
+        let _ =
+            writeln!(text, "open      no theorem covers what no edge refutes, as at ({x}, {y}):\n          {headline}");
     }
     let pieces = || boundary.claims.iter().flat_map(|claim| &claim.pieces);
     let (points, failed) = pieces().fold((0, 0), |(p, f), piece| (p + piece.points.len(), f + piece.failed));

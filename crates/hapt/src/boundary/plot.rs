@@ -78,7 +78,10 @@ pub fn figure(
     // Worse regions cover better ones.
     let frame = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     let polygons = |polygons: &[Vec<Place>]| polygons.iter().map(|p| p.iter().map(|&q| point(q)).collect()).collect();
-    panel.region(&all, Fill::Good, polygons(&[frame]));
+    match &boundary.open {
+        Some(_) => panel.region("not refuted, not everywhere proved", Fill::Open, polygons(&[frame])),
+        None => panel.region(&all, Fill::Good, polygons(&[frame])),
+    }
     for (edge, fill, name) in &worse {
         for claim in boundary.claims.iter().filter(|claim| claim.edge == *edge && !claim.beyond.is_empty()) {
             panel.region(name, *fill, polygons(&claim.beyond));

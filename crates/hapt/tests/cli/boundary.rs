@@ -80,7 +80,7 @@ fn the_picture_names_its_colours_and_its_edges() {
     ] {
         assert!(svg.contains(part), "{part}: {svg}");
     }
-    // Held, nothing is left to move: no edge, no name of one.
+    // Held, nothing moves: no edge, no name of one.
     assert!(!svg.contains("edge of stability, held"));
 }
 

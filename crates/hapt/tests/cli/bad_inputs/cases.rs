@@ -277,6 +277,10 @@ fn quantities(t: &mut Table) {
         "design with the wrong dimension",
         &["design", "--travel", "45 N", "--torque", "1 N m", "--frequency", "1 Hz"],
     );
+    t.typed(
+        "design of an inertia beyond anything physical",
+        &["design", "--travel", "1e300 rad", "--torque", "1 N m", "--frequency", "1 Hz"],
+    );
     t.typed("design with no travel", &["design", "--travel", "0", "--torque", "1 N m", "--frequency", "1 Hz"]);
 }
 
