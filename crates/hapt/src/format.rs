@@ -87,8 +87,11 @@ pub fn effort(x: f64, motion: Motion) -> String {
     }
 }
 
-/// An energy in the unit that suits it; below 10 fJ it is rounding.
+/// An energy in the unit that suits it; below 10 fJ it is rounding. That of a loop that has run away may leave the range of numbers.
 pub fn energy(x: f64) -> String {
+    if !x.is_finite() {
+        return "more than 1e308 J".into();
+    }
     let x = if x.abs() < 1e-14 { 0.0 } else { x };
     if x == 0.0 || x.abs() >= 1.0 { format!("{} J", number(x)) } else { format!("{} mJ", number(1e3 * x)) }
 }

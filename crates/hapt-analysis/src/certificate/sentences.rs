@@ -297,6 +297,12 @@ impl Check {
         };
         let unit = Measure::Damping.dimension(self.motion).symbol();
         let (has, wanted) = (short(found.device_damping), short(required));
+        if !found.passive.holds() && required <= found.device_damping {
+            return Some(format!(
+                "not known to be passive {all}: no theorem covers it, and the linear loop requires a device damping of {wanted} {unit}, of which \
+                 the device has {has} at least; {hands_off}"
+            ));
+        }
         let verdict = if found.passive.holds() { "passive" } else { "not known to be passive" };
         let friction = match found.speed_max.filter(|_| found.by_friction) {
             Some(speed) => {

@@ -411,6 +411,15 @@ proptest! {
         prop_assert_eq!(moved(&world, 4000), None);
     }
 
+    /// What the motor lacks of the constant until its lag is over is work that the loop begins with.
+    #[test]
+    fn no_hand_draws_from_a_constant_behind_a_lag(torque in 0.1..8.0f64, lag in 0.5..20.0f64, period in 0.5..4.0f64, inertia in 2e-5..1e-3f64) {
+        let mut world = World { couplings: vec![to_ground(Law::Constant { torque })], ..bare() };
+        (world.device.lag, world.device.inertia, world.sampling.period) = (lag * 1e-3, inertia, period * 1e-3);
+        let worst = search(&world).unwrap();
+        prop_assert!(worst.is_certified() && !worst.drew, "{worst:?}");
+    }
+
     /// A constant torque at a body without a spring supplies unbounded energy; with a spring its energy is bounded.
     #[test]
     fn a_constant_at_a_body_without_a_spring_is_an_unbounded_source(k in 0.5..5.0f64, torque in 0.02..0.2f64, held: bool, toward: bool) {
