@@ -6,7 +6,7 @@ use hapt_model::{Coupling, Error, Parameter, Source, World, parameters, unit, un
 use crate::certificate::check::Check;
 use crate::certificate::is_certified;
 use crate::certificate::remedies::Remedies;
-use crate::certificate::rounding::{Certified, candidates};
+use crate::certificate::rounding::{Certified, NEAR_IN_FILE, candidates};
 
 /// The remedies of a world, ready to present.
 #[derive(Clone, Debug, PartialEq)]
@@ -170,7 +170,7 @@ impl File<'_> {
     fn values(&self, keys: &[(String, f64)], side: Certified) -> Option<Vec<String>> {
         let units: Vec<(String, f64)> = keys.iter().map(|(path, _)| self.unit(path)).collect();
         let own = |((_, si), (_, size)): (&(String, f64), &(String, f64))| si / size;
-        let mut rounder: Vec<_> = keys.iter().zip(&units).map(|key| candidates(own(key), side)).collect();
+        let mut rounder: Vec<_> = keys.iter().zip(&units).map(|key| candidates(own(key), side, NEAR_IN_FILE)).collect();
         let together = std::iter::from_fn(|| rounder.iter_mut().map(Iterator::next).collect::<Option<Vec<f64>>>());
         let exact = keys.iter().zip(&units).map(own).collect();
         together.chain([exact]).find_map(|numbers| {

@@ -1,7 +1,10 @@
 //! The roundest numbers beside an edge that a search has found.
 
-/// Largest relative distance from the edge. A remedy and the line that shows it in another unit are each rounded once: together 1e-6.
-const NEAR: f64 = 5e-7;
+/// Largest relative distance of a remedy from its edge.
+const NEAR: f64 = 4e-7;
+/// Largest relative distance of the line that shows the remedy in the file's unit: wider, so that a round number beside the edge is near to
+/// every remedy that is. Together they are 1e-6.
+pub(crate) const NEAR_IN_FILE: f64 = 6e-7;
 
 /// Largest number of significant digits that is tried.
 const DIGITS: usize = 12;
@@ -13,10 +16,10 @@ pub(crate) enum Certified {
     Below,
 }
 
-/// The numbers within [`NEAR`] of `edge`, of one to [`DIGITS`] significant digits: of each count the nearest, then its neighbour on the
+/// The numbers within a part `near` of `edge`, of one to [`DIGITS`] significant digits: of each count the nearest, then its neighbour on the
 /// certified side. None where the edge is 0.
-pub(crate) fn candidates(edge: f64, side: Certified) -> impl Iterator<Item = f64> {
-    let near = move |x: &f64| (x - edge).abs() <= NEAR * edge.abs();
+pub(crate) fn candidates(edge: f64, side: Certified, near: f64) -> impl Iterator<Item = f64> {
+    let is_near = move |x: &f64| (x - edge).abs() <= near * edge.abs();
     let of_digits = move |digits: usize| {
         let nearest = decimal(edge, digits - 1);
         let step = 10f64.powf(edge.abs().log10().floor() - (digits - 1) as f64);
@@ -27,7 +30,7 @@ pub(crate) fn candidates(edge: f64, side: Certified) -> impl Iterator<Item = f64
         [nearest, neighbour]
     };
     let most = if edge.is_normal() { DIGITS } else { 0 };
-    (1..=most).flat_map(of_digits).filter(near)
+    (1..=most).flat_map(of_digits).filter(is_near)
 }
 
 /// x with this many digits after the first.
@@ -37,7 +40,7 @@ fn decimal(x: f64, places: usize) -> f64 {
 
 /// The number of fewest digits within [`NEAR`] of `edge` that `holds`, which decides by the certificate; `edge` itself where none does.
 pub(crate) fn roundest(edge: f64, side: Certified, holds: impl FnMut(&f64) -> bool) -> f64 {
-    candidates(edge, side).find(holds).unwrap_or(edge)
+    candidates(edge, side, NEAR).find(holds).unwrap_or(edge)
 }
 
 /// The number of four digits beside an edge that is on its certified side.
