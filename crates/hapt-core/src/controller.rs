@@ -112,6 +112,14 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Controller<F, B, C
         supervisor.swap(before.period(), self.period());
         ControllerState { world: self.world.transfer(&before.world, &state.world, bodies, bristles), supervisor }
     }
+
+    /// The same where the puck enters another world: that begins at its start, and its origin is placed so that the puck stands at `at` in it
+    /// ([`Spec::entry`]), wherever it is. The torque fades over, and the estimate of the puck's velocity goes on.
+    pub fn enter(&self, before: &Self, state: &ControllerState<F, B, C, W>, at: F) -> ControllerState<F, B, C, W> {
+        let mut supervisor = state.supervisor;
+        supervisor.enter(before.period(), self.period(), at);
+        ControllerState { world: self.world.transfer(&before.world, &state.world, |_| None, |_| None), supervisor }
+    }
 }
 
 impl<F: Real, const B: usize, const C: usize, const W: usize> ControllerState<F, B, C, W> {

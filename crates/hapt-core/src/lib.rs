@@ -51,6 +51,7 @@ mod compile;
 mod constants;
 mod contact;
 mod controller;
+mod entry;
 mod error;
 mod gradient;
 mod lanes;

@@ -141,8 +141,7 @@ impl<F: Number> Sensor<F> {
         let position = match self.count {
             None => position,
             Some(size) => {
-                // A tie within 1e-9 of a count goes up.
-                let count = (position / size + F::HALF + F::from_f64(1e-9)).floor();
+                let count = nearest(position, size);
                 if let Some(Velocity::Foaw { .. }) = self.velocity {
                     memory.push(count);
                 }
@@ -153,6 +152,26 @@ impl<F: Number> Sensor<F> {
             memory.push(position);
         }
         position
+    }
+
+    /// The world's origin is placed: the puck is seen at `now` in place of `before`, and has come there as it came.
+    pub fn place<const W: usize>(&self, memory: &mut Memory<F, W>, before: F, now: F) {
+        let Some(last) = &mut memory.last else { return };
+        let counts = self.count.map(|size| nearest(now, size) - nearest(before, size));
+        let way = match (self.count, counts) {
+            (Some(size), Some(counts)) => counts * size,
+            _ => now - before,
+        };
+        last.position += way;
+        memory.filtered += way;
+        let kept = match self.velocity {
+            Some(Velocity::Foaw { .. }) => counts.unwrap_or(F::ZERO),
+            Some(Velocity::DifferenceOver { .. }) => way,
+            None | Some(Velocity::Difference | Velocity::LowPass { .. }) => return,
+        };
+        for count in &mut memory.counts {
+            *count += kept;
+        }
     }
 
     /// The position that the world sees: y_k, or z_k without a filter.
@@ -218,6 +237,12 @@ impl<F: Real> Sensor<F> {
         let slope = if best { best_fit(n, &count) } else { end_fit(n, &count) };
         slope * self.count.unwrap_or(F::ONE) * self.rate
     }
+}
+
+/// The counts of `size` at a position. A tie within 1e-9 of a count goes up.
+#[inline(always)]
+fn nearest<F: Number>(position: F, size: F) -> F {
+    (position / size + F::HALF + F::from_f64(1e-9)).floor()
 }
 
 /// The largest n ≤ window for which, at every length up to n, each sample in between lies within one count of the line from

@@ -12,7 +12,7 @@ use hapt_rt::Snapshot;
 use hapt_sim::DesktopState;
 
 /// The version of the format.
-const VERSION: u8 = 5;
+const VERSION: u8 = 6;
 
 /// The prefix of such attachments' names; the sample's number follows.
 pub(crate) const NAME: &str = "state-";

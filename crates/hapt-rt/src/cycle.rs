@@ -109,8 +109,8 @@ impl Cycle {
         *into = Snapshot { sample: self.sample, plan: self.swaps, state: self.state };
     }
 
-    /// Replaces the world from this sample on; returns the previous plan. Bodies keep the states that [`Plan::following`] matched, and the torque
-    /// fades over. Allocates nothing.
+    /// Replaces the world from this sample on; returns the previous plan. Bodies keep the states that [`Plan::following`] matched, or the world
+    /// begins where the puck is, as [`Plan::entering`] placed it. The torque fades over. Allocates nothing.
     pub fn swap(&mut self, mut plan: Box<Plan>) -> Box<Plan> {
         self.state = plan.transfer(&self.plan, &self.state);
         plan.motor.follow(&self.plan.motor);
@@ -151,7 +151,7 @@ impl Cycle {
             silent: moment.silent,
         };
         let Cycle { plan, device, state, outside, .. } = self;
-        let before = state.supervisor.offset;
+        let (before, enters) = (state.supervisor.offset, state.supervisor.enters());
         let mut link = 0.0;
         // One path for both in the page, which keeps its program small.
         let guarded = if outside.is_none() && !cfg!(target_family = "wasm") {
@@ -166,7 +166,7 @@ impl Cycle {
         let SafeOutput { sample, output, phase, reason, warning, outside: _ } = guarded;
         let zero = state.supervisor.offset;
         // Where the origin slips while the puck rests, what holds the puck stays where it is.
-        if zero != before && phase != Phase::Running {
+        if zero != before && (enters || phase != Phase::Running) {
             device.0.homed(zero);
         }
         device.0.write(output)?;

@@ -21,6 +21,8 @@ pub struct Plan {
     bodies: Vec<Option<usize>>,
     /// The same for each bristle.
     bristles: Vec<Option<usize>>,
+    /// Where the puck enters it; `None`: it goes on where it is in the previous plan.
+    entry: Option<f64>,
 }
 
 /// The names of a world's parts, by which another world can match them.
@@ -43,6 +45,7 @@ impl Plan {
             names: Names::new(world),
             bodies: vec![None; world.bodies.len()],
             bristles: vec![None; world.couplings.len()],
+            entry: None,
         };
         plan.reserve();
         Ok(plan)
@@ -63,6 +66,13 @@ impl Plan {
         let same = |bristle: &Option<_>| then.bristles.iter().position(|other| bristle.is_some() && other == bristle);
         plan.bristles = now.bristles.iter().map(same).collect();
         Ok(plan)
+    }
+
+    /// Compiles a world that the puck enters from `before`: it begins at its start, its origin placed where nothing pushes the puck
+    /// ([`hapt_core::Spec::entry`]). The safety profile stays.
+    pub fn entering(world: &World, before: &Plan) -> Result<Self, hapt_core::Error> {
+        let entry = Some(world.spec().entry());
+        Ok(Plan { entry, ..Plan::new(world, before.profile)? })
     }
 
     /// T in s.
@@ -105,8 +115,12 @@ impl Plan {
         }
     }
 
-    /// The state with which this plan replaces `before`, whose state is `state`: see [`hapt_core::Controller::transfer`]. Allocates nothing.
+    /// The state with which this plan replaces `before`, whose state is `state`: see [`hapt_core::Controller::transfer`] and
+    /// [`hapt_core::Controller::enter`]. Allocates nothing.
     pub fn transfer(&self, before: &Plan, state: &PlanState) -> PlanState {
+        if let Some(at) = self.entry {
+            return self.controller.enter(&before.controller, state, at);
+        }
         let at = |list: &[Option<usize>], i: usize| list.get(i).copied().flatten();
         let (body, bristle) = (|i| at(&self.bodies, i), |i| at(&self.bristles, i));
         self.controller.transfer(&before.controller, state, body, bristle)

@@ -258,6 +258,15 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             state.books.reopen();
             state.fresh = false;
         }
+        if let Some(at) = state.entry.take() {
+            // Arming sets it where nothing is felt yet.
+            if !is_idle && !announced && self.zero_where_armed {
+                let position = state.seen.position;
+                world.sensor.place(&mut loop_state.memory, position - state.offset, at);
+                state.offset = position - at;
+                state.rest.origin_is_set();
+            }
+        }
         Evaluation { wrong, is_idle, may_jump: announced || testing, is_uncertified }
     }
 

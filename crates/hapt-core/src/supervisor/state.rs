@@ -33,6 +33,8 @@ pub struct SupervisorState<F> {
     pub(crate) fresh: bool,
     /// The world is another from the next sample on.
     pub(crate) swapped: bool,
+    /// Where in that world the puck is to stand at the next sample; `None`: the origin stays.
+    pub(crate) entry: Option<F>,
     /// Bumpless transfer: what is left of the step in torque between two worlds, in N·m (N), and how much of it goes each sample.
     pub(crate) transfer: [F; 2],
     /// From 1 to 0: what is left of the braking after a fault.
@@ -59,6 +61,7 @@ impl<F: Real> SupervisorState<F> {
         rest: Rest::NONE,
         fresh: true,
         swapped: false,
+        entry: None,
         transfer: [F::ZERO; 2],
         braking: F::ZERO,
         calm: 0,
@@ -75,6 +78,18 @@ impl<F: Real> SupervisorState<F> {
         self.seen.late += after - before;
         self.seen.stand = self.seen.stand.at_period(before, after);
         self.books.reopen();
+    }
+
+    /// The same, and the world's origin is placed at the next sample so that the puck stands at `at` in it ([`crate::Spec::entry`]), unless the
+    /// device has a home of its own, or that sample is a prescribed jump.
+    pub fn enter(&mut self, before: F, after: F, at: F) {
+        self.swap(before, after);
+        self.entry = Some(at);
+    }
+
+    /// Whether the next sample places the origin.
+    pub fn enters(&self) -> bool {
+        self.entry.is_some()
     }
 
     /// The device had the command of the last sample this long after it, in s: the supervisor judges it at the next sample. A device that
