@@ -9,7 +9,7 @@ use std::sync::Arc;
 use hapt_core::SafetyProfile;
 use hapt_core::{Reading, Request};
 use hapt_model::{Source, World};
-use hapt_rt::Snapshot;
+use hapt_rt::{Change, Snapshot};
 use hapt_sim::{Row, SIGNALS};
 
 use crate::Error;
@@ -17,7 +17,7 @@ use crate::container::{Channel, Container, Ending, Item, MAGIC, Message};
 use crate::schema::{Column, LIVE_COLUMNS, columns, link_column, request};
 use crate::state;
 use crate::wire::{self, Value};
-use crate::writer::{Header, Origin, TOPIC};
+use crate::writer::{ENTERS, Header, Origin, TOPIC};
 
 /// A reader of a log: its header, and then its samples in order.
 ///
@@ -58,6 +58,8 @@ pub struct LoggedPlan {
     pub linked: bool,
     /// The world, without its scenarios.
     pub world: World,
+    /// How it took the place of the one before.
+    pub change: Change,
     /// The columns of its samples.
     pub columns: Vec<Column>,
     /// The column of each field, from field 1 on; `None` for an unknown column.
@@ -265,7 +267,9 @@ impl LoggedPlan {
             let name = &column.name;
             return Err(Error::Foreign(format!("it has no column {name}, which every log of such a world has")));
         }
-        Ok(Some(LoggedPlan { number, live, linked, world, columns, places }))
+        let enters = channel.metadata.get("change").is_some_and(|change| change == ENTERS);
+        let change = if enters { Change::Enters } else { Change::Follows };
+        Ok(Some(LoggedPlan { number, live, linked, world, change, columns, places }))
     }
 
     /// The values of a message, in the order of the columns.

@@ -12,7 +12,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use hapt_model::World;
-use hapt_rt::{Engine, Record, Snapshot};
+use hapt_rt::{Change, Engine, Record, Snapshot};
 
 use crate::Error;
 use crate::complete::Complete;
@@ -88,7 +88,7 @@ struct Shared {
     lost: AtomicU64,
     error: Mutex<Option<String>>,
     /// Worlds of later samples.
-    plans: Mutex<BTreeMap<u32, World>>,
+    plans: Mutex<BTreeMap<u32, (World, Change)>>,
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -161,9 +161,9 @@ impl Recorder {
         Ok(Recorder { queue: Some(queue), shared, thread, path, next, since_gap })
     }
 
-    /// Announces the world of plan `number`, before its first sample is sent.
-    pub fn plan(&self, number: u32, world: &World) {
-        lock(&self.shared.plans).insert(number, world.clone());
+    /// Announces the world of plan `number`, and how it takes the last one's place, before its first sample is sent.
+    pub fn plan(&self, number: u32, world: &World, change: Change) {
+        lock(&self.shared.plans).insert(number, (world.clone(), change));
     }
 
     /// Queues a record; false where the queue is full, or the writing has ended. Never waits for the disk.
@@ -295,7 +295,8 @@ fn write<W: Write>(mut writer: LogWriter<W>, entries: &Receiver<Entry>, shared: 
                 let world = world.ok_or_else(|| {
                     io::Error::other(format!("the samples of plan {} came before its world", record.plan))
                 });
-                let begun = world.and_then(|world| writer.begin_at(record.sample, record.plan, &world));
+                let begun =
+                    world.and_then(|(world, change)| writer.begin_at(record.sample, record.plan, &world, change));
                 if let Err(error) = begun {
                     break Err(error);
                 }

@@ -110,7 +110,7 @@ impl Running {
     /// Changes to the world of `logged`, as the loop did.
     fn change(&mut self, logged: &Arc<LoggedPlan>) -> Result<(), Error> {
         if !Arc::ptr_eq(&self.logged, logged) {
-            let plan = Plan::following(&logged.world, &self.plan).map(Box::new).map_err(world_error)?;
+            let plan = Plan::replacing(&logged.world, &self.plan, logged.change).map(Box::new).map_err(world_error)?;
             (self.state, self.plan, self.logged) = (plan.transfer(&self.plan, &self.state), plan, Arc::clone(logged));
         }
         Ok(())

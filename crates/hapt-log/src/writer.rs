@@ -5,7 +5,7 @@ use std::io::{self, Write};
 
 use hapt_core::SafetyProfile;
 use hapt_model::World;
-use hapt_rt::{Record, Snapshot};
+use hapt_rt::{Change, Record, Snapshot};
 use hapt_sim::Row;
 
 use crate::Sample;
@@ -58,6 +58,9 @@ impl Default for Header {
         }
     }
 }
+
+/// What a channel says of a world that the puck entered; nothing of one that followed.
+pub(crate) const ENTERS: &str = "enters";
 
 /// The origin of the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -137,23 +140,26 @@ impl<W: Write> LogWriter<W> {
             values: Vec::new(),
             row: Row::default(),
         };
-        writer.begin(header.plan, world)?;
+        writer.begin(header.plan, world, Change::Follows)?;
         Ok(writer)
     }
 
-    /// Starts the samples of another world: a new channel, on the same topic.
-    pub fn begin(&mut self, plan: u32, world: &World) -> io::Result<()> {
+    /// Starts the samples of another world, which takes the place of the last in this way: a new channel, on the same topic.
+    pub fn begin(&mut self, plan: u32, world: &World, change: Change) -> io::Result<()> {
         let live = self.origin != Origin::Run;
         let columns = columns(world, live, self.linked);
         let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
         // The world of the loop in SI, without files and overrides.
         let text = World { scenarios: Vec::new(), ..world.clone() }.to_toml();
-        let metadata = BTreeMap::from([
+        let mut metadata = BTreeMap::from([
             ("plan".to_string(), plan.to_string()),
             ("origin".to_string(), if live { "live" } else { "run" }.to_string()),
             ("columns".to_string(), names.join(",")),
             ("world".to_string(), text),
         ]);
+        if change == Change::Enters {
+            metadata.insert("change".to_string(), ENTERS.to_string());
+        }
         let schema = self.mcap.schema(MESSAGE, "protobuf", &descriptor(&columns))?;
         self.channel = self.mcap.channel(schema, TOPIC, "protobuf", &metadata)?;
         self.kinds = columns.iter().map(|column: &Column| column.kind).collect();
@@ -202,16 +208,16 @@ impl<W: Write> LogWriter<W> {
     }
 
     /// As [`LogWriter::begin`], from the sample `sample` on: times continue from there, with the new period.
-    pub fn begin_at(&mut self, sample: u64, plan: u32, world: &World) -> io::Result<()> {
+    pub fn begin_at(&mut self, sample: u64, plan: u32, world: &World, change: Change) -> io::Result<()> {
         let (from, time) = self.since;
         self.since = (sample, time + sample.saturating_sub(from) as f64 * self.period);
-        self.begin(plan, world)
+        self.begin(plan, world, change)
     }
 
     /// Copies a sample of another log, with its world where it differs, and with the snapshot before it.
     pub fn write_sample(&mut self, sample: &Sample) -> io::Result<()> {
         if self.plan != sample.plan.number {
-            self.begin(sample.plan.number, &sample.plan.world)?;
+            self.begin(sample.plan.number, &sample.plan.world, sample.plan.change)?;
         }
         if let Some(snapshot) = sample.snapshot {
             self.write_snapshot(sample.log_time, snapshot)?;

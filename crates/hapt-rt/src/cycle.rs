@@ -109,8 +109,8 @@ impl Cycle {
         *into = Snapshot { sample: self.sample, plan: self.swaps, state: self.state };
     }
 
-    /// Replaces the world from this sample on; returns the previous plan. Bodies keep the states that [`Plan::following`] matched, or the world
-    /// begins where the puck is, as [`Plan::entering`] placed it. The torque fades over. Allocates nothing.
+    /// Replaces the world from this sample on; returns the previous plan. Bodies keep the states that [`Plan::following`] matched, or begin at
+    /// their start where the puck enters it ([`crate::Change`]); the torque fades over. Allocates nothing.
     pub fn swap(&mut self, mut plan: Box<Plan>) -> Box<Plan> {
         self.state = plan.transfer(&self.plan, &self.state);
         plan.motor.follow(&self.plan.motor);

@@ -52,7 +52,7 @@ pub use engine::{End, Engine, Error, SHORTEST_PERIOD, Settings, Stepper};
 pub use handle::{Epoch, LoopHandle};
 pub use links::{LinkPort, LinkSample, LinkTuning, LinkWire, link};
 pub use outside::Outside;
-pub use plan::{Plan, PlanState};
+pub use plan::{Change, Plan, PlanState};
 pub use replay::Replay;
 pub use scheduling::Realtime;
 pub use simulated::{HandCommand, Hands, SimulatedDevice};

@@ -7,6 +7,16 @@ use hapt_sim::{DesktopController, DesktopControllerState, Motor, VirtualDevice};
 /// The state of a plan's controller between samples.
 pub type PlanState = DesktopControllerState;
 
+/// How a world takes another's place.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Change {
+    /// Puck and bodies stay where they are: some of its numbers are others.
+    #[default]
+    Follows,
+    /// The puck enters another world: that begins at its start, its origin placed where nothing pushes the puck ([`hapt_core::Spec::entry`]).
+    Enters,
+}
+
 /// A compiled world with its supervisor, and its device for simulations.
 #[derive(Clone, Debug)]
 pub struct Plan {
@@ -68,11 +78,12 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Compiles a world that the puck enters from `before`: it begins at its start, its origin placed where nothing pushes the puck
-    /// ([`hapt_core::Spec::entry`]). The safety profile stays.
-    pub fn entering(world: &World, before: &Plan) -> Result<Self, hapt_core::Error> {
-        let entry = Some(world.spec().entry());
-        Ok(Plan { entry, ..Plan::new(world, before.profile)? })
+    /// Compiles a world that takes the place of `before` in this way. The safety profile stays.
+    pub fn replacing(world: &World, before: &Plan, change: Change) -> Result<Self, hapt_core::Error> {
+        match change {
+            Change::Follows => Plan::following(world, before),
+            Change::Enters => Ok(Plan { entry: Some(world.spec().entry()), ..Plan::new(world, before.profile)? }),
+        }
     }
 
     /// T in s.

@@ -9,7 +9,7 @@ use std::time::Duration;
 use crate::common::{self, WHEEL, header, world};
 use hapt_core::{Phase, Request, SafetyProfile};
 use hapt_log::{Ending, Error, Log, Recorder, Summary, columns, phase_name, replay};
-use hapt_rt::{BODIES, Engine, HandCommand, LoopCommand, Plan, Record, SimulatedDevice};
+use hapt_rt::{BODIES, Change, Engine, HandCommand, LoopCommand, Plan, Record, SimulatedDevice};
 use hapt_sim::Grip;
 
 /// Sample k of a loop at rest.
@@ -84,7 +84,7 @@ fn session(samples: usize, text: &str, other: &str) -> Vec<Record> {
 
 fn recorded(path: &Path, records: &[Record], other: &str) -> Summary {
     let recorder = Recorder::start(path, &world(WHEEL), header(WHEEL)).unwrap();
-    recorder.plan(1, &world(other));
+    recorder.plan(1, &world(other), Change::Follows);
     for record in records {
         assert!(recorder.send(record));
     }

@@ -4,7 +4,9 @@ use crate::common::{WHEEL, header, world, worlds};
 use hapt_core::{Reason, Request, SafetyProfile, WhenLate};
 use hapt_log::{Error, Header, Log, LogWriter, Origin, Replay, replay};
 use hapt_model::{Delay, World};
-use hapt_rt::{Cycle, Device, Failure, HandCommand, Hands, Moment, Plan, Position, Record, SimulatedDevice, Snapshot};
+use hapt_rt::{
+    Change, Cycle, Device, Failure, HandCommand, Hands, Moment, Plan, Position, Record, SimulatedDevice, Snapshot,
+};
 use hapt_sim::Grip;
 use proptest::prelude::*;
 
@@ -45,8 +47,8 @@ impl Device for Glitching {
 enum Event {
     Ask(Request),
     Hand(Option<f64>),
-    /// To the world of this number.
-    Swap(usize),
+    /// To the world of this number, in this way.
+    Swap(usize, Change),
     Glitch(f64),
     Miss(u32),
     Late(f64),
@@ -61,7 +63,7 @@ fn events() -> impl Strategy<Value = Vec<(u64, Event)>> {
     let event = prop_oneof![
         3 => request.prop_map(Event::Ask),
         4 => prop::option::weighted(0.8, -1.0..1.0).prop_map(Event::Hand),
-        3 => (0usize..3).prop_map(Event::Swap),
+        3 => (0usize..3, prop::sample::select(vec![Change::Follows, Change::Enters])).prop_map(|(to, change)| Event::Swap(to, change)),
         1 => prop::sample::select(vec![f64::NAN, 50.0, 1e-3]).prop_map(Event::Glitch),
         1 => (1u32..4).prop_map(Event::Miss),
         1 => (0.0..0.05).prop_map(Event::Late),
@@ -75,8 +77,8 @@ fn events() -> impl Strategy<Value = Vec<(u64, Event)>> {
 /// A loop's records, and the snapshots before some of them.
 struct Life {
     worlds: Vec<World>,
-    /// The index of the world of each plan, by the plan's number.
-    plans: Vec<usize>,
+    /// The index of the world of each plan, and how it took the last one's place, by the plan's number.
+    plans: Vec<(usize, Change)>,
     records: Vec<Record>,
     snapshots: Vec<Snapshot>,
 }
@@ -111,7 +113,7 @@ fn live(texts: &[String], profile: SafetyProfile, events: &[(u64, Event)], taken
     let device = Glitching { device, sample: 0, glitches: glitches.collect() };
     let mut plan = Plan::new(&worlds[0], profile).unwrap();
     let mut cycle = Cycle::new(Box::new(plan.clone()), Box::new(device));
-    let (mut records, mut snapshots, mut plans) = (Vec::<Record>::new(), Vec::new(), vec![0]);
+    let (mut records, mut snapshots, mut plans) = (Vec::<Record>::new(), Vec::new(), vec![(0, Change::Follows)]);
     let (mut held, mut k) = (false, 0);
     while k < RUN_SAMPLES {
         let mut moment = Moment { periods: u32::from(k > 0), ..Moment::default() };
@@ -120,7 +122,7 @@ fn live(texts: &[String], profile: SafetyProfile, events: &[(u64, Event)], taken
             match *event {
                 Event::Ask(what) => request = Some(what),
                 Event::Hand(to) => hand(&mut hands, to, &mut held),
-                Event::Swap(to) => swap = Some(to),
+                Event::Swap(to, change) => swap = Some((to, change)),
                 Event::Glitch(_) => {}
                 Event::Miss(missed) => moment.periods += missed,
                 Event::Late(late) => moment.late = late,
@@ -129,10 +131,10 @@ fn live(texts: &[String], profile: SafetyProfile, events: &[(u64, Event)], taken
             }
         }
         cycle.pass(moment.periods);
-        if let Some(to) = swap {
-            plan = Plan::following(&worlds[to], &plan).unwrap();
+        if let Some((to, change)) = swap {
+            plan = Plan::replacing(&worlds[to], &plan, change).unwrap();
             cycle.swap(Box::new(plan.clone()));
-            plans.push(to);
+            plans.push((to, change));
         }
         if taken.contains(&k) {
             let mut snapshot = Snapshot::EMPTY;
@@ -154,13 +156,14 @@ impl Life {
     fn log(&self, profile: SafetyProfile, records: impl Iterator<Item = usize>) -> Vec<u8> {
         let mut writer: Option<LogWriter<Vec<u8>>> = None;
         for record in records.filter_map(|at| self.records.get(at)) {
-            let world = &self.worlds[self.plans[record.plan as usize]];
+            let (world, change) = self.plans[record.plan as usize];
+            let world = &self.worlds[world];
             let writer = writer.get_or_insert_with(|| {
                 let header = Header { profile, plan: record.plan, ..header("") };
                 LogWriter::new(Vec::new(), world, &header, Origin::Live(0)).unwrap()
             });
             if writer.plan() != record.plan {
-                writer.begin_at(record.sample, record.plan, world).unwrap();
+                writer.begin_at(record.sample, record.plan, world, change).unwrap();
             }
             let snapshot = self.snapshots.iter().find(|snapshot| snapshot.sample == record.sample);
             writer.write_record(record, snapshot).unwrap();
@@ -257,7 +260,7 @@ fn a_state_of_another_version_is_ignored() {
     let at = bytes.windows(name.len()).position(|window| window == name).unwrap();
     // After its name: its media type, and the length of its content.
     let data = at + name.len() + 4 + "application/octet-stream".len() + 8;
-    assert_eq!(bytes[data], 5);
+    assert_eq!(bytes[data], 6);
     let length = u64::from_le_bytes(bytes[data - 8..data].try_into().unwrap()) as usize;
     bytes[data] = 1;
     // 0: no checksum.

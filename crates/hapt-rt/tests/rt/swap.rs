@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use hapt_core::SafetyProfile;
 use hapt_model::World;
-use hapt_rt::{Cycle, Failure, Moment, Plan, Record};
+use hapt_rt::{Change, Cycle, Failure, HandCommand, Moment, Plan, Record, SimulatedDevice};
+use hapt_sim::Grip;
 use proptest::prelude::*;
 
 use crate::common::{ScriptedDevice, armed, sample, spring};
@@ -136,5 +137,49 @@ fn a_swinging_wheel_continues_from_its_state() {
         // A lost or doubled step would be a change of the position by 1e-3 times the velocity.
         let (went, speed) = (after[0].bodies[0].0 - last.bodies[0].0, last.bodies[0].1);
         assert!((went - 1e-3 * speed).abs() < 0.05 * 1e-3 * speed.abs(), "{from} to {to}: {went} at {speed}");
+    }
+}
+
+/// A held knob that enters another world stays where it is, on the device and in the hand, and stands at that world's rest.
+#[test]
+fn a_held_knob_enters_at_the_worlds_rest_and_moves_nowhere() {
+    let knob = |law: &str| {
+        crate::common::world(&format!(
+            "[loop]\nperiod = 1e-3\nestimator = \"difference\"\n[device]\ninertia = 6.4e-4\ndamping = 1e-3\nencoder = 16384\n\
+             [[couplings]]\nbetween = [\"puck\", \"ground\"]\n{law}\n"
+        ))
+    };
+    let before = knob("kind = \"spring\"\nstiffness = 0.05");
+    let after = knob("kind = \"detent\"\ntorque = 0.02\npitch = 0.5\nphase = 0.1");
+    for turn in [0.3, -0.2, 1.7] {
+        let (device, mut hands) = SimulatedDevice::new(&before);
+        let plan = Plan::new(&before, SafetyProfile::Simulated).unwrap();
+        let mut cycle = Cycle::new(Box::new(plan.clone()), Box::new(device));
+        armed(&mut cycle);
+        hands.push(HandCommand::Grab(Grip { inertia: 1e-3, damping: 0.2, stiffness: 6.0 })).unwrap();
+        hands.push(HandCommand::Move(turn)).unwrap();
+        let mut last = sample(&mut cycle, false, None);
+        for _ in 0..2000 {
+            last = sample(&mut cycle, false, None);
+        }
+        cycle.pass(1);
+        cycle.swap(Box::new(Plan::replacing(&after, &plan, Change::Enters).unwrap()));
+        let first = cycle.sample(&Moment { periods: 1, ..Moment::default() }, None).unwrap();
+        let place = first.position - first.zero;
+        assert!((place - 0.1).abs() < 2.0 / COUNTS, "it stands at {place}");
+        assert!((first.position - last.position).abs() < 1e-6 && (first.output - last.output).abs() < 1e-9);
+        for _ in 0..500 {
+            last = sample(&mut cycle, false, None);
+        }
+        // The hand no longer holds it against the spring.
+        assert!(
+            (last.position - first.position).abs() < 0.05 * turn.abs() && last.output.abs() < 0.1 * first.output.abs(),
+            "{last:?}"
+        );
+        hands.push(HandCommand::Move(0.6)).unwrap();
+        for _ in 0..2000 {
+            last = sample(&mut cycle, false, None);
+        }
+        assert!((last.position - last.zero - 0.6).abs() < 0.01, "the hand's positions are not the world's");
     }
 }

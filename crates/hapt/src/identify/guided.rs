@@ -13,7 +13,7 @@ use hapt_identify::{Bounds, Record};
 use hapt_log::{Header, Recorder};
 use hapt_model::keys::Measure;
 use hapt_model::{Coupling, End, EstimatorKind, Law, Motion, World};
-use hapt_rt::{End as LoopEnd, Engine, Failure as DeviceFailure, LoopCommand, Plan};
+use hapt_rt::{Change, End as LoopEnd, Engine, Failure as DeviceFailure, LoopCommand, Plan};
 
 use super::{Given, positive};
 use crate::args::IdentifyArgs;
@@ -216,7 +216,7 @@ impl Experiment {
         self.last = Plan::following(&world, &self.last).map_err(Failure::input)?;
         self.plans += 1;
         if let Some(recorder) = &self.recorder {
-            recorder.plan(self.plans, &world);
+            recorder.plan(self.plans, &world, Change::Follows);
         }
         self.send(LoopCommand::Swap(Box::new(self.last.clone())))
     }

@@ -6,6 +6,7 @@ use std::process::Command;
 
 use hapt_log::{Header, Log, LogWriter, Origin};
 use hapt_model::{Source, World};
+use hapt_rt::Change;
 use hapt_sim::{Row, Simulation};
 
 use crate::common::{Ended, Running, Table, WHEEL, folder, hapt, hapt_reads, names, program, shipped};
@@ -82,7 +83,7 @@ fn a_log_of_several_worlds_converts_each_by_its_number() {
     let header = Header { device: "sim".into(), ..Header::default() };
     let mut writer = LogWriter::new(Vec::new(), &worlds[0], &header, Origin::Run).unwrap();
     for (number, world) in (0..).zip(&worlds) {
-        writer.begin(number, world).unwrap();
+        writer.begin(number, world, Change::Follows).unwrap();
         let mut run = Simulation::new(world, &world.scenarios[0]).unwrap();
         while let Some(row) = run.next() {
             writer.write_row(row.unwrap()).unwrap();
