@@ -131,7 +131,8 @@ impl Runner for BoardLoop {
         self.requests.try_send(Message::Request(request, epoch)).is_ok()
     }
 
-    fn change(&mut self, next: &WorldConfig) -> Result<(), String> {
+    fn change(&mut self, next: &WorldConfig, _: hapt_rt::Change) -> Result<(), String> {
+        // A board begins every changed world at its start, and its 0 at the puck.
         let bytes = packed(&next.world, self.profile)?;
         let change = Box::new(Change { config: next.clone(), bytes });
         self.requests.try_send(Message::Change(change)).map_err(|_| "the board is busy; set it again".into())

@@ -1,4 +1,4 @@
-//! The world of a session: its file, and the keys set over it.
+//! The worlds of a session: their files, which of them runs, and the keys set over it.
 
 use std::sync::Arc;
 
@@ -7,6 +7,7 @@ use hapt_model::{Error, Source, World};
 
 use crate::attached::Attached;
 use crate::keys::{SettableKey, adds_damper, companion, keys, may_be_set};
+use crate::messages::WorldName;
 
 /// The name of the simulated device.
 const SIMULATED: &str = "sim";
@@ -14,7 +15,14 @@ const SIMULATED: &str = "sim";
 /// Checks a world beyond what the reader checks, with the source and overrides that it was read from; errors are sentences.
 pub type Rule = fn(&World, &Source, &[String]) -> Result<(), String>;
 
-/// A world file and the keys set over it.
+/// One of the worlds of a session.
+#[derive(Clone, Debug)]
+struct Listed {
+    source: Source,
+    title: String,
+}
+
+/// The worlds that a session may run, one of them running, with the keys set over its file.
 ///
 /// ```
 /// use hapt_host::WorldConfig;
@@ -31,8 +39,11 @@ pub type Rule = fn(&World, &Source, &[String]) -> Result<(), String>;
 /// ```
 #[derive(Clone, Debug)]
 pub struct WorldConfig {
-    source: Source,
-    /// Overrides of the command line.
+    /// Of one device.
+    worlds: Arc<[Listed]>,
+    /// The place of the running one among them.
+    place: usize,
+    /// Overrides of the command line, of all of them.
     given: Vec<String>,
     /// Keys set during the session with their values, in the order in which they were first set.
     changes: Vec<(String, String)>,
@@ -62,10 +73,34 @@ impl WorldConfig {
     /// # Errors
     /// As [`World::read`], and those of the rule.
     pub fn checked(source: Source, given: Vec<String>, rule: Rule) -> Result<Self, String> {
-        let world = World::read(&source, &given).map_err(|error| error.to_string())?;
-        rule(&world, &source, &given)?;
+        WorldConfig::of(vec![source], given, rule)
+    }
+
+    /// The first of several worlds, which are of one device; the others can be entered.
+    ///
+    /// # Errors
+    /// As [`WorldConfig::checked`] of each; there is none, or two are of different devices.
+    pub fn of(sources: Vec<Source>, given: Vec<String>, rule: Rule) -> Result<Self, String> {
+        let mut worlds = Vec::new();
+        let mut first: Option<(World, String)> = None;
+        for source in sources {
+            let world = World::read(&source, &given).map_err(|error| error.to_string())?;
+            let name = source.name.clone();
+            let at = |message: String| if worlds.is_empty() { message } else { format!("{name}: {message}") };
+            rule(&world, &source, &given).map_err(at)?;
+            let title = world.title.clone().unwrap_or_else(|| name.clone());
+            match &first {
+                None => first = Some((world, name)),
+                Some((own, named)) => same_device(own, &world).map_err(|key| {
+                    format!("{name}: {key} is not that of {named}; the worlds of one session are of one device, and of the same times")
+                })?,
+            }
+            worlds.push(Listed { source, title });
+        }
+        let Some((world, _)) = first else { return Err("there is no world".into()) };
         Ok(WorldConfig {
-            source,
+            worlds: worlds.into(),
+            place: 0,
             given,
             changes: Vec::new(),
             world,
@@ -87,6 +122,10 @@ impl WorldConfig {
         if profile != SafetyProfile::Simulated {
             let attached = Attached::new(&self.world, profile)?;
             // The limits are written out only with a change: until then the world is bit-identical to the file's.
+            for Listed { source, .. } in &self.worlds[1..] {
+                let mut world = World::read(source, &self.given).map_err(|error| error.to_string())?;
+                attached.hold(&mut world).map_err(|message| format!("{}: {message}", source.name))?;
+            }
             attached.hold(&mut self.world.clone())?;
             self.attached = Some(attached);
         }
@@ -108,9 +147,31 @@ impl WorldConfig {
         &self.device
     }
 
-    /// The world file.
+    /// The file of the running world.
     pub fn source(&self) -> &Source {
-        &self.source
+        &self.worlds[self.place].source
+    }
+
+    /// The names and titles of all worlds, in the order in which they were given, and the place of the running one.
+    pub fn worlds(&self) -> (Vec<WorldName>, usize) {
+        let name = |listed: &Listed| WorldName { name: stem(&listed.source.name).into(), title: listed.title.clone() };
+        (self.worlds.iter().map(name).collect(), self.place)
+    }
+
+    /// Another of the worlds, as its file has it; nothing is changed here.
+    ///
+    /// # Errors
+    /// In a sentence: there is no such world, a file that it refers to no longer exists, or it would exceed the limits of the first.
+    pub fn entering(&self, place: usize) -> Result<Self, String> {
+        if place >= self.worlds.len() {
+            return Err(format!(
+                "there is no world {place}: they are counted from 0, and there are {}",
+                self.worlds.len()
+            ));
+        }
+        let mut next = self.clone();
+        next.place = place;
+        next.reset()
     }
 
     /// All overrides, those of the command line first.
@@ -129,7 +190,7 @@ impl WorldConfig {
     /// # Errors
     /// A file that the world refers to no longer exists.
     pub fn file(&self) -> Result<String, String> {
-        self.source.edited(&self.sets()).map_err(|error| message(&error))
+        self.source().edited(&self.sets()).map_err(|error| message(&error))
     }
 
     /// The same with a key set; nothing is changed here.
@@ -199,8 +260,8 @@ impl WorldConfig {
     }
 
     fn read(mut self) -> Result<Self, String> {
-        self.world = World::read(&self.source, &self.sets()).map_err(|error| message(&error))?;
-        (self.rule)(&self.world, &self.source, &self.sets())?;
+        self.world = World::read(self.source(), &self.sets()).map_err(|error| message(&error))?;
+        (self.rule)(&self.world, self.source(), &self.sets())?;
         if let Some(attached) = &self.attached {
             attached.hold(&mut self.world)?;
         }
@@ -215,12 +276,28 @@ impl WorldConfig {
 
     fn with_keys(mut self) -> Self {
         // The same text has been read before: this does not fail.
-        let mut keys = keys(&self.source, &self.given, &self.sets()).unwrap_or_default();
+        let mut keys = keys(self.source(), &self.given, &self.sets()).unwrap_or_default();
         if let Some(attached) = &self.attached {
             keys.iter_mut().for_each(|key| attached.bound(key));
         }
         self.keys = keys.into();
         self
+    }
+}
+
+/// A world's name in a file's: without folders and ending.
+pub(crate) fn stem(name: &str) -> &str {
+    name.rsplit(['/', '\\']).next().unwrap_or_default().trim_end_matches(".toml")
+}
+
+/// Whether two worlds are of one device and of the same times, which describe the hardware; the error is what differs.
+fn same_device(one: &World, other: &World) -> Result<(), &'static str> {
+    let times = |world: &World| (world.sampling.delay, world.sampling.delay_max, world.sampling.interval_max);
+    match () {
+        () if one.motion != other.motion => Err("its motion"),
+        () if one.device != other.device => Err("its [device]"),
+        () if times(one) != times(other) => Err("its loop.delay, loop.delay_max or loop.interval_max"),
+        () => Ok(()),
     }
 }
 
@@ -330,6 +407,25 @@ mod tests {
             ("couplings.1", "1".to_string()),
         ] {
             assert!(before.with(key, &value).is_err(), "{key} = {value}");
+        }
+    }
+
+    #[test]
+    fn the_limits_on_a_motor_are_those_of_the_first_world_whichever_runs() {
+        let file = |name: &str, safety: &str| {
+            let text = WHEEL.replace("[bodies.wheel]", &format!("[safety]\n{safety}\n[bodies.wheel]"));
+            Source::from_text(name, text.replace("[loop]", "[loop]\nestimator = \"difference\""))
+        };
+        let wide = "overspeed = \"90 rad/s\"\nstall = \"0 s\"\nlink = \"60 s\"\ntorque = \"2 N m\"\nenergy = \"9 J\"";
+        let files = vec![file("own.toml", "overspeed = \"30 rad/s\""), file("wide.toml", wide)];
+        for profile in [SafetyProfile::Certified, SafetyProfile::Uncertified] {
+            let own = WorldConfig::of(files.clone(), Vec::new(), |_, _, _| Ok(())).unwrap();
+            let own = own.on("motor".into(), profile).unwrap();
+            let entered = own.entering(1).unwrap();
+            assert_eq!((entered.source().name.as_str(), entered.generation), ("wide.toml", 1));
+            assert_eq!(entered.world.limits(profile), own.world.limits(profile));
+            let back = entered.with("loop.period", "2 ms").unwrap().entering(0).unwrap();
+            assert_eq!((back.world.limits(profile), back.changes()), (own.world.limits(profile), &[][..]));
         }
     }
 

@@ -5,7 +5,9 @@ use std::time::Duration;
 use hapt_core::{Request, SafetyProfile};
 #[cfg(not(target_family = "wasm"))]
 use hapt_rt::Settings;
-use hapt_rt::{Device, End, Engine, Epoch, Failure, LoopCommand, LoopHandle, Outside, Plan, Realtime, Record, Stepper};
+use hapt_rt::{
+    Change, Device, End, Engine, Epoch, Failure, LoopCommand, LoopHandle, Outside, Plan, Realtime, Record, Stepper,
+};
 
 use crate::config::WorldConfig;
 use crate::error::Error;
@@ -82,8 +84,9 @@ impl Runner for LocalLoop {
         self.engine.send_of(LoopCommand::Request(request), epoch).is_ok()
     }
 
-    fn change(&mut self, next: &WorldConfig) -> Result<(), String> {
-        let plan = Box::new(Plan::following(&next.world, &self.plan).map_err(|error| error.to_string())?);
+    fn change(&mut self, next: &WorldConfig, change: Change) -> Result<(), String> {
+        let plan = Plan::replacing(&next.world, &self.plan, change).map_err(|error| error.to_string())?;
+        let plan = Box::new(plan);
         self.engine.send(LoopCommand::Swap(plan.clone())).map_err(|_| "the loop is busy; set it again")?;
         self.plan = plan;
         Ok(())

@@ -7,6 +7,7 @@ use std::time::Duration;
 use hapt_core::{Phase, Reason, Request};
 use hapt_rt::Epoch;
 
+use crate::config::stem;
 use crate::frames::Frames;
 use crate::machine::{StationView, WheelView};
 use crate::messages::{ClientMessage, Command, Realtime, RecordingInfo, ServerMessage, Status, TimingInfo};
@@ -21,6 +22,9 @@ const STATUS_PERIOD: Duration = Duration::from_millis(200);
 /// The refusal of a change of the world while the device is a game wheel.
 const FIXED: &str =
     "the world cannot change while a game uses the wheel; end hapt wheel, and start it with --set KEY=VALUE";
+
+/// The refusal of another world at a station.
+const STAYS: &str = "a station of a network keeps its world: its links count from that world's 0";
 
 /// A session with the messages for its pages. The caller decides which client may send what.
 pub struct PageSession {
@@ -51,7 +55,7 @@ impl PageSession {
             if let ClientMessage::Set { key, .. } = &message {
                 return Some(refused(key, FIXED.into()));
             }
-            if matches!(message, ClientMessage::Sets { .. } | ClientMessage::Reset) {
+            if matches!(message, ClientMessage::Sets { .. } | ClientMessage::Reset | ClientMessage::Enter { .. }) {
                 return Some(refused("", FIXED.into()));
             }
         }
@@ -81,6 +85,8 @@ impl PageSession {
             }
             ClientMessage::File => return Some(self.file()),
             ClientMessage::Reset => return self.submit(client, Task::Reset),
+            ClientMessage::Enter { .. } if self.session.network().is_some() => return Some(refused("", STAYS.into())),
+            ClientMessage::Enter { world } => return self.submit(client, Task::Enter { world }),
             ClientMessage::Restart => return self.session.restart(epoch).err().map(|why| refused("", why)),
             ClientMessage::Scenario { name: None } => self.session.release(),
             ClientMessage::Scenario { name: Some(name) } => {
@@ -110,7 +116,7 @@ impl PageSession {
     /// The world that runs as a file, or the reason that there is none.
     fn file(&self) -> ServerMessage {
         let config = self.session.config();
-        let name = config.source().name.rsplit(['/', '\\']).next().unwrap_or_default().trim_end_matches(".toml");
+        let name = stem(&config.source().name);
         match config.file() {
             Ok(text) => ServerMessage::File { name: format!("{name}.toml"), text },
             Err(message) => ServerMessage::Refused { key: String::new(), message },

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use hapt_core::Request;
-use hapt_rt::{Epoch, LoopHandle, Realtime, Record};
+use hapt_rt::{Change, Epoch, LoopHandle, Realtime, Record};
 
 use crate::config::WorldConfig;
 use crate::error::Error;
@@ -22,7 +22,7 @@ pub(crate) trait Runner: Send {
     ///
     /// # Errors
     /// In a sentence; nothing has changed.
-    fn change(&mut self, next: &WorldConfig) -> Result<(), String>;
+    fn change(&mut self, next: &WorldConfig, change: Change) -> Result<(), String>;
 
     /// Advances a loop without a thread to the time `now`, counted from any instant; other loops have a clock.
     fn advance(&mut self, _now: Duration) {}

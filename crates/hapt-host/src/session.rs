@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use hapt_core::{Phase, Reason, Request, SafetyProfile};
 use hapt_model::World;
-use hapt_rt::{Epoch, LoopHandle, Realtime, Record, Timing};
+use hapt_rt::{Change, Epoch, LoopHandle, Realtime, Record, Timing};
 use hapt_sim::script;
 
 use crate::config::WorldConfig;
@@ -327,7 +327,8 @@ impl Session {
         Ok(())
     }
 
-    /// Queues a task for this client, a number that its refusals repeat. Consecutive changes of one key replace each other.
+    /// Queues a task for this client, a number that its refusals repeat. Consecutive changes of one key replace each other, and so do worlds to
+    /// enter.
     ///
     /// # Errors
     /// In a sentence: too many tasks are queued.
@@ -348,6 +349,12 @@ impl Session {
             && before == key
         {
             sets.clone_from(next);
+            return Ok(());
+        }
+        if let (Some((last, Task::Enter { world: before })), Task::Enter { world }) = (self.tasks.back_mut(), &task)
+            && *last == client
+        {
+            *before = *world;
             return Ok(());
         }
         if self.tasks.len() >= MAX_TASKS {
@@ -452,8 +459,8 @@ impl Session {
                 self.events.push_back(Event::Rejected(error));
                 let mut back = *running;
                 back.generation = self.config.generation.wrapping_add(1);
-                if self.runner.change(&back).is_ok() {
-                    self.changed(back);
+                if self.runner.change(&back, Change::Follows).is_ok() {
+                    self.changed(back, Change::Follows);
                 }
             }
         }
@@ -480,15 +487,23 @@ impl Session {
                 let message = "the board has gone back to the world that it had; set it again";
                 self.refuse(client, &task, message.into());
             }
-            Ok(Made::World(next)) => match self.runner.change(&next) {
-                Ok(()) => self.changed(*next),
-                Err(message) => self.refuse(client, &task, message),
-            },
+            Ok(Made::World(next)) => {
+                let change = task.change();
+                if change == Change::Enters {
+                    // Its 0 is elsewhere: a hand with another target would move the puck suddenly.
+                    self.release();
+                    self.hand.send();
+                }
+                match self.runner.change(&next, change) {
+                    Ok(()) => self.changed(*next, change),
+                    Err(message) => self.refuse(client, &task, message),
+                }
+            }
             Err(message) => self.refuse(client, &task, message),
         }
     }
 
-    fn changed(&mut self, next: WorldConfig) {
+    fn changed(&mut self, next: WorldConfig, change: Change) {
         if next.world.sampling.period != self.config.world.sampling.period {
             self.timing = Timing::new();
         }
@@ -498,7 +513,7 @@ impl Session {
         }
         self.worlds.push_back((self.config.generation, self.config.world.clone()));
         if let Some(recording) = &mut self.recording {
-            recording.change(self.config.generation, &self.config.world);
+            recording.change(self.config.generation, &self.config.world, change);
         }
         self.events.push_back(Event::Changed);
     }

@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use hapt_core::SafetyProfile;
+use hapt_rt::Change;
 
 use crate::config::WorldConfig;
 use crate::recording::Recording;
@@ -29,16 +30,29 @@ pub enum Task {
     },
     /// Set every key back to the file's value.
     Reset,
+    /// Enter one of the session's worlds.
+    Enter {
+        /// Its place.
+        world: usize,
+    },
     /// Start a recording.
     Record,
 }
 
 impl Task {
+    /// How the world that it makes takes the place of the one before.
+    pub fn change(&self) -> Change {
+        match self {
+            Task::Enter { .. } => Change::Enters,
+            Task::Sets { .. } | Task::Reset | Task::Record => Change::Follows,
+        }
+    }
+
     /// The key that a refusal names.
     pub fn key(&self) -> &str {
         match self {
             Task::Sets { key, .. } => key,
-            Task::Reset => "",
+            Task::Reset | Task::Enter { .. } => "",
             Task::Record => "record",
         }
     }
@@ -144,6 +158,7 @@ impl Job {
             Task::Sets { sets, only: true, .. } => config.with_only(&sets)?,
             Task::Sets { sets, .. } => config.with_all(&sets)?,
             Task::Reset => config.reset()?,
+            Task::Enter { world } => config.entering(world)?,
             Task::Record => {
                 let station = station.as_deref();
                 return Recording::in_folder(&folder, &config, profile, linked, station).map(Made::Recording);

@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let (own, other) = UnixStream::pair()?;
     let options = Options {
-        source: builtin::source("@devices/game-wheel")?,
+        worlds: vec![builtin::source("@devices/game-wheel")?],
         sets: vec!["safety.late=count".into()],
         address: "127.0.0.1:0".parse()?,
         folder: std::env::args_os().nth(1).unwrap_or_else(|| ".".into()).into(),

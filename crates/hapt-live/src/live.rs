@@ -24,9 +24,9 @@ pub const PORT: u16 = 4278;
 /// The options of a loop behind a page.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// The world file.
-    pub source: Source,
-    /// `KEY=VALUE` overrides of it.
+    /// The world files, of one device; the first runs, and pages may enter the others.
+    pub worlds: Vec<Source>,
+    /// `KEY=VALUE` overrides of all of them.
     pub sets: Vec<String>,
     /// The address to listen on; port 0: any free port.
     pub address: SocketAddr,
@@ -89,7 +89,7 @@ fn listening(address: &SocketAddr, error: &io::Error) -> String {
 ///
 /// let file = "loop.period = \"1 ms\"\ndevice = { inertia = \"6.4e-4 kg m^2\", damping = \"1e-3 N m s/rad\" }\n";
 /// let options = Options {
-///     source: Source::from_text("free.toml", file),
+///     worlds: vec![Source::from_text("free.toml", file)],
 ///     sets: Vec::new(),
 ///     address: "127.0.0.1:0".parse()?,
 ///     folder: ".".into(),
@@ -126,8 +126,8 @@ impl Live {
         options: Options,
         open: impl FnOnce(&World) -> Result<Machine, E>,
     ) -> Result<Live, E> {
-        let Options { source, sets, address, folder } = options;
-        let config = WorldConfig::checked(source, sets, rule::check).map_err(Error::World)?;
+        let Options { worlds, sets, address, folder } = options;
+        let config = WorldConfig::of(worlds, sets, rule::check).map_err(Error::World)?;
         let refused = |error| Error::Address { address, error };
         let listener = TcpListener::bind(address).map_err(refused)?;
         listener.set_nonblocking(true).map_err(Error::System)?;

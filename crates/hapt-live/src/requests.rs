@@ -92,6 +92,7 @@ impl SharedSession {
             | ClientMessage::Sets { .. }
             | ClientMessage::Reset
             | ClientMessage::File
+            | ClientMessage::Enter { .. }
             | ClientMessage::Restart
             | ClientMessage::Scenario { .. }
             | ClientMessage::Record { .. }

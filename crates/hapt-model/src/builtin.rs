@@ -43,11 +43,17 @@ const WORLDS: &[(&str, &str)] = worlds! {
     "knob/flywheel"
     "knob/spring-mass"
     "knob/texture"
+    "knob/menu"
 };
 
 /// The names, each with its `@`.
 pub fn names() -> impl Iterator<Item = String> {
     WORLDS.iter().map(|(name, _)| format!("@{name}"))
+}
+
+/// The names of a group, `@knob`: those with its name before theirs.
+pub fn group(name: &str) -> impl Iterator<Item = String> {
+    names().filter(move |known| known.strip_prefix(name).is_some_and(|rest| rest.starts_with('/')))
 }
 
 /// The world called `name`, its `@` with it. Path files are looked for in the current folder.

@@ -2,7 +2,7 @@
 
 use std::io::{IsTerminal, stderr};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 use std::time::Duration;
 
@@ -23,7 +23,7 @@ use crate::messages::{notes, print, say};
 use crate::output;
 use crate::phone;
 use crate::signals;
-use crate::world::{read_system, read_world, source};
+use crate::world::{read_system, read_world, sources};
 
 /// The default world: the notes' wheel under the default method, which is certified.
 const WHEEL: &str = "@notes/default";
@@ -38,14 +38,26 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
 pub fn with(args: &LiveArgs, steering: Option<Steering>) -> Result<ExitCode, Failure> {
     let device = device(&args.device)?;
     let address = SocketAddr::new(listen(args.listen.as_deref())?, args.port);
-    let source = source(args.path.as_deref().unwrap_or(Path::new(WHEEL)))?;
-    if is_network(&source) {
-        return stations(args, &device, address, &source);
+    let worlds = if args.paths.is_empty() { sources(Path::new(WHEEL))? } else { listed(&args.paths)? };
+    match &worlds[..] {
+        [network] if is_network(network) => return stations(args, &device, address, network),
+        worlds => {
+            if let Some(network) = worlds.iter().find(|source| is_network(source)) {
+                return Err(Failure::input(format!("{}: is a network, which runs alone", network.name)));
+            }
+        }
     }
     let mut sets = args.sets.clone();
-    let world = read_world(&source, &sets)?;
-    sets.extend(device.overrides(&world)?);
-    let options = Options { source, sets, address, folder: args.log_dir.clone() };
+    // The first is the one that starts; the others are of its device.
+    let mut overrides = Vec::new();
+    for (place, source) in worlds.iter().enumerate() {
+        let world = read_world(source, &sets)?;
+        if place == 0 {
+            overrides = device.overrides(&world)?;
+        }
+    }
+    sets.extend(overrides);
+    let options = Options { worlds, sets, address, folder: args.log_dir.clone() };
     output::folder("--log-dir", &args.log_dir)?;
     // Before anything can hold a torque: a signal takes it off first.
     signals::end_in_order();
@@ -65,6 +77,15 @@ pub fn with(args: &LiveArgs, steering: Option<Steering>) -> Result<ExitCode, Fai
         say(drives::NOT_CERTIFIED);
     }
     serve(args, vec![live], wheel, |links| format!("{}\n", links.join("\n")))
+}
+
+/// The worlds of several paths.
+fn listed(paths: &[PathBuf]) -> Result<Vec<Source>, Failure> {
+    let mut worlds = Vec::new();
+    for path in paths {
+        worlds.extend(sources(path)?);
+    }
+    Ok(worlds)
 }
 
 /// Prints the links to the pages, and serves them until a signal comes or a loop has failed.
@@ -153,7 +174,7 @@ fn stations(
             Failure::input(text)
         })?;
         let options = Options {
-            source: station.source.clone(),
+            worlds: vec![station.source.clone()],
             sets: station.sets.clone(),
             address: SocketAddr::new(address.ip(), port),
             folder: args.log_dir.clone(),

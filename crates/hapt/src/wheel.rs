@@ -53,7 +53,7 @@ pub fn run(args: &WheelArgs) -> Result<ExitCode, Failure> {
     }
     if args.page {
         let live = LiveArgs {
-            path: Some(path),
+            paths: vec![path],
             sets,
             port: args.port,
             device: args.device.clone(),

@@ -31,6 +31,30 @@ pub fn source(path: &Path) -> Result<Source, Failure> {
     }
 }
 
+/// The sources of WORLD where several are taken: all worlds of a folder, by name, those of a built-in group, as `@knob`, or one ([`source`]).
+pub fn sources(path: &Path) -> Result<Vec<Source>, Failure> {
+    if let Some(name) = path.to_str().filter(|name| name.starts_with('@')) {
+        let group: Vec<String> = builtin::group(name).collect();
+        if !group.is_empty() {
+            return group.iter().map(|name| Ok(builtin::source(name)?)).collect();
+        }
+    }
+    if !path.is_dir() {
+        return Ok(vec![source(path)?]);
+    }
+    let failed = |error: std::io::Error| Failure::input(format!("{}: {error}", path.display()));
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(path).map_err(failed)? {
+        files.push(entry.map_err(failed)?.path());
+    }
+    files.retain(|file| file.extension().is_some_and(|ending| ending == "toml"));
+    files.sort();
+    if files.is_empty() {
+        return Err(Failure::input(format!("{}: a folder without a world file (*.toml)", path.display())));
+    }
+    files.iter().map(|file| source(file)).collect()
+}
+
 /// The files that a world at `path` is read from, which no output may replace: its own, and the paths of its hands.
 pub fn files(path: &Path, world: &World) -> Vec<(&'static str, PathBuf)> {
     let folder = path.parent().unwrap_or(Path::new(""));

@@ -62,6 +62,11 @@ pub enum ClientMessage {
     File,
     /// Sets every key back to the file's value.
     Reset,
+    /// Enters one of the session's worlds.
+    Enter {
+        /// Its place, from 0.
+        world: usize,
+    },
     /// Restarts a simulated device: puck at rest at 0, world at its start, armed.
     Restart,
     /// Plays a scenario; `None`: ends it.
@@ -164,6 +169,7 @@ impl ClientMessage {
             | ClientMessage::Hand { .. }
             | ClientMessage::Reset
             | ClientMessage::File
+            | ClientMessage::Enter { .. }
             | ClientMessage::Restart
             | ClientMessage::Scenario { .. }
             | ClientMessage::Record { .. }
@@ -208,6 +214,7 @@ mod tests {
             (r#"{"type":"sets","sets":[],"only":true}"#, ClientMessage::Sets { sets: vec![], only: true }),
             (r#"{"type":"file"}"#, ClientMessage::File),
             (r#"{"type":"reset"}"#, ClientMessage::Reset),
+            (r#"{"type":"enter","world":2}"#, ClientMessage::Enter { world: 2 }),
             (r#"{"type":"restart"}"#, ClientMessage::Restart),
             (r#"{"type":"scenario","name":"step"}"#, ClientMessage::Scenario { name: Some("step".into()) }),
             (r#"{"type":"scenario","name":null}"#, ClientMessage::Scenario { name: None }),
@@ -235,6 +242,7 @@ mod tests {
             "{\"type\":\"hand\",\"grip\":true,\"position\":1e999}",
             "{\"type\":\"hand\",\"grip\":true,\"position\":1e5}",
             "{\"type\":\"hello\",\"v\":-1}",
+            "{\"type\":\"enter\",\"world\":-1}",
             "{\"type\":\"sets\",\"sets\":[[\"loop.period\"]]}",
             &long,
             &unknown,

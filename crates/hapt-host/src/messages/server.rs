@@ -73,6 +73,10 @@ pub struct WorldInfo {
     pub generation: u32,
     /// Its title, or its file's name.
     pub title: String,
+    /// The worlds that can be entered, itself among them.
+    pub worlds: Vec<WorldName>,
+    /// Its place among them, from 0.
+    pub place: usize,
     /// `rotary` or `linear`.
     pub motion: &'static str,
     /// The units of the telemetry.
@@ -97,6 +101,15 @@ pub struct WorldInfo {
     pub changes: Vec<(String, String)>,
     /// The columns of the telemetry.
     pub columns: Vec<ColumnInfo>,
+}
+
+/// One of the worlds of a session.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct WorldName {
+    /// Its file's, without folders and ending.
+    pub name: String,
+    /// Its title, or its file's name.
+    pub title: String,
 }
 
 /// SI units by dimension.

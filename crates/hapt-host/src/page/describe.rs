@@ -13,9 +13,12 @@ use crate::messages::{BodyInfo, ScenarioInfo, Units, WorldInfo};
 pub fn describe(config: &WorldConfig) -> WorldInfo {
     let world = &config.world;
     let motion = world.motion;
+    let (worlds, place) = config.worlds();
     WorldInfo {
         generation: config.generation,
-        title: world.title.clone().unwrap_or_else(|| config.source().name.clone()),
+        title: worlds[place].title.clone(),
+        worlds,
+        place,
         motion: motion.name(),
         units: Units {
             position: Measures::Position.unit(motion),

@@ -8,7 +8,7 @@ use hapt_core::SafetyProfile;
 use hapt_log::Header;
 pub(crate) use hapt_log::Recorder;
 use hapt_model::World;
-use hapt_rt::Record;
+use hapt_rt::{Change, Record};
 
 use super::RecordingStatus;
 use crate::config::WorldConfig;
@@ -78,8 +78,8 @@ impl Recording {
     }
 
     /// Announces the world of the samples from `generation` on.
-    pub(crate) fn change(&mut self, generation: u32, world: &World) {
-        self.recorder.plan(generation, world);
+    pub(crate) fn change(&mut self, generation: u32, world: &World, change: Change) {
+        self.recorder.plan(generation, world, change);
     }
 
     /// Whether it waits for the sample from which a replay can begin.

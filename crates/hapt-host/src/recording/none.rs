@@ -27,7 +27,7 @@ impl Recording {
         Err(super::NO_FILES.into())
     }
 
-    pub(crate) fn change(&mut self, _: u32, _: &World) {
+    pub(crate) fn change(&mut self, _: u32, _: &World, _: Change) {
         match *self {}
     }
 

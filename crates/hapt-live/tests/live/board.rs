@@ -45,7 +45,12 @@ stiffness = "0.1 N m/rad"
 fn plugged(folder: &str) -> (SimulatedBoard, Live) {
     let source = Source::from_text("push.toml", PUSH);
     let board = SimulatedBoard::start(BOARD, World::read(&source, &[]).unwrap().device_spec()).unwrap();
-    let options = Options { source, sets: Vec::new(), address: "127.0.0.1:0".parse().unwrap(), folder: folder.into() };
+    let options = Options {
+        worlds: vec![source],
+        sets: Vec::new(),
+        address: "127.0.0.1:0".parse().unwrap(),
+        folder: folder.into(),
+    };
     let live = Live::start_on(options, |_| {
         let link = Box::new(Link::open(board.path())?);
         let (name, profile) = ("hapt:table".into(), SafetyProfile::Certified);

@@ -11,3 +11,4 @@ mod network;
 mod page;
 mod record;
 mod talk;
+mod worlds;

@@ -19,7 +19,7 @@ fn on_a_motor_with(profile: SafetyProfile, world: &str, more: &[&str]) -> (Live,
     let sets = ["loop.period=2 ms", "loop.estimator=difference", "safety.stall=0 s", "device.damping=5e-3 N m s/rad"];
     let sets: Vec<&str> = sets.iter().chain(more).copied().collect();
     let options = Options {
-        source,
+        worlds: vec![source],
         sets: sets.into_iter().map(String::from).collect(),
         address: "127.0.0.1:0".parse().unwrap(),
         folder: ".".into(),

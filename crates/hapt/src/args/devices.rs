@@ -287,10 +287,10 @@ pub struct ConformArgs {
 
 #[derive(Debug, clap::Args)]
 pub struct LiveArgs {
-    /// The world file, - or @NAME; default: the notes' wheel.
+    /// World files, - or @NAME, or a folder or group (@knob) of them: the page switches between several; default: the notes' wheel.
     #[arg(value_name = "WORLD")]
-    pub path: Option<PathBuf>,
-    /// Override a key of the world file by its dotted path, such as loop.period=2ms; repeatable.
+    pub paths: Vec<PathBuf>,
+    /// Override a key of the world files by its dotted path, such as loop.period=2ms; repeatable.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub sets: Vec<String>,
     /// The port of the page; 0: any free port.
