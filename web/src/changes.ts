@@ -63,7 +63,8 @@ export class Steps {
 }
 
 export class Changes {
-  private readonly steps = new Steps();
+  private steps = new Steps();
+  private place: number | null = null;
   /** What was set when it last differed from the file. */
   private mine: Sets = [];
   private state: Sets = [];
@@ -87,6 +88,7 @@ export class Changes {
   }
 
   world(world: World, time: number): void {
+    if (world.place !== this.place) [this.steps, this.mine, this.place] = [new Steps(), [], world.place];
     this.state = world.changes;
     this.steps.arrived(this.state, time);
     const known = new Map(world.keys.map((key) => [key.path, key]));

@@ -7,6 +7,8 @@ const TURNING: Record<string, number> = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: 
 
 /** Between two messages, in ms. */
 const PAUSE = 15;
+/** A press is shorter than this, in ms, and moves the pointer by less, in pixels. */
+const [BRIEF, STILL] = [400, 4];
 
 export class Hand {
   /** What it means to be at; nothing while it holds nothing. */
@@ -15,6 +17,9 @@ export class Hand {
   allowed = false;
   private readonly stage: Stage;
   private readonly link: Peer;
+  private readonly pressed: () => void;
+  /** Where and when the pointer came down; `null` where it has turned the puck. */
+  private began: { x: number; y: number; time: number } | null = null;
   private pointer: number | null = null;
   private offset = 0;
   private sent: number | null = null;
@@ -23,14 +28,19 @@ export class Hand {
   private then = 0;
   private told = 0;
 
-  constructor(stage: Stage, link: Peer) {
-    this.stage = stage;
-    this.link = link;
+  /** `pressed`: the puck was pressed and not turned. */
+  constructor(stage: Stage, link: Peer, pressed: () => void = () => {}) {
+    [this.stage, this.link, this.pressed] = [stage, link, pressed];
     const svg = stage.svg;
     svg.addEventListener("pointerdown", (event) => this.down(event));
     svg.addEventListener("pointermove", (event) => this.move(event));
     for (const end of ["pointerup", "pointercancel", "lostpointercapture"] as const) {
-      svg.addEventListener(end, (event) => event.pointerId === this.pointer && this.release());
+      svg.addEventListener(end, (event) => {
+        if (event.pointerId !== this.pointer) return;
+        const isPress = end === "pointerup" && this.began !== null && event.timeStamp - this.began.time < BRIEF;
+        this.release();
+        if (isPress) this.pressed();
+      });
     }
     svg.addEventListener("keydown", (event) => this.key(event));
     svg.addEventListener("keyup", (event) => this.keys.delete(event.key) && this.keys.size === 0 && !this.kept && this.release());
@@ -82,6 +92,7 @@ export class Hand {
     if (place === null) return;
     this.grab();
     this.pointer = event.pointerId;
+    this.began = { x: event.clientX, y: event.clientY, time: event.timeStamp };
     // The wheel stays where it is under the finger.
     this.offset = this.intended! - place;
     this.stage.svg.setPointerCapture(event.pointerId);
@@ -89,6 +100,7 @@ export class Hand {
 
   private move(event: PointerEvent): void {
     if (event.pointerId !== this.pointer || this.intended === null) return;
+    if (this.began && Math.hypot(event.clientX - this.began.x, event.clientY - this.began.y) > STILL) this.began = null;
     const place = this.point(event);
     if (place !== null) this.intended = this.stage.geometry.unwrap(place + this.offset, this.intended);
   }

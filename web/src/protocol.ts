@@ -14,6 +14,7 @@ export type ToServer =
   | { type: "hand"; grip: boolean; position: number }
   | { type: "set"; key: string; value: string }
   | { type: "sets"; sets: Sets; only?: boolean }
+  | { type: "enter"; world: number }
   | { type: "scenario"; name: string | null }
   | { type: "record"; on: boolean }
   | { type: "focus"; key: string }
@@ -66,6 +67,9 @@ export interface World {
   type: "world";
   generation: number;
   title: string;
+  /** The worlds that can be entered, by the names of their files, and the place of this one. */
+  worlds: { name: string; title: string }[];
+  place: number;
   motion: "rotary" | "linear";
   units: { position: string; velocity: string; effort: string };
   period_s: number;

@@ -24,6 +24,7 @@ import { tabs } from "./tabs.ts";
 import { Timing } from "./timing.ts";
 import { steady, units, type Units } from "./units.ts";
 import { VerdictCard } from "./verdict.ts";
+import { Worlds } from "./worlds.ts";
 
 const WINDOWS = [2, 5, 10];
 /** The device with a hand that a page can move. */
@@ -54,7 +55,13 @@ export function single(recorded: Recorded | undefined): void {
   const timing = new Timing(byId("timing"));
   const listener = { message, frame: arrived, connection };
   const link: Peer = recorded ? new Local(listener, recorded) : new Link(listener);
-  const hand = new Hand(stage, link);
+  const hand = new Hand(stage, link, () => worlds.press());
+  const worlds = new Worlds(byId("worlds"), byId("choice"), (place) => {
+    scenarioStart.cancel();
+    // Where the puck is the other world has its own 0.
+    hand.release();
+    link.send({ type: "enter", world: place });
+  });
   const set = (key: string, value: string) => void link.send({ type: "set", key, value });
   const verdict = new VerdictCard(byId("sentences"), byId("verdict"), byId("strip"), (sets) => void link.send({ type: "sets", sets }), (key, value) => described(key, value, world?.keys.find(({ path }) => path === key)));
   const changes = new Changes(
@@ -143,6 +150,7 @@ export function single(recorded: Recorded | undefined): void {
   function bar(): void {
     showBar(desk);
     changes.show(desk.up && desk.mine);
+    worlds.allow(desk.up && desk.mine);
   }
 
   function countdown(): void {
@@ -173,6 +181,8 @@ export function single(recorded: Recorded | undefined): void {
     legend.show(next);
     gauge.show(stage.strongest, next.limit !== null, shown);
     knobs.show(next);
+    if (before && before.place !== next.place) hand.release();
+    worlds.show(next);
     changes.world(next, performance.now());
     verdict.outdated();
     euler.world(next);
@@ -185,7 +195,7 @@ export function single(recorded: Recorded | undefined): void {
     byId("restart").hidden = next.device !== SIMULATED;
     mayGrab();
     const names = (of: World | null) => of?.scenarios.map(({ name }) => name).join(" ");
-    if (!before || before.device !== next.device || names(before) !== names(next)) experiments(next);
+    if (!before || before.device !== next.device || before.place !== next.place || names(before) !== names(next)) experiments(next);
     bar();
   }
 
@@ -205,6 +215,7 @@ export function single(recorded: Recorded | undefined): void {
   function arrived(next: Frame): void {
     frame = next;
     fresh = true;
+    worlds.frame(next.generation, next.last[COLUMN.puck]!);
     if (!plots.paused && world && next.last.length === COLUMN.bodies + 2 * world.bodies.length) history.add(next);
   }
 
@@ -273,6 +284,10 @@ export function single(recorded: Recorded | undefined): void {
     scenarioStart.cancel();
     hand.release();
     link.send({ type: "order", order: "stop" });
+  });
+  addEventListener("keydown", (event) => {
+    const onKnob = event.target === document.body || event.target === stage.svg;
+    if (event.key === "Enter" && onKnob && !event.repeat) worlds.press();
   });
   press("take", () => link.send({ type: "take" }));
   press("reset", () => link.send({ type: "reset" }));

@@ -67,6 +67,34 @@ fn a_page_for_other_machines_has_a_token_in_its_link_and_that_is_said() {
     running.until("the token printed once", |out, err| !err.contains(token) && out.matches(token).count() == 1);
 }
 
+#[test]
+fn several_worlds_are_of_one_device_and_no_network() {
+    let other = WHEEL.replace("6.4e-4", "6.5e-4");
+    let knob = "loop.period = \"1 ms\"\ndevice.inertia = 1e-3\n";
+    let network = "stations.one.world = \"wheel.toml\"\nstations.two.world = \"wheel.toml\"\nlinks = [{ kind = \"spring\", between = [\"one\", \"two\"], stiffness = 0.05, age_max = \"50 ms\" }]\n";
+    let at = folder(&[("wheel.toml", WHEEL), ("other.toml", &other), ("pair.toml", network)]);
+    for (name, text) in [("knobs/a.toml", knob), ("knobs/b.toml", knob), ("none/a.txt", "")] {
+        let path = at.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    }
+    for worlds in [&["knobs"][..], &["knobs/a.toml", "knobs/b.toml"], &["@knob"]] {
+        let args: Vec<&str> = ["live", "--port", "0"].iter().chain(worlds).copied().collect();
+        drop(started(at.path(), &args));
+    }
+    for (worlds, words) in [
+        (&["wheel.toml", "other.toml"][..], &["other.toml", "[device]", "wheel.toml", "one device"][..]),
+        (&["knobs", "wheel.toml"], &["wheel.toml", "[device]", "a.toml"]),
+        (&["wheel.toml", "pair.toml"], &["pair.toml", "network"]),
+        (&["none"], &["none", "*.toml"]),
+        (&["knobs", "gone.toml"], &["gone.toml"]),
+        (&["@nob"], &["@nob", "did you mean"]),
+    ] {
+        let args: Vec<&str> = ["live", "--port", "0"].iter().chain(worlds).copied().collect();
+        Running::start(program(at.path(), args)).end().refused(2, words);
+    }
+}
+
 /// The examples of its help, at any free port, up to their first line and ended then.
 #[cfg(unix)]
 #[test]
