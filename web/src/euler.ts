@@ -1,7 +1,7 @@
 // One press to forward Euler, by which a swing without damping grows, and one back.
 
 import { button } from "./dom.ts";
-import type { Key, Sets, Verdict, World } from "./protocol.ts";
+import type { Key, Sets, Judged, World } from "./protocol.ts";
 
 const METHOD = "loop.method";
 const EULER = "forward-euler";
@@ -43,7 +43,7 @@ export class Euler {
   }
 
   /** It breaks what is certified and has a swing that nothing damps: under forward Euler every such swing grows. */
-  verdict({ certified, held }: Verdict): void {
+  verdict({ certified, held }: Judged): void {
     if (this.method !== EULER) this.breaks = certified === true && held.some(([re, im]) => im !== 0 && Math.abs(Math.hypot(re, im) - 1) < 1e-9);
     this.show();
   }

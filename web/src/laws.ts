@@ -15,7 +15,7 @@ export function grounded(coupling: Coupling): Coupling {
     phase: -(phase ?? 0),
     torque: kind === "constant" ? -(torque ?? 0) : (torque ?? 0),
     // Its torque is odd in its sines, and even in its cosines.
-    cosine: cosine?.map((factor) => -factor) ?? null,
+    ...(cosine && { cosine: cosine.map((factor) => -factor) }),
   };
 }
 

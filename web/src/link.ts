@@ -1,6 +1,6 @@
 // The websocket: sends the hello, keeps the hand alive, and reconnects by itself after growing pauses.
 
-import { decode, VERSION, type Frame, type FromServer, type ToServer } from "./protocol.ts";
+import { decode, VERSION, type Frame, type Message, type ToServer } from "./protocol.ts";
 
 /** A motor's torque is off 0.3 s after the last message, its fade of 0.1 s included: three of these may be late. */
 const ALIVE_MS = 50;
@@ -8,7 +8,7 @@ const FIRST_PAUSE_MS = 250;
 const LONGEST_PAUSE_MS = 4000;
 
 export interface Listener {
-  message(message: FromServer): void;
+  message(message: Message): void;
   frame(frame: Frame): void;
   /** Up, or down with the time of the next attempt on the clock of `performance.now`. */
   connection(up: boolean, retry: number | null): void;
@@ -67,7 +67,7 @@ export class Link implements Peer {
         if (frame) this.listener.frame(frame);
         return;
       }
-      const message = JSON.parse(data) as FromServer;
+      const message = JSON.parse(data) as Message;
       if (message.type === "hello") {
         this.pause = FIRST_PAUSE_MS;
         this.listener.connection(true, null);

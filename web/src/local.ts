@@ -10,7 +10,7 @@ export interface Recorded {
   core: string;
   /** The world's text and the files that it names, as the program reads them. */
   world: unknown;
-  verdict: Verdict;
+  verdict: { type: "verdict" } & Verdict;
   /** By key, where it is certified while every other stays as in the file, in SI. */
   ranges: Record<string, [number, number][]>;
   /** What the world is called on the command line, with what was set there, and the report's file; `null`: under a cell of a notebook. */

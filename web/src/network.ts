@@ -1,7 +1,7 @@
 // The network that this wheel is a station of: its verdict, its links, and what may be changed of it for all stations.
 
 import { attribute, button, html, say } from "./dom.ts";
-import type { Network, NetworkChange } from "./protocol.ts";
+import type { NetworkChange, Stations } from "./protocol.ts";
 import { number } from "./units.ts";
 
 const STEPS = 1000;
@@ -69,7 +69,7 @@ export class NetworkCard {
   }
 
   /** `able`: this page has control. */
-  show(network: Network | undefined, able: boolean): void {
+  show(network: Stations | undefined, able: boolean): void {
     this.root.hidden = network === undefined;
     if (!network) return;
     const { certified, outdated, sentence } = network;

@@ -1,7 +1,7 @@
 // Eigenvalues a sample: the unit circle, and a lens near 1, where slow loops have theirs.
 
 import { html, svg } from "./dom.ts";
-import type { Verdict } from "./protocol.ts";
+import type { Judged } from "./protocol.ts";
 import { number } from "./units.ts";
 
 type Pole = readonly [number, number];
@@ -30,7 +30,7 @@ export class Poles {
   }
 
   /** `period`, s: the time of one multiplication by an eigenvalue. */
-  show({ held, free, held_growth_per_s, free_growth_per_s, command }: Verdict, period: number): void {
+  show({ held, free, held_growth_per_s, free_growth_per_s, command }: Judged, period: number): void {
     if (command !== undefined) return this.root.replaceChildren(html("p", { class: "soft" }, "Not computed for what has been changed here."));
     const row = (name: string, kind: string, poles: Pole[], growth: number | null) =>
       html("li", { class: kind }, html("span", {}, name), ` ${summary(poles, growth, period)}`);

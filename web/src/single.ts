@@ -16,7 +16,7 @@ import { PhoneCard } from "./phone.ts";
 import { factors, panels } from "./panels.ts";
 import { Plots, STEP } from "./plots.ts";
 import { Poles } from "./poles.ts";
-import { COLUMN, VERSION, isLive, type Frame, type FromServer, type World } from "./protocol.ts";
+import { COLUMN, VERSION, isLive, type Frame, type Message, type World } from "./protocol.ts";
 import { ScenarioStart } from "./scenario.ts";
 import { Legend, Stage } from "./stage.ts";
 import { stopOn } from "./stop.ts";
@@ -83,7 +83,7 @@ export function single(recorded: Recorded | undefined): void {
   );
   const knobs = new Knobs(byId("knobs"), { set, focus: (key) => void (desk.mine && link.send({ type: "focus", key })) });
 
-  function message(message: FromServer): void {
+  function message(message: Message): void {
     switch (message.type) {
       case "hello":
         client = message.client;

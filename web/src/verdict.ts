@@ -1,7 +1,7 @@
 // The certificate in sentences, and remedies that a press applies.
 
 import { button, html, say } from "./dom.ts";
-import type { Sets, Verdict } from "./protocol.ts";
+import type { Sets, Judged } from "./protocol.ts";
 import { number } from "./units.ts";
 
 /** As `hapt check` has them. */
@@ -55,7 +55,7 @@ export class VerdictCard {
     }, SOON);
   }
 
-  show(verdict: Verdict): void {
+  show(verdict: Judged): void {
     if (this.waiting !== null) clearTimeout(this.waiting);
     this.waiting = null;
     if (verdict.command !== undefined) return this.unjudged(verdict.certified, verdict.command);
@@ -93,7 +93,7 @@ export class VerdictCard {
     this.root.replaceChildren(html("p", {}, `${known} This command makes one:`), html("p", { class: "command" }, html("code", {}, command)));
   }
 
-  private remedies({ remedies, certified }: Verdict): HTMLElement {
+  private remedies({ remedies, certified }: Judged): HTMLElement {
     if (remedies === null) return html("p", { class: "soft" }, "Looking for remedies …");
     if (remedies.length === 0) return html("p", { class: "soft" }, certified ? "" : "No single number makes this loop certified.");
     const rows = remedies.map(({ sets, text }) => {

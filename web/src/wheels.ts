@@ -6,7 +6,7 @@ import type { Peer } from "./link.ts";
 import { Program } from "./local.ts";
 import { NetworkCard } from "./network.ts";
 import { PHASES } from "./bar.ts";
-import { COLUMN, isLive, type Frame, type FromServer, type Network, type NetworkChange, type Status, type ToServer, type World } from "./protocol.ts";
+import { COLUMN, isLive, type Frame, type Message, type NetworkChange, type Stations, type Status, type ToServer, type World } from "./protocol.ts";
 import { Legend, Stage } from "./stage.ts";
 import { stopOn } from "./stop.ts";
 import { steady, units } from "./units.ts";
@@ -79,7 +79,7 @@ class Station implements Peer {
     attribute(this.stage.svg, "aria-valuetext", `${steady(places[0]!, 100)} ${position.name}${this.hand.intended === null ? "" : ", held"}`);
   }
 
-  private message(message: FromServer): void {
+  private message(message: Message): void {
     switch (message.type) {
       case "world":
         this.world = message;
@@ -154,7 +154,7 @@ export function wheels(recorded: RecordedNetwork): void {
 }
 
 /** The network with the links of all stations. */
-function together(stations: Station[]): Network | undefined {
+function together(stations: Station[]): Stations | undefined {
   const network = stations[0]?.status?.network;
   if (!network) return undefined;
   const links = stations.flatMap(({ name, status }) => (status?.network?.links ?? []).map((link) => ({ ...link, from: name })));

@@ -13,6 +13,7 @@ pub const PERIODS: std::ops::RangeInclusive<f64> = 5e-5..=0.1;
 
 /// A key that can be set while the loop runs. Serialised, it is part of the page's protocol (docs/live.md).
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "Key"))]
 pub struct SettableKey {
     /// Dotted: `couplings.0.stiffness`.
     pub path: String,
@@ -23,6 +24,7 @@ pub struct SettableKey {
     /// What it means.
     pub doc: &'static str,
     /// `quantity`, `choice` or `whole`.
+    #[cfg_attr(test, ts(type = "\"quantity\" | \"choice\" | \"whole\""))]
     pub kind: &'static str,
     /// The value as written in the file or set.
     pub written: String,

@@ -13,3 +13,6 @@ pub use world_file::{NetworkFile, WorldFile};
 
 /// The version in the hello of both sides.
 pub const VERSION: u32 = 1;
+
+#[cfg(test)]
+mod typescript;

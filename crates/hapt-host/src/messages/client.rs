@@ -15,6 +15,7 @@ const MAX_WORD_BYTES: usize = 256;
 
 /// A message of a page.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "ToServer"))]
 #[serde(tag = "type", rename_all = "lowercase")]
 pub enum ClientMessage {
     /// The first message: the version, and the token where one is needed.
@@ -22,6 +23,7 @@ pub enum ClientMessage {
         /// [`VERSION`].
         v: u32,
         /// From the link's fragment.
+        #[cfg_attr(test, ts(optional))]
         token: Option<String>,
     },
     /// Takes control.
@@ -56,6 +58,7 @@ pub enum ClientMessage {
         sets: Vec<(String, String)>,
         /// Whether every other key goes back to the file's value.
         #[serde(default)]
+        #[cfg_attr(test, ts(optional, as = "Option<bool>"))]
         only: bool,
     },
     /// Requests the world that runs as a file.
@@ -95,6 +98,7 @@ pub enum ClientMessage {
 
 /// The pedals and buttons of a wheel for games.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Controls {
     /// Throttle, brake and clutch, 0 to 1.
     pub pedals: [f64; 3],
@@ -104,6 +108,7 @@ pub struct Controls {
 
 /// A change of a simulated network, for all of its links. Omitted numbers stay.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(optional_fields))]
 pub struct NetworkChange {
     /// The delay of a message, 0 to 1 s.
     pub delay_s: Option<f64>,
@@ -125,6 +130,7 @@ impl NetworkChange {
 
 /// A command to the supervisor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "Order"))]
 #[serde(rename_all = "lowercase")]
 pub enum Command {
     /// Fade in.

@@ -1,11 +1,14 @@
 //! The messages of the server.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
 use crate::keys::SettableKey;
 
 /// A message of the server.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "FromServer"))]
 #[serde(tag = "type", rename_all = "lowercase")]
 pub enum ServerMessage {
     /// The answer to a hello.
@@ -68,6 +71,7 @@ impl ServerMessage {
 
 /// The world that runs.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "World"))]
 pub struct WorldInfo {
     /// Counts the changes, from 0.
     pub generation: u32,
@@ -78,6 +82,7 @@ pub struct WorldInfo {
     /// Its place among them, from 0.
     pub place: usize,
     /// `rotary` or `linear`.
+    #[cfg_attr(test, ts(type = "Motion"))]
     pub motion: &'static str,
     /// The units of the telemetry.
     pub units: Units,
@@ -92,7 +97,7 @@ pub struct WorldInfo {
     /// The bodies, in file order.
     pub bodies: Vec<BodyInfo>,
     /// The couplings, in file order.
-    pub couplings: Vec<serde_json::Value>,
+    pub couplings: Vec<CouplingInfo>,
     /// The scenarios, in file order.
     pub scenarios: Vec<ScenarioInfo>,
     /// The keys that can be set.
@@ -105,6 +110,7 @@ pub struct WorldInfo {
 
 /// One of the worlds of a session.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct WorldName {
     /// Its file's, without folders and ending.
     pub name: String,
@@ -114,6 +120,7 @@ pub struct WorldName {
 
 /// SI units by dimension.
 #[derive(Clone, Copy, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Units {
     /// rad or m.
     pub position: &'static str,
@@ -125,6 +132,7 @@ pub struct Units {
 
 /// A body.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "Body"))]
 pub struct BodyInfo {
     /// Its name in the file.
     pub name: String,
@@ -132,8 +140,42 @@ pub struct BodyInfo {
     pub inertia: f64,
 }
 
+/// A coupling, as a page draws it.
+#[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "Coupling"))]
+pub struct CouplingInfo {
+    /// Its kind in the file.
+    #[cfg_attr(test, ts(type = "Kind"))]
+    pub kind: &'static str,
+    /// The names of its ends.
+    pub between: [String; 2],
+    /// Its table in the file: `couplings.0`.
+    pub key: String,
+    /// The numbers of its law.
+    #[serde(flatten)]
+    pub numbers: LawNumbers,
+    /// Of a wall.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, ts(optional, type = "Side"))]
+    pub side: Option<&'static str>,
+    /// Of a texture: the sines of 1, 2, ... waves a pitch.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, ts(optional, type = "number[]"))]
+    pub sine: Option<[f32; hapt_core::HARMONICS]>,
+    /// And the cosines.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, ts(optional, type = "number[]"))]
+    pub cosine: Option<[f32; hapt_core::HARMONICS]>,
+}
+
+/// Numbers of a law in SI, by the names of their keys.
+#[derive(Clone, Debug, Serialize)]
+#[serde(transparent)]
+pub struct LawNumbers(pub BTreeMap<&'static str, f64>);
+
 /// A scenario.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "Scenario"))]
 pub struct ScenarioInfo {
     /// Its name in the file.
     pub name: String,
@@ -145,6 +187,7 @@ pub struct ScenarioInfo {
 
 /// A column of the telemetry.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "Column"))]
 pub struct ColumnInfo {
     /// The name in the CSV, where the CSV has the column.
     pub name: String,
@@ -154,6 +197,7 @@ pub struct ColumnInfo {
 
 /// The certificate of one generation.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "Verdict"))]
 pub struct VerdictMessage {
     /// The generation of the world.
     pub generation: u32,
@@ -187,8 +231,10 @@ pub struct VerdictMessage {
 
 /// One claim of the certificate.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Sentence {
     /// `held`, `free`, `passive`, `uneven` or `quantisation`.
+    #[cfg_attr(test, ts(type = "\"held\" | \"free\" | \"passive\" | \"uneven\" | \"quantisation\""))]
     pub what: &'static str,
     /// Whether the claim holds; `None`: marginal, or not proved.
     pub ok: Option<bool>,
@@ -198,6 +244,7 @@ pub struct Sentence {
 
 /// A change that would certify the loop.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "Remedy"))]
 pub struct RemedyInfo {
     /// Keys with their values as written, to be set together; empty where a coupling is to be added.
     pub sets: Vec<(String, String)>,
@@ -207,8 +254,10 @@ pub struct RemedyInfo {
 
 /// The state of the loop.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Status {
     /// `disarmed`, `fading-in`, `running`, `fading-out` or `faulted`.
+    #[cfg_attr(test, ts(type = "Phase"))]
     pub phase: &'static str,
     /// The code of the reason of a fault.
     pub code: Option<u8>,
@@ -230,9 +279,11 @@ pub struct Status {
     pub realtime: Option<Realtime>,
     /// The network of which the loop is a station.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, ts(optional))]
     pub network: Option<NetworkInfo>,
     /// The device as a game wheel.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, ts(optional))]
     pub wheel: Option<WheelInfo>,
     /// The number of pages connected.
     pub clients: usize,
@@ -240,6 +291,7 @@ pub struct Status {
 
 /// A device as a game wheel, since the last of these messages. Torques in N·m, on the puck.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "GameWheel"))]
 pub struct WheelInfo {
     /// Whether it is attached to the computer.
     pub attached: bool,
@@ -265,6 +317,7 @@ pub struct WheelInfo {
 
 /// The loop that a game closes: its torque follows the wheel's position with a delay.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "GameLoop"))]
 pub struct GameInfo {
     /// N·m/rad, positive where the torque pulls back.
     pub stiffness: f64,
@@ -292,6 +345,7 @@ pub struct GameInfo {
 
 /// An effect that plays.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "Effect"))]
 pub struct EffectInfo {
     /// `spring`, `damper`, `friction`, `inertia` or `torque`.
     pub kind: &'static str,
@@ -303,6 +357,7 @@ pub struct EffectInfo {
 
 /// The network of which a loop is a station.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "Network"))]
 pub struct NetworkInfo {
     /// The station's name.
     pub station: String,
@@ -330,6 +385,7 @@ pub struct NetworkInfo {
 
 /// A change that makes a network certified.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct NetworkRemedy {
     /// The change in words.
     pub text: String,
@@ -341,6 +397,7 @@ pub struct NetworkRemedy {
 
 /// A link at its station.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "Link"))]
 pub struct LinkInfo {
     /// The station at the other end.
     pub to: String,
@@ -354,6 +411,7 @@ pub struct LinkInfo {
 
 /// A recording.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "Recording"))]
 pub struct RecordingInfo {
     /// The file.
     pub file: String,
@@ -367,6 +425,7 @@ pub struct RecordingInfo {
 
 /// The loop's timing, since it began.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "Punctuality"))]
 pub struct TimingInfo {
     /// Samples taken.
     pub samples: u64,
@@ -388,6 +447,7 @@ pub struct TimingInfo {
 
 /// The times of the certificate, and the number of samples that kept them, of those with a torque before them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS), ts(rename = "Certified"))]
 pub struct CertifiedInfo {
     /// The samples.
     pub samples: u64,
@@ -405,6 +465,7 @@ pub struct CertifiedInfo {
 
 /// Quantiles in µs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Quantiles {
     /// 50 %.
     pub p50: f64,
@@ -420,6 +481,7 @@ pub struct Quantiles {
 
 /// A histogram: edges, and one count fewer.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Bars {
     /// In µs, ascending.
     pub edges_us: Vec<f64>,
@@ -429,6 +491,7 @@ pub struct Bars {
 
 /// The scheduling that the system grants the loop's thread.
 #[derive(Clone, Debug, Default, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
 pub struct Realtime {
     /// Whether it runs under SCHED_FIFO.
     pub fifo: bool,

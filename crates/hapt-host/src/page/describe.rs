@@ -1,13 +1,12 @@
 //! The description of a world for the page.
 
-use hapt_model::{Drive, Hand, Shape, World};
+use hapt_model::{Coupling, Drive, Hand, Shape, Side, World};
 use hapt_sim::Measures;
-use serde_json::{Value, json};
 
 use crate::config::WorldConfig;
 use crate::frames::columns_of;
 use crate::keys::{end, kind};
-use crate::messages::{BodyInfo, ScenarioInfo, Units, WorldInfo};
+use crate::messages::{BodyInfo, CouplingInfo, LawNumbers, ScenarioInfo, Units, WorldInfo};
 
 /// Describes the world of a session.
 pub fn describe(config: &WorldConfig) -> WorldInfo {
@@ -32,7 +31,7 @@ pub fn describe(config: &WorldConfig) -> WorldInfo {
         bodies: (world.names.iter().zip(&world.bodies))
             .map(|(name, body)| BodyInfo { name: name.clone(), inertia: body.inertia })
             .collect(),
-        couplings: (0..world.couplings.len()).map(|index| coupling(world, index)).collect(),
+        couplings: (world.couplings.iter().enumerate()).map(|(index, of)| coupling(world, index, of)).collect(),
         scenarios: (world.scenarios.iter())
             .map(|scenario| ScenarioInfo {
                 name: scenario.name.clone(),
@@ -58,20 +57,19 @@ fn hand(hand: &Hand) -> &'static str {
 }
 
 /// A coupling, with the numbers for drawing it.
-fn coupling(world: &World, index: usize) -> Value {
-    let Some(coupling) = world.couplings.get(index) else { return Value::Null };
-    let ends = [end(world, coupling.first), end(world, coupling.second)];
-    let mut info = json!({ "kind": kind(coupling), "between": ends, "key": format!("couplings.{index}") });
+fn coupling(world: &World, index: usize, coupling: &Coupling) -> CouplingInfo {
     // One number for both frictions: the level when sliding.
+    let name = |name| if name == "coulomb" { "torque" } else { name };
     let mut law = coupling.law;
-    for quantity in law.quantities() {
-        info[if quantity.name == "coulomb" { "torque" } else { quantity.name }] = json!(*quantity.value);
+    let numbers = law.quantities().map(|quantity| (name(quantity.name), *quantity.value)).collect();
+    let waveform = coupling.law.waveform();
+    CouplingInfo {
+        kind: kind(coupling),
+        between: [coupling.first, coupling.second].map(|of| end(world, of).into()),
+        key: format!("couplings.{index}"),
+        numbers: LawNumbers(numbers),
+        side: coupling.law.side().map(Side::name),
+        sine: waveform.map(|waveform| waveform.sine),
+        cosine: waveform.map(|waveform| waveform.cosine),
     }
-    if let Some(waveform) = coupling.law.waveform() {
-        (info["sine"], info["cosine"]) = (json!(waveform.sine), json!(waveform.cosine));
-    }
-    if let Some(side) = coupling.law.side() {
-        info["side"] = json!(side.name());
-    }
-    info
 }
