@@ -21,11 +21,12 @@ fn held_by_a_damper(method: Method, k: f64, damping: f64, inertia: f64) -> World
 proptest! {
     #![proptest_config(hapt_testing::cases(256))]
 
-    /// A body that a huge damper holds is ground: the spring to it costs what a spring to ground does, however slow the body is.
+    /// A body that a huge damper holds is ground: the spring to it costs what a spring to ground does, however slow the body is. What the
+    /// damper takes, k r/ω² of the rate r, is least where a lag has not lowered the cost yet: a hundred-thousandth of it for these rates.
     #[test]
     fn a_spring_to_a_body_that_a_damper_holds_costs_what_one_to_ground_does(
         method in select(vec![Method::Zoh, Method::Trapezoidal, Method::BackwardEuler, Method::Tustin, Method::Foh]),
-        k in -2.0..2.0f64, rate in -25.0..-5.0f64, heavy in -6.0..3.0f64, late in prop_oneof![Just(0.0), 0.0..3.0f64],
+        k in -2.0..2.0f64, rate in -25.0..-7.0f64, heavy in -6.0..3.0f64, late in prop_oneof![Just(0.0), 0.0..3.0f64],
         lag in prop_oneof![3 => Just(0.0), 1 => 0.01..1.0f64],
     ) {
         let k = 10f64.powf(k);

@@ -106,8 +106,12 @@ proptest! {
         };
         let k = at_puck(|law| if let Law::Spring { stiffness, .. } = law { *stiffness } else { 0.0 });
         let b = at_puck(|law| if let Law::Damper { damping: Damping::Fixed(b) } = law { *b } else { 0.0 });
-        let found = required(&world(bench, method, Output::End, period));
-        prop_assert!(found <= (0.5 * k * period + b) * (1.0 + 1e-9), "{found} {}", 0.5 * k * period + b);
+        let found = passivity(&world(bench, method, Output::End, period)).unwrap();
+        match found.required_damping {
+            Some(found) => prop_assert!(found <= (0.5 * k * period + b) * (1.0 + 1e-9), "{found} {}", 0.5 * k * period + b),
+            // Poles so near to each other that their sum loses its digits: nothing is claimed.
+            None => prop_assert!(!found.passive.holds() && found.not_proved.iter().any(|reason| reason.contains("double precision")), "{found:?}"),
+        }
     }
 
     #[test]
