@@ -10,7 +10,7 @@ import pickle
 import pathlib
 import shutil
 import zipfile
-from typing import Any, Optional
+from typing import Any, Optional, get_args, get_origin, get_type_hints
 
 import hapt
 import numpy as np
@@ -45,6 +45,28 @@ def test_every_kind_of_the_reader_has_its_class_with_the_same_keys() -> None:
     ]:
         ours = {made.kind: {field.name for field in dataclasses.fields(made)} for made in classes}
         assert ours == {kind: set(names) - {"kind"} for kind, names in keys}
+
+
+def is_of(value: Any, kind: Any) -> bool:
+    """Whether a value of a command's JSON is of a type of the package, with all of its keys and no other."""
+    if kind is Any:
+        return True
+    if hasattr(kind, "__total__"):
+        hints = get_type_hints(kind)
+        return isinstance(value, dict) and set(value) == set(hints) and all(is_of(value[key], hints[key]) for key in hints)
+    if get_origin(kind) is list:
+        return isinstance(value, list) and all(is_of(one, get_args(kind)[0]) for one in value)
+    if get_args(kind):
+        return any(is_of(value, one) for one in get_args(kind))
+    return isinstance(value, (int, float) if kind is float else kind) and not (isinstance(value, bool) and kind is not bool)
+
+
+@pytest.mark.parametrize("path", sorted(pathlib.Path("worlds").rglob("*.toml")), ids=str)
+def test_the_types_of_a_check_are_those_of_its_json(path: pathlib.Path) -> None:
+    checked = hapt.load(path).check(remedies=False)
+    kinds = {name: get_type_hints(of.fget)["return"] for name, of in vars(hapt.Check).items() if isinstance(of, property)}
+    wrong = [name for name, kind in kinds.items() if not is_of(checked[name], kind)]
+    assert not wrong, {name: checked[name] for name in wrong}
 
 
 def test_set_takes_units_and_numbers_and_changes_nothing_else(world: hapt.World) -> None:
