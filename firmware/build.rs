@@ -4,14 +4,18 @@ use std::path::PathBuf;
 use std::{env, fs};
 
 /// The boards, and where each one's memory stands.
-const BOARDS: [(&str, &str); 6] = [
+const BOARDS: [(&str, &str); 7] = [
     ("mps2", "boards"),
     ("mps2-an505", "boards"),
     ("stm32f405", "boards"),
     ("netduinoplus2", "boards"),
     ("b-g431b-esc1", "boards"),
+    ("pico2", "boards"),
     ("my-board", "template"),
 ];
+
+/// What the memory of a board includes whose program runs in RAM.
+const CODE_IN_RAM: &str = "boards/code-in-ram.x";
 
 fn main() {
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets it"));
@@ -23,6 +27,8 @@ fn main() {
     let memory = format!("{folder}/{board}.x");
     fs::copy(&memory, out.join("memory.x")).unwrap_or_else(|error| panic!("{memory}: {error}"));
     println!("cargo:rerun-if-changed={memory}");
+    fs::copy(CODE_IN_RAM, out.join("code-in-ram.x")).unwrap_or_else(|error| panic!("{CODE_IN_RAM}: {error}"));
+    println!("cargo:rerun-if-changed={CODE_IN_RAM}");
     println!("cargo:rustc-link-search={}", out.display());
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
     println!("cargo:rerun-if-env-changed=HAPT_C_STEP");

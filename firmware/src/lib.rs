@@ -9,6 +9,7 @@ pub mod halt;
 #[cfg_attr(feature = "mps2-an505", path = "boards/mps2-an505.rs")]
 #[cfg_attr(feature = "netduinoplus2", path = "boards/netduinoplus2.rs")]
 #[cfg_attr(feature = "b-g431b-esc1", path = "boards/b-g431b-esc1.rs")]
+#[cfg_attr(feature = "pico2", path = "boards/pico2.rs")]
 #[cfg_attr(feature = "stm32f405", path = "boards/stm32f405.rs")]
 #[cfg_attr(feature = "my-board", path = "../template/my-board.rs")]
 mod here;

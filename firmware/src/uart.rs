@@ -11,15 +11,16 @@ pub struct Uart {
     pub received: Register,
     /// What it is to send.
     pub sent: Register,
-    /// The state's bit that is set while a byte has come in.
-    pub full: u32,
+    /// The state's bit that tells whether a byte has come in, and what that bit then is.
+    pub full: (u32, bool),
     /// The state's bit that tells whether it takes a byte, and what that bit then is.
     pub free: (u32, bool),
 }
 
 impl Line for Uart {
     fn receive(&mut self) -> Option<u8> {
-        (self.state.get() & self.full != 0).then(|| self.received.get() as u8)
+        let (bit, set) = self.full;
+        ((self.state.get() & bit != 0) == set).then(|| self.received.get() as u8)
     }
 
     fn send(&mut self, byte: u8) -> bool {

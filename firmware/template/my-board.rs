@@ -31,7 +31,7 @@ impl Board for Here {
         // Clocks, pins, UART, encoder, PWM with its outputs off, current limit, watchdog: in this order.
         // The main loop asks the UART for bytes every few microseconds. One that needs more than that gets a `Line` of its own.
         let (state, received, sent) = (UART_STATE, UART_RECEIVED, UART_SENT);
-        (Uart { state, received, sent, full: 1 << 5, free: (1 << 7, true) }, Motor { last: 0, counts: 0 })
+        (Uart { state, received, sent, full: (1 << 5, true), free: (1 << 7, true) }, Motor { last: 0, counts: 0 })
     }
 }
 

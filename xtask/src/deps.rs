@@ -9,8 +9,10 @@ use anyhow::{Context, Result, ensure};
 /// The core's, and the newest of the compilers that are looked for.
 const CORE: &str = "1.85";
 
-/// The target of the boards.
+/// The target of the boards with a Cortex-M4F or M7.
 pub const BOARD_TARGET: &str = "thumbv7em-none-eabihf";
+/// The target of the boards with a Cortex-M33.
+pub const M33_TARGET: &str = "thumbv8m.main-none-eabihf";
 /// The target of the page's core.
 pub const PAGE_TARGET: &str = "wasm32-unknown-unknown";
 

@@ -2,6 +2,7 @@
 //! chip. docs/firmware.md shows what comes out.
 
 mod bits;
+mod boot;
 mod c;
 mod chip;
 mod counts;
@@ -20,7 +21,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::deps::{self, BOARD_TARGET};
+use crate::deps::{self, BOARD_TARGET, M33_TARGET};
 use crate::marked;
 
 const FOLDER: &str = "firmware";
@@ -38,9 +39,10 @@ const BOARDS: [(&str, &str, &str); 4] = [
 ];
 
 /// What the firmware fits into: the feature, its program, flash and memory in KiB.
-const CHIPS: [(&str, &str, u32, u32); 3] = [
+const CHIPS: [(&str, &str, u32, u32); 4] = [
     ("netduinoplus2", "wheel", 1024, 128),
     ("b-g431b-esc1", "wheel", 128, 32),
+    (boot::BOARD, "wheel", 4096, 512),
     (game_wheel::BOARD, "game-wheel", 1024, 128),
 ];
 
@@ -67,6 +69,7 @@ pub fn command(words: &[&str]) -> Result<()> {
         ["port"] => port::holds(),
         ["c"] => c::same_bits(),
         ["panics"] => cannot_panic(),
+        ["uf2", file] => boot::write(Path::new(file)),
         ["counts"] => {
             println!("{}", counts::table()?);
             Ok(())
@@ -94,7 +97,7 @@ pub fn command(words: &[&str]) -> Result<()> {
             fs::write(PAGE, marked::replaced(&page, "cargo xtask firmware sizes", &sizes()?)?).context(PAGE)
         }
         _ => bail!(
-            "cargo xtask firmware [--write], or one of bits, lockstep, timer, port, c, panics, counts, export, sizes, effects, game-wheel; world FILE prints a world as C, game-wheel FILE puts one into the wheel's program"
+            "cargo xtask firmware [--write], or one of bits, lockstep, timer, port, c, panics, counts, export, sizes, effects, game-wheel; world FILE prints a world as C, game-wheel FILE puts one into the wheel's program, uf2 FILE writes pico2's wheel as UF2"
         ),
     }
 }
@@ -115,6 +118,7 @@ fn all(extent: Extent) -> Result<()> {
     port::holds()?;
     c::same_bits()?;
     cannot_panic()?;
+    boot::holds()?;
     game_wheel::holds()?;
     exported::table()?;
     sizes().map(drop)
@@ -128,6 +132,8 @@ fn cannot_panic() -> Result<()> {
             chip::cannot_panic(&program(board, name, None)?, &control)?;
         }
     }
+    // What differs in its fed is in its wheel too.
+    chip::cannot_panic(&program(boot::BOARD, "wheel", None)?, &control)?;
     println!("        no panic code in wheel and fed, on any board");
     Ok(())
 }
@@ -151,21 +157,26 @@ fn sizes() -> Result<String> {
     Ok(table)
 }
 
+/// The target of a board's processor.
+fn target(board: &str) -> &'static str {
+    if ["mps2-an505", boot::BOARD].contains(&board) { M33_TARGET } else { BOARD_TARGET }
+}
+
 /// cargo for the target: with rustup's where it is installed, else with the distribution's compiler and sources.
-fn compiler() -> Command {
-    if deps::has_target(BOARD_TARGET) {
+fn compiler(target: &str) -> Command {
+    if deps::has_target(target) {
         return Command::new(env!("CARGO"));
     }
     // Debian: apt-get install rustc-web cargo-web rust-web-src lld. There is no standard library for the target, so it is built.
     let mut command = Command::new("/usr/bin/cargo");
     command.env("RUSTC", "/usr/bin/rustc").env("RUSTC_BOOTSTRAP", "1").env_remove("RUSTUP_TOOLCHAIN");
-    command.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", "ld.lld");
+    command.env(format!("CARGO_TARGET_{}_LINKER", target.to_uppercase().replace(['-', '.'], "_")), "ld.lld");
     command
 }
 
-fn target_arguments() -> Vec<&'static str> {
-    let mut arguments = vec!["--target", BOARD_TARGET];
-    if !deps::has_target(BOARD_TARGET) {
+fn target_arguments(target: &'static str) -> Vec<&'static str> {
+    let mut arguments = vec!["--target", target];
+    if !deps::has_target(target) {
         arguments.extend(["-Zbuild-std=core", "-Zbuild-std-features=compiler-builtins-mem"]);
     }
     arguments
@@ -180,22 +191,25 @@ fn program(board: &str, name: &str, c_step: Option<&Path>) -> Result<PathBuf> {
         _ => (name, ""),
     };
     let features = format!("{board}{feature}");
-    let mut command = compiler();
+    let target = target(board);
+    let mut command = compiler(target);
     let folder = std::env::current_dir()?.join(BUILT);
     fs::create_dir_all(&folder)?;
     // Without the user's own settings, which change sizes.
     command.current_dir(FOLDER).env_remove("RUSTFLAGS").env_remove("CARGO_INCREMENTAL");
     let profile = if ["b-g431b-esc1", "my-board"].contains(&board) { "small" } else { "release" };
-    command.args(["build", "--quiet", "--profile", profile, "--locked", "--bin", binary]).args(target_arguments());
+    command
+        .args(["build", "--quiet", "--profile", profile, "--locked", "--bin", binary])
+        .args(target_arguments(target));
     command.args(["--features", &features]).arg("--target-dir").arg(&folder);
     if let Some(object) = c_step {
         command.env("HAPT_C_STEP", object);
     }
-    let status = command.status().with_context(|| format!("no compiler: rustup target add {BOARD_TARGET}"))?;
-    ensure!(status.success(), "the firmware's {name} does not build: rustup target add {BOARD_TARGET}");
+    let status = command.status().with_context(|| format!("no compiler: rustup target add {target}"))?;
+    ensure!(status.success(), "the firmware's {name} does not build: rustup target add {target}");
     // The next board's program has the same name.
     let kept = folder.join(format!("{board}-{name}"));
-    fs::copy(folder.join(BOARD_TARGET).join(profile).join(binary), &kept)?;
+    fs::copy(folder.join(target).join(profile).join(binary), &kept)?;
     Ok(kept)
 }
 
@@ -232,7 +246,7 @@ fn has_tools() -> Result<bool> {
         said.is_ok_and(|status| status.success())
     };
     let all = || {
-        let compiler = deps::has_target(BOARD_TARGET)
+        let compiler = [BOARD_TARGET, M33_TARGET].into_iter().all(deps::has_target)
             || (there("/usr/bin/rustc") && Path::new("/usr/lib/rustlib/src").exists() && there("ld.lld"));
         compiler && there("qemu-system-arm") && there("arm-none-eabi-gcc")
     };

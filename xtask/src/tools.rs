@@ -80,7 +80,8 @@ pub fn installed() -> Result<()> {
     }
     let mut missing: Vec<&str> =
         PROGRAMS.iter().filter(|(test, _)| !holds(test)).map(|&(_, package)| package).collect();
-    let is_cross = deps::has_target(deps::BOARD_TARGET) && deps::has_target(deps::PAGE_TARGET) || holds(CROSS.0);
+    let targets = [deps::BOARD_TARGET, deps::M33_TARGET, deps::PAGE_TARGET];
+    let is_cross = targets.into_iter().all(deps::has_target) || holds(CROSS.0);
     if !is_cross {
         missing.extend(CROSS.1);
     }

@@ -68,7 +68,7 @@ impl Board for Here {
         watchdog();
         let (state, received, sent) = (USART_STATE, USART_RECEIVED, USART_SEND);
         (
-            Usart(Uart { state, received, sent, full: 1 << 5, free: (1 << 7, true) }),
+            Usart(Uart { state, received, sent, full: (1 << 5, true), free: (1 << 7, true) }),
             Motor { last: 0, counts: 0, on: false },
         )
     }

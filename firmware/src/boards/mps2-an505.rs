@@ -1,5 +1,5 @@
 //! ARM's MPS2 with the FPGA image AN505 (Cortex-M33, as in an RP2350), as QEMU has it, in its secure state: UART 0 of the CMSDK, the secure
-//! side's watchdog, and a puck that swings by itself. The program is a Cortex-M4F's, whose instructions an M33 has. Manual: ARM DAI 0505.
+//! side's watchdog, and a puck that swings by itself. Manual: ARM DAI 0505.
 
 use super::board::{Board, Device};
 use super::register::Register;
@@ -32,7 +32,7 @@ impl Board for Here {
     fn start() -> (Uart, Puck) {
         DIVIDER.set(Self::CLOCK / 921_600);
         CONTROL.set(3);
-        (Uart { state: STATE, received: DATA, sent: DATA, full: 1 << 1, free: (1, false) }, Puck(Swing::START))
+        (Uart { state: STATE, received: DATA, sent: DATA, full: (1 << 1, true), free: (1, false) }, Puck(Swing::START))
     }
 }
 

@@ -32,7 +32,7 @@ impl Board for Here {
     fn start() -> (Uart, Puck) {
         DIVIDER.set(Self::CLOCK / 921_600);
         CONTROL.set(3);
-        (Uart { state: STATE, received: DATA, sent: DATA, full: 1 << 1, free: (1, false) }, Puck(Swing::START))
+        (Uart { state: STATE, received: DATA, sent: DATA, full: (1 << 1, true), free: (1, false) }, Puck(Swing::START))
     }
 }
 

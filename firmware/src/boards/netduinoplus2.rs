@@ -26,7 +26,10 @@ impl Board for Here {
 
     fn start() -> (Uart, Puck) {
         CONTROL.set(ENABLE);
-        (Uart { state: STATUS, received: DATA, sent: DATA, full: 1 << 5, free: (1 << 7, true) }, Puck(Swing::START))
+        (
+            Uart { state: STATUS, received: DATA, sent: DATA, full: (1 << 5, true), free: (1 << 7, true) },
+            Puck(Swing::START),
+        )
     }
 }
 

@@ -53,7 +53,13 @@ impl Board for Here {
         pwm();
         watchdog();
         (
-            Uart { state: SERIAL_STATE, received: SERIAL_DATA, sent: SERIAL_DATA, full: 1 << 5, free: (1 << 7, true) },
+            Uart {
+                state: SERIAL_STATE,
+                received: SERIAL_DATA,
+                sent: SERIAL_DATA,
+                full: (1 << 5, true),
+                free: (1 << 7, true),
+            },
             Motor { last: ENCODER_COUNT.get(), counts: 0, on: false },
         )
     }

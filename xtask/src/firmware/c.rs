@@ -87,13 +87,13 @@ fn sum(world: &World) -> Result<u64> {
 fn library(target: Option<&str>) -> Result<PathBuf> {
     let folder = std::env::current_dir()?.join(BUILT);
     let mut command = match target {
-        Some(_) => compiler(),
+        Some(_) => compiler(BOARD_TARGET),
         None => Command::new(env!("CARGO")),
     };
     command.current_dir("firmware").env_remove("RUSTFLAGS").arg("build").arg("--target-dir").arg(&folder);
     command.args(["--quiet", "--release", "--locked", "--package", "hapt-c"]);
     if target.is_some() {
-        command.args(super::target_arguments());
+        command.args(super::target_arguments(BOARD_TARGET));
     }
     ensure!(command.status()?.success(), "the library for C does not build");
     Ok(folder.join(target.unwrap_or_default()).join("release/libhapt.a"))

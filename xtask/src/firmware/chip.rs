@@ -25,7 +25,7 @@ pub fn row(name: &str, program: &Path, flash: u32, memory: u32) -> Result<String
     for name in INTERRUPTS {
         interrupt += code.stack(name)? + EXCEPTION;
     }
-    let (used, all) = (text + data, data + bss + main + interrupt);
+    let (used, all) = (text + data, data + copied(program)? + bss + main + interrupt);
     ensure!(used <= flash * 1024, "{name}: {used} bytes of {flash} KiB flash");
     ensure!(all <= memory * 1024, "{name}: {all} bytes of {memory} KiB memory");
     let mut row = String::new();
@@ -37,6 +37,13 @@ pub fn row(name: &str, program: &Path, flash: u32, memory: u32) -> Result<String
         kib(all)
     )?;
     Ok(row)
+}
+
+/// Bytes of code and constants that run in RAM: see `code-in-ram.x`.
+fn copied(program: &Path) -> Result<u32> {
+    let sections = output("arm-none-eabi-size", &["-A"], program)?;
+    let fast = sections.lines().filter(|line| line.starts_with(".fast"));
+    fast.map(|line| Ok(line.split_whitespace().nth(1).context("no size")?.parse::<u32>()?)).sum()
 }
 
 /// No panic routine is in the program, nor the handler that all of them end in. `control` has a way to panic, by the same compiler: there

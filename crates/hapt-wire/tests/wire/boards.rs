@@ -3,6 +3,7 @@
 #[allow(dead_code, clippy::precedence)]
 #[path = "../../../../firmware/src/board.rs"]
 mod board;
+mod chip;
 #[allow(dead_code, clippy::precedence)]
 #[path = "../../../../firmware/src/boards/b-g431b-esc1.rs"]
 mod esc1;
@@ -12,15 +13,15 @@ mod register;
 mod uart;
 
 use board::{Board, Device};
+use chip::{
+    CHIP, DAC3_VALUE_1, DAC3_VALUE_2, FLASH_ACCESS, RCC_CONFIGURATION, RCC_CONTROL, RCC_PLL, TIM1_BREAK_SOURCES,
+    TIM4_COUNT,
+};
 use esc1::{Here, Motor};
 use hapt_core::{Phase, Reason};
 use hapt_wire::device::Measurement;
 use hapt_wire::{Command, Parameter, Refusal};
 use proptest::prelude::*;
-use register::{
-    CHIP, DAC3_VALUE_1, DAC3_VALUE_2, FLASH_ACCESS, RCC_CONFIGURATION, RCC_CONTROL, RCC_PLL, TIM1_BREAK_SOURCES,
-    TIM4_COUNT,
-};
 
 use crate::common::{BOARD, Received, TestHost, WHEEL, storage};
 
@@ -29,7 +30,7 @@ fn current(too_much: bool) {
 }
 
 fn is_on() -> bool {
-    CHIP.with_borrow(register::Chip::is_on)
+    CHIP.with_borrow(chip::Chip::is_on)
 }
 
 fn register(at: usize) -> u32 {

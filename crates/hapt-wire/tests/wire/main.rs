@@ -13,5 +13,6 @@ mod link;
 mod link_frames;
 mod messages;
 mod noise;
+mod pico2;
 mod pid;
 mod world;
