@@ -232,12 +232,14 @@ impl SimpleFoc {
             return Err(self.refused(format!("has a sketch of version {its}, expected {ours}: {SKETCH}")));
         }
         if about.unit != self.motor.unit() {
-            let (what, option) = match about.unit {
-                b'V' => ("voltage", "volts-per-torque, in V/(N m)"),
-                b'A' => ("current", "torque-constant, in N m/A"),
-                _ => ("neither voltage nor current", "another sketch"),
-            };
-            return Err(self.refused(format!("controls its torque by {what}: its address needs {option}")));
+            return Err(self.refused(match about.unit {
+                b'V' => "controls its torque by voltage: its address needs volts-per-torque, in V/(N m)".into(),
+                b'A' => "controls its torque by current: its address needs torque-constant, in N m/A".into(),
+                b'E' => "controls an estimated current, which nothing measures: set torque_controller in its sketch to voltage, or \
+                         BY_CURRENT to 1 where it has current sensors"
+                    .into(),
+                _ => format!("controls neither the voltage nor the current of its torque: {SKETCH}"),
+            }));
         }
         self.most = self.ceiling(&about, limits.torque)?;
         self.watchdog = (limits.watchdog * WATCHDOG_UNITS).floor().clamp(1.0, f64::from(u16::MAX)) as u16;

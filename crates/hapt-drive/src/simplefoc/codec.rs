@@ -28,7 +28,7 @@ pub mod state {
     pub const EXPIRED: u8 = 2;
     /// A target or limit was not a number, or too large.
     pub const REFUSED: u8 = 3;
-    /// SimpleFOC's own start failed, or the driver is off.
+    /// SimpleFOC's own start failed, the driver is off, or its type of control is another than at its start.
     pub const FAILED: u8 = 4;
 }
 
@@ -85,7 +85,7 @@ pub struct About {
     pub number: u8,
     /// The version of the line.
     pub version: u8,
-    /// `V` or `A`.
+    /// `V` or `A`; `E` for an estimated current, any other for no torque.
     pub unit: u8,
     /// One of [`state`].
     pub state: u8,

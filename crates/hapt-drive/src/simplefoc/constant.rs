@@ -90,3 +90,28 @@ impl fmt::Display for MotorConstant {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// By a wrong constant a motor gives `gain` of each commanded torque; by the corrected one it gives the commanded torque, and the
+        /// address that is printed says the same.
+        #[test]
+        fn a_corrected_constant_gives_the_commanded_torque(
+            is_current: bool, of_the_motor in 1e-3_f64..1e3, guess in 1e-3_f64..1e3, torque in -10.0_f64..10.0,
+        ) {
+            let make = if is_current { MotorConstant::TorqueConstant } else { MotorConstant::VoltsPerTorque };
+            let torque_of = |target: f64| if is_current { target * of_the_motor } else { target / of_the_motor };
+            let guess = make(guess);
+            let gain = torque_of(guess.target(1.0));
+            let corrected = guess.corrected(gain);
+            let given = torque_of(corrected.target(torque));
+            prop_assert!((given - torque).abs() <= 1e-12 * torque.abs());
+            prop_assert_eq!(corrected.to_string().parse(), Ok(corrected));
+        }
+    }
+}

@@ -14,9 +14,10 @@ pub fn fault(state: u8, is_on: bool) -> Option<DriveFault> {
         state::ON => ("another program has switched it on", Some(Reason::Link)),
         state::EXPIRED => ("its watchdog expired: no target arrived in time", Some(Reason::Late)),
         state::REFUSED => ("it was given a target that is no number, or one beyond its limit", Some(Reason::Torque)),
-        state::FAILED => {
-            ("its motor is not ready: initFOC failed, or its driver switched itself off", Some(Reason::Driver))
-        }
+        state::FAILED => (
+            "its motor is not ready: initFOC failed, its driver switched itself off, or a command has changed its type of control",
+            Some(Reason::Driver),
+        ),
         _ => ("it is in an unknown state", None),
     };
     Some(DriveFault { code: state.into(), what, reason })

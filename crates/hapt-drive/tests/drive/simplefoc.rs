@@ -85,6 +85,39 @@ fn a_board_with_other_settings_is_not_driven() {
     });
 }
 
+/// A board that controls something else.
+struct Unit(u8);
+
+impl Firmware for Unit {
+    fn requests_position(&self, _: &Frame) -> bool {
+        false
+    }
+
+    fn receive(&mut self, frame: &Frame, shaft: Shaft, send: &mut dyn FnMut(Frame)) {
+        Simulated::new().receive(frame, shaft, &mut |answer| {
+            let mut data = answer.data().to_vec();
+            if answer.id == u32::from(b'V') {
+                data[2] = self.0;
+            }
+            send(Frame::fd(answer.id, &data));
+        });
+    }
+
+    fn pass(&mut self, _: f64, _: Shaft, _: &mut dyn FnMut(Frame)) -> f64 {
+        0.0
+    }
+}
+
+#[test]
+fn a_board_that_controls_an_estimated_current_or_no_torque_is_not_driven() {
+    in_time(|| {
+        for (unit, words) in [(b'E', "estimated current"), (b'?', "neither the voltage nor the current")] {
+            let error = refused(Unit(unit));
+            assert!(matches!(error, Error::Refused { .. }) && error.to_string().contains(words), "{error}");
+        }
+    });
+}
+
 /// A sketch whose watchdog does not count.
 struct Sleepless(Simulated);
 

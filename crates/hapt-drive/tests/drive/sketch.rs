@@ -1,217 +1,29 @@
 //! The sketch of the Arduino library, compiled for this computer, at the end of a serial line: the loop on it, noise on the line, and the simulated
 //! board compared with it. The same C++ source runs on boards.
 
+mod board;
+mod by_current;
+
 use std::cell::RefCell;
 use std::f64::consts::TAU;
-use std::io::{BufRead, BufReader};
-use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
-use std::sync::{Arc, LazyLock, Mutex};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use board::Board;
 use hapt_core::{Phase, Reason};
-use hapt_drive::simplefoc::{Adapter, Client, MotorConstant, SimpleFoc, Simulated, VOLTS_PER_TORQUE};
+use hapt_drive::simplefoc::{Adapter, Client, MotorConstant, Simulated, VOLTS_PER_TORQUE};
 use hapt_drive::simulate::{Firmware, Shaft};
-use hapt_drive::{Bus, Drive, DriveDevice, DriveLimits, Error, Frame, Line, pty};
-use hapt_export_c::DRIVE_SKETCH;
+use hapt_drive::{Bus, Drive, DriveLimits, Error, Frame, Line, pty};
 use hapt_model::World;
 use hapt_rt::{Failure, Record};
 use hapt_testing::{cases, in_time};
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 
-use crate::bench::{Looped, WaitingDrive, soon, world};
+use crate::bench::{soon, world};
 
-/// Longer than an answer takes on a busy machine, and shorter than the watchdog, ms.
-const ANSWER_MS: u64 = 200;
 /// The sketch's largest voltage.
 const LIMIT: f64 = 3.0;
 const PERIOD_US: u64 = 1000;
-
-/// The compiled program, or another that `HAPT_BOARD` names, such as the sketch with SimpleFOC itself; `None`: this computer has no compiler
-/// of C++.
-static BOARD: LazyLock<Option<(tempfile::TempDir, PathBuf)>> = LazyLock::new(|| {
-    if let Some(program) = std::env::var_os("HAPT_BOARD") {
-        return Some((tempfile::tempdir().unwrap(), program.into()));
-    }
-    let compiler = ["g++", "clang++"].into_iter().find(|name| Command::new(name).arg("--version").output().is_ok());
-    let Some(compiler) = compiler else {
-        assert!(std::env::var_os("CI").is_none(), "a compiler of C++ has to be there where CI is set");
-        println!("SKIPPED: the sketch is not tried, for want of a compiler of C++ (g++ or clang++)");
-        return None;
-    };
-    let folder = tempfile::tempdir().unwrap();
-    let put = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
-    put("Arduino.h", include_str!("../../../hapt-export-c/tests/arduino/Arduino.h"));
-    put("SimpleFOC.h", include_str!("../../../hapt-export-c/tests/arduino/SimpleFOC.h"));
-    put("sketch.cpp", &format!("#include <Arduino.h>\n{DRIVE_SKETCH}"));
-    put("board.cpp", include_str!("sketch/board.cpp"));
-    let options = ["-std=c++11", "-O1", "-g", "-Wall", "-Wextra", "-Werror", "-fsanitize=address,undefined"];
-    let files = ["-fno-sanitize-recover=all", "-I.", "board.cpp", "sketch.cpp", "-o", "board"];
-    let ran = Command::new(compiler).args(options).args(files).current_dir(&folder).output().unwrap();
-    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
-    let program = folder.path().join("board");
-    Some((folder, program))
-});
-
-/// Replaces bytes in transit to the board or from it.
-type Interceptor = Box<dyn FnMut(bool, &[u8]) -> Vec<u8> + Send>;
-
-/// A board with the sketch, and the line to it.
-struct Board {
-    program: PathBuf,
-    /// The computer's end, and the board's.
-    ours: PathBuf,
-    theirs: PathBuf,
-    period: u64,
-    child: Option<Child>,
-    listener: Option<JoinHandle<()>>,
-    /// The largest voltage so far and the present one, as bits.
-    largest: Arc<AtomicU64>,
-    present: Arc<AtomicU64>,
-    interceptor: Arc<Mutex<Option<Interceptor>>>,
-    ends: Arc<AtomicBool>,
-    line: Option<JoinHandle<()>>,
-}
-
-impl Board {
-    /// `None`: it cannot be compiled here.
-    fn new(period: u64, starts: bool) -> Option<Self> {
-        let (_, program) = BOARD.as_ref()?;
-        let ((mut computer, ours), (mut board, theirs)) = (pty().unwrap(), pty().unwrap());
-        let (interceptor, ends) = (Arc::new(Mutex::new(None::<Interceptor>)), Arc::new(AtomicBool::new(false)));
-        let line = std::thread::spawn({
-            let (interceptor, ends) = (Arc::clone(&interceptor), Arc::clone(&ends));
-            move || {
-                let mut bytes = [0; 256];
-                while !ends.load(SeqCst) {
-                    for to_board in [true, false] {
-                        let (from, to) =
-                            if to_board { (&mut computer, &mut board) } else { (&mut board, &mut computer) };
-                        let wait = Duration::from_micros(if to_board { 200 } else { 0 });
-                        let count = from.read(&mut bytes, Instant::now() + wait).unwrap_or(0);
-                        let bytes = match &mut *interceptor.lock().unwrap() {
-                            Some(interceptor) if count > 0 => interceptor(to_board, &bytes[..count]),
-                            _ => bytes[..count].to_vec(),
-                        };
-                        // A board that is off reads nothing.
-                        let _ = to.write(&bytes, Instant::now() + Duration::from_millis(20));
-                    }
-                }
-            }
-        });
-        let mut board = Board {
-            program: program.clone(),
-            ours,
-            theirs,
-            period,
-            child: None,
-            listener: None,
-            largest: Arc::default(),
-            present: Arc::default(),
-            interceptor,
-            ends,
-            line: Some(line),
-        };
-        board.switch_on(starts);
-        Some(board)
-    }
-
-    fn switch_on(&mut self, starts: bool) {
-        let mut child = Command::new(&self.program)
-            .arg(&self.theirs)
-            .args([self.period.to_string(), u8::from(starts).to_string()])
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut said = BufReader::new(child.stdout.take().unwrap()).lines();
-        assert_eq!(said.next().unwrap().unwrap(), "started");
-        let (largest, present) = (Arc::clone(&self.largest), Arc::clone(&self.present));
-        self.listener = Some(std::thread::spawn(move || {
-            for line in said.map_while(Result::ok) {
-                let mut numbers = line.split(' ').map(|number| number.parse::<f64>().unwrap());
-                largest.fetch_max(numbers.next().unwrap().to_bits(), SeqCst);
-                present.store(numbers.next().unwrap().to_bits(), SeqCst);
-            }
-        }));
-        self.child = Some(child);
-    }
-
-    fn switch_off(&mut self) {
-        if let Some(mut child) = self.child.take() {
-            let _ = child.kill();
-            child.wait().unwrap();
-        }
-        if let Some(listener) = self.listener.take() {
-            listener.join().unwrap();
-        }
-        self.present.store(0, SeqCst);
-    }
-
-    fn intercept(&self, interceptor: impl FnMut(bool, &[u8]) -> Vec<u8> + Send + 'static) {
-        *self.interceptor.lock().unwrap() = Some(Box::new(interceptor));
-    }
-
-    fn is_clean(&self) {
-        *self.interceptor.lock().unwrap() = None;
-    }
-
-    fn client(&self) -> Client {
-        Client::new(Line::open(&self.ours).unwrap())
-    }
-
-    fn drive(&self, motor: MotorConstant) -> SimpleFoc {
-        SimpleFoc::new(Box::new(self.client()), motor, "here")
-    }
-
-    /// Started, and waiting this long for answers; repeated if the machine pauses.
-    fn wheel(&self, world: &World, wait_ms: u64) -> DriveDevice {
-        let shared_wait_ms = Arc::new(AtomicU64::new(wait_ms));
-        let mut last = None;
-        for _ in 0..20 {
-            let drive = self.drive(MotorConstant::VoltsPerTorque(VOLTS_PER_TORQUE));
-            match DriveDevice::start(Box::new(WaitingDrive(Box::new(drive), Arc::clone(&shared_wait_ms))), world) {
-                Ok(wheel) => return wheel,
-                Err(error) => last = Some(error),
-            }
-        }
-        panic!("{last:?}");
-    }
-
-    fn running(&self, world: &World) -> Looped {
-        for _ in 0..20 {
-            let mut looped = Looped::on(Box::new(self.wheel(world, ANSWER_MS)), world);
-            if looped.runs().is_ok() {
-                return looped;
-            }
-        }
-        panic!("it does not run");
-    }
-
-    fn largest(&self) -> f64 {
-        f64::from_bits(self.largest.load(SeqCst))
-    }
-
-    fn goes_off(&self) {
-        let end = soon();
-        while f64::from_bits(self.present.load(SeqCst)) != 0.0 {
-            assert!(Instant::now() < end, "there is a voltage still");
-            std::thread::sleep(Duration::from_millis(2));
-        }
-    }
-}
-
-impl Drop for Board {
-    fn drop(&mut self) {
-        self.switch_off();
-        self.ends.store(true, SeqCst);
-        if let Some(line) = self.line.take() {
-            line.join().unwrap();
-        }
-    }
-}
 
 /// 0.1 N·m are 2 V.
 const CEILING: f64 = 2.0;
@@ -274,7 +86,7 @@ fn a_board_that_resets_ends_the_loop_by_name() {
         assert!(matches!(ended, Err(Failure::Gone | Failure::Drive(_)) | Ok(Reason::Late)), "{ended:?}");
         for _ in 0..20 {
             let _ = looped.sample(None);
-            assert_eq!(f64::from_bits(board.present.load(SeqCst)), 0.0, "it is switched on again");
+            assert_eq!(board.present(), 0.0, "it is switched on again");
         }
     });
 }

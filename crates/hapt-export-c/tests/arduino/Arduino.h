@@ -11,6 +11,7 @@ extern "C" void *memcpy(void *, const void *, size_t);
 #define HIGH 1
 #define LOW 0
 #define CHANGE 1
+#define A0 14
 #define A2 16
 int analogRead(int);
 unsigned long micros(void);

@@ -23,11 +23,17 @@ struct BLDCDriver3PWM {
   float voltage_power_supply;
   int init();
 };
+struct InlineCurrentSense {
+  InlineCurrentSense(float, float, int, int);
+  void linkDriver(BLDCDriver3PWM *);
+  int init();
+};
 struct DQ { float d, q; };
 struct BLDCMotor {
   explicit BLDCMotor(int);
   void linkSensor(Sensor *);
   void linkDriver(BLDCDriver3PWM *);
+  void linkCurrentSense(InlineCurrentSense *);
   int init();
   int initFOC();
   void loopFOC();

@@ -2,7 +2,7 @@
 //
 // board PORT PERIOD_US OK: in lockstep each query advances the clock by the period; after 50 ms without a byte it is the computer's clock.
 // OK 0: the motor's start fails. The first line on standard output says that it has started; each later one is the largest voltage so far
-// and the present one.
+// and the present one; by current it is the current.
 
 #include <fcntl.h>
 #include <math.h>
@@ -16,14 +16,16 @@
 #include "Arduino.h"
 #include "SimpleFOC.h"
 
-static const double STEP = 50e-6, INERTIA = 6.4e-4, DAMPING = 2e-3, TORQUE_PER_VOLT = 1.0 / 20.0;
+static const double STEP = 50e-6, INERTIA = 6.4e-4, DAMPING = 2e-3;
+// 1 V makes 50 mN m, and so does 1 A; a current follows its target in 0.5 ms.
+static const double TORQUE_PER_UNIT = 1.0 / 20.0, CURRENT_TIME = 0.5e-3;
 
 static int port = -1;
 static bool starts = true;
 static uint64_t now_us = 0;
 // The bytes that the sketch may read, and those behind them.
 static std::string open_bytes, waiting;
-static double wheel_rad = 0.0, wheel_rad_s = 0.0, volts = 0.0, largest = 0.0;
+static double wheel_rad = 0.0, wheel_rad_s = 0.0, applied = 0.0, largest = 0.0;
 
 unsigned long micros(void) { return (unsigned long)(uint32_t)now_us; }
 
@@ -57,9 +59,14 @@ int BLDCDriver3PWM::init() { return 1; }
 
 // As SimpleFOC: a target is taken by move() while the motor is on, and applied by the next loopFOC().
 static float setpoint = 0.0f;
-BLDCMotor::BLDCMotor(int) : voltage_limit(12.0f) {}
+static bool senses = false;
+BLDCMotor::BLDCMotor(int) : torque_controller(TorqueControlType::voltage), voltage_limit(12.0f), current_limit(0.2f), voltage(), current() {}
 void BLDCMotor::linkSensor(Sensor *) {}
 void BLDCMotor::linkDriver(BLDCDriver3PWM *) {}
+void BLDCMotor::linkCurrentSense(InlineCurrentSense *) { senses = true; }
+InlineCurrentSense::InlineCurrentSense(float, float, int, int) {}
+void InlineCurrentSense::linkDriver(BLDCDriver3PWM *) {}
+int InlineCurrentSense::init() { return 1; }
 int BLDCMotor::init() { return 1; }
 int BLDCMotor::initFOC() {
   enabled = 1;
@@ -69,17 +76,25 @@ int BLDCMotor::initFOC() {
 void BLDCMotor::enable() { enabled = 1; }
 void BLDCMotor::disable() {
   enabled = 0;
-  volts = 0.0;
+  applied = 0.0;
+  this->current.q = 0.0f;
 }
 void BLDCMotor::move(float target) {
   if (enabled) setpoint = target;
 }
 void BLDCMotor::loopFOC() {
   if (!enabled) return;
-  this->voltage.q = fminf(fmaxf(setpoint, -voltage_limit), voltage_limit);
-  volts = this->voltage.q;
+  if (torque_controller == TorqueControlType::voltage) {
+    this->voltage.q = fminf(fmaxf(setpoint, -voltage_limit), voltage_limit);
+    applied = this->voltage.q;
+  } else if (senses) {
+    const float wanted = fminf(fmaxf(setpoint, -current_limit), current_limit);
+    this->current.q += (float)(STEP / CURRENT_TIME) * (wanted - this->current.q);
+    applied = this->current.q;
+  }
 }
 
+extern BLDCMotor motor;
 static CommandCallback registered[1];
 static char letter = 0;
 Commander::Commander(char, bool) {}
@@ -89,6 +104,9 @@ void Commander::add(char id, CommandCallback onCommand, const char *) {
 }
 void Commander::run(char *line) {
   if (line[0] == letter) registered[0](line + 1);
+  // As where a sketch registers a motor under M: MT sets the type of its control, MC that of its motion.
+  if (line[0] == 'M' && line[1] == 'T') motor.torque_controller = (TorqueControlType)(line[2] - '0');
+  if (line[0] == 'M' && line[1] == 'C') motor.controller = (MotionControlType)(line[2] - '0');
 }
 
 void setup();
@@ -97,10 +115,10 @@ void loop();
 static void turn() {
   loop();
   static double told = 0.0;
-  largest = fmax(largest, fabs(volts));
-  if (volts != told) {
-    told = volts;
-    printf("%.9g %.9g\n", largest, volts);
+  largest = fmax(largest, fabs(applied));
+  if (applied != told) {
+    told = applied;
+    printf("%.9g %.9g\n", largest, applied);
     fflush(stdout);
   }
 }
@@ -108,7 +126,7 @@ static void turn() {
 static void travel(uint64_t us) {
   for (; us >= 50; us -= 50) {
     now_us += 50;
-    wheel_rad_s += STEP / INERTIA * (volts * TORQUE_PER_VOLT - DAMPING * wheel_rad_s);
+    wheel_rad_s += STEP / INERTIA * (applied * TORQUE_PER_UNIT - DAMPING * wheel_rad_s);
     wheel_rad += STEP * wheel_rad_s;
     turn();
   }

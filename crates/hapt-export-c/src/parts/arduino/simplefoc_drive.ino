@@ -1,5 +1,9 @@
 // Written as C by hapt: SimpleFOC as a motor drive. The loop runs on the computer, by hapt run --device simplefoc:PATH?volts-per-torque=V,
 // and this board renders its torque. Change the pins, the sensor and the driver to those of your board, and LIMIT to what your motor bears.
+// A board that measures its currents can control them: ?torque-constant=K in the address, and 1 here.
+#ifndef BY_CURRENT
+#define BY_CURRENT 0
+#endif
 //
 // A line goes through SimpleFOC's Commander under the letter H, and has one answer. The motor is off from the start on. It is on while a
 // target arrives in the time that the computer has set, and else off until the computer stops it and switches it on again.
@@ -9,6 +13,10 @@
 BLDCMotor motor = BLDCMotor(7);
 BLDCDriver3PWM driver = BLDCDriver3PWM(9, 5, 6, 8);
 MagneticSensorI2C sensor = MagneticSensorI2C(AS5600_I2C);
+#if BY_CURRENT
+// The shunts' resistance in ohm, the gain of their amplifiers, and the pins of two phases.
+InlineCurrentSense current_sense = InlineCurrentSense(0.01f, 50.0f, A0, A2);
+#endif
 // Without a port of its own: it prints nothing, and the sketch reads the lines.
 Commander commander = Commander();
 
@@ -32,9 +40,20 @@ float ceiling = 0.0f;
 // The number of the last target, or of the line that switched the motor on.
 uint8_t last = 0;
 unsigned long watchdog = 0, fed = 0;
+// The unit since the start.
+char unit = '?';
 
-bool byVoltage() {
-  return motor.torque_controller == TorqueControlType::voltage;
+// What SimpleFOC controls now: volts, measured amperes, estimated ones (E), or no torque (?).
+char controlled() {
+  if (motor.controller != MotionControlType::torque) {
+    return '?';
+  }
+  switch (motor.torque_controller) {
+    case TorqueControlType::voltage: return 'V';
+    case TorqueControlType::dc_current:
+    case TorqueControlType::foc_current: return 'A';
+    default: return 'E';
+  }
 }
 
 void off(uint8_t why) {
@@ -117,7 +136,7 @@ void answer(char kind, uint8_t to) {
   const float angle = (float)sign * sensor.getMechanicalAngle();
   const long counted = (long)sensor.getFullRotations() * sign;
   const long turns = counted > 32767L ? 32767L : counted < -32767L ? -32767L : counted;
-  const float measured = state != STATE_ON ? 0.0f : byVoltage() ? motor.voltage.q : motor.current.q;
+  const float measured = state != STATE_ON ? 0.0f : unit == 'V' ? motor.voltage.q : motor.current.q;
   uint8_t data[13] = {to, state, last, (uint8_t)((uint16_t)turns >> 8), (uint8_t)turns};
   put(data + 5, angle);
   put(data + 9, measured);
@@ -125,7 +144,7 @@ void answer(char kind, uint8_t to) {
 }
 
 void answerVersion(uint8_t to) {
-  uint8_t data[8] = {to, VERSION, (uint8_t)(byVoltage() ? 'V' : 'A'), state};
+  uint8_t data[8] = {to, VERSION, (uint8_t)unit, state};
   put(data + 4, LIMIT);
   send('V', data, 8);
 }
@@ -150,7 +169,7 @@ void execute(char kind, const uint8_t *data, uint8_t length) {
     }
   } else if (kind == 'E' && length == 3) {
     const unsigned long time = 100UL * (((unsigned long)data[1] << 8) | data[2]);
-    if (state == STATE_OFF && time > 0) {
+    if (state == STATE_OFF && time > 0 && (unit == 'V' || unit == 'A')) {
       on(data[0], time);
     }
   } else if (kind == 'T' && length == 5) {
@@ -214,6 +233,10 @@ void receive() {
 }
 
 void guard() {
+  // A target would have another unit: another command has changed it.
+  if (controlled() != unit) {
+    off(STATE_FAILED);
+  }
   if (state != STATE_ON) {
     return;
   }
@@ -232,14 +255,20 @@ void setup() {
   driver.init();
   motor.linkDriver(&driver);
   motor.controller = MotionControlType::torque;
-  motor.torque_controller = TorqueControlType::voltage;
-  if (byVoltage()) {
-    motor.voltage_limit = LIMIT;
-  } else {
-    motor.current_limit = LIMIT;
-  }
+#if BY_CURRENT
+  motor.torque_controller = TorqueControlType::foc_current;
+  motor.current_limit = LIMIT;
   motor.init();
+  current_sense.linkDriver(&driver);
+  current_sense.init();
+  motor.linkCurrentSense(&current_sense);
+#else
+  motor.torque_controller = TorqueControlType::voltage;
+  motor.voltage_limit = LIMIT;
+  motor.init();
+#endif
   const int found = motor.initFOC();
+  unit = controlled();
   off(found ? STATE_OFF : STATE_FAILED);
   commander.add('H', onLine, "hapt");
 }
