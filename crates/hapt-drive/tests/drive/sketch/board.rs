@@ -20,38 +20,71 @@ const ANSWER_MS: u64 = 200;
 /// Of the motor by current, N·m/A.
 pub const TORQUE_CONSTANT: f64 = 0.05;
 
-/// The compiled programs by voltage and by current, or others that `HAPT_BOARD` and `HAPT_BOARD_BY_CURRENT` name, such as the sketch with
-/// SimpleFOC itself; `None`: this computer has no compiler of C++, or only the other one is named.
-static BOARDS: LazyLock<(tempfile::TempDir, [Option<PathBuf>; 2])> = LazyLock::new(|| {
-    let folder = tempfile::tempdir().unwrap();
-    let named = ["HAPT_BOARD", "HAPT_BOARD_BY_CURRENT"].map(|name| std::env::var_os(name).map(PathBuf::from));
-    if named.iter().any(Option::is_some) {
-        return (folder, named);
-    }
+/// Of SimpleFOC, where `HAPT_SIMPLEFOC` names its folder: the motor, what it is made of, and its Commander.
+const SIMPLEFOC: [&str; 12] = [
+    "BLDCMotor",
+    "common/base_classes/CurrentSense",
+    "common/base_classes/FOCMotor",
+    "common/base_classes/Sensor",
+    "common/foc_utils",
+    "common/lowpass_filter",
+    "common/pid",
+    "common/time_utils",
+    "communication/Commander",
+    "drivers/BLDCDriver3PWM",
+    "current_sense/InlineCurrentSense",
+    "sensors/MagneticSensorI2C",
+];
+
+/// The programs by voltage and by current, with a stand-in for SimpleFOC or with SimpleFOC itself, whose folder `HAPT_SIMPLEFOC` names as an absolute
+/// path; `None`: this
+/// computer has no compiler of C++.
+static BOARDS: LazyLock<Option<(tempfile::TempDir, [PathBuf; 2])>> = LazyLock::new(|| {
     let compiler = ["g++", "clang++"].into_iter().find(|name| Command::new(name).arg("--version").output().is_ok());
     let Some(compiler) = compiler else {
         assert!(std::env::var_os("CI").is_none(), "a compiler of C++ has to be there where CI is set");
         println!("SKIPPED: the sketch is not tried, for want of a compiler of C++ (g++ or clang++)");
-        return (folder, [None, None]);
+        return None;
     };
-    let put = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
-    put("Arduino.h", include_str!("../../../../hapt-export-c/tests/arduino/Arduino.h"));
-    put("SimpleFOC.h", include_str!("../../../../hapt-export-c/tests/arduino/SimpleFOC.h"));
-    put("sketch.cpp", &format!("#include <Arduino.h>\n{DRIVE_SKETCH}"));
-    put("board.cpp", include_str!("board.cpp"));
+    let folder = tempfile::tempdir().unwrap();
     let run = |more: &[&str]| {
-        let options = ["-std=c++11", "-O1", "-g", "-Wall", "-Wextra", "-Werror", "-fsanitize=address,undefined"];
         let mut command = Command::new(compiler);
-        command.args(options).args(["-fno-sanitize-recover=all", "-I."]).args(more);
+        command.args(["-O1", "-g", "-I.", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]).args(more);
         let ran = command.current_dir(&folder).output().unwrap();
         assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
     };
-    run(&["-c", "board.cpp"]);
+    let put = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    put("sketch.cpp", &format!("#include <Arduino.h>\n{DRIVE_SKETCH}"));
+    put("board.cpp", include_str!("board.cpp"));
+    put("board.h", include_str!("board.h"));
+    let mut objects = vec!["board.o".to_string(), "motor.o".to_string()];
+    let mut options = vec!["-std=c++11", "-Wall", "-Wextra", "-Werror"];
+    let source = std::env::var("HAPT_SIMPLEFOC").map(|library| format!("{library}/src"));
+    let its_headers = source.as_ref().map(|source| format!("-I{source}"));
+    if let (Ok(source), Ok(headers)) = (&source, &its_headers) {
+        put("Arduino.h", include_str!("simplefoc/Arduino.h"));
+        put("Wire.h", include_str!("simplefoc/Wire.h"));
+        put("SPI.h", include_str!("simplefoc/SPI.h"));
+        put("motor.cpp", include_str!("simplefoc/motor.cpp"));
+        // Its warnings are not the sketch's.
+        options = vec!["-std=c++17", "-w", "-DSIMPLEFOC_DISABLE_DEBUG", headers];
+        for name in SIMPLEFOC {
+            let (file, object) = (format!("{source}/{name}.cpp"), format!("{}.o", name.replace('/', "-")));
+            run(&[&options[..], &["-c", &file, "-o", &object]].concat());
+            objects.push(object);
+        }
+    } else {
+        put("Arduino.h", include_str!("../../../../hapt-export-c/tests/arduino/Arduino.h"));
+        put("SimpleFOC.h", include_str!("../../../../hapt-export-c/tests/arduino/SimpleFOC.h"));
+        put("motor.cpp", include_str!("motor.cpp"));
+    }
+    run(&[&options[..], &["-c", "board.cpp", "motor.cpp"]].concat());
+    let objects: Vec<&str> = objects.iter().map(|object| &**object).collect();
     let programs = [("-DBY_CURRENT=0", "by-voltage"), ("-DBY_CURRENT=1", "by-current")].map(|(define, name)| {
-        run(&[define, "sketch.cpp", "board.o", "-o", name]);
-        Some(folder.path().join(name))
+        run(&[&options[..], &[define, "sketch.cpp"], &objects[..], &["-o", name]].concat());
+        folder.path().join(name)
     });
-    (folder, programs)
+    Some((folder, programs))
 });
 
 /// Replaces bytes in transit to the board or from it.
@@ -78,12 +111,12 @@ pub struct Board {
 impl Board {
     /// By voltage. `None`: it cannot be compiled here.
     pub fn new(period: u64, starts: bool) -> Option<Self> {
-        Board::of(BOARDS.1[0].as_ref()?, MotorConstant::VoltsPerTorque(VOLTS_PER_TORQUE), period, starts)
+        Board::of(&BOARDS.as_ref()?.1[0], MotorConstant::VoltsPerTorque(VOLTS_PER_TORQUE), period, starts)
     }
 
     /// By current.
     pub fn by_current(period: u64) -> Option<Self> {
-        Board::of(BOARDS.1[1].as_ref()?, MotorConstant::TorqueConstant(TORQUE_CONSTANT), period, true)
+        Board::of(&BOARDS.as_ref()?.1[1], MotorConstant::TorqueConstant(TORQUE_CONSTANT), period, true)
     }
 
     fn of(program: &Path, motor: MotorConstant, period: u64, starts: bool) -> Option<Self> {
