@@ -77,6 +77,13 @@ live("a world", "@notes/default", {
 live("a world that asks for a remedy", "@notes/wheel", { running: (page) => page.locator("button.remedy").first().waitFor() });
 live("a network", join(import.meta.dirname, "../../networks/pair.toml"), { running: (page) => until(() => page.textContent("#verdict"), Boolean) });
 live("a rail", world("rail"), { running: () => {} });
+live("several worlds", "@knob", {
+  running: (page) => until(() => page.textContent("#verdict"), (text) => text === "Certified"),
+  choosing: async (page) => {
+    await press("choose")(page);
+    await page.locator("#tiles .chosen").waitFor();
+  },
+});
 
 test("the page of a wheel for games breaks no rule", { timeout: 180_000, skip: process.platform !== "linux" }, async () => {
   const child = spawn(WHEEL, [mkdtempSync(join(folder, "wheel-"))], { stdio: ["pipe", "pipe", "inherit"] });

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use hapt_core::SafetyProfile;
 use hapt_model::World;
-use hapt_rt::{Engine, Record};
+use hapt_rt::{Change, Engine, Record};
 
 use super::RecordingStatus;
 use crate::config::WorldConfig;

@@ -184,7 +184,7 @@ Examples:
   hapt live                                          the notes' wheel, certified
   hapt live wheel.toml --port 0                      another world, any port
   hapt live @notes/euler --set loop.period=5ms
-  hapt live @knob                                    fifteen knobs to choose from
+  hapt live @knob                                    several to choose from
   hapt live wheel.toml --device hapt:/dev/ttyACM0    a board, and its page")]
     Live(LiveArgs),
     /// Show the device to this computer as a force-feedback wheel for games (Linux).

@@ -88,7 +88,7 @@ fn several_worlds_are_of_one_device_and_no_network() {
         (&["wheel.toml", "pair.toml"], &["pair.toml", "network"]),
         (&["none"], &["none", "*.toml"]),
         (&["knobs", "gone.toml"], &["gone.toml"]),
-        (&["@nob"], &["@nob", "did you mean"]),
+        (&["@nob"], &["@nob", "hapt worlds"]),
     ] {
         let args: Vec<&str> = ["live", "--port", "0"].iter().chain(worlds).copied().collect();
         Running::start(program(at.path(), args)).end().refused(2, words);
