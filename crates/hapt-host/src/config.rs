@@ -19,7 +19,14 @@ pub type Rule = fn(&World, &Source, &[String]) -> Result<(), String>;
 #[derive(Clone, Debug)]
 struct Listed {
     source: Source,
-    title: String,
+    name: WorldName,
+}
+
+impl Listed {
+    fn new(source: Source, world: &World) -> Self {
+        let title = world.title.as_ref().unwrap_or(&source.name).clone();
+        Listed { name: WorldName { name: stem(&source.name).into(), title }, source }
+    }
 }
 
 /// The worlds that a session may run, one of them running, with the keys set over its file.
@@ -73,33 +80,10 @@ impl WorldConfig {
     /// # Errors
     /// As [`World::read`], and those of the rule.
     pub fn checked(source: Source, given: Vec<String>, rule: Rule) -> Result<Self, String> {
-        WorldConfig::of(vec![source], given, rule)
-    }
-
-    /// The first of several worlds, which are of one device; the others can be entered.
-    ///
-    /// # Errors
-    /// As [`WorldConfig::checked`] of each; there is none, or two are of different devices.
-    pub fn of(sources: Vec<Source>, given: Vec<String>, rule: Rule) -> Result<Self, String> {
-        let mut worlds = Vec::new();
-        let mut first: Option<(World, String)> = None;
-        for source in sources {
-            let world = World::read(&source, &given).map_err(|error| error.to_string())?;
-            let name = source.name.clone();
-            let at = |message: String| if worlds.is_empty() { message } else { format!("{name}: {message}") };
-            rule(&world, &source, &given).map_err(at)?;
-            let title = world.title.clone().unwrap_or_else(|| name.clone());
-            match &first {
-                None => first = Some((world, name)),
-                Some((own, named)) => same_device(own, &world).map_err(|key| {
-                    format!("{name}: {key} is not that of {named}; the worlds of one session are of one device, and of the same times")
-                })?,
-            }
-            worlds.push(Listed { source, title });
-        }
-        let Some((world, _)) = first else { return Err("there is no world".into()) };
+        let world = World::read(&source, &given).map_err(|error| error.to_string())?;
+        rule(&world, &source, &given)?;
         Ok(WorldConfig {
-            worlds: worlds.into(),
+            worlds: [Listed::new(source, &world)].into(),
             place: 0,
             given,
             changes: Vec::new(),
@@ -113,6 +97,30 @@ impl WorldConfig {
         .with_keys())
     }
 
+    /// The first of several worlds, which are of one device; the others can be entered.
+    ///
+    /// # Errors
+    /// As [`WorldConfig::checked`] of each; there is none, or two are of different devices.
+    #[cfg(not(target_family = "wasm"))]
+    pub fn of(sources: Vec<Source>, given: Vec<String>, rule: Rule) -> Result<Self, String> {
+        let mut sources = sources.into_iter();
+        let first = sources.next().ok_or("there is no world")?;
+        let mut config = WorldConfig::checked(first, given, rule)?;
+        let mut worlds = config.worlds.to_vec();
+        for source in sources {
+            let name = &source.name;
+            let world = World::read(&source, &config.given).map_err(|error| error.to_string())?;
+            rule(&world, &source, &config.given).map_err(|message| format!("{name}: {message}"))?;
+            same_device(&config.world, &world).map_err(|key| {
+                let own = &config.source().name;
+                format!("{name}: {key} is not that of {own}; the worlds of one session are of one device, and of the same times")
+            })?;
+            worlds.push(Listed::new(source, &world));
+        }
+        config.worlds = worlds.into();
+        Ok(config)
+    }
+
     /// The same on another device, as `--device` names it, with this profile. With a motor the file's device and limits are ceilings
     /// from here on.
     ///
@@ -122,6 +130,7 @@ impl WorldConfig {
         if profile != SafetyProfile::Simulated {
             let attached = Attached::new(&self.world, profile)?;
             // The limits are written out only with a change: until then the world is bit-identical to the file's.
+            #[cfg(not(target_family = "wasm"))]
             for Listed { source, .. } in &self.worlds[1..] {
                 let mut world = World::read(source, &self.given).map_err(|error| error.to_string())?;
                 attached.hold(&mut world).map_err(|message| format!("{}: {message}", source.name))?;
@@ -154,14 +163,14 @@ impl WorldConfig {
 
     /// The names and titles of all worlds, in the order in which they were given, and the place of the running one.
     pub fn worlds(&self) -> (Vec<WorldName>, usize) {
-        let name = |listed: &Listed| WorldName { name: stem(&listed.source.name).into(), title: listed.title.clone() };
-        (self.worlds.iter().map(name).collect(), self.place)
+        (self.worlds.iter().map(|listed| listed.name.clone()).collect(), self.place)
     }
 
     /// Another of the worlds, as its file has it; nothing is changed here.
     ///
     /// # Errors
     /// In a sentence: there is no such world, a file that it refers to no longer exists, or it would exceed the limits of the first.
+    #[cfg(not(target_family = "wasm"))]
     pub fn entering(&self, place: usize) -> Result<Self, String> {
         if place >= self.worlds.len() {
             return Err(format!(
@@ -291,6 +300,7 @@ pub(crate) fn stem(name: &str) -> &str {
 }
 
 /// Whether two worlds are of one device and of the same times, which describe the hardware; the error is what differs.
+#[cfg(not(target_family = "wasm"))]
 fn same_device(one: &World, other: &World) -> Result<(), &'static str> {
     let times = |world: &World| (world.sampling.delay, world.sampling.delay_max, world.sampling.interval_max);
     match () {

@@ -24,6 +24,7 @@ const FIXED: &str =
     "the world cannot change while a game uses the wheel; end hapt wheel, and start it with --set KEY=VALUE";
 
 /// The refusal of another world at a station.
+#[cfg(not(target_family = "wasm"))]
 const STAYS: &str = "a station of a network keeps its world: its links count from that world's 0";
 
 /// A session with the messages for its pages. The caller decides which client may send what.
@@ -55,7 +56,11 @@ impl PageSession {
             if let ClientMessage::Set { key, .. } = &message {
                 return Some(refused(key, FIXED.into()));
             }
-            if matches!(message, ClientMessage::Sets { .. } | ClientMessage::Reset | ClientMessage::Enter { .. }) {
+            #[cfg(not(target_family = "wasm"))]
+            if matches!(message, ClientMessage::Enter { .. }) {
+                return Some(refused("", FIXED.into()));
+            }
+            if matches!(message, ClientMessage::Sets { .. } | ClientMessage::Reset) {
                 return Some(refused("", FIXED.into()));
             }
         }
@@ -85,7 +90,9 @@ impl PageSession {
             }
             ClientMessage::File => return Some(self.file()),
             ClientMessage::Reset => return self.submit(client, Task::Reset),
+            #[cfg(not(target_family = "wasm"))]
             ClientMessage::Enter { .. } if self.session.network().is_some() => return Some(refused("", STAYS.into())),
+            #[cfg(not(target_family = "wasm"))]
             ClientMessage::Enter { world } => return self.submit(client, Task::Enter { world }),
             ClientMessage::Restart => return self.session.restart(epoch).err().map(|why| refused("", why)),
             ClientMessage::Scenario { name: None } => self.session.release(),

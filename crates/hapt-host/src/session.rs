@@ -351,6 +351,7 @@ impl Session {
             sets.clone_from(next);
             return Ok(());
         }
+        #[cfg(not(target_family = "wasm"))]
         if let (Some((last, Task::Enter { world: before })), Task::Enter { world }) = (self.tasks.back_mut(), &task)
             && *last == client
         {
@@ -489,7 +490,7 @@ impl Session {
             }
             Ok(Made::World(next)) => {
                 let change = task.change();
-                if change == Change::Enters {
+                if change != Change::Follows {
                     // Its 0 is elsewhere: a hand with another target would move the puck suddenly.
                     self.release();
                     self.hand.send();

@@ -31,6 +31,7 @@ pub enum Task {
     /// Set every key back to the file's value.
     Reset,
     /// Enter one of the session's worlds.
+    #[cfg(not(target_family = "wasm"))]
     Enter {
         /// Its place.
         world: usize,
@@ -43,6 +44,7 @@ impl Task {
     /// How the world that it makes takes the place of the one before.
     pub fn change(&self) -> Change {
         match self {
+            #[cfg(not(target_family = "wasm"))]
             Task::Enter { .. } => Change::Enters,
             Task::Sets { .. } | Task::Reset | Task::Record => Change::Follows,
         }
@@ -52,7 +54,9 @@ impl Task {
     pub fn key(&self) -> &str {
         match self {
             Task::Sets { key, .. } => key,
-            Task::Reset | Task::Enter { .. } => "",
+            Task::Reset => "",
+            #[cfg(not(target_family = "wasm"))]
+            Task::Enter { .. } => "",
             Task::Record => "record",
         }
     }
@@ -158,6 +162,7 @@ impl Job {
             Task::Sets { sets, only: true, .. } => config.with_only(&sets)?,
             Task::Sets { sets, .. } => config.with_all(&sets)?,
             Task::Reset => config.reset()?,
+            #[cfg(not(target_family = "wasm"))]
             Task::Enter { world } => config.entering(world)?,
             Task::Record => {
                 let station = station.as_deref();

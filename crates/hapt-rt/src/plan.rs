@@ -14,6 +14,8 @@ pub enum Change {
     #[default]
     Follows,
     /// The puck enters another world: that begins at its start, its origin placed where nothing pushes the puck ([`hapt_core::Spec::entry`]).
+    /// A page without a server has one world.
+    #[cfg(not(target_family = "wasm"))]
     Enters,
 }
 
@@ -82,6 +84,7 @@ impl Plan {
     pub fn replacing(world: &World, before: &Plan, change: Change) -> Result<Self, hapt_core::Error> {
         match change {
             Change::Follows => Plan::following(world, before),
+            #[cfg(not(target_family = "wasm"))]
             Change::Enters => Ok(Plan { entry: Some(world.spec().entry()), ..Plan::new(world, before.profile)? }),
         }
     }
@@ -129,7 +132,8 @@ impl Plan {
     /// The state with which this plan replaces `before`, whose state is `state`: see [`hapt_core::Controller::transfer`] and
     /// [`hapt_core::Controller::enter`]. Allocates nothing.
     pub fn transfer(&self, before: &Plan, state: &PlanState) -> PlanState {
-        if let Some(at) = self.entry {
+        // Never in a page without a server: its program is kept small.
+        if let (Some(at), false) = (self.entry, cfg!(target_family = "wasm")) {
             return self.controller.enter(&before.controller, state, at);
         }
         let at = |list: &[Option<usize>], i: usize| list.get(i).copied().flatten();

@@ -65,7 +65,8 @@ pub enum ClientMessage {
     File,
     /// Sets every key back to the file's value.
     Reset,
-    /// Enters one of the session's worlds.
+    /// Enters one of the session's worlds. A page without a server has one.
+    #[cfg(not(target_family = "wasm"))]
     Enter {
         /// Its place, from 0.
         world: usize,
@@ -167,7 +168,7 @@ impl ClientMessage {
                 return Err("a network's delay_s and loss are within 0 and 1, stiffness within 0.001 and 10, age within 0.001 and 100".into());
             }
             #[cfg(not(target_family = "wasm"))]
-            ClientMessage::Controls(_) => Vec::new(),
+            ClientMessage::Controls(_) | ClientMessage::Enter { .. } => Vec::new(),
             ClientMessage::Hello { .. }
             | ClientMessage::Take
             | ClientMessage::Give
@@ -175,7 +176,6 @@ impl ClientMessage {
             | ClientMessage::Hand { .. }
             | ClientMessage::Reset
             | ClientMessage::File
-            | ClientMessage::Enter { .. }
             | ClientMessage::Restart
             | ClientMessage::Scenario { .. }
             | ClientMessage::Record { .. }

@@ -15,7 +15,7 @@ pub fn describe(config: &WorldConfig) -> WorldInfo {
     let (worlds, place) = config.worlds();
     WorldInfo {
         generation: config.generation,
-        title: worlds[place].title.clone(),
+        title: world.title.as_ref().unwrap_or(&config.source().name).clone(),
         worlds,
         place,
         motion: motion.name(),
