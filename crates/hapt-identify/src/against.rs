@@ -14,7 +14,7 @@ use crate::misfit::Misfit;
 use crate::puck::Puck;
 use crate::record::{CancellableRecord, Record};
 use crate::remainder::{RESOLUTION, left, residual};
-use crate::start::{Begin, begins, noise};
+use crate::start::{Begin, begins};
 use crate::torque::{TorqueFit, fit_torque};
 use crate::{Error, Lattice, lattice};
 
@@ -259,7 +259,7 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
             fitted: x.fitted(record),
             residuals: x.residuals(record),
             residual: x.residual,
-            noise: noise(record),
+            noise: record.noise(),
             lattice: x.lattice,
         });
     }
@@ -290,7 +290,7 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
         fitted: puck.positions_from(record, first),
         residuals: puck.left_from_sample(record, first),
         residual,
-        noise: noise(record),
+        noise: record.noise(),
         lattice: lattice(record.positions()),
     })
 }
@@ -307,7 +307,7 @@ fn with_handle(record: &CancellableRecord<'_>, claims: &Claims, shaft: &Handle) 
         fitted,
         residuals,
         residual,
-        noise: noise(record),
+        noise: record.noise(),
         lattice: lattice(record.positions()),
     })
 }

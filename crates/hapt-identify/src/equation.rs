@@ -12,7 +12,6 @@
 use nalgebra::{SMatrix, SVector};
 
 use crate::record::Record;
-use crate::start::noise;
 
 /// Terms of the equation, in the order of the columns.
 pub(crate) const TERMS: usize = 9;
@@ -135,7 +134,7 @@ impl Rows {
             return all;
         }
         let middle = positions.iter().sum::<f64>() / positions.len() as f64;
-        let variance = noise(record).powi(2);
+        let variance = record.noise().powi(2);
         let forces = record.forces();
         let mut centre = half;
         while centre + half < times.len() {

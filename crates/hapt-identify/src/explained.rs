@@ -16,7 +16,6 @@ use std::f64::consts::PI;
 
 use crate::counts::Lattice;
 use crate::record::Record;
-use crate::start::noise;
 
 /// Blocks of so many samples, and so many blocks.
 const SHORT: usize = 8;
@@ -34,7 +33,7 @@ pub(crate) fn explained(record: &Record, left: &[f64], lattice: Option<Lattice>,
         return true;
     }
     let count = lattice.map_or(0.0, |lattice| lattice.step);
-    let seen = noise(record).powi(2);
+    let seen = record.noise().powi(2);
     if variance > 1.5 * seen + 0.25 * count * count {
         return false;
     }

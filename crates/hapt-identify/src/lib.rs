@@ -57,6 +57,7 @@ mod lag;
 mod lagging;
 mod mat;
 mod misfit;
+mod noise;
 mod position;
 mod puck;
 mod quantile;

@@ -1,6 +1,7 @@
 //! What is known of a motion: times, positions and the torques that were asked for.
 
 use crate::Error;
+use crate::noise::noise;
 
 /// Delays are looked for up to here, in s. So long after its beginning the part of a record begins that is fitted first: by then every
 /// torque that can still arrive has been recorded.
@@ -41,6 +42,8 @@ pub struct Record {
     forces: Option<Vec<f64>>,
     /// Whether a position says more than the one before it.
     news: Vec<bool>,
+    /// The noise of the positions, rms.
+    noise: f64,
 }
 
 impl Record {
@@ -83,7 +86,8 @@ impl Record {
         let news = positions
             .chunk_by(|a, b| a == b)
             .flat_map(|equal| (0..equal.len()).map(|i| i == 0 || equal.len() < AT_REST));
-        Ok(Record { news: news.collect(), forces: None, times, positions, torques })
+        let (news, noise) = (news.collect(), noise(&times, &positions));
+        Ok(Record { news, noise, forces: None, times, positions, torques })
     }
 
     /// The same with a second torque that acts on the puck, from a sensor: one value a sample, in N·m (N) or any multiple of it, of either
@@ -160,6 +164,11 @@ impl Record {
     pub fn period(&self) -> f64 {
         let (first, last) = (self.times[0], self.times[self.times.len() - 1]);
         (last - first) / (self.times.len() - 1) as f64
+    }
+
+    /// The noise of the positions, rms, in rad (m), estimated without a fit.
+    pub(crate) fn noise(&self) -> f64 {
+        self.noise
     }
 
     /// Whether there is any torque.

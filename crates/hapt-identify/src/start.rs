@@ -19,8 +19,6 @@ use crate::record::{LONGEST_DELAY, Record};
 const WINDOWS: [f64; 3] = [0.05, 0.15, 0.5];
 /// Over so long the velocity is looked at, s.
 const GLANCE: f64 = 6e-3;
-/// Intervals that differ by less than this part of themselves differ by rounding.
-const EVEN: f64 = 1e-6;
 /// A velocity below so many standard errors may be none.
 const DOUBT: f64 = 3.0;
 
@@ -64,33 +62,9 @@ fn slope(record: &Record, low: usize, high: usize) -> (f64, f64, f64) {
     (tz / tt, tt.sqrt().recip(), z)
 }
 
-/// The noise of the positions, rms.
-pub(crate) fn noise(record: &Record) -> f64 {
-    // Third differences of a smooth motion are noise alone; their median does not see the jerks.
-    let third = |(t, z): (&[f64], &[f64])| {
-        let weights = third_difference(t);
-        let sum: f64 = weights.iter().zip(z).map(|(weight, z)| weight * z).sum();
-        sum.abs() / weights.iter().map(|weight| weight * weight).sum::<f64>().sqrt()
-    };
-    let mut thirds: Vec<f64> = record.times().windows(4).zip(record.positions().windows(4)).map(third).collect();
-    thirds.sort_by(f64::total_cmp);
-    let mean_square = thirds.iter().map(|x| x * x).sum::<f64>() / thirds.len() as f64;
-    let median = thirds[thirds.len() / 2] / 0.6745;
-    if median > 0.0 { median } else { mean_square.sqrt() }
-}
-
-/// The weights of four samples at these times in their third difference, a multiple of the divided one; whole numbers where they are even.
-fn third_difference(t: &[f64]) -> [f64; 4] {
-    let mean = (t[3] - t[0]) / 3.0;
-    if t.windows(2).all(|pair| (pair[1] - pair[0] - mean).abs() < EVEN * mean) {
-        return [-1.0, 3.0, -3.0, 1.0];
-    }
-    std::array::from_fn(|i| (0..4).filter(|j| *j != i).map(|j| mean / (t[i] - t[j])).product())
-}
-
 fn glance(record: &Record) -> Glance {
     let n = record.positions().len();
-    let (noise, half) = (noise(record), half(record, GLANCE));
+    let (noise, half) = (record.noise(), half(record, GLANCE));
     let sign = (0..n).map(|i| {
         let (v, error, _) = slope(record, i.saturating_sub(half), (i + half).min(n - 1));
         let doubt = DOUBT * noise * error;
@@ -128,7 +102,7 @@ pub(crate) fn direction(record: &Record) -> f64 {
 
 /// Where the puck is at the sample `first`: at rest, where it may be, or else moving; and by the line alone.
 pub(crate) fn begins(record: &Record, first: usize) -> [Begin; 2] {
-    let noise = noise(record);
+    let noise = record.noise();
     let last = (first + 2 * half(record, GLANCE)).min(record.positions().len() - 1);
     let (v, error, z) = slope(record, first, last);
     let ago = 0.5 * (record.times()[last] - record.times()[first]);

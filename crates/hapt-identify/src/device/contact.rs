@@ -35,6 +35,10 @@ const RISES: [f64; 4] = [1.0, 0.3, 3.0, 0.1];
 /// Steps of a fit of one turn, and of all of the record.
 const BRIEF: usize = 12;
 const MANY: usize = 60;
+/// Steps of a fit of the stretches about the turns.
+const BRISK: usize = 30;
+/// So often stretches that begin beside the motion begin anew.
+const MENDS: usize = 3;
 /// Steps of a fit with a lag, which begins near the best one.
 const FEW: usize = 20;
 /// The lag that a fit starts from, in periods.
@@ -88,6 +92,7 @@ pub(crate) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fi
         let found = [hardest(0), hardest(1)];
         let start = with_stops(record, &away.device, found)?;
         let free = free(true, known.lag.is_some(), found.map(|turn| turn.is_some()));
+        let start = around(record, start, free, found)?;
         shots(record, start, free)
             .filter(|fit| are_ends(record, fit))
             .and_then(|fit| settled(record, fit))
@@ -248,9 +253,33 @@ fn of_turn(record: &CancellableRecord<'_>, device: &Device, turn: &Turn, is_new:
     fits.min_by(|a, b| a.squares.total_cmp(&b.squares)).map(|fit| fit.device)
 }
 
+/// The device that explains the stretches about the turns; `None`: none does, and so none explains the record.
+fn around(record: &CancellableRecord<'_>, start: Device, free: Free, turns: [Option<Turn>; 2]) -> Option<Device> {
+    let all = Shot::all(record, record.first());
+    let is_near =
+        |(from, to): (usize, usize)| turns.iter().flatten().any(|turn| from < turn.span.1 && turn.span.0 < to);
+    let near: Vec<Shot> = all.iter().copied().filter(|shot| is_near(shot.span())).collect();
+    if 2 * near.len() > all.len() {
+        return Some(start);
+    }
+    let fit = fitted(record, start, free, near, BRISK)?;
+    settled(record, fit).map(|fit| fit.device)
+}
+
 /// The fit of all of a record from a device on.
 pub(super) fn shots(record: &CancellableRecord<'_>, device: Device, free: Free) -> Option<Fit> {
-    Fit::of(record, device, free, Shot::all(record, record.first()))?.improved(record, MANY)
+    fitted(record, device, free, Shot::all(record, record.first()), MANY)
+}
+
+/// The fit of some shots.
+fn fitted(record: &CancellableRecord<'_>, device: Device, free: Free, shots: Vec<Shot>, most: usize) -> Option<Fit> {
+    let begun = Fit::of(record, device, free, shots)?;
+    let mut fit = begun.mended(record).unwrap_or(begun).improved(record, most)?;
+    for _ in 0..MENDS {
+        let Some(mended) = fit.mended(record) else { break };
+        fit = mended.improved(record, most)?;
+    }
+    Some(fit)
 }
 
 /// The fit that explains the record, with a lag where that is told; `None`: nothing explains it.

@@ -34,6 +34,9 @@ pub(crate) const STOP_DAMPING: usize = 11;
 /// So long the motion is followed from one beginning, in s.
 pub(crate) const SHOT: f64 = 0.4;
 
+/// Shots begin where the motion goes on for so long on both sides, in s.
+const FLIGHT: f64 = 0.012;
+
 const LOGARITHMS: [usize; 3] = [INERTIA, FAST, STIFFNESS];
 const NOT_BELOW_0: [usize; 6] = [DAMPING, FRICTION, LATE, VARIANCE, RISE, STOP_DAMPING];
 /// A step of this many standard errors is none.
@@ -42,6 +45,11 @@ const SMALL: f64 = 1e-3;
 pub(crate) const SHORTEST_LAG: f64 = 0.1;
 /// The fastest rate of a device that is followed, per period of the record.
 const FASTEST: f64 = 60.0;
+/// A shot of which so many times as much as usual is left begins elsewhere than it did; it begins anew by lines through so many samples more.
+const ODD: f64 = 1.5;
+const GLIMPSES: [usize; 3] = [2, 5, 12];
+/// Steps of the fit of one beginning.
+const OWN: usize = 25;
 /// A derivative is a difference over this part of a number's size.
 const DIFFERENCE: f64 = 1e-5;
 
@@ -126,12 +134,24 @@ impl Shot {
         Shot { from, to, state: [position, velocity] }
     }
 
+    /// Its samples, from the first to before the second.
+    pub fn span(&self) -> (usize, usize) {
+        (self.from, self.to)
+    }
+
     /// All of a record, from a sample on.
     pub fn all(record: &Record, first: usize) -> Vec<Shot> {
         let n = record.times().len();
         let count = (((n - first) as f64 * record.period() / SHOT).round() as usize).max(1);
-        let at = |k: usize| first + k * (n - first) / count;
-        (0..count).map(|k| Shot::new(record, at(k), at(k + 1))).collect()
+        let even = |k: usize| first + k * (n - first) / count;
+        let around = (n - first) / count / 4;
+        let at = |k: usize| match k {
+            0 => first,
+            k if k == count => n,
+            k => steadiest(record, even(k) - around, even(k) + around),
+        };
+        let places: Vec<usize> = (0..=count).map(at).collect();
+        places.windows(2).map(|pair| Shot::new(record, pair[0], pair[1])).collect()
     }
 
     /// Where the device is at its samples.
@@ -143,11 +163,48 @@ impl Shot {
         all
     }
 
+    /// How many of its positions are measurements.
+    fn news(&self, record: &Record) -> usize {
+        (self.from..self.to).filter(|i| record.is_news(*i)).count()
+    }
+
+    /// Where it ends, which is where the next one begins.
+    fn end(&self, record: &Record, device: &Device) -> Option<[f64; 2]> {
+        let to = self.to.min(record.times().len() - 1);
+        let positions = Shot { to: to + 1, ..*self }.positions(record, device);
+        let [.., before, last] = positions[..] else { return None };
+        Some([last, (last - before) / (record.times()[to] - record.times()[to - 1])])
+    }
+
+    /// Where it may begin: by lines through more and more of its positions.
+    fn glimpses(&self, record: &Record) -> impl Iterator<Item = [f64; 2]> {
+        let of = |samples: usize| {
+            let (from, to) = (self.from, (self.from + samples).min(self.to - 1));
+            let (t, z) = (&record.times()[from..=to], &record.positions()[from..=to]);
+            [z[0], (z[z.len() - 1] - z[0]) / (t[t.len() - 1] - t[0])]
+        };
+        GLIMPSES.map(of).into_iter()
+    }
+
     /// What that leaves of the positions that are measurements.
     fn left(&self, record: &Record, device: &Device) -> Vec<f64> {
         let rows = self.positions(record, device).into_iter().zip(self.from..);
         rows.filter(|(_, i)| record.is_news(*i)).map(|(z, i)| record.positions()[i] - z).collect()
     }
+}
+
+/// The sample between two where the velocity changes least for its size: in flight, and not in a stop or at rest, where a beginning is hard
+/// to find.
+fn steadiest(record: &Record, low: usize, high: usize) -> usize {
+    let (times, positions) = (record.times(), record.positions());
+    let half = ((FLIGHT / record.period()).round() as usize).max(2);
+    let slope = |from: usize, to: usize| (positions[to] - positions[from]) / (times[to] - times[from]);
+    let change = |i: usize| {
+        let [before, after] = [slope(i - half, i), slope(i, i + half)];
+        (after - before).abs() / (after + before).abs().max(f64::MIN_POSITIVE)
+    };
+    let inside = low.max(half)..high.min(positions.len() - half);
+    inside.min_by(|a, b| change(*a).total_cmp(&change(*b))).unwrap_or(low)
 }
 
 /// A device, its motions, what they leave of a record, and the derivatives.
@@ -227,13 +284,43 @@ impl Fit {
         (sizes.map(|size| DIFFERENCE * size), [0.1 * way, speed].map(|size| DIFFERENCE * size))
     }
 
+    /// The same with better beginnings of the shots that the device explains far worse than the others: one that begins in a stop can end beside
+    /// its motion. `None`: there is none.
+    pub fn mended(&self, record: &CancellableRecord<'_>) -> Option<Fit> {
+        let mut rest = &self.left[..];
+        let squares = self.shots.iter().map(|shot| {
+            let (own, after) = rest.split_at(shot.news(record));
+            rest = after;
+            own.iter().map(|r| r * r).sum::<f64>() / own.len().max(1) as f64
+        });
+        let squares: Vec<f64> = squares.collect();
+        let mut sorted = squares.clone();
+        sorted.sort_by(f64::total_cmp);
+        let usual = sorted[sorted.len() / 2];
+        let mut shots = self.shots.clone();
+        for (i, _) in squares.iter().enumerate().filter(|(_, square)| **square > ODD * usual) {
+            let before = i.checked_sub(1).map(|before| shots[before]);
+            let starts =
+                before.and_then(|before| before.end(record, &self.device)).into_iter().chain(shots[i].glimpses(record));
+            let fits = starts.filter_map(|state| {
+                let shot = Shot { state, ..shots[i] };
+                Fit::of(record, self.device, [false; PARAMETERS], vec![shot])?.improved(record, OWN)
+            });
+            if let Some(best) = fits.min_by(|a, b| a.squares.total_cmp(&b.squares)) {
+                shots[i] = best.shots[0];
+            }
+        }
+        let mended = Fit::of(record, self.device, self.free, shots)?;
+        (mended.squares < self.squares * (1.0 - SMALL)).then_some(mended)
+    }
+
     /// With its derivatives.
     fn differentiated(mut self, record: &Record) -> Option<Fit> {
         let (steps, of_state) = self.steps(record);
         let mut rest = &self.left[..];
         let mut all = Vec::with_capacity(self.shots.len());
         for shot in &self.shots {
-            let news = (shot.from..shot.to).filter(|i| record.is_news(*i)).count();
+            let news = shot.news(record);
             let (left, after) = rest.split_at(news);
             rest = after;
             let (mut own, mut state) = (DMatrix::zeros(news, PARAMETERS), DMatrix::zeros(news, 2));

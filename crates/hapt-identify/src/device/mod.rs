@@ -3,6 +3,7 @@
 mod contact;
 mod fit;
 mod motion;
+mod pieces;
 
 pub(crate) use contact::{near, search};
 use fit::{

@@ -9,6 +9,7 @@
 //! max(0, k p + c ṗ)          with the way p > 0 into the stop
 //! ```
 
+use super::pieces::{Line, Maps, Rates, State};
 use crate::arrivals::Arrivals;
 
 /// The numbers of a device as its motion shows them, torques per inertia.
@@ -42,18 +43,10 @@ pub(crate) struct Numbers {
     pub velocity: f64,
 }
 
-/// Terms of a series after the constant one, and the most of a piece in the fastest time constants: 1/17! is the last digit.
-const ORDER: usize = 16;
-const REACH: f64 = 1.0;
-/// A term of a series of this size is none.
-const SMALLEST: f64 = 1e-18;
 /// A gap of this part of the largest one that was is none.
 const NO_GAP: f64 = 1e-12;
 /// More events between two changes of the torque are chatter.
 const MOST_EVENTS: usize = 64;
-/// A root is located in so many steps at most.
-const STEPS: usize = 160;
-
 /// How it is to a stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Touch {
@@ -63,23 +56,6 @@ enum Touch {
     Pressed,
     /// In one that it leaves faster than it follows.
     Left,
-}
-
-/// Position, velocity and the motor's torque less what it holds.
-type State = [f64; 3];
-
-/// The coefficients of their series, up to an order.
-struct Series {
-    of: [State; ORDER + 1],
-    order: usize,
-}
-
-/// velocity · v + position · z + constant
-#[derive(Clone, Copy)]
-struct Line {
-    position: f64,
-    velocity: f64,
-    constant: f64,
 }
 
 /// What ends a piece.
@@ -106,52 +82,7 @@ struct Motion {
     touch: Touch,
     /// The stop that it is in: 0 the low one, 1 the high one.
     stop: usize,
-}
-
-impl Series {
-    fn at(&self, t: f64) -> State {
-        self.of[..=self.order].iter().rev().fold([0.0; 3], |sum, c| std::array::from_fn(|i| c[i] + t * sum[i]))
-    }
-
-    /// Where a line is above 0 first within `end`, where it is above 0 at the end.
-    fn crossing(&self, line: &Line, end: f64) -> f64 {
-        let value = |t: f64| line.value(&self.at(t));
-        let (mut low, mut high) = (0.0, end);
-        let (mut at_low, mut at_high) = (value(low), value(high));
-        // From a zero on it may first go down.
-        let mut before = end;
-        while at_low >= 0.0 {
-            before *= 0.5;
-            if before < 1e-3 * end {
-                return 0.0;
-            }
-            if value(before) < 0.0 {
-                (low, at_low) = (before, value(before));
-            }
-        }
-        for step in 0..STEPS {
-            // Regula falsi, every third time a half.
-            let part = if step % 3 == 2 { 0.5 } else { at_low / (at_low - at_high) };
-            let secant = low + part * (high - low);
-            let t = if secant > low && secant < high { secant } else { 0.5 * (low + high) };
-            if t <= low || t >= high {
-                break;
-            }
-            let there = value(t);
-            if there > 0.0 {
-                (high, at_high) = (t, there);
-            } else {
-                (low, at_low) = (t, there);
-            }
-        }
-        high
-    }
-}
-
-impl Line {
-    fn value(&self, [z, v, _]: &State) -> f64 {
-        self.position * z + self.velocity * v + self.constant
-    }
+    maps: Maps,
 }
 
 impl Numbers {
@@ -192,7 +123,17 @@ impl Numbers {
 impl Motion {
     fn new(numbers: Numbers, torque: f64) -> Self {
         let state = [numbers.position, numbers.velocity, 0.0];
-        Motion { numbers, state, torque, widest: 0.0, way: 0.0, falls: false, touch: Touch::Free, stop: 0 }
+        Motion {
+            numbers,
+            state,
+            torque,
+            widest: 0.0,
+            way: 0.0,
+            falls: false,
+            touch: Touch::Free,
+            stop: 0,
+            maps: Maps::new(),
+        }
     }
 
     /// The gap alone, while `length` s go by.
@@ -271,44 +212,23 @@ impl Motion {
         }
     }
 
-    /// v̇ = drive - damping v - stiffness z + gain gap
-    fn rates(&self) -> (f64, f64, f64) {
-        let Numbers { gain, damping, friction, offset, rise, fast, stops, stiffness, stop_damping, .. } = self.numbers;
-        let (mut drive, mut loss, mut spring) = (gain * self.torque + offset - friction * self.way, damping, 0.0);
+    /// v̇ = drive - loss v - spring z + gain gap
+    fn rates(&self) -> Rates {
+        let Numbers { gain, damping, friction, offset, lag, rise, fast, stops, stiffness, stop_damping, .. } =
+            self.numbers;
+        let decay = if self.state[2] == 0.0 { 0.0 } else { lag.recip() };
+        let mut rates =
+            Rates { drive: gain * self.torque + offset - friction * self.way, loss: damping, spring: 0.0, decay };
         if self.falls && rise > 0.0 {
-            drive -= rise * self.way;
-            loss -= rise / fast;
+            rates.drive -= rise * self.way;
+            rates.loss -= rise / fast;
         }
         if self.touch == Touch::Pressed {
-            drive += stiffness * stops[self.stop];
-            loss += stop_damping;
-            spring = stiffness;
+            rates.drive += stiffness * stops[self.stop];
+            rates.loss += stop_damping;
+            rates.spring = stiffness;
         }
-        (drive, loss, spring)
-    }
-
-    /// The series of a piece, and its length: `most`, or less where something is faster.
-    fn series(&self, most: f64) -> (Series, f64) {
-        let (drive, loss, spring) = self.rates();
-        let Numbers { gain, lag, .. } = self.numbers;
-        let rate = if self.state[2] == 0.0 { 0.0 } else { lag.recip() };
-        let fastest = loss.abs().max(spring.sqrt()).max(rate);
-        let length = most.min(REACH / fastest);
-        // Up to the term that is below the last digit.
-        let (mut order, mut term) = (2, 0.5 * (fastest * length).powi(2));
-        while order < ORDER && term > SMALLEST {
-            order += 1;
-            term *= fastest * length / order as f64;
-        }
-        let mut of = [[0.0; 3]; ORDER + 1];
-        of[0] = self.state;
-        for n in 0..order {
-            let [z, v, gap] = of[n];
-            let more = if n == 0 { drive } else { 0.0 };
-            let over = ((n + 1) as f64).recip();
-            of[n + 1] = [v * over, (more - loss * v - spring * z + gain * gap) * over, -rate * gap * over];
-        }
-        (Series { of, order }, length)
+        rates
     }
 
     /// The events of the present piece; that of rest first, as the position grows or falls steadily up to it.
@@ -329,7 +249,9 @@ impl Motion {
         let negative =
             |line: Line| Line { position: -line.position, velocity: -line.velocity, constant: -line.constant };
         let [one, other] = match self.touch {
-            Touch::Free => [0, 1].map(|stop| into(stop, 1.0).map(|line| (Event::Enters(stop), line))),
+            Touch::Free => {
+                [into(0, 1.0).map(|line| (Event::Enters(0), line)), into(1, 1.0).map(|line| (Event::Enters(1), line))]
+            }
             Touch::Pressed => [Some((Event::LetsGo, negative(push))), None],
             Touch::Left => [Some((Event::TakesHold, push)), into(self.stop, -1.0).map(|line| (Event::Leaves, line))],
         };
@@ -349,20 +271,34 @@ impl Motion {
                 rest -= wait;
                 continue;
             }
-            let (series, mut end) = self.series(rest);
-            let (mut middle, mut last, mut first) = (series.at(0.5 * end), series.at(end), None);
-            if events < MOST_EVENTS {
-                for (event, line) in self.events().into_iter().flatten() {
-                    // One that comes and goes within the piece shows in its middle.
-                    let part = match (line.value(&middle) > 0.0, line.value(&last) > 0.0) {
-                        (true, _) => 0.5,
-                        (false, true) => 1.0,
-                        (false, false) => continue,
-                    };
-                    end = series.crossing(&line, part * end);
-                    (middle, last, first) = (series.at(0.5 * end), series.at(end), Some(event));
+            let rates = self.rates();
+            // No farther than the series reach.
+            let mut end = rates.reached(rest);
+            let lines = if events < MOST_EVENTS { self.events() } else { [None; 4] };
+            let (state, gain) = (self.state, self.numbers.gain);
+            let is_quiet = |places: &[State; 2]| {
+                let is_before = |line: &Line| places.iter().all(|place| line.value(place) <= 0.0);
+                lines.iter().flatten().all(|(_, line)| is_before(line))
+            };
+            let mut first = None;
+            let last = match self.maps.places(&rates, gain, end, &state).filter(is_quiet) {
+                Some([_, last]) => last,
+                None => {
+                    let series = rates.series(state, gain, end);
+                    let (mut middle, mut last) = (series.at(0.5 * end), series.at(end));
+                    for (event, line) in lines.into_iter().flatten() {
+                        // One that comes and goes within the piece shows in its middle.
+                        let part = match (line.value(&middle) > 0.0, line.value(&last) > 0.0) {
+                            (true, _) => 0.5,
+                            (false, true) => 1.0,
+                            (false, false) => continue,
+                        };
+                        end = series.crossing(&line, part * end);
+                        (middle, last, first) = (series.at(0.5 * end), series.at(end), Some(event));
+                    }
+                    last
                 }
-            }
+            };
             self.state = last;
             if self.state[2].abs() < NO_GAP * self.widest {
                 self.state[2] = 0.0;

@@ -9,6 +9,11 @@ use crate::rig::{WHEEL, counted, motion, steps, times};
 
 /// A random device between stops, and a record that runs into both.
 pub fn stopped(rng: &mut Rng) -> (DeviceSpec, Record) {
+    stopped_for(rng, 3000)
+}
+
+/// The same with so many samples.
+fn stopped_for(rng: &mut Rng, samples: usize) -> (DeviceSpec, Record) {
     let mut between = |low: f64, high: f64| low * (high / low).powf(rng.f64());
     let inertia = between(3e-4, 2e-3);
     let (rate, friction, delay) = (between(1.0, 8.0), between(2e-3, 8e-3), between(0.1e-3, 4e-3));
@@ -16,10 +21,10 @@ pub fn stopped(rng: &mut Rng) -> (DeviceSpec, Record) {
     let damping = 2.0 * between(0.05, 0.8) * (stiffness * inertia).sqrt();
     let stops = Stops { low: Some(-between(0.2, 1.0)), high: Some(between(0.2, 1.0)), stiffness, damping };
     let rig = DeviceSpec { delay, inertia, damping: rate * inertia, friction, stops: Some(stops), ..WHEEL };
-    let mut torques = steps(rng, 3000, 100.0 * inertia);
+    let mut torques = steps(rng, samples, 100.0 * inertia);
     torques[0] = 0.0;
     let seen = counted(&motion(&rig, &torques), 20_000.0, 0.7, rng);
-    (rig, Record::new(times(&rig, 3000), seen, torques).unwrap())
+    (rig, Record::new(times(&rig, samples), seen, torques).unwrap())
 }
 
 /// The numbers that an answer gives with their truths.
@@ -59,6 +64,26 @@ fn stops_that_a_record_runs_into_are_found() {
     // A start that is too far off ends beside the device, and what does not explain the record is no answer.
     assert!(10 * found >= 8 * all, "{found} of {all}");
     assert!(10 * covered >= 9 * told, "{covered} of {told}");
+}
+
+/// Each impact multiplies what is off before it, and a long record has hundreds of them: it tells more than a short one all the same, and
+/// agrees with the file of its own device.
+#[test]
+fn a_long_record_with_many_impacts_agrees_with_its_own_file() {
+    let (mut all, mut found) = (0, 0);
+    for seed in hapt_testing::seeds(6) {
+        let (rig, record) = stopped_for(&mut Rng::with_seed(300 + seed), 20_000);
+        let compared = against(&record, &claims(&rig, 0.0), false).unwrap();
+        assert!(compared.agrees(), "seed {seed}: {:?} {:?}", compared.wrong, compared.numbers);
+        all += 1;
+        let Some(answer) = identify(&record, &Known::default()).ok().filter(|answer| answer.stops.is_some()) else {
+            continue;
+        };
+        found += 1;
+        let inertia = answer.inertia.unwrap();
+        assert!((inertia.value / rig.inertia - 1.0).abs() < 0.01, "seed {seed}: {inertia:?}");
+    }
+    assert!(4 * found >= 3 * all, "{found} of {all}");
 }
 
 /// A record that turns round before the stops tells none, also where torques turn it round hard.

@@ -1,0 +1,196 @@
+//! Pieces of a motion between events: linear in position, velocity and the motor's gap to its command.
+
+/// Terms of a series after the constant one, and the most of a piece in the fastest time constants: 1/17! is the last digit.
+const ORDER: usize = 16;
+const REACH: f64 = 1.0;
+/// A term of a series of this size is none.
+const SMALLEST: f64 = 1e-18;
+/// Pieces whose lengths differ by this part of themselves are of one length: their times differ by rounding.
+const EVEN: f64 = 1e-10;
+/// So many maps are kept.
+const MAPS: usize = 8;
+/// A root is located in so many steps at most.
+const STEPS: usize = 160;
+
+/// Position, velocity and the motor's torque less what it holds.
+pub(super) type State = [f64; 3];
+
+/// The coefficients of their series, up to an order.
+pub(super) struct Series {
+    of: [State; ORDER + 1],
+    order: usize,
+}
+
+/// velocity · v + position · z + constant
+#[derive(Clone, Copy)]
+pub(super) struct Line {
+    pub position: f64,
+    pub velocity: f64,
+    pub constant: f64,
+}
+
+/// What the motion of a piece is linear in.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) struct Rates {
+    /// What drives it.
+    pub drive: f64,
+    /// Of the velocity.
+    pub loss: f64,
+    /// Of the position.
+    pub spring: f64,
+    /// Of the gap.
+    pub decay: f64,
+}
+
+/// The motion over a piece of one length: the state at its end, and in its middle, is linear in the state before it and in the drive.
+#[derive(Clone, Copy)]
+struct Map {
+    rates: Rates,
+    length: f64,
+    middle: Linear,
+    last: Linear,
+}
+
+/// Maps of pieces that come again and again, and the last one that was none of them.
+pub(super) struct Maps {
+    maps: Vec<Map>,
+    missed: Option<(Rates, f64)>,
+}
+
+/// By position, velocity, gap, and drive.
+type Linear = [State; 4];
+
+impl Rates {
+    /// The series of a motion from a state.
+    pub fn series(&self, state: State, gain: f64, length: f64) -> Series {
+        let Rates { drive, loss, spring, decay } = *self;
+        let fastest = self.fastest();
+        // Up to the term that is below the last digit.
+        let (mut order, mut term) = (2, 0.5 * (fastest * length).powi(2));
+        while order < ORDER && term > SMALLEST {
+            order += 1;
+            term *= fastest * length / order as f64;
+        }
+        let mut of = [[0.0; 3]; ORDER + 1];
+        of[0] = state;
+        for n in 0..order {
+            let [z, v, gap] = of[n];
+            let more = if n == 0 { drive } else { 0.0 };
+            let over = ((n + 1) as f64).recip();
+            of[n + 1] = [v * over, (more - loss * v - spring * z + gain * gap) * over, -decay * gap * over];
+        }
+        Series { of, order }
+    }
+
+    /// How much of a piece the series reach.
+    pub fn reached(&self, length: f64) -> f64 {
+        length.min(REACH / self.fastest())
+    }
+
+    fn fastest(&self) -> f64 {
+        self.loss.abs().max(self.spring.sqrt()).max(self.decay)
+    }
+
+    /// Whether the same but for the drive.
+    fn is_alike(&self, other: &Rates) -> bool {
+        self.loss == other.loss && self.spring == other.spring && self.decay == other.decay
+    }
+}
+
+impl Map {
+    fn new(rates: Rates, gain: f64, length: f64) -> Map {
+        let unit = |i: usize| {
+            let of = Rates { drive: if i == 3 { 1.0 } else { 0.0 }, ..rates };
+            of.series(std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 }), gain, length)
+        };
+        let units = [unit(0), unit(1), unit(2), unit(3)];
+        let at = |t: f64| [units[0].at(t), units[1].at(t), units[2].at(t), units[3].at(t)];
+        Map { rates, length, middle: at(0.5 * length), last: at(length) }
+    }
+}
+
+impl Maps {
+    pub fn new() -> Maps {
+        Maps { maps: Vec::with_capacity(MAPS), missed: None }
+    }
+
+    /// The state in the middle of a piece and at its end, where such pieces came before.
+    pub fn places(&mut self, rates: &Rates, gain: f64, length: f64, state: &State) -> Option<[State; 2]> {
+        let is_it = |old: &Rates, before: f64| (before - length).abs() <= EVEN * length && old.is_alike(rates);
+        let mut place = self.maps.iter().position(|map| is_it(&map.rates, map.length));
+        if place.is_none() {
+            let came = self.missed.is_some_and(|(old, before)| is_it(&old, before));
+            self.missed = Some((*rates, length));
+            if !came {
+                return None;
+            }
+            if self.maps.len() == MAPS {
+                self.maps.pop();
+            }
+            place = Some(self.maps.len());
+            self.maps.push(Map::new(*rates, gain, length));
+        }
+        let place = place?;
+        // Those that are used stay.
+        let near = place.saturating_sub(1);
+        self.maps.swap(place, near);
+        let map = self.maps.get(near)?;
+        Some([moved(&map.middle, state, rates.drive), moved(&map.last, state, rates.drive)])
+    }
+}
+
+/// Where a linear motion goes.
+fn moved(by: &Linear, [z, v, gap]: &State, drive: f64) -> State {
+    let at = |i: usize| by[0][i] * z + by[1][i] * v + by[2][i] * gap + by[3][i] * drive;
+    [at(0), at(1), at(2)]
+}
+
+impl Series {
+    pub fn at(&self, t: f64) -> State {
+        let mut sum = [0.0; 3];
+        for [z, v, gap] in self.of[..=self.order].iter().rev() {
+            sum = [z + t * sum[0], v + t * sum[1], gap + t * sum[2]];
+        }
+        sum
+    }
+
+    /// Where a line is above 0 first within `end`, where it is above 0 at the end.
+    pub fn crossing(&self, line: &Line, end: f64) -> f64 {
+        let value = |t: f64| line.value(&self.at(t));
+        let (mut low, mut high) = (0.0, end);
+        let (mut at_low, mut at_high) = (value(low), value(high));
+        // From a zero on it may first go down.
+        let mut before = end;
+        while at_low >= 0.0 {
+            before *= 0.5;
+            if before < 1e-3 * end {
+                return 0.0;
+            }
+            if value(before) < 0.0 {
+                (low, at_low) = (before, value(before));
+            }
+        }
+        for step in 0..STEPS {
+            // Regula falsi, every third time a half.
+            let part = if step % 3 == 2 { 0.5 } else { at_low / (at_low - at_high) };
+            let secant = low + part * (high - low);
+            let t = if secant > low && secant < high { secant } else { 0.5 * (low + high) };
+            if t <= low || t >= high {
+                break;
+            }
+            let there = value(t);
+            if there > 0.0 {
+                (high, at_high) = (t, there);
+            } else {
+                (low, at_low) = (t, there);
+            }
+        }
+        high
+    }
+}
+
+impl Line {
+    pub fn value(&self, [z, v, _]: &State) -> f64 {
+        self.position * z + self.velocity * v + self.constant
+    }
+}
