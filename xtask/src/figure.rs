@@ -167,6 +167,7 @@ const DRAWN: &[(&str, &[&str])] = &[
         &[
             "boundary",
             "worlds/devices/eth-wall.toml",
+            "--set=loop.estimator=difference",
             "--vary=couplings.0.damping=0..0.02",
             "--vary=couplings.0.stiffness=0..12",
         ],

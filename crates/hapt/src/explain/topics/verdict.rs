@@ -59,7 +59,7 @@ The sentence names the conditions that fail; `remedies` lists changes that certi
 without bodies has no state, and is stable too.
 
   hapt check @notes/euler --why --set loop.method=backward-euler   stable: a disturbance
-  hapt check @devices/eth-wall --set loop.period=0.9ms          nothing moves once it is held
+  hapt check @devices/eth-wall --set loop.period=0.9ms          nothing moves once the puck is held
 
 Stable does not mean accurate: backward Euler dissipates the energy of an undamped oscillation. Nor
 does it mean safe in the hand: see passivity.
