@@ -31,7 +31,8 @@ class Design(Answer):
 class Identified(Answer):
     """`inertia`, `damping`, `friction`, `delay_s`, `lag_s`, `late_s`, `offset`, `sign`, `counts_per_rev`.
 
-    Each `{"value", "low", "high"}` (95 %) or None. A lag that may be 0 is not distinguished from a delay: `delay_s` is then both together, as
+    Each `{"value", "low", "high"}` (95 %) or None. Where the record runs into end stops, `stops` has their `low`, `high`, `stiffness` and `damping`
+    likewise. A lag that may be 0 is not distinguished from a delay: `delay_s` is then both together, as
     `late_s` is. Of a device that is richer than the model the numbers are those of the torque's equation; there is a warning then, and delay
     and lag are None.
     """

@@ -8,6 +8,7 @@ mod handle;
 mod measured;
 mod records;
 mod richer;
+mod stops;
 
 use std::fs;
 
@@ -74,15 +75,18 @@ const RICHER: (&str, &str) = (
     "Random steps, and loops with a moving target, on levers with a cable, gravity, cogging, friction by direction and Stribeck friction; two stretches of 2 s of each",
 );
 
+/// The word and the title of devices between end stops.
+const STOPS: (&str, &str) = ("stops", "Random steps on devices between two end stops, every fourth for 10 s");
+
 /// The tables of records of real devices, on a page of their own: their words, and what makes them where the records are at hand.
 type Table = fn() -> Result<Option<String>>;
 const REAL: [(&str, Table); 2] = [("records", records::text), ("measured", measured::text)];
 const MEASURED_PAGE: &str = "docs/measured.md";
 
-/// `[mixed|guided|quiet|lagging|offset|cogged|handle|coverage|records|measured] [--n N] [--seed S] [--write]`; all of them where none is named.
+/// `[mixed|guided|quiet|lagging|offset|cogged|handle|coverage|stops|records|measured] [--n N] [--seed S] [--write]`; all of them where none is named.
 pub fn command(words: &[&str]) -> Result<()> {
     let mut all =
-        CAMPAIGNS.iter().map(|campaign| campaign.1).chain([HANDLE.0, RICHER.0]).chain(REAL.map(|real| real.0));
+        CAMPAIGNS.iter().map(|campaign| campaign.1).chain([HANDLE.0, RICHER.0, STOPS.0]).chain(REAL.map(|real| real.0));
     let named = words.first().filter(|word| all.any(|campaign| campaign == **word));
     let arguments = Campaign::parse(&words[usize::from(named.is_some())..], false)?;
     for (kind, word, title) in CAMPAIGNS.into_iter().filter(|campaign| named.is_none_or(|named| *named == campaign.1)) {
@@ -96,15 +100,14 @@ pub fn command(words: &[&str]) -> Result<()> {
         let text = format!("{title}: {} random devices, seed {}.\n\n{table}", arguments.n, arguments.seed);
         arguments.publish(&format!("identify {word}"), PAGE, &text)?;
     }
-    let (word, title) = RICHER;
-    if named.is_none_or(|named| *named == word) {
-        let text = format!(
-            "{title}: {} random devices, seed {}.\n\n{}",
-            arguments.n,
-            arguments.seed,
-            richer::campaign(arguments.n, arguments.seed)?
-        );
-        arguments.publish(&format!("identify {word}"), PAGE, &text)?;
+    for ((word, title), made) in
+        [(RICHER, richer::campaign as fn(u64, u64) -> Result<String>), (STOPS, stops::campaign)]
+    {
+        if named.is_none_or(|named| *named == word) {
+            let table = made(arguments.n, arguments.seed)?;
+            let text = format!("{title}: {} random devices, seed {}.\n\n{table}", arguments.n, arguments.seed);
+            arguments.publish(&format!("identify {word}"), PAGE, &text)?;
+        }
     }
     for (word, text) in REAL {
         if named.is_none_or(|named| *named == word) {

@@ -130,6 +130,12 @@ impl FoundStops {
         let [low, high] = [self.low, self.high].map(|x| x.map(|x| x.value));
         Stops { low, high, stiffness: self.stiffness.value, damping: self.damping.value }
     }
+
+    /// Each number by its name in JSON.
+    pub fn named(&self) -> [(&'static str, Option<Interval>); 4] {
+        let FoundStops { low, high, stiffness, damping } = *self;
+        [("low", low), ("high", high), ("stiffness", Some(stiffness)), ("damping", Some(damping))]
+    }
 }
 
 /// Friction that is so much more at rest, and falls to Coulomb friction by a straight line up to the velocity.

@@ -18,9 +18,8 @@ const LEAST_TOLERANCE: f64 = 1.0;
 /// The contract's six, lag, time to the torque and constant torque, each with its interval or null.
 pub fn json(found: &Identified, by_torque: Option<&TorqueFit>) -> Result<String, Failure> {
     let mut json = values(&found.named(), by_torque, &[]);
-    if let Some(FoundStops { low, high, stiffness, damping }) = found.stops {
-        let numbers = [("low", low), ("high", high), ("stiffness", Some(stiffness)), ("damping", Some(damping))];
-        json.insert("stops".into(), numbers.map(|(name, x)| (name.to_string(), value(x))).into_iter().collect());
+    if let Some(stops) = found.stops {
+        json.insert("stops".into(), stops.named().map(|(name, x)| (name.to_string(), value(x))).into_iter().collect());
     }
     pretty(&json)
 }
