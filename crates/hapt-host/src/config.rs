@@ -4,10 +4,20 @@ use std::sync::Arc;
 
 use hapt_core::SafetyProfile;
 use hapt_model::{Error, Source, World};
+use serde::Serialize;
 
 use crate::attached::Attached;
 use crate::keys::{SettableKey, adds_damper, companion, keys, may_be_set};
-use crate::messages::WorldName;
+
+/// One of the worlds of a session.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(test, derive(ts_rs::TS))]
+pub struct WorldName {
+    /// Its file's, without folders and ending.
+    pub name: String,
+    /// Its title, or its file's name.
+    pub title: String,
+}
 
 /// The name of the simulated device.
 const SIMULATED: &str = "sim";

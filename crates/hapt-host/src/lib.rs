@@ -64,7 +64,7 @@ pub mod simulated_network;
 mod testing;
 mod worker;
 
-pub use config::{Rule, WorldConfig};
+pub use config::{Rule, WorldConfig, WorldName};
 #[cfg(not(target_family = "wasm"))]
 pub use device::{DeviceAddress, DeviceError};
 pub use error::Error;

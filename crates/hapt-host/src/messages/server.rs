@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use crate::config::WorldName;
 use crate::keys::SettableKey;
 
 /// A message of the server.
@@ -106,16 +107,6 @@ pub struct WorldInfo {
     pub changes: Vec<(String, String)>,
     /// The columns of the telemetry.
     pub columns: Vec<ColumnInfo>,
-}
-
-/// One of the worlds of a session.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(test, derive(ts_rs::TS))]
-pub struct WorldName {
-    /// Its file's, without folders and ending.
-    pub name: String,
-    /// Its title, or its file's name.
-    pub title: String,
 }
 
 /// SI units by dimension.

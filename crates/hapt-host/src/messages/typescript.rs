@@ -1,6 +1,6 @@
 //! The page's types of these messages: `web/src/messages.ts` is made from them.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use hapt_core::{Phase, Side};
@@ -30,21 +30,23 @@ impl TS for LawNumbers {
 /// The declarations of a message and of all types in it.
 struct Declarations {
     config: Config,
-    known: BTreeSet<String>,
-    text: String,
+    /// By name: a derived type lists what it is made of in another order with every build.
+    of: BTreeMap<String, String>,
 }
 
 impl Declarations {
     fn add<T: TS + 'static + ?Sized>(&mut self) {
-        if self.known.insert(T::name(&self.config)) {
+        let name = T::name(&self.config);
+        if !self.of.contains_key(&name) {
             let docs = T::docs().unwrap_or_default();
             let declared = format!("\n{docs}export {}\n", T::decl(&self.config));
             // A line for a line.
-            self.text += &declared
+            let declared = declared
                 .replace("/**\n * ", "/** ")
                 .replace("\n */\n", " */\n")
                 .replace(", \n", ",\n")
                 .replace(" { \n", " {\n");
+            self.of.insert(name, declared);
         }
         T::visit_dependencies(self);
     }
@@ -53,7 +55,7 @@ impl Declarations {
 impl TypeVisitor for Declarations {
     fn visit<T: TS + 'static + ?Sized>(&mut self) {
         // Numbers, texts and lists have no file of their own, and no declaration.
-        if T::output_path().is_some() && !self.known.contains(&T::name(&self.config)) {
+        if T::output_path().is_some() && !self.of.contains_key(&T::name(&self.config)) {
             self.add::<T>();
         }
     }
@@ -80,13 +82,14 @@ fn the_page_has_the_types_of_the_messages() {
     text += &union("Kind", CouplingKind::NAMES);
     text += &union("LawNumber", &Vec::from_iter(numbers));
     let config = Config::new().with_large_int("number");
-    let mut all = Declarations { config, known: BTreeSet::new(), text };
+    let mut all = Declarations { config, of: BTreeMap::new() };
     all.add::<ClientMessage>();
     all.add::<ServerMessage>();
+    text.extend(all.of.into_values());
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../web/src/messages.ts");
     if std::env::var_os("HAPT_BLESS").is_some() {
-        std::fs::write(&path, &all.text).unwrap();
+        std::fs::write(&path, &text).unwrap();
     }
     let there = std::fs::read_to_string(&path).unwrap_or_default();
-    assert!(there == all.text, "web/src/messages.ts is of other messages; HAPT_BLESS=1 writes it anew");
+    assert!(there == text, "web/src/messages.ts is of other messages; HAPT_BLESS=1 writes it anew");
 }
