@@ -320,6 +320,7 @@ class Checker(unittest.TestCase):
         own = {"theorem": "laws", "laws": laws, "required": "5e-4"}
         enough, both = 'friction = "1 N mm"\n', (SPRING, term, drag)
         self.accepts(alone("", 5e-4, *both, device=enough), proof(**own))
+        self.accepts(alone("", 5e-4, SPRING, term.replace('time = "0.1 s"\n', ""), drag, device=enough), proof(**own))
         self.accepts(alone("", 5e-4, *both, device='friction = "1.25 N mm ± 20 %"\n'), proof(**own))
         for less in ("", 'friction = "0.999999999 N mm"\n', enough + 'friction_backward = "0.99 N mm"\n', 'friction = "1.25 N mm ± 21 %"\n'):
             with self.subTest(friction=less):

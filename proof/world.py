@@ -168,7 +168,7 @@ class Coupling:
 
     def read_integral(self, table):
         table.number("stiffness", STIFFNESS)
-        table.number("time", TIME, positive=True)
+        table.number("time", TIME, ONE, positive=True)
         table.any("rest", POSITION, ZERO)
         if "limit" not in table.left:
             raise Refused(f"{table.name}: an integral term without a limit is covered by no theorem")

@@ -247,8 +247,8 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
     let lag = middle(claims.lag);
     let known = Known { is_linear, lag: (lag > 0.0).then_some(lag), ..Known::default() };
     // Near the file's own device first where a puck alone is another one.
-    let near = device_of(claims).and_then(|device| device::near(record, &device));
-    if let Some(x) = near.or_else(|| device::search(record, &known)).and_then(|fit| fit.identified(record, &known)) {
+    let near = device_of(claims).and_then(|device| device::near(record, &device)?.identified(record, &known));
+    if let Some(x) = near.or_else(|| device::search(record, &known)?.identified(record, &known)) {
         let mut numbers = judged(&x, claims, &Scale::of(record));
         numbers.extend(judged_stribeck(&x, claims, &Scale::of(record)));
         numbers.extend(judged_stops(record, &x, claims));
@@ -281,7 +281,9 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
         (judged_without(claims), puck, first, residual(&left(record, &found.best)))
     };
     // A device that is richer than the file has the numbers of the torque's equation, whose intervals allow for what it leaves.
-    let by_torque = found.wrong.as_ref().and_then(|_| fit_torque(record.record, &known));
+    // That equation has no stops.
+    let by_torque =
+        found.wrong.as_ref().filter(|_| claims.stops.is_none()).and_then(|_| fit_torque(record.record, &known));
     let by_torque = by_torque.filter(|fit| fit.inertia.is_some() && !fit.is_moved_by_another);
     Ok(Comparison {
         numbers: by_torque.as_ref().map_or(numbers, |fit| judged_by_torque(fit, claims, &Scale::of(record))),

@@ -76,7 +76,7 @@ impl SharedSession {
                 None
             }
             ClientMessage::Hello { .. } => error("hello was sent already"),
-            _ if !self.control.is_held_by(client) => error("another page has control; take it first"),
+            _ if !self.control.is_held_by(client) => error("this page has no control; take it first"),
             ClientMessage::Give => {
                 self.control.leave(client);
                 self.control_changed(Some(client));

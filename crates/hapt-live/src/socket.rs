@@ -104,14 +104,16 @@ async fn receive(
     let opened = tokio::time::Instant::now();
     loop {
         let until = if own.is_none() { tokio::time::Instant::now() + SILENCE } else { opened + HELLO_TIMEOUT };
-        let text = match tokio::time::timeout_at(until, stream.next()).await {
+        let (text, is_ping) = match tokio::time::timeout_at(until, stream.next()).await {
             Err(_) => return (CloseCode::Policy, "no message for too long"),
             Ok(None | Some(Ok(Message::Close(_)))) => return (CloseCode::Normal, ""),
             Ok(Some(Err(Error::Capacity(_)))) => return (CloseCode::Size, "a message has at most 4 KiB"),
             Ok(Some(Err(Error::Io(error)))) if error.kind() == ErrorKind::QuotaExceeded => return TOO_MANY,
             Ok(Some(Err(_))) => return (CloseCode::Protocol, ""),
-            Ok(Some(Ok(Message::Text(text)))) => Some(text),
-            Ok(Some(Ok(_))) => None,
+            Ok(Some(Ok(Message::Text(text)))) => (Some(text), false),
+            // The library answers them.
+            Ok(Some(Ok(Message::Ping(_) | Message::Pong(_)))) => (None, true),
+            Ok(Some(Ok(_))) => (None, false),
         };
         let parsed = match &text {
             Some(text) => ClientMessage::read(text.as_str()),
@@ -132,6 +134,9 @@ async fn receive(
                 continue;
             }
             Quota::Exhausted => return TOO_MANY,
+        }
+        if is_ping {
+            continue;
         }
         let outcome = match parsed {
             Ok(ClientMessage::Hello { v, .. }) if v != VERSION => {

@@ -43,7 +43,10 @@ pub fn with(args: &LiveArgs, steering: Option<Steering>) -> Result<ExitCode, Fai
         [network] if is_network(network) => return stations(args, &device, address, network),
         worlds => {
             if let Some(network) = worlds.iter().find(|source| is_network(source)) {
-                return Err(Failure::input(format!("{}: is a network, which runs alone", network.name)));
+                return Err(Failure::input(format!(
+                    "{} is a network, which is shown by itself; expected worlds of one device",
+                    network.name
+                )));
             }
         }
     }

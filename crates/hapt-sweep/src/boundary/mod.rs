@@ -154,8 +154,8 @@ impl Boundary {
 
 /// Looks at 25 places of the frame, and beside the middle of each edge.
 fn open(plane: &Plane, claims: &[Claim], stop: &(dyn Fn() -> bool + Sync)) -> Result<Option<Open>, Error> {
-    let even = |i: usize| i as f64 / 4.0;
-    let of_frame = (0..25).map(|i| Plane::inside([even(i % 5), even(i / 5)]));
+    let even = |i: usize| (i as f64 + 0.5) / 5.0;
+    let of_frame = (0..25).map(|i| [even(i % 5), even(i / 5)]);
     let middles =
         claims.iter().flat_map(|claim| &claim.pieces).filter_map(|piece| piece.points.get(piece.points.len() / 2));
     let beside = middles.map(|point| Plane::inside([0, 1].map(|j| point.place[j] - VERDICT_OFFSET * point.beyond[j])));

@@ -131,8 +131,12 @@ fn summary(boundary: &Boundary, axes: &[DisplayedAxis; 2]) -> String {
     }
     if let Some(Open { values, headline }) = &boundary.open {
         let [x, y] = [axes[0].value(values[0]), axes[1].value(values[1])];
-        let _ =
-            writeln!(text, "open      no theorem covers what no edge refutes, as at ({x}, {y}):\n          {headline}");
+        let _ = writeln!(text, "open      no edge refutes ({x}, {y}), and it is not certified:\n          {headline}");
+    }
+    let world = boundary.plane.system.world();
+    if world.is_some_and(|world| hapt_analysis::uneven(world).is_ok_and(|uneven| uneven.is_stated)) {
+        text += "note      the edges are those of even samples and of the device's own numbers; for the times and tolerances that the file\n          \
+                 states hapt check may ask for more\n";
     }
     let pieces = || boundary.claims.iter().flat_map(|claim| &claim.pieces);
     let (points, failed) = pieces().fold((0, 0), |(p, f), piece| (p + piece.points.len(), f + piece.failed));

@@ -29,7 +29,7 @@ pub fn run(args: &IdentifyArgs, given: &Given) -> Result<ExitCode, Failure> {
         json["misfit"] = found.misfit.as_ref().map_or(serde_json::Value::Null, print::misfit);
         serde_json::to_string_pretty(&json).map_err(|error| Failure::System(error.to_string()))? + "\n"
     } else {
-        text(given, &file, &found)
+        text(given, &file, &found, claims.stops.is_some())
     };
     let mut out = stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
@@ -58,7 +58,7 @@ fn is_of(given: &Given, world: &World, claims: &Claims, file: &str) -> Result<()
     Ok(())
 }
 
-fn text(given: &Given, file: &str, found: &Comparison) -> String {
+fn text(given: &Given, file: &str, found: &Comparison, has_stops: bool) -> String {
     let times = given.record.times();
     let mut text = format!(
         "{} against {file}: {} samples over {}, {} apart\n\n",
@@ -90,7 +90,7 @@ fn text(given: &Given, file: &str, found: &Comparison) -> String {
     for (i, words) in found.misfit.iter().flat_map(print::misfit_lines).enumerate() {
         let _ = writeln!(text, "{:<15} {words}", if i == 0 { "misfit" } else { "" });
     }
-    let _ = writeln!(text, "\nverdict         {}", verdict(found));
+    let _ = writeln!(text, "\nverdict         {}", verdict(found, has_stops));
     for line in found.numbers.iter().filter_map(|number| remedy(number, given.motion)) {
         let _ = writeln!(text, "remedy          {line}");
     }
@@ -148,10 +148,16 @@ fn words(number: &Compared) -> String {
     }
 }
 
-fn verdict(found: &Comparison) -> String {
+fn verdict(found: &Comparison, has_stops: bool) -> String {
     let of = |verdict: Verdict| -> Vec<&str> {
         found.numbers.iter().filter(|number| number.verdict == verdict).map(|number| number.name).collect()
     };
+    if let Some(wrong) = found.wrong.as_ref().filter(|_| has_stops) {
+        return format!(
+            "no device between stops was found that explains the record, so that it does not agree with the file: either a torque moved the \
+             puck that this device does not have, or the fit missed it at an impact, which a shorter stretch shows (--from, --to); {wrong}"
+        );
+    }
     if let Some(wrong) = &found.wrong {
         let all = "the record contradicts the file: a torque moved the puck that no such device has";
         if found.misfit.is_none() {
