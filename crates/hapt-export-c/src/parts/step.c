@@ -1,45 +1,52 @@
 /* ---- One sample ---- */
 
 //if bodies
+/* Of few bodies a loop counts longer than it computes, also where the compiler looks for size. */
+#if defined(__clang__)
+#define HAPT_UNROLLED _Pragma("clang loop unroll(full)")
+#elif defined(__GNUC__) && __GNUC__ >= 8
+#define HAPT_UNROLLED _Pragma("GCC unroll 8")
+#else
+#define HAPT_UNROLLED
+#endif
+
 /* x += factor y */
 static void hapt_add(hapt_vector *x, hapt_real factor, const hapt_vector *y)
 {
     int i;
+    HAPT_UNROLLED
     for (i = 0; i < HAPT_BODIES; i++) {
         x->position[i] += factor * y->position[i];
         x->velocity[i] += factor * y->velocity[i];
     }
 }
 
-/* sums += what a position and a velocity do */
-static void hapt_respond(const hapt_real response[2][2][HAPT_BODY_ROOM], hapt_real position, hapt_real velocity, hapt_vector *sums)
-{
-    int i;
-    for (i = 0; i < HAPT_BODIES; i++) {
-        sums->position[i] += response[0][0][i] * position + response[1][0][i] * velocity;
-        sums->velocity[i] += response[0][1][i] * position + response[1][1][i] * velocity;
-    }
-}
-
-/* x_{k+1} - x_k by the method's matrices (@method@). */
+/* x_{k+1} - x_k by the method's matrices (@method@): row by row, so that no sum waits in memory. */
 static hapt_vector hapt_linear(const hapt_world *world, const hapt_vector *x, hapt_real position, hapt_real velocity,
                                hapt_real old_position, hapt_real old_velocity)
 {
     hapt_vector change;
-    int i;
-    for (i = 0; i < HAPT_BODIES; i++) {
-        change.position[i] = world->drift[0][i];
-        change.velocity[i] = world->drift[1][i];
-    }
-//if new_first
-    hapt_respond(world->input_old, old_position, old_velocity, &change);
-//else
+    int i, j;
+//if !new_first
     (void)old_position;
     (void)old_velocity;
 //end
-    hapt_respond(world->input_new, position, velocity, &change);
     for (i = 0; i < HAPT_BODIES; i++) {
-        hapt_respond(world->state[i], x->position[i], x->velocity[i], &change);
+        hapt_real way = world->drift[0][i];
+        hapt_real speed = world->drift[1][i];
+//if new_first
+        way += world->input_old[0][0][i] * old_position + world->input_old[1][0][i] * old_velocity;
+        speed += world->input_old[0][1][i] * old_position + world->input_old[1][1][i] * old_velocity;
+//end
+        way += world->input_new[0][0][i] * position + world->input_new[1][0][i] * velocity;
+        speed += world->input_new[0][1][i] * position + world->input_new[1][1][i] * velocity;
+        HAPT_UNROLLED
+        for (j = 0; j < HAPT_BODIES; j++) {
+            way += world->state[j][0][0][i] * x->position[j] + world->state[j][1][0][i] * x->velocity[j];
+            speed += world->state[j][0][1][i] * x->position[j] + world->state[j][1][1][i] * x->velocity[j];
+        }
+        change.position[i] = way;
+        change.velocity[i] = speed;
     }
     return change;
 }
@@ -126,6 +133,7 @@ static hapt_real hapt_torque_at(const hapt_world *world, const hapt_vector *bodi
     hapt_real torque = world->port_offset + world->port_puck[0] * position + world->port_puck[1] * velocity;
 //if bodies
     int i;
+    HAPT_UNROLLED
     for (i = 0; i < HAPT_BODIES; i++) {
         torque += world->port_bodies[0][i] * bodies->position[i] + world->port_bodies[1][i] * bodies->velocity[i];
     }
@@ -253,6 +261,7 @@ static hapt_sample hapt_sample_of(const hapt_world *world, hapt_state *state, ha
     bodies = state->now;
 //if end_bodies
     hapt_add(&bodies, (hapt_real)1, &state->change);
+    HAPT_UNROLLED
     for (i = 0; i < HAPT_BODIES; i++) {
         bodies.velocity[i] = state->change.position[i] * world->rate;
     }
