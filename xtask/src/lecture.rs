@@ -35,11 +35,15 @@ const PAIRS: [Pair; 9] = [
         exported: &["wheel_real torque = world->port_offset", "torque += world->port_bodies[0][i]"],
         differs: "the opposite sign: this is the torque on the puck, the printed one is that on the virtual wheel",
     },
-    Pair { lecture: "double d_theta =", exported: &["/* state */"], differs: "T A of (2.8) and (2.20), by columns" },
+    Pair {
+        lecture: "double d_theta =",
+        exported: &["/* state */", "dx += world->state[j][0][0][i]"],
+        differs: "T A of (2.8) and (2.20), by columns",
+    },
     Pair {
         lecture: "double d_omega =",
-        exported: &["/* input_new */", "sums->velocity[i] += response[0][1][i] * position"],
-        differs: "T B of (2.8) and (2.20); one line for every column of A and B",
+        exported: &["/* input_new */", "dv += world->input_new[0][1][i] * position", "dv += world->state[j][0][1][i]"],
+        differs: "T B of (2.8) and (2.20); the row of A is added below it",
     },
     Pair {
         lecture: "theta_w = theta_w + T",

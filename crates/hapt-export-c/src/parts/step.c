@@ -32,21 +32,21 @@ static hapt_vector hapt_linear(const hapt_world *world, const hapt_vector *x, ha
     (void)old_velocity;
 //end
     for (i = 0; i < HAPT_BODIES; i++) {
-        hapt_real way = world->drift[0][i];
-        hapt_real speed = world->drift[1][i];
+        hapt_real dx = world->drift[0][i];
+        hapt_real dv = world->drift[1][i];
 //if new_first
-        way += world->input_old[0][0][i] * old_position + world->input_old[1][0][i] * old_velocity;
-        speed += world->input_old[0][1][i] * old_position + world->input_old[1][1][i] * old_velocity;
+        dx += world->input_old[0][0][i] * old_position + world->input_old[1][0][i] * old_velocity;
+        dv += world->input_old[0][1][i] * old_position + world->input_old[1][1][i] * old_velocity;
 //end
-        way += world->input_new[0][0][i] * position + world->input_new[1][0][i] * velocity;
-        speed += world->input_new[0][1][i] * position + world->input_new[1][1][i] * velocity;
+        dx += world->input_new[0][0][i] * position + world->input_new[1][0][i] * velocity;
+        dv += world->input_new[0][1][i] * position + world->input_new[1][1][i] * velocity;
         HAPT_UNROLLED
         for (j = 0; j < HAPT_BODIES; j++) {
-            way += world->state[j][0][0][i] * x->position[j] + world->state[j][1][0][i] * x->velocity[j];
-            speed += world->state[j][0][1][i] * x->position[j] + world->state[j][1][1][i] * x->velocity[j];
+            dx += world->state[j][0][0][i] * x->position[j] + world->state[j][1][0][i] * x->velocity[j];
+            dv += world->state[j][0][1][i] * x->position[j] + world->state[j][1][1][i] * x->velocity[j];
         }
-        change.position[i] = way;
-        change.velocity[i] = speed;
+        change.position[i] = dx;
+        change.velocity[i] = dv;
     }
     return change;
 }
