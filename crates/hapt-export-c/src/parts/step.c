@@ -1,8 +1,10 @@
 /* ---- One sample ---- */
 
 //if bodies
-/* Of few bodies a loop counts longer than it computes, also where the compiler looks for size. */
-#if defined(__clang__)
+/* Of few bodies a loop counts longer than it computes, also where the compiler looks for size; of many it would fill the flash. */
+#if HAPT_BODIES > 4
+#define HAPT_UNROLLED
+#elif defined(__clang__)
 #define HAPT_UNROLLED _Pragma("clang loop unroll(full)")
 #elif defined(__GNUC__) && __GNUC__ >= 8
 #define HAPT_UNROLLED _Pragma("GCC unroll 8")
@@ -31,6 +33,7 @@ static hapt_vector hapt_linear(const hapt_world *world, const hapt_vector *x, ha
     (void)old_position;
     (void)old_velocity;
 //end
+    HAPT_UNROLLED
     for (i = 0; i < HAPT_BODIES; i++) {
         hapt_real dx = world->drift[0][i];
         hapt_real dv = world->drift[1][i];
