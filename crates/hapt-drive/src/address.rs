@@ -164,6 +164,14 @@ impl Make {
         }
     }
 
+    /// The same with a motor of this constant, controlled in its unit; `None`: its firmware knows no constant.
+    pub fn with_motor(self, motor: MotorConstant) -> Option<Box<dyn Firmware>> {
+        match self {
+            Make::Moteus | Make::Odrive => None,
+            Make::Simplefoc => Some(Box::new(simplefoc::Simulated::new().with_motor(motor))),
+        }
+    }
+
     /// The adapter of a simulated drive on a serial line.
     pub fn adapter(self, line: Line) -> Box<dyn Bus> {
         match self {

@@ -172,11 +172,6 @@ impl TorqueFit {
         ((counts - whole).abs() < 1e-3 && whole > 0.0).then_some(whole)
     }
 
-    /// Whether the inertias by the torque and by the motion differ by more than their intervals.
-    pub fn sides_differ(&self) -> bool {
-        self.inertia_by_torque.zip(self.inertia_by_motion).is_some_and(|(a, b)| a.high < b.low || b.high < a.low)
-    }
-
     /// Whether the equation of motion leaves more of the torque than the positions' noise explains, as of a device that is richer.
     pub fn leaves_more_than_noise(&self) -> bool {
         is_rich(self.beyond_noise, self.misfit.share)

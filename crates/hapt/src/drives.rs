@@ -43,8 +43,12 @@ mod linux {
     }
 
     pub fn simulate(args: &SimulateDriveArgs) -> Result<ExitCode, Failure> {
-        let make = Make::from_name(&args.make).ok_or_else(|| {
-            Failure::input(format!("cannot simulate a drive {:?}; expected {}", args.make, Make::NAMES.join(", ")))
+        let (name, motor) = match args.make.split_once('?') {
+            None => (&*args.make, None),
+            Some((name, motor)) => (name, Some(motor)),
+        };
+        let make = Make::from_name(name).ok_or_else(|| {
+            Failure::input(format!("cannot simulate a drive {name:?}; expected {}", Make::NAMES.join(", ")))
         })?;
         if !make.ids().contains(&args.id) {
             let (from, to) = (make.ids().start().to_owned(), make.ids().end().to_owned());
@@ -58,7 +62,14 @@ mod linux {
         let scenario = args.scenario.as_deref().map(|name| world.scenario(name)).transpose()?;
         let ends_at = args.duration.as_deref().map(|text| time("--duration", text)).transpose()?;
         let clock = if args.lockstep { Time::Lockstep(world.sampling.period) } else { Time::Real };
-        let firmware = make.simulated(args.id);
+        let firmware = match motor {
+            None => make.simulated(args.id),
+            Some(motor) => {
+                let wrong = |error| Failure::input(format!("{}: {error}", args.make));
+                let motor = motor.parse().map_err(wrong)?;
+                make.with_motor(motor).ok_or_else(|| wrong(format!("{} has no constant of a motor", make.one())))?
+            }
+        };
         let (bus, name): (Box<dyn Bus>, String) = match &args.can {
             Some(interface) => {
                 let wrong = |error| Failure::System(format!("--can {interface}: {error}"));

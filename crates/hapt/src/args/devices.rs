@@ -155,7 +155,7 @@ pub struct IdentifyArgs {
 #[group(skip)]
 #[command(group = clap::ArgGroup::new("place").required(true).args(["pty", "can"]))]
 pub struct SimulateDriveArgs {
-    /// moteus, odrive or simplefoc.
+    /// moteus, odrive or simplefoc; simplefoc?torque-constant=0.05 controls a current.
     #[arg(value_name = "DRIVE")]
     pub make: String,
     /// The world whose puck the drive moves; default: the notes' wheel (@notes/wheel).

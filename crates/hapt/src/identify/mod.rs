@@ -98,7 +98,7 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
     for warning in found.warnings().into_iter().chain(print::unmodelled(&given, &found)) {
         messages::say(format_args!("warning: {warning}"));
     }
-    if let Some(words) = print::sides(&given, found.inertia, by_torque.as_ref()) {
+    if let Some(words) = by_torque.as_ref().and_then(|fit| print::sides(&given, &found, fit)) {
         messages::say(format_args!("warning: {words}"));
     }
     if found.sign.is_none() && known.inertia.is_none() && !given.record.is_driven() {

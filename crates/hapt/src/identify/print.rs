@@ -33,16 +33,31 @@ fn pretty(json: &serde_json::Map<String, Value>) -> Result<String, Failure> {
     Ok(text + "\n")
 }
 
-/// Where the inertia by the motion is another than by the torque's equation, with the likely reason.
-pub fn sides(given: &Given, by_motion: Option<Interval>, by_torque: Option<&TorqueFit>) -> Option<String> {
-    let (motion, torque) = (by_motion?, by_torque?.inertia_by_torque?);
-    let differ = motion.high < torque.low || torque.high < motion.low;
+/// The torque's equation holds between windows of samples; what that makes of a value is below this part of it.
+const EQUATION: f64 = 0.02;
+
+/// Where the motion and the torque's equation tell another inertia, or another gain of a motor beside a known inertia, with the likely reason.
+pub fn sides(given: &Given, found: &Identified, by_torque: &TorqueFit) -> Option<String> {
+    if found.gain.is_some() {
+        return differ("gain", found.gain?, by_torque.gain?, "of the commanded torque");
+    }
+    inertias(given, found.inertia?, by_torque.inertia_by_torque?)
+}
+
+/// The same of two inertias.
+pub fn inertias(given: &Given, by_motion: Interval, by_torque: Interval) -> Option<String> {
     let [unit, _] = units(given.motion);
-    differ.then(|| {
+    differ("inertia", by_motion, by_torque, &unit)
+}
+
+fn differ(name: &str, by_motion: Interval, by_torque: Interval, unit: &str) -> Option<String> {
+    let (motion, torque) = (by_motion.value, by_torque.value);
+    let are_apart = by_motion.high < by_torque.low || by_torque.high < by_motion.low;
+    (are_apart && (motion - torque).abs() > EQUATION * motion.abs()).then(|| {
         format!(
-            "the inertia by the motion ({}) and by the torque ({}) differ by more than their intervals: the likely reason is a closed loop, in which the torque answers what else acts on the device, or a delay that the fit does not have",
-            sized(motion, 1.0, &unit),
-            sized(torque, 1.0, &unit)
+            "the {name} by the motion ({}) and by the torque ({}) differ by more than their intervals: the likely reason is a closed loop, in which the torque answers what else acts on the device, or a delay that the fit does not have",
+            sized(by_motion, 1.0, unit),
+            sized(by_torque, 1.0, unit)
         )
     })
 }

@@ -32,9 +32,8 @@ pub fn run(args: &IdentifyArgs, given: &Given, fit: &TorqueFit, error: Option<&E
             "note: no inertia can be told from this record; record faster motion in both directions, free of hands or with --force COLUMN for their sensor",
         );
     }
-    if fit.sides_differ()
-        && let Some(words) = print::sides(given, fit.inertia_by_motion, Some(fit))
-    {
+    let by_both = fit.inertia_by_motion.zip(fit.inertia_by_torque);
+    if let Some(words) = by_both.and_then(|(motion, torque)| print::inertias(given, motion, torque)) {
         messages::say(format_args!("warning: {words}"));
     }
     let write = args.write.as_deref().filter(|_| fit.inertia.is_some());

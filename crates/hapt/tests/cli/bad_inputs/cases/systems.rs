@@ -113,6 +113,8 @@ pub(super) fn realtime(t: &mut Table) {
 pub(super) fn drives(t: &mut Table) {
     for (name, args) in [
         ("a drive that nobody makes", &["simulate-drive", "vesc", "--pty"][..]),
+        ("a motor's constant for a drive that has none", &["simulate-drive", "moteus?torque-constant=1", "--pty"]),
+        ("a motor's constant of no motor", &["simulate-drive", "simplefoc?kv=100", "--pty"]),
         ("a drive at the end of nothing", &["simulate-drive", "moteus"]),
         ("a port and a bus at once", &["simulate-drive", "moteus", "--pty", "--can", "vcan0"]),
         ("the identifier of everybody", &["simulate-drive", "moteus", "--pty", "--id", "127"]),
