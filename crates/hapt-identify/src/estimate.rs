@@ -8,7 +8,7 @@ use crate::counts::lattice;
 use crate::device;
 use crate::fit::{Fit, fit};
 use crate::handle::resonance;
-use crate::identified::{Identified, Known, PositionTorque};
+use crate::identified::{Identified, Interval, Known, PositionTorque};
 use crate::intervals::Intervals;
 use crate::lag::Lag;
 use crate::position::position_torque;
@@ -16,7 +16,7 @@ use crate::puck::{OFFSET, Puck};
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
 use crate::remainder::{fitted, is_right, left, residual, spread};
 use crate::start::starts;
-use crate::torque::fit_torque;
+use crate::torque::{TorqueFit, fit_torque};
 use crate::{Error, LargeResidual};
 
 /// The residual variance, as a part of the positions' variance, above which the fit explains nothing.
@@ -60,7 +60,37 @@ fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identifie
     let found = search_or_glimpse(record, known)?;
     match found.wrong {
         Some(wrong) => Err(wrong),
-        None => Ok(found.identified(record, known)),
+        None => {
+            let found = found.identified(record, known);
+            let equation = if breaks_a_bound(&found) { fit_torque(record, known) } else { None };
+            Ok(match equation {
+                Some(equation) => up_to(found, &equation),
+                None => found,
+            })
+        }
+    }
+}
+
+/// Whether the fit is best, beyond doubt, with a number below 0: then the device is not of the kind that was fitted.
+fn breaks_a_bound(found: &Identified) -> bool {
+    found.sign.is_some() && (found.delay.is_none() || found.rates[0].is_none())
+}
+
+/// With intervals that reach those of the torque's equation, which allow for what another kind of device has.
+fn up_to(found: Identified, equation: &TorqueFit) -> Identified {
+    let both = |here: Option<Interval>, there: Option<Interval>| {
+        let (x, y) = (here?, there.or(here)?);
+        Some(Interval { value: x.value, low: x.low.min(y.low), high: x.high.max(y.high) })
+    };
+    // An inertia that is known has no interval to widen.
+    let inertia = if found.gain.is_some() { found.inertia } else { both(found.inertia, equation.inertia) };
+    Identified {
+        inertia,
+        gain: both(found.gain, equation.gain),
+        damping: both(found.damping, equation.damping),
+        friction: both(found.friction, equation.friction),
+        offset: both(found.offset, equation.offset),
+        ..found
     }
 }
 

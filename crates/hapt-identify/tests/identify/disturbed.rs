@@ -57,6 +57,33 @@ proptest! {
         prop_assert_eq!(found.unmodelled, None);
     }
 
+    /// A drive whose torque rises in two stages, and a table that names each torque beside a later position: no delay of 0 or more fits, and the
+    /// intervals allow for that.
+    #[test]
+    fn a_gain_beside_torques_of_later_samples_is_as_wide_as_it_is_wrong(
+        seed in any::<u64>(), rise in 0.5..3.0f64, damping in 1e-3..10e-3f64, counts in 1000.0..10_000.0f64,
+    ) {
+        let rig = DeviceSpec { damping, ..WHEEL };
+        let mut rng = Rng::with_seed(seed);
+        let torques = steps(&mut rng, 3000, 0.1);
+        let (mut first, mut second) = (0.0, 0.0);
+        let risen = |torque: &f64| {
+            first += (torque - first) / (1.0 + rise);
+            second += (first - second) / (1.0 + rise);
+            second
+        };
+        let given: Vec<f64> = torques.iter().map(risen).collect();
+        let seen = counted(&motion(&rig, &given), counts, 0.2, &mut rng);
+        let later = 2 + (2.0 * rise) as usize;
+        let seen = seen[later..].to_vec();
+        let record = Record::new(times(&rig, seen.len()), seen, torques[..torques.len() - later].to_vec()).unwrap();
+        let known = Known { inertia: Some(rig.inertia), ..Known::default() };
+        if let Ok(found) = identify(&record, &known) {
+            let gain = found.gain.unwrap();
+            prop_assert!(gain.low <= 1.0 && 1.0 <= gain.high, "{gain:?}, {:?}", found.delay);
+        }
+    }
+
     #[test]
     fn a_linear_device_is_the_rotary_one_in_other_units_to_the_last_bit(
         seed in any::<u64>(), length in -12..4i32, force in -6..12i32, offset in -4e-3..4e-3f64,
