@@ -103,8 +103,7 @@ class Boundary:
     `keys` are the two keys, `pieces` the edges. `everywhere` is, for each claim without an edge, whether it fails everywhere (True) or nowhere
     (False), and is None for a claim with an edge or without a verdict. `lost` is, for each claim, where its edge goes on but is not followed,
     because it turns or narrows within a hundred-thousandth of the plane: a smaller plane around such a point shows it. `undecided` is the
-    reason why a claim has no verdict in the plane, for those that have none. `open` is a place that no edge refutes and no theorem covers: both
-    keys' values, and the headline of the certificate there; None where none was met.
+    reason why a claim has no verdict in the plane, for those that have none.
     """
 
     def __init__(
@@ -114,14 +113,12 @@ class Boundary:
         everywhere: dict[str, Optional[bool]],
         lost: dict[str, list[tuple[float, float]]],
         undecided: dict[str, str],
-        open: Optional[tuple[float, float, str]] = None,
     ) -> None:
         self.keys = keys
         self.pieces = pieces
         self.everywhere = everywhere
         self.lost = lost
         self.undecided = undecided
-        self.open = open
 
     def __repr__(self) -> str:
         return f"<hapt.Boundary over {self.keys[0]} and {self.keys[1]}: {len(self.pieces)} pieces>"

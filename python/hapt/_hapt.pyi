@@ -34,7 +34,6 @@ class WorldError(ValueError):
 _Edges = tuple[
     list[tuple[str, NDArray[float64], NDArray[float64], NDArray[float64]]],
     list[tuple[str, Optional[bool], list[tuple[float, float]], Optional[str]]],
-    Optional[tuple[float, float, str]],
 ]
 
 @final

@@ -27,7 +27,8 @@ class System:
     ) -> Boundary:
         """The edges of claims in the plane of two keys: where they stop to hold.
 
-        Of a world: stability ("held", "free") and passivity ("passive"). Of a network: passivity for any clocks and any loss ("passive"), and
+        Of a world: stability ("held", "free") and passivity ("passive") of the linear loop at even times, and the certificate ("certified"), which
+        theorems give for the times and tolerances that the file states. Of a network: passivity for any clocks and any loss ("passive"), and
         at the file's own times ("fixed"). By default all of them.
 
         `ranges` maps each of the two keys to its ends, strings with units or numbers in SI; with `log` by ratio. Raises ValueError,
@@ -40,7 +41,7 @@ class System:
             f"{a_key(key)}={'..'.join(text_of(end, key) for end in ends)}{':log' if log else ''}" for key, ends in ranges.items()
         ]
         names = [claims] if isinstance(claims, str) else list(claims)
-        pieces, claimed, open_at = self._native.boundary(spelled, names)
+        pieces, claimed = self._native.boundary(spelled, names)
         first, second = ranges
         return Boundary(
             (first, second),
@@ -48,7 +49,6 @@ class System:
             {claim: everywhere for claim, everywhere, _, _ in claimed},
             {claim: lost for claim, _, lost, _ in claimed},
             {claim: reason for claim, _, _, reason in claimed if reason is not None},
-            open_at,
         )
 
     @overload

@@ -10,7 +10,7 @@ use hapt_identify::{Claims, Interval, Known, Record};
 use hapt_model::keys::{self, Takes};
 use hapt_model::{CouplingKind, Device, Dimension, HandKind, Handle, Motion, Source, World, parse_quantity};
 use hapt_sweep::Measure;
-use hapt_sweep::boundary::{Boundary, Claim, Edge, Open, Point};
+use hapt_sweep::boundary::{Boundary, Claim, Edge, Point};
 use nalgebra::DMatrix;
 use numpy::{IntoPyArray, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
@@ -79,12 +79,8 @@ fn edges(names: &[String]) -> PyResult<Vec<Edge>> {
 }
 
 /// What [`boundary`] finds: `(claim, x, y, hz)` of each piece; `(claim, whether it fails everywhere, where its edge is lost, why there is
-/// no verdict)` of each claim; `(x, y, headline)` where nothing is refuted and not all is proved.
-pub type Edges<'py> = (
-    Vec<Bound<'py, PyTuple>>,
-    Vec<(&'static str, Option<bool>, Vec<(f64, f64)>, Option<String>)>,
-    Option<(f64, f64, String)>,
-);
+/// no verdict)` of each claim.
+pub type Edges<'py> = (Vec<Bound<'py, PyTuple>>, Vec<(&'static str, Option<bool>, Vec<(f64, f64)>, Option<String>)>);
 
 /// The boundaries of a world or network in the plane of two axes; no claims: all that there are about it.
 pub fn boundary<'py>(
@@ -111,8 +107,7 @@ pub fn boundary<'py>(
         let lost = claim.lost.iter().map(|&[x, y]| (x, y)).collect();
         (claim.edge.name(), claim.everywhere, lost, claim.undecided)
     };
-    let open = found.open.map(|Open { values: [x, y], headline }| (x, y, headline));
-    Ok((pieces, found.claims.into_iter().map(of).collect(), open))
+    Ok((pieces, found.claims.into_iter().map(of).collect()))
 }
 
 /// The notes' design as JSON. Quantities as text with units; bare numbers in SI.

@@ -22,10 +22,15 @@ pub fn is_certified(world: &World) -> bool {
 }
 
 /// The required damping less that of the device, over that of the device: 0 or less where `check` certifies the world, otherwise above
-/// 0, and 1 where damping alone does not suffice. Hands-off is a special case of a passive hand, so a loop that is passive with a margin
+/// 0, and 1 where damping alone does not suffice, or the world cannot be analysed.
+pub fn excess(world: &World) -> f64 {
+    excess_below(world, 0.0)
+}
+
+/// The same. Hands-off is a special case of a passive hand, so a loop that is passive with a margin
 /// is stable hands-off: below -`spare` the free loop is not analysed. Where passivity is that of the free loop itself, [`SPARE`] is
 /// enough always.
-pub(crate) fn excess(world: &World, spare: f64) -> f64 {
+pub(crate) fn excess_below(world: &World, spare: f64) -> f64 {
     excess_or_sign(world, spare, false)
 }
 

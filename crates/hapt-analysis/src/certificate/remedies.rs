@@ -12,7 +12,7 @@ use hapt_model::{Coupling, Damping, Delay, End, EstimatorKind, Law, Output, Worl
 use serde::Serialize;
 
 use crate::certificate::rounding::{Certified, roundest};
-use crate::certificate::{excess, is_certified};
+use crate::certificate::{excess_below, is_certified};
 use crate::equations::delay::MAX_IN_FLIGHT;
 use crate::error::Error;
 use crate::numerics::crossing::{Ranked, Spacing, first_crossing, illinois};
@@ -157,7 +157,7 @@ fn margin(
     let mut follow = |spare: f64| {
         let value = |x: f64| {
             change(&mut scratch, x);
-            Ok(Ranked::one(excess(&scratch, spare)))
+            Ok(Ranked::one(excess_below(&scratch, spare)))
         };
         first_crossing(value, spacing, low, high, WIDTH)
     };
@@ -309,7 +309,7 @@ impl<F: Fn(&mut World, f64)> Change<'_, F> {
     fn excess(&self, value: f64, spare: f64) -> f64 {
         let mut world = self.world.clone();
         (self.set)(&mut world, value);
-        excess(&world, spare)
+        excess_below(&world, spare)
     }
 
     fn is_certified(&self, value: f64) -> bool {

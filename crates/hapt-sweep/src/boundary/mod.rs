@@ -9,7 +9,7 @@ mod equation;
 mod outline;
 mod plane;
 
-use hapt_analysis::{Decomposition, quick_check};
+use hapt_analysis::Decomposition;
 use hapt_model::Source;
 use rayon::prelude::*;
 
@@ -107,17 +107,6 @@ pub struct Boundary {
     pub plane: Plane,
     /// The claims in the requested order.
     pub claims: Vec<Claim>,
-    /// Where nothing refutes the claims and no theorem makes them all; `None`: nowhere that was looked at.
-    pub open: Option<Open>,
-}
-
-/// A world of the plane that is beyond none of its edges, and is not certified.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Open {
-    /// The values of the keys.
-    pub values: [f64; 2],
-    /// The headline of its certificate.
-    pub headline: String,
 }
 
 impl Boundary {
@@ -147,37 +136,8 @@ impl Boundary {
         let plane = Plane::new(source, sets, axes)?;
         let claims = if claims.is_empty() { Edge::of(&plane.system) } else { claims };
         let claims = claims.par_iter().map(|edge| claim(&plane, *edge, stop)).collect::<Result<Vec<_>, _>>()?;
-        let open = open(&plane, &claims, stop)?;
-        Ok(Boundary { plane, claims, open })
+        Ok(Boundary { plane, claims })
     }
-}
-
-/// Looks at 25 places of the frame, and beside the middle of each edge.
-fn open(plane: &Plane, claims: &[Claim], stop: &(dyn Fn() -> bool + Sync)) -> Result<Option<Open>, Error> {
-    let even = |i: usize| (i as f64 + 0.5) / 5.0;
-    let of_frame = (0..25).map(|i| [even(i % 5), even(i / 5)]);
-    let middles =
-        claims.iter().flat_map(|claim| &claim.pieces).filter_map(|piece| piece.points.get(piece.points.len() / 2));
-    let beside = middles.map(|point| Plane::inside([0, 1].map(|j| point.place[j] - VERDICT_OFFSET * point.beyond[j])));
-    for place in of_frame.chain(beside) {
-        let system = plane.at(place);
-        let Some(world) = system.world() else { return Ok(None) };
-        if stop() {
-            return Err(Error::Interrupted);
-        }
-        let check = quick_check(world).map_err(|error| plane.failed(place, error))?;
-        if claims.iter().all(|claim| check.claims(claim.edge.name())) {
-            continue;
-        }
-        let mut refuted = false;
-        for claim in claims {
-            refuted |= plane.beyond(claim.edge, place)? > 0.0;
-        }
-        if !refuted {
-            return Ok(Some(Open { values: plane.values(place), headline: check.headline() }));
-        }
-    }
-    Ok(None)
 }
 
 fn claim(plane: &Plane, edge: Edge, stop: &(dyn Fn() -> bool + Sync)) -> Result<Claim, Error> {
@@ -200,7 +160,7 @@ fn claim(plane: &Plane, edge: Edge, stop: &(dyn Fn() -> bool + Sync)) -> Result<
     let equations = match (plane.system.world(), edge) {
         (Some(world), Edge::Held) => Decomposition::held(world, plane.keys()).map_err(failed)?,
         (Some(world), Edge::Free) => Decomposition::free(world, plane.keys()).map_err(failed)?,
-        (None, _) | (_, Edge::Passive | Edge::Fixed) => None,
+        (None, _) | (_, Edge::Passive | Edge::Certified | Edge::Fixed) => None,
     };
     let known = match &equations {
         Some(equations) => edges(plane, edge, equations)?.unwrap_or_default(),

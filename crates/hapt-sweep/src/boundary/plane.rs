@@ -2,10 +2,9 @@
 
 use std::borrow::Cow;
 
-use hapt_analysis::MARGINAL;
-use hapt_analysis::{Demands, FixedExcess, Keys};
 use hapt_analysis::{
-    free_eigenvalues, free_growth, held_world_eigenvalues, held_world_growth, passivity, required_damping,
+    Demands, FixedExcess, Keys, MARGINAL, excess, free_eigenvalues, free_growth, held_world_eigenvalues,
+    held_world_growth, passivity, required_damping,
 };
 use hapt_model::{Source, System, World};
 
@@ -23,6 +22,8 @@ hapt_model::named! {
         Free => "free",
         /// The loop is passive against every passive hand; a network for any clocks and any loss.
         Passive => "passive",
+        /// The loop is certified: theorems claim that it is stable held and hands-off and passive, for all times and tolerances that the file states.
+        Certified => "certified",
         /// A network is passive at its own periods, phases and delays, which never change.
         Fixed => "fixed",
     }
@@ -34,6 +35,7 @@ impl Edge {
         match self {
             Edge::Held | Edge::Free => "unstable",
             Edge::Passive => "not passive",
+            Edge::Certified => "not certified",
             Edge::Fixed => "not passive at fixed times",
         }
     }
@@ -41,7 +43,7 @@ impl Edge {
     /// The claims about a world, or about a network.
     pub fn of(system: &System) -> &'static [Edge] {
         match system.world() {
-            Some(_) => &[Edge::Held, Edge::Free, Edge::Passive],
+            Some(_) => &[Edge::Held, Edge::Free, Edge::Passive, Edge::Certified],
             None => &[Edge::Passive, Edge::Fixed],
         }
     }
@@ -131,20 +133,24 @@ impl Plane {
     }
 
     /// Above 0 beyond an edge: the growth in 1/s above the marginal one, or the damping that the device lacks, infinite where no damping
-    /// suffices; of a network at fixed times [`FixedExcess`], infinite where there is no verdict.
+    /// suffices, or lacks for the certificate as a part of what it has; of a network at fixed times [`FixedExcess`], infinite where there is no verdict.
     ///
     /// # Errors
     /// [`Error::At`]; [`Error::Claim`] for a claim that does not apply to such a file.
     pub fn beyond(&self, edge: Edge, place: Place) -> Result<f64, Error> {
         let system = self.at(place);
         match (system.world(), edge) {
-            (Some(world), Edge::Held | Edge::Free | Edge::Passive) => self.beyond_world(edge, place, world),
+            (Some(world), Edge::Held | Edge::Free | Edge::Passive | Edge::Certified) => {
+                self.beyond_world(edge, place, world)
+            }
             (None, Edge::Passive) => {
                 let excess = self.demands(&system).and_then(|demands| demands.excess(&system));
                 Ok(excess.map_err(|error| self.failed(place, error))?.unwrap_or(f64::INFINITY))
             }
             (None, Edge::Fixed) => Ok(self.fixed(&system, place)?.map_or(f64::INFINITY, |excess| excess.value)),
-            (Some(_), Edge::Fixed) | (None, Edge::Held | Edge::Free) => Err(Plane::foreign(edge, &system)),
+            (Some(_), Edge::Fixed) | (None, Edge::Held | Edge::Free | Edge::Certified) => {
+                Err(Plane::foreign(edge, &system))
+            }
         }
     }
 
@@ -205,6 +211,7 @@ impl Plane {
         let value = match edge {
             Edge::Held => held_world_growth(world).map(above),
             Edge::Free => free_growth(world).map(above),
+            Edge::Certified => Ok(excess(world)),
             Edge::Passive | Edge::Fixed => required_damping(world)
                 .map(|required| required.map_or(f64::INFINITY, |required| required - world.device.damping)),
         };
@@ -221,13 +228,15 @@ impl Plane {
         let Some(world) = system.world() else {
             return match edge {
                 Edge::Fixed => Ok(self.fixed(&system, place)?.ok().and_then(|excess| excess.hz)),
-                Edge::Held | Edge::Free | Edge::Passive => Ok(None),
+                Edge::Held | Edge::Free | Edge::Passive | Edge::Certified => Ok(None),
             };
         };
         let sampling = &world.sampling;
         let eigenvalues = match edge {
             Edge::Held => held_world_eigenvalues(world),
             Edge::Free => free_eigenvalues(world),
+            // Which claim fails first is not asked.
+            Edge::Certified => return Ok(None),
             Edge::Passive | Edge::Fixed => {
                 return passivity(world).map(|p| p.at_hz).map_err(|error| self.failed(place, error));
             }

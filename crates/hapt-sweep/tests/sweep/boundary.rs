@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use hapt_analysis::{Verdict, free_growth, held_growth, required_damping};
+use hapt_analysis::{Verdict, check, free_growth, held_growth, required_damping};
 use hapt_model::{Source, World};
 use hapt_sweep::Error;
 use hapt_sweep::boundary::{Boundary, Claim, Edge, EdgeMethod};
@@ -207,6 +207,7 @@ fn beyond(world: &World, edge: Edge) -> bool {
             Verdict::of(growth) == Verdict::Unstable
         }
         Edge::Free => Verdict::of(free_growth(world).unwrap()) == Verdict::Unstable,
+        Edge::Certified => !check(world).unwrap().certified.holds(),
         Edge::Passive | Edge::Fixed => required_damping(world).unwrap().is_none_or(|b| b > world.device.damping),
     }
 }
@@ -353,21 +354,33 @@ proptest! {
 
 /// A magnet at a body behind a delay: no theorem covers it, whatever the edges say of its eigenvalues and its port.
 #[test]
-fn what_no_edge_refutes_is_not_called_certified_where_no_theorem_covers_it() {
+fn what_no_theorem_covers_is_beyond_the_edge_of_the_certificate() {
     let magnet = WHEEL
         .replace("method = \"forward-euler\"", "delay = \"0.4 ms\"")
         .replace("kind = \"spring\"", "kind = \"magnet\"\nat = 0\nwidth = \"0.1 rad\"")
         .replace("stiffness = \"1 N m/rad\"", "torque = \"0.01 N m\"");
     let axes = ["loop.period=0.1ms..2ms:log", "device.damping=0.001..1:log"];
-    let open = boundary(&magnet, &[], &axes, &[]).unwrap().open.unwrap();
-    assert!(open.headline.starts_with("Not certified, for want of a theorem"), "{}", open.headline);
-    let at: Vec<String> = axes
-        .iter()
-        .zip(open.values)
-        .map(|(axis, value)| format!("{}={value}", axis.split('=').next().unwrap()))
-        .collect();
-    let world = World::read(&Source::from_text("w.toml", magnet), &at).unwrap();
-    assert_eq!(hapt_analysis::check(&world).unwrap().headline(), open.headline);
-    let wall = boundary(WALL, &[], &["couplings.0.stiffness=0.1..10", "device.damping=0..0.01"], &[]).unwrap();
-    assert_eq!(wall.open, None);
+    assert_eq!(claim(&magnet, &[], axes, Edge::Certified).everywhere, Some(true));
+}
+
+/// A spring is certified up to b = K T/2; with uneven samples up to their longest interval, and with the least damping of a tolerance.
+#[test]
+fn the_edge_of_the_certificate_is_that_of_the_times_and_tolerances_of_the_file() {
+    let file =
+        WALL.replace("estimator = \"difference\"", "").replace("[device]", "interval_max = \"1.6 ms\"\n[device]");
+    let file =
+        file.replace("\ndamping = \"1e-4 N m s/rad\"", "").replace("1.2e-3 N m s/rad", "1.2e-3 N m s/rad ± 20 %");
+    let axes = ["couplings.0.stiffness=0.1..4", "device.damping=1e-4..4e-3"];
+    let points = |edge: Edge| {
+        let found = claim(&file, &[], axes, edge);
+        found.pieces.iter().flat_map(|piece| piece.points.clone()).map(|point| point.values).collect::<Vec<_>>()
+    };
+    let (certified, passive) = (points(Edge::Certified), points(Edge::Passive));
+    assert!(certified.len() > 20 && passive.len() > 20);
+    for [stiffness, damping] in passive {
+        assert!((damping / (stiffness * PERIOD / 2.0) - 1.0).abs() < 1e-6, "{stiffness} {damping}");
+    }
+    for [stiffness, damping] in certified {
+        assert!((0.8 * damping / (stiffness * 1.6e-3 / 2.0) - 1.0).abs() < 1e-2, "{stiffness} {damping}");
+    }
 }

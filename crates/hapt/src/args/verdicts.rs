@@ -103,7 +103,7 @@ pub struct BoundaryArgs {
     /// A key and its range, such as loop.period=1ms..10ms, or 1ms..10ms:log; twice: horizontal and vertical axis.
     #[arg(long = "vary", value_name = "KEY=FROM..TO[:log]", required = true)]
     pub axes: Vec<String>,
-    /// The edges, separated by commas; default, all of them: held,free,passive, and of a network passive,fixed.
+    /// The edges, separated by commas; default, all of them: held,free,passive,certified, and of a network passive,fixed.
     #[arg(long = "of", value_name = "NAME,...", value_delimiter = ',')]
     pub claims: Vec<String>,
     /// Write the edges' points here; default: standard output.

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_sweep::boundary::{Boundary, Edge, EdgeMethod, Open, Piece, Point};
+use hapt_sweep::boundary::{Boundary, Edge, EdgeMethod, Piece, Point};
 use hapt_sweep::table;
 
 use crate::args::BoundaryArgs;
@@ -107,6 +107,9 @@ fn summary(boundary: &Boundary, axes: &[DisplayedAxis; 2]) -> String {
     let mut text = format!("plane     {}\n          {}\n", axes[0].range(), axes[1].range());
     for claim in &boundary.claims {
         let _ = match claim.everywhere {
+            Some(is_beyond) if claim.edge == Edge::Certified => {
+                writeln!(text, "certified {}", if is_beyond { "nowhere" } else { "everywhere" })
+            }
             Some(true) => writeln!(text, "{:<9} {} everywhere", claim.edge.name(), claim.edge.beyond()),
             Some(false) => writeln!(text, "{:<9} nowhere {}", claim.edge.name(), claim.edge.beyond()),
             None => Ok(()),
@@ -129,14 +132,10 @@ fn summary(boundary: &Boundary, axes: &[DisplayedAxis; 2]) -> String {
             );
         }
     }
-    if let Some(Open { values, headline }) = &boundary.open {
-        let [x, y] = [axes[0].value(values[0]), axes[1].value(values[1])];
-        let _ = writeln!(text, "open      no edge refutes ({x}, {y}), and it is not certified:\n          {headline}");
-    }
     let world = boundary.plane.system.world();
     if world.is_some_and(|world| hapt_analysis::uneven(world).is_ok_and(|uneven| uneven.is_stated)) {
-        text += "note      the edges are those of even samples and of the device's own numbers; for the times and tolerances that the file\n          \
-                 states hapt check may ask for more\n";
+        text += "note      certified holds for the times and tolerances that the file states; the other edges are those of even samples and of\n          \
+                 the device's own numbers\n";
     }
     let pieces = || boundary.claims.iter().flat_map(|claim| &claim.pieces);
     let (points, failed) = pieces().fold((0, 0), |(p, f), piece| (p + piece.points.len(), f + piece.failed));

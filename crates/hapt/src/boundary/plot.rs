@@ -26,17 +26,18 @@ fn world_regions(asked: impl Fn(Edge) -> bool) -> Regions {
         (false, true) => ["stable free", "unstable free"],
         (false, false) => ["", ""],
     };
-    let passivity = asked(Edge::Passive);
-    let all = match (stability[0], passivity) {
-        ("stable", true) => "certified".to_string(),
-        ("", _) => "passive".into(),
+    let all = match (stability[0], asked(Edge::Passive)) {
+        ("", true) => "passive".to_string(),
         (stable, true) => format!("{stable} and passive"),
         (stable, false) => stable.into(),
     };
+    // The edges of the linear loop prove nothing of a nonlinear one.
+    let all = if asked(Edge::Certified) { "certified".into() } else { format!("by its edges {all}") };
     let not_passive =
         if stability[0].is_empty() { "not passive".into() } else { format!("{}, not passive", stability[0]) };
     let unstable = || stability[1].to_string();
     let worse = vec![
+        (Edge::Certified, Fill::Open, "not refuted, not certified".into()),
         (Edge::Passive, Fill::Fair, not_passive),
         (Edge::Held, Fill::Bad, unstable()),
         (Edge::Free, Fill::Bad, unstable()),
@@ -78,10 +79,8 @@ pub fn figure(
     // Worse regions cover better ones.
     let frame = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     let polygons = |polygons: &[Vec<Place>]| polygons.iter().map(|p| p.iter().map(|&q| point(q)).collect()).collect();
-    match &boundary.open {
-        Some(_) => panel.region("not refuted, not everywhere proved", Fill::Open, polygons(&[frame])),
-        None => panel.region(&all, Fill::Good, polygons(&[frame])),
-    }
+    let fill = if asked(Edge::Certified) || boundary.plane.system.world().is_none() { Fill::Good } else { Fill::Open };
+    panel.region(&all, fill, polygons(&[frame]));
     for (edge, fill, name) in &worse {
         for claim in boundary.claims.iter().filter(|claim| claim.edge == *edge && !claim.beyond.is_empty()) {
             panel.region(name, *fill, polygons(&claim.beyond));
@@ -92,6 +91,7 @@ pub fn figure(
             Edge::Held => ("edge of stability, held", Style::Edge(2)),
             Edge::Free => ("edge of stability, free", Style::Edge(0)),
             Edge::Passive => ("edge of passivity", Style::Edge(1)),
+            Edge::Certified => ("edge of certification", Style::Edge(3)),
             Edge::Fixed => ("edge of passivity at fixed times", Style::Edge(2)),
         };
         for piece in &claim.pieces {
