@@ -13,6 +13,21 @@ pub const FARTHEST: f64 = 1e4;
 /// The longest key, value, or scenario's name, in bytes.
 const MAX_WORD_BYTES: usize = 256;
 
+/// What the parser's errors call a type, and what it is to the sender.
+const NAMES: [(&str, &str); 11] = [
+    ("usize", "a whole number from 0"),
+    ("u32", "a whole number from 0"),
+    ("u16", "a whole number from 0 to 65535"),
+    ("variant identifier", "a name"),
+    ("a tuple of size 2", "a key and a value"),
+    ("an array of length 3", "three numbers"),
+    ("f64", "a number"),
+    ("a boolean", "true or false"),
+    ("a sequence", "a list"),
+    ("struct ", "an object "),
+    ("internally tagged enum ClientMessage", "an object with a type"),
+];
+
 /// A message of a page.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[cfg_attr(test, derive(ts_rs::TS), ts(rename = "ToServer"))]
@@ -148,7 +163,10 @@ impl ClientMessage {
     /// Reads a message; the error is a sentence.
     pub fn read(text: &str) -> Result<ClientMessage, String> {
         let message: ClientMessage = serde_json::from_str(text).map_err(|error| {
-            let why: String = error.to_string().chars().take(MAX_WORD_BYTES).collect();
+            let plain = |text: String, (type_of_rust, name): &(&str, &str)| {
+                text.replace(&format!("expected {type_of_rust}"), &format!("expected {name}"))
+            };
+            let why: String = NAMES.iter().fold(error.to_string(), plain).chars().take(MAX_WORD_BYTES).collect();
             format!("no message of version {VERSION}: {why}")
         })?;
         let words: Vec<&str> = match &message {
@@ -252,8 +270,23 @@ mod tests {
             "{\"type\":\"sets\",\"sets\":[[\"loop.period\"]]}",
             &long,
             &unknown,
+            r#"{"type":"enter","world":-1}"#,
+            r#"{"type":"enter","world":"one"}"#,
+            r#"{"type":"hello","v":1.5}"#,
+            r#"{"type":"hand","grip":1}"#,
+            r#"{"type":"hand","grip":true,"position":"far"}"#,
+            r#"{"type":"controls","pedals":1,"buttons":0}"#,
+            r#"{"type":"controls","pedals":[0,0],"buttons":0}"#,
+            r#"{"type":"controls","pedals":[0,0,0],"buttons":70000}"#,
+            r#"{"type":"sets","sets":[["loop.period"]]}"#,
+            r#"{"type":"network","loss":"all"}"#,
+            r#"{"type":7}"#,
+            "7",
         ] {
             let error = ClientMessage::read(text).unwrap_err();
+            for word in ["usize", "u16", "u32", "f64", "enum", "struct", "tuple", "identifier", "ClientMessage"] {
+                assert!(!error.contains(word), "{text}: {error}");
+            }
             assert!(!error.is_empty() && error.len() < 600, "{text}: {error}");
         }
     }
