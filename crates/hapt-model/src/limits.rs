@@ -75,7 +75,7 @@ impl World {
         // On a device with much damping and coarse counts this would not show the direction of the motion.
         let seen = self.count().map_or(SEEN, |count| SEEN_COUNTS * count);
         let moves = holds + (device.damping + 2.0 * device.inertia / TEST) * seen / TEST;
-        let pulse = nudge.max(moves.min(0.5 * limit));
+        let pulse = nudge.max(moves.min(0.5 * limit)).min(limit);
         // An explicit method generates energy even in a certified world, and its dampers dissipate it: the certificate accounts for both.
         let trips = match profile {
             SafetyProfile::Certified => !self.sampling.method.is_explicit(),

@@ -46,7 +46,7 @@ impl World {
 
         let sampling = sampling(&Fields::new(table("loop"), top.node("loop"))?)?;
         let device = device(&Fields::new(table("device"), top.node("device"))?, sampling.period)?;
-        let safety = Safety::read(&Fields::new(table("safety"), top.node("safety"))?)?;
+        let safety = Safety::read(&Fields::new(table("safety"), top.node("safety"))?, device.limit)?;
 
         let (mut names, mut bodies) = (Vec::new(), Vec::new());
         for entry in entries(&top, "bodies") {

@@ -2,7 +2,7 @@
 
 use hapt_core::WhenLate;
 
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::fields::{Fields, one_of};
 use crate::keys::{LINK_LOST, WORLD_LEDGER};
 
@@ -86,7 +86,12 @@ impl Safety {
 }
 
 impl Safety {
-    pub(crate) fn read(fields: &Fields<'_>) -> Result<Safety, Error> {
+    pub(crate) fn read(fields: &Fields<'_>, limit: Option<f64>) -> Result<Safety, Error> {
+        let pulse = fields.optional_number("pulse")?;
+        if let Some((pulse, limit)) = pulse.zip(limit).filter(|(pulse, limit)| pulse > limit) {
+            let message = format!("{pulse:?} is above device.limit, {limit:?} in SI; expected at most that");
+            return Err(fields.error(ErrorKind::Combination, "pulse", message));
+        }
         Ok(Safety {
             fade: fields.number("fade")?,
             velocity: fields.optional_number("velocity")?,
@@ -105,7 +110,7 @@ impl Safety {
             link_faults: fields.name("link_lost") == Some(LINK_LOST[1]),
             energy: fields.optional_number("energy")?,
             world_trips: fields.name("world_ledger").map(|name| name == WORLD_LEDGER[1]),
-            pulse: fields.optional_number("pulse")?,
+            pulse,
             brake: fields.number("brake")?,
         })
     }

@@ -29,8 +29,14 @@ pub fn world(rng: &mut Rng) -> World {
         }
         let device = &mut world.device;
         device.friction = if rng.bool() { log(rng, 1e-4, 5e-3) } else { 0.0 };
+        // A puck that is pressed against a stop stands still, as behind a dead encoder.
+        device.stops = None;
         device.limit = Some(log(rng, 0.05, 5.0));
         device.encoder = (rng.u8(..4) > 0).then(|| log(rng, 2e3, 1e6).round());
+        // The motor moves its device.
+        if 2.0 * device.largest_friction() > 0.5 * device.limit.unwrap_or(f64::INFINITY) {
+            continue;
+        }
         let Ok(Some(damping)) = required_damping(&world) else { continue };
         world.device.damping = (damping * (1.0 + rng.f64())).max(1e-5);
         if world.couplings.len() <= 8 && world.device.damping < DAMPED && is_certified(&world) && is_proved(&world) {
@@ -52,7 +58,7 @@ pub fn swinging(rng: &mut Rng) -> World {
         let mut world = world(rng);
         let device = &world.device;
         let (limit, count) = (device.limit.unwrap_or(1.0), world.count().unwrap_or(1e-4));
-        let least = 2.0 * device.friction + 0.05 * limit;
+        let least = 2.0 * device.largest_friction() + 0.05 * limit;
         let torque = least * log(rng, 1.5, 8.0);
         let (rate, way) = (log(rng, 0.5, 100.0), log(rng, 0.1, 3.0));
         let inertia = device.inertia * log(rng, 5.0, 100.0);
@@ -61,7 +67,7 @@ pub fn swinging(rng: &mut Rng) -> World {
         let grounded = inertia * rate * rate - stiffness;
         // Under the least torque that counts a free puck moves four counts within a push, and the swing makes it no faster
         // than a hand does.
-        let (net, push) = (0.5 * (least - device.friction), (1.0 / rate).min(0.1));
+        let (net, push) = (0.5 * (least - device.least_friction()), (1.0 / rate).min(0.1));
         let quick = 4.0 * count < net * push * (0.5 * push / device.inertia).min(0.5 / device.damping)
             && push > 10.0 * world.sampling.period;
         if grounded < 0.0 || torque > limit || !quick || torque > 10.0 * device.inertia * rate {
@@ -175,7 +181,7 @@ impl Hand {
         let Some(grip) = self.grip else { return };
         // A hand trembles by more than a count and more than the friction hides.
         let count = world.count().unwrap_or(1e-5);
-        self.tremor = 3.0 * count + 4.0 * world.device.friction / grip.stiffness;
+        self.tremor = 3.0 * count + 4.0 * world.device.largest_friction() / grip.stiffness;
         self.rate = TAU * (8.0 + 4.0 * rng.f64()) * period;
         let inertia = grip.inertia + world.device.inertia;
         let farthest = MAX_SPEED * (inertia / grip.stiffness).sqrt();

@@ -99,7 +99,7 @@ pub struct Limits {
     pub world_trips: bool,
     /// Whether the ledger at the port trips; else it warns.
     pub port_trips: bool,
-    /// The torque of the sign test's pulse in N·m (N); 0: no test.
+    /// The torque of the sign test's pulse in N·m (N), at most the motor's limit; 0: no test.
     pub pulse: f64,
     /// Damping after a fault that leaves the encoder trusted, in N·m·s/rad (N·s/m); 0: none.
     pub brake: f64,

@@ -102,6 +102,8 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         let most = 0.25 * limits.inertia / (spec.period * (1.0 + 2.0 * periods));
         let brake = if limits.brake < most { limits.brake } else { most };
         let fade = libm::ceil(limits.fade / spec.period);
+        // No limit of the supervisor widens the motor's.
+        let ceiling = spec.limit.unwrap_or(f64::INFINITY);
         Ok(Supervisor {
             fade: f(1.0 / fade),
             motion: ReadingLimits::new(limits, spec),
@@ -109,10 +111,10 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             ledger: Ledger::new(limits, spec.period, periods),
             motor: Thermal::new(&limits.motor, spec.period),
             driver: Thermal::new(&limits.driver, spec.period),
-            pulse: Pulse::new(limits, spec),
+            pulse: Pulse::new(&Limits { pulse: limits.pulse.min(ceiling), ..*limits }, spec),
             recentre: Recentre::new(limits, spec),
             // A limit rounded to this number is no fault.
-            torque: f(limits.torque * (1.0 + 8.0 * F::EPSILON.to_f64())),
+            torque: f(limits.torque.min(ceiling) * (1.0 + 8.0 * F::EPSILON.to_f64())),
             slew: f(limits.slew),
             brake: f(brake / spec.period),
             when_late: limits.time.when_late,

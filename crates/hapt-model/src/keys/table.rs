@@ -219,7 +219,7 @@ pub const KEYS: &[Key] = &[
     key("safety.world_ledger", Takes::Name(&WORLD_LEDGER), Depends("\"trip\"; \"warn\" on the simulated device, and with an explicit method in a certified world"),
         "What it does when the integrator has made that energy; on the simulated device also when the hand has been given it."),
     key("safety.pulse", Quantity(Torque, ZeroOrMore),
-        Depends("twice the friction and a twentieth of the limit, or more, up to half of the limit, where that moves the puck by less than 12 counts in 0.25 s; none on the simulated device"),
+        Depends("twice the friction and a twentieth of the limit, or more, up to half of the limit, where that moves the puck by less than 12 counts in 0.25 s, and never more than the limit; none on the simulated device"),
         "The torque of the sign test's pulse when armed; 0: no test."),
     key("safety.brake", Quantity(Damping, ZeroOrMore), Number(0.0),
         "Damping for a fade's time after faults that leave the encoder trusted; 0: the torque is just off."),

@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
+use hapt_model::World;
 use hapt_sweep::boundary::{Boundary, Edge, EdgeMethod, Piece, Point};
 use hapt_sweep::table;
 
@@ -133,9 +134,9 @@ fn summary(boundary: &Boundary, axes: &[DisplayedAxis; 2]) -> String {
         }
     }
     let world = boundary.plane.system.world();
-    if world.is_some_and(|world| hapt_analysis::uneven(world).is_ok_and(|uneven| uneven.is_stated)) {
-        text += "note      certified holds for the times and tolerances that the file states; the other edges are those of even samples and of\n          \
-                 the device's own numbers\n";
+    if world.is_some_and(is_more_than_linear) {
+        text += "note      held, free and passive are edges of the linear loop, of laws at their slopes, at even samples, without the device's\n          \
+                 friction; certified counts all that the file states, so it may be wider or narrower\n";
     }
     let pieces = || boundary.claims.iter().flat_map(|claim| &claim.pieces);
     let (points, failed) = pieces().fold((0, 0), |(p, f), piece| (p + piece.points.len(), f + piece.failed));
@@ -150,6 +151,13 @@ fn summary(boundary: &Boundary, axes: &[DisplayedAxis; 2]) -> String {
         };
     }
     text
+}
+
+/// Whether the certificate counts what the linear loop at even samples has not.
+fn is_more_than_linear(world: &World) -> bool {
+    let is_stated = hapt_analysis::uneven(world).is_ok_and(|uneven| uneven.is_stated);
+    let is_nonlinear = world.couplings.iter().any(|coupling| coupling.linear().is_none());
+    is_stated || is_nonlinear || world.device.largest_friction() > 0.0
 }
 
 /// A sentence about a connected edge: its place, its method, and its sides.

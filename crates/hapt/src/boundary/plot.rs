@@ -32,12 +32,11 @@ fn world_regions(asked: impl Fn(Edge) -> bool) -> Regions {
         (stable, false) => stable.into(),
     };
     // The edges of the linear loop prove nothing of a nonlinear one.
-    let all = if asked(Edge::Certified) { "certified".into() } else { format!("by its edges {all}") };
+    let all = if asked(Edge::Certified) { "not refuted, not certified".into() } else { format!("by its edges {all}") };
     let not_passive =
         if stability[0].is_empty() { "not passive".into() } else { format!("{}, not passive", stability[0]) };
     let unstable = || stability[1].to_string();
     let worse = vec![
-        (Edge::Certified, Fill::Open, "not refuted, not certified".into()),
         (Edge::Passive, Fill::Fair, not_passive),
         (Edge::Held, Fill::Bad, unstable()),
         (Edge::Free, Fill::Bad, unstable()),
@@ -79,12 +78,17 @@ pub fn figure(
     // Worse regions cover better ones.
     let frame = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     let polygons = |polygons: &[Vec<Place>]| polygons.iter().map(|p| p.iter().map(|&q| point(q)).collect()).collect();
-    let fill = if asked(Edge::Certified) || boundary.plane.system.world().is_none() { Fill::Good } else { Fill::Open };
-    panel.region(&all, fill, polygons(&[frame]));
+    let fill = if boundary.plane.system.world().is_none() { Fill::Good } else { Fill::Open };
+    panel.region(&all, fill, polygons(std::slice::from_ref(&frame)));
     for (edge, fill, name) in &worse {
         for claim in boundary.claims.iter().filter(|claim| claim.edge == *edge && !claim.beyond.is_empty()) {
             panel.region(name, *fill, polygons(&claim.beyond));
         }
+    }
+    // Theorems may count what the linear loop lacks, such as friction. Even-odd, the frame and what is beyond leave what is within.
+    for claim in boundary.claims.iter().filter(|claim| claim.edge == Edge::Certified && claim.lost.is_empty()) {
+        let within: Vec<Vec<Place>> = std::iter::once(frame.clone()).chain(claim.beyond.clone()).collect();
+        panel.region("certified", Fill::Good, polygons(&within));
     }
     for claim in &boundary.claims {
         let (name, style) = match claim.edge {

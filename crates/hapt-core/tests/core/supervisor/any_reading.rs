@@ -59,12 +59,15 @@ proptest! {
         }
     }
 
-    /// Whatever is read and asked for, the torque is finite, within the limit, and none without an arming since the last fault.
+    /// Whatever is read and asked for, the torque is finite, within the motor's limit whatever the supervisor's are, and none without an arming since the last fault but that of the brake.
     #[test]
     fn no_reading_and_no_request_makes_a_torque_that_may_not_be(
         samples in proptest::collection::vec((any::<u64>(), 0u8..8, -1.0..1.0f64, 0u32..3, 0u8..40), 400),
+        (pulse, torque, brake) in (0.0..5.0f64, 0.1..5.0f64, prop_oneof![Just(0.0), 0.0..1.0f64]),
+        motor in 0.05..0.8f64,
     ) {
-        let mut guard = Guard::<f64>::new(&LIMITS, &WORLD);
+        let limits = Limits { pulse, torque, brake, ..LIMITS };
+        let mut guard = Guard::<f64>::new(&limits, &Spec { limit: Some(motor), ..WORLD });
         let mut position = 0.0;
         let mut may = false;
         for (bits, how, by, missed, asked) in samples {
@@ -91,8 +94,9 @@ proptest! {
                 Phase::Disarmed | Phase::Faulted => false,
                 _ => may,
             };
-            prop_assert!(guarded.output.is_finite() && guarded.output.abs() <= 0.8 * (1.0 + 1e-12));
-            prop_assert!(may || guarded.output == 0.0);
+            prop_assert!(guarded.output.abs() <= motor * (1.0 + 1e-12), "{} of {motor}, {:?}", guarded.output, guarded);
+            let brakes = brake > 0.0 && guarded.phase == Phase::Faulted;
+            prop_assert!(may || brakes || guarded.output == 0.0);
             prop_assert!(before != Phase::Faulted || matches!(guarded.phase, Phase::Faulted | Phase::Disarmed));
             prop_assert!(before != Phase::Faulted || guarded.phase == Phase::Faulted || request == Some(Request::Clear));
             prop_assert_eq!(guarded.phase == Phase::Faulted, guarded.phase == Phase::Faulted && guarded.reason.is_some());
