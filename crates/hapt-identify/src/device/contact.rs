@@ -35,12 +35,8 @@ const RISES: [f64; 4] = [1.0, 0.3, 3.0, 0.1];
 /// Steps of a fit of one turn, and of all of the record.
 const BRIEF: usize = 12;
 const MANY: usize = 60;
-/// Steps of a fit of the stretches about the turns.
-const BRISK: usize = 30;
 /// So often stretches that begin beside the motion begin anew.
 const MENDS: usize = 3;
-/// Steps of a fit with a lag, which begins near the best one.
-const FEW: usize = 20;
 /// The lag that a fit starts from, in periods.
 const SHORT: f64 = 0.5;
 
@@ -91,12 +87,10 @@ pub(crate) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fi
         };
         let found = [hardest(0), hardest(1)];
         let start = with_stops(record, &away.device, found)?;
-        let free = free(true, known.lag.is_some(), found.map(|turn| turn.is_some()));
+        let mut free = free(true, known.lag.is_some(), found.map(|turn| turn.is_some()));
         let start = around(record, start, free, found)?;
-        shots(record, start, free)
-            .filter(|fit| are_ends(record, fit))
-            .and_then(|fit| settled(record, fit))
-            .filter(|fit| needs_stops(record, fit))
+        free[VARIANCE] |= start.p[VARIANCE] > 0.0;
+        explains(record, start, free).filter(|fit| are_ends(record, fit) && needs_stops(record, fit))
     })
 }
 
@@ -125,8 +119,7 @@ pub(crate) fn near(record: &CancellableRecord<'_>, device: &Device) -> Option<Fi
     parts.iter().find_map(|part| {
         let mut device = device;
         device.p[RISE] *= part;
-        let fit = shots(record, device, free)?;
-        settled(record, fit).filter(|fit| falls || needs_stops(record, fit))
+        explains(record, device, free).filter(|fit| falls || needs_stops(record, fit))
     })
 }
 
@@ -258,47 +251,48 @@ fn around(record: &CancellableRecord<'_>, start: Device, free: Free, turns: [Opt
     let all = Shot::all(record, record.first());
     let is_near =
         |(from, to): (usize, usize)| turns.iter().flatten().any(|turn| from < turn.span.1 && turn.span.0 < to);
-    let near: Vec<Shot> = all.iter().copied().filter(|shot| is_near(shot.span())).collect();
+    let is_near: Vec<bool> = all.iter().map(|shot| is_near(shot.span())).collect();
+    let is_beside = |i: usize| (i.saturating_sub(1)..=i + 1).any(|i| is_near.get(i).is_some_and(|is_near| *is_near));
+    let near: Vec<Shot> = all.iter().enumerate().filter(|(i, _)| is_beside(*i)).map(|(_, shot)| *shot).collect();
     if 2 * near.len() > all.len() {
         return Some(start);
     }
-    let fit = fitted(record, start, free, near, BRISK)?;
-    settled(record, fit).map(|fit| fit.device)
+    fitted(record, start, free, near).map(|fit| fit.device)
 }
 
-/// The fit of all of a record from a device on.
-pub(super) fn shots(record: &CancellableRecord<'_>, device: Device, free: Free) -> Option<Fit> {
-    fitted(record, device, free, Shot::all(record, record.first()), MANY)
+/// The fit from a device on that explains all of a record; `None`: none does.
+pub(super) fn explains(record: &CancellableRecord<'_>, device: Device, free: Free) -> Option<Fit> {
+    fitted(record, device, free, Shot::all(record, record.first()))
 }
 
-/// The fit of some shots.
-fn fitted(record: &CancellableRecord<'_>, device: Device, free: Free, shots: Vec<Shot>, most: usize) -> Option<Fit> {
+/// The fit of some shots that explains them, with a lag where that is needed; `None`: none does.
+fn fitted(record: &CancellableRecord<'_>, device: Device, free: Free, shots: Vec<Shot>) -> Option<Fit> {
     let begun = Fit::of(record, device, free, shots)?;
-    let mut fit = begun.mended(record).unwrap_or(begun).improved(record, most)?;
+    let mut fit = begun.mended(record).unwrap_or(begun).improved(record, MANY)?;
     for _ in 0..MENDS {
         let Some(mended) = fit.mended(record) else { break };
-        fit = mended.improved(record, most)?;
+        fit = mended.improved(record, MANY)?;
     }
-    Some(fit)
-}
-
-/// The fit that explains the record, with a lag where that is told; `None`: nothing explains it.
-fn settled(record: &CancellableRecord<'_>, fit: Fit) -> Option<Fit> {
-    let right = is_right(record, &fit);
-    if right {
-        return Some(fit);
+    let long = |fit: Fit| fit.lengthened(record, MANY).filter(|fit| is_right(record, fit));
+    if is_right(record, &fit)
+        && let Some(long) = long(fit.clone())
+    {
+        return Some(long);
     }
-    lagging(record, &fit).filter(|fit| is_right(record, fit))
+    // A short lag is seen over a long motion only, and found from short ones.
+    long(lagging(record, &fit).filter(|fit| is_right(record, fit))?)
 }
 
 /// The same with a lag.
 pub(super) fn lagging(record: &CancellableRecord<'_>, fit: &Fit) -> Option<Fit> {
     let mut free = fit.free;
-    free[VARIANCE] = true;
+    if std::mem::replace(&mut free[VARIANCE], true) {
+        return None;
+    }
     let start = |lag: f64| {
         let mut device = fit.device;
         device.p[VARIANCE] = lag * lag;
-        Fit::of(record, device, free, fit.shots.clone())?.improved(record, FEW)
+        Fit::of(record, device, free, fit.shots.clone())?.improved(record, MANY)
     };
     // Beside a fit that is right without one a short lag tells whether there is any.
     let late = [0.5, 1.0].into_iter().filter(|_| !is_right(record, fit)).map(|part| part * fit.device.p[LATE]);

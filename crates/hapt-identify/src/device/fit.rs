@@ -8,6 +8,7 @@ use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use hapt_plant::spec::{DeviceSpec, Stops};
 
 use super::motion::Numbers;
+use crate::counts::lattice;
 use crate::quantile::student;
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
 use crate::remainder::{RESOLUTION, variance};
@@ -31,14 +32,21 @@ pub(crate) const STOPS: [usize; 2] = [8, 9];
 pub(crate) const STIFFNESS: usize = 10;
 pub(crate) const STOP_DAMPING: usize = 11;
 
-/// So long the motion is followed from one beginning, in s.
-pub(crate) const SHOT: f64 = 0.4;
+/// So long the motion is followed from one beginning at first, in s, and so many samples at least; and so long at last.
+const BEGINNING: f64 = 0.1;
+const FEWEST: f64 = 50.0;
+const SHOT: f64 = 0.4;
 
 /// Shots begin where the motion goes on for so long on both sides, in s.
 const FLIGHT: f64 = 0.012;
 
 const LOGARITHMS: [usize; 3] = [INERTIA, FAST, STIFFNESS];
 const NOT_BELOW_0: [usize; 6] = [DAMPING, FRICTION, LATE, VARIANCE, RISE, STOP_DAMPING];
+/// So many steps that lower the squares by less than this part of their variance are the last ones.
+const FEW: usize = 2;
+const SLOW: f64 = 0.01;
+/// A step is tried so often in the mean.
+const MOST_TRIES: usize = 4;
 /// A step of this many standard errors is none.
 const SMALL: f64 = 1e-3;
 /// The shortest lag of a fit, in periods: a shorter one is a delay.
@@ -48,6 +56,15 @@ const FASTEST: f64 = 60.0;
 /// A shot of which so many times as much as usual is left begins elsewhere than it did; it begins anew by lines through so many samples more.
 const ODD: f64 = 1.5;
 const GLIMPSES: [usize; 3] = [2, 5, 12];
+/// A motor remembers a torque for so many lags.
+const MEMORY: f64 = 40.0;
+/// Shots are joined where that leaves so many times the mean square that the others leave, or less, before all is fitted anew.
+const FAR: f64 = 1e4;
+/// Shots may be this much longer; of those that are joined one in so many may go astray, and one more.
+const LONGEST: f64 = 1.5;
+const ASTRAY: usize = 4;
+/// Shots are joined as long as what is off at the beginning grows by less than this: beyond, a motion is not linear in what is off.
+const MOST_GROWTH: f64 = 30.0;
 /// Steps of the fit of one beginning.
 const OWN: usize = 25;
 /// A derivative is a difference over this part of a number's size.
@@ -142,7 +159,8 @@ impl Shot {
     /// All of a record, from a sample on.
     pub fn all(record: &Record, first: usize) -> Vec<Shot> {
         let n = record.times().len();
-        let count = (((n - first) as f64 * record.period() / SHOT).round() as usize).max(1);
+        let length = BEGINNING.max(FEWEST * record.period());
+        let count = (((n - first) as f64 * record.period() / length).round() as usize).max(1);
         let even = |k: usize| first + k * (n - first) / count;
         let around = (n - first) / count / 4;
         let at = |k: usize| match k {
@@ -156,7 +174,8 @@ impl Shot {
 
     /// Where the device is at its samples.
     pub fn positions(&self, record: &Record, device: &Device) -> Vec<f64> {
-        let before = self.from.saturating_sub((LONGEST_DELAY / record.period()).ceil() as usize);
+        let remembered = (device.p[LATE] + MEMORY * device.p[VARIANCE].max(0.0).sqrt()).min(LONGEST_DELAY);
+        let before = self.from.saturating_sub((remembered / record.period()).ceil() as usize + 1);
         let mut all = Vec::with_capacity(self.to - self.from);
         let (times, torques) = (&record.times()[before..self.to], &record.torques()[before..self.to]);
         device.numbers(self.state).follow(times, torques, self.from - before, |_, z| all.push(z));
@@ -287,16 +306,8 @@ impl Fit {
     /// The same with better beginnings of the shots that the device explains far worse than the others: one that begins in a stop can end beside
     /// its motion. `None`: there is none.
     pub fn mended(&self, record: &CancellableRecord<'_>) -> Option<Fit> {
-        let mut rest = &self.left[..];
-        let squares = self.shots.iter().map(|shot| {
-            let (own, after) = rest.split_at(shot.news(record));
-            rest = after;
-            own.iter().map(|r| r * r).sum::<f64>() / own.len().max(1) as f64
-        });
-        let squares: Vec<f64> = squares.collect();
-        let mut sorted = squares.clone();
-        sorted.sort_by(f64::total_cmp);
-        let usual = sorted[sorted.len() / 2];
+        let squares = self.mean_squares(record);
+        let usual = median(&squares);
         let mut shots = self.shots.clone();
         for (i, _) in squares.iter().enumerate().filter(|(_, square)| **square > ODD * usual) {
             let before = i.checked_sub(1).map(|before| shots[before]);
@@ -312,6 +323,87 @@ impl Fit {
         }
         let mended = Fit::of(record, self.device, self.free, shots)?;
         (mended.squares < self.squares * (1.0 - SMALL)).then_some(mended)
+    }
+
+    /// What is left of each shot, in the mean of its squares.
+    pub fn mean_squares(&self, record: &Record) -> Vec<f64> {
+        let mut rest = &self.left[..];
+        let of = |shot: &Shot| {
+            let (own, after) = rest.split_at(shot.news(record));
+            rest = after;
+            own.iter().map(|r| r * r).sum::<f64>() / own.len().max(1) as f64
+        };
+        self.shots.iter().map(of).collect()
+    }
+
+    /// How many times larger than at its beginning what is off in a shot gets, in the position, or in the velocity times the shot's length.
+    fn growth(&self, record: &Record) -> f64 {
+        let of = |(shot, (_, state)): (&Shot, &(DMatrix<f64>, DMatrix<f64>))| {
+            let length = (shot.to - shot.from) as f64 * record.period();
+            state.column(0).amax().max(state.column(1).amax() / length)
+        };
+        self.shots.iter().zip(&self.derivatives).map(of).fold(0.0, f64::max)
+    }
+
+    /// The fit of the longest shots over which the device is followed; `None`: many go astray, so that it is another device, or none.
+    pub fn lengthened(self, record: &CancellableRecord<'_>, most: usize) -> Option<Fit> {
+        let mut fit = self;
+        loop {
+            match fit.joined(record, most)? {
+                longer if longer.shots.len() < fit.shots.len() => fit = longer,
+                _ => return Some(fit),
+            }
+        }
+    }
+
+    /// The fit of longer shots: each is one that was two, where the device explains both from one beginning. A long motion tells more, and is
+    /// found from near it only. `None`: many go astray.
+    fn joined(&self, record: &CancellableRecord<'_>, most: usize) -> Option<Fit> {
+        let squares = self.mean_squares(record);
+        let usual = median(&squares);
+        // Counts alone leave this without noise.
+        let step = lattice(record.positions()).map_or(0.0, |lattice| lattice.step);
+        let least = usual.max(step * step / 6.0);
+        let longest = (LONGEST * SHOT / record.period()) as usize;
+        // Shots with what may be left of them, and the shots that they were.
+        let (mut shots, mut parts) = (Vec::new(), Vec::new());
+        let (mut at, mut tried, mut astray) = (0, 0, 0);
+        while let Some(one) = self.shots.get(at) {
+            let other = self.shots.get(at + 1).filter(|other| other.from == one.to && other.to - one.from <= longest);
+            tried += usize::from(other.is_some());
+            let joined = other.and_then(|other| {
+                let shot = Shot { to: other.to, ..*one };
+                let fit = Fit::of(record, self.device, [false; PARAMETERS], vec![shot])?.improved(record, OWN)?;
+                if fit.growth(record) >= MOST_GROWTH {
+                    return None;
+                }
+                let is_near = fit.squares < FAR * usual * fit.left.len() as f64;
+                astray += usize::from(!is_near);
+                is_near.then(|| fit.shots[0])
+            });
+            let all = at..at + 1 + usize::from(joined.is_some());
+            at = all.end;
+            shots.push(joined.unwrap_or(*one));
+            parts.push((&self.shots[all.clone()], ODD * squares[all].iter().fold(least, |a, b| a.max(*b))));
+        }
+        if shots.len() == self.shots.len() {
+            return Some(self.clone()).filter(|_| astray <= tried / ASTRAY + 1);
+        }
+        let fit = Fit::of(record, self.device, self.free, shots)?.improved(record, most)?;
+        let odd = fit.mean_squares(record).into_iter().zip(&parts).map(|(square, (_, limit))| square > *limit);
+        let odd: Vec<bool> = odd.collect();
+        astray += odd.iter().filter(|odd| **odd).count();
+        if astray > tried / ASTRAY + 1 {
+            return None;
+        }
+        if !odd.contains(&true) {
+            return Some(fit);
+        }
+        // Those that went astray are two again.
+        let kept = fit.shots.iter().zip(&parts).zip(&odd);
+        let shots: Vec<Shot> =
+            kept.flat_map(|((shot, (parts, _)), odd)| if *odd { parts.to_vec() } else { vec![*shot] }).collect();
+        Fit::of(record, self.device, self.free, shots)?.improved(record, most)
     }
 
     /// With its derivatives.
@@ -348,7 +440,9 @@ impl Fit {
         Some(self)
     }
 
-    fn normal(&self, more: f64) -> Normal {
+    /// Damped by Marquardt's `more`, and with so much more information of each shot's position and velocity: one that friction ends before it
+    /// shows is not moved far.
+    fn normal(&self, more: f64, held: [f64; 2]) -> Normal {
         let mut normal = Normal {
             information: DMatrix::zeros(PARAMETERS, PARAMETERS),
             right: DVector::zeros(PARAMETERS),
@@ -360,9 +454,9 @@ impl Fit {
             rest = after;
             let left = DVector::from_column_slice(left);
             let products = state.tr_mul(state);
-            // A velocity that friction ends before it shows is not moved.
             let at = |i: usize, j: usize| {
-                if i == j { products[(i, j)] * (1.0 + more) + f64::MIN_POSITIVE } else { products[(i, j)] }
+                let own = products[(i, j)];
+                if i == j { own * (1.0 + more) + held[i].max(f64::MIN_POSITIVE) } else { own }
             };
             let inverse = Matrix2::new(at(0, 0), at(0, 1), at(1, 0), at(1, 1)).try_inverse();
             let inverse =
@@ -380,13 +474,15 @@ impl Fit {
     pub fn improved(self, record: &CancellableRecord<'_>, most: usize) -> Option<Fit> {
         let least = (SHORTEST_LAG * record.period()).powi(2);
         let mut at = self.differentiated(record)?;
+        let scales = at.steps(record).1.map(|step| step / DIFFERENCE);
         let mut damping = 1e-3;
-        for _ in 0..most {
-            if (record.stop)() {
+        let (mut steps, mut slow) = (0, 0);
+        for _ in 0..MOST_TRIES * most {
+            if (record.stop)() || steps == most {
                 break;
             }
-            let normal = at.normal(damping);
-            let Some(step) = at.step(&normal.information, &normal.right, damping) else { break };
+            let normal = at.normal(damping, scales.map(|scale| at.variance() / (scale * scale)));
+            let Some(step) = at.step(&normal.information, &normal.right, damping, least) else { break };
             let mut size = step.dot(&(&normal.information * &step));
             let (mut device, mut shots) = (at.device, at.shots.clone());
             for (shot, (inverse, right, across)) in shots.iter_mut().zip(&normal.shots) {
@@ -407,9 +503,11 @@ impl Fit {
             let is_small = size < SMALL * SMALL * at.variance();
             match Fit::of(record, device, at.free, shots) {
                 Some(next) if next.squares < at.squares => {
+                    slow = if at.squares - next.squares < SLOW * at.variance() { slow + 1 } else { 0 };
                     at = next.differentiated(record)?;
+                    steps += 1;
                     damping = (0.1 * damping).max(1e-12);
-                    if is_small && damping < 1e-4 {
+                    if is_small && damping < 1e-4 || slow == FEW {
                         break;
                     }
                 }
@@ -420,13 +518,14 @@ impl Fit {
         Some(at)
     }
 
-    /// The next step, damped by Marquardt's `more`. What is 0 already, and would go below, stays while the others move.
-    fn step(&self, information: &DMatrix<f64>, right: &DVector<f64>, more: f64) -> Option<DVector<f64>> {
+    /// The next step, damped by Marquardt's `more`. What is at its least already, and would go below, stays while the others move.
+    fn step(&self, information: &DMatrix<f64>, right: &DVector<f64>, more: f64, least: f64) -> Option<DVector<f64>> {
         let mut free = self.free;
+        let is_least = |i: usize| self.device.p[i] <= if i == VARIANCE { least } else { 0.0 };
         loop {
             let (matrix, scale) = scaled(information, free, more);
             let step = matrix.cholesky()?.solve(&right.component_mul(&scale)).component_mul(&scale);
-            match NOT_BELOW_0.into_iter().find(|i| free[*i] && self.device.p[*i] == 0.0 && step[*i] < 0.0) {
+            match NOT_BELOW_0.into_iter().find(|i| free[*i] && is_least(*i) && step[*i] < 0.0) {
                 Some(i) => free[i] = false,
                 None => return Some(step),
             }
@@ -436,7 +535,7 @@ impl Fit {
     /// The covariance of the estimates, in halves of 95 % intervals: their squares are on its diagonal. 0 of what is not fitted, `None` where two
     /// numbers cannot be told apart at all.
     pub fn covariance(&self, record: &Record) -> Option<DMatrix<f64>> {
-        let (matrix, scale) = scaled(&self.normal(0.0).information, self.free, 0.0);
+        let (matrix, scale) = scaled(&self.normal(0.0, [0.0; 2]).information, self.free, 0.0);
         let inverse = matrix.cholesky()?.inverse();
         let least = RESOLUTION * RESOLUTION * variance(record.positions());
         let unit = student(self.freedom()).powi(2) * self.variance().max(least);
@@ -448,6 +547,12 @@ impl Fit {
     pub fn sees(&self, i: usize) -> bool {
         self.free[i] && self.derivatives.iter().any(|(own, _)| own.column(i).iter().any(|x| *x != 0.0))
     }
+}
+
+fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted[sorted.len() / 2]
 }
 
 /// The information with ones on its diagonal, `more` there, and the scale of each parameter.
