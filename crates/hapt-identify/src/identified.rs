@@ -124,6 +124,39 @@ pub struct FoundStops {
     pub damping: Interval,
 }
 
+impl Identified {
+    /// The same with intervals of inertia, damping, friction, gain, constant torque, stops and Stribeck friction that hold another fit's too.
+    pub(crate) fn widened(self, other: &Identified) -> Self {
+        let both = |one: Option<Interval>, other: Option<Interval>| one.map(|x| other.map_or(x, |other| x.with(other)));
+        let stops = self.stops.map(|x| match other.stops {
+            None => x,
+            Some(other) => FoundStops {
+                low: both(x.low, other.low),
+                high: both(x.high, other.high),
+                stiffness: x.stiffness.with(other.stiffness),
+                damping: x.damping.with(other.damping),
+            },
+        });
+        let stribeck = self.stribeck.map(|x| match other.stribeck {
+            None => x,
+            Some(other) => {
+                FoundStribeck { torque: x.torque.with(other.torque), velocity: x.velocity.with(other.velocity) }
+            }
+        });
+        Identified {
+            inertia: both(self.inertia, other.inertia),
+            damping: both(self.damping, other.damping),
+            friction: both(self.friction, other.friction),
+            gain: both(self.gain, other.gain),
+            offset: both(self.offset, other.offset),
+            rates: [0, 1].map(|i| both(self.rates[i], other.rates[i])),
+            stops,
+            stribeck,
+            ..self
+        }
+    }
+}
+
 impl FoundStops {
     /// The values alone.
     pub fn values(&self) -> Stops {

@@ -9,9 +9,8 @@ use hapt_plant::spec::{DeviceSpec, Stops};
 
 use super::motion::Numbers;
 use crate::counts::lattice;
-use crate::quantile::student;
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
-use crate::remainder::{RESOLUTION, variance};
+use crate::remainder::variance;
 use crate::start::{Begin, begins};
 
 /// ln J, or ln of the motor's gain where the inertia is known; b, f, a constant torque; d + λ and λ²; Stribeck's torque and ln of its velocity;
@@ -235,15 +234,15 @@ pub(crate) struct Fit {
     pub left: Vec<f64>,
     pub squares: f64,
     /// Those of each shot: by the device's numbers, and by its position and velocity.
-    derivatives: Vec<(DMatrix<f64>, DMatrix<f64>)>,
+    pub(super) derivatives: Vec<(DMatrix<f64>, DMatrix<f64>)>,
 }
 
 /// The normal equations of a step: of the device's numbers without the shots' states, and what gives those.
-struct Normal {
-    information: DMatrix<f64>,
+pub(super) struct Normal {
+    pub information: DMatrix<f64>,
     right: DVector<f64>,
     /// The inverse of each shot's own information, its right side, and its products with the device's.
-    shots: Vec<(Matrix2<f64>, Vector2<f64>, DMatrix<f64>)>,
+    pub shots: Vec<(Matrix2<f64>, Vector2<f64>, DMatrix<f64>)>,
 }
 
 impl Fit {
@@ -372,14 +371,14 @@ impl Fit {
             let other = self.shots.get(at + 1).filter(|other| other.from == one.to && other.to - one.from <= longest);
             tried += usize::from(other.is_some());
             let joined = other.and_then(|other| {
-                let shot = Shot { to: other.to, ..*one };
-                let fit = Fit::of(record, self.device, [false; PARAMETERS], vec![shot])?.improved(record, OWN)?;
-                if fit.growth(record) >= MOST_GROWTH {
-                    return None;
-                }
-                let is_near = fit.squares < FAR * usual * fit.left.len() as f64;
-                astray += usize::from(!is_near);
-                is_near.then(|| fit.shots[0])
+                let starts = std::iter::once(one.state).chain(one.glimpses(record));
+                let mut fits = starts.filter_map(|state| {
+                    let shot = Shot { to: other.to, state, ..*one };
+                    Fit::of(record, self.device, [false; PARAMETERS], vec![shot])?.improved(record, OWN)
+                });
+                let fit = fits.find(|fit| fit.squares <= FAR * least * fit.left.len() as f64);
+                astray += usize::from(fit.is_none());
+                fit.filter(|fit| fit.growth(record) < MOST_GROWTH).map(|fit| fit.shots[0])
             });
             let all = at..at + 1 + usize::from(joined.is_some());
             at = all.end;
@@ -442,7 +441,7 @@ impl Fit {
 
     /// Damped by Marquardt's `more`, and with so much more information of each shot's position and velocity: one that friction ends before it
     /// shows is not moved far.
-    fn normal(&self, more: f64, held: [f64; 2]) -> Normal {
+    pub(super) fn normal(&self, more: f64, held: [f64; 2]) -> Normal {
         let mut normal = Normal {
             information: DMatrix::zeros(PARAMETERS, PARAMETERS),
             right: DVector::zeros(PARAMETERS),
@@ -532,17 +531,6 @@ impl Fit {
         }
     }
 
-    /// The covariance of the estimates, in halves of 95 % intervals: their squares are on its diagonal. 0 of what is not fitted, `None` where two
-    /// numbers cannot be told apart at all.
-    pub fn covariance(&self, record: &Record) -> Option<DMatrix<f64>> {
-        let (matrix, scale) = scaled(&self.normal(0.0, [0.0; 2]).information, self.free, 0.0);
-        let inverse = matrix.cholesky()?.inverse();
-        let least = RESOLUTION * RESOLUTION * variance(record.positions());
-        let unit = student(self.freedom()).powi(2) * self.variance().max(least);
-        let all = DMatrix::from_fn(PARAMETERS, PARAMETERS, |i, j| unit * inverse[(i, j)] * scale[i] * scale[j]);
-        all.iter().all(|x| x.is_finite()).then_some(all)
-    }
-
     /// Whether the record says anything of a parameter.
     pub fn sees(&self, i: usize) -> bool {
         self.free[i] && self.derivatives.iter().any(|(own, _)| own.column(i).iter().any(|x| *x != 0.0))
@@ -556,7 +544,7 @@ fn median(values: &[f64]) -> f64 {
 }
 
 /// The information with ones on its diagonal, `more` there, and the scale of each parameter.
-fn scaled(information: &DMatrix<f64>, free: Free, more: f64) -> (DMatrix<f64>, DVector<f64>) {
+pub(super) fn scaled(information: &DMatrix<f64>, free: Free, more: f64) -> (DMatrix<f64>, DVector<f64>) {
     let scale = DVector::from_fn(PARAMETERS, |i, _| {
         let own = information[(i, i)];
         if free[i] && own > 0.0 { own.sqrt().recip() } else { 0.0 }

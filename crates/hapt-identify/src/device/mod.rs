@@ -1,6 +1,7 @@
 //! A device with end stops or Stribeck friction: its numbers from a record that it explains.
 
 mod contact;
+mod covariance;
 mod fit;
 mod motion;
 mod pieces;
@@ -31,9 +32,17 @@ impl Fit {
     pub fn identified(&self, record: &CancellableRecord<'_>, known: &Known) -> Option<Identified> {
         let with_lag = if self.free[VARIANCE] { Some(self.clone()) } else { contact::lagging(record, self) };
         let late = with_lag.as_ref().and_then(|fit| fit.late(record));
-        let told = late.filter(Late::is_told);
-        let at = with_lag.as_ref().filter(|_| told.is_some()).unwrap_or(self);
-        at.told(record, known, late)
+        let is_told = late.as_ref().is_some_and(Late::is_told);
+        let Some(with_lag) = with_lag else { return self.told(record, known, late) };
+        if is_told || self.free[VARIANCE] {
+            return with_lag.told(record, known, late);
+        }
+        // A lag that the record allows moves the other numbers: their intervals hold those of both fits.
+        let found = self.told(record, known, late)?;
+        Some(match with_lag.told(record, known, late).filter(|_| late.as_ref().is_some_and(Late::is_seen)) {
+            Some(other) => found.widened(&other),
+            None => found,
+        })
     }
 
     /// Delay and lag of a fit with both.

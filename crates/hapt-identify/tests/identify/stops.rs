@@ -2,6 +2,7 @@
 
 use fastrand::Rng;
 use hapt_identify::{Comparison, Identified, Interval, Known, Record, Verdict, against, identify};
+use hapt_plant::VirtualDevice;
 use hapt_plant::spec::{DeviceSpec, Stops, Stribeck};
 
 use crate::against::claims;
@@ -98,6 +99,105 @@ fn stops_that_no_record_reaches_are_not_told() {
         let answer = identify(&Record::new(times(&rig, 3000), seen, torques).unwrap(), &Known::default()).unwrap();
         assert_eq!(answer.stops, None, "seed {seed}");
     }
+}
+
+/// A random device with a lag between one or two stops, coupled to a wheel that swings, and a record of it.
+fn swung(rng: &mut Rng) -> (DeviceSpec, Record) {
+    let samples = 4000;
+    let mut between = |low: f64, high: f64| low * (high / low).powf(rng.f64());
+    let inertia = between(2e-4, 4e-3);
+    let (rate, friction) = (between(0.3, 4.0), between(1e-3, 1e-2));
+    let (stiffness, ratio) = (between(5.0, 300.0), between(0.03, 1.0));
+    let [low, high] = [-between(0.2, 0.8), between(0.2, 0.8)];
+    let (wheel, spring, ground) = (between(0.005, 0.05), between(0.5, 3.0), between(0.5, 5.0));
+    let mut velocity = between(10.0, 40.0);
+    let sides = [rng.u8(0..3) != 0, rng.u8(0..3) != 0];
+    let stops = Stops {
+        low: Some(low).filter(|_| sides[0] || !sides[1]),
+        high: Some(high).filter(|_| sides[1]),
+        stiffness,
+        damping: 2.0 * ratio * (stiffness * inertia).sqrt(),
+    };
+    let [lag, delay] = [rng.u8(0..3), rng.u8(0..3)].map(|x| 1e-3 * f64::from(x));
+    let damping = rate * inertia;
+    let rig = DeviceSpec { delay, lag, inertia, damping, friction, stops: Some(stops), ..WHEEL };
+    let (mut device, mut place) = (VirtualDevice::new(&rig), 0.0);
+    let (mut seen, mut torques) = (Vec::new(), Vec::new());
+    for _ in 0..samples {
+        let position = counted(&[device.puck().0], 20_000.0, 0.7, rng)[0];
+        let torque = spring * (place - position);
+        velocity -= rig.period * (torque + ground * place) / wheel;
+        place += rig.period * velocity;
+        seen.push(position);
+        torques.push(torque);
+        device.command(torque);
+        device.travel();
+    }
+    (rig, Record::new(times(&rig, samples), seen, torques).unwrap())
+}
+
+/// Whether a record goes into a stop of its device at least three times.
+fn is_stopped(record: &Record, stops: &Stops) -> bool {
+    let is_in = |z: f64| stops.low.is_some_and(|low| z < low) || stops.high.is_some_and(|high| z > high);
+    record.positions().windows(2).filter(|pair| !is_in(pair[0]) && is_in(pair[1])).count() >= 3
+}
+
+/// A motor's lag beside one stop or two: what a record in a closed loop tells holds its device, and so does the comparison with its file.
+#[test]
+fn a_device_with_a_lag_and_one_stop_or_two_agrees_with_its_own_file() {
+    let (mut all, mut agree, mut found, mut told, mut covered) = (0, 0, 0, 0, 0);
+    for seed in hapt_testing::seeds(24) {
+        let (rig, record) = swung(&mut Rng::with_seed(500 + seed));
+        let truth = rig.stops.unwrap();
+        if !is_stopped(&record, &truth) {
+            continue;
+        }
+        all += 1;
+        agree += u32::from(against(&record, &claims(&rig, 0.0), false).unwrap().agrees());
+        let Ok(answer) = identify(&record, &Known::default()) else { continue };
+        let Some(stops) = answer.stops else { continue };
+        found += 1;
+        let numbers = [
+            (answer.inertia, Some(rig.inertia)),
+            (answer.damping, Some(rig.damping)),
+            (answer.friction, Some(rig.friction)),
+            (answer.late, Some(rig.delay + rig.lag)),
+            (stops.low, truth.low),
+            (stops.high, truth.high),
+            (Some(stops.stiffness), Some(truth.stiffness)),
+            (Some(stops.damping), Some(truth.damping)),
+        ];
+        for (interval, truth) in numbers.into_iter().filter_map(|(interval, truth)| interval.zip(truth)) {
+            told += 1;
+            covered += u32::from(interval.covers(truth));
+        }
+    }
+    assert!(all > 0, "no record runs into its stops");
+    assert!(10 * agree >= 9 * all, "{agree} of {all} agree");
+    assert!(10 * found >= 8 * all, "{found} of {all} are found");
+    assert!(10 * covered >= 9 * told, "{covered} of {told} hold");
+}
+
+/// The comparison starts from the file, then from the device that the record alone tells: a file that is far off is contradicted in the numbers
+/// that are off, and in these alone.
+#[test]
+fn a_file_that_is_far_off_is_contradicted_in_its_numbers() {
+    let (mut all, mut named) = (0, 0);
+    for seed in hapt_testing::seeds(10) {
+        let (rig, record) = stopped(&mut Rng::with_seed(700 + seed));
+        let stops = rig.stops.map(|stops| Stops { stiffness: 4.0 * stops.stiffness, ..stops });
+        let file = DeviceSpec { inertia: 2.0 * rig.inertia, delay: rig.delay + 5e-3, stops, ..rig };
+        let found = against(&record, &claims(&file, 0.0), false).unwrap();
+        assert!(!found.agrees(), "seed {seed}");
+        all += 1;
+        let wrong: Vec<&str> =
+            found.numbers.iter().filter(|x| x.verdict == Verdict::Contradicts).map(|x| x.name).collect();
+        let is_off = |name: &&str| ["inertia", "delay", "delay and lag", "stop stiffness"].contains(name);
+        let is_named = found.wrong.is_none() && ["inertia", "stop stiffness"].iter().all(|name| wrong.contains(name));
+        assert!(found.wrong.is_some() || wrong.iter().all(is_off), "seed {seed}: {wrong:?}");
+        named += u32::from(is_named);
+    }
+    assert!(10 * named >= 8 * all, "{named} of {all}");
 }
 
 #[test]

@@ -1,0 +1,88 @@
+//! The covariance of a fit's estimates.
+//!
+//! Residuals that are independent give it by the information alone. Those of counts without noise go with the motion, and so do those of what
+//! the device has besides: their correlation widens each interval (Newey and West, Econometrica 55 (1987) 703), and never narrows one.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::fit::{Fit, PARAMETERS, scaled};
+use crate::quantile::student;
+use crate::record::Record;
+use crate::remainder::{RESOLUTION, variance};
+
+/// Samples over which residuals are taken as correlated, at most.
+const LONGEST: usize = 400;
+
+impl Fit {
+    /// The covariance of the estimates, in halves of 95 % intervals: their squares are on its diagonal. 0 of what is not fitted, `None` where two
+    /// numbers cannot be told apart at all.
+    pub fn covariance(&self, record: &Record) -> Option<DMatrix<f64>> {
+        let (matrix, scale) = scaled(&self.normal(0.0, [0.0; 2]).information, self.free, 0.0);
+        let inverse = matrix.cholesky()?.inverse();
+        let inverse = DMatrix::from_fn(PARAMETERS, PARAMETERS, |i, j| inverse[(i, j)] * scale[i] * scale[j]);
+        let least = RESOLUTION * RESOLUTION * variance(record.positions());
+        let variance = self.variance().max(least);
+        let correlated = self.correlated(&inverse);
+        let wider = DVector::from_fn(PARAMETERS, |i, _| {
+            let plain = variance * inverse[(i, i)];
+            if plain > 0.0 { (correlated[i] / plain).sqrt().max(1.0) } else { 1.0 }
+        });
+        let unit = student(self.freedom()).powi(2) * variance;
+        let all = DMatrix::from_fn(PARAMETERS, PARAMETERS, |i, j| unit * inverse[(i, j)] * wider[i] * wider[j]);
+        all.iter().all(|x| x.is_finite()).then_some(all)
+    }
+
+    /// The variances of the estimates where neighbouring residuals are correlated.
+    fn correlated(&self, inverse: &DMatrix<f64>) -> DVector<f64> {
+        let normal = self.normal(0.0, [0.0; 2]);
+        let mut scores: Vec<Vec<f64>> = vec![Vec::new(); PARAMETERS];
+        let mut first = 0;
+        for ((own, state), (of_state, _, across)) in self.derivatives.iter().zip(&normal.shots) {
+            // What a number does beyond what the shot's beginning can do.
+            let moved = (own - state * (of_state * across)) * inverse;
+            for (i, scores) in scores.iter_mut().enumerate() {
+                scores.extend(moved.column(i).iter().zip(&self.left[first..]).map(|(moved, left)| moved * left));
+            }
+            first += own.nrows();
+        }
+        DVector::from_fn(PARAMETERS, |i, _| long_run(&scores[i]))
+    }
+}
+
+/// The variance of a sum of correlated terms, by Bartlett's weights up to Andrews's lag for an autoregression (Econometrica 59 (1991) 817).
+fn long_run(scores: &[f64]) -> f64 {
+    let at = |lag: usize| scores.iter().zip(&scores[lag.min(scores.len())..]).map(|(a, b)| a * b).sum::<f64>();
+    let own = at(0);
+    if own <= 0.0 {
+        return 0.0;
+    }
+    let next = (at(1) / own).clamp(-0.97, 0.97);
+    let alpha = 4.0 * next * next / ((1.0 - next).powi(2) * (1.0 + next).powi(2));
+    let lag = (1.1447 * (alpha * scores.len() as f64).cbrt()).clamp(1.0, LONGEST as f64) as usize;
+    let more: f64 = (1..=lag).map(|k| 2.0 * (1.0 - k as f64 / (lag + 1) as f64) * at(k)).sum();
+    (own + more).max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fastrand::Rng;
+
+    /// The sum of an autoregression of coefficient a has 1/(1 - a)² times the variance of the sum of what drives it.
+    #[test]
+    fn the_variance_of_a_sum_of_correlated_terms_is_that_of_theory() {
+        for seed in hapt_testing::seeds(8) {
+            let mut rng = Rng::with_seed(seed);
+            let a = 0.8 * rng.f64();
+            let mut x = 0.0;
+            let scores: Vec<f64> = (0..40_000)
+                .map(|_| {
+                    x = a * x + (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0;
+                    x
+                })
+                .collect();
+            let ratio = long_run(&scores) / scores.len() as f64 * (1.0 - a).powi(2);
+            assert!((ratio - 1.0).abs() < 0.2, "seed {seed}, {a}: {ratio}");
+        }
+    }
+}
