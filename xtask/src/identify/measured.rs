@@ -2,19 +2,21 @@
 //!
 //! The records stay outside of the project. The labs' own numbers are those of their repositories, named on the page.
 
+mod walls;
+
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use hapt_analysis::{Grip, free, free_growth, gripped_growth, nelder_mead};
+use hapt_analysis::{free, free_growth};
 use hapt_identify::{Columns, Error, Known, Puck, Record, identify};
 use hapt_model::{Source, World};
 use hapt_sim::Simulation;
 use rayon::prelude::*;
 
-/// Beside the project, where they are at hand.
+/// Beside the project, if they are there.
 const FOLDER: &str = "../shared/data";
 /// The paddle's loop, s.
 const PERIOD: f64 = 350e-6;
@@ -77,16 +79,6 @@ const STEPS: [Step; 5] = [
     },
 ];
 
-/// The stiffest wall that the authors felt as stable, N m/deg, at each damping, N m s/deg, by the cutoff of both filters, Hz.
-const DAMPINGS: [f64; 8] = [0.0, 1e-5, 5e-5, 1e-4, 5e-4, 1e-3, 5e-3, 1e-2];
-const WALLS: [(f64, [f64; 8]); 3] = [
-    (10.0, [0.1, 0.2, 0.25, 0.25, 0.35, 0.2, 0.0, 0.0]),
-    (50.0, [0.05, 0.09, 0.06, 0.06, 0.2, 0.25, 0.08, 0.0]),
-    (100.0, [0.01, 0.01, 0.025, 0.03, 0.14, 0.15, 0.1, 0.0]),
-];
-/// Stiffnesses that are tried, N m/deg.
-const STIFFNESSES: [f64; 2] = [1e-4, 2.0];
-
 /// A device at the paddle.
 #[derive(Clone, Copy, Debug)]
 struct Device {
@@ -99,34 +91,34 @@ struct Device {
 }
 
 /// A fit to a record.
-struct Found {
+struct DeviceFit {
     device: Device,
     /// Of the positions, rad.
     rms: f64,
     /// With an interval of the inertia.
-    is_told: bool,
+    has_interval: bool,
     sign: f64,
 }
 
-/// A motion: times in s, positions in deg.
-type Motion = (Vec<f64>, Vec<f64>);
+/// A motion over time: times in s, positions in deg.
+type Trace = (Vec<f64>, Vec<f64>);
 
 fn folder() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(FOLDER);
     folder.is_dir().then_some(folder)
 }
 
-/// The tables; `None` where the records are not at hand.
+/// The tables; `None` where the records are missing.
 pub fn text() -> Result<Option<String>> {
     let Some(folder) = folder() else { return Ok(None) };
-    let found: Vec<Option<Found>> = STEPS
+    let fits: Vec<Option<DeviceFit>> = STEPS
         .par_iter()
-        .map(|step| step.record.map_or(Ok(None), |name| step.found(&paddle(&folder, name)?)))
+        .map(|step| step.record.map_or(Ok(None), |name| step.fit(&paddle(&folder, name)?)))
         .collect::<Result<_>>()?;
-    let device = |i: usize| found[i].as_ref().map(|found| found.device).context("no fit of a step");
+    let device = |i: usize| fits[i].as_ref().map(|fit| fit.device).context("no fit of a step");
     let devices = [device(0)?, device(1)?];
     let mut text = String::from("### The paddle's numbers\n\n");
-    text += &numbers(&folder, &found)?;
+    text += &numbers(&folder, &fits)?;
     text += "\n### The paddle under a proportional gain\n\n";
     text += &swing(&devices)?;
     text += "\n### The paddle's steps\n\n";
@@ -134,12 +126,12 @@ pub fn text() -> Result<Option<String>> {
     text += "\n### The paddle under a sine\n\n";
     text += &sine(&folder, &devices)?;
     text += "\n### The paddle's walls\n\n";
-    text += &walls(devices[1])?;
+    text += &walls::walls(devices[1])?;
     Ok(Some(text))
 }
 
 /// A record of the paddle.
-fn paddle(folder: &Path, name: &str) -> Result<Motion> {
+fn paddle(folder: &Path, name: &str) -> Result<Trace> {
     let path = folder.join("epfl").join(format!("{name}.csv"));
     let table = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
     let columns = Columns { coasts: true, ..Columns::parse("time=timestamp [s],position=paddle_pos_filt [deg]")? };
@@ -148,7 +140,7 @@ fn paddle(folder: &Path, name: &str) -> Result<Motion> {
 }
 
 /// A motion at the samples of the loop, straight between those of the log.
-fn resampled((times, positions): &Motion, from: f64, to: f64) -> Motion {
+fn resampled((times, positions): &Trace, from: f64, to: f64) -> Trace {
     let mut after = 0;
     let n = ((to - from) / PERIOD) as usize;
     let at = |k: usize| {
@@ -188,7 +180,7 @@ impl Step {
     }
 
     /// The device by the law's torque and the log's motion. The log does not say when the law began; the fit that leaves least does.
-    fn found(&self, motion: &Motion) -> Result<Option<Found>> {
+    fn fit(&self, motion: &Trace) -> Result<Option<DeviceFit>> {
         let moves = motion.0[first_move(&motion.1)];
         let (times, positions) = resampled(motion, moves - BEFORE, moves + AFTER);
         let begins = (BEFORE / PERIOD) as usize;
@@ -196,14 +188,14 @@ impl Step {
         let fits = (begins - 8..begins + 1)
             .into_par_iter()
             .map(|start| fitted(Record::new(times.clone(), radians.clone(), self.torques(&positions, start))?));
-        let fits: Vec<Option<Found>> = fits.collect::<Result<_>>()?;
+        let fits: Vec<Option<DeviceFit>> = fits.collect::<Result<_>>()?;
         Ok(fits.into_iter().flatten().min_by(|a, b| a.rms.total_cmp(&b.rms)))
     }
 }
 
 /// The best fit of a record, with intervals or without; `None` where nothing explains it.
-fn fitted(record: Record) -> Result<Option<Found>> {
-    let (puck, rms, is_told) = match identify(&record, &Known::default()) {
+fn fitted(record: Record) -> Result<Option<DeviceFit>> {
+    let (puck, rms, has_interval) = match identify(&record, &Known::default()) {
         Ok(found) => (found.puck, found.residual.rms, true),
         Err(Error::Residual(left)) => (*left.puck.context("no fit")?, left.rms, false),
         Err(Error::Unexplained) => return Ok(None),
@@ -214,7 +206,7 @@ fn fitted(record: Record) -> Result<Option<Found>> {
     let at = |x: f64| x * inertia;
     let device =
         Device { inertia, damping: at(damping), friction: at(friction), delay: delay + lag, offset: at(offset) };
-    Ok(Some(Found { device, rms, is_told, sign: gain.signum() }))
+    Ok(Some(DeviceFit { device, rms, has_interval, sign: gain.signum() }))
 }
 
 /// The torque that the authors asked for, at the paddle, by the log's own clock.
@@ -222,12 +214,12 @@ fn sine_torque(t: f64) -> f64 {
     RATIO * 1.1e-3 * (SINE * t).sin()
 }
 
-fn sine_record(motion: &Motion) -> Result<Record> {
+fn sine_record(motion: &Trace) -> Result<Record> {
     let torques = motion.0.iter().map(|t| sine_torque(*t)).collect();
     Ok(Record::new(motion.0.clone(), motion.1.iter().map(|x| x.to_radians()).collect(), torques)?)
 }
 
-fn numbers(folder: &Path, found: &[Option<Found>]) -> Result<String> {
+fn numbers(folder: &Path, fits: &[Option<DeviceFit>]) -> Result<String> {
     let of_sine = fitted(sine_record(&paddle(folder, "sine-0011")?)?)?;
     let mut text = String::from(
         "| record | inertia, kg m² | damping, N m s/rad | friction, N mm | delay, ms | damping less gain times delay, N m s/rad | constant torque, N mm | left of the motion, rms | intervals |\n\
@@ -240,9 +232,9 @@ fn numbers(folder: &Path, found: &[Option<Found>]) -> Result<String> {
         "| the authors | {lab:.2e} by the swing's period | {:.2e} by the data sheet | {most:.1} and {least:.1} | | | | | |",
         LAB_DAMPING * RATIO * RATIO
     )?;
-    let rows = STEPS.iter().zip(found).filter_map(|(step, found)| Some((step.record?, step.gains[0], found.as_ref())));
-    for (name, gain, found) in rows.chain([("sine-0011", 0.0, of_sine.as_ref())]) {
-        let Some(Found { device, rms, is_told, sign }) = found else {
+    let rows = STEPS.iter().zip(fits).filter_map(|(step, fit)| Some((step.record?, step.gains[0], fit.as_ref())));
+    for (name, gain, fit) in rows.chain([("sine-0011", 0.0, of_sine.as_ref())]) {
+        let Some(DeviceFit { device, rms, has_interval, sign }) = fit else {
             writeln!(text, "| {name} | no device explains the motion | | | | | | | |")?;
             continue;
         };
@@ -261,7 +253,7 @@ fn numbers(folder: &Path, found: &[Option<Found>]) -> Result<String> {
             },
             1e3 * device.offset,
             rms.to_degrees(),
-            if *is_told { "yes" } else { "none" }
+            if *has_interval { "yes" } else { "none" }
         )?;
     }
     Ok(text)
@@ -270,7 +262,7 @@ fn numbers(folder: &Path, found: &[Option<Found>]) -> Result<String> {
 /// The paddle under a proportional and a derivative gain, let go at `from`, deg; its scenario is `go`.
 fn world(device: &Device, gains: [f64; 3], from: f64, more: &str) -> Result<World> {
     let [p, i, d] = gains;
-    let held = held(i);
+    let release = release_time(i);
     let Device { inertia, damping, friction, delay, .. } = device;
     let file = format!(
         "loop = {{ period = \"350 us\", estimator = \"difference\", delay = \"{delay} s\" }}\n\
@@ -278,18 +270,18 @@ fn world(device: &Device, gains: [f64; 3], from: f64, more: &str) -> Result<Worl
          [[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\nstiffness = \"{p} N m/deg\"\nrest = \"{TARGET} deg\"\n\
          [[couplings]]\nkind = \"damper\"\nbetween = [\"puck\", \"ground\"]\ndamping = \"{d} N m s/deg\"\n\
          [[couplings]]\nkind = \"integral\"\nbetween = [\"puck\", \"ground\"]\nstiffness = \"{i} N m/deg\"\nrest = \"{TARGET} deg\"\n\
-         [scenarios.go]\nduration = \"{AFTER} s\"\nhand = {{ kind = \"step\", to = \"{from} deg\", release = \"{held} s\" }}\n"
+         [scenarios.go]\nduration = \"{AFTER} s\"\nhand = {{ kind = \"step\", to = \"{from} deg\", release = \"{release} s\" }}\n"
     );
     Ok(World::read(&Source::from_text("paddle.toml", file), &[])?)
 }
 
 /// How long the hand holds the paddle before the release, s: an integral term is to gather nothing meanwhile.
-fn held(integral: f64) -> f64 {
+fn release_time(integral: f64) -> f64 {
     if integral > 0.0 { 2.0 * PERIOD } else { BEFORE }
 }
 
 /// The run of a world from the release on, or from 0 on, in s and deg.
-fn run(world: &World, from: f64) -> Result<Motion> {
+fn run(world: &World, from: f64) -> Result<Trace> {
     let mut run = Simulation::new(world, world.scenario("go")?)?;
     let (mut times, mut positions) = (Vec::new(), Vec::new());
     while let Some(row) = run.next() {
@@ -332,7 +324,7 @@ fn swing(devices: &[Device]) -> Result<String> {
         let linear = edge(1e-4, 1.0, |gain| Ok(free_growth(&at(gain)?)?.is_some_and(|growth| growth > 0.0)))?;
         // The third extreme after the release over the first is a period's growth.
         let ratio = |gain: f64| -> Result<f64> {
-            let turns = extremes(&run(&at(gain)?, held(0.0))?.1);
+            let turns = extremes(&run(&at(gain)?, release_time(0.0))?.1);
             Ok(turns.get(1).map_or(0.0, |second| second / TARGET))
         };
         let kept = edge(1e-3, 1.0, |gain| Ok(ratio(gain)? > 1.0))?;
@@ -352,7 +344,7 @@ fn swing(devices: &[Device]) -> Result<String> {
 }
 
 /// Overshoot in deg, rise in s, and when the motion is within 2 % of the step of its end, of a motion from its first move on.
-fn measures((times, positions): &Motion) -> [Option<f64>; 3] {
+fn measures((times, positions): &Trace) -> [Option<f64>; 3] {
     let end = positions.last().copied().unwrap_or(0.0);
     let most = positions.iter().copied().fold(f64::NEG_INFINITY, f64::max) - TARGET;
     let rise = positions.iter().position(|x| *x > TARGET).map(|k| times[k]);
@@ -370,13 +362,13 @@ fn steps(folder: &Path, devices: &[Device; 2]) -> Result<String> {
         let [p, i_gain, d] = step.gains;
         let record = step.record.map(|name| paddle(folder, name)).transpose()?;
         let from = record.as_ref().map_or(0.0, |motion| motion.1[0]);
-        let from_first_move = |motion: Motion| {
+        let from_first_move = |motion: Trace| {
             let from = motion.0[first_move(&motion.1)];
             resampled(&motion, from, from + AFTER - 2.0 * BEFORE)
         };
         // By the device that another record gave.
         let (by, device) = if i == 1 { (0, &devices[0]) } else { (1, &devices[1]) };
-        let run = from_first_move(run(&world(device, step.gains, from, "")?, held(i_gain))?);
+        let run = from_first_move(run(&world(device, step.gains, from, "")?, release_time(i_gain))?);
         let (hapt, seen) = (measures(&run), record.map(from_first_move));
         let record = seen.as_ref().map(measures);
         let error = seen.map(|(_, seen)| {
@@ -398,7 +390,7 @@ fn steps(folder: &Path, devices: &[Device; 2]) -> Result<String> {
 }
 
 /// Largest less smallest position of the last second, deg, and their mean.
-fn reach((times, positions): &Motion) -> [f64; 2] {
+fn reach((times, positions): &Trace) -> [f64; 2] {
     let end = times.last().copied().unwrap_or(0.0);
     let last = times.iter().zip(positions).filter(|(t, _)| **t > end - 1.01).map(|(_, x)| *x);
     let (low, high) = last.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
@@ -439,164 +431,4 @@ fn sine(folder: &Path, devices: &[Device; 2]) -> Result<String> {
         writeln!(text, "| {name} | {:.1} |{cells}", 1e3 * device.friction)?;
     }
     Ok(text)
-}
-
-/// The loop inside of the wall. Both filters are first-order: that of the velocity is the estimator's, and that of the position, which
-/// stands before both terms, is in a linear loop the same behind them: the motor's lag.
-fn wall(device: &Device, cutoff: f64, stiffness: f64, damping: f64) -> Result<World> {
-    let lag = (TAU * cutoff).recip() - PERIOD;
-    let file = format!(
-        "loop = {{ period = \"350 us\", estimator = \"low-pass\", cutoff = {:e}, delay = {:e} }}\n\
-         [device]\ninertia = {:e}\ndamping = {:e}\nlag = {lag:e}\n\
-         [[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\nstiffness = \"{stiffness} N m/deg\"\n\
-         [[couplings]]\nkind = \"damper\"\nbetween = [\"puck\", \"ground\"]\ndamping = \"{damping} N m s/deg\"\n",
-        (TAU * lag).recip(),
-        device.delay,
-        device.inertia,
-        device.damping
-    );
-    Ok(World::read(&Source::from_text("wall.toml", file), &[])?)
-}
-
-/// The stiffest wall that stays stable with a hand, N m/deg; 0: none does.
-fn stiffest(device: &Device, cutoff: f64, damping: f64, hand: &Grip) -> Result<f64> {
-    let mut world = wall(device, cutoff, 1.0, damping)?;
-    let [low, high] = STIFFNESSES.map(|x| x * 180.0 / PI);
-    let mut grows = |k: f64| -> Result<bool> {
-        world.set_number("couplings.0.stiffness", k);
-        Ok(gripped_growth(&world, hand)?.is_some_and(|growth| growth > 0.0))
-    };
-    // The edge of the interval from the softest on.
-    const N: usize = 16;
-    let at = |i: usize| low * (high / low).powf(i as f64 / N as f64);
-    let Some(first) = (0..=N).find_map(|i| grows(at(i)).map(|grows| grows.then_some(i)).transpose()) else {
-        return Ok(high * PI / 180.0);
-    };
-    let first = first?;
-    if first == 0 {
-        return Ok(0.0);
-    }
-    let (mut stable, mut unstable) = (at(first - 1), at(first));
-    while unstable / stable > 1.05 {
-        let middle = (stable * unstable).sqrt();
-        if grows(middle)? { unstable = middle } else { stable = middle }
-    }
-    Ok(stable * PI / 180.0)
-}
-
-/// Hands that a paddle may be held by: inertias in kg m², dampings in N m s/rad, stiffnesses in N m/rad, from a light touch to a firm grip.
-const HANDS: [[f64; 3]; 3] = [[1e-5, 3e-4, 1e-3], [3e-3, 0.02, 0.1], [1.0, 10.0, 100.0]];
-
-fn walls(device: Device) -> Result<String> {
-    // The authors compensated the friction, and the damping is the data sheet's.
-    let with = |delay: f64| Device { damping: RATIO * RATIO * LAB_DAMPING, delay, ..device };
-    let table = |delay: f64, hand: &Grip| -> Result<Vec<[f64; 8]>> {
-        let of = |(cutoff, _): &(f64, [f64; 8])| -> Result<[f64; 8]> {
-            let cell = |b: &f64| stiffest(&with(delay), *cutoff, *b, hand);
-            let all: Vec<f64> = DAMPINGS.par_iter().map(cell).collect::<Result<_>>()?;
-            Ok(std::array::from_fn(|i| all[i]))
-        };
-        WALLS.iter().map(of).collect()
-    };
-    // Where there is no stable wall, a soft one stands for it.
-    let off = |found: &[[f64; 8]]| -> f64 {
-        let pairs = found.iter().zip(&WALLS).flat_map(|(found, wall)| found.iter().zip(&wall.1));
-        let squares: Vec<f64> = pairs.map(|(a, b)| (a.max(1e-3) / b.max(1e-3)).ln().powi(2)).collect();
-        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt().exp()
-    };
-    let hand = |x: &[f64]| Grip { inertia: x[0].exp(), damping: x[1].exp(), stiffness: x[2].exp() };
-    let miss = |delay: f64, x: &[f64]| table(delay, &hand(x)).map_or(f64::NAN, |found| -off(&found).ln());
-    // From a light and from a heavy hand on.
-    let starts = [[1e-4f64.ln(), 0.02f64.ln(), 1f64.ln()], [3e-3f64.ln(), 0.1f64.ln(), 5f64.ln()]];
-    let at_once = starts.map(|x| nelder_mead::maximise(x, [1.0; 3], 60, |x| miss(0.0, x)));
-    let late = starts.map(|[m, b, k]| {
-        nelder_mead::maximise([m, b, k, 1e-3f64.ln()], [1.0, 1.0, 1.0, 0.5], 80, |x| miss(x[3].exp(), x))
-    });
-    let better = |a: f64, b: f64| usize::from(b > a);
-    let best = hand(&at_once[better(at_once[0].1, at_once[1].1)].0);
-    let late = late[better(late[0].1, late[1].1)].0;
-    let (late_hand, delay) = (hand(&late), late[3].exp());
-    let none = table(0.0, &Grip::default())?;
-    let held = table(0.0, &best)?;
-    let late = table(delay, &late_hand)?;
-    let ranges = [0.0, delay].map(|delay| of_hands(&|hand| table(delay, hand)));
-    let ranges = ranges.into_iter().collect::<Result<Vec<_>>>()?;
-    let mut text = String::from(
-        "| | hand: inertia, kg m² | damping, N m s/rad | stiffness, N m/rad | delay, ms | off by a factor of, rms |\n\
-         | --- | --- | --- | --- | --- | --- |\n",
-    );
-    for (name, hand, delay, found) in
-        [("no hand", &Grip::default(), 0.0, &none), ("one hand", &best, 0.0, &held), ("late", &late_hand, delay, &late)]
-    {
-        let Grip { inertia, damping, stiffness } = hand;
-        let off = off(found);
-        writeln!(text, "| {name} | {inertia:.5} | {damping:.3} | {stiffness:.2} | {:.2} | {off:.1} |", 1e3 * delay)?;
-    }
-    let [low, high] = [0, 2].map(|end| HANDS.map(|of| of[end].to_string()));
-    writeln!(
-        text,
-        "\nHands of {} to {} kg m², {} to {} N m s/rad and {} to {} N m/rad, {} of them and none, reach from the softest to the stiffest of the \
-         rows of their name. Of the authors' {} walls {} are within them at once, and {} with the delay of {:.2} ms.\n",
-        low[0],
-        high[0],
-        low[1],
-        high[1],
-        low[2],
-        high[2],
-        HANDS.iter().map(|of| of.len()).product::<usize>(),
-        WALLS.iter().map(|wall| wall.1.len()).sum::<usize>(),
-        within(&ranges[0]),
-        within(&ranges[1]),
-        1e3 * delay,
-    )?;
-    text += "| filters, Hz | |";
-    for b in DAMPINGS {
-        write!(text, " B = {b} |")?;
-    }
-    text += "\n| --- | --- |";
-    text += &" --- |".repeat(DAMPINGS.len());
-    text.push('\n');
-    for (i, wall) in WALLS.iter().enumerate() {
-        let cell = |k: &f64| match *k {
-            0.0 => "0".to_string(),
-            k if k < 1e-3 => "< 0.001".into(),
-            k => format!("{k:.3}"),
-        };
-        for (name, row) in [("the authors", &wall.1), ("no hand", &none[i]), ("one hand", &held[i]), ("late", &late[i])]
-        {
-            let cells: Vec<String> = row.iter().map(cell).collect();
-            writeln!(text, "| {} | {name} | {} |", wall.0, cells.join(" | "))?;
-        }
-        for (name, range) in ["hands", "hands, late"].into_iter().zip(&ranges) {
-            let cells: Vec<String> = range[i].iter().map(|ends| ends.map(|k| cell(&k)).join(" to ")).collect();
-            writeln!(text, "| {} | {name} | {} |", wall.0, cells.join(" | "))?;
-        }
-    }
-    Ok(text)
-}
-
-/// The softest and the stiffest of each wall.
-type Ranges = Vec<[[f64; 2]; 8]>;
-
-/// Over all hands of [`HANDS`], and none.
-fn of_hands(table: &dyn Fn(&Grip) -> Result<Vec<[f64; 8]>>) -> Result<Ranges> {
-    let mut ranges: Ranges = WALLS.iter().map(|_| [[f64::INFINITY, f64::NEG_INFINITY]; 8]).collect();
-    let [masses, dampers, springs] = HANDS;
-    let all = (0..masses.len() * dampers.len() * springs.len()).map(|i| Grip {
-        inertia: masses[i % 3],
-        damping: dampers[i / 3 % 3],
-        stiffness: springs[i / 9],
-    });
-    for hand in all.chain([Grip::default()]) {
-        for (range, row) in ranges.iter_mut().zip(table(&hand)?) {
-            range.iter_mut().zip(row).for_each(|(ends, k)| *ends = [ends[0].min(k), ends[1].max(k)]);
-        }
-    }
-    Ok(ranges)
-}
-
-/// How many of the authors' walls are within the ranges.
-fn within(ranges: &Ranges) -> usize {
-    let pairs = ranges.iter().zip(&WALLS).flat_map(|(range, wall)| range.iter().zip(&wall.1));
-    pairs.filter(|(ends, k)| (ends[0]..=ends[1]).contains(*k)).count()
 }

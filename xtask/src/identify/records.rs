@@ -1,4 +1,4 @@
-//! Records of real levers: what is told of each, whether stretches of them agree, and how well one foretells another: tables of docs/measured.md.
+//! Records of real levers: what is identified of each, whether stretches of them agree, and how well one predicts another: tables of docs/measured.md.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -8,11 +8,11 @@ use anyhow::{Context, Result};
 use hapt_identify::{Claims, Columns, Error, Interval, Known, Puck, Record, TorqueFit, Verdict, against, fit_torque};
 use hapt_model::{Source, World};
 
-/// Beside the project, where they are at hand.
+/// Next to the project, if they are there.
 const FOLDER: &str = "../shared/data/tue";
 /// By the lab's frequency response, kg m².
 const LAB: f64 = 1.0 / 631.36;
-/// Records of a lever that moves freely, and for how long its motion is foretold, s.
+/// Records of a lever that moves freely, and for how long its motion is predicted, s.
 const FREE: [&str; 4] = ["m1-a-free", "m1-e-free", "m2-a-free", "m2-d-free"];
 const HORIZONS: [f64; 3] = [0.1, 0.3, 1.0];
 /// The last record's device with the motor turned round.
@@ -60,7 +60,7 @@ pub fn text() -> Result<Option<String>> {
         writeln!(text, "{}", stretches(&free, length)?)?;
     }
     text += "\n### The levers' free motion\n\n";
-    text += &foretold(&folder)?;
+    text += &predicted(&folder)?;
     text += "\n### The levers against a file\n\n";
     text += &compared(&folder)?;
     Ok(Some(text))
@@ -74,7 +74,7 @@ fn lever(folder: &Path, name: &str) -> Result<Record> {
     Ok(Record::new(read.times, read.positions, read.torques)?)
 }
 
-/// The share of the motion that a puck foretells from the torques over a horizon in s, begun anew from the measured position and velocity.
+/// The share of the motion that a puck predicts from the torques over a horizon in s, begun anew from the measured position and velocity.
 fn share(puck: Puck, record: &Record, horizon: f64) -> f64 {
     let (times, positions, torques) = (record.times(), record.positions(), record.torques());
     let length = (horizon / record.period()).round() as usize;
@@ -84,8 +84,8 @@ fn share(puck: Puck, record: &Record, horizon: f64) -> f64 {
     for k in (half..times.len() - length - half).step_by(length) {
         let velocity = (positions[k + half] - positions[k - half]) / (times[k + half] - times[k - half]);
         let puck = Puck { position: positions[k], velocity, ..puck };
-        let foretold = puck.positions(&times[k..k + length], &torques[k..k + length]);
-        for (z, seen) in foretold.iter().zip(&positions[k..]) {
+        let predicted = puck.positions(&times[k..k + length], &torques[k..k + length]);
+        for (z, seen) in predicted.iter().zip(&positions[k..]) {
             left += (z - seen).powi(2);
             all += (seen - positions[k]).powi(2);
         }
@@ -93,7 +93,7 @@ fn share(puck: Puck, record: &Record, horizon: f64) -> f64 {
     1.0 - left / all
 }
 
-fn foretold(folder: &Path) -> Result<String> {
+fn predicted(folder: &Path) -> Result<String> {
     let all: Vec<(&str, Record)> = FREE.iter().map(|name| Ok((*name, lever(folder, name)?))).collect::<Result<_>>()?;
     let puck = |inertia: f64, damping: f64, friction: f64, offset: f64| Puck {
         gain: inertia.recip(),
@@ -150,24 +150,24 @@ fn compared(folder: &Path) -> Result<String> {
     );
     for name in FREE.into_iter().chain(["m1-a-spring", "m1-c-foam"]) {
         let record = lever(folder, name)?;
-        let Ok(found) = against(&record, &claims, false) else {
+        let Ok(comparison) = against(&record, &claims, false) else {
             writeln!(text, "| {name} | refused | no fit explains the motion | not told | | |")?;
             continue;
         };
-        let why = found.wrong.as_ref().map_or("its numbers", |wrong| match wrong {
+        let why = comparison.wrong.as_ref().map_or("its numbers", |wrong| match wrong {
             Error::Residual(_) => "the best fit leaves more than noise",
             _ => "no fit explains the motion",
         });
-        let told = found.numbers[0]
+        let inertia = comparison.numbers[0]
             .estimate
             .map_or("not told".into(), |x| format!("{:.2}: {:.2} to {:.2}", 1e3 * x.value, 1e3 * x.low, 1e3 * x.high));
         let of = |verdict: Verdict| {
-            let names = found.numbers.iter().filter(|number| number.verdict == verdict).map(|number| number.name);
+            let names = comparison.numbers.iter().filter(|number| number.verdict == verdict).map(|number| number.name);
             names.collect::<Vec<_>>().join(", ")
         };
-        let verdict = if found.agrees() { "agrees" } else { "contradicts" };
+        let verdict = if comparison.agrees() { "agrees" } else { "contradicts" };
         let (agrees, wrong) = (of(Verdict::Agrees), of(Verdict::Contradicts));
-        writeln!(text, "| {name} | {verdict} | {why} | {told} | {agrees} | {wrong} |")?;
+        writeln!(text, "| {name} | {verdict} | {why} | {inertia} | {agrees} | {wrong} |")?;
     }
     Ok(text)
 }
@@ -189,7 +189,7 @@ fn row(fit: &TorqueFit) -> String {
 }
 
 fn stretches(free: &[[Vec<f64>; 3]], length: f64) -> Result<String> {
-    let (mut all, mut signs, mut wrong, mut found) = (0, 0, 0, Vec::new());
+    let (mut all, mut signs, mut wrong, mut inertias) = (0, 0, 0, Vec::new());
     for lists in free {
         let samples = (length / (lists[0][1] - lists[0][0])).round() as usize;
         for i in 0..lists[0].len() / samples {
@@ -198,12 +198,12 @@ fn stretches(free: &[[Vec<f64>; 3]], length: f64) -> Result<String> {
             let fit = fit_torque(&Record::new(times, positions, torques)?, &Known::default()).context("no window")?;
             signs += usize::from(fit.sign.is_some());
             wrong += usize::from(fit.sign.is_some_and(|sign| sign < 0.0));
-            found.extend(fit.inertia);
+            inertias.extend(fit.inertia);
         }
     }
-    let held = found.iter().filter(|x| x.covers(LAB)).count();
-    let pairs = found.iter().enumerate().flat_map(|(i, a)| found[..i].iter().map(move |b| (a, b)));
+    let covers = inertias.iter().filter(|x| x.covers(LAB)).count();
+    let pairs = inertias.iter().enumerate().flat_map(|(i, a)| inertias[..i].iter().map(move |b| (a, b)));
     let overlap: Vec<bool> = pairs.map(|(a, b)| a.low <= b.high && b.low <= a.high).collect();
     let agree = overlap.iter().filter(|agree| **agree).count();
-    Ok(format!("| {length} | {all} | {} | {held} | {agree} of {} | {signs}, {wrong} |", found.len(), overlap.len()))
+    Ok(format!("| {length} | {all} | {} | {covers} | {agree} of {} | {signs}, {wrong} |", inertias.len(), overlap.len()))
 }
