@@ -1,11 +1,16 @@
 // What the motor does now, on the scale of colours that the couplings are drawn in.
 
 import { attribute, html, say, svg } from "./dom.ts";
-import { tint } from "./laws.ts";
 import type { Units } from "./units.ts";
 import { number, steady } from "./units.ts";
 
 const HALF = 150;
+
+/** From purple (pushes back) past grey to green (pushes on); `share` of the largest torque, from -1 to 1. */
+export function tint(share: number): string {
+  const part = Math.round(100 * Math.min(1, Math.sqrt(Math.abs(share))));
+  return `color-mix(in oklab, var(--${share < 0 ? "minus" : "plus"}) ${part}%, var(--slack))`;
+}
 
 export class Gauge {
   private readonly needle = svg("path", { class: "needle", d: "M0 4l-5 -9h10z" });

@@ -60,10 +60,8 @@ between: [string, string],
 key: string,
 /** Of a wall. */
 side?: Side,
-/** Of a texture: the sines of 1, 2, ... waves a pitch. */
-sine?: number[],
-/** And the cosines. */
-cosine?: number[], } & Partial<Record<LawNumber, number>>;
+/** Of a texture: how low its stored energy is at equal intervals of one pitch from `phase` on, from 0 (highest) to 1 (lowest). */
+depth?: Array<number>, } & Partial<Record<LawNumber, number>>;
 
 /** An effect that plays. */
 export type Effect = {

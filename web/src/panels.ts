@@ -31,5 +31,7 @@ export function panels(world: World, units: Units): Panel[] {
 export function factors(world: World, units: Units): number[] {
   const { position, velocity, effort, energy } = units;
   const signals = [position, velocity, position, velocity, effort, effort, effort, energy].map((unit) => unit.per);
-  return [...signals, ...world.bodies.flatMap(() => [position.per, velocity.per])];
+  const known = [...signals, ...world.bodies.flatMap(() => [position.per, velocity.per])];
+  // Then the couplings' torques.
+  return world.columns.map((_, i) => known[i] ?? effort.per);
 }

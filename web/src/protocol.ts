@@ -1,6 +1,6 @@
 // What the page and the loop tell each other (docs/live.md): messages, and frames of telemetry. Numbers are SI.
 
-import type { FromServer, Link, Network, Phase, Verdict } from "./messages.ts";
+import type { FromServer, Link, Network, Verdict } from "./messages.ts";
 
 export type * from "./messages.ts";
 
@@ -20,9 +20,6 @@ export type Stations = Omit<Network, "station" | "links"> & { station: string | 
 /** Keys with their values as written, to be set together. */
 export type Sets = [key: string, value: string][];
 
-/** Whether a torque is possible. */
-export const isLive = (phase: Phase | undefined): boolean => phase !== undefined && phase !== "disarmed" && phase !== "faulted";
-
 /** A binary frame: per column the last value, and the extremes since the frame before. */
 export interface Frame {
   generation: number;
@@ -32,7 +29,7 @@ export interface Frame {
   high: Float32Array;
 }
 
-/** The columns that `world` names, in their order (crates/hapt-host/src/frames.rs); before those of the bodies, which take two each: position and velocity. */
+/** The columns that `world` names, in their order (crates/hapt-host/src/frames.rs); before those of the bodies, two each, position and velocity, and of the couplings, each its torque on its first end. */
 export const COLUMN = {
   puck: 0,
   puckVelocity: 1,

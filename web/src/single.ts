@@ -16,7 +16,7 @@ import { PhoneCard } from "./phone.ts";
 import { factors, panels } from "./panels.ts";
 import { Plots, STEP } from "./plots.ts";
 import { Poles } from "./poles.ts";
-import { COLUMN, VERSION, isLive, type Frame, type Message, type World } from "./protocol.ts";
+import { COLUMN, VERSION, type Frame, type Message, type World } from "./protocol.ts";
 import { ScenarioStart } from "./scenario.ts";
 import { Legend, Stage } from "./stage.ts";
 import { stopOn } from "./stop.ts";
@@ -171,7 +171,7 @@ export function single(recorded: Recorded | undefined): void {
     document.title = `${next.title} · hapt`;
     say(byId("title"), next.title);
     // Plots begin anew only where their signals or units do.
-    const now = JSON.stringify([next.motion, next.bodies.map(({ name }) => name), next.limit, shown]);
+    const now = JSON.stringify([next.motion, next.bodies.map(({ name }) => name), next.columns.length, next.limit, shown]);
     if (now !== shape) {
       shape = now;
       plots.show(panels(next, shown));
@@ -216,7 +216,7 @@ export function single(recorded: Recorded | undefined): void {
     frame = next;
     fresh = true;
     worlds.frame(next.generation, next.last[COLUMN.puck]!);
-    if (!plots.paused && world && next.last.length === COLUMN.bodies + 2 * world.bodies.length) history.add(next);
+    if (!plots.paused && world && next.last.length === world.columns.length) history.add(next);
   }
 
   const reduced = matchMedia("(prefers-reduced-motion: reduce)");
@@ -227,7 +227,7 @@ export function single(recorded: Recorded | undefined): void {
     if (retry !== null) countdown();
     if (!world || !shown || !frame || !fresh || !desk.up) return;
     fresh = false;
-    stage.frame(frame, hand.intended, isLive(desk.status?.phase));
+    stage.frame(frame, hand.intended);
     if (world.limit === null) gauge.show(stage.strongest, false, shown);
     gauge.frame(frame.last[COLUMN.output]!, shown);
     const quick = reduced.matches ? REDUCED : 0;

@@ -1,14 +1,29 @@
 // The wheel (or handle), the bodies behind it, and the couplings in between, drawn where the last frame has them.
 
 import { attribute, html, say, svg } from "./dom.ts";
+import { tint } from "./gauge.ts";
 import type { Gap, Geometry } from "./geometry.ts";
-import { energy, grounded, push, tint } from "./laws.ts";
 import { linear, roundUp } from "./linear.ts";
 import { rotary } from "./rotary.ts";
 import { COLUMN, type Coupling, type Frame, type World } from "./protocol.ts";
 
-/** A moving part: what it does with the positions and velocities of puck and bodies, ground the last. */
-type Part = (q: Float64Array, v: Float64Array, live: boolean) => void;
+/** Moves a part of the drawing: positions of puck and bodies, ground the last; torques of the couplings on their first ends. */
+type Part = (q: Float64Array, torques: Float32Array) => void;
+
+/** The same coupling with ground as its second end, where ground is the first: positions change their signs. */
+function groundLast(coupling: Coupling): Coupling {
+  const { between, side, at, rest, phase, depth } = coupling;
+  if (between[0] !== "ground") return coupling;
+  return {
+    ...coupling,
+    between: [between[1], between[0]],
+    side: side === "below" ? "above" : "below",
+    at: -(at ?? 0),
+    rest: -(rest ?? 0),
+    phase: -(phase ?? 0),
+    ...(depth && { depth: depth.map((_, i) => depth[(depth.length - i) % depth.length]!) }),
+  };
+}
 
 export class Stage {
   readonly svg: SVGSVGElement;
@@ -25,10 +40,10 @@ export class Stage {
 
   private readonly labels: HTMLElement;
   private readonly far: HTMLElement;
-  /** Of each wall: where it is, where it stands on another turn than what may touch it. */
+  /** A text for each wall on another turn than the end that touches it; `null` for a wall on the same turn. */
   private away: (string | null)[] = [];
 
-  /** `labels` lies over the drawing; `far` tells of walls on other turns. */
+  /** `labels` lies over the drawing; `far` lists the walls on other turns. */
   constructor(root: SVGSVGElement, labels: HTMLElement, far: HTMLElement) {
     this.svg = root;
     this.labels = labels;
@@ -51,24 +66,19 @@ export class Stage {
     this.build();
   }
 
-  /** `live`: a torque is possible; without one no coupling pushes. */
-  frame(frame: Frame, intended: number | null, live: boolean): void {
+  frame(frame: Frame, intended: number | null): void {
     const world = this.world;
     const bodies = world?.bodies.length ?? 0;
     if (!world || frame.last.length < COLUMN.bodies + 2 * bodies) return;
     const q = new Float64Array(bodies + 2);
-    const v = new Float64Array(bodies + 2);
     q[0] = frame.last[COLUMN.puck]!;
-    v[0] = frame.last[COLUMN.puckVelocity]!;
-    for (let i = 0; i < bodies; i++) {
-      q[i + 1] = frame.last[COLUMN.bodies + 2 * i]!;
-      v[i + 1] = frame.last[COLUMN.bodies + 2 * i + 1]!;
-    }
+    for (let i = 0; i < bodies; i++) q[i + 1] = frame.last[COLUMN.bodies + 2 * i]!;
     if (!q.every(Number.isFinite)) return;
     this.position = q[0]!;
     const furthest = Math.max(...q.map(Math.abs));
     if (world.motion === "linear" && furthest > this.reach) this.rescale(furthest);
-    for (const part of this.parts) part(q, v, live);
+    const torques = frame.last.subarray(COLUMN.bodies + 2 * bodies);
+    for (const part of this.parts) part(q, torques);
     say(this.far, this.away.filter((text) => text !== null).join("; "));
     this.hand(q[0]!, intended);
   }
@@ -80,11 +90,11 @@ export class Stage {
 
   private hand(position: number, intended: number | null): void {
     if (!this.grip || !this.intended) return;
-    const shown = intended !== null;
-    attribute(this.svg, "data-held", shown);
-    attribute(this.grip, "visibility", shown ? "visible" : "hidden");
-    attribute(this.intended, "visibility", shown ? "visible" : "hidden");
-    if (!shown) return;
+    const held = intended !== null;
+    attribute(this.svg, "data-held", held);
+    attribute(this.grip, "visibility", held ? "visible" : "hidden");
+    attribute(this.intended, "visibility", held ? "visible" : "hidden");
+    if (!held) return;
     attribute(this.grip, "d", this.geometry.arc(this.geometry.lanes[0]!.outer - 8, position, intended));
     attribute(this.intended, "transform", this.geometry.place(intended));
   }
@@ -100,12 +110,12 @@ export class Stage {
     const { ticks, labels } = geometry.scale();
     const scale = svg("g", { class: "scale" }, svg("path", { d: ticks }));
     const [left, top, width, height] = geometry.viewBox.split(" ").map(Number) as [number, number, number, number];
-    // Beside the drawing and not in it: a text in it would shrink with it.
+    // Outside the SVG: a text inside would shrink with the drawing.
     this.labels.replaceChildren(
       ...labels.map(({ x, y, text }) => {
         const label = html("span", {}, text);
         label.style.setProperty("left", `${(100 * (x - left)) / width}%`);
-        // Beside a small dial they keep their size, and stand further out.
+        // Labels keep their size at a small dial, so they are placed further out.
         const out = world.motion === "rotary" ? 22 * (x / (width / 2)) : 0;
         label.style.setProperty("transform", `translate(${-50 + out}%, -50%)`);
         label.style.setProperty("top", `${(100 * (y - top)) / height}%`);
@@ -127,7 +137,7 @@ export class Stage {
     });
     this.svg.append(...drawn.reverse());
     if (world.motion === "rotary") this.svg.append(svg("circle", { class: "hub", r: geometry.hub - 5 }));
-    for (const coupling of world.couplings) this.couple(coupling, names);
+    world.couplings.forEach((coupling, i) => this.couple(coupling, i, names));
     const puck = geometry.lanes[0]!;
     this.grip = svg("path", { class: "grip" });
     const finger = world.motion === "rotary" ? { cx: 0, cy: -(puck.outer - 8) } : { cx: 0, cy: puck.outer + 8 };
@@ -135,8 +145,8 @@ export class Stage {
     this.svg.append(this.grip, this.intended);
   }
 
-  private couple(ofWorld: Coupling, names: string[]): void {
-    const coupling = grounded(ofWorld);
+  private couple(ofWorld: Coupling, index: number, names: string[]): void {
+    const coupling = groundLast(ofWorld);
     const geometry = this.geometry;
     const ground = names.length + 1;
     const end = (name: string) => (name === "ground" ? ground : name === "puck" ? 0 : names.indexOf(name) + 1);
@@ -152,9 +162,12 @@ export class Stage {
     const group = svg("g", { class: "attached" }, element);
     this.svg.append(group);
     const draw = this.pen(coupling, gap, { element, group, outer, inner, first, second });
-    const sign = first === outer ? 1 : -1;
-    this.parts.push((q, v, live) => {
-      const torque = !live ? 0 : push(coupling, q[first]! - q[second]!, v[first]! - v[second]!);
+    // The torque is on the first end of the file.
+    const sign = (first === outer ? 1 : -1) * (coupling === ofWorld ? 1 : -1);
+    this.parts.push((q, torques) => {
+      const given = torques[index] ?? 0;
+      // A loop that diverges has no colour.
+      const torque = Number.isFinite(given) ? given : 0;
       if (this.world!.limit === null) this.scale = Math.max(this.scale, Math.abs(torque));
       // The sign is that of the torque on the end at the puck's side.
       const share = ((framed ? -sign : sign) * torque) / this.scale;
@@ -190,12 +203,12 @@ export class Stage {
         attribute(element, "d", geometry.wall(gap, face, coupling.side === "below" ? -1 : 1));
         const nub = svg("path", { class: "nub", d: geometry.nub(gap, edge) });
         group.after(nub);
-        const mine = this.away.push(null) - 1;
+        const wall = this.away.push(null) - 1;
         return (q) => {
-          const way = face - (q[first]! - q[second]!);
-          const seen = geometry.half === null || Math.abs(way) <= geometry.half;
-          attribute(group, "visibility", seen ? "visible" : "hidden");
-          this.away[mine] = seen ? null : `wall ${(Math.abs(way) / (2 * geometry.half!)).toFixed(1)} turns ${way > 0 ? "clockwise" : "counterclockwise"}`;
+          const distance = face - (q[first]! - q[second]!);
+          const visible = geometry.half === null || Math.abs(distance) <= geometry.half;
+          attribute(group, "visibility", visible ? "visible" : "hidden");
+          this.away[wall] = visible ? null : `wall ${(Math.abs(distance) / (2 * geometry.half!)).toFixed(1)} turns ${distance > 0 ? "clockwise" : "counterclockwise"}`;
           attribute(group, "transform", geometry.place(q[second]!));
           attribute(nub, "transform", geometry.place(q[first]!));
         };
@@ -222,12 +235,15 @@ export class Stage {
         };
       }
       case "texture": {
-        // As deep as its energy is low: it rests where dents are.
+        // The dents are where its energy is low.
         const [pitch, phase] = [coupling.pitch ?? 1, coupling.phase ?? 0];
-        const steps = 24;
-        const energies = Array.from({ length: steps }, (_, i) => energy(coupling, phase + (i * pitch) / steps));
-        const [low, high] = [Math.min(...energies), Math.max(...energies)];
-        const depth = (q: number) => (high > low ? (high - energy(coupling, q)) / (high - low) : 0);
+        const depths = coupling.depth ?? [0];
+        const steps = depths.length;
+        // At places that are whole steps from `phase`.
+        const depth = (q: number) => {
+          const step = Math.round(((q - phase) / pitch) * steps) % steps;
+          return depths[step < 0 ? step + steps : step]!;
+        };
         const nub = svg("path", { class: "nub", d: geometry.nub(gap, edge) });
         group.after(nub);
         let drawn = Number.NaN;
@@ -244,7 +260,7 @@ export class Stage {
         };
       }
       case "magnet": {
-        // A dent where it pulls to.
+        // A dent at the position that it pulls to.
         const nub = svg("path", { class: "nub", d: geometry.nub(gap, edge) });
         group.after(nub);
         attribute(element, "d", geometry.dent(gap, coupling.at ?? 0, edge === 0 ? 1 : 0));
@@ -255,7 +271,7 @@ export class Stage {
       }
       case "friction":
       case "constant": {
-        // A shoe that rides on the first end, at the side away from the marks.
+        // A shoe on the first end, opposite the marks.
         const middle = (gap[0] + gap[1]) / 2;
         const side = Math.PI * 0.75;
         const [from, to] = this.world!.motion === "rotary" ? [side - 0.16, side + 0.16] : [0.3 * this.reach, 0.42 * this.reach];

@@ -6,7 +6,7 @@ import type { Peer } from "./link.ts";
 import { Program } from "./local.ts";
 import { NetworkCard } from "./network.ts";
 import { PHASES } from "./bar.ts";
-import { COLUMN, isLive, type Frame, type Message, type NetworkChange, type Stations, type Status, type ToServer, type World } from "./protocol.ts";
+import { COLUMN, type Frame, type Message, type NetworkChange, type Stations, type Status, type ToServer, type World } from "./protocol.ts";
 import { Legend, Stage } from "./stage.ts";
 import { stopOn } from "./stop.ts";
 import { steady, units } from "./units.ts";
@@ -71,7 +71,7 @@ class Station implements Peer {
   draw(now: number): void {
     this.hand.frame(now);
     if (!this.world || !this.frame) return;
-    this.stage.frame(this.frame, this.hand.intended, isLive(this.status?.phase));
+    this.stage.frame(this.frame, this.hand.intended);
     const { position } = units(this.world);
     const places = [COLUMN.puck, ...this.world.bodies.map((_, i) => COLUMN.bodies + 2 * i)].map((column) => this.frame!.last[column]! * position.per);
     this.legend.frame(places.map((place) => `${steady(place, 90)}\u2009${position.name}`));

@@ -51,6 +51,7 @@ mod compile;
 mod constants;
 mod contact;
 mod controller;
+mod display;
 mod entry;
 mod error;
 mod gradient;

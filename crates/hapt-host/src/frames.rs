@@ -15,7 +15,7 @@ pub const HEAD: usize = 16;
 /// Gets a signal from a sample.
 pub type Get = fn(&Sample<'_>) -> f64;
 
-/// The columns before those of the bodies, which take two each: position and velocity.
+/// The columns before those of the bodies, which take two each, position and velocity, and of the couplings, each its torque on its first end.
 ///
 /// They are a run's columns without the time, and with the output in place of the applied torque, which a board does not report; then the energy.
 pub const COLUMNS: [(Signal, Get); 8] = [
@@ -32,7 +32,11 @@ pub const COLUMNS: [(Signal, Get); 8] = [
 /// The columns of a world's telemetry.
 pub fn columns_of(world: &World) -> Vec<ColumnInfo> {
     let own = COLUMNS.iter().map(|(signal, _)| signal.column(world.motion));
-    own.chain(body_columns(world)).map(|column| ColumnInfo { name: column.name, unit: column.unit }).collect()
+    let all = own.chain(body_columns(world)).map(|column| ColumnInfo { name: column.name, unit: column.unit });
+    let torque = Signal::TORQUE.column(world.motion);
+    let couplings = (0..world.couplings.len())
+        .map(|index| ColumnInfo { name: format!("coupling_{index}_{}", torque.name), unit: torque.unit });
+    all.chain(couplings).collect()
 }
 
 /// The columns since the last frame.
@@ -62,7 +66,11 @@ impl Frames {
             self.bodies.iter_mut().for_each(|(_, velocity)| *velocity = 0.0);
         }
         let own = COLUMNS.iter().map(|(_, get)| get(sample));
-        let values = own.chain(self.bodies.iter().flat_map(|&(position, velocity)| [position, velocity]));
+        let bodies = self.bodies.iter().flat_map(|&(position, velocity)| [position, velocity]);
+        let (spec, puck) = (sample.world.spec(), (sample.position, record.velocity));
+        let torques =
+            (0..spec.couplings.len()).map(|index| sample.made(spec.coupling_torque(index, puck, sample.bodies())));
+        let values = own.chain(bodies).chain(torques);
         // Extremes of another world, or of the time before arming, are dropped.
         if generation != self.generation || is_live && !self.is_live {
             self.columns.clear();
@@ -132,7 +140,7 @@ mod tests {
             add(&mut frames, &world, 7, sample as f64, &record);
         }
         let frame = frames.take().unwrap();
-        assert_eq!(frame[..4], [1, 1, 10, 0]);
+        assert_eq!(frame[..4], [1, 1, 10 + world.couplings.len() as u8, 0]);
         let (generation, time, columns) = read(&frame);
         assert_eq!((generation, time, columns.len()), (7, 2.0, columns_of(&world).len()));
         assert_eq!((columns[0], columns[8]), ([1.0, -2.0, 1.0], [2.0, 1.0, 3.0]));
@@ -176,7 +184,7 @@ mod tests {
             add(&mut frames, &world, 0, 1.0, &at(1, phase, 1.1, (0.0, 0.0)));
             add(&mut frames, &world, 0, 2.0, &at(2, phase, 9.0, (0.0, 0.0)));
             let (_, _, columns) = read(&frames.take().unwrap());
-            for none in [&columns[4..=5], &columns[ENERGY_AT..=ENERGY_AT]].concat() {
+            for none in [&columns[4..=5], &columns[ENERGY_AT..=ENERGY_AT], &columns[10..]].concat() {
                 assert_eq!(none, [0.0; 3], "{columns:?}");
             }
             assert_eq!((columns[0], columns[8], columns[9]), ([9.0, 1.1, 9.0], [0.8; 3], [0.0; 3]));
@@ -206,7 +214,7 @@ mod tests {
         let columns = columns_of(&world());
         let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
         assert_eq!(
-            names,
+            names[..10],
             [
                 "puck_rad",
                 "puck_rad_per_s",
@@ -220,7 +228,11 @@ mod tests {
                 "wheel_rad_per_s",
             ]
         );
-        assert_eq!((columns[1].unit, columns[ENERGY_AT].unit), ("rad/s", "J"));
+        assert_eq!(
+            names[10..],
+            *Vec::from_iter((0..world().couplings.len()).map(|i| format!("coupling_{i}_torque_Nm")))
+        );
+        assert_eq!((columns[1].unit, columns[ENERGY_AT].unit, columns[10].unit), ("rad/s", "J", "N m"));
     }
 
     #[test]

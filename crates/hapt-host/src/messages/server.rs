@@ -149,14 +149,10 @@ pub struct CouplingInfo {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(test, ts(optional, type = "Side"))]
     pub side: Option<&'static str>,
-    /// Of a texture: the sines of 1, 2, ... waves a pitch.
+    /// Of a texture: how low its stored energy is at equal intervals of one pitch from `phase` on, from 0 (highest) to 1 (lowest).
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[cfg_attr(test, ts(optional, type = "number[]"))]
-    pub sine: Option<[f32; hapt_core::HARMONICS]>,
-    /// And the cosines.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[cfg_attr(test, ts(optional, type = "number[]"))]
-    pub cosine: Option<[f32; hapt_core::HARMONICS]>,
+    #[cfg_attr(test, ts(optional))]
+    pub depth: Option<Vec<f64>>,
 }
 
 /// Numbers of a law in SI, by the names of their keys.

@@ -1,6 +1,6 @@
 //! The description of a world for the page.
 
-use hapt_model::{Coupling, Drive, Hand, Shape, Side, World};
+use hapt_model::{Coupling, Drive, Hand, Law, Shape, Side, World};
 use hapt_sim::Measures;
 
 use crate::config::WorldConfig;
@@ -62,14 +62,25 @@ fn coupling(world: &World, index: usize, coupling: &Coupling) -> CouplingInfo {
     let name = |name| if name == "coulomb" { "torque" } else { name };
     let mut law = coupling.law;
     let numbers = law.quantities().map(|quantity| (name(quantity.name), *quantity.value)).collect();
-    let waveform = coupling.law.waveform();
     CouplingInfo {
         kind: kind(coupling),
         between: [coupling.first, coupling.second].map(|of| end(world, of).into()),
         key: format!("couplings.{index}"),
         numbers: LawNumbers(numbers),
         side: coupling.law.side().map(Side::name),
-        sine: waveform.map(|waveform| waveform.sine),
-        cosine: waveform.map(|waveform| waveform.cosine),
+        depth: depth(coupling),
     }
+}
+
+/// Places in a pitch of a texture at which a page draws it.
+const DEPTHS: u32 = 24;
+
+/// [`CouplingInfo::depth`].
+fn depth(coupling: &Coupling) -> Option<Vec<f64>> {
+    let Law::Texture { pitch, phase, .. } = coupling.law else { return None };
+    let stored = |i| coupling.stored(phase + pitch * f64::from(i) / f64::from(DEPTHS), 0.0);
+    let energies: Vec<f64> = (0..DEPTHS).map(stored).collect();
+    let low = energies.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = energies.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    Some(energies.iter().map(|energy| if high > low { (high - energy) / (high - low) } else { 0.0 }).collect())
 }

@@ -59,6 +59,8 @@ proptest! {
         let h = 1e-5;
         let slope = (world_energy(&world, q + h, &[], &[]) - world_energy(&world, q - h, &[], &[])) / (2.0 * h);
         prop_assert!((torque + slope).abs() < 1e-4 * (1.0 + torque.abs()), "{torque} {slope}");
+        let shown = world.spec().coupling_torque(0, (q, 0.0), &[]);
+        prop_assert!((torque - if reversed { -shown } else { shown }).abs() < 1e-12, "{torque} {shown}");
     }
 
     #[test]

@@ -130,7 +130,10 @@ fn a_scenario_in_a_page_is_the_simulations_once_it_has_faded_in() {
         let energy = world_energy(&world, row.puck, &row.bodies, &[]);
         let own = [row.puck, row.puck_velocity, row.measured, row.measured_velocity, row.torque, row.command];
         assert_eq!(last[..6], own, "at {} s", row.time);
-        assert_eq!(last[7..], [energy, row.bodies[0].0, row.bodies[0].1], "at {} s", row.time);
+        assert_eq!(last[7..10], [energy, row.bodies[0].0, row.bodies[0].1], "at {} s", row.time);
+        let torques = (0..world.couplings.len())
+            .map(|i| world.spec().coupling_torque(i, (row.puck, row.puck_velocity), &row.bodies));
+        assert_eq!(last[10..], Vec::from_iter(torques), "at {} s", row.time);
         moved = moved.max(row.bodies[0].0);
     }
     assert!(moved > 0.5);

@@ -1,4 +1,4 @@
-// What needs no browser: laws of couplings, frames, history, numbers.
+// What needs no browser: frames, history, numbers.
 import assert from "node:assert/strict";
 import { after, test } from "node:test";
 import jsQR from "jsqr";
@@ -7,7 +7,6 @@ import { createServer } from "vite";
 const vite = await createServer({ server: { middlewareMode: true, hmr: false, ws: false, watch: null }, appType: "custom", logLevel: "error" });
 after(() => vite.close());
 const load = (name) => vite.ssrLoadModule(`/src/${name}.ts`);
-const { energy, grounded, push } = await load("laws");
 const { decode } = await load("protocol");
 const { History } = await load("history");
 const { rotary } = await load("rotary");
@@ -17,61 +16,7 @@ const { summary } = await load("poles");
 const { ScenarioStart } = await load("scenario");
 const { isReachable, modules } = await load("phone");
 
-const between = ["puck", "ground"];
-const couplings = [
-  { kind: "spring", between, stiffness: 2, rest: 0.3 },
-  { kind: "damper", between, damping: 0.4 },
-  { kind: "wall", between, side: "above", at: 0.2, stiffness: 3, damping: 0.1 },
-  { kind: "wall", between, side: "below", at: -0.1, stiffness: 3, damping: 0.1 },
-  { kind: "detent", between, torque: 0.5, pitch: 0.7, phase: 0.1 },
-  { kind: "dead-band", between, stiffness: 2, rest: 0.2, width: 0.3 },
-  { kind: "magnet", between, torque: 0.5, width: 0.4, at: 0.3 },
-  { kind: "texture", between, torque: 0.5, pitch: 0.7, phase: 0.1, sine: [0.5, 0, 0.3, 0], cosine: [0.2, -0.4, 0, 0.1] },
-  { kind: "integral", between, stiffness: 2, rest: 0.3 },
-  { kind: "friction", between, torque: 0.2 },
-  { kind: "assist", between, torque: 0.2, velocity: 0.3 },
-  { kind: "constant", between, torque: 0.2 },
-];
 const random = (size) => size * (2 * Math.random() - 1);
-
-test("a coupling written from ground's side pushes the other end as much the other way", () => {
-  for (const coupling of couplings) {
-    const turned = { ...coupling, between: ["ground", "puck"] };
-    assert.deepEqual(grounded(turned).between, ["puck", "ground"]);
-    for (let i = 0; i < 200; i++) {
-      const [q, v] = [random(2), random(3)];
-      assert.ok(Math.abs(push(grounded(turned), q, v) + push(turned, -q, -v)) < 1e-12, `${coupling.kind} at ${q}, ${v}`);
-    }
-  }
-});
-
-test("a texture's torque is the slope of its energy", () => {
-  const texture = couplings.find(({ kind }) => kind === "texture");
-  const scale = (texture.torque * texture.pitch) / (2 * Math.PI);
-  for (let i = 0; i < 200; i++) {
-    const [q, h] = [random(2), 1e-5];
-    const slope = (scale * (energy(texture, q + h) - energy(texture, q - h))) / (2 * h);
-    assert.ok(Math.abs(push(texture, q, 0) + slope) < 1e-6, `at ${q}`);
-  }
-});
-
-test("dampers, friction and walls take energy, an assist gives some; springs, detents, dead bands, magnets and textures give back what they took", () => {
-  for (const coupling of couplings) {
-    // Around a closed path q = sin s, slowly: the work done on the coupling.
-    let work = 0;
-    const steps = 20_000;
-    for (let i = 0; i < steps; i++) {
-      const s = (2 * Math.PI * i) / steps;
-      work -= push(coupling, Math.sin(s), Math.cos(s)) * Math.cos(s) * ((2 * Math.PI) / steps);
-    }
-    const takes = coupling.damping > 0 || coupling.kind === "friction";
-    if (coupling.kind === "assist") {
-      assert.ok(work < -1e-3, `assist pushes along: ${work} J`);
-      continue;
-    }
-    assert.ok(takes ? work > 1e-3 : Math.abs(work) < 1e-9, `${coupling.kind}: ${work} J`);
-  }
-});
 
 test("a frame reads as it was written, and a truncated one is refused", () => {
   const columns = 12;
