@@ -7,7 +7,7 @@ const FRAME = 230;
 const PUCK: Lane = { outer: 202, inner: 166 };
 const HUB = 16;
 const NOTCHES = 40;
-/** Of a spring at rest. */
+/** The windings of a spring at rest. */
 const WINDINGS = 3;
 
 const at = (radius: number, angle: number): [number, number] => [radius * Math.sin(angle), -radius * Math.cos(angle)];
@@ -39,7 +39,7 @@ export function rotary(bodies: number): Geometry {
     pace: TURN / 3,
     place: (position) => `rotate(${((position * 360) / TURN).toFixed(2)})`,
     spring([outer, inner], a, b) {
-      // Wound tighter or looser as it is twisted; what a spring of clocks looks like. Many turns are drawn as few.
+      // A spiral spring, wound tighter or looser as it is twisted; many turns are drawn as few.
       const twist = Math.max(-WINDINGS + 0.25, Math.min(6, (b - a) / TURN)) * TURN;
       const [from, to] = [outer - Math.sign(outer - inner) * 2, inner + Math.sign(outer - inner) * 2];
       const end = b - (WINDINGS * TURN + twist);
@@ -100,7 +100,7 @@ export function rotary(bodies: number): Geometry {
         ticks += polyline([at(FRAME, angle), at(FRAME + long, angle)]);
         if (degrees % 45 === 0 && degrees !== -180) {
           const [x, y] = at(FRAME + 22, angle);
-          // Beside the dial there is no room for a number but above its tick.
+          // At ±90° the number fits only above its tick.
           labels.push({ x, y: Math.abs(degrees) === 90 ? y - 14 : y, text: `${degrees}°`.replace("-", "−") });
         }
       }

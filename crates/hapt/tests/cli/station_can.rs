@@ -26,7 +26,7 @@ fn station(at: &Path, name: &str, listen: &str, more: &str) -> Running {
     Running::start(program(at, line.split_whitespace()))
 }
 
-/// A bus with an slcan adapter for each program. What one sends the others hear.
+/// A bus with an slcan adapter for each program: every other adapter receives what one sends.
 struct Adapters {
     addresses: Vec<String>,
     /// Frames so far.
@@ -68,12 +68,12 @@ impl Drop for Adapters {
     }
 }
 
-fn feel_each_other(addresses: [&str; 2], cut: impl Fn(bool)) {
-    // A computer that keeps no time for long is too slow for the loops, and ends them.
-    hapt_testing::in_time(|| feel(addresses, &cut));
+fn couple_over_bus(addresses: [&str; 2], cut: impl Fn(bool)) {
+    // A computer that delays the loops for long ends them.
+    hapt_testing::in_time(|| couple_once(addresses, &cut));
 }
 
-fn feel(addresses: [&str; 2], cut: &impl Fn(bool)) {
+fn couple_once(addresses: [&str; 2], cut: &impl Fn(bool)) {
     cut(false);
     let at = files();
     let mut left = station(at.path(), "left", addresses[0], "--log left.mcap");
@@ -100,46 +100,46 @@ fn feel(addresses: [&str; 2], cut: &impl Fn(bool)) {
 }
 
 #[test]
-fn two_programs_feel_each_other_over_adapters() {
+fn two_stations_are_coupled_over_adapters() {
     let adapters = Adapters::new(2);
-    feel_each_other([&adapters.addresses[0], &adapters.addresses[1]], |cut| adapters.cut.store(cut, Ordering::Relaxed));
+    couple_over_bus([&adapters.addresses[0], &adapters.addresses[1]], |cut| adapters.cut.store(cut, Ordering::Relaxed));
     assert!(adapters.frames.load(Ordering::Relaxed) > 100);
 }
 
-/// Beside other traffic, some of it on the identifiers of the links.
+/// With other traffic on the bus, some of it on the identifiers of the links.
 #[test]
-fn two_programs_feel_each_other_on_an_interface() {
+fn two_stations_are_coupled_over_an_interface() {
     let Ok(interface) = std::env::var("HAPT_CAN") else {
         println!("SKIPPED: needs a CAN interface in HAPT_CAN, such as vcan0; cargo xtask guest has one");
         return;
     };
-    let link = |how: &str| {
-        let said = std::process::Command::new("ip").args(["link", "set", &interface, how]).status();
-        assert!(said.is_ok_and(|status| status.success()), "ip link set {interface} {how}");
+    let set_link = |state: &str| {
+        let status = std::process::Command::new("ip").args(["link", "set", &interface, state]).status();
+        assert!(status.is_ok_and(|status| status.success()), "ip link set {interface} {state}");
     };
-    let over = Arc::<AtomicBool>::default();
-    let (stop, of) = (Arc::clone(&over), interface.clone());
-    let others = spawn(move || {
-        let mut socket = Socket::open(&of).unwrap();
+    let ended = Arc::<AtomicBool>::default();
+    let (stop, name) = (Arc::clone(&ended), interface.clone());
+    let traffic = spawn(move || {
+        let mut socket = Socket::open(&name).unwrap();
         while !stop.load(Ordering::Relaxed) {
             for id in [0x1000_0000_u32 ^ 1 << 14, 0x1000_0000, 0x1000_2000, 0x2e, 0x101] {
                 let frame = Frame::classic(id, &[0x55; 8]).with_extended(id > 0x7ff);
-                // The interface goes down, too.
+                // Sending fails while the interface is down.
                 let _ = socket.send(&frame, Instant::now());
             }
-            // The emulated machine has one slow core: traffic that fills it starves the recorder, and the log's end takes longer than an
-            // interrupt leaves.
+            // The emulated machine has one slow core: more traffic would delay the recorder beyond the time that an interrupt allows for the
+            // end of the log.
             sleep(Duration::from_millis(10));
         }
     });
     let address = format!("can:{interface}");
-    feel_each_other([&address, &address], |cut| link(if cut { "down" } else { "up" }));
-    over.store(true, Ordering::Relaxed);
-    others.join().unwrap();
+    couple_over_bus([&address, &address], |cut| set_link(if cut { "down" } else { "up" }));
+    ended.store(true, Ordering::Relaxed);
+    traffic.join().unwrap();
 }
 
 #[test]
-fn stations_of_another_file_and_a_station_that_runs_twice_are_told_so() {
+fn stations_of_another_file_and_a_station_that_runs_twice_are_refused() {
     let at = files();
     let adapters = Adapters::new(3);
     let [left, right, third] = [0, 1, 2].map(|at| adapters.addresses[at].as_str());
@@ -153,7 +153,7 @@ fn stations_of_another_file_and_a_station_that_runs_twice_are_told_so() {
 }
 
 #[test]
-fn what_a_bus_does_not_carry_is_named() {
+fn settings_that_a_bus_cannot_carry_are_refused() {
     let at = files();
     let lines: [(&str, i32, &[&str]); 10] = [
         ("--listen can:", 2, &["the bus is missing", "can:can0"]),
