@@ -39,16 +39,10 @@ pub fn with(args: &LiveArgs, steering: Option<Steering>) -> Result<ExitCode, Fai
     let device = device(&args.device)?;
     let address = SocketAddr::new(listen(args.listen.as_deref())?, args.port);
     let worlds = if args.paths.is_empty() { sources(Path::new(WHEEL))? } else { listed(&args.paths)? };
-    match &worlds[..] {
-        [network] if is_network(network) => return stations(args, &device, address, network),
-        worlds => {
-            if let Some(network) = worlds.iter().find(|source| is_network(source)) {
-                return Err(Failure::input(format!(
-                    "{} is a network, which is shown by itself; expected worlds of one device",
-                    network.name
-                )));
-            }
-        }
+    if let [network] = &worlds[..]
+        && is_network(network)
+    {
+        return stations(args, &device, address, network);
     }
     let mut sets = args.sets.clone();
     // The first is the one that starts; the others are of its device.

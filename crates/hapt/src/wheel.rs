@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use hapt_host::DeviceAddress;
 use hapt_host::game_wheel::{STEERING, WheelError};
-use hapt_model::{Dimension, World, is_network};
+use hapt_model::{Dimension, World};
 
 use crate::args::{LiveArgs, RunArgs, StationArgs, Steering, WheelArgs, WorldArgs, device};
 use crate::conform;
@@ -39,10 +39,8 @@ pub fn run(args: &WheelArgs) -> Result<ExitCode, Failure> {
     sets.extend(args.sets.iter().cloned());
     let path = args.path.clone().unwrap_or_else(|| PathBuf::from(DEFAULT));
     let (file, device) = (source(&path)?, device(&args.device)?);
-    if is_network(&file) {
-        return Err(Failure::input(format!("{}: is a network; a wheel runs one world", path.display())));
-    }
-    if device == DeviceAddress::Sim && World::read(&file, &sets)?.safety.late.is_none() {
+    let world = World::read(&file, &sets)?;
+    if device == DeviceAddress::Sim && world.safety.late.is_none() {
         // A desktop computer samples late now and then, and nobody holds a simulated wheel.
         sets.push("safety.late=count".into());
     }
