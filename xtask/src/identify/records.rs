@@ -205,5 +205,9 @@ fn stretches(free: &[[Vec<f64>; 3]], length: f64) -> Result<String> {
     let pairs = inertias.iter().enumerate().flat_map(|(i, a)| inertias[..i].iter().map(move |b| (a, b)));
     let overlap: Vec<bool> = pairs.map(|(a, b)| a.low <= b.high && b.low <= a.high).collect();
     let agree = overlap.iter().filter(|agree| **agree).count();
-    Ok(format!("| {length} | {all} | {} | {covers} | {agree} of {} | {signs}, {wrong} |", inertias.len(), overlap.len()))
+    Ok(format!(
+        "| {length} | {all} | {} | {covers} | {agree} of {} | {signs}, {wrong} |",
+        inertias.len(),
+        overlap.len()
+    ))
 }

@@ -180,7 +180,10 @@ fn period_margin(world: &World) -> Result<Result<f64, String>, Error> {
 }
 
 fn delay_margin(world: &World) -> Result<Result<f64, String>, Error> {
-    let (period, most) = (world.sampling.period, MAX_IN_FLIGHT as f64);
+    let period = world.sampling.period;
+    // The file takes no delay above loop.delay_max.
+    let latest = world.sampling.delay_max.map(|delay| delay.seconds(period));
+    let most = latest.map_or(MAX_IN_FLIGHT as f64, |latest| latest / period).min(MAX_IN_FLIGHT as f64);
     let now = world.sampling.delay_s() / period;
     if now >= most {
         return Ok(Ok(world.sampling.delay_s()));
@@ -193,7 +196,11 @@ fn delay_margin(world: &World) -> Result<Result<f64, String>, Error> {
         true => present,
         false => change.largest_from(present, samples * period),
     };
-    Ok(end.map(in_seconds).map_err(reason))
+    let end = end.map(in_seconds).map(|end| latest.map_or(end, |latest| end.min(latest)));
+    Ok(match latest {
+        Some(latest) if most < MAX_IN_FLIGHT as f64 => Ok(end.unwrap_or(latest)),
+        _ => end.map_err(reason),
+    })
 }
 
 fn set_delay(world: &mut World, delay: f64) {
@@ -229,6 +236,10 @@ impl Bound {
     fn margin(&self, world: &World) -> Result<f64, String> {
         let change = self.change(world);
         let (mut good, period) = ((self.now)(world), world.sampling.period);
+        // A file without the key asks less than one that states the present value: then every pattern up to it counts.
+        if !change.is_certified(good) {
+            return Err("stated at all, it is not proved".into());
+        }
         let end = good + MAX_IN_FLIGHT as f64 * period;
         let mut step = FIRST_STEP * period;
         while good + step < end {

@@ -7,13 +7,12 @@ use hapt_host::DeviceAddress;
 use hapt_identify::{Columns, Read as Table, Record, is_mat, mat_table};
 use hapt_log::{Log, Origin};
 use hapt_model::keys::Measure;
-use hapt_model::{Motion, World};
+use hapt_model::{Dimension, Motion, World};
 
 use super::{Given, positive};
 use crate::args::IdentifyArgs;
 use crate::failure::Failure;
 use crate::format;
-use crate::latency::time;
 use crate::log::{self, Opened};
 use crate::suggest;
 
@@ -149,7 +148,9 @@ fn logged(mut opened: Opened, named: Option<World>, coasts: bool) -> Result<(Lis
 
 /// The part between --from and --to.
 fn cut(args: &IdentifyArgs, lists: Lists, forces: Option<Vec<f64>>) -> Result<(Lists, Option<Vec<f64>>), Failure> {
-    let bound = |flag: &str, text: &Option<String>| text.as_deref().map(|text| time(flag, text)).transpose();
+    let bound = |flag: &str, text: &Option<String>| {
+        text.as_deref().map(|text| format::quantity(flag, text, Dimension::TIME)).transpose()
+    };
     let from = bound("--from", &args.from)?.unwrap_or(f64::NEG_INFINITY);
     let to = bound("--to", &args.to)?.unwrap_or(f64::INFINITY);
     if from >= to {
