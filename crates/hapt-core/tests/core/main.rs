@@ -3,6 +3,7 @@
 #![allow(clippy::disallowed_methods, clippy::disallowed_macros)]
 
 mod assist;
+mod display;
 mod game_loop;
 mod gradient;
 mod integral;

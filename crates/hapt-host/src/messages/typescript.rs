@@ -76,7 +76,7 @@ fn the_page_has_the_types_of_the_messages() {
         .filter(|key| matches!(key.takes, Takes::Quantity(..) | Takes::QuantityOr(..)))
         .filter_map(|key| key.path.strip_prefix("couplings.*."))
         .collect();
-    text += &union("Phase", &Phase::NAMES);
+    text += &union("Phase", Phase::NAMES);
     text += &union("Motion", Motion::NAMES);
     text += &union("Side", &[Side::Above.name(), Side::Below.name()]);
     text += &union("Kind", CouplingKind::NAMES);
