@@ -368,6 +368,9 @@ fn world() -> impl Strategy<Value = World> {
             if couplings.iter().any(|coupling| coupling.law.is_at_puck()) {
                 sampling.advance = 0;
             }
+            // The motor's limit is that of the pulse too.
+            let pulse = safety.pulse.map(|pulse| device.limit.map_or(pulse, |limit| pulse.min(limit)));
+            let safety = Safety { pulse, ..safety };
             World { title, motion, sampling, device, safety, names, bodies, couplings, scenarios }
         })
 }
