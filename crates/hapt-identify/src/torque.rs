@@ -47,7 +47,7 @@ const TOLD: f64 = 1.2;
 /// More than this part of the torque's variance is left where the motion has nothing to do with it.
 const UNRELATED: f64 = 0.8;
 /// More than this part of the torque's variance, beyond noise, goes with none of position, velocity and time where a hand moves the puck.
-const STRANGE: f64 = 0.1;
+const STRANGE: f64 = 0.05;
 /// A torque of which the equation of motion leaves more than this part beyond noise is of a device that may be richer than the puck.
 const RICH: f64 = 3e-3;
 /// A torque that position and velocity alone give to within this part of its variance is the law of the loop, or the spring that the device
@@ -115,7 +115,7 @@ pub struct TorqueFit {
     pub force: Option<Interval>,
     /// The terms that the record carries beside these, in parts of the commanded torque.
     pub terms: Vec<Term>,
-    /// Whether more than a tenth of the torque goes with none of position, velocity and time: then something else moves the puck, and no
+    /// Whether more than a twentieth of the torque goes with none of position, velocity and time: then something else moves the puck, and no
     /// inertia is told.
     pub is_moved_by_another: bool,
     /// The lattice of the positions.

@@ -25,7 +25,7 @@ pub fn run(args: &IdentifyArgs, given: &Given, fit: &TorqueFit, error: Option<&E
     let table = table(given, fit);
     if fit.is_moved_by_another {
         messages::say(
-            "note: no inertia can be told from this record: more than a tenth of the torque goes with nothing that moves, so something else moves the device, such as a hand; --force COLUMN takes in its sensor",
+            "note: no inertia can be told from this record: more than a twentieth of the torque goes with nothing that moves, so something else moves the device, such as a hand; --force COLUMN takes in its sensor",
         );
     } else if fit.inertia.is_none() {
         messages::say(
