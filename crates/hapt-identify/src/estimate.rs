@@ -52,8 +52,11 @@ pub fn identify_until(record: &Record, known: &Known, stop: &dyn Fn() -> bool) -
 fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identified, Error> {
     // Where the puck is turned round near the ends of its travel a search without stops is long and in vain.
     // A stop whose stiffness the record does not tell is none that it ran into.
-    let is_told =
-        |found: &Identified| found.stops.is_none_or(|stops| stops.stiffness.high < STIFFEST * stops.stiffness.low);
+    let is_told = |found: &Identified| match found.stops {
+        Some(stops) => stops.stiffness.high < STIFFEST * stops.stiffness.low,
+        // A fit in parts, each with a beginning of its own, knows less than the one of the whole record.
+        None => found.stribeck.is_some(),
+    };
     if let Some(found) = device::search(record, known).and_then(|fit| fit.identified(record, known)).filter(is_told) {
         return Ok(found);
     }
@@ -71,9 +74,11 @@ fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identifie
     }
 }
 
-/// Whether the fit is best, beyond doubt, with a number below 0: then the device is not of the kind that was fitted.
+/// Whether the fit is best, beyond doubt, with a number below 0, where keeping it at 0 explains the record no more: then the device is not of
+/// the kind that was fitted.
 fn breaks_a_bound(found: &Identified) -> bool {
-    found.sign.is_some() && (found.delay.is_none() || found.rates[0].is_none())
+    let puck = &found.puck;
+    found.sign.is_some() && (puck.delay < 0.0 || puck.damping < 0.0 || puck.friction < 0.0)
 }
 
 /// With intervals that reach those of the torque's equation, which allow for what another kind of device has.
