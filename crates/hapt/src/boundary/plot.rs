@@ -32,7 +32,8 @@ fn world_regions(asked: impl Fn(Edge) -> bool) -> Regions {
         (stable, false) => stable.into(),
     };
     // The edges of the linear loop prove nothing of a nonlinear one.
-    let all = if asked(Edge::Certified) { "not refuted, not certified".into() } else { format!("by its edges {all}") };
+    let all =
+        if asked(Edge::Certified) { "not refuted, not certified".into() } else { format!("{all} in the linear loop") };
     let not_passive =
         if stability[0].is_empty() { "not passive".into() } else { format!("{}, not passive", stability[0]) };
     let unstable = || stability[1].to_string();
