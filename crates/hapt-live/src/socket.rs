@@ -9,6 +9,7 @@ use futures_util::{SinkExt, StreamExt};
 use hapt_host::messages::{ClientMessage, Command, MAX_MESSAGE_BYTES, ServerMessage, VERSION};
 use hyper::upgrade::Upgraded;
 use hyper_util::rt::TokioIo;
+use tokio::io::{AsyncReadExt, copy, sink as nowhere};
 use tokio::sync::mpsc;
 use tokio::time::timeout;
 use tokio_tungstenite::WebSocketStream;
@@ -34,6 +35,8 @@ const WRITE_TIMEOUT: Duration = Duration::from_secs(5);
 const STOP_SEARCH: Duration = Duration::from_secs(2);
 /// The largest number of consecutive invalid messages.
 const MAX_INVALID: u32 = 20;
+/// Bytes of a message that is too long that are read, and forgotten.
+const MAX_UNREAD: u64 = 1 << 20;
 
 /// The reason that a websocket is closed: a code of RFC 6455 and a sentence.
 type Close = (CloseCode, &'static str);
@@ -82,6 +85,11 @@ pub async fn serve(io: TokioIo<Upgraded>, state: Arc<ServerState>, client: u64) 
         sink.send(Message::Close(Some(CloseFrame { code, reason: reason.into() }))).await
     };
     let _ = timeout(Duration::from_secs(1), last).await;
+    // Closed with bytes unread, the connection would be reset, and the page would not hear the reason.
+    if let (CloseCode::Size, Ok(mut socket)) = (code, sink.reunite(stream)) {
+        let mut rest = socket.get_mut().take(MAX_UNREAD);
+        let _ = timeout(Duration::from_secs(1), copy(&mut rest, &mut nowhere())).await;
+    }
 }
 
 /// Receives a page's messages; the reason for closing.

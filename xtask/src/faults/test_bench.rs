@@ -3,7 +3,9 @@
 use std::collections::VecDeque;
 
 use anyhow::{Result, anyhow};
-use hapt_core::{Controller, ControllerState, Phase, Reading, Request, SafeOutput, SafetyProfile, SupervisorState};
+use hapt_core::{
+    Controller, ControllerState, Phase, Reading, Reason, Request, SafeOutput, SafetyProfile, SupervisorState,
+};
 use hapt_model::World;
 use hapt_sim::VirtualDevice;
 
@@ -90,6 +92,12 @@ impl TestBench {
         self.device.command(self.wires.gain * guarded.output);
         self.device.travel();
         guarded
+    }
+
+    /// Whether it has ended because the puck truly is too fast: thrown by the hand or the world, and no fault.
+    pub fn is_too_fast(&self) -> bool {
+        let fastest = self.world.limits(SafetyProfile::Certified).overspeed;
+        self.supervisor().reason == Some(Reason::Overspeed) && self.device.puck().1.abs() > 0.8 * fastest
     }
 
     /// Disarmed for a while.

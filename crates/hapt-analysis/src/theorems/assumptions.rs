@@ -32,6 +32,10 @@ pub(super) const BRISTLE: &str =
 pub(super) const SATURATION: &str = "the motor's limit cuts the torque on the puck but not its opposite on the bodies: a limit on \
      every coupling at the puck, together no more than the motor's, would cut both";
 
+/// Where no damping makes the world passive, and its claims rest on eigenvalues.
+const AT_LIMIT: &str = "at the motor's limit the loop is not linear, and eigenvalues tell nothing of it: the couplings at the puck need \
+     limits that together are no more than the motor's";
+
 /// What a claim leaves out of the device.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Omission {
@@ -165,8 +169,7 @@ fn limit(world: &World, timing: Timing, claimed: Option<f64>) -> Result<Option<S
     Ok(match claimed {
         Some(b) if b >= bound * (1.0 - 1e-9) => None,
         Some(_) => Some(saturated_from(world, bound)),
-        // No damping makes it passive: what is claimed of it, eigenvalues tell, and they tell nothing at the limit.
-        None => Some(SATURATION.to_string()),
+        None => Some(AT_LIMIT.to_string()),
     })
 }
 

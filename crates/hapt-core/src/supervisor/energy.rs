@@ -102,8 +102,8 @@ pub(crate) struct Energy<F, const B: usize, const C: usize> {
     holds: bool,
     /// Whether the bodies' own energies are all that there is, and a step is made at every sample, with the puck held.
     is_all: bool,
-    /// Whether the bodies see a filtered position, and so does what their steps are measured by. Without bodies the port is all, and that is at
-    /// the measured one.
+    /// Whether the bodies see a filtered position: then their steps are measured by that. What is stored is at the measured one, where the hand
+    /// has put it in.
     sees_filtered: bool,
     /// The torques of all constants on the puck.
     constant: F,
@@ -209,7 +209,18 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
     /// The step that `state` has just taken, at the puck's measured position and velocity; nothing but what is stored where it has taken none.
     #[inline]
     pub fn step<const W: usize>(&self, state: &State<F, B, C, W>, puck: (F, F)) -> Step<F> {
-        let puck = if self.sees_filtered { (state.memory.filtered, puck.1) } else { puck };
+        if self.sees_filtered { self.step_behind_filter(state, puck) } else { self.step_at(state, puck) }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn step_behind_filter<const W: usize>(&self, state: &State<F, B, C, W>, puck: (F, F)) -> Step<F> {
+        let stored = self.step_at(state, puck).stored;
+        Step { stored, ..self.step_at(state, (state.memory.filtered, puck.1)) }
+    }
+
+    #[inline(always)]
+    fn step_at<const W: usize>(&self, state: &State<F, B, C, W>, puck: (F, F)) -> Step<F> {
         match self.bodies {
             1 => self.step_of(1, state, puck),
             n => self.step_of(n, state, puck),

@@ -23,13 +23,22 @@
 //! that is still to be charged is at most `under_way` = b/(T (2d + 1)) Σ (d - j) dz_{k-j}². That much is kept beyond the bound. It is
 //! summed with the weights d (d/(d+1))^j ≥ d - j, which need no memory.
 //!
+//! A filter y_k = p y_{k-1} + (1 - p) z_k of the position holds a torque back as well. With u = z - y, of the same spring
+//!
+//! ```text
+//! K y_{k-1} dz_k + K (1 + p)/(2(1 - p)) dz_k² ≥ Δ(K z²/2) + Δ(K u²/(2p)),   u_k² ≤ p²/(1 - p) (dz_k² + p dz_{k-1}² + p² dz_{k-2}² + ...)
+//! ```
+//!
+//! and a delay after it charges dy², where dy² ≤ dz² - (1 - p)/p Δ(u²). With s = d + p/(1 - p) a passive spring has K (s + 1/2) ≤ b/T, and all
+//! that is under way is at most K/2 (d (1 + p) + p/(1 - p)) Σ (s/(s+1))^j dz_{k-j}², for d ≤ 13 and any p.
+//!
 //! **World.** A held puck exchanges nothing, and the port sees nothing of an integrator that makes energy. So what a step makes is
 //! summed too, never below 0: `made`. Exact zoh, trapezoidal and backward Euler keep it at 0, linear or bent; semi-implicit Euler keeps
 //! its own energy and is measured by that; forward Euler makes (ωT)² of what swings a sample.
 
 use crate::supervisor::Limits;
 use crate::supervisor::sums::Step;
-use crate::{Constants, Real};
+use crate::{Constants, Real, Spec};
 
 /// Torques that a delay may hold back; the port's ledger rests with longer delays.
 pub(crate) const HELD: usize = 16;
@@ -45,7 +54,7 @@ pub(crate) struct Ledger<F> {
     part: F,
     /// Whether the delay is a whole number of samples, and few enough.
     whole: bool,
-    /// What a unit of dz² adds to what is under way, and what is left of that a sample later; both 0 without a delay.
+    /// What a unit of dz² adds to what is under way, and what is left of that a sample later; both 0 without a delay and a filter.
     under_way: [F; 2],
 }
 
@@ -55,7 +64,7 @@ pub(crate) struct Ledger<F> {
 pub(crate) struct Books<F> {
     pub account: F,
     pub made: F,
-    /// What of the account a delay will still charge.
+    /// What of the account a delay or a filter will still charge.
     under_way: F,
     /// The torques of the last samples, the newest at `newest`.
     held: [F; HELD],
@@ -96,20 +105,24 @@ impl<F: Real> Books<F> {
 }
 
 impl<F: Real> Ledger<F> {
-    /// Of limits, at this many periods of delay.
-    pub fn new(limits: &Limits, period: f64, delay: f64) -> Self {
+    /// Of limits, for the loop of `spec`.
+    pub fn new(limits: &Limits, spec: &Spec) -> Self {
+        let (period, delay) = (spec.period, limits.delay / spec.period);
         let whole = libm::floor(delay + 1e-6);
         let part = F::from_f64(if delay > whole { delay - whole } else { 0.0 });
         let samples = libm::ceil(if delay > 1e-6 { delay - 1e-6 } else { 0.0 });
-        let share = samples / (2.0 * delay + 1.0);
-        let delay = whole as usize;
+        let kept = spec.filter.map_or(0.0, |filter| libm::exp(-core::f64::consts::TAU * filter * period));
+        let filtered = kept / (1.0 - kept);
+        let damping = limits.damping / period;
+        let stiffness = damping / (delay + 0.5 + filtered);
+        let held = samples + filtered;
         Ledger {
             most: F::from_f64(limits.energy),
-            damping: F::from_f64(limits.damping / period),
-            delay,
+            damping: F::from_f64(damping),
+            delay: whole as usize,
             part,
-            whole: delay < HELD - 2 && part <= F::ZERO,
-            under_way: [share * limits.damping / period, samples / (samples + 1.0)].map(F::from_f64),
+            whole: (whole as usize) < HELD - 2 && part <= F::ZERO,
+            under_way: [0.5 * stiffness * (held + kept * samples), held / (held + 1.0)].map(F::from_f64),
         }
     }
 
@@ -138,7 +151,7 @@ impl<F: Real> Ledger<F> {
                 let held = books.held(self.delay);
                 books.account + (self.damping * (dz * dz) - held * dz + step.given)
             }
-            last => self.otherwise(books, last, step, position, missed),
+            last => self.otherwise(books, last, step, (position, torque), missed),
         };
         let mut most = step.stored + self.most;
         if self.under_way[0] > F::ZERO {
@@ -157,10 +170,19 @@ impl<F: Real> Ledger<F> {
     /// The account where the books are opened, samples were missed, or the delay is not whole.
     #[cold]
     #[inline(never)]
-    fn otherwise(&self, books: &mut Books<F>, last: Option<F>, step: &Step<F>, position: F, missed: u32) -> F {
+    fn otherwise(
+        &self,
+        books: &mut Books<F>,
+        last: Option<F>,
+        step: &Step<F>,
+        (position, torque): (F, F),
+        missed: u32,
+    ) -> F {
         let most = step.stored + self.most;
         let Some(last) = last else {
             (books.made, books.under_way) = (F::ZERO, F::ZERO);
+            // What the motor holds of before is booked as the world's, as fades are: what is stored belongs to this torque.
+            books.held = [torque; HELD];
             return most;
         };
         if self.delay >= HELD - 2 {

@@ -108,7 +108,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             fade: f(1.0 / fade),
             motion: ReadingLimits::new(limits, spec),
             energy: Energy::new(spec),
-            ledger: Ledger::new(limits, spec.period, periods),
+            ledger: Ledger::new(limits, spec),
             motor: Thermal::new(&limits.motor, spec.period),
             driver: Thermal::new(&limits.driver, spec.period),
             pulse: Pulse::new(&Limits { pulse: limits.pulse.min(ceiling), ..*limits }, spec),

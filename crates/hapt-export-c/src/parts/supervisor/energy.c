@@ -105,8 +105,8 @@ static hapt_real hapt_potential(const hapt_world *world, const hapt_part *part, 
 }
 
 //end
-/* The energies of the step that the state has just taken, at the puck's measured position and velocity. */
-static hapt_energies hapt_energies_of(const hapt_world *world, const hapt_state *state, hapt_real position, hapt_real velocity)
+/* The energies of the step that the state has just taken, at this position and velocity of the puck. */
+static hapt_energies hapt_energies_at(const hapt_world *world, const hapt_state *state, hapt_real position, hapt_real velocity)
 {
     hapt_real before = (hapt_real)0, after = (hapt_real)0, given = (hapt_real)0, carried = (hapt_real)0, rounding;
     hapt_energies step;
@@ -117,10 +117,6 @@ static hapt_energies hapt_energies_of(const hapt_world *world, const hapt_state 
     (void)position;
     (void)velocity;
     (void)state;
-//if filter_bodies
-    /* The bodies see the filtered position. */
-    position = state->filtered;
-//end
 //if bodies
     for (i = 0; i < HAPT_BODIES; i++) {
         const hapt_real w = state->now.position[i], dw = state->change.position[i];
@@ -188,5 +184,17 @@ static hapt_energies hapt_energies_of(const hapt_world *world, const hapt_state 
     step.made = (hapt_real)0;
 //end
     return step;
+}
+
+/* The same at the measured position: the bodies' step is measured by the position that they see, and what is stored is at the measured one. */
+static hapt_energies hapt_energies_of(const hapt_world *world, const hapt_state *state, hapt_real position, hapt_real velocity)
+{
+//if filter_bodies
+    hapt_energies step = hapt_energies_at(world, state, state->filtered, velocity);
+    step.stored = hapt_energies_at(world, state, position, velocity).stored;
+    return step;
+//else
+    return hapt_energies_at(world, state, position, velocity);
+//end
 }
 

@@ -13,13 +13,18 @@ static void hapt_hold(hapt_controller *self, hapt_real torque)
 
 /* The account after this sample; it is opened anew where it is closed. */
 static hapt_real hapt_account(const hapt_world *world, hapt_controller *self, const hapt_energies *step, hapt_real position,
-                              uint32_t missed)
+                              hapt_real torque, uint32_t missed)
 {
     const hapt_real dz = position - self->booked_position;
     hapt_real paid = world->ledger_damping * (dz * dz), held;
     if (!self->has_booked) {
+        /* What the motor holds of before is booked as the world's, as fades are: what is stored belongs to this torque. */
+        uint32_t i;
         self->made = (hapt_real)0;
         self->under_way = (hapt_real)0;
+        for (i = 0; i < 16; i++) {
+            self->held[i] = torque;
+        }
         return step->stored + world->energy;
     }
     if (@ledger_delay@ >= 14) {
@@ -44,7 +49,7 @@ static hapt_real hapt_account(const hapt_world *world, hapt_controller *self, co
 static void hapt_enter(const hapt_world *world, hapt_controller *self, const hapt_energies *step, hapt_real position, hapt_real torque,
                        uint32_t missed)
 {
-    const hapt_real account = hapt_account(world, self, step, position, missed);
+    const hapt_real account = hapt_account(world, self, step, position, torque, missed);
     hapt_real most = step->stored + world->energy, made;
     if (world->ledger_share > (hapt_real)0) {
         const hapt_real dz = position - (self->has_booked ? self->booked_position : position);
