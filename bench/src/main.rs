@@ -1,12 +1,8 @@
 //! One workload, timed: `ns` of one sample (or number), and the answer, a number a line. `cargo xtask bench` starts these in
 //! turns with the programs of `bench/c`, which print the same.
 
-mod boundary;
-mod certificates;
-mod csv;
 mod guarded;
 mod lanes;
-mod loops;
 mod realtime;
 mod run;
 mod step;
@@ -24,17 +20,8 @@ fn main() -> Result<()> {
         ["step", bodies, repeats] => step::time(bodies.parse()?, repeats.parse()?),
         ["bare", numbers, repeats] => guarded::time(numbers, false, repeats.parse()?),
         ["guarded", numbers, repeats] => guarded::time(numbers, true, repeats.parse()?),
-        ["matrices", bodies, file] => step::matrices(bodies.parse()?, file),
-        ["boundary", file, repeats] => boundary::time(file, repeats.parse()?),
-        ["certificates", file, measure, side, repeats] => {
-            certificates::time(file, measure, side.parse()?, repeats.parse()?)
-        }
-        ["check", file, remedies, repeats] => certificates::check_of(file, remedies == "remedies", repeats.parse()?),
         ["lanes", file, repeats] => lanes::time(file, repeats.parse()?),
-        ["loops", "growth", repeats] => loops::growths(repeats.parse()?),
-        ["loops", "verdict", repeats] => loops::verdicts(repeats.parse()?),
         ["realtime", samples, period, spin] => realtime::time(samples.parse()?, period.parse()?, spin.parse()?),
-        ["csv", printer, repeats] => csv::time(printer, repeats.parse()?),
         _ => bail!("see xtask/src/bench.rs"),
     }
 }

@@ -1,8 +1,6 @@
 //! One sample of the core, hot: worlds whose every body feels every other one.
 
-use std::fs;
-
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Loop, Method, Output, Spec};
 
 use crate::timed;
@@ -90,39 +88,4 @@ fn time_in<const B: usize>(n: usize, repeats: usize) -> Result<()> {
         println!("{:e} {:e}", state.now.position[i], state.now.velocity[i]);
     }
     Ok(())
-}
-
-/// The same step for C: T, limit, the puck's own gains, the bodies' gains on it, the start, the response to z and ż, the matrix
-/// by columns, and the inputs. The matrices follow from the step itself: it is affine, and evaluated at unit vectors.
-pub fn matrices(n: usize, file: &str) -> Result<()> {
-    let chain = Chain::new(n);
-    let compiled = chain.compiled::<32>()?;
-    let mut zero = compiled.start();
-    (zero.now.position, zero.now.velocity) = ([0.0; 32], [0.0; 32]);
-    let change = |state: &_, z, v| -> Vec<f64> {
-        let mut state = *state;
-        compiled.step(&mut state, z, v);
-        state.change.position[..n].iter().chain(&state.change.velocity[..n]).copied().collect()
-    };
-    let (mut springs, mut dampers) = (vec![0.0; n], vec![0.0; n]);
-    for coupling in &chain.couplings {
-        match (coupling.first, coupling.second, coupling.law) {
-            (End::Puck, End::Body(i), Law::Spring { stiffness, .. }) => springs[i] += stiffness,
-            (End::Puck, End::Body(i), Law::Damper { damping: Damping::Fixed(damping) }) => dampers[i] += damping,
-            _ => {}
-        }
-    }
-    let mut numbers = vec![PERIOD, LIMIT, -springs.iter().sum::<f64>(), -dampers.iter().sum::<f64>()];
-    numbers.extend(springs.iter().chain(&dampers));
-    numbers.extend(chain.bodies.iter().map(|body| body.position).chain(chain.bodies.iter().map(|body| body.velocity)));
-    numbers.extend(change(&zero, 1.0, 0.0));
-    numbers.extend(change(&zero, 0.0, 1.0));
-    for j in 0..2 * n {
-        let mut state = zero;
-        *(if j < n { &mut state.now.position[j] } else { &mut state.now.velocity[j - n] }) = 1.0;
-        numbers.extend(change(&state, 0.0, 0.0));
-    }
-    numbers.extend(chain.inputs.iter().flat_map(|&(z, v)| [z, v]));
-    let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_ne_bytes()).collect();
-    fs::write(file, bytes).context("cannot write the matrices")
 }

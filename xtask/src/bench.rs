@@ -1,7 +1,7 @@
 //! `cargo xtask bench`: hapt and plain C, in turns, each in a process of its own that times its inner loop; and what makes
 //! docs/performance.md. The workloads are in `bench`.
 
-mod certificates;
+mod checks;
 mod intervals;
 mod package;
 mod page;
@@ -12,7 +12,6 @@ use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
 
@@ -67,19 +66,8 @@ fn drive(python: &str) -> Result<()> {
 type Part = fn(&Bench) -> Result<String>;
 
 /// Those that can be measured without the others, by name.
-const PARTS: [(&str, Part); 11] = [
-    ("run", Bench::runs),
-    ("step", Bench::steps),
-    ("start", Bench::start),
-    ("csv", Bench::csv),
-    ("instructions", Bench::instructions),
-    ("sweep", Bench::sweeps),
-    ("worlds", Bench::worlds),
-    ("loops", Bench::loops),
-    ("certificates", Bench::certificates),
-    ("check", Bench::checks),
-    ("edge", Bench::edges),
-];
+const PARTS: [(&str, Part); 4] =
+    [("run", Bench::runs), ("sweep", Bench::sweeps), ("worlds", Bench::worlds), ("check", Bench::checks)];
 
 fn part(name: &str) -> Option<Part> {
     PARTS.iter().find(|(own, _)| *own == name).map(|(_, part)| *part)
@@ -107,7 +95,7 @@ fn with_part(page: &str, text: &str) -> Result<String> {
     Ok(format!("{}{text}{}", &page[..begin], &page[end..]))
 }
 
-/// Measures the page's parts and prints them; with `write`, into [`PAGE`]. The others are printed by their names.
+/// Measures the page's parts and prints them; with `write`, into [`PAGE`].
 fn run(write: bool) -> Result<()> {
     let bench = Bench::build()?;
     let mut page = bench.head()?;
@@ -241,18 +229,12 @@ impl Bench {
         let packages = ["build", "--quiet", "--profile", "dist", "--package", "hapt-bench"];
         output(Command::new(env!("CARGO")).args(packages).args(["--package", "hapt"]))?;
         let bench = Bench { programs: target.join("dist"), folder };
-        bench.compile("empty", "empty", &[])?;
         bench.compile("sweep", "sweep", &["-ffinite-math-only", "-fno-trapping-math", "-fopenmp"])?;
         bench.compile_worlds()?;
         // No fused multiply-add in the bound: hapt has none either.
         bench.compile("bound", "bound", &["-ffp-contract=off"])?;
         for works in [0, 1] {
             bench.compile("run", &format!("run-{works}"), &[&format!("-DWORKS={works}")])?;
-        }
-        for n in BODIES {
-            let size = format!("-DN={n}");
-            bench.compile("step", &format!("step-{n}"), &[&size])?;
-            bench.compile("step", &format!("step-{n}-plain"), &[&size, "-march=x86-64"])?;
         }
         Ok(bench)
     }
@@ -264,15 +246,6 @@ impl Bench {
         fs::create_dir_all(&folder)?;
         output(Command::new(env!("CARGO")).args(["build", "--quiet", "--profile", "dist", "--package", "hapt-bench"]))?;
         Ok(Bench { programs: target.join("dist"), folder })
-    }
-
-    /// hapt-bench for this machine.
-    fn native(&self) -> Result<PathBuf> {
-        let folder = self.folder.join("native");
-        let mut build = Command::new(env!("CARGO"));
-        build.args(["build", "--quiet", "--profile", "dist", "--package", "hapt-bench", "--target-dir"]).arg(&folder);
-        output(build.env("RUSTFLAGS", "-C target-cpu=native"))?;
-        Ok(folder.join("dist/hapt-bench"))
     }
 
     /// The program `hapt` as it ships.
@@ -346,100 +319,6 @@ impl Bench {
         Ok(text)
     }
 
-    fn steps(&self) -> Result<String> {
-        let mut text = String::from(
-            "\n## The core's step\n\n`Loop::step` alone, hot, on worlds whose every body feels every other, in hapt-sim's rooms (1, 2, \
-             4, 8 and 32 bodies), against [C](../bench/c/step.c) with the same matrices, compiled for exactly n. The last column is \
-             hapt's time over the matrix's 4n² numbers. \"For any machine\" C is built without \
-             `-march=native`, as hapt is; \"for this machine\" hapt is built with `-C target-cpu=native`, and gives the same bits.\n\n\
-             | bodies | hapt / C for any machine | goal | | hapt / C | hapt for this machine / C | hapt, ns | C, ns | hapt, ns a number |\n\
-             | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
-        );
-        let native_program = self.native()?;
-        for n in BODIES {
-            let file = self.folder.join(format!("matrices-{n}"));
-            let file = file.to_str().context("a path in UTF-8")?;
-            output(&mut self.rust(&format!("matrices {n} {file}")))?;
-            let repeats = 1000 / n;
-            let words = format!("step {n} {repeats}");
-            let c_words = format!("{file} {repeats}");
-            let [hapt, native, c, plain] = in_turns([
-                self.rust(&words),
-                program(&native_program, &words),
-                self.c(&format!("step-{n}"), &c_words),
-                self.c(&format!("step-{n}-plain"), &c_words),
-            ])?;
-            hapt.agree(&c)?;
-            ensure!(hapt.answer == native.answer, "built for this machine the bits differ");
-            let (plain, quartiles) = hapt.over(&plain);
-            // 16 have no room of their own.
-            let wanted = if n == 16 { "| ".into() } else { goal(plain, 1.3) };
-            let (ratio, native) = (hapt.over(&c).0, native.over(&c).0);
-            let (own, c, per_number) = (hapt.median(), c.median(), hapt.median() / (4 * n * n) as f64);
-            writeln!(
-                text,
-                "| {n} | {quartiles} | {wanted} | {ratio:.2} | {native:.2} | {own:.1} | {c:.1} | {per_number:.2} |"
-            )?;
-        }
-        Ok(text)
-    }
-
-    fn start(&self) -> Result<String> {
-        let sample = "sim worlds/notes/default.toml --set scenarios.step.duration=0.1ms";
-        let hapt = self.programs.join("hapt");
-        let (mut own, mut empty) = (Vec::new(), Vec::new());
-        for _ in 0..STARTS {
-            for (mut command, times) in [(program(&hapt, sample), &mut own), (self.c("empty", ""), &mut empty)] {
-                let start = Instant::now();
-                output(&mut command)?;
-                times.push(start.elapsed().as_secs_f64() * 1e3);
-            }
-        }
-        let (fastest, fastest_empty) = (quantile(&own, 0.0), quantile(&empty, 0.0));
-        let (own, empty) = (quantile(&own, 0.5), quantile(&empty, 0.5));
-        let beyond = own - empty;
-        let mut text = format!(
-            "\n## World file to first sample\n\nThe whole process, `hapt sim` of the notes' world with one sample; median of {STARTS} \
-             starts in turns with an empty C program.\n\n| | hapt | goal | | empty C program |\n| --- | --- | --- | --- | --- |\n\
-             | time, ms | {own:.2} | | | {empty:.2} |\n| the fastest, ms | {fastest:.2} | | | {fastest_empty:.2} |\n\
-             | beyond the empty program, ms | {beyond:.2} | {} | |\n",
-            goal(beyond, 0.7)
-        );
-        let used = |command: Command| -> Result<[f64; 2]> {
-            let mut timed = Command::new("/usr/bin/time");
-            let out = timed.args(["-f", "%M %R"]).arg(command.get_program()).args(command.get_args()).output()?;
-            let text = String::from_utf8(out.stderr)?;
-            let (size, faults) = text.lines().last().and_then(|line| line.split_once(' ')).context("no size")?;
-            Ok([size.parse::<f64>()? / 1024.0, faults.parse()?])
-        };
-        if Path::new("/usr/bin/time").exists() {
-            let ([size, faults], [least, few]) = (used(program(&hapt, sample))?, used(self.c("empty", ""))?);
-            writeln!(text, "| largest resident size, MB | {size:.1} | {} | {least:.1} |", goal(size, 10.0))?;
-            writeln!(text, "| page faults | {faults} | | | {few} |")?;
-        } else {
-            text += "\nResident size and page faults are skipped: there is no /usr/bin/time.\n";
-        }
-        Ok(text)
-    }
-
-    fn csv(&self) -> Result<String> {
-        let [hapt, zmij, format] =
-            in_turns(["hapt", "zmij", "format"].map(|name| self.rust(&format!("csv {name} 30"))))?;
-        let (ratio, quartiles) = hapt.over(&zmij);
-        Ok(format!(
-            "\n## CSV\n\nA run of 10 s as CSV in memory, beside the same numbers through the float printer alone (zmij, not even put \
-             together) and through `format!`'s machinery.\n\n\
-             | hapt / zmij alone | goal | | hapt / `format!` | hapt, ns a number | zmij | `format!` |\n\
-             | --- | --- | --- | --- | --- | --- | --- |\n\
-             | {quartiles} | {} | {:.2} | {:.0} | {:.0} | {:.0} |\n",
-            goal(ratio, 1.5),
-            hapt.over(&format).0,
-            hapt.median(),
-            zmij.median(),
-            format.median(),
-        ))
-    }
-
     /// Instructions a sample, by callgrind; `None` without it. Two counts and their difference: what is done once cancels.
     fn counts(&self) -> Result<Option<Vec<(&'static str, f64)>>> {
         if Command::new("valgrind").arg("--version").output().is_err() {
@@ -476,22 +355,7 @@ impl Bench {
         };
         workloads.into_iter().map(count).collect::<Result<_>>().map(Some)
     }
-
-    fn instructions(&self) -> Result<String> {
-        let Some(counts) = self.counts()? else {
-            return Ok("\n## Instructions\n\nSkipped: valgrind is not here.\n".into());
-        };
-        let mut text = String::from(
-            "\n## Instructions\n\nBy callgrind, a sample; of lanes, a sample of one of sixteen worlds side by side, with vectors of four numbers. Unlike times they repeat, so they stand guard: `cargo xtask bench --guards` \
-             holds them against bench/guards.toml.\n\n| workload | instructions |\n| --- | --- |\n",
-        );
-        counts.iter().try_for_each(|(name, count)| writeln!(text, "| {} | {count:.0} |", name.replace('_', ", ")))?;
-        Ok(text)
-    }
 }
-
-/// The bodies of the step's table.
-const BODIES: [usize; 6] = [1, 2, 4, 8, 16, 32];
 
 fn program(path: &Path, words: &str) -> Command {
     let mut command = Command::new(path);

@@ -6,7 +6,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result};
 
-use super::certificates::stated;
+use super::checks::stated;
 use super::{Bench, output};
 
 const PAGE: &str = "docs/live.md";

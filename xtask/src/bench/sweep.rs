@@ -1,4 +1,4 @@
-//! Many worlds at once: `hapt sweep` compared with C with OpenMP, and loops with NumPy.
+//! Many worlds at once: `hapt sweep` compared with C with OpenMP.
 
 use std::fmt::Write;
 use std::fs;
@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 
-use super::{Bench, Times, goal, in_turns, output, program};
+use super::{Bench, Times, goal, output, program};
 
 /// Rounds of whole sweeps.
 pub(super) const ROUNDS: usize = 9;
@@ -152,59 +152,5 @@ impl Bench {
             self.compile("worlds", world, &[&flags[..], &[&format!("-DKIND={kind}")]].concat())?;
         }
         Ok(())
-    }
-
-    /// A million loops, without reading and writing; and from the command to the file.
-    pub(super) fn loops(&self) -> Result<String> {
-        let python = self.folder.join("python/bin/python");
-        let mut text = String::from(
-            "\n## A sweep of loops\n\nHow fast 10⁶ loops of one body on a spring grow under forward Euler, held, over stiffness and inertia, and \
-             whether they do, as `hapt sweep` has it decided: five columns of numbers in memory, on one core. The error is the largest, \
-             relative to ln(1 + x²)/(2T). The last row is the whole process with its file of 10⁶ rows, on two threads.\n\n\
-             | | ms | goal | | error |\n| --- | --- | --- | --- | --- |\n",
-        );
-        let own = ["growth", "verdict"].map(|ask| self.rust(&format!("loops {ask} 9")));
-        let there = Command::new(&python).args(["-c", "import numpy"]).output().is_ok_and(|out| out.status.success());
-        let (growth, verdict, numpy) = if there {
-            let [growth, verdict] = own;
-            let mut numpy = Command::new(&python);
-            numpy.args(["bench/python/loops.py", "1"]);
-            let [growth, verdict, numpy] = in_turns([growth, verdict, numpy])?;
-            (growth, verdict, Some(numpy))
-        } else {
-            let [growth, verdict] = in_turns(own)?;
-            (growth, verdict, None)
-        };
-        let error = growth.answer.first().copied().context("no error")?;
-        writeln!(text, "| growth | {:.1} | {} | {error:.0e} |", growth.median(), goal(growth.median(), 50.0))?;
-        writeln!(text, "| stable or not | {:.2} | {} | |", verdict.median(), goal(verdict.median(), 1.0))?;
-        if let Some(numpy) = &numpy {
-            let error = numpy.answer.first().copied().context("no error")?;
-            writeln!(text, "| NumPy's `eigvals` | {:.0} | | | {error:.0e} |", numpy.median())?;
-        }
-        let file = self.folder.join("loops.csv");
-        let sweep = format!(
-            "sweep worlds/notes/euler.toml --vary couplings.0.stiffness=0.5..2:1000 --vary bodies.wheel.inertia=0.01..0.05:1000 \
-             --measure held_verdict --threads 2 --out {}",
-            file.to_str().context("a path in UTF-8")?
-        );
-        let [whole] = processes(ROUNDS, [program(&self.programs.join("hapt"), &sweep)])?;
-        writeln!(text, "| `hapt sweep`, stable or not | {:.0} | {} | |", whole.median(), goal(whole.median(), 60.0))?;
-        match &numpy {
-            Some(numpy) => {
-                let of = |times: &Times, wanted: f64| {
-                    let (ratio, quartiles) = numpy.over(times);
-                    (quartiles, if ratio >= wanted { "met" } else { "**missed**" })
-                };
-                let ((growth, twenty), (verdict, thousand)) = (of(&growth, 20.0), of(&verdict, 1000.0));
-                writeln!(
-                    text,
-                    "\nNumPy takes {growth} times as long as the growth (goal 20, {twenty}), and {verdict} times as long as the verdict \
-                     (goal 1000, {thousand})."
-                )?;
-            }
-            None => text += "\nNumPy is skipped: there is no Python environment with it.\n",
-        }
-        Ok(text)
     }
 }

@@ -1,5 +1,0 @@
-/* What starting a process costs. */
-int main(void)
-{
-    return 0;
-}
