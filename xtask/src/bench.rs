@@ -15,6 +15,9 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail, ensure};
 
+use crate::marked;
+use crate::random::quantile;
+
 const PAGE: &str = "docs/performance.md";
 const GUARDS: &str = "bench/guards.toml";
 const FLAGS: [&str; 4] = ["-O3", "-march=native", "-Wall", "-Wextra"];
@@ -29,12 +32,6 @@ pub fn command(words: &[String]) -> Result<()> {
     match words.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         [] => run(false),
         ["--write"] => run(true),
-        ["intervals"] => intervals::measure(false),
-        ["intervals", "--write"] => intervals::measure(true),
-        ["page"] => page::measure(false),
-        ["page", "--write"] => page::measure(true),
-        ["realtime"] => realtime::measure(false),
-        ["realtime", "--write"] => realtime::measure(true),
         ["--guards"] => guards(false),
         ["--guards", "--write"] => guards(true),
         ["python"] => package::measure(25, false),
@@ -45,11 +42,10 @@ pub fn command(words: &[String]) -> Result<()> {
         ["scale", "--write"] => package::scale("1e8", true),
         ["drive"] => drive("python3"),
         ["drive", python] => drive(python),
-        [name] if part(name).is_some() => one(name, false),
-        [name, "--write"] if part(name).is_some() => one(name, true),
+        [name] | [name, "--write"] if let Some(part) = part(name) => one(part, words.len() > 1),
         _ => bail!(
-            "cargo xtask bench [{}|realtime|intervals|page] [--write], or [--guards [--write]], or drive [PYTHON], or python [--short|--write], or scale [--short|--write]",
-            PARTS.map(|(name, _)| name).join("|")
+            "cargo xtask bench [{}] [--write], or [--guards [--write]], or drive [PYTHON], or python [--short|--write], or scale [--short|--write]",
+            PARTS.map(|part| part.name).join("|")
         ),
     }
 }
@@ -62,25 +58,38 @@ fn drive(python: &str) -> Result<()> {
     Ok(())
 }
 
-/// A part of the page, measured.
-type Part = fn(&Bench) -> Result<String>;
-
-/// Those that can be measured without the others, by name.
-const PARTS: [(&str, Part); 4] =
-    [("run", Bench::runs), ("sweep", Bench::sweeps), ("worlds", Bench::worlds), ("check", Bench::checks)];
-
-fn part(name: &str) -> Option<Part> {
-    PARTS.iter().find(|(own, _)| *own == name).map(|(_, part)| *part)
+/// What can be measured without the rest.
+struct Part {
+    name: &'static str,
+    /// The page with a place for it; else it is a section of [`PAGE`].
+    page: Option<&'static str>,
+    measure: fn(&Bench) -> Result<String>,
 }
 
-/// Measures one part and prints it; with `write`, into its place in [`PAGE`].
-fn one(name: &str, write: bool) -> Result<()> {
-    let text = part(name).context("no such part")?(&Bench::build()?)?;
+const PARTS: [Part; 7] = [
+    Part { name: "run", page: None, measure: Bench::runs },
+    Part { name: "sweep", page: None, measure: Bench::sweeps },
+    Part { name: "worlds", page: None, measure: Bench::worlds },
+    Part { name: "check", page: None, measure: Bench::checks },
+    Part { name: "realtime", page: None, measure: Bench::realtime },
+    Part { name: "intervals", page: Some("docs/realtime.md"), measure: Bench::intervals },
+    Part { name: "page", page: Some("docs/live.md"), measure: Bench::page },
+];
+
+fn part(name: &str) -> Option<&'static Part> {
+    PARTS.iter().find(|part| part.name == name)
+}
+
+/// Measures one part and prints it; with `write`, into its place.
+fn one(part: &Part, write: bool) -> Result<()> {
+    let text = (part.measure)(&Bench::build()?)?;
+    if let Some(page) = part.page {
+        return marked::publish(page, &format!("cargo xtask bench {}", part.name), &text, write);
+    }
     println!("{text}");
     if write {
         let page = fs::read_to_string(PAGE).context(PAGE)?;
         fs::write(PAGE, with_part(&page, &text)?).context(PAGE)?;
-        println!("wrote {PAGE}");
     }
     Ok(())
 }
@@ -166,13 +175,13 @@ struct Times {
 
 impl Times {
     fn median(&self) -> f64 {
-        quantile(&self.ns, 0.5)
+        quantile(self.ns.iter().copied(), 0.5)
     }
 
     /// How many times the other's: the median of the rounds' ratios, and their quartiles as text.
     fn over(&self, other: &Times) -> (f64, String) {
         let ratios: Vec<f64> = self.ns.iter().zip(&other.ns).map(|(a, b)| a / b).collect();
-        let [low, middle, high] = [0.25, 0.5, 0.75].map(|q| quantile(&ratios, q));
+        let [low, middle, high] = [0.25, 0.5, 0.75].map(|q| quantile(ratios.iter().copied(), q));
         (middle, format!("{middle:.2} ({low:.2} to {high:.2})"))
     }
 
@@ -183,12 +192,6 @@ impl Times {
         }
         Ok(())
     }
-}
-
-fn quantile(values: &[f64], q: f64) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted[(q * (sorted.len() - 1) as f64).round() as usize]
 }
 
 /// Runs the programs in turns, round after round.
@@ -237,21 +240,6 @@ impl Bench {
             bench.compile("run", &format!("run-{works}"), &[&format!("-DWORKS={works}")])?;
         }
         Ok(bench)
-    }
-
-    /// With only hapt-bench, for a part that needs nothing else.
-    fn of_one(part: &str) -> Result<Self> {
-        let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| PathBuf::from("target"), PathBuf::from);
-        let folder = target.join("bench").join(part);
-        fs::create_dir_all(&folder)?;
-        output(Command::new(env!("CARGO")).args(["build", "--quiet", "--profile", "dist", "--package", "hapt-bench"]))?;
-        Ok(Bench { programs: target.join("dist"), folder })
-    }
-
-    /// The program `hapt` as it ships.
-    fn shipped(&self) -> Result<PathBuf> {
-        output(Command::new(env!("CARGO")).args(["build", "--quiet", "--profile", "dist", "--package", "hapt"]))?;
-        Ok(self.programs.join("hapt"))
     }
 
     fn compile(&self, source: &str, program: &str, flags: &[&str]) -> Result<()> {

@@ -13,6 +13,7 @@ use fastrand::Rng;
 use serde_json::Value;
 
 use crate::programs;
+use crate::random::one_of;
 
 /// As typed.
 pub const NAME: &str = "commands";
@@ -121,10 +122,6 @@ fn maybe(rng: &mut Rng, ordinary: f64) -> f64 {
         2..12 => 0.0,
         _ => number_of(rng, ordinary),
     }
-}
-
-fn one_of<'a>(rng: &mut Rng, of: &[&'a str]) -> &'a str {
-    of[rng.usize(..of.len())]
 }
 
 /// A world file that is valid but for its numbers now and then.

@@ -23,6 +23,7 @@ mod page;
 mod programs;
 mod proof;
 mod python;
+mod random;
 mod reference;
 mod release;
 mod site;

@@ -1,5 +1,7 @@
 //! The parts of a page that a command makes: what stands between `<!-- command -->` and `<!-- end -->`.
 
+use std::fs;
+
 use anyhow::{Context, Result};
 
 const END: &str = "<!-- end -->";
@@ -15,4 +17,14 @@ pub fn replaced(page: &str, command: &str, text: &str) -> Result<String> {
     let (head, rest) = page.split_once(&begin).with_context(|| format!("the page has no {begin}"))?;
     let (_, tail) = rest.split_once(END).with_context(|| format!("{begin} has no {END}"))?;
     Ok(format!("{head}{begin}\n\n{text}\n{END}{tail}"))
+}
+
+/// Prints what a command has made; with `write`, puts it into its place in a page.
+pub fn publish(page: &str, command: &str, text: &str, write: bool) -> Result<()> {
+    println!("{text}");
+    if write {
+        let old = fs::read_to_string(page).context(page.to_string())?;
+        fs::write(page, replaced(&old, command, text.trim_end())?).context(page.to_string())?;
+    }
+    Ok(())
 }

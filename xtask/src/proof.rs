@@ -21,6 +21,7 @@ use serde_json::Value;
 
 use crate::campaign::Campaign;
 use crate::programs;
+use crate::random::{log_uniform, one_of};
 
 const CHECKER: &str = "proof/checker.py";
 const COQ: &str = "proof/passive.v";
@@ -257,14 +258,6 @@ fn changed_worlds(world: &World, required: f64, theorem: &str) -> Vec<(&'static 
         ));
     }
     all
-}
-
-fn log_uniform(rng: &mut Rng, from: f64, to: f64) -> f64 {
-    10f64.powf(from + (to - from) * rng.f64())
-}
-
-fn one_of<T: Copy>(rng: &mut Rng, of: &[T]) -> T {
-    of[rng.usize(..of.len())]
 }
 
 /// A world within the assumptions of a theorem that has a witness: bodies with the torque at once, laws at the puck under any times, or springs

@@ -44,8 +44,8 @@ pub fn command(arguments: &[String]) -> Result<()> {
         ["debian"] => debian::build().map(|made| say(&made)),
         ["crates"] => crates(),
         ["site"] => packed_site().map(|made| say(&made)),
-        ["minutes"] => minutes::measured().map(|text| println!("{text}")),
-        ["minutes", "--write"] => minutes::write(),
+        ["minutes"] => minutes::publish(false),
+        ["minutes", "--write"] => minutes::publish(true),
         _ => bail!("{USAGE}"),
     }
 }

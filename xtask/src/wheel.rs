@@ -10,6 +10,7 @@ use hapt_report::Width;
 use hapt_report::figure::{Axis, Figure, Panel, Style};
 
 use crate::campaign::Campaign;
+use crate::random::{log_between, quantile};
 
 /// Seconds of a run.
 const DURATION: f64 = 4.0;
@@ -73,20 +74,15 @@ pub fn picture() -> Result<String> {
     Ok(Figure { title, alt, panels: vec![panel], columns: 1 }.svg(Width::Wide, true) + "\n")
 }
 
-/// Even in the logarithm.
-fn between(rng: &mut Rng, low: f64, high: f64) -> f64 {
-    low * (high / low).powf(rng.f64())
-}
-
 /// A wheel, and the angle of a count.
 fn device(rng: &mut Rng) -> (DeviceSpec, f64) {
-    let period = between(rng, 2.5e-4, 2e-3);
-    let inertia = between(rng, 1e-3, 0.1);
-    let damping = between(rng, 2e-3, 0.1);
-    let counts = between(rng, 4e3, 4e6).round();
+    let period = log_between(rng, 2.5e-4, 2e-3);
+    let inertia = log_between(rng, 1e-3, 0.1);
+    let damping = log_between(rng, 2e-3, 0.1);
+    let counts = log_between(rng, 4e3, 4e6).round();
     let delay = rng.f64() * period;
     // Every second wheel has none.
-    let friction = if rng.bool() { 0.0 } else { between(rng, 1e-3, 0.1) };
+    let friction = if rng.bool() { 0.0 } else { log_between(rng, 1e-3, 0.1) };
     let spec = DeviceSpec { delay, damping, friction, ..DeviceSpec::new(period, inertia) };
     (spec, std::f64::consts::TAU / counts)
 }
@@ -94,10 +90,10 @@ fn device(rng: &mut Rng) -> (DeviceSpec, f64) {
 /// One to six conditions about the middle, as strong as those of games: their largest torque is 5 N·m.
 fn effects(rng: &mut Rng) -> Vec<Effect<f64>> {
     let one = |rng: &mut Rng| match rng.u8(0..4) {
-        0 => Effect::Spring(Sides::even(between(rng, 0.1, 300.0), 5.0)),
-        1 => Effect::Damper(Sides::even(between(rng, 1e-2, 10.0), 5.0)),
-        2 => Effect::Friction(Sides::even(between(rng, 1e-2, 5.0), 5.0)),
-        _ => Effect::Inertia(Sides::even(between(rng, 1e-4, 0.1), 5.0)),
+        0 => Effect::Spring(Sides::even(log_between(rng, 0.1, 300.0), 5.0)),
+        1 => Effect::Damper(Sides::even(log_between(rng, 1e-2, 10.0), 5.0)),
+        2 => Effect::Friction(Sides::even(log_between(rng, 1e-2, 5.0), 5.0)),
+        _ => Effect::Inertia(Sides::even(log_between(rng, 1e-4, 0.1), 5.0)),
     };
     (0..rng.usize(1..7)).map(|_| one(rng)).collect()
 }
@@ -163,12 +159,7 @@ fn table(courses: &[Vec<Course>; 2], n: u64) -> String {
     for (name, share) in [("degrees travelled, median", 0.5), ("in 95 of 100", 0.95), ("at most", 1.0)] {
         row(
             name,
-            courses.each_ref().map(|all| {
-                let mut travelled: Vec<f64> = all.iter().map(|course| course.travelled).collect();
-                travelled.sort_by(f64::total_cmp);
-                let at = ((travelled.len() as f64 * share) as usize).min(travelled.len().saturating_sub(1));
-                travelled.get(at).map_or_else(String::new, |degrees| format!("{degrees:.0}"))
-            }),
+            courses.each_ref().map(|all| format!("{:.0}", quantile(all.iter().map(|course| course.travelled), share))),
         );
     }
     out

@@ -14,6 +14,7 @@ use hapt_report::Width;
 use hapt_report::figure::{Axis, Figure, Panel, Style};
 
 use crate::campaign::Campaign;
+use crate::random::quantile;
 use run::{KICK, Outcome, Pair, Remedy, run};
 
 /// What is compared.
@@ -23,11 +24,6 @@ const REMEDIES: [(&str, Remedy); 4] = [
     ("a damper of 0.3 N·m·s/rad", Remedy::Always(0.3)),
     ("1 N·m·s/rad beyond 2 rad/s", Remedy::Beyond(2.0, 1.0)),
 ];
-
-/// Even in the logarithm.
-fn between(rng: &mut Rng, low: f64, high: f64) -> f64 {
-    low * (high / low).powf(rng.f64())
-}
 
 /// `cargo xtask wheel games [--n N] [--seed S] [--write]`
 pub fn command(words: &[&str]) -> Result<()> {
@@ -110,11 +106,7 @@ fn table(name: &str, outcomes: &[Vec<Outcome>; 4], n: u64) -> String {
         }
         out += "\n";
     };
-    let quantile = |outcomes: &[Outcome], of: fn(&Outcome) -> f64, share: f64| {
-        let mut all: Vec<f64> = outcomes.iter().map(of).collect();
-        all.sort_by(f64::total_cmp);
-        all.get(((all.len() as f64 * share) as usize).min(all.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
-    };
+    let quantile = |outcomes: &[Outcome], of: fn(&Outcome) -> f64, share| quantile(outcomes.iter().map(of), share);
     row("games", &|_| n.to_string());
     row("hands off: faster at the end than at first", &|outcomes| {
         outcomes.iter().filter(|one| grows(one)).count().to_string()

@@ -11,6 +11,7 @@ use hapt_rt::{Cycle, Device, EffectsWire, Failure, Moment, Outside, Plan, Positi
 use hapt_wire::pid::{Common, FULL, INFINITE, Kind, Operation, Pool, Report, Scale};
 
 use crate::campaign::Campaign;
+use crate::random::quantile;
 
 /// The loops of the table: the period, and from a sample to its torque, in ms.
 const LOOPS: [(f64, f64); 4] = [(0.5, 0.1), (1.0, 0.2), (1.0, 0.5), (2.0, 0.5)];
@@ -50,9 +51,9 @@ pub fn command(words: &[&str]) -> Result<()> {
          | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n",
     );
     for (period, delay) in LOOPS {
-        let mut taken = taken(period, delay, campaign.n, campaign.seed)?;
+        let taken = taken(period, delay, campaign.n, campaign.seed)?;
         let [begun, half] =
-            [&mut taken.begun, &mut taken.half].map(|all| [0.5, 0.99].map(|share| quantile(all, share)));
+            [&taken.begun, &taken.half].map(|all| [0.5, 0.99].map(|share| quantile(all.iter().copied(), share)));
         let _ = writeln!(
             table,
             "| {period} ms | {delay} ms | {} | {:.2} ms | {:.2} ms | {:.2} ms | {:.2} ms | {} |",
@@ -60,11 +61,6 @@ pub fn command(words: &[&str]) -> Result<()> {
         );
     }
     campaign.publish("wheel latency", "docs/wheel.md", &table)
-}
-
-fn quantile(all: &mut [f64], share: f64) -> f64 {
-    all.sort_by(f64::total_cmp);
-    all.get(((all.len() as f64 * share) as usize).min(all.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
 }
 
 /// The loop of a wheel, with the host's end of its effects.

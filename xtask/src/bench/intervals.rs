@@ -9,8 +9,6 @@ use serde_json::Value;
 
 use super::{Bench, output};
 
-const PAGE: &str = "docs/realtime.md";
-const BLOCK: &str = "cargo xtask bench intervals";
 /// The duration of each measurement.
 const DURATION: &str = "20s";
 
@@ -45,21 +43,9 @@ impl Drop for Busy {
     }
 }
 
-/// Measures and prints only this part, and with `write` puts it into its place on the page.
-pub fn measure(write: bool) -> Result<()> {
-    let text = Bench::of_one("intervals")?.intervals()?;
-    println!("{text}");
-    if write {
-        let page = fs::read_to_string(PAGE).context(PAGE)?;
-        fs::write(PAGE, crate::marked::replaced(&page, BLOCK, text.trim_end())?).context(PAGE)?;
-        println!("wrote {PAGE}");
-    }
-    Ok(())
-}
-
 impl Bench {
-    fn intervals(&self) -> Result<String> {
-        let hapt = self.shipped()?;
+    pub(super) fn intervals(&self) -> Result<String> {
+        let hapt = self.programs.join("hapt");
         let mut measured = Vec::new();
         for (_, words, busy) in CONDITIONS {
             let load = busy.then(Busy::new).transpose()?;

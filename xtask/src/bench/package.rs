@@ -1,12 +1,12 @@
 //! The Python package compared with the crates and with other tools: `bench/python/package.py` in an environment of its own.
 
-use std::fs;
 use std::path::{Path, PathBuf, absolute};
 use std::process::Command;
 
 use anyhow::Result;
 
 use super::{Bench, PAGE, PAIRS, output};
+use crate::marked;
 
 const SCALE: &str = "docs/python.md";
 const BLOCK: &str = "cargo xtask bench python";
@@ -20,32 +20,15 @@ const SWEEPS: usize = 5;
 
 /// Measures and prints only these tables, of so many rounds; with `write`, puts them into the page.
 pub(super) fn measure(rounds: usize, write: bool) -> Result<()> {
-    let bench = Bench::of_one("package")?;
-    output(Command::new(env!("CARGO")).args(["build", "--quiet", "--profile", "dist", "--package", "hapt"]))?;
-    let text = bench.tables(rounds)?;
-    println!("{text}");
-    if write {
-        into(PAGE, BLOCK, &text)?;
-    }
-    Ok(())
+    marked::publish(PAGE, BLOCK, &Bench::build()?.tables(rounds)?, write)
 }
 
 /// A sweep of `loops` in shards, end to end; with `write`, into the page.
 pub(super) fn scale(loops: &str, write: bool) -> Result<()> {
-    let python = environment(&Bench::of_one("package")?.folder)?;
+    let python = environment(&Bench::build()?.folder)?;
     let processes = std::thread::available_parallelism()?.to_string();
     let text = output(Command::new(python).arg("bench/python/scale.py").args([loops, &processes]))?;
-    println!("{text}");
-    if write {
-        into(SCALE, "cargo xtask bench scale", &text)?;
-    }
-    Ok(())
-}
-
-/// A block of a page, made anew.
-fn into(page: &str, block: &str, text: &str) -> Result<()> {
-    let old = fs::read_to_string(page)?;
-    Ok(fs::write(page, crate::marked::replaced(&old, block, text.trim_end())?)?)
+    marked::publish(SCALE, "cargo xtask bench scale", &text, write)
 }
 
 /// The Python of an environment with the package and what it is compared with.
@@ -78,7 +61,7 @@ impl Bench {
     fn tables(&self, rounds: usize) -> Result<String> {
         let python = environment(&self.folder)?;
         let mut package = Command::new(&python);
-        package.arg("bench/python/package.py").arg(self.programs.join("hapt-bench")).arg(self.shipped()?);
+        package.arg("bench/python/package.py").arg(self.programs.join("hapt-bench")).arg(self.programs.join("hapt"));
         let mut worlds = Command::new(&python);
         worlds.arg("bench/python/worlds.py").arg(rounds.min(SWEEPS).to_string());
         Ok(output(package.arg(rounds.to_string()))? + &output(&mut worlds)?)

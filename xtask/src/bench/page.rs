@@ -4,40 +4,26 @@ use std::fmt::Write;
 use std::fs;
 use std::process::Command;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 
 use super::checks::stated;
 use super::{Bench, output};
+use crate::random::quantile;
 
-const PAGE: &str = "docs/live.md";
-const BLOCK: &str = "cargo xtask bench page";
 const SCRIPT: &str = "web/test/latency.mjs";
 const KEY: &str = "couplings.0.stiffness";
 
-/// Measures and prints only this part, and with `write` puts it into its place on the page.
-pub fn measure(write: bool) -> Result<()> {
-    let text = Bench::of_one("page")?.page()?;
-    println!("{text}");
-    if write {
-        let page = fs::read_to_string(PAGE).context(PAGE)?;
-        fs::write(PAGE, crate::marked::replaced(&page, BLOCK, text.trim_end())?).context(PAGE)?;
-        println!("wrote {PAGE}");
-    }
-    Ok(())
-}
-
 impl Bench {
-    fn page(&self) -> Result<String> {
-        let hapt = self.shipped()?;
+    pub(super) fn page(&self) -> Result<String> {
+        let hapt = self.programs.join("hapt");
         let mut text = String::from("| world | half are at most, ms | 90 % | longest |\n| --- | --- | --- | --- |\n");
         let mut row = |name: &str, file: &str| -> Result<()> {
             let mut command = Command::new("node");
             let said = output(command.args([SCRIPT, file, KEY]).env("HAPT", &hapt))?;
-            let mut times: Vec<f64> = serde_json::from_str(&said)?;
-            times.sort_by(f64::total_cmp);
-            let at = |part: f64| times.get((part * times.len() as f64) as usize).context("the page shows no verdict");
-            let longest = times.last().context("the page shows no verdict")?;
-            Ok(writeln!(text, "| {name} | {:.1} | {:.1} | {longest:.1} |", at(0.5)?, at(0.9)?)?)
+            let times: Vec<f64> = serde_json::from_str(&said)?;
+            ensure!(!times.is_empty(), "the page shows no verdict");
+            let [half, most, longest] = [0.5, 0.9, 1.0].map(|share| quantile(times.iter().copied(), share));
+            Ok(writeln!(text, "| {name} | {half:.1} | {most:.1} | {longest:.1} |")?)
         };
         row("the notes' wheel", "worlds/notes/wheel.toml")?;
         for bodies in [1, 8] {

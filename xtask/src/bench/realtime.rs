@@ -1,12 +1,12 @@
 //! The loop in real time and a bare C loop with the same calls of the clock, in turns on the same core.
 
 use std::fmt::Write;
-use std::fs;
 use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
 
-use super::{Bench, PAGE, quantile};
+use super::Bench;
+use crate::random::quantile;
 
 /// Rounds, each of so many samples of so many ns.
 const ROUNDS: usize = 15;
@@ -14,7 +14,6 @@ const SAMPLES: u64 = 2000;
 const PERIOD: u64 = 1_000_000;
 /// How long the spinning loops watch the clock, in ns.
 const SPIN: u64 = 200_000;
-const HEADING: &str = "\n## In real time\n";
 
 /// p50, p90, p99, p99.9 and the largest latency of each round, in ns.
 struct Latencies(Vec<[f64; 5]>);
@@ -22,37 +21,20 @@ struct Latencies(Vec<[f64; 5]>);
 impl Latencies {
     /// The median of the rounds, in us.
     fn us(&self, i: usize) -> f64 {
-        let all: Vec<f64> = self.0.iter().map(|round| round[i]).collect();
-        quantile(&all, 0.5) * 1e-3
+        quantile(self.0.iter().map(|round| round[i]), 0.5) * 1e-3
     }
 
     /// How much more than the other's: the median of the rounds' differences, in us.
     fn more_than(&self, other: &Latencies, i: usize) -> f64 {
-        let all: Vec<f64> = self.0.iter().zip(&other.0).map(|(a, b)| a[i] - b[i]).collect();
-        quantile(&all, 0.5) * 1e-3
+        quantile(self.0.iter().zip(&other.0).map(|(a, b)| a[i] - b[i]), 0.5) * 1e-3
     }
-}
-
-/// Measures and prints only this part, and with `write` puts it into its place on the page.
-pub fn measure(write: bool) -> Result<()> {
-    let text = Bench::of_one("realtime")?.realtime()?;
-    eprintln!("{text}");
-    if write {
-        let page = fs::read_to_string(PAGE).context(PAGE)?;
-        // Up to the next heading, or the end.
-        let (before, rest) = page.split_once(HEADING).unwrap_or((&page, ""));
-        let after = rest.find("\n## ").map_or("", |next| &rest[next..]);
-        fs::write(PAGE, format!("{before}{text}{after}")).context(PAGE)?;
-        println!("wrote {PAGE}");
-    }
-    Ok(())
 }
 
 impl Bench {
     pub(super) fn realtime(&self) -> Result<String> {
         self.compile("realtime", "realtime", &[])?;
         let mut text = format!(
-            "{HEADING}\nHow late the loop is at its samples: hapt's, on the simulated device, and a [bare loop in C](../bench/c/realtime.c) with \
+            "\n## In real time\n\nHow late the loop is at its samples: hapt's, on the simulated device, and a [bare loop in C](../bench/c/realtime.c) with \
              the same calls of the clock and nothing to compute, at 1 kHz, in turns on the same core, {ROUNDS} rounds of 2 s each; medians of \
              the rounds. \"Spinning\" watches the clock for the last 200 us. The goals are for the median (sleeping, hapt beyond C) and for \
              p50 and p90 (spinning, hapt itself).\n\n"

@@ -22,7 +22,7 @@ matplotlib.pyplot.savefig('wheel.png')
 ";
 
 /// The rows of the table, of the archive and the wheel that stand in target/packages.
-pub fn measured() -> Result<String> {
+fn measured() -> Result<String> {
     let mut rows = String::from("| from | to | time |\n| --- | --- | --- |\n");
     let home = folder()?.join("newcomer");
     emptied(&home)?;
@@ -50,7 +50,7 @@ pub fn measured() -> Result<String> {
     Ok(rows)
 }
 
-pub fn write() -> Result<()> {
-    let page = fs::read_to_string(PAGE)?;
-    Ok(fs::write(PAGE, marked::replaced(&page, MARK, &measured()?)?)?)
+/// Measures, and with `write` puts the table into its page.
+pub fn publish(write: bool) -> Result<()> {
+    marked::publish(PAGE, MARK, &measured()?, write)
 }

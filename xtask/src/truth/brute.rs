@@ -4,6 +4,8 @@ use fastrand::Rng;
 use hapt_model::{Coupling, Drive, End, EstimatorKind, Hand, Scenario, Shape, Switching, Timing, World};
 use hapt_sim::{DelayWork, Row, Simulation, world_energy};
 
+use crate::random::log_uniform;
+
 /// Below this part of the largest energy there is only rounding.
 const NOTHING: f64 = 1e-20;
 /// An energy this many times the first has grown, whatever comes.
@@ -150,9 +152,8 @@ pub fn drawn_under(world: &World, hand: Hand, samples: u64, timing: Timing) -> (
 pub fn hand(rng: &mut Rng, world: &World) -> Hand {
     let period = world.sampling.period;
     let stiffness: f64 = world.couplings.iter().map(|c| c.law.slopes().stiffness).sum();
-    let log = |rng: &mut Rng, from: f64, to: f64| 10f64.powf(from + (to - from) * rng.f64());
-    let size = log(rng, -3.0, 0.0);
-    let frequency = log(rng, -3.0, -0.1) * 0.5 / period;
+    let size = log_uniform(rng, -3.0, 0.0);
+    let frequency = log_uniform(rng, -3.0, -0.1) * 0.5 / period;
     // No jump of a prescribed position: it would cross the device's damping at no cost.
     let shape = |rng: &mut Rng, size: f64, jumps: bool| match rng.u8(..3) {
         0 if jumps => Shape::Step { to: size, at: 0.0 },
@@ -172,9 +173,9 @@ pub fn hand(rng: &mut Rng, world: &World) -> Hand {
         0 => Drive::Position(shape(rng, size, false)),
         1 => Drive::Torque(shape(rng, size * stiffness, true)),
         _ => Drive::Grip {
-            inertia: world.device.inertia * log(rng, -1.0, 2.0),
+            inertia: world.device.inertia * log_uniform(rng, -1.0, 2.0),
             damping: if rng.bool() { 0.0 } else { world.device.damping * rng.f64() },
-            stiffness: stiffness * log(rng, -2.0, 1.0),
+            stiffness: stiffness * log_uniform(rng, -2.0, 1.0),
             moves: shape(rng, size, true),
             switching: rng.bool().then(|| {
                 let mut samples = || f64::from(rng.u32(1..200)) * period;

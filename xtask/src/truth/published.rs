@@ -13,6 +13,7 @@ use hapt_analysis::{free_growth, passivity, quantisation};
 use hapt_model::{Coupling, Damping, Delay, Device, End, EstimatorKind, Law, Method, Motion, Output, Sampling, World};
 
 use crate::campaign::Campaign;
+use crate::random::log_uniform;
 
 const PERIOD: f64 = 1e-3;
 const INERTIA: f64 = 6.4e-4;
@@ -103,10 +104,6 @@ fn wall(stiffness: f64, damping: f64, device_damping: f64, delay: f64) -> World 
 fn plane([alpha, beta, delta, d]: [f64; 4]) -> World {
     let unit = INERTIA / PERIOD;
     wall(alpha * unit / PERIOD, beta * unit, delta * unit, d * PERIOD)
-}
-
-fn log_uniform(rng: &mut Rng, from: f64, to: f64) -> f64 {
-    10f64.powf(from + (to - from) * rng.f64())
 }
 
 /// The first edge from a soft spring up, of what is stable.

@@ -6,14 +6,7 @@ use hapt_model::{
     Stribeck, Waveform, World,
 };
 
-/// Uniform in the logarithm, between two powers of ten.
-fn log_uniform(rng: &mut Rng, from: f64, to: f64) -> f64 {
-    10f64.powf(from + (to - from) * rng.f64())
-}
-
-fn one_of<T: Copy>(rng: &mut Rng, of: &[T]) -> T {
-    of[rng.usize(..of.len())]
-}
+use crate::random::{log_uniform, one_of};
 
 fn between(rng: &mut Rng, from: f64, to: f64) -> f64 {
     from + (to - from) * rng.f64()

