@@ -1,5 +1,5 @@
-//! Properties of the laws that the proofs use. Every match names every law, so that a new law does not compile until it has an entry
-//! here.
+//! Properties of the laws that the proofs use. A match names every law, so that a new law does not compile until it has an entry here;
+//! what is true of one law alone asks for that law.
 
 use hapt_model::{Coupling, Damping, End, HARMONICS, Law};
 
@@ -53,20 +53,7 @@ pub(crate) fn is_nonlinear(coupling: &Coupling) -> bool {
 
 /// The gain of an integral term, N·m/(rad·s) (linear: N/(m·s)); 0 of every other law.
 pub(crate) fn integral_gain(law: &Law) -> f64 {
-    match *law {
-        Law::Integral { stiffness, time, .. } => stiffness / time,
-        Law::Spring { .. }
-        | Law::Damper { .. }
-        | Law::Wall { .. }
-        | Law::Detent { .. }
-        | Law::DeadBand { .. }
-        | Law::Magnet { .. }
-        | Law::Texture { .. }
-        | Law::Coulomb { .. }
-        | Law::Lugre { .. }
-        | Law::Assist { .. }
-        | Law::Constant { .. } => 0.0,
-    }
+    if let Law::Integral { stiffness, time, .. } = *law { stiffness / time } else { 0.0 }
 }
 
 /// A law that the matrices represent exactly.
@@ -144,20 +131,7 @@ fn largest(harmonics: impl Iterator<Item = (f64, f64, f64)> + Clone) -> f64 {
 
 /// The same where it is flattest, falling slopes left out.
 pub(crate) fn flattest(law: &Law) -> (f64, f64) {
-    match *law {
-        Law::Lugre { viscous, .. } => (0.0, viscous),
-        Law::Spring { .. }
-        | Law::Damper { .. }
-        | Law::Wall { .. }
-        | Law::Detent { .. }
-        | Law::DeadBand { .. }
-        | Law::Magnet { .. }
-        | Law::Texture { .. }
-        | Law::Coulomb { .. }
-        | Law::Integral { .. }
-        | Law::Assist { .. }
-        | Law::Constant { .. } => (0.0, 0.0),
-    }
+    if let Law::Lugre { viscous, .. } = *law { (0.0, viscous) } else { (0.0, 0.0) }
 }
 
 /// The largest torque that a coupling can ask for; infinite where it has no bound of its own.
@@ -213,75 +187,26 @@ pub(crate) fn rises_only(law: &Law) -> bool {
 
 /// Whether the law has a wall's damping.
 pub(crate) fn is_damped_wall(law: &Law) -> bool {
-    match *law {
-        Law::Wall { damping, .. } => damping > 0.0,
-        Law::Spring { .. }
-        | Law::Damper { .. }
-        | Law::Detent { .. }
-        | Law::DeadBand { .. }
-        | Law::Magnet { .. }
-        | Law::Texture { .. }
-        | Law::Coulomb { .. }
-        | Law::Lugre { .. }
-        | Law::Integral { .. }
-        | Law::Assist { .. }
-        | Law::Constant { .. } => false,
-    }
+    matches!(*law, Law::Wall { damping, .. } if damping > 0.0)
 }
 
 /// Whether the discrete-gradient step has no proof that its rounds come to agree with this law at a body: it falls, or has no energy
 /// whose mean torque it is.
 pub(crate) fn may_not_settle(law: &Law) -> bool {
-    match *law {
-        Law::Detent { .. }
-        | Law::Magnet { .. }
-        | Law::Texture { .. }
-        | Law::Coulomb { .. }
-        | Law::Lugre { .. }
-        | Law::Integral { .. }
-        | Law::Assist { .. } => true,
-        Law::Wall { damping, .. } => damping > 0.0,
-        Law::Spring { .. } | Law::Damper { .. } | Law::DeadBand { .. } | Law::Constant { .. } => false,
-    }
+    !rises_only(law) || is_damped_wall(law)
 }
 
 /// Whether bristles give back more than they took: viscous < bristle_damping (stribeck - coulomb)/coulomb, without the quotient.
 pub(crate) fn bristles_give(law: &Law) -> bool {
-    match *law {
-        Law::Lugre { coulomb, stribeck, bristle_damping, viscous, .. } => {
-            viscous * coulomb < bristle_damping * (stribeck - coulomb)
-        }
-        Law::Spring { .. }
-        | Law::Damper { .. }
-        | Law::Wall { .. }
-        | Law::Detent { .. }
-        | Law::DeadBand { .. }
-        | Law::Magnet { .. }
-        | Law::Texture { .. }
-        | Law::Coulomb { .. }
-        | Law::Integral { .. }
-        | Law::Assist { .. }
-        | Law::Constant { .. } => false,
-    }
+    matches!(*law, Law::Lugre { coulomb, stribeck, bristle_damping, viscous, .. }
+        if viscous * coulomb < bristle_damping * (stribeck - coulomb))
 }
 
 /// Whether LuGre friction is a hysteresis of the way alone: one level for sticking and sliding, bristles without damping. What else there is is a
 /// viscous damper.
 pub(crate) fn is_hysteresis(law: &Law) -> bool {
-    match *law {
-        Law::Lugre { coulomb, stribeck, bristle_damping, .. } => bristle_damping == 0.0 && stribeck == coulomb,
-        Law::Spring { .. }
-        | Law::Damper { .. }
-        | Law::Wall { .. }
-        | Law::Detent { .. }
-        | Law::DeadBand { .. }
-        | Law::Magnet { .. }
-        | Law::Texture { .. }
-        | Law::Coulomb { .. }
-        | Law::Integral { .. }
-        | Law::Assist { .. }
-        | Law::Constant { .. } => false,
-    }
+    matches!(*law, Law::Lugre { coulomb, stribeck, bristle_damping, .. }
+        if bristle_damping == 0.0 && stribeck == coulomb)
 }
 
 /// Whether an end is a body.
