@@ -5,8 +5,7 @@ pub mod board;
 #[cfg(feature = "semihosting")]
 pub mod console;
 pub mod halt;
-#[cfg_attr(feature = "mps2", path = "boards/mps2.rs")]
-#[cfg_attr(feature = "mps2-an505", path = "boards/mps2-an505.rs")]
+#[cfg_attr(any(feature = "mps2", feature = "mps2-an505"), path = "boards/mps2.rs")]
 #[cfg_attr(feature = "netduinoplus2", path = "boards/netduinoplus2.rs")]
 #[cfg_attr(feature = "b-g431b-esc1", path = "boards/b-g431b-esc1.rs")]
 #[cfg_attr(feature = "pico2", path = "boards/pico2.rs")]

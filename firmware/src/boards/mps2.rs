@@ -1,27 +1,33 @@
-//! ARM's MPS2 with the FPGA images AN386 (Cortex-M4F) and AN500 (Cortex-M7), as QEMU has them: UART 0 of the CMSDK, its watchdog, and a
-//! puck that swings by itself. Manuals: ARM DAI 0386, DDI 0479.
+//! ARM's MPS2 as QEMU has it: UART 0 of the CMSDK, its watchdog, and a puck that swings by itself. With the FPGA images AN386 (Cortex-M4F) and
+//! AN500 (Cortex-M7), and AN505 (Cortex-M33, as in an RP2350) in its secure state. Manuals: ARM DAI 0386, DAI 0505, DDI 0479.
 
 use super::board::{Board, Device};
 use super::register::Register;
 use super::swing::Swing;
 use super::uart::Uart;
 
-const DATA: Register = Register::at(0x4000_4000);
-const STATE: Register = Register::at(0x4000_4004);
-const CONTROL: Register = Register::at(0x4000_4008);
-const DIVIDER: Register = Register::at(0x4000_4010);
+/// The image's name, its clock in Hz, and where the UART and the watchdog begin.
+#[cfg(feature = "mps2")]
+const IMAGE: (&str, u32, usize, usize) = ("mps2", 25_000_000, 0x4000_4000, 0x4000_8000);
+#[cfg(feature = "mps2-an505")]
+const IMAGE: (&str, u32, usize, usize) = ("mps2-an505", 20_000_000, 0x5020_0000, 0x5008_1000);
 
-const WATCH_LOAD: Register = Register::at(0x4000_8000);
-const WATCH_CONTROL: Register = Register::at(0x4000_8008);
-const WATCH_CLEAR: Register = Register::at(0x4000_800c);
-const WATCH_LOCK: Register = Register::at(0x4000_8c00);
+const DATA: Register = Register::at(IMAGE.2);
+const STATE: Register = Register::at(IMAGE.2 + 0x4);
+const CONTROL: Register = Register::at(IMAGE.2 + 0x8);
+const DIVIDER: Register = Register::at(IMAGE.2 + 0x10);
+
+const WATCH_LOAD: Register = Register::at(IMAGE.3);
+const WATCH_CONTROL: Register = Register::at(IMAGE.3 + 0x8);
+const WATCH_CLEAR: Register = Register::at(IMAGE.3 + 0xc);
+const WATCH_LOCK: Register = Register::at(IMAGE.3 + 0xc00);
 
 /// The board.
 pub struct Here;
 
 impl Board for Here {
-    const NAME: &'static str = "mps2";
-    const CLOCK: u32 = 25_000_000;
+    const NAME: &'static str = IMAGE.0;
+    const CLOCK: u32 = IMAGE.1;
 
     type Line = Uart;
     type Device = Puck;
