@@ -9,7 +9,6 @@ mod run;
 use std::fmt::Write as _;
 
 use anyhow::{Result, anyhow};
-use fastrand::Rng;
 use hapt_report::Width;
 use hapt_report::figure::{Axis, Figure, Panel, Style};
 

@@ -1,7 +1,6 @@
 //! The intervals of a loop on this machine, with and without busy programs, as a part of the page about time.
 
 use std::fmt::Write;
-use std::fs;
 use std::process::{Child, Command, Stdio};
 
 use anyhow::{Context, Result};
