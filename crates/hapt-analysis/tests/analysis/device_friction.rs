@@ -46,7 +46,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(hapt_testing::cases(200))]
+    #![proptest_config(hapt_testing::cases(64))]
 
     /// What friction is more at low speeds only takes: passivity is that without it, and no verdict gets better.
     #[test]

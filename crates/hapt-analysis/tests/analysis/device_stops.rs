@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use crate::common::*;
 
 proptest! {
-    #![proptest_config(hapt_testing::cases(200))]
+    #![proptest_config(hapt_testing::cases(64))]
 
     /// They store and take, as a passive hand does: passivity is that without them, and no verdict gets better.
     #[test]

@@ -54,7 +54,7 @@ fn damper(damping: f64) -> Coupling {
 }
 
 proptest! {
-    #![proptest_config(hapt_testing::cases(200))]
+    #![proptest_config(hapt_testing::cases(64))]
 
     /// They stand between the motor and the hand, store, and give none: a passive hand has them too.
     #[test]
@@ -70,6 +70,10 @@ proptest! {
         prop_assert!(without.certified.holds() || !with.certified.holds());
         prop_assert_eq!(with.held, without.held);
     }
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(200))]
 
     /// Their slope is that of a hand which holds the puck by a spring, the flat one that of no hand.
     #[test]
