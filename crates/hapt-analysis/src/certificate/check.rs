@@ -323,7 +323,7 @@ fn falling_friction(world: &World) -> Option<String> {
 /// What each compensation of a torque of the device takes of the device's damping.
 fn compensations(world: &World) -> Result<Vec<String>, Error> {
     let mut notes = Vec::new();
-    for (index, coupling) in world.couplings.iter().enumerate() {
+    for coupling in &world.couplings {
         let Some((of, share)) = world.device.compensated_by(coupling) else { continue };
         if of == Compensated::Friction {
             let least = world.device.friction_range()[0];
@@ -331,7 +331,7 @@ fn compensations(world: &World) -> Result<Vec<String>, Error> {
             let share_max = ((least - others) / world.device.least_friction()).clamp(0.0, 1.0);
             let torque = |torque: f64| with_unit(torque, Measure::Torque, world.motion);
             notes.push(format!(
-                "couplings.{index}: it takes {} of device.friction back by the measured velocity, {}: friction is {} at least, which pays for as \
+                "compensation of friction: it takes {} of device.friction back by the measured velocity, {}: friction is {} at least, which pays for as \
                  much and for nothing else, so that a share of {} is the most beside the other couplings; free has neither",
                 short(share),
                 torque(laws::most(coupling)),
@@ -340,12 +340,12 @@ fn compensations(world: &World) -> Result<Vec<String>, Error> {
             ));
             continue;
         }
+        let of = of.name();
         let cost = laws_cost(world, [laws::steepest(&coupling.law).0, 0.0])?;
         notes.push(format!(
-            "couplings.{index}: it takes {} of device.{} back by the measured position: a law of its steepest slope, which costs {} of the \
+            "compensation of {of}: it takes {} of device.{of} back by the measured position: a law of its steepest slope, which costs {} of the \
              device's damping",
             short(share),
-            of.name(),
             with_unit(cost, Measure::Damping, world.motion)
         ));
     }

@@ -1,6 +1,7 @@
 //! The certificate of a world, its remedies, and the margins of a certified world.
 
 mod certified;
+mod change;
 
 pub mod check;
 mod headline;

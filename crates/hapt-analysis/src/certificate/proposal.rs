@@ -108,23 +108,27 @@ pub fn proposal(
             Remedy::key("safety.overspeed", value, "in [safety]: below it the device's friction makes up for damping")
         }));
     }
+    if let Some(scale) = remedies.compensation_scale {
+        let shares = file.keys(|i, coupling| {
+            let (_, share) = world.device.compensated_by(coupling).filter(|_| i >= file.own())?;
+            Some(("share", share))
+        });
+        list.extend(file.scaled(&shares, scale));
+    }
     if let Some(scale) = remedies.stiffness_scale {
-        let stiff: Vec<(usize, &str, f64)> = world.couplings.iter().enumerate().filter_map(stiffness).collect();
-        let all = if stiff.len() > 1 { format!(", all of them times {}", number(scale)) } else { String::new() };
-        let keys: Vec<(String, f64)> =
-            stiff.iter().map(|(i, key, value)| (format!("couplings.{i}.{key}"), scale * value)).collect();
-        let mut softer = Remedy::default();
-        let values = file.values(&keys, Certified::Below).unwrap_or_default();
-        for ((i, ..), ((path, _), value)) in stiff.iter().zip(keys.iter().zip(values)) {
-            softer.and(path, value, &format!("in couplings.{i}{all}"));
-        }
-        softer.is_joint = softer.sets.len() > 1;
-        list.extend(Some(softer).filter(|softer| !softer.lines.is_empty()));
+        let strengths = file.keys(|i, coupling| match world.device.compensated_by(coupling) {
+            Some((_, share)) if i >= file.own() => Some(("share", share)),
+            _ => {
+                let mut law = coupling.law;
+                law.strength().map(|strength| (strength.name, *strength.value))
+            }
+        });
+        list.extend(file.scaled(&strengths, scale));
     }
     if let Some(damping) = remedies.ground_damping.filter(|damping| *damping > 0.0) {
         let unit = Measure::Damping.dimension(world.motion).symbol();
         let mut dampers = Remedy::default();
-        for (name, index) in world.names.iter().zip(world.couplings.len()..) {
+        for (name, index) in world.names.iter().zip(file.own()..) {
             let value = format!("{} {unit}", written(damping));
             let table = format!("{{ kind = \"damper\", between = [{name:?}, \"ground\"], damping = {value:?} }}");
             dampers.sets.push((format!("couplings.{index}"), table));
@@ -145,12 +149,6 @@ pub fn proposal(
     Ok(Some(Proposal { heading, remedies: list }))
 }
 
-/// The key that holds the stiffness of a coupling, and its value.
-fn stiffness((i, coupling): (usize, &Coupling)) -> Option<(usize, &'static str, f64)> {
-    let mut law = coupling.law;
-    law.strength().map(|strength| (i, strength.name, *strength.value))
-}
-
 /// The keys of the file as written.
 struct File<'a> {
     world: &'a World,
@@ -160,6 +158,38 @@ struct File<'a> {
 }
 
 impl File<'_> {
+    /// How many couplings the file has itself: those of its compensations come behind them.
+    fn own(&self) -> usize {
+        let indices = self.parameters.iter().filter_map(|parameter| {
+            let (index, _) = parameter.path.strip_prefix("couplings.")?.split_once('.')?;
+            index.parse::<usize>().ok()
+        });
+        indices.max().map_or(0, |last| last + 1)
+    }
+
+    /// The key of each coupling that `of` names, with its value: the table's path, the whole path, and the number.
+    fn keys<'k>(&self, of: impl Fn(usize, &Coupling) -> Option<(&'k str, f64)>) -> Vec<(String, String, f64)> {
+        let own = self.own();
+        let key = |(i, coupling): (usize, &Coupling)| {
+            let (name, value) = of(i, coupling)?;
+            let table = if i < own { format!("couplings.{i}") } else { format!("compensation.{}", i - own) };
+            Some((table.clone(), format!("{table}.{name}"), value))
+        };
+        self.world.couplings.iter().enumerate().filter_map(key).collect()
+    }
+
+    /// These numbers times `scale`, all of them together.
+    fn scaled(&self, numbers: &[(String, String, f64)], scale: f64) -> Option<Remedy> {
+        let all = if numbers.len() > 1 { format!(", all of them times {}", number(scale)) } else { String::new() };
+        let keys: Vec<(String, f64)> = numbers.iter().map(|(_, path, value)| (path.clone(), scale * value)).collect();
+        let mut softer = Remedy::default();
+        for ((table, path, _), value) in numbers.iter().zip(self.values(&keys, Certified::Below)?) {
+            softer.and(path, value, &format!("in {table}{all}"));
+        }
+        softer.is_joint = softer.sets.len() > 1;
+        (!softer.lines.is_empty()).then_some(softer)
+    }
+
     /// `value unit`, in the unit that the file uses; a bare number where it uses none. The number is the roundest beside `si` with which the
     /// file, read anew, is certified; `None` where it is with none, as a number beyond the key's range.
     fn value(&self, path: &str, si: f64, side: Certified) -> Option<String> {

@@ -11,11 +11,12 @@ use std::collections::BTreeMap;
 use hapt_model::{Coupling, Damping, Delay, End, EstimatorKind, Law, Output, World};
 use serde::Serialize;
 
+use crate::certificate::change::{Change, SPARE, STRIDE, WIDTH, changed};
 use crate::certificate::rounding::{Certified, roundest};
 use crate::certificate::{excess_below, is_certified};
 use crate::equations::delay::MAX_IN_FLIGHT;
 use crate::error::Error;
-use crate::numerics::crossing::{Ranked, Spacing, first_crossing, illinois};
+use crate::numerics::crossing::{Ranked, Spacing, first_crossing};
 use crate::theorems::passivity::{passivity, required_damping};
 use crate::theorems::uneven::{is_stated, uneven, uneven_damping};
 
@@ -41,6 +42,9 @@ pub struct Remedies {
     /// The largest `safety.overspeed` with which the device's friction makes up for missing damping, rad/s (linear: m/s).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub overspeed: Option<f64>,
+    /// The largest factor on the share of every `[[compensation]]`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub compensation_scale: Option<f64>,
     /// The largest factor on every spring, wall, detent and bristle.
     pub stiffness_scale: Option<f64>,
     /// Where the file states times or tolerances, the longest interval between samples, s; the period does not follow it.
@@ -54,19 +58,11 @@ pub struct Remedies {
     pub reasons: BTreeMap<&'static str, String>,
 }
 
-/// Ratio of successive trials.
-const STRIDE: f64 = 2.0;
-/// Range of an outward search, as a ratio.
-const MAX_RATIO: f64 = 1e9;
 /// Least ratio of a period, and of a stiffness. Below, any growth falls under the threshold of the verdict.
 const MIN_PERIOD: f64 = 1e-3;
 const MIN_STIFFNESS: f64 = 1e-6;
-/// Relative tolerance of a search.
-const WIDTH: f64 = 1e-7;
 /// First step of the margin of a bound, in periods.
 const FIRST_STEP: f64 = 0.25;
-/// Relative damping margin with which a passive loop is taken as stable hands-off.
-const SPARE: f64 = 1e-6;
 /// Range of a margin, as a ratio.
 const MAX_MARGIN: f64 = 1e6;
 /// Tolerance, in samples, within which a delay counts as a whole number; twice that of the loop.
@@ -127,6 +123,7 @@ pub fn remedies(world: &World) -> Result<Remedies, Error> {
             })
             .map(EstimatorKind::name),
         overspeed: if certified { None } else { overspeed(world)? },
+        compensation_scale: if certified { None } else { compensation_scale(world) },
         stiffness_scale,
         reasons,
     })
@@ -304,79 +301,6 @@ pub fn certified_interval(
     Ok(Some([if holds(low) && low <= now { low } else { now }, if holds(high) && high >= now { high } else { now }]))
 }
 
-fn changed(world: &World, change: impl FnOnce(&mut World)) -> bool {
-    let mut world = world.clone();
-    change(&mut world);
-    is_certified(&world)
-}
-
-/// A world, and what a value of the search changes in it.
-struct Change<'w, F> {
-    world: &'w World,
-    set: F,
-}
-
-impl<F: Fn(&mut World, f64)> Change<'_, F> {
-    fn excess(&self, value: f64, spare: f64) -> f64 {
-        let mut world = self.world.clone();
-        (self.set)(&mut world, value);
-        excess_below(&world, spare)
-    }
-
-    fn is_certified(&self, value: f64) -> bool {
-        self.excess(value, 0.0) <= 0.0
-    }
-
-    /// The roundest certified value beside `end`, from the present one `now` upwards.
-    fn largest_from(&self, now: f64, end: f64) -> f64 {
-        roundest(end, Certified::Below, |x| *x >= now && self.is_certified(*x))
-    }
-
-    /// The last certified value on the way from a certified one to one that is not, to [`WIDTH`], as a round number.
-    fn last(&self, good: f64, bad: f64) -> f64 {
-        // The search runs upwards.
-        let way = if good < bad { 1.0 } else { -1.0 };
-        let search = |spare: f64| {
-            let excess = |x: f64| self.excess(way * x, spare);
-            let (from, to) = ((way * good, excess(way * good)), (way * bad, excess(way * bad)));
-            if from.1 > 0.0 || to.1 <= 0.0 {
-                return None;
-            }
-            illinois(&mut |x| Ok(excess(x)), from, to, WIDTH).ok().map(|x| way * x)
-        };
-        let end = search(SPARE).filter(|end| self.is_certified(*end)).or_else(|| search(0.0)).unwrap_or(good);
-        let side = if good < bad { Certified::Below } else { Certified::Above };
-        roundest(end, side, |x| way * x >= way * good && self.is_certified(*x))
-    }
-
-    /// The first certified value below `now` in steps of [`STRIDE`], down to `down` times it, then the largest.
-    fn largest_below(&self, now: f64, down: f64) -> Option<f64> {
-        let mut bad = now;
-        while bad > now * down {
-            let good = (bad / STRIDE).max(now * down);
-            if self.is_certified(good) {
-                return Some(self.last(good, bad));
-            }
-            bad = good;
-        }
-        None
-    }
-
-    /// The first certified value from `good` upwards in steps of [`STRIDE`], then the least.
-    fn least(&self, mut bad: f64, mut good: f64) -> Option<f64> {
-        let far = MAX_RATIO * good;
-        while !self.is_certified(good) {
-            // 0 and infinity do not grow.
-            if !(STRIDE * good > good && good <= far) {
-                return None;
-            }
-            bad = good;
-            good *= STRIDE;
-        }
-        Some(self.last(good, bad))
-    }
-}
-
 fn with_advance(world: &World, advance: u32) -> bool {
     advance != world.sampling.advance && changed(world, |w| w.sampling.advance = advance)
 }
@@ -487,6 +411,21 @@ fn stiffness_scale(world: &World) -> Option<f64> {
     }
     let set = |w: &mut World, factor: f64| {
         w.couplings.iter_mut().filter_map(|c| c.law.strength()).for_each(|strength| *strength.value *= factor);
+    };
+    Change { world, set }.largest_below(1.0, MIN_STIFFNESS)
+}
+
+fn compensation_scale(world: &World) -> Option<f64> {
+    let is_one = |c: &Coupling| world.device.compensated_by(c).is_some();
+    if !world.couplings.iter().any(is_one) {
+        return None;
+    }
+    let set = |w: &mut World, factor: f64| {
+        for c in w.couplings.iter_mut().filter(|c| is_one(c)) {
+            if let Law::Detent { torque, .. } | Law::Texture { torque, .. } | Law::Assist { torque, .. } = &mut c.law {
+                *torque *= factor;
+            }
+        }
     };
     Change { world, set }.largest_below(1.0, MIN_STIFFNESS)
 }

@@ -432,6 +432,41 @@ fn proposed(source: &Source) -> Vec<Vec<(String, String)>> {
     all.remedies.into_iter().map(|remedy| remedy.sets).filter(|sets| !sets.is_empty()).collect()
 }
 
+proptest! {
+    /// A compensation beside a coupling: each proposed change is of a key that the file has, certifies the file, and a smaller share is among them
+    /// as far as the position's law leaves something of the damping.
+    #[test]
+    fn too_much_of_a_compensation_is_mended_by_a_smaller_share(
+        torque in 0.05..0.5_f64, share in 0.3..1.0_f64, part in 0.2..0.9_f64, of_spring in 0.0..0.9_f64, with_body in any::<bool>(),
+    ) {
+        // The compensation and the spring ask for their stiffness times half a period.
+        let damping = 0.5e-3 * torque * share * part;
+        let body = if with_body { "[bodies]\nball = { inertia = \"0.01 kg m^2\" }\n" } else { "" };
+        let file = format!(
+            "[loop]\nperiod = \"1 ms\"\nestimator = \"difference\"\n[device]\ninertia = 0.01\ndamping = {damping}\n\
+             friction = \"1 mN m\"\nlimit = \"2 N m\"\n{body}[device.gravity]\ntorque = {torque}\n\
+             [[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\nstiffness = {}\n\
+             [[compensation]]\nof = \"gravity\"\nshare = {share}\n",
+            of_spring * part * share * torque
+        );
+        let source = Source::from_text("arm.toml", file);
+        prop_assert!(!hapt_analysis::is_certified(&World::read(&source, &[]).unwrap()));
+        let all = proposed(&source);
+        for sets in &all {
+            let sets: Vec<String> = sets.iter().map(|(key, value)| format!("{key}={value}")).collect();
+            let world = World::read(&source, &sets);
+            prop_assert!(world.is_ok(), "{sets:?} {:?}", world.err());
+            prop_assert!(hapt_analysis::is_certified(&world.unwrap()), "{sets:?}");
+        }
+        let is_share = |sets: &&Vec<(String, String)>| sets.len() == 1 && sets[0].0 == "compensation.0.share";
+        let smaller: Vec<&Vec<(String, String)>> = all.iter().filter(is_share).collect();
+        prop_assert_eq!(smaller.len(), 1, "{:?}", all);
+        let most = 2e3 * damping / torque - of_spring * part * share;
+        let proposed: f64 = digits(&smaller[0][0].1).parse().unwrap();
+        prop_assert!(proposed <= most && proposed > most * (1.0 - 1e-3), "{proposed} {most}");
+    }
+}
+
 /// The number of a value with its unit.
 fn digits(value: &str) -> &str {
     value.split(' ').next().unwrap()
