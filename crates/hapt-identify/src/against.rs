@@ -16,7 +16,7 @@ use crate::record::{CancellableRecord, Record};
 use crate::remainder::{RESOLUTION, left, residual};
 use crate::start::{Begin, begins};
 use crate::torque::{TorqueFit, fit_torque};
-use crate::{Error, Lattice, lattice};
+use crate::{Error, Lattice};
 
 /// An estimate so many standard errors outside contradicts the file. A lag that is too short to be told can move the other numbers by up to
 /// four of theirs.
@@ -293,7 +293,7 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
         residuals: puck.left_from_sample(record, first),
         residual,
         noise: record.noise(),
-        lattice: lattice(record.positions()),
+        lattice: record.lattice(),
     })
 }
 
@@ -310,7 +310,7 @@ fn with_handle(record: &CancellableRecord<'_>, claims: &Claims, shaft: &Handle) 
         residuals,
         residual,
         noise: record.noise(),
-        lattice: lattice(record.positions()),
+        lattice: record.lattice(),
     })
 }
 

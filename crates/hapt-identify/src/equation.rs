@@ -210,6 +210,15 @@ impl Rows {
         all
     }
 
+    /// The same under each of these torques, where the weight is the bump.
+    pub fn under(&self, record: &Record, torques: &[Vec<f64>]) -> Vec<Rows> {
+        let with = |torques: Vec<f64>| {
+            let rows = self.rows.iter().zip(torques).map(|(row, torque)| Row { torque, ..*row }).collect();
+            Rows { errors: self.errors, rows, noise: self.noise }
+        };
+        self.weighed(record, torques).into_iter().map(with).collect()
+    }
+
     /// The same, whose solutions have standard errors by another way.
     pub fn with_errors(self, errors: Errors) -> Rows {
         Rows { errors, ..self }

@@ -4,7 +4,6 @@ use std::cmp::Ordering;
 
 use crate::best::{best, free};
 use crate::bound::Bounded;
-use crate::counts::lattice;
 use crate::device;
 use crate::fit::{Fit, fit};
 use crate::handle::resonance;
@@ -224,7 +223,7 @@ fn blamed(record: &Record, known: &Known, fit: &Fit) -> Option<PositionTorque> {
 fn large(record: &Record, known: &Known, best: &Fit) -> Error {
     let left = left(record, best);
     let rms = residual(&left).rms;
-    let counts = lattice(record.positions()).map(|lattice| rms / lattice.step);
+    let counts = record.lattice().map(|lattice| rms / lattice.step);
     let resonance_hz = resonance(&best.puck.left_from_sample(record, best.first));
     let position = blamed(record, known, best);
     Error::Residual(LargeResidual { rms, counts, position, resonance_hz, puck: Some(Box::new(best.puck)) })

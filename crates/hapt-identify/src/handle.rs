@@ -12,12 +12,11 @@ use hapt_plant::spec::DeviceSpec;
 
 use self::fit::{FEW_ITERATIONS, Fit, Free, MAX_ITERATIONS, POSITION, Parameters, VARIANCE, measured, positions};
 use crate::best::best;
-use crate::counts::lattice;
 use crate::error::{Error, LargeResidual};
 use crate::explained::explained;
 use crate::identified::{CorrelatedPair, Interval, Residual};
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
-use crate::remainder::{residual, variance};
+use crate::remainder::residual;
 use crate::ringing::{Ringing, ringing};
 use crate::spectrum::{Line, line};
 use crate::start::{Begin, begins, starts};
@@ -111,7 +110,7 @@ impl HandleSearch {
 /// The search for the device that explains a record. A search that begins near a device ends with it where that explains the record.
 pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>) -> Result<HandleSearch, Error> {
     let CancellableRecord { record, stop } = *watched;
-    let (lattice, spread) = (lattice(record.positions()), variance(record.positions()).sqrt());
+    let (lattice, spread) = (record.lattice(), record.spread());
     let explains = |fit: &Fit| explained(record, &fit.left, lattice, spread);
     let from = |(rests, p): (bool, Parameters)| {
         let mut fit = Fit::of(record, p, rests)?;

@@ -3,7 +3,7 @@
 use nalgebra::SMatrix;
 
 use crate::bound::Bounded;
-use crate::counts::{Lattice, lattice};
+use crate::counts::Lattice;
 use crate::fit::{Fit, Square};
 use crate::identified::{CorrelatedPair, Identified, Interval, Known, Residual};
 use crate::lag::Lag;
@@ -90,7 +90,7 @@ impl<'k> Intervals<'k> {
         // Where the lag is not told, the delay of a motor without one is as right.
         let instead = rate(DELAY).filter(|_| told.is_none());
         let late = bounded(lag.map(|lag| instead.into_iter().fold(lag.late(), Interval::with)));
-        let lattice = lattice(record.positions());
+        let lattice = record.lattice();
         let is_exact = lattice.is_none() && residual.rms < RESOLUTION * spread;
         let (condition, correlated) = covariance.map_or((f64::INFINITY, Vec::new()), |c| self.correlations(&c));
         Identified {

@@ -1,6 +1,7 @@
 //! What is known of a motion: times, positions and the torques that were asked for.
 
 use crate::Error;
+use crate::counts::{Lattice, lattice};
 use crate::noise::noise;
 
 /// Delays are looked for up to here, in s. So long after its beginning the part of a record begins that is fitted first: by then every
@@ -44,6 +45,10 @@ pub struct Record {
     news: Vec<bool>,
     /// The noise of the positions, rms.
     noise: f64,
+    /// The standard deviation of the positions, and the torques' root mean square.
+    spread: f64,
+    effort: f64,
+    lattice: Option<Lattice>,
 }
 
 impl Record {
@@ -87,7 +92,12 @@ impl Record {
             .chunk_by(|a, b| a == b)
             .flat_map(|equal| (0..equal.len()).map(|i| i == 0 || equal.len() < AT_REST));
         let (news, noise) = (news.collect(), noise(&times, &positions));
-        Ok(Record { news, noise, forces: None, times, positions, torques })
+        let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / times.len() as f64;
+        let middle = mean(&mut positions.iter().copied());
+        let spread = mean(&mut positions.iter().map(|z| (z - middle).powi(2))).sqrt();
+        let effort = mean(&mut torques.iter().map(|torque| torque * torque)).sqrt();
+        let lattice = lattice(&positions);
+        Ok(Record { news, noise, spread, effort, lattice, forces: None, times, positions, torques })
     }
 
     /// The same with a second torque that acts on the puck, from a sensor: one value a sample, in N·m (N) or any multiple of it, of either
@@ -169,6 +179,21 @@ impl Record {
     /// The noise of the positions, rms, in rad (m), estimated without a fit.
     pub(crate) fn noise(&self) -> f64 {
         self.noise
+    }
+
+    /// The standard deviation of the positions, in rad (m).
+    pub(crate) fn spread(&self) -> f64 {
+        self.spread
+    }
+
+    /// The root mean square of the torques, in N·m (N).
+    pub(crate) fn effort(&self) -> f64 {
+        self.effort
+    }
+
+    /// The lattice on which the positions stand, where they stand on one.
+    pub(crate) fn lattice(&self) -> Option<Lattice> {
+        self.lattice
     }
 
     /// Whether there is any torque.

@@ -1,6 +1,5 @@
 //! What a fit leaves of a record.
 
-use crate::counts::lattice;
 use crate::explained::explained;
 use crate::fit::Fit;
 use crate::identified::Residual;
@@ -17,7 +16,7 @@ pub(crate) fn error_variance(record: &Record, fit: &Fit) -> f64 {
 
 /// Whether counts and noise explain what a fit leaves.
 pub(crate) fn is_right(record: &Record, fit: &Fit) -> bool {
-    explained(record, &left(record, fit), lattice(record.positions()), spread(record, fit))
+    explained(record, &left(record, fit), record.lattice(), spread(record, fit))
 }
 
 /// The standard deviation of the positions that are fitted.

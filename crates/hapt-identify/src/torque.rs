@@ -1,6 +1,6 @@
 //! The answer for devices that no puck of the model explains: means over models and over bands of frequency, and what they leave.
 
-use crate::counts::{Lattice, lattice};
+use crate::counts::Lattice;
 use crate::equation::{
     BLOCKS, Band, CONSTANT, COSINE, DAMPING, DIRECTION, Errors, FORCE, FRICTION, INERTIA, Mask, Rows, SINE, STIFFNESS,
     Solved, TERMS,
@@ -227,18 +227,19 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
     let count = if turns { MODELS.len() } else { MODELS.len() - 1 };
     let models = MODELS.map(|model| with_force(model, record));
     let (plain_terms, spring_terms, models) = (models[0], models[1], &models[..count]);
-    let torques_of = |delay: f64| delayed(record, delay);
-    let shown = |delay: f64| {
-        let rows = Rows::new(record, &signs, &torques_of(delay), SHOWN);
-        let solved = [spring_terms, plain_terms].into_iter().find_map(|model| rows.solved(model, duration))?;
-        Some((delay, solved.share))
+    let delays: Vec<f64> = (0..DELAYS).map(|i| i as f64 * DELAY_STEP).collect();
+    let torques: Vec<Vec<f64>> = delays.iter().map(|delay| delayed(record, *delay)).collect();
+    let shown = |rows: &Rows| {
+        let mut models = [spring_terms, plain_terms].into_iter();
+        Some(models.find_map(|model| rows.solved(model, duration))?.share)
     };
-    let delays = (0..DELAYS).filter_map(|i| shown(i as f64 * DELAY_STEP));
-    let (delay, _) = delays.min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let torques = torques_of(delay);
+    let shares = Rows::new(record, &signs, &torques[0], SHOWN).under(record, &torques);
+    let shares = shares.iter().enumerate().filter_map(|(i, rows)| Some((i, shown(rows)?)));
+    let (i, _) = shares.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let (delay, torques) = (delays[i], &torques[i]);
     let mut bands: Vec<(Band, f64, Vec<Solved>)> = Vec::new();
     for band in BANDS.into_iter().filter(|band| 4.0 * band.length < duration) {
-        let rows = Rows::new(record, &signs, &torques, band).with_errors(errors);
+        let rows = Rows::new(record, &signs, torques, band).with_errors(errors);
         if rows.rows.len() < 4 * TERMS {
             continue;
         }
@@ -277,7 +278,7 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
     let inertia = of(INERTIA, true)?;
     let way = if inertia.value < 0.0 { -1.0 } else { 1.0 };
     let deviation = inertia.variance.sqrt();
-    let rows = Rows::new(record, &signs, &torques, SHOWN).with_errors(errors);
+    let rows = Rows::new(record, &signs, torques, SHOWN).with_errors(errors);
     let plain = rows.solved(plain_terms, duration)?;
     // Motion of one frequency does not tell an inertia from a spring, nor from what a hand does.
     let is_apart = rows.solved(spring_terms, duration).is_some();
@@ -339,7 +340,7 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
         offset: torque(CONSTANT, -way).filter(|_| is_told),
         gain: motor.filter(|motor| motor.high < f64::MAX),
         sign: (is_told && inertia.value.abs() > SURELY * deviation).then_some(way),
-        lattice: lattice(positions),
+        lattice: record.lattice(),
         misfit,
         beyond_noise,
         inertia_by_torque,

@@ -8,12 +8,9 @@ use super::fit::{
     DAMPING, Device, FAST, FRICTION, Fit, Free, INERTIA, LATE, OFFSET, PARAMETERS, Parameters, RISE, SHORTEST_LAG,
     STIFFNESS, STOP_DAMPING, STOPS, Shot, VARIANCE,
 };
-use crate::counts::lattice;
 use crate::equation::{self, Band, Rows};
-use crate::explained::explained;
 use crate::identified::Known;
 use crate::record::{CancellableRecord, Record};
-use crate::remainder::variance;
 use crate::start::{delayed, signs, velocities};
 use crate::torque::PLAIN;
 
@@ -138,11 +135,6 @@ fn needs_stops(record: &Record, fit: &Fit) -> bool {
     Fit::of(record, device, fit.free, fit.shots.clone()).is_none_or(|without| without.squares > 2.0 * fit.squares)
 }
 
-/// Whether counts and noise explain what a fit leaves.
-pub(super) fn is_right(record: &Record, fit: &Fit) -> bool {
-    explained(record, &fit.left, lattice(record.positions()), variance(record.positions()).sqrt())
-}
-
 /// The equation of motion over the windows that keep away from the ends.
 fn away(record: &CancellableRecord<'_>, known: &Known, part: f64) -> Option<Away> {
     let positions = record.positions();
@@ -151,16 +143,18 @@ fn away(record: &CancellableRecord<'_>, known: &Known, part: f64) -> Option<Away
     let limits = [low + margin, high - margin];
     let signs = signs(record);
     let duration = record.period() * record.times().len() as f64;
-    let solved = |delay: f64| {
-        let torques = delayed(record, delay);
-        WINDOWS.iter().find_map(|length| {
-            let rows = Rows::new(record, &signs, &torques, Band { length: *length, slope: false });
-            rows.between(record, limits).solved(PLAIN, duration).filter(|solved| solved.share < 0.5)
-        })
+    let delays: Vec<f64> = (0..DELAYS).map(|i| i as f64 * DELAY_STEP).collect();
+    let torques: Vec<Vec<f64>> = delays.iter().map(|delay| delayed(record, *delay)).collect();
+    let windows = WINDOWS.map(|length| {
+        let rows = Rows::new(record, &signs, &torques[0], Band { length, slope: false }).between(record, limits);
+        rows.under(record, &torques)
+    });
+    let solved = |i: usize| {
+        let explains = |rows: &Vec<Rows>| rows[i].solved(PLAIN, duration).filter(|solved| solved.share < 0.5);
+        windows.iter().find_map(explains)
     };
-    let delays = (0..DELAYS).map(|i| i as f64 * DELAY_STEP);
-    let (delay, solved) =
-        delays.filter_map(|delay| Some((delay, solved(delay)?))).min_by(|a, b| a.1.share.total_cmp(&b.1.share))?;
+    let all = delays.iter().enumerate().filter_map(|(i, delay)| Some((*delay, solved(i)?)));
+    let (delay, solved) = all.min_by(|a, b| a.1.share.total_cmp(&b.1.share))?;
     let inertia = solved.values[equation::INERTIA];
     let sign = inertia.signum();
     let ratio = known.inertia.map_or(1.0, |known| known / inertia.abs());
@@ -273,14 +267,18 @@ fn fitted(record: &CancellableRecord<'_>, device: Device, free: Free, shots: Vec
         let Some(mended) = fit.mended(record) else { break };
         fit = mended.improved(record, MANY)?;
     }
-    let long = |fit: Fit| fit.lengthened(record, MANY).filter(|fit| is_right(record, fit));
-    if is_right(record, &fit)
-        && let Some(long) = long(fit.clone())
+    let right = |fit: &Fit| fit.is_right(record);
+    if right(&fit)
+        && let Some(long) = fit.clone().lengthened(record, MANY)
     {
-        return Some(long);
+        // A short lag is seen over a long motion only.
+        let found = if right(&long) { Some(long) } else { lagging(record, &long).filter(right) };
+        if found.is_some() {
+            return found;
+        }
     }
-    // A short lag is seen over a long motion only, and found from short ones.
-    long(lagging(record, &fit).filter(|fit| is_right(record, fit))?)
+    // A longer one bends a long motion, and is found from short ones.
+    lagging(record, &fit).filter(right)?.lengthened(record, MANY).filter(right)
 }
 
 /// The same with a lag.
@@ -295,16 +293,16 @@ pub(super) fn lagging(record: &CancellableRecord<'_>, fit: &Fit) -> Option<Fit> 
         Fit::of(record, device, free, fit.shots.clone())?.improved(record, MANY)
     };
     // Beside a fit that is right without one a short lag tells whether there is any.
-    let late = [0.5, 1.0].into_iter().filter(|_| !is_right(record, fit)).map(|part| part * fit.device.p[LATE]);
-    let short = SHORT * record.period();
+    let late = [0.5, 1.0].into_iter().filter(|_| !fit.is_right(record)).map(|part| part * fit.device.p[LATE]);
     // Last from where the lag changes next to nothing: no fit of more numbers is worse than the one without them.
-    let mut lags = std::iter::once(short).chain(late).chain([SHORTEST_LAG * record.period()]);
+    let [short, least] = [SHORT, SHORTEST_LAG].map(|part| part * record.period());
+    let is_no_worse = |best: &Fit| best.squares <= fit.squares;
     let mut best: Option<Fit> = None;
-    for lag in &mut lags {
+    for lag in std::iter::once(short).chain(late).chain([least]) {
         best = best.into_iter().chain(start(lag)).min_by(|a, b| a.squares.total_cmp(&b.squares));
-        if best.as_ref().is_some_and(|best| best.squares <= fit.squares) {
+        if best.as_ref().is_some_and(is_no_worse) {
             break;
         }
     }
-    best.filter(|best| best.squares <= fit.squares)
+    best.filter(is_no_worse)
 }

@@ -3,12 +3,13 @@
 //! Residuals that are independent give it by the information alone. Those of counts without noise go with the motion, and so do those of what
 //! the device has besides: their correlation widens each interval (Newey and West, Econometrica 55 (1987) 703), and never narrows one.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::Vector2;
 
-use super::fit::{Fit, PARAMETERS, scaled};
+use super::fit::{Fit, PARAMETERS};
+use super::slopes::{Column, Normal, OfShot, Square, scaled};
 use crate::quantile::student;
 use crate::record::Record;
-use crate::remainder::{RESOLUTION, variance};
+use crate::remainder::RESOLUTION;
 
 /// Samples over which residuals are taken as correlated, at most.
 const LONGEST: usize = 400;
@@ -16,36 +17,37 @@ const LONGEST: usize = 400;
 impl Fit {
     /// The covariance of the estimates, in halves of 95 % intervals: their squares are on its diagonal. 0 of what is not fitted, `None` where two
     /// numbers cannot be told apart at all.
-    pub fn covariance(&self, record: &Record) -> Option<DMatrix<f64>> {
-        let (matrix, scale) = scaled(&self.normal(0.0, [0.0; 2]).information, self.free, 0.0);
+    pub fn covariance(&self, record: &Record) -> Option<Square> {
+        let normal = Normal::of(&self.slopes, 0.0, [0.0; 2]);
+        let (matrix, scale) = scaled(&normal.information, self.free, 0.0);
         let inverse = matrix.cholesky()?.inverse();
-        let inverse = DMatrix::from_fn(PARAMETERS, PARAMETERS, |i, j| inverse[(i, j)] * scale[i] * scale[j]);
-        let least = RESOLUTION * RESOLUTION * variance(record.positions());
+        let inverse = Square::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]);
+        let least = (RESOLUTION * record.spread()).powi(2);
         let variance = self.variance().max(least);
-        let correlated = self.correlated(&inverse);
-        let wider = DVector::from_fn(PARAMETERS, |i, _| {
+        let correlated = self.correlated(&normal, &inverse);
+        let wider = Column::from_fn(|i, _| {
             let plain = variance * inverse[(i, i)];
             if plain > 0.0 { (correlated[i] / plain).sqrt().max(1.0) } else { 1.0 }
         });
         let unit = student(self.freedom()).powi(2) * variance;
-        let all = DMatrix::from_fn(PARAMETERS, PARAMETERS, |i, j| unit * inverse[(i, j)] * wider[i] * wider[j]);
+        let all = Square::from_fn(|i, j| unit * inverse[(i, j)] * wider[i] * wider[j]);
         all.iter().all(|x| x.is_finite()).then_some(all)
     }
 
     /// The variances of the estimates where neighbouring residuals are correlated.
-    fn correlated(&self, inverse: &DMatrix<f64>) -> DVector<f64> {
-        let normal = self.normal(0.0, [0.0; 2]);
-        let mut scores: Vec<Vec<f64>> = vec![Vec::new(); PARAMETERS];
-        let mut first = 0;
-        for ((own, state), (of_state, _, across)) in self.derivatives.iter().zip(&normal.shots) {
+    fn correlated(&self, normal: &Normal, inverse: &Square) -> Column {
+        let mut scores = vec![Vec::new(); PARAMETERS];
+        let mut left = self.left.iter();
+        for (slopes, OfShot { inverse: of_state, across, .. }) in self.slopes.iter().zip(&normal.shots) {
             // What a number does beyond what the shot's beginning can do.
-            let moved = (own - state * (of_state * across)) * inverse;
-            for (i, scores) in scores.iter_mut().enumerate() {
-                scores.extend(moved.column(i).iter().zip(&self.left[first..]).map(|(moved, left)| moved * left));
+            let of_state = of_state * across * inverse;
+            for (row, left) in slopes.rows.iter().zip(&mut left) {
+                let own = inverse.tr_mul(&Column::from_column_slice(&row[..PARAMETERS]));
+                let moved = own - of_state.tr_mul(&Vector2::new(row[PARAMETERS], row[PARAMETERS + 1]));
+                scores.iter_mut().zip(&moved).for_each(|(scores, moved)| scores.push(moved * left));
             }
-            first += own.nrows();
         }
-        DVector::from_fn(PARAMETERS, |i, _| long_run(&scores[i]))
+        Column::from_fn(|i, _| long_run(&scores[i]))
     }
 }
 

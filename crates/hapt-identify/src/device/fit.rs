@@ -3,14 +3,12 @@
 //! Each turn at a stop multiplies what is off before it, and after some turns the squares of one long run are no guide. So the motion begins anew
 //! every [`SHOT`] s, from a position and a velocity of its own (multiple shooting; Bock 1983); the numbers of the device are those of all.
 
-use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
-
 use hapt_plant::spec::{DeviceSpec, Stops};
 
 use super::motion::Numbers;
-use crate::counts::lattice;
+use super::slopes::{Column, Normal, OfShot, Slopes, Square, scaled};
+use crate::explained::explained;
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
-use crate::remainder::variance;
 use crate::start::{Begin, begins};
 
 /// ln J, or ln of the motor's gain where the inertia is known; b, f, a constant torque; d + λ and λ²; Stribeck's torque and ln of its velocity;
@@ -46,6 +44,8 @@ const FEW: usize = 2;
 const SLOW: f64 = 0.01;
 /// A step is tried so often in the mean.
 const MOST_TRIES: usize = 4;
+/// The next step is damped less where this part of what was hoped for came.
+const FORETOLD: f64 = 0.5;
 /// A step of this many standard errors is none.
 const SMALL: f64 = 1e-3;
 /// The shortest lag of a fit, in periods: a shorter one is a delay.
@@ -55,6 +55,8 @@ const FASTEST: f64 = 60.0;
 /// A shot of which so many times as much as usual is left begins elsewhere than it did; it begins anew by lines through so many samples more.
 const ODD: f64 = 1.5;
 const GLIMPSES: [usize; 3] = [2, 5, 12];
+/// χ²'s quantile of 1 - 10⁻⁶ with two degrees of freedom: by more of the variance no right shot leaves more than its two parts.
+const SURELY: f64 = 27.6;
 /// A motor remembers a torque for so many lags.
 const MEMORY: f64 = 40.0;
 /// Shots are joined where that leaves so many times the mean square that the others leave, or less, before all is fitted anew.
@@ -64,6 +66,8 @@ const LONGEST: f64 = 1.5;
 const ASTRAY: usize = 4;
 /// Shots are joined as long as what is off at the beginning grows by less than this: beyond, a motion is not linear in what is off.
 const MOST_GROWTH: f64 = 30.0;
+/// Steps of a fit between two lengths of the shots: the numbers are near already.
+const SOME: usize = 4;
 /// Steps of the fit of one beginning.
 const OWN: usize = 25;
 /// A derivative is a difference over this part of a number's size.
@@ -171,14 +175,14 @@ impl Shot {
         places.windows(2).map(|pair| Shot::new(record, pair[0], pair[1])).collect()
     }
 
-    /// Where the device is at its samples.
-    pub fn positions(&self, record: &Record, device: &Device) -> Vec<f64> {
+    /// Where the device is at its samples, and which of its stops it runs into.
+    pub fn positions(&self, record: &Record, device: &Device) -> (Vec<f64>, [bool; 2]) {
         let remembered = (device.p[LATE] + MEMORY * device.p[VARIANCE].max(0.0).sqrt()).min(LONGEST_DELAY);
         let before = self.from.saturating_sub((remembered / record.period()).ceil() as usize + 1);
         let mut all = Vec::with_capacity(self.to - self.from);
         let (times, torques) = (&record.times()[before..self.to], &record.torques()[before..self.to]);
-        device.numbers(self.state).follow(times, torques, self.from - before, |_, z| all.push(z));
-        all
+        let touched = device.numbers(self.state).follow(times, torques, self.from - before, |_, z| all.push(z));
+        (all, touched)
     }
 
     /// How many of its positions are measurements.
@@ -189,7 +193,7 @@ impl Shot {
     /// Where it ends, which is where the next one begins.
     fn end(&self, record: &Record, device: &Device) -> Option<[f64; 2]> {
         let to = self.to.min(record.times().len() - 1);
-        let positions = Shot { to: to + 1, ..*self }.positions(record, device);
+        let (positions, _) = Shot { to: to + 1, ..*self }.positions(record, device);
         let [.., before, last] = positions[..] else { return None };
         Some([last, (last - before) / (record.times()[to] - record.times()[to - 1])])
     }
@@ -204,10 +208,11 @@ impl Shot {
         GLIMPSES.map(of).into_iter()
     }
 
-    /// What that leaves of the positions that are measurements.
-    fn left(&self, record: &Record, device: &Device) -> Vec<f64> {
-        let rows = self.positions(record, device).into_iter().zip(self.from..);
-        rows.filter(|(_, i)| record.is_news(*i)).map(|(z, i)| record.positions()[i] - z).collect()
+    /// What that leaves of the positions that are measurements, and which of the stops it runs into.
+    fn left(&self, record: &Record, device: &Device) -> (Vec<f64>, [bool; 2]) {
+        let (positions, touched) = self.positions(record, device);
+        let rows = positions.into_iter().zip(self.from..);
+        (rows.filter(|(_, i)| record.is_news(*i)).map(|(z, i)| record.positions()[i] - z).collect(), touched)
     }
 }
 
@@ -233,16 +238,10 @@ pub(crate) struct Fit {
     pub shots: Vec<Shot>,
     pub left: Vec<f64>,
     pub squares: f64,
-    /// Those of each shot: by the device's numbers, and by its position and velocity.
-    pub(super) derivatives: Vec<(DMatrix<f64>, DMatrix<f64>)>,
-}
-
-/// The normal equations of a step: of the device's numbers without the shots' states, and what gives those.
-pub(super) struct Normal {
-    pub information: DMatrix<f64>,
-    right: DVector<f64>,
-    /// The inverse of each shot's own information, its right side, and its products with the device's.
-    pub shots: Vec<(Matrix2<f64>, Vector2<f64>, DMatrix<f64>)>,
+    /// Which of the stops each shot runs into.
+    touched: Vec<[bool; 2]>,
+    /// Those of each shot.
+    pub(super) slopes: Vec<Slopes>,
 }
 
 impl Fit {
@@ -252,9 +251,14 @@ impl Fit {
         if fastest * record.period() >= FASTEST {
             return None;
         }
-        let left: Vec<f64> = shots.iter().flat_map(|shot| shot.left(record, &device)).collect();
+        let (mut left, mut touched) = (Vec::new(), Vec::with_capacity(shots.len()));
+        for shot in &shots {
+            let (own, stops) = shot.left(record, &device);
+            left.extend(own);
+            touched.push(stops);
+        }
         let squares: f64 = left.iter().map(|r| r * r).sum();
-        squares.is_finite().then_some(Fit { device, free, shots, left, squares, derivatives: Vec::new() })
+        squares.is_finite().then_some(Fit { device, free, shots, left, squares, touched, slopes: Vec::new() })
     }
 
     /// The number of parameters that are fitted.
@@ -276,12 +280,16 @@ impl Fit {
         self.squares / self.freedom()
     }
 
+    /// Whether counts and noise explain what it leaves.
+    pub fn is_right(&self, record: &Record) -> bool {
+        explained(record, &self.left, record.lattice(), record.spread())
+    }
+
     /// The change of each parameter over which a derivative is taken.
     fn steps(&self, record: &Record) -> (Parameters, [f64; 2]) {
         let p = &self.device.p;
-        let rms = |values: &[f64]| (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt();
-        let (way, period) = (variance(record.positions()).sqrt(), record.period());
-        let torque = self.device.gain() * rms(record.torques());
+        let (way, period) = (record.spread(), record.period());
+        let torque = self.device.gain() * record.effort();
         let speed = (torque * way / self.device.inertia()).sqrt();
         let [torque, speed] = [torque, speed].map(|x| x.max(f64::MIN_POSITIVE));
         let stop = (p[STIFFNESS].exp() * self.device.inertia()).sqrt();
@@ -337,31 +345,31 @@ impl Fit {
 
     /// How many times larger than at its beginning what is off in a shot gets, in the position, or in the velocity times the shot's length.
     fn growth(&self, record: &Record) -> f64 {
-        let of = |(shot, (_, state)): (&Shot, &(DMatrix<f64>, DMatrix<f64>))| {
+        let of = |(shot, slopes): (&Shot, &Slopes)| {
             let length = (shot.to - shot.from) as f64 * record.period();
-            state.column(0).amax().max(state.column(1).amax() / length)
+            slopes.largest(PARAMETERS).max(slopes.largest(PARAMETERS + 1) / length)
         };
-        self.shots.iter().zip(&self.derivatives).map(of).fold(0.0, f64::max)
+        self.shots.iter().zip(&self.slopes).map(of).fold(0.0, f64::max)
     }
 
     /// The fit of the longest shots over which the device is followed; `None`: many go astray, so that it is another device, or none.
     pub fn lengthened(self, record: &CancellableRecord<'_>, most: usize) -> Option<Fit> {
         let mut fit = self;
         loop {
-            match fit.joined(record, most)? {
+            match fit.joined(record)? {
                 longer if longer.shots.len() < fit.shots.len() => fit = longer,
-                _ => return Some(fit),
+                _ => return fit.improved(record, most),
             }
         }
     }
 
     /// The fit of longer shots: each is one that was two, where the device explains both from one beginning. A long motion tells more, and is
     /// found from near it only. `None`: many go astray.
-    fn joined(&self, record: &CancellableRecord<'_>, most: usize) -> Option<Fit> {
+    fn joined(&self, record: &CancellableRecord<'_>) -> Option<Fit> {
         let squares = self.mean_squares(record);
         let usual = median(&squares);
         // Counts alone leave this without noise.
-        let step = lattice(record.positions()).map_or(0.0, |lattice| lattice.step);
+        let step = record.lattice().map_or(0.0, |lattice| lattice.step);
         let least = usual.max(step * step / 6.0);
         let longest = (LONGEST * SHOT / record.period()) as usize;
         // Shots with what may be left of them, and the shots that they were.
@@ -383,17 +391,30 @@ impl Fit {
             let all = at..at + 1 + usize::from(joined.is_some());
             at = all.end;
             shots.push(joined.unwrap_or(*one));
-            parts.push((&self.shots[all.clone()], ODD * squares[all].iter().fold(least, |a, b| a.max(*b))));
+            let of_parts = self.shots[all.clone()].iter().zip(&squares[all.clone()]);
+            let sum = of_parts.map(|(shot, square)| square * shot.news(record) as f64).sum::<f64>();
+            let largest = squares[all.clone()].iter().fold(least, |a, b| a.max(*b));
+            parts.push((&self.shots[all], ODD * largest, sum + SURELY * least));
         }
         if shots.len() == self.shots.len() {
             return Some(self.clone()).filter(|_| astray <= tried / ASTRAY + 1);
         }
-        let fit = Fit::of(record, self.device, self.free, shots)?.improved(record, most)?;
-        let odd = fit.mean_squares(record).into_iter().zip(&parts).map(|(square, (_, limit))| square > *limit);
-        let odd: Vec<bool> = odd.collect();
+        let fit = Fit::of(record, self.device, self.free, shots)?.improved(record, SOME)?;
+        let (squares, most) = (fit.mean_squares(record), tried / ASTRAY + 1);
+        let all = || squares.iter().zip(&fit.shots).zip(&parts);
+        let mut odd: Vec<bool> = all().map(|((square, _), (_, limit, _))| square > limit).collect();
         astray += odd.iter().filter(|odd| **odd).count();
-        if astray > tried / ASTRAY + 1 {
+        if astray > most {
             return None;
+        }
+        if !odd.contains(&true) && !fit.is_right(record) {
+            // A few may be wrong by less.
+            let of =
+                |((square, shot), (_, _, sum)): ((&f64, &Shot), &(_, _, f64))| square * shot.news(record) as f64 > *sum;
+            odd = all().map(of).collect();
+            if odd.iter().filter(|odd| **odd).count() > most {
+                return Some(fit);
+            }
         }
         if !odd.contains(&true) {
             return Some(fit);
@@ -401,8 +422,8 @@ impl Fit {
         // Those that went astray are two again.
         let kept = fit.shots.iter().zip(&parts).zip(&odd);
         let shots: Vec<Shot> =
-            kept.flat_map(|((shot, (parts, _)), odd)| if *odd { parts.to_vec() } else { vec![*shot] }).collect();
-        Fit::of(record, self.device, self.free, shots)?.improved(record, most)
+            kept.flat_map(|((shot, (parts, ..)), odd)| if *odd { parts.to_vec() } else { vec![*shot] }).collect();
+        Fit::of(record, self.device, self.free, shots)?.improved(record, SOME)
     }
 
     /// With its derivatives.
@@ -410,69 +431,40 @@ impl Fit {
         let (steps, of_state) = self.steps(record);
         let mut rest = &self.left[..];
         let mut all = Vec::with_capacity(self.shots.len());
-        for shot in &self.shots {
-            let news = shot.news(record);
-            let (left, after) = rest.split_at(news);
+        for (shot, touched) in self.shots.iter().zip(&self.touched) {
+            let (left, after) = rest.split_at(shot.news(record));
             rest = after;
-            let (mut own, mut state) = (DMatrix::zeros(news, PARAMETERS), DMatrix::zeros(news, 2));
-            for i in (0..PARAMETERS).filter(|i| self.free[*i]) {
+            let mut rows = vec![[0.0; PARAMETERS + 2]; left.len()];
+            let mut differ = |i: usize, shot: &Shot, device: &Device, step: f64| {
+                for (row, (a, b)) in rows.iter_mut().zip(left.iter().zip(shot.left(record, device).0)) {
+                    row[i] = (a - b) / step;
+                }
+            };
+            // The numbers of a stop that it does not run into are nothing to it.
+            let matters = |i: usize| match i {
+                STIFFNESS | STOP_DAMPING => touched[0] || touched[1],
+                i => STOPS.iter().zip(touched).all(|(stop, touched)| *stop != i || *touched),
+            };
+            for i in (0..PARAMETERS).filter(|i| self.free[*i] && matters(*i)) {
                 let mut moved = self.device;
                 moved.p[i] += steps[i];
-                for (j, (a, b)) in left.iter().zip(shot.left(record, &moved)).enumerate() {
-                    own[(j, i)] = (a - b) / steps[i];
-                }
+                differ(i, shot, &moved, steps[i]);
             }
-            for i in 0..2 {
+            for (i, step) in of_state.into_iter().enumerate() {
                 let mut moved = *shot;
-                moved.state[i] += of_state[i];
-                for (j, (a, b)) in left.iter().zip(moved.left(record, &self.device)).enumerate() {
-                    state[(j, i)] = (a - b) / of_state[i];
-                }
+                moved.state[i] += step;
+                differ(PARAMETERS + i, &moved, &self.device, step);
             }
-            let finite = |matrix: &DMatrix<f64>| matrix.iter().all(|x| x.is_finite());
-            if !(finite(&own) && finite(&state)) {
-                return None;
-            }
-            all.push((own, state));
+            all.push(Slopes::new(rows, left)?);
         }
-        self.derivatives = all;
+        self.slopes = all;
         Some(self)
-    }
-
-    /// Damped by Marquardt's `more`, and with so much more information of each shot's position and velocity: one that friction ends before it
-    /// shows is not moved far.
-    pub(super) fn normal(&self, more: f64, held: [f64; 2]) -> Normal {
-        let mut normal = Normal {
-            information: DMatrix::zeros(PARAMETERS, PARAMETERS),
-            right: DVector::zeros(PARAMETERS),
-            shots: Vec::with_capacity(self.shots.len()),
-        };
-        let mut rest = &self.left[..];
-        for (own, state) in &self.derivatives {
-            let (left, after) = rest.split_at(own.nrows());
-            rest = after;
-            let left = DVector::from_column_slice(left);
-            let products = state.tr_mul(state);
-            let at = |i: usize, j: usize| {
-                let own = products[(i, j)];
-                if i == j { own * (1.0 + more) + held[i].max(f64::MIN_POSITIVE) } else { own }
-            };
-            let inverse = Matrix2::new(at(0, 0), at(0, 1), at(1, 0), at(1, 1)).try_inverse();
-            let inverse =
-                inverse.filter(|inverse| inverse.iter().all(|x| x.is_finite())).unwrap_or_else(Matrix2::zeros);
-            let (across, right) = (state.tr_mul(own), state.tr_mul(&left));
-            let right = Vector2::new(right[0], right[1]);
-            normal.information += own.tr_mul(own) - across.tr_mul(&(inverse * &across));
-            normal.right += own.tr_mul(&left) - across.tr_mul(&(inverse * right));
-            normal.shots.push((inverse, right, across));
-        }
-        normal
     }
 
     /// The steps of Levenberg and Marquardt from here, so many at most.
     pub fn improved(self, record: &CancellableRecord<'_>, most: usize) -> Option<Fit> {
         let least = (SHORTEST_LAG * record.period()).powi(2);
-        let mut at = self.differentiated(record)?;
+        let mut at = if self.slopes.is_empty() { self.differentiated(record)? } else { self };
         let scales = at.steps(record).1.map(|step| step / DIFFERENCE);
         let mut damping = 1e-3;
         let (mut steps, mut slow) = (0, 0);
@@ -480,15 +472,17 @@ impl Fit {
             if (record.stop)() || steps == most {
                 break;
             }
-            let normal = at.normal(damping, scales.map(|scale| at.variance() / (scale * scale)));
+            // One that friction ends before it shows is not moved far.
+            let held = scales.map(|scale| at.variance() / (scale * scale));
+            let normal = Normal::of(&at.slopes, damping, held);
             let Some(step) = at.step(&normal.information, &normal.right, damping, least) else { break };
-            let mut size = step.dot(&(&normal.information * &step));
+            let (mut size, mut hoped) = (step.dot(&(normal.information * step)), step.dot(&normal.right));
             let (mut device, mut shots) = (at.device, at.shots.clone());
-            for (shot, (inverse, right, across)) in shots.iter_mut().zip(&normal.shots) {
-                let other = across * &step;
-                let own = inverse * (right - Vector2::new(other[0], other[1]));
+            for (shot, OfShot { inverse, right, across }) in shots.iter_mut().zip(&normal.shots) {
+                let own = inverse * (right - across * step);
                 shot.state.iter_mut().zip(own.iter()).for_each(|(x, step)| *x += step);
                 size += own.dot(right).abs();
+                hoped += right.dot(&(inverse * right));
             }
             for (i, p) in device.p.iter_mut().enumerate() {
                 // Far steps of what enters by its logarithm lead nowhere.
@@ -503,9 +497,12 @@ impl Fit {
             match Fit::of(record, device, at.free, shots) {
                 Some(next) if next.squares < at.squares => {
                     slow = if at.squares - next.squares < SLOW * at.variance() { slow + 1 } else { 0 };
+                    let is_foretold = at.squares - next.squares > FORETOLD * hoped;
                     at = next.differentiated(record)?;
                     steps += 1;
-                    damping = (0.1 * damping).max(1e-12);
+                    if is_foretold {
+                        damping = (0.1 * damping).max(1e-12);
+                    }
                     if is_small && damping < 1e-4 || slow == FEW {
                         break;
                     }
@@ -518,7 +515,7 @@ impl Fit {
     }
 
     /// The next step, damped by Marquardt's `more`. What is at its least already, and would go below, stays while the others move.
-    fn step(&self, information: &DMatrix<f64>, right: &DVector<f64>, more: f64, least: f64) -> Option<DVector<f64>> {
+    fn step(&self, information: &Square, right: &Column, more: f64, least: f64) -> Option<Column> {
         let mut free = self.free;
         let is_least = |i: usize| self.device.p[i] <= if i == VARIANCE { least } else { 0.0 };
         loop {
@@ -533,7 +530,7 @@ impl Fit {
 
     /// Whether the record says anything of a parameter.
     pub fn sees(&self, i: usize) -> bool {
-        self.free[i] && self.derivatives.iter().any(|(own, _)| own.column(i).iter().any(|x| *x != 0.0))
+        self.free[i] && self.slopes.iter().any(|slopes| slopes.sees(i))
     }
 }
 
@@ -541,17 +538,4 @@ fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted[sorted.len() / 2]
-}
-
-/// The information with ones on its diagonal, `more` there, and the scale of each parameter.
-pub(super) fn scaled(information: &DMatrix<f64>, free: Free, more: f64) -> (DMatrix<f64>, DVector<f64>) {
-    let scale = DVector::from_fn(PARAMETERS, |i, _| {
-        let own = information[(i, i)];
-        if free[i] && own > 0.0 { own.sqrt().recip() } else { 0.0 }
-    });
-    let matrix = DMatrix::from_fn(PARAMETERS, PARAMETERS, |i, j| match i == j {
-        true => 1.0 + more,
-        false => information[(i, j)] * scale[i] * scale[j],
-    });
-    (matrix, scale)
 }

@@ -5,6 +5,7 @@ mod covariance;
 mod fit;
 mod motion;
 mod pieces;
+mod slopes;
 
 pub(crate) use contact::{near, search};
 use fit::{
@@ -12,7 +13,6 @@ use fit::{
 };
 pub(crate) use fit::{Device, Fit};
 
-use crate::counts::lattice;
 use crate::identified::{CorrelatedPair, FoundStops, FoundStribeck, Identified, Interval, Known};
 use crate::intervals::{CORRELATED, VAGUE, counts, no_longer, positive};
 use crate::lag::Late;
@@ -100,7 +100,7 @@ impl Fit {
         let separates = self.sees(OFFSET) && correlation(FRICTION, OFFSET).abs() <= CORRELATED;
         let residual = residual(&self.left);
         let spread = variance(&record.positions()[self.first()..]).sqrt();
-        let lattice = lattice(record.positions());
+        let lattice = record.lattice();
         Some(Identified {
             inertia,
             damping: plain(DAMPING).map(positive).map(|damping| known.own(damping)),
@@ -128,7 +128,7 @@ impl Fit {
                 velocity: numbers.velocity,
                 lag: numbers.lag,
             },
-            positions: Some(self.shots.iter().flat_map(|shot| shot.positions(record, &self.device)).collect()),
+            positions: Some(self.shots.iter().flat_map(|shot| shot.positions(record, &self.device).0).collect()),
             first: self.first(),
             residual,
             unmodelled: None,

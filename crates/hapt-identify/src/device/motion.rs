@@ -82,6 +82,8 @@ struct Motion {
     touch: Touch,
     /// The stop that it is in: 0 the low one, 1 the high one.
     stop: usize,
+    /// Whether it was in each of them.
+    touched: [bool; 2],
     maps: Maps,
 }
 
@@ -94,9 +96,9 @@ impl Numbers {
     }
 
     /// Gives each time's index from `first` on and the position there to `see`. The motion starts at the sample `first` under torques
-    /// commanded at `times` and held; before the first command there is the first.
-    pub fn follow(&self, times: &[f64], torques: &[f64], first: usize, mut see: impl FnMut(usize, f64)) {
-        let (Some(&start), Some(&held)) = (times.get(first), torques.first()) else { return };
+    /// commanded at `times` and held; before the first command there is the first. Which of the stops it runs into.
+    pub fn follow(&self, times: &[f64], torques: &[f64], first: usize, mut see: impl FnMut(usize, f64)) -> [bool; 2] {
+        let (Some(&start), Some(&held)) = (times.get(first), torques.first()) else { return [false; 2] };
         let mut motion = Motion::new(*self, held);
         let (mut arrivals, mut now) = (Arrivals::new(times, torques, self.delay), f64::NEG_INFINITY);
         while let Some((at, torque)) = arrivals.change(start, motion.torque) {
@@ -117,6 +119,7 @@ impl Numbers {
             now = to;
             see(i, motion.state[0]);
         }
+        motion.touched
     }
 }
 
@@ -132,6 +135,7 @@ impl Motion {
             falls: false,
             touch: Touch::Free,
             stop: 0,
+            touched: [false; 2],
             maps: Maps::new(),
         }
     }
@@ -159,6 +163,7 @@ impl Motion {
         let [z, v, _] = self.state;
         if let Some(stop) = (0..2).find(|stop| self.depth(*stop, z) > 0.0) {
             (self.stop, self.touch) = (stop, Touch::Pressed);
+            self.touched[stop] = true;
             if self.push_of_stop().value(&self.state) <= 0.0 {
                 self.touch = Touch::Left;
             }
@@ -323,6 +328,7 @@ impl Motion {
             Event::ChangesSpeed => self.falls = !self.falls,
             Event::Enters(stop) => {
                 (self.stop, self.touch) = (stop, Touch::Pressed);
+                self.touched[stop] = true;
                 self.state[0] = self.numbers.stops[stop];
             }
             Event::LetsGo => {

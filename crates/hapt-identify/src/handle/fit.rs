@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::quantile::student;
 use crate::record::{LONGEST_DELAY, Record};
-use crate::remainder::{RESOLUTION, variance};
+use crate::remainder::RESOLUTION;
 use crate::shaft::Shafted;
 
 /// Of ln (J + J_h), b, f, the time d + λ to the torque, ln (J_h / J), ln (k / m), d / m, λ², with m = J J_h / (J + J_h); of the beginning,
@@ -117,7 +117,7 @@ impl Fit {
             free: Free::All,
             left,
             squares,
-            least: RESOLUTION * RESOLUTION * variance(record.positions()),
+            least: (RESOLUTION * record.spread()).powi(2),
             derivatives: DMatrix::zeros(0, 0),
         })
     }
