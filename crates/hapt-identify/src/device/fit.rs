@@ -44,8 +44,8 @@ const FEW: usize = 2;
 const SLOW: f64 = 0.01;
 /// A step is tried so often in the mean.
 const MOST_TRIES: usize = 4;
-/// The next step is damped less where this part of what was hoped for came.
-const FORETOLD: f64 = 0.5;
+/// The next step is damped less where the squares fell by more than this part of what was predicted.
+const PREDICTED: f64 = 0.5;
 /// A step of this many standard errors is none.
 const SMALL: f64 = 1e-3;
 /// The shortest lag of a fit, in periods: a shorter one is a delay.
@@ -55,8 +55,8 @@ const FASTEST: f64 = 60.0;
 /// A shot of which so many times as much as usual is left begins elsewhere than it did; it begins anew by lines through so many samples more.
 const ODD: f64 = 1.5;
 const GLIMPSES: [usize; 3] = [2, 5, 12];
-/// χ²'s quantile of 1 - 10⁻⁶ with two degrees of freedom: by more of the variance no right shot leaves more than its two parts.
-const SURELY: f64 = 27.6;
+/// χ²'s quantile of 1 - 10⁻⁶ with two degrees of freedom, in variances: a shot that leaves more than its two parts and this is parted again.
+const PARTED: f64 = 27.6;
 /// A motor remembers a torque for so many lags.
 const MEMORY: f64 = 40.0;
 /// Shots are joined where that leaves so many times the mean square that the others leave, or less, before all is fitted anew.
@@ -66,8 +66,8 @@ const LONGEST: f64 = 1.5;
 const ASTRAY: usize = 4;
 /// Shots are joined as long as what is off at the beginning grows by less than this: beyond, a motion is not linear in what is off.
 const MOST_GROWTH: f64 = 30.0;
-/// Steps of a fit between two lengths of the shots: the numbers are near already.
-const SOME: usize = 4;
+/// Steps of a fit before the shots have their final length: the numbers are near already.
+const STEPS_BETWEEN: usize = 4;
 /// Steps of the fit of one beginning.
 const OWN: usize = 25;
 /// A derivative is a difference over this part of a number's size.
@@ -394,12 +394,12 @@ impl Fit {
             let of_parts = self.shots[all.clone()].iter().zip(&squares[all.clone()]);
             let sum = of_parts.map(|(shot, square)| square * shot.news(record) as f64).sum::<f64>();
             let largest = squares[all.clone()].iter().fold(least, |a, b| a.max(*b));
-            parts.push((&self.shots[all], ODD * largest, sum + SURELY * least));
+            parts.push((&self.shots[all], ODD * largest, sum + PARTED * least));
         }
         if shots.len() == self.shots.len() {
             return Some(self.clone()).filter(|_| astray <= tried / ASTRAY + 1);
         }
-        let fit = Fit::of(record, self.device, self.free, shots)?.improved(record, SOME)?;
+        let fit = Fit::of(record, self.device, self.free, shots)?.improved(record, STEPS_BETWEEN)?;
         let (squares, most) = (fit.mean_squares(record), tried / ASTRAY + 1);
         let all = || squares.iter().zip(&fit.shots).zip(&parts);
         let mut odd: Vec<bool> = all().map(|((square, _), (_, limit, _))| square > limit).collect();
@@ -423,7 +423,7 @@ impl Fit {
         let kept = fit.shots.iter().zip(&parts).zip(&odd);
         let shots: Vec<Shot> =
             kept.flat_map(|((shot, (parts, ..)), odd)| if *odd { parts.to_vec() } else { vec![*shot] }).collect();
-        Fit::of(record, self.device, self.free, shots)?.improved(record, SOME)
+        Fit::of(record, self.device, self.free, shots)?.improved(record, STEPS_BETWEEN)
     }
 
     /// With its derivatives.
@@ -476,13 +476,13 @@ impl Fit {
             let held = scales.map(|scale| at.variance() / (scale * scale));
             let normal = Normal::of(&at.slopes, damping, held);
             let Some(step) = at.step(&normal.information, &normal.right, damping, least) else { break };
-            let (mut size, mut hoped) = (step.dot(&(normal.information * step)), step.dot(&normal.right));
+            let (mut size, mut predicted) = (step.dot(&(normal.information * step)), step.dot(&normal.right));
             let (mut device, mut shots) = (at.device, at.shots.clone());
             for (shot, OfShot { inverse, right, across }) in shots.iter_mut().zip(&normal.shots) {
                 let own = inverse * (right - across * step);
                 shot.state.iter_mut().zip(own.iter()).for_each(|(x, step)| *x += step);
                 size += own.dot(right).abs();
-                hoped += right.dot(&(inverse * right));
+                predicted += right.dot(&(inverse * right));
             }
             for (i, p) in device.p.iter_mut().enumerate() {
                 // Far steps of what enters by its logarithm lead nowhere.
@@ -497,10 +497,10 @@ impl Fit {
             match Fit::of(record, device, at.free, shots) {
                 Some(next) if next.squares < at.squares => {
                     slow = if at.squares - next.squares < SLOW * at.variance() { slow + 1 } else { 0 };
-                    let is_foretold = at.squares - next.squares > FORETOLD * hoped;
+                    let is_as_predicted = at.squares - next.squares > PREDICTED * predicted;
                     at = next.differentiated(record)?;
                     steps += 1;
-                    if is_foretold {
+                    if is_as_predicted {
                         damping = (0.1 * damping).max(1e-12);
                     }
                     if is_small && damping < 1e-4 || slow == FEW {
