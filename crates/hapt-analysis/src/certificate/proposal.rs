@@ -116,14 +116,17 @@ pub fn proposal(
         list.extend(file.scaled(&shares, scale));
     }
     if let Some(scale) = remedies.stiffness_scale {
-        let strengths = file.keys(|i, coupling| match world.device.compensated_by(coupling) {
-            Some((_, share)) if i >= file.own() => Some(("share", share)),
-            _ => {
-                let mut law = coupling.law;
-                law.strength().map(|strength| (strength.name, *strength.value))
-            }
+        let strengths = file.keys(|i, coupling| {
+            let mut law = coupling.law;
+            let strength = law.strength()?;
+            let share = world.device.compensated_by(coupling).filter(|_| i >= file.own());
+            Some(share.map_or((strength.name, *strength.value), |(_, share)| ("share", share)))
         });
-        list.extend(file.scaled(&strengths, scale));
+        // Of compensations alone the remedy above says as much.
+        if remedies.compensation_scale.is_none() || strengths.iter().any(|(table, ..)| table.starts_with("couplings."))
+        {
+            list.extend(file.scaled(&strengths, scale));
+        }
     }
     if let Some(damping) = remedies.ground_damping.filter(|damping| *damping > 0.0) {
         let unit = Measure::Damping.dimension(world.motion).symbol();
