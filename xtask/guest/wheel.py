@@ -460,10 +460,9 @@ def main():
     # A busy machine gives the guest no even time, now and then; what is wrong is wrong each time.
     for _ in range(5):
         left = left and again(hapt, left)
-    failed = len(left)
-    failed += not judged(
-        "after the storm", found[after][-1]["effects"], -CONSTANT, LIMIT, f", at {rate:.0f} updates a second for {UPDATES / rate:.0f} s"
-    )
+    failed = [case[0] for case in left]
+    if not judged("after the storm", found[after][-1]["effects"], -CONSTANT, LIMIT, f", at {rate:.0f} updates a second for {UPDATES / rate:.0f} s"):
+        failed.append("after the storm")
     taken = int(re.search(r"([0-9 ]+) reports taken", summary)[1].replace(" ", ""))
     dropped = full_queue()
     print(f"{'reports':24} {taken} taken and {dropped} thrown away by the kernel, for {changes} changes of it")
@@ -475,7 +474,8 @@ def main():
         print(f"a killed client's effect   {played:.2f} s, of the {alone:.2f} s that the client lived")
         if played > alone + GONE:
             sys.exit("the effect of a killed client plays on")
-        failed += not judged("two clients", torque(found[after + 2]), -CONSTANT, LIMIT, f", {pool} effects at most")
+        if not judged("two clients", torque(found[after + 2]), -CONSTANT, LIMIT, f", {pool} effects at most"):
+            failed.append("two clients")
         print(f"suspend                  {suspend}")
         for by, code in [(signal.SIGTERM, 143), (signal.SIGKILL, -signal.SIGKILL)]:
             run, device = attached(hapt, "wheel.toml", "--dry")
@@ -490,7 +490,7 @@ def main():
         if not os.path.exists("/sys/devices/platform/vhci_hcd.0"):
             refused([hapt, "wheel"], 3, "modprobe vhci-hcd")
     untainted()
-    sys.exit(f"{failed} are wrong" if failed else 0)
+    sys.exit(f"wrong: {', '.join(failed)}" if failed else 0)
 
 
 main()

@@ -7,7 +7,6 @@ use std::time::Duration;
 use hapt_core::{Phase, Reason, Request};
 use hapt_rt::Epoch;
 
-use crate::config::stem;
 use crate::frames::Frames;
 use crate::machine::{StationView, WheelView};
 use crate::messages::{ClientMessage, Command, Realtime, RecordingInfo, ServerMessage, Status, TimingInfo};
@@ -88,7 +87,7 @@ impl PageSession {
             ClientMessage::Sets { sets, only } => {
                 return self.submit(client, Task::Sets { key: String::new(), sets, only });
             }
-            ClientMessage::File => return Some(self.file()),
+            ClientMessage::File => return self.submit(client, Task::File),
             ClientMessage::Reset => return self.submit(client, Task::Reset),
             #[cfg(not(target_family = "wasm"))]
             ClientMessage::Enter { .. } if self.session.network().is_some() => return Some(refused("", STAYS.into())),
@@ -120,16 +119,6 @@ impl PageSession {
         None
     }
 
-    /// The world that runs as a file, or the reason that there is none.
-    fn file(&self) -> ServerMessage {
-        let config = self.session.config();
-        let name = stem(&config.source().name);
-        match config.file() {
-            Ok(text) => ServerMessage::File { name: format!("{name}.toml"), text },
-            Err(message) => ServerMessage::Refused { key: String::new(), message },
-        }
-    }
-
     fn submit(&mut self, client: u64, task: Task) -> Option<ServerMessage> {
         let key = task.key().to_string();
         self.session.submit(client, task).err().map(|message| ServerMessage::Refused { key, message })
@@ -146,6 +135,7 @@ impl PageSession {
             match event {
                 Event::Changed => tell(None, self.world()),
                 Event::Refused { client, key, message } => tell(Some(client), ServerMessage::Refused { key, message }),
+                Event::File { client, name, text } => tell(Some(client), ServerMessage::File { name, text }),
                 Event::Error(error) => tell(None, ServerMessage::Error { message: error.to_string() }),
                 Event::Rejected(error) => {
                     tell(None, ServerMessage::Refused { key: String::new(), message: error.to_string() });

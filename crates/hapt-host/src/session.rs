@@ -103,6 +103,15 @@ pub enum Event {
         /// In a sentence.
         message: String,
     },
+    /// The world file that this client requested.
+    File {
+        /// As given to [`Session::submit`].
+        client: u64,
+        /// The file's name.
+        name: String,
+        /// Its text.
+        text: String,
+    },
     /// A board refused a request, or has faulted for an unknown reason.
     Error(Error),
     /// A board rejected a changed world, and keeps the previous one; [`Event::Changed`] follows.
@@ -476,6 +485,7 @@ impl Session {
         match outcome {
             Ok(Made::Recording(recording)) if is_cancelled || is_stale || !self.records => recording.end(),
             _ if is_cancelled => {}
+            Ok(Made::File(name, text)) => self.events.push_back(Event::File { client, name, text }),
             Ok(Made::Recording(_)) if !self.runner.begin_log() => {
                 self.refuse(client, &task, "the loop is busy; try again".into());
             }
@@ -525,7 +535,7 @@ impl Session {
 
     /// Begins the next task, where none is running.
     fn begin_task(&mut self) {
-        let changes = self.tasks.front().is_some_and(|(_, task)| *task != Task::Record);
+        let changes = self.tasks.front().is_some_and(|(_, task)| task.changes_world());
         if self.working || changes && !self.is_settled() {
             return;
         }

@@ -1,5 +1,5 @@
-//! Long tasks, on a separate thread where there is one: changed worlds with their certificates, and the files of recordings. Tasks run one at a time, so
-//! that each begins with the result of the previous one.
+//! Long tasks, on a separate thread where there is one: changed worlds with their certificates, worlds as files, and the files of
+//! recordings. Tasks run one at a time, so that each begins with the result of the previous one.
 
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -10,7 +10,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use hapt_core::SafetyProfile;
 use hapt_rt::Change;
 
-use crate::config::WorldConfig;
+use crate::config::{WorldConfig, stem};
 use crate::recording::Recording;
 
 /// The refusal of a key on a motor.
@@ -38,15 +38,22 @@ pub enum Task {
     },
     /// Start a recording.
     Record,
+    /// Write the world as a file: with every change that was requested before.
+    File,
 }
 
 impl Task {
+    /// Whether it makes another world.
+    pub fn changes_world(&self) -> bool {
+        !matches!(self, Task::Record | Task::File)
+    }
+
     /// How the world that it makes takes the place of the one before.
     pub fn change(&self) -> Change {
         match self {
             #[cfg(not(target_family = "wasm"))]
             Task::Enter { .. } => Change::Enters,
-            Task::Sets { .. } | Task::Reset | Task::Record => Change::Follows,
+            Task::Sets { .. } | Task::Reset | Task::Record | Task::File => Change::Follows,
         }
     }
 
@@ -58,6 +65,7 @@ impl Task {
             #[cfg(not(target_family = "wasm"))]
             Task::Enter { .. } => "",
             Task::Record => "record",
+            Task::File => "",
         }
     }
 }
@@ -90,6 +98,8 @@ pub(crate) enum Made {
     World(Box<WorldConfig>),
     /// A recording without samples yet.
     Recording(Recording),
+    /// The world as a file: its name and its text.
+    File(String, String),
 }
 
 /// Runs the tasks.
@@ -167,6 +177,9 @@ impl Job {
             Task::Record => {
                 let station = station.as_deref();
                 return Recording::in_folder(&folder, &config, profile, linked, station).map(Made::Recording);
+            }
+            Task::File => {
+                return Ok(Made::File(format!("{}.toml", stem(&config.source().name)), config.file()?));
             }
         };
         if profile == SafetyProfile::Certified && !is_certified(&next) {

@@ -297,7 +297,7 @@ impl Run {
         while let Some(event) = self.session.event() {
             match event {
                 Event::Error(error) | Event::Rejected(error) => return Some(How::Failed(error)),
-                Event::Changed | Event::Refused { .. } => {}
+                Event::Changed | Event::Refused { .. } | Event::File { .. } => {}
             }
         }
         if let Some(reason) = self.seen.fault {

@@ -2,7 +2,7 @@
 
 use hapt_host::frames::columns_of;
 use hapt_live::{Live, Options};
-use hapt_model::{Source, World};
+use hapt_model::{Delay, Source, World};
 use serde_json::{Value, json};
 use tokio_tungstenite::tungstenite::Message;
 
@@ -91,6 +91,24 @@ fn setting_a_key_gives_another_world_with_its_own_verdict() {
     assert!(world["keys"].as_array().unwrap().iter().all(|key| key["changed"] == false));
     let verdict = page.hear_until("verdict", |verdict| verdict["generation"] == 2);
     assert_eq!(verdict["certified"], true);
+}
+
+#[test]
+fn a_saved_world_has_every_change_that_was_requested_before_it() {
+    let live = live(WORLD);
+    let (mut page, _) = Page::new(&live);
+    for (period, delay) in [(2.0, 0.5), (3.0, 1.0), (1.0, 0.25), (4.0, 2.0)] {
+        // Nothing is waited for in between.
+        page.say(json!({ "type": "set", "key": "loop.period", "value": format!("{period} ms") }));
+        page.say(json!({ "type": "set", "key": "loop.delay", "value": format!("{delay} ms") }));
+        page.say(json!({ "type": "file" }));
+        page.say(json!({ "type": "set", "key": "loop.delay", "value": "0.75 ms" }));
+        let file = page.hear("file");
+        assert_eq!(file["name"], "wheel.toml");
+        let saved = Source::from_text("wheel.toml", file["text"].as_str().unwrap());
+        let saved = World::read(&saved, &[]).unwrap().sampling;
+        assert_eq!((saved.period, saved.delay), (1e-3 * period, Delay::Seconds(1e-3 * delay)));
+    }
 }
 
 #[test]
