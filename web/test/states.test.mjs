@@ -34,7 +34,7 @@ const type = async (page, key, text) => {
 /** Types a value, and waits for the world that has it. */
 const set = async (page, key, text) => {
   await type(page, key, text);
-  await until(() => page.getAttribute(`[data-key="${key}"]`, "title"), (title) => title.includes(`${key} = ${text}`));
+  await until(() => page.getAttribute(`.knob[data-key="${key}"]`, "title"), (title) => title.includes(`${key} = ${text}`));
 };
 
 for (const [file, key] of [["hurried", "interval_max"], ["late", "delay_max"]]) {
