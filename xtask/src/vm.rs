@@ -1,7 +1,8 @@
 //! The guest: Debian's stock kernel in an emulated machine, for what the kernel here may lack: a virtual CAN bus, and a virtual USB controller with
 //! the driver of force-feedback wheels.
 //!
-//! It has this machine's root below a layer in memory, so that programs built here run there. It does not measure speed.
+//! It has this machine's root below a layer in memory, so that programs built here run there. Its time passes with its instructions: what is timed
+//! there is the same on a busy machine. It does not measure speed.
 
 use std::process::Command;
 
@@ -17,6 +18,8 @@ const TOOLS: [(&str, &str); 7] = [
     ("ip", "iproute2"),
     ("/usr/lib/python3/dist-packages/evdev", "python3-evdev"),
 ];
+/// The test of the command line that needs a CAN interface.
+const OVER_CAN: &str = "over_an_interface";
 /// How long it may take, in s.
 const TIME: &str = "560";
 /// The same for the games of a car.
@@ -32,13 +35,16 @@ pub fn devices() -> Result<()> {
         return Ok(());
     }
     let wheel = wheel("")?;
-    run(&format!("{} && {} && {wheel}", bus("vcan", "")?, bus("cli", "on_an_interface")?))
+    run(&format!("{} && {} && {wheel}", bus("vcan", "")?, bus("cli", OVER_CAN)?))
 }
 
 /// The line that runs tests of this program, those of a filter, on a virtual CAN bus.
 fn bus(program: &str, filter: &str) -> Result<String> {
     let programs = crate::programs::built(&[program])?;
-    let test = programs.first().with_context(|| format!("there is no test {program}"))?.file();
+    let test = programs.first().with_context(|| format!("there is no test {program}"))?;
+    let list = test.command().args(["--list", "--format", "terse", filter]).output()?;
+    ensure!(!list.stdout.is_empty(), "no test of {program} has {filter:?} in its name");
+    let test = test.file();
     Ok(format!(
         "{{ [ -e /sys/class/net/vcan0 ] || {{ ip link add vcan0 type vcan && ip link set vcan0 mtu 72; }}; }} && \
          ip link set vcan0 up && HAPT_CAN=vcan0 {} {filter} --nocapture --test-threads=1",
@@ -48,7 +54,7 @@ fn bus(program: &str, filter: &str) -> Result<String> {
 
 /// A link over a CAN bus.
 pub fn link() -> Result<()> {
-    run(&bus("cli", "on_an_interface")?)
+    run(&bus("cli", OVER_CAN)?)
 }
 
 /// 1000 changes of an effect a second, for a minute.
@@ -66,7 +72,7 @@ pub fn conform(cases: &[&str]) -> Result<()> {
     run(&wheel(&format!("conform {}", cases.join(" ")))?)
 }
 
-/// The table of `wheel_games::drive`, whose games run in the guest in even time.
+/// The table of `wheel_games::drive`, whose games run in the guest.
 pub fn car() -> Result<String> {
     let (own, hapt) = (std::env::current_exe()?, std::path::absolute(crate::programs::program("hapt")?.get_program())?);
     let line = format!("cd /tmp && {} guest drive {} 2> /dev/ttyS0", own.display(), hapt.display());
@@ -90,7 +96,7 @@ fn wheel(mode: &str) -> Result<String> {
 
 /// A line of shell in the guest; its output goes to ours.
 pub fn run(line: &str) -> Result<()> {
-    let status = Command::new("xtask/guest/boot").args(["target/guest", TIME, line]).status()?;
+    let status = Command::new("xtask/guest/boot").args(["--even", "target/guest", TIME, line]).status()?;
     ensure!(status.success(), "the guest ends with {status}");
     Ok(())
 }
