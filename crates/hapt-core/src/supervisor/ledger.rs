@@ -111,18 +111,19 @@ impl<F: Real> Ledger<F> {
         let whole = libm::floor(delay + 1e-6);
         let part = F::from_f64(if delay > whole { delay - whole } else { 0.0 });
         let samples = libm::ceil(if delay > 1e-6 { delay - 1e-6 } else { 0.0 });
-        let kept = spec.filter.map_or(0.0, |filter| libm::exp(-core::f64::consts::TAU * filter * period));
-        let filtered = kept / (1.0 - kept);
+        // p = `kept`. Numerators and denominators are multiplied by 1 - p, so that they stay finite for any slow filter.
+        let gain = spec.filter.map_or(1.0, |filter| -libm::expm1(-core::f64::consts::TAU * filter * period));
+        let kept = 1.0 - gain;
         let damping = limits.damping / period;
-        let stiffness = damping / (delay + 0.5 + filtered);
-        let held = samples + filtered;
+        let held = gain * samples + kept;
+        let share = 0.5 * damping * (held + gain * kept * samples) / (gain * (delay + 0.5) + kept);
         Ledger {
             most: F::from_f64(limits.energy),
             damping: F::from_f64(damping),
             delay: whole as usize,
             part,
             whole: (whole as usize) < HELD - 2 && part <= F::ZERO,
-            under_way: [0.5 * stiffness * (held + kept * samples), held / (held + 1.0)].map(F::from_f64),
+            under_way: [share, held / (held + gain)].map(F::from_f64),
         }
     }
 
