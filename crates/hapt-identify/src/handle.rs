@@ -28,6 +28,8 @@ const RATIOS: [f64; 2] = [0.03, 30.0];
 const OTHERS: usize = 2;
 /// The most fits that are followed to their end.
 const FOLLOWED: usize = 4;
+/// The part of the squares of a rigid device's fit below which a fit with a handle is followed to its end.
+const RINGS: f64 = 0.5;
 /// Steps of a fit that is compared with others, at first without a lag.
 const FEW: usize = 10;
 
@@ -126,16 +128,20 @@ pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>)
     // The best after a few steps need not be the best in the end, and beside much noise more than one may explain the record.
     let mut best: Option<Fit> = None;
     let mut seen: Vec<Fit> = Vec::new();
-    for starts in [near.map(|device| around(record, device)), starts_of(watched)].into_iter().flatten() {
+    let begun = [near.map(|device| Starts { at: around(record, device), rigid: f64::INFINITY }), starts_of(watched)];
+    let mut rings = true;
+    for Starts { at, rigid } in begun.into_iter().flatten() {
         let by_squares = |a: &Fit, b: &Fit| a.squares.total_cmp(&b.squares);
-        let mut fits: Vec<Fit> = starts.into_iter().filter_map(from).collect();
+        let mut fits: Vec<Fit> = at.into_iter().filter_map(from).collect();
         fits.sort_by(by_squares);
         fits.truncate(FOLLOWED);
         let with_lag = |fit: Fit| fit.lagging(record).improved(record, FEW_ITERATIONS, stop);
         let mut fits: Vec<Fit> = fits.into_iter().filter_map(with_lag).collect();
         fits.sort_by(by_squares);
+        // A handle that rings takes most of what a rigid device leaves.
+        rings = fits.first().is_some_and(|fit| fit.squares < RINGS * rigid);
         for fit in fits {
-            if stop() || best.as_ref().is_some_and(explains) {
+            if stop() || best.as_ref().is_some_and(|best| !rings || explains(best)) {
                 seen.push(fit);
                 continue;
             }
@@ -145,8 +151,11 @@ pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>)
             break;
         }
     }
-    let best = best.ok_or(Error::Unexplained)?.at_rest(record, stop).settled(record, stop);
-    let (fit, mut others) = best.profiled(record, stop);
+    let best = best.ok_or(Error::Unexplained)?;
+    let (fit, mut others) = match rings || explains(&best) {
+        true => best.at_rest(record, stop).settled(record, stop).profiled(record, stop),
+        false => (best, Vec::new()),
+    };
     let as_well = |seen: &&Fit| seen.rests == fit.rests && seen.squares < fit.enough();
     others.extend(seen.iter().filter(as_well).map(|seen| seen.p));
     let residual = residual(&fit.left);
@@ -156,12 +165,16 @@ pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>)
     Ok(HandleSearch { fit, others, wrong, residual })
 }
 
-/// Where fits start: from rest or in motion, and with which parameters. A small velocity that friction ends within some samples hardly shows
-/// that it should be 0.
-type Starts = Vec<(bool, Parameters)>;
+/// Where fits start.
+struct Starts {
+    /// From rest or in motion, and with which parameters. A small velocity that friction ends within some samples hardly shows that it should be 0.
+    at: Vec<(bool, Parameters)>,
+    /// The sum of squares that a rigid device leaves.
+    rigid: f64,
+}
 
 /// At a device.
-fn around(record: &Record, device: &DeviceSpec) -> Starts {
+fn around(record: &Record, device: &DeviceSpec) -> Vec<(bool, Parameters)> {
     let handle = device.handle.unwrap_or(Handle { inertia: device.inertia, stiffness: 0.0, damping: 0.0 });
     let whole = device.inertia + handle.inertia;
     let mass = device.inertia * handle.inertia / whole;
@@ -219,7 +232,8 @@ fn starts_of(watched: &CancellableRecord<'_>) -> Option<Starts> {
     let each: Vec<Parameters> =
         PARTS.map(|part| (first, part)).into_iter().chain(others).map(|(ringing, part)| start(ringing, part)).collect();
     let from = |rests: bool, start: Parameters| (rests, if rests { start } else { moving(record, start) });
-    Some([true, false].into_iter().flat_map(|rests| each.iter().map(move |start| from(rests, *start))).collect())
+    let at = [true, false].into_iter().flat_map(|rests| each.iter().map(move |start| from(rests, *start))).collect();
+    Some(Starts { at, rigid: rigid.normal.squares })
 }
 impl WithHandle {
     /// The numbers under their names, in the order of `hapt identify --handle --json`.

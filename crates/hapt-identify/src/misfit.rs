@@ -75,7 +75,9 @@ impl Kind {
             Kind::Velocity => {
                 "device.stribeck takes in friction that falls with the speed; more damping one way than the other has no key"
             }
-            Kind::Resonance { .. } => "device.handle takes it in; hapt identify --handle tries to fit it",
+            Kind::Resonance { .. } => {
+                "device.handle takes in that of a free handle on a shaft, which hapt identify --handle fits"
+            }
             Kind::Drift => "no key: warm the device up, or use a shorter part of the record (--from, --to)",
             Kind::Unexplained => "no key: a hand, a sensor's torque or play may be in the record",
         }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_identify::{Interval, WithHandle, identify_handle};
+use hapt_identify::{Error, Interval, WithHandle, identify_handle};
 use hapt_model::Motion;
 use serde_json::{Value, json};
 
@@ -15,12 +15,26 @@ use crate::failure::Failure;
 use crate::format;
 use crate::messages;
 
-pub fn run(args: &IdentifyArgs, given: &Given) -> Result<ExitCode, Failure> {
-    let found = identify_handle(&given.record).map_err(|error| Failure::input(format!("{}: {error}", given.name)))?;
+/// The device with a handle; `None` where the record's motion is not one's, which is said: what it tells without a handle follows.
+pub fn found(given: &Given) -> Result<Option<WithHandle>, Failure> {
+    match identify_handle(&given.record) {
+        Ok(found) => Ok(Some(found)),
+        Err(Error::Residual(_) | Error::Unexplained) => {
+            messages::say(
+                "warning: no handle on a flexible shaft explains this record: a hand on the handle, or more than a shaft, is in its motion; what \
+                 follows is without a handle",
+            );
+            Ok(None)
+        }
+        Err(error) => Err(Failure::input(format!("{}: {error}", given.name))),
+    }
+}
+
+pub fn run(args: &IdentifyArgs, given: &Given, found: &WithHandle) -> Result<ExitCode, Failure> {
     for warning in found.warnings() {
         messages::say(format_args!("warning: {warning}"));
     }
-    let text = if args.json { in_json(&found)? } else { text(given, &found) };
+    let text = if args.json { in_json(found)? } else { text(given, found) };
     let mut out = stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
     Ok(ExitCode::SUCCESS)

@@ -68,8 +68,10 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
         },
         None => input::read(args, world)?,
     };
-    if args.handle {
-        return handle::run(args, &given);
+    if args.handle
+        && let Some(found) = handle::found(&given)?
+    {
+        return handle::run(args, &given, &found);
     }
     if args.against.is_some() {
         return against::run(args, &given);
@@ -91,7 +93,8 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
         (Ok(found), _) => found,
         // The device is richer than the model: the fit to the torque is the answer.
         (Err(error @ (Error::Residual(_) | Error::Unexplained)), Some(fit)) if fit.explains() => {
-            return richer::run(args, &given, fit, Some(&error));
+            // With --handle the reason was given.
+            return richer::run(args, &given, fit, Some(&error).filter(|_| !args.handle));
         }
         (Err(error), _) => return Err(Failure::input(format!("{}: {error}", given.name))),
     };

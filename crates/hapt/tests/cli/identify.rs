@@ -163,10 +163,18 @@ fn a_hand_on_the_puck_contradicts_every_file() {
 fn a_hand_on_the_puck_is_no_experiment_and_leaves_no_device_behind() {
     let at = folder(&[("w.toml", PAIR)]);
     hapt(at.path(), ["sim", "w.toml", "--out", "."]).done();
-    let ended = identify(at.path(), &["held.csv", "--write", "device.toml", "--json"]).done();
-    assert!(ended.err.contains("no inertia can be told from this record"), "{}", ended.err);
-    let json: serde_json::Value = serde_json::from_str(&ended.out).unwrap();
-    assert!(json["inertia"].is_null() && json["sign"].is_null() && json["misfit"]["share"].is_number(), "{json}");
+    for options in [&["--write", "device.toml"][..], &["--handle"]] {
+        let ended = identify(at.path(), &[&["held.csv", "--json"], options].concat()).done();
+        assert!(ended.err.contains("no inertia can be told from this record"), "{}", ended.err);
+        assert_eq!(
+            ended.err.contains("no handle on a flexible shaft explains"),
+            options == ["--handle"],
+            "{}",
+            ended.err
+        );
+        let json: serde_json::Value = serde_json::from_str(&ended.out).unwrap();
+        assert!(json["inertia"].is_null() && json["sign"].is_null() && json["misfit"]["share"].is_number(), "{json}");
+    }
     assert_eq!(names(at.path()), ["held.csv", "let-go.csv", "w.toml"]);
 }
 
