@@ -302,13 +302,16 @@ class Checker(unittest.TestCase):
     def test_friction_and_stops_of_the_device_are_parts_of_the_hand(self):
         friction = 'friction = "1 N mm"\nfriction_backward = "2 N mm"\n'
         falling = '[device.stribeck]\ntorque = "0.5 N mm"\nvelocity = "1 rad/s"\n'
+        changing = '[device.friction_by_position]\nshare = 0.15\npitch = "1 rev"\nphase = "10 deg"\nsine = [3, 0, 1.0]\ncosine = [4]\n'
         stops = '[device.stops]\nlow = "-60 deg"\nhigh = "60 deg"\nstiffness = "30 N m/rad"\n'
         own = {"theorem": "laws", "laws": [(0, "1", "0")], "required": "5e-4"}
-        self.accepts(alone("", 5e-4, SPRING, device=friction + falling + stops), proof(**own))
+        self.accepts(alone("", 5e-4, SPRING, device=friction + changing + falling + stops), proof(**own))
         self.accepts(alone("", 5e-4, SPRING, device=stops.replace('low = "-60 deg"\n', "")), proof(**own))
         for wrong in (
             friction.replace("2 N", "-2 N"), falling.replace("1 rad", "0 rad"), falling.replace("0.5", "-0.5"), falling + "width = 1\n",
             stops.replace("-60", "60"), stops.replace('"30', '"0'), stops + "damping = -1\n", '[device.stops]\nstiffness = 1\n',
+            changing.replace("0.15", "-0.15"), changing.replace("0.15", "0.17"), changing.replace('"1 rev"', "0"), changing + "torque = 1\n",
+            changing.replace("[4]", "[4000]"), changing.replace("sine = [3, 0, 1.0]\ncosine = [4]\n", ""),
         ):  # fmt: skip
             with self.subTest(device=wrong):
                 self.refuses(alone("", 5e-4, SPRING, device=wrong), proof(**own))
@@ -325,12 +328,19 @@ class Checker(unittest.TestCase):
         for less in ("", 'friction = "0.999999999 N mm"\n', enough + 'friction_backward = "0.99 N mm"\n', 'friction = "1.25 N mm ± 21 %"\n'):
             with self.subTest(friction=less):
                 self.refuses(alone("", 5e-4, *both, device=less), proof(**own))
+        # Half of 2 N mm are left where the harmonics, of sizes 5 and 1.25, are at their least together.
+        changing = '[device.friction_by_position]\nshare = 0.08\npitch = "15 deg"\nsine = [3, 1.25]\ncosine = [4]\n'
+        self.accepts(alone("", 5e-4, *both, device='friction = "2 N mm"\n' + changing), proof(**own))
+        self.accepts(alone("", 5e-4, *both, device='friction = "4 N mm ± 50 %"\n' + changing), proof(**own))
+        for less in (changing.replace("0.08", "0.0800001"), changing.replace("1.25", "1.251")):
+            self.refuses(alone("", 5e-4, *both, device='friction = "2 N mm"\n' + less), proof(**own))
         for wrong in (term.replace('limit = "0.75 N mm"', ""), term + "\ndamping = 1", drag + "\ncoulomb = 1", drag.replace('torque = "0.25 N mm"', "coulomb = 1")):
             with self.subTest(coupling=wrong):
                 self.refuses(alone("", 5e-4, SPRING, wrong, drag, device=enough), proof(**own))
         push = '[[compensation]]\nof = "friction"\nshare = 0.5\nvelocity = "0.1 rad/s"\n'
         given = {"theorem": "laws", "laws": [(0, "1", "0"), (1, "0", "0")], "required": "5e-4"}
         self.accepts(alone("", 5e-4, SPRING, device='friction = "1 N mm ± 50 %"\n') + push, proof(**given))
+        self.accepts(alone("", 5e-4, SPRING, device='friction = "1 N mm ± 50 %"\n' + changing) + push, proof(**given))
         self.accepts(alone("", 5e-4, SPRING, 'kind = "assist"\ntorque = "1 N mm"\nvelocity = 1', device=enough), proof(**given))
         self.refuses(alone("", 5e-4, SPRING, 'kind = "assist"\ntorque = "1.001 N mm"\nvelocity = 1', device=enough), proof(**given))
         for wrong in (push.replace("0.5", "1.1"), push.replace('velocity = "0.1 rad/s"\n', ""), push + push, push.replace("friction", "gravity")):

@@ -2,6 +2,7 @@
 
 import math
 import re
+import struct
 import tomllib
 from fractions import Fraction
 
@@ -43,6 +44,18 @@ def in_range(key, value, positive):
     if value.high and not Fraction(1, 10**30) <= value.low <= value.high <= 10**30:
         raise Refused(f"{key} is beyond 1e-30 to 1e30")
     return value
+
+
+def harmonics(table):
+    """The factors of up to four sines and as many cosines, in single precision, as they are kept."""
+    waves = [table.take(key, []) for key in ("sine", "cosine")]
+    if not any(waves) or any(type(wave) is not list or len(wave) > 4 for wave in waves):
+        raise Refused(f"{table.name} has no harmonics, or more than four")
+    factors = [[quantity(factor, RATIO[0]) for factor in wave + [0] * (4 - len(wave))] for wave in waves]
+    if any(factor.size().high > 1000 for wave in factors for factor in wave):
+        raise Refused(f"{table.name} has a harmonic beyond 1000")
+    single = struct.Struct("f")
+    return [[exact(single.unpack(single.pack(float(factor.low)))[0]) for factor in wave] for wave in factors]
 
 
 class Table:
@@ -333,6 +346,9 @@ class World:
         for least, most in levels[1:]:
             self.friction = least_of(self.friction, least)
             self.nominal_friction = least_of(self.nominal_friction, (least + most) * HALF)
+        if "friction_by_position" in table.left:
+            part = self.least_part(Table("device.friction_by_position", table.take("friction_by_position"), table.is_linear))
+            self.friction, self.nominal_friction = self.friction * part, self.nominal_friction * part
         if self.nominal_friction.high == 0:
             self.nominal_friction = None
         # (T74): friction that falls with the speed is Coulomb friction beside what takes power and gives none.
@@ -396,6 +412,20 @@ class World:
         table.close()
 
     @staticmethod
+    def least_part(table):
+        """(T74): friction that changes with the position takes this part of its mean at least."""
+        share = table.number("share", RATIO)
+        table.number("pitch", POSITION, positive=True)
+        table.any("phase", POSITION, ZERO)
+        most = ZERO
+        for sine, cosine in zip(*harmonics(table)):
+            most += share * root(sine * sine + cosine * cosine)
+        if most.low > 1:
+            raise Refused("device.friction_by_position takes friction below 0")
+        table.close()
+        return Between(max(Fraction(0), 1 - most.high), max(Fraction(0), 1 - most.low))
+
+    @staticmethod
     def read_stops(table):
         """(T75): a stop stores and takes, so that it is a part of the passive hand, whatever its numbers are."""
         ends = [table.any(key, POSITION) for key in ("low", "high") if key in table.left]
@@ -420,11 +450,7 @@ class World:
             cogging.number("torque", TORQUE)
             cogging.number("pitch", POSITION, positive=True)
             cogging.any("phase", POSITION, ZERO)
-            waves = [cogging.take(key, []) for key in ("sine", "cosine")]
-            if not any(waves) or any(type(wave) is not list or len(wave) > 4 for wave in waves):
-                raise Refused("device.cogging has no harmonics, or more than four")
-            for factor in waves[0] + waves[1]:
-                quantity(factor, RATIO[0])
+            harmonics(cogging)
             cogging.close()
 
     # What several theorems assume.

@@ -219,7 +219,7 @@ fn role(kind: Kind, row: &Key, path: &str) -> Option<Role> {
         ["loop", "cutoff" | "every" | "filter" | "window"] => Some(Role::Tunable),
         ["loop", _] => Some(Role::Fixed),
         ["device", "inertia" | "damping" | "friction" | "friction_backward"] => only_whole(Role::Tunable),
-        ["device", "handle" | "stribeck" | "stops", _] => only_whole(Role::Tunable),
+        ["device", "friction_by_position" | "handle" | "stribeck" | "stops", _] => only_whole(Role::Tunable),
         ["device", "limit"] => Some(Role::Tunable),
         ["device", "encoder" | "levels"] => Some(Role::Fixed),
         ["bodies", _, "inertia"] => Some(Role::Tunable),
@@ -236,7 +236,9 @@ pub fn row(world: &World, path: &str) -> Option<&'static Key> {
     let names: Vec<&str> = path.split('.').collect();
     let kind = |coupling: &Coupling| CouplingKind::of(&coupling.law).name();
     let (pattern, kind) = match names[..] {
-        ["loop" | "device", _] | ["device", "handle" | "stribeck" | "stops", _] => (path.to_string(), None),
+        ["loop" | "device", _] | ["device", "friction_by_position" | "handle" | "stribeck" | "stops", _] => {
+            (path.to_string(), None)
+        }
         ["bodies", _, name] => (format!("bodies.*.{name}"), None),
         ["couplings", index, name] => {
             (format!("couplings.*.{name}"), Some(kind(world.couplings.get(index.parse::<usize>().ok()?)?)))

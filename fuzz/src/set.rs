@@ -42,6 +42,11 @@ low = "-60 deg"
 high = "60 deg"
 stiffness = "30 N m/rad"
 damping = "0.01 N m s/rad"
+[device.friction_by_position]
+share = 0.2
+pitch = "1 rev"
+phase = "5 deg"
+cosine = [1.0, 0.5]
 [device.stribeck]
 torque = "1 N mm"
 velocity = "1 rad/s"

@@ -190,6 +190,14 @@ fn file(rng: &mut Rng) -> String {
     }
     let bodies = [0, 1, 1, 1, 2, 3, 7][rng.usize(..7)];
     if rng.u8(..4) == 0 {
+        text += &format!(
+            "[device.friction_by_position]\nshare = {:e}\npitch = {:e}\nsine = [1, {:e}]\n",
+            maybe(rng, 0.3),
+            number_of(rng, 1.0),
+            number_of(rng, 1.0)
+        );
+    }
+    if rng.u8(..4) == 0 {
         text += &format!("[device.stribeck]\ntorque = {:e}\nvelocity = {:e}\n", maybe(rng, 1e-3), number_of(rng, 1.0));
     }
     if rng.u8(..4) == 0 {

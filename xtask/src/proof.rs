@@ -13,8 +13,8 @@ use anyhow::{Context, Result, ensure};
 use fastrand::Rng;
 use hapt_core::{Side, Waveform};
 use hapt_model::{
-    Body, Cogging, Compensated, Coupling, Damping, Delay, Device, End, EstimatorKind, Gravity, Handle, Law, Method,
-    Motion, Output, Sampling, World,
+    Body, Cogging, Compensated, Coupling, Damping, Delay, Device, End, EstimatorKind, FrictionByPosition, Gravity,
+    Handle, Law, Method, Motion, Output, Sampling, World,
 };
 use rayon::prelude::*;
 use serde_json::Value;
@@ -365,7 +365,16 @@ fn within_friction(rng: &mut Rng, world: &mut World, torque: f64, kind: u8) {
     let device = &mut world.device;
     let [least, _] = device.friction_range();
     device.tolerances.friction = if rng.bool() { 0.0 } else { 0.2 };
-    device.friction = (least + torque) * (1.0 + 1e-12) / (1.0 - device.tolerances.friction);
+    let waveform = Waveform { sine: [0.0, 0.75, 0.0, 0.0], cosine: [0.5, 0.0, 0.0, -0.25] };
+    device.friction_by_position = (rng.u8(..4) == 0).then(|| FrictionByPosition {
+        share: 0.6 * rng.f64(),
+        pitch: log_uniform(rng, -1.0, 1.0),
+        phase: rng.f64(),
+        waveform,
+    });
+    (device.friction, device.friction_backward) = (1.0, None);
+    let [part, _] = device.friction_range();
+    device.friction = (least + torque) * (1.0 + 1e-12) / part;
     device.friction_backward = rng.bool().then_some(1.5 * device.friction);
 }
 

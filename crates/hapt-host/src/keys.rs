@@ -85,7 +85,8 @@ pub fn keys(source: &Source, given: &[String], sets: &[String]) -> Result<Vec<Se
 fn is_settable(path: &str) -> bool {
     let names: Vec<&str> = path.split('.').collect();
     match names[..] {
-        ["loop" | "device", _] | ["device", "handle" | "stribeck" | "stops" | "gravity" | "cogging", _] => true,
+        ["loop" | "device", _] => true,
+        ["device", "friction_by_position" | "handle" | "stribeck" | "stops" | "gravity" | "cogging", _] => true,
         ["bodies", _, name] => !matches!(name, "position" | "velocity"),
         ["couplings", _, name] => !matches!(name, "kind" | "between"),
         _ => false,
@@ -207,6 +208,9 @@ pub fn row(world: &World, path: &str) -> Option<&'static Key> {
         ["loop" | "device", _] => (path.to_string(), None),
         // The numbers of an existing handle: a single one does not make a handle.
         ["device", "handle", _] if world.device.handle.is_some() => (path.to_string(), None),
+        ["device", "friction_by_position", _] if world.device.friction_by_position.is_some() => {
+            (path.to_string(), None)
+        }
         ["device", "stribeck", _] if world.device.stribeck.is_some() => (path.to_string(), None),
         ["device", "stops", _] if world.device.stops.is_some() => (path.to_string(), None),
         ["device", "gravity", _] if world.device.torque.gravity.is_some() => (path.to_string(), None),

@@ -174,6 +174,7 @@ impl Claims {
             damping: middle(self.damping),
             friction: middle(self.friction) - self.lean,
             friction_backward: Some(middle(self.friction) + self.lean).filter(|_| self.lean != 0.0),
+            friction_by_position: None,
             stribeck: self.stribeck,
             stops: self.stops,
             lag: middle(self.lag),

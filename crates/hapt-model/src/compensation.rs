@@ -13,7 +13,7 @@ use crate::world::Device;
 
 impl Device {
     /// The coupling that takes back `share` of a torque of this device, of friction wholly from the speed `velocity` on; `None` where it has none.
-    /// Of friction that differs by direction the smaller level is taken back.
+    /// Of friction that differs by direction or changes with the position the smallest level is taken back.
     pub fn compensation(&self, of: Compensated, share: f64, velocity: Option<f64>) -> Option<Coupling> {
         let law = match of {
             Compensated::Gravity => {

@@ -1,6 +1,6 @@
 //! Reads `[device]` and its tables.
 
-use hapt_plant::spec::{Cogging, DeviceTorque, Gravity, Handle, Stops, Stribeck};
+use hapt_plant::spec::{Cogging, DeviceTorque, FrictionByPosition, Gravity, Handle, Stops, Stribeck};
 
 use crate::error::{Error, ErrorKind};
 use crate::fields::Fields;
@@ -30,6 +30,7 @@ pub(crate) fn device(fields: &Fields<'_>, period: f64) -> Result<Device, Error> 
         encoder: fields.optional_number("encoder")?,
         levels: fields.optional_whole("levels")?,
         drive: mounting(&Fields::new(fields.inner("drive", "device.drive"), fields.node("drive"))?)?,
+        friction_by_position: friction_by_position(fields)?,
         stribeck: stribeck(fields)?,
         stops: stops(fields)?,
         handle: handle(fields)?,
@@ -55,6 +56,17 @@ fn handle(fields: &Fields<'_>) -> Result<Option<Handle>, Error> {
         inertia: fields.number("inertia")?,
         stiffness: fields.number("stiffness")?,
         damping: fields.number("damping")?,
+    }))
+}
+
+fn friction_by_position(fields: &Fields<'_>) -> Result<Option<FrictionByPosition>, Error> {
+    let Some(node) = fields.node("friction_by_position") else { return Ok(None) };
+    let fields = Fields::new(fields.inner("friction_by_position", "device.friction_by_position"), Some(node))?;
+    Ok(Some(FrictionByPosition {
+        share: fields.number("share")?,
+        pitch: fields.number("pitch")?,
+        phase: fields.number("phase")?,
+        waveform: waveform::of_harmonics(&fields)?,
     }))
 }
 

@@ -73,7 +73,8 @@ pub use hapt_core::spec::{
 };
 pub use hapt_core::{LASTING, SafetyProfile};
 pub use hapt_plant::spec::{
-    Cogging, DeviceSpec, DeviceTorque, Drive, Gravity, Hand, Handle, Shape, Stops, Stribeck, Switching,
+    Cogging, DeviceSpec, DeviceTorque, Drive, FrictionByPosition, Gravity, Hand, Handle, Shape, Stops, Stribeck,
+    Switching,
 };
 pub use kinds::{Compensated, CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
 pub use parameters::{Parameter, parameters, parameters_of, unit, unit_size};

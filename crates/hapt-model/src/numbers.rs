@@ -3,7 +3,7 @@
 #![warn(clippy::wildcard_enum_match_arm)]
 
 use hapt_core::{Body, Coupling};
-use hapt_plant::spec::{Cogging, Drive, Gravity, Hand, Handle, Shape, Stops, Stribeck, Switching};
+use hapt_plant::spec::{Cogging, Drive, FrictionByPosition, Gravity, Hand, Handle, Shape, Stops, Stribeck, Switching};
 
 use crate::keys::{self, Key};
 use crate::kinds::{CouplingKind, HandKind, ShapeKind};
@@ -107,6 +107,12 @@ pub(crate) fn mounting(drive: &mut Mounting) -> NumberSlots<'_> {
 pub(crate) fn handle(handle: &mut Option<Handle>) -> NumberSlots<'_> {
     let Some(Handle { inertia, stiffness, damping }) = handle else { return Vec::new() };
     vec![("inertia", Number(inertia)), ("stiffness", Number(stiffness)), ("damping", Number(damping))]
+}
+
+/// Those of a friction that changes with the position, without its waveform.
+pub(crate) fn friction_by_position(changes: &mut Option<FrictionByPosition>) -> NumberSlots<'_> {
+    let Some(FrictionByPosition { share, pitch, phase, waveform: _ }) = changes else { return Vec::new() };
+    vec![("share", Number(share)), ("pitch", Number(pitch)), ("phase", Number(phase))]
 }
 
 /// Those of a Stribeck friction that is there.
@@ -247,6 +253,9 @@ impl World {
             ["device"] => plain("device", device(&mut self.device)),
             ["device", "drive"] => plain("device.drive", mounting(&mut self.device.drive)),
             ["device", "handle"] => plain("device.handle", handle(&mut self.device.handle)),
+            ["device", "friction_by_position"] => {
+                plain("device.friction_by_position", friction_by_position(&mut self.device.friction_by_position))
+            }
             ["device", "stribeck"] => plain("device.stribeck", stribeck(&mut self.device.stribeck)),
             ["device", "stops"] => plain("device.stops", stops(&mut self.device.stops)),
             ["device", "gravity"] => plain("device.gravity", gravity(&mut self.device.torque.gravity)),

@@ -319,7 +319,9 @@ fn compensate(
         }
         let Some(coupling) = device.compensation(of, share, velocity) else {
             let wanted = match of {
-                Compensated::Friction => "device.friction above 0, of both directions".to_string(),
+                Compensated::Friction => {
+                    "device.friction above 0, of both directions and at every position".to_string()
+                }
                 Compensated::Gravity | Compensated::Cogging => format!("a table [device.{}]", of.name()),
             };
             return wrong("of", format!("the device has no {} to take back; expected {wanted}", of.name()));

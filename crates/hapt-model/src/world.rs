@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use hapt_core::{Body, Coupling, Spec};
-use hapt_plant::spec::{DeviceSpec, DeviceTorque, Drive, Hand, Handle, Stops, Stribeck};
+use hapt_plant::spec::{DeviceSpec, DeviceTorque, Drive, FrictionByPosition, Hand, Handle, Stops, Stribeck};
 
 use crate::kinds::Motion;
 use crate::safety::Safety;
@@ -75,6 +75,8 @@ pub struct Device {
     pub levels: Option<u32>,
     /// The `[device.drive]` table.
     pub drive: Mounting,
+    /// The `[device.friction_by_position]` table: how both levels of Coulomb friction change with the position.
+    pub friction_by_position: Option<FrictionByPosition>,
     /// The `[device.stribeck]` table: what friction is more at low speeds.
     pub stribeck: Option<Stribeck>,
     /// The `[device.stops]` table: the ends of the puck's way.
@@ -145,6 +147,7 @@ impl Device {
             encoder: None,
             levels: None,
             drive: Mounting::default(),
+            friction_by_position: None,
             stribeck: None,
             stops: None,
             handle: None,
@@ -155,10 +158,24 @@ impl Device {
     /// Why a run at this period in s cannot simulate the device, with the table below `device` and the key in it that would have to change;
     /// `None` where it can. A world that was built or changed without its file is checked by this again.
     pub fn fault(&self, period: f64) -> Option<(&'static str, &'static str, String)> {
-        self.shaft_fault(period)
-            .map(|message| ("handle", "stiffness", message))
+        self.level_fault()
+            .or_else(|| self.shaft_fault(period).map(|message| ("handle", "stiffness", message)))
             .or_else(|| self.start_fault())
             .or_else(|| self.piece_fault(period))
+    }
+
+    /// Friction never pushes.
+    fn level_fault(&self) -> Option<(&'static str, &'static str, String)> {
+        let changes = self.friction_by_position?;
+        let whole = FrictionByPosition { share: 1.0, ..changes }.most();
+        let message = || {
+            format!(
+                "friction would be below 0 at some positions: the sizes of the harmonics, the roots of sine² + cosine², add up to {whole}; expected {} \
+                 at most",
+                whole.recip()
+            )
+        };
+        (changes.most() > 1.0 || changes.most().is_nan()).then(|| ("friction_by_position", "share", message()))
     }
 
     /// Every run starts at rest at 0.
@@ -183,9 +200,17 @@ impl Device {
         })
     }
 
-    /// Whether nothing but inertia, damping and Coulomb friction acts on the puck by itself: no gravity, no cogging, no Stribeck friction, no end stops.
+    /// Whether nothing but inertia, damping and Coulomb friction of one level a direction acts on the puck by itself: no gravity, no cogging, no
+    /// friction that changes with the position or falls with the speed, no end stops.
     pub fn is_plain(&self) -> bool {
-        self.torque.is_none() && self.falling_friction() == 0.0 && self.stops.is_none()
+        let is_even = self.changing_friction() == 0.0 && self.falling_friction() == 0.0;
+        self.torque.is_none() && is_even && self.stops.is_none()
+    }
+
+    /// How steeply friction changes with the position at most, in N·m/rad (linear: N/m). 0 where it does not.
+    pub fn changing_friction(&self) -> f64 {
+        let [forward, backward] = self.frictions();
+        self.friction_by_position.map_or(0.0, |changes| forward.max(backward) * changes.steepest())
     }
 
     /// How steeply friction falls at low speeds, in N·m·s/rad (linear: N·s/m): a damping that is missing there. 0 where it does not.
@@ -203,6 +228,7 @@ impl Device {
         let field = if self.torque.cogging.is_some() { "cogging" } else { "gravity" };
         let parts = [
             (swing(self.torque.steepest()), field, "torque"),
+            (swing(self.changing_friction()), "friction_by_position", "share"),
             (self.falling_friction() / self.inertia, "stribeck", "velocity"),
             (swing(spring), "stops", "stiffness"),
             (damper / self.inertia, "stops", "damping"),
@@ -219,6 +245,7 @@ impl Device {
         (turned.is_nan() || turned > MOST_SWING).then(|| {
             let (what, expected) = match key {
                 "torque" => ("under it, its damping and its shaft the puck swings", "a smaller torque"),
+                "share" => ("where friction changes with the position the puck swings", "a smaller share, a longer pitch"),
                 "velocity" => ("a slow puck speeds up, swings", "a larger velocity"),
                 "damping" => ("in a stop the puck swings", "a smaller damping"),
                 _ => ("in a stop the puck swings", "a smaller stiffness"),
@@ -281,39 +308,45 @@ impl Device {
         within(self.damping, self.tolerances.damping)
     }
 
-    /// The Coulomb friction toward larger positions, and toward smaller ones.
+    /// The Coulomb friction toward larger positions, and toward smaller ones; in the mean of all positions, where it changes with them.
     pub fn frictions(&self) -> [f64; 2] {
         [self.friction, self.friction_backward.unwrap_or(self.friction)]
     }
 
-    /// The friction that the device has in either direction: what it takes at least on a path.
+    /// The friction that the device has in either direction and at every position: what it takes at least on a path.
     pub fn least_friction(&self) -> f64 {
         let [forward, backward] = self.frictions();
-        forward.min(backward)
+        forward.min(backward) * self.parts_of_friction()[0]
     }
 
-    /// The most that may hold the puck, in either direction.
+    /// The most that may hold the puck, in either direction and at any position.
     pub fn largest_friction(&self) -> f64 {
         let [forward, backward] = self.frictions();
-        forward.max(backward) + self.stribeck.map_or(0.0, |stribeck| stribeck.torque)
+        forward.max(backward) * self.parts_of_friction()[1] + self.stribeck.map_or(0.0, |stribeck| stribeck.torque)
     }
 
-    /// The same device with this friction in both directions, exactly.
+    /// Bounds on the part of its mean level that friction has at any position.
+    fn parts_of_friction(&self) -> [f64; 2] {
+        let most = self.friction_by_position.map_or(0.0, |changes| changes.most());
+        [(1.0 - most).max(0.0), 1.0 + most]
+    }
+
+    /// The same device with this friction in both directions and at every position, exactly.
     pub fn set_friction(&mut self, friction: f64) {
-        (self.friction, self.friction_backward) = (friction, None);
+        (self.friction, self.friction_backward, self.friction_by_position) = (friction, None, None);
         (self.tolerances.friction, self.tolerances.friction_backward) = (0.0, 0.0);
     }
 
-    /// The least and the largest friction toward larger positions, and toward smaller ones, within their tolerances.
+    /// The least and the largest friction toward larger positions, and toward smaller ones, within their tolerances; in the mean of all positions.
     pub fn frictions_range(&self) -> [[f64; 2]; 2] {
         let forward = within(self.friction, self.tolerances.friction);
         [forward, self.friction_backward.map_or(forward, |level| within(level, self.tolerances.friction_backward))]
     }
 
-    /// The least and the largest friction in either direction, within their tolerances.
+    /// The least and the largest friction in either direction and at any position, within their tolerances.
     pub fn friction_range(&self) -> [f64; 2] {
-        let [forward, backward] = self.frictions_range();
-        [forward[0].min(backward[0]), forward[1].max(backward[1])]
+        let ([forward, backward], [least, most]) = (self.frictions_range(), self.parts_of_friction());
+        [forward[0].min(backward[0]) * least, forward[1].max(backward[1]) * most]
     }
 
     /// The least and the largest lag within its tolerance.
@@ -353,8 +386,8 @@ impl World {
 
     /// What a device in simulation is made from.
     pub fn device_spec(&self) -> DeviceSpec {
-        let Device { inertia, damping, friction, friction_backward, stribeck, stops, lag, handle, torque, .. } =
-            self.device;
+        let Device { inertia, damping, lag, stribeck, stops, handle, torque, .. } = self.device;
+        let Device { friction, friction_backward, friction_by_position, .. } = self.device;
         let (period, delay) = (self.sampling.period, self.sampling.delay_s());
         DeviceSpec {
             period,
@@ -364,6 +397,7 @@ impl World {
             damping,
             friction,
             friction_backward,
+            friction_by_position,
             stribeck,
             stops,
             handle,

@@ -5,7 +5,7 @@
 use std::fmt::{self, Write};
 
 use hapt_core::{Coupling, End, Waveform};
-use hapt_plant::spec::{Drive, Hand, Shape};
+use hapt_plant::spec::{Drive, FrictionByPosition, Hand, Shape};
 
 use crate::keys::{self, COMPENSATING, DIRECTION, Measure, SAMPLES, Takes};
 use crate::kinds::Motion;
@@ -44,6 +44,12 @@ impl World {
         if drive != Mounting::default() {
             writeln!(f, "\n[device.drive]\ndirection = {:?}", DIRECTION[usize::from(drive.reversed)])?;
             lines(f, table("device.drive", numbers::mounting(&mut drive)))?;
+        }
+        let mut changes = self.device.friction_by_position;
+        if let Some(FrictionByPosition { waveform, .. }) = changes {
+            writeln!(f, "\n[device.friction_by_position]")?;
+            lines(f, table("device.friction_by_position", numbers::friction_by_position(&mut changes)))?;
+            harmonics(f, &waveform)?;
         }
         let mut stribeck = self.device.stribeck;
         if stribeck.is_some() {

@@ -1,4 +1,4 @@
-//! The torques of the device's own that depend on its position, gravity and cogging, and the motion under them.
+//! What the device does to the puck by its position, gravity, cogging and the changes of friction, and the motion under that.
 //!
 //! ```text
 //! ẏ = N y + e_v τ(x)/m,    τ(x) = Σ (a sin rx + b cos rx) = -V'(x)
@@ -10,15 +10,15 @@
 
 use core::f64::consts::TAU;
 
-use hapt_core::HARMONICS;
+use hapt_core::{HARMONICS, Waveform};
 
 use crate::exponential::{GAUSS, Square};
 use crate::root::root;
-use crate::spec::DeviceTorque;
+use crate::spec::{DeviceTorque, FrictionByPosition};
 use crate::stop::Line;
 
-/// Sines: gravity's, and the harmonics of cogging.
-const WAVES: usize = 1 + HARMONICS;
+/// Sines: gravity's, the harmonics of cogging, and those of friction.
+const WAVES: usize = 1 + 2 * HARMONICS;
 /// Terms of a step's series.
 const TERMS: usize = 19;
 /// Radians of the fastest rate in a step at most.
@@ -62,13 +62,34 @@ impl Field {
             waves[0] = Wave::new(1.0, origin + gravity.phase, gravity.torque, 0.0);
         }
         if let Some(cogging) = &torque.cogging {
-            for (wave, (n, sine, cosine)) in waves[1..].iter_mut().zip(cogging.waveform.harmonics()) {
-                let rate = TAU * n / cogging.pitch;
-                *wave =
-                    Wave::new(rate, rate * (origin - cogging.phase), cogging.torque * sine, cogging.torque * cosine);
-            }
+            let from = origin - cogging.phase;
+            set_harmonics(&mut waves[1..], cogging.torque, cogging.pitch, from, &cogging.waveform);
         }
-        waves.iter().any(|wave| wave.size() > 0.0).then_some(Field { waves })
+        Field { waves }.if_any()
+    }
+
+    /// The changes of a friction whose mean is 1, likewise; `None` where it does not change.
+    pub fn of_friction(friction: &FrictionByPosition, origin: f64) -> Option<Self> {
+        let mut waves = [Wave::default(); WAVES];
+        let from = origin - friction.phase;
+        set_harmonics(&mut waves[1 + HARMONICS..], friction.share, friction.pitch, from, &friction.waveform);
+        Field { waves }.if_any()
+    }
+
+    fn if_any(self) -> Option<Self> {
+        self.waves.iter().any(|wave| wave.size() > 0.0).then_some(self)
+    }
+
+    /// `factor` times as much.
+    pub fn times(&self, factor: f64) -> Field {
+        Field { waves: self.waves.map(|wave| Wave { sine: factor * wave.sine, cosine: factor * wave.cosine, ..wave }) }
+    }
+
+    /// Together with the changes of friction, which this has none of.
+    pub fn and(&self, friction: &Field) -> Field {
+        let mut both = *self;
+        both.waves[1 + HARMONICS..].copy_from_slice(&friction.waves[1 + HARMONICS..]);
+        both
     }
 
     /// The waves that are not 0.
@@ -76,8 +97,8 @@ impl Field {
         self.waves.iter().filter(|wave| wave.sine != 0.0 || wave.cosine != 0.0)
     }
 
-    /// The torque on the puck at x.
-    pub fn torque(&self, x: f64) -> f64 {
+    /// Its value with the puck at x: of gravity and cogging the torque on the puck.
+    pub fn at(&self, x: f64) -> f64 {
         let of = |wave: &Wave| {
             let (s, c) = libm::sincos(wave.rate * x);
             wave.sine * s + wave.cosine * c
@@ -85,7 +106,7 @@ impl Field {
         self.waves().map(of).sum()
     }
 
-    /// The work that it does on a puck that moves from `from` to `to`.
+    /// Its integral over the position: the work on a puck that moves from `from` to `to`.
     pub fn work(&self, from: f64, to: f64) -> f64 {
         let of = |wave: &Wave| {
             let way = 0.5 * wave.rate * (to - from);
@@ -107,6 +128,14 @@ impl Field {
         // A NaN velocity removes every wave.
         let is_felt = |wave: &Wave| wave.rate * velocity.abs() * dt <= MAX_WAVE_RAD;
         Field { waves: self.waves.map(|wave| if is_felt(&wave) { wave } else { Wave::default() }) }
+    }
+}
+
+/// The waves of this many times a waveform that begins at -`from`.
+fn set_harmonics(waves: &mut [Wave], size: f64, pitch: f64, from: f64, waveform: &Waveform) {
+    for (wave, (n, sine, cosine)) in waves.iter_mut().zip(waveform.harmonics()) {
+        let rate = TAU * n / pitch;
+        *wave = Wave::new(rate, rate * from, size * sine, size * cosine);
     }
 }
 

@@ -52,6 +52,8 @@ impl Levels {
 pub(crate) struct Friction<'p> {
     pub plant: &'p Plant,
     pub levels: Levels,
+    /// The size of the torques of which the levels are the sum; 0 where they are no sum.
+    pub rounded: f64,
 }
 
 /// The direction in which a puck slides, ±1; 0 while friction holds it: at rest under a `net` torque that is not above friction, up to the
@@ -82,7 +84,7 @@ pub fn slide_under(
 ) -> (f64, f64) {
     let plant = Plant::free(Inertia { inertia, damping, stiffness: 0.0 });
     let y = [puck.1, torque, puck.0, 0.0, 0.0, 0.0, 0.0];
-    let friction = Friction { plant: &plant, levels: Levels { forward, backward } };
+    let friction = Friction { plant: &plant, levels: Levels { forward, backward }, rounded: 0.0 };
     let [position, velocity] = friction.advance(
         y,
         dt,
@@ -148,7 +150,8 @@ impl Friction<'_> {
     /// The sizes of these torques.
     fn torques(&self, y: &State) -> f64 {
         let Plant { stiffness, sine, cosine, .. } = *self.plant;
-        y[F].abs() + (sine * y[SIN]).abs() + (cosine * y[COS]).abs() + (stiffness * y[X]).abs() + y[GAP].abs()
+        let hand = (sine * y[SIN]).abs() + (cosine * y[COS]).abs() + (stiffness * y[X]).abs();
+        y[F].abs() + hand + y[GAP].abs() + self.rounded
     }
 
     /// The derivative of the net torque at rest.

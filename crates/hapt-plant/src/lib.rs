@@ -7,7 +7,7 @@
 //! use hapt_plant::{Grip, VirtualDevice, spec::DeviceSpec};
 //!
 //! let spec = DeviceSpec {
-//!     period: 1e-3, delay: 0.0, lag: 0.0, inertia: 6.4e-4, damping: 1.2e-3, friction: 0.0, friction_backward: None, stribeck: None, stops: None, handle: None, torque: Default::default(),
+//!     period: 1e-3, delay: 0.0, lag: 0.0, inertia: 6.4e-4, damping: 1.2e-3, friction: 0.0, friction_backward: None, friction_by_position: None, stribeck: None, stops: None, handle: None, torque: Default::default(),
 //! };
 //! let mut device = VirtualDevice::new(&spec);
 //! // A hand grips the wheel and moves its target to half a radian, against a spring.

@@ -6,7 +6,7 @@ use crate::exponential::Square;
 use crate::field::{Field, Fielded, Series};
 use crate::friction::Levels;
 use crate::ledger::Ledger;
-use crate::spec::{DeviceSpec, DeviceTorque, Stops, Stribeck};
+use crate::spec::{DeviceSpec, DeviceTorque, FrictionByPosition, Stops, Stribeck};
 use crate::stop::{Line, Stop, Touch};
 use crate::trajectory::Piece;
 
@@ -14,8 +14,9 @@ use crate::trajectory::Piece;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Kind {
-    /// Coulomb friction: that of a fast slide.
+    /// Coulomb friction: that of a fast slide, in the mean of all positions.
     friction: Levels,
+    by_position: Option<FrictionByPosition>,
     stribeck: Option<Stribeck>,
     torque: DeviceTorque,
     stops: Option<Stops>,
@@ -25,7 +26,10 @@ pub(crate) struct Kind {
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Own {
+    /// In the mean of all positions.
     pub friction: Levels,
+    /// How it changes with the position, for a mean of 1.
+    changes: Option<Field>,
     stribeck: Option<Stribeck>,
     /// Gravity and cogging, where there are any.
     pub field: Option<Field>,
@@ -38,9 +42,11 @@ pub(crate) struct Regime {
     pub torque: f64,
     damping: f64,
     stiffness: f64,
-    /// Of these, those of friction: against the slide, less what it falls by.
+    /// Of these, those of friction: against the slide, less what it falls by, in the mean of all positions.
     pub friction: f64,
     falls: f64,
+    /// What friction's changes with the position add to the puck's torque.
+    pub changes: Field,
     /// The stop that the puck is in.
     stop: Option<(Stop, Touch)>,
     events: [Option<Event>; 6],
@@ -56,20 +62,28 @@ struct Event {
 
 impl Kind {
     pub fn new(spec: &DeviceSpec) -> Self {
-        let &DeviceSpec { friction, friction_backward, stribeck, torque, stops, .. } = spec;
+        let &DeviceSpec { friction, friction_backward, friction_by_position, stribeck, torque, stops, .. } = spec;
         let friction = Levels { forward: friction, backward: friction_backward.unwrap_or(friction) };
-        Kind { friction, stribeck: stribeck.filter(|stribeck| stribeck.torque > 0.0), torque, stops }
+        let by_position = friction_by_position.filter(|_| !friction.is_none());
+        Kind { friction, by_position, stribeck: stribeck.filter(|stribeck| stribeck.torque > 0.0), torque, stops }
     }
 
     /// The same in the puck's coordinate, whose 0 is `origin` in the device's.
     pub fn at(&self, origin: f64) -> Own {
         let stops = self.stops.map_or([None; 2], |stops| Stop::both(&stops, origin));
-        Own { friction: self.friction, stribeck: self.stribeck, field: Field::new(&self.torque, origin), stops }
+        let changes = self.by_position.and_then(|by_position| Field::of_friction(&by_position, origin));
+        Own {
+            friction: self.friction,
+            changes,
+            stribeck: self.stribeck,
+            field: Field::new(&self.torque, origin),
+            stops,
+        }
     }
 
     /// Whether it depends on the puck's position.
     pub fn has_place(&self) -> bool {
-        !self.torque.is_none() || self.stops.is_some()
+        !self.torque.is_none() || self.by_position.is_some() || self.stops.is_some()
     }
 }
 
@@ -77,7 +91,7 @@ impl Own {
     /// Coulomb friction and nothing else.
     #[cfg(test)]
     pub fn of(friction: Levels) -> Self {
-        Own { friction, stribeck: None, field: None, stops: [None; 2] }
+        Own { friction, changes: None, stribeck: None, field: None, stops: [None; 2] }
     }
 
     /// Whether there is none of it.
@@ -87,18 +101,31 @@ impl Own {
 
     /// Whether it is Coulomb friction, or nothing.
     pub fn is_coulomb(&self) -> bool {
-        self.stribeck.is_none() && self.field.is_none() && self.stops.iter().all(Option::is_none)
+        let is_even = self.changes.is_none() && self.stribeck.is_none();
+        is_even && self.field.is_none() && self.stops.iter().all(Option::is_none)
     }
 
-    /// The levels that hold a puck at rest.
-    pub fn rest(&self) -> Levels {
+    /// The levels that hold a puck at rest at x.
+    pub fn rest(&self, x: f64) -> Levels {
+        // Rounding may put a level of 0 below it.
+        let part = self.changes.map_or(1.0, |changes| (1.0 + changes.at(x)).max(0.0));
         let more = self.stribeck.map_or(0.0, |stribeck| stribeck.torque);
-        Levels { forward: self.friction.forward + more, backward: self.friction.backward + more }
+        Levels { forward: self.friction.forward * part + more, backward: self.friction.backward * part + more }
+    }
+
+    /// Whether nothing ever rubs.
+    pub fn is_frictionless(&self) -> bool {
+        self.friction.is_none() && self.stribeck.is_none()
+    }
+
+    /// The size of the torques of which a level at rest is the sum, where it is one: rounding is a part of that.
+    pub fn rounded(&self) -> f64 {
+        self.changes.map_or(0.0, |_| self.friction.forward.max(self.friction.backward))
     }
 
     /// The torque on a puck that rests at x, friction aside.
     pub fn torque_at(&self, x: f64) -> f64 {
-        let field = self.field.map_or(0.0, |field| field.torque(x));
+        let field = self.field.map_or(0.0, |field| field.at(x));
         self.stops.iter().flatten().fold(field, |torque, stop| torque + stop.torque_at(x))
     }
 
@@ -111,7 +138,7 @@ impl Own {
     pub fn prescribe(&self, motion: &Piece, from: f64, to: f64, ledger: &mut Ledger) -> f64 {
         let (_, path) = motion.travel(from, to);
         let (start, end) = (motion.at(from).0, motion.at(to).0);
-        let coulomb = self.friction.lost(path, end - start);
+        let coulomb = self.friction.lost(path, end - start) + self.changed(motion, from, to);
         let falls = self.stribeck;
         let friction = coulomb + falls.map_or(0.0, |falls| falls.torque * motion.slow_travel(from, to, falls.velocity));
         let lost: f64 = self.stops.iter().flatten().map(|stop| stop.lost(motion, from, to)).sum();
@@ -120,11 +147,20 @@ impl Own {
         friction + lost + self.stored(end) - self.stored(start)
     }
 
+    /// What friction takes from a prescribed motion beyond its mean levels, in J.
+    fn changed(&self, motion: &Piece, from: f64, to: f64) -> f64 {
+        let Some(changes) = self.changes else { return 0.0 };
+        let lost = |(times, start, end): (f64, f64, f64)| {
+            times * self.friction.against((end - start).signum()) * changes.work(start, end)
+        };
+        motion.runs(from, to).into_iter().map(lost).sum()
+    }
+
     /// The piece of a slide in `direction` that goes on from x and v; without a direction there is no friction.
     pub fn regime(&self, [x, v]: [f64; 2], direction: Option<f64>) -> Regime {
         let (torque, damping, stiffness) = (0.0, 0.0, 0.0);
-        let mut regime =
-            Regime { torque, damping, stiffness, friction: 0.0, falls: 0.0, stop: None, events: [None; 6] };
+        let (friction, falls, changes) = (0.0, 0.0, Field::default());
+        let mut regime = Regime { torque, damping, stiffness, friction, falls, changes, stop: None, events: [None; 6] };
         if let Some(direction) = direction {
             self.rub(&mut regime, v, direction);
         }
@@ -149,9 +185,10 @@ impl Own {
     fn rub(&self, regime: &mut Regime, v: f64, direction: f64) {
         let speed = |sign: f64, constant: f64| Line { velocity: sign * direction, position: 0.0, constant };
         let falling = self.stribeck.filter(|stribeck| direction * v <= stribeck.velocity);
-        let levels = if falling.is_some() { self.rest() } else { self.friction };
-        regime.friction = levels.against(direction);
+        let coulomb = self.friction.against(direction);
+        regime.friction = coulomb + falling.map_or(0.0, |falling| falling.torque * direction);
         regime.torque -= regime.friction;
+        regime.changes = self.changes.map_or(regime.changes, |changes| changes.times(-coulomb));
         match (self.stribeck, falling) {
             (_, Some(falling)) => {
                 regime.falls = falling.slope();

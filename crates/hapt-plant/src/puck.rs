@@ -157,7 +157,7 @@ impl Puck {
             self.slide(y, dt, motor, 0.0, ledger)
         } else {
             let after = |y: &State, t| self.now.after(y, t);
-            Friction { plant: &self.now.plant, levels: self.own.friction }.advance(
+            Friction { plant: &self.now.plant, levels: self.own.friction, rounded: 0.0 }.advance(
                 y,
                 dt,
                 after,
@@ -170,7 +170,6 @@ impl Puck {
     #[inline(never)]
     fn move_in_pieces(&self, mut y: State, dt: f64, motor: f64, ledger: &mut Ledger) -> [f64; 2] {
         let plant = &self.now.plant;
-        let friction = Friction { plant, levels: self.own.rest() };
         let mut left = dt;
         // Each pass ends in a stop or a start.
         for _ in 0..MAX_EVENTS {
@@ -180,7 +179,8 @@ impl Puck {
             // At rest the device's own torque counts in the balance with friction.
             let mut held = y;
             held[F] += self.own.torque_at(y[X]);
-            let direction = if friction.levels.is_none() { None } else { Some(friction.direction(&held)) };
+            let friction = Friction { plant, levels: self.own.rest(y[X]), rounded: self.own.rounded() };
+            let direction = if self.own.is_frictionless() { None } else { Some(friction.direction(&held)) };
             if direction == Some(0.0) {
                 let taken = friction.first_slip(&held, left).unwrap_or(left);
                 y = drives_after(plant, &y, taken);
@@ -210,8 +210,8 @@ impl Puck {
                 y[GAP] = 0.0;
             }
             let rate = if y[GAP] != 0.0 { plant.rate() } else { plant.rate_without_lag() } + regime.rate(plant.mass);
-            let field = &field.felt(y[V], left);
-            let fielded = Fielded { field, n: &n, rate, mass: plant.mass, v: V, x: X };
+            let [field, changes] = [field, regime.changes].map(|field| field.felt(y[V], left));
+            let fielded = Fielded { field: &field.and(&changes), n: &n, rate, mass: plant.mass, v: V, x: X };
             let mut sliding = *y;
             sliding[F] += regime.torque;
             let series = fielded.series(&sliding, left);
@@ -227,6 +227,7 @@ impl Puck {
             self.account(&sliding, &stretch, y[F] - motor, (motor, regime.friction), self.now.grip, ledger);
             regime.account([y[X], end[X]], speed, ledger);
             ledger.field += field.work(y[X], end[X]);
+            ledger.friction -= changes.work(y[X], end[X]);
             end[F] -= regime.torque;
             if event.is_some_and(|(_, rests)| rests) {
                 end[V] = 0.0;

@@ -162,7 +162,7 @@ impl Shaft {
     /// friction, up to rounding.
     fn direction(&self, y: &State) -> Option<f64> {
         let net = self.net(y);
-        if self.own.rest().is_none() {
+        if self.own.is_frictionless() {
             Some(0.0)
         } else if y[V] != 0.0 {
             Some(y[V].signum())
@@ -186,9 +186,9 @@ impl Shaft {
 
     /// The largest net torque toward this `side` under which the puck stays at rest: friction, plus the rounding error of the torques that balance there.
     fn hold(&self, y: &State, side: f64) -> f64 {
-        let friction = self.own.rest().toward(side);
+        let friction = self.own.rest(y[X]).toward(side);
         let shaft = (self.handle.stiffness * y[S]).abs() + (self.handle.damping * y[W]).abs();
-        friction + ROUNDING * (friction + y[MOTOR].abs() + y[GAP].abs() + shaft)
+        friction + ROUNDING * (friction + y[MOTOR].abs() + y[GAP].abs() + shaft + self.own.rounded())
     }
 
     /// The first instant in (0, dt] at which a slide in `direction` comes to rest.
@@ -231,8 +231,8 @@ impl Shaft {
                 y[GAP] = 0.0;
             }
             let rate = if y[GAP] != 0.0 { flow.rate } else { flow.settled_rate } + regime.rate(mass);
-            let field = &field.felt(y[V], left);
-            let fielded = Fielded { field, n: &n, rate, mass, v: V, x: X };
+            let [field, changes] = [field, regime.changes].map(|field| field.felt(y[V], left));
+            let fielded = Fielded { field: &field.and(&changes), n: &n, rate, mass, v: V, x: X };
             y[MOTOR] += regime.torque;
             let series = fielded.series(y, left);
             let event = regime.first_event(&fielded, &series);
@@ -247,6 +247,7 @@ impl Shaft {
             self.account(y, &end, (motor, regime.friction), [travel, way], works, ledger);
             regime.account([y[X], end[X]], speed, ledger);
             ledger.field += field.work(y[X], end[X]);
+            ledger.friction -= changes.work(y[X], end[X]);
             end[MOTOR] = motor;
             if event.is_some_and(|(_, rests)| rests) {
                 end[V] = 0.0;

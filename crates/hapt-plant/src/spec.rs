@@ -23,6 +23,8 @@ pub struct DeviceSpec {
     pub friction: f64,
     /// The Coulomb friction toward smaller positions, where it differs from that toward larger ones.
     pub friction_backward: Option<f64>,
+    /// How Coulomb friction changes with the position.
+    pub friction_by_position: Option<FrictionByPosition>,
     /// The excess of friction at low speeds.
     pub stribeck: Option<Stribeck>,
     /// The ends of the puck's range.
@@ -44,11 +46,51 @@ impl DeviceSpec {
             damping: 0.0,
             friction: 0.0,
             friction_backward: None,
+            friction_by_position: None,
             stribeck: None,
             stops: None,
             handle: None,
             torque: DeviceTorque { gravity: None, cogging: None },
         }
+    }
+}
+
+/// Coulomb friction that depends on the position: both levels are 1 + share · Σ (sineₙ sin nθ + cosineₙ cos nθ) times what they are in the
+/// mean, θ = 2π (z - phase)/pitch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct FrictionByPosition {
+    /// Zero or more, and [`FrictionByPosition::most`] is 1 at most: no level is negative.
+    pub share: f64,
+    /// One period, in rad (linear: m), positive.
+    pub pitch: f64,
+    /// Where a period begins, in the same unit.
+    pub phase: f64,
+    /// Its harmonics.
+    pub waveform: Waveform,
+}
+
+impl FrictionByPosition {
+    /// A bound on the part of the mean level by which a level is above or below it: the sizes of all sines.
+    pub fn most(&self) -> f64 {
+        self.sum(|_| 1.0)
+    }
+
+    /// A bound on the slope of that part, in 1/rad (linear: 1/m).
+    pub fn steepest(&self) -> f64 {
+        self.sum(|rate| rate)
+    }
+
+    /// A level with the puck at `z` rad (linear: m), for a mean level of 1.
+    pub fn at(&self, z: f64) -> f64 {
+        1.0 + self.share * self.waveform.at(core::f64::consts::TAU * (z - self.phase) / self.pitch)
+    }
+
+    /// The sizes of all sines, each times a weight of its rate in 1/rad (linear: 1/m).
+    fn sum(&self, weight: impl Fn(f64) -> f64) -> f64 {
+        let rate = core::f64::consts::TAU / self.pitch;
+        let size = |(n, sine, cosine): (f64, f64, f64)| self.share * libm::hypot(sine, cosine) * weight(n * rate);
+        self.waveform.harmonics().map(size).sum()
     }
 }
 

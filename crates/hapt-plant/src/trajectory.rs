@@ -96,6 +96,25 @@ impl Piece {
         }
     }
 
+    /// The motion over [from, to] as ways without a turn, each with how often it occurs, and its start and end.
+    pub(crate) fn runs(&self, from: f64, to: f64) -> [(f64, f64, f64); 4] {
+        let (start, end) = (self.at(from).0, self.at(to).0);
+        let none = (0.0, start, start);
+        let Form::Sine { amplitude, omega, phase } = self.form else { return [(1.0, start, end), none, none, none] };
+        // Half turns begin where cos is 0; after an even number of them the sine rises.
+        let half = |t: f64| libm::floor((omega * t + phase + FRAC_PI_2) / PI);
+        let (first, last) = (half(from), half(to));
+        if first == last {
+            return [(1.0, start, end), none, none, none];
+        }
+        let top = |half: f64| if half % 2.0 == 0.0 { amplitude } else { -amplitude };
+        // Those between alternate, beginning and ending with what follows the first.
+        let between = last - first - 1.0;
+        let (turn, back) = (top(first), -top(first));
+        let (odd, even) = (libm::ceil(0.5 * between), libm::floor(0.5 * between));
+        [(1.0, start, turn), (odd, turn, back), (even, back, turn), (1.0, -top(last), end)]
+    }
+
     /// ∫ v e^(-(t - from)/lag) dt of the piece as a motion over [from, to].
     pub(crate) fn decaying_travel(&self, from: f64, to: f64, lag: f64) -> f64 {
         let length = to - from;
@@ -230,6 +249,20 @@ mod tests {
         assert!((path - 3.0 * 4.0 * 0.5).abs() < 1e-12);
         let mean_square = 0.5 * (0.5 * core::f64::consts::TAU) * (0.5 * core::f64::consts::TAU);
         assert!((square - 3.0 * mean_square).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_runs_of_a_sine_join_and_have_its_path() {
+        for (amplitude, phase) in [(0.5, 0.3), (-2.0, -1.1), (0.01, 2.0)] {
+            let sine = Trajectory::new(&Shape::Sine { amplitude, frequency: 1.0, phase }, 1e-3).last();
+            for length in [0.01, 0.3, 0.6, 1.1, 1.6, 2.77] {
+                let runs = sine.runs(0.31, 0.31 + length);
+                let sum = |of: fn(f64) -> f64| runs.iter().map(|run| run.0 * of(run.2 - run.1)).sum::<f64>();
+                let (path, travel) = (sine.travel(0.31, 0.31 + length).1, sine.at(0.31 + length).0 - sine.at(0.31).0);
+                assert!((sum(f64::abs) - path).abs() < 1e-12 * (1.0 + path), "{runs:?} {path}");
+                assert!((sum(|way| way) - travel).abs() < 1e-12 * (1.0 + path), "{runs:?} {travel}");
+            }
+        }
     }
 
     #[test]

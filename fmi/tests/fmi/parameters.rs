@@ -64,22 +64,27 @@ fn a_parameter_that_is_tuned_between_two_steps_is_a_bumpless_transfer() {
     }
 }
 
-/// Friction by direction, friction that falls with the speed, and end stops: set before the start they are those of the file.
+/// Friction by direction and by position, friction that falls with the speed, and end stops: set before the start they are those of the file.
 #[test]
 fn the_devices_friction_and_stops_are_parameters() {
     let keys = [
         ("device.friction", 4e-3),
         ("device.friction_backward", 2e-3),
+        ("device.friction_by_position.share", 0.3),
+        ("device.friction_by_position.pitch", 0.5),
+        ("device.friction_by_position.phase", 0.1),
         ("device.stribeck.torque", 3e-3),
         ("device.stribeck.velocity", 0.5),
         ("device.stops.high", 0.05),
         ("device.stops.stiffness", 20.0),
         ("device.stops.damping", 1e-2),
     ];
-    let sets = |factor: f64| keys.map(|(key, value)| format!("{key}={}", factor * value));
+    // A waveform is no parameter.
+    let waveform = ["device.friction_by_position.cosine=[1.0, 0.5]".to_string()];
     let fmu = |factor: f64| {
-        let sets = sets(factor);
-        Fmu::new(Kind::Whole, &world(WHEEL, &sets.each_ref().map(String::as_str)))
+        let sets = keys.map(|(key, value)| format!("{key}={}", factor * value));
+        let sets: Vec<&str> = waveform.iter().chain(&sets).map(String::as_str).collect();
+        Fmu::new(Kind::Whole, &world(WHEEL, &sets))
     };
     for version in VERSIONS {
         let (made, other) = (fmu(1.0), fmu(1.5));

@@ -2,8 +2,8 @@
 
 use fastrand::Rng;
 use hapt_model::{
-    Body, Coupling, Damping, Device, End, EstimatorKind, Handle, Law, Method, Motion, Output, Sampling, Side, Stops,
-    Stribeck, Waveform, World,
+    Body, Coupling, Damping, Device, End, EstimatorKind, FrictionByPosition, Handle, Law, Method, Motion, Output,
+    Sampling, Side, Stops, Stribeck, Waveform, World,
 };
 
 use crate::random::{log_uniform, one_of};
@@ -96,8 +96,9 @@ pub fn random(rng: &mut Rng, is_nonlinear: bool) -> World {
             stiffness: log_uniform(rng, 0.0, 3.0),
             damping: if rng.bool() { 0.0 } else { log_uniform(rng, -4.0, -1.0) },
         });
+        device.friction_by_position = (device.friction > 0.0 && rng.u8(..4) == 0).then(|| changes(rng));
         if device.fault(period).is_some() {
-            (device.stribeck, device.stops) = (None, None);
+            (device.friction_by_position, device.stribeck, device.stops) = (None, None, None);
         }
         device.friction_backward = (rng.u8(..3) == 0).then(|| device.friction * between(rng, 0.2, 3.0));
     }
@@ -135,6 +136,15 @@ fn friction(rng: &mut Rng, device: &Device, couplings: &[Coupling], period: f64)
         1 => log_uniform(rng, -5.0, -2.0),
         _ => (0.5 * stiffness * count + damping * count / period + 0.5 * step) * between(rng, 0.5, 2.0),
     }
+}
+
+/// Friction that changes by up to all of itself, once a turn or oftener.
+fn changes(rng: &mut Rng) -> FrictionByPosition {
+    let mut factors = || [0; 4].map(|_| between(rng, -1.0, 1.0) as f32);
+    let waveform = Waveform { sine: factors(), cosine: factors() };
+    let (pitch, phase) = (log_uniform(rng, -2.0, 0.0) * std::f64::consts::TAU, rng.f64());
+    let whole = FrictionByPosition { share: 1.0, pitch, phase, waveform };
+    FrictionByPosition { share: between(rng, 0.0, 0.999) / whole.most(), ..whole }
 }
 
 fn rule(rng: &mut Rng) -> (Method, Output, u32) {

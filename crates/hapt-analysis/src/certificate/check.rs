@@ -265,6 +265,7 @@ fn notes(world: &World, fall: Option<Fall>) -> Result<Vec<String>, Error> {
         );
     }
     notes.extend(device_torque(world, fall));
+    notes.extend(changing_friction(world));
     notes.extend(falling_friction(world));
     if world.device.stops.is_some() {
         notes.push(
@@ -298,6 +299,19 @@ fn device_torque(world: &World, fall: Option<Fall>) -> Option<String> {
             "{of}: a torque that stores energy and gives none over a turn is a part of the passive hand, so passive and uneven hold whatever it \
              is; free takes its slope as 0 and as {steepest} that hold the puck, the worse of the two; {away}",
             steepest = with_unit(torque.steepest(), Measure::Stiffness, world.motion)
+        )
+    })
+}
+
+/// What friction that changes with the position is to the verdicts.
+fn changing_friction(world: &World) -> Option<String> {
+    let torque = |torque: f64| with_unit(torque, Measure::Torque, world.motion);
+    let device = &world.device;
+    (device.changing_friction() > 0.0).then(|| {
+        format!(
+            "device.friction_by_position: friction takes at every position, so passive and uneven hold, with {} as what it takes at least; free is \
+             without friction, and its eigenvalues alone prove nothing",
+            torque(device.friction_range()[0])
         )
     })
 }

@@ -116,10 +116,12 @@ impl FreePatterns {
             if timing.is_even() && Verdict::of(growth) == Verdict::Unstable {
                 return Ok(FreePatterns::broken(even(world, growth)));
             }
-            let what = match (world.device.torque.is_none(), world.device.stops.is_some()) {
-                (false, _) => "gravity and cogging of the device are",
-                (true, true) => "end stops of the device are",
-                (true, false) => "friction of the device that falls with the speed is",
+            let device = &world.device;
+            let what = match (device.torque.is_none(), device.stops.is_some(), device.changing_friction() > 0.0) {
+                (false, ..) => "gravity and cogging of the device are",
+                (true, true, _) => "end stops of the device are",
+                (true, false, true) => "friction of the device that changes with the position is",
+                (true, false, false) => "friction of the device that falls with the speed is",
             };
             return Ok(FreePatterns::open(format!("{what} covered by a proof of passivity only")));
         }

@@ -12,7 +12,7 @@ fn has_nonlinear_bodies(world: &World) -> bool {
     world.couplings.iter().any(|c| is_nonlinear(c) && laws::at_body(c))
 }
 
-/// Whether eigenvalues decide how the puck moves: not between the slopes of laws, gravity and cogging, with friction that falls with the speed, at a
+/// Whether eigenvalues decide how the puck moves: not between the slopes of laws, gravity and cogging, with friction that changes with the position or the speed, at a
 /// stop, with a window that changes, with an origin that slips, or where an integral term winds up; and they are those of one inertia.
 fn is_linear(world: &World) -> bool {
     world.device.is_plain()

@@ -1,7 +1,9 @@
-//! Friction of the device that differs by direction, and that falls with the speed.
+//! Friction of the device that differs by direction, changes with the position, and falls with the speed.
 
 use hapt_analysis::{PatternVerdict, check, passivity, uneven};
-use hapt_model::{Delay, End, EstimatorKind, Handle, Law, Method, Output, Stribeck, World};
+use hapt_model::{
+    Compensated, Delay, End, EstimatorKind, FrictionByPosition, Handle, Law, Method, Output, Stribeck, Waveform, World,
+};
 use proptest::prelude::*;
 
 use crate::common::*;
@@ -42,6 +44,72 @@ proptest! {
         if higher >= own {
             prop_assert_eq!((found.passivity, found.quantisation), (wanted.passivity, wanted.quantisation));
         }
+    }
+}
+
+prop_compose! {
+    fn any_changes()(
+        most in 0.0_f64..1.0, pitch in 0.05_f64..10.0, phase in -1.0_f64..1.0,
+        sine in prop::array::uniform4(-1.0_f32..1.0), cosine in prop::array::uniform4(0.1_f32..1.0),
+    ) -> FrictionByPosition {
+        let whole = FrictionByPosition { share: 1.0, pitch, phase, waveform: Waveform { sine, cosine } };
+        FrictionByPosition { share: most / whole.most(), ..whole }
+    }
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(200))]
+
+    /// What other positions have more is a passive hand's: no claim is better than on the least level alone, and those of passivity are the same.
+    #[test]
+    fn the_least_level_of_all_positions_counts(
+        k in 0.1_f64..5.0, counts in prop::option::of(500.0_f64..2e4), share in 0.3_f64..6.0, part in 0.5_f64..1.5, tolerance in 0.0_f64..0.9,
+        backward in prop::option::of(0.5_f64..2.0), changes in any_changes(), takes in prop::option::of(0.0_f64..1.5), overspeed in prop::option::of(0.01_f64..10.0),
+    ) {
+        let spring = hapt_model::Coupling { law: Law::Spring { stiffness: k, rest: 0.0 }, ..damper(End::Puck, End::Ground, 1e-3) };
+        let mut world = Bench::of(vec![spring, damper(End::Puck, End::Ground, 1e-3)]).world(Method::Zoh, Output::End, 1e-3);
+        (world.sampling.estimator, world.safety.overspeed) = (EstimatorKind::Difference, overspeed);
+        world.device.encoder = counts.map(f64::round);
+        world.device.damping = part * passivity(&world).unwrap().required_damping.unwrap();
+        world.device.friction = share * (0.5 * k * world.count().unwrap_or(1e-3) + 1e-2);
+        world.device.friction_backward = backward.map(|part| part * world.device.friction);
+        (world.device.tolerances.friction, world.device.friction_by_position) = (tolerance, Some(changes));
+        let ([least, largest], [forward, back]) = (world.device.friction_range(), world.device.frictions());
+        // The levels that the device has along a pitch are within the two.
+        for i in 0..200 {
+            let part = changes.at(0.005 * f64::from(i) * changes.pitch);
+            let slack = 1e-12 * largest;
+            prop_assert!(least <= part * forward * (1.0 - tolerance) + slack && part * back <= largest + slack);
+            prop_assert!(world.device.least_friction() <= part * forward.min(back) + slack);
+            prop_assert!(world.device.largest_friction() >= part * forward.max(back) - slack);
+        }
+        world.couplings.extend(takes.map(|part| Law::Coulomb { torque: part * least }.between(End::Puck, End::Ground)));
+        let mut even = world.clone();
+        even.device.set_friction(least);
+        let (found, wanted) = (check(&world).unwrap(), check(&even).unwrap());
+        prop_assert!(wanted.certified.holds() || !found.certified.holds());
+        prop_assert_eq!(found.uneven.required_damping, wanted.uneven.required_damping);
+        prop_assert_eq!(found.uneven.speed_max, wanted.uneven.speed_max);
+        prop_assert_eq!(&found.uneven.passive, &wanted.uneven.passive);
+        if tolerance == 0.0 {
+            prop_assert_eq!((found.passivity, found.quantisation), (wanted.passivity, wanted.quantisation));
+        }
+    }
+
+    /// No share of a friction that is taken back is more than the least level gives.
+    #[test]
+    fn a_compensation_takes_a_share_of_the_least_level(changes in any_changes(), share in 0.01_f64..1.0, backward in 0.5_f64..2.0) {
+        let mut world = Bench::of(vec![]).world(Method::Zoh, Output::End, 1e-3);
+        (world.sampling.estimator, world.device.friction) = (EstimatorKind::Difference, 0.02);
+        (world.device.friction_backward, world.device.friction_by_position) = (Some(0.02 * backward), Some(changes));
+        let coupling = world.device.compensation(Compensated::Friction, share, Some(0.1)).unwrap();
+        let Law::Assist { torque, .. } = coupling.law else { panic!("{coupling:?}") };
+        let least = (0..2000).map(|i| changes.at(5e-4 * f64::from(i) * changes.pitch)).fold(f64::INFINITY, f64::min);
+        prop_assert!(torque <= share * 0.02 * backward.min(1.0) * (least + 1e-12));
+        let (of, found) = world.device.compensated_by(&coupling).unwrap();
+        prop_assert!(of == Compensated::Friction && (found - share).abs() < 1e-12);
+        world.couplings = vec![coupling];
+        prop_assert!(check(&world).unwrap().certified.holds());
     }
 }
 
@@ -90,4 +158,25 @@ fn what_only_eigenvalues_tell_is_open_beside_friction_that_falls() {
     let found = check(&world).unwrap();
     assert_eq!((found.uneven.free.verdict(), found.certified.holds()), (PatternVerdict::Proved, true));
     assert!(note(&world).contains("less than its damping"));
+}
+
+/// The same loop beside friction that changes with the position, and the level that its note gives.
+#[test]
+fn what_only_eigenvalues_tell_is_open_beside_friction_that_changes() {
+    let bench = Bench::of(vec![damper(End::Puck, End::Ground, 0.128)]);
+    let mut world: World = bench.world(Method::Zoh, Output::End, 1e-3);
+    (world.device.damping, world.sampling.estimator) = (0.0, EstimatorKind::Difference);
+    let waveform = Waveform { sine: [0.5, 0.0, 0.0, 0.0], cosine: [0.0; 4] };
+    world.device.friction_by_position = Some(FrictionByPosition { share: 0.5, pitch: 1.0, phase: 0.0, waveform });
+    // Of no friction nothing changes.
+    assert_eq!(uneven(&world).unwrap().free.verdict(), PatternVerdict::Proved);
+    world.device.friction = 0.02;
+    let found = uneven(&world).unwrap();
+    assert_eq!(found.free.verdict(), PatternVerdict::Open);
+    assert!(found.free.reason().unwrap().contains("changes with the position"));
+    world.device.damping = 0.2;
+    let found = check(&world).unwrap();
+    assert_eq!((found.uneven.free.verdict(), found.certified.holds()), (PatternVerdict::Proved, true));
+    let note = found.notes.into_iter().find(|note| note.starts_with("device.friction_by_position: ")).unwrap();
+    assert!(note.contains("with 0.015 N m as what it takes at least"), "{note}");
 }

@@ -25,7 +25,7 @@ const WAVEFORM: Presence = Presence::Depends("required: sine and cosine, samples
 
 const LUGRE: Presence = Presence::Depends("required with the other LuGre keys");
 
-const COGGING: Presence = Presence::Depends("required: sine, cosine or both");
+const HARMONIC: Presence = Presence::Depends("required: sine, cosine or both");
 
 /// What stands for a lost link, and for what the world's own ledger finds.
 pub(crate) const LINK_LOST: [&str; 2] = ["fade-out", "fault"];
@@ -111,6 +111,16 @@ pub const KEYS: &[Key] = &[
     key("device.handle.stiffness", Quantity(Stiffness, Positive), Required, "The shaft's stiffness: torque per angle between handle and puck."),
     key("device.handle.damping", Quantity(Damping, ZeroOrMore), Number(0.0), "The shaft's damping: torque per relative velocity of handle and puck."),
 
+    key("device.friction_by_position", Table, Optional,
+        "Coulomb friction that changes with the position: device.friction and device.friction_backward are its mean levels, and at a position both \
+         are 1 + share · waveform times that."),
+    key("device.friction_by_position.share", Quantity(Ratio, ZeroOrMore), Required,
+        "The part of its mean by which friction changes where the waveform is 1. No level may be below 0: times the sizes of the harmonics it is 1 at most."),
+    key("device.friction_by_position.pitch", Quantity(Position, Positive), Required, "One period of the waveform: \"1 rev\" for the harmonics of a turn."),
+    key("device.friction_by_position.phase", Quantity(Position, Any), Number(0.0), "Where a period of the waveform begins."),
+    key("device.friction_by_position.sine", WAVES, HARMONIC, "The waveform's harmonics: of sin θ, sin 2θ and so on, θ = 2π (z - phase)/pitch."),
+    key("device.friction_by_position.cosine", WAVES, HARMONIC, "The waveform's harmonics: of cos θ, cos 2θ and so on."),
+
     key("device.stribeck", Table, Optional, "Friction that falls as the puck speeds up: above Coulomb friction, in either direction, it is torque · max(0, 1 - |v|/velocity)."),
     key("device.stribeck.torque", Quantity(Torque, ZeroOrMore), Required, "By how much friction at rest is above device.friction."),
     key("device.stribeck.velocity", Quantity(Velocity, Positive), Required, "The speed from which on friction is device.friction."),
@@ -129,8 +139,8 @@ pub const KEYS: &[Key] = &[
     key("device.cogging.torque", Quantity(Torque, ZeroOrMore), Required, "The torque on the puck where the waveform is 1."),
     key("device.cogging.pitch", Quantity(Position, Positive), Required, "One period of the waveform: \"1 rev\" for the harmonics of a turn."),
     key("device.cogging.phase", Quantity(Position, Any), Number(0.0), "Where a period of the waveform begins."),
-    key("device.cogging.sine", WAVES, COGGING, "The waveform's harmonics: of sin θ, sin 2θ and so on, θ = 2π (z - phase)/pitch."),
-    key("device.cogging.cosine", WAVES, COGGING, "The waveform's harmonics: of cos θ, cos 2θ and so on."),
+    key("device.cogging.sine", WAVES, HARMONIC, "The waveform's harmonics: of sin θ, sin 2θ and so on, θ = 2π (z - phase)/pitch."),
+    key("device.cogging.cosine", WAVES, HARMONIC, "The waveform's harmonics: of cos θ, cos 2θ and so on."),
 
     key("bodies", BODIES, Optional, "The virtual inertias, by name."),
     key("bodies.*.inertia", Quantity(Inertia, Positive), Required, "Its inertia (linear: mass)."),

@@ -143,6 +143,7 @@ fn what_is_absent_has_its_default() {
         drive: Default::default(),
         handle: None,
         friction_backward: None,
+        friction_by_position: None,
         stribeck: None,
         stops: None,
         torque: Default::default(),

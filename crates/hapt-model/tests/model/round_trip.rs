@@ -5,9 +5,9 @@ use std::path::Path;
 use hapt_core::WhenLate;
 use hapt_model::keys::PHYSICAL;
 use hapt_model::{
-    Body, Cogging, Coupling, Damping, Delay, Device, DeviceTorque, Drive, End, EstimatorKind, Gravity, Hand, Handle,
-    Law, Method, Motion, Mounting, Output, Safety, Sampling, Scenario, Shape, Side, Source, Stops, Stribeck, Switching,
-    Timing, Tolerances, Waveform, World,
+    Body, Cogging, Coupling, Damping, Delay, Device, DeviceTorque, Drive, End, EstimatorKind, FrictionByPosition,
+    Gravity, Hand, Handle, Law, Method, Motion, Mounting, Output, Safety, Sampling, Scenario, Shape, Side, Source,
+    Stops, Stribeck, Switching, Timing, Tolerances, Waveform, World,
 };
 use proptest::collection::vec;
 use proptest::option;
@@ -239,6 +239,11 @@ fn device(motion: Motion) -> impl Strategy<Value = Device> {
         phase,
         waveform: Waveform { sine, cosine },
     }));
+    let changes =
+        (0.0..1.0, positive(), any_number(), factors(), factors()).prop_map(|(most, pitch, phase, sine, cosine)| {
+            let whole = FrictionByPosition { share: 1.0, pitch, phase, waveform: Waveform { sine, cosine } };
+            FrictionByPosition { share: if whole.most() > 0.0 { most / whole.most() } else { most }, ..whole }
+        });
     let torque = (gravity, cogging).prop_map(|(gravity, cogging)| DeviceTorque { gravity, cogging });
     let stribeck = (zero_or_more(), positive()).prop_map(|(torque, velocity)| Stribeck { torque, velocity });
     let stops = (option::of(zero_or_more()), zero_or_more(), any::<bool>(), positive(), zero_or_more()).prop_map(
@@ -248,12 +253,12 @@ fn device(motion: Motion) -> impl Strategy<Value = Device> {
         },
     );
     let outside = (drive, option::of(stribeck), option::of(stops), option::of(handle), torque);
-    let friction = (zero_or_more(), option::of(zero_or_more()));
+    let friction = (zero_or_more(), option::of(zero_or_more()), option::of(changes));
     (positive(), zero_or_more(), friction, lag, option::of(encoder), motor, outside).prop_map(
         |(
             inertia,
             damping,
-            (friction, backward),
+            (friction, backward, friction_by_position),
             (lag, tolerances),
             encoder,
             motor,
@@ -263,6 +268,7 @@ fn device(motion: Motion) -> impl Strategy<Value = Device> {
             damping,
             friction,
             friction_backward: backward,
+            friction_by_position,
             lag,
             // Of a key that is absent there is none.
             tolerances: Tolerances {
@@ -354,7 +360,8 @@ fn world() -> impl Strategy<Value = World> {
             }
             // And so with gravity, cogging, Stribeck friction and stops, beside which a hand may be too fast too.
             if device.fault(sampling.period).is_some() {
-                (device.torque, device.stribeck, device.stops) = (DeviceTorque::default(), None, None);
+                (device.torque, device.friction_by_position) = (DeviceTorque::default(), None);
+                (device.stribeck, device.stops) = (None, None);
             }
             // An origin that slips needs friction of the device, and nothing at the puck that would carry it along.
             let carries = |law: &Law| {

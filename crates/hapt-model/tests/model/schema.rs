@@ -19,7 +19,7 @@ fn every_key_is_there_with_its_doc() {
                 || ["loop", "device", "safety"].iter().any(|name| described(&table["properties"][*name]))
                 || ["bodies", "scenarios", "stations"].iter().any(|name| each(name))
                 || described(&table["properties"]["compensation"]["items"])
-                || ["motor", "drive", "stribeck", "stops", "handle", "gravity", "cogging"]
+                || ["motor", "drive", "friction_by_position", "stribeck", "stops", "handle", "gravity", "cogging"]
                     .iter()
                     .any(|name| described(&table["properties"]["device"]["properties"][*name]))
         };

@@ -3,7 +3,9 @@
 use std::f64::consts::{PI, TAU};
 
 use hapt_core::Waveform;
-use hapt_plant::spec::{Cogging, DeviceSpec, DeviceTorque, Drive, Gravity, Hand, Handle, Shape, Stops, Stribeck};
+use hapt_plant::spec::{
+    Cogging, DeviceSpec, DeviceTorque, Drive, FrictionByPosition, Gravity, Hand, Handle, Shape, Stops, Stribeck,
+};
 use hapt_plant::{Script, VirtualDevice};
 use proptest::prelude::*;
 
@@ -47,6 +49,17 @@ pub fn any_stribeck() -> impl Strategy<Value = Option<Stribeck>> {
     prop_oneof![2 => Just(None), 1 => some]
 }
 
+prop_compose! {
+    /// Friction that falls to a tenth of its mean level at least.
+    pub fn any_changes()(
+        most in 0.05_f64..0.9, pitch in prop_oneof![0.05_f64..1.0, Just(TAU)], phase in -1.0_f64..1.0,
+        sine in prop::array::uniform4(-1.0_f32..1.0), cosine in prop::array::uniform4(0.1_f32..1.0),
+    ) -> FrictionByPosition {
+        let whole = FrictionByPosition { share: 1.0, pitch, phase, waveform: Waveform { sine, cosine } };
+        FrictionByPosition { share: most / whole.most(), ..whole }
+    }
+}
+
 /// Stops on both sides of 0 or on one; half of the cases have none.
 pub fn any_stops() -> impl Strategy<Value = Option<Stops>> {
     let damping = prop_oneof![Just(0.0), 1e-4..0.05_f64];
@@ -62,12 +75,16 @@ pub fn any_stops() -> impl Strategy<Value = Option<Stops>> {
 prop_compose! {
     pub fn any_device()(
         inertia in 1e-4_f64..1e-2, damping in prop_oneof![Just(0.0), 1e-4..1e-2_f64], friction in prop_oneof![Just(0.0), 1e-3..0.05_f64],
-        (friction_backward, stribeck, stops) in (prop::option::of(prop_oneof![Just(0.0), 1e-3..0.05_f64]), any_stribeck(), any_stops()),
+        (friction_backward, friction_by_position) in (prop::option::of(prop_oneof![Just(0.0), 1e-3..0.05_f64]), prop::option::of(any_changes())),
+        (stribeck, stops) in (any_stribeck(), any_stops()),
         lag in prop_oneof![Just(0.0), 1e-5..2e-3_f64], delay in prop_oneof![Just(0.0), 0.0..2e-3_f64], torque in any_torque(),
         handle in prop::option::of((1e-4_f64..1e-2, 1.0_f64..100.0, 0.0_f64..0.01)),
     ) -> DeviceSpec {
         let handle = handle.map(|(inertia, stiffness, damping)| Handle { inertia, stiffness, damping });
-        DeviceSpec { delay, lag, damping, friction, friction_backward, stribeck, stops, handle, torque, ..DeviceSpec::new(T, inertia) }
+        DeviceSpec {
+            delay, lag, damping, friction, friction_backward, friction_by_position, stribeck, stops, handle, torque,
+            ..DeviceSpec::new(T, inertia)
+        }
     }
 }
 
@@ -145,8 +162,10 @@ proptest! {
         let cut = DeviceSpec { period: T / parts as f64, ..spec };
         let cut = moved(&cut, &hand, velocity, &vec![0.0; 20 * parts]);
         let ((x, v), (y, w)) = (whole.puck(), cut.puck());
-        // Steep cogging amplifies differences of rounding.
-        let spread = (spec.torque.steepest() / spec.inertia).sqrt() * 20.0 * T;
+        // Steep cogging, and friction that changes steeply, amplify differences of rounding.
+        let most = spec.friction.max(spec.friction_backward.unwrap_or(0.0));
+        let steepest = spec.torque.steepest() + spec.friction_by_position.map_or(0.0, |changes| most * changes.steepest());
+        let spread = (steepest / spec.inertia).sqrt() * 20.0 * T;
         let error = 1e-11 * (1.0 + spread).powi(2) * spread.min(20.0).exp();
         prop_assert!((x - y).abs() < error * (1.0 + x.abs()) && (v - w).abs() < 1e2 * error * (1.0 + v.abs()), "{x} {y}, {v} {w}");
     }

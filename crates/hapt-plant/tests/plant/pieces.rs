@@ -45,9 +45,11 @@ struct Reference<'a> {
 }
 
 impl Reference<'_> {
-    fn level(&self, side: f64) -> f64 {
-        let DeviceSpec { friction, friction_backward, .. } = *self.spec;
-        if side < 0.0 { friction_backward.unwrap_or(friction) } else { friction }
+    /// Coulomb friction at x toward a side.
+    fn level(&self, side: f64, x: f64) -> f64 {
+        let DeviceSpec { friction, friction_backward, friction_by_position, .. } = *self.spec;
+        let mean = if side < 0.0 { friction_backward.unwrap_or(friction) } else { friction };
+        mean * friction_by_position.map_or(1.0, |changes| changes.at(x))
     }
 
     fn more(&self) -> Stribeck {
@@ -81,7 +83,7 @@ impl Reference<'_> {
     }
 
     fn has_friction(&self) -> bool {
-        self.level(1.0) + self.level(-1.0) + self.more().torque > 0.0
+        self.spec.friction + self.spec.friction_backward.unwrap_or(0.0) + self.more().torque > 0.0
     }
 
     /// The hand's torque on what it holds at x and v, and its inertia there.
@@ -111,7 +113,7 @@ impl Reference<'_> {
         let more = if mode.slow && torque > 0.0 { torque * (1.0 - d * y[1] / velocity) } else { 0.0 };
         let (held_by, extra) = self.hand([y[2], y[3]], t);
         let mass = self.spec.inertia + if self.spec.handle.is_none() { extra } else { 0.0 };
-        let net = self.net(y, t) + self.pushed(y, mode) - self.spec.damping * y[1] - d * (self.level(d) + more);
+        let net = self.net(y, t) + self.pushed(y, mode) - self.spec.damping * y[1] - d * (self.level(d, y[0]) + more);
         let (v, a) = if rests { (0.0, 0.0) } else { (y[1], net / mass) };
         match self.spec.handle {
             None => [v, a, v, a],
@@ -134,7 +136,7 @@ impl Reference<'_> {
     /// Whether the puck slides on from rest.
     fn slips(&self, y: State, t: f64, mode: Mode) -> bool {
         let net = self.net(y, t) + self.pushed(y, mode);
-        net.abs() > (self.level(net) + self.more().torque) * (1.0 + 1e-12)
+        net.abs() > (self.level(net, y[0]) + self.more().torque) * (1.0 + 1e-12)
     }
 
     /// Whether the piece has ended.

@@ -81,6 +81,13 @@ fn world(seed: u64, lane: u64, runaway: bool) -> World {
     let mut some = |of: (f64, f64)| if number.chance(0.15) { number.between(of.0, of.1) } else { 0.0 };
     (device.friction, device.lag) = (some((1e-3, 0.05)), some((1e-4, 5e-3)));
     device.friction_backward = Some(some((1e-3, 0.05))).filter(|backward| *backward > 0.0);
+    let changes = FrictionByPosition {
+        share: some((0.1, 0.5)),
+        pitch: 0.3,
+        phase: 0.1,
+        waveform: Waveform { sine: [1.0, 0.0, 0.0, 0.0], cosine: [0.5, 0.3, 0.0, 0.0] },
+    };
+    device.friction_by_position = Some(changes).filter(|changes| changes.share > 0.0);
     device.stribeck =
         Some(Stribeck { torque: some((1e-3, 0.05)), velocity: 1.0 }).filter(|stribeck| stribeck.torque > 0.0);
     let stops = Stops { low: None, high: Some(some((0.01, 0.3))), stiffness: 20.0, damping: 0.0 };

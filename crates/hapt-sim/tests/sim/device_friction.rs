@@ -1,4 +1,4 @@
-//! Friction of the device that differs by direction and falls with the speed, in runs of the loop.
+//! Friction of the device that differs by direction, changes with the position and falls with the speed, in runs of the loop.
 
 use crate::common::{bare, rows, scenario, spring};
 use hapt_analysis::is_certified;
@@ -13,10 +13,12 @@ proptest! {
     #[test]
     fn a_certified_loop_comes_to_rest_however_steeply_friction_falls(
         stiffness in 0.1_f64..2.4, friction in 1e-4_f64..0.01, backward in 1e-4_f64..0.01, more in 1e-3_f64..0.02, velocity in 0.02_f64..3.0,
-        push in -0.3_f64..0.3,
+        push in -0.3_f64..0.3, share in prop_oneof![Just(0.0), 0.0..0.5_f64], pitch in 0.1_f64..7.0,
     ) {
         let mut world = bare();
         world.couplings = vec![spring(End::Puck, End::Ground, stiffness)];
+        let changes = FrictionByPosition { share, pitch, phase: 0.2, waveform: Waveform { sine: [1.0, 0.5, 0.0, 0.0], cosine: [0.0; 4] } };
+        world.device.friction_by_position = Some(changes);
         (world.device.friction, world.device.friction_backward) = (friction, Some(backward));
         world.device.stribeck = Some(Stribeck { torque: more, velocity });
         prop_assert!(is_certified(&world));
@@ -32,7 +34,7 @@ proptest! {
             prop_assert!(pair[1] <= pair[0] + slack + 1e-12);
         }
         let last = rows.last().unwrap();
-        let level = more + if last.puck < 0.0 { friction } else { backward };
+        let level = more + changes.at(last.puck) * if last.puck < 0.0 { friction } else { backward };
         prop_assert!(last.puck_velocity == 0.0 && last.torque.abs() <= level * (1.0 + 1e-9), "{last:?}");
         let ledger = last.ledger;
         let left = ledger.hand + ledger.motor - ledger.damping - ledger.friction;

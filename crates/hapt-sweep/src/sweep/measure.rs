@@ -114,7 +114,8 @@ impl Measure {
             let held = matches!(self, Measure::HeldGrowth | Measure::HeldVerdict);
             return self != Measure::RequiredDamping && (has_handle || !held);
         }
-        if key.starts_with("device.stribeck.") || key.starts_with("device.stops.") {
+        let of_losses = ["device.friction_by_position.", "device.stribeck.", "device.stops."];
+        if of_losses.iter().any(|table| key.starts_with(table)) {
             return matches!(self, Measure::Certified) || self.of_a_run();
         }
         let mut names = key.split('.');

@@ -236,6 +236,24 @@ proptest! {
         prop_assert!(worst.is_certified() && !worst.broken && !worst.drew, "{worst:?}");
     }
 
+    /// Friction that changes with the position gives no hand energy, and pays up to a speed by its least level alone.
+    #[test]
+    fn no_hand_draws_from_a_loop_that_the_least_friction_of_all_positions_certifies(
+        part in 1.1..2.0f64, friction in 0.005..0.05f64, share in 0.0..0.6f64, pitch in 0.05..7.0f64,
+    ) {
+        let mut world = spring(part * 2.0 * bare().device.damping / bare().sampling.period);
+        let waveform = hapt_model::Waveform { sine: [1.0, 0.0, 0.0, 0.0], cosine: [0.0, 0.5, 0.0, 0.0] };
+        (world.device.friction, world.device.friction_by_position) =
+            (friction, Some(hapt_model::FrictionByPosition { share, pitch, phase: 0.0, waveform }));
+        let most = passivity(&world).unwrap().speed_max.unwrap();
+        let mut even = world.clone();
+        even.device.set_friction(friction * (1.0 - 1.5 * share));
+        prop_assert!((most / passivity(&even).unwrap().speed_max.unwrap() - 1.0).abs() < 1e-9);
+        world.safety.overspeed = Some(0.999 * most);
+        let worst = search(&world).unwrap();
+        prop_assert!(worst.is_certified() && !worst.broken && !worst.drew, "{worst:?}");
+    }
+
     /// A stop returns no more energy than it received.
     #[test]
     fn no_hand_draws_from_a_certified_loop_between_stops(

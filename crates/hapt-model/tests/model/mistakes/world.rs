@@ -52,7 +52,7 @@ fn the_device_and_the_top() {
         ),
         (
             "device = { inertia = 1 }\ncompensation = [{ of = \"friction\", velocity = 1 }]",
-            "compensation.0.of: the device has no friction to take back; expected device.friction above 0, of both directions",
+            "compensation.0.of: the device has no friction to take back; expected device.friction above 0, of both directions and at every position",
         ),
         (
             "device = { inertia = 1, friction = 1 }\ncompensation = [{ of = \"friction\" }]",
@@ -124,6 +124,24 @@ fn handles() {
                 "device.friction_backward: \"-1 N mm\" is negative; expected a torque (N m) of 0 or more, such as \"5 N mm\"",
             ),
             ("friction_backward = \"1 N mm ± 20 %\"", "(it reads)"),
+            (
+                "friction = 0.01\n[device.friction_by_position]\nshare = 0.5\npitch = \"1 rev\"",
+                "device.friction_by_position.sine: missing; expected an array of 1 to 4 plain numbers from -1000 to 1000, such as [0.5, -1]",
+            ),
+            (
+                "[device.friction_by_position]\nshare = 0.3\npitch = \"1 rev\"\nsine = [3.0, 0.0, 0.5]\ncosine = [4.0]",
+                "device.friction_by_position.share: friction would be below 0 at some positions: the sizes of the harmonics, the roots of sine² + cosine², \
+                 add up to 5.5; expected 0.18181818181818182 at most",
+            ),
+            (
+                "friction = 1e7\n[device.friction_by_position]\nshare = 1\npitch = 1e-3\nsine = [1]",
+                "device.friction_by_position.share: where friction changes with the position the puck swings or decays by 501 rad in a period, and at \
+                 most 100 are simulated; expected a smaller share, a longer pitch, or a shorter loop.period",
+            ),
+            (
+                "friction = 0.01\n[device.friction_by_position]\nshare = 1\npitch = \"1 rev\"\nphase = \"90 deg\"\ncosine = [0.5, 0.5]",
+                "(it reads)",
+            ),
             (
                 "[device.stribeck]\ntorque = 1",
                 "device.stribeck.velocity: missing; expected an angular velocity (rad/s) above 0, such as \"90 deg/s\"",
