@@ -1,4 +1,5 @@
-//! Terms that a record carries beside inertia, damping, friction and a constant: a stiffness, gravity, cogging, Stribeck's friction, drag.
+//! Terms that a record carries beside inertia, damping, friction and a constant: a stiffness, gravity, cogging, friction by position, Stribeck's
+//! friction, drag.
 //!
 //! They are added one at a time, the one first that foretells most of the torque in parts of the record that were left out of its fit, and
 //! only while it foretells certainly more there than the equation without it. A term that merely fits more is not found.
@@ -13,6 +14,8 @@ use crate::start::velocities;
 
 /// Periods in a turn that are looked for.
 const MOST_TIMES: u32 = 48;
+/// The same of friction, of drums and bearings: the more are tried, the oftener one of them fits what is something else.
+const MOST_RUBS: u32 = 12;
 /// Stribeck's velocities that are tried, in parts of the rms velocity.
 const STRIBECK: [f64; 3] = [0.1, 0.2, 0.4];
 /// A term foretells at least this part of what is left without any, by so many standard errors of the blocks.
@@ -32,6 +35,13 @@ pub enum TermKind {
     Stiffness,
     /// A sin(n z + phase), A in N·m: gravity where n is 1, else cogging.
     Turn {
+        /// Periods in a turn, n.
+        times: u32,
+        /// In rad.
+        phase: f64,
+    },
+    /// A sign(v) sin(n z + phase), A in N·m: Coulomb friction that changes with the position.
+    FrictionByPosition {
         /// Periods in a turn, n.
         times: u32,
         /// In rad.
@@ -66,6 +76,7 @@ impl TermKind {
             TermKind::Stiffness => "stiffness",
             TermKind::Turn { times: 1, .. } => "gravity",
             TermKind::Turn { .. } => "cogging",
+            TermKind::FrictionByPosition { .. } => "friction_by_position",
             TermKind::Stribeck { .. } => "stribeck",
             TermKind::Drag => "drag",
         }
@@ -159,7 +170,15 @@ pub(crate) fn terms(record: &Record, rows: &Rows, way: f64, is_linear: bool) -> 
     let gravity = (high - low > TRAVEL).then_some(1);
     for times in gravity.into_iter().chain(least..=MOST_TIMES).filter(|_| !is_linear) {
         let n = f64::from(times);
-        add(TermKind::Turn { times, phase: 0.0 }, &[&|i| (n * positions[i]).sin(), &|i| (n * positions[i]).cos()]);
+        let [sine, cosine] = [f64::sin, f64::cos].map(|wave| move |z: f64| wave(n * z));
+        add(TermKind::Turn { times, phase: 0.0 }, &[&|i| sine(positions[i]), &|i| cosine(positions[i])]);
+        if times <= MOST_RUBS {
+            let against = |i: usize| speeds[i].signum();
+            add(
+                TermKind::FrictionByPosition { times, phase: 0.0 },
+                &[&|i| against(i) * sine(positions[i]), &|i| against(i) * cosine(positions[i])],
+            );
+        }
     }
     let own: Vec<usize> =
         [INERTIA, DAMPING, FRICTION, CONSTANT].into_iter().chain(record.forces().map(|_| FORCE)).collect();
@@ -195,17 +214,25 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], way: f64, apart
         let tried = groups.iter().filter(is_new).filter_map(|group| {
             let columns: Vec<usize> = kept.iter().chain(&group.columns).copied().collect();
             let then = table.foretold(&columns)?;
-            // Friction that falls towards rest, and drag that drives, are those of no device.
-            let drives = |column: usize| way * table.solved(&columns, None).map_or(0.0, |x| x[column]) <= 0.0;
-            let is_loss = matches!(group.kind, TermKind::Stribeck { .. } | TermKind::Drag);
-            if is_loss && drives(columns.len() - 1) {
+            // Friction that falls towards rest, drag that drives, and friction below 0 at some positions are those of no device.
+            let values = table.solved(&columns, None)?;
+            // Inertia, damping and friction are the first columns.
+            let last = columns.len() - 1;
+            let drives = match group.kind {
+                TermKind::Stribeck { .. } | TermKind::Drag => way * values[last] <= 0.0,
+                TermKind::FrictionByPosition { .. } => values[last].hypot(values[last - 1]) > way * values[FRICTION],
+                TermKind::Stiffness | TermKind::Turn { .. } => false,
+            };
+            if drives {
                 return None;
             }
             let gains: Vec<f64> = left.iter().zip(&then).map(|(before, after)| before - after).collect();
             let mean = gains.iter().sum::<f64>() / gains.len() as f64;
             let spread =
                 gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (gains.len() * (gains.len() - 1)) as f64;
-            let is_sure = mean > SURELY * spread.sqrt() && mean * gains.len() as f64 > LEAST * all;
+            // What Stribeck's friction leaves, as its velocity is one of three, goes with the direction too.
+            let times = if matches!(group.kind, TermKind::FrictionByPosition { .. }) { 2.0 } else { 1.0 };
+            let is_sure = mean > SURELY * spread.sqrt() && mean * gains.len() as f64 > times * LEAST * all;
             is_sure.then_some((group, columns, then, mean))
         });
         let Some((group, columns, then, mean)) = tried.max_by(|a, b| a.3.total_cmp(&b.3)) else { break };
@@ -220,13 +247,15 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], way: f64, apart
             kept.iter().position(|kept| *kept == column).map_or(0.0, |i| way * values[i])
         };
         let (kind, size): (TermKind, Size<'_>) = match (group.kind, &group.columns[..]) {
-            (TermKind::Turn { times, .. }, [sine, cosine]) => {
+            (kind @ (TermKind::Turn { times, .. } | TermKind::FrictionByPosition { times, .. }), [sine, cosine]) => {
                 let (p, q) = (at(&whole, *sine), at(&whole, *cosine));
                 let phase = q.atan2(p);
                 // Along the phase that was found, so that none is about 0 and not above.
                 let size =
                     move |values: &DVector<f64>| at(values, *sine) * phase.cos() + at(values, *cosine) * phase.sin();
-                (TermKind::Turn { times, phase }, Box::new(size))
+                let is_friction = matches!(kind, TermKind::FrictionByPosition { .. });
+                let of_friction = TermKind::FrictionByPosition { times, phase };
+                (if is_friction { of_friction } else { TermKind::Turn { times, phase } }, Box::new(size))
             }
             (kind, columns) => {
                 let column = columns[0];
@@ -235,7 +264,10 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], way: f64, apart
                     TermKind::Stribeck { velocity, .. } => {
                         TermKind::Stribeck { velocity, beside: [1, 2].map(|own| at(&whole, own).max(0.0)) }
                     }
-                    TermKind::Stiffness | TermKind::Turn { .. } | TermKind::Drag => kind,
+                    TermKind::Stiffness
+                    | TermKind::Turn { .. }
+                    | TermKind::FrictionByPosition { .. }
+                    | TermKind::Drag => kind,
                 };
                 (kind, Box::new(move |values: &DVector<f64>| at(values, column)))
             }

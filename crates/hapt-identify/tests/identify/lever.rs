@@ -29,6 +29,8 @@ pub struct Lever {
     pub hand: f64,
     /// Friction that falls towards this much less within 0.6 rad/s of rest.
     pub stribeck: f64,
+    /// Friction that changes with the position by this much, 11 times a turn.
+    pub rubbing: f64,
 }
 
 pub const PERIOD: f64 = 5e-4;
@@ -48,6 +50,7 @@ impl Lever {
             loop_stiffness: if between(0.0, 1.0) < 0.5 { 0.0 } else { between(0.5, 2.0) },
             hand: 0.0,
             stribeck: 0.0,
+            rubbing: 0.0,
         }
     }
 
@@ -89,7 +92,8 @@ impl Lever {
                     - self.gravity * z.sin()
                     - self.cable * z;
                 let coulomb = if v > 0.0 { self.friction[0] } else { self.friction[1] };
-                let friction = coulomb + self.stribeck * (-(v / 0.6).powi(2)).exp();
+                let friction =
+                    coulomb + self.stribeck * (-(v / 0.6).powi(2)).exp() + self.rubbing * (11.0 * z + 0.4).sin();
                 let free = v + dt * (other - self.damping * v) / self.inertia;
                 let brake = dt * friction / self.inertia;
                 v = if free.abs() <= brake { 0.0 } else { free - brake * free.signum() };

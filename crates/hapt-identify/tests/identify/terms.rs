@@ -167,3 +167,25 @@ fn a_cogging_that_is_found_has_the_devices_torque_with_its_sign() {
     }
     assert!(2 * told >= all && right == told, "{right} of {told} of {all}");
 }
+
+/// The size and the phase are those of the level, whatever the motor's sign is, and no torque of the position is taken for it.
+#[test]
+fn friction_that_changes_with_the_position_is_found_as_the_level_that_it_is() {
+    let (mut told, mut held, mut all) = (0, 0, 0);
+    for (seed, sign) in hapt_testing::seeds(8).flat_map(|seed| [(seed, 1.0), (seed, -1.0)]) {
+        let mut rng = Rng::with_seed(seed);
+        let lever = plain(&mut rng);
+        let rubbing = lever.friction[0] * (0.5 + 0.4 * rng.f64());
+        let fit = fit(&Lever { rubbing, sign, ..lever }.record(4.0, &mut rng));
+        all += 1;
+        let Some(term) = found(&fit, |kind| matches!(kind, TermKind::FrictionByPosition { .. })) else { continue };
+        let TermKind::FrictionByPosition { times, phase } = term.kind else { continue };
+        told += 1;
+        let away = (phase - 0.4).sin().abs() < 0.5 && (phase - 0.4).cos() > 0.0;
+        held += i32::from(
+            (term.size.value / rubbing - 1.0).abs() < 0.4 && (10..=12).contains(&times) && (times != 11 || away),
+        );
+        assert!(found(&fit, |kind| matches!(kind, TermKind::Turn { .. })).is_none(), "seed {seed}: {:?}", fit.terms);
+    }
+    assert!(10 * told >= 6 * all && 10 * held >= 9 * told, "{told} found, {held} of their size, of {all}");
+}

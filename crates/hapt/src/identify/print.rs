@@ -119,7 +119,7 @@ fn term(term: &Term) -> Value {
     let mut json =
         json!({ "kind": term.kind.word(), "value": term.size.value, "low": term.size.low, "high": term.size.high });
     match term.kind {
-        TermKind::Turn { times, phase } => {
+        TermKind::Turn { times, phase } | TermKind::FrictionByPosition { times, phase } => {
             json["times_a_turn"] = times.into();
             json["phase_rad"] = phase.into();
         }

@@ -126,13 +126,22 @@ fn term_words(given: &Given, term: &Term) -> (&'static str, String) {
         TermKind::Turn { times, phase } => {
             format!("{}, {times} times a turn, sin({times} angle {:+.2} rad)", size(per_si, effort), phase)
         }
+        TermKind::FrictionByPosition { times, phase } => {
+            format!(
+                "{} more and less, {times} times a turn, sin({times} angle {:+.2} rad)",
+                size(per_si, effort),
+                phase
+            )
+        }
         TermKind::Stribeck { velocity, .. } => {
             let unit = if is_linear { "m/s" } else { "rad/s" };
             format!("{} more at rest, falling within {} {unit}", size(per_si, effort), print::digits(velocity, 2))
         }
         TermKind::Drag => size(1.0, if is_linear { "N s^2/m^2" } else { "N m s^2/rad^2" }),
     };
-    (term.kind.word(), format!("{words}; foretells {:.0} % of what is left without", 100.0 * term.foretells))
+    let is_friction = matches!(term.kind, TermKind::FrictionByPosition { .. });
+    let name = if is_friction { "friction" } else { term.kind.word() };
+    (name, format!("{words}; foretells {:.0} % of what is left without", 100.0 * term.foretells))
 }
 
 /// The `[device]` table.
@@ -181,14 +190,31 @@ fn stribeck(fit: &TorqueFit) -> Option<(f64, f64, [f64; 2])> {
     fit.terms.iter().find_map(|term| match term.kind {
         // Half of its width times its height is ∫ exp(-(v/velocity)²).
         TermKind::Stribeck { velocity, beside } => Some((term.size.value, PI.sqrt() * velocity, beside)),
-        TermKind::Stiffness | TermKind::Turn { .. } | TermKind::Drag => None,
+        TermKind::Stiffness | TermKind::Turn { .. } | TermKind::FrictionByPosition { .. } | TermKind::Drag => None,
     })
 }
 
-/// `[device.stribeck]`, and `[device.gravity]` and `[device.cogging]` of the terms that repeat: the largest of those of cogging, as a file has one pitch.
+/// `[device.friction_by_position]` of the term that changes friction by a part of the table's; none where it is more than all of that.
+fn changing_friction(fit: &TorqueFit) -> Option<String> {
+    let [_, friction] = beside_stribeck(fit);
+    fit.terms.iter().find_map(|term| {
+        let TermKind::FrictionByPosition { times, phase } = term.kind else { return None };
+        let (Interval { value, low, high }, friction) = (term.size, friction?.value);
+        let [share, low, high] = [value, low, high].map(|size| size / friction);
+        let (pitch, phase) = (360.0 / f64::from(times), print::digits(-wrapped(phase) / f64::from(times), 3));
+        (share <= 1.0).then(|| {
+            let [share, low, high] = [share, low, high].map(|share| print::digits(share, 3));
+            format!(
+                "\n[device.friction_by_position]\nshare = {share} # 95 %: {low} to {high}, and no tolerance of a file\npitch = \"{pitch} deg\"\nphase = \"{phase} rad\"\nsine  = [1.0]\n"
+            )
+        })
+    })
+}
+
+/// `[device.friction_by_position]`, `[device.stribeck]`, and `[device.gravity]` and `[device.cogging]` of the terms that repeat: the largest of those of cogging, as a file has one pitch.
 fn own_torques(given: &Given, fit: &TorqueFit) -> String {
     let (effort, per_si) = effort(given.motion);
-    let mut text = String::new();
+    let mut text = changing_friction(fit).unwrap_or_default();
     if let Some((torque, velocity, _)) = stribeck(fit) {
         let (torque, velocity) = (print::digits(torque * per_si, 3), print::digits(velocity, 3));
         let unit = Measure::Velocity.dimension(given.motion).symbol();

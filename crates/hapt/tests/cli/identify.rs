@@ -404,3 +404,34 @@ fn stribeck_friction_is_written_as_the_device_has_it() {
     assert!(near(found.torque, more, 0.3) && near(found.velocity, velocity, 0.5), "{found:?} {out}");
     assert!(near(world.device.friction, coulomb, 0.4), "{written} {out}");
 }
+
+/// Friction that changes eight times a turn by half of itself: the file has it back, and no cogging.
+#[test]
+fn friction_by_position_is_written_as_the_device_has_it() {
+    let level = |z: f64| 6e-3 * (1.0 + 0.5 * f64::sin(8.0 * (z - 0.2)));
+    let (mut z, mut v) = (0.0, 0.0);
+    let mut text = String::from("t_s,arm_rad,motor_Nm\n");
+    for k in 0..20_000 {
+        let t = f64::from(k) * 1e-3;
+        let torque = 0.012 * f64::sin(2.0 * t) + 0.012 * f64::sin(9.1 * t) + 0.006 * f64::sin(23.0 * t);
+        text += &format!("{t:.4},{z:.6},{torque:.6}\n");
+        for _ in 0..20 {
+            let free = v + 5e-5 * (torque - 3e-3 * v) / 1e-3;
+            let brake = 5e-5 * level(z) / 1e-3;
+            v = if f64::abs(free) <= brake { 0.0 } else { free - brake * free.signum() };
+            z += 5e-5 * v;
+        }
+    }
+    let at = folder(&[("arm.csv", &text)]);
+    let out = identify(at.path(), &["arm.csv", "--write", "d.toml"]).done().out;
+    let written = std::fs::read_to_string(at.path().join("d.toml")).unwrap();
+    let file = format!("loop.period = \"1 ms\"\n{written}");
+    let world = hapt_model::World::read(&hapt_model::Source::from_text("d.toml", file), &[]).unwrap();
+    let found = world.device.friction_by_position.unwrap_or_else(|| panic!("{out}\n{written}"));
+    let friction = world.device.friction;
+    for i in 0..60 {
+        let z = 0.1 * f64::from(i);
+        assert!((friction * found.at(z) - level(z)).abs() < 1.2e-3, "{z}: {written} {out}");
+    }
+    assert!(world.device.torque.is_none(), "{written}");
+}

@@ -172,8 +172,8 @@ sine = [-1] it is a detent.
         text: r#"In a world `kind = "friction"` is Coulomb friction with one `torque`, or LuGre friction with six
 keys, whose bristles let it stick. The device's own friction, device.friction, is physical: it stops
 the puck, prevents a buzz of the encoder's counts, and never counts as damping. Toward smaller
-positions it may be device.friction_backward. [device.friction_by_position] is how both change over a
-turn, or over another `pitch`. [device.stribeck] is what it is more at rest, gone at a `velocity`.
+positions it may be device.friction_backward; [device.friction_by_position] is how both change over
+a turn, or another `pitch`. [device.stribeck] is what it is more at rest, gone at a `velocity`.
 Certificates rest on the least level of all, and on none of what falls.
 
   hapt sim @notes/released --set device.friction='5 N mm'      friction took
