@@ -249,7 +249,8 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
     let known = Known { is_linear, lag: (lag > 0.0).then_some(lag), ..Known::default() };
     // Near the file's own device first where a puck alone is another one.
     let near = device_of(claims).and_then(|device| device::near(record, &device)?.identified(record, &known));
-    if let Some(x) = near.or_else(|| device::search(record, &known)?.identified(record, &known)) {
+    let search = || device::search(record, &known)?.identified(record, &known);
+    if let Some(x) = near.or_else(|| search().filter(|x| x.stops.is_some_and(|stops| stops.are_sure()))) {
         let mut numbers = judged(&x, claims, &Scale::of(record));
         numbers.extend(judged_stribeck(&x, claims, &Scale::of(record)));
         numbers.extend(judged_stops(record, &x, claims));
@@ -393,7 +394,11 @@ fn judged_stops(record: &Record, found: &Identified, claims: &Claims) -> Vec<Com
         let mut number = Compared::new(name, Some(Measure::Position), estimate, range, high - low);
         (number.verdict, number.reason) = match (estimate, file) {
             (Some(_), None) => (Verdict::Contradicts, Some(NO_STOP)),
-            (None, Some(file)) if side * (reached - file) > noise => (Verdict::Contradicts, Some(PASSES)),
+            (None, Some(file)) if side * (reached - file) > noise => match found.positions {
+                // A device with the file's own stops explains the record.
+                Some(_) if found.stops.is_none() => (Verdict::NotTold, Some(WIDE)),
+                _ => (Verdict::Contradicts, Some(PASSES)),
+            },
             (None, _) => (Verdict::NotTold, Some(BEFORE)),
             (Some(_), Some(_)) => (number.verdict, number.reason),
         };

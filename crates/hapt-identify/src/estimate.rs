@@ -7,7 +7,7 @@ use crate::bound::Bounded;
 use crate::device;
 use crate::fit::{Fit, fit};
 use crate::handle::resonance;
-use crate::identified::{Identified, Interval, Known, PositionTorque};
+use crate::identified::{FoundStops, Identified, Interval, Known, PositionTorque};
 use crate::intervals::Intervals;
 use crate::lag::Lag;
 use crate::position::position_torque;
@@ -31,8 +31,6 @@ const BEGINNINGS: [f64; 3] = [0.125, 0.25, 0.5];
 /// If those fail too: the number of starts around the best, and how far each number may be off, as a part of itself.
 const HOPS: usize = 12;
 const AROUND: [f64; 3] = [0.3, 0.1, 0.03];
-/// A stop's stiffness is known where the ends of its interval are no farther apart than by this ratio.
-const STIFFEST: f64 = 100.0;
 
 /// Fits the puck to a record.
 ///
@@ -50,19 +48,16 @@ pub fn identify_until(record: &Record, known: &Known, stop: &dyn Fn() -> bool) -
 
 fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identified, Error> {
     // Where the puck is turned round near the ends of its travel a search without stops is long and in vain.
-    // A stop whose stiffness the record does not tell is none that it ran into.
-    let is_told = |found: &Identified| match found.stops {
-        Some(stops) => stops.stiffness.high < STIFFEST * stops.stiffness.low,
-        // A fit in parts, each with a beginning of its own, knows less than the one of the whole record.
-        None => found.stribeck.is_some(),
-    };
-    if let Some(found) = device::search(record, known).and_then(|fit| fit.identified(record, known)).filter(is_told) {
+    let stopped = device::search(record, known).and_then(|fit| fit.identified(record, known));
+    let has = |is: fn(&FoundStops) -> bool| move |found: &Identified| found.stops.as_ref().is_some_and(is);
+    if let Some(found) = stopped.clone().filter(has(FoundStops::are_sure)) {
         return Ok(found);
     }
-    let found = search_or_glimpse(record, known)?;
-    match found.wrong {
-        Some(wrong) => Err(wrong),
-        None => {
+    // Stops that explain what nothing else does are the device's, if the record tells of them at all.
+    let stopped = stopped.filter(has(FoundStops::are_told));
+    match search_or_glimpse(record, known) {
+        Err(wrong) | Ok(BestFit { wrong: Some(wrong), .. }) => stopped.ok_or(wrong),
+        Ok(found) => {
             let found = found.identified(record, known);
             let equation = if breaks_a_bound(&found) { fit_torque(record, known) } else { None };
             Ok(match equation {

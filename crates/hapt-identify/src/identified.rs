@@ -124,6 +124,23 @@ pub struct FoundStops {
     pub damping: Interval,
 }
 
+/// The ratios of the ends of a stiffness' interval from which on a stop may be another torque about a turn, and from which on nothing is told.
+const LOOSEST: f64 = 4.0;
+const VAGUEST: f64 = 1e4;
+
+impl FoundStops {
+    /// Whether the record shows surely that they are stops. What is left of other torques where the puck turns round is fitted by a stop too,
+    /// whose stiffness it does not tell.
+    pub(crate) fn are_sure(&self) -> bool {
+        self.stiffness.high < LOOSEST * self.stiffness.low
+    }
+
+    /// Whether their stiffness is told at all.
+    pub(crate) fn are_told(&self) -> bool {
+        self.stiffness.high < VAGUEST * self.stiffness.low
+    }
+}
+
 impl Identified {
     /// The same with intervals of inertia, damping, friction, gain, constant torque, stops and Stribeck friction that hold another fit's too.
     pub(crate) fn widened(self, other: &Identified) -> Self {

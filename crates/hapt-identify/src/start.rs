@@ -85,6 +85,12 @@ pub(crate) fn velocities(record: &Record) -> Vec<f64> {
     (0..n).map(|i| slope(record, i.saturating_sub(half), (i + half).min(n - 1)).0).collect()
 }
 
+/// Their standard error by the positions' noise, in the middle of the record.
+pub(crate) fn noise_of_velocities(record: &Record) -> f64 {
+    let (n, half) = (record.positions().len(), half(record, GLANCE));
+    record.noise() * slope(record, (n / 2).saturating_sub(half), (n / 2 + half).min(n - 1)).1
+}
+
 /// The sign of the velocity at each sample, 0 where the puck may rest.
 pub(crate) fn signs(record: &Record) -> Vec<f64> {
     glance(record).sign

@@ -11,7 +11,7 @@ use super::fit::{
 use crate::equation::{self, Band, Rows};
 use crate::identified::Known;
 use crate::record::{CancellableRecord, Record};
-use crate::start::{delayed, signs, velocities};
+use crate::start::{delayed, noise_of_velocities, signs, velocities};
 use crate::torque::PLAIN;
 
 /// Parts of the travel at each end in which a stop is looked for.
@@ -20,16 +20,24 @@ const ENDS: [f64; 3] = [0.04, 0.12, 0.3];
 const WINDOWS: [f64; 2] = [0.06, 0.03];
 const DELAYS: usize = 21;
 const DELAY_STEP: f64 = 5e-4;
-/// A turn takes this part of the velocity before it beyond what torque and losses take, or more.
-const HARD: f64 = 0.4;
-/// Depths of the stop in parts of the travel from which fits of a turn start, and its damping ratios.
-const DEPTHS: [f64; 4] = [0.003, 0.01, 0.03, 0.1];
+/// A turn is looked at from so long before it to so long after it, in s.
+const BRIEFLY: f64 = 0.04;
+/// A turn takes this part of the velocity before it beyond what torque and losses take, or more; a stop takes at most the last part.
+const HARD: f64 = 0.2;
+const MOST: f64 = 2.0;
+/// χ²'s quantile of 1 - 10⁻⁶ with two degrees of freedom, in variances: a stop that explains less is none.
+const SURELY: f64 = 27.6;
+/// A velocity below so many standard errors of the noise is no turn's.
+const DOUBT: f64 = 5.0;
+/// Rates √(k/J) of the stop from which fits of a turn start, in 1/s, and its damping ratios.
+const RATES: [f64; 4] = [50.0, 150.0, 400.0, 1000.0];
 const RATIOS: [f64; 2] = [0.05, 0.4];
 /// The puck goes into a stop by this part of its travel at most.
 const DEEPEST: f64 = 0.25;
 /// Parts of the file's Stribeck torque from which fits start.
 const RISES: [f64; 4] = [1.0, 0.3, 3.0, 0.1];
-/// Steps of a fit of one turn, and of all of the record.
+/// Steps of a fit without a stop beside one with it, of one turn, and of all of the record.
+const AGAIN: usize = 2;
 const BRIEF: usize = 12;
 const MANY: usize = 60;
 /// So often stretches that begin beside the motion begin anew.
@@ -41,17 +49,20 @@ const SHORT: f64 = 0.5;
 #[derive(Clone, Copy, Debug)]
 struct Turn {
     side: usize,
-    /// Its samples.
+    /// The sample at which it turns, and those about it that show how.
+    at: usize,
     span: (usize, usize),
-    /// The speed before it, and what of it nothing but a stop takes, in rad/s (m/s).
+    /// The speed before it, and what of that nothing but a stop takes, in rad/s (m/s).
     speed: f64,
-    excess: f64,
+    taken: f64,
 }
 
 /// The numbers of the device away from the ends.
 struct Away {
     device: Device,
     limits: [f64; 2],
+    /// The standard error of the inertia, as a part of it.
+    error: f64,
 }
 
 fn side(stop: usize) -> f64 {
@@ -75,24 +86,42 @@ pub(crate) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fi
     if !record.is_driven() || record.forces().is_some() {
         return None;
     }
-    ENDS.iter().find_map(|part| {
-        let away = away(record, known, *part)?;
-        let turns = turns(record, &away);
-        let hardest = |stop: usize| {
-            let own = turns.iter().filter(|turn| turn.side == stop && turn.excess > HARD * turn.speed);
-            own.copied().max_by(|a, b| a.excess.total_cmp(&b.excess))
-        };
-        let found = [hardest(0), hardest(1)];
-        let start = with_stops(record, &away.device, found)?;
-        let mut free = free(true, known.lag.is_some(), found.map(|turn| turn.is_some()));
-        let start = around(record, start, free, found)?;
-        free[VARIANCE] |= start.p[VARIANCE] > 0.0;
-        explains(record, start, free).filter(|fit| are_ends(record, fit) && needs_stops(record, fit))
+    let mut ways: Vec<Away> = ENDS.iter().filter_map(|part| away(record, known, *part)).collect();
+    ways.sort_by(|a, b| a.error.total_cmp(&b.error));
+    let mut tried: Vec<[Option<usize>; 2]> = Vec::new();
+    ways.iter().find_map(|away| {
+        let both = [0, 1].map(|stop| hardest(record, away, stop));
+        let most = both.iter().flatten().map(|turn| turn.taken).fold(0.0, f64::max);
+        let alone = both.map(|turn| turn.filter(|turn| turn.taken == most));
+        [both, alone].into_iter().find_map(|turns| {
+            let at = turns.map(|turn| turn.map(|turn| turn.at));
+            // From the same turns nearly the same fit starts.
+            if tried.contains(&at) {
+                return None;
+            }
+            tried.push(at);
+            let start = with_stops(record, &away.device, turns)?;
+            let mut free = free(true, known.lag.is_some(), turns.map(|turn| turn.is_some()));
+            let start = around(record, start, free, turns)?;
+            free[VARIANCE] |= start.p[VARIANCE] > 0.0;
+            explains(record, start, free).filter(|fit| are_ends(record, fit)).and_then(|fit| needed(record, fit))
+        })
     })
 }
 
-/// The device near a given one that explains the record; `None` where none does, or where the record shows neither its stops nor its Stribeck
-/// friction.
+/// The fit without the stops that the record does not need; `None`: it needs none of them.
+fn needed(record: &CancellableRecord<'_>, fit: Fit) -> Option<Fit> {
+    let has = STOPS.map(|stop| fit.free[stop]);
+    let needs = [0, 1].map(|stop| has[stop] && needs_stops(record, &fit, [stop == 0, stop == 1]));
+    if needs == has || needs == [false; 2] {
+        return Some(fit).filter(|_| needs == has);
+    }
+    let (device, free) = without(&fit, needs.map(|needs| !needs));
+    explains(record, device, free).filter(|fit| needs_stops(record, fit, needs))
+}
+
+/// The device near a given one that explains the record; `None` where none does, or where the record reaches none of its stops and it has no
+/// Stribeck friction. Stops that the record allows, and does not need, are held as they are.
 pub(crate) fn near(record: &CancellableRecord<'_>, device: &Device) -> Option<Fit> {
     if !record.is_driven() || record.forces().is_some() {
         return None;
@@ -113,10 +142,19 @@ pub(crate) fn near(record: &CancellableRecord<'_>, device: &Device) -> Option<Fi
     (free[RISE], free[FAST]) = (falls, falls);
     // From a friction that falls far too much a fit may end beside the best one.
     let parts = if falls { &RISES[..] } else { &RISES[..1] };
-    parts.iter().find_map(|part| {
+    let found = parts.iter().find_map(|part| {
         let mut device = device;
         device.p[RISE] *= part;
-        explains(record, device, free).filter(|fit| falls || needs_stops(record, fit))
+        let shows_stops = |fit: &Fit| needs_stops(record, fit, is_reached) && fit.covariance(record).is_some();
+        explains(record, device, free).filter(|fit| falls || shows_stops(fit))
+    });
+    // A record that needs no stops, or does not tell their numbers, can allow those of the file.
+    found.or_else(|| {
+        if falls {
+            return None;
+        }
+        STOPS.into_iter().chain([STIFFNESS, STOP_DAMPING]).for_each(|i| free[i] = false);
+        explains(record, device, free)
     })
 }
 
@@ -128,11 +166,20 @@ fn are_ends(record: &Record, fit: &Fit) -> bool {
     fit.device.p[STOPS[0]] - low < deepest && high - fit.device.p[STOPS[1]] < deepest
 }
 
-/// Whether the record is another motion without the stops.
-fn needs_stops(record: &Record, fit: &Fit) -> bool {
-    let mut device = fit.device;
-    (device.p[STOPS[0]], device.p[STOPS[1]]) = (f64::NEG_INFINITY, f64::INFINITY);
-    Fit::of(record, device, fit.free, fit.shots.clone()).is_none_or(|without| without.squares > 2.0 * fit.squares)
+/// Whether the record is another motion without these stops.
+fn needs_stops(record: &CancellableRecord<'_>, fit: &Fit, stops: [bool; 2]) -> bool {
+    let (device, free) = without(fit, stops);
+    let other = Fit::of(record, device, free, fit.shots.clone()).and_then(|other| other.improved(record, AGAIN));
+    other.is_none_or(|other| other.squares - fit.squares > SURELY * fit.variance())
+}
+
+/// A fit's device without these stops, and what is fitted then.
+fn without(fit: &Fit, stops: [bool; 2]) -> (Device, Free) {
+    let (mut device, mut free) = (fit.device, fit.free);
+    for stop in [0, 1].into_iter().filter(|stop| stops[*stop]) {
+        (device.p[STOPS[stop]], free[STOPS[stop]]) = (side(stop) * f64::INFINITY, false);
+    }
+    (device, free)
 }
 
 /// The equation of motion over the windows that keep away from the ends.
@@ -167,43 +214,43 @@ fn away(record: &CancellableRecord<'_>, known: &Known, part: f64) -> Option<Away
     p[VARIANCE] = known.lag.map_or(0.0, |lag| lag * lag);
     p[STOPS[0]] = f64::NEG_INFINITY;
     p[STOPS[1]] = f64::INFINITY;
-    Some(Away { device: Device { p, sign, inertia: known.inertia }, limits })
+    let error = (solved.errors[equation::INERTIA] / inertia).abs();
+    Some(Away { device: Device { p, sign, inertia: known.inertia }, limits, error })
 }
 
-/// The visits to both ends.
-fn turns(record: &Record, away: &Away) -> Vec<Turn> {
+/// The turn near one end from which the most is taken that only a stop takes.
+fn hardest(record: &Record, away: &Away, stop: usize) -> Option<Turn> {
     let (times, positions) = (record.times(), record.positions());
     let (speeds, torques) = (velocities(record), delayed(record, away.device.p[LATE]));
     let numbers = away.device.numbers([0.0; 2]);
-    let mut turns = Vec::new();
-    for stop in [0, 1] {
-        let is_in = |i: &usize| side(stop) * (positions[*i] - away.limits[stop]) > 0.0;
-        let mut next = record.first().max(1);
-        while let Some(from) = (next..times.len()).find(is_in) {
-            let to = (from..times.len()).find(|i| !is_in(i)).unwrap_or(times.len());
-            next = to + 1;
-            if to >= times.len() {
-                break;
-            }
-            let (from, to) = (from - 1, to);
-            let given: f64 = (from..to)
-                .map(|i| {
-                    let (v, torque) = (speeds[i], torques[i]);
-                    let a =
-                        numbers.gain * torque + numbers.offset - numbers.damping * v - numbers.friction * v.signum();
-                    a * (times[i + 1] - times[i])
-                })
-                .sum();
-            let excess = -side(stop) * (speeds[to] - speeds[from] - given);
-            turns.push(Turn { side: stop, span: (from, to), speed: speeds[from].abs(), excess });
-        }
-    }
-    turns
+    let given = |i: usize| {
+        let v = speeds[i];
+        let a = numbers.gain * torques[i] + numbers.offset - numbers.damping * v - numbers.friction * v.signum();
+        a * (times[i + 1] - times[i])
+    };
+    let middle = 0.5 * (away.limits[0] + away.limits[1]);
+    let (first, last) = (record.first(), times.len() - 1);
+    let toward = |i: usize| side(stop) * speeds[i];
+    let turn = |at: usize| {
+        let is_about =
+            |i: &usize| (times[*i] - times[at]).abs() < BRIEFLY && side(stop) * (positions[*i] - middle) > 0.0;
+        let from = (first..at).rev().take_while(is_about).last().unwrap_or(at);
+        let to = (at..last).take_while(is_about).last().unwrap_or(at);
+        let speed = (from..at).map(toward).fold(0.0, f64::max);
+        let excess = side(stop) * (speeds[from] - speeds[to] + (from..to).map(given).sum::<f64>());
+        Turn { side: stop, at, span: (from, to), speed, taken: excess.min(MOST * speed) }
+    };
+    let turns_near =
+        |i: &usize| side(stop) * (positions[*i] - away.limits[stop]) > 0.0 && toward(*i - 1) > 0.0 && toward(*i) <= 0.0;
+    let doubt = DOUBT * noise_of_velocities(record);
+    let is_hard = |turn: &Turn| turn.taken > (HARD * turn.speed).max(doubt);
+    let turns = (first + 1..last).filter(turns_near).map(turn).filter(is_hard);
+    turns.max_by(|a, b| a.taken.total_cmp(&b.taken))
 }
 
 /// The device with the stops that the turns show; `None` where there is no turn.
 fn with_stops(record: &CancellableRecord<'_>, device: &Device, turns: [Option<Turn>; 2]) -> Option<Device> {
-    let hardest = turns.into_iter().flatten().max_by(|a, b| a.excess.total_cmp(&b.excess))?;
+    let hardest = turns.into_iter().flatten().max_by(|a, b| a.taken.total_cmp(&b.taken))?;
     let mut found = of_turn(record, device, &hardest, true)?;
     if let Some(other) = turns.into_iter().flatten().find(|turn| turn.side != hardest.side) {
         found = of_turn(record, &found, &other, false)?;
@@ -213,30 +260,25 @@ fn with_stops(record: &CancellableRecord<'_>, device: &Device, turns: [Option<Tu
 
 /// The stop that explains one turn best, beside a device; `is_new`: its stiffness and damping too.
 fn of_turn(record: &CancellableRecord<'_>, device: &Device, turn: &Turn, is_new: bool) -> Option<Device> {
-    let around = (0.02 / record.period()).ceil() as usize;
-    let (from, to) = (turn.span.0.saturating_sub(around), (turn.span.1 + around).min(record.times().len()));
+    let (from, to) = turn.span;
     let shot = Shot::new(record, from, to);
-    let positions = &record.positions()[turn.span.0..turn.span.1];
-    let end = positions.iter().map(|z| side(turn.side) * z).fold(f64::NEG_INFINITY, f64::max);
-    let all = record.positions().iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
-    let travel = all.1 - all.0;
+    let end = side(turn.side) * record.positions()[turn.at];
     let mut free = [false; PARAMETERS];
     free[STOPS[turn.side]] = true;
     [STIFFNESS, STOP_DAMPING].into_iter().for_each(|i| free[i] = is_new);
     let inertia = device.inertia();
-    let start = |depth: f64, ratio: f64| {
+    let start = |rate: f64, ratio: f64| {
         let mut device = *device;
-        device.p[STOPS[turn.side]] = side(turn.side) * (end - depth * travel);
+        device.p[STOPS[turn.side]] = side(turn.side) * (end - turn.speed / rate);
         if is_new {
-            let rate = turn.speed / (depth * travel);
             device.p[STIFFNESS] = (inertia * rate * rate).ln();
             device.p[STOP_DAMPING] = 2.0 * ratio * inertia * rate;
         }
         Fit::of(record, device, free, vec![shot])?.improved(record, BRIEF)
     };
     let ratios = if is_new { &RATIOS[..] } else { &RATIOS[..1] };
-    let starts = DEPTHS.iter().flat_map(|depth| ratios.iter().map(move |ratio| (*depth, *ratio)));
-    let fits = starts.filter_map(|(depth, ratio)| start(depth, ratio));
+    let starts = RATES.iter().flat_map(|rate| ratios.iter().map(move |ratio| (*rate, *ratio)));
+    let fits = starts.filter_map(|(rate, ratio)| start(rate, ratio));
     fits.min_by(|a, b| a.squares.total_cmp(&b.squares)).map(|fit| fit.device)
 }
 

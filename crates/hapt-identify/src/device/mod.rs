@@ -22,8 +22,6 @@ use crate::remainder::{RESOLUTION, residual, variance};
 
 /// Names of the first parameters; of delay and lag together the place is that of the delay.
 const NAMES: [(usize, &str); 4] = [(INERTIA, "inertia"), (DAMPING, "damping"), (FRICTION, "friction"), (LATE, "delay")];
-/// The ratio of the ends of a stiffness' interval from which on no stop is told.
-const LOOSEST: f64 = 4.0;
 /// A sign is told at 99.9 %, an inertia at 95 %: in parts of half a 95 % interval.
 const SURELY: f64 = 3.29 / 1.96;
 
@@ -139,14 +137,14 @@ impl Fit {
         })
     }
 
-    /// The stops that the record reaches. What is left of other torques where the puck turns round is fitted by a stop too, and tells no stiffness.
+    /// The stops that the record reaches.
     fn stops(
         &self,
         plain: &dyn Fn(usize) -> Option<Interval>,
         log: &dyn Fn(usize) -> Option<Interval>,
     ) -> Option<FoundStops> {
         let [low, high] = STOPS.map(plain);
-        let stiffness = log(STIFFNESS).filter(|stiffness| stiffness.high < LOOSEST * stiffness.low)?;
+        let stiffness = log(STIFFNESS)?;
         let damping = positive(plain(STOP_DAMPING)?);
         (low.is_some() || high.is_some()).then_some(FoundStops { low, high, stiffness, damping })
     }

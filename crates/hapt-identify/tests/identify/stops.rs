@@ -28,22 +28,6 @@ fn stopped_for(rng: &mut Rng, samples: usize) -> (DeviceSpec, Record) {
     (rig, Record::new(times(&rig, samples), seen, torques).unwrap())
 }
 
-/// The numbers that an answer gives with their truths.
-fn pairs(found: &Identified, rig: &DeviceSpec) -> Vec<(&'static str, Option<Interval>, f64)> {
-    let stops = found.stops.unwrap();
-    let truth = rig.stops.unwrap();
-    vec![
-        ("inertia", found.inertia, rig.inertia),
-        ("damping", found.damping, rig.damping),
-        ("friction", found.friction, rig.friction),
-        ("delay", found.delay, rig.delay),
-        ("low", stops.low, truth.low.unwrap()),
-        ("high", stops.high, truth.high.unwrap()),
-        ("stiffness", Some(stops.stiffness), truth.stiffness),
-        ("stop's damping", Some(stops.damping), truth.damping),
-    ]
-}
-
 #[test]
 fn stops_that_a_record_runs_into_are_found() {
     let (mut all, mut found, mut told, mut covered) = (0, 0, 0, 0);
@@ -55,8 +39,7 @@ fn stops_that_a_record_runs_into_are_found() {
             continue;
         }
         found += 1;
-        for (_, interval, truth) in pairs(&answer, &rig) {
-            let Some(interval) = interval else { continue };
+        for (interval, truth) in numbers(&answer, &rig) {
             told += 1;
             covered += u32::from(interval.covers(truth));
             assert!((interval.value / truth - 1.0).abs() < 0.2 || interval.covers(truth), "{rig:?}: {answer:?}");
@@ -64,6 +47,57 @@ fn stops_that_a_record_runs_into_are_found() {
     }
     // A start that is too far off ends beside the device, and what does not explain the record is no answer.
     assert!(10 * found >= 8 * all, "{found} of {all}");
+    assert!(10 * covered >= 9 * told, "{covered} of {told}");
+}
+
+/// A device with one stop at a random side, and a record that runs into it one to three times.
+fn touched(rng: &mut Rng) -> (DeviceSpec, Record) {
+    loop {
+        let mut between = |low: f64, high: f64| low * (high / low).powf(rng.f64());
+        let inertia = between(3e-4, 2e-3);
+        let (rate, friction, delay) = (between(1.0, 8.0), between(2e-3, 8e-3), between(0.1e-3, 4e-3));
+        let stiffness = inertia * between(80.0, 400.0).powi(2);
+        let damping = 2.0 * between(0.05, 0.8) * (stiffness * inertia).sqrt();
+        let lag = if rng.bool() { 0.0 } else { 4e-3 * rng.f64() };
+        let free = DeviceSpec { delay, lag, inertia, damping: rate * inertia, friction, ..WHEEL };
+        let mut torques = steps(rng, 3000, 100.0 * inertia);
+        torques[0] = 0.0;
+        // It goes somewhere between the beginning and the end of a way without stops.
+        let way = motion(&free, &torques);
+        let (low, high) = way.iter().fold((0.0f64, 0.0f64), |a, z| (a.0.min(*z), a.1.max(*z)));
+        let (part, is_high) = (rng.f64(), rng.bool());
+        let none = Stops { low: None, high: None, stiffness, damping };
+        let stops =
+            if is_high { Stops { high: Some(part * high), ..none } } else { Stops { low: Some(part * low), ..none } };
+        let rig = DeviceSpec { stops: Some(stops), ..free };
+        let way = motion(&rig, &torques);
+        if (1..=3).contains(&touches(&way, &stops)) {
+            let seen = counted(&way, 20_000.0, 0.7, rng);
+            return (rig, Record::new(times(&rig, 3000), seen, torques).unwrap());
+        }
+    }
+}
+
+/// A stop that the puck turns in once is told, and no other one; and the record agrees with the file of its own device.
+#[test]
+fn one_stop_that_a_record_touches_once_or_twice_is_found() {
+    let (mut all, mut found, mut told, mut covered) = (0, 0, 0, 0);
+    for seed in hapt_testing::seeds(40) {
+        let (rig, record) = touched(&mut Rng::with_seed(900 + seed));
+        let truth = rig.stops.unwrap();
+        let compared = against(&record, &claims(&rig, 0.0), false).unwrap();
+        assert!(compared.agrees(), "seed {seed}: {:?} {:?}", compared.wrong, compared.numbers);
+        all += 1;
+        let Ok(answer) = identify(&record, &Known::default()) else { continue };
+        let Some(stops) = answer.stops else { continue };
+        found += 1;
+        assert_eq!([stops.low, stops.high].map(|x| x.is_some()), [truth.low, truth.high].map(|x| x.is_some()));
+        for (interval, truth) in numbers(&answer, &rig) {
+            told += 1;
+            covered += u32::from(interval.covers(truth));
+        }
+    }
+    assert!(100 * found >= 95 * all, "{found} of {all}");
     assert!(10 * covered >= 9 * told, "{covered} of {told}");
 }
 
@@ -136,10 +170,26 @@ fn swung(rng: &mut Rng) -> (DeviceSpec, Record) {
     (rig, Record::new(times(&rig, samples), seen, torques).unwrap())
 }
 
-/// Whether a record goes into a stop of its device at least three times.
-fn is_stopped(record: &Record, stops: &Stops) -> bool {
+/// How often a motion goes into a stop.
+fn touches(positions: &[f64], stops: &Stops) -> usize {
     let is_in = |z: f64| stops.low.is_some_and(|low| z < low) || stops.high.is_some_and(|high| z > high);
-    record.positions().windows(2).filter(|pair| !is_in(pair[0]) && is_in(pair[1])).count() >= 3
+    positions.windows(2).filter(|pair| !is_in(pair[0]) && is_in(pair[1])).count()
+}
+
+/// The numbers that an answer gives, lag and delay together, with their truths.
+fn numbers(found: &Identified, rig: &DeviceSpec) -> Vec<(Interval, f64)> {
+    let (stops, truth) = (found.stops.unwrap(), rig.stops.unwrap());
+    let pairs = [
+        (found.inertia, Some(rig.inertia)),
+        (found.damping, Some(rig.damping)),
+        (found.friction, Some(rig.friction)),
+        (found.late, Some(rig.delay + rig.lag)),
+        (stops.low, truth.low),
+        (stops.high, truth.high),
+        (Some(stops.stiffness), Some(truth.stiffness)),
+        (Some(stops.damping), Some(truth.damping)),
+    ];
+    pairs.into_iter().filter_map(|(interval, truth)| interval.zip(truth)).collect()
 }
 
 /// A motor's lag beside one stop or two: what a record in a closed loop tells holds its device, and so does the comparison with its file.
@@ -149,25 +199,17 @@ fn a_device_with_a_lag_and_one_stop_or_two_agrees_with_its_own_file() {
     for seed in hapt_testing::seeds(24) {
         let (rig, record) = swung(&mut Rng::with_seed(500 + seed));
         let truth = rig.stops.unwrap();
-        if !is_stopped(&record, &truth) {
+        if touches(record.positions(), &truth) < 3 {
             continue;
         }
         all += 1;
         agree += u32::from(against(&record, &claims(&rig, 0.0), false).unwrap().agrees());
         let Ok(answer) = identify(&record, &Known::default()) else { continue };
-        let Some(stops) = answer.stops else { continue };
+        if answer.stops.is_none() {
+            continue;
+        }
         found += 1;
-        let numbers = [
-            (answer.inertia, Some(rig.inertia)),
-            (answer.damping, Some(rig.damping)),
-            (answer.friction, Some(rig.friction)),
-            (answer.late, Some(rig.delay + rig.lag)),
-            (stops.low, truth.low),
-            (stops.high, truth.high),
-            (Some(stops.stiffness), Some(truth.stiffness)),
-            (Some(stops.damping), Some(truth.damping)),
-        ];
-        for (interval, truth) in numbers.into_iter().filter_map(|(interval, truth)| interval.zip(truth)) {
+        for (interval, truth) in numbers(&answer, &rig) {
             told += 1;
             covered += u32::from(interval.covers(truth));
         }
