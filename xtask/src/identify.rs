@@ -75,8 +75,11 @@ const RICHER: (&str, &str) = (
     "Random steps, and loops with a moving target, on levers with a cable, gravity, cogging, friction by direction and Stribeck friction; two stretches of 2 s of each",
 );
 
-/// The word and the title of devices between end stops.
-const STOPS: (&str, &str) = ("stops", "Random steps on devices between two end stops, every fourth for 10 s");
+/// The word and the title of devices with end stops.
+const STOPS: (&str, &str) = (
+    "stops",
+    "Random steps on devices with two end stops or one, half of them with a lag, every fourth for 10 s; each stop is touched",
+);
 
 /// The tables of records of real devices, on a page of their own: their words, and what makes them where the records are at hand.
 type Table = fn() -> Result<Option<String>>;

@@ -1,4 +1,4 @@
-//! Devices between end stops, and records that run into both.
+//! Devices with end stops, and records that run into them.
 
 use std::f64::consts::TAU;
 
@@ -12,69 +12,134 @@ use rayon::prelude::*;
 use super::share;
 
 /// What is found with an interval.
-const NAMES: [&str; 8] =
-    ["inertia", "damping", "friction", "delay", "the low stop", "the high stop", "their stiffness", "their damping"];
+const NAMES: [&str; 10] = [
+    "inertia",
+    "damping",
+    "friction",
+    "delay",
+    "lag",
+    "delay and lag",
+    "the low stop",
+    "the high stop",
+    "the stops' stiffness",
+    "their damping",
+];
+type Covers = [Option<bool>; NAMES.len()];
 const PERIOD: f64 = 1e-3;
 /// Samples of a record: every fourth device has the long one, with hundreds of impacts.
 const SAMPLES: [usize; 4] = [3000, 3000, 3000, 10_000];
 
+/// A device, what is asked of it, and how often it goes into a stop.
+struct Trial {
+    rig: DeviceSpec,
+    stops: Stops,
+    torques: Vec<f64>,
+    touches: usize,
+}
+
 /// What became of one device.
 struct Outcome {
     is_long: bool,
+    has_one: bool,
+    is_touched_once: bool,
+    lags: bool,
     /// Whether the intervals cover the truth; `None`: no stops were found, or the number is not told.
-    covers: Option<[Option<bool>; 8]>,
+    covers: Option<Covers>,
     /// Whether the record contradicts nothing of its own device's file.
     agrees: bool,
+}
+
+/// Where a device is at each sample.
+fn motion(rig: &DeviceSpec, torques: &[f64]) -> Vec<f64> {
+    let mut device = VirtualDevice::new(rig);
+    let at = |torque: &f64| {
+        let position = device.puck().0;
+        device.command(*torque);
+        device.travel();
+        position
+    };
+    torques.iter().map(at).collect()
+}
+
+/// A random device whose record goes into each of its stops.
+fn trial(rng: &mut Rng, samples: usize) -> Trial {
+    loop {
+        let mut between = |low: f64, high: f64| low * (high / low).powf(rng.f64());
+        let inertia = between(3e-4, 2e-3);
+        let (damping, friction, delay) = (inertia * between(1.0, 8.0), between(2e-3, 8e-3), between(0.1e-3, 4e-3));
+        let stiffness = inertia * between(80.0, 400.0).powi(2);
+        let lost = 2.0 * between(0.05, 0.8) * (stiffness * inertia).sqrt();
+        let (low, high, lag) = (-between(0.2, 1.0), between(0.2, 1.0), between(0.3e-3, 4e-3));
+        // Half of the devices have one stop, and half of them a lag.
+        let [has_low, has_high] = [[true, true], [true, true], [true, false], [false, true]][rng.usize(0..4)];
+        let lag = if rng.bool() { lag } else { 0.0 };
+        let [low, high] = [(low, has_low), (high, has_high)].map(|(place, has)| Some(place).filter(|_| has));
+        let stops = Stops { low, high, stiffness, damping: lost };
+        let rig = DeviceSpec { delay, lag, damping, friction, stops: Some(stops), ..DeviceSpec::new(PERIOD, inertia) };
+        let mut torques = vec![0.0];
+        while torques.len() < samples {
+            let level = 100.0 * inertia * (2.0 * rng.f64() - 1.0);
+            torques.extend(std::iter::repeat_n(level, rng.usize(5..150)));
+        }
+        torques.truncate(samples);
+        let way = motion(&rig, &torques);
+        let entries =
+            |is_in: &dyn Fn(f64) -> bool| way.windows(2).filter(|pair| !is_in(pair[0]) && is_in(pair[1])).count();
+        let touches = [low.map(|low| entries(&|z| z < low)), high.map(|high| entries(&|z| z > high))];
+        if touches.iter().flatten().all(|touches| *touches > 0) {
+            return Trial { rig, stops, torques, touches: touches.iter().flatten().sum() };
+        }
+    }
 }
 
 fn outcome(seed: u64, i: u64) -> Result<Outcome> {
     let mut rng = Rng::with_seed(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ i);
     let samples = SAMPLES[i as usize % SAMPLES.len()];
-    let mut between = |low: f64, high: f64| low * (high / low).powf(rng.f64());
-    let inertia = between(3e-4, 2e-3);
-    let (damping, friction, delay) = (inertia * between(1.0, 8.0), between(2e-3, 8e-3), between(0.1e-3, 4e-3));
-    let stiffness = inertia * between(80.0, 400.0).powi(2);
-    let lost = 2.0 * between(0.05, 0.8) * (stiffness * inertia).sqrt();
-    let stops = Stops { low: Some(-between(0.2, 1.0)), high: Some(between(0.2, 1.0)), stiffness, damping: lost };
-    let rig = DeviceSpec { delay, damping, friction, stops: Some(stops), ..DeviceSpec::new(PERIOD, inertia) };
-    let mut torques = vec![0.0];
-    while torques.len() < samples {
-        let level = 100.0 * inertia * (2.0 * rng.f64() - 1.0);
-        torques.extend(std::iter::repeat_n(level, rng.usize(5..150)));
-    }
-    torques.truncate(samples);
+    let Trial { rig, stops, torques, touches } = trial(&mut rng, samples);
     let count = TAU / 20_000.0;
-    let mut device = VirtualDevice::new(&rig);
-    let mut seen = Vec::new();
-    for torque in &torques {
+    let counted = |z: f64| {
         // Box and Muller.
         let normal = (-2.0 * (1.0 - rng.f64()).ln()).sqrt() * (TAU * rng.f64()).cos();
-        seen.push((device.puck().0 / count + 0.7 * normal).round() * count);
-        device.command(*torque);
-        device.travel();
-    }
+        (z / count + 0.7 * normal).round() * count
+    };
+    let seen = motion(&rig, &torques).into_iter().map(counted).collect();
     let record = Record::new((0..samples).map(|k| k as f64 * PERIOD).collect(), seen, torques)?;
     let agrees = against(&record, &claims(&rig), false)?.agrees();
     let covers = match identify(&record, &Known::default()) {
         Err(Error::Residual(_) | Error::Unexplained) => None,
         found => covers(&found?, &rig, stops),
     };
-    Ok(Outcome { is_long: samples > SAMPLES[0], covers, agrees })
+    let has_one = stops.low.is_none() || stops.high.is_none();
+    Ok(Outcome {
+        is_long: samples > SAMPLES[0],
+        has_one,
+        is_touched_once: has_one && touches == 1,
+        lags: rig.lag > 0.0,
+        covers,
+        agrees,
+    })
 }
 
-fn covers(found: &Identified, rig: &DeviceSpec, truth: Stops) -> Option<[Option<bool>; 8]> {
+fn covers(found: &Identified, rig: &DeviceSpec, truth: Stops) -> Option<Covers> {
     let [low, high, stiffness, damping] = found.stops?.named().map(|(_, interval)| interval);
+    // Else it is the delay with the lag.
+    let is_apart = rig.lag == 0.0 || found.lag.is_some_and(|lag| lag.low > 0.0);
     let pairs = [
         (found.inertia, Some(rig.inertia)),
         (found.damping, Some(rig.damping)),
         (found.friction, Some(rig.friction)),
-        (found.delay, Some(rig.delay)),
+        (found.delay.filter(|_| is_apart), Some(rig.delay)),
+        (found.lag, Some(rig.lag)),
+        (found.late, Some(rig.delay + rig.lag)),
         (low, truth.low),
         (high, truth.high),
         (stiffness, Some(truth.stiffness)),
         (damping, Some(truth.damping)),
     ];
-    Some(pairs.map(|(interval, truth)| Some(interval?.covers(truth?))))
+    // A stop that the device has not is a wrong one.
+    Some(pairs.map(|(interval, truth)| {
+        Some(truth.is_some_and(|truth| interval.is_some_and(|x| x.covers(truth)))).filter(|_| interval.is_some())
+    }))
 }
 
 /// What a file of this device says of it.
@@ -94,25 +159,33 @@ fn claims(rig: &DeviceSpec) -> Claims {
     }
 }
 
+/// Which devices a column of the table is of.
+type Column = (&'static str, fn(&Outcome) -> bool);
+const COLUMNS: [Column; 5] = [
+    ("all", |_| true),
+    ("records of 10 s", |x| x.is_long),
+    ("one stop", |x| x.has_one),
+    ("touched once", |x| x.is_touched_once),
+    ("with a lag", |x| x.lags),
+];
+
 /// Of `n` devices.
 pub fn campaign(n: u64, seed: u64) -> Result<String> {
     let of = |i| outcome(seed, i).with_context(|| format!("stops: device {i} of seed {seed}"));
     let outcomes = (0..n).into_par_iter().map(of).collect::<Result<Vec<Outcome>>>()?;
-    let mut text = "| found | intervals that cover the truth | of records of 3 s | of records of 10 s |\n\
-         | --- | --- | --- | --- |\n"
-        .to_string();
-    for (i, name) in NAMES.into_iter().enumerate() {
-        let of = |is_it: &dyn Fn(&Outcome) -> bool| {
-            let told = outcomes.iter().filter(|x| is_it(x)).filter_map(|x| x.covers?[i]);
-            let told: Vec<bool> = told.collect();
-            share(told.iter().filter(|covers| **covers).count(), told.len())
+    let row = |name: &str, is_so: &dyn Fn(&Outcome) -> Option<bool>| {
+        let of = |(_, is_it): Column| {
+            let told: Vec<bool> = outcomes.iter().filter(|x| is_it(x)).filter_map(is_so).collect();
+            format!(" {} |", share(told.iter().filter(|is| **is).count(), told.len()))
         };
-        text += &format!("| {name} | {} | {} | {} |\n", of(&|_| true), of(&|x| !x.is_long), of(&|x| x.is_long));
+        format!("| {name} |{}\n", COLUMNS.map(of).concat())
+    };
+    let heads = COLUMNS.map(|(name, is_it)| format!(" {name}: {} |", outcomes.iter().filter(|x| is_it(x)).count()));
+    let mut text = format!("| |{}\n|{}\n", heads.concat(), " --- |".repeat(COLUMNS.len() + 1));
+    text += &row("stops are found", &|x| Some(x.covers.is_some()));
+    text += &row("nothing in the device's own file is contradicted", &|x| Some(x.agrees));
+    for (i, name) in NAMES.into_iter().enumerate() {
+        text += &row(&format!("the interval covers {name}"), &|x| x.covers?[i]);
     }
-    let found = outcomes.iter().filter(|outcome| outcome.covers.is_some()).count();
-    let agree = outcomes.iter().filter(|outcome| outcome.agrees).count();
-    text += &format!(
-        "\nStops are found in {found} of {n}. The record contradicts nothing of its own device's file in {agree} of {n}.\n"
-    );
     Ok(text)
 }
