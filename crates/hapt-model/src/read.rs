@@ -97,9 +97,15 @@ impl World {
                 ));
             }
             if device.least_friction() == 0.0 {
-                return wrong(
-                    "the origin slips under torques within the device's friction, and it has none; expected device.friction",
-                );
+                return wrong(match device.changing_friction() > 0.0 {
+                    true => {
+                        "the origin slips under torques within the device's friction, and at some positions it has none; expected a smaller \
+                         device.friction_by_position.share"
+                    }
+                    false => {
+                        "the origin slips under torques within the device's friction, and it has none; expected device.friction"
+                    }
+                });
             }
         }
 

@@ -170,8 +170,9 @@ impl Device {
         let whole = FrictionByPosition { share: 1.0, ..changes }.most();
         let message = || {
             format!(
-                "friction would be below 0 at some positions: the sizes of the harmonics, the roots of sine² + cosine², add up to {whole}; expected {} \
-                 at most",
+                "{:?} takes friction below 0 at some positions: the sizes of the harmonics, the roots of sine² + cosine², add up to {whole:?}; \
+                 expected a share of {:?} at most",
+                changes.share,
                 whole.recip()
             )
         };

@@ -104,6 +104,11 @@ fn the_loop() {
             "loop.recentre: 0.015 s is below two periods, and the origin slips in many samples; expected 0.02 s or more",
         ),
         (
+            "period = 0.01\nrecentre = \"1 s\"\n[device.motor]\nratio = 2\nfriction = 0.01\n[device.friction_by_position]\nshare = 1\npitch = \"1 rev\"\nsine = [1]",
+            "loop.recentre: the origin slips under torques within the device's friction, and at some positions it has none; expected a smaller \
+             device.friction_by_position.share",
+        ),
+        (
             "period = 0.01\nrecentre = \"1 s\"",
             "loop.recentre: the origin slips under torques within the device's friction, and it has none; expected device.friction",
         ),

@@ -130,8 +130,8 @@ fn handles() {
             ),
             (
                 "[device.friction_by_position]\nshare = 0.3\npitch = \"1 rev\"\nsine = [3.0, 0.0, 0.5]\ncosine = [4.0]",
-                "device.friction_by_position.share: friction would be below 0 at some positions: the sizes of the harmonics, the roots of sine² + cosine², \
-                 add up to 5.5; expected 0.18181818181818182 at most",
+                "device.friction_by_position.share: 0.3 takes friction below 0 at some positions: the sizes of the harmonics, the roots of sine² + \
+                 cosine², add up to 5.5; expected a share of 0.18181818181818182 at most",
             ),
             (
                 "friction = 1e7\n[device.friction_by_position]\nshare = 1\npitch = 1e-3\nsine = [1]",
