@@ -62,7 +62,7 @@ export class Knobs {
       groups.set(group, [...(groups.get(group) ?? []), this.knobs.get(key.path)!]);
     }
     // What is turned most comes first; the device, which is what it is, last and folded.
-    const rank = (group: string) => ["loop", "couplings", "bodies", "device"].indexOf(group.split(".")[0]!);
+    const rank = (group: string) => ["loop", "couplings", "compensation", "bodies", "device"].indexOf(group.split(".")[0]!);
     const ordered = [...groups].sort(([a], [b]) => rank(a) - rank(b));
     this.root.replaceChildren(
       ...ordered.map(([group, knobs], i) => {

@@ -77,6 +77,7 @@ pub fn keys(source: &Source, given: &[String], sets: &[String]) -> Result<Vec<Se
         .filter_map(|parameter| {
             let before = own.iter().find(|own| own.path == parameter.path);
             key(&world, parameter, before, &file)
+                .map(|key| SettableKey { group: group(&world, &parameter.path, &now), ..key })
         })
         .collect())
 }
@@ -85,10 +86,10 @@ pub fn keys(source: &Source, given: &[String], sets: &[String]) -> Result<Vec<Se
 fn is_settable(path: &str) -> bool {
     let names: Vec<&str> = path.split('.').collect();
     match names[..] {
-        ["loop" | "device", _] => true,
-        ["device", "friction_by_position" | "handle" | "stribeck" | "stops" | "gravity" | "cogging", _] => true,
+        ["loop", _] | ["device", ..] => true,
         ["bodies", _, name] => !matches!(name, "position" | "velocity"),
         ["couplings", _, name] => !matches!(name, "kind" | "between"),
+        ["compensation", _, name] => name != "of",
         _ => false,
     }
 }
@@ -136,7 +137,7 @@ fn key(world: &World, now: &Parameter, before: Option<&Parameter>, file: &World)
     let own = before.unwrap_or(now);
     let mut key = SettableKey {
         path: now.path.clone(),
-        group: group(world, &now.path),
+        group: String::new(),
         label: row.name().replace('_', " "),
         doc: now.doc,
         kind: "quantity",
@@ -207,26 +208,38 @@ pub fn row(world: &World, path: &str) -> Option<&'static Key> {
     let (pattern, kind) = match names[..] {
         ["loop" | "device", _] => (path.to_string(), None),
         // The numbers of an existing handle: a single one does not make a handle.
-        ["device", "handle", _] if world.device.handle.is_some() => (path.to_string(), None),
-        ["device", "friction_by_position", _] if world.device.friction_by_position.is_some() => {
-            (path.to_string(), None)
-        }
-        ["device", "stribeck", _] if world.device.stribeck.is_some() => (path.to_string(), None),
-        ["device", "stops", _] if world.device.stops.is_some() => (path.to_string(), None),
-        ["device", "gravity", _] if world.device.torque.gravity.is_some() => (path.to_string(), None),
-        ["device", "cogging", _] if world.device.torque.cogging.is_some() => (path.to_string(), None),
+        ["device", table, _] if has_table(world, table) => (path.to_string(), None),
         // Only an existing name: another text with a `=` would be read as an override of another key.
         ["bodies", body, name] if world.names.iter().any(|own| own == body) && !body.contains('=') => {
             (format!("bodies.*.{name}"), None)
         }
-        ["couplings", index, name] => {
-            // One spelling of each number: 00 would be another key.
-            let place = index.parse::<usize>().ok().filter(|place| place.to_string() == index)?;
-            (format!("couplings.*.{name}"), Some(kind(world.couplings.get(place)?)))
+        ["couplings", index, name] => (format!("couplings.*.{name}"), Some(kind(world.couplings.get(place(index)?)?))),
+        ["compensation", index, name] => {
+            place(index)?;
+            (format!("compensation.*.{name}"), None)
         }
         _ => return None,
     };
     KEYS.iter().find(|key| key.path == pattern && key.belongs(kind, None, world.motion))
+}
+
+/// The place in a list. One spelling of each number: 00 would be another key.
+fn place(index: &str) -> Option<usize> {
+    index.parse().ok().filter(|place: &usize| place.to_string() == index)
+}
+
+/// Whether the device has this table.
+fn has_table(world: &World, table: &str) -> bool {
+    let device = &world.device;
+    match table {
+        "friction_by_position" => device.friction_by_position.is_some(),
+        "handle" => device.handle.is_some(),
+        "stribeck" => device.stribeck.is_some(),
+        "stops" => device.stops.is_some(),
+        "gravity" => device.torque.gravity.is_some(),
+        "cogging" => device.torque.cogging.is_some(),
+        _ => false,
+    }
 }
 
 /// A coupling's kind in world files.
@@ -243,10 +256,14 @@ pub fn end(world: &World, end: End) -> &str {
     }
 }
 
-/// What a key belongs to, for display.
-fn group(world: &World, path: &str) -> String {
+/// What a key belongs to, for display; `all` are the world's parameters.
+fn group(world: &World, path: &str, all: &[Parameter]) -> String {
     let names: Vec<&str> = path.split('.').collect();
     match names[..] {
+        ["compensation", index, _] => {
+            let of = all.iter().find(|parameter| parameter.path == format!("compensation.{index}.of"));
+            of.map_or(String::new(), |of| format!("compensation of {}", of.written))
+        }
         ["couplings", index, _] => {
             let coupling = index.parse().ok().and_then(|index: usize| world.couplings.get(index));
             coupling.map_or(String::new(), |coupling| {
@@ -254,7 +271,8 @@ fn group(world: &World, path: &str) -> String {
                 format!("{}, {first} to {second}", kind(coupling))
             })
         }
-        ["bodies", name, _] | ["device", name, _] => name.to_string(),
+        ["bodies", name, _] => name.to_string(),
+        ["device", table, _] => table.replace('_', " "),
         [table, ..] => table.to_string(),
         [] => String::new(),
     }
@@ -267,6 +285,10 @@ fn slider(path: &str, measure: Measure, range: Range, about: f64, file: &World) 
     }
     if path == "loop.delay" || path == "loop.delay_max" {
         return (0.0, (4.0 * about).max(5.0 * file.sampling.period), false);
+    }
+    // A part of a whole.
+    if path.ends_with(".share") {
+        return (0.0, 1.0, false);
     }
     if range != Range::Any && about > 0.0 {
         return (about / DECADE, about * DECADE, true);
@@ -365,6 +387,38 @@ mod tests {
             let delay = keys.iter().find(|key| key.path == "loop.delay").unwrap();
             assert_eq!((delay.written.as_str(), delay.unit.as_str(), delay.factor), ("1.5 samples", "samples", period));
             assert_eq!(delay.value, Some(1.5 * period));
+        }
+    }
+
+    #[test]
+    fn a_share_of_a_compensation_is_set_from_none_to_all() {
+        let file = "loop.period = \"1 ms\"\ndevice.inertia = 1e-3\ndevice.friction = 0.02\ndevice.gravity.torque = 0.1\n\
+                    [[compensation]]\nof = \"gravity\"\nshare = 0.8\n[[compensation]]\nof = \"friction\"\nshare = 0.5\nvelocity = 2\n";
+        let source = Source::from_text("w.toml", file);
+        let keys = keys(&source, &[], &[]).unwrap();
+        let of = |path: &str| keys.iter().find(|key| key.path == path);
+        for (path, group, value) in [
+            ("compensation.0.share", "compensation of gravity", 0.8),
+            ("compensation.1.share", "compensation of friction", 0.5),
+        ] {
+            let key = of(path).unwrap();
+            assert_eq!((key.group.as_str(), key.value), (group, Some(value)));
+            assert_eq!((key.min, key.max, key.log), (0.0, 1.0, false));
+        }
+        assert_eq!(of("compensation.1.velocity").unwrap().value, Some(2.0));
+        assert!(of("compensation.0.of").is_none() && of("compensation.0.velocity").is_none());
+
+        let config = crate::WorldConfig::new(source, Vec::new()).unwrap();
+        let torque = |config: &crate::WorldConfig| config.world.couplings[0].law.slopes().stiffness;
+        let less = config.with("compensation.0.share", "0.4").unwrap();
+        assert!((torque(&less) / torque(&config) - 0.5).abs() < 1e-12);
+        for (key, value) in [
+            ("compensation.0.share", "1.5"),
+            ("compensation.2.share", "0.5"),
+            ("compensation.00.share", "0.5"),
+            ("compensation.0.of", "cogging"),
+        ] {
+            assert!(config.with(key, value).is_err(), "{key} = {value}");
         }
     }
 }

@@ -255,18 +255,16 @@ pub(crate) fn proposed(proposal: &Proposal) -> Vec<RemedyInfo> {
     proposal.remedies.iter().map(info).collect()
 }
 
-/// The certified intervals of a key's slider; `None` where it holds no number, or `is_over`.
+/// The certified intervals of a key's slider; `None` where `is_over`.
 pub(crate) fn range(config: &WorldConfig, key: &SettableKey, is_over: &dyn Fn() -> bool) -> Option<Vec<[f64; 2]>> {
     let at = |part: f64| match key.log {
         true => key.min * (key.max / key.min).powf(part),
         false => key.min + part * (key.max - key.min),
     };
-    let mut world = config.certified_world();
-    let mut certified_at = |part: f64| -> Option<bool> {
-        if is_over() || !world.set_number(&key.path, at(part)) {
-            return None;
-        }
-        Some(is_certified(&world))
+    // Read anew: a compensation follows its share, and the number of the device that it takes back. What cannot be set is not certified.
+    let certified_at = |part: f64| -> Option<bool> {
+        let set = || config.with(&key.path, &format!("{:e}", at(part)));
+        (!is_over()).then(|| set().is_ok_and(|next| is_certified(&next.certified_world())))
     };
     let mut ranges: Vec<[f64; 2]> = Vec::new();
     let mut before = (0.0, certified_at(0.0)?);
@@ -317,6 +315,31 @@ mod tests {
         let [from, to] = found[0];
         assert!(from == stiffness.min && to <= edge * (1.0 + 1e-9) && to > 0.99 * edge, "{found:?} to {edge}");
         assert_eq!(range(&config, stiffness, &|| true), None);
+    }
+
+    /// Gravity that is taken back is a law whose steepest slope asks for half a period of it: b ≥ share G T/2.
+    #[test]
+    fn the_range_of_a_share_is_what_the_devices_damping_pays_for() {
+        let (damping, gravity, period) = (2e-5, 0.1, 1e-3);
+        let file = format!(
+            "loop.period = {period}\ndevice = {{ inertia = 1e-3, damping = {damping:e}, gravity.torque = {gravity} }}\n\
+             [[compensation]]\nof = \"gravity\"\nshare = 0.3\n"
+        );
+        let config = WorldConfig::new(Source::from_text("lever.toml", file), Vec::new()).unwrap();
+        let range_of = |path: &str| {
+            let keys = config.keys();
+            range(&config, keys.iter().find(|key| key.path == path).unwrap(), &|| false).unwrap()
+        };
+        let edge = 2.0 * damping / (gravity * period);
+        let found = range_of("compensation.0.share");
+        assert!(
+            matches!(found[..], [[0.0, to]] if to <= edge * (1.0 + 1e-9) && to > 0.99 * edge),
+            "{found:?} to {edge}"
+        );
+        // More gravity is more to take back.
+        let edge = 2.0 * damping / (0.3 * period);
+        let found = range_of("device.gravity.torque");
+        assert!(matches!(found[..], [[_, to]] if to <= edge * (1.0 + 1e-9) && to > 0.99 * edge), "{found:?} to {edge}");
     }
 
     #[test]
