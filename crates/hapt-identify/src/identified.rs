@@ -209,11 +209,6 @@ pub struct PositionTorque {
 }
 
 impl Interval {
-    /// Whether the value is known not to be 0.
-    pub fn excludes_zero(&self) -> bool {
-        self.low > 0.0 || self.high < 0.0
-    }
-
     /// The same value, and an interval that holds the other one too.
     pub(crate) fn with(self, other: Interval) -> Self {
         Interval { value: self.value, low: self.low.min(other.low), high: self.high.max(other.high) }

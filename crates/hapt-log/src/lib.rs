@@ -68,5 +68,5 @@ pub use error::Error;
 pub use log::{Inputs, Log, LoggedPlan, Sample, is_log};
 pub use recorder::{RECORDED, Recorder, RecorderState, Summary, is_recorded};
 pub use replay::replay;
-pub use schema::{Choice, Column, Kind, columns, phase_name, reason_name};
+pub use schema::{Choice, Column, Kind, columns};
 pub use writer::{Header, LogWriter, Origin, TOPIC};

@@ -62,16 +62,6 @@ static REASONS: Choice = Choice {
 static REQUESTS: Choice =
     Choice { name: "Request", values: &[("none", 0), ("arm", 1), ("disarm", 2), ("stop", 3), ("clear", 4)] };
 
-/// The name of a phase's code.
-pub fn phase_name(code: u64) -> Option<&'static str> {
-    PHASES.values.iter().find(|value| value.1 == code).map(|value| value.0)
-}
-
-/// The name of a reason's code.
-pub fn reason_name(code: u64) -> Option<&'static str> {
-    REASONS.values.iter().find(|value| value.1 == code).map(|value| value.0)
-}
-
 /// A column of the loop in real time.
 struct Live {
     name: &'static str,
