@@ -48,6 +48,8 @@ export class VerdictCard {
   /** The world has changed: what stands here is of the one before, up to the next verdict. */
   outdated(): void {
     if (this.said === "") return;
+    // What would certify the world before need not certify this one.
+    for (const press of this.root.querySelectorAll<HTMLButtonElement>("button.remedy")) press.disabled = true;
     this.waiting ??= setTimeout(() => {
       const before = this.said;
       this.head("A new verdict is being computed", "even");
