@@ -150,7 +150,7 @@ fn francis(h: &mut DMatrix<f64>, start: usize, last: usize, (sum, product): (f64
     }
 }
 
-/// The eigenvalues of \[\[a, b\], \[c, d\]\].
+/// The eigenvalues of \[\[a, b\], \[c, d\]\], to a few eps of the block; a much smaller one to a few eps of itself, where a d - b c has its digits.
 fn block(a: f64, b: f64, c: f64, d: f64) -> [Complex<f64>; 2] {
     let (mean, half) = (0.5 * (a + d), 0.5 * (a - d));
     let square = half * half + b * c;
@@ -159,6 +159,38 @@ fn block(a: f64, b: f64, c: f64, d: f64) -> [Complex<f64>; 2] {
         return [Complex::new(mean, im), Complex::new(mean, -im)];
     }
     let far = mean + square.sqrt().copysign(mean);
-    let near = if far == 0.0 { 0.0 } else { (a * d - b * c) / far };
+    let size = a.abs().max(d.abs()).max((b * c).abs().sqrt());
+    // Where both are far smaller than the block, as a double 0 is, a d - b c is rounding, and its quotient by `far` may be any number.
+    let near = if far.abs() < 0.25 * size { (a - far) + d } else { (a * d - b * c) / far };
     [Complex::new(far, 0.0), Complex::new(near, 0.0)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        // Equal ones up to rounding, of which the larger may be smaller than the rounding of a d - b c.
+        #[test]
+        fn a_double_eigenvalue_stays_two_that_are_alike(
+            double in prop_oneof![Just(0.0), -1e-15..1e-15f64, -1.0..1.0f64], half in -1.0..1.0f64, grade in -6..6i32, ulps in -3..=3i32, lean in -3..=3i32,
+        ) {
+            let b = 10f64.powi(grade);
+            let c = -half * half / b * (1.0 + f64::from(ulps) * f64::EPSILON);
+            let (a, d) = (double + half, double - half + f64::from(lean) * f64::EPSILON * half);
+            let size = double.abs() + half.abs();
+            for found in block(a, b, c, d) {
+                prop_assert!((found - double).norm() <= 1e-7 * size, "{found} of {double}: [[{a:e}, {b:e}], [{c:e}, {d:e}]]");
+            }
+        }
+
+        #[test]
+        fn a_small_eigenvalue_of_a_triangle_keeps_its_digits(large in prop_oneof![-2.0..-0.5f64, 0.5..2.0f64], small in 1e-15..1e-6f64, b in -1.0..1.0f64) {
+            for found in [block(large, b, 0.0, small), block(small, b, 0.0, large)] {
+                let least = if found[0].norm() < found[1].norm() { found[0].re } else { found[1].re };
+                prop_assert!((least - small).abs() <= 4.0 * f64::EPSILON * small, "{least:e}: {small:e}");
+            }
+        }
+    }
 }
