@@ -8,10 +8,10 @@ use std::time::{Duration, Instant};
 
 use proptest::test_runner::{Config, RngSeed};
 
-/// Without `HAPT_CASES` a random test runs one case in so many.
+/// A random test runs one case in so many, unless `HAPT_ONE_IN` says another number.
 const ONE_IN: u32 = 8;
 /// The least number of cases that a test runs, if it has so many.
-const MIN_CASES: u32 = 8;
+const MIN_CASES: u32 = 2;
 
 /// The world file of a wheel on a spring.
 pub const WHEEL: &str = r#"title = "wheel"
@@ -32,23 +32,32 @@ duration = "0.5 s"
 hand = { kind = "step", to = "45 deg" }
 "#;
 
-/// A random test of `all` cases: all of them where `HAPT_CASES` is set, as by `cargo xtask test`, else an eighth.
+/// A random test of `all` cases: one in [`HAPT_ONE_IN`](one_in) of them.
 ///
 /// Its random numbers are those of `PROPTEST_RNG_SEED`, which `.cargo/config.toml` sets.
 #[must_use]
 pub fn cases(all: u32) -> Config {
-    let cases = if takes_all() { all } else { (all / ONE_IN).max(MIN_CASES.min(all)) };
+    let cases = (all / one_in()).max(MIN_CASES.min(all));
     Config { cases, failure_persistence: None, ..Config::default() }
 }
 
-/// The seeds of a test that draws its own numbers and takes long over each: 0 to `all`, or the first eighth of them.
+/// The seeds of a test that draws its own numbers and takes long over each: the first of 0 to `all`, one in [`HAPT_ONE_IN`](one_in) of them.
 #[must_use]
 pub fn seeds(all: u64) -> Range<u64> {
-    0..if takes_all() { all } else { all.div_ceil(u64::from(ONE_IN)) }
+    0..all.div_ceil(u64::from(one_in()))
 }
 
-fn takes_all() -> bool {
-    std::env::var_os("HAPT_CASES").is_some()
+/// Of how many cases a random test runs one: 8, or what `HAPT_ONE_IN` says. `cargo xtask test` says 4; 1 runs all of them.
+///
+/// # Panics
+/// Where `HAPT_ONE_IN` is no whole number above 0.
+#[must_use]
+pub fn one_in() -> u32 {
+    let Ok(text) = std::env::var("HAPT_ONE_IN") else { return ONE_IN };
+    text.parse()
+        .ok()
+        .filter(|n| *n > 0)
+        .unwrap_or_else(|| panic!("HAPT_ONE_IN is {text:?}, not a whole number above 0"))
 }
 
 /// The same with random numbers of its own, which are the same every time.

@@ -26,7 +26,7 @@ use crate::random::{log_uniform, one_of};
 const CHECKER: &str = "proof/checker.py";
 const COQ: &str = "proof/passive.v";
 /// Worlds that the step of `cargo xtask test` draws; about three of four have a witness.
-const WORLDS: u64 = 2600;
+const WORLDS: u64 = 800;
 /// Digits of a number that matter: the checker allows 2^-48 of it.
 const DIGITS: usize = 14;
 /// Those of a polynomial's coefficients, which are sums that may cancel, and of its damping, which is the least one to 2^-26.

@@ -207,9 +207,9 @@ pub fn networks(words: &[&str]) -> Result<()> {
 
 /// The part of it that every run of the tests makes.
 pub fn holds() -> Result<()> {
-    campaign(&|i, against| one(Part::Even, 2, i, against), 400, Duration::MAX)?;
-    campaign(&|i, against| one(Part::Uneven, 2, i, against), 40, Duration::MAX)?;
-    campaign(&|i, against| networks::one(2, i, against), 60, Duration::MAX).map(drop)
+    campaign(&|i, against| one(Part::Even, 2, i, against), 120, Duration::MAX)?;
+    campaign(&|i, against| one(Part::Uneven, 2, i, against), 20, Duration::MAX)?;
+    campaign(&|i, against| networks::one(2, i, against), 24, Duration::MAX).map(drop)
 }
 
 /// What is said against verdicts.

@@ -1,6 +1,8 @@
 //! Properties of the laws that the proofs use. A match names every law, so that a new law does not compile until it has an entry here;
 //! what is true of one law alone asks for that law.
 
+use std::sync::LazyLock;
+
 use hapt_model::{Coupling, Damping, End, HARMONICS, Law};
 
 /// The class of a law, for the theorems.
@@ -117,13 +119,19 @@ pub(crate) fn steepest(law: &Law) -> (f64, f64) {
 /// more than (h/2)²/2 times its second derivative, which is at most N² times its own largest (Bernstein's inequality). The sizes of
 /// the harmonics, added, are a bound too, and of one harmonic the exact one.
 fn largest(harmonics: impl Iterator<Item = (f64, f64, f64)> + Clone) -> f64 {
-    const POINTS: u32 = 2048;
-    let step = std::f64::consts::TAU / f64::from(POINTS);
-    let at = |angle: f64| {
-        let parts = harmonics.clone().map(|(n, sine, cosine)| sine * (n * angle).sin() + cosine * (n * angle).cos());
-        parts.sum::<f64>().abs()
+    const POINTS: usize = 2048;
+    // A check asks for it hundreds of times, and n times a point is a point.
+    static CIRCLE: LazyLock<Vec<(f64, f64)>> =
+        LazyLock::new(|| (0..POINTS).map(|i| (std::f64::consts::TAU / POINTS as f64 * i as f64).sin_cos()).collect());
+    let step = std::f64::consts::TAU / POINTS as f64;
+    let at = |i: usize| {
+        let part = |(n, sine, cosine): (f64, f64, f64)| {
+            let (s, c) = CIRCLE[n as usize * i % POINTS];
+            sine * s + cosine * c
+        };
+        harmonics.clone().map(part).sum::<f64>().abs()
     };
-    let seen = (0..POINTS).map(|i| at(f64::from(i) * step)).fold(0.0, f64::max);
+    let seen = (0..POINTS).map(at).fold(0.0, f64::max);
     let curvature = (HARMONICS as f64 * step).powi(2) / 8.0;
     let added: f64 = harmonics.map(|(_, sine, cosine)| sine.hypot(cosine)).sum();
     added.min(seen / (1.0 - curvature))

@@ -23,6 +23,8 @@ prop_compose! {
 }
 
 proptest! {
+    #![proptest_config(hapt_testing::cases(256))]
+
     /// It is certified as the law that it is: the steepest slope of what is taken back times half a period, more behind a filter or a delay.
     #[test]
     fn a_compensation_costs_its_steepest_slope(torque in any_torque(), share in 0.01_f64..=1.0, d in 0..3_u32, x in 0.1_f64..3.0) {

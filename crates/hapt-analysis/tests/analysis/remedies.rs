@@ -433,6 +433,8 @@ fn proposed(source: &Source) -> Vec<Vec<(String, String)>> {
 }
 
 proptest! {
+    #![proptest_config(hapt_testing::cases(256))]
+
     /// A compensation beside a coupling: each proposed change is of a key that the file has, certifies the file, and a smaller share is among them
     /// as far as the position's law leaves something of the damping.
     #[test]

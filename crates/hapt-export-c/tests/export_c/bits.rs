@@ -318,7 +318,7 @@ fn run_on_board(board: &Board, folder: &Path, input: &[u8]) -> Vec<u8> {
     fs::read(folder.join("out")).unwrap()
 }
 
-/// So many worlds in `cargo test`; eight times as many with `HAPT_CASES`.
+/// So many worlds in `cargo test`; eight times as many with `HAPT_ONE_IN=1`.
 pub fn some(count: u64) -> usize {
     hapt_testing::seeds(8 * count).end as usize
 }

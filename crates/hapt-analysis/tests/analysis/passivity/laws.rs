@@ -52,6 +52,8 @@ fn the_steepest_rise_of_each_law_counts() {
 }
 
 proptest! {
+    #![proptest_config(hapt_testing::cases(256))]
+
     /// The certificate's slope of a texture is its steepest one of either sign, to a part in ten thousand.
     #[test]
     fn a_texture_asks_for_its_steepest_slope(
