@@ -28,7 +28,7 @@ HAPT, FOLDER = Path(sys.argv[1]), Path(sys.argv[2])
 WORLDS = sorted(Path("worlds").glob("*/*.toml"))
 
 # Of a push, in periods: a second of most worlds.
-ROWS = 1000
+ROWS = 500
 # A hand's torque for half of the time, then none: a held input can represent it exactly.
 PUSH = """
 [scenarios.pushed]
@@ -171,7 +171,7 @@ def loop_fed(world, scenario, name, fmi):
     """The loop without its device on a run's puck: the outputs of the step that begins with a sample are that sample's."""
     fmu = exported(world, name, fmi)
     run = simulated(world, scenario)
-    times = run.pop("time_s")[:2001]
+    times = run.pop("time_s")[: ROWS + 1]
     period = times[1]
     inputs = {column: values[: len(times)] for column, values in run.items() if column.startswith("puck_")}
     columns = [column for column in run if column not in inputs and not column.startswith("applied_")]
