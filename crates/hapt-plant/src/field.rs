@@ -23,6 +23,10 @@ const WAVES: usize = 1 + 2 * HARMONICS;
 const TERMS: usize = 19;
 /// Radians of the fastest rate in a step at most.
 const STEP: f64 = 0.5;
+/// The part of its length to which a series is shortened at once, at least.
+const SHORTEST: f64 = 0.05;
+/// A series is shortened so often at most.
+const TRIES: usize = 40;
 /// The largest phase, in rad, that the puck may pass of a wave in one stretch; beyond it the wave counts by its mean, which is 0.
 const MAX_WAVE_RAD: f64 = 1e4;
 
@@ -160,7 +164,20 @@ impl<const K: usize> Fielded<'_, K> {
     /// From `y` on, for `left` s at most.
     pub fn series(&self, y: &[f64; K], left: f64) -> Series<K> {
         let rate = self.rate + self.field.rate(self.mass, y[self.v]);
-        let h = if rate * left > STEP { STEP / rate } else { left };
+        let mut series = self.terms(y, if rate * left > STEP { STEP / rate } else { left });
+        // The rate is that at its start: a puck that speeds up may pass many periods of a wave, so many that the terms overflow.
+        for _ in 0..TRIES {
+            if series.is_finite(self.v) {
+                break;
+            }
+            series = self.terms(y, SHORTEST * series.length);
+        }
+        series.shorten(self.v);
+        series
+    }
+
+    /// The terms of a series of this length in s.
+    fn terms(&self, y: &[f64; K], h: f64) -> Series<K> {
         let mut terms = [[0.0; K]; TERMS];
         terms[0] = *y;
         let mut sines = [[(0.0, 0.0); TERMS]; WAVES];
@@ -190,9 +207,7 @@ impl<const K: usize> Fielded<'_, K> {
                 series[j] = (factor * s, factor * c);
             }
         }
-        let mut series = Series { terms, length: h };
-        series.shorten(self.v);
-        series
+        Series { terms, length: h }
     }
 
     /// The first instant in (0, length] at which a line becomes positive.
@@ -220,19 +235,34 @@ impl<const K: usize> Fielded<'_, K> {
 }
 
 impl<const K: usize> Series<K> {
-    /// To where the last terms of the velocity are rounding.
+    /// Whether its terms have not overflowed; a state that is not finite has no terms that are.
+    fn is_finite(&self, v: usize) -> bool {
+        !self.terms[0][v].is_finite() || self.terms[1..].iter().all(|term| term[v].is_finite())
+    }
+
+    /// To where the last terms of the velocity are rounding, beside the largest of those that then remain.
     fn shorten(&mut self, v: usize) {
-        let last = self.terms[TERMS - 1][v].abs().max(self.terms[TERMS - 2][v].abs());
-        let most = self.terms[1..].iter().map(|term| term[v].abs()).fold(0.0, f64::max);
-        let allowed = f64::EPSILON * 0.25 * most;
-        if last > allowed && allowed > 0.0 {
-            let part = libm::pow(allowed / last, 1.0 / (TERMS - 2) as f64).clamp(0.05, 1.0);
-            self.length *= part;
-            let mut power = 1.0;
-            for term in &mut self.terms[1..] {
-                power *= part;
-                term.iter_mut().for_each(|x| *x *= power);
+        // Once is enough where the largest terms are the first.
+        let mut slack = 1.0;
+        for _ in 0..TRIES {
+            let last = self.terms[TERMS - 1][v].abs().max(self.terms[TERMS - 2][v].abs());
+            let most = self.terms[1..].iter().map(|term| term[v].abs()).fold(0.0, f64::max);
+            let allowed = f64::EPSILON * 0.25 * most;
+            if allowed == 0.0 || last.is_nan() || last <= slack * allowed {
+                break;
             }
+            self.scale(libm::pow(allowed / last, 1.0 / (TERMS - 2) as f64).clamp(SHORTEST, 1.0));
+            slack = 1.0 / SHORTEST;
+        }
+    }
+
+    /// To this part of its length.
+    fn scale(&mut self, part: f64) {
+        self.length *= part;
+        let mut power = 1.0;
+        for term in &mut self.terms[1..] {
+            power *= part;
+            term.iter_mut().for_each(|x| *x *= power);
         }
     }
 
