@@ -137,6 +137,8 @@ impl Field {
 
 /// The waves of this many times a waveform that begins at -`from`.
 fn set_harmonics(waves: &mut [Wave], size: f64, pitch: f64, from: f64, waveform: &Waveform) {
+    // Within a pitch: beside many of them the rounding of the product with the rate is large, or it overflows.
+    let from = libm::fmod(from, pitch);
     for (wave, (n, sine, cosine)) in waves.iter_mut().zip(waveform.harmonics()) {
         let rate = TAU * n / pitch;
         *wave = Wave::new(rate, rate * from, size * sine, size * cosine);

@@ -385,7 +385,9 @@ impl Law {
         match *self {
             Law::Spring { stiffness, rest } => spring::energy(stiffness, q - rest, limit),
             Law::Wall { side, at, stiffness, .. } => wall::energy(side, at, stiffness, q, limit),
-            Law::Detent { torque, pitch, phase } => Detent { torque, pitch, phase }.energy(q),
+            Law::Detent { torque, pitch, phase } => {
+                Detent { torque, pitch, phase: in_first_pitch(phase, pitch) }.energy(q)
+            }
             Law::DeadBand { stiffness, rest, width } => dead_band::energy(stiffness, rest, width, q, limit),
             Law::Magnet { torque, width, at } => magnet::energy(torque, width, at, q),
             Law::Texture { torque, pitch, phase, ref waveform } => texture::energy(torque, pitch, phase, waveform, q),
@@ -394,4 +396,9 @@ impl Law {
             Law::Damper { .. } | Law::Coulomb { .. } | Law::Integral { .. } | Law::Assist { .. } => 0.0,
         }
     }
+}
+
+/// A phase within a pitch of 0, which is the same to a periodic law: beside one of many pitches the position would be lost in rounding.
+pub(crate) fn in_first_pitch(phase: f64, pitch: f64) -> f64 {
+    libm::fmod(phase, pitch)
 }

@@ -448,9 +448,12 @@ fn part<F: Real>(spec: &Spec, coupling: &Coupling) -> Part<F> {
     let (potential, damping, friction, constant) = match coupling.law {
         Law::Spring { stiffness, rest } => (spring(stiffness, rest, 0.0, limit), 0.0, 0.0, 0.0),
         Law::Wall { side, at, stiffness, damping } => (spring(stiffness, at, facing(side), limit), damping, 0.0, 0.0),
-        Law::Detent { torque, pitch, phase } => {
-            (Potential::Detent { torque: f(torque), pitch: f(pitch), phase: f(phase) }, 0.0, 0.0, 0.0)
-        }
+        Law::Detent { torque, pitch, phase } => (
+            Potential::Detent { torque: f(torque), pitch: f(pitch), phase: f(libm::fmod(phase, pitch)) },
+            0.0,
+            0.0,
+            0.0,
+        ),
         Law::DeadBand { stiffness, rest, width } => {
             let (stiffness, rest, width, limit) = (f(stiffness), f(rest), f(width), f(limit));
             (Potential::DeadBand { stiffness, rest, width, limit }, 0.0, 0.0, 0.0)
@@ -464,7 +467,13 @@ fn part<F: Real>(spec: &Spec, coupling: &Coupling) -> Part<F> {
             let scaled = |factors: [f32; HARMONICS]| factors.map(|factor| f(scale * f64::from(factor)));
             let (sine, cosine) = (scaled(waveform.sine), scaled(waveform.cosine));
             (
-                Potential::Texture { pitch: f(pitch), phase: f(phase), base: f(scale * base), sine, cosine },
+                Potential::Texture {
+                    pitch: f(pitch),
+                    phase: f(libm::fmod(phase, pitch)),
+                    base: f(scale * base),
+                    sine,
+                    cosine,
+                },
                 0.0,
                 0.0,
                 0.0,

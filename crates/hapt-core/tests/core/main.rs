@@ -10,6 +10,7 @@ mod integral;
 mod lanes;
 mod link;
 mod methods;
+mod periodic;
 mod reference;
 mod refused;
 mod sample;
