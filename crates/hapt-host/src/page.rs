@@ -210,3 +210,69 @@ impl PageSession {
         session.warning().map(warning).into_iter().chain(missed).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Machine, WorldConfig};
+    use hapt_model::{Source, World};
+
+    fn page() -> PageSession {
+        let source = Source::from_text("wheel.toml", crate::testing::WHEEL);
+        let config = WorldConfig::new(source, Vec::new()).unwrap();
+        let machine = Machine::stepped(&config.world);
+        PageSession::new(Session::start(config, machine).unwrap())
+    }
+
+    fn set(page: &mut PageSession, client: u64, key: &str, value: &str) -> Option<ServerMessage> {
+        let message = ClientMessage::Set { key: key.into(), value: value.into() };
+        page.handle(client, message, page.session.handle().epoch())
+    }
+
+    fn save(page: &mut PageSession, client: u64) -> Option<ServerMessage> {
+        page.handle(client, ClientMessage::File, page.session.handle().epoch())
+    }
+
+    /// The files that its clients receive.
+    fn files(page: &mut PageSession) -> Vec<(u64, String)> {
+        let mut files = Vec::new();
+        for step in 0..2 * 64 {
+            page.poll(Duration::from_millis(step), |to, message| {
+                if let ServerMessage::File { text, .. } = message {
+                    files.push((to.unwrap(), text));
+                }
+            });
+        }
+        files
+    }
+
+    #[test]
+    fn each_client_waits_for_one_file_that_of_its_last_request() {
+        let mut page = page();
+        for period in ["2 ms", "3 ms", "4 ms"] {
+            assert!(set(&mut page, 1, "loop.period", period).is_none());
+            assert!((1..=3).all(|client| save(&mut page, client).is_none()));
+        }
+        let files = files(&mut page);
+        assert_eq!(files.iter().map(|(client, _)| *client).collect::<Vec<_>>(), [1, 2, 3]);
+        let period = |text: &str| World::read(&Source::from_text("w.toml", text), &[]).unwrap().sampling.period;
+        assert!(files.iter().all(|(_, text)| period(text) == 4e-3), "{files:?}");
+    }
+
+    #[test]
+    fn a_refusal_of_a_file_says_so() {
+        let mut page = page();
+        let keys = ["loop.period", "loop.delay"];
+        let first = (0..100).find_map(|i| set(&mut page, 1, keys[i % 2], "3 ms")).unwrap();
+        let second = save(&mut page, 1).unwrap();
+        let text = |message| match message {
+            ServerMessage::Refused { message, .. } => message,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(text(first), "32 requests are waiting to be computed; set it again when they are done");
+        assert_eq!(text(second), "32 requests are waiting to be computed; save it again when they are done");
+        assert!(files(&mut page).is_empty());
+        assert!(save(&mut page, 1).is_none());
+        assert_eq!(files(&mut page).len(), 1);
+    }
+}

@@ -337,7 +337,7 @@ impl Session {
     }
 
     /// Queues a task for this client, a number that its refusals repeat. Consecutive changes of one key replace each other, and so do worlds to
-    /// enter.
+    /// enter. A client waits for one file: that of its last request.
     ///
     /// # Errors
     /// In a sentence: too many tasks are queued.
@@ -367,8 +367,18 @@ impl Session {
             *before = *world;
             return Ok(());
         }
+        if task == Task::File {
+            self.tasks.retain(|(last, waiting)| !(*last == client && *waiting == Task::File));
+        }
         if self.tasks.len() >= MAX_TASKS {
-            return Err(format!("{MAX_TASKS} changes are waiting to be computed; set it again when they are done"));
+            let again = match task {
+                Task::File => "save it",
+                Task::Record => "start the recording",
+                Task::Sets { .. } | Task::Reset => "set it",
+                #[cfg(not(target_family = "wasm"))]
+                Task::Enter { .. } => "enter it",
+            };
+            return Err(format!("{MAX_TASKS} requests are waiting to be computed; {again} again when they are done"));
         }
         self.tasks.push_back((client, task));
         Ok(())
@@ -485,6 +495,8 @@ impl Session {
         match outcome {
             Ok(Made::Recording(recording)) if is_cancelled || is_stale || !self.records => recording.end(),
             _ if is_cancelled => {}
+            // The file is to be of the world that runs.
+            Ok(Made::File(..)) if is_stale => self.tasks.push_front((client, task)),
             Ok(Made::File(name, text)) => self.events.push_back(Event::File { client, name, text }),
             Ok(Made::Recording(_)) if !self.runner.begin_log() => {
                 self.refuse(client, &task, "the loop is busy; try again".into());
