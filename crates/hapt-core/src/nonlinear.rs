@@ -5,8 +5,7 @@ use core::mem::discriminant;
 
 use crate::contact::{Solution, StepResponse};
 use crate::law::{
-    Coulomb, Damper, DeadBand, Detent, Integral, Lugre, Magnet, Spring, Texture, Wall, direction, gain, in_first_pitch,
-    most,
+    Coulomb, Damper, DeadBand, Detent, Integral, Lugre, Magnet, Spring, Texture, Wall, direction, gain, most, reduced,
 };
 use crate::spec::sign_at_puck;
 use crate::{Coupling, Damping, End, Lanes, Law, Number, Real, Vector};
@@ -157,7 +156,7 @@ impl<F: Real> Nonlinear<F> {
                 limit,
             }),
             Law::Detent { torque, pitch, phase } => {
-                LoopLaw::Detent(Detent { torque: f(torque), pitch: f(pitch), phase: f(in_first_pitch(phase, pitch)) })
+                LoopLaw::Detent(Detent { torque: f(torque), pitch: f(pitch), phase: f(reduced(phase, pitch)) })
             }
             Law::DeadBand { stiffness, rest, width } => {
                 LoopLaw::DeadBand(DeadBand { stiffness: f(stiffness), rest: f(rest), width: f(width), limit })

@@ -385,9 +385,7 @@ impl Law {
         match *self {
             Law::Spring { stiffness, rest } => spring::energy(stiffness, q - rest, limit),
             Law::Wall { side, at, stiffness, .. } => wall::energy(side, at, stiffness, q, limit),
-            Law::Detent { torque, pitch, phase } => {
-                Detent { torque, pitch, phase: in_first_pitch(phase, pitch) }.energy(q)
-            }
+            Law::Detent { torque, pitch, phase } => Detent { torque, pitch, phase: reduced(phase, pitch) }.energy(q),
             Law::DeadBand { stiffness, rest, width } => dead_band::energy(stiffness, rest, width, q, limit),
             Law::Magnet { torque, width, at } => magnet::energy(torque, width, at, q),
             Law::Texture { torque, pitch, phase, ref waveform } => texture::energy(torque, pitch, phase, waveform, q),
@@ -398,7 +396,10 @@ impl Law {
     }
 }
 
-/// A phase within a pitch of 0, which is the same to a periodic law: beside one of many pitches the position would be lost in rounding.
-pub(crate) fn in_first_pitch(phase: f64, pitch: f64) -> f64 {
-    libm::fmod(phase, pitch)
+/// Phases of so many pitches are taken as they are.
+const MAX_PITCHES: f64 = 16.0;
+
+/// A phase that is the same to a periodic law, of a few pitches at most: beside one of many the position would be lost in rounding.
+pub(crate) fn reduced(phase: f64, pitch: f64) -> f64 {
+    if libm::fabs(phase) > MAX_PITCHES * pitch { libm::fmod(phase, pitch) } else { phase }
 }

@@ -7,7 +7,7 @@
 use core::array::from_fn;
 
 use crate::contact::{Solution, StepResponse, solve_nearest};
-use crate::law::in_first_pitch;
+use crate::law::reduced;
 use crate::{Lanes, Number, Real};
 
 /// Harmonics of a texture: every coupling has room for them, also on boards.
@@ -61,7 +61,7 @@ pub(crate) struct Texture<F> {
 
 /// What it stores at q.
 pub(super) fn energy(torque: f64, pitch: f64, phase: f64, waveform: &Waveform, q: f64) -> f64 {
-    let angle = core::f64::consts::TAU * (q - in_first_pitch(phase, pitch)) / pitch;
+    let angle = core::f64::consts::TAU * (q - reduced(phase, pitch)) / pitch;
     let of = |(n, sine, cosine): (f64, f64, f64)| {
         let swing = sine * libm::cos(n * angle) - cosine * libm::sin(n * angle);
         (libm::hypot(sine, cosine) + swing) / n
@@ -113,7 +113,7 @@ impl<F: Real> Texture<F> {
         let scaled = |factors: [f32; HARMONICS]| factors.map(|factor| F::from_f64(torque * f64::from(factor)));
         Texture {
             pitch: F::from_f64(pitch),
-            phase: F::from_f64(in_first_pitch(phase, pitch)),
+            phase: F::from_f64(reduced(phase, pitch)),
             sine: scaled(waveform.sine),
             cosine: scaled(waveform.cosine),
         }

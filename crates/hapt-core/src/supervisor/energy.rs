@@ -4,7 +4,7 @@
 
 use crate::compile::compensated;
 use crate::contact::within;
-use crate::law::{HARMONICS, gain};
+use crate::law::{HARMONICS, gain, reduced};
 use crate::spec::sign_at_puck;
 use crate::supervisor::springs::{Springs, Well};
 use crate::supervisor::sums::{Step, Sums};
@@ -448,12 +448,9 @@ fn part<F: Real>(spec: &Spec, coupling: &Coupling) -> Part<F> {
     let (potential, damping, friction, constant) = match coupling.law {
         Law::Spring { stiffness, rest } => (spring(stiffness, rest, 0.0, limit), 0.0, 0.0, 0.0),
         Law::Wall { side, at, stiffness, damping } => (spring(stiffness, at, facing(side), limit), damping, 0.0, 0.0),
-        Law::Detent { torque, pitch, phase } => (
-            Potential::Detent { torque: f(torque), pitch: f(pitch), phase: f(libm::fmod(phase, pitch)) },
-            0.0,
-            0.0,
-            0.0,
-        ),
+        Law::Detent { torque, pitch, phase } => {
+            (Potential::Detent { torque: f(torque), pitch: f(pitch), phase: f(reduced(phase, pitch)) }, 0.0, 0.0, 0.0)
+        }
         Law::DeadBand { stiffness, rest, width } => {
             let (stiffness, rest, width, limit) = (f(stiffness), f(rest), f(width), f(limit));
             (Potential::DeadBand { stiffness, rest, width, limit }, 0.0, 0.0, 0.0)
@@ -469,7 +466,7 @@ fn part<F: Real>(spec: &Spec, coupling: &Coupling) -> Part<F> {
             (
                 Potential::Texture {
                     pitch: f(pitch),
-                    phase: f(libm::fmod(phase, pitch)),
+                    phase: f(reduced(phase, pitch)),
                     base: f(scale * base),
                     sine,
                     cosine,
