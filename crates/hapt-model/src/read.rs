@@ -13,7 +13,7 @@ use crate::keys;
 use crate::kinds::{Compensated, CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
 use crate::path::{self, Carries};
 use crate::safety::Safety;
-use crate::sampling::{Delay, Sampling};
+use crate::sampling::Sampling;
 use crate::source::Source;
 use crate::support;
 use crate::timing::Timing;
@@ -23,8 +23,6 @@ use crate::world::{Device, Scenario, World};
 
 /// Samples in a scenario.
 const MOST_SAMPLES: f64 = 1e10;
-/// The delay, in periods.
-const MAX_DELAY_PERIODS: f64 = 1e6;
 
 impl World {
     /// Reads and checks a world. Each of `sets` is an override `KEY=VALUE` of a key by its dotted path; the last of a key
@@ -188,37 +186,8 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
     if every > 1 && sampling.advance > 0 {
         return combination("bodies_every", format!("{every} samples a step go without loop.advance; expected 1"));
     }
-    let period = sampling.period;
-    for (key, delay) in [("delay", Some(sampling.delay)), ("delay_max", sampling.delay_max)] {
-        match delay {
-            Some(Delay::Seconds(delay)) if delay > MAX_DELAY_PERIODS * period => {
-                return combination(key, format!("{delay:?} s is more than a million periods of {period:?} s"));
-            }
-            Some(Delay::Samples(samples)) if samples > MAX_DELAY_PERIODS => {
-                return combination(key, format!("{samples:?} samples are more than a million"));
-            }
-            Some(Delay::Seconds(_) | Delay::Samples(_)) | None => {}
-        }
-    }
-    let (least, largest) = (sampling.delay_s(), sampling.delay_max.map(|delay| delay.seconds(period)));
-    if let Some(largest) = largest.filter(|largest| *largest < least) {
-        let message = format!(
-            "{largest:?} s is below loop.delay, {least:?} s, which is the least delay; expected {least:?} s or more"
-        );
-        return combination("delay_max", message);
-    }
-    if let Some(longest) = sampling.interval_max.filter(|longest| *longest < period) {
-        let message = format!(
-            "{longest:?} s is below loop.period, {period:?} s, which the samples have on average; expected {period:?} s or more"
-        );
-        return combination("interval_max", message);
-    }
-    if let Some(time) = sampling.recentre.filter(|time| *time < 2.0 * period) {
-        let least = 2.0 * period;
-        let message = format!(
-            "{time:?} s is below two periods, and the origin slips in many samples; expected {least:?} s or more"
-        );
-        return combination("recentre", message);
+    if let Some((key, message)) = sampling.fault() {
+        return combination(key, message);
     }
     if estimator == EstimatorKind::LowPass && sampling.cutoff.is_none() {
         return Err(fields.missing("cutoff"));

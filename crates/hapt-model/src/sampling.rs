@@ -4,6 +4,9 @@ use hapt_core::{Estimator, Method, Output};
 
 use crate::kinds::EstimatorKind;
 
+/// The delay, in periods.
+const MAX_DELAY_PERIODS: f64 = 1e6;
+
 /// The `[loop]` table: the sampled program that runs the world.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sampling {
@@ -81,6 +84,44 @@ impl Sampling {
     /// The time in s over which the bodies step: `bodies_every` periods.
     pub fn step(&self) -> f64 {
         f64::from(self.bodies_every) * self.period
+    }
+
+    /// Why a file with these times is refused: the key that would have to change, and what is wrong with it; `None` where it is not. A world
+    /// that was changed without its file is checked by this again.
+    pub fn fault(&self) -> Option<(&'static str, String)> {
+        let period = self.period;
+        for (key, delay) in [("delay", Some(self.delay)), ("delay_max", self.delay_max)] {
+            match delay {
+                Some(Delay::Seconds(delay)) if delay > MAX_DELAY_PERIODS * period => {
+                    return Some((key, format!("{delay:?} s is more than a million periods of {period:?} s")));
+                }
+                Some(Delay::Samples(samples)) if samples > MAX_DELAY_PERIODS => {
+                    return Some((key, format!("{samples:?} samples are more than a million")));
+                }
+                Some(Delay::Seconds(_) | Delay::Samples(_)) | None => {}
+            }
+        }
+        let (least, largest) = (self.delay_s(), self.delay_max.map(|delay| delay.seconds(period)));
+        if let Some(largest) = largest.filter(|largest| *largest < least) {
+            let message = format!(
+                "{largest:?} s is below loop.delay, {least:?} s, which is the least delay; expected {least:?} s or more"
+            );
+            return Some(("delay_max", message));
+        }
+        if let Some(longest) = self.interval_max.filter(|longest| *longest < period) {
+            let message = format!(
+                "{longest:?} s is below loop.period, {period:?} s, which the samples have on average; expected {period:?} s or more"
+            );
+            return Some(("interval_max", message));
+        }
+        if let Some(time) = self.recentre.filter(|time| *time < 2.0 * period) {
+            let least = 2.0 * period;
+            let message = format!(
+                "{time:?} s is below two periods, and the origin slips in many samples; expected {least:?} s or more"
+            );
+            return Some(("recentre", message));
+        }
+        None
     }
 
     /// The delay in s, at this loop's period.

@@ -8,11 +8,11 @@
 
 use std::collections::BTreeMap;
 
-use hapt_model::{Coupling, Damping, Delay, End, EstimatorKind, Law, Output, World};
+use hapt_model::{Coupling, Damping, Delay, End, EstimatorKind, Law, Output, Sampling, World};
 use serde::Serialize;
 
 use crate::certificate::change::{Change, SPARE, STRIDE, WIDTH, changed};
-use crate::certificate::rounding::{Certified, roundest};
+use crate::certificate::rounding::{Certified, candidates, roundest};
 use crate::certificate::{excess_below, is_certified};
 use crate::equations::delay::MAX_IN_FLIGHT;
 use crate::error::Error;
@@ -166,13 +166,41 @@ fn margin(
     Ok(end.ok_or_else(|| format!("no end up to {MAX_MARGIN:e} times the present value")))
 }
 
+fn set_period(world: &mut World, period: f64) {
+    world.sampling.period = period;
+}
+
+/// Whether a file may have this period, with all else as it is.
+fn takes_period(world: &World, period: f64) -> bool {
+    let sampling = Sampling { period, ..world.sampling.clone() };
+    sampling.fault().is_none() && world.device.fault(period).is_none()
+}
+
+/// The longest period that a file may have with all else as it is, at most [`MAX_MARGIN`] times the present one.
+fn longest_period(world: &World) -> f64 {
+    let now = world.sampling.period;
+    let (mut good, mut bad) = (now, MAX_MARGIN * now);
+    if takes_period(world, bad) {
+        return bad;
+    }
+    while bad > good * (1.0 + WIDTH) {
+        let middle = (good * bad).sqrt();
+        if takes_period(world, middle) { good = middle } else { bad = middle }
+    }
+    // A bound of the file is a round number more often than not.
+    candidates(bad, Certified::Below, WIDTH).find(|x| *x >= good && takes_period(world, *x)).unwrap_or(good)
+}
+
 fn period_margin(world: &World) -> Result<Result<f64, String>, Error> {
     let now = world.sampling.period;
-    let set = |w: &mut World, period: f64| w.sampling.period = period;
-    let longest = world.sampling.interval_max.unwrap_or(MAX_MARGIN * now);
-    let end = margin(world, Spacing::period(world.sampling.delay), [now, longest], set)?;
-    let end = end.map(|end| Change { world, set }.largest_from(now, end));
-    // The file takes no period above loop.interval_max.
+    let longest = longest_period(world);
+    if longest <= now {
+        return Ok(Ok(now));
+    }
+    let end = margin(world, Spacing::period(world.sampling.delay), [now, longest], set_period)?;
+    let change = Change { world, set: set_period };
+    let holds = |x: f64| x >= now && takes_period(world, x) && change.is_certified(x);
+    let end = end.map(|end| roundest(end, Certified::Below, |x| holds(*x)));
     Ok(end.or_else(|reason| if longest < MAX_MARGIN * now { Ok(longest) } else { Err(reason) }))
 }
 
@@ -360,7 +388,7 @@ fn ground_damping(world: &World, is_certified: bool) -> Option<f64> {
 }
 
 fn period(world: &World) -> Option<f64> {
-    let change = Change { world, set: |w: &mut World, period| w.sampling.period = period };
+    let change = Change { world, set: set_period };
     let delay = world.sampling.delay_s();
     // A lossless world is passive only with a delay of whole samples.
     let whole = || {
@@ -369,7 +397,8 @@ fn period(world: &World) -> Option<f64> {
         Some(roundest(found, Certified::Below, |x| change.is_certified(*x)))
     };
     let stays = matches!(world.sampling.delay, Delay::Seconds(delay) if delay > 0.0);
-    change.largest_below(world.sampling.period, MIN_PERIOD).or_else(|| if stays { whole() } else { None })
+    let found = change.largest_below(world.sampling.period, MIN_PERIOD).or_else(|| if stays { whole() } else { None });
+    found.filter(|period| takes_period(world, *period))
 }
 
 fn delay(world: &World) -> Option<f64> {

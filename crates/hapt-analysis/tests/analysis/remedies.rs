@@ -188,6 +188,31 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(hapt_testing::cases(64))]
+
+    /// The file of a world takes the period that a remedy or a margin names, with the other times and the device as they are.
+    #[test]
+    fn the_file_takes_the_longest_period(
+        samples in prop_oneof![Just(0.0), 0.0..3.0f64], latest in prop::option::of(1.0..4.0f64), recentre in prop::option::of(2.0..20.0f64),
+        longest in prop::option::of(1.0..3.0f64), stop in prop::option::of(10.0..1e5f64), stiffness in 0.01..3.0f64,
+    ) {
+        let file = "loop.period = 1e-3\nloop.estimator = \"difference\"\ndevice = { inertia = 6.4e-4, damping = 1.2e-3, friction = 0.01 }\n\
+                    [[couplings]]\nkind = \"spring\"\nbetween = [\"puck\", \"ground\"]\n";
+        let read = |sets: &[String]| World::read(&Source::from_text("w", file), sets).unwrap();
+        let mut sets = vec![format!("loop.delay={samples:?} samples"), format!("couplings.0.stiffness={stiffness:?}")];
+        sets.extend(latest.map(|latest| format!("loop.delay_max={:?}", 1e-3 * latest * samples.max(0.1))));
+        sets.extend(longest.map(|longest| format!("loop.interval_max={:?}", 1e-3 * longest)));
+        sets.extend(recentre.filter(|_| samples == 0.0).map(|recentre| format!("loop.recentre={:?}", 1e-3 * recentre)));
+        sets.extend(stop.map(|stiffness| format!("device.stops={{ high = 0.5, stiffness = {stiffness:?} }}")));
+        let found = remedies(&read(&sets)).unwrap();
+        if let Some(period) = found.period_s {
+            sets.push(format!("loop.period={period:?}"));
+            prop_assert!(is_certified(&read(&sets)), "{sets:?}");
+        }
+    }
+}
+
 /// What `hapt check` prints of a world's remedies.
 fn printed(text: &str) -> Vec<String> {
     let source = Source::from_text("world.toml", text);
