@@ -3,7 +3,7 @@
 use std::fmt;
 
 use hapt_model::keys::{KEYS, Key, PHYSICAL, Range, Takes};
-use hapt_model::{Coupling, CouplingKind, Error, Motion, Parameter, Source, World, parameters};
+use hapt_model::{Coupling, Error, Motion, Parameter, Source, World, parameters};
 use hapt_sim::{BODY_SIGNALS, Column, Measures, Row, SIGNALS, columns, loop_columns};
 use serde::{Deserialize, Serialize};
 
@@ -234,7 +234,7 @@ fn role(kind: Kind, row: &Key, path: &str) -> Option<Role> {
 /// The row of the table of keys for a path of this world.
 pub fn row(world: &World, path: &str) -> Option<&'static Key> {
     let names: Vec<&str> = path.split('.').collect();
-    let kind = |coupling: &Coupling| CouplingKind::of(&coupling.law).name();
+    let kind = |coupling: &Coupling| coupling.law.kind().name();
     let (pattern, kind) = match names[..] {
         ["loop" | "device", _] | ["device", "friction_by_position" | "handle" | "stribeck" | "stops", _] => {
             (path.to_string(), None)

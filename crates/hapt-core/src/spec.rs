@@ -3,7 +3,7 @@
 //! A [`Spec`] is what [`crate::Loop::new`] compiles; the laboratory derives its own matrices from the
 //! same data and shares nothing else with the loop.
 
-pub use crate::law::{Damping, HARMONICS, Law, Linear, Quantity, Range, Side, Slopes, Waveform};
+pub use crate::law::{CouplingKind, Damping, HARMONICS, Law, Linear, Quantity, Range, Side, Slopes, Waveform};
 
 /// What a coupling can be tied to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,8 +2,7 @@
 
 use hapt_model::keys::{KEYS, Key, Measure, Range, Takes};
 use hapt_model::{
-    Coupling, CouplingKind, End, Error, EstimatorKind, Method, Motion, Output, Parameter, Source, World, parameters,
-    unit, unit_size,
+    Coupling, End, Error, EstimatorKind, Method, Motion, Output, Parameter, Source, World, parameters, unit, unit_size,
 };
 
 use serde::Serialize;
@@ -244,7 +243,7 @@ fn has_table(world: &World, table: &str) -> bool {
 
 /// A coupling's kind in world files.
 pub fn kind(coupling: &Coupling) -> &'static str {
-    CouplingKind::of(&coupling.law).name()
+    coupling.law.kind().name()
 }
 
 /// An end's name in world files.

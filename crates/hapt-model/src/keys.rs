@@ -437,7 +437,9 @@ impl Key {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kinds::{CouplingKind, HandKind};
+    use hapt_core::spec::CouplingKind;
+
+    use crate::kinds::HandKind;
 
     #[test]
     fn one_row_at_most_speaks_for_a_key_of_a_kind() {

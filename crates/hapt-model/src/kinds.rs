@@ -1,11 +1,10 @@
-//! The kinds of motions, estimators, couplings, hands, shapes and timings, each with its name in world files.
+//! The kinds of motions, estimators, hands, shapes and timings, each with its name in world files.
 //!
 //! The table of keys takes its names from here, and the reader, the writer and whoever names a kind match on these: a kind that is new
 //! does not compile before each of them has an arm for it.
 
 #![warn(clippy::wildcard_enum_match_arm)]
 
-use hapt_core::Law;
 use hapt_plant::spec::{Drive, Shape};
 
 hapt_core::named! {
@@ -52,35 +51,6 @@ hapt_core::named! {
 }
 
 hapt_core::named! {
-    /// The kinds of couplings.
-    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub enum CouplingKind {
-        /// [`Law::Spring`]
-        Spring => "spring",
-        /// [`Law::Damper`]
-        Damper => "damper",
-        /// [`Law::Wall`]
-        Wall => "wall",
-        /// [`Law::Detent`]
-        Detent => "detent",
-        /// [`Law::DeadBand`]
-        DeadBand => "dead-band",
-        /// [`Law::Magnet`]
-        Magnet => "magnet",
-        /// [`Law::Texture`]
-        Texture => "texture",
-        /// [`Law::Coulomb`] and [`Law::Lugre`]
-        Friction => "friction",
-        /// [`Law::Integral`]
-        Integral => "integral",
-        /// [`Law::Assist`]
-        Assist => "assist",
-        /// [`Law::Constant`]
-        Constant => "constant",
-    }
-}
-
-hapt_core::named! {
     /// The kinds of hands: the shapes that prescribe the puck's position, and those that have their shape in `moves`.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum HandKind {
@@ -114,43 +84,6 @@ hapt_core::named! {
     }
 }
 
-impl CouplingKind {
-    /// The kind of a law.
-    pub const fn of(law: &Law) -> Self {
-        match law {
-            Law::Spring { .. } => CouplingKind::Spring,
-            Law::Damper { .. } => CouplingKind::Damper,
-            Law::Wall { .. } => CouplingKind::Wall,
-            Law::Detent { .. } => CouplingKind::Detent,
-            Law::DeadBand { .. } => CouplingKind::DeadBand,
-            Law::Magnet { .. } => CouplingKind::Magnet,
-            Law::Texture { .. } => CouplingKind::Texture,
-            Law::Coulomb { .. } | Law::Lugre { .. } => CouplingKind::Friction,
-            Law::Integral { .. } => CouplingKind::Integral,
-            Law::Assist { .. } => CouplingKind::Assist,
-            Law::Constant { .. } => CouplingKind::Constant,
-        }
-    }
-
-    /// What a law of this kind is called, with its article.
-    pub const fn noun(law: &Law) -> &'static str {
-        match law {
-            Law::Spring { .. } => "a spring",
-            Law::Damper { .. } => "a damper",
-            Law::Wall { .. } => "a wall",
-            Law::Detent { .. } => "a detent",
-            Law::DeadBand { .. } => "a dead band",
-            Law::Magnet { .. } => "a magnet",
-            Law::Texture { .. } => "a texture",
-            Law::Coulomb { .. } => "Coulomb friction",
-            Law::Lugre { .. } => "LuGre friction",
-            Law::Integral { .. } => "an integral term",
-            Law::Assist { .. } => "an assist",
-            Law::Constant { .. } => "a constant torque",
-        }
-    }
-}
-
 impl HandKind {
     /// The kind of a hand.
     pub const fn of(drive: &Drive) -> Self {
@@ -181,7 +114,8 @@ impl ShapeKind {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use hapt_core::spec::CouplingKind;
+
     use crate::keys::{self, Presence, Takes};
     use crate::{Motion, Source, World};
 
@@ -215,7 +149,7 @@ mod tests {
     fn a_coupling_of_each_kind_is_read_as_a_law_of_that_kind() {
         for kind in CouplingKind::ALL {
             let world = World::read(&Source::from_text("w.toml", with(kind)), &[]).unwrap();
-            assert_eq!(CouplingKind::of(&world.couplings[0].law), kind);
+            assert_eq!(world.couplings[0].law.kind(), kind);
         }
         assert_eq!(CouplingKind::from_name("rubber"), None);
     }

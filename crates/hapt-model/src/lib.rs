@@ -69,14 +69,14 @@ pub use dimension::Dimension;
 pub use error::{Error, ErrorKind, Location, visible};
 pub use hapt_core::named;
 pub use hapt_core::spec::{
-    Body, Coupling, Damping, End, Estimator, HARMONICS, Law, Linear, Method, Output, Side, Spec, Waveform,
+    Body, Coupling, CouplingKind, Damping, End, Estimator, HARMONICS, Law, Linear, Method, Output, Side, Spec, Waveform,
 };
 pub use hapt_core::{LASTING, SafetyProfile};
 pub use hapt_plant::spec::{
     Cogging, DeviceSpec, DeviceTorque, Drive, FrictionByPosition, Gravity, Hand, Handle, Shape, Stops, Stribeck,
     Switching,
 };
-pub use kinds::{Compensated, CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
+pub use kinds::{Compensated, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
 pub use parameters::{Parameter, parameters, parameters_of, unit, unit_size};
 pub use quantity::{Fault, Quantity, QuantityError, parse_quantity};
 pub use safety::Safety;

@@ -6,7 +6,7 @@ use hapt_core::{Body, Coupling};
 use hapt_plant::spec::{Cogging, Drive, FrictionByPosition, Gravity, Hand, Handle, Shape, Stops, Stribeck, Switching};
 
 use crate::keys::{self, Key};
-use crate::kinds::{CouplingKind, HandKind, ShapeKind};
+use crate::kinds::{HandKind, ShapeKind};
 use crate::safety::Safety;
 use crate::sampling::{Delay, Sampling};
 use crate::timing::Timing;
@@ -175,7 +175,7 @@ pub(crate) fn body(body: &mut Body) -> NumberSlots<'_> {
 
 /// A coupling's kind and its numbers; a compensating damper's damping is none.
 pub(crate) fn coupling(coupling: &mut Coupling) -> (&'static str, NumberSlots<'_>) {
-    let kind = CouplingKind::of(&coupling.law).name();
+    let kind = coupling.law.kind().name();
     let takes_limit = coupling.law.takes_limit();
     let mut slots: NumberSlots<'_> =
         coupling.law.quantities().map(|quantity| (quantity.name, Number(quantity.value))).collect();

@@ -2,7 +2,8 @@
 
 #![warn(clippy::wildcard_enum_match_arm)]
 
-use hapt_core::{Body, Coupling, Damping, End, Law, Method, Output, Side};
+use hapt_core::spec::CouplingKind;
+use hapt_core::{Body, Coupling, End, Law, Method, Output, Side};
 use hapt_plant::spec::{Drive, Hand, Shape, Switching};
 
 use crate::device::device;
@@ -10,7 +11,7 @@ use crate::document::{Document, Place};
 use crate::error::{Error, ErrorKind};
 use crate::fields::{Context, Fields, entries, items, kind, one_of};
 use crate::keys;
-use crate::kinds::{Compensated, CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
+use crate::kinds::{Compensated, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
 use crate::path::{self, Carries};
 use crate::safety::Safety;
 use crate::sampling::Sampling;
@@ -87,8 +88,10 @@ impl World {
                     "a [[compensation]] counts from the device's own position, and the origin would slip away from it; expected one of both",
                 );
             }
-            if let Some(coupling) = couplings.iter().find(|coupling| carries_origin(coupling)) {
-                let noun = CouplingKind::noun(&coupling.law);
+            if let Some(coupling) =
+                couplings.iter().find(|c| c.law.is_endless() && [c.first, c.second].contains(&End::Puck))
+            {
+                let noun = coupling.law.noun();
                 return wrong(&format!(
                     "the origin slips to where the torque of springs, walls and detents is 0, and {noun} at the puck would carry it along; expected \
                      one of both"
@@ -203,66 +206,9 @@ fn coupling(fields: &Fields<'_>, names: &[String], files: &path::Reader<'_>) -> 
         let message = format!("both ends are {}; a coupling is between two different ones", words::quoted(first_name));
         return Err(fields.error(ErrorKind::Value, "between", message));
     }
-    let law = match kind(fields, CouplingKind::from_name)? {
-        CouplingKind::Spring => Law::Spring { stiffness: fields.number("stiffness")?, rest: fields.number("rest")? },
-        CouplingKind::Damper if fields.name("damping") == Some(keys::COMPENSATING) => {
-            Law::Damper { damping: Damping::Compensating }
-        }
-        CouplingKind::Damper => Law::Damper { damping: Damping::Fixed(fields.number("damping")?) },
-        CouplingKind::Wall => Law::Wall {
-            side: one_of(fields, "side", &[Side::Above, Side::Below], Side::name)?
-                .ok_or_else(|| fields.missing("side"))?,
-            at: fields.number("at")?,
-            stiffness: fields.number("stiffness")?,
-            damping: fields.number("damping")?,
-        },
-        CouplingKind::Detent => Law::Detent {
-            torque: fields.number("torque")?,
-            pitch: fields.number("pitch")?,
-            phase: fields.number("phase")?,
-        },
-        CouplingKind::DeadBand => Law::DeadBand {
-            stiffness: fields.number("stiffness")?,
-            rest: fields.number("rest")?,
-            width: fields.number("width")?,
-        },
-        CouplingKind::Magnet => {
-            Law::Magnet { torque: fields.number("torque")?, width: fields.number("width")?, at: fields.number("at")? }
-        }
-        CouplingKind::Texture => Law::Texture {
-            torque: fields.number("torque")?,
-            pitch: fields.number("pitch")?,
-            phase: fields.number("phase")?,
-            waveform: waveform::read(fields, files)?,
-        },
-        CouplingKind::Friction => friction(fields)?,
-        CouplingKind::Integral => Law::Integral {
-            stiffness: fields.number("stiffness")?,
-            time: fields.number("time")?,
-            rest: fields.number("rest")?,
-        },
-        CouplingKind::Assist => Law::Assist { torque: fields.number("torque")?, velocity: fields.number("velocity")? },
-        CouplingKind::Constant => Law::Constant { torque: fields.number("torque")? },
-    };
+    let law = law(fields, files)?;
     // The table of keys has a limit for the laws that take one, and for no others.
     Ok(Coupling { first, second, law, limit: fields.optional_number("limit")? })
-}
-
-/// Whether a coupling at the puck has a torque that no place of the origin ends: the origin would slip on and on.
-fn carries_origin(coupling: &Coupling) -> bool {
-    let is_carrying = match coupling.law {
-        Law::Constant { torque } => torque != 0.0,
-        Law::Integral { .. } | Law::Assist { .. } | Law::Coulomb { .. } => true,
-        Law::Spring { .. }
-        | Law::Lugre { .. }
-        | Law::Damper { .. }
-        | Law::Wall { .. }
-        | Law::Detent { .. }
-        | Law::DeadBand { .. }
-        | Law::Magnet { .. }
-        | Law::Texture { .. } => false,
-    };
-    is_carrying && [coupling.first, coupling.second].contains(&End::Puck)
 }
 
 /// Adds the couplings that take back torques of the device.
@@ -316,28 +262,43 @@ fn compensate(
     Ok(())
 }
 
-/// Coulomb friction by its `torque`, LuGre by its six keys.
-fn friction(fields: &Fields<'_>) -> Result<Law, Error> {
+/// The law of the coupling's kind that its other keys decide on, with its numbers.
+fn law(fields: &Fields<'_>, files: &path::Reader<'_>) -> Result<Law, Error> {
+    let kind = kind(fields, CouplingKind::from_name)?;
+    let side = one_of(fields, "side", &[Side::Above, Side::Below], Side::name)?;
+    let is_compensating = fields.name("damping") == Some(keys::COMPENSATING);
+    let has_bristle = kind == CouplingKind::Friction && is_lugre(fields)?;
+    let is_meant = |law: &Law| {
+        law.kind() == kind
+            && law.side() == side
+            && law.is_compensating() == is_compensating
+            && law.has_bristle() == has_bristle
+    };
+    let mut law = Law::ALL.into_iter().find(is_meant).ok_or_else(|| fields.missing("kind"))?;
+    for quantity in law.quantities() {
+        *quantity.value = fields.number(quantity.name)?;
+    }
+    if let Some(waveform) = law.waveform_mut() {
+        *waveform = waveform::read(fields, files)?;
+    }
+    Ok(law)
+}
+
+/// Friction is Coulomb's by its `torque`, or LuGre's by its six keys.
+fn is_lugre(fields: &Fields<'_>) -> Result<bool, Error> {
     let lugre: Vec<&str> = keys::rows("couplings.*")
         .filter(|row| row.kinds == ["friction"] && row.name() != "torque")
         .map(|row| row.name())
         .collect();
     let given = lugre.iter().find(|name| fields.has(name));
-    match (fields.optional_number("torque")?, given) {
-        (Some(torque), None) => Ok(Law::Coulomb { torque }),
-        (Some(_), Some(name)) => {
+    match (fields.has("torque"), given) {
+        (true, None) => Ok(false),
+        (true, Some(name)) => {
             let message = format!("torque (Coulomb friction) and {name} (LuGre friction) do not go together");
             Err(fields.error(ErrorKind::Combination, name, message))
         }
-        (None, Some(_)) => Ok(Law::Lugre {
-            coulomb: fields.number("coulomb")?,
-            stribeck: fields.number("stribeck")?,
-            stribeck_velocity: fields.number("stribeck_velocity")?,
-            bristle_stiffness: fields.number("bristle_stiffness")?,
-            bristle_damping: fields.number("bristle_damping")?,
-            viscous: fields.number("viscous")?,
-        }),
-        (None, None) => {
+        (false, Some(_)) => Ok(true),
+        (false, None) => {
             let keys = lugre.join(", ");
             let message = format!("friction has either torque (Coulomb) or all of {keys} (LuGre)");
             Err(fields.error(ErrorKind::Name, "torque", message))
@@ -386,7 +347,7 @@ fn check_coupling(
         };
         return Err(fields.error(ErrorKind::Combination, "damping", message));
     }
-    let noun = CouplingKind::noun(&coupling.law);
+    let noun = coupling.law.noun();
     if coupling.law.is_at_puck() && coupling.is_at_body() {
         let message = format!("{noun} acts between \"puck\" and \"ground\" only");
         return Err(fields.error(ErrorKind::Unsupported, "between", message));

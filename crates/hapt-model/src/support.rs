@@ -2,7 +2,6 @@
 
 use hapt_core::{Coupling, Method};
 
-use crate::kinds::CouplingKind;
 use crate::words;
 
 /// Why `method` does not take this coupling ([`Coupling::goes_with`]), and what to use; `None` when it does.
@@ -10,7 +9,7 @@ pub(crate) fn refusal(method: Method, coupling: &Coupling) -> Option<String> {
     if coupling.goes_with(method) {
         return None;
     }
-    let noun = CouplingKind::noun(&coupling.law);
+    let noun = coupling.law.noun();
     let what = if coupling.limit.is_some() { noun.replacen("a ", "a clamped ", 1) } else { noun.to_string() };
     let methods = Method::ALL.into_iter().filter(|&method| coupling.goes_with(method)).map(Method::name);
     Some(format!("{what} at a body does not go with method {:?}; use {}", method.name(), words::alternatives(methods)))

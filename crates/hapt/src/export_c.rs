@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use hapt_analysis::Check;
 use hapt_core::{Coupling, End, SafetyProfile};
 use hapt_export_c::{About, Error, Exported, Float, Prefix, Tune, export, library};
-use hapt_model::{CouplingKind, EstimatorKind, Motion, World};
+use hapt_model::{EstimatorKind, Motion, World};
 
 use crate::args::CArgs;
 use crate::failure::Failure;
@@ -224,7 +224,7 @@ fn words(world: &World, coupling: &Coupling) -> String {
         law.quantities().map(|quantity| format!("{} {}", quantity.name, quantity.value)).collect();
     let limit = coupling.limit.map(|limit| format!("limit {limit}"));
     let numbers: Vec<String> = numbers.into_iter().chain(limit).collect();
-    let kind = CouplingKind::of(&coupling.law).name();
+    let kind = coupling.law.kind().name();
     format!("{kind} between {} and {}: {}", end(coupling.first), end(coupling.second), numbers.join(", "))
 }
 

@@ -11,6 +11,7 @@ mod detent;
 mod integral;
 mod lugre;
 mod magnet;
+mod quantity;
 mod spring;
 mod texture;
 mod wall;
@@ -23,6 +24,8 @@ pub(crate) use detent::Detent;
 pub(crate) use integral::{Integral, most};
 pub(crate) use lugre::Lugre;
 pub(crate) use magnet::Magnet;
+use quantity::padded;
+pub use quantity::{Quantity, Range};
 #[cfg(test)]
 pub(crate) use spring::Ramp;
 pub(crate) use spring::Spring;
@@ -139,40 +142,39 @@ pub enum Law {
     },
 }
 
-/// Which numbers a law takes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Range {
-    /// Any finite number.
-    Any,
-    /// Zero or more, finite.
-    ZeroOrMore,
-    /// More than zero, finite.
-    Positive,
-}
-
-/// A number of a law.
-#[derive(Debug, PartialEq)]
-pub struct Quantity<'a> {
-    /// Its key in world files.
-    pub name: &'static str,
-    /// What it may be.
-    pub range: Range,
-    /// In SI.
-    pub value: &'a mut f64,
-}
-
-/// The most numbers that a law has.
-const NUMBERS: usize = 6;
-
-/// The numbers of a law, in an array of one length for all laws.
-fn padded<const N: usize>(numbers: [Quantity<'_>; N]) -> [Option<Quantity<'_>>; NUMBERS] {
-    const { assert!(N <= NUMBERS) };
-    let mut numbers = numbers.into_iter();
-    core::array::from_fn(|_| numbers.next())
+crate::named! {
+    /// The kinds of couplings in world files.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum CouplingKind {
+        /// [`Law::Spring`]
+        Spring => "spring",
+        /// [`Law::Damper`]
+        Damper => "damper",
+        /// [`Law::Wall`]
+        Wall => "wall",
+        /// [`Law::Detent`]
+        Detent => "detent",
+        /// [`Law::DeadBand`]
+        DeadBand => "dead-band",
+        /// [`Law::Magnet`]
+        Magnet => "magnet",
+        /// [`Law::Texture`]
+        Texture => "texture",
+        /// [`Law::Coulomb`] and [`Law::Lugre`]
+        Friction => "friction",
+        /// [`Law::Integral`]
+        Integral => "integral",
+        /// [`Law::Assist`]
+        Assist => "assist",
+        /// [`Law::Constant`]
+        Constant => "constant",
+    }
 }
 
 /// The facts that tell the laws apart, beside their torques.
 struct Traits {
+    kind: CouplingKind,
+    noun: &'static str,
     /// The q about which it acts.
     center: Option<f64>,
     /// The name of the number that its torque is proportional to, as a stiffness.
@@ -181,6 +183,29 @@ struct Traits {
     has_bristle: bool,
     integrates: bool,
     is_at_puck: bool,
+    is_endless: bool,
+}
+
+impl Traits {
+    /// A law without any of them.
+    const fn plain(kind: CouplingKind, noun: &'static str) -> Self {
+        Traits {
+            kind,
+            noun,
+            center: None,
+            strength: None,
+            takes_limit: false,
+            has_bristle: false,
+            integrates: false,
+            is_at_puck: false,
+            is_endless: false,
+        }
+    }
+
+    /// A law that acts about a q, as steep as one of its numbers.
+    const fn about(self, center: f64, strength: &'static str) -> Self {
+        Traits { center: Some(center), strength: Some(strength), ..self }
+    }
 }
 
 /// Bounds on the slopes of a law's torque, and the magnitude of its dry friction.
@@ -206,6 +231,31 @@ pub struct Linear {
 }
 
 impl Law {
+    /// One of every law, with a number of its range for each of its numbers: a damper by either rule, a wall on either side.
+    pub const ALL: [Law; 14] = [
+        Law::Spring { stiffness: 1.0, rest: 0.0 },
+        Law::Damper { damping: Damping::Fixed(1.0) },
+        Law::Damper { damping: Damping::Compensating },
+        Law::Wall { side: Side::Above, at: 0.0, stiffness: 1.0, damping: 0.0 },
+        Law::Wall { side: Side::Below, at: 0.0, stiffness: 1.0, damping: 0.0 },
+        Law::Detent { torque: 1.0, pitch: 1.0, phase: 0.0 },
+        Law::DeadBand { stiffness: 1.0, rest: 0.0, width: 1.0 },
+        Law::Magnet { torque: 1.0, width: 1.0, at: 0.0 },
+        Law::Texture { torque: 1.0, pitch: 1.0, phase: 0.0, waveform: Waveform::SINE },
+        Law::Coulomb { torque: 1.0 },
+        Law::Lugre {
+            coulomb: 1.0,
+            stribeck: 1.0,
+            stribeck_velocity: 1.0,
+            bristle_stiffness: 1.0,
+            bristle_damping: 1.0,
+            viscous: 1.0,
+        },
+        Law::Integral { stiffness: 1.0, time: 1.0, rest: 0.0 },
+        Law::Assist { torque: 1.0, velocity: 1.0 },
+        Law::Constant { torque: 1.0 },
+    ];
+
     /// Its numbers in the order of the documentation; a compensating damper has none.
     pub fn quantities(&mut self) -> impl Iterator<Item = Quantity<'_>> {
         use Range::{Any, Positive, ZeroOrMore};
@@ -250,31 +300,49 @@ impl Law {
 
     /// One row for each law.
     const fn traits(&self) -> Traits {
-        let none = Traits {
-            center: None,
-            strength: None,
-            takes_limit: false,
-            has_bristle: false,
-            integrates: false,
-            is_at_puck: false,
-        };
+        use CouplingKind as Kind;
+        let plain = Traits::plain;
         match *self {
-            Law::Spring { rest, .. } | Law::DeadBand { rest, .. } => {
-                Traits { center: Some(rest), strength: Some("stiffness"), takes_limit: true, ..none }
+            Law::Spring { rest, .. } => {
+                Traits { takes_limit: true, ..plain(Kind::Spring, "a spring").about(rest, "stiffness") }
             }
-            Law::Damper { .. } => Traits { takes_limit: true, ..none },
-            Law::Wall { at, .. } => Traits { center: Some(at), strength: Some("stiffness"), takes_limit: true, ..none },
-            Law::Detent { phase, .. } | Law::Texture { phase, .. } => {
-                Traits { center: Some(phase), strength: Some("torque"), ..none }
+            Law::Damper { .. } => Traits { takes_limit: true, ..plain(Kind::Damper, "a damper") },
+            Law::Wall { at, .. } => Traits { takes_limit: true, ..plain(Kind::Wall, "a wall").about(at, "stiffness") },
+            Law::Detent { phase, .. } => plain(Kind::Detent, "a detent").about(phase, "torque"),
+            Law::DeadBand { rest, .. } => {
+                Traits { takes_limit: true, ..plain(Kind::DeadBand, "a dead band").about(rest, "stiffness") }
             }
-            Law::Magnet { at, .. } => Traits { center: Some(at), strength: Some("torque"), ..none },
-            Law::Lugre { .. } => Traits { strength: Some("bristle_stiffness"), has_bristle: true, ..none },
-            Law::Integral { rest, .. } => {
-                Traits { center: Some(rest), takes_limit: true, integrates: true, is_at_puck: true, ..none }
+            Law::Magnet { at, .. } => plain(Kind::Magnet, "a magnet").about(at, "torque"),
+            Law::Texture { phase, .. } => plain(Kind::Texture, "a texture").about(phase, "torque"),
+            Law::Coulomb { .. } => Traits { is_endless: true, ..plain(Kind::Friction, "Coulomb friction") },
+            Law::Lugre { .. } => Traits {
+                strength: Some("bristle_stiffness"),
+                has_bristle: true,
+                ..plain(Kind::Friction, "LuGre friction")
+            },
+            Law::Integral { rest, .. } => Traits {
+                center: Some(rest),
+                takes_limit: true,
+                integrates: true,
+                is_at_puck: true,
+                is_endless: true,
+                ..plain(Kind::Integral, "an integral term")
+            },
+            Law::Assist { .. } => Traits { is_at_puck: true, is_endless: true, ..plain(Kind::Assist, "an assist") },
+            Law::Constant { torque } => {
+                Traits { is_endless: torque != 0.0, ..plain(Kind::Constant, "a constant torque") }
             }
-            Law::Assist { .. } => Traits { is_at_puck: true, ..none },
-            Law::Coulomb { .. } | Law::Constant { .. } => none,
         }
+    }
+
+    /// Its kind in world files.
+    pub const fn kind(&self) -> CouplingKind {
+        self.traits().kind
+    }
+
+    /// What it is called, with its article.
+    pub const fn noun(&self) -> &'static str {
+        self.traits().noun
     }
 
     /// The number that its torque is proportional to, as a stiffness: `None` where it has no slope against q.
@@ -321,6 +389,11 @@ impl Law {
         self.traits().is_at_puck
     }
 
+    /// Whether it may hold a torque at rest that is 0 at no q: an origin that slips after it would slip on and on.
+    pub const fn is_endless(&self) -> bool {
+        self.traits().is_endless
+    }
+
     /// Whether it has a bristle, an internal state that bends with the motion.
     pub const fn has_bristle(&self) -> bool {
         self.traits().has_bristle
@@ -338,6 +411,11 @@ impl Law {
 
     /// A texture's waveform; `None` for every other law.
     pub const fn waveform(&self) -> Option<&Waveform> {
+        if let Law::Texture { waveform, .. } = self { Some(waveform) } else { None }
+    }
+
+    /// The same, to be changed.
+    pub const fn waveform_mut(&mut self) -> Option<&mut Waveform> {
         if let Law::Texture { waveform, .. } = self { Some(waveform) } else { None }
     }
 

@@ -25,6 +25,13 @@ pub struct Waveform {
 }
 
 impl Waveform {
+    /// sin θ
+    pub const SINE: Waveform = {
+        let mut sine = [0.0; HARMONICS];
+        sine[0] = 1.0;
+        Waveform { sine, cosine: [0.0; HARMONICS] }
+    };
+
     /// The harmonics: n, and the factors of sin nθ and cos nθ.
     pub fn harmonics(&self) -> impl Iterator<Item = (f64, f64, f64)> + Clone + use<> {
         self.sine

@@ -1,9 +1,10 @@
 //! The rows of the table of keys, for world files and for network files.
 
+use hapt_core::spec::CouplingKind;
 use hapt_core::{HARMONICS, Method, Output, Side, WhenLate};
 
 use super::{Key, Measure, Presence, Range, Takes, key};
-use crate::kinds::{Compensated, CouplingKind, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
+use crate::kinds::{Compensated, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
 
 /// The word that makes a damper follow the springs beside it.
 pub(crate) const COMPENSATING: &str = "compensating";

@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use hapt_core::{Law, spec::Range};
+
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
@@ -41,6 +43,25 @@ fn every_file_that_the_compiler_leads_to_names_every_law() {
                 source.contains(&format!("Law::{variant}")) || source.contains(&format!("Core::{variant}")),
                 "{path} lacks {variant}"
             );
+        }
+    }
+}
+
+#[test]
+fn every_law_is_among_all_with_numbers_of_its_ranges() {
+    let mut named: Vec<String> =
+        Law::ALL.iter().map(|law| format!("{law:?}").split(' ').next().unwrap().to_string()).collect();
+    named.dedup();
+    assert_eq!(named, variants());
+    for mut law in Law::ALL {
+        let of = format!("{law:?}");
+        for quantity in law.quantities() {
+            let fits = match quantity.range {
+                Range::Any => quantity.value.is_finite(),
+                Range::ZeroOrMore => *quantity.value >= 0.0,
+                Range::Positive => *quantity.value > 0.0,
+            };
+            assert!(fits, "{} of {of}", quantity.name);
         }
     }
 }
