@@ -1,5 +1,7 @@
 //! Helpers for the tests of several crates.
 
+pub mod laws;
+
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -3,6 +3,7 @@
 use hapt_core::{
     Batch, Body, Coupling, Damping, End, Estimator, Lanes, Law, Loop, Method, Number, Output, Side, Spec, Waveform,
 };
+use hapt_testing::laws::SIZES;
 use proptest::prelude::*;
 
 const N: usize = 5;
@@ -40,38 +41,27 @@ proptest! {
     }
 }
 
-/// How many kinds of nonlinear couplings there are, each between three pairs of ends.
-const KINDS: usize = 12;
+/// How many couplings there are: every law between three pairs of ends, without a limit and with one.
+const COUPLINGS: usize = 6 * Law::ALL.len();
 
-/// A nonlinear coupling of some kind.
-fn nonlinear_coupling(kind: usize, scale: f64) -> Coupling {
-    let law = match kind % KINDS {
-        0 => Law::Wall { side: Side::Above, at: 0.05, stiffness: 5.0 * scale, damping: 0.01 },
-        1 => Law::Detent { torque: 0.05 * scale, pitch: 0.3, phase: 0.1 },
-        2 => Law::DeadBand { stiffness: 4.0 * scale, rest: 0.0, width: 0.1 },
-        3 => Law::Coulomb { torque: 0.02 * scale },
-        4 => Law::Lugre {
-            coulomb: 0.02 * scale,
-            stribeck: 0.03 * scale,
-            stribeck_velocity: 0.1,
-            bristle_stiffness: 5.0,
-            bristle_damping: 0.01,
-            viscous: 1e-3,
-        },
-        5 => Law::Spring { stiffness: 3.0 * scale, rest: 0.0 },
-        6 => Law::Damper { damping: Damping::Fixed(0.05 * scale) },
-        7 => Law::Magnet { torque: 0.05 * scale, width: 0.1, at: 0.05 * scale },
-        8 => Law::Texture { torque: 0.05 * scale, pitch: 0.2, phase: 0.1 * scale, waveform: WAVEFORM },
-        9 => Law::Integral { stiffness: 2.0 * scale, time: 0.3, rest: 0.01 * scale },
-        10 => Law::Assist { torque: 0.02 * scale, velocity: 0.3 },
-        _ => Law::Wall { side: Side::Below, at: -0.05, stiffness: 5.0 * scale, damping: 0.01 },
-    };
-    let limit = matches!(kind % KINDS, 5 | 6 | 9).then_some(0.1);
-    let ends = [(End::Puck, End::Ground), (End::Puck, End::Body(0)), (End::Body(1), End::Ground)];
+/// One of them; the scale moves its numbers within their ranges.
+fn coupling(index: usize, scale: f64) -> Coupling {
+    let (mut law, variant) = (Law::ALL[index % Law::ALL.len()], index / Law::ALL.len());
+    for quantity in law.quantities() {
+        let size = SIZES.of(quantity.name, quantity.range);
+        *quantity.value = size.start() + scale / 3.0 * (size.end() - size.start());
+    }
+    if let Some(waveform) = law.waveform_mut() {
+        *waveform = WAVEFORM;
+    }
     // An integral term and an assist are between puck and ground.
-    let (first, second) = ends[if law.is_at_puck() { 0 } else { kind / KINDS % 3 }];
-    Coupling { first, second, law, limit }
+    let ends = [(End::Puck, End::Ground), (End::Puck, End::Body(0)), (End::Body(1), End::Ground)];
+    let (first, second) = ends[if law.is_at_puck() { 0 } else { variant % 3 }];
+    Coupling { first, second, law, limit: (law.takes_limit() && variant > 2).then_some(0.1) }
 }
+
+const WALL: Coupling =
+    Law::Wall { side: Side::Above, at: 0.05, stiffness: 5.0, damping: 0.01 }.between(End::Puck, End::Ground);
 
 const WAVEFORM: Waveform = Waveform { sine: [0.5, 0.0, -0.25, 0.125], cosine: [0.0, 0.5, 0.0, -0.5] };
 
@@ -98,12 +88,10 @@ fn compiled(
     ];
     let advance = if output == Output::End && bodies_every == 1 { 2 } else { 0 };
     // An integral term and an assist have no advance.
-    let spring_for = |c: &Coupling| match c.law {
-        Law::Assist { .. } if advance > 0 => Coupling { law: Law::Coulomb { torque: 0.01 }, ..*c },
-        Law::Integral { stiffness, rest, .. } if advance > 0 => Coupling { law: Law::Spring { stiffness, rest }, ..*c },
-        _ => *c,
-    };
-    couplings.extend(more.iter().map(spring_for));
+    couplings.extend(more.iter().map(|c| match advance > 0 && c.law.is_at_puck() {
+        true => Coupling { law: Law::Coulomb { torque: 0.01 }, limit: None, ..*c },
+        false => *c,
+    }));
     let spec = Spec {
         method,
         output,
@@ -137,14 +125,14 @@ proptest! {
     fn worlds_side_by_side_take_the_samples_they_take_alone(
         scales in prop::array::uniform5(0.2..3.0f64),
         inputs in prop::collection::vec((prop::array::uniform5(-1.0..1.0f64), prop::array::uniform5(-9.0..9.0f64)), 30),
-        broken in 0..60usize, kinds in prop::array::uniform5(prop::collection::vec(0..3 * KINDS, 0..3)),
+        broken in 0..60usize, kinds in prop::array::uniform5(prop::collection::vec(0..COUPLINGS, 0..3)),
         estimator in prop::sample::select(&ESTIMATORS[..]), bends in any::<bool>(), alike in any::<bool>(), every in prop_oneof![Just(1), 2..5u32],
     ) {
         for method in Method::ALL {
             for output in Output::ALL {
                 for counted in [false, true] {
                     let single = std::array::from_fn::<_, N, _>(|i| {
-                        let more: Vec<Coupling> = kinds[if alike { 0 } else { i }].iter().map(|kind| nonlinear_coupling(*kind, scales[i])).collect();
+                        let more: Vec<Coupling> = kinds[if alike { 0 } else { i }].iter().map(|kind| coupling(*kind, scales[i])).collect();
                         let all = compiled(method, output, estimator, counted, scales[i], if bends { &more } else { &[] }, every);
                         all.or_else(|| compiled(method, output, estimator, counted, scales[i], &[], every))
                     });
@@ -191,11 +179,8 @@ fn worlds_of_different_kinds_do_not_stand_side_by_side() {
     let plain = || of(Method::Zoh, Output::End, Estimator::Exact, false, 1.0);
     let with = |world| Batch::<2, 2, 6, 9, 6>::new(&[plain(), world]).is_some();
     assert!(with(of(Method::Trapezoidal, Output::End, Estimator::Exact, false, 2.0)));
-    assert!(with(
-        compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0, &[nonlinear_coupling(0, 1.0)], 1).unwrap()
-    ));
-    let nonlinear =
-        compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0, &[nonlinear_coupling(0, 1.0)], 1).unwrap();
+    assert!(with(compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0, &[WALL], 1).unwrap()));
+    let nonlinear = compiled(Method::Zoh, Output::End, Estimator::Exact, false, 1.0, &[WALL], 1).unwrap();
     assert!(Batch::<2, 2, 6, 9, 0>::new(&[plain(), nonlinear]).is_none());
     assert!(!with(of(Method::Tustin, Output::Start, Estimator::Exact, false, 1.0)));
     assert!(!with(of(Method::Zoh, Output::Middle, Estimator::Exact, false, 1.0)));

@@ -2,6 +2,7 @@
 #![allow(dead_code)]
 
 use hapt_core::{Body, Coupling, Damping, End, Law, Method, Output, Side, Spec, Waveform};
+use hapt_testing::laws::{SIZES, Sizes, goes_to_bodies, some_limited};
 use proptest::prelude::*;
 
 #[derive(Clone, Debug)]
@@ -203,47 +204,14 @@ fn end(i: usize, n: usize) -> End {
     }
 }
 
-/// Harmonics that fall with their number.
-pub fn waveform() -> impl Strategy<Value = Waveform> {
-    let factors = || [-1.0_f32..1.0, -0.5..0.5, -0.3..0.3, -0.2..0.2];
-    (factors(), factors()).prop_map(|(sine, cosine)| Waveform { sine, cosine })
-}
-
 /// A law, and its limit.
 fn law(nonlinear: bool) -> BoxedStrategy<(Law, Option<f64>)> {
-    let linear = prop_oneof![
-        (0.0_f64..10.0, -1.0_f64..1.0).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),
-        (0.0_f64..0.1).prop_map(|damping| Law::Damper { damping: Damping::Fixed(damping) }),
-    ];
-    if !nonlinear {
-        return linear.prop_map(|law| (law, None)).boxed();
+    let sizes = Sizes { stiffness: 0.0..=10.0, damping: 0.0..=0.1, torque: 0.0..=1.0, place: 1.0, ..SIZES };
+    if nonlinear {
+        some_limited(sizes.laws(goes_to_bodies), 0.01_f64..2.0).boxed()
+    } else {
+        let laws =
+            sizes.laws(|law| law.spring().is_some() || matches!(law, Law::Damper { damping: Damping::Fixed(_) }));
+        laws.prop_map(|law| (law, None)).boxed()
     }
-    let side = prop_oneof![Just(Side::Above), Just(Side::Below)];
-    let wall = (side, -1.0_f64..1.0, 0.0_f64..10.0, 0.0_f64..0.05)
-        .prop_map(|(side, at, stiffness, damping)| Law::Wall { side, at, stiffness, damping })
-        .boxed();
-    let band = (0.0_f64..10.0, -1.0_f64..1.0, 0.0_f64..0.5)
-        .prop_map(|(stiffness, rest, width)| Law::DeadBand { stiffness, rest, width })
-        .boxed();
-    let limited = prop_oneof![2 => linear.clone(), 1 => wall.clone(), 1 => band.clone()];
-    let free = prop_oneof![
-        linear,
-        wall,
-        (0.0_f64..1.0, 0.1_f64..2.0, -1.0_f64..1.0).prop_map(|(torque, pitch, phase)| Law::Detent {
-            torque,
-            pitch,
-            phase
-        }),
-        band,
-        (0.0_f64..1.0, 0.02_f64..1.0, -1.0_f64..1.0).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
-        (0.0_f64..0.5, 0.1_f64..2.0, -1.0_f64..1.0, waveform())
-            .prop_map(|(torque, pitch, phase, waveform)| Law::Texture { torque, pitch, phase, waveform }),
-        (0.0_f64..0.5).prop_map(|torque| Law::Coulomb { torque }),
-        (-0.5_f64..0.5).prop_map(|torque| Law::Constant { torque }),
-    ];
-    prop_oneof![
-        8 => free.prop_map(|law| (law, None)),
-        1 => (limited, (0.01_f64..2.0).prop_map(Some)),
-    ]
-    .boxed()
 }

@@ -1,8 +1,6 @@
 //! What a loop cannot be compiled from is refused by name.
 
-use hapt_core::{Body, Coupling, Damping, End, Error, Estimator, Law, Loop, Method, Output, Side, Spec, Waveform};
-
-const SINE: Waveform = Waveform { sine: [1.0, 0.0, 0.0, 0.0], cosine: [0.0; 4] };
+use hapt_core::{Body, Coupling, Damping, End, Error, Estimator, Law, Loop, Method, Output, Side, Spec};
 
 const BODIES: [Body; 2] = [Body { inertia: 0.02, position: 0.0, velocity: 0.0 }; 2];
 const SPRING: Coupling =
@@ -95,29 +93,17 @@ fn a_compensating_damper_needs_its_spring() {
 
 #[test]
 fn a_method_that_takes_the_new_sample_first_refuses_a_nonlinear_torque_on_a_body_and_those_that_find_it_refuse_lugre() {
-    let lugre = Law::Lugre {
-        coulomb: 1.0,
-        stribeck: 1.0,
-        stribeck_velocity: 1.0,
-        bristle_stiffness: 1.0,
-        bristle_damping: 1.0,
-        viscous: 1.0,
+    let of_itself = |law: &Law| !law.is_at_puck() && !law.is_compensating();
+    let with = |limit: Option<f64>| Law::ALL.into_iter().filter(of_itself).map(move |law| (law, limit));
+    let is_nonlinear = |&(law, limit): &(Law, Option<f64>)| match limit {
+        None => !matches!(law, Law::Spring { .. } | Law::Damper { .. }),
+        Some(_) => law.takes_limit(),
     };
-    let laws = [
-        (Law::Wall { side: Side::Above, at: 0.0, stiffness: 1.0, damping: 0.0 }, None),
-        (Law::Detent { torque: 1.0, pitch: 1.0, phase: 0.0 }, None),
-        (Law::DeadBand { stiffness: 1.0, rest: 0.0, width: 1.0 }, None),
-        (Law::Magnet { torque: 1.0, width: 1.0, at: 0.0 }, None),
-        (Law::Texture { torque: 1.0, pitch: 1.0, phase: 0.0, waveform: SINE }, None),
-        (Law::Coulomb { torque: 1.0 }, None),
-        (Law::Constant { torque: 1.0 }, None),
-        (SPRING.law, Some(1.0)),
-        (lugre, None),
-    ];
+    let laws: Vec<(Law, Option<f64>)> = with(None).chain(with(Some(1.0))).filter(is_nonlinear).collect();
     for method in Method::ALL {
         let output = if method.takes_new_sample_first() { Output::Start } else { Output::End };
-        for (law, limit) in laws {
-            let taken = method.is_explicit() || (method.finds_torques() && law != lugre);
+        for &(law, limit) in &laws {
+            let taken = method.is_explicit() || (method.finds_torques() && !law.has_bristle());
             let couplings = [SPRING, Coupling { first: End::Body(0), second: End::Ground, law, limit }];
             let refused = refusal(&Spec { method, output, couplings: &couplings, ..SPEC });
             assert_eq!(refused, (!taken).then_some(Error::Unsupported { coupling: 1, method }), "{method:?} {law:?}");

@@ -1,6 +1,7 @@
 //! The step is the contract's: the torques that it names, the puck's share of them, and nothing else.
 
 use hapt_core::{Coupling, Damping, End, Law, Loop, Method, Output, Side, Spec, State};
+use hapt_testing::laws::{SIZES, Sizes, goes_to_bodies};
 use proptest::prelude::*;
 
 use super::{METHODS, Small, body, floor, grounded, list, spring};
@@ -82,18 +83,8 @@ fn crowded() -> impl Strategy<Value = World> {
         pitch,
         phase,
     });
-    let magnet =
-        (0.1_f64..1.0, 0.05_f64..0.3, -0.5_f64..0.5).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at });
-    let wall = (any::<bool>(), -0.3_f64..0.3, 1.0_f64..300.0, prop_oneof![Just(0.0), 0.0_f64..0.3]).prop_map(
-        |(above, at, stiffness, damping)| Law::Wall {
-            side: if above { Side::Above } else { Side::Below },
-            at,
-            stiffness,
-            damping,
-        },
-    );
-    let friction = (0.01_f64..0.3).prop_map(|torque| Law::Coulomb { torque });
-    let law = prop_oneof![4 => detent.clone(), 1 => magnet, 1 => wall, 1 => friction];
+    let sizes = Sizes { stiffness: 1.0..=300.0, damping: 0.0..=0.3, torque: 0.01..=1.0, length: 0.05..=0.3, ..SIZES };
+    let law = prop_oneof![detent.clone(), sizes.laws(goes_to_bodies)];
     let more = prop::collection::vec((ends.clone(), law, prop::option::of(0.2_f64..2.0)), 1..4);
     let steep = prop::collection::vec((ends, detent), 2..4);
     (steep, more, 1e-3_f64..1e-2, -1.0_f64..1.0, -20.0_f64..20.0).prop_map(

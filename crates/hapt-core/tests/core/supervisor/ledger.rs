@@ -1,10 +1,10 @@
 //! Both energy ledgers in closed form, and over random worlds.
 
-use hapt_core::{Body, Damping, Reason, Side};
+use hapt_core::{Body, Damping, Reason};
+use hapt_testing::laws::{SIZES, Sizes, goes_to_bodies, some_limited};
 use proptest::prelude::*;
 
 use super::*;
-use crate::reference::waveform;
 
 for_both! {
     rocking_a_spring_takes_what_the_hold_leaks
@@ -107,31 +107,8 @@ fn network() -> impl Strategy<Value = (Vec<Body>, Vec<Coupling>)> {
         (End::Body(1), End::Ground),
         (End::Puck, End::Ground),
     ];
-    let free = prop_oneof![
-        (0.1..20.0, -0.2..0.2).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),
-        (0.0..0.02).prop_map(|damping| Law::Damper { damping: Damping::Fixed(damping) }),
-        (0.1..20.0, -0.2..0.2, 0.0..0.01).prop_map(|(stiffness, at, damping)| Law::Wall {
-            side: Side::Above,
-            at,
-            stiffness,
-            damping
-        }),
-        (0.01..0.2, 0.3..2.0).prop_map(|(torque, pitch)| Law::Detent { torque, pitch, phase: 0.1 }),
-        (0.1..20.0, -0.2..0.2, 0.0..0.2).prop_map(|(stiffness, rest, width)| Law::DeadBand { stiffness, rest, width }),
-        (0.01..0.2, 0.1..1.0, -0.2..0.2).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
-        (0.01..0.1, 0.3..2.0, waveform()).prop_map(|(torque, pitch, waveform)| Law::Texture {
-            torque,
-            pitch,
-            phase: 0.1,
-            waveform
-        }),
-        (-0.1..0.1).prop_map(|torque| Law::Constant { torque }),
-        (0.0..0.05).prop_map(|torque| Law::Coulomb { torque }),
-    ];
-    let law = prop_oneof![
-        9 => free.prop_map(|law| (law, None)),
-        1 => (0.1..20.0, 0.01..0.5).prop_map(|(stiffness, limit)| (Law::Spring { stiffness, rest: 0.0 }, Some(limit))),
-    ];
+    let sizes = Sizes { damping: 0.0..=0.01, torque: 0.0..=0.2, length: 0.2..=2.0, ..SIZES };
+    let law = some_limited(sizes.laws(goes_to_bodies), 0.01..0.5);
     let couplings = proptest::collection::vec((0usize..4, law), 2..8).prop_map(move |all| {
         all.into_iter()
             .map(|(pair, (law, limit))| Coupling { first: pairs[pair].0, second: pairs[pair].1, law, limit })

@@ -1,7 +1,7 @@
 //! Idle re-centring: when the origin slips, how fast, and that no slip raises what the couplings store.
 
 use super::*;
-use hapt_core::Waveform;
+use hapt_testing::laws::{SIZES, Sizes, is_potential};
 use proptest::prelude::*;
 
 const PERIODS: f64 = 50.0;
@@ -70,34 +70,17 @@ fn a_slip_is_no_work_of_the_hand<F: Real>() {
     }
 }
 
+/// Laws with an energy about a place.
 pub fn law() -> impl Strategy<Value = Law> {
-    let waveform = Waveform { sine: [0.6, 0.3, 0.0, 0.1], cosine: [0.2, 0.0, 0.1, 0.0] };
-    prop_oneof![
-        (0.05..2.0_f64, -0.02..0.02_f64).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),
-        (1e-3..0.05_f64, 0.02..0.5_f64, -0.1..0.1_f64).prop_map(|(torque, pitch, phase)| Law::Detent {
-            torque,
-            pitch,
-            phase
-        }),
-        (0.05..2.0_f64, 0.0..0.01_f64).prop_map(|(stiffness, width)| Law::DeadBand { stiffness, rest: 0.0, width }),
-        (1e-3..0.05_f64, 0.02..0.2_f64, -0.1..0.1_f64).prop_map(|(torque, width, at)| Law::Magnet {
-            torque,
-            width,
-            at
-        }),
-        (1e-3..0.05_f64, 0.02..0.5_f64).prop_map(move |(torque, pitch)| Law::Texture {
-            torque,
-            pitch,
-            phase: 0.0,
-            waveform
-        }),
-        (0.05..2.0_f64, -0.02..0.02_f64).prop_map(|(stiffness, at)| Law::Wall {
-            side: hapt_core::Side::Above,
-            at,
-            stiffness,
-            damping: 0.0
-        }),
-    ]
+    let sizes = Sizes {
+        stiffness: 0.05..=2.0,
+        damping: 0.0..=0.0,
+        torque: 1e-3..=0.05,
+        length: 0.01..=0.5,
+        place: 0.1,
+        ..SIZES
+    };
+    sizes.laws(is_potential)
 }
 
 proptest! {
