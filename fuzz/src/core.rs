@@ -1,9 +1,6 @@
 //! The loop of hapt-core: a spec, a state and measurements of any bits.
 
-use hapt_core::{
-    Body, Coupling, Damping, End, Error, Estimator, Law, Loop, Method, Output, Real, Side, Spec, State, Vector,
-    Waveform,
-};
+use hapt_core::{Body, Coupling, End, Error, Estimator, Law, Loop, Method, Output, Real, Spec, State, Vector};
 
 use crate::messages::outcome;
 
@@ -86,41 +83,15 @@ impl Bits<'_> {
     }
 
     fn law(&mut self) -> Law {
-        match self.below(13) {
-            0 => Law::Spring { stiffness: self.number(), rest: self.number() },
-            1 => Law::Damper { damping: Damping::Fixed(self.number()) },
-            2 => Law::Damper { damping: Damping::Compensating },
-            3 => Law::Wall {
-                side: if self.byte() & 1 == 0 { Side::Above } else { Side::Below },
-                at: self.number(),
-                stiffness: self.number(),
-                damping: self.number(),
-            },
-            4 => Law::Detent { torque: self.number(), pitch: self.number(), phase: self.number() },
-            5 => Law::Coulomb { torque: self.number() },
-            6 => Law::Lugre {
-                coulomb: self.number(),
-                stribeck: self.number(),
-                stribeck_velocity: self.number(),
-                bristle_stiffness: self.number(),
-                bristle_damping: self.number(),
-                viscous: self.number(),
-            },
-            7 => Law::DeadBand { stiffness: self.number(), rest: self.number(), width: self.number() },
-            8 => Law::Magnet { torque: self.number(), width: self.number(), at: self.number() },
-            9 => Law::Texture {
-                torque: self.number(),
-                pitch: self.number(),
-                phase: self.number(),
-                waveform: Waveform {
-                    sine: std::array::from_fn(|_| self.number() as f32),
-                    cosine: std::array::from_fn(|_| self.number() as f32),
-                },
-            },
-            10 => Law::Integral { stiffness: self.number(), time: self.number(), rest: self.number() },
-            11 => Law::Assist { torque: self.number(), velocity: self.number() },
-            _ => Law::Constant { torque: self.number() },
+        let mut law = Law::ALL[self.below(Law::ALL.len())];
+        for quantity in law.quantities() {
+            *quantity.value = self.number();
         }
+        if let Some(waveform) = law.waveform_mut() {
+            waveform.sine = std::array::from_fn(|_| self.number() as f32);
+            waveform.cosine = std::array::from_fn(|_| self.number() as f32);
+        }
+        law
     }
 
     fn vector<F: Real>(&mut self) -> Vector<F, BODIES> {

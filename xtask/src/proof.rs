@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 use fastrand::Rng;
-use hapt_core::{Side, Waveform};
+use hapt_core::Waveform;
 use hapt_model::{
     Body, Cogging, Compensated, Coupling, Damping, Delay, Device, End, EstimatorKind, FrictionByPosition, Gravity,
     Handle, Law, Method, Motion, Output, Sampling, World,
@@ -21,7 +21,7 @@ use serde_json::Value;
 
 use crate::campaign::Campaign;
 use crate::programs;
-use crate::random::{log_uniform, one_of};
+use crate::random::{as_steep_as, log_uniform, one_of, potentials};
 
 const CHECKER: &str = "proof/checker.py";
 const COQ: &str = "proof/passive.v";
@@ -383,24 +383,19 @@ fn sampling_is_linear(world: &World) -> bool {
     world.sampling.estimator == EstimatorKind::LowPass
 }
 
+/// A law that the checker knows, of those about a place every one; a texture it does not.
 fn law(rng: &mut Rng, is_linear: bool) -> Law {
-    let stiffness = log_uniform(rng, -2.0, 3.0);
-    let damping = log_uniform(rng, -5.0, -1.0);
-    match rng.u8(..if is_linear { 5 } else { 9 }) {
-        0..3 => Law::Spring { stiffness, rest: rng.f64() - 0.5 },
-        3 | 4 => Law::Damper { damping: Damping::Fixed(damping) },
-        5 | 6 => Law::Wall {
-            side: one_of(rng, &[Side::Above, Side::Below]),
-            at: rng.f64() - 0.5,
-            stiffness: 10.0 * stiffness,
-            damping: if rng.bool() { 0.0 } else { damping },
-        },
-        7 => Law::Detent { torque: log_uniform(rng, -3.0, 0.0), pitch: log_uniform(rng, -1.5, 0.0), phase: rng.f64() },
-        _ if rng.bool() => Law::DeadBand { stiffness, rest: 0.0, width: 0.1 * rng.f64() },
+    let law = match rng.u8(..if is_linear { 5 } else { 9 }) {
+        0..3 => Law::Spring { stiffness: 1.0, rest: 0.0 },
+        3 | 4 => Law::Damper { damping: Damping::Fixed(1.0) },
         _ => {
-            Law::Magnet { torque: log_uniform(rng, -3.0, 0.0), width: log_uniform(rng, -1.5, 0.0), at: rng.f64() - 0.5 }
+            let known: Vec<Law> = potentials().into_iter().filter(|law| law.waveform().is_none()).collect();
+            one_of(rng, &known)
         }
-    }
+    };
+    let damping = if law.side().is_some() && rng.bool() { 0.0 } else { log_uniform(rng, -5.0, -1.0) };
+    let stiffness = log_uniform(rng, -2.0, 3.0);
+    as_steep_as(rng, law, stiffness, damping)
 }
 
 /// Compiles the Coq file: no proof in it is left open, and its theorems assume only the axioms of the real numbers.

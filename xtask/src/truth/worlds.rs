@@ -3,10 +3,10 @@
 use fastrand::Rng;
 use hapt_model::{
     Body, Coupling, Damping, Device, End, EstimatorKind, FrictionByPosition, Handle, Law, Method, Motion, Output,
-    Sampling, Side, Stops, Stribeck, Waveform, World,
+    Sampling, Stops, Stribeck, Waveform, World,
 };
 
-use crate::random::{log_uniform, one_of};
+use crate::random::{as_steep_as, log_uniform, one_of, potentials};
 
 fn between(rng: &mut Rng, from: f64, to: f64) -> f64 {
     from + (to - from) * rng.f64()
@@ -234,32 +234,8 @@ fn couplings(
 /// A nonlinear law, or a spring with a limit.
 fn nonlinear(rng: &mut Rng, inertia: f64, period: f64) -> (Law, Option<f64>) {
     let stiffness = inertia * (log_uniform(rng, -2.0, 0.0) / period).powi(2);
-    let law = match rng.u8(..6) {
-        0 => Law::Wall {
-            side: one_of(rng, &[Side::Above, Side::Below]),
-            at: between(rng, -0.3, 0.3),
-            stiffness,
-            damping: if rng.bool() { stiffness * period * rng.f64() } else { 0.0 },
-        },
-        1 => {
-            let pitch = between(rng, 0.05, 1.0);
-            Law::Detent { torque: stiffness * pitch / std::f64::consts::TAU, pitch, phase: between(rng, -1.0, 1.0) }
-        }
-        2 => Law::DeadBand { stiffness, rest: between(rng, -0.3, 0.3), width: between(rng, 0.0, 0.3) },
-        3 => {
-            let width = between(rng, 0.02, 0.5);
-            let torque = stiffness * width / std::f64::consts::E.sqrt();
-            Law::Magnet { torque, width, at: between(rng, -0.3, 0.3) }
-        }
-        4 => {
-            let pitch = between(rng, 0.05, 1.0);
-            let mut factors = || std::array::from_fn(|_| if rng.bool() { between(rng, -1.0, 1.0) as f32 } else { 0.0 });
-            let waveform = Waveform { sine: factors(), cosine: factors() };
-            // So steep at most, and a texture of no harmonic is nothing.
-            let torque = stiffness * pitch / (std::f64::consts::TAU * waveform.slope().max(1e-3));
-            Law::Texture { torque, pitch, phase: between(rng, -1.0, 1.0), waveform }
-        }
-        _ => return (Law::Spring { stiffness, rest: 0.0 }, Some(stiffness * between(rng, 0.01, 0.3))),
-    };
-    (law, None)
+    let damping = if rng.bool() { stiffness * period * rng.f64() } else { 0.0 };
+    let law = one_of(rng, &potentials());
+    let law = as_steep_as(rng, law, stiffness, damping);
+    (law, law.spring().map(|stiffness| stiffness * between(rng, 0.01, 0.3)))
 }

@@ -9,11 +9,9 @@ mod proof;
 mod timing;
 
 use hapt_analysis::{Cause, Status, passivity};
-use hapt_model::{Coupling, Damping, End, EstimatorKind, Law, Method, Output, Side, Waveform, World};
+use hapt_model::{Coupling, Damping, End, EstimatorKind, Law, Method, Output, Side, World};
 
 use crate::common::*;
-
-const THIRD: Waveform = Waveform { sine: [0.0, 0.0, 1.0, 0.0], cosine: [0.0; 4] };
 
 /// On a device without damping: what is required is all that there must be.
 fn world(bench: Bench, method: Method, output: Output, period: f64) -> World {

@@ -9,6 +9,7 @@ use hapt_model::{
     Coupling, Damping, Delay, Drive, End, EstimatorKind, Hand, Law, Method, Output, Scenario, Shape, Side, Timing,
     World,
 };
+use hapt_testing::laws::{SIZES, Sizes, is_potential, some_limited};
 use proptest::prelude::*;
 
 use crate::common::*;
@@ -29,14 +30,7 @@ fn covered() -> impl Strategy<Value = World> {
         (End::Body(1), End::Ground),
         (End::Puck, End::Ground),
     ];
-    let position = prop_oneof![
-        4 => (0.1..20.0, -0.2..0.2).prop_map(|(stiffness, rest)| (Law::Spring { stiffness, rest }, None)),
-        1 => (0.1..20.0, 0.01..0.5).prop_map(|(stiffness, limit)| (Law::Spring { stiffness, rest: 0.0 }, Some(limit))),
-        1 => (0.1..20.0, -0.2..0.2).prop_map(|(stiffness, at)| (Law::Wall { side: Side::Above, at, stiffness, damping: 0.0 }, None)),
-        1 => (0.01..0.2, 0.3..2.0).prop_map(|(torque, pitch)| (Law::Detent { torque, pitch, phase: 0.1 }, None)),
-        1 => (0.1..20.0, 0.0..0.2).prop_map(|(stiffness, width)| (Law::DeadBand { stiffness, rest: 0.0, width }, None)),
-        1 => (0.01..0.2, 0.1..1.0).prop_map(|(torque, width)| (Law::Magnet { torque, width, at: 0.05 }, None)),
-    ];
+    let position = some_limited(Sizes { damping: 0.0..=0.0, ..SIZES }.laws(is_potential), 0.01..0.5);
     let damped = prop_oneof![
         (0.0..0.02).prop_map(|damping| Law::Damper { damping: Damping::Fixed(damping) }),
         (0.0..0.05).prop_map(|torque| Law::Coulomb { torque }),
@@ -85,28 +79,11 @@ fn drawn(world: &World, damping: f64, samples: usize, mut way: impl FnMut(usize,
         .collect()
 }
 
-/// The energy that the world has at the start, the puck at 0: each law by the integral of its torque.
+/// The energy that the world has at the start, the puck at 0.
 fn stored(world: &World) -> f64 {
-    let bodies: Vec<(f64, f64)> = world.bodies.iter().map(|b| (b.position, b.velocity)).collect();
     let moving: f64 = world.bodies.iter().map(|b| 0.5 * b.inertia * b.velocity * b.velocity).sum();
-    let of = |c: &Coupling| {
-        let at = |end: End| end.body().map_or(0.0, |i| bodies[i].0);
-        let q = at(c.first) - at(c.second);
-        let limit = c.limit.unwrap_or(f64::INFINITY);
-        let level_off = |k: f64, x: f64| {
-            let slope = x.abs().min(limit / k);
-            0.5 * k * slope * slope + if x.abs() > slope { limit * (x.abs() - slope) } else { 0.0 }
-        };
-        match c.law {
-            Law::Spring { stiffness, rest } => level_off(stiffness, q - rest),
-            Law::Wall { at, stiffness, .. } => level_off(stiffness, (q - at).max(0.0)),
-            Law::DeadBand { stiffness, rest, width } => level_off(stiffness, ((q - rest).abs() - width).max(0.0)),
-            Law::Detent { torque, pitch, .. } => torque * pitch / std::f64::consts::PI,
-            Law::Magnet { torque, width, .. } => torque * width * 0.5f64.exp(),
-            _ => 0.0,
-        }
-    };
-    moving + world.couplings.iter().map(of).sum::<f64>()
+    let at = |end: End| end.body().map_or(0.0, |i| world.bodies[i].position);
+    moving + world.couplings.iter().map(|c| c.stored(at(c.first) - at(c.second), 0.0)).sum::<f64>()
 }
 
 proptest! {

@@ -1,6 +1,7 @@
 //! The same C under other options: sanitizers, C++, contraction, and options that would change the bits.
 
 use std::fs;
+use std::mem::discriminant;
 use std::process::Command;
 
 use hapt_core::{
@@ -8,6 +9,7 @@ use hapt_core::{
     Reason, Request,
 };
 use hapt_export_c::{About, Float, Prefix, library};
+use hapt_testing::laws::goes_to_bodies;
 
 use crate::bits::{BODIES, COUNTS, COUPLINGS, agree, drawn, fed, readings, some, worlds, written};
 use crate::compiler::{BOARDS, SANITIZERS, compile, compilers, has_board};
@@ -235,15 +237,15 @@ fn the_random_worlds_have_every_method_estimator_law_and_reason() {
     assert!(has(&|world| world.filter.is_some() && world.method.takes_new_sample_first() && !world.bodies.is_empty()));
     assert!(has(&|world| world.estimator == Estimator::Exact));
     assert!(has(&|world| world.advance > 0 && !world.bodies.is_empty()) && has(&|world| world.bodies_every > 1));
-    let at_body = |of: fn(&Law) -> bool| {
-        has(&|world| {
-            world.method.finds_torques()
-                && world.couplings.iter().any(|coupling| coupling.is_at_body() && of(&coupling.law))
-        })
-    };
-    assert!(at_body(|law| matches!(law, Law::Wall { .. })) && at_body(|law| matches!(law, Law::Detent { .. })));
-    assert!(at_body(|law| matches!(law, Law::DeadBand { .. })) && at_body(|law| matches!(law, Law::Magnet { .. })));
-    assert!(at_body(|law| matches!(law, Law::Texture { .. })) && at_body(|law| matches!(law, Law::Coulomb { .. })));
+    for law in Law::ALL.into_iter().filter(|law| !law.is_compensating()) {
+        let is_one = |coupling: &hapt_core::Coupling| discriminant(&coupling.law) == discriminant(&law);
+        let is_found = |coupling: &hapt_core::Coupling| coupling.is_at_body() && coupling.linear().is_none();
+        assert!(has(&|world| world.couplings.iter().any(is_one)), "{law:?}");
+        let may_be_found = goes_to_bodies(&law) && law.constant().is_none();
+        let holds =
+            |world: &World| world.method.finds_torques() && world.couplings.iter().any(|c| is_one(c) && is_found(c));
+        assert_eq!(has(&holds), may_be_found, "{law:?}");
+    }
     assert!(has(&|world| world.couplings.iter().any(|coupling| coupling.law.has_bristle() && coupling.is_at_body())));
 
     assert!(has(&|world| world.couplings.iter().any(|coupling| coupling.law.integrates() && coupling.limit.is_some())));

@@ -1,9 +1,7 @@
 //! Random worlds over all methods, estimators, outputs and laws, with random limits.
 
-use hapt_core::{
-    Body, CertifiedTime, Coupling, Damping, End, Estimator, Heat, Law, Limits, Method, Output, Side, Spec, Waveform,
-    WhenLate,
-};
+use hapt_core::{Body, CertifiedTime, Coupling, End, Estimator, Heat, Law, Limits, Method, Output, Spec, WhenLate};
+use hapt_testing::laws::{SIZES, Sizes, some_limited};
 use proptest::prelude::*;
 
 /// A world that owns its lists.
@@ -44,51 +42,8 @@ impl World {
 }
 
 fn law() -> impl Strategy<Value = (Law, Option<f64>)> {
-    let limit = || prop::option::of(0.01..0.5_f64);
-    let none = |law: Law| (law, None);
-    prop_oneof![
-        (0.0..20.0_f64, -0.3..0.3_f64, limit())
-            .prop_map(|(stiffness, rest, limit)| (Law::Spring { stiffness, rest }, limit)),
-        (0.0..0.02_f64, limit()).prop_map(|(d, limit)| (Law::Damper { damping: Damping::Fixed(d) }, limit)),
-        (any::<bool>(), -0.5..0.5_f64, 0.0..50.0_f64, prop::option::of(0.0..0.05_f64), limit()).prop_map(
-            |(above, at, stiffness, damping, limit)| {
-                let side = if above { Side::Above } else { Side::Below };
-                (Law::Wall { side, at, stiffness, damping: damping.unwrap_or(0.0) }, limit)
-            }
-        ),
-        (0.0..0.4_f64, 0.05..1.0_f64, -0.3..0.3_f64).prop_map(move |(torque, pitch, phase)| none(Law::Detent {
-            torque,
-            pitch,
-            phase
-        })),
-        (0.0..20.0_f64, -0.3..0.3_f64, 0.0..0.2_f64, limit())
-            .prop_map(|(stiffness, rest, width, limit)| (Law::DeadBand { stiffness, rest, width }, limit)),
-        (0.0..0.4_f64, 0.02..0.5_f64, -0.4..0.4_f64).prop_map(move |(torque, width, at)| none(Law::Magnet {
-            torque,
-            width,
-            at
-        })),
-        (
-            0.0..0.3_f64,
-            0.1..1.0_f64,
-            -0.3..0.3_f64,
-            prop::array::uniform4(-1.0_f32..1.0),
-            prop::array::uniform4(-1.0_f32..1.0)
-        )
-            .prop_map(move |(torque, pitch, phase, sine, cosine)| {
-                none(Law::Texture { torque, pitch, phase, waveform: Waveform { sine, cosine } })
-            }),
-        (0.0..0.05_f64).prop_map(move |torque| none(Law::Coulomb { torque })),
-        (0.0..0.05_f64, 0.0..0.08_f64, 0.01..1.0_f64, 1.0..200.0_f64, 0.0..0.1_f64, 0.0..0.01_f64).prop_map(
-            move |(coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous)| {
-                none(Law::Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous })
-            }
-        ),
-        (0.0..20.0_f64, 0.05..5.0_f64, -0.3..0.3_f64, limit())
-            .prop_map(|(stiffness, time, rest, limit)| (Law::Integral { stiffness, time, rest }, limit)),
-        (0.0..0.05_f64, 1e-3..5.0_f64).prop_map(move |(torque, velocity)| none(Law::Assist { torque, velocity })),
-        (-0.1..0.1_f64).prop_map(move |torque| none(Law::Constant { torque })),
-    ]
+    let sizes = Sizes { stiffness: 0.0..=20.0, torque: 0.0..=0.2, length: 0.02..=1.0, velocity: 1e-3..=5.0, ..SIZES };
+    some_limited(sizes.laws(|law| !law.is_compensating()), 0.01..0.5_f64)
 }
 
 fn end(bodies: usize) -> impl Strategy<Value = End> {

@@ -3,12 +3,14 @@
 use std::path::Path;
 
 use hapt_core::WhenLate;
+use hapt_core::spec::Range;
 use hapt_model::keys::PHYSICAL;
 use hapt_model::{
     Body, Cogging, Coupling, Damping, Delay, Device, DeviceTorque, Drive, End, EstimatorKind, FrictionByPosition,
-    Gravity, Hand, Handle, Law, Method, Motion, Mounting, Output, Safety, Sampling, Scenario, Shape, Side, Source,
-    Stops, Stribeck, Switching, Timing, Tolerances, Waveform, World,
+    Gravity, Hand, Handle, Law, Method, Motion, Mounting, Output, Safety, Sampling, Scenario, Shape, Source, Stops,
+    Stribeck, Switching, Timing, Tolerances, Waveform, World,
 };
+use hapt_testing::laws::{laws, some_limited};
 use proptest::collection::vec;
 use proptest::option;
 use proptest::prelude::*;
@@ -31,41 +33,12 @@ fn positive() -> impl Strategy<Value = f64> {
 
 /// A law, and a limit where it takes one.
 fn law() -> impl Strategy<Value = (Law, Option<f64>)> {
-    (plain_law(), option::of(positive())).prop_map(|(law, limit)| (law, limit.filter(|_| law.takes_limit())))
-}
-
-fn plain_law() -> impl Strategy<Value = Law> {
-    let (finite, zero, above) = (any_number, zero_or_more, positive);
-    prop_oneof![
-        (zero(), finite()).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),
-        zero().prop_map(|damping| Law::Damper { damping: Damping::Fixed(damping) }),
-        (select(vec![Side::Above, Side::Below]), finite(), zero(), zero())
-            .prop_map(|(side, at, stiffness, damping)| Law::Wall { side, at, stiffness, damping }),
-        (zero(), above(), finite()).prop_map(|(torque, pitch, phase)| Law::Detent { torque, pitch, phase }),
-        (zero(), finite(), zero()).prop_map(|(stiffness, rest, width)| Law::DeadBand { stiffness, rest, width }),
-        (zero(), above(), finite()).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
-        (zero(), above(), finite(), prop::array::uniform4(-1e3_f32..1e3), prop::array::uniform4(-1e3_f32..1e3))
-            .prop_map(|(torque, pitch, phase, sine, cosine)| Law::Texture {
-                torque,
-                pitch,
-                phase,
-                waveform: Waveform { sine, cosine }
-            }),
-        zero().prop_map(|torque| Law::Coulomb { torque }),
-        (zero(), zero(), above(), zero(), zero(), zero()).prop_map(
-            |(coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous)| Law::Lugre {
-                coulomb,
-                stribeck,
-                stribeck_velocity,
-                bristle_stiffness,
-                bristle_damping,
-                viscous
-            }
-        ),
-        (zero(), above(), finite()).prop_map(|(stiffness, time, rest)| Law::Integral { stiffness, time, rest }),
-        (zero(), above()).prop_map(|(torque, velocity)| Law::Assist { torque, velocity }),
-        finite().prop_map(|torque| Law::Constant { torque }),
-    ]
+    let number = |_: &str, range: Range| match range {
+        Range::Any => any_number().boxed(),
+        Range::ZeroOrMore => zero_or_more().boxed(),
+        Range::Positive => positive().boxed(),
+    };
+    some_limited(laws(|law| !law.is_compensating(), number), positive())
 }
 
 /// A coupling, and for some springs the damper that compensates it. Where `linear_at_bodies`, a nonlinear one becomes a spring.

@@ -3,48 +3,14 @@
 use crate::common::{self, bare, rows, scenario, step};
 use hapt_model::*;
 use hapt_sim::{Simulation, Summary, world_energy};
+use hapt_testing::laws::{SIZES, Sizes, is_potential, some_limited};
 use proptest::prelude::*;
 
-/// A law, and a limit where it takes one.
+/// A law with an energy, and a limit where it takes one.
 fn law() -> impl Strategy<Value = (Law, Option<f64>)> {
-    let limit = prop::option::of(0.05_f64..5.0);
-    (plain_law(), limit).prop_map(|(law, limit)| (law, limit.filter(|_| law.takes_limit())))
-}
-
-fn plain_law() -> impl Strategy<Value = Law> {
-    let side = prop_oneof![Just(Side::Above), Just(Side::Below)];
-    prop_oneof![
-        (0.0_f64..10.0, -1.0_f64..1.0).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),
-        (side, -1.0_f64..1.0, 0.0_f64..10.0).prop_map(|(side, at, stiffness)| Law::Wall {
-            side,
-            at,
-            stiffness,
-            damping: 0.0
-        }),
-        (0.0_f64..1.0, 0.5_f64..3.0, -1.0_f64..1.0).prop_map(|(torque, pitch, phase)| Law::Detent {
-            torque,
-            pitch,
-            phase
-        }),
-        (0.0_f64..10.0, -1.0_f64..1.0, 0.0_f64..0.5).prop_map(|(stiffness, rest, width)| Law::DeadBand {
-            stiffness,
-            rest,
-            width
-        }),
-        (0.0_f64..1.0, 0.05_f64..1.0, -1.0_f64..1.0).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
-        (
-            (0.0_f64..1.0, 0.1_f64..1.0, -1.0_f64..1.0),
-            prop::array::uniform4(-1.0_f32..1.0),
-            prop::array::uniform4(-1.0_f32..1.0)
-        )
-            .prop_map(|((torque, pitch, phase), sine, cosine)| Law::Texture {
-                torque,
-                pitch,
-                phase,
-                waveform: Waveform { sine, cosine }
-            }),
-        (-1.0_f64..1.0).prop_map(|torque| Law::Constant { torque }),
-    ]
+    let sizes =
+        Sizes { stiffness: 0.0..=10.0, damping: 0.0..=0.0, torque: 0.0..=1.0, length: 0.1..=2.0, place: 1.0, ..SIZES };
+    some_limited(sizes.laws(|law| is_potential(law) || law.constant().is_some()), 0.05_f64..5.0)
 }
 
 proptest! {

@@ -2,10 +2,9 @@
 
 use crate::common::{bare, spring, wheel};
 use hapt_core::{Limits, Phase, Reading, Reason, Request, SafeOutput, SafetyProfile, SupervisorState};
-use hapt_model::{
-    Body, Coupling, Drive, End, EstimatorKind, Law, Method, Output, Shape, Side, Source, Waveform, World,
-};
+use hapt_model::{Body, Coupling, Drive, End, EstimatorKind, Law, Method, Output, Shape, Source, World};
 use hapt_sim::{DesktopLoop, DesktopSupervisor, Grip, Simulation, VirtualDevice, world_energy};
+use hapt_testing::laws::{SIZES, goes_to_bodies, some_limited};
 use proptest::prelude::*;
 
 type State = hapt_core::State<f64, 32, 64, 257>;
@@ -159,36 +158,9 @@ fn a_free_puck_under_constant_torque_is_stopped_at_the_overspeed_limit() {
     assert!(fastest > limits.overspeed - step && fastest < limits.overspeed + 2.0 * step, "{fastest}");
 }
 
-/// A law, and its limit.
+/// A law, and its limit. What a constant gives is no energy of the world's to the supervisor.
 fn law() -> impl Strategy<Value = (Law, Option<f64>)> {
-    let free = prop_oneof![
-        (0.1..20.0, -0.2..0.2).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),
-        (0.1..20.0, -0.2..0.2, any::<bool>()).prop_map(|(stiffness, at, above)| Law::Wall {
-            side: if above { Side::Above } else { Side::Below },
-            at,
-            stiffness,
-            damping: 0.01
-        }),
-        (0.01..0.2, 0.3..2.0, -1.0..1.0).prop_map(|(torque, pitch, phase)| Law::Detent { torque, pitch, phase }),
-        (0.1..20.0, -0.2..0.2, 0.0..0.2).prop_map(|(stiffness, rest, width)| Law::DeadBand { stiffness, rest, width }),
-        (0.01..0.2, 0.1..1.0, -0.3..0.3).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
-        (
-            (0.01..0.1, 0.3..2.0, -1.0..1.0),
-            [-1.0_f32..1.0, -0.5..0.5, -0.3..0.3, -0.2..0.2],
-            [-1.0_f32..1.0, -0.5..0.5, -0.3..0.3, -0.2..0.2]
-        )
-            .prop_map(|((torque, pitch, phase), sine, cosine)| Law::Texture {
-                torque,
-                pitch,
-                phase,
-                waveform: Waveform { sine, cosine }
-            }),
-        (0.0..0.01).prop_map(|torque| Law::Coulomb { torque }),
-    ];
-    prop_oneof![
-        7 => free.prop_map(|law| (law, None)),
-        1 => (0.1..20.0, 0.01..0.5).prop_map(|(stiffness, limit)| (Law::Spring { stiffness, rest: 0.1 }, Some(limit))),
-    ]
+    some_limited(SIZES.laws(|law| goes_to_bodies(law) && law.constant().is_none()), 0.01..0.5)
 }
 
 proptest! {

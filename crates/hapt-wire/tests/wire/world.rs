@@ -1,47 +1,13 @@
 //! A world sent over a wire arrives unchanged or is refused.
 
-use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Method, Output, Side, Spec, Waveform};
+use hapt_core::{Body, Coupling, End, Estimator, Law, Method, Output, Spec};
+use hapt_testing::laws::laws;
 use hapt_wire::{Error, Stored, write};
 use proptest::prelude::*;
 use proptest::sample::select;
 
 fn ends() -> impl Strategy<Value = End> {
     prop_oneof![Just(End::Puck), Just(End::Ground), (0..4usize).prop_map(End::Body)]
-}
-
-fn laws() -> impl Strategy<Value = Law> {
-    let x = any::<f64>;
-    let side = || select(vec![Side::Above, Side::Below]);
-    let damping = || prop_oneof![Just(Damping::Compensating), any::<f64>().prop_map(Damping::Fixed)];
-    let wall = (side(), x(), x(), x());
-    prop_oneof![
-        (x(), x()).prop_map(|(stiffness, rest)| Law::Spring { stiffness, rest }),
-        damping().prop_map(|damping| Law::Damper { damping }),
-        wall.prop_map(|(side, at, stiffness, damping)| Law::Wall { side, at, stiffness, damping }),
-        (x(), x(), x()).prop_map(|(torque, pitch, phase)| Law::Detent { torque, pitch, phase }),
-        (x(), x(), x()).prop_map(|(stiffness, rest, width)| Law::DeadBand { stiffness, rest, width }),
-        (x(), x(), x()).prop_map(|(torque, width, at)| Law::Magnet { torque, width, at }),
-        (x(), x(), x(), prop::array::uniform4(-1e3_f32..1e3), prop::array::uniform4(-1e3_f32..1e3)).prop_map(
-            |(torque, pitch, phase, sine, cosine)| Law::Texture {
-                torque,
-                pitch,
-                phase,
-                waveform: Waveform { sine, cosine }
-            }
-        ),
-        x().prop_map(|torque| Law::Coulomb { torque }),
-        (x(), x(), x()).prop_map(|(stiffness, time, rest)| Law::Integral { stiffness, time, rest }),
-        (x(), x()).prop_map(|(torque, velocity)| Law::Assist { torque, velocity }),
-        x().prop_map(|torque| Law::Constant { torque }),
-        prop::array::uniform6(x()).prop_map(|[coulomb, stribeck, stribeck_velocity, a, b, viscous]| Law::Lugre {
-            coulomb,
-            stribeck,
-            stribeck_velocity,
-            bristle_stiffness: a,
-            bristle_damping: b,
-            viscous
-        }),
-    ]
 }
 
 /// Every kind of world, with numbers of any bits.
@@ -89,12 +55,9 @@ fn worlds() -> impl Strategy<Value = Any> {
     ];
     let body = (any::<f64>(), any::<f64>(), any::<f64>());
     let body = body.prop_map(|(inertia, position, velocity)| Body { inertia, position, velocity });
-    let coupling = (ends(), ends(), laws(), any::<Option<f64>>()).prop_map(|(first, second, law, limit)| Coupling {
-        first,
-        second,
-        law,
-        limit: limit.filter(|_| law.takes_limit()),
-    });
+    let coupling = (ends(), ends(), laws(|_| true, |_, _| any::<f64>()), any::<Option<f64>>()).prop_map(
+        |(first, second, law, limit)| Coupling { first, second, law, limit: limit.filter(|_| law.takes_limit()) },
+    );
     let lists = (prop::collection::vec(body, 0..5), prop::collection::vec(coupling, 0..9));
     // A world of either version.
     let every = prop_oneof![Just(1), any::<u32>()];

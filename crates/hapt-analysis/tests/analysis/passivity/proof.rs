@@ -1,5 +1,7 @@
 //! Which worlds are proved passive, and the reasons where one is not.
 
+use hapt_testing::laws::{goes_to_bodies, with};
+
 use super::*;
 
 #[test]
@@ -150,18 +152,17 @@ fn a_damper_with_a_limit_is_not_proved_beside_what_may_not_settle() {
         limit: Some(0.1),
     };
     let to_body = |law, limit| Coupling { first: End::Body(0), second: End::Ground, law, limit };
-    let detent = Law::Detent { torque: 0.02, pitch: 0.1, phase: 0.0 };
-    let wall = |damping| Law::Wall { side: Side::Above, at: 0.1, stiffness: 1.0, damping };
-    for (law, limit, settles) in [
-        (wall(0.0), None, true),
-        (detent, None, false),
-        (Law::DeadBand { stiffness: 1.0, rest: 0.0, width: 0.1 }, None, true),
-        (Law::Magnet { torque: 0.02, width: 0.1, at: 0.0 }, None, false),
-        (Law::Texture { torque: 0.02, pitch: 0.3, phase: 0.0, waveform: THIRD }, None, false),
-        (wall(0.1), None, false),
-        (wall(0.1), Some(1.0), false),
-        (Law::Coulomb { torque: 0.1 }, None, false),
-    ] {
+    let is_nonlinear = |law: &Law| !matches!(law, Law::Spring { .. } | Law::Damper { .. } | Law::Constant { .. });
+    let laws = Law::ALL.into_iter().filter(|law| goes_to_bodies(law) && is_nonlinear(law));
+    let variants = laws.flat_map(|law| {
+        let limits = [None, law.takes_limit().then_some(1.0)];
+        [0.0, 0.1].into_iter().flat_map(move |damping| limits.map(|limit| (with(law, "damping", damping), limit)))
+    });
+    for (law, limit) in variants {
+        // It settles where the torque follows the position alone, and never rises with it.
+        let world = plain(vec![law.between(End::Puck, End::Ground)], 1e-3);
+        let torque = |i: i32, rate: f64| world.spec().coupling_torque(0, (1e-2 * f64::from(i), rate), &[]);
+        let settles = (-300..300).all(|i| torque(i + 1, 0.0) <= torque(i, 0.0) && torque(i, 1e-3) == torque(i, 0.0));
         let mut world = wheel(Method::Zoh, Output::End, 0.3);
         world.device.damping = 1.0;
         world.sampling.estimator = EstimatorKind::Difference;
