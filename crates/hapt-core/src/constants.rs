@@ -1,7 +1,7 @@
 //! The numbers of a compiled world by name, for those who write the loop down in another language.
 
 use crate::matrix::Vector;
-use crate::nonlinear::Nonlinear;
+use crate::nonlinear::{LoopLaw, Nonlinear};
 use crate::sense::Velocity;
 use crate::step::{Loop, Moment};
 use crate::{End, Real};
@@ -132,57 +132,14 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
 
 impl<F: Real> Nonlinear<F> {
     fn constants(&self, to: &mut dyn Constants) {
-        use crate::nonlinear::LoopLaw;
-        let mut numbers = |kind: &'static str, numbers: &[(&'static str, F)]| {
-            to.element("couplings", kind);
-            to.whole("first", "the end that takes the torque", end_code(self.first));
-            to.whole("second", "the end that takes the opposite", end_code(self.second));
-            to.whole("found", "whether a step finds its torque", i64::from(self.is_found));
-            for (name, value) in numbers {
-                to.number(name, "", value.to_f64());
-            }
-        };
-        match &self.curve {
-            LoopLaw::Wall(x) => numbers(
-                "wall",
-                &[
-                    ("direction", x.direction),
-                    ("at", x.at),
-                    ("stiffness", x.stiffness),
-                    ("damping", x.damping),
-                    ("limit", x.limit),
-                ],
-            ),
-            LoopLaw::Spring(x) => {
-                numbers("spring", &[("stiffness", x.stiffness), ("rest", x.rest), ("limit", x.limit)]);
-            }
-            LoopLaw::Damper(x) => numbers("damper", &[("damping", x.damping), ("limit", x.limit)]),
-            LoopLaw::Detent(x) => numbers("detent", &[("torque", x.torque), ("pitch", x.pitch), ("phase", x.phase)]),
-            LoopLaw::DeadBand(x) => numbers(
-                "dead_band",
-                &[("stiffness", x.stiffness), ("rest", x.rest), ("width", x.width), ("limit", x.limit)],
-            ),
-            LoopLaw::Magnet(x) => numbers("magnet", &[("torque", x.torque), ("width", x.width), ("at", x.at)]),
-            LoopLaw::Texture(x) => {
-                numbers("texture", &[("pitch", x.pitch), ("phase", x.phase)]);
-                for (name, factors) in [("sine", x.sine), ("cosine", x.cosine)] {
-                    to.array(name, "", &[factors.len()], &|i| factors.get(i).map_or(0.0, |x| x.to_f64()));
-                }
-            }
-            LoopLaw::Coulomb(x) => numbers("coulomb", &[("torque", x.torque)]),
-            LoopLaw::Lugre(x) => numbers(
-                "lugre",
-                &[
-                    ("coulomb", x.coulomb),
-                    ("stribeck", x.stribeck),
-                    ("stribeck_velocity", x.stribeck_velocity),
-                    ("bristle_stiffness", x.bristle_stiffness),
-                    ("bristle_damping", x.bristle_damping),
-                    ("viscous", x.viscous),
-                ],
-            ),
-            LoopLaw::Integral(x) => {
-                numbers("integral", &[("gain", x.gain), ("rest", x.rest), ("most", x.most)]);
+        to.element("couplings", self.curve.kind());
+        to.whole("first", "the end that takes the torque", end_code(self.first));
+        to.whole("second", "the end that takes the opposite", end_code(self.second));
+        to.whole("found", "whether a step finds its torque", i64::from(self.is_found));
+        self.curve.numbers(|name, value| to.number(name, "", value.to_f64()));
+        if let LoopLaw::Texture(texture) = &self.curve {
+            for (name, factors) in [("sine", texture.sine), ("cosine", texture.cosine)] {
+                to.array(name, "", &[factors.len()], &|i| factors.get(i).map_or(0.0, |x| x.to_f64()));
             }
         }
         to.end();

@@ -309,20 +309,56 @@ impl<F: Real> Nonlinear<F> {
     }
 }
 
-/// The law of these lanes, with their numbers side by side.
-macro_rules! side_by_side {
-    ($laws:ident, $($law:ident { $($number:ident),* })*) => {
-        match $laws[0] {
-            $(LoopLaw::$law(first) => {
-                let of = |i: usize| if let LoopLaw::$law(law) = $laws[i] { law } else { first };
-                LoopLaw::$law($law { $($number: Lanes(from_fn(|i| of(i).$number))),* })
-            })*
-            LoopLaw::Texture(first) => {
-                let of = |i: usize| if let LoopLaw::Texture(texture) = $laws[i] { texture } else { first };
-                LoopLaw::Texture(Texture::side_by_side(of))
+/// The numbers of every law: what is given of each by name, and what lanes have side by side.
+macro_rules! numbers {
+    ($($law:ident $kind:literal { $($number:ident),* })*) => {
+        impl<F: Number> LoopLaw<F> {
+            /// Its name among [`crate::Constants`].
+            pub fn kind(&self) -> &'static str {
+                match self {
+                    $(LoopLaw::$law(_) => $kind,)*
+                    LoopLaw::Texture(_) => "texture",
+                }
+            }
+
+            /// Each of its numbers with its name; of a texture those beside its harmonics.
+            pub fn numbers(&self, mut each: impl FnMut(&'static str, F)) {
+                match self {
+                    $(LoopLaw::$law(law) => { $(each(stringify!($number), law.$number);)* })*
+                    LoopLaw::Texture(texture) => {
+                        each("pitch", texture.pitch);
+                        each("phase", texture.phase);
+                    }
+                }
+            }
+        }
+
+        /// The law of these lanes, with their numbers side by side.
+        fn side_by_side<const N: usize>(laws: [LoopLaw<f64>; N], first: LoopLaw<f64>) -> LoopLaw<Lanes<N>> {
+            match first {
+                $(LoopLaw::$law(first) => {
+                    let of = |i: usize| if let LoopLaw::$law(law) = laws[i] { law } else { first };
+                    LoopLaw::$law($law { $($number: Lanes(from_fn(|i| of(i).$number))),* })
+                })*
+                LoopLaw::Texture(first) => {
+                    let of = |i: usize| if let LoopLaw::Texture(texture) = laws[i] { texture } else { first };
+                    LoopLaw::Texture(Texture::side_by_side(of))
+                }
             }
         }
     };
+}
+
+numbers! {
+    Wall "wall" { direction, at, stiffness, damping, limit }
+    Spring "spring" { stiffness, rest, limit }
+    Damper "damper" { damping, limit }
+    Detent "detent" { torque, pitch, phase }
+    DeadBand "dead_band" { stiffness, rest, width, limit }
+    Magnet "magnet" { torque, width, at }
+    Coulomb "coulomb" { torque }
+    Lugre "lugre" { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous }
+    Integral "integral" { gain, rest, most }
 }
 
 impl<const N: usize> Nonlinear<Lanes<N>> {
@@ -333,18 +369,7 @@ impl<const N: usize> Nonlinear<Lanes<N>> {
             (other.first, other.second, other.is_found) == (first, second, is_found)
                 && discriminant(&other.curve) == discriminant(&curve)
         };
-        let laws = couplings.map(|coupling| coupling.curve);
-        let curve = side_by_side!(laws,
-            Wall { direction, at, stiffness, damping, limit }
-            Spring { stiffness, rest, limit }
-            Damper { damping, limit }
-            Detent { torque, pitch, phase }
-            DeadBand { stiffness, rest, width, limit }
-            Magnet { torque, width, at }
-            Coulomb { torque }
-            Lugre { coulomb, stribeck, stribeck_velocity, bristle_stiffness, bristle_damping, viscous }
-            Integral { gain, rest, most }
-        );
+        let curve = side_by_side(couplings.map(|coupling| coupling.curve), curve);
         couplings.iter().all(alike).then_some(Nonlinear { first, second, is_found, curve })
     }
 }
