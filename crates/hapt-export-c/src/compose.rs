@@ -5,7 +5,7 @@ use hapt_core::{Estimator, Law, Limits, Output, Phase, Reason, Spec, WhenLate};
 use crate::data::{Data, data};
 use crate::names::{Prefix, comment};
 use crate::numbers::{Collected, collected};
-use crate::template::Facts;
+use crate::template::{self, Facts};
 use crate::tune::{parameters, texts};
 use crate::{About, Error, Exported, Float};
 
@@ -20,6 +20,21 @@ macro_rules! part {
         include_str!(concat!("parts/", $name))
     };
 }
+
+/// The C of each law, in one file: its functions, and its own part of each function that has one of every law. A ramp is what several have.
+const LAWS: [(&str, &str); 11] = [
+    ("ramp", part!("law/ramp.c")),
+    ("spring", part!("law/spring.c")),
+    ("damper", part!("law/damper.c")),
+    ("wall", part!("law/wall.c")),
+    ("detent", part!("law/detent.c")),
+    ("dead_band", part!("law/dead_band.c")),
+    ("magnet", part!("law/magnet.c")),
+    ("texture", part!("law/texture.c")),
+    ("coulomb", part!("law/coulomb.c")),
+    ("lugre", part!("law/lugre.c")),
+    ("integral", part!("law/integral.c")),
+];
 
 /// Writes a world as C. `header` is the name by which the source includes its header.
 ///
@@ -114,9 +129,11 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
     let exact = spec.estimator == Estimator::Exact;
     let (windowed, over) = (world.whole("window").is_some(), world.whole("every").is_some());
     let low_pass = matches!(spec.estimator, Estimator::LowPass { .. });
-    let falling = gradient && (law("wall") || law("spring") || law("dead_band"));
-    let nearest = gradient && (law("detent") || law("magnet") || law("texture"));
-    let (sin, exp) = (law("detent") || law("texture"), law("magnet") || law("lugre"));
+    // What the C of the world's laws calls.
+    let own: Vec<&str> = LAWS.iter().filter(|(name, _)| law(name)).map(|(_, text)| *text).collect();
+    let calls = |function: &str| own.iter().any(|text| text.contains(function));
+    let (falling, nearest) = (gradient && calls("hapt_solve_falling("), gradient && calls("hapt_solve_nearest("));
+    let (sin, exp) = (calls("hapt_sin("), calls("hapt_exp("));
     let bristles = law("lugre") || law("integral");
     let assist = spec.couplings.iter().any(|coupling| matches!(coupling.law, Law::Assist { .. }));
     let f64s = float == Float::F64;
@@ -154,7 +171,7 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
         ("count", spec.count.is_some()),
         ("levels", spec.levels.is_some()),
         ("floor", spec.count.is_some() || spec.levels.is_some() || sin),
-        ("between", gradient || ["wall", "spring", "damper", "dead_band", "integral"].into_iter().any(law)),
+        ("between", gradient || calls("hapt_between(")),
         ("curves", falling || nearest),
         ("falling", falling),
         ("nearest", nearest),
@@ -176,12 +193,6 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
         ("well", has_bodies || !all),
         ("energy_loop", has_bodies || (!all && (!stored.is_empty() || world.list("pairs").next().is_some()))),
         ("stores_spring", stored.contains(&"spring") || stored.contains(&"dead_band")),
-        ("parts_spring", stored.contains(&"spring")),
-        ("parts_detent", stored.contains(&"detent")),
-        ("parts_dead_band", stored.contains(&"dead_band")),
-        ("parts_magnet", stored.contains(&"magnet")),
-        ("parts_texture", stored.contains(&"texture")),
-        ("parts_bristle", stored.contains(&"bristle")),
         ("pulse", world.whole("pulse_samples").is_some()),
         ("recentre_counts", world.whole("recentre_idle").is_some() && spec.count.is_some()),
         ("recentre", world.whole("recentre_idle").is_some()),
@@ -197,16 +208,18 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
     ] {
         facts.set(name, is_so);
     }
-    for name in ["wall", "spring", "damper", "detent", "dead_band", "magnet", "texture", "coulomb", "lugre", "integral"]
-    {
-        facts.set(name, law(name));
+    for kind in kinds {
+        facts.set(kind, true);
+    }
+    for kind in &stored {
+        facts.set(format!("parts_{kind}"), true);
     }
     for (name, value) in &world.wholes {
         facts.text(*name, value);
     }
     facts.text("n", n);
     facts.text("n_room", n.max(1));
-    facts.text("couplings", kinds.len());
+    facts.text("couplings", world.list("couplings").count());
     facts.text("counts", world.whole("window").or(world.whole("every")).unwrap_or(0) + 1);
     facts.text("pairs", world.list("pairs").count());
     facts.text("parts", stored.len());
@@ -233,7 +246,7 @@ fn code(facts: &Facts) -> String {
     let mut code = String::new();
     let mut put = |needs: &str, part: &str| {
         if needs.is_empty() || facts.has(needs) {
-            code.push_str(part);
+            code.push_str(&facts.with_laws(part, &LAWS));
         }
     };
     put("libm", part!("libm/bits.c"));
@@ -248,17 +261,9 @@ fn code(facts: &Facts) -> String {
     put("exp32", part!("libm/expm1_32.c"));
     put("", WORLD);
     put("pair", part!("pair.c"));
-    put("ramp", part!("law/ramp.c"));
-    put("spring", part!("law/spring.c"));
-    put("damper", part!("law/damper.c"));
-    put("wall", part!("law/wall.c"));
-    put("detent", part!("law/detent.c"));
-    put("dead_band", part!("law/dead_band.c"));
-    put("magnet", part!("law/magnet.c"));
-    put("texture", part!("law/texture.c"));
-    put("coulomb", part!("law/coulomb.c"));
-    put("lugre", part!("law/lugre.c"));
-    put("integral", part!("law/integral.c"));
+    for (name, law) in LAWS {
+        put(name, template::functions(law));
+    }
     put("nonlinear", part!("law/torque.c"));
     put("", part!("sense.c"));
     put("", part!("actuate.c"));

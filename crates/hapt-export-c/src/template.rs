@@ -5,6 +5,8 @@
 //! //else
 //! //end
 //! @name@       a text or a number of the world
+//! //parts NAME here stand the parts of this name of all laws that the world has
+//! //part NAME  in a law's file: its part of this name begins; before the first are its functions
 //! ```
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -12,15 +14,15 @@ use std::collections::{BTreeMap, BTreeSet};
 /// What a world has, and its texts.
 #[derive(Debug, Default)]
 pub(crate) struct Facts {
-    has: BTreeSet<&'static str>,
+    has: BTreeSet<String>,
     texts: BTreeMap<String, String>,
 }
 
 impl Facts {
     /// The world has this, where it is so.
-    pub fn set(&mut self, name: &'static str, is_so: bool) {
+    pub fn set(&mut self, name: impl Into<String>, is_so: bool) {
         if is_so {
-            self.has.insert(name);
+            self.has.insert(name.into());
         }
     }
 
@@ -32,6 +34,21 @@ impl Facts {
     /// What stands for `@name@`.
     pub fn text(&mut self, name: impl Into<String>, text: impl ToString) {
         self.texts.insert(name.into(), text.to_string());
+    }
+
+    /// A part with those of the laws in it. What is stored beside the matrices is no matter of a law alone: `potential` is there of all.
+    pub fn with_laws(&self, part: &str, laws: &[(&str, &str)]) -> String {
+        let mut lines = String::new();
+        for line in part.lines() {
+            let Some(name) = line.strip_prefix("//parts ") else {
+                lines.extend([line, "\n"]);
+                continue;
+            };
+            for (_, text) in laws.iter().filter(|(law, _)| self.has(law) || name == "potential") {
+                lines.push_str(own_part(text, name));
+            }
+        }
+        lines
     }
 
     /// A part for this world.
@@ -62,3 +79,15 @@ impl Facts {
         filled
     }
 }
+
+/// The functions of a law's file.
+pub(crate) fn functions(law: &str) -> &str {
+    law.split(PART).next().unwrap_or("")
+}
+
+/// The part of this name of a law's file; empty where it has none.
+fn own_part<'t>(law: &'t str, name: &str) -> &'t str {
+    law.split(PART).skip(1).find_map(|part| part.strip_prefix(name)?.strip_prefix('\n')).unwrap_or("")
+}
+
+const PART: &str = "//part ";

@@ -9,3 +9,6 @@ static hapt_real hapt_integral_torque(const hapt_integral *integral, hapt_real s
     return -(integral->gain * sum);
 }
 
+//part torque
+    case HAPT_INTEGRAL:
+        return hapt_integral_torque(&world->integral[coupling->place], bristle);

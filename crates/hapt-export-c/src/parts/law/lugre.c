@@ -22,3 +22,11 @@ static hapt_real hapt_lugre_torque(const hapt_lugre *lugre, hapt_real bristle, h
     return -(lugre->bristle_stiffness * bristle + lugre->bristle_damping * slip + lugre->viscous * velocity);
 }
 
+//part torque
+    case HAPT_LUGRE:
+        return hapt_lugre_torque(&world->lugre[coupling->place], bristle, velocity);
+//part potential
+//if parts_bristle
+    case HAPT_STORED_BRISTLE:
+        return (hapt_real)0.5 * world->stored_bristle[part->index].stiffness * (bristle * bristle);
+//end

@@ -20,46 +20,7 @@ static hapt_real hapt_torque(const hapt_world *world, const hapt_coupling *coupl
     (void)bristle;
     (void)world;
     switch (coupling->law) {
-//if wall
-    case HAPT_WALL:
-        return hapt_wall_torque(&world->wall[coupling->place], q, velocity);
-//end
-//if spring
-    case HAPT_SPRING:
-        return hapt_spring_torque(&world->spring[coupling->place], q);
-//end
-//if damper
-    case HAPT_DAMPER:
-        return hapt_damper_torque(&world->damper[coupling->place], velocity);
-//end
-//if detent
-    case HAPT_DETENT:
-        return hapt_detent_torque(&world->detent[coupling->place], q);
-//end
-//if dead_band
-    case HAPT_DEAD_BAND:
-        return hapt_dead_band_torque(&world->dead_band[coupling->place], q);
-//end
-//if magnet
-    case HAPT_MAGNET:
-        return hapt_magnet_torque(&world->magnet[coupling->place], q);
-//end
-//if texture
-    case HAPT_TEXTURE:
-        return hapt_texture_torque(&world->texture[coupling->place], q);
-//end
-//if coulomb
-    case HAPT_COULOMB:
-        return hapt_coulomb_torque(&world->coulomb[coupling->place], velocity);
-//end
-//if lugre
-    case HAPT_LUGRE:
-        return hapt_lugre_torque(&world->lugre[coupling->place], bristle, velocity);
-//end
-//if integral
-    case HAPT_INTEGRAL:
-        return hapt_integral_torque(&world->integral[coupling->place], bristle);
-//end
+//parts torque
     default:
         return (hapt_real)0;
     }

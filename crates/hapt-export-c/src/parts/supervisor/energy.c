@@ -43,62 +43,7 @@ static hapt_real hapt_potential(const hapt_world *world, const hapt_part *part, 
     (void)bristle;
     (void)lag;
     switch (part->kind) {
-//if parts_spring
-    case HAPT_STORED_SPRING: {
-        const hapt_stored_spring *spring = &world->stored_spring[part->index];
-        return hapt_spring_energy(spring->stiffness, spring->rest, spring->side, spring->limit, q, lag);
-    }
-//end
-//if parts_detent
-    case HAPT_STORED_DETENT: {
-        const hapt_stored_detent *detent = &world->stored_detent[part->index];
-        const hapt_real turns = (q - detent->phase) / detent->pitch;
-        const hapt_real half = (hapt_real)HAPT_PI * (turns - hapt_floor(turns + (hapt_real)0.5));
-        const hapt_real sine = hapt_sin(half);
-        const hapt_real well = detent->torque * detent->pitch / (hapt_real)HAPT_PI * (sine * sine);
-        return lag == (hapt_real)0 ? well : well - detent->torque * hapt_sin(half + half) * lag;
-    }
-//end
-//if parts_dead_band
-    case HAPT_STORED_DEAD_BAND: {
-        const hapt_stored_dead_band *band = &world->stored_dead_band[part->index];
-        const hapt_real side = q - band->rest > (hapt_real)0 ? (hapt_real)1 : (hapt_real)-1;
-        return hapt_spring_energy(band->stiffness, band->rest + side * band->width, side, band->limit, q, lag);
-    }
-//end
-//if parts_magnet
-    case HAPT_STORED_MAGNET: {
-        const hapt_stored_magnet *magnet = &world->stored_magnet[part->index];
-        const hapt_real x = (q - magnet->at) / magnet->width;
-        const hapt_real fall = hapt_expm1(-((hapt_real)0.5 * x * x));
-        const hapt_real scale = magnet->torque * (hapt_real)HAPT_ROOT_E;
-        return -(scale * magnet->width * fall) - scale * x * ((hapt_real)1 + fall) * lag;
-    }
-//end
-//if parts_texture
-    case HAPT_STORED_TEXTURE: {
-        const hapt_stored_texture *texture = &world->stored_texture[part->index];
-        const hapt_real way = (q - texture->phase) / texture->pitch;
-        const hapt_real turns = way - hapt_floor(way + (hapt_real)0.5);
-        const hapt_real tau = (hapt_real)HAPT_TAU;
-        hapt_real well = texture->base, torque = (hapt_real)0, n = (hapt_real)0;
-        int i;
-        for (i = 0; i < 4; i++) {
-            const hapt_real a = texture->sine[i], b = texture->cosine[i];
-            hapt_real s, c;
-            n += (hapt_real)1;
-            s = hapt_sin(tau * n * turns);
-            c = hapt_sin(tau * (n * turns + (hapt_real)0.25));
-            well += (a * c - b * s) / n;
-            torque += a * s + b * c;
-        }
-        return well + torque * (tau / texture->pitch) * lag;
-    }
-//end
-//if parts_bristle
-    case HAPT_STORED_BRISTLE:
-        return (hapt_real)0.5 * world->stored_bristle[part->index].stiffness * (bristle * bristle);
-//end
+//parts potential
     default:
         return (hapt_real)0;
     }
