@@ -82,6 +82,7 @@ pub use equations::continuous::{self, Continuous, Slopes};
 pub use equations::delay::MAX_IN_FLIGHT;
 pub use equations::discrete::Discrete;
 pub use equations::grip::Grip;
+pub use equations::laws::felt_at;
 pub use error::Error;
 pub use impedance::rendered::{Elements, Impedance};
 pub use network::{

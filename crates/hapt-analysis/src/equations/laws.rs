@@ -1,9 +1,9 @@
-//! Properties of the laws that the proofs use. A match names every law, so that a new law does not compile until it has an entry here;
-//! what is true of one law alone asks for that law.
+//! Properties of the laws that the proofs and the search for the worst hand use. A match names every law, so that a new law does not compile
+//! until it has an entry here; what is true of one law alone asks for that law.
 
 use std::sync::LazyLock;
 
-use hapt_model::{Coupling, Damping, End, HARMONICS, Law};
+use hapt_model::{Coupling, Damping, End, HARMONICS, Law, Side};
 
 /// The class of a law, for the theorems.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -190,6 +190,40 @@ pub(crate) fn rises_only(law: &Law) -> bool {
         | Law::Lugre { .. }
         | Law::Integral { .. }
         | Law::Assist { .. } => false,
+    }
+}
+
+/// Whether the checker of proof files (`proof/`) knows the law.
+pub(crate) fn is_known(law: &Law) -> bool {
+    match *law {
+        Law::Spring { .. }
+        | Law::Damper { .. }
+        | Law::Wall { .. }
+        | Law::Detent { .. }
+        | Law::DeadBand { .. }
+        | Law::Magnet { .. } => true,
+        Law::Constant { torque } => torque == 0.0,
+        Law::Texture { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Integral { .. } | Law::Assist { .. } => {
+            false
+        }
+    }
+}
+
+/// The q at which a hand feels the law, where it does not alike everywhere: a wall's face, and `reach` into what resists ever more.
+pub fn felt_at(law: &Law, reach: f64) -> Vec<f64> {
+    match *law {
+        Law::Wall { side: Side::Above, at, .. } => vec![at, at + reach],
+        Law::Wall { side: Side::Below, at, .. } => vec![at, at - reach],
+        Law::DeadBand { rest, width, .. } => vec![rest + width + reach, rest - width - reach],
+        Law::Detent { pitch, phase, .. } | Law::Texture { pitch, phase, .. } => vec![phase + 0.2 * pitch],
+        Law::Magnet { width, at, .. } => vec![at + 0.5 * width],
+        Law::Spring { .. }
+        | Law::Damper { .. }
+        | Law::Coulomb { .. }
+        | Law::Lugre { .. }
+        | Law::Integral { .. }
+        | Law::Assist { .. }
+        | Law::Constant { .. } => Vec::new(),
     }
 }
 

@@ -4,7 +4,7 @@
 //! may be another theorem than the one that asks least of the device. What it assumes is checked here once more, and no wider than
 //! `proof/checker.py` knows it.
 
-use hapt_model::{Coupling, EstimatorKind, Law, Method, Output, World};
+use hapt_model::{Coupling, EstimatorKind, Method, Output, World};
 use serde::Serialize;
 
 use crate::equations::continuous::{Slopes, linearise};
@@ -65,7 +65,7 @@ pub(crate) fn witness(world: &World, is_held: bool) -> Result<Option<Witnessed>,
     let at_puck = at_puck(&least)?;
     let [stiffness, damping] =
         at_puck.iter().fold([0.0, 0.0], |[k, b], (_, [stiffness, damping])| [k + stiffness, b + damping]);
-    if !world.couplings.iter().all(|c| is_known(&c.law))
+    if !world.couplings.iter().all(|c| laws::is_known(&c.law))
         || !has_mean_velocity(world, damping)
         || (world.sampling.filter.is_some() && !world.bodies.is_empty())
         || world.sampling.advance > 0
@@ -92,22 +92,6 @@ pub(crate) fn witness(world: &World, is_held: bool) -> Result<Option<Witnessed>,
         Some(found) => Ok(Some(found)),
         None if world.sampling.filter.is_some() || world.sampling.takes_several_samples() => Ok(None),
         None => polynomial(&least, timing, [stiffness, damping]),
-    }
-}
-
-/// The laws that the checker knows.
-fn is_known(law: &Law) -> bool {
-    match *law {
-        Law::Spring { .. }
-        | Law::Damper { .. }
-        | Law::Wall { .. }
-        | Law::Detent { .. }
-        | Law::DeadBand { .. }
-        | Law::Magnet { .. } => true,
-        Law::Constant { torque } => torque == 0.0,
-        Law::Texture { .. } | Law::Coulomb { .. } | Law::Lugre { .. } | Law::Integral { .. } | Law::Assist { .. } => {
-            false
-        }
     }
 }
 

@@ -8,7 +8,8 @@
 //! The real core on the exact device tests the result: the motion returns to its start and is repeated. A loop that gives energy in each
 //! repetition is not passive.
 
-use hapt_model::{Drive, EstimatorKind, Hand, Law, Scenario, Shape, Timing, World};
+use hapt_core::spec::Range;
+use hapt_model::{Drive, EstimatorKind, Hand, Scenario, Shape, Timing, World};
 use hapt_sim::{DesktopLoop, Simulation};
 use nalgebra::DMatrix;
 
@@ -246,19 +247,10 @@ fn about_rest(world: &World) -> Option<World> {
     for body in &mut rest.bodies {
         (body.position, body.velocity) = (0.0, 0.0);
     }
-    for c in &mut rest.couplings {
-        match &mut c.law {
-            Law::Spring { rest, .. } | Law::Integral { rest, .. } => *rest = 0.0,
-            Law::Constant { torque } => *torque = 0.0,
-            Law::Damper { .. }
-            | Law::Wall { .. }
-            | Law::Detent { .. }
-            | Law::DeadBand { .. }
-            | Law::Magnet { .. }
-            | Law::Texture { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Assist { .. } => {}
+    // Of the laws of a linear world a number of any sign is where one is slack, or a constant torque.
+    for quantity in rest.couplings.iter_mut().flat_map(|c| c.law.quantities()) {
+        if quantity.range == Range::Any {
+            *quantity.value = 0.0;
         }
     }
     Some(rest)

@@ -1,7 +1,7 @@
 //! A hand and its initial kick.
 
-use hapt_analysis::Grip;
-use hapt_model::{Coupling, Drive, End, Hand as Model, Law, Motion, Scenario, Shape, Side, Switching, World};
+use hapt_analysis::{Grip, felt_at};
+use hapt_model::{Coupling, Drive, End, Hand as Model, Motion, Scenario, Shape, Switching, World};
 use serde::Serialize;
 
 /// A passive hand whose spring is stretched at once, to a fixed intended position from then on.
@@ -43,35 +43,17 @@ impl Hand {
     }
 }
 
-/// The torque of springs and walls between puck and ground on a puck at rest at q, within the motor's limit: N·m (linear: N).
+/// The torque of what is between puck and ground on a puck at rest at q, within the motor's limit: N·m (linear: N).
 fn torque(world: &World, q: f64) -> f64 {
     let limit = world.device.limit.unwrap_or(f64::INFINITY);
-    let of = |c: &Coupling| {
-        // The law acts on the first end as seen from the second.
-        let sign = match (c.first, c.second) {
-            (End::Puck, End::Ground) => 1.0,
-            (End::Ground, End::Puck) => -1.0,
-            _ => return 0.0,
-        };
-        let q = sign * q;
-        let torque = match c.law {
-            Law::Spring { stiffness, rest } => -stiffness * (q - rest),
-            Law::Wall { side: Side::Above, at, stiffness, .. } => -stiffness * (q - at).max(0.0),
-            Law::Wall { side: Side::Below, at, stiffness, .. } => stiffness * (at - q).max(0.0),
-            Law::DeadBand { stiffness, rest, width } => -stiffness * (q - rest - (q - rest).clamp(-width, width)),
-            Law::Damper { .. }
-            | Law::Detent { .. }
-            | Law::Magnet { .. }
-            | Law::Texture { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Integral { .. }
-            | Law::Assist { .. }
-            | Law::Constant { .. } => 0.0,
-        };
-        sign * torque
+    let spec = world.spec();
+    // A coupling's torque acts on its first end.
+    let of = |(i, c): (usize, &Coupling)| match (c.first, c.second) {
+        (End::Puck, End::Ground) => spec.coupling_torque(i, (q, 0.0), &[]),
+        (End::Ground, End::Puck) => -spec.coupling_torque(i, (q, 0.0), &[]),
+        _ => 0.0,
     };
-    world.couplings.iter().map(of).sum::<f64>().clamp(-limit, limit)
+    world.couplings.iter().enumerate().map(of).sum::<f64>().clamp(-limit, limit)
 }
 
 /// A tenth of a radian (linear: 1 cm).
@@ -89,7 +71,7 @@ pub(super) fn reach(world: &World, stiffness: f64) -> f64 {
     plain(world.motion).min(within).max(world.count().map_or(0.0, |count| 10.0 * count))
 }
 
-/// The targets of hands, at least one: near the start, at each wall's face, and inside of each wall. `stiffness` is that at the puck.
+/// The targets of hands, at least one: near the start, and where each law is felt. `stiffness` is that at the puck.
 pub(crate) fn targets(world: &World, stiffness: f64) -> Vec<f64> {
     let reach = reach(world, stiffness);
     let mut all = vec![reach];
@@ -99,25 +81,7 @@ pub(crate) fn targets(world: &World, stiffness: f64) -> Vec<f64> {
             (_, End::Puck) => -1.0,
             _ => continue,
         };
-        match c.law {
-            Law::Wall { side, at, .. } => {
-                let inward = if side == Side::Above { reach } else { -reach };
-                all.extend([sign * at, sign * (at + inward)]);
-            }
-            Law::Detent { pitch, phase, .. } => all.push(sign * (phase + 0.2 * pitch)),
-            Law::DeadBand { rest, width, .. } => {
-                all.extend([sign * (rest + width + reach), sign * (rest - width - reach)]);
-            }
-            Law::Texture { pitch, phase, .. } => all.push(sign * (phase + 0.2 * pitch)),
-            Law::Magnet { width, at, .. } => all.push(sign * (at + 0.5 * width)),
-            Law::Spring { .. }
-            | Law::Damper { .. }
-            | Law::Coulomb { .. }
-            | Law::Lugre { .. }
-            | Law::Integral { .. }
-            | Law::Assist { .. }
-            | Law::Constant { .. } => {}
-        }
+        all.extend(felt_at(&c.law, reach).into_iter().map(|q| sign * q));
     }
     all.retain(|q| *q != 0.0 && q.is_finite());
     all.dedup();
