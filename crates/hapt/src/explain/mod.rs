@@ -8,7 +8,8 @@ mod topics;
 use std::io::{Write, stdout};
 use std::process::ExitCode;
 
-use hapt_model::did_you_mean;
+use hapt_model::keys::rows;
+use hapt_model::{CouplingKind, did_you_mean};
 
 use crate::args::{ExplainArgs, ReferenceCommand};
 use crate::failure::Failure;
@@ -24,7 +25,7 @@ pub fn run(args: &ExplainArgs) -> Result<ExitCode, Failure> {
     }
     let text = match args.topic.as_deref().filter(|topic| !topic.trim().is_empty()) {
         None => list(),
-        Some(name) => find(name)?.text.to_string(),
+        Some(name) => find(name)?,
     };
     let mut out = stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
@@ -39,11 +40,13 @@ fn list() -> String {
     list
 }
 
-fn find(name: &str) -> Result<&'static Topic, Failure> {
+/// The text of a topic, or of a kind of coupling that has none the table's words on its keys.
+fn find(name: &str) -> Result<String, Failure> {
     // Any spelling: critical period, Forward Euler.
     let plain = name.trim().to_lowercase().replace([' ', '_'], "-");
     let called = |topic: &&Topic| topic.name == plain || topic.aliases.contains(&plain.as_str());
-    topics().find(called).ok_or_else(|| {
+    let topic = topics().find(called).map(|topic| topic.text.to_string());
+    topic.or_else(|| Some(keys_of(CouplingKind::from_name(&plain)?))).ok_or_else(|| {
         let names = topics().flat_map(|topic| [topic.name].into_iter().chain(topic.aliases.iter().copied()));
         let hint = match did_you_mean(&plain, names) {
             hint if hint.is_empty() => mentioned(&plain),
@@ -51,6 +54,14 @@ fn find(name: &str) -> Result<&'static Topic, Failure> {
         };
         Failure::input(format!("no topic {name:?}{hint} (hapt explain lists them)"))
     })
+}
+
+fn keys_of(kind: CouplingKind) -> String {
+    let mut text = format!("A coupling of kind = {:?}, with the keys:\n\n", kind.name());
+    for key in rows("couplings.*").filter(|key| key.kinds.contains(&kind.name())) {
+        text += &format!("  {:<10} {}\n", key.name(), key.doc);
+    }
+    text + "\nSee coupling.\n"
 }
 
 /// The topics whose texts contain the word, three at most.

@@ -71,7 +71,10 @@ fn the_basic_words_are_explained() {
         "motor",
         "encoder",
         "torque",
-    ] {
+    ]
+    .iter()
+    .chain(hapt_model::CouplingKind::NAMES)
+    {
         let text = hapt(Path::new("."), ["explain", word]).done().out;
         assert!(text.lines().count() >= 5, "{word}: {text}");
     }
