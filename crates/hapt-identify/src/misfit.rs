@@ -5,14 +5,20 @@ use crate::spectrum::line;
 
 /// A kind that takes less than this part of what is left is not named.
 const LEAST: f64 = 0.1;
-/// Periods in a turn that are looked for.
+/// Periods in a turn that are looked for, of a torque and of friction.
 const MOST_TIMES: u32 = 48;
+const MOST_RUBS: u32 = 12;
 
 /// What a part of the misfit goes with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
     /// The position: a cable, a spring, gravity, `times_a_turn` from 1 on a torque that repeats (1: gravity; more: cogging), 0: one that grows.
     Position {
+        /// Periods in a turn.
+        times_a_turn: u32,
+    },
+    /// The position and the way of the motion: friction that changes so many times a turn.
+    FrictionByPosition {
         /// Periods in a turn.
         times_a_turn: u32,
     },
@@ -45,20 +51,16 @@ pub struct Misfit {
     pub share: f64,
     /// What it goes with, the largest first; each by itself, so that two of them may share a part.
     pub kinds: Vec<Part>,
-}
-
-impl Misfit {
-    /// The share of a kind; 0 where it is not among them.
-    pub fn share_of(&self, kind: Kind) -> f64 {
-        self.kinds.iter().filter(|part| part.kind == kind).map(|part| part.share).sum()
-    }
+    /// What goes with none of position, velocity and time, of the torque's variance. Friction that changes with the position counts here too: a
+    /// hand that goes to and fro may push so.
+    pub(crate) strange: f64,
 }
 
 impl Kind {
     /// The word of the contract.
     pub fn word(&self) -> &'static str {
         match self {
-            Kind::Position { .. } => "position",
+            Kind::Position { .. } | Kind::FrictionByPosition { .. } => "position",
             Kind::Velocity => "velocity",
             Kind::Resonance { .. } => "resonance",
             Kind::Drift => "drift",
@@ -72,6 +74,7 @@ impl Kind {
             Kind::Position { times_a_turn: 0 } => "a spring from puck to ground takes it in",
             Kind::Position { times_a_turn: 1 } => "device.gravity takes it in, or balance the handle",
             Kind::Position { .. } => "device.cogging takes it in, unless it is the motor's commutation",
+            Kind::FrictionByPosition { .. } => "device.friction_by_position takes it in",
             Kind::Velocity => {
                 "device.stribeck takes in friction that falls with the speed; more damping one way than the other has no key"
             }
@@ -93,16 +96,23 @@ pub(crate) fn misfit(rows: &Rows, plain: &Solved, duration: f64, is_linear: bool
     let mut parts = Vec::new();
     let spring = taken(&|i| vec![rows.rows[i].position, rows.rows[i].position.powi(3)]);
     let times = if is_linear { 0 } else { MOST_TIMES };
-    let turning = (1..=times).map(|times| {
+    // Of a torque that repeats over the position, or of one that does so against the motion.
+    let turning = |times: u32, size: &dyn Fn(usize) -> f64| {
         let of = |i: usize| {
             let (sin, cos) = (f64::from(times) * rows.rows[i].position).sin_cos();
-            vec![sin, cos]
+            vec![size(i) * sin, size(i) * cos]
         };
         (times, taken(&of))
-    });
-    let position = std::iter::once((0, spring)).chain(turning).max_by(|a, b| a.1.total_cmp(&b.1));
+    };
+    let larger = |a: &(u32, f64), b: &(u32, f64)| a.1.total_cmp(&b.1);
+    let position = std::iter::once((0, spring)).chain((1..=times).map(|times| turning(times, &|_| 1.0))).max_by(larger);
     if let Some((times_a_turn, part)) = position {
         parts.push((Kind::Position { times_a_turn }, part));
+    }
+    let rubbing =
+        (1..=times.min(MOST_RUBS)).map(|times| turning(times, &|i| rows.rows[i].terms[FRICTION])).max_by(larger);
+    if let Some((times_a_turn, part)) = rubbing {
+        parts.push((Kind::FrictionByPosition { times_a_turn }, part));
     }
     parts.push((
         Kind::Velocity,
@@ -127,19 +137,19 @@ pub(crate) fn misfit(rows: &Rows, plain: &Solved, duration: f64, is_linear: bool
         parts.push((Kind::Resonance { hz: line.hz }, taken(&of)));
     }
     parts.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let named: f64 = parts.iter().filter(|part| part.1 > LEAST).map(|part| part.1).sum();
-    let mut kinds: Vec<Part> = parts
-        .into_iter()
-        .filter(|part| part.1 > LEAST)
-        .map(|(kind, part)| Part { kind, share: part * plain.share })
-        .collect();
-    let rest = (1.0 - named).max(0.0);
+    parts.retain(|part| part.1 > LEAST);
+    let is_rubbing = |part: &&(Kind, f64)| matches!(part.0, Kind::FrictionByPosition { .. });
+    let rubs: f64 = parts.iter().filter(is_rubbing).map(|part| part.1).sum();
+    let beside = (1.0 - parts.iter().map(|part| part.1).sum::<f64>() + rubs).max(0.0);
+    let strange = if beside > LEAST && squares > 0.0 { beside * plain.share } else { 0.0 };
+    let rest = beside - rubs;
     if rest > LEAST && squares > 0.0 {
-        kinds.push(Part { kind: Kind::Unexplained, share: rest * plain.share });
+        parts.push((Kind::Unexplained, rest));
     }
+    let kinds = parts.into_iter().map(|(kind, part)| Part { kind, share: part * plain.share }).collect();
     // Where no torque is left to compare, nothing is explained.
     let share = if plain.share.is_finite() { plain.share } else { 1.0 };
-    Misfit { share, kinds }
+    Misfit { share, kinds, strange }
 }
 
 /// The part of what is left that these columns take, each made orthogonal to the ones before it.

@@ -8,7 +8,7 @@ use crate::equation::{
 use crate::foretold::foretold;
 use crate::identified::{Interval, Known};
 use crate::intervals::positive;
-use crate::misfit::{Kind, Misfit, misfit};
+use crate::misfit::{Misfit, misfit};
 use crate::puck::Puck;
 use crate::quantile::student;
 use crate::record::Record;
@@ -286,7 +286,7 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
     let is_a_law = record.forces().is_none() && rows.solved(LAW, duration).is_some_and(|law| law.share < LAW_LEAVES);
     let (misfit, beyond_noise) = (misfit(&rows, &plain, duration, known.is_linear), rows.unexplained(&plain));
     // What goes with none of position, velocity and time, beyond the positions' noise, is another torque.
-    let strange = misfit.share_of(Kind::Unexplained).min(beyond_noise);
+    let strange = misfit.strange.min(beyond_noise);
     let is_moved = is_rich(beyond_noise, misfit.share) && strange > STRANGE;
     let is_told = inertia.value.abs() > TOLD * deviation && !is_a_law && !is_moved && is_apart;
     let inertia_by_motion = over(&|model| Some(model.by_motion), true).filter(|_| is_told);

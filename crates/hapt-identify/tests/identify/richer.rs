@@ -1,7 +1,7 @@
 //! Devices that are richer than the model: the fit to the torque, in open and closed loops.
 
 use fastrand::Rng;
-use hapt_identify::{Known, Record, TorqueFit, fit_torque};
+use hapt_identify::{Kind, Known, Part, Record, TorqueFit, fit_torque};
 
 use crate::lever::{Lever, PERIOD};
 use crate::rig::counted;
@@ -92,6 +92,10 @@ fn what_the_equation_leaves_is_named_by_its_kind() {
     let largest = |lever: Lever, rng: &mut Rng| fit(&lever.record(4.0, rng)).misfit.kinds[0].kind.word();
     assert_eq!(largest(Lever { cable: 0.5, ..plain }, &mut rng), "position");
     assert_eq!(largest(Lever { cogging: 0.05, ..plain }, &mut rng), "position");
+    let rubbing = Lever { rubbing: 0.9 * plain.friction[0], ..plain };
+    let Part { kind, .. } = fit(&rubbing.record(4.0, &mut rng)).misfit.kinds[0];
+    assert!(matches!(kind, Kind::FrictionByPosition { times_a_turn: 10..=12 }), "{kind:?}");
+    assert!(kind.remedy().contains("device.friction_by_position"));
 }
 
 /// Records of real levers, where they are at hand: the lab's inertia is 1.58e-3 kg m², by a frequency response.

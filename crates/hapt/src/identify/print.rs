@@ -107,6 +107,8 @@ fn described(kind: Kind) -> String {
         Kind::Position { times_a_turn: 0 } => "goes with the position".into(),
         Kind::Position { times_a_turn: 1 } => "goes with the position, once a turn".into(),
         Kind::Position { times_a_turn } => format!("goes with the position, {times_a_turn} times a turn"),
+        Kind::FrictionByPosition { times_a_turn: 1 } => "is friction that changes once a turn".into(),
+        Kind::FrictionByPosition { times_a_turn } => format!("is friction that changes {times_a_turn} times a turn"),
         Kind::Velocity => "goes with the velocity".into(),
         Kind::Resonance { hz } => format!("is a resonance at {hz:.1} Hz"),
         Kind::Drift => "drifts over time".into(),
