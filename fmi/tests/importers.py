@@ -27,7 +27,7 @@ from libcosimpy.CosimSlave import CosimLocalSlave
 HAPT, FOLDER = Path(sys.argv[1]), Path(sys.argv[2])
 WORLDS = sorted(Path("worlds").glob("*/*.toml"))
 
-# Of a push, in periods: a second of most worlds.
+# Of a push, in periods: half a second of most worlds.
 ROWS = 500
 # A hand's torque for half of the time, then none: a held input can represent it exactly.
 PUSH = """
@@ -196,11 +196,12 @@ def changed(world):
     values = {"couplings.0.stiffness": 0.5, "bodies.wheel.inertia": 0.02, "loop.method": "trapezoidal", "loop.period": 2e-3}
     sets = [argument for name, value in values.items() for argument in ("--set", f"{name}={value}")]
     run = simulated(world, "pushed", *sets)
-    pushed = signal([0.0, 0.5, 0.5, 1.0], {"hand_torque_Nm": [0.05, 0.05, 0.0, 0.0]})
+    end = run["time_s"][-1]
+    pushed = signal([0.0, end / 2, end / 2, end], {"hand_torque_Nm": [0.05, 0.05, 0.0, 0.0]})
     for fmi in (2, 3):
         fmu = exported(world, "changed", fmi, "--whole")
         result = fmpy.simulate_fmu(
-            fmu, stop_time=1.0, step_size=2e-3, output_interval=2e-3, input=pushed, start_values=values
+            fmu, stop_time=end, step_size=2e-3, output_interval=2e-3, input=pushed, start_values=values
         )
         for column in ("puck_rad", "wheel_rad", "torque_Nm"):
             assert np.max(np.abs(result[column] - run[column])) <= 1e-12, (fmi, column)
@@ -261,6 +262,8 @@ def scheduled(world):
     from pathsim.blocks import Constant
     from pathsim_fmi import CoSimulationFMU
 
+    # While the hand pushes.
+    held = ROWS // 2 - 10
     for fmi in (2, 3):
         run = simulated(world, "pushed")
         block = CoSimulationFMU(exported(world, "scheduled", fmi, "--whole"), dt=1e-3)
@@ -273,9 +276,9 @@ def scheduled(world):
 
         block.events[0].func_act = recorded
         simulation = Simulation([source, block], [Connection(source, block)], dt=1e-3, log=False)
-        simulation.run(0.4)
+        simulation.run(held * 1e-3)
         rows = np.array([run[column][1 : len(seen) + 1] for column in run if column != "time_s"]).T
-        assert len(seen) >= 399 and np.max(np.abs(np.array(seen) - rows)) <= 1e-12
+        assert len(seen) >= held - 1 and np.max(np.abs(np.array(seen) - rows)) <= 1e-12
 
 
 def main():

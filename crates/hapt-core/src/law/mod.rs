@@ -476,8 +476,16 @@ impl Law {
 
 /// Phases of so many pitches are taken as they are.
 const MAX_PITCHES: f64 = 16.0;
+/// A number of so many pitches has no digits within one.
+const WHOLE_PITCHES: f64 = 9_007_199_254_740_992.0;
 
-/// A phase that is the same to a periodic law, of a few pitches at most: beside one of many the position would be lost in rounding.
+/// A phase that is the same to a periodic law, of a few pitches at most: beside one of many the position would be lost in rounding. It errs
+/// by the rounding of the phase itself; `libm::fmod` would not, and has a way to panic.
 pub(crate) fn reduced(phase: f64, pitch: f64) -> f64 {
-    if libm::fabs(phase) > MAX_PITCHES * pitch { libm::fmod(phase, pitch) } else { phase }
+    let pitches = phase / pitch;
+    match libm::fabs(pitches) {
+        few if few <= MAX_PITCHES => phase,
+        many if many < WHOLE_PITCHES => phase - pitch * libm::floor(pitches),
+        _ => 0.0,
+    }
 }
