@@ -172,7 +172,8 @@ pub(crate) fn terms(record: &Record, rows: &Rows, way: f64, is_linear: bool) -> 
         let n = f64::from(times);
         let [sine, cosine] = [f64::sin, f64::cos].map(|wave| move |z: f64| wave(n * z));
         add(TermKind::Turn { times, phase: 0.0 }, &[&|i| sine(positions[i]), &|i| cosine(positions[i])]);
-        if times <= MOST_RUBS {
+        // Of less than a period it may be any of several periods.
+        if times <= MOST_RUBS && n * (high - low) >= PERIODS * std::f64::consts::TAU {
             let against = |i: usize| speeds[i].signum();
             add(
                 TermKind::FrictionByPosition { times, phase: 0.0 },

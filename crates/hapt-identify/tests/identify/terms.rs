@@ -1,9 +1,15 @@
 //! Terms that a record carries, a second torque, and the two ways to an inertia.
 
+use std::f64::consts::TAU;
+
 use fastrand::Rng;
 use hapt_identify::{Known, Record, Term, TermKind, TorqueFit, fit_torque};
+use hapt_model::Waveform;
+use hapt_plant::VirtualDevice;
+use hapt_plant::spec::{DeviceSpec, FrictionByPosition};
 
 use crate::lever::{Lever, SCALE};
+use crate::rig::WHEEL;
 
 fn fit(record: &Record) -> TorqueFit {
     fit_torque(record, &Known::default()).unwrap()
@@ -189,4 +195,42 @@ fn friction_that_changes_with_the_position_is_found_as_the_level_that_it_is() {
     }
     assert!(10 * told >= 6 * all && 10 * held >= 9 * told, "{told} found, {held} of their size, of {all}");
     assert!(20 * mistaken <= all, "{mistaken} of {all}");
+}
+
+/// On a spring the puck travels less than a period: another period would explain it as well.
+#[test]
+fn friction_by_position_is_not_told_from_less_than_a_period() {
+    for seed in hapt_testing::seeds(24) {
+        let mut rng = Rng::with_seed(seed);
+        let times = 2 + rng.u32(..3);
+        let sine = [1.0, 0.0, 0.0, 0.0];
+        let by_position = FrictionByPosition {
+            share: 0.4 + 0.5 * rng.f64(),
+            pitch: TAU / f64::from(times),
+            phase: rng.f64(),
+            waveform: Waveform { sine, cosine: [0.0; 4] },
+        };
+        let rig = DeviceSpec { friction: 2e-2, delay: 0.0, friction_by_position: Some(by_position), ..WHEEL };
+        let mut device = VirtualDevice::new(&rig);
+        let (hertz, size) = (0.8 + 0.6 * rng.f64(), 0.35 * TAU / f64::from(times));
+        let (mut positions, mut torques) = (Vec::new(), Vec::new());
+        for k in 0..6000 {
+            let (z, t) = (device.puck().0, 1e-3 * f64::from(k));
+            let torque = 0.3 * (size * (TAU * hertz * t).sin() - z);
+            positions.push(z);
+            torques.push(torque);
+            device.command(torque);
+            device.travel();
+        }
+        let (low, high) = positions.iter().fold((0.0, 0.0), |(low, high): (f64, f64), z| (low.min(*z), high.max(*z)));
+        let times: Vec<f64> = (0..6000).map(|k| 1e-3 * f64::from(k)).collect();
+        let Some(fit) = fit_torque(&Record::new(times, positions, torques).unwrap(), &Known::default()) else {
+            continue;
+        };
+        for term in &fit.terms {
+            if let TermKind::FrictionByPosition { times, .. } = term.kind {
+                assert!(f64::from(times) * (high - low) >= TAU, "seed {seed}: {term:?} over {} rad", high - low);
+            }
+        }
+    }
 }
