@@ -49,7 +49,7 @@ pub fn seeds(all: u64) -> Range<u64> {
     0..all.div_ceil(u64::from(one_in()))
 }
 
-/// Of how many cases a random test runs one: 8, or what `HAPT_ONE_IN` says. `cargo xtask test` says 4; 1 runs all of them.
+/// Of how many cases a random test runs one: 8, or what `HAPT_ONE_IN` says; 1 runs all of them, as the scheduled run does.
 ///
 /// # Panics
 /// Where `HAPT_ONE_IN` is no whole number above 0.

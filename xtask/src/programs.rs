@@ -16,9 +16,6 @@ pub const TARGETS: &str = "--workspace --lib --bins --examples --test *";
 /// The tests that `cargo test` leaves out (crates/hapt/Cargo.toml).
 const OF_THE_PROGRAM: &str = "--bin hapt --test cli";
 
-/// Of how many cases a random test runs one before a merge. The scheduled run has all of them, with new random numbers.
-const ONE_IN: &str = "4";
-
 /// A program of tests, and the folder of its crate.
 pub struct Program {
     file: PathBuf,
@@ -26,13 +23,10 @@ pub struct Program {
 }
 
 impl Program {
-    /// Ready to run, with one case of a random test in [`ONE_IN`] where the caller asks for no other number.
+    /// Ready to run.
     pub fn command(&self) -> Command {
         let mut command = Command::new(&self.file);
         command.current_dir(&self.folder).env("CARGO_MANIFEST_DIR", &self.folder);
-        if std::env::var_os("HAPT_ONE_IN").is_none() {
-            command.env("HAPT_ONE_IN", ONE_IN);
-        }
         command
     }
 
