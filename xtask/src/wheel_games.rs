@@ -40,7 +40,7 @@ const SHOWN: u64 = 200;
 type Drawn = (fn(&Outcome) -> f64, f64, f64, &'static str, &'static str);
 const DRAWN: [Drawn; 2] = [
     (|one| one.last, 1e-2, 1e2, "hands off: the wheel's speed 6 s after a kick", "rad/s"),
-    (|one| 100.0 * one.beside, 1e-2, 1e2, "hands on: torque beside the game's, of the motor's largest", "%"),
+    (|one| 100.0 * one.extra_torque, 1e-2, 1e2, "hands on: torque beside the game's, of the motor's largest", "%"),
 ];
 
 /// The picture of docs/wheel.md: which part of the games is faster, and which feels more.
@@ -117,7 +117,7 @@ fn table(name: &str, outcomes: &[Vec<Outcome>; 4], n: u64) -> String {
         row(name, &|outcomes| format!("{:.1} %", 100.0 * quantile(outcomes, |one| one.felt, share)));
     }
     row("of the motor's largest torque, in 95 of 100", &|outcomes| {
-        format!("{:.1} %", 100.0 * quantile(outcomes, |one| one.beside, 0.95))
+        format!("{:.1} %", 100.0 * quantile(outcomes, |one| one.extra_torque, 0.95))
     });
     row("hands off: of the level held back, mean", &|outcomes| {
         format!("{:.1} %", 100.0 * outcomes.iter().map(|one| one.held_back).sum::<f64>() / outcomes.len().max(1) as f64)

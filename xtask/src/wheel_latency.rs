@@ -83,7 +83,7 @@ impl WheelLoop {
         let scale = Scale { torque: LIMIT as f32, angle: 7.85, velocity: 10.0, acceleration: 200.0 };
         let (port, wire) = effects(wheel, scale);
         let plan = Plan::new(&world, SafetyProfile::Simulated).map_err(|error| anyhow!("{error}"))?;
-        let cycle = Cycle::new(Box::new(plan), Box::new(Still)).beside(Outside::playing(port));
+        let cycle = Cycle::new(Box::new(plan), Box::new(Still)).with_outside(Outside::playing(port));
         let mut running = WheelLoop { cycle, wire, period, samples: 0 };
         running.sample(None)?;
         running.sample(Some(Request::Arm))?;

@@ -156,14 +156,14 @@ fn check(spec: &Spec) -> Result<(), Error> {
     }
     if spec.bodies_every > 1 {
         let lugre = |c: &Coupling| c.is_at_body() && c.law.has_bristle();
-        for (beside, is_there) in [
+        for (feature, is_there) in [
             ("tustin and foh, which take the new sample first", spec.method.takes_new_sample_first()),
             ("an advance", spec.advance > 0),
             ("LuGre friction at a body", spec.couplings.iter().any(lugre)),
             ("a world without bodies", spec.bodies.is_empty()),
         ] {
             if is_there {
-                return Err(Error::BodiesEvery { beside });
+                return Err(Error::BodiesEvery { feature });
             }
         }
     }

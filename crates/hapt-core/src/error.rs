@@ -72,7 +72,7 @@ pub enum Error {
     /// Bodies that do not step at every sample, beside what the loop cannot do with them.
     BodiesEvery {
         /// What.
-        beside: &'static str,
+        feature: &'static str,
     },
     /// The world's numbers leave the range of the loop's.
     NotFinite,
@@ -103,8 +103,8 @@ impl fmt::Display for Error {
             }
             Error::OutputNotStart => write!(f, "tustin and foh take the torque from x_k: output must be start"),
             Error::AdvanceWithoutEnd => write!(f, "steps ahead need output end"),
-            Error::BodiesEvery { beside } => {
-                write!(f, "bodies that step at every n-th sample, n above 1, do not go with {beside}")
+            Error::BodiesEvery { feature } => {
+                write!(f, "bodies that step at every n-th sample, n above 1, do not go with {feature}")
             }
             Error::NotFinite => write!(
                 f,

@@ -61,8 +61,8 @@ impl<'a, F: Real, const B: usize> Line<'a, F, B> {
             return (sum, F::ZERO);
         }
         let StepResponse { free, rate, compliance, mobility, .. } = self.response;
-        let beside = StepResponse { free: free + compliance * sum, rate: rate + mobility * sum, ..self.response };
-        let friction = Coulomb { torque: self.level }.solve(&beside).torque;
+        let pushed = StepResponse { free: free + compliance * sum, rate: rate + mobility * sum, ..self.response };
+        let friction = Coulomb { torque: self.level }.solve(&pushed).torque;
         (sum + friction, friction)
     }
 }

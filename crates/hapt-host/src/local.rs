@@ -57,7 +57,7 @@ impl LocalLoop {
     ) -> Result<Self, Error> {
         let plan = Plan::new(&config.world, profile).map_err(|error| Error::World(error.to_string()))?;
         let has_outside = !outside.is_none();
-        let engine = Engine::start_beside(plan.clone(), device, settings, outside)?;
+        let engine = Engine::start_with_outside(plan.clone(), device, settings, outside)?;
         Ok(LocalLoop { engine, plan: Box::new(plan), steps: None, has_outside })
     }
 

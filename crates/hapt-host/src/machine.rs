@@ -111,7 +111,7 @@ impl Machine {
     }
 
     /// The same loop with external torques; `None` where a board runs it.
-    pub fn beside(mut self, torques: Outside) -> Option<Self> {
+    pub fn with_outside(mut self, torques: Outside) -> Option<Self> {
         match &mut self.backend {
             #[cfg(not(target_family = "wasm"))]
             Backend::Local { outside, .. } => *outside = torques,

@@ -104,7 +104,7 @@ impl Station {
         let (links, ports) = Links::open(network, at, listen, &[(1 - at, to)], key).unwrap();
         let station = &network.stations[at];
         let config = WorldConfig::new(station.source.clone(), station.sets.clone()).unwrap();
-        let machine = Machine::simulated(&config.world).beside(Outside::linked(ports)).unwrap();
+        let machine = Machine::simulated(&config.world).with_outside(Outside::linked(ports)).unwrap();
         let mut session = Session::start(config, machine).unwrap();
         let epoch = session.handle().epoch();
         session.request(Request::Arm, epoch).unwrap();
@@ -300,7 +300,7 @@ fn a_computer_too_slow_for_its_stations_ends_them_without_a_torque() {
     let mut sessions: Vec<Session> = (network.stations.iter().zip(ports).enumerate())
         .map(|(at, (station, ports))| {
             let config = WorldConfig::new(station.source.clone(), Vec::new()).unwrap();
-            let mut machine = Machine::stepped(&config.world).beside(Outside::linked(ports)).unwrap();
+            let mut machine = Machine::stepped(&config.world).with_outside(Outside::linked(ports)).unwrap();
             machine.network = Some(shared.view(at, links.status(at), |_| ()));
             if at == 7 {
                 let Backend::Stepped { device, outside } = machine.backend else { panic!("stepped") };

@@ -45,7 +45,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let live = Live::start_on(options, |world| {
         let room = Room::of(world, 5.0 * std::f64::consts::PI)?;
         let (attached, effects) = GameWheel::on(own, &room)?;
-        let machine = Machine::simulated(world).beside(Outside::playing(effects)).ok_or("no loop of this computer")?;
+        let machine =
+            Machine::simulated(world).with_outside(Outside::playing(effects)).ok_or("no loop of this computer")?;
         let machine = Machine { wheel: Some(Box::new(attached.view())), ..machine };
         wheel = Some(attached);
         Ok::<_, Box<dyn std::error::Error>>(machine)

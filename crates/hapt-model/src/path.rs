@@ -71,7 +71,7 @@ impl<'a> Reader<'a> {
     /// The bytes of a file in the world file's folder or below.
     fn bytes(&self, file: &str) -> Result<Vec<u8>, Error> {
         let quoted = words::quoted(file);
-        let (place, beside) = match self.source.name.as_str() {
+        let (place, where_looked) = match self.source.name.as_str() {
             STDIN => ("the current folder", "in the current folder"),
             _ => ("the world file's folder", "beside the world file"),
         };
@@ -80,7 +80,7 @@ impl<'a> Reader<'a> {
                 "{quoted} leads out of {place}; a file that a world names must be in that folder or below it"
             )))
         };
-        let unreadable = |error: std::io::Error| refused(format!("cannot read {quoted} {beside}: {error}"));
+        let unreadable = |error: std::io::Error| refused(format!("cannot read {quoted} {where_looked}: {error}"));
         let folder = self.source.folder.canonicalize().map_err(unreadable)?;
         // A path from the root may begin with the folder as the user writes it, or as the system does.
         let named = std::path::absolute(&self.source.folder).map_err(unreadable)?;

@@ -36,13 +36,13 @@ pub fn diagram(world: &World, own_file: bool) -> Diagram {
         End::Body(body) => order.iter().position(|&b| b == body).map(|i| i + 1),
         End::Ground => None,
     };
-    let mut beside: Vec<Vec<&Coupling>> = vec![Vec::new(); order.len()];
+    let mut between: Vec<Vec<&Coupling>> = vec![Vec::new(); order.len()];
     let mut below: Vec<Vec<&Coupling>> = vec![Vec::new(); order.len() + 1];
     let mut above: Vec<(usize, usize, &Coupling)> = Vec::new();
     for coupling in &world.couplings {
         let ends = (place(coupling.first), place(coupling.second));
         match ends {
-            (Some(a), Some(b)) if a.abs_diff(b) == 1 => push(&mut beside, a.min(b), coupling),
+            (Some(a), Some(b)) if a.abs_diff(b) == 1 => push(&mut between, a.min(b), coupling),
             (Some(a), Some(b)) => above.push((a.min(b), a.max(b), coupling)),
             (Some(a), None) | (None, Some(a)) => push(&mut below, a, coupling),
             (None, None) => {}
@@ -50,7 +50,7 @@ pub fn diagram(world: &World, own_file: bool) -> Diagram {
     }
     // Each node is as wide as the couplings below it need, and as tall as those at its sides need.
     let widths: Vec<f64> = below.iter().map(|list| NODE.max(DOWN * list.len() as f64)).collect();
-    let most = beside.iter().map(Vec::len).max().unwrap_or(0);
+    let most = between.iter().map(Vec::len).max().unwrap_or(0);
     let tall = TALL.max(LANE * most as f64 + 6.0);
     let top = 14.0 + LANE * above.len() as f64 + if own_file { 22.0 } else { 0.0 };
     let left = 66.0;
@@ -60,7 +60,7 @@ pub fn diagram(world: &World, own_file: bool) -> Diagram {
         centres.push(x + 0.5 * width);
         // A neighbour needs its gap only where something lies in it.
         x += width
-            + if beside.get(i).is_some_and(|list| !list.is_empty()) {
+            + if between.get(i).is_some_and(|list| !list.is_empty()) {
                 GAP - 0.5 * (width - NODE).min(60.0)
             } else {
                 34.0
@@ -72,7 +72,7 @@ pub fn diagram(world: &World, own_file: bool) -> Diagram {
 
     let mut body = String::new();
     let edge = |i: usize, side: f64| centres[i] + side * 0.5 * NODE;
-    for (i, list) in beside.iter().enumerate() {
+    for (i, list) in between.iter().enumerate() {
         for (lane, coupling) in list.iter().enumerate() {
             let y = top + 0.5 * tall + LANE * (lane as f64 - 0.5 * (list.len() as f64 - 1.0)) - 6.0;
             let (a, b) = (edge(i, 1.0), edge(i + 1, -1.0));

@@ -86,7 +86,7 @@ impl Cycle {
     }
 
     /// The same loop with external torques, which stay when the world changes.
-    pub fn beside(self, outside: Outside) -> Self {
+    pub fn with_outside(self, outside: Outside) -> Self {
         Cycle { outside, ..self }
     }
 

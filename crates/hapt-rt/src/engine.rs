@@ -92,11 +92,11 @@ impl Engine {
 
     /// As [`Engine::start`], with these settings.
     pub fn start_with(plan: Plan, device: Box<dyn Device>, settings: Settings) -> Result<Self, Error> {
-        Engine::start_beside(plan, device, settings, Outside::default())
+        Engine::start_with_outside(plan, device, settings, Outside::default())
     }
 
     /// The same with external torques.
-    pub fn start_beside(
+    pub fn start_with_outside(
         plan: Plan,
         device: Box<dyn Device>,
         settings: Settings,
@@ -138,7 +138,7 @@ impl Engine {
             handle: handle.clone(),
         };
         let schedule = Schedule::new(0, plan.period());
-        let cycle = Cycle::new(Box::new(plan), device).beside(outside);
+        let cycle = Cycle::new(Box::new(plan), device).with_outside(outside);
         let realtime = Realtime::default();
         let engine = Engine { records, snapshots, commands, spent, realtime, handle, thread: None, ended: None };
         Ok((engine, Stepper { cycle, rings, schedule, start: None }))

@@ -271,14 +271,14 @@ fn width_text(loaded: &Loaded, found: &ZWidth) -> String {
         format::number(found.passive_damping)
     );
     let stiffest = found.edges.iter().filter_map(|edge| Some((edge.stable?, edge.damping)));
-    let (most, beside) = stiffest.fold((0.0, 0.0), |best, edge| if edge.0 > best.0 { edge } else { best });
+    let (most, with_damping) = stiffest.fold((0.0, 0.0), |best, edge| if edge.0 > best.0 { edge } else { best });
     let _ = writeln!(
         text,
         "stable    hands-off, up to {} {k} without a damper, and up to {} {b} without a spring; about {} {k} beside {} {b} at most",
         alone(first.and_then(|edge| edge.stable)),
         format::number(found.stable_damping),
         rounded(most),
-        rounded(beside)
+        rounded(with_damping)
     );
     if let Some(counts) = found.counts {
         let _ = writeln!(

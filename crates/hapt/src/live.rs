@@ -62,7 +62,7 @@ pub fn with(args: &LiveArgs, steering: Option<Steering>) -> Result<ExitCode, Fai
     let live = Live::start_on(options, |world| match steering {
         None => machine(args, &device, world),
         Some(steering) => {
-            let (attached, machine) = beside_games(args, &device, world, steering)?;
+            let (attached, machine) = with_games(args, &device, world, steering)?;
             wheel = Some(attached);
             Ok(machine)
         }
@@ -182,7 +182,7 @@ fn stations(
         let machine = |world: &World| {
             let machine = device.machine(world, SafetyProfile::Simulated, settings, 0.0)?.machine;
             let machine = machine
-                .beside(Outside::linked(ports))
+                .with_outside(Outside::linked(ports))
                 .ok_or_else(|| Failure::input("the device runs its loop by itself"))?;
             Ok::<_, Failure>(Machine { network: Some(view), ..machine })
         };
@@ -207,7 +207,7 @@ fn machine(args: &LiveArgs, device: &DeviceAddress, world: &World) -> Result<Mac
 }
 
 /// The same with what games play beside its world, and the wheel that they see.
-fn beside_games(
+fn with_games(
     args: &LiveArgs,
     device: &DeviceAddress,
     world: &World,
@@ -216,8 +216,8 @@ fn beside_games(
     let room = Wheel::room(world, steering)?;
     let plain = machine(args, device, world)?;
     let (wheel, effects) = Wheel::attach(room)?;
-    let beside = plain.beside(Outside::playing(effects));
-    let machine = beside.ok_or_else(|| Failure::input("hapt wheel: the device runs its loop by itself"))?;
+    let playing = plain.with_outside(Outside::playing(effects));
+    let machine = playing.ok_or_else(|| Failure::input("hapt wheel: the device runs its loop by itself"))?;
     let machine = Machine { wheel: Some(wheel.view()), ..machine };
     Ok((wheel, machine))
 }

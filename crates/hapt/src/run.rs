@@ -91,7 +91,7 @@ pub fn with(args: &RunArgs, steering: Option<Steering>) -> Result<ExitCode, Fail
         (None, None) => None,
     };
     if let Some((what, outside)) = outside {
-        machine = machine.beside(outside).ok_or_else(|| {
+        machine = machine.with_outside(outside).ok_or_else(|| {
             Failure::input(format!("{what}: the device runs its loop by itself; it needs a loop of this computer"))
         })?;
     }

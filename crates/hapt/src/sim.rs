@@ -283,8 +283,9 @@ fn text(world: &World, own: Option<&Effort>, scenario: &Scenario, summary: &Summ
         ),
     );
     if let Some(fitted) = summary.fitted_growth() {
-        let beside = predicted.map_or("none predicted".into(), |growth| format!("{} predicted", format::rate(growth)));
-        line("growth", format!("{} per second fitted to the run, {beside}", format::rate(fitted)));
+        let prediction =
+            predicted.map_or("none predicted".into(), |growth| format!("{} predicted", format::rate(growth)));
+        line("growth", format!("{} per second fitted to the run, {prediction}", format::rate(fitted)));
     }
     lines.join("\n") + "\n"
 }

@@ -16,8 +16,8 @@ pub fn file(missing: &Path) -> String {
     let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let entries = std::fs::read_dir(here).into_iter().flatten().flatten().take(1000);
     // A nearly right name of a file that is another's is none.
-    let beside: Vec<String> = entries.filter_map(|entry| entry.file_name().into_string().ok()).collect();
-    match nearest(name, beside.iter().map(String::as_str)) {
+    let names: Vec<String> = entries.filter_map(|entry| entry.file_name().into_string().ok()).collect();
+    match nearest(name, names.iter().map(String::as_str)) {
         Some(near) => format!("; did you mean {:?}?", folder.join(near).display().to_string()),
         None => builtin::meant(&missing.display().to_string()),
     }

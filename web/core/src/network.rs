@@ -60,7 +60,7 @@ impl NetworkPage {
             let view = shared.view(at, links.status(at), move |question| {
                 to.answer(&question, verdict(&question.network, &alone));
             });
-            let machine = Machine::stepped(&config.world).beside(Outside::linked(ports));
+            let machine = Machine::stepped(&config.world).with_outside(Outside::linked(ports));
             let machine = machine.ok_or_else(|| format!("{name} does not run in a page"))?;
             stations.push(Page::on(config, Machine { network: Some(view), ..machine })?);
         }

@@ -55,7 +55,7 @@ pub struct Outcome {
     /// What hands felt beside the game's torque, relative to it, as root mean squares.
     pub felt: f64,
     /// The same, relative to the motor's largest torque.
-    pub beside: f64,
+    pub extra_torque: f64,
     /// The part of the level that was held back hands off, mean.
     pub held_back: f64,
 }
@@ -178,7 +178,7 @@ pub fn run(pair: &Pair, remedy: Remedy) -> Result<Outcome, Refused> {
         wheel.command(given + hand);
         wheel.travel();
     }
-    outcome.beside = (felt / f64::max(compared, 1.0)).sqrt() / pair.limit;
+    outcome.extra_torque = (felt / f64::max(compared, 1.0)).sqrt() / pair.limit;
     outcome.felt = (felt / all.max(1e-12)).sqrt();
     outcome.held_back = held * period / (DURATION - LET_GO);
     Ok(outcome)

@@ -35,7 +35,7 @@ use crate::certificate::remedies::remedies;
 use crate::equations::laws;
 use crate::error::Error;
 use crate::passivity::quantisation::{quantisation, step};
-use crate::passivity::within::beside;
+use crate::passivity::within::beyond_friction;
 use burden::{Burden, bounds_damping};
 
 pub use demands::{Demands, FixedExcess};
@@ -264,7 +264,7 @@ fn limit(station: &Station, own: &[&Link]) -> Option<String> {
 
 /// What the counts of both ends of every link make of its torque is within the friction of the device, or not.
 fn counts(network: &System, index: usize, own: &[&Link]) -> Result<Option<String>, Error> {
-    let Some(world) = beside_links(network, index, own) else { return Ok(None) };
+    let Some(world) = station_with_links(network, index, own) else { return Ok(None) };
     let is_enough = world.device.least_friction() >= 0.0 && quantisation(&world)?.ok;
     Ok((!is_enough).then(|| {
         "encoder counts, here or at the other end of a link, make steps in its torque that the friction of the device does not cover".to_string()
@@ -275,12 +275,12 @@ fn counts(network: &System, index: usize, own: &[&Link]) -> Result<Option<String
 fn on_least_friction(world: &World) -> World {
     let mut least = world.clone();
     least.device.set_friction(world.device.friction_range()[0]);
-    beside(&least).into_owned()
+    beyond_friction(&least).into_owned()
 }
 
 /// The world of a station with its links as couplings to ground, and the friction that the counts at their other ends leave; `None` without
 /// counts and levels, or links.
-fn beside_links(network: &System, index: usize, own: &[&Link]) -> Option<World> {
+fn station_with_links(network: &System, index: usize, own: &[&Link]) -> Option<World> {
     let station = &network.stations[index];
     let is_rotary = network.motion == hapt_model::Motion::Rotary;
     let size =

@@ -4,7 +4,7 @@ use hapt_model::{Link, System};
 
 use super::burden::Burden;
 use super::demands::Demands;
-use super::{NetworkCheck, beside_links, on_least_friction};
+use super::{NetworkCheck, on_least_friction, station_with_links};
 use crate::error::Error;
 use crate::passivity::quantisation::quantisation;
 
@@ -44,7 +44,7 @@ pub fn rounded(network: &System, check: &NetworkCheck, step: f64) -> Result<Roun
 
 /// The friction of a device that the counts of both ends of its links leave, N·m (linear: N).
 fn friction_left(network: &System, at: usize, own: &[&Link]) -> Result<f64, Error> {
-    let Some(world) = beside_links(network, at, own) else {
+    let Some(world) = station_with_links(network, at, own) else {
         return Ok(on_least_friction(&network.stations[at].world).device.friction);
     };
     let found = quantisation(&world)?;

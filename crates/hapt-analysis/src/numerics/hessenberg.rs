@@ -62,9 +62,9 @@ pub(crate) fn eigenvalues(a: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
 /// The first row of the block that ends with row `last`; the entry before it, negligible beside its neighbours, is made 0.
 fn first_of_block(h: &mut DMatrix<f64>, last: usize, norm: f64) -> usize {
     for i in (1..=last).rev() {
-        let beside = h[(i - 1, i - 1)].abs() + h[(i, i)].abs();
-        let beside = if beside == 0.0 { norm } else { beside };
-        if h[(i, i - 1)].abs() <= f64::EPSILON * beside {
+        let neighbours = h[(i - 1, i - 1)].abs() + h[(i, i)].abs();
+        let neighbours = if neighbours == 0.0 { norm } else { neighbours };
+        if h[(i, i - 1)].abs() <= f64::EPSILON * neighbours {
             h[(i, i - 1)] = 0.0;
             return i;
         }
@@ -84,8 +84,9 @@ fn francis(h: &mut DMatrix<f64>, start: usize, last: usize, (sum, product): (f64
     let mut v = first(h, from);
     while from > start {
         let size = v.iter().map(|x| x.abs()).sum::<f64>();
-        let beside = h[(from - 1, from - 1)].abs() + h[(from, from)].abs() + h[(from + 1, from + 1)].abs();
-        if h[(from, from - 1)].abs() * (v[1].abs() + v[2].abs()) < f64::EPSILON * v[0].abs() * beside && size > 0.0 {
+        let neighbours = h[(from - 1, from - 1)].abs() + h[(from, from)].abs() + h[(from + 1, from + 1)].abs();
+        if h[(from, from - 1)].abs() * (v[1].abs() + v[2].abs()) < f64::EPSILON * v[0].abs() * neighbours && size > 0.0
+        {
             break;
         }
         from -= 1;

@@ -18,7 +18,7 @@ use crate::equations::discrete::keeps_energy;
 use crate::equations::laws::{self, Kind};
 use crate::equations::slopes::at_puck;
 use crate::error::Error;
-use crate::passivity::within::beside;
+use crate::passivity::within::beyond_friction;
 
 /// The stiffness that encoder and torque quantisation allow.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -67,7 +67,7 @@ pub(crate) fn step(world: &World) -> f64 {
 pub fn quantisation(world: &World) -> Result<Quantisation, Error> {
     let [stiffness, damping] = at_puck(world, &world.couplings)?;
     let (device, period) = (&world.device, world.sampling.period);
-    let (friction, step, count) = (beside(world).device.least_friction(), step(world), world.count());
+    let (friction, step, count) = (beyond_friction(world).device.least_friction(), step(world), world.count());
     let over = if world.sampling.takes_several_samples() { f64::from(world.sampling.every) } else { 1.0 };
     let least_friction = count.map_or(0.0, |count| damping * count / (over * period)) + 0.5 * step;
     let max_stiffness = (count.is_some() || step > 0.0).then(|| {

@@ -26,7 +26,7 @@ use crate::error::Error;
 use crate::impedance::{Discretisation, Pole, TransferFunction};
 use crate::numerics::last::Last;
 use crate::passivity::curve::DampingCurve;
-use crate::passivity::supremum::{Wanted, damping, requirement_beside, supremum};
+use crate::passivity::supremum::{Wanted, damping, rounded_requirement, supremum};
 use crate::passivity::two_rates;
 use crate::stability::held::{held_eigenvalues, held_growth};
 use crate::stability::{MARGINAL, Verdict};
@@ -407,6 +407,6 @@ pub(crate) fn linear_requirement_wanted(wanted: Wanted, world: &World) -> Result
         let turn = listed.first().map_or(0.0, |most| most.im.atan2(most.re).abs());
         return never(Cause::GrowsUnseen { hz: turn / std::f64::consts::TAU / period });
     }
-    let damping = requirement.damping.map(|b| requirement_beside(world.device.damping, b));
+    let damping = requirement.damping.map(|b| rounded_requirement(world.device.damping, b));
     Ok(Requirement { damping, ..requirement })
 }

@@ -101,7 +101,7 @@ pub(crate) const SPARE: f64 = 1e-6;
 const EQUAL: f64 = 8.0 * f64::EPSILON;
 
 /// The requirement, or `damping` where it is equal to that up to rounding.
-pub(crate) fn requirement_beside(damping: f64, required: f64) -> f64 {
+pub(crate) fn rounded_requirement(damping: f64, required: f64) -> f64 {
     if (required - damping).abs() <= EQUAL * damping { damping } else { required }
 }
 

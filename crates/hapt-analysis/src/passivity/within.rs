@@ -28,7 +28,7 @@ pub(crate) fn taken(couplings: &[Coupling]) -> f64 {
 
 /// The world that the claim is about: without the couplings that friction takes, on the friction that they leave. The world itself where there
 /// are none, where the friction is less, or where the origin of the world slips: it follows their torque, so that the rest does not see the position only.
-pub(crate) fn beside(world: &World) -> Cow<'_, World> {
+pub(crate) fn beyond_friction(world: &World) -> Cow<'_, World> {
     let taken = taken(&world.couplings);
     let friction = world.device.least_friction();
     if taken == 0.0 || taken > friction || world.sampling.recentre.is_some() {

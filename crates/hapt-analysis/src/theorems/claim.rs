@@ -7,9 +7,9 @@ use crate::equations::slopes::at_puck;
 use crate::error::Error;
 use crate::passivity::quantisation::quantisation;
 use crate::passivity::required::Cause;
-use crate::passivity::supremum::{Wanted, requirement_beside};
+use crate::passivity::supremum::{Wanted, rounded_requirement};
 use crate::passivity::timing::Timing;
-use crate::passivity::within::{beside, taken};
+use crate::passivity::within::{beyond_friction, taken};
 use crate::theorems::assumptions::{Omission, beyond, is_estimate, outside};
 use crate::theorems::demands::{Demand, best, estimate, steepest_at_hz};
 use crate::theorems::{Claimed, FRICTION, WITHIN_FRICTION};
@@ -52,7 +52,7 @@ pub(crate) fn least(world: &World) -> World {
 impl Claim {
     /// Of `world`, with one device, one delay and one lag, under `timing`.
     pub fn of(world: &World, timing: Timing, wanted: Wanted) -> Result<Claim, Error> {
-        let rest = beside(world);
+        let rest = beyond_friction(world);
         let is_within_friction = taken(&world.couplings) > taken(&rest.couplings);
         let world = &*rest;
         let device_damping = world.device.damping;
@@ -70,7 +70,7 @@ impl Claim {
         };
         let (required, at_hz, cause) = match demand {
             Demand::Enough { damping, at_hz, is_least } => {
-                let required = requirement_beside(device_damping, damping);
+                let required = rounded_requirement(device_damping, damping);
                 if required > device_damping {
                     is_refuted = is_least || !is_covered || lacks(world, timing, wanted)?;
                 }
@@ -145,7 +145,7 @@ impl Claim {
 
     /// The claim, with what is left out of it: counts, levels, the motor's limit and friction of the device.
     pub(super) fn beyond(&self, world: &World, timing: Timing) -> Result<Vec<Omission>, Error> {
-        beyond(&beside(world), timing, self.required.map(|b| b.max(self.device_damping)))
+        beyond(&beyond_friction(world), timing, self.required.map(|b| b.max(self.device_damping)))
     }
 }
 
@@ -154,7 +154,7 @@ fn lacks(world: &World, timing: Timing, wanted: Wanted) -> Result<bool, Error> {
     Ok(match estimate(world, timing, wanted)? {
         Demand::Enough { damping, .. } => {
             let is_least = timing.is_even() && timing.lag[0] == timing.lag[1] || timing.is_at_once();
-            is_least && requirement_beside(world.device.damping, damping) > world.device.damping
+            is_least && rounded_requirement(world.device.damping, damping) > world.device.damping
         }
         Demand::Never { .. } => true,
         Demand::Outside(_) => false,

@@ -14,7 +14,7 @@ use crate::error::Error;
 use crate::passivity::required::linear_requirement_wanted;
 use crate::passivity::supremum::Wanted;
 use crate::passivity::timing::Timing;
-use crate::passivity::within::beside;
+use crate::passivity::within::beyond_friction;
 use crate::theorems::assumptions::behind_filter;
 use crate::theorems::claim::least;
 use crate::theorems::{ENERGY, LAWS, LINEAR, TWO_RATES, Theorem};
@@ -60,7 +60,7 @@ pub(crate) struct Slope {
 pub(crate) fn witness(world: &World, is_held: bool) -> Result<Option<Witnessed>, Error> {
     let timing = Timing::of(world);
     // What friction takes asks for nothing else, (T76).
-    let least = beside(&least(world)).into_owned();
+    let least = beyond_friction(&least(world)).into_owned();
     let world = &least;
     let at_puck = at_puck(&least)?;
     let [stiffness, damping] =

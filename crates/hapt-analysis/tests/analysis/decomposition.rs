@@ -188,10 +188,10 @@ fn a_wall_enters_as_its_spring_and_damper() {
     // Beside a detent, 2π torque/pitch where it is steep, the flat curve and one that lies lower by that much.
     let law = Law::Detent { torque: 1.0, pitch: 20.0 * PI, phase: 0.0 };
     world.couplings.push(Coupling { first: ends.0, second: ends.1, law, limit: None });
-    let beside = Decomposition::free(&world, keys).unwrap().unwrap();
-    assert_eq!(beside.len(), 2);
+    let parts = Decomposition::free(&world, keys).unwrap().unwrap();
+    assert_eq!(parts.len(), 2);
     for phi in [0.1, 1.0, 2.0] {
-        let [[flat, _], [steep, damping]] = [0, 1].map(|i| beside[i].at(phi).unwrap());
+        let [[flat, _], [steep, damping]] = [0, 1].map(|i| parts[i].at(phi).unwrap());
         let [stiffness, wanted] = plain[0].at(phi).unwrap();
         assert!((flat / stiffness - 1.0).abs() < 1e-12 && (damping / wanted - 1.0).abs() < 1e-9);
         assert!((flat - steep - 0.1).abs() < 1e-9 * stiffness.max(1.0));

@@ -199,7 +199,7 @@ impl<F: Real> Wheel<F> {
         &self,
         state: &mut WheelState<F>,
         position: F,
-        beside: F,
+        external: F,
         effects: &[Effect<F>],
         revision: u32,
     ) -> Given<F> {
@@ -220,8 +220,8 @@ impl<F: Real> Wheel<F> {
         }
         state.direct = scaled + state.fading;
         // The world comes last: what the host asks for is within the limit before it adds to it.
-        let beside = beside.finite_or_zero();
-        let statics = within(within(state.direct, -self.limit, self.limit) + beside, -self.limit, self.limit);
+        let external = external.finite_or_zero();
+        let statics = within(within(state.direct, -self.limit, self.limit) + external, -self.limit, self.limit);
         // Elements yield where the motor cannot hold them, on both their ends.
         let room = (statics - self.limit, statics + self.limit);
         let velocity = way / self.period;
@@ -229,9 +229,9 @@ impl<F: Real> Wheel<F> {
         let room = (room.0 - drag, room.1 - drag);
         let (inertia, most) = inertia(effects);
         let mass = state.mass.step(shares.mass, way, room, inertia, most, self.period);
-        let torque = (statics - drag - mass).finite_or_zero().within(self.limit) - beside;
-        let plain = wanted + beside - resistance(effects, velocity).moving(velocity) - mass;
-        let asked = plain.finite_or_zero().within(self.limit) - beside;
+        let torque = (statics - drag - mass).finite_or_zero().within(self.limit) - external;
+        let plain = wanted + external - resistance(effects, velocity).moving(velocity) - mass;
+        let asked = plain.finite_or_zero().within(self.limit) - external;
         let shortfall = if effects.iter().any(drives) {
             Some(Shortfall::Drives)
         } else if shares.scale < F::ONE {

@@ -92,9 +92,9 @@ fn drawn(
     for step in 0..4000 {
         if step == next {
             let seen = if real.count > 0.0 { (z / real.count + 0.5).floor() * real.count } else { z };
-            let beside = (-stops * (seen - seen.clamp(-0.02, 0.02))).clamp(-device.limit, device.limit);
-            let given = wheel.step_with(&mut state, seen, beside, effects, 0);
-            pending.push((step + pattern.delay, given.torque + beside));
+            let external = (-stops * (seen - seen.clamp(-0.02, 0.02))).clamp(-device.limit, device.limit);
+            let given = wheel.step_with(&mut state, seen, external, effects, 0);
+            pending.push((step + pattern.delay, given.torque + external));
             next += pattern.shortest + (dice.roll() * (pattern.longest - pattern.shortest + 1) as f64) as usize;
             // A hand that turns at the samples asks most of the hold.
             if dice.roll() < 0.8 {
@@ -120,7 +120,7 @@ fn device(timing: Timing, damping: f64) -> Device {
 }
 
 /// What stops that take this share of the damping leave of the device, and their stiffness.
-fn beside_stops(real: &Device, share: f64) -> (Device, f64) {
+fn with_stops(real: &Device, share: f64) -> (Device, f64) {
     let damping = (1.0 - share) * real.damping;
     (Device { damping, ..*real }, share * real.damping / real.timing.spring_cost())
 }
@@ -138,7 +138,7 @@ proptest! {
         let mut dice = Dice(seed);
         let pattern = pattern(shortest, more, late);
         let real = device(pattern.timing(), dice.between(1e-3, 0.3));
-        let (device, stops) = beside_stops(&real, if dice.roll() < 0.5 { 0.0 } else { 0.9 * dice.roll() });
+        let (device, stops) = with_stops(&real, if dice.roll() < 0.5 { 0.0 } else { 0.9 * dice.roll() });
         let effects = dice.effects(5.0);
         let drawn = drawn(&device, stops, &real, pattern, &effects, 0.0, &mut dice);
         prop_assert!(drawn < 1e-9, "{drawn} of what passes, {effects:?} and stops of {stops} on {real:?}");
@@ -149,7 +149,7 @@ proptest! {
         let mut dice = Dice(seed);
         let pattern = Pattern { lag: lag * shortest as f64 * STEP, ..pattern(shortest, more, late) };
         let real = device(pattern.timing(), dice.between(1e-3, 0.3));
-        let (device, stops) = beside_stops(&real, if dice.roll() < 0.5 { 0.0 } else { 0.9 * dice.roll() });
+        let (device, stops) = with_stops(&real, if dice.roll() < 0.5 { 0.0 } else { 0.9 * dice.roll() });
         let effects = dice.effects(5.0);
         let drawn = drawn(&device, stops, &real, pattern, &effects, 0.0, &mut dice);
         prop_assert!(drawn < 1e-9, "{drawn} of what passes, {effects:?} and stops of {stops} on {real:?}");

@@ -67,7 +67,7 @@ fn a_moteus_whose_host_is_killed_while_a_game_plays_holds_its_torque_for_ten_per
         let wheel = Wheel::new(&Device::ideal(Timing::even(PERIOD), 1e-3, LIMIT)).unwrap();
         let (port, mut wire) = effects(wheel, Scale::of_wheel(LIMIT, 1.0));
         let plan = Plan::new(&world, SafetyProfile::Simulated).unwrap();
-        let mut cycle = Cycle::new(Box::new(plan), Box::new(device)).beside(Outside::playing(port));
+        let mut cycle = Cycle::new(Box::new(plan), Box::new(device)).with_outside(Outside::playing(port));
         let mut samples = 0;
         let mut sample = |request| {
             let periods = u32::from(samples > 0);

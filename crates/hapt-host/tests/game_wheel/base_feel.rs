@@ -73,7 +73,7 @@ fn course(delay: f64, couplings: &str, asked: &[(Kind, Report)], speed: f64, sec
     let (port, mut wire) = effects(Wheel::new(room.device()).unwrap(), room.scale());
     let free = Free(Arc::new(Mutex::new(VirtualDevice::new(&world.device_spec()))));
     let plan = Plan::new(&world, SafetyProfile::Simulated).unwrap();
-    let mut cycle = Cycle::new(Box::new(plan), Box::new(free.clone())).beside(Outside::playing(port));
+    let mut cycle = Cycle::new(Box::new(plan), Box::new(free.clone())).with_outside(Outside::playing(port));
     let mut samples = 0;
     let mut sample = |request| {
         let periods = u32::from(samples > 0);

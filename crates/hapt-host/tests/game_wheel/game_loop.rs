@@ -31,7 +31,7 @@ fn kicked(acts: bool) -> ([f64; 2], GameStatus) {
     let free = Free(Arc::new(Mutex::new(VirtualDevice::new(&world.device_spec()))));
     let plan = Plan::new(&world, SafetyProfile::Simulated).unwrap();
     let outside = Outside::playing(port.watching(room.game_loop().unwrap()));
-    let mut cycle = Cycle::new(Box::new(plan), Box::new(free.clone())).beside(outside);
+    let mut cycle = Cycle::new(Box::new(plan), Box::new(free.clone())).with_outside(outside);
     let mut samples = 0;
     let mut sample = |request| {
         let periods = u32::from(samples > 0);

@@ -78,7 +78,7 @@ impl Bench {
         let path = Arc::new(Mutex::new(Path { at: Box::new(|_| 0.0), samples: 0 }));
         let device = Moved { path: Arc::clone(&path) };
         let plan = Plan::new(&world, SafetyProfile::Simulated).unwrap();
-        let cycle = Cycle::new(Box::new(plan), Box::new(device)).beside(Outside::playing(port));
+        let cycle = Cycle::new(Box::new(plan), Box::new(device)).with_outside(Outside::playing(port));
         let mut bench = Bench { wheel, cycle, path, host: Host::new(other), reads: true, samples: 0 };
         bench.host.configure();
         bench.sample(None);
@@ -199,7 +199,7 @@ fn a_page_shows_the_effects_and_sets_the_pedals_of_a_simulated_wheel() {
     let world = World::read(&source, &[]).unwrap();
     let (own, other) = UnixStream::pair().unwrap();
     let (wheel, port) = GameWheel::on(own, &Room::of(&world, RANGE).unwrap()).unwrap();
-    let machine = Machine::simulated(&world).beside(Outside::playing(port)).unwrap();
+    let machine = Machine::simulated(&world).with_outside(Outside::playing(port)).unwrap();
     let machine = Machine { wheel: Some(Box::new(wheel.view())), ..machine };
     let session = Session::start(WorldConfig::new(source, Vec::new()).unwrap(), machine).unwrap();
     let (mut page, begin) = (PageSession::new(session), Instant::now());

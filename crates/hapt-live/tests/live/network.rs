@@ -41,7 +41,7 @@ fn pages(network: &System, ends: Vec<StationEnd>) -> Vec<PageSession> {
 fn pages_in(folder: &std::path::Path, network: &System, ends: Vec<StationEnd>) -> Vec<PageSession> {
     let page = |(station, StationEnd { ports, view }): (&hapt_model::Station, StationEnd)| {
         let config = WorldConfig::new(station.source.clone(), station.sets.clone()).unwrap();
-        let machine = Machine::simulated(&config.world).beside(Outside::linked(ports)).unwrap();
+        let machine = Machine::simulated(&config.world).with_outside(Outside::linked(ports)).unwrap();
         let machine = Machine { network: Some(view), ..machine };
         PageSession::new(Session::start_in(config, machine, folder.into(), || ()).unwrap())
     };

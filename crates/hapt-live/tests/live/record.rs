@@ -71,7 +71,7 @@ fn a_recording_with_a_games_effects_has_their_torque_in_a_separate_column() {
         address: "127.0.0.1:0".parse().unwrap(),
         folder: folder.path().into(),
     };
-    let machine = |world: &_| Ok::<_, Error>(Machine::simulated(world).beside(Outside::playing(port)).unwrap());
+    let machine = |world: &_| Ok::<_, Error>(Machine::simulated(world).with_outside(Outside::playing(port)).unwrap());
     let live = Live::start_on(options, machine).unwrap();
     let (mut page, _) = Page::new(&live);
     let mut pool = Pool::new();

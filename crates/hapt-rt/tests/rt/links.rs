@@ -106,7 +106,7 @@ impl<C: Codec> Station<C> {
         let (port, wire) = link(&network.links[0], at == 0, network.end(0, at), 1e-3);
         let plan = Plan::new(world, SafetyProfile::Simulated).unwrap();
         Station {
-            cycle: Cycle::new(Box::new(plan), Box::new(device)).beside(Outside::linked(vec![port])),
+            cycle: Cycle::new(Box::new(plan), Box::new(device)).with_outside(Outside::linked(vec![port])),
             hands,
             wire,
             session: Session::new(codec, rng.next()).paced((world.sampling.period * 1e9).round() as u64),

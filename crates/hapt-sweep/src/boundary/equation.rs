@@ -170,8 +170,8 @@ pub(crate) fn side(plane: &Plane, edge: Edge, p: Place, along: [f64; 2]) -> Resu
         if !to.iter().all(|x| x.is_finite()) {
             return Ok(None);
         }
-        let beside = Plane::inside([0, 1].map(|i| p[i] + VERDICT_OFFSET * to[i]));
-        Ok(Some(plane.beyond(edge, beside)? > 0.0))
+        let offset = Plane::inside([0, 1].map(|i| p[i] + VERDICT_OFFSET * to[i]));
+        Ok(Some(plane.beyond(edge, offset)? > 0.0))
     };
     Ok(match (is_beyond(Side::Left)?, is_beyond(Side::Right)?) {
         (Some(true), Some(false)) => Some(Side::Left),

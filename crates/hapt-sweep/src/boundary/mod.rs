@@ -203,8 +203,8 @@ fn piece(plane: &Plane, edge: Edge, way: EdgeMethod, found: TracedEdge) -> Resul
             let along = [b[0] - a[0], b[1] - a[1]];
             if side(plane, edge, here, along)? == Some(Side::Left) {
                 let beyond = normal(along, Side::Left);
-                let beside = Plane::inside([0, 1].map(|j| here[j] + VERDICT_OFFSET * beyond[j]));
-                return Ok(made(plane.hz(edge, beside)?, beyond));
+                let offset = Plane::inside([0, 1].map(|j| here[j] + VERDICT_OFFSET * beyond[j]));
+                return Ok(made(plane.hz(edge, offset)?, beyond));
             }
         }
         Ok(None)

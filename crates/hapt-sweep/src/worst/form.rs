@@ -166,7 +166,7 @@ impl<'a> Form<'a> {
         };
         returning(&mut start);
         let mut basis: Vec<Vec<f64>> = vec![scaled(&start, 1.0 / dot(&start, &start).sqrt())];
-        let (mut diagonal, mut beside) = (Vec::new(), Vec::new());
+        let (mut diagonal, mut off_diagonal) = (Vec::new(), Vec::new());
         for i in 0..LANCZOS {
             let ways: Vec<f64> = basis[i].iter().zip(&root).map(|(y, root)| y * root).collect();
             let mut next: Vec<f64> = self.times(&ways).iter().zip(&root).map(|(force, root)| force * root).collect();
@@ -183,12 +183,12 @@ impl<'a> Form<'a> {
             if i + 1 == LANCZOS || size <= 1e-9 * dot(&diagonal, &diagonal).sqrt() || !size.is_finite() {
                 break;
             }
-            beside.push(size);
+            off_diagonal.push(size);
             basis.push(scaled(&next, 1.0 / size));
         }
         let small = DMatrix::from_fn(diagonal.len(), diagonal.len(), |i, j| match i.abs_diff(j) {
             0 => diagonal[i],
-            1 => beside[i.min(j)],
+            1 => off_diagonal[i.min(j)],
             _ => 0.0,
         });
         let eigen = small.symmetric_eigen();

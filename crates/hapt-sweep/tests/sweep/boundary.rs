@@ -296,10 +296,10 @@ fn is_true(found: &Boundary, file: &str, asked: &[(f64, f64)]) -> Result<(), Tes
                 ends
             );
             for point in piece.points.iter().step_by(7) {
-                let beside = |sign: f64| {
+                let offset = |sign: f64| {
                     [0, 1].map(|i| (point.place[i] + sign * 1e-6 * point.beyond[i]).clamp(1e-6, 1.0 - 1e-6))
                 };
-                let sides = [1.0, -1.0].map(|sign| beyond(&at(beside(sign)), claim.edge));
+                let sides = [1.0, -1.0].map(|sign| beyond(&at(offset(sign)), claim.edge));
                 prop_assert_eq!(sides, [true, false], "{}: {:?}", what, point);
             }
         }

@@ -150,7 +150,7 @@ fn world() -> impl Strategy<Value = World> {
     let log = |decades: std::ops::Range<f64>| decades.prop_map(|d| 10f64.powf(d));
     let methods = select(vec![Method::Zoh, Method::Trapezoidal, Method::BackwardEuler, Method::SemiImplicitEuler]);
     (methods, log(-3.0..-1.0), log(-1.0..1.0), log(-1.0..1.0), log(-4.0..-2.5), log(-4.0..-2.5)).prop_map(
-        |(method, inertia, own, beside, damper, loss)| {
+        |(method, inertia, own, spring, damper, loss)| {
             let mut world = bare();
             world.sampling.method = method;
             world.sampling.output = if method == Method::SemiImplicitEuler { Output::Middle } else { Output::End };
@@ -161,7 +161,7 @@ fn world() -> impl Strategy<Value = World> {
             let fixed = |damping| Law::Damper { damping: Damping::Fixed(damping) };
             world.couplings = vec![
                 tie(End::Puck, End::Body(0), Law::Spring { stiffness: own, rest: 0.0 }),
-                tie(End::Puck, End::Ground, Law::Spring { stiffness: beside, rest: 0.0 }),
+                tie(End::Puck, End::Ground, Law::Spring { stiffness: spring, rest: 0.0 }),
                 tie(End::Puck, End::Body(0), fixed(damper)),
                 tie(End::Body(0), End::Ground, fixed(loss)),
             ];

@@ -74,8 +74,8 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
 /// or as `FILE-motion.csv` the motion of a world. When the file is there, those beside it are.
 fn targets(out: &Path, system: &System) -> Vec<PathBuf> {
     let world = |station: &Station| match station.name.as_str() {
-        "" => beside(out, "motion.csv"),
-        name => beside(out, &format!("{name}.toml")),
+        "" => sibling(out, "motion.csv"),
+        name => sibling(out, &format!("{name}.toml")),
     };
     system.stations.iter().map(world).chain([out.to_path_buf()]).collect()
 }
@@ -113,13 +113,13 @@ fn watched<T: Send>(
 fn with_scenario(world: &World, worst: &WorstAlone, out: Option<&Path>) -> World {
     let mut scenario = worst.scenario.clone();
     if let (Drive::Position(Shape::Path { file, .. }), Some(out)) = (&mut scenario.hand.drive, out) {
-        *file = beside(out, "motion.csv").file_name().map_or(file.clone(), |name| name.to_string_lossy().into_owned());
+        *file = sibling(out, "motion.csv").file_name().map_or(file.clone(), |name| name.to_string_lossy().into_owned());
     }
     World { scenarios: vec![scenario], ..world.clone() }
 }
 
 /// A file beside `out`.
-fn beside(out: &Path, what: &str) -> PathBuf {
+fn sibling(out: &Path, what: &str) -> PathBuf {
     let mut name = out.file_stem().unwrap_or_default().to_os_string();
     name.push(format!("-{what}"));
     out.with_file_name(name)
