@@ -100,7 +100,7 @@ fn powered(map: DMatrix<f64>, mut times: u32) -> DMatrix<f64> {
     all
 }
 
-/// Under which commands the puck moves between two samples.
+/// The commands under which the puck moves between two samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Hold {
     /// From one sample to the next, s.
@@ -147,14 +147,15 @@ pub(crate) struct ClosedLoop<'a> {
     integral: Option<usize>,
     /// Where the torque of the springs at the puck stands, if the bodies do not step at every sample: the last.
     springs: Option<usize>,
-    /// The torque by position and velocity of the puck alone.
+    /// The torque by position and velocity of the puck itself.
     own: [f64; 2],
     /// Whether the bodies stand still.
     stands: bool,
 }
 
 impl<'a> ClosedLoop<'a> {
-    /// The estimator takes steps of `period`, the bodies of as many as there are samples to a step; `in_flight` commands before this sample's are kept.
+    /// The estimator takes steps of `period`, the bodies steps of several periods where they do not step at every sample; `in_flight`
+    /// commands before this sample's are kept.
     ///
     /// # Errors
     /// As [`closed_loop`].

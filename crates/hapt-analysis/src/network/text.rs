@@ -14,7 +14,7 @@ fn up_to(x: f64) -> String {
     short(within(x, Certified::Below))
 }
 
-/// What the sentence says of a station.
+/// The facts on a station in the sentence.
 #[derive(Clone, Copy)]
 pub(super) struct StationVerdict<'a> {
     pub name: &'a str,
@@ -179,7 +179,7 @@ impl FixedRates {
 }
 
 impl StationCheck {
-    /// What it requires and has, or why it is not certified alone.
+    /// The damping that it requires and has, or why it is not certified by itself.
     pub fn sentence(&self) -> String {
         let StationCheck { required_damping, device_damping, local, .. } = self;
         let unit = unit(Measure::Damping, local.motion);

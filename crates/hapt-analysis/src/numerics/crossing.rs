@@ -377,7 +377,7 @@ mod tests {
         }
     }
 
-    /// What an eigenvalue on the circle beside the one that leaves it makes of a growth.
+    /// The growth has this shape where one eigenvalue stays on the circle and another one leaves it.
     #[test]
     fn where_a_flat_function_rises_is_found_in_little_more_than_halvings() {
         for power in [1, 2, 3] {

@@ -62,7 +62,7 @@ pub(crate) fn common_form(constraints: &[Constraint], start: &DMatrix<f64>) -> O
             length *= 0.5;
         }
         if !moved || decrement < 0.5 {
-            // Near the path: on to a sharper one, until the gap is small beside s.
+            // Near the path: continue with a sharper barrier, until the gap is small compared with s.
             if size / sharpness < 0.2 * s.abs() {
                 break;
             }

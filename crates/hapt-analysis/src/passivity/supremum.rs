@@ -78,7 +78,7 @@ pub(super) fn damping(m: f64, h: f64) -> f64 {
 pub(crate) enum Wanted {
     /// Its value, and where it is.
     Value,
-    /// The same value alone.
+    /// Only its value.
     Least,
     /// Whether it is at most this. A value above is found, or a bound below is proved; only a supremum within [`SPARE`] below is searched to
     /// the end.

@@ -1,4 +1,4 @@
-//! What the theorems assume of a world, and the reasons where it does not hold.
+//! The theorems' assumptions on a world, and the reasons where they do not hold.
 //!
 //! [`outside`] are assumptions on couplings, estimator and method without which no theorem covers the world. [`beyond`] is what every theorem
 //! leaves out of the device: counts, levels, the motor's limit and Coulomb friction. These are covered by arguments of their own:
@@ -63,7 +63,7 @@ pub(super) fn outside(world: &World) -> Vec<String> {
     reasons
 }
 
-/// Whether the number that stands for the world is no theorem's: FOAW changes its window, and a constant at a body is a source. The estimator
+/// Whether no theorem gives the number for this world: FOAW changes its window, and a constant at a body is a source. The estimator
 /// `exact` counts as the difference, so that what is claimed is about that.
 pub(super) fn is_estimate(world: &World) -> bool {
     changes_window(world) || constants(world).is_some()
@@ -180,7 +180,7 @@ pub(super) fn behind_filter(world: &World, [stiffness, damping]: [f64; 2]) -> [f
     [stiffness, damping + stiffness * period * lag]
 }
 
-/// The device damping that laws of this stiffness and damping at the puck ask for, at even samples.
+/// The device damping that laws of this stiffness and damping at the puck require, at even samples.
 pub(crate) fn laws_cost(world: &World, laws: [f64; 2]) -> Result<f64, Error> {
     Timing::even(world).of_laws(behind_filter(world, laws))
 }

@@ -202,7 +202,7 @@ fn of_laws(world: &World, timing: Timing) -> Result<FreePatterns, Error> {
     })
 }
 
-/// A size below which a spring or damper does nothing but keep the states of the loop the same.
+/// The size of a spring or damper that has no effect but to keep the states of the loop the same.
 const NOTHING: f64 = 1e-250;
 
 /// The linear worlds at all corners of the slopes; `None` where a law is not such that its torque differs from that at rest by a spring and a

@@ -1,4 +1,4 @@
-//! The theorems that make claims about a loop, and nothing else makes one.
+//! The theorems that make claims about a loop. Nothing else makes a claim.
 //!
 //! "Passive", "proved" and "certified" are [`Claimed`]: a type that only this module makes, and only from a theorem whose assumptions hold for
 //! the world. `claim` asks the theorems of `demands` what damping each of them requires and takes the least. Where none covers the world

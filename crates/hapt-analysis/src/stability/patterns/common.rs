@@ -169,7 +169,7 @@ pub(crate) fn shrinking(family: &Family<'_>, all: Cell, even: Step, start: &Norm
     }
     let constraint = |step: &Step| Constraint {
         d: start.scaled(&family.at(*step)),
-        // What a short interval takes is little.
+        // A short interval dissipates little.
         weight: (step.interval / even.interval).max(1e-3),
     };
     let mut constraints: Vec<Constraint> = steps.iter().map(constraint).collect();
