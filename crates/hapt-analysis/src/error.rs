@@ -94,7 +94,7 @@ pub enum Error {
     },
 }
 
-/// Refuses bodies that do not step at every sample, for `what` is not about them.
+/// Refuses bodies that do not step at every sample, which `what` does not cover.
 ///
 /// # Errors
 /// [`Error::BodiesEvery`].

@@ -37,7 +37,7 @@ fn a_heavy_slow_hand_breaks_a_spring_nearly_up_to_the_certificate() {
         assert!((required / (0.5 * stiffness * PERIOD) - 1.0).abs() < 1e-9);
         let breaking = breaking_damping(&wall(stiffness, 0.0, 0.0)).unwrap().unwrap();
         assert!(breaking.damping > 0.9999 * required && breaking.damping <= required, "{breaking:?} {required}");
-        // From where the device stands it comes to the same.
+        // The search gives the same result from another damping of the device.
         let again = breaking_damping(&wall(stiffness, 0.0, 0.7 * required)).unwrap().unwrap();
         assert!((again.damping / required - 1.0).abs() < 2e-4, "{again:?}");
     }
@@ -161,7 +161,7 @@ proptest! {
         if let Some(worst) = worst_grip(&world).unwrap() {
             let whole = growth(&world, worst.grip);
             prop_assert!(worst.growth_per_s >= MARGINAL);
-            // The whole loop has bodies besides, which the hand never feels.
+            // The whole loop has further bodies, which the hand never feels.
             prop_assert!(whole >= worst.growth_per_s * (1.0 - 1e-6) - 1e-9, "{whole} {worst:?}");
         }
     }

@@ -119,7 +119,7 @@ fn the_search_for_hands_finds_one() {
     assert!(worst.growth_per_s > 0.0);
 }
 
-/// Friction of its limit takes what it gives, (T76), and of the same limit from both sides.
+/// Friction of the size of its limit dissipates what it gives, (T76), in both directions.
 #[test]
 fn friction_that_takes_the_limit_makes_it_passive() {
     let mut world = pid(1e-3, [4.0, 0.0, 10.0]);
@@ -133,7 +133,7 @@ fn friction_that_takes_the_limit_makes_it_passive() {
         assert_eq!(found.passivity.passive.holds(), status == Status::Certified);
         assert_eq!(is_certified(&world), status == Status::Certified);
     }
-    // By its eigenvalues alone it would grow.
+    // Its eigenvalues, which leave out friction, show growth.
     world.couplings[2].law = Law::Integral { stiffness: 1e4, time: 0.5, rest: 0.0 };
     let found = check(&world).unwrap();
     assert_eq!((found.free.verdict, found.status, is_certified(&world)), (Verdict::Unstable, Status::Certified, true));
@@ -158,7 +158,7 @@ fn a_pid_that_winds_up_or_whose_inertia_is_uncertain_is_not_claimed_hands_off() 
     let found = check(&limited).unwrap();
     assert!(found.headline().contains(": not proved safe to let go"), "{}", found.headline());
     assert!(found.headline().contains("clipping"), "{}", found.headline());
-    // What it can never ask for does not matter.
+    // Torques that it never requests do not matter.
     for coupling in &mut limited.couplings {
         coupling.limit = Some(0.03);
     }

@@ -1,4 +1,4 @@
-//! What a proof file says, against the world that it is of.
+//! The contents of a proof file, against the world that it belongs to.
 
 use hapt_analysis::{Check, check, proof, required_damping};
 use hapt_model::{Source, World};

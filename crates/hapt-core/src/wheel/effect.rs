@@ -1,4 +1,4 @@
-//! What a host asks for, in SI.
+//! The effects that a host requests, in SI.
 
 use crate::Real;
 use crate::contact::within;
@@ -35,7 +35,7 @@ impl<F: Real> Sides<F> {
         }
     }
 
-    /// Whether a side drives instead of resisting.
+    /// Whether the torque of a side drives instead of resisting.
     pub(crate) fn drives(&self) -> bool {
         self.above < F::ZERO || self.below < F::ZERO
     }

@@ -45,7 +45,7 @@ fn the_exact_estimator_is_told_the_velocity_at_the_first_sample_too() {
     assert_eq!(compiled.step(&mut compiled.start(), 0.1, -3.5).puck.velocity, -3.5);
 }
 
-/// foaw by the contract's words: every length, every sample in between, one by one.
+/// foaw by the contract's definition: every length, every sample in between, one by one.
 fn slow_foaw(counts: &[f64], window: usize, best: bool) -> f64 {
     let k = counts.len() - 1;
     let inside = |n: usize| {
