@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::common::{answer, at_full_torque, drive, folder, hapt, steady};
 
-/// A spring that this device certifies, at a period that a busy machine keeps, on a drive that turns as `mounting` says.
+/// A spring that this device certifies, at a period that a busy machine keeps, on a drive mounted as in `mounting`.
 pub fn slow(period: &str, mounting: &str) -> String {
     format!(
         r#"title = "slow wheel"

@@ -1,4 +1,4 @@
-//! `hapt export`: FMUs and C as files. What is in them is tested in `fmi/` and `crates/hapt-export-c`.
+//! `hapt export`: FMUs and C as files. Their contents are tested in `fmi/` and `crates/hapt-export-c`.
 
 use std::fs;
 use std::path::Path;
@@ -87,7 +87,7 @@ fn a_world_as_c_is_a_file_and_its_header_the_same_every_time() {
         source.starts_with("/* A spring, written as C by hapt") && source.contains("verdict   certified"),
         "{source}"
     );
-    // What hapt wrote it may write again.
+    // Hapt may replace its own file.
     hapt(at.path(), ["export", "c", "w.toml", "-o", "knob.c", "--arduino", "Knob"]).done();
     assert!(source == read("knob.c") && source == read("Knob/src/knob.c") && header == read("Knob/src/knob.h"));
     assert!(read("Knob/library.properties").contains("includes=knob.h"));

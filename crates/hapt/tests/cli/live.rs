@@ -102,7 +102,7 @@ fn every_example_of_it_runs_until_it_is_ended() {
     let at = folder(&[("wheel.toml", WHEEL)]);
     let lines = examples(&help(&["live", "--help"]));
     assert!(lines.len() >= 3, "{lines:?}");
-    // A board is no example to be run anywhere: board.rs has one.
+    // An example with a board does not run anywhere: board.rs has one.
     for line in lines.into_iter().filter(|line| !line.contains(" hapt:")) {
         let line = if line.contains("--port") { line } else { format!("{line} --port 0") };
         let args: Vec<&str> = line.split_whitespace().skip(1).collect();

@@ -1,4 +1,4 @@
-//! The schema, by an independent validator: what reads fits it, and what it can see is wrong does not.
+//! The schema, by an independent validator: valid files fit it, and mistakes that a schema can express do not.
 
 use std::fs;
 use std::path::{Path, PathBuf};
