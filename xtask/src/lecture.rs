@@ -12,7 +12,7 @@ use hapt_model::{Source, World};
 const LECTURE: &str = "crates/hapt-export-c/tests/export_c/lecture.c";
 const WORLD: &str = "worlds/notes/damped.toml";
 
-/// What a line of the lecture begins with, what the lines of the exported C contain, and how they differ.
+/// The beginning of a line of the lecture, the contents of the lines of the exported C, and their difference.
 struct Pair {
     lecture: &'static str,
     exported: &'static [&'static str],

@@ -73,7 +73,7 @@ impl Python {
     }
 }
 
-/// Draws `n` worlds and has their proofs checked. What was accepted and refused, or the first that was not as it should be.
+/// Draws `n` worlds and has their proofs checked. The numbers of accepted and refused proofs, or the first wrong answer.
 fn check(n: u64, seed: u64) -> Result<String> {
     let python = python().context("the checker of proofs needs Python 3.11 or newer")?;
     let folder = programs::target().join("proofs");
@@ -119,7 +119,7 @@ fn check(n: u64, seed: u64) -> Result<String> {
     ))
 }
 
-/// Draws a world and writes its proof and what is to be refused. The theorem; `None` where the world has no witness.
+/// Draws a world and writes its proof and the files that have to be refused. Returns the theorem; `None` where the world has no witness.
 fn written(rng: &mut Rng, folder: &Path, number: u64) -> Result<Option<String>> {
     let mut world = random(rng);
     let Some(required) = required(rng, &world)? else { return Ok(None) };
@@ -200,7 +200,7 @@ fn with_other_digit(rng: &mut Rng, theorem: &str, path: &str, number: &Value) ->
     Ok(Value::from(format!("{}{new}{}", &text[..at], &text[at + 1..])))
 }
 
-/// Worlds near `world` of which its proof is none.
+/// Worlds near `world` that its proof does not cover.
 fn changed_worlds(world: &World, required: f64, theorem: &str) -> Vec<(&'static str, World)> {
     let with = |change: &dyn Fn(&mut World)| {
         let mut changed = world.clone();

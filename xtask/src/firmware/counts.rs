@@ -16,17 +16,17 @@ const GOAL: f64 = 400.0;
 /// Of C's.
 const RATIO: f64 = 1.2;
 
-/// What one world takes.
+/// The instructions of one world.
 #[derive(Clone, Copy)]
 struct Row {
     bodies: u32,
-    /// In room for 4 bodies, and in its own: bare, supervised, and supervised with a look at everything.
+    /// With capacity for 4 bodies, and with its own: bare, supervised, and supervised on the slow path.
     hapt: [[f64; 3]; 2],
     /// For the world's number of bodies, and for a number fixed at compile time.
     c: [f64; 2],
 }
 
-/// Instructions a sample of these worlds by hapt-core, in the smaller of its rooms: bare, and supervised.
+/// Instructions a sample of these worlds by hapt-core, with the smaller capacity: bare, and supervised.
 pub fn of_the_core(worlds: &[Vec<u8>]) -> Result<Vec<[f64; 2]>> {
     let mut file = Vec::new();
     for bytes in worlds {

@@ -28,7 +28,7 @@ pub struct Car {
     mechanical: f64,
     /// Of the torque at the tyre to that at the wheel.
     gain: f64,
-    /// Whether it turns, and takes slip from the tyre again; else the torque is a law of the angle alone.
+    /// Whether the car turns, which reduces the tyre's slip again; else the torque is a law of only the angle.
     answers: bool,
     /// State: m/s, rad/s.
     lateral: f64,
@@ -64,7 +64,7 @@ impl Car {
         (self.lateral + FRONT * self.yaw) / self.speed - steering / self.ratio
     }
 
-    /// Drives on for so long with the wheel at this angle, rad; the torque at the wheel, N·m, before any limit.
+    /// Drives on for this time with the wheel at this angle, rad; the torque at the wheel, N·m, before any limit.
     pub fn drive(&mut self, steering: f64, seconds: f64) -> f64 {
         let steps = (seconds / STEP).ceil().max(1.0);
         let step = seconds / steps;
