@@ -4,12 +4,12 @@ use hapt_core::{Body, Coupling, End, Error, Estimator, Law, Loop, Method, Output
 
 use crate::messages::outcome;
 
-/// A microcontroller's room, in both numbers.
+/// A microcontroller's capacity, for both kinds of numbers.
 const BODIES: usize = 4;
 const COUPLINGS: usize = 8;
 const COUNTS: usize = 17;
 
-/// Numbers with which something happens.
+/// Numbers at edges of the code.
 const NUMBERS: [f64; 24] = [
     0.0,
     1.0,

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use proptest::test_runner::{Config, RngSeed};
 
-/// A random test runs one case in so many, unless `HAPT_ONE_IN` says another number.
+/// A random test runs one case of this many, unless `HAPT_ONE_IN` has another number.
 const ONE_IN: u32 = 8;
 /// The least number of cases that a test runs, if it has so many.
 const MIN_CASES: u32 = 2;
@@ -75,8 +75,8 @@ const MAX_ATTEMPTS: u32 = 8;
 /// The pause before the second attempt; each further one is twice as long. Other programs may end meanwhile.
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
 
-/// Runs a test of what lives by the clock, such as a drive's watchdog. Where it fails while the machine was too busy to keep time, it runs
-/// again, eight times in all: a defect fails on a machine that keeps time too.
+/// Runs a test that depends on the clock, such as that of a drive's watchdog. Where it fails while the machine was too busy to keep time,
+/// it runs again, eight times in all: a defect fails on a machine that keeps time too.
 ///
 /// # Panics
 /// As the test, where the machine kept time or the last attempt failed.
