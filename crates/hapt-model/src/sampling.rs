@@ -14,7 +14,7 @@ pub struct Sampling {
     pub period: f64,
     /// The integrator.
     pub method: Method,
-    /// Which state makes the torque.
+    /// Which state gives the torque.
     pub output: Output,
     /// Further steps ahead for the torque, with `output = "end"`.
     pub advance: u32,
@@ -61,7 +61,7 @@ impl Delay {
 }
 
 impl Sampling {
-    /// What a file says that has `loop.period` alone, in s.
+    /// The table of a file that has only `loop.period`, in s.
     pub fn new(period: f64) -> Self {
         Sampling {
             period,

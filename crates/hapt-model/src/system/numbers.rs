@@ -1,4 +1,4 @@
-//! Every number of a system under its key's name: what a sweep changes, and what the writer writes.
+//! Every number of a system under its key's name, for sweeps and for the writer.
 
 use std::fmt::{self, Write};
 

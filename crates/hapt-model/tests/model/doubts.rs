@@ -1,4 +1,4 @@
-//! Bare numbers that no usual device has: what is said about them.
+//! Warnings about bare numbers that no usual device has.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -52,7 +52,8 @@ fn no_world_of_the_repository_is_doubted() {
     }
 }
 
-/// Of every quantity of every world: a hundred times beyond what is usual it is doubted as a bare number, with a unit never.
+/// For every quantity of every world: a hundred times beyond the usual range, a bare number gives a warning, and one with a unit never
+/// does.
 #[test]
 fn a_bare_number_far_from_what_is_usual_is_doubted_and_one_with_a_unit_is_not() {
     let mut doubted = 0;

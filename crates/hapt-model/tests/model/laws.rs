@@ -1,4 +1,4 @@
-//! The list in CONTRIBUTING.md of what a coupling law consists of is that of the sources.
+//! The list in CONTRIBUTING.md of the parts of a coupling law is that of the sources.
 
 use std::fs;
 use std::path::{Path, PathBuf};
