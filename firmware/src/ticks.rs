@@ -1,6 +1,7 @@
-//! SysTick, the processor's own timer: the loop's periods, and the counting of instructions.  Two interrupts make a sample: SysTick, of the
-//! highest priority, only counts that a period has begun, and requests PendSV, of the lowest, which takes the sample. However long a sample
-//! takes, every period that passes meanwhile is counted.
+//! SysTick, the processor's own timer: the loop's periods, and the counting of instructions.
+//!
+//! Two interrupts make a sample: SysTick, of the highest priority, only counts that a period has begun, and requests PendSV, of the
+//! lowest, which takes the sample. However long a sample takes, every period that passes meanwhile is counted.
 
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 

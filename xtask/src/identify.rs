@@ -195,8 +195,8 @@ fn outcome(kind: Kind, seed: u64, i: u64) -> Result<Outcome> {
         Err(Error::Unexplained) => return Ok(Outcome::refused(&trial, None)),
         Err(error) => return Err(error).with_context(|| format!("{trial:?}")),
     };
-    // A constant torque that the record does not determine is assumed, and none of the bound's unknowns. Counts alone are a part of half a count
-    // of noise, and all of none: there the bound is no measure.
+    // A constant torque that the record does not determine is assumed, and is not an unknown of the bound. Quantisation is a part of half a
+    // count of noise, but the whole error without noise: there the bound is no measure.
     let bound = match kind {
         Kind::Quiet | Kind::Offset | Kind::Cogged | Kind::Lagging => Vec::new(),
         Kind::Mixed | Kind::Guided => trial.bound(&commands, &positions, answer.offset.is_some())?,

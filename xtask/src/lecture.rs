@@ -8,7 +8,7 @@ use hapt_core::SafetyProfile;
 use hapt_export_c::{About, Float, Prefix, export};
 use hapt_model::{Source, World};
 
-/// The lecture's program, which a test of hapt-export-c runs beside the exported one.
+/// The lecture's program, which a test of hapt-export-c runs together with the exported one.
 const LECTURE: &str = "crates/hapt-export-c/tests/export_c/lecture.c";
 const WORLD: &str = "worlds/notes/damped.toml";
 

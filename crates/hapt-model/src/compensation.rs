@@ -1,6 +1,7 @@
-//! `[[compensation]]`: torques of the device that the loop compensates, by the measured position or velocity.  A compensation becomes a
-//! coupling between puck and ground: of gravity a detent of a turn, of cogging a texture, of friction an assist. So it runs, is supervised,
-//! certified and exported as any other coupling of the world.
+//! `[[compensation]]`: torques of the device that the loop compensates, by the measured position or velocity.
+//!
+//! A compensation becomes a coupling between puck and ground: of gravity a detent of a turn, of cogging a texture, of friction an
+//! assist. So it runs, is supervised, certified and exported as any other coupling of the world.
 
 use std::f64::consts::TAU;
 

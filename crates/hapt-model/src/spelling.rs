@@ -1,8 +1,9 @@
-//! Regular expressions for quantities, by which editors detect a wrong unit before hapt reads the file.  An expression cannot add exponents
-//! up. It can list, though, the spellings in which no base occurs twice: one unit that carries mass (kg, N, N m), one of length, one of
-//! time, one of angle, each with a power of ±1 or ±2, in any order. For those [`plain`] takes the right dimension and no other. Everything
-//! else that reads, such as `N mm/(deg/s^2)` or `m/s/s`, is [`unusual`], where the dimension is left to the reader. Together they take
-//! everything that the reader takes.
+//! Regular expressions for quantities, by which editors detect a wrong unit before hapt reads the file.
+//!
+//! An expression cannot add exponents up. It can list, though, the spellings in which no base occurs twice: one unit that carries mass
+//! (kg, N, N m), one of length, one of time, one of angle, each with a power of ±1 or ±2, in any order. For those [`plain`] takes the
+//! right dimension and no other. Everything else that reads, such as `N mm/(deg/s^2)` or `m/s/s`, is [`unusual`], where the dimension
+//! is left to the reader. Together they take everything that the reader takes.
 
 use crate::dimension::Dimension;
 use crate::keys::Range;

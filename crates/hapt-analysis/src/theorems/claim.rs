@@ -161,9 +161,10 @@ fn lacks(world: &World, timing: Timing, wanted: Wanted) -> Result<bool, Error> {
     })
 }
 
-/// (T66): the speed up to which friction makes up for missing damping; `None` where it does at none.  In an interval in which the puck
-/// moves by δ the loop gives at most (b_required - b) δ²/T and counts, dampers and levels at most c |δ|, and friction takes f |δ|. The
-/// supervisor sees the speed to within a count at either end of a sample.
+/// (T66): the speed up to which friction makes up for missing damping; `None` where it does at none.
+///
+/// In an interval in which the puck moves by δ the loop gives at most (b_required - b) δ²/T and counts, dampers and levels at
+/// most c |δ|, and friction takes f |δ|. The supervisor sees the speed to within a count at either end of a sample.
 fn speed_max(world: &World, timing: Timing, required: f64) -> Result<Option<f64>, Error> {
     let delay = Delay::of_loop(&world.sampling)?;
     let is_whole = timing.is_even() && delay.fraction == 0.0 && timing.lag[1] == 0.0;

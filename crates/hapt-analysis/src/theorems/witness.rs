@@ -1,7 +1,8 @@
-//! What makes claims checkable without hapt: slopes, and a polynomial with the intervals on which it is positive.  A witness belongs to a
-//! theorem that proves the claim by itself, from numbers that the world file has or that follow by a few sums and products. That may be
-//! another theorem than the one that requires the least damping. What it assumes is checked here once more, and no wider than
-//! `proof/checker.py` knows it.
+//! What makes claims checkable without hapt: slopes, and a polynomial with the intervals on which it is positive.
+//!
+//! A witness belongs to a theorem that proves the claim by itself, from numbers that the world file has or that follow by a few sums
+//! and products. That may be another theorem than the one that requires the least damping. What it assumes is checked here once more,
+//! and no wider than `proof/checker.py` knows it.
 
 use hapt_model::{Coupling, EstimatorKind, Method, Output, World};
 use serde::Serialize;

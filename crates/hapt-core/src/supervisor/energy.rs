@@ -1,5 +1,6 @@
-//! The energy that a world stores, and that a step of it may add: the couplings as energies.  The loop's matrices contain only torques.
-//! This is derived from the spec a second time, and so is a check of them.
+//! The energy that a world stores, and that a step of it may add: the couplings as energies.
+//!
+//! The loop's matrices contain only torques. This is derived from the spec a second time, and so is a check of them.
 
 use crate::compile::compensated;
 use crate::contact::within;

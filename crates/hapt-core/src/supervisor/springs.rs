@@ -1,6 +1,7 @@
-//! Bodies and the springs between ends: the whole energy of most worlds.  Springs between the same two ends are combined, so that each body
-//! has two at most in addition to those to other bodies, at places that are known when the world is compiled: their energies are sums
-//! without branches.
+//! Bodies and the springs between ends: the whole energy of most worlds.
+//!
+//! Springs between the same two ends are combined, so that each body has two at most in addition to those to other bodies, at places
+//! that are known when the world is compiled: their energies are sums without branches.
 
 use crate::supervisor::sums::Sums;
 use crate::{Constants, End, Real, Spec, State};
