@@ -75,7 +75,7 @@ pub enum Error {
         "loop.bodies_every is {every}: {what} is about loops whose bodies step at every sample, loop.bodies_every = 1"
     )]
     BodiesEvery {
-        /// What was asked for.
+        /// The requested analysis.
         what: &'static str,
         /// n.
         every: u32,
@@ -89,7 +89,7 @@ pub enum Error {
     Output {
         /// The method.
         method: Method,
-        /// The output asked for.
+        /// The requested output.
         output: Output,
     },
 }

@@ -61,7 +61,7 @@ impl Spec<'_> {
             step = if slope > 0.0 { (torque / slope).min(4.0 * step) } else { 2.0 * step };
         }
         let Some(mut beyond) = beyond else { return 0.0 };
-        // A rest stands between: behind it the energy rises.
+        // There is a rest in between: beyond it the energy rises.
         for _ in 0..HALVINGS {
             let middle = 0.5 * (way + beyond);
             let (on, lower) = after(middle);

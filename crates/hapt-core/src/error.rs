@@ -8,14 +8,14 @@ use crate::Method;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Error {
-    /// More bodies than this loop has room for.
+    /// More bodies than the capacity of this loop.
     TooManyBodies {
         /// In the spec.
         given: usize,
         /// Of this loop.
         room: usize,
     },
-    /// More couplings than this loop has room for.
+    /// More couplings than the capacity of this loop.
     TooManyCouplings {
         /// In the spec.
         given: usize,

@@ -443,8 +443,8 @@ fn response<T, const N: usize, const B: usize>(
     }
 }
 
-/// The estimator of all worlds; `None` where they have different ones, or differences over different numbers of samples. Of FOAW the longest
-/// window, of which each lane takes its own.
+/// The estimator of all worlds; `None` where they have different ones, or differences over different numbers of samples. FOAW has the
+/// longest of all windows, and each lane uses its own.
 fn velocity<const N: usize, const B: usize, const C: usize, const W: usize>(
     worlds: &[Loop<f64, B, C, W>; N],
 ) -> Option<Option<Velocity<Lanes<N>>>> {

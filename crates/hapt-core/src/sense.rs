@@ -24,10 +24,10 @@ pub struct Memory<F, const W: usize> {
     pub last: Option<Puck<F>>,
     /// y_{k-1}, where the position is filtered.
     pub filtered: F,
-    /// The last counts, a ring; the newest stands at `newest`. For FOAW, and positions for the difference over several samples.
+    /// The last counts, a ring; the newest is at `newest`. For FOAW, and positions for the difference over several samples.
     #[cfg_attr(feature = "serde", serde(with = "crate::array"))]
     pub counts: [F; W],
-    /// Where the newest stands.
+    /// The index of the newest.
     pub newest: usize,
     /// How many older ones there are, at most W - 1.
     pub older: usize,
@@ -230,7 +230,7 @@ impl<F: Real> Sensor<F> {
         self.fit(n, count)
     }
 
-    /// FOAW's velocity over so many samples.
+    /// FOAW's velocity over `n` samples.
     #[inline(always)]
     pub fn fit(&self, n: usize, count: impl Fn(usize) -> F) -> F {
         let Some(Velocity::Foaw { best, .. }) = self.velocity else { return F::ZERO };

@@ -5,7 +5,7 @@
 
 pub use crate::law::{CouplingKind, Damping, HARMONICS, Law, Linear, Quantity, Range, Side, Slopes, Waveform};
 
-/// What a coupling can be tied to.
+/// An end of a coupling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum End {

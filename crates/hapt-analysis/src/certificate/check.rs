@@ -63,7 +63,7 @@ pub struct Check {
     pub(crate) has_handle: bool,
 }
 
-/// What is known of a world.
+/// The status of a world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
@@ -82,7 +82,7 @@ pub struct TheoremUse {
     pub id: &'static str,
     /// `held`, `free`, `passive`.
     pub claims: Vec<&'static str>,
-    /// What it assumes, all of which holds for this world.
+    /// Its assumptions, all of which hold for this world.
     pub assumes: &'static [&'static str],
 }
 
@@ -334,7 +334,7 @@ fn falling_friction(world: &World) -> Option<String> {
     })
 }
 
-/// What each compensation of a torque of the device takes of the device's damping.
+/// The part of the device's damping that each compensation of a torque of the device requires.
 fn compensations(world: &World) -> Result<Vec<String>, Error> {
     let mut notes = Vec::new();
     for coupling in &world.couplings {

@@ -83,7 +83,7 @@ impl Check {
         }
     }
 
-    /// What a person holds.
+    /// The name of the part that a hand holds.
     fn moved(&self) -> &'static str {
         if self.has_handle { "handle" } else { "puck" }
     }

@@ -261,7 +261,7 @@ impl Bound {
     fn margin(&self, world: &World) -> Result<f64, String> {
         let change = self.change(world);
         let (mut good, period) = ((self.now)(world), world.sampling.period);
-        // A file without the key asks less than one that states the present value: then every pattern up to it counts.
+        // A file without the key requires less than one that states the present value, with which every pattern up to it counts.
         if !change.is_certified(good) {
             return Err("stated at all, it is not proved".into());
         }

@@ -142,7 +142,7 @@ pub(crate) fn flattest(law: &Law) -> (f64, f64) {
     if let Law::Lugre { viscous, .. } = *law { (0.0, viscous) } else { (0.0, 0.0) }
 }
 
-/// The largest torque that a coupling can ask for; infinite where it has no bound of its own.
+/// The largest torque of a coupling; infinite where it has no bound of its own.
 pub(crate) fn most(coupling: &Coupling) -> f64 {
     let own = match coupling.law {
         Law::Detent { torque, .. }
@@ -193,7 +193,7 @@ pub(crate) fn rises_only(law: &Law) -> bool {
     }
 }
 
-/// Whether the checker of proof files (`proof/`) knows the law.
+/// Whether the checker of proof files (`proof/`) covers the law.
 pub(crate) fn is_known(law: &Law) -> bool {
     match *law {
         Law::Spring { .. }

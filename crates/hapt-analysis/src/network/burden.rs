@@ -186,7 +186,7 @@ impl Burden {
         Some(-least_eigenvalue(&self.matrix(&whole())?))
     }
 
-    /// The most power that torques of these sizes, of whatever sign, feed: fᵀ M⁻¹ f/4. `None` where nothing bounds it.
+    /// The most power that torques of these sizes, of either sign, feed: fᵀ M⁻¹ f/4. `None` where nothing bounds it.
     pub fn power(&self, torques: &[f64]) -> Option<f64> {
         let f = DVector::from_column_slice(torques);
         if f.amax() == 0.0 {

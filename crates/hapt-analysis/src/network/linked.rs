@@ -8,7 +8,7 @@ use super::text::{StationVerdict, sentence};
 use super::{NetworkCheck, StationCheck, unproved_of_links};
 use crate::error::Error;
 
-/// What is known of a station without its links.
+/// The findings on a station without its links.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Alone {
     /// Whether it is certified.

@@ -56,7 +56,7 @@ pub struct NetworkCheck {
     pub certified: bool,
     /// The same at exactly the periods, phases and delays of the file: a second and sharper verdict.
     pub fixed: FixedRates,
-    /// What would make it passive, or its margins; `None` where they are left out.
+    /// The remedies, or the margins of a passive one; `None` where they are left out.
     pub remedies: Option<NetworkRemedies>,
     /// Conditions that apply to the numbers.
     pub notes: Vec<String>,

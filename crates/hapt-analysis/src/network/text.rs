@@ -128,7 +128,7 @@ impl NetworkCheck {
         unit(measure, self.stations.first().map_or(Motion::Rotary, |station| station.local.motion))
     }
 
-    /// Margins where it is passive, else remedies: which of both, what they are, and a line for each; without lines there are none. `None`
+    /// Margins where it is passive, else remedies: the name, a description, and a line for each; without lines there are none. `None`
     /// where they were left out.
     pub fn proposal(&self) -> Option<(&'static str, &'static str, Vec<String>)> {
         let remedies = self.remedies.as_ref()?;

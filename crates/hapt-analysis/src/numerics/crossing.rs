@@ -112,8 +112,8 @@ impl Spacing {
             Spacing::Ratio => a * ratio,
             Spacing::Samples => (a + 1e-6 + (0.3 * a).max(1.0)).floor(),
             Spacing::Period(delay) => {
-                // Roots move there and back within a sample of the delay: an interval has half a sample at most, so that four points
-                // of each see the first turn of such a motion, whatever its phase.
+                // Roots move there and back within a sample of the delay: an interval has half a sample at most, so that four points of
+                // each detect the first turn of such a motion at any phase.
                 let b = a * ratio;
                 let half = delay / (0.5 * ((2.0 * delay / a) * (1.0 - 1e-6) - 1.0).ceil());
                 if half > a * (1.0 + 1e-7) && half < b * ratio { half } else { b }

@@ -58,7 +58,7 @@ pub(crate) struct DampingCurve {
     lag: Delay,
     /// Time constant of the motor, s.
     motor: f64,
-    /// What h has in place of a (1 - a) without a lag.
+    /// The term of h in place of a (1 - a) without a lag.
     spread: f64,
     /// Whether the curve is |H| instead.
     is_gain: bool,

@@ -76,7 +76,7 @@ pub enum Cause {
     Integral,
     /// No theorem covers the loop.
     Outside {
-        /// What the proof lacks.
+        /// The reason that the proof does not apply.
         reason: &'static str,
     },
 }
@@ -99,7 +99,7 @@ pub(crate) struct Requirement {
     pub at_hz: Option<f64>,
 }
 
-/// What a transfer function depends on.
+/// The inputs of a transfer function.
 struct Question {
     bodies: Vec<Body>,
     couplings: Vec<Coupling>,

@@ -1,8 +1,8 @@
 //! Torques whose work the device's friction takes, whatever their law (docs/theory.md, (T76)).
 //!
 //! A coupling between puck and ground whose torque never exceeds L gives at most L times the path, and Coulomb friction of L takes as much. So a
-//! world is as passive as it is without the coupling on a device with that much less friction: whatever the coupling's law, estimator, delay,
-//! hold and lag are, and with a motor that saturates too, since a clipped sum differs from the clipped rest by no more than L.
+//! world is as passive as it is without the coupling on a device with that much less friction: for any law, estimator, delay, hold and lag
+//! of the coupling, and with a motor that saturates too, since a clipped sum differs from the clipped rest by no more than L.
 
 use std::borrow::Cow;
 
@@ -27,7 +27,8 @@ pub(crate) fn taken(couplings: &[Coupling]) -> f64 {
 }
 
 /// The world that the claim is about: without the couplings that friction takes, on the friction that they leave. The world itself where there
-/// are none, where the friction is less, or where the origin of the world slips: it follows their torque, so that the rest does not see the position only.
+/// are none, where the friction is less, or where the origin of the world slips: it follows their torque, so that the rest does not depend
+/// only on the position.
 pub(crate) fn beside(world: &World) -> Cow<'_, World> {
     let taken = taken(&world.couplings);
     let friction = world.device.least_friction();

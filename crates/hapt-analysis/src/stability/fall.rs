@@ -10,7 +10,7 @@ use crate::stability::free::{Extent, analyse_anchored};
 /// How the puck leaves a place where gravity or cogging pushes it away.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fall {
-    /// What pushes it.
+    /// The torque that pushes it.
     pub by: &'static str,
     /// The growth of its motion there, in 1/s.
     pub growth_per_s: f64,

@@ -495,8 +495,8 @@ fn passive_below(port: &Port, sampling: &Sampling, damping: f64) -> f64 {
     if keeps_energy && at_once && by_difference && rate > 0.0 { ((damping - port.fixed) / rate).max(0.0) } else { 0.0 }
 }
 
-/// The critical period of the closed loop, with the delay fixed in s and so many samples to a step of the bodies. Periods above `known` are
-/// not searched.
+/// The critical period of the closed loop, with the delay fixed in s and the number of samples to a step of the bodies. Periods above
+/// `known` are not searched.
 fn critical_period(
     port: &Port,
     sampling: &Sampling,

@@ -26,7 +26,7 @@ pub(crate) struct Claim {
     pub covered: Claimed,
     /// Whether something was found against it: less than the linear loop requires at some slopes.
     pub is_refuted: bool,
-    /// What no theorem covers: it keeps the world from being certified.
+    /// The properties that no theorem covers: they keep the world from being certified.
     pub outside: Vec<String>,
     /// The speed below which the device's friction makes up for missing damping, rad/s (linear: m/s).
     pub speed_max: Option<f64>,
@@ -149,7 +149,7 @@ impl Claim {
     }
 }
 
-/// Whether the linear loop lacks damping at some of the slopes: what a sufficient bound asks for beyond them is no refutation.
+/// Whether the linear loop lacks damping at some of the slopes: a sufficient bound that requires more is no refutation.
 fn lacks(world: &World, timing: Timing, wanted: Wanted) -> Result<bool, Error> {
     Ok(match estimate(world, timing, wanted)? {
         Demand::Enough { damping, .. } => {

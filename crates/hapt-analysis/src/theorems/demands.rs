@@ -1,4 +1,4 @@
-//! What each theorem on passivity demands of the device: a damping that is enough, or why it does not cover the world.
+//! The demand of each theorem on passivity: a damping of the device that is enough, or why it does not cover the world.
 
 use std::borrow::Cow;
 
@@ -21,13 +21,13 @@ use crate::theorems::{
     ENERGY, INTEGRAL, LAWS, LINEAR, LINEAR_LAG, LINEAR_LATE, LINEAR_UNEVEN, RECENTRE, TWO_RATES, Theorem,
 };
 
-/// What a theorem demands.
+/// The demand of a theorem.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Demand {
     /// This damping is enough.
     Enough {
         damping: f64,
-        /// The lowest frequency that needs it, where the theorem knows frequencies.
+        /// The lowest frequency that needs it, where the theorem gives frequencies.
         at_hz: Option<f64>,
         /// Whether less is not enough.
         is_least: bool,
@@ -288,7 +288,7 @@ fn sum(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Error>
     if world.bodies.is_empty() { Ok(sum.or(at_the_puck(world, timing)?)) } else { Ok(sum) }
 }
 
-/// What is wanted of the linear rest, after the share of the laws.
+/// The requested result for the linear rest, after the share of the laws.
 fn shared(wanted: Wanted, share: f64) -> Wanted {
     match wanted {
         Wanted::AtMost(damping) if damping > share => Wanted::AtMost(damping - share),

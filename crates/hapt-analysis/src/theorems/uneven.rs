@@ -33,7 +33,7 @@ pub struct Uneven {
     pub proved: Claimed,
     /// The reasons why it is not proved, one sentence each.
     pub not_proved: Vec<String>,
-    /// What is left out of the device, each in a few words and once.
+    /// The properties of the device that are left out, each in a few words and once.
     #[serde(skip)]
     pub omits: Vec<&'static str>,
     /// The hands-off loop under every such pattern.

@@ -1,8 +1,8 @@
 //! What makes claims checkable without hapt: slopes, and a polynomial with the intervals on which it is positive.
 //!
 //! A witness belongs to a theorem that proves the claim by itself, from numbers that the world file has or that follow by a few sums
-//! and products. That may be another theorem than the one that requires the least damping. What it assumes is checked here once more,
-//! and no wider than `proof/checker.py` knows it.
+//! and products. That may be another theorem than the one that requires the least damping. Its assumptions are checked here once more,
+//! within the scope of `proof/checker.py`.
 
 use hapt_model::{Coupling, EstimatorKind, Method, Output, World};
 use serde::Serialize;
@@ -55,8 +55,8 @@ pub(crate) struct Slope {
     damping: String,
 }
 
-/// What shows that the held world does not grow (`is_held`), or that the loop is passive, and so does not grow hands-off; `None` where no theorem
-/// that has a witness covers the world, or where it has not the damping.
+/// The witness that the held world does not grow (`is_held`), or that the loop is passive, and so does not grow hands-off; `None` where no
+/// theorem that has a witness covers the world, or where the damping is too small.
 pub(crate) fn witness(world: &World, is_held: bool) -> Result<Option<Witnessed>, Error> {
     let timing = Timing::of(world);
     // Torques that friction takes require no damping, (T76).
@@ -95,7 +95,7 @@ pub(crate) fn witness(world: &World, is_held: bool) -> Result<Option<Witnessed>,
     }
 }
 
-/// Whether a damping at the puck takes the mean velocity of the last interval or of several, which is what the checker knows.
+/// Whether a damping at the puck takes the mean velocity of the last interval or of several, which the checker covers.
 fn has_mean_velocity(world: &World, damping: f64) -> bool {
     match world.sampling.estimator {
         _ if damping == 0.0 => true,

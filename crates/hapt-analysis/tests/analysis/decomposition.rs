@@ -104,7 +104,7 @@ proptest! {
             prop_assert!(there.set_number(PATHS[0], stiffness) && there.set_number(PATHS[1], damping));
             let (sin, cos) = phi.sin_cos();
             let eigenvalues = free_eigenvalues(&there).unwrap();
-            // Of FOAW's windows the worse counts in the loop: that is the longest, on whose curve this is, where none grows.
+            // The loop counts the worse of FOAW's windows: that is the longest, to which this curve belongs, unless another one grows.
             if windows > 1 && eigenvalues.iter().any(|e| e.abs > 1.0 + 1e-9 * period) {
                 continue;
             }
@@ -145,7 +145,7 @@ proptest! {
         prop_assert!(eigenvalues.iter().any(|e| (e.re - cos).hypot(e.im - sin) < 1e-7), "{:?}", eigenvalues);
         let line = all[0].lines()[1].unwrap();
         let sign = if implicit { 1.0 } else { -1.0 };
-        // On 2CT ± KT² = 4J, wherever that is asked.
+        // On 2CT ± KT² = 4J, at any of these stiffnesses.
         for k in [0.0, 1.0, 3.0].map(|k| k * size / period) {
             let c = (4.0 * inertia - sign * k * period.powi(2)) / (2.0 * period);
             let on = line.normal[0] * k + line.normal[1] * c - line.offset;

@@ -120,7 +120,7 @@ proptest! {
         let heavy = free_growth(&world).unwrap();
         let (Some(held), Some(heavy)) = (held, heavy) else { return Ok(()) };
         let rounding = 1e-5 / world.sampling.period;
-        // What only drifts neither grows nor decays.
+        // A drift neither grows nor decays.
         prop_assert!((heavy - held).abs() < rounding || (heavy.abs() < rounding && held < rounding), "{held} {heavy}");
     }
 

@@ -20,7 +20,8 @@ fn pid(period: f64, [k, b, gain]: [f64; 3]) -> World {
     Bench::of(couplings).world(Method::Zoh, Output::End, period)
 }
 
-/// What one sample of the core on the exact puck does to each part of the state: z, ż, the sum, z and v before, the filtered z, the last command.
+/// The effect of one sample of the core on the exact puck on each part of the state: z, ż, the sum, z and v before, the filtered z, the
+/// last command.
 fn map(world: &World) -> DMatrix<f64> {
     let core = Room::new(&world.spec()).unwrap();
     let (j, b, period) = (world.device.inertia, world.device.damping, world.sampling.period);
@@ -89,7 +90,7 @@ proptest! {
         }
     }
 
-    /// Nothing claims that it is passive, whatever the device: a heavy hand on a soft spring swings up.
+    /// No theorem claims that it is passive on any device: with a heavy hand on a soft spring it grows.
     #[test]
     fn it_is_never_claimed_to_be_passive_and_a_slow_hand_grows(
         k in 0.0..5.0f64, b in 0.0..0.02f64, gain in 0.5..50.0f64, damping in 1e-3..1.0f64, limit in prop::option::of(0.01..1.0f64),
@@ -146,7 +147,8 @@ fn friction_that_takes_the_limit_makes_it_passive() {
     assert!(!check(&world).unwrap().certified.holds() && !is_certified(&world));
 }
 
-/// At the motor's limit an integral term goes on growing, so that a large swing may grow where small ones die out; and eigenvalues are those of one inertia.
+/// At the motor's limit an integral term continues to grow, so that a large swing may grow where small ones die out; and eigenvalues are
+/// those of one inertia.
 #[test]
 fn a_pid_that_winds_up_or_whose_inertia_is_uncertain_is_not_claimed_hands_off() {
     let mut world = pid(1e-3, [1.0, 0.01, 1.0 / 0.15]);

@@ -55,7 +55,7 @@ fn grounded(world: &mut World, damping: f64) {
 proptest! {
     #![proptest_config(hapt_testing::cases(60))]
 
-    /// `is_certified` ends its work where `check` would go on.
+    /// `is_certified` ends its work where `check` continues.
     #[test]
     fn the_short_way_to_a_verdict_is_that_of_the_check(
         method in prop::sample::select(vec!["zoh", "trapezoidal", "backward-euler", "forward-euler", "semi-implicit-euler", "rk4"]),
@@ -213,7 +213,7 @@ proptest! {
     }
 }
 
-/// What `hapt check` prints of a world's remedies.
+/// The remedies of a world in the output of `hapt check`.
 fn printed(text: &str) -> Vec<String> {
     let source = Source::from_text("world.toml", text);
     let world = World::read(&source, &[]).unwrap();
@@ -502,7 +502,7 @@ fn digits(value: &str) -> &str {
 proptest! {
     #![proptest_config(hapt_testing::cases(60))]
 
-    /// b = KT/2 of a bare spring: where two of them are round, so is the third, whatever the search comes to.
+    /// b = KT/2 of a bare spring: where two of them are round, so is the third, for any result of the search.
     #[test]
     fn an_edge_at_a_round_number_is_printed_as_that_number(
         stiffness in 1..1000u32, half in 1..100u32, softer in 2..40u32, shift in -2..3i32,
@@ -526,7 +526,7 @@ proptest! {
         }
     }
 
-    /// In the units of the file, whatever they are.
+    /// In the units of the file, for any units.
     #[test]
     fn a_printed_number_is_certified_and_the_edge_is_at_most_a_millionth_beyond(
         stiffness in 0.01..50.0f64, damping in 0.05..20.0f64, period in 0.2..5.0f64, delay in prop_oneof![Just(0.0), 0.0..4.0f64],

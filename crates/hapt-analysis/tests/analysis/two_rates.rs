@@ -195,7 +195,7 @@ proptest! {
         world.device.inertia = 0.3 * required * world.sampling.period;
         prop_assert!(Verdict::of(free_growth(&world).unwrap()) != Verdict::Unstable, "{:?}", free_growth(&world));
         prop_assert_eq!(worst_grip(&world).unwrap(), None);
-        // What breaks it is below the requirement, and a hand is found that nearly needs it.
+        // The damping at which a hand breaks it is below the requirement, and a hand is found that nearly needs it.
         world.device.damping = 0.0;
         let broken = breaking_damping(&world).unwrap();
         prop_assert!(broken.is_some_and(|hand| hand.damping <= required && hand.damping > 0.3 * required), "{broken:?} {required}");

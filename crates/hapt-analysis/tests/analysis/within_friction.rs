@@ -156,7 +156,7 @@ prop_compose! {
 proptest! {
     #![proptest_config(hapt_testing::cases(300))]
 
-    /// With the damping that it requires, the loop gives no energy along these paths, whatever the times are.
+    /// With the damping that it requires, the loop gives no energy along these paths, at any times.
     #[test]
     fn what_friction_takes_no_hand_gets(mut world in within(1.0 + 1e-12..1.0 + 2e-12), seed: u64) {
         let required = uneven(&world).unwrap().required_damping;
@@ -252,7 +252,7 @@ proptest! {
 proptest! {
     #![proptest_config(hapt_testing::cases(200))]
 
-    /// A compensation of friction is passive as far as the least friction goes, whatever the estimator is; from a larger one a hand at
+    /// A compensation of friction is passive up to the least friction, with any estimator; from a larger one a hand at
     /// constant velocity draws energy.
     #[test]
     fn a_compensation_of_friction_is_passive_up_to_the_least_friction(

@@ -87,7 +87,7 @@ fn guarded<F: Real, const B: usize, const C: usize, const W: usize>(
     sum
 }
 
-/// On a microcontroller's numbers and room.
+/// On a microcontroller's numbers and capacity.
 #[unsafe(no_mangle)] // So that the linker keeps it.
 pub extern "C" fn hapt_proof_single(z: f64) -> f64 {
     run::<f32, 4, 8, 17>(z)

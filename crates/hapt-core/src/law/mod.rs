@@ -340,7 +340,7 @@ impl Law {
         self.traits().kind
     }
 
-    /// What it is called, with its article.
+    /// Its name, with its article.
     pub const fn noun(&self) -> &'static str {
         self.traits().noun
     }

@@ -16,7 +16,7 @@ pub enum Range {
 pub struct Quantity<'a> {
     /// Its key in world files.
     pub name: &'static str,
-    /// What it may be.
+    /// Its range.
     pub range: Range,
     /// In SI.
     pub value: &'a mut f64,

@@ -10,7 +10,7 @@ use crate::contact::{Solution, StepResponse, solve_nearest};
 use crate::law::reduced;
 use crate::{Lanes, Number, Real};
 
-/// Harmonics of a texture: every coupling has room for them, also on boards.
+/// Harmonics of a texture: every coupling stores this many, also on boards.
 pub const HARMONICS: usize = 4;
 
 /// One period of a texture as a Fourier sum without a mean: Σ (sineₙ sin nθ + cosineₙ cos nθ), θ from 0 to 2π. Its factors are f32: a

@@ -322,7 +322,7 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         self.torque_at(with, n, &bodies, puck, &state.bristles, &state.contacts)
     }
 
-    /// The torque on the puck so many steps further on: the world continues without the loop, the puck held where it was seen.
+    /// The torque on the puck a number of steps ahead: the world continues without the loop, the puck held where it was seen.
     #[cold]
     fn torque_ahead<X: Branches<F, B, S, W>, const S: usize>(
         &self,

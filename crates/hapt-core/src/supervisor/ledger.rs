@@ -9,9 +9,9 @@
 //!
 //! τ_held is the torque that the world computed one hold and the delay before the motor took it, without the constants on the puck. What
 //! levels, limit, fades and swaps subtract from that torque, or add to it, is credited at the same instant and at the same rate, so that it
-//! cancels: the ledger is about the world. For a passive world the account never falls below minus what the world has stored. It starts at
-//! the stored energy plus `most`, and never exceeds that later, so that a hand that has put in energy for an hour has no credit for a
-//! fault. Below 0 the hand has received `most` beyond the stored energy.
+//! cancels: the ledger is about the world. For a passive world the account never falls below minus the energy that the world has stored. It
+//! starts at the stored energy plus `most`, and never exceeds that later, so that a hand that has put in energy for an hour has no credit
+//! for a fault. Below 0 the hand has received `most` beyond the stored energy.
 //!
 //! A delay of d samples charges for a displacement later than the damping has paid for it: of a spring K, with -τ_held dz = K z_{k-d-1}
 //! dz_k,
@@ -145,7 +145,7 @@ impl<F: Real> Ledger<F> {
         self.delay < HELD - 2
     }
 
-    /// One sample, so many `missed` before it: the world's torque without constants, the puck's measured position.
+    /// One sample, after `missed` missed ones: the world's torque without constants, the puck's measured position.
     #[inline(always)]
     pub fn enter(&self, books: &mut Books<F>, step: &Step<F>, position: F, torque: F, missed: u32) {
         let account = match books.position {

@@ -16,8 +16,8 @@ crate::named! {
 }
 
 crate::named! {
-    /// What the supervisor does where a sample or a command comes later than the certificate covers. The codes are used on wires, and never change
-    /// their meaning.
+    /// The reaction of the supervisor to a sample or a command later than the certificate covers. The codes are used on wires, and never
+    /// change their meaning.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     #[repr(u8)]
@@ -39,7 +39,7 @@ pub struct CertifiedTime {
     pub interval: f64,
     /// The longest time from a sample to its command, in s; infinite where none is stated.
     pub delay: f64,
-    /// What happens beyond them.
+    /// The reaction beyond them.
     pub when_late: WhenLate,
 }
 
@@ -84,7 +84,7 @@ pub struct Limits {
     pub motor: Heat,
     /// Thermal limit of the driver.
     pub driver: Heat,
-    /// The longest time that the motor may hold a torque beyond its period, in s; more is a fault, whatever is certified.
+    /// The longest time that the motor may hold a torque beyond its period, in s; more is a fault, independently of the certificate.
     pub stall: f64,
     /// The times that the certificate covers. Not serialized: a board gets them after the other limits.
     #[cfg_attr(feature = "serde", serde(skip))]

@@ -62,7 +62,7 @@ impl Evaluation {
     const ORDINARY: Self = Evaluation { wrong: None, is_idle: false, may_jump: false, is_uncertified: false };
 }
 
-/// The limits, compiled once, for a loop with room for B bodies and C couplings.
+/// The limits, compiled once, for a loop with a capacity of B bodies and C couplings.
 #[derive(Clone, Copy, Debug)]
 pub struct Supervisor<F, const B: usize, const C: usize> {
     /// 1/samples of a fade.
@@ -87,7 +87,7 @@ pub struct Supervisor<F, const B: usize, const C: usize> {
 }
 
 impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
-    /// A supervisor of the loop of `spec`. Errors where a limit is out of range, or the loop has no room for the world.
+    /// A supervisor of the loop of `spec`. Errors where a limit is out of range, or the world exceeds the loop's capacity.
     pub fn new(limits: &Limits, spec: &Spec) -> Result<Self, Error> {
         limits.check(spec)?;
         if spec.bodies.len() > B {

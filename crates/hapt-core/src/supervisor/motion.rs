@@ -152,7 +152,7 @@ impl<F: Real> ReadingLimits<F> {
         keeps
     }
 
-    /// What is wrong with a reading under the torque `held` since the last; a lost link apart.
+    /// The fault of a reading under the torque `held` since the last; a lost link is checked separately.
     #[inline(never)]
     pub fn wrong(&self, seen: &mut Seen<F>, reading: &Reading<F>, announced: bool, held: F) -> Option<Reason> {
         if !are_finite([reading.position, reading.velocity, reading.late, reading.silent]) {

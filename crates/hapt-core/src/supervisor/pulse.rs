@@ -94,7 +94,7 @@ impl<F: Real> Pulse<F> {
         } else if acting == n.saturating_mul(2) {
             testing.marks = [start, pulse, position];
         } else if acting >= n.saturating_mul(3) {
-            // Not before: whichever way it went, the opposite has brought it to rest.
+            // Not before: after either direction, the opposite has brought it to rest.
             let moved = (back - pulse) - (pulse - start);
             return if moved > self.least {
                 SignTest::Right

@@ -68,9 +68,9 @@ impl<F: Real> SupervisorState<F> {
         outside: 0,
     };
 
-    /// From the next sample on the world and its supervisor are others; these are the periods of both, in s. The torque goes on from
-    /// where it was and fades over to the new world's; the energy that this has stored is credited to the ledger. A warning of the old
-    /// world is cleared.
+    /// From the next sample on the world and its supervisor are others; these are the periods of both, in s. The torque continues from its
+    /// value and fades to the new world's; the energy that this has stored is credited to the ledger. A warning of the old world is
+    /// cleared.
     pub fn swap(&mut self, before: F, after: F) {
         self.swapped = true;
         self.warning = None;
@@ -158,8 +158,8 @@ impl<F: Real> SupervisorState<F> {
         self.gain * command + self.transfer[0]
     }
 
-    /// The device itself reports a fault: before the sample that shows it, and again before each sample while it lasts. The supervisor is
-    /// faulted whatever its phase was, nothing brakes the puck, and a clear counts only when the fault has been gone for some samples.
+    /// The device itself reports a fault: before the sample that shows it, and again before each sample while it lasts. The supervisor
+    /// faults from any phase, nothing brakes the puck, and a clear counts only when the fault has been gone for some samples.
     pub fn trip(&mut self, reason: Reason) {
         self.fault(reason);
         (self.braking, self.calm) = (F::ZERO, 0);

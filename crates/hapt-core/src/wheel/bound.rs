@@ -48,10 +48,10 @@ impl Timing {
 
     /// Device damping that pays for 1 N·m/rad behind which an implicit element yields, in s: ½ (√T + √m)².
     ///
-    /// Over a sample the element's stored energy S obeys, with F = K e, the hand's way dz and the element's way d,
+    /// Over a sample the element's stored energy S obeys, with F = K e, the hand's displacement dz and the element's displacement d,
     /// F₋ dz = ΔS - K dz²/2 + F d + K d²/2, where F d ≥ 0 is dissipated or becomes kinetic energy. A command that arrives after a further
     /// displacement ε of the hand does (F₋ - F) ε of further work, at most K |dz| |ε| + K |d| |ε|, and K |d| |ε| ≤ K d²/2 + K ε²/2: the
-    /// implicit step's own loss pays it. What is left, K (dz² + 2 |dz| |ε| + ε²)/2, is at most K (√T + √m)²/2 times ∫ż², by the
+    /// implicit step's own loss pays it. The rest, K (dz² + 2 |dz| |ε| + ε²)/2, is at most K (√T + √m)²/2 times ∫ż², by the
     /// Cauchy-Schwarz inequality, with T the longest interval and m the delay times the number of delays that overlap. A lag is a mixture
     /// of delays.
     pub fn element_cost(&self) -> f64 {

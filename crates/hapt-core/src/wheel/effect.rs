@@ -75,7 +75,7 @@ pub enum Effect<F> {
     Spring(Sides<F>),
     /// Resists the velocity, in N·m·s/rad.
     Damper(Sides<F>),
-    /// Resists motion with a torque of its coefficients, in N·m, whatever the velocity; the band is not used.
+    /// Resists motion with a torque of its coefficients, in N·m, at any velocity; the band is not used.
     Friction(Sides<F>),
     /// Resists the acceleration, in kg·m²: of both sides' coefficients and torques the smaller counts, the band is not used. A mass that differs by side
     /// or begins beyond an acceleration is no passive body.

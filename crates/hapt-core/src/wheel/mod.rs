@@ -1,10 +1,10 @@
-//! The effects of a force-feedback wheel, as couplings and bodies: whatever a host asks for, the loop stays passive.
+//! The effects of a force-feedback wheel, as couplings and bodies: the loop stays passive for any request of a host.
 //!
 //! Springs are static laws on the wheel's position. Dampers and frictions act on a slider without mass, inertia acts on a virtual
-//! body; each hangs on the wheel by a spring, so that neither the difference of two positions nor of two velocities is ever taken. Under backward
-//! Euler such an element costs the device no more damping than its spring does ([`Timing::element_cost`]), whatever damping, friction or inertia
-//! is behind it. The device's damping therefore bounds a sum of stiffnesses, which is known at every sample, and requests of the host
-//! beyond that sum are scaled to it.
+//! body; each hangs on the wheel by a spring, so that neither the difference of two positions nor of two velocities is ever taken. Under
+//! backward Euler such an element requires no more damping of the device than its spring does ([`Timing::element_cost`]), for any damping,
+//! friction or inertia behind it. The device's damping therefore bounds a sum of stiffnesses, which is known at every sample, and requests
+//! of the host beyond that sum are scaled to it.
 //!
 //! Constant, ramp and periodic effects have levels that the host sets. Held, they do work of at most their torque times the path, and
 //! without them every motion of the free wheel has bounded energy. A game that computes a level from the wheel's position closes a loop of

@@ -69,7 +69,7 @@ proptest! {
         }
     }
 
-    /// Whichever sample of a step a swap comes at, and whatever the rates before and after it.
+    /// For a swap at any sample of a step, and for any rates before and after it.
     #[test]
     fn a_body_in_uniform_motion_keeps_its_way_through_a_swap(
         rates in (1_u32..6, 1_u32..6), periods in (1e-4..1e-2_f64, 1e-4..1e-2_f64), samples in 1..20_usize, first in any::<bool>(),

@@ -66,9 +66,9 @@ impl Pattern {
     }
 }
 
-/// What a hand draws from the wheel of `device`, with end stops of a stiffness in addition to its effects, beyond the energy that the
-/// damping and the friction of `real` dissipate, relative to the energy exchanged. The hand moves evenly within each step, not slower than
-/// `slowest`, and the motor's torque follows its command exactly.
+/// The energy that a hand draws from the wheel of `device`, with end stops of a stiffness in addition to its effects, beyond the energy
+/// that the damping and the friction of `real` dissipate, relative to the energy exchanged. The hand moves evenly within each step, not
+/// slower than `slowest`, and the motor's torque follows its command exactly.
 fn drawn(
     device: &Device,
     stops: f64,

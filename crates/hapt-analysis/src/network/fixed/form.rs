@@ -2,7 +2,7 @@
 //!
 //! All hands may move as they like. Within a stretch of time in which a station takes no sample and its torque does not change, the
 //! damping takes b δ²/h at least, δ the displacement and h the length, and the torque gives τ δ. Each torque of a link is
-//! -K (z_i(a) - z_j(α)), a and α the instants of its two positions. What its ideal spring stores, K (z_i - z_j)²/2, comes back;
+//! -K (z_i(a) - z_j(α)), a and α the instants of its two positions. The stored energy of its ideal spring, K (z_i - z_j)²/2, comes back;
 //! without it the link keeps
 //!
 //! ```text
@@ -80,7 +80,7 @@ pub(super) struct Form {
 }
 
 impl Form {
-    /// `local`: stiffness and damping between the puck of each station and ground; `counts`: whether anything asks the station's device for
+    /// `local`: stiffness and damping between the puck of each station and ground; `counts`: whether the station's device has to supply
     /// damping.
     pub fn of(network: &System, schedule: &Schedule, local: &[[f64; 2]], counts: &[bool]) -> Form {
         let (mut station, mut first) = (Vec::new(), Vec::new());

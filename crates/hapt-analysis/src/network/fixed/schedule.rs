@@ -34,7 +34,7 @@ pub(super) struct Schedule {
 pub(super) struct MessageTiming {
     /// Between two messages, s.
     period: f64,
-    /// On the way, s.
+    /// The delay of a message, s.
     delay: f64,
     sender: Clock,
     receiver: Clock,

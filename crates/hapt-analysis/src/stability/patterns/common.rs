@@ -82,7 +82,7 @@ impl Norm {
         &self.c * d * &self.inverse
     }
 
-    /// Whether 1 + d shortens every state by a part of `margin` at least, whatever the rounding.
+    /// Whether 1 + d shortens every state by a part of `margin` at least, for any rounding.
     fn is_shrinking(&self, d: &DMatrix<f64>, margin: f64) -> bool {
         let n = d.nrows();
         let one = DMatrix::<f64>::identity(n, n);

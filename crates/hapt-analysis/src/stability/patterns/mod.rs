@@ -78,7 +78,7 @@ impl Pattern {
 /// Part of the period below which an interval is short: there the form has to shrink in proportion to time.
 const NEAR_ZERO: f64 = 1e-3;
 
-/// What the search for a pattern, and for a quadratic form that no pattern makes grow, has found.
+/// The result of the search for a pattern, and for a quadratic form that no pattern makes grow.
 pub(crate) struct Searched {
     /// The worst pattern, if it makes the loop grow.
     pub grows: Option<Pattern>,

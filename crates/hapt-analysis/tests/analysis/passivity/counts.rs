@@ -54,7 +54,7 @@ proptest! {
         if let Some(most) = quantisation.max_stiffness {
             prop_assert!(most >= 0.0 && most <= 2.0 * world.device.damping / period);
         }
-        // With a body they are not, whatever the friction.
+        // With a body they are not, at any friction.
         world.device.friction = 10.0 * wanted;
         let mut bench = chain(1, 1.0, k + 1.0);
         bench.couplings.push(damper(End::Body(0), End::Ground, 0.1));

@@ -30,7 +30,7 @@ fn torque(world: &World, phi: f64) -> C {
     };
     let n = d.d.nrows();
     let matrix = DMatrix::from_fn(n, n, |i, j| if i == j { step } else { C::from(0.0) } - d.d[(i, j)]);
-    // What the world sees of the position.
+    // The position that the world sees.
     let seen = sampling.filter.map_or(C::from(1.0), |filter| {
         let pole = (-TAU * filter * period).exp();
         (1.0 - pole) / (1.0 - pole * back)

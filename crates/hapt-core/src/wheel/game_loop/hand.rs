@@ -5,7 +5,7 @@ use super::Rotor;
 use crate::Real;
 use crate::contact::within;
 
-/// Works are averaged over so much time, s.
+/// Works are averaged over this time, s.
 const WINDOW: f64 = 0.1;
 /// The time constant, s, with which a detected hand is forgotten while it still holds a torque: its work passes through 0 where it turns
 /// round, but its torque does not at the same time. The second one applies where it holds no torque.
@@ -15,7 +15,7 @@ const GRASP: f64 = 0.05;
 /// The largest torque of inertia, damping and friction fades with this time constant, s.
 const RECENT: f64 = 0.3;
 /// The part of that beyond which a torque is a hand's, and by how much more the hand fully controls the wheel. The free wheel's motion
-/// leaves no more than this part unexplained where the device's numbers are accurate to within it, whatever torque the motor gives.
+/// leaves no more than this part unexplained where the device's numbers are accurate to within it, at any torque of the motor.
 const HOLDS: [f64; 2] = [0.2, 0.1];
 /// Speeds below this, rad/s, are rest.
 const REST: f64 = 0.02;

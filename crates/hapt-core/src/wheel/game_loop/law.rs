@@ -21,7 +21,7 @@ const RATIO: f64 = 1.14;
 const RING: usize = 1024;
 /// The time constant of the slow parts, s.
 const SLOW: f64 = 0.2;
-/// Frames count less by a factor of e after so much time in motion, s.
+/// Frames count less by a factor of e after this time in motion, s.
 const MEMORY: f64 = 1.0;
 /// The least time between two frames that are used, s.
 pub(super) const SPAN: f64 = 0.012;

@@ -1,4 +1,4 @@
-//! No step gains energy, however long it is, on whatever numbers.
+//! No step gains energy, however long it is, with any kind of numbers.
 
 use hapt_core::{Coupling, End, Law, Loop, Output, Real, Side, Spec};
 use proptest::prelude::*;

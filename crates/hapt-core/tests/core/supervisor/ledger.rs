@@ -37,7 +37,7 @@ fn forward_eulers_growth_is_the_ledgers_residual() {
     }
 }
 
-/// The bodies step at every so many samples, by as many periods: between their steps no energy is generated.
+/// The bodies step at every `every`-th sample, by as many periods: between their steps no energy is generated.
 fn grows_by_forward_euler(every: u32) {
     let angle = 0.1_f64;
     let inertia = K * (f64::from(every) * T / angle).powi(2);

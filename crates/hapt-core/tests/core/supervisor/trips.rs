@@ -1,4 +1,4 @@
-//! What trips, and the way back from each fault.
+//! The causes of faults, and the recovery from each.
 
 use hapt_core::Reason;
 
