@@ -1,5 +1,5 @@
-//! What a board is: a line to the host, an encoder, a motor, a watchdog. A board is one file in `boards/`, with its memory's file next to
-//! it.
+//! The parts of a board: a line to the host, an encoder, a motor, a watchdog. A board is one file in `boards/`, with its memory's file next
+//! to it.
 
 /// Bytes from and to the host. The main loop has it.
 pub trait Line {

@@ -34,7 +34,7 @@ pub fn count() {
     CONTROL.set(ENABLE | PROCESSOR);
 }
 
-/// Begins a period every so many clocks, from 2 to 2^24.
+/// Begins a period every `clocks` clocks, from 2 to 2^24.
 pub fn every(clocks: u32) {
     PRIORITIES.set(PENDSV_LAST);
     RELOAD.set(clocks.saturating_sub(1) & MASK);

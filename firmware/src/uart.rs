@@ -7,9 +7,9 @@ use super::register::Register;
 pub struct Uart {
     /// Its state.
     pub state: Register,
-    /// What it has received.
+    /// The received byte.
     pub received: Register,
-    /// What it is to send.
+    /// The byte to send.
     pub sent: Register,
     /// The state's bit for a received byte, and its value then.
     pub full: (u32, bool),

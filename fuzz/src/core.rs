@@ -102,7 +102,7 @@ impl Bits<'_> {
     }
 }
 
-/// Every command is finite and within the limit, whatever the world, the state and the measurements; every sample ends.
+/// Every command is finite and within the limit, for any world, state and measurements; every sample ends.
 pub fn run(bytes: &[u8]) -> u64 {
     let mut bits = Bits(bytes);
     let small = bits.byte() & 1 == 1;

@@ -10,7 +10,7 @@ use crate::Target;
 const SECOND: Duration = Duration::from_secs(1);
 /// An input that has not come back by then never will.
 const HANG: Duration = Duration::from_secs(30);
-/// Bytes that a target may hold at once whatever its input: tables, a few copies, messages.
+/// Bytes that a target may hold at once for any input: tables, a few copies, messages.
 const MEMORY: usize = 4 << 20;
 /// And for each byte of its input: the parser's tree of `a=[1,1,1,...` is the widest.
 const MEMORY_PER_BYTE: usize = 512;
@@ -88,7 +88,7 @@ fn processor() -> Option<Duration> {
     (ticks.len() == 2).then(|| Duration::from_millis(10 * ticks.iter().sum::<u64>()))
 }
 
-/// While it lives, an input is under way; a panic ends it too.
+/// While it lives, an input is being run; a panic ends it too.
 struct UnderWay;
 
 impl UnderWay {
@@ -104,7 +104,7 @@ impl Drop for UnderWay {
     }
 }
 
-/// When the input under way was begun, in ms; 0: none is.
+/// When the present input was begun, in ms; 0: there is none.
 static STARTED: AtomicU64 = AtomicU64::new(0);
 
 fn now() -> u64 {

@@ -12,7 +12,7 @@ use proptest::test_runner::{Config, RngSeed};
 
 /// A random test runs one case of this many, unless `HAPT_ONE_IN` has another number.
 const ONE_IN: u32 = 8;
-/// The least number of cases that a test runs, if it has so many.
+/// The least number of cases that a test runs, if it has that many.
 const MIN_CASES: u32 = 2;
 
 /// The world file of a wheel on a spring.
@@ -49,7 +49,7 @@ pub fn seeds(all: u64) -> Range<u64> {
     0..all.div_ceil(u64::from(one_in()))
 }
 
-/// Of how many cases a random test runs one: 8, or what `HAPT_ONE_IN` says. `cargo xtask test` says 4; 1 runs all of them.
+/// A random test runs one of this many cases: 8, or the value of `HAPT_ONE_IN`. `cargo xtask test` sets 4; 1 runs all of them.
 ///
 /// # Panics
 /// Where `HAPT_ONE_IN` is no whole number above 0.
@@ -68,7 +68,7 @@ pub fn cases_from(seed: u64, all: u32) -> Config {
     Config { rng_seed: RngSeed::Fixed(seed), ..cases(all) }
 }
 
-/// Where a thread that sleeps 1 ms wakes up so much later, the machine is too busy for tests by the clock.
+/// Where a thread that sleeps 1 ms wakes up later by this time, the machine is too busy for tests by the clock.
 const MAX_LATENESS: Duration = Duration::from_millis(5);
 /// The most attempts of a test on such a machine.
 const MAX_ATTEMPTS: u32 = 8;

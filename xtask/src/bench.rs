@@ -24,7 +24,7 @@ const FLAGS: [&str; 4] = ["-O3", "-march=native", "-Wall", "-Wextra"];
 const PAIRS: usize = 25;
 const STARTS: usize = 51;
 const SAMPLES: f64 = 10_001.0;
-/// Of the sixteen worlds of `hapt-bench lanes` together.
+/// The samples of the sixteen worlds of `hapt-bench lanes` together.
 const LANES_SAMPLES: f64 = 15_960.0;
 
 /// The part that the words after `bench` name.

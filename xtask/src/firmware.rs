@@ -38,7 +38,7 @@ const BOARDS: [(&str, &str, &str); 4] = [
     ("netduinoplus2", "netduinoplus2", "STM32F405, Cortex-M4F"),
 ];
 
-/// What the firmware fits into: the feature, its program, flash and memory in KiB.
+/// The chips that the firmware fits: the feature, its program, flash and memory in KiB.
 const CHIPS: [(&str, &str, u32, u32); 4] = [
     ("netduinoplus2", "wheel", 1024, 128),
     ("b-g431b-esc1", "wheel", 128, 32),

@@ -13,7 +13,7 @@ use crate::{commands, programs};
 /// The folder of builds, corpora and logs, apart from the workspace's own build.
 const SCRATCH: &str = "target/fuzz";
 
-/// Of the worlds of whole commands.
+/// The seed of the worlds of whole commands.
 const SEED: u64 = 1;
 
 /// `[--seconds N] [TARGET]...` drives the targets on stable, `--minutes N [TARGET]...` by libFuzzer, two at a time.

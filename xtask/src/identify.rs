@@ -23,10 +23,10 @@ use bench::{Kind, Trial};
 const PAGE: &str = "docs/identify.md";
 /// The parameters with an interval.
 const NAMES: [&str; 7] = ["inertia", "damping", "friction", "delay", "constant torque", "lag", "delay and lag"];
-/// The intervals of the first so many may be wider than the bound's by this factor.
+/// The number of parameters whose intervals are wider than the bound's by at most this factor.
 const PROMISED: usize = 4;
 const WIDEST: f64 = 1.5;
-/// The bound is computed for the first so many.
+/// The bound is computed for this number of parameters.
 const BOUNDED: usize = 5;
 /// Each experiment with its word on the command line and on the page, and its description.
 const CAMPAIGNS: [(Kind, &str, &str); 6] = [

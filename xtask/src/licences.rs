@@ -8,7 +8,7 @@ use std::process::Command;
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
-/// What `hapt explain licences` prints.
+/// The text of `hapt explain licences`.
 const FILE: &str = "crates/hapt/src/explain/licences.txt";
 /// The licences that may be chosen, by preference.
 const CHOICE: [&str; 8] =
@@ -78,7 +78,7 @@ pub fn is_current() -> Result<()> {
     Ok(())
 }
 
-/// The crates whose code is in the program, on any platform: what hapt depends on at run time, what these depend on, and no macros.
+/// The crates whose code is in the program, on any platform: hapt's dependencies at run time, their dependencies, and no macros.
 fn parts() -> Result<Vec<Part>> {
     let said = Command::new(env!("CARGO")).args(["metadata", "--format-version", "1", "--locked"]).output()?;
     ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));

@@ -16,7 +16,7 @@ pub const TARGETS: &str = "--workspace --lib --bins --examples --test *";
 /// The tests that `cargo test` leaves out (crates/hapt/Cargo.toml).
 const OF_THE_PROGRAM: &str = "--bin hapt --test cli";
 
-/// Of how many cases a random test runs one before a merge. The scheduled run has all of them, with new random numbers.
+/// A random test runs one of this many cases before a merge. The scheduled run has all of them, with new random numbers.
 const ONE_IN: &str = "4";
 
 /// A program of tests, and the folder of its crate.

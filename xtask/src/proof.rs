@@ -32,7 +32,7 @@ const DIGITS: usize = 14;
 /// Those of a polynomial's coefficients, which are sums that may cancel, and of its damping, which is the least one to 2^-26.
 const OF_COEFFICIENTS: usize = 6;
 const OF_LEAST: usize = 7;
-/// What the theorems of the Coq file may rest on: the axioms of its real numbers.
+/// The assumptions that the theorems of the Coq file may use: the axioms of its real numbers.
 const AXIOMS: [&str; 4] = [
     "ClassicalDedekindReals.sig_forall_dec",
     "ClassicalDedekindReals.sig_not_dec",
@@ -97,7 +97,7 @@ fn check(n: u64, seed: u64) -> Result<String> {
     for line in String::from_utf8_lossy(&said.stdout).lines() {
         let mut words = line.splitn(3, ' ');
         let (code, file) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
-        // w12.json is a proof; w12.changed-3.json and w12-less.json are none.
+        // w12.json is a proof; w12.changed-3.json and w12-less.json are not.
         let is_proof = file.strip_suffix(".json").is_some_and(|stem| !stem.contains(['.', '-']));
         match (code, is_proof) {
             ("0", true) => accepted += 1,
@@ -383,7 +383,7 @@ fn sampling_is_linear(world: &World) -> bool {
     world.sampling.estimator == EstimatorKind::LowPass
 }
 
-/// A law that the checker knows, of those about a place every one; a texture it does not.
+/// A law that the checker covers: every one about a place, but no texture.
 fn law(rng: &mut Rng, is_linear: bool) -> Law {
     let law = match rng.u8(..if is_linear { 5 } else { 9 }) {
         0..3 => Law::Spring { stiffness: 1.0, rest: 0.0 },

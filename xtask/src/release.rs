@@ -205,7 +205,7 @@ fn packed(of: &Path, file: &Path) -> Result<()> {
     done(tar.arg(if parent.as_os_str().is_empty() { Path::new(".") } else { parent }).arg(name)).map(drop)
 }
 
-/// What a command prints; an error with its messages where it fails.
+/// The output of a command; an error with its messages where it fails.
 fn done(command: &mut Command) -> Result<String> {
     let said = command.output().with_context(|| format!("{command:?}"))?;
     ensure!(said.status.success(), "{command:?}: {}", String::from_utf8_lossy(&said.stderr));

@@ -89,7 +89,7 @@ fn counted(result: &str, word: &str) -> Result<u64> {
     Ok(before.split_whitespace().next_back().context("no count")?.parse()?)
 }
 
-/// What has passed and failed so far, and how long each step took.
+/// The passed and failed tests so far, and the time of each step.
 pub struct Tally {
     passed: u64,
     failed: u64,

@@ -149,7 +149,7 @@ fn same_bytes(world: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Links only the core and looks for the standard panic routines; a control with a way to panic must show them.
+/// Links only the core and searches the standard panic routines; a control that can panic must show them.
 fn cannot_panic() -> Result<()> {
     if !cfg!(target_os = "linux") {
         println!("        (the proof is linked on Linux only)");

@@ -252,7 +252,7 @@ fn one(part: Part, seed: u64, i: u64, against: &Against) -> Counts {
     let mut rng = numbers(seed, i);
     let is_nonlinear = i % 2 == 1;
     let mut world = worlds::random(&mut rng, is_nonlinear);
-    // Of numbers of its own, so that the loops are those without handles too.
+    // From separate random numbers, so that the loops are otherwise those without handles.
     let mut own = Rng::with_seed(!seed.wrapping_add(i));
     world.device.handle = worlds::handle(&mut own, &world);
     if part == Part::Even {
@@ -413,7 +413,7 @@ fn run(rng: &mut Rng, world: &World, at: At, growth: Option<f64>, found: &mut Co
     for samples in [SAMPLES, 10 * SAMPLES] {
         let (motion, taken) = brute::motion(rng, world, at, samples);
         found.samples += taken;
-        // Of an amplitude; an energy's is twice that.
+        // The rate of an amplitude; an energy's is twice that.
         let rate = match motion {
             Outcome::Gone => f64::NEG_INFINITY,
             Outcome::Grown => f64::INFINITY,

@@ -24,9 +24,9 @@ pub enum Error {
     },
     /// A prefix that is no name in C, or one that C and its libraries use themselves.
     Prefix {
-        /// What was given.
+        /// The given text.
         given: String,
-        /// What would be right.
+        /// A right one.
         wanted: &'static str,
     },
 }

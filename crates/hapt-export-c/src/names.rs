@@ -112,7 +112,7 @@ const TAKEN: [&str; 98] = [
 const MAX_NAME_CHARS: usize = 24;
 
 impl Prefix {
-    /// A prefix; it is made small letters, and hyphens and dots become underscores.
+    /// A prefix; it is converted to lower case, and hyphens and dots become underscores.
     ///
     /// # Errors
     /// [`Error::Prefix`] where it is none in C.

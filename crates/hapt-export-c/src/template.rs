@@ -11,7 +11,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What a world has, and its texts.
+/// The features of a world, and its texts.
 #[derive(Debug, Default)]
 pub(crate) struct Facts {
     has: BTreeSet<String>,

@@ -16,7 +16,7 @@ pub(crate) struct InCounts {
 }
 
 impl InCounts {
-    /// `None` where no count stands in the text, or its unit does not read.
+    /// `None` where the text contains no count, or its unit is invalid.
     pub fn find(text: &str, motion: Motion) -> Option<InCounts> {
         let text = text.trim();
         let (_, unit) = Number::split(text)?;

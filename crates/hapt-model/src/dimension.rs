@@ -126,7 +126,7 @@ impl Dimension {
     }
 }
 
-/// What a quantity of this dimension is: `a torque (N m)`, or `in kg m/s` where the dimension has no name.
+/// The name of a quantity of this dimension: `a torque (N m)`, or `in kg m/s` where the dimension has no name.
 impl fmt::Display for Dimension {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.named() {

@@ -22,7 +22,7 @@ pub(crate) struct Document<'a> {
 /// The place of a node or a key.
 #[derive(Clone, Debug)]
 pub(crate) struct Place {
-    /// The index of the override that it stands in; `None`: in the file.
+    /// The index of the override that contains it; `None`: it is in the file.
     pub set: Option<usize>,
     /// In bytes.
     pub span: Range<usize>,

@@ -85,7 +85,7 @@ fn ended(file: &str) -> String {
     if file.is_empty() || file.ends_with('\n') { file.to_string() } else { format!("{file}\n") }
 }
 
-/// A value as it stands in a file: numbers and tables as they are, all else as text.
+/// A value as in a file: numbers and tables unchanged, all else as text.
 fn literal(value: &str) -> String {
     match DeValue::parse(value) {
         Ok(parsed) if parsed.span() == (0..value.len()) => value.to_string(),

@@ -23,9 +23,9 @@ pub struct Error {
     pub kind: ErrorKind,
     /// The dotted path of the key; empty where none is concerned.
     pub key: String,
-    /// What was given and what would be right.
+    /// The given value, and a right one.
     pub message: String,
-    /// Where it stands; `None` for a file that could not be read and for a lookup in a world already read.
+    /// Its place; `None` for a file that could not be read and for a lookup in a world already read.
     pub location: Option<Box<Location>>,
 }
 

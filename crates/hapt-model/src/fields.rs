@@ -514,7 +514,7 @@ fn whole(text: &str) -> Option<i128> {
     (float.is_finite() && float.fract() == 0.0).then_some(float as i128)
 }
 
-/// What is wrong with a number outside of its range.
+/// The fault of a number outside its range.
 fn fault(range: Range, value: f64) -> String {
     let (least, most) = (PHYSICAL.start(), PHYSICAL.end());
     match range {

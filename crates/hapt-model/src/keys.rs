@@ -33,7 +33,7 @@ pub struct Key {
     usual: Option<(f64, f64)>,
     /// Whether its quantity may carry a tolerance: `"1.2e-3 N m s/rad ± 20 %"`.
     pub tolerance: bool,
-    /// What it means, with units, in a line or three.
+    /// Its meaning, with units, in one to three lines.
     pub doc: &'static str,
 }
 
@@ -167,7 +167,7 @@ impl Measure {
 }
 
 impl Measure {
-    /// What it is called: `a torque (N m)`.
+    /// Its name: `a torque (N m)`.
     pub fn described(self, motion: Motion) -> String {
         match self {
             // N m is both, and a dimension has one name.

@@ -173,7 +173,7 @@ pub(crate) fn body(body: &mut Body) -> NumberSlots<'_> {
     ]
 }
 
-/// A coupling's kind and its numbers; a compensating damper's damping is none.
+/// A coupling's kind and its numbers; a compensating damper's damping is not a number.
 pub(crate) fn coupling(coupling: &mut Coupling) -> (&'static str, NumberSlots<'_>) {
     let kind = coupling.law.kind().name();
     let takes_limit = coupling.law.takes_limit();

@@ -20,11 +20,11 @@ pub struct Sampling {
     pub advance: u32,
     /// The bodies step at every such sample, by as many periods; 1 or more.
     pub bodies_every: u32,
-    /// The longest true time between two samples in s, no shorter than the period; `None`: the period, whatever it is.
+    /// The longest true time between two samples in s, no shorter than the period; `None`: always the period.
     pub interval_max: Option<f64>,
     /// From the sample to the moment the motor torque changes; the least where it varies.
     pub delay: Delay,
-    /// The largest delay, where it varies; no shorter than `delay`. `None`: the delay, whatever it is.
+    /// The largest delay, where it varies; no shorter than `delay`. `None`: always the delay.
     pub delay_max: Option<Delay>,
     /// The cutoff in Hz of the one pole behind which bodies and couplings see the puck's position; `None`: they see it as measured.
     pub filter: Option<f64>,

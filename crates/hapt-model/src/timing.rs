@@ -9,7 +9,7 @@ use crate::sampling::Sampling;
 use crate::unit::Unit;
 use crate::words;
 
-/// When samples are taken and commands arrive. World and estimator step by the nominal period whatever the true intervals are.
+/// When samples are taken and commands arrive. World and estimator step by the nominal period for any true intervals.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Timing {
     /// Every period, with the same delay.

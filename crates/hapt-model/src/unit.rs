@@ -167,7 +167,7 @@ struct Parser<'a> {
 }
 
 impl Parser<'_> {
-    /// What follows the first factor, up to the end or a closing parenthesis.
+    /// The rest after the first factor, up to the end or a closing parenthesis.
     fn expression(&mut self, first: Unit) -> Result<Unit, UnitError> {
         let mut unit = first;
         loop {

@@ -32,7 +32,7 @@ use crate::timing::Timing;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct World {
-    /// What the file calls itself.
+    /// The file's title.
     pub title: Option<String>,
     /// Rotary or linear.
     pub motion: Motion,

@@ -99,8 +99,8 @@ pub fn slide_under(
 }
 
 impl Friction<'_> {
-    /// Position and velocity after `dt` s from `y` on, from stop to start to stop. `after` predicts the motion without friction's torque, so
-    /// many seconds on, and `slide` gives position and velocity after so many seconds against friction in a direction.
+    /// Position and velocity after `dt` s from `y` on, from stop to start to stop. `after` predicts the motion without friction's torque
+    /// after a time in s, and `slide` gives position and velocity after a time in s against friction in a direction.
     pub fn advance(
         &self,
         mut y: State,

@@ -31,7 +31,7 @@ const COUPLINGS: usize = 8;
 const WINDOW: usize = 32;
 /// A sliding puck that keeps more than this part of its velocity over a period does not stop in it.
 const SLIDES: f64 = 1e-9;
-/// The longest delay in samples; the commands of so many samples are kept for all lanes.
+/// The longest delay in samples; the commands of this many samples are kept for all lanes.
 const MAX_DELAY_SAMPLES: usize = 4096;
 
 type Numbers = Lanes<LANES>;

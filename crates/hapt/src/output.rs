@@ -120,7 +120,7 @@ impl Write for Draft {
 }
 
 /// Starts a log for `named` with `start`, which takes its draft and holds it: refused where another run has its log there, or still its
-/// draft. Of two that start at once, one is first.
+/// draft. If two start at once, one is first.
 pub fn recorded<T>(named: &Path, start: impl FnOnce(Draft) -> io::Result<T>) -> io::Result<T> {
     let target = followed(named)?;
     let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));

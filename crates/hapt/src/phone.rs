@@ -21,7 +21,7 @@ pub fn link(link: &str, address: SocketAddr) -> Option<String> {
     Some(format!("http://{address}/{mark}{fragment}"))
 }
 
-/// The address from which this machine would speak to others. Nothing is sent.
+/// The address from which this machine would send to others. Nothing is sent.
 fn own(any: IpAddr) -> Option<IpAddr> {
     // Addresses that are reserved for documentation, and belong to no machine.
     let other: IpAddr = match any {

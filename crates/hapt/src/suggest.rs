@@ -23,7 +23,7 @@ pub fn file(missing: &Path) -> String {
     }
 }
 
-/// The name with this stem, whatever its ending; else the nearest.
+/// The name with this stem and any ending; else the nearest.
 fn nearest<'a>(name: &str, names: impl Iterator<Item = &'a str> + Clone) -> Option<&'a str> {
     let stem = |name: &str| Path::new(name).file_stem().map(|stem| stem.to_string_lossy().to_lowercase());
     let same = |other: &&str| stem(other) == stem(name) || other.eq_ignore_ascii_case(name);

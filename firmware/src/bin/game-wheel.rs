@@ -44,8 +44,8 @@ fn main() -> ! {
     }
 }
 
-/// A period begins. Where no sample has been taken for longer than the world allows, the torque is removed here, whatever delays the
-/// sample.
+/// A period begins. Where no sample has been taken for longer than the world allows, the torque is removed here, for any cause of the
+/// delay.
 #[exception]
 fn SysTick() {
     if ticks::begin() {

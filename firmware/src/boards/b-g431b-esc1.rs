@@ -2,8 +2,8 @@
 //! motor (BLDC, PMSM), and phase W is not used.
 //!
 //! The motor gets an open-loop voltage in proportion to the commanded torque: nothing measures or controls its current. `TORQUE` holds at
-//! standstill, at one supply voltage and one temperature of the winding. A turning motor's own voltage takes some of it away, which acts as
-//! a damper of kt²/R; a falling supply takes some away too.
+//! standstill, at one supply voltage and one temperature of the winding. A turning motor's own voltage reduces it, which acts as a damper
+//! of kt²/R; a falling supply reduces it too.
 //!
 //! Before a motor is on it: check the pins and the shunts against your board's schematic (MB1419), and set the constants of your wheel. With
 //! an oscilloscope see that no gate of U and V switches while it is disarmed (all four transistors are off, and the motor's terminals
@@ -187,7 +187,7 @@ fn encoder() {
     ENCODER_CONTROL.set(1);
 }
 
-/// Comparators 1 and 2 look at the shunts of U and V, at PA1 and PA7, against DAC 3. A lower transistor's shunt shows the motor's current
+/// Comparators 1 and 2 compare the shunts of U and V, at PA1 and PA7, against DAC 3. A lower transistor's shunt shows the motor's current
 /// while that transistor is on, as one of them is half of the time either way: not a short circuit from a phase to ground.
 fn current_limit() {
     DAC_MODE.set(2 << 14 | 3 << 16 | 3);

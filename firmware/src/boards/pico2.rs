@@ -9,8 +9,8 @@
 //! | GP7 | its fault, low; pulled up |
 //!
 //! The motor gets an open-loop voltage in proportion to the commanded torque: nothing measures or controls its current, and the bridge has
-//! to limit it by itself. A turning motor's own voltage takes some of the torque away, which acts as a damper of kt²/R; a falling supply
-//! takes some away too. The lines bear 3.3 V.
+//! to limit it by itself. A turning motor's own voltage reduces the torque, which acts as a damper of kt²/R; a falling supply reduces it
+//! too. The lines are for 3.3 V.
 //!
 //! Manual: the RP2350's datasheet (registers, bootrom).
 
@@ -189,7 +189,7 @@ fn pins() {
 }
 
 /// The program of the encoder's state machine. Every 5 to 11 clocks it reads both lines, jumps by their former and their present state
-/// into the table of 16 at its beginning, and counts in Y. What it has counted is in `rxfifo[0]`, for the processor to read at any time.
+/// into the table of 16 at its beginning, and counts in Y. The count is in `rxfifo[0]`, for the processor to read at any time.
 ///
 /// A jump is `condition << 5 | address`; states are B · 2 + A, and A rises before B where the count rises.
 #[rustfmt::skip]
@@ -239,7 +239,7 @@ fn encoder() {
 }
 
 /// The watchdog, by the ring oscillator, whose rate is measured by the PWM's periods: reset after 20 ms, also while a debugger holds the
-/// processor, and with it the bridge off. What to reload.
+/// processor, and with it the bridge off. Returns the value to reload.
 fn watchdog() -> u32 {
     TICK_LENGTH.set(8);
     TICK_CONTROL.set(1);

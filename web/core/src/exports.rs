@@ -51,7 +51,7 @@ fn with<T>(act: impl FnOnce(&mut Exchange) -> T) -> T {
     EXCHANGE.with_borrow_mut(act)
 }
 
-/// Room for so many bytes of UTF-8.
+/// Room for `length` bytes of UTF-8.
 #[unsafe(no_mangle)]
 pub extern "C" fn room(length: usize) -> *mut u8 {
     with(|exchange| {

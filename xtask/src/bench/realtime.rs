@@ -8,7 +8,7 @@ use anyhow::{Context, Result, ensure};
 use super::Bench;
 use crate::random::quantile;
 
-/// Rounds, each of so many samples of so many ns.
+/// The number of rounds; then the samples of each, and their period in ns.
 const ROUNDS: usize = 15;
 const SAMPLES: u64 = 2000;
 const PERIOD: u64 = 1_000_000;

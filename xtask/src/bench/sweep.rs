@@ -29,7 +29,7 @@ const WORLDS: [(&str, &str, &str, &str); 5] = [
     ("3 bodies", "bodies", "BODIES", STIFFNESSES),
 ];
 
-/// Runs the commands in turns, so many rounds; ms of each whole process.
+/// Runs the commands in turns, for `rounds` rounds; returns ms of each whole process.
 pub(super) fn processes<const N: usize>(rounds: usize, mut commands: [Command; N]) -> Result<[Times; N]> {
     let mut all = [(); N].map(|()| Times { ns: Vec::new(), answer: Vec::new() });
     for _ in 0..rounds {

@@ -11,9 +11,9 @@ use super::bits::bytes;
 use super::{ARM, BUILT, has_tools, program, qemu};
 use crate::notes::world;
 
-/// Of the notes' world under the supervisor.
+/// The largest count for the notes' world under the supervisor.
 const GOAL: f64 = 400.0;
-/// Of C's.
+/// The largest ratio to C's count.
 const RATIO: f64 = 1.2;
 
 /// The instructions of one world.

@@ -168,7 +168,7 @@ fn count(world: &World, object: &Path, folder: &Path, wanted: u64) -> Result<Cou
     Ok(Counted { bare: instructions(bare), supervised: instructions(supervised), stack, controller })
 }
 
-/// Of the counts in `exported.c`.
+/// The samples of the counts in `exported.c`.
 const SAMPLES: u64 = 1000;
 
 /// The sum of the bits of `exported.c`'s last run, by the core.

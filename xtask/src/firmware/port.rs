@@ -13,7 +13,7 @@ use super::line::BOARD_TIMEOUT;
 use super::{BUILT, control, has_tools, program};
 use crate::programs;
 
-/// A wheel on a spring, certified. The board's puck moves by itself, whatever the torque: the motor is not tested.
+/// A wheel on a spring, certified. The board's puck moves by itself at any torque: the motor is not tested.
 const WORLD: &str = r#"
 title = "knob"
 [loop]

@@ -10,7 +10,7 @@ use super::{Extent, has_tools, program};
 use crate::notes::world;
 
 const ICOUNT: [&str; 2] = ["-icount", "shift=5,sleep=off"];
-/// Of the board's clock in a period of 0.1 ms.
+/// Ticks of the board's clock in a period of 0.1 ms.
 const PERIOD: u32 = 2500;
 /// Three seconds, and half a minute.
 const SHORT: u64 = 30_000;

@@ -154,7 +154,7 @@ pub fn hand(rng: &mut Rng, world: &World) -> Hand {
     let stiffness: f64 = world.couplings.iter().map(|c| c.law.slopes().stiffness).sum();
     let size = log_uniform(rng, -3.0, 0.0);
     let frequency = log_uniform(rng, -3.0, -0.1) * 0.5 / period;
-    // No jump of a prescribed position: it would cross the device's damping at no cost.
+    // No jump of a prescribed position: it would avoid the device's damping.
     let shape = |rng: &mut Rng, size: f64, jumps: bool| match rng.u8(..3) {
         0 if jumps => Shape::Step { to: size, at: 0.0 },
         0 | 1 => Shape::Sine { amplitude: size, frequency, phase: 0.0 },

@@ -68,7 +68,7 @@ struct Sample {
     time: f64,
     angle: f64,
     speed: f64,
-    /// Of the effects with what is added, N·m.
+    /// The torque of the effects with the added one, N·m.
     torque: f64,
 }
 

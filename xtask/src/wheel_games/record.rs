@@ -137,7 +137,7 @@ impl Session {
         b + x * (from + x * (rise - from - bend + x * bend))
     }
 
-    /// The torque on the shaft at a time, of so many levels a frame.
+    /// The torque on the shaft at a time, with `levels` levels a frame.
     fn torque(&self, t: f64, levels: usize) -> f64 {
         // The last of a frame's torques is at the frame.
         let at = (t * self.rate * levels as f64) as usize;

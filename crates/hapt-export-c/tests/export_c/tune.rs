@@ -219,7 +219,7 @@ fn a_number_set_in_c_has_the_bits_of_the_core_with_the_same_number() {
     assert!(seen.iter().all(|count| *count > 10), "every answer occurs: {seen:?}");
 }
 
-/// Between puck and ground the number stands for itself; where a body is, a spring's goes through the matrices of the method.
+/// Between puck and ground the number is used directly; at a body, a spring's goes through the matrices of the method.
 #[test]
 fn numbers_that_stand_in_no_matrix_can_be_set_and_others_are_refused() {
     let some = drawn(1, hapt_testing::cases_from(1, 1)).remove(0);

@@ -53,7 +53,7 @@ const MAX_TIME_S: f64 = 1000.0;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct System {
-    /// What the file calls itself.
+    /// The file's title.
     pub title: Option<String>,
     /// Rotary or linear, as all of its stations are.
     pub motion: Motion,
@@ -137,8 +137,8 @@ pub fn is_network(source: &Source) -> bool {
 }
 
 impl System {
-    /// Reads and checks a world file, or a network file with the worlds of its stations. Each of `sets` is an override `KEY=VALUE`; those of
-    /// `stations.NAME.KEY` go on to the station's world, but for its own keys (`world`, `phase`, `drift`).
+    /// Reads and checks a world file, or a network file with the worlds of its stations. Each of `sets` is an override `KEY=VALUE`; those
+    /// of `stations.NAME.KEY` apply to the station's world, except for its own keys (`world`, `phase`, `drift`).
     ///
     /// # Errors
     /// The first mistake found: its key, what would be right, and where it stands.
@@ -174,7 +174,7 @@ impl System {
         self.title.as_deref().unwrap_or(&source.name)
     }
 
-    /// What its file is called: "world" or "network".
+    /// The kind of its file: "world" or "network".
     pub fn kind(&self) -> &'static str {
         if self.world().is_some() { "world" } else { "network" }
     }
@@ -303,7 +303,7 @@ impl System {
     }
 }
 
-/// Of an override of a station's world its station, and the override for that world: `stations.left.loop.period=2ms` is
+/// The station of an override of a station's world, and the override for that world: `stations.left.loop.period=2ms` is
 /// `loop.period=2ms` of `left`. `None` for the network's own keys.
 pub(crate) fn station_key(set: &str) -> Option<(&str, &str)> {
     let (name, rest) = set.trim_start().strip_prefix("stations.")?.split_once('.')?;

@@ -66,7 +66,7 @@ fn a_bare_number_far_from_what_is_usual_is_doubted_and_one_with_a_unit_is_not() 
                     let sets = [format!("{}={value}", parameter.path)];
                     World::read(&source, &sets).ok().map(|world| world.warnings(&source, &sets))
                 };
-                // Other keys may not allow it: a scenario has so many samples at most.
+                // Other keys may not allow it: the number of samples of a scenario is bounded.
                 let Some(bare) = read(format!("{number:e}")) else { continue };
                 assert!(bare.len() == 1 && bare[0].starts_with(&format!("{} = ", parameter.path)), "{number} {bare:?}");
                 assert_eq!(read(format!("{number:e} {}", parameter.unit)), Some(vec![]), "{}", parameter.path);

@@ -158,7 +158,7 @@ proptest! {
                 exact = &flow * exact;
             }
             if loss == 0.0 {
-                // Without loss the centre of mass keeps its velocity, whatever the separation does, to rounding.
+                // Without loss the centre of mass keeps its velocity, for any motion of the separation, to rounding.
                 let momentum = |row: &hapt_sim::Row| device * row.puck_velocity + inertia * row.bodies[0].1;
                 let released = momentum(&run[(release / period).round() as usize]);
                 for row in run.iter().filter(|row| row.time >= release) {

@@ -99,7 +99,7 @@ fn nothing_replaces_the_log_of_a_run_under_way() {
     hapt(at.path(), ["run", "w.toml", "--duration", "0.1s", "--log", "step.mcap"]).done();
 }
 
-/// Of runs that start at once one has the name, and the others have said so before they had a torque.
+/// If several runs start at once, one gets the name, and the others are refused before they have a torque.
 #[test]
 fn of_runs_that_start_at_once_with_one_log_one_has_it() {
     let at = folder(&[("w.toml", WHEEL)]);

@@ -77,7 +77,7 @@ fn a_world_is_sent_to_the_board_once_and_runs_there() {
 fn a_boards_log_with_samples_left_out_is_not_replayed_and_says_what_would_be_right() {
     let at = folder(&[("w.toml", KNOB)]);
     let (_board, spec) = plugged(BOARD);
-    // What a slow line carries.
+    // The samples that a slow line carries.
     let slow = format!("{spec}@9600");
     hapt(at.path(), ["run", "w.toml", "--device", &slow, "--duration", "0.3 s", "--log", "run.mcap"]).done();
     hapt(at.path(), ["log", "replay", "run.mcap"]).refused(2, &["only where every sample is in it", "hapt:PATH@BAUD"]);
@@ -221,7 +221,7 @@ fn a_board_that_is_pulled_out_ends_the_run_with_code_three_and_its_torque() {
         assert!(start.elapsed() < std::time::Duration::from_secs(60), "it is still on");
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
-    // What was logged up to then is whole.
+    // The log up to then is complete.
     hapt(at.path(), ["log", "convert", "run.mcap", "-o", "run.csv"]).done();
 }
 

@@ -135,7 +135,7 @@ fn every_world_that_comes_along_is_checked_and_held_only_forward_euler_alone_is_
     }
 }
 
-/// No answer on a loop that grows hands-off under times that its file allows calls it safe hands-off, whatever its verdict at even samples.
+/// No answer on a loop that grows hands-off under times that its file allows calls it safe hands-off, for any verdict at even samples.
 #[test]
 fn what_grows_at_a_late_sample_is_not_called_safe_to_let_go() {
     let at = folder(&[(
@@ -353,7 +353,7 @@ fn what_design_prints_is_a_world_that_asks_for_the_torque_of_the_specification()
         hapt_reads(at.path(), &printed.out, ["sim", "-", "--out", "."]).done();
         let table = Table::read(&at.path().join("step.csv"));
         let peak = table.column("torque_Nm").into_iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
-        // Michigan's encoder knows the travel to half a count: 45 deg are 500 counts.
+        // Michigan's encoder resolves the travel to half a count: 45 deg are 500 counts.
         let count = TAU / 4000.0;
         let inexact = (travel / count - (travel / count).round()).abs() * count / travel;
         near(peak, torque, 1e-4 + inexact);

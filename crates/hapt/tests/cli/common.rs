@@ -74,7 +74,7 @@ pub fn steady(mut run: impl FnMut() -> Ended) -> Ended {
     ended
 }
 
-/// The first of ten runs that comes to full torque, under way.
+/// The first of ten runs that reaches full torque, still running.
 #[cfg(target_os = "linux")]
 pub fn at_full_torque<A: AsRef<OsStr>>(folder: &Path, args: &[A]) -> Running {
     for _ in 0..10 {
@@ -170,7 +170,7 @@ pub fn hapt_reads<A: AsRef<OsStr>>(folder: &Path, text: &str, args: impl IntoIte
     running.end()
 }
 
-/// The program under way; it does not outlive the test.
+/// The running program; it does not outlive the test.
 pub struct Running {
     child: Child,
     input: Option<ChildStdin>,
@@ -179,7 +179,7 @@ pub struct Running {
 }
 
 impl Running {
-    /// Starts a command. What it says is gathered, where the command has no other place for it.
+    /// Starts a command. Its output is collected, where the command has no other place for it.
     pub fn start(mut command: Command) -> Running {
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
         Running::start_as_it_is(command)
@@ -271,7 +271,7 @@ impl Drop for Running {
     }
 }
 
-/// What came out of a pipe up to now.
+/// The output of a pipe up to now.
 struct Output {
     bytes: Arc<Mutex<Vec<u8>>>,
     listener: Option<JoinHandle<()>>,
@@ -359,7 +359,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// Reads a file; every number is one, and finite.
+    /// Reads a file; every field is a finite number.
     #[track_caller]
     pub fn read(path: &Path) -> Table {
         let text = std::fs::read_to_string(path).unwrap();

@@ -257,7 +257,7 @@ fn equal_eigenvalues_stand_by_their_angle_upwards_the_positive_one_of_a_pair_fir
         near(abs, 1.0, 1e-15);
         near(im.atan2(re), sign * 2.0 * (x / 2.0).atan(), 1e-13);
     }
-    // Modes stand by their frequency, whatever the order of the bodies.
+    // Modes are in the order of their frequency, for any order of the bodies.
     for (mode, omega) in json["held"]["modes"].as_array().unwrap().iter().zip([2.0, 10.0]) {
         near(number(&mode["frequency_hz"]), omega / TAU, 1e-14);
         near(number(&mode["discrete_frequency_hz"]), 2.0 * (omega * 0.005_f64).atan() / 0.01 / TAU, 1e-13);

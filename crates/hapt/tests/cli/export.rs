@@ -177,7 +177,7 @@ const MANDATORY: [&str; 16] = [
     "22.5", "22.6",
 ];
 
-/// What cppcheck and its MISRA addon say of files: their findings of a mandatory rule, or of an error or warning of cppcheck's own.
+/// The findings of cppcheck and its MISRA addon in files: of a mandatory rule, or of an error or warning of cppcheck's own.
 fn broken_rules(folder: &Path, files: &[String]) -> Vec<String> {
     let mut cppcheck = std::process::Command::new("cppcheck");
     cppcheck.args(["--addon=misra", "--enable=style,warning,portability", "--std=c99", "--quiet", "-j2"]);

@@ -254,7 +254,7 @@ fn completions_and_manual_know_every_command() {
     let (commands, _) = commands.split_once("Options:\n").unwrap();
     let commands: Vec<&str> = commands
         .lines()
-        // Between the names of groups; a longer description goes on below, indented further.
+        // Between the names of groups; a longer description continues below, indented further.
         .filter(|line| line.starts_with("  ") && !line.starts_with("   "))
         .filter_map(|line| line.split_whitespace().next())
         .collect();

@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::common::{Running, WHEEL, folder, program};
 use crate::help::{examples, help};
 
-/// The program under way, and the link in its first line.
+/// The running program, and the link in its first line.
 fn started(folder: &Path, args: &[&str]) -> (Running, String) {
     let mut running = Running::start(program(folder, args));
     let mut link = String::new();

@@ -106,7 +106,7 @@ fn what_must_be_positive_is_refused_when_it_is_not() {
     for (key, value) in POSITIVE {
         let line = format!("{} = {value}\n", key.rsplit('.').next().unwrap());
         let (above, _) = EVERYTHING.split_once(&line).unwrap_or_else(|| panic!("{line}"));
-        // Of equal lines the first; the others are the keys of another table.
+        // The first of equal lines; the others are the keys of another table.
         let number = above.lines().count() + 1;
         for bad in ["0", "-1", "nan", "inf", "-inf", "1e400"] {
             let edited = EVERYTHING.replacen(&line, &line.replace(value, bad), 1);

@@ -1,4 +1,4 @@
-//! What the columns of a run mean.
+//! The meaning of a run's columns.
 
 use std::f64::consts::{PI, TAU};
 use std::path::Path;

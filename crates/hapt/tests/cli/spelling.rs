@@ -145,7 +145,7 @@ proptest! {
         }
     }
 
-    /// And a wrong unit is marked where every base stands once.
+    /// A wrong unit is marked where every base occurs once.
     #[test]
     fn where_every_base_stands_once_the_dimension_decides(
         mass in usual(&["N", "mN", "kg", "Nmm"]),

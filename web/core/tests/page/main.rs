@@ -206,7 +206,7 @@ fn what_cannot_run_is_refused_in_a_sentence_and_what_ran_goes_on() {
     for (key, value, word) in [
         ("loop.period", "0 ms", "period"),
         ("loop.period", "1 us", "50 us to 100 ms"),
-        // Nothing is found over these steps, and a wall stands at a body.
+        // These methods do not find torques over a step, and a wall is at a body.
         ("loop.method", "tustin", "tustin"),
         ("couplings.0.stiffness", "-1 N m/rad", "stiffness"),
         ("couplings.0.stiffness", "3 bananas", "bananas"),

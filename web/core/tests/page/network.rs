@@ -15,7 +15,7 @@ struct Run {
     page: NetworkPage,
     network: System,
     frame: u64,
-    /// Of each station: the last status, and where its puck was in the last frame.
+    /// For each station: the last status, and its puck's position in the last frame.
     status: Vec<Value>,
     place: Vec<f64>,
     refused: Vec<String>,
@@ -45,7 +45,7 @@ impl Run {
         self.send(station, &hand);
     }
 
-    /// So many seconds; the largest way of each puck from 0.
+    /// Runs for a time in s; returns the largest displacement of each puck from 0.
     fn pass(&mut self, seconds: f64) -> Vec<f64> {
         let mut most = vec![0.0_f64; self.place.len()];
         for _ in 0..(seconds / 16e-3).round() as u32 {

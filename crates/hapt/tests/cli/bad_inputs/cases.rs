@@ -11,7 +11,7 @@ use systems::{drives, identify, live, networks, realtime};
 pub struct Case {
     /// The file of answers that it is in.
     pub theme: &'static str,
-    /// What is bad, in a few words.
+    /// The mistake, in a few words.
     pub name: &'static str,
     /// In the folder where the program runs.
     pub files: Vec<(&'static str, Vec<u8>)>,
