@@ -42,7 +42,7 @@ pub(crate) enum SignTest<F> {
     Torque(F),
     /// The puck moves the right way.
     Right,
-    /// The puck does not.
+    /// The puck does not move the right way.
     Wrong(Reason),
 }
 

@@ -14,8 +14,8 @@ const BELIEF: [f64; 2] = [1.0, 0.05];
 const GRASP: f64 = 0.05;
 /// The largest torque of inertia, damping and friction fades with this time constant, s.
 const RECENT: f64 = 0.3;
-/// The part of that beyond which a torque is a hand's, and by how much more the hand fully controls the wheel. The free wheel's motion
-/// leaves no more than this part unexplained where the device's numbers are accurate to within it, at any torque of the motor.
+/// The part of that beyond which a torque is a hand's, and the further part at which the hand replaces the whole remedy. The free wheel's
+/// motion leaves no more than this part unexplained where the device's numbers are accurate to within it, at any torque of the motor.
 const HOLDS: [f64; 2] = [0.2, 0.1];
 /// Speeds below this, rad/s, are rest.
 const REST: f64 = 0.02;
