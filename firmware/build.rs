@@ -1,9 +1,9 @@
-//! Where the linker finds the board's memory, and C's step where there is one to count beside ours.
+//! The linker's file of the board's memory, and the step in C where its instructions are counted for comparison.
 
 use std::path::PathBuf;
 use std::{env, fs};
 
-/// The boards, and where each one's memory stands.
+/// The boards, and the file of each one's memory.
 const BOARDS: [(&str, &str); 7] = [
     ("mps2", "boards"),
     ("mps2-an505", "boards"),
@@ -14,7 +14,7 @@ const BOARDS: [(&str, &str); 7] = [
     ("my-board", "template"),
 ];
 
-/// What the memory of a board includes whose program runs in RAM.
+/// The include of the memory of a board whose program runs in RAM.
 const CODE_IN_RAM: &str = "boards/code-in-ram.x";
 
 fn main() {

@@ -1,4 +1,5 @@
-//! One guarded sample of the notes' wheel, hot, in a microcontroller's room: the loop alone, and behind its supervisor.
+//! One guarded sample of the notes' wheel, with warm caches, in a microcontroller's capacity: only the loop, and the loop behind its
+//! supervisor.
 
 use anyhow::{Context, Result, bail};
 use hapt_core::{Controller, Phase, Reading, Real, Request, SafetyProfile};
@@ -28,7 +29,7 @@ fn time_on<F: Real>(guarded: bool, repeats: usize) -> Result<()> {
         Reading { position, velocity, announced: false, late: nothing, missed: 0, silent: nothing }
     };
     let readings: Vec<Reading<F>> = (0..SAMPLES).map(reading).collect();
-    // Armed, and all of the torque there.
+    // Armed and fully faded in.
     let mut state = controller.start();
     let mut request = Some(Request::Arm);
     while state.supervisor.phase != Phase::Running {

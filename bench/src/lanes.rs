@@ -1,4 +1,4 @@
-//! Sixteen worlds side by side, each with its own period, alone in a process: without a grid, threads and a file around them.
+//! Sixteen worlds side by side, each with its own period, in a process of their own: without a grid, threads and a file around them.
 
 use anyhow::{Context, Result};
 use hapt_model::{Source, World};

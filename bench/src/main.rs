@@ -26,7 +26,7 @@ fn main() -> Result<()> {
     }
 }
 
-/// Does `work` so often and prints the median time of one of its `parts`, in ns.
+/// Does `work` `repeats` times and prints the median time of one of its `parts`, in ns.
 fn timed(repeats: usize, parts: usize, mut work: impl FnMut() -> Result<()>) -> Result<()> {
     let mut times = Vec::new();
     for _ in 0..repeats {

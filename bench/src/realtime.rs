@@ -1,4 +1,4 @@
-//! The loop in real time on the simulated device: how late it is, beside `bench/c/realtime.c`.
+//! The loop in real time on the simulated device: its latency, for comparison with `bench/c/realtime.c`.
 
 use std::time::Duration;
 

@@ -50,7 +50,7 @@ fn time_columns<const N: usize>(scenario: &str, repeats: usize) -> Result<()> {
     let mut columns = [(); N].map(|()| vec![0.0; samples]);
     timed(repeats, samples, || {
         let mut run = Simulation::new(&world, scenario)?;
-        // All of one length, so that one question serves for all.
+        // All of one length, so that one check of bounds is enough.
         let mut columns = columns.each_mut().map(|column| &mut column[..samples]);
         let mut k = 0;
         while let Some(row) = run.next() {
@@ -67,7 +67,7 @@ fn time_columns<const N: usize>(scenario: &str, repeats: usize) -> Result<()> {
     Ok(())
 }
 
-/// What the other programs have to know of the world: T, samples, J_z, b, limit, J_w, k, z0, the sample of the release.
+/// The world's numbers for the other programs: T, samples, J_z, b, limit, J_w, k, z0, the sample of the release.
 pub fn parameters(scenario: &str) -> Result<()> {
     let world = world(scenario)?;
     let step = world.scenario("step")?;

@@ -1,4 +1,4 @@
-//! One sample of the core, hot: worlds whose every body feels every other one.
+//! One sample of the core with warm caches: worlds in which every body is coupled to every other one.
 
 use anyhow::{Result, bail};
 use hapt_core::{Body, Coupling, Damping, End, Estimator, Law, Loop, Method, Output, Spec};
@@ -59,7 +59,7 @@ impl Chain {
     }
 }
 
-/// In the rooms of hapt-sim: 1, 2, 4, 8 and 32.
+/// In the capacities of hapt-sim: 1, 2, 4, 8 and 32.
 pub fn time(n: usize, repeats: usize) -> Result<()> {
     match n {
         1 => time_in::<1>(n, repeats),

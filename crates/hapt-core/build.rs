@@ -11,7 +11,7 @@ fn main() {
     let mut files = Vec::new();
     gather(&root, &mut files);
     files.sort();
-    // FNV-1a over names and bytes; line ends count as one, whatever a checkout makes of them.
+    // FNV-1a over names and bytes; all kinds of line breaks count as the same.
     let mut hash = 0x811c_9dc5_u32;
     for path in files {
         let name = path.strip_prefix(&root).unwrap_or(&path).to_string_lossy().replace('\\', "/");

@@ -1,5 +1,5 @@
-//! Says where the worlds are that need no file: in the repository's worlds/, or in the package, which has them through a link. A checkout
-//! on Windows has no links.
+//! Sets the folder of the worlds that need no file: in the repository's worlds/, or in the package, which has them through a link. A
+//! checkout on Windows has no links.
 
 use std::path::PathBuf;
 

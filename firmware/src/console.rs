@@ -1,4 +1,4 @@
-//! The host's console and files, by ARM's semihosting: what QEMU and debuggers give a program that has no other way to speak.
+//! The host's console and files, by ARM's semihosting: the output of a program on QEMU or under a debugger, without other hardware.
 
 use core::arch::asm;
 use core::ffi::CStr;

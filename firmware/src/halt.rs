@@ -1,4 +1,4 @@
-//! The end of everything: nothing runs any more, and the watchdog sees to the rest.
+//! The end of the program: nothing runs any more, and the watchdog resets the board.
 
 use core::arch::asm;
 

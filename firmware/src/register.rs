@@ -5,8 +5,8 @@
 pub struct Register(usize);
 
 impl Register {
-    /// At this address, which must be one of the processor's or the board's registers: what reading and writing it does is in the
-    /// manual, and never to this program's memory.
+    /// At this address, which must be one of the processor's or the board's registers: the effects of reading and writing it are in the
+    /// manual, and never change this program's memory.
     pub(crate) const fn at(address: usize) -> Self {
         Register(address)
     }
@@ -25,7 +25,7 @@ impl Register {
         unsafe { core::ptr::write_volatile(self.0 as *mut u32, value) }
     }
 
-    /// Writes what `change` makes of it.
+    /// Writes the result of `change` on its value.
     #[allow(dead_code)] // Not every board has such a one.
     #[inline(always)]
     pub fn change(self, change: impl FnOnce(u32) -> u32) {

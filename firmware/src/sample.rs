@@ -5,8 +5,8 @@ use hapt_wire::device::{Measurement, Motor};
 use crate::board::{Board, Device};
 use crate::{Here, ticks};
 
-/// Takes the sample of a period that began `late` clocks before it was taken up, after so many that were missed. When the device had the torque,
-/// in s after that.
+/// Takes the sample of a period that began `late` clocks before, after `missed` missed ones. Returns the time until the device had the
+/// torque, in s.
 #[inline(always)]
 pub fn take(
     device: &mut <Here as Board>::Device,

@@ -1,4 +1,4 @@
-//! What the main loop and the interrupt both use, one at a time.
+//! A value that the main loop and the interrupt both use, one at a time.
 
 use core::arch::asm;
 use core::cell::{Cell, UnsafeCell};
@@ -9,8 +9,8 @@ pub struct Shared<T> {
     lent: Cell<bool>,
 }
 
-// SAFETY: there is one processor, and nothing that uses the value interrupts it while it is lent: `with` lets nothing, and of
-// interrupts one alone uses it.
+// SAFETY: there is one processor, and nothing that uses the value interrupts it while it is lent: `with` turns interrupts off, and only one
+// interrupt uses it.
 unsafe impl<T: Send> Sync for Shared<T> {}
 
 impl<T> Shared<T> {
@@ -29,8 +29,8 @@ impl<T> Shared<T> {
         self.change(|place| place.as_mut().map(use_it)).flatten()
     }
 
-    /// Lends the value to an interrupt, and what stands above that one goes on: the main loop, which may not be interrupted while it has the
-    /// value, never has it then.
+    /// Lends the value to an interrupt; interrupts of higher priority continue. The main loop, which may not be interrupted while it has
+    /// the value, never has it then.
     pub fn with_in_interrupt<R>(&self, use_it: impl FnOnce(&mut T) -> R) -> Option<R> {
         self.lend(|place| place.as_mut().map(use_it)).flatten()
     }

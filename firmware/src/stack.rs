@@ -1,4 +1,4 @@
-//! How much of the stack has been used: it is painted before the program begins, and what is still painted was never reached.
+//! How much of the stack has been used: it is painted before the program begins, and the part that is still painted was never reached.
 
 use core::ptr::{addr_of, read_volatile};
 
@@ -7,7 +7,7 @@ unsafe extern "C" {
     static _stack_start: u32;
 }
 
-/// What cortex-m-rt paints it with (its feature `paint-stack`).
+/// The word with which cortex-m-rt paints it (its feature `paint-stack`).
 const PAINT: u32 = 0xcccc_cccc;
 
 /// Bytes of the stack, from its top to the deepest place ever written.

@@ -2,7 +2,7 @@
 
 /// Its farthest from 0, in rad.
 const FARTHEST: f32 = 0.5;
-/// A sample's way, in rad.
+/// The displacement of a sample, in rad.
 const STEP: f32 = 1e-4;
 
 /// The puck.

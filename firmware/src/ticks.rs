@@ -1,7 +1,7 @@
-//! SysTick, the processor's own timer: the loop's periods, and what instructions are counted by.
+//! SysTick, the processor's own timer: the loop's periods, and the counting of instructions.
 //!
-//! Two interrupts make a sample: SysTick, above all, only counts that a period has begun, and asks for PendSV, below all, which takes the
-//! sample. However long a sample takes, every period that passes meanwhile is counted.
+//! Two interrupts make a sample: SysTick, of the highest priority, only counts that a period has begun, and requests PendSV, of the
+//! lowest, which takes the sample. However long a sample takes, every period that passes meanwhile is counted.
 
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
@@ -11,7 +11,7 @@ const CONTROL: Register = Register::at(0xe000_e010);
 const RELOAD: Register = Register::at(0xe000_e014);
 const CURRENT: Register = Register::at(0xe000_e018);
 
-/// Of the processor's interrupts: what is asked for, and which stands above which (ARM DDI 0403, B3.2).
+/// The processor's interrupts: requests and priorities (ARM DDI 0403, B3.2).
 const ASKED: Register = Register::at(0xe000_ed04);
 const PRIORITIES: Register = Register::at(0xe000_ed20);
 const PENDSV: u32 = 1 << 28;
@@ -34,7 +34,7 @@ pub fn count() {
     CONTROL.set(ENABLE | PROCESSOR);
 }
 
-/// Begins a period every so many clocks, from 2 to 2^24.
+/// Begins a period every `clocks` clocks, from 2 to 2^24.
 pub fn every(clocks: u32) {
     PRIORITIES.set(PENDSV_LAST);
     RELOAD.set(clocks.saturating_sub(1) & MASK);
@@ -46,7 +46,8 @@ pub fn every(clocks: u32) {
 /// Periods for which the motor may hold a torque.
 static LONGEST_HOLD: AtomicU32 = AtomicU32::new(u32::MAX);
 
-/// What SysTick's interrupt does: a period has begun, and PendSV is to take a sample. Whether the motor has held its torque for too long.
+/// The work of SysTick's interrupt: a period has begun, and PendSV is to take a sample. Returns whether the motor has held its torque for
+/// too long.
 #[inline(always)]
 pub fn begin() -> bool {
     let before = DUE.fetch_add(1, Relaxed);
@@ -54,7 +55,7 @@ pub fn begin() -> bool {
     before >= LONGEST_HOLD.load(Relaxed)
 }
 
-/// The motor may hold a torque for so many periods; `None`: for any.
+/// The motor may hold a torque for this many periods; `None`: for any.
 pub fn hold_for(periods: Option<u32>) {
     LONGEST_HOLD.store(periods.unwrap_or(u32::MAX), Relaxed);
 }
@@ -65,12 +66,13 @@ pub fn due() -> u32 {
     DUE.load(Relaxed)
 }
 
-/// What PendSV's interrupt begins with: takes up the periods that have begun; how many there are, and clocks since the last one's beginning.
+/// The beginning of PendSV's interrupt: takes up the periods that have begun. Returns their number, and the clocks since the last one's
+/// beginning.
 #[inline(always)]
 pub fn take_up() -> (u32, u32) {
     loop {
         let (due, since) = (due(), since_reload());
-        // One that has begun between the two would not fit to the other.
+        // A period that began between the two readings would make them inconsistent.
         if DUE.compare_exchange(due, 0, Relaxed, Relaxed).is_ok() {
             return (due, since);
         }
@@ -88,7 +90,7 @@ pub fn since_taken_up() -> u32 {
     }
 }
 
-/// Where it stands.
+/// Its present count.
 pub fn now() -> u32 {
     CURRENT.get()
 }

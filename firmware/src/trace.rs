@@ -1,12 +1,12 @@
-//! Inputs that are the same everywhere, and the sum of all that a loop makes of them.
+//! Inputs that are the same everywhere, and the sum over all outputs of a loop for them.
 //!
-//! This file is compiled twice, into the firmware and into the program that tests it on a PC: two sums that agree say that two
-//! processors made the same bits of every state and every torque.
+//! This file is compiled twice, into the firmware and into the program that tests it on a PC: equal sums show that two processors have the
+//! same bits in every state and every torque.
 
 use hapt_core::{CertifiedTime, Controller, Heat, Limits, Loop, Reading, Request, Spec, State};
 use hapt_wire::Stored;
 
-/// A microcontroller's room.
+/// A microcontroller's capacity.
 pub const BODIES: usize = 4;
 /// Couplings.
 pub const COUPLINGS: usize = 8;
@@ -16,8 +16,8 @@ pub const COUNTS: usize = 17;
 /// A loop in it.
 pub type World = Loop<f32, BODIES, COUPLINGS, COUNTS>;
 
-/// A puck that swings and is pushed about, so that counts, walls and limits are met: additions and products alone, which every
-/// processor rounds alike.
+/// A puck that swings and is pushed about, so that counts, walls and limits are met: only additions and products, which every processor
+/// rounds alike.
 pub struct Trace {
     random: u32,
     rate: f32,
@@ -67,8 +67,8 @@ impl Sum {
     }
 }
 
-/// The sums of so many samples of a world, bare and under a supervisor, and whether every number was one. `None` for what is no world,
-/// or none in this room.
+/// The sums of `samples` samples of a world, bare and under a supervisor, and whether every number was finite. `None` for bytes that are
+/// not a world, or a world that exceeds this capacity.
 pub fn sums(bytes: &[u8], samples: u32) -> Option<(Sum, Sum, bool)> {
     let stored = Stored::<BODIES, COUPLINGS>::read(bytes).ok()?;
     let spec = stored.spec();

@@ -1,4 +1,4 @@
-//! A UART that is asked, byte by byte: every maker's has a state, a register to read and one to write.
+//! A polled UART, byte by byte: every maker's has a state, a register to read and one to write.
 
 use super::board::Line;
 use super::register::Register;
@@ -7,13 +7,13 @@ use super::register::Register;
 pub struct Uart {
     /// Its state.
     pub state: Register,
-    /// What it has received.
+    /// The received byte.
     pub received: Register,
-    /// What it is to send.
+    /// The byte to send.
     pub sent: Register,
-    /// The state's bit that tells whether a byte has come in, and what that bit then is.
+    /// The state's bit for a received byte, and its value then.
     pub full: (u32, bool),
-    /// The state's bit that tells whether it takes a byte, and what that bit then is.
+    /// The state's bit for room to send a byte, and its value then.
     pub free: (u32, bool),
 }
 

@@ -4,7 +4,7 @@ use synopsys_usb_otg::UsbPeripheral;
 
 use super::register::Register;
 
-/// Words for what a host sends: a packet of the control pipe, and one of the reports.
+/// Words for a host's packets: one of the control pipe, and one of the reports.
 pub const MEMORY: usize = 2 * hapt_wire::usb::PACKET as usize / 4;
 
 /// OTG_FS.
@@ -31,12 +31,12 @@ unsafe impl UsbPeripheral for FullSpeed {
     }
 }
 
-/// What the USB crates hold while they use the controller. They run in the main loop alone, which nothing else interrupts that uses it: there is
-/// nothing to hold, and a sample waits for no packet.
+/// The lock of the USB crates while they use the controller. They run only in the main loop, and no interrupt uses the controller: there is
+/// nothing to lock, and a sample waits for no packet.
 struct MainLoop;
 critical_section::set_impl!(MainLoop);
 
-// SAFETY: `acquire` is called by the main loop alone, through the USB crates; no interrupt of this program uses a critical section, and
+// SAFETY: `acquire` is called only by the main loop, through the USB crates; no interrupt of this program uses a critical section, and
 // there is one processor.
 unsafe impl critical_section::Impl for MainLoop {
     unsafe fn acquire() -> critical_section::RawRestoreState {}

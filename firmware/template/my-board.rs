@@ -56,8 +56,8 @@ impl Device for Motor {
     }
 
     fn hold(&mut self, _torque: f32, _on: bool) {
-        // Torque to current or duty; positive pushes the puck to larger positions. Off: the driver lets go. Turn it on only where it was
-        // off at the sample before: after a fault of its own it must not come back by itself.
+        // Torque to current or duty; positive pushes the puck to larger positions. Off: the driver disconnects the motor. Turn it on only
+        // where it was off at the sample before: after a fault of its own it must not come back by itself.
     }
 
     fn feed(&mut self) {

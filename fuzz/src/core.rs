@@ -4,12 +4,12 @@ use hapt_core::{Body, Coupling, End, Error, Estimator, Law, Loop, Method, Output
 
 use crate::messages::outcome;
 
-/// A microcontroller's room, in both numbers.
+/// A microcontroller's capacity, for both kinds of numbers.
 const BODIES: usize = 4;
 const COUPLINGS: usize = 8;
 const COUNTS: usize = 17;
 
-/// Numbers with which something happens.
+/// Numbers at edges of the code.
 const NUMBERS: [f64; 24] = [
     0.0,
     1.0,
@@ -102,7 +102,7 @@ impl Bits<'_> {
     }
 }
 
-/// Every command is finite and within the limit, whatever the world, the state and the measurements; every sample ends.
+/// Every command is finite and within the limit, for any world, state and measurements; every sample ends.
 pub fn run(bytes: &[u8]) -> u64 {
     let mut bits = Bits(bytes);
     let small = bits.byte() & 1 == 1;

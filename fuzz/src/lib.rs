@@ -23,7 +23,7 @@ pub use dictionary::words;
 pub use limits::{judged, watch};
 pub use mutate::Mutator;
 
-/// What is driven, and from where.
+/// A target and its inputs.
 pub struct Target {
     /// As typed.
     pub name: &'static str,

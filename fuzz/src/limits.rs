@@ -1,4 +1,4 @@
-//! What an input may cost: a second of processor time, and memory in proportion to its size.
+//! The limits of an input: a second of processor time, and memory in proportion to its size.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
@@ -10,7 +10,7 @@ use crate::Target;
 const SECOND: Duration = Duration::from_secs(1);
 /// An input that has not come back by then never will.
 const HANG: Duration = Duration::from_secs(30);
-/// Bytes that a target may hold at once whatever its input: tables, a few copies, messages.
+/// Bytes that a target may hold at once for any input: tables, a few copies, messages.
 const MEMORY: usize = 4 << 20;
 /// And for each byte of its input: the parser's tree of `a=[1,1,1,...` is the widest.
 const MEMORY_PER_BYTE: usize = 512;
@@ -62,7 +62,8 @@ pub fn judged(target: &Target, input: &[u8]) -> u64 {
     let most = PEAK_BYTES.load(Relaxed).saturating_sub(held);
     let allowed = MEMORY + MEMORY_PER_BYTE * input.len();
     assert!(most <= allowed, "{} bytes of input held {most} bytes at once; {allowed} are allowed", input.len());
-    // On a busy machine a single slow run proves nothing, nor does the time in which others run: a slow input takes the processor every time.
+    // On a busy machine a single slow run proves nothing, and the time of other programs does not count: a slow input takes processor time
+    // in every run.
     if took > SECOND {
         let quickest = (0..4).map(|_| timed(target, input).1).min().unwrap_or(took);
         assert!(quickest <= SECOND, "{} bytes of input took {quickest:?}", input.len());
@@ -78,7 +79,7 @@ fn timed(target: &Target, input: &[u8]) -> (u64, Duration) {
     (outcome, took.unwrap_or_else(|| start.elapsed()))
 }
 
-/// Processor time of this thread, in hundredths of a second; `None` where the system does not tell it so.
+/// Processor time of this thread, in hundredths of a second; `None` where the system does not report it.
 fn processor() -> Option<Duration> {
     let text = std::fs::read_to_string("/proc/thread-self/stat").ok()?;
     // After the name, which may hold anything: state is field 3, utime and stime are 14 and 15.
@@ -87,7 +88,7 @@ fn processor() -> Option<Duration> {
     (ticks.len() == 2).then(|| Duration::from_millis(10 * ticks.iter().sum::<u64>()))
 }
 
-/// While it lives, an input is under way; a panic ends it too.
+/// While it lives, an input is being run; a panic ends it too.
 struct UnderWay;
 
 impl UnderWay {
@@ -103,7 +104,7 @@ impl Drop for UnderWay {
     }
 }
 
-/// When the input under way was begun, in ms; 0: none is.
+/// When the present input was begun, in ms; 0: there is none.
 static STARTED: AtomicU64 = AtomicU64::new(0);
 
 fn now() -> u64 {

@@ -1,6 +1,6 @@
 //! The network between two wheels: messages sent, delivered, repeated, changed and forged, in any order.
 //!
-//! An input is a row of steps of three bytes: what is done, at which station, with which of the messages that there are.
+//! An input is a row of steps of three bytes: the action, the station, and the message.
 
 use std::collections::VecDeque;
 
@@ -11,10 +11,10 @@ const KEY: &[u8] = b"nobody has to guess it here";
 /// A bus lets a message be overtaken by as many of its session.
 const OVERTAKEN: usize = 128;
 
-/// Two stations and everything that was ever sent as datagrams; the number is of what has happened.
+/// Two stations and all messages ever sent as datagrams; returns a number of the outcome.
 ///
 /// # Panics
-/// When a position is dated after its sample, or one is taken that nobody sent.
+/// When a position is dated after its sample, or one is accepted that was never sent.
 pub fn run(bytes: &[u8]) -> u64 {
     stations(bytes, |first| Datagrams::new(KEY, 5, first), None)
 }
@@ -28,7 +28,7 @@ pub fn run_can(bytes: &[u8]) -> u64 {
     stations(bytes, codec, Some(OVERTAKEN))
 }
 
-/// With a bound on what is overtaken, messages are of the newest and of sessions that go on, and a changed one must only be read: a check is
+/// With a bound on overtaken messages, they are the newest, and of sessions that continue, and a changed one must only be read: a check is
 /// no authentication, and one in 2 million of others passes it.
 fn stations<C: Codec + Clone>(bytes: &[u8], codec: impl Fn(bool) -> C, overtaken: Option<usize>) -> u64 {
     let mut sessions = [true, false].map(|first| Session::new(codec(first), if first { 1 } else { 2 }));

@@ -40,13 +40,13 @@ fn main() -> ExitCode {
     ExitCode::from(u8::from(found))
 }
 
-/// The input that is tried.
+/// The present input.
 fn under_way() -> MutexGuard<'static, (&'static str, Vec<u8>)> {
     static INPUT: Mutex<(&str, Vec<u8>)> = Mutex::new(("", Vec::new()));
     INPUT.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Drives a target with its seeds, and then so long with edits of them. Whether nothing was found.
+/// Drives a target with its seeds, and then for `length` with edits of them. Returns whether nothing was found.
 fn drive(target: &'static Target, length: Duration) -> bool {
     let mut mutator = Mutator::new(words().into_iter().map(String::into_bytes).collect());
     let mut corpus: Vec<Vec<u8>> = Vec::new();
@@ -69,7 +69,7 @@ fn drive(target: &'static Target, length: Duration) -> bool {
                 save(target.name, &input, "see above");
                 return false;
             }
-            // What is long is tried and not built upon, for its edits are slow.
+            // Long inputs are tried, but not edited further, as their edits are slow.
             Ok(outcome) => {
                 if outcomes.insert(outcome) && input.len() <= target.longest || corpus.is_empty() {
                     corpus.push(input);

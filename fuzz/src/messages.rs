@@ -1,4 +1,4 @@
-//! What every refusal must be, whatever was refused.
+//! Requirements on every refusal.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 

@@ -44,7 +44,7 @@ impl Mutator {
             3 | 4 => {
                 let word = self.below(self.words.len());
                 let word = self.words.get(word).cloned().unwrap_or_default();
-                // In place of what stands there, or before it.
+                // In place of the bytes there, or before them.
                 let end = if self.below(2) == 0 { at } else { end };
                 bytes.splice(at..end, word);
             }

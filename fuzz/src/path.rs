@@ -1,4 +1,4 @@
-//! A path's CSV file, beside a world that follows it.
+//! A path's CSV file, next to a world that follows it.
 
 use std::path::PathBuf;
 use std::sync::LazyLock;
@@ -7,7 +7,7 @@ use hapt_model::{Drive, Shape, Source, World};
 
 use crate::messages;
 
-/// A folder of this process alone, in memory where there is one.
+/// A folder that only this process uses, in memory where there is one.
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let memory = PathBuf::from("/dev/shm");
     let folder = if memory.is_dir() { memory } else { std::env::temp_dir() };

@@ -1,4 +1,4 @@
-//! A force-feedback wheel's reports: chunks, each a length byte and so many bytes of a report; after each a sample is rendered.
+//! A force-feedback wheel's reports: chunks, each a length byte and as many bytes of a report; after each a sample is rendered.
 
 use hapt_core::wheel::{Device, Timing, Wheel};
 use hapt_wire::pid::{Control, Kind, Operation, Pool, Report, Scale};
@@ -7,7 +7,7 @@ use crate::messages::outcome;
 
 const LIMIT: f64 = 5.0;
 
-/// A wheel receives the input; the number identifies what it took.
+/// A wheel receives the input; the number identifies the accepted reports.
 ///
 /// # Panics
 /// When a torque is not within the limit, or a report is not written as it was read.

@@ -1,4 +1,4 @@
-//! Quantities and units, wanted as one thing or another.
+//! Quantities and units, with each dimension expected.
 
 use std::mem::discriminant;
 

@@ -1,5 +1,5 @@
-//! Where the drivers begin: the worlds that come along, good quantities, overrides and paths, and inputs contrived to be slow,
-//! deep or large. What a run has found stands in `kept/TARGET`.
+//! The initial inputs of the drivers: the built-in worlds, good quantities, overrides and paths, and inputs contrived to be slow,
+//! deep or large. Earlier findings are in `kept/TARGET`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -153,8 +153,7 @@ pub fn cores() -> Vec<Vec<u8>> {
     seeds
 }
 
-/// A wheel's log, whole and cut, with its checksums and without: what changes a byte of a log with checksums is found by them, and
-/// gets no further.
+/// A wheel's log, whole and cut, with its checksums and without: checksums detect a changed byte of a log, so that it gets no further.
 pub fn logs() -> Vec<Vec<u8>> {
     let text = "loop.period = 1e-3\ndevice.inertia = 1\nbodies.b.inertia = 1\n[[couplings]]\nkind = \"spring\"\n\
         between = [\"puck\", \"b\"]\nstiffness = 1\n[scenarios.s]\nduration = 0.02\nhand = { kind = \"step\", to = 1 }\n";

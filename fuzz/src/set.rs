@@ -4,7 +4,7 @@ use hapt_model::{Source, World};
 
 use crate::messages;
 
-/// The overrides of a world with a row of every sort; a bare file beside it, where they add tables.
+/// The overrides of a world with a row of every sort; and of a bare file, where they add tables.
 pub fn run(bytes: &[u8]) -> u64 {
     let text = String::from_utf8_lossy(bytes);
     let sets: Vec<String> = text.split('\n').map(str::to_string).collect();

@@ -1,6 +1,6 @@
-//! A board's line: bytes as they come, and messages whose checksums hold and whose content is anything.
+//! A board's line: arbitrary bytes, and messages with valid checksums and arbitrary content.
 //!
-//! An input is a row of chunks, each a length byte and so many bytes: with the top bit set they go on the line as they are, else as a
+//! An input is a row of chunks, each a length byte and as many bytes: with the top bit set they go on the line unchanged, else as a
 //! frame. After each the board takes a sample.
 
 use hapt_core::SafetyProfile;

@@ -83,13 +83,13 @@ pub fn laws<S: Strategy<Value = f64> + Clone>(
     })
 }
 
-/// Whether a law's torque follows the position alone, as the slope of an energy, about a q.
+/// Whether a law's torque depends only on the position, as the slope of an energy, about a q.
 #[must_use]
 pub fn is_potential(law: &Law) -> bool {
     law.center().is_some() && !law.integrates()
 }
 
-/// Whether a law may stand at a body under the methods that find torques, whatever is beside it.
+/// Whether a law is allowed at a body under the methods that find torques, together with any other coupling.
 #[must_use]
 pub fn goes_to_bodies(law: &Law) -> bool {
     !law.is_at_puck() && !law.has_bristle() && !law.is_compensating()

@@ -10,9 +10,9 @@ use std::time::{Duration, Instant};
 
 use proptest::test_runner::{Config, RngSeed};
 
-/// A random test runs one case in so many, unless `HAPT_ONE_IN` says another number.
+/// A random test runs one case of this many, unless `HAPT_ONE_IN` has another number.
 const ONE_IN: u32 = 8;
-/// The least number of cases that a test runs, if it has so many.
+/// The least number of cases that a test runs, if it has that many.
 const MIN_CASES: u32 = 2;
 
 /// The world file of a wheel on a spring.
@@ -68,15 +68,15 @@ pub fn cases_from(seed: u64, all: u32) -> Config {
     Config { rng_seed: RngSeed::Fixed(seed), ..cases(all) }
 }
 
-/// Where a thread that sleeps 1 ms wakes up so much later, the machine is too busy for tests by the clock.
+/// Where a thread that sleeps 1 ms wakes up later by this time, the machine is too busy for tests by the clock.
 const MAX_LATENESS: Duration = Duration::from_millis(5);
 /// The most attempts of a test on such a machine.
 const MAX_ATTEMPTS: u32 = 8;
 /// The pause before the second attempt; each further one is twice as long. Other programs may end meanwhile.
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
 
-/// Runs a test of what lives by the clock, such as a drive's watchdog. Where it fails while the machine was too busy to keep time, it runs
-/// again, eight times in all: a defect fails on a machine that keeps time too.
+/// Runs a test that depends on the clock, such as that of a drive's watchdog. Where it fails while the machine was too busy to keep time,
+/// it runs again, eight times in all: a defect fails on a machine that keeps time too.
 ///
 /// # Panics
 /// As the test, where the machine kept time or the last attempt failed.

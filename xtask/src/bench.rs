@@ -1,4 +1,4 @@
-//! `cargo xtask bench`: hapt and plain C, in turns, each in a process of its own that times its inner loop; and what makes
+//! `cargo xtask bench`: hapt and plain C, in turns, each in a process of its own that times its inner loop; and the measurements of
 //! docs/performance.md. The workloads are in `bench`.
 
 mod checks;
@@ -24,7 +24,7 @@ const FLAGS: [&str; 4] = ["-O3", "-march=native", "-Wall", "-Wextra"];
 const PAIRS: usize = 25;
 const STARTS: usize = 51;
 const SAMPLES: f64 = 10_001.0;
-/// Of the sixteen worlds of `hapt-bench lanes` together.
+/// The samples of the sixteen worlds of `hapt-bench lanes` together.
 const LANES_SAMPLES: f64 = 15_960.0;
 
 /// The part that the words after `bench` name.
@@ -58,7 +58,7 @@ fn drive(python: &str) -> Result<()> {
     Ok(())
 }
 
-/// What can be measured without the rest.
+/// A part that can be measured without the rest.
 struct Part {
     name: &'static str,
     /// The page with a place for it; else it is a section of [`PAGE`].
@@ -163,7 +163,7 @@ fn guards(record: bool) -> Result<()> {
 /// Where the programs are.
 struct Bench {
     programs: PathBuf,
-    /// The C programs, and whatever else is made on the way.
+    /// The C programs, and other intermediate files.
     folder: PathBuf,
 }
 
@@ -178,7 +178,7 @@ impl Times {
         quantile(self.ns.iter().copied(), 0.5)
     }
 
-    /// How many times the other's: the median of the rounds' ratios, and their quartiles as text.
+    /// The ratio to the other's: the median of the rounds' ratios, and their quartiles as text.
     fn over(&self, other: &Times) -> (f64, String) {
         let ratios: Vec<f64> = self.ns.iter().zip(&other.ns).map(|(a, b)| a / b).collect();
         let [low, middle, high] = [0.25, 0.5, 0.75].map(|q| quantile(ratios.iter().copied(), q));

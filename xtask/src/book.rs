@@ -1,4 +1,4 @@
-//! The book under docs/: what its pages show is what happens.
+//! The book under docs/: its pages show the present outputs.
 //!
 //! - A line of a `sh` block is run by sh, in a scratch folder with copies of worlds/, networks/ and docs/course/, and ends with 0, or with the N of a
 //!   comment `# exit N` on it. Installing and cargo's other commands are left out.
@@ -8,7 +8,7 @@
 //! - A line of a `console` block that is followed by a link starts a server: it is started on any free port, prints the link, answers a
 //!   browser, and ends by Ctrl-C.
 //! - A `python` block of README.md is run by Python with the package that its first line imports, in the folder of the `sh` block's files.
-//! - A `text` block below `<!-- output -->` is what the `sh` block before it prints.
+//! - A `text` block below `<!-- output -->` is the output of the `sh` block before it.
 //! - What stands between `<!-- made: NAME -->` and `<!-- end -->` is made by [`reference::tables`].
 //! - Every page is in the table of contents. [`crate::links`] checks the links.
 
@@ -26,7 +26,7 @@ use scratch::Scratch;
 const README: &str = "README.md";
 const CONTENTS: &str = "docs/SUMMARY.md";
 const OUTPUT: &str = "<!-- output -->";
-/// What a line that is not run begins with.
+/// The beginnings of lines that are not run.
 const NOT_RUN: [&str; 7] = ["cargo ", "cd ", "git ", "mdbook ", "pip ", "rustup ", "sudo "];
 
 /// The pages: README.md and all of docs/.
@@ -119,7 +119,7 @@ fn made(page: &Path) -> Result<String> {
         match language {
             "sh" => printed = scratch.run_all(&body).with_context(at)?,
             "console" => scratch.serve_all(&body).with_context(at)?,
-            // Those of other pages need what stands around them.
+            // Those of other pages need the code around them.
             "python" if page == Path::new(README) => scratch.python(&body).with_context(at)?,
             "toml" if block.iter().any(|line| line.starts_with("[loop]")) => scratch.world(&body).with_context(at)?,
             "toml" if block.first().is_some_and(|line| line.starts_with("# answer.toml")) => {

@@ -11,7 +11,7 @@ use crate::{marked, text};
 pub struct Campaign {
     pub n: u64,
     pub seed: u64,
-    /// Infinitely many: for as long as it takes.
+    /// Infinite: without a limit of time.
     pub minutes: f64,
     write: bool,
     started: Instant,
@@ -30,7 +30,7 @@ impl Campaign {
         Ok(Campaign { n: n as u64, seed: seed as u64, minutes, write, started })
     }
 
-    /// Prints what `cargo xtask` and this word have found. Writes it into the page where that is asked for and the page has its place.
+    /// Prints the result of `cargo xtask` with this word. Writes it into the page if requested and if the page has a place for it.
     pub fn publish(&self, word: &str, page: &str, text: &str) -> Result<()> {
         println!("{text}");
         eprintln!("{:.0} s", self.started.elapsed().as_secs_f64());

@@ -1,7 +1,7 @@
 //! Whole commands on random worlds: the programs that users start, with ordinary and extreme numbers, each within a bound on its work.
 //!
 //! A command may answer or refuse. It may not panic, not run on beyond its processor time, not end with another code than its
-//! contract's, and print no number that is none: what it cannot compute is stated in words, or is null.
+//! contract's, and print neither NaN nor infinity: a result that it cannot compute is stated in words, or is null.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,13 +17,13 @@ use crate::random::one_of;
 
 /// As typed.
 pub const NAME: &str = "commands";
-/// Where worlds and results are, and what was found.
+/// The folder of worlds, results and findings.
 const SCRATCH: &str = "target/fuzz/commands";
 /// Processor time of one command, s: of the short ones, and of `worst` and `report`, which run worlds. The build has debug assertions.
 const SHORT: u32 = 60;
 const LONG: u32 = 600;
 
-/// Runs commands on random worlds for so long, one after the other, the same ones in every run from the same seed.
+/// Runs commands on random worlds for this time, one after the other, the same ones in every run from the same seed.
 pub fn campaign(time: Duration, seed: u64) -> Result<()> {
     programs::program("hapt")?;
     fs::create_dir_all(SCRATCH)?;
@@ -51,7 +51,7 @@ pub fn campaign(time: Duration, seed: u64) -> Result<()> {
     Ok(())
 }
 
-/// A command line, and what it may take.
+/// A command line, and its bound on processor time.
 struct Line {
     words: Vec<String>,
     seconds: u32,
@@ -63,7 +63,7 @@ impl Line {
     }
 }
 
-/// What is asked of a world: the quick ones of every world, the slow ones in their turn.
+/// The commands for a world: the quick ones for every world, the slow ones in turn.
 fn commands(rng: &mut Rng, number: u64, world: &Path) -> Vec<Line> {
     let world = world.display().to_string();
     let line = |seconds, words: &[&str]| {
@@ -273,7 +273,7 @@ fn coupling(rng: &mut Rng, bodies: usize) -> String {
     format!("[[couplings]]\nbetween = [\"{first}\", \"{second}\"]\n{law}\n")
 }
 
-/// Runs a command within its processor time; `Err`: what is wrong with what it did.
+/// Runs a command within its processor time; `Err`: the violation.
 fn judged(line: &Line) -> Result<()> {
     let output = bounded(line)?;
     let texts = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
@@ -296,7 +296,7 @@ fn judged(line: &Line) -> Result<()> {
     Ok(())
 }
 
-/// What has to hold among the numbers of a check.
+/// The consistency of the numbers of a check.
 fn consistent(check: &Value, code: i32) -> Result<()> {
     let certified = check["certified"] == true;
     ensure!(certified == (code == 0), "certified is {certified} and the exit code {code}");
@@ -322,7 +322,7 @@ fn consistent(check: &Value, code: i32) -> Result<()> {
     Ok(())
 }
 
-/// By the shell's limit on processor time: a busy machine takes longer, and nothing is blamed for it.
+/// By the shell's limit on processor time: a busy machine takes longer, which is no failure.
 fn bounded(line: &Line) -> Result<Output> {
     let shell = format!("ulimit -t {}; exec \"$0\" \"$@\"", line.seconds);
     let mut command = Command::new("sh");

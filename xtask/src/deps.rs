@@ -1,4 +1,4 @@
-//! What hapt is built from and with: licences and sources of the dependencies, and the oldest Rust that does it.
+//! The dependencies and compilers of hapt: licences and sources of the dependencies, and the oldest Rust that builds it.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
 
-/// The core's, and the newest of the compilers that are looked for.
+/// The core's oldest Rust, and the newest of the compilers that are searched.
 const CORE: &str = "1.85";
 
 /// The target of the boards with a Cortex-M4F or M7.
@@ -16,7 +16,7 @@ pub const M33_TARGET: &str = "thumbv8m.main-none-eabihf";
 /// The target of the page's core.
 pub const PAGE_TARGET: &str = "wasm32-unknown-unknown";
 
-/// `cargo deny`, where it is installed. Its advisories are not looked at here: their database is on the network.
+/// `cargo deny`, where it is installed. Its advisories are not checked here: their database is on the network.
 pub fn licences() -> Result<()> {
     let there = Command::new("cargo-deny").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
     if !there.is_ok_and(|status| status.success()) {
@@ -30,7 +30,7 @@ pub fn licences() -> Result<()> {
 }
 
 /// No dependency needs a newer Rust than the workspace's `rust-version`, and the core builds with its own one, where that is
-/// installed. What our own code uses of a newer standard library is clippy's to find, by the same number (incompatible_msrv).
+/// installed. Clippy finds uses of a newer standard library in our own code, by the same number (incompatible_msrv).
 pub fn oldest_rust() -> Result<()> {
     let said = Command::new(env!("CARGO")).args(["metadata", "--format-version", "1", "--locked"]).output()?;
     ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
@@ -52,7 +52,7 @@ pub fn oldest_rust() -> Result<()> {
 }
 
 /// Whether rustup's compiler has a target's standard library. If not, or with `HAPT_CROSS=distribution`, the distribution's compiler builds
-/// one: whoever has both can try both.
+/// one: with both installed, both can be tried.
 pub fn has_target(target: &str) -> bool {
     if std::env::var_os("HAPT_CROSS").is_some_and(|which| which == "distribution") {
         return false;

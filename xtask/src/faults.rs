@@ -1,7 +1,7 @@
-//! `cargo xtask faults`: the supervisor against faults of every kind, and against none.
+//! `cargo xtask faults`: the supervisor against faults of every kind, and in runs without a fault.
 //!
-//! Random certified worlds on the exact device, a hand at its roughest, a virtual clock. A fault sets in at a random sample; what is
-//! measured is the device's own truth: when the torque was gone, how large it was, what the hand was given.
+//! Random certified worlds on the exact device, a rough hand, a virtual clock. A fault begins at a random sample; the measurement is on the
+//! true device: when the torque was off, how large it was, and the energy that the hand received.
 
 mod bench;
 mod kinds;
@@ -27,9 +27,9 @@ const WINDOW: f64 = 3.0;
 /// Bounds of that time in samples.
 const MIN_SAMPLES: u32 = 2000;
 const MAX_SAMPLES: u32 = 10_000;
-/// A frozen encoder is found after a second of sufficient torque, and a slowly swinging body supplies it for a part of the time, s.
+/// A frozen encoder is found after a second of sufficient torque, which a slowly oscillating body supplies for a part of the time, s.
 const FROZEN_WINDOW: f64 = 15.0;
-/// Samples after a fault for which the torque has to stay away.
+/// Samples after a fault for which the torque has to stay off.
 const AFTER: u32 = 50;
 /// Samples of one clean run.
 const CLEAN: u64 = 100_000;
@@ -37,11 +37,11 @@ const CLEAN: u64 = 100_000;
 /// The outcome of one fault.
 struct Trial {
     kind: Kind,
-    /// From its onset to the sample from which on there was no torque, in samples and in s; `None`: not caught.
+    /// From its onset to the first sample without torque, in samples and in s; `None`: not caught.
     caught: Option<(Reason, u32, f64)>,
-    /// The largest torque that the motor was asked for after the onset, in parts of its limit.
+    /// The largest commanded torque after the onset, in parts of the motor's limit.
     peak: f64,
-    /// The most that the hand was given after the onset, J.
+    /// The most energy that the hand received after the onset, J.
     given: f64,
 }
 
@@ -86,7 +86,7 @@ pub fn are_caught() -> Result<()> {
 #[derive(Default)]
 struct Clean {
     samples: u64,
-    /// Runs that ended because the puck was truly as fast as it may not be.
+    /// Runs that ended because the puck truly was too fast.
     overspeeds: u64,
 }
 
@@ -128,7 +128,7 @@ fn generator(seed: u64, i: u64) -> Rng {
 
 fn clean_run(seed: u64, i: u64) -> Result<Clean> {
     let mut rng = generator(seed, i);
-    // Every fourth one swings, in the same hands.
+    // Every fourth world oscillates, in the same hands.
     let world = if i % 4 == 3 { bench::swinging(&mut rng) } else { bench::world(&mut rng) };
     let mut test_bench = TestBench::new(&world, SafetyProfile::Certified)?;
     let armed = test_bench.arm();
@@ -156,11 +156,11 @@ fn clean_run(seed: u64, i: u64) -> Result<Clean> {
     Ok(Clean { samples: CLEAN, overspeeds: 0 })
 }
 
-/// `None`: it ended before the fault, and rightly.
+/// `None`: it ended before the fault, for a valid reason.
 fn trial(seed: u64, i: u64) -> Result<Option<Trial>> {
     let mut rng = generator(!seed, i);
     let kind = Kind::ALL[i as usize % Kind::ALL.len()];
-    // What the sign test is to show is shown where there is one.
+    // A fault for the sign test is tried where there is one.
     let swings = kind == Kind::FrozenSwinging;
     let world = if swings { bench::swinging(&mut rng) } else { bench::world(&mut rng) };
     let mut test_bench = TestBench::new(&world, SafetyProfile::Certified)?;
@@ -175,7 +175,7 @@ fn trial(seed: u64, i: u64) -> Result<Option<Trial>> {
             return Ok(None);
         }
         ensure!(armed.phase == Phase::Running, "did not arm: {:?}\n{}", armed.reason, world.to_toml());
-        // A hand damps a swing until its torque is too small: where the fault has to be caught, the encoder freezes at once.
+        // A hand damps an oscillation until its torque is too small: where the fault has to be caught, the encoder freezes at once.
         let honest = if swings { 0 } else { rng.u32(200..3000) };
         for _ in 0..honest {
             hand.act(&mut rng, &world, &mut test_bench.device);

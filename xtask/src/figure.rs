@@ -22,7 +22,7 @@ struct Figure {
     limit: bool,
 }
 
-/// What stands on the upright axis, and how much of it one SI unit is.
+/// The quantity of the vertical axis, and its value per SI unit.
 struct Axis {
     name: &'static str,
     unit: &'static str,
@@ -274,7 +274,7 @@ fn drawn(name: &str, command: &[&str]) -> Result<String> {
     Ok(fs::read_to_string(plot)?)
 }
 
-/// Every picture, each with where it is.
+/// Every picture, each with its path.
 fn pictures() -> impl Iterator<Item = (String, Result<String>)> {
     let path = |name: &str| format!("docs/images/{name}.svg");
     let of_runs = FIGURES.iter().map(move |figure| (path(figure.name), picture(figure)));

@@ -1,5 +1,5 @@
-//! The firmware on emulated boards: the same bits as here, hardware in the loop, the instructions a sample takes, and what it takes of a
-//! chip. docs/firmware.md shows what comes out.
+//! The firmware on emulated boards: the same bits as here, hardware in the loop, the instructions a sample takes, and its use of a chip's
+//! memory. docs/firmware.md shows the results.
 
 mod bits;
 mod boot;
@@ -38,7 +38,7 @@ const BOARDS: [(&str, &str, &str); 4] = [
     ("netduinoplus2", "netduinoplus2", "STM32F405, Cortex-M4F"),
 ];
 
-/// What the firmware fits into: the feature, its program, flash and memory in KiB.
+/// The chips that the firmware fits: the feature, its program, flash and memory in KiB.
 const CHIPS: [(&str, &str, u32, u32); 4] = [
     ("netduinoplus2", "wheel", 1024, 128),
     ("b-g431b-esc1", "wheel", 128, 32),
@@ -132,7 +132,7 @@ fn cannot_panic() -> Result<()> {
             chip::cannot_panic(&program(board, name, None)?, &control)?;
         }
     }
-    // What differs in its fed is in its wheel too.
+    // The parts in which the board's `fed` differs are in its `wheel` too.
     chip::cannot_panic(&program(boot::BOARD, "wheel", None)?, &control)?;
     println!("        no panic code in wheel and fed, on any board");
     Ok(())
@@ -195,7 +195,7 @@ fn program(board: &str, name: &str, c_step: Option<&Path>) -> Result<PathBuf> {
     let mut command = compiler(target);
     let folder = std::env::current_dir()?.join(BUILT);
     fs::create_dir_all(&folder)?;
-    // Without the user's own settings, which change sizes.
+    // Without the user's settings, which change sizes.
     command.current_dir(FOLDER).env_remove("RUSTFLAGS").env_remove("CARGO_INCREMENTAL");
     let profile = if ["b-g431b-esc1", "my-board"].contains(&board) { "small" } else { "release" };
     command
@@ -239,7 +239,7 @@ fn qemu(machine: &str, program: &Path, cases: &[u8], more: &[&str]) -> Result<St
     Ok(text)
 }
 
-/// Whether there is what builds and runs the firmware; with `CI` set it has to be.
+/// Whether the tools are installed that build and run the firmware; with `CI` set they have to be.
 fn has_tools() -> Result<bool> {
     let there = |program| {
         let said = Command::new(program).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();

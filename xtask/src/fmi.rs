@@ -9,7 +9,7 @@ use anyhow::{Context, Result, ensure};
 
 use crate::{programs, tools};
 
-/// What the library may need at run time: the C library and the compiler's, which are on every Linux.
+/// The libraries that it may need at run time: the C library and the compiler's, which are on every Linux.
 const LIBRARIES: [&str; 5] =
     ["libc.so.6", "libm.so.6", "libgcc_s.so.1", "ld-linux-x86-64.so.2", "ld-linux-aarch64.so.1"];
 

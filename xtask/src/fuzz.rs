@@ -13,7 +13,7 @@ use crate::{commands, programs};
 /// The folder of builds, corpora and logs, apart from the workspace's own build.
 const SCRATCH: &str = "target/fuzz";
 
-/// Of the worlds of whole commands.
+/// The seed of the worlds of whole commands.
 const SEED: u64 = 1;
 
 /// `[--seconds N] [TARGET]...` drives the targets on stable, `--minutes N [TARGET]...` by libFuzzer, two at a time.
@@ -26,12 +26,12 @@ pub fn run(arguments: &[&str]) -> Result<()> {
     }
 }
 
-/// For `cargo xtask test`: every seed and every finding of old, and a few seconds of edits.
+/// For `cargo xtask test`: every seed and every earlier finding, and a few seconds of edits.
 pub fn is_quiet() -> Result<()> {
     bounded("2", &[])
 }
 
-/// The targets for so long each, then whole commands as long as one of them.
+/// Each target for this time, then whole commands for the same time.
 fn bounded(seconds: &str, names: &[&str]) -> Result<()> {
     let (commands, names): (Vec<&str>, Vec<&str>) = names.iter().partition(|name| **name == commands::NAME);
     if commands.is_empty() || !names.is_empty() {

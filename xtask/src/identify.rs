@@ -1,7 +1,7 @@
 //! `cargo xtask identify`: the intervals of `hapt identify` against truth, on random devices.
 //!
-//! The devices are hapt-plant's, the estimates hapt-identify's, which share no code. The bound that the widths are held against comes
-//! from differences of the devices' own motion.
+//! The devices are hapt-plant's, the estimates hapt-identify's, which share no code. The bound that the widths are compared with comes from
+//! differences of the devices' own motion.
 
 mod bench;
 mod handle;
@@ -21,14 +21,14 @@ use crate::marked;
 use bench::{Kind, Trial};
 
 const PAGE: &str = "docs/identify.md";
-/// What is found with an interval.
+/// The parameters with an interval.
 const NAMES: [&str; 7] = ["inertia", "damping", "friction", "delay", "constant torque", "lag", "delay and lag"];
-/// The intervals of the first so many may be wider than the bound's by this factor.
+/// The number of parameters whose intervals are wider than the bound's by at most this factor.
 const PROMISED: usize = 4;
 const WIDEST: f64 = 1.5;
-/// The bound is computed for the first so many.
+/// The bound is computed for this number of parameters.
 const BOUNDED: usize = 5;
-/// Each experiment with its word on the command line and on the page, and what it is.
+/// Each experiment with its word on the command line and on the page, and its description.
 const CAMPAIGNS: [(Kind, &str, &str); 6] = [
     (Kind::Mixed, "mixed", "Random steps and a chirp"),
     (
@@ -46,20 +46,20 @@ const CAMPAIGNS: [(Kind, &str, &str); 6] = [
     ),
 ];
 
-/// What became of one device.
+/// The result of one device.
 struct Outcome {
     is_linear: bool,
-    /// Whether the interval covers the truth, and its width in parts of the bound's; `None`: the record does not tell.
+    /// Whether the interval covers the truth, and its width in parts of the bound's; `None`: the record does not determine it.
     found: [Option<(bool, f64)>; 7],
     sign: bool,
     counts: bool,
     /// The lag is distinguished from a delay.
     apart: bool,
-    /// A torque that goes with the position was seen, where there is none, or as often as another.
+    /// A torque that depends on the position was found where there is none, or with a wrong period.
     mistaken: bool,
-    /// It was seen as what it is.
+    /// It was identified correctly.
     blamed: bool,
-    /// No interval was given: the fit left more than counts and noise.
+    /// No interval was given: the residual was more than counts and noise.
     refused: bool,
 }
 
@@ -156,14 +156,14 @@ fn is_alike(old: &str, new: &str) -> bool {
     }
 }
 
-/// The part of it that every run of the tests makes: few devices, so that only gross lies show.
+/// The part of it that every run of the tests makes: few devices, so that only gross errors show.
 pub fn holds() -> Result<()> {
     for (kind, n, least, refused) in [(Kind::Mixed, 60, 50, 1), (Kind::Guided, 40, 32, 1), (Kind::Lagging, 40, 29, 4)] {
         let outcomes = campaign(kind, n, 2)?;
         for (i, name) in NAMES.into_iter().enumerate().filter(|(i, _)| *i < PROMISED || *i >= BOUNDED) {
             let covered = outcomes.iter().filter(|outcome| outcome.found[i].is_some_and(|found| found.0)).count();
             // At 95 % of each, 50 or fewer of 60 are covered once in 2500 times, 32 or fewer of 40 once in 1000; the seed is always the same.
-            // Beside a lag a few are refused, and short lags are missed more often.
+            // With a lag a few are refused, and short lags are missed more often.
             ensure!(covered > least, "{kind:?}, {name}: {covered} of {n} intervals cover the truth");
             let widest =
                 outcomes.iter().filter_map(|outcome| outcome.found[i]).fold(0.0, |most, found| found.1.max(most));
@@ -195,8 +195,8 @@ fn outcome(kind: Kind, seed: u64, i: u64) -> Result<Outcome> {
         Err(Error::Unexplained) => return Ok(Outcome::refused(&trial, None)),
         Err(error) => return Err(error).with_context(|| format!("{trial:?}")),
     };
-    // A constant torque that the record does not determine is assumed, and none of the bound's unknowns. Counts alone are a part of half a count
-    // of noise, and all of none: there the bound is no measure.
+    // A constant torque that the record does not determine is assumed, and is not an unknown of the bound. Quantisation is a part of half a
+    // count of noise, but the whole error without noise: there the bound is no measure.
     let bound = match kind {
         Kind::Quiet | Kind::Offset | Kind::Cogged | Kind::Lagging => Vec::new(),
         Kind::Mixed | Kind::Guided => trial.bound(&commands, &positions, answer.offset.is_some())?,
@@ -207,15 +207,15 @@ fn outcome(kind: Kind, seed: u64, i: u64) -> Result<Outcome> {
     let intervals = [answer.inertia, answer.damping, answer.friction, answer.delay, answer.offset, answer.lag, late];
     for (i, interval) in intervals.into_iter().enumerate() {
         let Some(interval) = interval else {
-            // Beside a large constant torque a puck may go one way only, which determines little.
+            // Under a large constant torque a puck may move in only one direction, which determines little.
             ensure!(i >= PROMISED || i == 2 || kind == Kind::Offset, "no {}: {trial:?}", NAMES[i]);
             continue;
         };
-        // A constant torque that is taken as none is part of the friction, and the result notes that.
+        // A constant torque that is taken as 0 is part of the friction, and the result notes that.
         if kind == Kind::Offset && i == 2 && answer.offset.is_none() {
             continue;
         }
-        // What is not distinguished is the sum.
+        // A delay and a lag that are not distinguished count as their sum.
         let truth = if i == 3 && !apart { truth[6] } else { truth[i] };
         // Half a width is the quantile times the standard error; where 0 cuts the lower half off, twice the upper is meant.
         let half = interval.high - interval.value;

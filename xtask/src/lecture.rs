@@ -8,11 +8,11 @@ use hapt_core::SafetyProfile;
 use hapt_export_c::{About, Float, Prefix, export};
 use hapt_model::{Source, World};
 
-/// The lecture's program, which a test of hapt-export-c runs beside the exported one.
+/// The lecture's program, which a test of hapt-export-c runs together with the exported one.
 const LECTURE: &str = "crates/hapt-export-c/tests/export_c/lecture.c";
 const WORLD: &str = "worlds/notes/damped.toml";
 
-/// What a line of the lecture begins with, what the lines of the exported C contain, and how they differ.
+/// The beginning of a line of the lecture, the contents of the lines of the exported C, and their difference.
 struct Pair {
     lecture: &'static str,
     exported: &'static [&'static str],

@@ -1,4 +1,4 @@
-//! The licences of what is in the shipped program: each crate with its terms, and every text that has to go along.
+//! The licences in the shipped program: each crate with its terms, and every text that has to be included.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -8,17 +8,17 @@ use std::process::Command;
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
-/// What `hapt explain licences` prints.
+/// The text of `hapt explain licences`.
 const FILE: &str = "crates/hapt/src/explain/licences.txt";
-/// What may be chosen, the first first.
+/// The licences that may be chosen, by preference.
 const CHOICE: [&str; 8] =
     ["MIT", "Apache-2.0", "Zlib", "Unicode-3.0", "CC0-1.0", "MIT-0", "BSD-2-Clause", "BSD-3-Clause"];
-/// Said once.
+/// The head of the text.
 const HEAD: &str = "\
 hapt is licensed under MIT or Apache-2.0, at your choice. Its program holds the work of others, on every platform no more than
 the crates below, under these terms; each is followed by the number of its text.
 ";
-/// What is in the program and is no crate: name, terms, text.
+/// Parts of the program that are not crates: name, terms, text.
 const OTHERS: [(&str, &str, &str); 3] = [
     ("uPlot (the page's plots)", "MIT", "web/node_modules/uplot/LICENSE"),
     ("uqr (the page's QR code)", "MIT", "web/node_modules/uqr/LICENSE"),
@@ -78,7 +78,7 @@ pub fn is_current() -> Result<()> {
     Ok(())
 }
 
-/// The crates whose code is in the program, on any platform: what hapt depends on at run time, what these depend on, and no macros.
+/// The crates whose code is in the program, on any platform: hapt's dependencies at run time, their dependencies, and no macros.
 fn parts() -> Result<Vec<Part>> {
     let said = Command::new(env!("CARGO")).args(["metadata", "--format-version", "1", "--locked"]).output()?;
     ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
@@ -121,8 +121,8 @@ fn text(value: &Value) -> String {
 }
 
 impl Part {
-    /// The texts of the licences that are chosen of its terms, as it has them; where it has none, the licence's standard text and its authors. Any notice
-    /// goes along.
+    /// The texts of the licences that are chosen of its terms, as it has them; where it has none, the licence's standard text and its
+    /// authors. Any notice is included.
     fn texts(&self) -> Result<Vec<String>> {
         let mut texts = Vec::new();
         for name in self.chosen()? {
@@ -143,7 +143,7 @@ impl Part {
         Ok(texts)
     }
 
-    /// All that has to be kept: of alternatives the first of [`CHOICE`].
+    /// All licences that apply: of alternatives the first of [`CHOICE`].
     fn chosen(&self) -> Result<Vec<&'static str>> {
         let all = self.licence.replace('/', " OR ").replace(['(', ')'], " ");
         let of = |terms: &str| {

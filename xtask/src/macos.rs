@@ -1,4 +1,4 @@
-//! The command line for macOS: lints for both processors, and links by zig. Nothing is run: it takes Apple's system.
+//! The command line for macOS: lints for both processors, and links by zig. Nothing is run: that needs Apple's system.
 
 use std::path::absolute;
 use std::process::Command;

@@ -1,4 +1,4 @@
-//! hapt's own chores. `cargo xtask test` is the README's test command; the others make what the documents show.
+//! The development commands of hapt. `cargo xtask test` is the README's test command; the others make what the documents show.
 
 mod bench;
 mod book;

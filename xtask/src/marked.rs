@@ -1,4 +1,4 @@
-//! The parts of a page that a command makes: what stands between `<!-- command -->` and `<!-- end -->`.
+//! The parts of a page that a command makes: the text between `<!-- command -->` and `<!-- end -->`.
 
 use std::fs;
 
@@ -11,7 +11,7 @@ pub fn begin(command: &str) -> String {
     format!("<!-- {command} -->")
 }
 
-/// The page with what stands behind `<!-- command -->` made anew.
+/// The page with the part after `<!-- command -->` made anew.
 pub fn replaced(page: &str, command: &str, text: &str) -> Result<String> {
     let begin = begin(command);
     let (head, rest) = page.split_once(&begin).with_context(|| format!("the page has no {begin}"))?;
@@ -19,7 +19,7 @@ pub fn replaced(page: &str, command: &str, text: &str) -> Result<String> {
     Ok(format!("{head}{begin}\n\n{text}\n{END}{tail}"))
 }
 
-/// Prints what a command has made; with `write`, puts it into its place in a page.
+/// Prints the output of a command; with `write`, puts it into its place in a page.
 pub fn publish(page: &str, command: &str, text: &str, write: bool) -> Result<()> {
     println!("{text}");
     if write {

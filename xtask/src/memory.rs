@@ -1,4 +1,4 @@
-//! `cargo xtask memory`: what a run of any length holds in memory while its rows go to CSV.
+//! `cargo xtask memory`: the memory of a run of any length while its rows go to CSV.
 
 use std::fs;
 use std::io::{self, Write};
@@ -25,7 +25,7 @@ impl Write for Counted {
     }
 }
 
-/// Streams so many samples of the notes' damped wheel, with their summary; returns the bytes of CSV.
+/// Streams this many samples of the notes' damped wheel, with their summary; returns the bytes of CSV.
 fn stream(samples: u64) -> Result<u64> {
     let mut world = world("damped")?;
     let period = world.sampling.period;
@@ -44,14 +44,14 @@ fn stream(samples: u64) -> Result<u64> {
     Ok(csv.finish()?.0)
 }
 
-/// The most that this process has held at once, in KiB, as Linux counts it.
+/// The peak memory of this process, in KiB, as Linux counts it.
 fn peak() -> Result<u64> {
     let status = fs::read_to_string("/proc/self/status")?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).context("no VmHWM")?;
     Ok(line.split_whitespace().next().context("no number")?.parse()?)
 }
 
-/// Prints what streaming so many samples takes.
+/// Prints the memory for streaming this many samples.
 pub fn command(samples: &str) -> Result<()> {
     let samples = samples.parse::<f64>().context("a number of samples")? as u64;
     let start = Instant::now();

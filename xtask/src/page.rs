@@ -20,9 +20,9 @@ use crate::truth::worlds;
 
 const CORE: &str = "web/core";
 const BUILT: &str = "web/core/hapt.wasm";
-/// What it was built of, and with which compiler.
+/// Its sources and its compiler.
 const STAMP: &str = "web/core/hapt.wasm.txt";
-/// Whatever goes into it.
+/// Its sources.
 const SOURCES: [&str; 9] = [
     "crates/hapt-analysis",
     "crates/hapt-core",
@@ -71,7 +71,7 @@ pub fn build() -> Result<()> {
     // Paths of this machine's sources would make other bytes on every machine.
     let home = std::env::var("CARGO_HOME").or_else(|_| std::env::var("HOME").map(|home| format!("{home}/.cargo")))?;
     let here = std::env::current_dir()?;
-    // A world is compiled on the stack, in the room of 32 bodies.
+    // A world is compiled on the stack, with capacity for 32 bodies.
     let stack = "-Clink-arg=-zstack-size=4194304";
     let remap = format!("--remap-path-prefix={home}=cargo --remap-path-prefix={}=hapt", here.display());
     command.env("RUSTFLAGS", format!("{stack} {remap}"));
@@ -133,7 +133,7 @@ pub fn same_bits() -> Result<()> {
     let file = Path::new("target/page-case");
     let mut rng = Rng::with_seed(6);
     for method in Method::ALL {
-        // A world that runs away has no bits to compare.
+        // A diverging world has no bits to compare.
         let case = loop {
             if let Some(case) = case(method, &mut rng)? {
                 break case;
@@ -148,7 +148,7 @@ pub fn same_bits() -> Result<()> {
     Ok(())
 }
 
-/// web/dist and the core are what the sources build to.
+/// web/dist and the core are those of the present sources.
 pub fn is_current() -> Result<()> {
     if has_npm()? {
         npm(&["run", "--silent", "check"])?;
@@ -172,7 +172,7 @@ pub fn works() -> Result<()> {
     npm(&["test", "--silent"])
 }
 
-/// Whether there is npm, and what the page is built with; with `CI` set they have to be.
+/// Whether npm and the page's build tools are installed; with `CI` set they have to be.
 fn has_npm() -> Result<bool> {
     let there = || Command::new("npm").arg("--version").stdout(Stdio::null()).status().is_ok_and(|said| said.success());
     let ci = std::env::var_os("CI").is_some();
@@ -205,7 +205,7 @@ fn program() -> PathBuf {
     PathBuf::from(crate::programs::binary("release").get_program())
 }
 
-/// A random world of this method in hands, all that is done to it, and every number that it gives; `None` where it does not stay finite.
+/// A random world of this method in hands, all its inputs, and every number of its output; `None` where it does not stay finite.
 /// Its form is check.mjs's.
 fn case(method: Method, rng: &mut Rng) -> Result<Option<Vec<u8>>> {
     let is_nonlinear = rng.bool();
@@ -259,7 +259,7 @@ fn case(method: Method, rng: &mut Rng) -> Result<Option<Vec<u8>>> {
         let now = 1e3 * 1.001 * period * f64::from(sample);
         page.poll(Duration::try_from_secs_f64(now / 1e3)?);
         let columns = page.columns().as_flattened();
-        // What is no number has no bits that machines agree on.
+        // NaNs have different bits on different machines.
         if !columns.iter().all(|x| x.is_finite()) {
             return Ok(None);
         }

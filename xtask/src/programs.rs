@@ -89,7 +89,7 @@ pub fn program(name: &str) -> Result<Command> {
     Ok(binary_of(PROFILE, name))
 }
 
-/// Runs cargo, without what it prints on standard output.
+/// Runs cargo, without its standard output.
 pub fn cargo(arguments: &str, rustdoc_flags: &str) -> Result<()> {
     let status = Command::new(env!("CARGO"))
         .args(arguments.split_whitespace())

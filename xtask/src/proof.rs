@@ -32,7 +32,7 @@ const DIGITS: usize = 14;
 /// Those of a polynomial's coefficients, which are sums that may cancel, and of its damping, which is the least one to 2^-26.
 const OF_COEFFICIENTS: usize = 6;
 const OF_LEAST: usize = 7;
-/// What the theorems of the Coq file may rest on: the axioms of its real numbers.
+/// The assumptions that the theorems of the Coq file may use: the axioms of its real numbers.
 const AXIOMS: [&str; 4] = [
     "ClassicalDedekindReals.sig_forall_dec",
     "ClassicalDedekindReals.sig_not_dec",
@@ -73,7 +73,7 @@ impl Python {
     }
 }
 
-/// Draws `n` worlds and has their proofs checked. What was accepted and refused, or the first that was not as it should be.
+/// Draws `n` worlds and has their proofs checked. The numbers of accepted and refused proofs, or the first wrong answer.
 fn check(n: u64, seed: u64) -> Result<String> {
     let python = python().context("the checker of proofs needs Python 3.11 or newer")?;
     let folder = programs::target().join("proofs");
@@ -97,7 +97,7 @@ fn check(n: u64, seed: u64) -> Result<String> {
     for line in String::from_utf8_lossy(&said.stdout).lines() {
         let mut words = line.splitn(3, ' ');
         let (code, file) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
-        // w12.json is a proof; w12.changed-3.json and w12-less.json are none.
+        // w12.json is a proof; w12.changed-3.json and w12-less.json are not.
         let is_proof = file.strip_suffix(".json").is_some_and(|stem| !stem.contains(['.', '-']));
         match (code, is_proof) {
             ("0", true) => accepted += 1,
@@ -119,7 +119,7 @@ fn check(n: u64, seed: u64) -> Result<String> {
     ))
 }
 
-/// Draws a world and writes its proof and what is to be refused. The theorem; `None` where the world has no witness.
+/// Draws a world and writes its proof and the files that have to be refused. Returns the theorem; `None` where the world has no witness.
 fn written(rng: &mut Rng, folder: &Path, number: u64) -> Result<Option<String>> {
     let mut world = random(rng);
     let Some(required) = required(rng, &world)? else { return Ok(None) };
@@ -200,7 +200,7 @@ fn with_other_digit(rng: &mut Rng, theorem: &str, path: &str, number: &Value) ->
     Ok(Value::from(format!("{}{new}{}", &text[..at], &text[at + 1..])))
 }
 
-/// Worlds near `world` of which its proof is none.
+/// Worlds near `world` that its proof does not cover.
 fn changed_worlds(world: &World, required: f64, theorem: &str) -> Vec<(&'static str, World)> {
     let with = |change: &dyn Fn(&mut World)| {
         let mut changed = world.clone();
@@ -383,7 +383,7 @@ fn sampling_is_linear(world: &World) -> bool {
     world.sampling.estimator == EstimatorKind::LowPass
 }
 
-/// A law that the checker knows, of those about a place every one; a texture it does not.
+/// A law that the checker covers: every one about a place, but no texture.
 fn law(rng: &mut Rng, is_linear: bool) -> Law {
     let law = match rng.u8(..if is_linear { 5 } else { 9 }) {
         0..3 => Law::Spring { stiffness: 1.0, rest: 0.0 },

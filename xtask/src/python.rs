@@ -9,7 +9,7 @@ use anyhow::{Context, Result, ensure};
 
 use crate::{programs, tools};
 
-/// All of it.
+/// All checks of the package.
 pub fn holds() -> Result<()> {
     is_built()?;
     works()?;

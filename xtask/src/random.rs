@@ -1,4 +1,4 @@
-//! What the campaigns draw, and what they say of many numbers.
+//! Random draws of the campaigns, and statistics of many numbers.
 
 use fastrand::Rng;
 use hapt_core::spec::Range;
@@ -48,7 +48,7 @@ pub fn as_steep_as(rng: &mut Rng, mut law: Law, stiffness: f64, damping: f64) ->
     law
 }
 
-/// The number below which so large a share of them is; NaN of none.
+/// The number below which this share of the values is; NaN without values.
 pub fn quantile(values: impl IntoIterator<Item = f64>, share: f64) -> f64 {
     let mut sorted: Vec<f64> = values.into_iter().collect();
     sorted.sort_by(f64::total_cmp);

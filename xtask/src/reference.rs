@@ -21,7 +21,7 @@ pub fn tables(name: &str) -> Result<String> {
     }
 }
 
-/// Why the supervisor takes the torque away.
+/// The reasons for which the supervisor removes the torque.
 fn reasons() -> String {
     let mut text = String::new();
     for reason in Reason::ALL {
@@ -189,7 +189,7 @@ fn signals() -> Result<String> {
     Ok(text)
 }
 
-/// What the log of a loop in real time has behind the columns of a run.
+/// The columns of the log of a loop in real time after those of a run.
 fn logged() -> Result<String> {
     let text = "loop.period = 1\ndevice.inertia = 1\n";
     let world = World::read(&Source::from_text("columns", text), &[])?;

@@ -1,5 +1,5 @@
-//! `cargo xtask release`: what a release holds, in target/packages: archives of the program, wheels, the Debian package, the crates and the
-//! site, with their checksums. Each is tried as far as this machine can, and the table states for each how.
+//! `cargo xtask release`: the contents of a release, in target/packages: archives of the program, wheels, the Debian package, the crates
+//! and the site, with their checksums. Each is tried as far as this machine can, and the table states for each how.
 
 mod archive;
 mod debian;
@@ -62,7 +62,7 @@ pub fn rehearsed() -> Result<()> {
     written(&[made])
 }
 
-/// Makes everything and drafts the release on GitHub, where a maintainer looks at it before it is public.
+/// Makes everything and drafts the release on GitHub, where a maintainer reviews it before it is public.
 fn publish() -> Result<()> {
     let tag = format!("v{}", version());
     let changed = done(Command::new("git").args(["status", "--porcelain"]))?;
@@ -205,7 +205,7 @@ fn packed(of: &Path, file: &Path) -> Result<()> {
     done(tar.arg(if parent.as_os_str().is_empty() { Path::new(".") } else { parent }).arg(name)).map(drop)
 }
 
-/// What a command prints; an error with its messages where it fails.
+/// The output of a command; an error with its messages where it fails.
 fn done(command: &mut Command) -> Result<String> {
     let said = command.output().with_context(|| format!("{command:?}"))?;
     ensure!(said.status.success(), "{command:?}: {}", String::from_utf8_lossy(&said.stderr));

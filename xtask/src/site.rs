@@ -14,12 +14,12 @@ use crate::{links, programs};
 
 const COPY: &str = "target/site";
 pub const SITE: &str = "book";
-/// Where mdbook goes when none is on the path.
+/// The folder for mdbook when none is on the path.
 const TOOLS: &str = "target/mdbook";
 const LIVE: &str = "<!-- live: ";
 /// The worlds' reports, and below them the pages on which they run; in a folder of their own, for a world may be called as a page of the book.
 const REPORTS: &str = "report";
-/// The world of the first page, and where it leads: pages of the book, with what they are about.
+/// The world of the first page, and its links: pages of the book, with their subjects.
 const FIRST: &str = "@notes/default";
 const ABOUT: &str = "Haptic rendering for one-axis devices";
 const LEADS: [(&str, &str); 3] =
@@ -111,8 +111,8 @@ fn copy() -> Result<Vec<String>> {
     Ok(worlds)
 }
 
-/// The page with its interactive worlds in frames, from where `top` leads to the site's root; `named` gives what to report for the world that
-/// stands there. A frame loads when it comes into view.
+/// The page with its interactive worlds in frames, from where `top` leads to the site's root; `named` gives the world to report for the
+/// name there. A frame loads when it comes into view.
 fn framed(page: &str, top: &str, named: impl Fn(&str) -> Result<String>, worlds: &mut Vec<String>) -> Result<String> {
     let mut out = String::new();
     for line in page.lines() {

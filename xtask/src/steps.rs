@@ -15,7 +15,7 @@ const LANES: usize = 3;
 /// Steps that took less than this, in s, share a row of the table.
 const SHOWN: f64 = 1.0;
 
-/// A step that waits for its turn.
+/// A step in the queue.
 pub struct Step {
     name: String,
     run: Box<dyn FnOnce() -> Outcome + Send>,
@@ -25,7 +25,7 @@ pub struct Step {
 struct Outcome {
     passed: u64,
     failed: u64,
-    /// What it prints before its line.
+    /// Its output before its line.
     text: String,
     /// Why it failed, in its line.
     error: Option<String>,
@@ -89,13 +89,13 @@ fn counted(result: &str, word: &str) -> Result<u64> {
     Ok(before.split_whitespace().next_back().context("no count")?.parse()?)
 }
 
-/// What has passed and failed so far, and how long each step took.
+/// The passed and failed tests so far, and the time of each step.
 pub struct Tally {
     passed: u64,
     failed: u64,
     since: Instant,
     rows: Vec<(String, f64)>,
-    /// The lines of the steps that failed, printed once more at the end: they stand far above it.
+    /// The lines of the steps that failed, printed once more at the end, as they are far above it.
     failures: Vec<String>,
 }
 

@@ -1,11 +1,11 @@
-//! `cargo xtask test`: everything that has to hold before a change lands.
+//! `cargo xtask test`: everything that has to hold before a change is merged.
 //!
 //! Every test runs once, in the profile `tested`: optimised nearly as `release`, with assertions and overflow checks. The program of
 //! `cargo run --release`, without these checks, is built once: it runs every world (its bytes are those of `tested`), the page in a browser,
 //! the tests of the command line's bad inputs, and the book.
 //!
 //! Lints, documentation, tests, xtask and the fuzz targets are built in one profile and with one set of features, so that no
-//! dependency is built twice for them. Steps run side by side; the table at the end shows what each took.
+//! dependency is built twice for them. Steps run side by side; the table at the end shows the time of each.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ use crate::{
     release, tools, truth, vm,
 };
 
-/// Tests of the command line that live by the clock, as a drive's do.
+/// Tests of the command line that depend on the clock, as those of drives do.
 const BY_THE_CLOCK: [&str; 4] = ["drives::", "odrive::", "realtime::", "station::"];
 
 pub fn run() -> Result<()> {
@@ -38,7 +38,7 @@ pub fn run() -> Result<()> {
     // Builds end in one crate on one core: the tests run at the same time.
     let mut steps = vec![
         Step::check("the released programs build", || {
-            // As a newcomer does, who has to get this program and no other; then the course's own, which the book runs.
+            // Like a newcomer, who has to get this program and no other; then the course's program, which the book runs.
             cargo("run --quiet --release -- --version", "")?;
             cargo("build --quiet --release --package hapt --package hapt-grade", "")
         }),
@@ -146,7 +146,7 @@ fn same_bytes(world: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Links only the core and looks for the standard panic routines; a control with a way to panic must show them.
+/// Links only the core and searches the standard panic routines; a control that can panic must show them.
 fn cannot_panic() -> Result<()> {
     if !cfg!(target_os = "linux") {
         println!("        (the proof is linked on Linux only)");

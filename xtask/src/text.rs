@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail};
 
-/// Reads numbers by their names, each into its place; whether `--write` stands among them.
+/// Reads numbers by their names, each into its place; returns whether `--write` is among them.
 pub fn numbers(words: &[&str], places: &mut [(&str, &mut f64)]) -> Result<bool> {
     let (mut words, mut write) = (words.iter(), false);
     while let Some(word) = words.next() {

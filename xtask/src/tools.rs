@@ -8,10 +8,10 @@ use anyhow::{Context, Result, ensure};
 
 use crate::{deps, programs};
 
-/// What installs the environments below.
+/// The installer of the environments below.
 const UV: &str = "uv==0.13.9";
-/// Environments of Python, by the names under which tests look for them, with what is installed there. The first one has
-/// what installs the others.
+/// Environments of Python, by the names under which tests look for them, with their packages. The first one has the installer of the
+/// others.
 const PYTHON: [(&str, &[&str]); 5] = [
     (
         "hapt",
@@ -41,9 +41,10 @@ const PYTHON: [(&str, &[&str]); 5] = [
     ("odrive-can", &["odrive-can==2.1.0", "cantools==45.1.0", "python-can==4.6.1", "pyserial==3.5"]),
     ("fmi", &["fmpy==0.3.32", "libcosimpy==0.0.6", "pathsim==0.27.1", "pathsim-fmi==0.1.1", "numpy==2.4.6"]),
 ];
-/// What builds packages for other systems, in an environment that `cargo xtask release` and `macos` install by themselves: zig is large.
+/// The tools that build packages for other systems, in an environment that `cargo xtask release` and `macos` install by themselves: zig is
+/// large.
 const PACKAGING: [&str; 3] = ["maturin==1.16.0", "cargo-zigbuild==0.24.0", "ziglang==0.17.1"];
-/// Shell tests of what the steps need, and Debian's packages of it. A virtual environment needs more than Python: `ensurepip`.
+/// Shell tests of the programs that the steps need, and their Debian packages. A virtual environment needs more than Python: `ensurepip`.
 const PROGRAMS: [(&str, &str); 19] = [
     ("node --version", "nodejs"),
     ("npm --version", "npm"),
@@ -68,7 +69,7 @@ const PROGRAMS: [(&str, &str); 19] = [
 /// The distribution's compiler for targets that rustup's has no standard library of.
 const CROSS: (&str, [&str; 3]) =
     ("test -x /usr/bin/rustc && test -e /usr/lib/rustlib/src", ["rustc-web", "cargo-web", "rust-web-src"]);
-/// The page, and the look at the reports: folders with packages of Node's.
+/// The folders of the page and of the reports' inspection, with packages of Node's.
 const PAGE: &str = "web";
 const BROWSER: &str = "crates/hapt-report/tests/browser";
 
@@ -142,7 +143,7 @@ fn is_current(done: &Path, packages: &[&str]) -> bool {
     fs::read_to_string(done).is_ok_and(|installed| installed == packages.join("\n"))
 }
 
-/// Python of an environment. What it compiles stays out of the folders that it reads, and is compiled once.
+/// Python of an environment. Its compiled files are kept outside the folders that it reads, and are compiled once.
 pub fn python(environment: &Path) -> Result<Command> {
     let absolute = |path: &Path| std::path::absolute(path).with_context(|| path.display().to_string());
     let mut command = Command::new(absolute(environment)?.join("bin/python"));

@@ -1,8 +1,8 @@
 //! `cargo xtask truth`: the certificate against brute force, on random loops.
 //!
-//! Every loop is judged by hapt-analysis and then run: the real core on the exact device. What is called stable must not grow,
-//! what is called unstable must; no hand may get work out of what is called passive; and of what is refused, how much can a
-//! passive hand really break?
+//! Every loop is judged by hapt-analysis and then run: the real core on the exact device. A loop that is called stable must not grow, and
+//! one that is called unstable must; no hand may draw work from a loop that is called passive; and the campaign measures how many of the
+//! refused loops a passive hand breaks.
 
 mod brute;
 mod friction;
@@ -43,15 +43,15 @@ const HANDS: u32 = 4;
 /// Samples of a motion against counts, levels and samples: where it must draw nothing, and where it may.
 const MOTION_SAMPLES: usize = 1_000;
 const OPEN_SAMPLES: usize = 10_000;
-/// An amplitude that changes by less than this part is not seen to change.
+/// An amplitude that changes by less than this part counts as constant.
 const SEEN: f64 = 1e-3;
-/// By e to this power a swing grows above any other.
+/// By e to this power an oscillation grows above any other.
 const OVERTAKES: f64 = 60.0;
-/// Damping beyond what is required, in parts of that.
+/// Damping beyond the required one, in parts of that.
 const JUST: f64 = 1e-9;
-/// Of so many refused loops with a finite price one has its worst hand's reach measured.
+/// The worst hand's reach is measured for one of this many refused loops with a finite required damping.
 const MEASURED: u8 = 10;
-/// Work that is rounding, in parts of all the work that went round.
+/// Work that counts as rounding, in parts of all the work exchanged.
 const ROUNDING: f64 = 1e-9;
 
 /// Loops at even samples, or with bounds of their intervals, delays and lags.
@@ -65,14 +65,14 @@ enum Part {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Claim {
     loops: u64,
-    /// Of these: what ran as claimed.
+    /// Of these: loops that ran as claimed.
     confirmed: u64,
-    /// What changes too slowly to be seen in so many samples.
+    /// Loops that change too slowly to be seen in the run.
     slow: u64,
     contradicted: u64,
 }
 
-/// What a campaign has found.
+/// The results of a campaign.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Counts {
     loops: u64,
@@ -101,12 +101,12 @@ struct Counts {
     near: near::Near,
     /// Not passive: broken by a passive hand, or (slow) not by any that was tried.
     refused: Claim,
-    /// Up to which part of the damping asked for a hand breaks the loop, for some of the refused.
+    /// Up to which part of the required damping a hand breaks the loop, for some of the refused.
     reach: Vec<f64>,
     /// Hands-off under patterns: proved, against patterns of every kind; broken by a pattern that the real core runs.
     patterns_proved: Claim,
     patterns_broken: Claim,
-    /// By the reason that the verdict gives.
+    /// Open ones, by the reason of the verdict.
     patterns_open: BTreeMap<String, u64>,
     /// Passive for all times, against hands under patterns.
     uneven_passive: Claim,
@@ -126,7 +126,7 @@ impl AddAssign for Claim {
 }
 
 impl Counts {
-    /// Whether a loop's reach is measured, which takes as long as all else.
+    /// Whether a loop's reach is measured, which takes as long as everything else.
     fn draws_lots(rng: &mut Rng) -> bool {
         rng.u8(..MEASURED) == 0
     }
@@ -212,11 +212,11 @@ pub fn holds() -> Result<()> {
     campaign(&|i, against| networks::one(2, i, against), 24, Duration::MAX).map(drop)
 }
 
-/// What is said against verdicts.
+/// The contradictions of verdicts.
 type Against = Mutex<Vec<String>>;
 
-/// Judges and runs `n` loops by `one`, which takes their numbers, or the first of them, for as long as they begin within `time`; an error
-/// where one contradicts its verdict.
+/// Judges and runs `n` loops by `one`, which takes their numbers, or the first of them, as long as they begin within `time`; an error where
+/// one contradicts its verdict.
 fn campaign(one: &(dyn Fn(u64, &Against) -> Counts + Sync), n: u64, time: Duration) -> Result<Counts> {
     let started = Instant::now();
     let against = Against::default();
@@ -252,7 +252,7 @@ fn one(part: Part, seed: u64, i: u64, against: &Against) -> Counts {
     let mut rng = numbers(seed, i);
     let is_nonlinear = i % 2 == 1;
     let mut world = worlds::random(&mut rng, is_nonlinear);
-    // Of numbers of its own, so that the loops are those without handles too.
+    // From separate random numbers, so that the loops are otherwise those without handles.
     let mut own = Rng::with_seed(!seed.wrapping_add(i));
     world.device.handle = worlds::handle(&mut own, &world);
     if part == Part::Even {
@@ -312,17 +312,17 @@ fn judge(
         found.free_nonlinear +=
             Claim { loops: 1, confirmed: u64::from(holds), slow: 0, contradicted: u64::from(!holds) };
     }
-    // What is called proved is proved of the loop as it is.
+    // A proved claim is tried on the complete loop.
     let mut device = if is_nonlinear { world.clone() } else { brute::as_certified(world) };
     if !answer.passive.holds() {
-        // What is required is required of hands at the motor.
+        // The requirement is about hands at the motor.
         device.device.handle = None;
     }
     let worst = worst_grip(&device)?;
     let grows = worst.as_ref().map_or(f64::NEG_INFINITY, |worst| worst.growth_per_s);
     if !answer.passive.holds() {
-        // The slopes of what bends are the worst of many, and of bodies that step at every n-th sample not all has a number: only a linear loop
-        // of one rate is what is refused.
+        // A nonlinear loop counts with its worst slopes, and bodies that step at every n-th sample have no number for some claims: a
+        // refusal is about the loop itself only if it is linear and of one rate.
         if is_nonlinear
             && answer.proved.holds()
             && let Some(speed) = answer.speed_max
@@ -369,7 +369,7 @@ fn judge(
         report(format!("called proved, and a motion draws {:e} J: {:?}", moved.drawn.gain, moved.motion.trick));
         drawn = f64::INFINITY;
     }
-    // What is passive stays stable in every passive hand.
+    // A passive loop stays stable in every passive hand.
     let stays = is_nonlinear || grows <= MARGINAL;
     if !stays {
         report(format!("called passive, and grows by {grows:e} per second in {worst:?}"));
@@ -392,7 +392,8 @@ fn breaks(rng: &mut Rng, world: &World, taken: &mut u64) -> bool {
     rng.u8(..MEASURED) == 0 && hapt_sweep::worst::best_motion(world, OPEN_SAMPLES).is_ok_and(|found| found.0.is_some())
 }
 
-/// Whether counts, levels, an exact velocity or a constant torque may be why a loop is not proved: what motions are tried against.
+/// Whether counts, levels, an exact velocity or a constant torque may be the reason why a loop is not proved, so that motions are tried on
+/// it.
 fn rounds(world: &World) -> bool {
     let device = &world.device;
     let pushes = |c: &Coupling| c.law.constant().is_some();
@@ -412,7 +413,7 @@ fn run(rng: &mut Rng, world: &World, at: At, growth: Option<f64>, found: &mut Co
     for samples in [SAMPLES, 10 * SAMPLES] {
         let (motion, taken) = brute::motion(rng, world, at, samples);
         found.samples += taken;
-        // Of an amplitude; an energy's is twice that.
+        // The rate of an amplitude; an energy's is twice that.
         let rate = match motion {
             Outcome::Gone => f64::NEG_INFINITY,
             Outcome::Grown => f64::INFINITY,
@@ -421,7 +422,7 @@ fn run(rng: &mut Rng, world: &World, at: At, growth: Option<f64>, found: &mut Co
         outcome = match unstable {
             false if rate < seen(samples) => claim(1, 0, 0),
             true if rate > 0.25 * growth => claim(1, 0, 0),
-            // A small swing that grows is seen only when it exceeds the constant ones.
+            // A small growing oscillation is seen only when it exceeds the constant ones.
             true if growth * samples as f64 * world.sampling.period < OVERTAKES => claim(0, 1, 0),
             _ => claim(0, 0, 1),
         };

@@ -1,14 +1,14 @@
-//! The guest: Debian's stock kernel in an emulated machine, for what the kernel here may lack: a virtual CAN bus, and a virtual USB controller with
-//! the driver of force-feedback wheels.
+//! The guest: Debian's stock kernel in an emulated machine, for features that the kernel here may lack: a virtual CAN bus, and a virtual
+//! USB controller with the driver of force-feedback wheels.
 //!
-//! It has this machine's root below a layer in memory, so that programs built here run there. Its time passes with its instructions: what is timed
-//! there is the same on a busy machine. It does not measure speed.
+//! It has this machine's root below a layer in memory, so that programs built here run there. Its time advances with its instructions, so
+//! that timing there is the same on a busy machine. It does not measure speed.
 
 use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
 
-/// What it is booted with, and the packages of Debian's that they come in.
+/// The files that it is booted with, and their Debian packages.
 const TOOLS: [(&str, &str); 7] = [
     ("apt-get", "apt"),
     ("qemu-system-x86_64", "qemu-system-x86"),
@@ -62,7 +62,7 @@ pub fn storm() -> Result<()> {
     run(&wheel("storm")?)
 }
 
-/// What fftest and SDL's own test of haptics play, Debian's packages joystick and libsdl2-tests.
+/// The effects of fftest and of SDL's haptics test, Debian's packages joystick and libsdl2-tests.
 pub fn games() -> Result<()> {
     run(&wheel("games")?)
 }

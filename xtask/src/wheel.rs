@@ -1,4 +1,5 @@
-//! Random sets of effects on random force-feedback wheels, hands off: what hapt renders, compared with what differences of positions render.
+//! Random sets of effects on random force-feedback wheels, hands-off: rendered by hapt, compared with rendering by differences of
+//! positions.
 
 use std::fmt::Write as _;
 
@@ -17,14 +18,14 @@ const DURATION: f64 = 4.0;
 /// The kick, rad/s.
 const KICK: f64 = 2.0;
 
-/// What a free wheel does after a kick.
+/// The motion of a free wheel after a kick.
 #[derive(Clone, Copy, Default)]
 struct Course {
     /// Degrees, back and forth.
     travelled: f64,
     /// The largest speed of the last second, rad/s.
     last: f64,
-    /// And of all of it.
+    /// The largest speed of the whole run.
     fastest: f64,
 }
 
@@ -51,7 +52,7 @@ fn courses(n: u64, seed: u64) -> Result<[Vec<Course>; 2]> {
 /// Sets in the picture.
 const SHOWN: u64 = 2000;
 
-/// The picture of docs/wheel.md: which part of the sets travels farther than so many degrees.
+/// The picture of docs/wheel.md: the share of sets that travel farther than an angle in degrees.
 pub fn picture() -> Result<String> {
     let courses = courses(SHOWN, 1)?;
     let x = Axis::logarithmic("degrees travelled in 4 s after a kick, hands off", "", 1.0, 1e5);
@@ -62,7 +63,7 @@ pub fn picture() -> Result<String> {
         travelled.sort_by(f64::total_cmp);
         let count = travelled.len() as f64;
         said.push(format!("with {name} at most {:.0} degrees", travelled.last().copied().unwrap_or_default()));
-        // As a staircase: below the shortest way all of them travel farther.
+        // As a staircase: all of them travel farther than the shortest travel.
         let mut points = vec![(1.0, 100.0)];
         for (at, degrees) in travelled.into_iter().enumerate() {
             points.push((degrees, 100.0 * (count - at as f64) / count));
@@ -98,7 +99,7 @@ fn effects(rng: &mut Rng) -> Vec<Effect<f64>> {
     (0..rng.usize(1..7)).map(|_| one(rng)).collect()
 }
 
-/// Hands off, with the torque of a counted position.
+/// Hands-off, with the torque of a counted position.
 fn course(spec: &DeviceSpec, count: f64, mut torque: impl FnMut(f64) -> f64) -> Course {
     let mut wheel = VirtualDevice::new(spec);
     wheel.set_out((0.0, KICK), (0.0, 0.0));

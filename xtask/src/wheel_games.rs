@@ -1,5 +1,5 @@
-//! Random games on random wheels: each computes its torque from the steering angle, late. What becomes of the wheel hands off, and of the torque hands
-//! on, with hapt's remedy and with those that are usual.
+//! Random games on random wheels: each computes its torque from the steering angle, late. The motion of the wheel hands-off and the torque
+//! hands-on are measured, with hapt's remedy and with the usual ones.
 
 mod car;
 pub mod drive;
@@ -16,7 +16,7 @@ use crate::campaign::Campaign;
 use crate::random::quantile;
 use run::{KICK, Outcome, Pair, Remedy, run};
 
-/// What is compared.
+/// The remedies that are compared.
 const REMEDIES: [(&str, Remedy); 4] = [
     ("hapt", Remedy::Hapt),
     ("nothing", Remedy::Nothing),
@@ -35,7 +35,7 @@ pub fn command(words: &[&str]) -> Result<()> {
     campaign.publish("wheel games", "docs/wheel.md", &text)
 }
 
-/// Games in the picture, and what is drawn of each: the least that is shown, and the axis.
+/// Games in the picture, and the quantity drawn of each: the least value shown, and the axis.
 const SHOWN: u64 = 200;
 type Drawn = (fn(&Outcome) -> f64, f64, f64, &'static str, &'static str);
 const DRAWN: [Drawn; 2] = [
@@ -43,7 +43,7 @@ const DRAWN: [Drawn; 2] = [
     (|one| 100.0 * one.extra_torque, 1e-2, 1e2, "hands on: torque beside the game's, of the motor's largest", "%"),
 ];
 
-/// The picture of docs/wheel.md: which part of the games is faster, and which feels more.
+/// The picture of docs/wheel.md: the share of games that are faster, and of those that feel more.
 pub fn picture() -> Result<String> {
     let all = outcomes(SHOWN, 1, true)?;
     let panel = |(of, least, most, name, unit): Drawn| {
@@ -71,7 +71,7 @@ pub fn picture() -> Result<String> {
     Ok(Figure { title, alt, panels: DRAWN.map(panel).into(), columns: 1 }.svg(Width::Wide, true) + "\n")
 }
 
-/// Of each remedy, the outcome with each pair.
+/// For each remedy, the outcome with each pair.
 fn outcomes(n: u64, seed: u64, answers: bool) -> Result<[Vec<Outcome>; 4]> {
     let mut all = REMEDIES.map(|_| Vec::new());
     for at in 0..n {

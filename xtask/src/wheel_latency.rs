@@ -35,7 +35,7 @@ impl Device for Still {
     }
 }
 
-/// What the changes of one loop have taken, in ms, and how many of them missed a sample.
+/// The times of the changes of one loop, in ms, and how many of them missed a sample.
 #[derive(Default)]
 struct Taken {
     begun: Vec<f64>,

@@ -13,17 +13,17 @@ use crate::steps::{Step, Tally};
 
 const TARGET: &str = "x86_64-pc-windows-gnu";
 const COMPILER: &str = "x86_64-w64-mingw32-gcc";
-/// The tests that have sense there: of the command line, the FMU's functions, and the page's server.
+/// The tests that apply there: of the command line, the FMU's functions, and the page's server.
 const TESTS: &str = "-p hapt -p hapt-fmi -p hapt-live --bins --lib --test cli --test fmi --test live";
 /// Programs in C that take part: `xtask/windows/NAME.c`.
 const SOURCES: &str = "xtask/windows";
 
-/// So near are the numbers of two verdicts, relatively.
+/// The largest relative difference of the numbers of two verdicts.
 const DIGITS: f64 = 1e-9;
 /// Where a library may be that this Wine lacks.
 const SYSTEM: &str = "drive_c/windows/system32";
 
-/// All of it.
+/// All checks for Windows.
 pub fn holds() -> Result<()> {
     let mut tally = Tally::new();
     let mut built = cargo("test", TESTS);
@@ -40,7 +40,7 @@ pub fn holds() -> Result<()> {
     let mut steps = Vec::new();
     for program in programs {
         let (name, mut command) = (program.name(), program.through(wine.command()));
-        // A page that reads too slowly is shown out, and Wine is too slow for dozens of them.
+        // A page that reads too slowly is disconnected, and Wine is too slow for dozens of pages.
         if name.ends_with("/live") {
             command.args(["--skip", "crowd::"]);
         }
@@ -79,7 +79,7 @@ pub struct Wine {
 impl Wine {
     /// A disk with the library that Wine 8 lacks, and the programs in C.
     pub fn ready() -> Result<Wine> {
-        // Debian's `wine` speaks of 32 bits first.
+        // Debian's `wine` first prints a message about 32 bits.
         let places = ["/usr/lib/wine/wine64", "/usr/bin/wine64", "/usr/bin/wine"].map(PathBuf::from);
         let program = places.into_iter().find(|path| path.exists()).context("Debian: apt-get install wine wine64")?;
         let wine = Wine { program, disk: absolute(programs::target().join("wine"))? };
@@ -98,7 +98,7 @@ impl Wine {
         command
     }
 
-    /// What a command prints; its exit code is 0 or 1 (a world that is not certified).
+    /// The output of a command; its exit code is 0 or 1 (a world that is not certified).
     fn printed(&self, words: &[String]) -> Result<Vec<u8>> {
         printed(self.command().args(words))
     }
@@ -195,7 +195,7 @@ fn interrupted(wine: &Wine) -> Result<()> {
     let simulate = format!("sim {world} --set scenarios.step.duration=9999999 --out {folder}");
     let run = format!("run {world} --scenario step --set scenarios.step.duration=9999 --log {folder}/run.mcap");
     for (words, file) in [(simulate, ".step.csv.*"), (run, "run.mcap*")] {
-        // The console is a terminal of Linux, which util-linux's script holds. What it shows is no text to read: it moves its cursor over
+        // The console is a terminal of Linux, which util-linux's script holds. Its output is not plain text: it moves its cursor over
         // blanks. The host ends with 0 where the program ended with 130.
         let host = wine.disk.join("interrupt.exe");
         let line = format!("{} {} '{folder}/{file}' '{hapt} {words}'", wine.program.display(), host.display());

@@ -75,7 +75,7 @@ pub enum Error {
         "loop.bodies_every is {every}: {what} is about loops whose bodies step at every sample, loop.bodies_every = 1"
     )]
     BodiesEvery {
-        /// What was asked for.
+        /// The requested analysis.
         what: &'static str,
         /// n.
         every: u32,
@@ -89,12 +89,12 @@ pub enum Error {
     Output {
         /// The method.
         method: Method,
-        /// The output asked for.
+        /// The requested output.
         output: Output,
     },
 }
 
-/// Refuses bodies that do not step at every sample, for `what` is not about them.
+/// Refuses bodies that do not step at every sample, which `what` does not cover.
 ///
 /// # Errors
 /// [`Error::BodiesEvery`].

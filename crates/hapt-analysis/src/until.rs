@@ -1,7 +1,7 @@
-//! Ends an analysis whose result nobody waits for any more.
+//! Ends an analysis whose result is no longer needed.
 //!
-//! The searches nest, and their innermost steps are few: an eigenvalue problem, a bound of the damping curve, a certificate. Each asks
-//! [`is_over`], and fails at once when it is; the searches around it then end by their own rules.
+//! The searches nest, and their innermost steps are few: an eigenvalue problem, a bound of the damping curve, a certificate. Each checks
+//! [`is_over`], and fails at once when it is true; the searches around it then end by their own rules.
 
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ thread_local! {
     static STOP: RefCell<Option<Arc<AtomicBool>>> = const { RefCell::new(None) };
 }
 
-/// The result of `work` on this thread, or `None` where `stop` was set before its end: what it returned then means nothing.
+/// The result of `work` on this thread, or `None` where `stop` was set before its end: its result is then meaningless.
 ///
 /// ```
 /// use std::sync::{Arc, atomic::{AtomicBool, Ordering}};
@@ -23,7 +23,7 @@ thread_local! {
 /// assert_eq!(until(&stop, || 42), None);
 /// ```
 pub fn until<T>(stop: &Arc<AtomicBool>, work: impl FnOnce() -> T) -> Option<T> {
-    /// Puts back what was there, after a panic too.
+    /// Restores the previous flag, after a panic too.
     struct Before(Option<Arc<AtomicBool>>);
     impl Drop for Before {
         fn drop(&mut self) {

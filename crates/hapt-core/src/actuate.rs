@@ -6,9 +6,9 @@ use crate::{Error, Number, Real, Spec};
 pub(crate) struct Actuator<F> {
     pub limit: Option<F>,
     pub step: Option<F>,
-    /// Up to here a torque is commanded as it is; below 0 where there are levels.
+    /// A torque up to this size is commanded unchanged; below 0 where there are levels.
     pub passes: F,
-    /// What is commanded beyond: the limit. Without one only an infinite torque is, and commands nothing.
+    /// The command for a torque beyond: the limit. Without a limit, only an infinite torque is beyond, and commands 0.
     pub beyond: F,
 }
 
@@ -47,7 +47,7 @@ impl<F: Real> Actuator<F> {
         }
     }
 
-    /// Out of line: the division would take the registers of all.
+    /// Out of line: the division would take registers that every sample needs.
     #[inline(never)]
     fn stepped(&self, torque: F) -> F {
         self.command(torque)
@@ -125,7 +125,7 @@ mod tests {
         }
     }
 
-    /// Numbers at which something ends, and room for others.
+    /// Numbers at the edges of branches, and space for others.
     fn torques_at_edges() -> [f64; 1000] {
         let mut torques = [0.0; 1000];
         let edges = [0.8, 1e300, f64::MAX, f64::MIN_POSITIVE, f64::INFINITY, 3.4e38, 0.0];

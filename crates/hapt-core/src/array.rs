@@ -1,4 +1,4 @@
-//! Arrays of any length as tuples: serde's own end at 32.
+//! Arrays of any length as tuples: serde itself supports at most 32 entries.
 
 use core::fmt;
 use core::marker::PhantomData;

@@ -134,7 +134,7 @@ pub(crate) fn compensated(couplings: &[Coupling], damper: &Coupling) -> Option<f
         .fold(None, |sum, stiffness| Some(sum.unwrap_or(0.0) + stiffness))
 }
 
-/// Further steps for one sample's torque: a sample has to end.
+/// Most further steps for one sample's torque: the time of a sample is bounded.
 const MOST_AHEAD: u32 = 1000;
 /// The most samples from one step of the bodies to the next.
 const RAREST: u32 = 1000;
@@ -213,8 +213,8 @@ fn check_numbers(coupling: &Coupling) -> Result<(), Error> {
 }
 
 impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
-    /// Compiles a world. Errors when the spec does not fit, is out of range (docs/contract.md, section 2), or asks
-    /// of the method what it cannot do.
+    /// Compiles a world. Errors when the spec does not fit, is out of range (docs/contract.md, section 2), or the method does not support
+    /// it.
     pub fn new(spec: &Spec) -> Result<Self, Error> {
         let n = spec.bodies.len();
         if n > B {
@@ -245,7 +245,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         }
         let contacts = nonlinear.iter().flatten().filter(|coupling| coupling.at_body()).count();
         let force_on_bodies = contacts > 0;
-        // Runge-Kutta is a matrix only where everything is one; beside nonlinear torques it takes four of Euler's stages.
+        // Runge-Kutta is a matrix only for a linear world; with nonlinear torques it takes four of Euler's stages.
         let staged = spec.method.has_stages() && force_on_bodies;
         let method = if staged { Method::ForwardEuler } else { spec.method };
 

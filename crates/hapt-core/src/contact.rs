@@ -22,7 +22,7 @@ pub(crate) struct StepResponse<F> {
     pub rate: F,
     /// The change of q̇' by a unit of torque.
     pub mobility: F,
-    /// The part of q̇ that the puck's measured velocity makes.
+    /// The part of q̇ that is due to the puck's measured velocity.
     pub puck_rate: F,
 }
 
@@ -80,7 +80,7 @@ pub(crate) fn solve_nearest<F: Real>(
     found.within(-most, most)
 }
 
-/// Where the motion lies that a law of any shape leaves, nearest to the free motion: two neighbouring numbers, between which the residual
+/// Brackets the motion nearest to the free motion, under a law of any shape: two neighbouring numbers, between which the residual
 /// d - free - G F(d) changes its sign. `law` is within ±`most`; `steepest` is G |F'(d)| at its steepest slope. There always is one: the residual
 /// is negative at free - G `most` and positive at free + G `most`.
 pub(crate) fn enclose_nearest<F: Real>(

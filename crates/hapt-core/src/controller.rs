@@ -7,7 +7,7 @@ use crate::{Error, Loop, Real, Spec, State};
 
 /// A world compiled with its supervisor: what a thread, a timer's interrupt or a page runs, once a period.
 ///
-/// It is `&self`, and [`ControllerState`] is everything that changes. A controller never reaches a motor but through the supervisor.
+/// It is `&self`, and [`ControllerState`] is everything that changes. Every torque of a controller passes the supervisor.
 ///
 /// ```
 /// use hapt_core::{CertifiedTime, Controller, Coupling, End, Estimator, Heat, Law, Limits, Phase, Reading, Request, Spec};
@@ -88,7 +88,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Controller<F, B, C
         self.supervisor.step(&mut state.supervisor, &self.world, &mut state.world, reading, request)
     }
 
-    /// The same with a torque on the puck from outside of the world: see [`Supervisor::step_with`].
+    /// The same with an external torque on the puck: see [`Supervisor::step_with`].
     pub fn step_with(
         &self,
         state: &mut ControllerState<F, B, C, W>,
@@ -113,8 +113,9 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Controller<F, B, C
         ControllerState { world: self.world.transfer(&before.world, &state.world, bodies, bristles), supervisor }
     }
 
-    /// The same where the puck enters another world: that begins at its start, and its origin is placed so that the puck stands at `at` in it
-    /// ([`Spec::entry`]), wherever it is. The torque fades over, and the estimate of the puck's velocity goes on.
+    /// The same where the puck enters another world: the new world begins at its start, and its origin is placed so that the puck is at
+    /// `at` in it ([`Spec::entry`]), wherever the device is. The torque fades from one to the other, and the estimate of the puck's
+    /// velocity continues.
     pub fn enter(&self, before: &Self, state: &ControllerState<F, B, C, W>, at: F) -> ControllerState<F, B, C, W> {
         let mut supervisor = state.supervisor;
         supervisor.enter(before.period(), self.period(), at);

@@ -1,4 +1,4 @@
-//! Where the puck stands in a world that it enters: where nothing pushes it.
+//! The puck's position in a world that it enters: a place without torque.
 
 use crate::nonlinear::{Nonlinear, Relative};
 use crate::spec::{Linear, sign_at_puck};
@@ -11,9 +11,9 @@ const HALVINGS: u32 = 64;
 const NEAR: f64 = 1e-9;
 
 impl Spec<'_> {
-    /// The position at which the puck enters this world where its origin may be placed: with the bodies at their start, the first rest down
-    /// the energy of the couplings at the puck from the world's 0, to the nearest count; 0 where there is none. At rest the torque of the
-    /// couplings is 0, and they store no more than at 0 (docs/theory.md, (T82)).
+    /// The position at which the puck enters this world where its origin may be placed: with the bodies at their start, the first rest in
+    /// the direction in which the energy of the couplings at the puck falls from the world's 0, to the nearest count; 0 where there is
+    /// none. At rest the torque of the couplings is 0, and they store no more than at 0 (docs/theory.md, (T82)).
     ///
     /// ```
     /// use hapt_core::{End, Law, Spec};
@@ -30,13 +30,13 @@ impl Spec<'_> {
             .filter(|c| sign_at_puck(c.first, c.second) != 0.0)
             .map(|c| c.law.slopes().stiffness)
             .sum();
-        // Constants alone push everywhere.
+        // Constants without springs push everywhere.
         if stiffness <= 0.0 {
             return 0.0;
         }
         let here = self.torque_at_rest(0.0);
         let [ahead, behind] = [1.0, -1.0].map(|side| side * self.torque_at_rest(side * near));
-        // Down the energy; from a top to the side that falls.
+        // In the direction of falling energy; from a maximum, to a side on which it falls.
         let side = match here {
             _ if here > 0.0 => 1.0,
             _ if here < 0.0 => -1.0,
@@ -44,7 +44,7 @@ impl Spec<'_> {
             _ if behind > 0.0 => -1.0,
             _ => return 0.0,
         };
-        // (the torque on, what is stored) after so much of a way.
+        // The torque in this direction, and the stored energy, after a displacement.
         let after = |way: f64| (side * self.torque_at_rest(side * way), self.stored_at_rest(side * way));
         let (mut way, mut torque, mut stored, mut step) = (0.0, here.abs(), self.stored_at_rest(0.0), near);
         let mut beyond = None;
@@ -61,7 +61,7 @@ impl Spec<'_> {
             step = if slope > 0.0 { (torque / slope).min(4.0 * step) } else { 2.0 * step };
         }
         let Some(mut beyond) = beyond else { return 0.0 };
-        // A rest stands between: behind it the energy rises.
+        // There is a rest in between: beyond it the energy rises.
         for _ in 0..HALVINGS {
             let middle = 0.5 * (way + beyond);
             let (on, lower) = after(middle);
@@ -97,7 +97,7 @@ impl Spec<'_> {
         torque
     }
 
-    /// What they store there, in J.
+    /// The energy that they store there, in J.
     fn stored_at_rest(&self, position: f64) -> f64 {
         let at_puck = self.couplings.iter().filter(|c| sign_at_puck(c.first, c.second) != 0.0);
         at_puck.map(|c| c.stored(self.place(c.first, position) - self.place(c.second, position), 0.0)).sum()

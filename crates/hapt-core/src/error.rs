@@ -8,14 +8,14 @@ use crate::Method;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Error {
-    /// More bodies than this loop has room for.
+    /// More bodies than the capacity of this loop.
     TooManyBodies {
         /// In the spec.
         given: usize,
         /// Of this loop.
         room: usize,
     },
-    /// More couplings than this loop has room for.
+    /// More couplings than the capacity of this loop.
     TooManyCouplings {
         /// In the spec.
         given: usize,
@@ -53,7 +53,7 @@ pub enum Error {
         /// Which coupling.
         coupling: usize,
     },
-    /// An integral term or an assist with an end that is a body, or beside an advance.
+    /// An integral term or an assist with an end that is a body, or in a loop with an advance.
     AtPuck {
         /// Which coupling.
         coupling: usize,
@@ -65,13 +65,13 @@ pub enum Error {
         /// The method that refuses it.
         method: Method,
     },
-    /// `tustin` and `foh` make the torque from x_k: output start.
+    /// `tustin` and `foh` compute the torque from x_k: output start.
     OutputNotStart,
     /// Steps ahead are for the output at the end of the step.
     AdvanceWithoutEnd,
-    /// Bodies that do not step at every sample, beside what the loop cannot do with them.
+    /// Bodies that do not step at every sample, together with a feature that the loop does not support then.
     BodiesEvery {
-        /// What.
+        /// The feature.
         feature: &'static str,
     },
     /// The world's numbers leave the range of the loop's.

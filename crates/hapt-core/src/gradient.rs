@@ -14,7 +14,7 @@
 //! Abe, J. Comput. Phys. 76, 1988; Gonzalez, J. Nonlinear Sci. 6, 1996).
 //!
 //! The torques are found coupling by coupling (Gauss-Seidel), each by its own scalar equation (`contact.rs`), until a round of
-//! them changes nothing beyond the last bits. A coupling that is alone in contact takes one round. Where the laws are mean torques of convex
+//! them changes nothing beyond the last bits. A single coupling in contact takes one round. Where the laws are mean torques of convex
 //! energies (walls, clamped springs and dampers, Coulomb friction that slides or holds), the equations are the conditions of the
 //! minimum of
 //!
@@ -45,7 +45,7 @@ const PASSES: usize = 60;
 /// Pivots below this are skipped: the coupling's torque is a combination of others' to these digits.
 const LEAST_PIVOT: f64 = 1e-6;
 
-/// The data of the discrete-gradient step, beside the couplings and the bodies' response to torques.
+/// The data of the discrete-gradient step, in addition to the couplings and the bodies' response to torques.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Gradient<F, const B: usize> {
     pub inertia: [F; B],

@@ -1,10 +1,10 @@
 //! Many worlds side by side: a number that is N numbers.
 //!
-//! A sample asks nothing of its numbers, so it runs on N of them at once, in the same source, and each lane does
-//! what a number alone would have done, operation by operation: the same bits. The loops over the lanes are plain ones, which a
-//! compiler turns into vectors as wide as the machine has them. Where a law depends on a comparison it chooses between two numbers that
-//! are there ([`Number::if_above`]). What needs a branch, the torques that a method finds at bodies, and couplings that are of other kinds in
-//! other lanes, each lane's own loop computes, one lane after the other ([`Batch`]).
+//! A sample does not branch on its numbers, so it runs on N of them at once, in the same source, and each lane does the same operations as
+//! a single number: the same bits. The loops over the lanes are plain ones, which a compiler turns into vectors as wide as the machine has
+//! them. Where a law depends on a comparison it chooses between two computed numbers ([`Number::if_above`]). What needs a branch, the
+//! torques that a method finds at bodies, and couplings whose kinds differ between lanes are computed by each lane's own loop, one lane
+//! after the other ([`Batch`]).
 
 use core::array::from_fn;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
@@ -41,7 +41,7 @@ impl<const N: usize> Lanes<N> {
         Lanes(from_fn(|i| f(self.0[i], other.0[i])))
     }
 
-    /// `other` in the lanes in which it is the larger; NaN is larger than nothing.
+    /// `other` in the lanes in which it is the larger; NaN is never larger.
     #[inline(always)]
     pub fn larger(self, other: Self) -> Self {
         self.zip(other, |x, y| if y > x { y } else { x })
@@ -90,8 +90,8 @@ impl<const N: usize> SubAssign for Lanes<N> {
     }
 }
 
-/// Every choice is one of two numbers that are there already, and each step is a loop of its own: so it stays a vector's. What libm computes,
-/// it computes lane after lane, out of line: it has no wider instructions for it.
+/// Every choice is between two computed numbers, and each step is a loop of its own, so that it compiles to vector instructions. Functions
+/// of libm run lane after lane, out of line: libm has no vector instructions.
 impl<const N: usize> Number for Lanes<N> {
     const ZERO: Self = Lanes([0.0; N]);
     const ONE: Self = Lanes([1.0; N]);
@@ -109,7 +109,7 @@ impl<const N: usize> Number for Lanes<N> {
         const WHOLE: f64 = 4_503_599_627_370_496.0;
         let nearest = self.map(|x| x + libm::copysign(WHOLE, x)).zip(self, |sum, x| sum - libm::copysign(WHOLE, x));
         let below = nearest.zip(self, |n, x| n - if n > x { 1.0 } else { 0.0 });
-        // -0 is its own floor. What is NaN or infinite is no smaller than WHOLE either.
+        // -0 is its own floor. NaN and infinity are not smaller than WHOLE either.
         let signed = below.zip(self, libm::copysign);
         signed.zip(self, |n, x| if libm::fabs(x) < WHOLE { n } else { x })
     }
@@ -152,7 +152,7 @@ impl<const N: usize> Number for Lanes<N> {
 }
 
 /// N worlds side by side, a world in each lane. They may differ in their numbers and in their nonlinear couplings. With S = 0 there are no
-/// nonlinear couplings, and a state that needs no place in memory; else S is C.
+/// nonlinear couplings, and the state needs no memory for them; else S is C.
 ///
 /// ```
 /// use hapt_core::{Batch, Coupling, End, Estimator, Lanes, Law, Loop, Method, Output, Spec};
@@ -169,10 +169,10 @@ impl<const N: usize> Number for Lanes<N> {
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Batch<'w, const N: usize, const B: usize, const C: usize, const W: usize, const S: usize> {
-    /// What all lanes do alike.
+    /// The part of the loop that all lanes share.
     common: Loop<Lanes<N>, B, S, W>,
     worlds: &'w [Loop<f64, B, C, W>; N],
-    /// Whether nonlinear couplings are among it. Else they differ in more than their numbers, and each lane has its own.
+    /// Whether it contains the nonlinear couplings. Else they differ in more than their numbers, and each lane has its own.
     alike: bool,
     /// Whether nonlinear couplings have bristles or torques that are found.
     remembers: bool,
@@ -353,7 +353,7 @@ impl<'w, const N: usize, const B: usize, const C: usize, const W: usize, const S
                 velocity: velocity(worlds)?,
             },
             actuator: Actuator {
-                // No limit is one that nothing reaches.
+                // No limit is an infinite one.
                 limit: Some(each(worlds, |w| w.actuator.limit.unwrap_or(f64::INFINITY))),
                 step: each_or_none(worlds, |w| w.actuator.step)?,
                 passes: Lanes::ZERO,
@@ -376,7 +376,7 @@ impl<'w, const N: usize, const B: usize, const C: usize, const W: usize, const S
         self.common.bodies
     }
 
-    /// Sample k of every world, as a world alone would take it: see [`Loop::step`].
+    /// Sample k of every world, as in a loop of one world: see [`Loop::step`].
     #[inline(always)]
     pub fn step(
         &self,
@@ -413,7 +413,7 @@ fn nonlinear<const N: usize, const B: usize, const C: usize, const W: usize, con
     Some(all)
 }
 
-/// What all worlds have, or none; `None` where only some have it.
+/// A part that all worlds have, or none has; `None` where only some have it.
 fn each_or_none<T, const N: usize>(worlds: &[T; N], of: impl Fn(&T) -> Option<f64>) -> Option<Option<Lanes<N>>> {
     let how_many = worlds.iter().filter(|world| of(world).is_some()).count();
     match how_many {
@@ -443,8 +443,8 @@ fn response<T, const N: usize, const B: usize>(
     }
 }
 
-/// The estimator of all worlds; `None` where they have different ones, or differences over different numbers of samples. Of FOAW the longest
-/// window, of which each lane takes its own.
+/// The estimator of all worlds; `None` where they have different ones, or differences over different numbers of samples. FOAW has the
+/// longest of all windows, and each lane uses its own.
 fn velocity<const N: usize, const B: usize, const C: usize, const W: usize>(
     worlds: &[Loop<f64, B, C, W>; N],
 ) -> Option<Option<Velocity<Lanes<N>>>> {

@@ -1,7 +1,7 @@
 //! One sample of a haptic loop: sense, advance the virtual world, torque, limit.
 //!
 //! Two types do the work. A [`Loop`] is a world compiled once from a [`Spec`]: the method's rule has become matrices, so that
-//! one small step serves every method and every linear world, and the walls, detents and frictions stand beside them. A
+//! one small step serves every method and every linear world, and the walls, detents and frictions are added to them. A
 //! [`State`] is everything that changes, one `Copy` struct of named fields in SI: keep it, replay it, run it twice.
 //!
 //! ```
@@ -35,7 +35,7 @@
 //! # Ok::<(), hapt_core::Error>(())
 //! ```
 //!
-//! The crate allocates nothing, never panics, and calls no mathematics but libm's, so that PC, microcontroller and browser
+//! The crate allocates nothing, never panics, and calls only libm's mathematics, so that PC, microcontroller and browser
 //! agree to the bit. Compilation is in `f64` everywhere and rounds once to the loop's own numbers.
 #![no_std]
 #![forbid(unsafe_code)]
@@ -87,7 +87,7 @@ pub use supervisor::{
     Supervisor, SupervisorState, WhenLate,
 };
 
-/// A hash of this crate's source: programs that show the same one compute the same.
+/// A hash of this crate's source: programs with the same hash compute the same.
 pub const SOURCE: u32 = match u32::from_str_radix(env!("HAPT_CORE_SOURCE"), 16) {
     Ok(hash) => hash,
     Err(_) => 0,

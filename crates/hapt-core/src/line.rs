@@ -1,6 +1,6 @@
 //! The couplings at one body, or between the same two, over one step, all at once.
 //!
-//! Where the torques are found coupling by coupling, steep detents beside each other may send each other to and fro between their rests. But
+//! Where the torques are found coupling by coupling, steep detents in parallel may drive each other to and fro between their rests. But
 //! all couplings between the same bodies see one displacement d, so that together they have one equation in one unknown:
 //!
 //! ```text
@@ -9,8 +9,8 @@
 //!
 //! Coulomb friction of all of them is that of their levels' sum, a continuous function of the other torques. The residual is negative at one end of
 //! the reach of all torques, and positive at the other: a bracket can't miss, and the search begins at the motion without the couplings. It
-//! ends in two neighbouring numbers. The torques are between the laws' there, with the part of each that satisfies the line: so the damping of a
-//! wall that ends at the edge is a part of it too.
+//! ends in two neighbouring numbers. Each torque is interpolated between its values there so that the line is satisfied: the damping of a
+//! wall that ends at the edge is included in part.
 
 use crate::Real;
 use crate::contact::{StepResponse, enclose_nearest, within};
@@ -19,7 +19,7 @@ use crate::law::Coulomb;
 use crate::matrix::Vector;
 use crate::nonlinear::Nonlinear;
 
-/// The couplings along a line, as the first of them sees it.
+/// The couplings along a line, relative to the first of them.
 struct Line<'a, F, const B: usize> {
     step: &'a Step<'a, F, B>,
     leader: &'a Nonlinear<F>,
@@ -30,7 +30,7 @@ struct Line<'a, F, const B: usize> {
 }
 
 impl<'a, F: Real, const B: usize> Line<'a, F, B> {
-    /// The couplings along it: place, itself, and its sign there.
+    /// The couplings along it: index, coupling, and its sign there.
     fn members(&self) -> impl Iterator<Item = (usize, &'a Nonlinear<F>, F)> + use<'_, 'a, F, B> {
         let at = |(place, coupling)| {
             let coupling = at_body(coupling)?;
@@ -39,7 +39,7 @@ impl<'a, F: Real, const B: usize> Line<'a, F, B> {
         self.step.couplings.iter().enumerate().filter_map(at)
     }
 
-    /// Where a coupling starts, and the part of its velocity that the puck makes.
+    /// Where a coupling starts, and the part of its velocity that is due to the puck.
     fn start(&self, coupling: &Nonlinear<F>) -> (F, F) {
         let start = coupling.relative((self.step.puck.0, F::ZERO), self.step.x).position;
         (start, F::from_f64(coupling.sign_at_puck()) * self.step.puck.1)
@@ -147,11 +147,11 @@ impl<F: Real, const B: usize> Gradient<F, B> {
         let residual = |distance: F, sum: F| distance - free - compliance * sum;
         let (at_low, at_high) = (line.sum(low), line.sum(high));
         let (below, above) = (residual(low, at_low.0), residual(high, at_high.0));
-        // The part of the way from one to the other at which the line is satisfied.
+        // The interpolation factor at which the line is satisfied.
         let part = if below == above { F::ZERO } else { below / (below - above) };
         let part = within(part, F::ZERO, F::ONE);
         for member in line.members() {
-            // Of the friction each has its level's part.
+            // Each friction has its level's share of the total.
             let torque = |distance: F, friction: F| match member.1.coulomb() {
                 Some(own) if own > F::ZERO => within(member.2 * (friction * (own / level)), -own, own),
                 Some(_) => F::ZERO,

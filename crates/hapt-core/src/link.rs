@@ -1,4 +1,4 @@
-//! One end of a link between two wheels: with which part of its torque it acts.
+//! One end of a link between two wheels, and the part of its torque that acts.
 
 /// The part of a link's torque that acts, as the one byte that messages carry: none, or 2^(-(255 - n)/8) for 1 to 255.
 ///
@@ -27,7 +27,7 @@ impl Strength {
         if self == Strength::NONE { 0.0 } else { libm::exp2(f64::from(i16::from(self.0) - 255) / Strength::STEPS) }
     }
 
-    /// The largest that is no more than `part`.
+    /// The largest strength of at most `part`.
     pub fn at_most(part: f64) -> Self {
         if part.is_nan() || part <= 0.0 {
             return Strength::NONE;
@@ -44,7 +44,7 @@ impl Strength {
     }
 }
 
-/// What an end of a link keeps to. Times in s.
+/// The terms that an end of a link keeps to. Times in s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkTerms {
     /// The greatest age of a position at any time that its torque acts.
@@ -62,7 +62,7 @@ pub struct LinkTerms {
 pub struct RemoteState {
     /// How old its position is at most, in s.
     pub age: f64,
-    /// The run of the other end in which it was sent: instants of two runs say nothing of each other.
+    /// The run of the other end in which it was sent: instants of two runs are not comparable.
     pub session: u64,
     /// When its position was taken, in s by the other's clock: only differences count.
     pub taken: f64,
@@ -99,13 +99,13 @@ struct Mean {
 /// **The other's velocity** is its mean between the newest position and the one that acted before it. It acts for at most [`LASTING`] times
 /// as long as the two are apart, or for one hold: beyond, the damping has no torque until the next position comes (docs/theory.md, (T64)).
 ///
-/// **Letting go.** Where no newer position comes, the torque fades in the last quarter of `age_max`, and is 0 before a position is too old
-/// for all of the coming hold. A position that comes on time acts as a whole, however little of `age_max` it leaves. An end whose own loop is not
-/// ready lets go at once. The other then uses no position that was sent after that, and fades within a quarter of `age_max`.
+/// **Release.** Where no newer position comes, the torque fades in the last quarter of `age_max`, and is 0 before a position is too old
+/// for all of the coming hold. A position that comes on time acts as a whole, however little of `age_max` it leaves. An end whose own loop
+/// is not ready releases at once. The other then uses no position that was sent after that, and fades within a quarter of `age_max`.
 ///
-/// **Taking hold.** The first end begins when the other hears it and has let go too. Its strength rises, by a factor of 2 in
-/// each `age_max`, only while its torque stays within [`LinkTerms::soft`]: what is apart is drawn together by so much, and the link is whole when
-/// the ends have met. The second end follows.
+/// **Reconnection.** The first end begins when the other receives its messages and has released too. Its strength rises, by a factor of 2
+/// in each `age_max`, only while its torque stays within [`LinkTerms::soft`]: ends that are apart are drawn together with at most this
+/// torque, and the link acts as a whole when the ends have met. The second end follows.
 ///
 /// Neither adds energy beyond a bound: docs/theory.md, (T54) and (T55).
 ///
@@ -131,11 +131,11 @@ pub struct LinkEnd {
     first: bool,
     terms: LinkTerms,
     strength: Strength,
-    /// The largest strength with which the second end can act; the first has heard of it when its own is no more.
+    /// The largest strength with which the second end can act; the first end has received it when its own strength is no larger.
     cap: Strength,
     used: Option<Used>,
     hears: bool,
-    /// Steps of the strength that are due.
+    /// Steps by which the strength may rise.
     rise: f64,
     let_go: u64,
 }
@@ -144,9 +144,9 @@ pub struct LinkEnd {
 pub const LASTING: f64 = 4.0;
 /// In which part of `age_max` a torque fades.
 const FADE: f64 = 0.25;
-/// The part of the soft torque with which taking hold begins.
+/// The part of the soft torque at which reconnection begins.
 const BEGIN: f64 = 1.0 / 16.0;
-/// A position is newer than another if it is so much younger, in s: more than rounding.
+/// A position is newer than another if it is younger by this time, in s: more than rounding.
 const NEWER: f64 = 1e-9;
 
 impl Used {
@@ -158,14 +158,14 @@ impl Used {
 
     /// The other's velocity, where it may act for another `hold`.
     fn velocity(&self, hold: f64) -> Option<f64> {
-        // Up to what rounding makes of a sum of times. The first hold counts in any case.
+        // Up to the rounding of a sum of times. The first hold counts in any case.
         let lasts = |mean: &Mean| mean.acted + hold <= (LASTING * mean.span).max(hold) * (1.0 + 1e-9);
         self.mean.filter(lasts).map(|mean| mean.velocity)
     }
 }
 
 impl LinkEnd {
-    /// An end that has let go.
+    /// A released end.
     pub fn new(first: bool, terms: LinkTerms) -> Self {
         LinkEnd {
             first,
@@ -179,13 +179,13 @@ impl LinkEnd {
         }
     }
 
-    /// An end that acts as a whole from its first sample on, where both have held each other before.
+    /// An end that acts as a whole from its first sample on, where both ends have acted before.
     pub fn holding(first: bool, terms: LinkTerms) -> Self {
         LinkEnd { strength: Strength::WHOLE, cap: Strength::WHOLE, ..LinkEnd::new(first, terms) }
     }
 
     /// The torque of a sample, `elapsed` seconds after the one before: a part of `torque`, which is a function of the other's position and,
-    /// where it is known, of its velocity. An end whose own loop is not `ready`, disarmed or before its zero is set, lets go.
+    /// where it is known, of its velocity. An end whose own loop is not `ready`, disarmed or before its zero is set, releases.
     pub fn sample(
         &mut self,
         elapsed: f64,
@@ -196,7 +196,7 @@ impl LinkEnd {
         self.take(elapsed, heard);
         self.hears =
             ready && heard.is_some_and(|heard| self.is_young(heard.age) && torque(heard.position, None).is_finite());
-        // What stores energy, and with it what does not: an end takes hold by the former alone.
+        // The torque of the spring by itself, and with the damper: only the former decides on reconnection.
         let both = self.used.map(|used| [None, used.velocity(self.terms.hold)].map(|at| torque(used.position, at)));
         let full = both.filter(|both| both.iter().all(|torque| torque.is_finite()));
         let allowed = Strength::at_most(if ready && full.is_some() { self.fading() } else { 0.0 });
@@ -204,7 +204,7 @@ impl LinkEnd {
         let other = heard.map_or(Strength::NONE, |heard| heard.strength);
         let before = self.strength;
         if !other.acts() {
-            // The other has let go: its last position fades.
+            // The other has released: its last position fades.
             let faded = Strength::at_most(before.part() - elapsed / (FADE * self.terms.age_max));
             self.strength = faded.min(allowed);
         }
@@ -242,7 +242,7 @@ impl LinkEnd {
             Some(RemoteState { age, session, taken, position, strength }) if strength.acts() => {
                 let same = before.filter(|before| before.age - age <= NEWER);
                 let mean = before.filter(|before| before.session == session).and_then(|before| {
-                    // The same position says nothing new.
+                    // The same position again is no news.
                     if taken <= before.taken {
                         return before.mean;
                     }
@@ -256,11 +256,11 @@ impl LinkEnd {
     }
 
     fn is_young(&self, age: f64) -> bool {
-        // Up to what rounding makes of a sum of times. A NaN is not young.
+        // Up to the rounding of a sum of times. A NaN is not young.
         age + self.terms.hold <= self.terms.age_max * (1.0 + 1e-12)
     }
 
-    /// From 1 to 0: what the age of the position leaves. It falls from where the next one is overdue.
+    /// From 1 to 0: the part that the age of the position allows. It falls from where the next one is overdue.
     fn fading(&self) -> f64 {
         let LinkTerms { age_max, hold, period, .. } = self.terms;
         match self.used {
@@ -272,7 +272,7 @@ impl LinkEnd {
         }
     }
 
-    /// Takes hold, and more of it, up to `most`, as long as a part of the torque `full` is soft.
+    /// Reconnects and raises the strength, up to `most`, as long as that part of the torque `full` is within the soft torque.
     fn rise(&mut self, elapsed: f64, most: Strength, full: f64) {
         let LinkTerms { age_max, soft, .. } = self.terms;
         if !self.strength.acts() {
@@ -292,17 +292,17 @@ impl LinkEnd {
         }
     }
 
-    /// What it keeps to.
+    /// Its terms.
     pub fn terms(&self) -> LinkTerms {
         self.terms
     }
 
-    /// It keeps to these from the next sample on.
+    /// Sets its terms, from the next sample on.
     pub fn set_terms(&mut self, terms: LinkTerms) {
         self.terms = terms;
     }
 
-    /// What the other end is to hear: the part with which the first acts, the largest with which the second can.
+    /// The strength to send to the other end: of the first end the part with which it acts, of the second the largest with which it can.
     pub fn said(&self) -> Strength {
         if self.first { self.strength } else { self.cap }
     }
@@ -322,7 +322,7 @@ impl LinkEnd {
         self.hears
     }
 
-    /// How often it has let go.
+    /// How often it has released.
     pub fn let_go(&self) -> u64 {
         self.let_go
     }

@@ -1,11 +1,11 @@
 //! Positions and velocities of up to B bodies, and the matrices that act on them, in blocks of B so that both fit fixed sizes.
-//! Only the first `n` of each block are in use. Every sum runs over those alone, in one order, so that a world gives the same
-//! bits whatever room it is compiled into; the sums of places not in use are zeros, made along where that is quicker than asking.
-//! Functions that are always inlined are compiled with the vector instructions of their caller: see [`crate::Lanes`].
+//! Only the first `n` of each block are in use. Every sum runs only over those, in one order, so that results are bit-identical for every
+//! capacity; the sums of unused places are zeros, computed too where that is faster than a branch. Functions that are always inlined are
+//! compiled with the vector instructions of their caller: see [`crate::Lanes`].
 
 use crate::{Number, Real};
 
-/// Does the work at each of L places; with vectors at the first n alone, where there are few. These have no loop around them: a compiler
+/// Does the work at each of L places; with vectors only at the first n, where there are few. These have no loop around them: a compiler
 /// would make vectors across the places, and gather their numbers one by one. A macro, so that the work stays where it is compiled with
 /// vector instructions.
 macro_rules! each_place {
@@ -92,10 +92,10 @@ impl<F: Real, const B: usize> Vector<F, B> {
     }
 }
 
-/// So many bodies' sums stay in registers while a matrix's columns pass by.
+/// The sums of this many bodies stay in registers while a matrix's columns are added.
 pub(crate) const ROWS: usize = 8;
 
-/// What one body's position and velocity do to all bodies: two columns of a matrix. Or what the puck's do.
+/// The effect of one body's position and velocity, or of the puck's, on all bodies: two columns of a matrix.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Response<F, const B: usize> {
     pub position: Vector<F, B>,
@@ -136,7 +136,7 @@ pub(crate) fn places_from<const B: usize>(first: usize, n: usize) -> impl Iterat
 /// One block of B rows and columns.
 pub(crate) type Block<F, const B: usize> = [[F; B]; B];
 
-/// What a vector of B numbers (the torques on the bodies) does to positions and velocities.
+/// The effect of a vector of B numbers (the torques on the bodies) on positions and velocities.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Half<F, const B: usize> {
     pub position: Block<F, B>,
@@ -160,7 +160,7 @@ impl<F: Real, const B: usize> Half<F, B> {
         }
     }
 
-    /// What the j-th number of the vector does.
+    /// The effect of the j-th number of the vector.
     pub fn column(&self, j: usize) -> Vector<F, B> {
         let of = |rows: &Block<F, B>| rows.map(|row| row.get(j).copied().unwrap_or(F::ZERO));
         Vector { position: of(&self.position), velocity: of(&self.velocity) }
@@ -175,7 +175,7 @@ impl<F: Real, const B: usize> Half<F, B> {
     }
 }
 
-/// A matrix on the bodies' state: what positions do, and what velocities do.
+/// A matrix on the bodies' state: the effect of positions, and that of velocities.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Matrix<F, const B: usize> {
     pub from_position: Half<F, B>,

@@ -1,9 +1,9 @@
-//! Enums whose variants have names: one list of rows gives variants, names, and the way from one to the other.
+//! Enums whose variants have names: one list of rows gives variants, names, and the conversion between them.
 
 /// An enum without data, one row a variant: `Variant => "name"`, or `Variant = CODE => "name"` where a code is frozen.
 ///
-/// It gets `ALL` and `NAMES`, in the order of the rows, `name` and `from_name`. No list of variants is written by hand, so that
-/// none lacks one.
+/// It gets `ALL` and `NAMES`, in the order of the rows, `name` and `from_name`. No list of variants is written by hand, so that none is
+/// incomplete.
 ///
 /// ```
 /// hapt_core::named! {
@@ -42,7 +42,7 @@ macro_rules! named {
                 }
             }
 
-            /// The one of this name.
+            /// The variant with this name.
             pub fn from_name(name: &str) -> Option<Self> {
                 Self::ALL.into_iter().find(|one| one.name() == name)
             }

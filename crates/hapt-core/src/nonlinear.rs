@@ -1,4 +1,4 @@
-//! The couplings that no matrix holds: wall, detent, the two frictions, the integral term, and what is clamped.
+//! The couplings that no matrix represents: wall, detent, the two frictions, the integral term, and couplings with a limit.
 
 use core::array::from_fn;
 use core::mem::discriminant;
@@ -32,7 +32,7 @@ pub(crate) enum LoopLaw<F> {
 pub(crate) struct Nonlinear<F> {
     pub first: End,
     pub second: End,
-    /// Whether the law alone does not say its torque: Coulomb friction at a body, whose torque a discrete-gradient step finds.
+    /// Whether the law does not determine its torque: Coulomb friction at a body, whose torque a discrete-gradient step finds.
     pub is_found: bool,
     pub curve: LoopLaw<F>,
 }
@@ -45,7 +45,7 @@ pub(crate) struct Relative<F> {
 }
 
 impl<F: Number> Nonlinear<F> {
-    /// Whether a body stands at either end.
+    /// Whether either end is a body.
     pub fn at_body(&self) -> bool {
         self.first.body().is_some() || self.second.body().is_some()
     }
@@ -109,7 +109,7 @@ impl<F: Number> Nonlinear<F> {
         }
     }
 
-    /// The torque on the first end, with LuGre's bristle or the integral as it stands.
+    /// The torque on the first end, with LuGre's bristle or the integral at their present values.
     #[inline(always)]
     pub fn torque(&self, q: Relative<F>, bristle: F) -> F {
         match &self.curve {
@@ -128,8 +128,8 @@ impl<F: Number> Nonlinear<F> {
 }
 
 impl<F: Real> Nonlinear<F> {
-    /// `None` for the couplings that are matrices. `compensating` is what a damper that follows the springs damps, `finds` whether the method
-    /// finds the torques at bodies.
+    /// `None` for the couplings that are matrices. `compensating` is the damping of a damper that follows the springs, `finds` whether the
+    /// method finds the torques at bodies.
     pub fn new(coupling: &Coupling, compensating: f64, finds: bool) -> Option<Self> {
         if coupling.linear().is_some() {
             return None;
@@ -206,8 +206,8 @@ impl<F: Real> Nonlinear<F> {
         }
     }
 
-    /// The torque on the first end over a step of 1/`rate` seconds in which q goes from `start` by `distance`; 0 of Coulomb friction, which that
-    /// alone does not say.
+    /// The torque on the first end over a step of 1/`rate` seconds in which q goes from `start` by `distance`; 0 of Coulomb friction, which
+    /// the displacement does not determine.
     pub fn over_step(&self, start: F, distance: F, puck_rate: F, rate: F) -> F {
         match &self.curve {
             LoopLaw::Wall(wall) => wall.over_step(start, distance, rate),
@@ -221,8 +221,8 @@ impl<F: Real> Nonlinear<F> {
         }
     }
 
-    /// Bounds on that torque at the solutions of a step that would go by `free` without it, and on its slope by the distance. What falls with the
-    /// distance everywhere is no larger at a solution than at `free`, where it drives q on.
+    /// Bounds on that torque at the solutions of a step that would go by `free` without it, and on its slope by the distance. A torque that
+    /// falls with the distance everywhere is no larger at a solution than at `free`, where it drives q on.
     pub fn bounds(&self, start: F, free: F, puck_rate: F, rate: F) -> (F, F) {
         let pi = F::from_f64(core::f64::consts::PI);
         let there = self.over_step(start, free, puck_rate, rate).abs();
@@ -243,7 +243,7 @@ impl<F: Real> Nonlinear<F> {
         }
     }
 
-    /// How near two solutions are that count as one; `None` where there is one.
+    /// The distance within which two solutions count as one; `None` where there is only one.
     pub fn fine(&self) -> Option<F> {
         let part = F::from_f64(1.0 / 64.0);
         match &self.curve {
@@ -295,7 +295,7 @@ impl<F: Real> Nonlinear<F> {
         }
     }
 
-    /// (V(q + distance) - V(q))/distance of what the coupling stores, its limit at 0; 0 for what only takes.
+    /// (V(q + distance) - V(q))/distance of the coupling's energy, its limit at 0; 0 for a coupling that only dissipates.
     pub fn stored_slope(&self, start: F, distance: F) -> F {
         match &self.curve {
             LoopLaw::Wall(wall) => wall.stored_slope(start, distance),
@@ -309,7 +309,7 @@ impl<F: Real> Nonlinear<F> {
     }
 }
 
-/// The numbers of every law: what is given of each by name, and what lanes have side by side.
+/// The numbers of every law: their names, and how lanes hold them side by side.
 macro_rules! numbers {
     ($($law:ident $kind:literal { $($number:ident),* })*) => {
         impl<F: Number> LoopLaw<F> {
@@ -321,7 +321,7 @@ macro_rules! numbers {
                 }
             }
 
-            /// Each of its numbers with its name; of a texture those beside its harmonics.
+            /// Each of its numbers with its name; of a texture all except its harmonics.
             pub fn numbers(&self, mut each: impl FnMut(&'static str, F)) {
                 match self {
                     $(LoopLaw::$law(law) => { $(each(stringify!($number), law.$number);)* })*

@@ -3,8 +3,8 @@
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// A number, or several side by side ([`crate::Lanes`]): what a sample needs. Nothing here asks what a number is, it chooses between two
-/// numbers that are there, so that lanes of different answers never part.
+/// A number, or several side by side ([`crate::Lanes`]): the operations that a sample needs. None of them branches on a number: each
+/// chooses between two computed numbers, so that lanes with different results stay together.
 pub trait Number:
     Copy
     + Debug
@@ -32,7 +32,7 @@ pub trait Number:
     fn within(self, limit: Self) -> Self;
     /// Itself, or 0 in place of what is infinite or NaN.
     fn finite_or_zero(self) -> Self;
-    /// `yes` where it is greater than `bound`, else `no`; NaN is greater than nothing.
+    /// `yes` where it is greater than `bound`, else `no`; NaN is never greater.
     fn if_above(self, bound: Self, yes: Self, no: Self) -> Self;
     /// |x|
     fn abs(self) -> Self;
@@ -44,7 +44,7 @@ pub trait Number:
     fn expm1(self) -> Self;
 }
 
-/// `f32` or `f64`. Their functions are libm's alone: the standard library's differ between machines.
+/// `f32` or `f64`. Their functions are only libm's: the standard library's differ between machines.
 pub trait Real: Number + PartialOrd {
     /// From 1 to the next number.
     const EPSILON: Self;

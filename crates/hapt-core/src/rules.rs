@@ -6,10 +6,10 @@
 //! x_{k+1} - x_k = S · T A x_k + S · T [0; J⁻¹] F,    A = [0 I; -J⁻¹K -J⁻¹C],    x = (w, ẇ)
 //! ```
 //!
-//! and the rule is S alone: I for forward Euler, (I - hA)⁻¹ for backward Euler (h = T) and the trapezoidal rule (h = T/2),
+//! and the rule is just S: I for forward Euler, (I - hA)⁻¹ for backward Euler (h = T) and the trapezoidal rule (h = T/2),
 //! [I TI; 0 I] for semi-implicit Euler, φ1(TA) = Σ (TA)^j/(j+1)! for the exact hold, and that series cut after four terms for
-//! classical Runge-Kutta. Increments rather than x_{k+1} itself: the eigenvalues crowd near 1, and 1 + 2e-5 in `f32` has lost
-//! what the growth is made of.
+//! classical Runge-Kutta. Increments rather than x_{k+1} itself: the eigenvalues crowd near 1, and 1 + 2e-5 in `f32` has lost the digits of
+//! the growth.
 
 use crate::matrix::{Block, Half, Matrix, Vector, cholesky, cholesky_solve, places};
 use crate::{Error, Method};
@@ -111,7 +111,7 @@ impl<const B: usize> Dynamics<B> {
     /// Φ1(2h) = 2 Φ1(h) + E Φ1(h),    Φ2(2h) = 2 Φ2(h) + E Φ2(h) + h Φ1(h),    E(2h) = 2 E(h) + E(h)²,    E = e^{Ah} - I
     /// ```
     ///
-    /// E = A Φ1(h) is taken once, at the start: anew at each doubling it would lose digits by C h/J every time, and a light body
+    /// E = A Φ1(h) is taken once, at the start: computed anew at each doubling it would lose digits by C h/J every time, and a light body
     /// on a strong damper would keep none.
     ///
     /// where Φ2(h) = ∫₀ʰ e^{A(h-s)} s ds is the response to a ramp. With `ramp` the torque runs straight from the old to the

@@ -12,7 +12,7 @@ pub struct Puck<F> {
     pub velocity: F,
 }
 
-/// What the sensor remembers.
+/// The memory of the sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(
@@ -24,10 +24,10 @@ pub struct Memory<F, const W: usize> {
     pub last: Option<Puck<F>>,
     /// y_{k-1}, where the position is filtered.
     pub filtered: F,
-    /// The last counts, a ring; the newest stands at `newest`. For FOAW, and positions for the difference over several samples.
+    /// The last counts, a ring; the newest is at `newest`. For FOAW, and positions for the difference over several samples.
     #[cfg_attr(feature = "serde", serde(with = "crate::array"))]
     pub counts: [F; W],
-    /// Where the newest stands.
+    /// The index of the newest.
     pub newest: usize,
     /// How many older ones there are, at most W - 1.
     pub older: usize,
@@ -154,7 +154,7 @@ impl<F: Number> Sensor<F> {
         position
     }
 
-    /// The world's origin is placed: the puck is seen at `now` in place of `before`, and has come there as it came.
+    /// The world's origin is placed: the puck is seen at `now` in place of `before`, with the same displacements before.
     pub fn place<const W: usize>(&self, memory: &mut Memory<F, W>, before: F, now: F) {
         let Some(last) = &mut memory.last else { return };
         let counts = self.count.map(|size| nearest(now, size) - nearest(before, size));
@@ -190,7 +190,7 @@ impl<F: Number> Sensor<F> {
         Some(if self.filter.is_some() { Puck { position: memory.filtered, ..last } } else { last })
     }
 
-    /// The velocity from this position, which the memory has already, and earlier ones; `None` for FOAW, which has to look for its window.
+    /// The velocity from this position, which the memory has already, and earlier ones; `None` for FOAW, which has to search its window.
     #[inline(always)]
     pub fn by_difference<const W: usize>(&self, memory: &Memory<F, W>, position: F) -> Option<F> {
         let (Some(estimator), Some(last)) = (self.velocity, memory.last) else { return Some(F::ZERO) };
@@ -204,7 +204,7 @@ impl<F: Number> Sensor<F> {
 }
 
 impl<F: Real> Sensor<F> {
-    /// The velocity from this position and those before. Out of line: the exact velocity does not wait for what was stored last.
+    /// The velocity from this position and those before. Out of line: with the exact velocity a sample does not wait for the last store.
     #[inline(never)]
     pub fn estimate<const W: usize>(&self, memory: &Memory<F, W>, position: F) -> F {
         match self.by_difference(memory, position) {
@@ -230,7 +230,7 @@ impl<F: Real> Sensor<F> {
         self.fit(n, count)
     }
 
-    /// FOAW's velocity over so many samples.
+    /// FOAW's velocity over `n` samples.
     #[inline(always)]
     pub fn fit(&self, n: usize, count: impl Fn(usize) -> F) -> F {
         let Some(Velocity::Foaw { best, .. }) = self.velocity else { return F::ZERO };
@@ -249,8 +249,8 @@ fn nearest<F: Number>(position: F, size: F) -> F {
 /// the newest sample to the n-th before it (inclusive, 1e-9 of a count); at least 1. For N encoders side by side.
 ///
 /// A line through the newest sample passes within a count of the sample of age j when its slope (per sample, backward) is
-/// within (count(j) ± 1)/j; the slopes that pass all of them are one interval, kept while n grows. An encoder that has left its line
-/// keeps an interval in which nothing is.
+/// within (count(j) ± 1)/j; the slopes that pass all of them are one interval, kept while n grows. An encoder that has left its line keeps
+/// an empty interval.
 #[inline(always)]
 pub(crate) fn longest_windows<F: Real, const N: usize>(
     window: [usize; N],

@@ -1,11 +1,11 @@
-//! What a loop is made of, as plain data in SI: rotary worlds in rad, N·m and kg·m², linear ones in m, N and kg.
+//! The parts of a loop as plain data in SI: rotary worlds in rad, N·m and kg·m², linear ones in m, N and kg.
 //!
 //! A [`Spec`] is what [`crate::Loop::new`] compiles; the laboratory derives its own matrices from the
 //! same data and shares nothing else with the loop.
 
 pub use crate::law::{CouplingKind, Damping, HARMONICS, Law, Linear, Quantity, Range, Side, Slopes, Waveform};
 
-/// What a coupling can be tied to.
+/// An end of a coupling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum End {
@@ -48,7 +48,7 @@ pub struct Body {
 }
 
 /// A massless virtual element between two different ends. It acts on q = q_first - q_second, the first end as seen from the
-/// second; its torque stands on the first end, the opposite on the second.
+/// second; its torque acts on the first end, the opposite on the second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coupling {
     /// The end that takes the law's torque.
@@ -63,7 +63,7 @@ pub struct Coupling {
 }
 
 impl Coupling {
-    /// Whether a body stands at either end.
+    /// Whether either end is a body.
     pub const fn is_at_body(&self) -> bool {
         self.first.body().is_some() || self.second.body().is_some()
     }
@@ -73,17 +73,18 @@ impl Coupling {
         if self.limit.is_some() { None } else { self.law.linear() }
     }
 
-    /// What it stores in J at q, with a friction's bristle as it stands: a spring k (q - rest)²/2, a wall k (q - at)²/2 inside, a
-    /// detent torque · pitch/2π · (1 - cos 2π(q - phase)/pitch), a constant -torque · q, bristles σ0 s²/2. With a limit a spring or wall
-    /// stores k x²/2 up to the x at which it reaches its limit, and limit · x from there on; a dead band likewise, from its edge on. A
-    /// magnet stores torque · width · √e · (1 - exp(-x²/2)), a texture its harmonics' energies, each from its lowest on.
+    /// The energy in J that it stores at q, with the present deflection of a friction's bristle: a spring k (q - rest)²/2, a wall k (q -
+    /// at)²/2 inside, a detent torque · pitch/2π · (1 - cos 2π(q - phase)/pitch), a constant -torque · q, bristles σ0 s²/2. With a limit a
+    /// spring or wall stores k x²/2 up to the x at which it reaches its limit, and limit · x from there on; a dead band likewise, from its
+    /// edge on. A magnet stores torque · width · √e · (1 - exp(-x²/2)), a texture its harmonics' energies, each from its lowest on.
     pub fn stored(&self, q: f64, bristle: f64) -> f64 {
         self.law.stored(q, bristle, self.limit.unwrap_or(f64::INFINITY))
     }
 
-    /// Whether the method takes it: at a body, a nonlinear torque is taken where it stands by the explicit methods, and found over
-    /// the step by those that hold their torques, where LuGre's bristle has no such step. The methods that take the new sample first
-    /// would have it from the start of the step, where it makes energy, a constant too. An integral term and an assist are between puck and ground alone.
+    /// Whether the method takes it. At a body, explicit methods evaluate a nonlinear torque at the start of the step, and those that hold
+    /// their torques find it over the step; LuGre's bristle has no such step. The methods that take the new sample first would evaluate it
+    /// at the start of the step, where it generates energy, and so does a constant. An integral term and an assist are allowed only between
+    /// puck and ground.
     pub fn goes_with(&self, method: Method) -> bool {
         if !self.is_at_body() {
             return true;
@@ -106,7 +107,7 @@ impl Law {
     }
 }
 
-/// The sign with which the torque of a coupling between these ends stands on the puck; 0 where it is not tied to it.
+/// The sign with which the torque of a coupling between these ends acts on the puck; 0 where it is not tied to it.
 pub(crate) const fn sign_at_puck(first: End, second: End) -> f64 {
     match (first.is_puck(), second.is_puck()) {
         (true, false) => 1.0,
@@ -176,7 +177,7 @@ impl Method {
         }
     }
 
-    /// Whether the rule evaluates a body's nonlinear torque where it stands (the explicit ones).
+    /// Whether the rule evaluates a body's nonlinear torque at the present state (the explicit ones).
     pub const fn is_explicit(self) -> bool {
         match self {
             Method::ForwardEuler | Method::SemiImplicitEuler | Method::Rk4 => true,
@@ -186,7 +187,7 @@ impl Method {
 }
 
 crate::named! {
-    /// Which state of the bodies makes the torque of sample k.
+    /// Which state of the bodies gives the torque of sample k.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     pub enum Output {
@@ -199,7 +200,7 @@ crate::named! {
     }
 }
 
-/// How the loop comes by the puck's velocity.
+/// How the loop gets the puck's velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Estimator {
@@ -236,7 +237,7 @@ pub struct Spec<'a> {
     pub period: f64,
     /// The integrator.
     pub method: Method,
-    /// Which state makes the torque; only `Start` with the methods that take the new sample first.
+    /// Which state gives the torque; only `Start` with the methods that take the new sample first.
     pub output: Output,
     /// With `End` only: further steps ahead for the torque, puck held still; at most 1000.
     pub advance: u32,

@@ -19,7 +19,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         next.memory = self.sensor.transfer(&before.sensor, &state.memory, shorter);
         // x_k is one old period ago. A method that takes the new sample first makes the last step itself, from one new period ago.
         let goes_itself = self.new_sample_first && next.memory.last.is_some();
-        // Where the bodies step every n-th sample, a step that has begun is as far as the samples since.
+        // Where the bodies step every n-th sample, a step that has begun is interpolated by the number of samples since.
         let samples = |count: u32| before.period * F::from_f64(f64::from(count));
         let gone = samples(1 + before.skips - state.until_step.min(before.skips));
         let step = samples(1 + before.skips);

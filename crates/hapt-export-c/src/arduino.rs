@@ -1,4 +1,4 @@
-//! What an Arduino library has beside the C file and its header.
+//! The files of an Arduino library in addition to the C file and its header.
 
 use hapt_core::{Estimator, Spec};
 

@@ -9,7 +9,7 @@ use crate::template::{self, Facts};
 use crate::tune::{parameters, texts};
 use crate::{About, Error, Exported, Float};
 
-/// Relative: far more than rounding to f32 makes, and far less than where f32 ends.
+/// Relative: far more than the rounding to f32, and far less than the error beyond the range of f32.
 const ROUNDING: f64 = 1e-4;
 
 /// Every file that is written here has these words in its first lines.
@@ -21,7 +21,8 @@ macro_rules! part {
     };
 }
 
-/// The C of each law, in one file: its functions, and its own part of each function that has one of every law. A ramp is what several have.
+/// The C of each law, in one file: its functions, and its own part of each function that has one for every law. Several laws share the
+/// ramp.
 const LAWS: [(&str, &str); 11] = [
     ("ramp", part!("law/ramp.c")),
     ("spring", part!("law/spring.c")),
@@ -87,10 +88,10 @@ pub fn export(
     Ok(Exported { source, header })
 }
 
-/// Divides the code between what needs no world and what takes one.
+/// Separates the code that needs no world from the code that takes one.
 const WORLD: &str = "//world\n";
 
-/// Every single number is what it was, to the digits of f32. Those of matrices are sums of large and small, as everywhere.
+/// Every single number is unchanged, to the digits of f32. Those of matrices are sums of large and small, as everywhere.
 fn check(exact: &Collected, rounded: &Collected) -> Result<(), Error> {
     let all = |world: &Collected| {
         let own: Vec<_> =
@@ -110,7 +111,7 @@ fn check(exact: &Collected, rounded: &Collected) -> Result<(), Error> {
     Ok(())
 }
 
-/// What of the world asks for which part.
+/// The facts of the world that select the parts.
 fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: Float) -> Facts {
     let mut facts = Facts::default();
     let n = spec.bodies.len();
@@ -129,7 +130,7 @@ fn facts(spec: &Spec, limits: &Limits, about: &About, world: &Collected, float: 
     let exact = spec.estimator == Estimator::Exact;
     let (windowed, over) = (world.whole("window").is_some(), world.whole("every").is_some());
     let low_pass = matches!(spec.estimator, Estimator::LowPass { .. });
-    // What the C of the world's laws calls.
+    // The functions that the C of the world's laws calls.
     let own: Vec<&str> = LAWS.iter().filter(|(name, _)| law(name)).map(|(_, text)| *text).collect();
     let calls = |function: &str| own.iter().any(|text| text.contains(function));
     let (falling, nearest) = (gradient && calls("hapt_solve_falling("), gradient && calls("hapt_solve_nearest("));
@@ -280,7 +281,7 @@ fn code(facts: &Facts) -> String {
     code
 }
 
-/// What the file says of itself and its world.
+/// The head of the file, on itself and its world.
 fn head(spec: &Spec, about: &About, prefix: &str, float: Float) -> String {
     let mut lines = Vec::new();
     if !about.is_certified {
@@ -314,7 +315,7 @@ fn head(spec: &Spec, about: &About, prefix: &str, float: Float) -> String {
     format!("/* {first}\n{}\n */\n", body.get(1..).unwrap_or(&[]).join("\n"))
 }
 
-/// The enumerations of phases and reasons, and what is known of each.
+/// The enumerations of phases and reasons, and their facts.
 fn words(facts: &mut Facts) {
     let constant = |name: &str| name.to_uppercase().replace('-', "_");
     let phases: Vec<String> = Phase::ALL

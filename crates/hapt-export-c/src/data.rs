@@ -3,7 +3,7 @@
 use crate::Float;
 use crate::numbers::{Collected, Constant, Element};
 
-/// So many numbers, its first ones, a part of the energy has whatever its kind: they stand in the list itself.
+/// The first numbers of a part of the energy, which every kind has, are in the list itself; this is their count.
 pub(crate) const PART_NUMBERS: usize = 6;
 
 /// The types and the constant, for code that uses these numbers; names with the prefix `hapt_`.

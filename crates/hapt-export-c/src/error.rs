@@ -6,13 +6,13 @@ use std::fmt;
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Error {
-    /// The core does not compile it, or not into the room that a C file has.
+    /// The core does not compile it, or not into the capacity of a C file.
     Core(hapt_core::Error),
     /// A number that the C's numbers cannot hold.
     Number {
         /// Which of the compiled world's.
         name: &'static str,
-        /// What it is.
+        /// Its value.
         given: f64,
     },
     /// A number that the C cannot change.
@@ -24,9 +24,9 @@ pub enum Error {
     },
     /// A prefix that is no name in C, or one that C and its libraries use themselves.
     Prefix {
-        /// What was given.
+        /// The given text.
         given: String,
-        /// What would be right.
+        /// A right one.
         wanted: &'static str,
     },
 }

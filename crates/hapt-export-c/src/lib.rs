@@ -1,7 +1,7 @@
 //! A world as one C99 file and its header: the compiled world as constants, one sample of the loop, and the supervisor.
 //!
-//! The numbers are those of [`hapt_core`]'s compiled world, and the C text of each law and method stands in `parts/`, beside nothing that
-//! derives it again: a test compiles random worlds and compares state and torque with the core's, to the bit.
+//! The numbers are those of [`hapt_core`]'s compiled world, and the C text of each law and method is in `parts/`, written only there: a
+//! test compiles random worlds and compares state and torque with the core's, to the bit.
 //!
 //! The C allocates nothing, has no recursion, and needs no library: it carries the functions of libm that it calls.
 #![forbid(unsafe_code)]
@@ -31,7 +31,7 @@ pub enum Float {
     F64,
 }
 
-/// What a file says of its world, in the world's own words.
+/// The description of its world in a file, in the world's own words.
 #[derive(Clone, Debug, Default)]
 pub struct About {
     /// The world's title.

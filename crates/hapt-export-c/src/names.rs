@@ -1,8 +1,8 @@
-//! Names and texts that C takes.
+//! Names and texts that are valid in C.
 
 use crate::Error;
 
-/// What all names of a file begin with, such as `wheel` of `wheel_step`.
+/// The beginning of all names of a file, such as `wheel` of `wheel_step`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Prefix(String);
 
@@ -108,11 +108,11 @@ const TAKEN: [&str; 98] = [
     "void",
 ];
 
-/// C99 tells names apart by their first 31 characters: enough for the longest name behind a prefix.
+/// C99 distinguishes names by their first 31 characters: enough for the longest name after a prefix.
 const MAX_NAME_CHARS: usize = 24;
 
 impl Prefix {
-    /// A prefix; it is made small letters, and hyphens and dots become underscores.
+    /// A prefix; it is converted to lower case, and hyphens and dots become underscores.
     ///
     /// # Errors
     /// [`Error::Prefix`] where it is none in C.
@@ -152,7 +152,7 @@ impl Prefix {
 /// A text within a comment: on one line, and without what ends a comment or a line of C.
 pub(crate) fn comment(text: &str) -> String {
     let plain = |c: char| match c {
-        // What turns the direction of text would show other code than there is.
+        // Characters that turn the direction of text would show other code than the real one.
         '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{2028}' | '\u{2029}' => ' ',
         c if c.is_control() => ' ',
         '\\' => '/',

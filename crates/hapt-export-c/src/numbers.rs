@@ -4,7 +4,7 @@ use hapt_core::{Constants, Controller, Limits, Real, Spec};
 
 use crate::Error;
 
-/// Room for so many bodies, couplings, and remembered counts.
+/// Capacity for bodies, couplings, and remembered counts.
 const BODIES: usize = 8;
 const COUPLINGS: usize = 32;
 const COUNTS: usize = 257;

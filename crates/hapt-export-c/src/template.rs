@@ -1,4 +1,4 @@
-//! The parts of the C file, as they stand beside the core's sources: lines of C, some for certain worlds only.
+//! The parts of the C file, as they are next to the core's sources: lines of C, some for certain worlds only.
 //!
 //! ```text
 //! //if NAME    or //if !NAME: what follows stands in the file where the world has this, or has it not
@@ -11,7 +11,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What a world has, and its texts.
+/// The features of a world, and its texts.
 #[derive(Debug, Default)]
 pub(crate) struct Facts {
     has: BTreeSet<String>,
@@ -19,24 +19,24 @@ pub(crate) struct Facts {
 }
 
 impl Facts {
-    /// The world has this, where it is so.
+    /// Records that the world has `name`, if `is_so`.
     pub fn set(&mut self, name: impl Into<String>, is_so: bool) {
         if is_so {
             self.has.insert(name.into());
         }
     }
 
-    /// Whether it has.
+    /// Whether the world has it.
     pub fn has(&self, name: &str) -> bool {
         self.has.contains(name)
     }
 
-    /// What stands for `@name@`.
+    /// The text that replaces `@name@`.
     pub fn text(&mut self, name: impl Into<String>, text: impl ToString) {
         self.texts.insert(name.into(), text.to_string());
     }
 
-    /// A part with those of the laws in it. What is stored beside the matrices is no matter of a law alone: `potential` is there of all.
+    /// A part with those of the laws in it. Couplings within the matrices store energy too, so that every law's `potential` is included.
     pub fn with_laws(&self, part: &str, laws: &[(&str, &str)]) -> String {
         let mut lines = String::new();
         for line in part.lines() {

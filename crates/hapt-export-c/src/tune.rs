@@ -34,7 +34,7 @@ pub(crate) struct Parameter {
     pub key: String,
     /// The least, the file's, and the largest value, as numbers of the C's.
     pub values: [f64; 3],
-    /// What each place of the compiled world becomes, such as `wall[0].stiffness` and `value`.
+    /// The new value of each place of the compiled world, such as `wall[0].stiffness` and `value`.
     pub sets: Vec<(String, &'static str)>,
 }
 

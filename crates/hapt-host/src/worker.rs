@@ -23,7 +23,7 @@ pub enum Task {
     Sets {
         /// The key of a single change; empty for several.
         key: String,
-        /// Keys with their values, as they would stand in the world file.
+        /// Keys with their values, as in the world file.
         sets: Vec<(String, String)>,
         /// Whether every other key goes back to the file's value.
         only: bool,

@@ -261,7 +261,8 @@ pub(crate) fn range(config: &WorldConfig, key: &SettableKey, is_over: &dyn Fn() 
         true => key.min * (key.max / key.min).powf(part),
         false => key.min + part * (key.max - key.min),
     };
-    // Read anew: a compensation follows its share, and the number of the device that it takes back. What cannot be set is not certified.
+    // Read anew: a compensation follows its share, and the device's number that it compensates. A value that cannot be set is not
+    // certified.
     let certified_at = |part: f64| -> Option<bool> {
         let set = || config.with(&key.path, &format!("{:e}", at(part)));
         (!is_over()).then(|| set().is_ok_and(|next| is_certified(&next.certified_world())))
@@ -317,7 +318,7 @@ mod tests {
         assert_eq!(range(&config, stiffness, &|| true), None);
     }
 
-    /// Gravity that is taken back is a law whose steepest slope asks for half a period of it: b ≥ share G T/2.
+    /// Compensated gravity is a law whose steepest slope, times half a period, is the required damping: b ≥ share G T/2.
     #[test]
     fn the_range_of_a_share_is_what_the_devices_damping_pays_for() {
         let (damping, gravity, period) = (2e-5, 0.1, 1e-3);

@@ -15,7 +15,7 @@ use crate::certifier::{BROKEN, Latest, VERDICTS, lower_priority};
 
 /// One station's part of a network.
 pub struct StationEnd {
-    /// The loop's ends of its links, for [`hapt_host::Machine::beside`].
+    /// The loop's ends of its links, for [`hapt_host::Machine::with_outside`].
     pub ports: Vec<LinkPort>,
     /// The network's view for its pages.
     pub view: Box<dyn StationView>,

@@ -85,7 +85,7 @@ pub async fn serve(io: TokioIo<Upgraded>, state: Arc<ServerState>, client: u64) 
         sink.send(Message::Close(Some(CloseFrame { code, reason: reason.into() }))).await
     };
     let _ = timeout(Duration::from_secs(1), last).await;
-    // Closed with bytes unread, the connection would be reset, and the page would not hear the reason.
+    // Closed with bytes unread, the connection would be reset, and the page would not receive the reason.
     if let (CloseCode::Size, Ok(mut socket)) = (code, sink.reunite(stream)) {
         let mut rest = socket.get_mut().take(MAX_UNREAD);
         let _ = timeout(Duration::from_secs(1), copy(&mut rest, &mut nowhere())).await;

@@ -56,7 +56,7 @@ pub fn group(name: &str) -> impl Iterator<Item = String> {
     names().filter(move |known| known.strip_prefix(name).is_some_and(|rest| rest.starts_with('/')))
 }
 
-/// The world called `name`, its `@` with it. Path files are looked for in the current folder.
+/// The world called `name`, its `@` with it. Path files are searched in the current folder.
 ///
 /// # Errors
 /// There is none; the message names the nearest.

@@ -1,6 +1,6 @@
-//! `[[compensation]]`: torques of the device that the loop takes back, by the position or the velocity that it measures.
+//! `[[compensation]]`: torques of the device that the loop compensates, by the measured position or velocity.
 //!
-//! A compensation is the coupling between puck and ground that it makes: of gravity a detent of a turn, of cogging a texture, of friction an
+//! A compensation becomes a coupling between puck and ground: of gravity a detent of a turn, of cogging a texture, of friction an
 //! assist. So it runs, is supervised, certified and exported as any other coupling of the world.
 
 use std::f64::consts::TAU;
@@ -12,8 +12,8 @@ use crate::kinds::Compensated;
 use crate::world::Device;
 
 impl Device {
-    /// The coupling that takes back `share` of a torque of this device, of friction wholly from the speed `velocity` on; `None` where it has none.
-    /// Of friction that differs by direction or changes with the position the smallest level is taken back.
+    /// The coupling that compensates `share` of a torque of this device, of friction fully from the speed `velocity` on; `None` where it
+    /// has none. Of friction that differs by direction or changes with the position the smallest level is compensated.
     pub fn compensation(&self, of: Compensated, share: f64, velocity: Option<f64>) -> Option<Coupling> {
         let law = match of {
             Compensated::Gravity => {
@@ -35,7 +35,7 @@ impl Device {
         Some(law.between(End::Puck, End::Ground))
     }
 
-    /// Which torque of this device a coupling takes back, and how much of it; `None` where it is another coupling.
+    /// The torque of this device that a coupling compensates, and its share; `None` where it is another coupling.
     pub fn compensated_by(&self, coupling: &Coupling) -> Option<(Compensated, f64)> {
         let (of, torque, whole) = match coupling.law {
             Law::Detent { torque, pitch, phase } => {

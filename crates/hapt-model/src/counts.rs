@@ -16,7 +16,7 @@ pub(crate) struct InCounts {
 }
 
 impl InCounts {
-    /// `None` where no count stands in the text, or its unit does not read.
+    /// `None` where the text contains no count, or its unit is invalid.
     pub fn find(text: &str, motion: Motion) -> Option<InCounts> {
         let text = text.trim();
         let (_, unit) = Number::split(text)?;
@@ -67,7 +67,7 @@ pub(crate) fn size(document: &Document, motion: Motion) -> Option<f64> {
     Some(size).filter(|size| size.is_finite() && *size > 0.0)
 }
 
-/// The counts in a turn of the puck, a whole number: what a ratio leaves of one is less than half a count in a turn.
+/// The counts in a turn of the puck, a whole number: the fraction that a ratio leaves is less than half a count in a turn.
 pub(crate) fn at_the_puck(encoder: f64, ratio: f64) -> f64 {
     (ratio * encoder).round().max(1.0)
 }

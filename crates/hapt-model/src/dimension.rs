@@ -1,4 +1,4 @@
-//! Physical dimensions, the angle among them, and what each is called.
+//! Physical dimensions, including the angle, and their names.
 
 use std::fmt;
 
@@ -27,7 +27,7 @@ const fn named(dimension: Dimension, name: &'static str, symbol: &'static str, e
     Named { dimension, name, symbol, example }
 }
 
-/// Every dimension a key can want, and those that people give by mistake.
+/// Every dimension of a key, and those that people give by mistake.
 const NAMED: &[Named] = &[
     named(Dimension::NONE, "a plain number", "1", "1"),
     named(Dimension::ANGLE, "an angle", "rad", "45 deg"),
@@ -126,7 +126,7 @@ impl Dimension {
     }
 }
 
-/// What a quantity of this dimension is: `a torque (N m)`, or `in kg m/s` where the dimension has no name.
+/// The name of a quantity of this dimension: `a torque (N m)`, or `in kg m/s` where the dimension has no name.
 impl fmt::Display for Dimension {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.named() {

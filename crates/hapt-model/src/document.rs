@@ -19,10 +19,10 @@ pub(crate) struct Document<'a> {
     pub root: Node,
 }
 
-/// Where a node or a key stands.
+/// The place of a node or a key.
 #[derive(Clone, Debug)]
 pub(crate) struct Place {
-    /// The index of the override that it stands in; `None`: in the file.
+    /// The index of the override that contains it; `None`: it is in the file.
     pub set: Option<usize>,
     /// In bytes.
     pub span: Range<usize>,
@@ -33,7 +33,7 @@ pub(crate) struct Place {
 pub(crate) struct Node {
     pub value: Value,
     pub place: Place,
-    /// What stood here before an override: a tolerance of it goes over to a number without one.
+    /// The value before an override: its tolerance is kept for a number without one.
     pub before: Option<Box<Node>>,
 }
 
@@ -127,7 +127,7 @@ impl Node {
         Node { value, place, before: None }
     }
 
-    /// What stands here, for `...; expected a time (s)`.
+    /// The value here in words, for `...; expected a time (s)`.
     pub fn described(&self) -> String {
         match &self.value {
             Value::Text(text) => format!("{} is text", words::quoted(text)),

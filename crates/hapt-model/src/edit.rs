@@ -33,7 +33,7 @@ impl Source {
             let Some(text) = edit(&edited, set) else { return Ok(world.to_toml()) };
             edited.text = text;
         }
-        // What an edit by spans cannot express shows here.
+        // This detects changes that an edit by spans cannot express.
         let is_same = World::read(&edited, &[]).is_ok_and(|read| read == world);
         Ok(if is_same { edited.text } else { world.to_toml() })
     }
@@ -85,7 +85,7 @@ fn ended(file: &str) -> String {
     if file.is_empty() || file.ends_with('\n') { file.to_string() } else { format!("{file}\n") }
 }
 
-/// A value as it stands in a file: numbers and tables as they are, all else as text.
+/// A value as in a file: numbers and tables unchanged, all else as text.
 fn literal(value: &str) -> String {
     match DeValue::parse(value) {
         Ok(parsed) if parsed.span() == (0..value.len()) => value.to_string(),
@@ -93,7 +93,7 @@ fn literal(value: &str) -> String {
     }
 }
 
-/// With a number's tolerance, which a number without one leaves as it is.
+/// Replaces a value; a number without a tolerance keeps the present one.
 fn replaced(file: &str, node: &Node, value: &str) -> Option<String> {
     let span = node.place.span.clone();
     let kept = match &node.value {
@@ -105,7 +105,7 @@ fn replaced(file: &str, node: &Node, value: &str) -> Option<String> {
     Some(format!("{}{value}{}", file.get(..span.start)?, file.get(span.end..)?))
 }
 
-/// With a key that its table does not have.
+/// Adds a key that its table does not have.
 fn inserted(file: &str, table: &Node, path: &str, name: &str, value: &str) -> Option<String> {
     let span = table.place.span.clone();
     let (here, value) = (file.get(span.clone())?, literal(value));

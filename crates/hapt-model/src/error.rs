@@ -1,4 +1,4 @@
-//! What is wrong with a world, and where it stands.
+//! Mistakes in a world, and their places.
 
 use std::fmt;
 use std::ops::Range;
@@ -19,13 +19,13 @@ const MARK: char = '\u{feff}';
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Error {
-    /// What sort of mistake it is.
+    /// The sort of mistake.
     pub kind: ErrorKind,
     /// The dotted path of the key; empty where none is concerned.
     pub key: String,
-    /// What was given and what would be right.
+    /// The given value, and a right one.
     pub message: String,
-    /// Where it stands; `None` for a file that could not be read and for a lookup in a world already read.
+    /// Its place; `None` for a file that could not be read and for a lookup in a world already read.
     pub location: Option<Box<Location>>,
 }
 
@@ -108,7 +108,7 @@ pub fn visible(c: char) -> char {
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if !self.key.is_empty() {
-            // A name that nobody knows may be a megabyte long.
+            // An unknown name may be a megabyte long.
             write!(f, "{}: ", self.key.chars().take(WINDOW).map(visible).collect::<String>())?;
         }
         f.write_str(&self.message)?;
@@ -132,7 +132,7 @@ impl fmt::Display for Location {
         let mut excerpt = String::from(if first > 0 { "…" } else { "" });
         let (mut indent, mut underline) = (excerpt.chars().count(), 0);
         for (index, &c) in (first + 1..).zip(shown) {
-            // A tab is as wide as the terminal likes and a control character does as it likes: both get a fixed width.
+            // The width of a tab and the effect of a control character depend on the terminal: both get a fixed width.
             let cells = if c == '\t' { 4 } else { 1 };
             match c {
                 '\t' => excerpt.push_str("    "),

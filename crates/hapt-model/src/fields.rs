@@ -10,7 +10,7 @@ use crate::sampling::Delay;
 use crate::unit::Unit;
 use crate::words;
 
-/// Where a table stands, and what decides the meaning of its keys.
+/// The place of a table, and the facts that decide the meaning of its keys.
 #[derive(Clone)]
 pub(crate) struct Context<'a> {
     pub document: &'a Document<'a>,
@@ -23,11 +23,11 @@ pub(crate) struct Context<'a> {
     pub hand: Option<&'static str>,
 }
 
-/// A checked table. The names asked of it are those of the rows; its values have their types and ranges.
+/// A checked table. It is queried by names of the rows; its values have their types and ranges.
 pub(crate) struct Fields<'a> {
     context: Context<'a>,
     place: Place,
-    /// What the table may have.
+    /// The keys that the table may have.
     rows: Vec<&'static Key>,
     /// The table's own `kind`, where it has one.
     pub kind: Option<&'static str>,
@@ -293,7 +293,7 @@ impl<'a> Fields<'a> {
         let wanted = measure.dimension(self.context.motion);
         let example = wanted.example();
         let Some((middle, tolerance)) = tolerance(&middle, &width, wanted) else {
-            // A mistake in the number itself says more than one in its tolerance.
+            // A mistake in the number itself is reported before one in its tolerance.
             if let (true, Err(message)) =
                 (width.ends_with('%'), quantity(measure, self.context.motion, &Value::Text(middle)))
             {
@@ -351,7 +351,7 @@ impl<'a> Fields<'a> {
         }
         match (row.takes, &node.value) {
             (Takes::Text, Value::Text(text)) => Ok(CheckedValue::Text(text.clone())),
-            // Nobody puts quotes inside a shell's quotes to call a world 1984.
+            // A text such as 1984 in an override needs no quotes inside the shell's quotes.
             (Takes::Text, _) if node.place.set.is_some() => {
                 let text = self.context.document.text(&node.place).get(node.place.span.clone());
                 Ok(CheckedValue::Text(text.unwrap_or_default().to_string()))
@@ -487,7 +487,7 @@ fn quantity(measure: Measure, motion: Motion, value: &Value) -> Result<f64, Stri
     }
 }
 
-/// The message with what is measured: of an energy the dimension's own name would be a torque's.
+/// The message with the name of the measure: the dimension of an energy has the name of a torque.
 fn named(measure: Measure, motion: Motion, error: &QuantityError) -> String {
     error.to_string().replace(&measure.dimension(motion).to_string(), &measure.described(motion))
 }
@@ -514,7 +514,7 @@ fn whole(text: &str) -> Option<i128> {
     (float.is_finite() && float.fract() == 0.0).then_some(float as i128)
 }
 
-/// What is wrong with a number outside of its range.
+/// The fault of a number outside its range.
 fn fault(range: Range, value: f64) -> String {
     let (least, most) = (PHYSICAL.start(), PHYSICAL.end());
     match range {
@@ -525,8 +525,8 @@ fn fault(range: Range, value: f64) -> String {
     }
 }
 
-/// The one of `all` whose name the key has; `None` where the file has no such key, nor the table a default for it. A name that the table
-/// of keys takes and none of these has is an error, and not another's.
+/// The one of `all` whose name the key has; `None` where the file has no such key, nor the table a default for it. A name that the table of
+/// keys takes and none of these has is an error, and does not count as another one.
 pub(crate) fn one_of<T: Copy>(
     fields: &Fields<'_>,
     key: &str,

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-/// Opens a file, a device or a FIFO for reading. A FIFO that nobody writes is an error within seconds, where opening it would wait for ever.
+/// Opens a file, a device or a FIFO for reading. A FIFO without a writer is an error within seconds; simply opening it would wait for ever.
 ///
 /// # Errors
 /// Those of the system, and a FIFO without a writer.
@@ -31,7 +31,7 @@ mod fifo {
 
     /// The time that a FIFO waits for a writer.
     const WRITER_TIMEOUT: Duration = Duration::from_secs(2);
-    /// From one look for it to the next.
+    /// The polling period for it.
     const LOOK: Duration = Duration::from_millis(10);
 
     pub fn open(path: &Path) -> io::Result<Box<dyn Read + Send>> {
@@ -39,7 +39,7 @@ mod fifo {
         let mut file = OpenOptions::new().read(true).custom_flags(flags).open(path)?;
         let start = Instant::now();
         let mut first = vec![0; 4096];
-        // Nothing to read and no writer is an end; nothing to read from a writer would block.
+        // Without data, a read ends if there is no writer, and would block if there is one.
         let length = loop {
             match file.read(&mut first) {
                 Ok(0) if start.elapsed() > WRITER_TIMEOUT => {

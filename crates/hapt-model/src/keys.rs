@@ -1,4 +1,4 @@
-//! The table of keys: every key of the world file, what it takes, and what it means.
+//! The table of keys: every key of the world file, its values, and its meaning.
 //!
 //! The file reader, `--set`, the schema and the book are made from [`KEYS`]; nothing else lists keys, defaults or ranges.
 
@@ -17,11 +17,11 @@ use crate::words;
 pub struct Key {
     /// The dotted path, `*` for a name or an index: `loop.period`, `couplings.*.stiffness`.
     pub path: &'static str,
-    /// Where its name begins: the table is searched for every key of a file, and should not be taken apart each time.
+    /// Where its name begins, so that a search of the table for every key of a file need not split the path each time.
     name_at: usize,
-    /// What it takes.
+    /// The values that it takes.
     pub takes: Takes,
-    /// Whether it must be there, and what holds when it is not.
+    /// Whether it is required, and its default when absent.
     pub presence: Presence,
     /// The kinds of coupling, hand or motion (the table's own `kind`) that it belongs to; empty: all.
     pub kinds: &'static [&'static str],
@@ -33,11 +33,11 @@ pub struct Key {
     usual: Option<(f64, f64)>,
     /// Whether its quantity may carry a tolerance: `"1.2e-3 N m s/rad ± 20 %"`.
     pub tolerance: bool,
-    /// What it means, with units, in a line or three.
+    /// Its meaning, with units, in one to three lines.
     pub doc: &'static str,
 }
 
-/// What a key takes.
+/// The values of a key.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Takes {
     /// Any text.
@@ -117,7 +117,7 @@ pub enum Measure {
     Ratio,
 }
 
-/// The numbers that a quantity may be; all are finite.
+/// The range of a quantity; all values are finite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Range {
     /// Any.
@@ -167,7 +167,7 @@ impl Measure {
 }
 
 impl Measure {
-    /// What it is called: `a torque (N m)`.
+    /// Its name: `a torque (N m)`.
     pub fn described(self, motion: Motion) -> String {
         match self {
             // N m is both, and a dimension has one name.
@@ -185,7 +185,7 @@ impl Measure {
         }
     }
 
-    /// The least and the largest size that it has on usual devices, in SI: a hundred times and more from what is common. Positions and
+    /// The least and the largest size that it has on usual devices, in SI: at least a hundred times beyond common ones. Positions and
     /// speeds may be as small as they are. `None` of a plain number.
     const fn usual(self, motion: Motion) -> Option<(f64, f64)> {
         Some(match (self, motion) {
@@ -251,7 +251,7 @@ impl Measure {
 /// leave double precision.
 pub const PHYSICAL: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
 
-/// So many times beyond what is usual a bare number is doubted.
+/// A bare number this many times beyond the usual range gives a warning.
 const FAR: f64 = 10.0;
 
 /// The plain numbers of an array: factors of a quantity, of the size of 1.
@@ -286,7 +286,7 @@ impl Takes {
     }
 }
 
-/// How many samples a text says: `"1.5 samples"`, `"1 sample"`; `None` where it has another unit, or none.
+/// The number of samples in a text: `"1.5 samples"`, `"1 sample"`; `None` where it has another unit, or none.
 pub fn in_samples(text: &str) -> Option<f64> {
     let text = text.trim();
     let number = text.strip_suffix(SAMPLES).or_else(|| text.strip_suffix(SAMPLES.trim_end_matches('s')))?;
@@ -317,12 +317,12 @@ impl Key {
     }
 
     /// A warning about a bare `number` at `path` that is far from what usual devices have there, with the unit that was probably meant;
-    /// `None` where it is not: a world on paper has round numbers.
+    /// `None` where it is not: an invented world has round numbers.
     pub(crate) fn doubt(&self, motion: Motion, path: &str, number: &str) -> Option<String> {
         let ((least, largest), (measure, _)) = (self.usual(motion)?, self.takes.quantity()?);
         let (value, dimension) = (parse_quantity(number, Dimension::NONE).ok()?, measure.dimension(motion));
         let is_usual = |size: f64| size == 0.0 || (least..=largest).contains(&size.abs());
-        // Positions and velocities have the largest alone, and degrees are 57 times radians.
+        // Positions and velocities have only a largest usual size, and degrees are 57 times radians.
         let far = if least > 0.0 { FAR } else { 1.0 };
         if value == 0.0 || (least / far..=largest * far).contains(&value.abs()) {
             return None;
@@ -346,7 +346,7 @@ impl Key {
         Some(format!("{path} = {number} is {number} {}; usual values are {range}. {advice}", dimension.symbol()))
     }
 
-    /// What it takes, as the end of an error message: expected `a time (s) above 0, such as "1 ms"`.
+    /// Its values, as the end of an error message: expected `a time (s) above 0, such as "1 ms"`.
     pub fn wanted(&self, motion: Motion) -> String {
         let quantity = |measure: Measure, range: Range| {
             let range = match range {
@@ -391,7 +391,7 @@ pub fn rows(table: &str) -> impl Iterator<Item = &'static Key> {
     KEYS.iter().chain(NETWORK).filter(move |key| key.table() == table)
 }
 
-/// What the user names or numbers inside of the table `path`, such as a body in `bodies`; `None` where hapt names the keys.
+/// The elements that the user names or numbers inside the table `path`, such as a body in `bodies`; `None` where hapt names the keys.
 pub(crate) fn named_by_the_user(path: &str) -> Option<&'static str> {
     KEYS.iter().chain(NETWORK).find(|key| key.path == path).and_then(|key| match key.takes {
         Takes::Named { what, .. } | Takes::List { what, .. } => Some(what),

@@ -1,6 +1,6 @@
 //! The kinds of motions, estimators, hands, shapes and timings, each with its name in world files.
 //!
-//! The table of keys takes its names from here, and the reader, the writer and whoever names a kind match on these: a kind that is new
+//! The table of keys takes its names from here, and the reader, the writer and all other code that names a kind match on these: a new kind
 //! does not compile before each of them has an arm for it.
 
 #![warn(clippy::wildcard_enum_match_arm)]
@@ -20,13 +20,13 @@ hapt_core::named! {
 }
 
 hapt_core::named! {
-    /// The estimators by name; their parameters stand beside them, as in the file.
+    /// The estimators by name; their parameters are separate keys, as in the file.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
     pub enum EstimatorKind {
         /// The true velocity.
         #[default]
         Exact => "exact",
-        /// The backward difference, over one sample or `every` so many.
+        /// The backward difference, over one sample or over `every` samples.
         Difference => "difference",
         /// The backward difference through a first-order low-pass.
         LowPass => "low-pass",
@@ -38,7 +38,7 @@ hapt_core::named! {
 }
 
 hapt_core::named! {
-    /// The torques of a device that a loop may take back.
+    /// The torques of a device that a loop may compensate.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum Compensated {
         /// That of the weight.
@@ -119,7 +119,7 @@ mod tests {
     use crate::keys::{self, Presence, Takes};
     use crate::{Motion, Source, World};
 
-    /// A world with a coupling of this kind, which has all that the table of keys asks of it.
+    /// A world with a coupling of this kind, which has all keys that the table requires.
     fn with(kind: CouplingKind) -> String {
         let rows = keys::rows("couplings.*").filter(|row| row.belongs(Some(kind.name()), None, Motion::Rotary));
         let mut text =
@@ -135,7 +135,7 @@ mod tests {
             };
             text += &format!("{} = {value}\n", row.name());
         }
-        // What depends on other keys.
+        // Keys that depend on other keys.
         if kind == CouplingKind::Friction {
             text += "torque = 1\n";
         }

@@ -12,7 +12,7 @@ use crate::safety::Safety;
 use crate::world::World;
 use crate::{Coupling, Damping, End};
 
-/// The sign test moves the puck by this many counts, or without an encoder by this way, in rad or m.
+/// The sign test moves the puck by this many counts, or without an encoder by this displacement, in rad or m.
 const SEEN_COUNTS: f64 = 12.0;
 const SEEN: f64 = 1e-3;
 /// The longest pulse of the sign test, in s.
@@ -21,7 +21,7 @@ const TEST: f64 = 0.25;
 const FASTEST: [f64; 2] = [50.0, 2.5];
 /// The largest change of the puck's speed that a hit of the hand causes within a sample, as a part of [`FASTEST`].
 const HIT: f64 = 0.5;
-/// The way over which a hand winds up a puck against the motor's limit: half a turn in rad, and in m.
+/// The displacement over which a hand winds up a puck against the motor's limit: half a turn in rad, and in m.
 const WOUND: [f64; 2] = [std::f64::consts::PI, 0.1];
 /// The travel, in rad and m, over which the motor's limit does the work at which the ledgers trip.
 const TRAVEL: [f64; 2] = [0.05, 2.5e-3];
@@ -32,7 +32,7 @@ const STALL: f64 = 5.0;
 /// From the last heartbeat to torque 0, in s.
 const LINK: f64 = 0.3;
 
-/// What a world's couplings contribute to the limits.
+/// The contribution of a world's couplings to the limits.
 struct Reach {
     /// The sum of the steepest rises at the puck, and of the damping there.
     stiffness: f64,
@@ -69,7 +69,7 @@ impl World {
         // A hit by the hand, and the motor's contribution.
         let change =
             HIT * FASTEST[motion] + (limit * period / device.inertia).min(2.0 * safety.overspeed.unwrap_or(fastest));
-        // What may hold the puck, or push it the other way.
+        // The torques that may hold the puck, or push it the other way.
         let holds = device.largest_friction() + device.torque.most();
         let nudge = 2.0 * holds + if limit.is_finite() { 0.05 * limit } else { 0.0 };
         // On a device with much damping and coarse counts this would not show the direction of the motion.
@@ -96,7 +96,7 @@ impl World {
             slew: or_any(safety.slew, self.slew(&reach, velocity, limit)),
             motor: Heat { rms: safety.rms.unwrap_or(f64::INFINITY), time: heating },
             driver: Heat { rms: safety.driver_rms.unwrap_or(f64::INFINITY), time: driver_heating },
-            // What the certificate covers is no stall.
+            // An interval that the certificate covers is no stall.
             stall: or_never(safety.stall, (STALL * period).max(self.sampling.interval_max_s() - period)),
             time: self.certified_time(safety.late.unwrap_or(WhenLate::Fade)),
             link: or_never(safety.link, LINK.max(2.0 * gone)),

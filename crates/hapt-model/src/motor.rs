@@ -38,7 +38,7 @@ pub(crate) fn add(device: &mut Device, fields: &Fields<'_>) -> Result<(), Error>
     reflect(device, &motor);
     let friction = device.largest_friction();
     let numbers = [Some(device.inertia), Some(device.damping), Some(friction), device.limit, device.encoder];
-    // As of numbers that stand in the file.
+    // The same check as for numbers of the file.
     if numbers.into_iter().flatten().any(|number| !Range::ZeroOrMore.contains(number))
         || device.encoder > Some(2_f64.powi(53))
     {
@@ -71,10 +71,10 @@ fn read(fields: &Fields<'_>) -> Result<Motor, Error> {
 
 fn reflect(device: &mut Device, motor: &Motor) {
     let n = motor.ratio;
-    // A tolerance is that of the number beside which it stands, the puck's own.
+    // A tolerance belongs to the number that it follows in the file, the puck's own.
     let add = |own: &mut f64, tolerance: &mut f64, more: f64| {
         let whole = *own + more;
-        // Nothing has no tolerance.
+        // A number that is 0 has no tolerance.
         *tolerance *= if *own > 0.0 { *own / whole } else { 0.0 };
         *own = whole;
     };

@@ -1,4 +1,4 @@
-//! Every number of a world under its key's name: what the writer writes, and what a sweep changes.
+//! Every number of a world under its key's name, for the writer and for sweeps.
 
 #![warn(clippy::wildcard_enum_match_arm)]
 
@@ -12,13 +12,13 @@ use crate::sampling::{Delay, Sampling};
 use crate::timing::Timing;
 use crate::world::{Device, Mounting, World};
 
-/// Where a number stands.
+/// The place of a number.
 pub(crate) enum NumberSlot<'a> {
     Number(&'a mut f64),
     Optional(&'a mut Option<f64>),
     Whole(&'a mut u32),
     OptionalWhole(&'a mut Option<u32>),
-    /// In s, or in samples. What is put there is in s.
+    /// In s, or in samples. A new value is in s.
     Delay(&'a mut Delay),
     OptionalDelay(&'a mut Option<Delay>),
 }
@@ -50,12 +50,12 @@ impl NumberSlot<'_> {
         }
     }
 
-    /// In SI; a delay in samples as so many seconds. `None` where the key is absent.
+    /// In SI; a delay in samples is converted to seconds. `None` where the key is absent.
     fn si(&self, period: f64) -> Option<f64> {
         self.get().map(|value| if self.is_in_samples() { value * period } else { value })
     }
 
-    /// Whether `value` could be put there: a whole number's place takes no other.
+    /// Sets the number; returns whether the place takes `value`: that of a whole number takes no other.
     pub fn set(self, value: f64) -> bool {
         let whole = || (value >= 0.0 && value <= f64::from(u32::MAX) && value.fract() == 0.0).then_some(value as u32);
         match self {
@@ -173,7 +173,7 @@ pub(crate) fn body(body: &mut Body) -> NumberSlots<'_> {
     ]
 }
 
-/// A coupling's kind and its numbers; a compensating damper's damping is none.
+/// A coupling's kind and its numbers; a compensating damper's damping is not a number.
 pub(crate) fn coupling(coupling: &mut Coupling) -> (&'static str, NumberSlots<'_>) {
     let kind = coupling.law.kind().name();
     let takes_limit = coupling.law.takes_limit();
@@ -293,8 +293,8 @@ impl World {
         })
     }
 
-    /// Puts a number, in SI, where the dotted path of its key leads: `couplings.0.stiffness`. Nothing is checked but that a
-    /// whole number's key takes a whole number: a world so changed may be one that no file could say.
+    /// Puts a number, in SI, where the dotted path of its key leads: `couplings.0.stiffness`. The only check is that a whole number's key
+    /// takes a whole number: the changed world may be one that no file can express.
     ///
     /// `false`, and nothing is changed, where this world has no number under that key, or one that takes no such value.
     pub fn set_number(&mut self, path: &str, value: f64) -> bool {

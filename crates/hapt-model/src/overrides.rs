@@ -61,7 +61,7 @@ fn apply(document: &mut Document<'_>, index: usize, set: &str) -> Result<(), Err
         let message = format!("{} is not KEY=VALUE, such as loop.period=2ms", words::quoted(set));
         return Err(document.error(ErrorKind::Syntax, "", message, &place(0..set.len())));
     };
-    // A tree of a thousand levels would be dropped level by level, each on the stack.
+    // A tree of a thousand levels would be dropped by recursion, with each level on the stack.
     let (names, deepest) = (path.split('.').count(), keys::deepest());
     if names > deepest {
         let message = format!("{} has {names} names; no key has more than {deepest}", words::quoted(path));
@@ -100,7 +100,7 @@ fn steps(path: &str) -> impl Iterator<Item = (&str, Range<usize>)> {
     })
 }
 
-/// The text from `start` on as a TOML value; whatever is none is a string.
+/// The text from `start` on as a TOML value; text that is not a value is a string.
 fn value(set: &str, start: usize, index: usize) -> Node {
     let text = set.get(start..).unwrap_or_default();
     let start = start + (text.len() - text.trim_start().len());
@@ -116,7 +116,7 @@ fn value(set: &str, start: usize, index: usize) -> Node {
     }
 }
 
-/// Puts `value` at the path; on failure the index of the step that fails, and why.
+/// Puts `value` at the path; on failure returns the index of the step that fails, and the reason.
 fn put(root: &mut Node, top: &str, steps: &[Step<'_>], value: Node) -> Result<(), (usize, ErrorKind, String)> {
     let mut node = root;
     let mut pattern = top.to_string();

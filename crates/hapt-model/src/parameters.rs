@@ -1,4 +1,4 @@
-//! What a world file says, key by key: as it is written, and in SI.
+//! The values of a world file, key by key: as written, and in SI.
 
 use crate::counts::{self, InCounts};
 use crate::dimension::Dimension;
@@ -23,13 +23,13 @@ pub struct Parameter {
     pub tolerance: f64,
     /// A quantity in SI.
     pub si: Option<f64>,
-    /// The SI unit of a quantity; empty for what is none.
+    /// The SI unit of a quantity; empty for other values.
     pub unit: String,
-    /// What the key means.
+    /// The meaning of the key.
     pub doc: &'static str,
     /// A warning about a bare number that no usual device has, with the unit that was probably meant.
     pub doubt: Option<String>,
-    /// Whether it stands in the file or an override; else it is a default.
+    /// Whether it is in the file or an override; else it is a default.
     pub given: bool,
 }
 
@@ -52,7 +52,7 @@ pub fn parameters_of(world: &World, source: &Source, sets: &[String]) -> Result<
     if let Value::Table(entries) = &document.root.value {
         table(&mut list, *motion, counts::size(&document, *motion), entries, "", "", None);
     }
-    // A delay in samples is as many seconds as the period makes it.
+    // A delay in samples is converted to seconds by the period.
     for delay in list.iter_mut().filter(|parameter| ["loop.delay", "loop.delay_max"].contains(&parameter.path.as_str()))
     {
         if let Some(samples) = keys::in_samples(&delay.written) {
@@ -183,7 +183,7 @@ fn given(row: &Key, motion: Motion, count: Option<f64>, path: String, node: &Nod
         .ok()
     });
     let unit = if si.is_some() { si_unit(row, motion) } else { String::new() };
-    // Of a number that has no unit of its own.
+    // A warning about a number without a unit of its own.
     let doubt = match &node.value {
         Value::Number(number) => row.doubt(motion, &path, number),
         Value::Text(_) | Value::Boolean(_) | Value::Date(_) | Value::Array(_) | Value::Table(_) => None,
@@ -191,7 +191,7 @@ fn given(row: &Key, motion: Motion, count: Option<f64>, path: String, node: &Nod
     Parameter { path, written, tolerance, si, unit, doc: row.doc, doubt, given: true }
 }
 
-/// A quantity's text without its tolerance, and that: its own, or that of the number which an override has replaced.
+/// A quantity's text without its tolerance, and the tolerance: its own, or that of the number which an override has replaced.
 fn tolerated(row: &Key, motion: Motion, written: String, node: &Node) -> (String, f64) {
     let Some((measure, _)) = row.takes.quantity().filter(|_| row.tolerance) else { return (written, 0.0) };
     let parts = |text: &str| {
@@ -213,7 +213,7 @@ fn si_unit(row: &Key, motion: Motion) -> String {
 }
 
 impl Source {
-    /// The same with the texts of all files that the world names, itself or in `sets`, so that it can be read where they are not.
+    /// The same with the texts of all files that the world names, itself or in `sets`, so that it can be read without these files.
     ///
     /// # Errors
     /// As [`crate::World::read`].

@@ -19,7 +19,7 @@ const MOST_POINTS: usize = 1_000_000;
 /// Points in all paths of a world together: 160 MB.
 const MOST_POINTS_IN_ALL: usize = 10_000_000;
 
-/// What a path gives over time.
+/// The quantity of a path over time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Carries {
     /// rad or m, under the header `puck_UNIT`.
@@ -48,7 +48,7 @@ impl<'a> Reader<'a> {
         }
         let folder = &self.source.folder;
         let bytes = self.bytes(file)?;
-        // Beside standard input or in the current folder, the plain name is the one that the user knows.
+        // With standard input or in the current folder, the plain name is the one that the user knows.
         let shown = if folder == Path::new(".") { PathBuf::from(file) } else { folder.join(file) };
         let shown = shown.display().to_string();
         let text = decoded(&shown, bytes)?;
@@ -82,14 +82,14 @@ impl<'a> Reader<'a> {
         };
         let unreadable = |error: std::io::Error| refused(format!("cannot read {quoted} {where_looked}: {error}"));
         let folder = self.source.folder.canonicalize().map_err(unreadable)?;
-        // A path from the root may begin with the folder as the user writes it, or as the system does.
+        // An absolute path may begin with the folder as written by the user, or by the system.
         let named = std::path::absolute(&self.source.folder).map_err(unreadable)?;
         let within = [&named, &folder].into_iter().find_map(|folder| Path::new(file).strip_prefix(folder).ok());
         let below = within.unwrap_or(Path::new(file));
         if leaves(below) {
             return outside();
         }
-        // A symbolic link inside may lead outside all the same.
+        // A symbolic link inside may still lead outside.
         let path = folder.join(below).canonicalize().map_err(unreadable)?;
         if !path.starts_with(&folder) {
             return outside();
@@ -208,7 +208,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// What a field of a CSV file holds, without blanks around it and the quotes that spreadsheets may set.
+/// The content of a field of a CSV file, without blanks around it and the quotes that spreadsheets may set.
 pub(crate) fn unquoted(field: &str) -> &str {
     let field = field.trim();
     field.strip_prefix('"').and_then(|field| field.strip_suffix('"')).map_or(field, str::trim)

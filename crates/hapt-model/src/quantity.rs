@@ -15,24 +15,24 @@ pub struct Quantity {
     pub dimension: Option<Dimension>,
 }
 
-/// A text that is not the quantity that was wanted.
+/// A text that is not the expected quantity.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct QuantityError {
     /// As it was written.
     pub text: String,
-    /// What is wrong with it.
+    /// The fault.
     pub fault: Fault,
-    /// What would be right, where that is known.
+    /// The expected dimension, where that is known.
     pub wanted: Option<Dimension>,
 }
 
-/// What is wrong with a quantity.
+/// The faults of a quantity.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Fault {
     /// No finite decimal number at its start.
     #[error("does not begin with a finite number")]
     Number,
-    /// `0,5`: the point is a point in every country here.
+    /// `0,5`: the decimal separator is a point in every country here.
     #[error("has a comma for its decimal point")]
     Comma,
     /// `−5`, `1e–3`: a typographic dash for the minus sign.
@@ -41,7 +41,7 @@ pub enum Fault {
     /// The unit does not read.
     #[error(transparent)]
     Unit(#[from] UnitError),
-    /// A number alone, where a unit is needed.
+    /// A number without a unit, where one is needed.
     #[error("has no unit")]
     NoUnit,
     /// In SI beyond the largest double.
@@ -136,7 +136,7 @@ pub(crate) fn split_tolerance(text: &str) -> Option<(&str, &str)> {
 }
 
 /// A quantity with its tolerance, as [`split_tolerance`] parted them: the middle, with its unit, and the half width as a fraction of it.
-/// `None` where it does not read; the middle's own mistakes are left to whoever reads it.
+/// `None` where it does not read; the middle's own mistakes are found when it is read.
 pub(crate) fn tolerance(middle: &str, width: &str, wanted: Dimension) -> Option<(String, f64)> {
     if let Some(percent) = width.strip_suffix('%') {
         return Some((middle.to_string(), parse_percent(percent)?));
@@ -193,7 +193,7 @@ impl<'a> Number<'a> {
             let length = power.len() - unsigned.len() + digits(unsigned);
             if digits(unsigned) > 0 {
                 let (power, rest) = power.split_at(length);
-                // Beyond nine digits it overflows or underflows whatever the unit.
+                // Beyond nine digits it overflows or underflows with any unit.
                 let bound = if power.starts_with('-') { -999_999_999 } else { 999_999_999 };
                 let exponent = power.parse::<i64>().map_or(bound, |exponent| exponent.clamp(-999_999_999, 999_999_999));
                 return Some((Number { mantissa, exponent }, rest.trim_start()));

@@ -1,4 +1,4 @@
-//! From the tree to the [`World`]: what the table of keys cannot say alone.
+//! From the tree to the [`World`]: the checks that the table of keys cannot express.
 
 #![warn(clippy::wildcard_enum_match_arm)]
 
@@ -211,7 +211,7 @@ fn coupling(fields: &Fields<'_>, names: &[String], files: &path::Reader<'_>) -> 
     Ok(Coupling { first, second, law, limit: fields.optional_number("limit")? })
 }
 
-/// Adds the couplings that take back torques of the device.
+/// Adds the couplings that compensate torques of the device.
 fn compensate(
     top: &Fields<'_>,
     motion: Motion,
@@ -323,7 +323,7 @@ fn end(fields: &Fields<'_>, name: &str, place: &Place, names: &[String]) -> Resu
     })
 }
 
-/// What depends on the other couplings, and on the loop.
+/// Checks that depend on the other couplings, and on the loop.
 fn check_coupling(
     fields: &Fields<'_>,
     coupling: &Coupling,
@@ -430,7 +430,7 @@ fn timing(fields: &Fields<'_>, sampling: &Sampling, duration: f64, files: &path:
     Ok(timing)
 }
 
-/// The two keys of a grip that opens and takes hold again.
+/// The two keys of a grip that releases and grips again.
 fn switching(hand: &Fields<'_>, duration: f64) -> Result<Option<Switching>, Error> {
     let alone = |key, other| {
         let message = format!("stands without {other}: a hand that opens and takes hold again has both");

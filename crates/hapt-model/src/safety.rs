@@ -33,7 +33,7 @@ pub struct Safety {
     pub driver_heating: f64,
     /// The largest lateness of a sample in s, missed samples counted in; 0: any.
     pub stall: Option<f64>,
-    /// What happens beyond `loop.interval_max` and `loop.delay_max`, where the file states them.
+    /// The reaction to times beyond `loop.interval_max` and `loop.delay_max`, where the file states them.
     pub late: Option<WhenLate>,
     /// From the last heartbeat to torque 0, the fade included, in s; 0: any.
     pub link: Option<f64>,

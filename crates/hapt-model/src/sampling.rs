@@ -14,17 +14,17 @@ pub struct Sampling {
     pub period: f64,
     /// The integrator.
     pub method: Method,
-    /// Which state makes the torque.
+    /// Which state gives the torque.
     pub output: Output,
     /// Further steps ahead for the torque, with `output = "end"`.
     pub advance: u32,
     /// The bodies step at every such sample, by as many periods; 1 or more.
     pub bodies_every: u32,
-    /// The longest true time between two samples in s, no shorter than the period; `None`: the period, whatever it is.
+    /// The longest true time between two samples in s, no shorter than the period; `None`: always the period.
     pub interval_max: Option<f64>,
     /// From the sample to the moment the motor torque changes; the least where it varies.
     pub delay: Delay,
-    /// The largest delay, where it varies; no shorter than `delay`. `None`: the delay, whatever it is.
+    /// The largest delay, where it varies; no shorter than `delay`. `None`: always the delay.
     pub delay_max: Option<Delay>,
     /// The cutoff in Hz of the one pole behind which bodies and couplings see the puck's position; `None`: they see it as measured.
     pub filter: Option<f64>,
@@ -61,7 +61,7 @@ impl Delay {
 }
 
 impl Sampling {
-    /// What a file says that has `loop.period` alone, in s.
+    /// The table of a file that has only `loop.period`, in s.
     pub fn new(period: f64) -> Self {
         Sampling {
             period,

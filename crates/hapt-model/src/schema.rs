@@ -1,10 +1,10 @@
 //! The tables of keys as a JSON schema, for editors.
 //!
-//! Draft 7, because the TOML editors' language server (taplo, in Even Better TOML) reads drafts 4 to 7. It says of each key
-//! what [`KEYS`] says. What depends on several keys at once (Coulomb or LuGre, levels without a limit) is left to the reader.
+//! Draft 7, because the TOML editors' language server (taplo, in Even Better TOML) reads drafts 4 to 7. It has the same facts on each key
+//! as [`KEYS`]. Rules on several keys at once (Coulomb or LuGre, levels without a limit) are left to the reader.
 //!
 //! Where one key decides what the others mean, `kind` or `motion`, the branch is an `if`, so that a mistake is shown at its
-//! own key: a `oneOf` could only say that the whole table fits none. The `anyOf` beside it holds always; it is where editors
+//! own key: a `oneOf` could only report that the whole table fits none. The `anyOf` next to it always holds; there editors
 //! that do not follow an `if` find names and docs.
 
 use serde_json::{Map, Value, json};
@@ -44,7 +44,7 @@ pub fn schema() -> String {
 
 type Definitions = Map<String, Value>;
 
-/// What decides the meaning of a table's keys.
+/// The kinds that decide the meaning of a table's keys.
 #[derive(Clone, Copy)]
 struct Kinds {
     /// The table's own.
@@ -111,9 +111,9 @@ fn choice(by: &str, branches: Vec<(&str, Value)>, first_without: bool) -> Value 
     })
 }
 
-/// What one row takes, with its doc.
+/// The values of one row, with its doc.
 fn property(row: &'static Key, kinds: Kinds, definitions: &mut Definitions) -> Value {
-    // A table inside of a hand means what the hand's kind makes of it.
+    // The hand's kind decides the meaning of a table inside it.
     let inside = Kinds { kind: None, hand: kinds.kind, ..kinds };
     let each = KEYS.iter().chain(NETWORK).map(Key::table).find(|table| table.strip_suffix(".*") == Some(row.path));
     let mut each = || each.map_or(json!({}), |path| table(path, inside, definitions));
@@ -121,7 +121,7 @@ fn property(row: &'static Key, kinds: Kinds, definitions: &mut Definitions) -> V
         Takes::Text => json!({ "type": "string" }),
         Takes::Name(names) => json!({ "enum": names }),
         Takes::Quantity(measure, range) if row.path.starts_with(keys::NETWORK_FILE) => {
-            // The worlds of its stations say how they move, and the network itself does not.
+            // The worlds of its stations have the motion, and the network itself does not.
             let [rotary, linear] =
                 [Motion::Rotary, Motion::Linear].map(|motion| quantity(measure, range, None, motion, definitions));
             if rotary == linear { rotary } else { json!({ "anyOf": [rotary, linear] }) }
@@ -204,7 +204,7 @@ fn examples(wanted: Dimension) -> Vec<String> {
     examples
 }
 
-/// The doc, what is taken, and what holds without the key.
+/// The doc, the values, and the default.
 fn description(row: &Key, motion: Motion) -> String {
     let takes = match row.takes {
         Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples | Takes::Whole { .. } => {
@@ -221,7 +221,7 @@ fn description(row: &Key, motion: Motion) -> String {
     format!("{}{takes}{without}", row.doc)
 }
 
-/// What holds without the key, as the file would say it.
+/// The default of the key, as in a file.
 fn default(row: &Key, motion: Motion) -> Option<Value> {
     match (row.presence, row.takes) {
         (Presence::Name(name), _) => Some(json!(name)),

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, ErrorKind, Location, visible};
 
-/// What errors call standard input.
+/// The name of standard input in errors.
 pub(crate) const STDIN: &str = "<stdin>";
 /// A world file larger than this is refused: 1 MiB.
 pub const LARGEST_SOURCE: u64 = 1 << 20;
@@ -22,13 +22,13 @@ pub const LARGEST_SOURCE: u64 = 1 << 20;
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Source {
-    /// What errors call it.
+    /// Its name in errors.
     pub name: String,
     /// TOML.
     pub text: String,
-    /// What the path files in it are relative to, and must stay inside of.
+    /// The folder that its path files are relative to, and must be inside.
     pub folder: PathBuf,
-    /// The texts of files that come with the world, by the names that it has for them. They are not looked for in the folder.
+    /// The texts of files that come with the world, by its names for them. They are not searched in the folder.
     pub files: BTreeMap<String, String>,
 }
 
@@ -39,7 +39,7 @@ impl Source {
     /// [`ErrorKind::Unreadable`] for a file that is missing or unreadable, and as [`Source::from_bytes`].
     pub fn open(path: impl AsRef<Path>) -> Result<Source, Error> {
         let path = path.as_ref();
-        // A name may hold a line's end, or what moves the cursor.
+        // A name may contain a line break, or characters that move the cursor.
         let name: String = path.display().to_string().chars().map(visible).collect();
         let file = crate::input::open(path).map_err(|error| unreadable(&name, &error))?;
         let folder = match path.parent() {
@@ -81,7 +81,7 @@ fn read(name: &str, from: impl Read) -> Result<Source, Error> {
     Source::from_bytes(name, bytes)
 }
 
-/// The text of a file, or what it is instead.
+/// The text of a file, or the kind of its bytes.
 pub(crate) fn decoded(name: &str, bytes: Vec<u8>) -> Result<String, Error> {
     let error = |message, location| Err(Error { kind: ErrorKind::Syntax, key: String::new(), message, location });
     if let Some(encoding) = other_encoding(&bytes) {
@@ -96,7 +96,7 @@ pub(crate) fn decoded(name: &str, bytes: Vec<u8>) -> Result<String, Error> {
     })
 }
 
-/// The encoding that a byte order mark names, or that the NULs beside the first two characters show.
+/// The encoding that a byte order mark names, or that the NULs next to the first two characters show.
 fn other_encoding(bytes: &[u8]) -> Option<&'static str> {
     match bytes {
         [0xff, 0xfe, 0, 0, ..] | [0, 0, 0xfe, 0xff, ..] => Some("UTF-32"),

@@ -1,9 +1,9 @@
-//! Regular expressions for quantities, by which editors know a wrong unit before hapt sees the file.
+//! Regular expressions for quantities, by which editors detect a wrong unit before hapt reads the file.
 //!
-//! An expression cannot add exponents up. It can list, though, what is written when nothing stands twice: one unit that
-//! carries mass (kg, N, N m), one of length, one of time, one of angle, each with a power of ±1 or ±2, in any order. For those
-//! [`plain`] takes the right dimension and no other. Everything else that reads, such as `N mm/(deg/s^2)` or `m/s/s`, is
-//! [`unusual`], where the dimension is left to the reader. Together they take whatever the reader takes.
+//! An expression cannot add exponents up. It can list, though, the spellings in which no base occurs twice: one unit that carries mass
+//! (kg, N, N m), one of length, one of time, one of angle, each with a power of ±1 or ±2, in any order. For those [`plain`] takes the
+//! right dimension and no other. Everything else that reads, such as `N mm/(deg/s^2)` or `m/s/s`, is [`unusual`], where the dimension
+//! is left to the reader. Together they take everything that the reader takes.
 
 use crate::dimension::Dimension;
 use crate::keys::Range;
@@ -14,7 +14,7 @@ const POWER: &str = r"(?: *\^[+-]?[0-9]+|[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)";
 /// All powers but 2, -1 and -2.
 const OTHER_POWER: &str =
     r"(?: *\^(?:\+[0-9]+|1|-?0[0-9]*|-?[3-9][0-9]*|-?[12][0-9]+)|¹|⁻?[⁰³⁴⁵⁶⁷⁸⁹][⁰¹²³⁴⁵⁶⁷⁸⁹]*|⁻?[¹²][⁰¹²³⁴⁵⁶⁷⁸⁹]+)";
-/// What stands between units, parentheses among it.
+/// The characters between units, including parentheses.
 const BETWEEN: &str = r"[ ·⋅*/()]";
 
 /// A unit in a product, and its power.
@@ -24,9 +24,9 @@ struct Factor {
     power: i8,
 }
 
-/// What takes a number and a unit of the dimension `wanted`, where no base stands twice.
+/// The expression for a number and a unit of the dimension `wanted`, where no base occurs twice.
 pub(crate) fn plain(wanted: Dimension) -> String {
-    // Hz and rpm, which stand in no product.
+    // Hz and rpm, which occur in no product.
     let rate = names(|dimension| dimension == wanted && !is_factor(dimension));
     let mut spellings = vec![format!(" *{rate}")];
     let other = Dimension::INERTIA_PER_ANGLE;
@@ -37,8 +37,8 @@ pub(crate) fn plain(wanted: Dimension) -> String {
     format!(r"{NUMBER}(?:{}) *$", spellings.join("|"))
 }
 
-/// What takes a number and units of any dimension, where `plain` cannot tell: parentheses, a base twice, Hz or rpm beside
-/// others, a power such as 3, a 1 in between.
+/// The expression for a number and units of any dimension, where `plain` cannot decide: parentheses, a base twice, Hz or rpm with other
+/// units, a power such as 3, a 1 in between.
 pub(crate) fn unusual() -> String {
     let name = names(|_| true);
     let closed = format!("{name}(?:{POWER}{BETWEEN}*|{BETWEEN}+)");
@@ -72,18 +72,18 @@ pub(crate) fn unusual() -> String {
     format!(r"{NUMBER}(?:{}) *$", features.join("|"))
 }
 
-/// What takes a number of samples, 0 or more.
+/// The expression for a number of samples, 0 or more.
 pub(crate) fn samples() -> String {
     let number = NUMBER.replace("[+-]?(?:[0-9]+\\.", "\\+?(?:[0-9]+\\.");
     format!(r"{number}\s*samples?\s*$")
 }
 
-/// What takes a quantity with a tolerance; its units are left to the reader.
+/// The expression for a quantity with a tolerance; its units are left to the reader.
 pub(crate) fn tolerated() -> String {
     format!(r"{NUMBER}.*(?:±|\+/?-)\s*\+?[0-9.]")
 }
 
-/// What takes texts whose number, at their beginning, is in this range; `None`: all are.
+/// The expression for texts whose number, at their beginning, is in this range; `None`: all are.
 pub(crate) fn number_in(range: Range) -> Option<&'static str> {
     match range {
         Range::Any => None,
@@ -92,7 +92,7 @@ pub(crate) fn number_in(range: Range) -> Option<&'static str> {
     }
 }
 
-/// Whether a unit stands in plain products: it carries mass, or is of length, time or angle.
+/// Whether a unit occurs in plain products: it carries mass, or is of length, time or angle.
 fn is_factor(dimension: Dimension) -> bool {
     dimension.mass != 0 || [Dimension::LENGTH, Dimension::TIME, Dimension::ANGLE].contains(&dimension)
 }

@@ -4,7 +4,7 @@ use hapt_core::{Coupling, Method};
 
 use crate::words;
 
-/// Why `method` does not take this coupling ([`Coupling::goes_with`]), and what to use; `None` when it does.
+/// Why `method` does not take this coupling ([`Coupling::goes_with`]), and an alternative; `None` when it does.
 pub(crate) fn refusal(method: Method, coupling: &Coupling) -> Option<String> {
     if coupling.goes_with(method) {
         return None;

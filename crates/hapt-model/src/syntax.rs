@@ -1,4 +1,4 @@
-//! What the TOML parser found, with what would be right.
+//! The TOML parser's errors, with corrections.
 
 use std::ops::Range;
 
@@ -41,7 +41,7 @@ pub(crate) fn message(found: &str, text: &str, span: Option<&Range<usize>>) -> S
 mod tests {
     use crate::{Source, World};
 
-    /// The first line of what is said of a file.
+    /// The first line of the message about a file.
     fn said(text: &str) -> String {
         let error = World::read(&Source::from_text("w.toml", text), &[]).unwrap_err();
         error.message

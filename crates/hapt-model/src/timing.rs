@@ -9,7 +9,7 @@ use crate::sampling::Sampling;
 use crate::unit::Unit;
 use crate::words;
 
-/// When samples are taken and commands arrive. World and estimator step by the nominal period whatever the true intervals are.
+/// When samples are taken and commands arrive. World and estimator step by the nominal period for any true intervals.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Timing {
     /// Every period, with the same delay.
@@ -17,7 +17,7 @@ pub enum Timing {
     Even,
     /// Delays uniform in [delay, delay_max], intervals uniform in [the shortest or the delay, interval_max].
     Random {
-        /// The same seed draws the same.
+        /// The same seed gives the same times.
         seed: u32,
         /// The shortest interval in s; `None`: as far below the period as `interval_max` is above, a hundredth of the period at least.
         shortest: Option<f64>,
@@ -182,7 +182,7 @@ pub fn of_pattern(delays: &[f64], i: usize) -> Option<f64> {
     if let [only] = delays { Some(*only) } else { delays.get(i).copied() }
 }
 
-/// Why a command cannot be so late before a sample after this interval, both in s.
+/// Why a command cannot have this delay before the sample after this interval, both in s.
 fn delay_fault(delay: f64, interval: f64, sampling: &Sampling) -> Option<String> {
     let (least, largest) = (sampling.delay_s(), sampling.delay_max_s());
     if delay < least * (1.0 - ROUNDING) || delay > largest * (1.0 + ROUNDING) {

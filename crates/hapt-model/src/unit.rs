@@ -11,7 +11,7 @@ const HIGHEST_POWER: i16 = 100;
 const DEEPEST: u32 = 16;
 
 /// A unit as a product of powers: of rad, m, kg and s, then of the numbers 10, π, 2, 180, 30, and of those of an inch, a pound and the
-/// standard gravity. Keeping the numbers apart until the end makes the decimal ones exact and lets deg/deg cancel.
+/// standard gravity. As the numbers stay separate until the end, the decimal ones are exact, and deg/deg cancels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Unit([i16; 12]);
 
@@ -47,7 +47,7 @@ pub const UNITS: &[(&str, Unit)] = &[
     ("kHz", si(0, 0, 0, -1, 3)),
     ("N", si(0, 1, 1, -2, 0)),
     ("mN", si(0, 1, 1, -2, -3)),
-    // As motors' data sheets have them: an ounce beside an inch is a force.
+    // As in motors' data sheets: an ounce next to an inch is a force.
     ("kgf", Unit([0, 1, 1, -2, -5, 0, 0, 0, 0, 0, 0, 1])),
     ("gf", Unit([0, 1, 1, -2, -8, 0, 0, 0, 0, 0, 0, 1])),
     ("lbf", Unit([0, 1, 1, -2, -13, 0, 0, 0, 0, 0, 1, 1])),
@@ -69,10 +69,10 @@ const OTHERS: &[&str] = &[
     "psi", "lb", "lbs", "inch", "ft",
 ];
 
-/// What an encoder gives, as data sheets and logs have it.
+/// The unit of an encoder, as in data sheets and logs.
 const COUNTS: [&str; 4] = ["count", "counts", "tick", "ticks"];
 
-/// What keeps a text from being a unit.
+/// Why a text is not a unit.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum UnitError {
     /// A name that is not in [`UNITS`].
@@ -135,7 +135,7 @@ impl Unit {
         i64::from(self.0[4])
     }
 
-    /// What is left beside the power of ten: π/180 for deg, exactly 1 for mm.
+    /// The factor in addition to the power of ten: π/180 for deg, exactly 1 for mm.
     pub fn factor(self) -> f64 {
         let [.., pi, two, half_turn, thirty, inch, pound, gravity] = self.0;
         let (mut above, mut below) = (1.0, 1.0);
@@ -167,7 +167,7 @@ struct Parser<'a> {
 }
 
 impl Parser<'_> {
-    /// What follows the first factor, up to the end or a closing parenthesis.
+    /// The rest after the first factor, up to the end or a closing parenthesis.
     fn expression(&mut self, first: Unit) -> Result<Unit, UnitError> {
         let mut unit = first;
         loop {

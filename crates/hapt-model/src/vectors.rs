@@ -1,8 +1,8 @@
 //! The same code, compiled for the vectors of the processor at hand. No operation changes, so no bit does.
 
-/// Runs `work` compiled for the widest vectors here: of eight numbers with AVX-512, of four with AVX2, of two on ARM. It is to be
-/// `#[inline(always)]`, with all that it does many times. Returns `None` on a processor without such vectors: on x86 before AVX2, and in
-/// WebAssembly.
+/// Runs `work` compiled for the widest vectors here: of eight numbers with AVX-512, of four with AVX2, of two on ARM. It has to be
+/// `#[inline(always)]`, with all functions that it calls often. Returns `None` on a processor without such vectors: on x86 before AVX2, and
+/// in WebAssembly.
 #[inline(always)]
 pub fn with_vectors<R>(work: impl FnOnce() -> R) -> Option<R> {
     if !has_vectors() {

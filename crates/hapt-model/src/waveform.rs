@@ -45,7 +45,7 @@ pub(crate) fn read(fields: &Fields<'_>, files: &path::Reader<'_>) -> Result<Wave
     }
 }
 
-/// The waveform of a table that has harmonics alone.
+/// The waveform of a table that has only harmonics.
 pub(crate) fn of_harmonics(fields: &Fields<'_>) -> Result<Waveform, Error> {
     if !fields.has("sine") && !fields.has("cosine") {
         return Err(fields.missing("sine"));
@@ -59,7 +59,7 @@ fn harmonics(fields: &Fields<'_>, key: &str) -> [f32; HARMONICS] {
     all
 }
 
-/// The discrete Fourier series of samples at equal distances over one period; the message where it does not show them.
+/// The discrete Fourier series of samples at equal distances over one period; the message where the harmonics do not represent them.
 fn of_samples(samples: &[f64]) -> Result<Waveform, String> {
     let count = samples.len();
     let angle = |i: usize| TAU * i as f64 / count as f64;
@@ -78,7 +78,7 @@ fn of_samples(samples: &[f64]) -> Result<Waveform, String> {
     let mut waveform = Waveform::default();
     for (i, (sine, cosine)) in waveform.sine.iter_mut().zip(&mut waveform.cosine).enumerate() {
         let n = i + 1;
-        // Half as many harmonics as samples; the last one of an even count has its cosine alone.
+        // Half as many harmonics as samples; the last one of an even count has only its cosine.
         let share = match (2 * n).cmp(&count) {
             std::cmp::Ordering::Less => 2.0,
             std::cmp::Ordering::Equal => 1.0,

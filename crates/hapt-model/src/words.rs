@@ -30,7 +30,7 @@ fn list<'a>(names: impl IntoIterator<Item = &'a str>, conjunction: &str) -> Stri
 /// The candidate that takes the fewest edits to reach; between equals the one with the same first letter, then the same
 /// case. `None` without candidates.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // A megabyte of a word is nobody's typing error, and the distance is quadratic.
+    // A word of a megabyte is no typing error, and the distance is quadratic.
     let word: String = word.chars().take(64).collect();
     let lower = word.to_lowercase();
     candidates.into_iter().min_by_key(|candidate| {

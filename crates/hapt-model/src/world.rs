@@ -32,7 +32,7 @@ use crate::timing::Timing;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct World {
-    /// What the file calls itself.
+    /// The file's title.
     pub title: Option<String>,
     /// Rotary or linear.
     pub motion: Motion,
@@ -65,9 +65,9 @@ pub struct Device {
     pub friction_backward: Option<f64>,
     /// The time constant in s with which the motor torque follows its command, zero or more; 0: at once.
     pub lag: f64,
-    /// How exactly the five numbers above are known. Simulations take the numbers themselves.
+    /// How exactly the five numbers above are known. Simulations use the numbers themselves.
     pub tolerances: Tolerances,
-    /// The largest torque the motor may be asked for; `None`: any.
+    /// The largest torque that may be commanded; `None`: any.
     pub limit: Option<f64>,
     /// Counts per revolution (linear: the count's size in m); `None`: ideal.
     pub encoder: Option<f64>,
@@ -77,9 +77,9 @@ pub struct Device {
     pub drive: Mounting,
     /// The `[device.friction_by_position]` table: how both levels of Coulomb friction change with the position.
     pub friction_by_position: Option<FrictionByPosition>,
-    /// The `[device.stribeck]` table: what friction is more at low speeds.
+    /// The `[device.stribeck]` table: the additional friction at low speeds.
     pub stribeck: Option<Stribeck>,
-    /// The `[device.stops]` table: the ends of the puck's way.
+    /// The `[device.stops]` table: the ends of the puck's travel.
     pub stops: Option<Stops>,
     /// The `[device.handle]` table: a handle on a flexible shaft. The numbers above are then of the motor's side, the puck. `None`: the
     /// puck is the handle.
@@ -88,8 +88,8 @@ pub struct Device {
     pub torque: DeviceTorque,
 }
 
-/// The half widths within which numbers of the device are known, as fractions of them from 0 to 1: 0.2 is ± 20 %. A number that is
-/// changed takes its tolerance along.
+/// The half widths within which numbers of the device are known, as fractions of them from 0 to 1: 0.2 is ± 20 %. A changed number keeps
+/// its tolerance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tolerances {
     /// Of the inertia; below 1.
@@ -109,7 +109,7 @@ pub struct Tolerances {
 pub struct Mounting {
     /// Revolutions of the drive for one of the puck (linear: m for one revolution of the drive), positive; `None`: 1 (linear: unknown).
     pub gear: Option<f64>,
-    /// The drive's positions fall where the puck's rise.
+    /// The drive's positions decrease where the puck's increase.
     pub reversed: bool,
     /// The puck's position by the drive's own zero, in rad (linear: m), that is the world's 0; `None`: where it is armed.
     pub home: Option<f64>,
@@ -122,19 +122,21 @@ pub struct Scenario {
     pub name: String,
     /// In s, positive.
     pub duration: f64,
-    /// What drives the puck.
+    /// The drive of the puck.
     pub hand: Hand,
     /// When the samples are taken.
     pub timing: Timing,
 }
 
-/// How far a handle's shaft swings in a period beside Coulomb friction, in rad: a run looks for stops and starts at every quarter.
+/// The largest angle by which a handle's shaft oscillates in a period with Coulomb friction, in rad: a run searches stops and starts at
+/// every quarter.
 const MOST_SWING: f64 = 100.0;
 /// The same of a hand that swings the puck: a thousand turns in a period, each of them a stop.
 const MOST_HAND_SWING: f64 = 3000.0;
 
 impl Device {
-    /// What a file says that has `device.inertia` alone: a puck of so many kg·m² (linear: kg) that moves freely, on an ideal motor and encoder.
+    /// The device of a file that has only `device.inertia`: a puck of this inertia in kg·m² (linear: kg) that moves freely, on an ideal
+    /// motor and encoder.
     pub fn new(inertia: f64) -> Self {
         Device {
             inertia,
@@ -201,7 +203,7 @@ impl Device {
         })
     }
 
-    /// Whether nothing but inertia, damping and Coulomb friction of one level a direction acts on the puck by itself: no gravity, no cogging, no
+    /// Whether only inertia, damping and Coulomb friction with one level per direction act on the puck: no gravity, no cogging, no
     /// friction that changes with the position or falls with the speed, no end stops.
     pub fn is_plain(&self) -> bool {
         let is_even = self.changing_friction() == 0.0 && self.falling_friction() == 0.0;
@@ -219,7 +221,8 @@ impl Device {
         self.stribeck.map_or(0.0, |stribeck| stribeck.slope())
     }
 
-    /// Where not only inertia, damping and Coulomb friction act a period is cut into parts in which nothing goes further than half a radian.
+    /// Where other torques than inertia, damping and Coulomb friction act, a period is cut into parts in which no motion exceeds half a
+    /// radian.
     fn piece_fault(&self, period: f64) -> Option<(&'static str, &'static str, String)> {
         if self.is_plain() {
             return None;
@@ -267,7 +270,7 @@ impl Device {
         }
         let (key, shape) = match &hand.drive {
             Drive::Grip { moves, .. } | Drive::Torque(moves) => ("moves.frequency", Some(moves)),
-            // Nothing but the hand moves a puck without a shaft.
+            // Only the hand moves a puck without a shaft.
             Drive::Position(shape) => ("frequency", self.handle.and(Some(shape))),
         };
         let beside =
@@ -314,7 +317,7 @@ impl Device {
         [self.friction, self.friction_backward.unwrap_or(self.friction)]
     }
 
-    /// The friction that the device has in either direction and at every position: what it takes at least on a path.
+    /// The friction that the device has in either direction and at every position: the least that it dissipates on a path.
     pub fn least_friction(&self) -> f64 {
         let [forward, backward] = self.frictions();
         forward.min(backward) * self.parts_of_friction()[0]
@@ -385,7 +388,7 @@ impl World {
         }
     }
 
-    /// What a device in simulation is made from.
+    /// The spec of the simulated device.
     pub fn device_spec(&self) -> DeviceSpec {
         let Device { inertia, damping, lag, stribeck, stops, handle, torque, .. } = self.device;
         let Device { friction, friction_backward, friction_by_position, .. } = self.device;
@@ -406,7 +409,7 @@ impl World {
         }
     }
 
-    /// What the loop is compiled from.
+    /// The spec of the loop.
     pub fn spec(&self) -> Spec<'_> {
         Spec {
             period: self.sampling.period,

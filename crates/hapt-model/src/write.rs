@@ -16,8 +16,8 @@ use crate::timing::Timing;
 use crate::world::{Mounting, Tolerances, World};
 
 impl World {
-    /// The world as a TOML file, quantities with their SI units: `"0.001 s"`. Reading it gives an equal world, as long as
-    /// this one could be read (a world made by hand may hold what no file can) and its path files are where they were.
+    /// The world as a TOML file, quantities with their SI units: `"0.001 s"`. Reading it gives an equal world, as long as this one could be
+    /// read (a world made by hand may have values that no file can) and its path files are in their places.
     pub fn to_toml(&self) -> String {
         let mut file = String::new();
         // Writing to a string cannot fail.
@@ -31,7 +31,7 @@ impl World {
         }
         writeln!(f, "motion = {:?}", self.motion.name())?;
 
-        // The numbers are lent for change, so a copy lends them.
+        // The numbers are borrowed mutably, and therefore from a copy.
         let mut world = self.clone();
         let mut drive = self.device.drive;
         let sampling = &self.sampling;
@@ -114,7 +114,7 @@ impl World {
             writeln!(f, "{key} = {}", text(word))?;
         }
         lines(f, self.rows("couplings.*", Some(kind), None, slots))?;
-        // Samples are written as the harmonics that they were read as.
+        // Samples are written as the harmonics that were read from them.
         coupling.law.waveform().map_or(Ok(()), |waveform| harmonics(f, waveform))
     }
 
@@ -180,7 +180,7 @@ impl World {
             let value = slot.get()?;
             let key = keys::rows(pattern).find(|key| key.name() == name && key.belongs(kind, hand, self.motion))?;
             let written = match key.takes {
-                // A number out of its key's range stands for a key that is not there: a grip without inertia.
+                // A number out of its key's range represents an absent key: a grip without inertia.
                 Takes::Quantity(_, range) | Takes::QuantityOr(_, range, _) if !range.contains(value) => return None,
                 Takes::Quantity(measure, _) if key.tolerance && self.tolerance(name) != 0.0 => {
                     let (unit, percent) = (measure.dimension(self.motion).symbol(), percent(self.tolerance(name)));

@@ -1,12 +1,12 @@
-//! What the device does to the puck by its position, gravity, cogging and the changes of friction, and the motion under that.
+//! The torques of the device that depend on the puck's position, gravity, cogging and the changes of friction, and the motion under them.
 //!
 //! ```text
 //! ẏ = N y + e_v τ(x)/m,    τ(x) = Σ (a sin rx + b cos rx) = -V'(x)
 //! ```
 //!
 //! N is the linear motion without them ([`crate::plant`], [`crate::shaft`]). A step is the Taylor series of the solution: the coefficients of
-//! sin rx and cos rx follow from those of x, by s' = r x' c and c' = -r x' s. A step is as long as its last terms are rounding, so that it is
-//! exact as the linear motion is, and stops are located on the series.
+//! sin rx and cos rx follow from those of x, by s' = r x' c and c' = -r x' s. A step is so short that its last terms are rounding: it is as
+//! exact as the linear motion, and stops are located on the series.
 
 use core::f64::consts::TAU;
 
@@ -23,9 +23,9 @@ const WAVES: usize = 1 + 2 * HARMONICS;
 const TERMS: usize = 19;
 /// Radians of the fastest rate in a step at most.
 const STEP: f64 = 0.5;
-/// The part of its length to which a series is shortened at once, at least.
+/// The least factor by which a series is shortened at once.
 const SHORTEST: f64 = 0.05;
-/// A series is shortened so often at most.
+/// The most times that a series is shortened.
 const TRIES: usize = 40;
 /// The largest phase, in rad, that the puck may pass of a wave in one stretch; beyond it the wave counts by its mean, which is 0.
 const MAX_WAVE_RAD: f64 = 1e4;
@@ -89,7 +89,7 @@ impl Field {
         Field { waves: self.waves.map(|wave| Wave { sine: factor * wave.sine, cosine: factor * wave.cosine, ..wave }) }
     }
 
-    /// Together with the changes of friction, which this has none of.
+    /// Together with the changes of friction, which this field does not contain.
     pub fn and(&self, friction: &Field) -> Field {
         let mut both = *self;
         both.waves[1 + HARMONICS..].copy_from_slice(&friction.waves[1 + HARMONICS..]);
@@ -137,7 +137,7 @@ impl Field {
 
 /// The waves of this many times a waveform that begins at -`from`.
 fn set_harmonics(waves: &mut [Wave], size: f64, pitch: f64, from: f64, waveform: &Waveform) {
-    // Within a pitch: beside many of them the rounding of the product with the rate is large, or it overflows.
+    // Within a pitch: over many pitches the rounding of the product with the rate is large, or it overflows.
     let from = libm::fmod(from, pitch);
     for (wave, (n, sine, cosine)) in waves.iter_mut().zip(waveform.harmonics()) {
         let rate = TAU * n / pitch;
@@ -145,7 +145,7 @@ fn set_harmonics(waves: &mut [Wave], size: f64, pitch: f64, from: f64, waveform:
     }
 }
 
-/// A puck in a field: its linear motion, the fastest rate in that, its mass, and where its velocity and position stand.
+/// A puck in a field: its linear motion, the fastest rate in that, its mass, and the indices of its velocity and position.
 pub(crate) struct Fielded<'a, const K: usize> {
     pub field: &'a Field,
     pub n: &'a Square<K>,
@@ -226,7 +226,7 @@ impl<const K: usize> Fielded<'_, K> {
         let positive = if course(end) > 0.0 {
             end
         } else if slope(0.0) > 0.0 && slope(end) < 0.0 {
-            // It turns twice within the step: at the summit between, or not at all.
+            // It rises and falls within the step: it is positive at the summit in between, or nowhere.
             let summit = root(0.0, end, |t| -slope(t));
             (course(summit) > 0.0).then_some(summit)?
         } else {
@@ -237,12 +237,12 @@ impl<const K: usize> Fielded<'_, K> {
 }
 
 impl<const K: usize> Series<K> {
-    /// Whether its terms have not overflowed; a state that is not finite has no terms that are.
+    /// Whether its terms have not overflowed; a state that is not finite has no finite terms.
     fn is_finite(&self, v: usize) -> bool {
         !self.terms[0][v].is_finite() || self.terms[1..].iter().all(|term| term[v].is_finite())
     }
 
-    /// To where the last terms of the velocity are rounding, beside the largest of those that then remain.
+    /// Shortens it until the last terms of the velocity are rounding, compared with the largest of the shortened series.
     fn shorten(&mut self, v: usize) {
         // Once is enough where the largest terms are the first.
         let mut slack = 1.0;

@@ -10,7 +10,7 @@ use crate::root::{root, root_between};
 /// world files allow turns two thousand times.
 pub(crate) const MAX_EVENTS: usize = 10_000;
 
-/// Rounding of a sum of torques and of what an exponential makes of them, in parts of their sizes.
+/// Rounding of a sum of torques and of their image under an exponential, relative to their sizes.
 pub(crate) const ROUNDING: f64 = 256.0 * f64::EPSILON;
 
 /// The levels of Coulomb friction in N·m (linear: N), zero or more.
@@ -99,8 +99,8 @@ pub fn slide_under(
 }
 
 impl Friction<'_> {
-    /// Position and velocity after `dt` s from `y` on, from stop to start to stop. `after` predicts the motion without friction's torque, so
-    /// many seconds on, and `slide` gives position and velocity after so many seconds against friction in a direction.
+    /// Position and velocity after `dt` s from `y` on, from stop to start to stop. `after` predicts the motion without friction's torque
+    /// after a time in s, and `slide` gives position and velocity after a time in s against friction in a direction.
     pub fn advance(
         &self,
         mut y: State,

@@ -1,4 +1,4 @@
-//! What the device itself does to the puck beyond inertia and viscous damping: friction, torques by position, and end stops.
+//! The torques of the device itself on the puck other than inertia and viscous damping: friction, torques by position, and end stops.
 //!
 //! Between the events of its pieces the motion is linear, but for the torques by position ([`crate::field`]).
 
@@ -37,15 +37,15 @@ pub(crate) struct Own {
     stops: [Option<Stop>; 2],
 }
 
-/// A piece of a motion: what it adds to the puck's torque, torque - damping v - stiffness x, and where it ends.
+/// A piece of a motion: its addition to the puck's torque, torque - damping v - stiffness x, and its end.
 pub(crate) struct Regime {
     pub torque: f64,
     damping: f64,
     stiffness: f64,
-    /// Of these, those of friction: against the slide, less what it falls by, in the mean of all positions.
+    /// Friction's part of `torque`: against the slide, less its decrease with the speed, in the mean of all positions.
     pub friction: f64,
     falls: f64,
-    /// What friction's changes with the position add to the puck's torque.
+    /// The additional torque on the puck by friction's changes with the position.
     pub changes: Field,
     /// The stop that the puck is in.
     stop: Option<(Stop, Touch)>,
@@ -118,7 +118,7 @@ impl Own {
         self.friction.is_none() && self.stribeck.is_none()
     }
 
-    /// The size of the torques of which a level at rest is the sum, where it is one: rounding is a part of that.
+    /// The size of the torques whose sum is a level at rest, where it is a sum: the rounding is relative to this.
     pub fn rounded(&self) -> f64 {
         self.changes.map_or(0.0, |_| self.friction.forward.max(self.friction.backward))
     }
@@ -129,7 +129,7 @@ impl Own {
         self.stops.iter().flatten().fold(field, |torque, stop| torque + stop.torque_at(x))
     }
 
-    /// What the stops store with the puck at x, in J.
+    /// The energy that the stops store with the puck at x, in J.
     pub fn stored(&self, x: f64) -> f64 {
         self.stops.iter().flatten().map(|stop| stop.stored(x)).sum()
     }
@@ -147,7 +147,7 @@ impl Own {
         friction + lost + self.stored(end) - self.stored(start)
     }
 
-    /// What friction takes from a prescribed motion beyond its mean levels, in J.
+    /// The energy that friction dissipates in a prescribed motion beyond that of its mean levels, in J.
     fn changed(&self, motion: &Piece, from: f64, to: f64) -> f64 {
         let Some(changes) = self.changes else { return 0.0 };
         let lost = |(times, start, end): (f64, f64, f64)| {
@@ -156,7 +156,7 @@ impl Own {
         motion.runs(from, to).into_iter().map(lost).sum()
     }
 
-    /// The piece of a slide in `direction` that goes on from x and v; without a direction there is no friction.
+    /// The piece of a slide in `direction` that continues from x and v; without a direction there is no friction.
     pub fn regime(&self, [x, v]: [f64; 2], direction: Option<f64>) -> Regime {
         let (torque, damping, stiffness) = (0.0, 0.0, 0.0);
         let (friction, falls, changes) = (0.0, 0.0, Field::default());
@@ -209,7 +209,7 @@ impl Regime {
         }
     }
 
-    /// The linear motion in it, of that without it.
+    /// The linear motion in it, from the linear motion without it.
     pub fn linear<const K: usize>(&self, n: &Square<K>, mass: f64, (v, x): (usize, usize)) -> Square<K> {
         let mut n = *n;
         n[v][v] -= self.damping / mass;

@@ -166,7 +166,7 @@ impl Puck {
         };
     }
 
-    /// Position and velocity after `dt`, from piece to piece of what the device does.
+    /// Position and velocity after `dt`, from piece to piece of the device's motion.
     #[inline(never)]
     fn move_in_pieces(&self, mut y: State, dt: f64, motor: f64, ledger: &mut Ledger) -> [f64; 2] {
         let plant = &self.now.plant;
@@ -192,7 +192,7 @@ impl Puck {
         [y[X], y[V]]
     }
 
-    /// Slides for `left` s, or to the end of this piece, where friction is against `direction`; what is left of the time then.
+    /// Slides for `left` s, or to the end of this piece, where friction is against `direction`; returns the remaining time.
     fn slide_in_piece(
         &self,
         y: &mut State,

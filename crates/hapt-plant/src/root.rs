@@ -20,7 +20,7 @@ pub fn root_between((mut low, f_low): (f64, f64), (mut high, mut f_high): (f64, 
         let middle = if bisect || !inside { low + 0.5 * width } else { secant };
         let value = f(middle);
         let is_high = value > 0.0;
-        // The end that stays twice in a row counts half, so that the other comes over.
+        // The value at an end that stays twice in a row is halved, so that the next point falls on its side.
         let stays = last_was_high == Some(is_high);
         if is_high {
             (high, f_high) = (middle, value);

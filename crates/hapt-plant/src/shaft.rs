@@ -34,7 +34,7 @@ pub(crate) struct Shaft {
     pub velocity: f64,
     pub handle: Handle,
     device: Inertia,
-    /// What the device does to the puck.
+    /// The device's own torques on the puck.
     own: Own,
     /// The rate in 1/s at which the motor approaches its command; 0: at once.
     decay: f64,
@@ -217,8 +217,8 @@ impl Shaft {
         }
     }
 
-    /// The puck slides in `direction` (0: without friction) for `left` s, or to the end of this piece of what the device does; what is left of
-    /// the time then.
+    /// The puck slides in `direction` (0: without friction) for `left` s, or to the end of this piece of the motion; returns the remaining
+    /// time.
     fn slide_in_piece(&self, y: &mut State, mut left: f64, direction: f64, ledger: &mut Ledger) -> f64 {
         let (flow, mass) = (&self.now.sliding, self.device.inertia);
         let regime = self.own.regime([y[X], y[V]], Some(direction).filter(|direction| *direction != 0.0));
@@ -303,8 +303,8 @@ impl Shaft {
         *y = end;
     }
 
-    /// The hand's work beyond that of its damper and its torques: of a grip less what its spring and its inertia take up, of a prescribed
-    /// motion what the handle's inertia does. `way` is the handle's.
+    /// The hand's work beyond that of its damper and its torques: of a grip less the energy of its spring and its inertia, of a prescribed
+    /// motion that of the handle's inertia. `way` is the handle's displacement.
     fn kept(&self, y: &State, end: &State, way: f64) -> f64 {
         let moving = |inertia: f64| 0.5 * inertia * (end[W] - y[W]) * (end[W] + y[W]);
         match self.now.grasp {

@@ -1,4 +1,4 @@
-//! What a device and a hand are made of, as plain data in SI: rotary worlds in rad, N·m and kg·m², linear ones in m, N and kg.
+//! The parameters of a device and a hand, as plain data in SI: rotary worlds in rad, N·m and kg·m², linear ones in m, N and kg.
 
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -55,8 +55,8 @@ impl DeviceSpec {
     }
 }
 
-/// Coulomb friction that depends on the position: both levels are 1 + share · Σ (sineₙ sin nθ + cosineₙ cos nθ) times what they are in the
-/// mean, θ = 2π (z - phase)/pitch.
+/// Coulomb friction that depends on the position: both levels are 1 + share · Σ (sineₙ sin nθ + cosineₙ cos nθ) times their mean,
+/// θ = 2π (z - phase)/pitch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct FrictionByPosition {
@@ -98,9 +98,9 @@ impl FrictionByPosition {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Stribeck {
-    /// By how much friction at rest is above Coulomb friction, in N·m (linear: N), zero or more.
+    /// The excess of friction at rest over Coulomb friction, in N·m (linear: N), zero or more.
     pub torque: f64,
-    /// From which on friction is Coulomb friction, in rad/s (linear: m/s), positive.
+    /// The speed from which on friction is Coulomb friction, in rad/s (linear: m/s), positive.
     pub velocity: f64,
 }
 
@@ -125,7 +125,7 @@ pub struct Stops {
     pub damping: f64,
 }
 
-/// The torques of the device's own that depend on its position: it stores their energy, and over a turn they give none.
+/// The torques of the device's own that depend on its position: it stores their energy, and over a turn their work is 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DeviceTorque {
@@ -227,7 +227,7 @@ pub struct Hand {
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Drive {
-    /// `step`, `ramp`, `sine`, `path`: the position is prescribed, whatever the torque.
+    /// `step`, `ramp`, `sine`, `path`: the position is prescribed, for any torque.
     Position(Shape),
     /// `torque`: the puck moves by itself, pushed by this torque.
     Torque(Shape),

@@ -96,7 +96,7 @@ impl Piece {
         }
     }
 
-    /// The motion over [from, to] as ways without a turn, each with how often it occurs, and its start and end.
+    /// The motion over [from, to] as runs without a turning point, each with its number of occurrences, its start and its end.
     pub(crate) fn runs(&self, from: f64, to: f64) -> [(f64, f64, f64); 4] {
         let (start, end) = (self.at(from).0, self.at(to).0);
         let none = (0.0, start, start);

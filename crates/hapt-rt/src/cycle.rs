@@ -165,7 +165,7 @@ impl Cycle {
         };
         let SafeOutput { sample, output, phase, reason, warning, outside: _ } = guarded;
         let zero = state.supervisor.offset;
-        // Where the origin slips while the puck rests, what holds the puck stays where it is.
+        // Where the origin slips while the puck rests, the hand that holds the puck stays in its place.
         if zero != before && (enters || phase != Phase::Running) {
             device.0.homed(zero);
         }

@@ -33,7 +33,7 @@ pub struct Plan {
     bodies: Vec<Option<usize>>,
     /// The same for each bristle.
     bristles: Vec<Option<usize>>,
-    /// Where the puck enters it; `None`: it goes on where it is in the previous plan.
+    /// Where the puck enters it; `None`: it continues at its position in the previous plan.
     entry: Option<f64>,
 }
 
@@ -41,7 +41,8 @@ pub struct Plan {
 #[derive(Clone, Debug, PartialEq)]
 struct Names {
     bodies: Vec<String>,
-    /// Of each LuGre friction and integral term its ends, whether it is LuGre or integral, and its number between these ends; `None` for other couplings.
+    /// For each LuGre friction and integral term its ends, whether it is LuGre or integral, and its number between these ends; `None` for
+    /// other couplings.
     bristles: Vec<Option<(String, String, bool, usize)>>,
 }
 

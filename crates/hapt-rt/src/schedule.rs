@@ -56,7 +56,7 @@ impl Schedule {
     pub fn take(&mut self, now: u64) -> Taken {
         let mut k = self.before(now).max(self.next);
         if self.last.is_none() {
-            // The first sample is number 0, whatever its lateness.
+            // The first sample is number 0, for any lateness.
             (self.origin, k) = (self.instant(k), 0);
         }
         let due = self.instant(k);

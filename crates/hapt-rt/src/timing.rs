@@ -142,7 +142,7 @@ impl Timing {
                 let Certified { samples, inside, longest, longest_delay } = self.certified;
                 let taken_since = steps.saturating_sub(u64::from(record.missed)).max(1);
                 let outside = u64::from(record.outside.saturating_sub(last.outside)).min(taken_since);
-                // Of samples without a record only the count of missed ones is known: they may all have been missed in a row.
+                // For samples without a record only the count of missed ones is known: they may all have been missed in a row.
                 let between = match lost {
                     0 => taken.saturating_sub(last.taken),
                     _ => due.saturating_sub(last.due) / steps * (1 + u64::from(record.missed)),

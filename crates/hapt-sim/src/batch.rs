@@ -1,9 +1,9 @@
 //! Batches of runs, for a few results of many runs: one world a lane, all lanes at the same sample.
 //!
 //! The loop is hapt-core's own on [`Lanes`], and the puck moves by the same products and sums as in a single run, so that each lane
-//! is bit-identical to [`crate::Simulation`]. All lanes together advance pucks that are free, that a torque or a grip moves, or whose hand
-//! prescribes the position, with Coulomb friction too where the torque is held: the direction of sliding and sticking are selected without a
-//! branch. A puck that stops within the period is advanced separately, in closed form.
+//! is bit-identical to [`crate::Simulation`]. The lanes advance together all pucks that are free, that a torque or a grip moves, or whose
+//! hand prescribes the position, with Coulomb friction too where the torque is held: the direction of sliding and sticking are selected
+//! without a branch. A puck that stops within the period is advanced separately, in closed form.
 //!
 //! A lane advances separately, on the same exact device as a single run, with a lag, a handle on a shaft, a hand that opens and closes,
 //! friction together with a grip or a torque that changes, a delay of another number of samples than in the first lane, and uneven samples.
@@ -31,7 +31,7 @@ const COUPLINGS: usize = 8;
 const WINDOW: usize = 32;
 /// A sliding puck that keeps more than this part of its velocity over a period does not stop in it.
 const SLIDES: f64 = 1e-9;
-/// The longest delay in samples; the commands of so many samples are kept for all lanes.
+/// The longest delay in samples; the commands of this many samples are kept for all lanes.
 const MAX_DELAY_SAMPLES: usize = 4096;
 
 type Numbers = Lanes<LANES>;

@@ -181,7 +181,7 @@ struct Line {
 }
 
 impl Line {
-    /// A point of so many rows, each of this weight.
+    /// A point of `rows` rows, each of this weight.
     fn add(&mut self, x: f64, y: f64, weight: f64, rows: u64) {
         self.rows += rows;
         let weight = weight * rows as f64;

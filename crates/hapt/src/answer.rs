@@ -1,4 +1,4 @@
-//! What a command that analyses something answers: text or JSON, files with it, and the exit code.
+//! The answer of a command that analyses something: text or JSON, files with it, and the exit code.
 
 use std::io::{Write, stdout};
 use std::path::Path;

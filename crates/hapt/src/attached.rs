@@ -1,4 +1,4 @@
-//! The wheel that games see beside a run, or a page.
+//! The wheel that games see during a run, or with a page.
 
 use hapt_core::wheel::Shortfall;
 use hapt_core::wheel::game_loop::Oddity;
@@ -12,28 +12,28 @@ use crate::failure::Failure;
 use crate::format;
 use crate::messages;
 
-/// The wheel beside a run.
+/// The wheel during a run.
 pub struct Wheel {
     wheel: GameWheel,
     room: Room,
-    /// Which reasons have been told.
+    /// Which reasons have been printed.
     told: [bool; 3],
-    /// Whether the game's law has been, and its last oddity.
+    /// Whether the game's law has been printed, and its last oddity.
     told_game: bool,
     told_oddity: Option<Oddity>,
 }
 
-/// Why less is given than asked, in the order of [`WheelStatus::less`].
+/// Why less torque is given than requested, in the order of [`WheelStatus::less`].
 const REASONS: [Shortfall; 3] = [Shortfall::Drives, Shortfall::Stiffness, Shortfall::Limit];
 
 impl Wheel {
-    /// What the device of this world can be as a wheel.
+    /// The properties of this world's device as a wheel.
     pub fn room(world: &World, steering: Steering) -> Result<Room, Failure> {
         let room = Room::of(world, steering.range).map_err(failure)?;
         Ok(if steering.dry { room.measuring() } else { room })
     }
 
-    /// Attaches it. The second is the loop's end.
+    /// Attaches the wheel. The second value is the loop's end.
     pub fn attach(room: Room) -> Result<(Self, EffectsPort), Failure> {
         let (wheel, port) = GameWheel::attach(&room).map_err(failure)?;
         if let Some(why) = room.not_proved().first() {
@@ -56,7 +56,7 @@ impl Wheel {
         self.wheel.status().is_attached
     }
 
-    /// Says what is new.
+    /// Prints changes.
     pub fn say(&mut self) {
         let status = self.wheel.status();
         for ((told, samples), why) in self.told.iter_mut().zip(status.less).zip(REASONS) {
@@ -66,7 +66,7 @@ impl Wheel {
             }
         }
         let Some(game) = status.game else { return };
-        // Not before it stands fast and lacks something.
+        // Only once the estimate is settled and damping is lacking.
         if let (false, Some(law), true) = (self.told_game, game.last.law, game.lacking > 0.0) {
             self.told_game = true;
             messages::say(format_args!("the game's torque follows the wheel: {}", game_law(&law)));

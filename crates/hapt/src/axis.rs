@@ -1,4 +1,4 @@
-//! The axes of a sweep's figure and of a boundary's: in words, and in the unit that was typed.
+//! The axes of a sweep's figure and of a boundary's: in words, and in the typed unit.
 
 use hapt_host::keys::{end, kind};
 use hapt_model::{System, parse_quantity, unit};
@@ -13,7 +13,7 @@ pub struct DisplayedAxis {
     /// For people: "sampling period", "stiffness of the spring puck–ground".
     words: String,
     pub unit: String,
-    /// So much of SI is one of it.
+    /// The size of the unit in SI.
     pub size: f64,
     pub from: f64,
     pub to: f64,
@@ -21,7 +21,7 @@ pub struct DisplayedAxis {
 }
 
 impl DisplayedAxis {
-    /// In the unit of its ends as typed, `KEY=FROM..TO` with whatever follows behind a colon; else in SI.
+    /// In the unit of its ends as typed, `KEY=FROM..TO` followed by anything after a colon; else in SI.
     pub fn new(system: &System, axis: &Axis, typed: &str) -> Self {
         let range = typed.split_once('=').map_or("", |(_, range)| range);
         let ends = range.split(':').next().unwrap_or_default().split("..");
@@ -59,7 +59,7 @@ impl DisplayedAxis {
         text.trim_end().to_string()
     }
 
-    /// Of a figure, with this part of the whole beyond either end.
+    /// The axis of a figure, with this part of the range beyond either end.
     pub fn figure(&self, beyond: f64) -> figure::Axis {
         let ends = [self.from, self.to].map(|end| end / self.size);
         let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));

@@ -60,7 +60,7 @@ fn wanted(is_terminal: bool, no_color: &str, term: &str) -> bool {
     is_terminal && no_color.is_empty() && term != "dumb"
 }
 
-/// A console of Windows shows them when it is asked to; one before Windows 10 cannot.
+/// A console of Windows shows them on request; one before Windows 10 cannot.
 #[cfg(windows)]
 fn shows_colours() -> bool {
     anstyle_query::windows::enable_ansi_colors().unwrap_or(true)

@@ -1,7 +1,7 @@
 //! A table of numbers as Parquet: a sweep's from its CSV, or row by row.
 //!
-//! The columns go to Parquet's own writer. Arrow's would do the same, but brings every type that it knows into the program: a tenth of
-//! the time of its build, and a loader has to relocate them all before a command can begin.
+//! The columns go to Parquet's own writer. Arrow's would do the same, but links every type of Arrow into the program: a tenth of its build
+//! time, and relocations before a command can begin.
 
 use std::fs::File;
 use std::io::{self, BufRead, Write};
@@ -39,7 +39,7 @@ struct Values {
 }
 
 impl<W: Write + Send> Writer<W> {
-    /// Begins a table. The file's metadata has the unit of the column NAME under `unit.NAME`: Parquet itself has no place for it.
+    /// Begins a table. The file's metadata has the unit of the column NAME under `unit.NAME`: Parquet itself has no field for it.
     ///
     /// # Errors
     /// Those of `out`, here and below.
@@ -61,7 +61,7 @@ impl<W: Write + Send> Writer<W> {
         Ok(Writer { file, columns: vec![Values::default(); columns.len()], rows: 0 })
     }
 
-    /// Writes a row, a value a column. A value that is not there is null.
+    /// Writes a row, one value per column. A missing value is null.
     ///
     /// # Errors
     /// Those of the output.
@@ -74,7 +74,7 @@ impl<W: Write + Send> Writer<W> {
         if self.rows == GROUP { self.put().map_err(io::Error::other) } else { Ok(()) }
     }
 
-    /// Writes the group at hand.
+    /// Writes the present group.
     fn put(&mut self) -> Result<(), ParquetError> {
         let mut group = self.file.next_row_group()?;
         for column in &mut self.columns {
@@ -202,7 +202,7 @@ hand = { kind = "step", to = "45 deg", release = "0.1 s" }
     #[test]
     fn a_table_of_several_row_groups_reads_back_row_by_row() {
         let columns = ["a", "b"].map(|name| table::Column { name: name.into(), unit: "s".into() });
-        // Each third number of the second column is not there.
+        // Each third number of the second column is missing.
         let value = |row: usize| (!row.is_multiple_of(3)).then_some(1.0 / row as f64);
         let rows = (1 << 17) + 5;
         let mut writer = Writer::new(&columns, Vec::new()).unwrap();

@@ -1,4 +1,4 @@
-//! `hapt wheel --conform`: what a wheel of this computer makes of each effect.
+//! `hapt wheel --conform`: how a wheel of this computer plays each effect.
 
 use std::fmt::Write as _;
 use std::io::{IsTerminal, Write, stdin, stdout};
@@ -15,7 +15,7 @@ use crate::messages;
 use crate::output;
 use crate::signals;
 
-/// What is asked before anything moves.
+/// The question before anything moves.
 const QUESTION: &str = "it will swing by itself for about two minutes, hands off; type yes to go on: ";
 
 pub fn run(args: &ConformArgs, device: Option<&Path>) -> Result<ExitCode, Failure> {
@@ -25,7 +25,7 @@ pub fn run(args: &ConformArgs, device: Option<&Path>) -> Result<ExitCode, Failur
     let level = 0.01 * f64::from(args.level);
     let chosen = chosen(level, &args.only)?;
     let path = device.map_or_else(only, |path| Ok(path.to_path_buf()))?;
-    // Before the wheel moves for minutes.
+    // An invalid output file is reported before the wheel moves for minutes.
     let draft = args.out.clone().map(|out| {
         let name = out.display().to_string();
         output::Draft::new(out).map_err(|error| Failure::write(name, error))
@@ -113,14 +113,14 @@ fn said(verdict: Verdict) -> String {
     }
 }
 
-/// Of all cases.
+/// The result of all cases in a sentence.
 fn sentence(found: &Conformance) -> String {
     let all = found.findings.len();
     let good = found.findings.iter().filter(|finding| finding.verdict == Verdict::Conforms).count();
     format!("{good} of {all} cases conform")
 }
 
-/// What was found of the wheel itself.
+/// The findings on the wheel itself.
 fn itself(found: &Conformance) -> Vec<(String, String)> {
     let plant = &found.plant;
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);

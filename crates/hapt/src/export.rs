@@ -36,7 +36,7 @@ fn fmu(args: &FmuArgs) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The library of this computer; an FMU for other platforms alone goes without it.
+/// The library of this computer; an FMU only for other platforms does not need it.
 fn own_library(is_needed: bool) -> Result<Option<PathBuf>, Failure> {
     let program =
         std::env::current_exe().map_err(|error| Failure::System(format!("this program has no path: {error}")))?;

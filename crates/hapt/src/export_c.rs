@@ -87,7 +87,7 @@ fn included(header: &Path) -> Result<String, Failure> {
 
 /// Refuses to replace a file that this command did not write; one of C or its header also where it has other names than those of `prefix`.
 fn ours(flag: &str, path: &Path, prefix: Option<&Prefix>) -> Result<(), Failure> {
-    // What is no file is not read: a pipe would wait for its writer.
+    // Only regular files are read: a pipe would wait for its writer.
     if !path.is_file() {
         return match path.exists() {
             true => Err(Failure::input(format!("{flag} {}: this is no file; expected a new name", path.display()))),
@@ -132,7 +132,7 @@ fn about(loaded: &Loaded, check: &Check, hash: u32) -> About {
 /// The largest ratio of a tuned number to the file's, and of the file's to it.
 const TUNE_RATIO: f64 = 100.0;
 
-/// The numbers that are asked for, each with its certified range.
+/// The requested numbers, each with its certified range.
 fn tuned(world: &World, about: &About, args: &CArgs, float: Float) -> Result<Vec<Tune>, Failure> {
     if !args.tunes.is_empty() && !about.is_certified {
         return Err(Failure::input(
@@ -188,7 +188,7 @@ fn numbers(world: &World) -> Vec<(Tune, f64)> {
     all
 }
 
-/// The number with its certified range, where the C can change it: that is decided first, as it is quick.
+/// The number with its certified range, where the C can change it, which is tested first, as it is quick.
 fn with_range(world: &World, about: &About, tune: &Tune, value: f64, float: Float) -> Result<Tune, Failure> {
     let limits = world.board_limits(SafetyProfile::Certified);
     let prefix = Prefix::new("trial").map_err(Failure::input)?;

@@ -22,7 +22,7 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// The end of a wheel for games that the computer gives back.
+    /// The end of a run whose wheel for games was detached by the computer.
     pub fn detached() -> Self {
         Failure::System("the run ended early, with the torque off: the computer has detached the wheel".into())
     }

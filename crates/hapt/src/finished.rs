@@ -67,7 +67,7 @@ fn described(rows: &Rows, sweep: &Sweep) -> String {
     format!("{} rows{from}", format::count(rows.count))
 }
 
-/// A name of the shard's own beside `target`.
+/// A name for the shard next to `target`.
 fn own(target: &Path, cells: &Range<u64>) -> String {
     let ending = target.extension().unwrap_or_default().to_string_lossy();
     target.with_extension(format!("{}.{ending}", cells.start)).display().to_string()

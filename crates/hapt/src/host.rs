@@ -1,4 +1,4 @@
-//! The time that the host of a virtual machine takes from it: samples go missing then, whatever the thread's priority.
+//! The time that the host of a virtual machine takes from it: samples are then missed at any priority of the thread.
 
 use std::time::Duration;
 

@@ -33,7 +33,7 @@ pub fn run(args: &InitArgs) -> Result<ExitCode, Failure> {
         return Err(Failure::input(format!("no template {name:?}{hint}{list}")));
     };
     let schema = hapt_model::schema();
-    // In the current folder the plain names are the ones that people type.
+    // In the current folder messages have the plain names, as they are typed.
     let folder = if args.folder == Path::new(".") { Path::new("") } else { &args.folder };
     let (world_path, schema_path) = (folder.join("world.toml"), folder.join("hapt.schema.json"));
     refuse_existing(&world_path)?;
@@ -54,14 +54,14 @@ pub fn run(args: &InitArgs) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Whether a file has these bytes and no more; no more of it is read.
+/// Whether a file has exactly these bytes; no more of it is read.
 fn is_there(path: &Path, bytes: &[u8]) -> bool {
     let mut there = Vec::new();
     let open = fs::metadata(path).is_ok_and(|there| there.is_file()).then(|| fs::File::open(path).ok()).flatten();
     open.is_some_and(|file| file.take(bytes.len() as u64 + 1).read_to_end(&mut there).is_ok() && there == bytes)
 }
 
-/// Nothing of the user's is written over, a link that leads nowhere among it.
+/// No file of the user is overwritten, nor a link to a missing file.
 fn refuse_existing(path: &Path) -> Result<(), Failure> {
     match fs::symlink_metadata(path) {
         Ok(_) => Err(Failure::input(format!("{} is there already; init overwrites nothing", path.display()))),

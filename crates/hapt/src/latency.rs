@@ -24,7 +24,7 @@ const WIDEST: u64 = 50;
 pub fn run(args: &LatencyArgs) -> Result<ExitCode, Failure> {
     let source = world::source(args.world.as_deref().unwrap_or(Path::new("@notes/default")))?;
     let mut world = world::read_world(&source, &args.sets)?;
-    // What is measured here has no torque that could harm.
+    // This measurement has no torque that could do harm.
     world.safety.late = Some(WhenLate::Count);
     let duration = time("--duration", &args.duration)?;
     let (device, _hands) = SimulatedDevice::new(&world);
@@ -65,7 +65,7 @@ pub fn time(flag: &str, text: &str) -> Result<f64, Failure> {
     format::positive(flag, text, Dimension::TIME)
 }
 
-/// A world compiled, to be guarded so.
+/// A compiled world with a supervisor of this profile.
 pub fn plan(world: &World, profile: SafetyProfile) -> Result<Plan, Failure> {
     Plan::new(world, profile).map_err(Failure::input)
 }
@@ -112,7 +112,7 @@ pub fn granted(realtime: &Realtime, stolen: Option<Duration>) -> String {
     text + &took.unwrap_or_default()
 }
 
-/// For how many samples the loop kept the times that the file states, as a line; nothing where it states none.
+/// The number of samples at which the loop kept the times that the file states, as a line; empty where it states none.
 pub fn kept(world: &World, timing: &Timing) -> String {
     let Some(Certified { samples, inside, longest, .. }) = certified(world, timing) else { return String::new() };
     let [inside, all] = [inside, samples].map(format::count);
@@ -148,7 +148,7 @@ fn text(world: &World, timing: &Timing, realtime: &Realtime, stolen: Option<Dura
     text
 }
 
-/// What was measured, as lines for the file.
+/// The measured times, as lines for the file.
 fn lines(world: &World, timing: &Timing) -> String {
     // Up to the next microsecond.
     let up = |ns: u64| format!("\"{} us\"", ns.div_ceil(1000));

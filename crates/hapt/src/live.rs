@@ -27,7 +27,7 @@ use crate::world::{read_system, read_world, sources};
 
 /// The default world: the notes' wheel under the default method, which is certified.
 const WHEEL: &str = "@notes/default";
-/// From one look for a signal to the next.
+/// The polling period for signals.
 const MOMENT: Duration = Duration::from_millis(20);
 
 pub fn run(args: &LiveArgs) -> Result<ExitCode, Failure> {
@@ -56,7 +56,7 @@ pub fn with(args: &LiveArgs, steering: Option<Steering>) -> Result<ExitCode, Fai
     sets.extend(overrides);
     let options = Options { worlds, sets, address, folder: args.log_dir.clone() };
     output::folder("--log-dir", &args.log_dir)?;
-    // Before anything can hold a torque: a signal takes it off first.
+    // Before anything can hold a torque: a signal removes it first.
     signals::end_in_order();
     let mut wheel = None;
     let live = Live::start_on(options, |world| match steering {
@@ -94,7 +94,7 @@ fn serve(
 ) -> Result<ExitCode, Failure> {
     let Some(live) = lives.first() else { return Ok(ExitCode::SUCCESS) };
     let links: Vec<&str> = lives.iter().map(Live::link).collect();
-    // A page may arm it before anybody has read the line.
+    // A page may arm it before the line has been read.
     let printed = print(text(&links));
     if !live.address().ip().is_loopback() {
         say(format_args!(
@@ -136,7 +136,7 @@ fn serve(
     }
 }
 
-/// Every station of a network in this program, each behind a page of its own. Their messages take the time, and are lost, as the file says.
+/// Every station of a network in this program, each behind a page of its own. Their messages are delayed and lost according to the file.
 fn stations(
     args: &LiveArgs,
     device: &DeviceAddress,
@@ -206,7 +206,7 @@ fn machine(args: &LiveArgs, device: &DeviceAddress, world: &World) -> Result<Mac
     Ok(opened.machine)
 }
 
-/// The same with what games play beside its world, and the wheel that they see.
+/// The same with the effects of games in addition to its world, and the wheel that games see.
 fn with_games(
     args: &LiveArgs,
     device: &DeviceAddress,

@@ -105,7 +105,7 @@ fn main() -> ExitCode {
     };
     let code = match done {
         Ok(code) => code,
-        // A command that a signal interrupted may fail in any way.
+        // A command may fail in any way after a signal.
         Err(failure) => {
             let code = failure.report();
             signals::signalled().map_or(code, ExitCode::from)

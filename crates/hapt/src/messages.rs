@@ -56,7 +56,7 @@ pub fn say(line: impl Display) {
     }
 }
 
-/// Prints what a device's opening has noted.
+/// Prints the notes on the opening of a device.
 pub fn notes(notes: &[String]) {
     for note in notes {
         say(format_args!("note: {note}"));

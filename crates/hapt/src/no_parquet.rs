@@ -11,7 +11,7 @@ fn missing() -> io::Error {
     io::Error::new(io::ErrorKind::Unsupported, "this hapt was built without its feature parquet")
 }
 
-/// Never made.
+/// Never constructed.
 pub struct Writer<W> {
     never: Infallible,
     out: PhantomData<W>,

@@ -11,7 +11,7 @@ pub fn missing() -> Failure {
     Failure::System("hapt wheel needs Linux, whose kernel has a virtual USB controller (vhci-hcd)".into())
 }
 
-/// Never made.
+/// Never constructed.
 pub enum Wheel {}
 
 impl Wheel {

@@ -1,4 +1,4 @@
-//! `hapt` alone: the notes' wheel under four loops, in one table.
+//! `hapt` without a command: the notes' wheel under four loops, in one table.
 
 use std::io::{Write, stdout};
 use std::process::ExitCode;

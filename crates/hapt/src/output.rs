@@ -38,8 +38,8 @@ pub fn remove_drafts() {
     }
 }
 
-/// The output to a target: a file under another name until [`Draft::finish`] moves it to its place; dropped earlier it is removed
-/// and an older file is as it was; or a device, a pipe or a FIFO, which takes the bytes as they come.
+/// The output to a target: a file under another name until [`Draft::finish`] moves it to its place; dropped earlier it is removed and an
+/// older file is unchanged; or a device, a pipe or a FIFO, which takes the bytes as they come.
 #[derive(Debug)]
 pub struct Draft {
     file: BufWriter<File>,
@@ -53,7 +53,7 @@ enum Place {
 }
 
 impl Draft {
-    /// Starts `target`, whose folder is there. A link is followed to the file that it names.
+    /// Starts `target`, whose folder exists. A link is followed to the file that it names.
     pub fn new(named: PathBuf) -> io::Result<Self> {
         if let Some(file) = through(&named)? {
             return Ok(Draft { file: BufWriter::with_capacity(1 << 16, file), place: Place::Through(named) });
@@ -79,7 +79,7 @@ impl Draft {
         list.push(path.to_path_buf());
         drop(list);
         if let Some(there) = there {
-            // The new file has the permissions of the old one. A file system without permissions has none to keep.
+            // The new file has the permissions of the old one. It fails on a file system without permissions, which has none to keep.
             let _ = file.set_permissions(there);
         }
         Ok(Draft {
@@ -119,8 +119,8 @@ impl Write for Draft {
     }
 }
 
-/// Starts a log for `named` with `start`, which takes its draft and holds it: refused where another run has its log there, be it in its draft yet. Of
-/// two that start at once one is first.
+/// Starts a log for `named` with `start`, which takes its draft and holds it: refused where another run has its log there, or still its
+/// draft. If two start at once, one is first.
 pub fn recorded<T>(named: &Path, start: impl FnOnce(Draft) -> io::Result<T>) -> io::Result<T> {
     let target = followed(named)?;
     let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -137,7 +137,7 @@ pub fn recorded<T>(named: &Path, start: impl FnOnce(Draft) -> io::Result<T>) -> 
     start(Draft::new(named.to_path_buf())?)
 }
 
-/// Keeps other hapts that ask for the same out of a folder's files, where the system has locks for folders, until it is dropped.
+/// Locks a folder's files against other runs of hapt that request the same, where the system has locks for folders, until it is dropped.
 pub fn alone(folder: &Path) -> Option<File> {
     let folder = File::open(folder).ok().filter(|_| cfg!(unix))?;
     folder.lock().ok().map(|()| folder)
@@ -151,7 +151,7 @@ fn draft_prefix(target: &Path) -> String {
     format!(".{}.", target.file_name().unwrap_or_default().to_string_lossy())
 }
 
-/// An error without the path of the draft, which nobody has asked for.
+/// An error without the path of the draft, which the user did not name.
 fn plain(error: io::Error) -> io::Error {
     let text = error.to_string();
     text.split_once(" at path ").map_or(error, |(cause, _)| io::Error::other(cause))
@@ -166,7 +166,7 @@ pub fn protected(target: &Path) -> io::Result<Option<fs::Permissions>> {
     }
 }
 
-/// The file that a path names behind its links, which need not be there yet.
+/// The file that a path names behind its links, which need not exist yet.
 pub fn followed(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_path_buf();
     // As many as Linux follows.
@@ -180,7 +180,7 @@ pub fn followed(path: &Path) -> io::Result<PathBuf> {
     Err(io::Error::other("too many links"))
 }
 
-/// Opens a target at `path` that is not a regular file, such as a device; `None` where a file is or may be.
+/// Opens a target at `path` that is not a regular file, such as a device; `None` where a regular file is or may be created.
 #[cfg(unix)]
 fn through(path: &Path) -> io::Result<Option<File>> {
     use std::os::fd::AsFd;
@@ -209,7 +209,7 @@ fn through(path: &Path) -> io::Result<Option<File>> {
         let what = if kind.is_socket() { "a socket" } else { "a disk" };
         return Err(io::Error::other(format!("it is {what}, not a place for a file")));
     }
-    // Opened so that nothing waits: neither a FIFO for its reader nor a serial port for its line.
+    // Opened without blocking, neither for a FIFO's reader nor for a serial port's line.
     let flags = (OFlags::NONBLOCK | OFlags::NOCTTY).bits() as i32;
     let start = Instant::now();
     let file = loop {
@@ -244,7 +244,7 @@ fn is_null(path: &Path) -> bool {
     cfg!(windows) && path.file_name().is_some_and(|name| name.eq_ignore_ascii_case("nul"))
 }
 
-/// Refuses a target that takes no file that grows beside it and is taken up again: a device, a FIFO, a folder.
+/// Refuses a target that is not a regular file, next to which a partial file cannot be kept and resumed: a device, a FIFO, a folder.
 pub fn regular(flag: &str, path: &Path) -> Result<(), Failure> {
     match fs::metadata(path) {
         Ok(there) if !there.is_file() => {
@@ -258,8 +258,8 @@ pub fn regular(flag: &str, path: &Path) -> Result<(), Failure> {
     }
 }
 
-/// Refuses two outputs in one file, and an output in a file that is read: one would destroy the other. Outputs by their flags, inputs by
-/// what they are.
+/// Refuses two outputs in one file, and an output in a file that is read: one would destroy the other. Outputs are named by their flags,
+/// inputs by their kind.
 pub fn apart(outputs: &[(&str, &Path)], inputs: &[(&str, PathBuf)]) -> Result<(), Failure> {
     let read: Vec<_> = inputs.iter().filter_map(|(what, path)| Some((what, place(path)?))).collect();
     let written: Vec<_> =
@@ -290,7 +290,7 @@ fn place(path: &Path) -> Option<PathBuf> {
     Some(fs::canonicalize(folder).ok()?.join(path.file_name()?))
 }
 
-/// Endings that are of files, and of no folder that a command makes.
+/// Endings of files, which no folder of a command has.
 const ENDINGS: [&str; 10] = ["csv", "parquet", "mcap", "svg", "png", "pdf", "html", "json", "toml", "txt"];
 
 /// The format of a file's ending, of those that `flag` writes; the first of them without an ending. Refuses a folder too, before the work.
@@ -318,7 +318,7 @@ pub fn built(flag: &str, path: &Path) -> Result<(), Failure> {
     built_with(&format!("{flag} {}", path.display()), &ending)
 }
 
-/// The same of a format, `asked` for in these words.
+/// The same for a format; `asked` is the request in words.
 pub fn built_with(asked: &str, format: &str) -> Result<(), Failure> {
     let features =
         [("parquet", cfg!(feature = "parquet")), ("pdf", cfg!(feature = "pdf")), ("png", cfg!(feature = "png"))];
@@ -338,7 +338,7 @@ pub fn draft(target: &Path, bytes: &[u8]) -> Result<Draft, Failure> {
     Ok(draft)
 }
 
-/// The folder for a command's files, made when it is not there.
+/// The folder for a command's files, created if missing.
 pub fn folder(flag: &str, path: &Path) -> Result<(), Failure> {
     if let Some(file) = path.ancestors().find(|at| at.exists() && !at.is_dir()) {
         let message = format!("{flag} {}: {} is a file; expected a folder", path.display(), file.display());

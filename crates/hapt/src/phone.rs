@@ -6,8 +6,8 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 use qrcode::QrCode;
 use qrcode::render::unicode::Dense1x2;
 
-/// The link for another machine: where the page listens on every address, with the one that this machine has in its network. `None` where no
-/// other machine reaches it.
+/// The link for another machine: where the page listens on every address, with this machine's address in its network. `None` where no other
+/// machine reaches it.
 pub fn link(link: &str, address: SocketAddr) -> Option<String> {
     if address.ip().is_loopback() {
         return None;
@@ -21,9 +21,9 @@ pub fn link(link: &str, address: SocketAddr) -> Option<String> {
     Some(format!("http://{address}/{mark}{fragment}"))
 }
 
-/// The address from which this machine would speak to others. Nothing is sent.
+/// The address from which this machine would send to others. Nothing is sent.
 fn own(any: IpAddr) -> Option<IpAddr> {
-    // Addresses of documentation, which are nobody's.
+    // Addresses that are reserved for documentation, and belong to no machine.
     let other: IpAddr = match any {
         IpAddr::V4(_) => Ipv4Addr::new(192, 0, 2, 1).into(),
         IpAddr::V6(_) => Ipv6Addr::new(0x2001, 0xdb8, 0, 0, 0, 0, 0, 1).into(),

@@ -26,7 +26,7 @@ pub struct FigureFile {
     dpi: f64,
 }
 
-/// What a style has where the flags say nothing.
+/// The values of a style without flags.
 struct Defaults {
     mm: f64,
     points: f64,
@@ -34,15 +34,15 @@ struct Defaults {
     width: fn(Paper) -> Width,
 }
 
-/// A column of a journal, which asks for so many pixels in an inch.
+/// A column of a journal, with its required pixels per inch.
 const PAPER: Defaults = Defaults { mm: 88.0, points: 8.0, dpi: 300.0, width: Width::Paper };
 /// A slide 10 inches wide, and as many pixels as a projector has.
 const SLIDE: Defaults = Defaults { mm: 254.0, points: 14.0, dpi: 192.0, width: Width::Slide };
-/// Of a screen's figure, two pixels of a PNG for one of the drawing.
+/// For a screen's figure: two pixels of a PNG for one of the drawing.
 const SCREEN_DPI: f64 = 192.0;
 
 impl FigureFile {
-    /// Of these flags, for the figure that `flag` writes to `path`; before the work.
+    /// From these flags, for the figure that `flag` writes to `path`; before the work.
     pub fn of(flag: &str, path: Option<&Path>, args: &FigureArgs) -> Result<Self, Failure> {
         let FigureArgs { format, style, width, font_size, dpi } = args;
         let given = [
@@ -78,7 +78,7 @@ impl FigureFile {
         Ok(FigureFile { format, width: (of_style.width)(paper), dpi: dpi.map_or(of_style.dpi, f64::from) })
     }
 
-    /// The figure's bytes, for what messages call `target`.
+    /// The figure's bytes, for the file that messages call `target`.
     pub fn bytes(self, figure: &Figure, target: &str) -> Result<Vec<u8>, Failure> {
         let svg = figure.svg(self.width, true) + "\n";
         let picture = match self.format {
@@ -124,7 +124,7 @@ fn pdf(_: &str, _: &str) -> Drawn {
     Err("this hapt was built without its feature pdf".into())
 }
 
-/// The format that flag or ending say; SVG where neither does.
+/// The format by flag or ending; SVG without either.
 fn chosen(flag: &str, path: Option<&Path>, asked: Option<FigureFormat>) -> Result<FigureFormat, Failure> {
     let by_ending = match path {
         Some(path) => {

@@ -8,9 +8,9 @@ use terminal_size::terminal_size;
 use crate::format;
 use crate::messages;
 
-/// Rows between two looks at the clock: often enough for people, too seldom to cost.
+/// Rows between two readings of the clock: often enough for people, and rare enough to take no time.
 const EVERY: u64 = 1 << 14;
-/// A run that is done by then needs no bar.
+/// A run that ends by then needs no bar.
 const QUICK_RUN: Duration = Duration::from_secs(1);
 /// The period of progress lines without a terminal, and with one.
 const LINES: Duration = Duration::from_secs(5);
@@ -36,7 +36,7 @@ impl Progress {
         Progress { name: name.into(), things, all, before, started: Instant::now(), last_line: None, shown: 0 }
     }
 
-    /// After row `done` of many: looks at the clock now and then only.
+    /// After row `done` of many: reads the clock only now and then.
     pub fn at(&mut self, done: u64) {
         if done.is_multiple_of(EVERY) {
             self.reached(done);
@@ -84,7 +84,7 @@ impl Progress {
     }
 }
 
-/// As much of a line as a terminal of so many columns shows without beginning another one.
+/// The part of a line that a terminal of this many columns shows on one line.
 fn fitting(line: &str, columns: usize) -> String {
     line.chars().take(columns.saturating_sub(1)).collect()
 }

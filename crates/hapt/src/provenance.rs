@@ -1,4 +1,4 @@
-//! What made the files of runs in a folder: a list beside them, since a CSV has no room for it.
+//! The origin of the files of runs in a folder: a list next to them, since a CSV has no field for it.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -13,14 +13,14 @@ use crate::output;
 /// The list's name.
 const NAME: &str = ".hapt-runs.json";
 
-/// What made a file.
+/// The origin of a file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Made {
     /// The world's file, absolute; `-` for standard input, `@NAME` for a built-in world.
     world: String,
     /// Its title.
     title: Option<String>,
-    /// What was set there.
+    /// Its overrides.
     set: Vec<String>,
 }
 
@@ -37,7 +37,7 @@ impl Made {
         Made { world, title: title.map(str::to_string), set: sets.to_vec() }
     }
 
-    /// Whether both are runs of one world, whatever was set: of one file, or of one title where neither has a file.
+    /// Whether both are runs of one world, with any overrides: of one file, or of one title where neither has a file.
     fn is_of(&self, other: &Made) -> bool {
         self.world == other.world && (self.world != "-" || self.title == other.title)
     }
@@ -64,7 +64,8 @@ fn read(path: &Path) -> Result<BTreeMap<String, Made>, Failure> {
 }
 
 impl Provenance {
-    /// Refuses to replace files in `folder` that another world has made, unless `force` allows it. A file that the list does not have is nobody's.
+    /// Refuses to replace files in `folder` that another world has made, unless `force` allows it. A file that is not in the list may be
+    /// replaced.
     pub fn check<'a>(
         folder: &Path,
         made: Made,
@@ -90,7 +91,7 @@ impl Provenance {
         }
     }
 
-    /// Adds files that stand in their places now.
+    /// Adds files that are now in their places.
     pub fn add<'a>(&self, targets: impl IntoIterator<Item = &'a PathBuf>) -> Result<(), Failure> {
         let _alone = output::alone(&self.folder);
         let path = self.folder.join(NAME);

@@ -1,4 +1,4 @@
-//! `hapt report`: a page a world, its figures as files, an index of several, and beside them pages on which the worlds run.
+//! `hapt report`: a page a world, its figures as files, an index of several, and pages on which the worlds run.
 
 use std::collections::HashSet;
 use std::io::Write;
@@ -33,7 +33,7 @@ struct Ready {
     live: Result<Page, String>,
 }
 
-/// Where the pages are on which the worlds run.
+/// The folder of the pages on which the worlds run.
 const LIVE: &str = "live";
 
 pub fn run(args: &ReportArgs) -> Result<ExitCode, Failure> {
@@ -67,7 +67,7 @@ fn early(title: &str, (name, failure): (&String, &String)) -> Failure {
     Failure::System(format!("{title}, scenario {name}: {failure}; its figures end before"))
 }
 
-/// Writes a page, and its figures beside it.
+/// Writes a page, and its figures next to it.
 fn write_page(folder: &Path, stem: &str, page: &str, drawings: &[Drawing]) -> Result<(), Failure> {
     let path = folder.join(format!("{stem}.html"));
     write(&path, page.as_bytes())?;
@@ -116,7 +116,7 @@ fn stem(path: &Path, figures: &[&str], taken: &mut HashSet<String>) -> String {
     let safe = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '-' };
     let name: String = name.trim_start_matches(['.', '@']).chars().map(safe).collect();
     let name = if name.is_empty() { "world".to_string() } else { name };
-    // Some file systems do not tell capitals from small letters.
+    // Some file systems do not distinguish upper and lower case.
     let files = |name: &str| -> Vec<String> {
         let figures = figures.iter().map(|figure| format!("{name}-{figure}"));
         figures.chain([name.to_string()]).map(|file| file.to_lowercase()).collect()
@@ -150,7 +150,7 @@ fn report(ready: &Ready) -> Result<Report<'_>, Failure> {
     Ok(Report { title: title.clone(), stem: stem.clone(), system, parameters, check, proposal, runs, live, plots })
 }
 
-/// What moves the figures of a page.
+/// The script for the figures of a page.
 fn plots() -> Option<PlotScript<'static>> {
     standalone::report_plots().map(|ReportPlots { script, sum, style }| PlotScript { script, sum, style })
 }

@@ -29,7 +29,7 @@ use crate::world::{Loaded, files};
 
 /// The period of a board's telemetry in s, where no log needs every sample.
 const SHOWN: f64 = 0.02;
-/// A board that shows no sample for so long, though it answers, has stopped its loop.
+/// A board that sends no sample for this time, though it answers, has stopped its loop.
 const SILENT: Duration = Duration::from_secs(2);
 
 pub fn run(args: &RunArgs) -> Result<ExitCode, Failure> {
@@ -74,7 +74,7 @@ pub fn with(args: &RunArgs, steering: Option<Steering>) -> Result<ExitCode, Fail
     let (links, ports) = station.as_ref().map(Station::open).transpose()?.unzip();
     let (wheel, effects) = room.map(Wheel::attach).transpose()?.unzip();
     if address.has_motor() {
-        // Before anything can hold a torque: a signal takes it off first, and no message holds anybody up.
+        // Before anything can hold a torque: a signal removes it first, and no message blocks the program.
         signals::end_in_order();
     }
     let every = if args.log.is_some() { 0.0 } else { SHOWN };
@@ -124,7 +124,7 @@ pub fn with(args: &RunArgs, steering: Option<Steering>) -> Result<ExitCode, Fail
     let how = run.until_it_ends();
     // Before anything waits for a disk or for a reader.
     run.session.end(|sample| run.seen.add(sample.record));
-    // The other stations learn at once that this end has let go.
+    // The other stations are informed at once that this end has released.
     let links = run.links.as_mut().map(Links::end).unwrap_or_default();
     let wheel = run.wheel.as_mut().map(Wheel::end).unwrap_or_default();
     let how = how?;
@@ -183,9 +183,9 @@ enum How {
     Done,
     Signal(u8),
     Fault(Reason),
-    /// A board that shows no samples.
+    /// A board that sends no samples.
     Silent,
-    /// The computer has given the wheel back.
+    /// The computer has detached the wheel.
     Detached,
     Failed(Error),
 }
@@ -217,19 +217,19 @@ struct Run {
     seen: Seen,
     /// Those of a station.
     links: Option<Links>,
-    /// What the computer sees of the device.
+    /// The wheel that the computer sees.
     wheel: Option<Wheel>,
     told: LastReported,
 }
 
 impl Run {
-    /// Arms, plays the scenario, disarms, and looks at every record.
+    /// Arms, plays the scenario, disarms, and reads every record.
     fn until_it_ends(&mut self) -> Result<How, Failure> {
         self.keep();
         if signals::signalled().is_none() {
             self.request(Request::Arm)?;
         }
-        // When the time began to count, in ns from the start.
+        // The instant from which the duration counts, in ns from the start.
         let mut begun = None;
         let mut is_over = false;
         let begin = Instant::now();
@@ -318,7 +318,7 @@ impl Run {
         self.session.request(request, epoch).map_err(|_| Failure::System("the loop takes no orders".into()))
     }
 
-    /// That samples were missed, where some were.
+    /// A line on missed samples, where there were some.
     fn missed(&self) -> Option<String> {
         if !self.is_board {
             return self.seen.timing.warning().map(|warning| warning.to_string());

@@ -1,8 +1,8 @@
-//! Signals end every command with no torque on and no unfinished file left, whatever the rest of the program waits for.
+//! Signals end every command with no torque on and no unfinished file left, even while the rest of the program is blocked.
 //!
 //! SIGINT (Ctrl-C), SIGTERM, SIGHUP (the terminal was closed) and SIGQUIT are handled on a thread of their own, which prints nothing
 //! itself and waits for no other thread, which may be blocked in a write to a terminal that was stopped (Ctrl-S), or to a full pipe.
-//! On Windows Ctrl-C and Ctrl-Break are SIGINT. It ends a program whose window is closed a moment later, whatever that does.
+//! On Windows Ctrl-C and Ctrl-Break are SIGINT. Windows ends a program a moment after its window is closed, in any case.
 
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::mpsc::channel;
@@ -12,9 +12,9 @@ use std::time::Duration;
 
 use crate::{messages, output};
 
-/// So long a command may take to end in order.
+/// The time that a command has to end in order.
 const GRACE: Duration = Duration::from_secs(3);
-/// So long at a second signal: enough for the loop's last sample, whose torque is 0.
+/// The time at a second signal: enough for the loop's last sample, whose torque is 0.
 const AT_ONCE: Duration = Duration::from_millis(200);
 /// The time for printing the last messages.
 const WORDS: Duration = Duration::from_millis(200);
@@ -35,7 +35,7 @@ static SIGNALLED: AtomicU8 = AtomicU8::new(0);
 type Stop = Box<dyn Fn() + Send>;
 static STOP: Mutex<Option<Stop>> = Mutex::new(None);
 
-/// From now on the first signal shows in [`signalled`], and the program has three seconds: the command takes the torque off, finishes its
+/// From now on the first signal shows in [`signalled`], and the program has three seconds: the command removes the torque, finishes its
 /// files, and ends. A second signal ends the program at once. Messages no longer wait for a reader.
 pub fn end_in_order() {
     messages::never_block();
@@ -115,12 +115,12 @@ mod unix {
         if !is_ignored(SIGHUP) {
             ends.push(SIGHUP);
         }
-        // Where signals cannot be watched they end the program all the same, with their own code.
+        // Without a handler signals also end the program, with their own code.
         if let Ok(mut signals) = Signals::new(ends) {
             // Both the kernel and the shell send SIGHUP when the terminal closes.
             spawn(move || signals.forever().for_each(|signal| end(128 + signal as u8, signal == SIGHUP)));
         }
-        // A file that may not grow is a failed write, not the end of the program.
+        // The limit of a file's size makes a write fail, and does not end the program.
         let _ = signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
     }
 
@@ -141,11 +141,11 @@ mod unix {
 /// Ends the program with 130, as SIGINT does elsewhere; unfinished files are removed.
 #[cfg(windows)]
 pub fn watch() {
-    // Where they cannot be watched they end the program all the same, with the system's code.
+    // Without a handler they also end the program, with the system's code.
     let _ = ctrlc::set_handler(|| end(130, false));
 }
 
-/// It flushes standard output only where nobody is blocked in a write to it.
+/// It flushes standard output only where no thread is blocked in a write to it.
 #[cfg(windows)]
 fn leave(code: u8) -> ! {
     std::process::exit(code.into())

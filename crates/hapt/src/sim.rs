@@ -186,7 +186,7 @@ fn print_all(system: &System, source: &Source, scenarios: &[&str]) -> Result<(),
     first_failure.map_or(Ok(()), Err)
 }
 
-/// A network's run: a line for each station, and for each link that let go.
+/// A network's run: a line for each station, and for each link that released.
 fn linked(system: &System, scenario: &str, stations: &[Summary<'_>], run: &Run) -> String {
     let mut text = format!("\nscenario {scenario}\n");
     for (station, seen) in system.stations.iter().zip(stations) {
@@ -210,9 +210,9 @@ fn linked(system: &System, scenario: &str, stations: &[Summary<'_>], run: &Run) 
 /// A world's run in full.
 fn alone(station: &Station, name: &str, summary: &Summary<'_>) -> Result<String, Failure> {
     let world = &station.world;
-    // Torques in the unit that the file has them in.
+    // Torques in the unit of the file.
     let own = Effort::of(&hapt_model::parameters_of(world, &station.source, &station.sets)?, world.motion);
-    // Only a held world's growth has a prediction to stand beside.
+    // Only a held world's growth has a prediction to compare with.
     let predicted = match summary.fitted_growth() {
         Some(_) => hapt_analysis::check(world).ok().and_then(|check| check.held.growth_per_s),
         None => None,

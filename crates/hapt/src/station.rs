@@ -1,4 +1,4 @@
-//! A station of a network: what runs of it here, and its links to the others.
+//! A station of a network: its world here, and its links to the others.
 
 use std::io::{self, Read};
 use std::net::{SocketAddr, ToSocketAddrs};
@@ -24,10 +24,10 @@ use crate::format;
 use crate::messages;
 use crate::world::{Loaded, read_system, source};
 
-/// A longer file is no key.
+/// A longer file is refused as a key.
 const LONGEST_KEY: u64 = 4096;
 
-/// What runs here: a world with what is set over its file, by itself or as a station.
+/// The world that runs here: a file with its overrides, by itself or as a station.
 pub struct Chosen {
     pub loaded: Loaded,
     pub sets: Vec<String>,
@@ -41,7 +41,7 @@ pub struct Station {
     way: Transport,
 }
 
-/// How its messages go.
+/// The transport of its messages.
 enum Transport {
     Udp {
         listen: SocketAddr,
@@ -85,7 +85,7 @@ impl Chosen {
         }
         let network = System::read(&source, &sets)?;
         let at = index(&network, "--station", name)?;
-        // As if they stood in the file, so that the certificate and the other stations know them.
+        // Applied like keys of the file, so that the certificate and the other stations include them.
         let own = address.overrides(&network.stations[at].world)?;
         sets.extend(own.into_iter().map(|set| format!("stations.{name}.{set}")));
         let network = read_system(&source, &sets)?;
@@ -143,7 +143,7 @@ impl Station {
         }
     }
 
-    /// What rounded positions cost; `None` where messages have them in full.
+    /// The power by rounded positions; `None` where messages have them in full.
     fn rounded(&self, check: &NetworkCheck) -> Result<Option<Rounded>, Failure> {
         match self.way {
             Transport::Udp { .. } => Ok(None),
@@ -173,7 +173,7 @@ impl Station {
         }
     }
 
-    /// What the frames' rounding of positions means for the certificate, a sentence.
+    /// The effect of the frames' rounding of positions on the certificate, as a sentence.
     #[cfg(target_os = "linux")]
     fn rounding(&self, check: &NetworkCheck) -> Result<String, Failure> {
         let unit = match self.network.motion {
@@ -286,7 +286,7 @@ fn resolved(peer: &str, address: &str, listen: SocketAddr) -> Result<SocketAddr,
     })
 }
 
-/// The key in a file. A line's end after it does not count.
+/// The key in a file. A line break after it is ignored.
 fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut key = Vec::new();
     hapt_model::input::open(path)?.take(LONGEST_KEY + 1).read_to_end(&mut key)?;
@@ -299,10 +299,10 @@ fn read(path: &Path) -> io::Result<Vec<u8>> {
     Ok(key)
 }
 
-/// Changes of links that are told one by one; one that flickers is not to fill the terminal.
+/// Changes of links that are printed one by one; a flickering link must not fill the terminal.
 const CHANGES: u32 = 20;
 
-/// What was said of the links.
+/// The state of the links that was last printed.
 #[derive(Default)]
 pub struct LastReported {
     acts: Vec<bool>,
@@ -311,7 +311,7 @@ pub struct LastReported {
 }
 
 impl LastReported {
-    /// Says what is new: that a link acts or has let go, and messages that are not of this network.
+    /// Prints changes: that a link acts or has released, and messages that are not of this network.
     pub fn say(&mut self, links: &[LinkStatus]) {
         self.acts.resize(links.len(), false);
         for (told, link) in self.acts.iter_mut().zip(links) {
@@ -336,7 +336,7 @@ impl LastReported {
     }
 }
 
-/// Refusals that someone has to do something about: not of messages that only came late.
+/// Refusals that need an action: not those of messages that only came late.
 fn strange() -> impl Iterator<Item = Refusal> {
     Refusal::ALL.into_iter().filter(|refusal| *refusal != Refusal::Old)
 }

@@ -6,7 +6,7 @@ use hapt_model::did_you_mean;
 
 use hapt_model::builtin;
 
-/// `; did you mean "wheel.toml"?`: a file beside the missing one, or a world that is built in.
+/// `; did you mean "wheel.toml"?`: a file in the folder of the missing one, or a built-in world.
 pub fn file(missing: &Path) -> String {
     if missing.exists() {
         return String::new();
@@ -15,7 +15,7 @@ pub fn file(missing: &Path) -> String {
     let folder = missing.parent().unwrap_or(Path::new(""));
     let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let entries = std::fs::read_dir(here).into_iter().flatten().flatten().take(1000);
-    // A nearly right name of a file that is another's is none.
+    // A similar name of another kind of file is not suggested.
     let names: Vec<String> = entries.filter_map(|entry| entry.file_name().into_string().ok()).collect();
     match nearest(name, names.iter().map(String::as_str)) {
         Some(near) => format!("; did you mean {:?}?", folder.join(near).display().to_string()),
@@ -23,7 +23,7 @@ pub fn file(missing: &Path) -> String {
     }
 }
 
-/// The name with this stem, whatever its ending; else the nearest.
+/// The name with this stem and any ending; else the nearest.
 fn nearest<'a>(name: &str, names: impl Iterator<Item = &'a str> + Clone) -> Option<&'a str> {
     let stem = |name: &str| Path::new(name).file_stem().map(|stem| stem.to_string_lossy().to_lowercase());
     let same = |other: &&str| stem(other) == stem(name) || other.eq_ignore_ascii_case(name);
@@ -40,7 +40,7 @@ mod tests {
         std::fs::write(folder.path().join("wheel.toml"), "").unwrap();
         let said = |name: &str| file(&folder.path().join(name));
         for name in ["weehl.toml", "wheel", "WHEEL.TOML", "wheel.tom"] {
-            // Where letters' case does not count, as on Windows, WHEEL.TOML is the file itself.
+            // Where case does not matter, as on Windows, WHEEL.TOML is the file itself.
             let is_there = folder.path().join(name).exists();
             assert_eq!(said(name).contains("wheel.toml\"?"), !is_there, "{name}: {}", said(name));
         }

@@ -1,9 +1,9 @@
 //! `hapt sweep`: a grid of a world's numbers, measured, as a table and a picture.
 //!
 //! The rows go to `FILE.HASH.partial` as CSV, flushed as they come; at the end it becomes the CSV, or the Parquet file is made
-//! from it. Of a table in shards each is a table of its own, the CSV's header in the first. An interrupted sweep leaves it there, and
-//! `--resume` continues after its last complete line. The hash is of everything that the rows depend on, so that no other sweep's rows are
-//! ever taken.
+//! from it. Each shard of a table is a table of its own, with the CSV's header in the first. An interrupted sweep leaves it there, and
+//! `--resume` continues after its last complete line. The hash is of everything that the rows depend on, so that rows of another sweep are
+//! never used.
 
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
@@ -280,7 +280,7 @@ impl Partial {
         })
     }
 
-    /// The lines behind the header, from the beginning.
+    /// The lines after the header, from the beginning.
     fn rows(&self) -> Result<BufReader<File>, Failure> {
         let failed = |error| Failure::System(format!("cannot read {}: {error}", self.path.display()));
         let mut reader = BufReader::with_capacity(1 << 16, File::open(&self.path).map_err(failed)?);
@@ -319,7 +319,7 @@ fn fingerprint(sweep: &Sweep, cells: &Range<u64>) -> u64 {
     hash.finish()
 }
 
-/// Fowler, Noll and Vo's hash, 1a: the same today and tomorrow, which the standard library does not promise of its own.
+/// Fowler, Noll and Vo's hash, 1a: stable between versions, which the standard library does not promise for its own hash.
 struct Fnv(u64);
 
 impl Hasher for Fnv {

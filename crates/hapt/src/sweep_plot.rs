@@ -54,7 +54,7 @@ fn measured(sweep: &Sweep) -> (String, &'static str) {
     (name, measure.unit(sweep.system.motion))
 }
 
-/// The value on whose two sides a measure means two things.
+/// The value at which the meaning of a measure changes.
 fn edge(measure: Measure) -> Option<f64> {
     match measure {
         Measure::HeldGrowth | Measure::FreeGrowth => Some(hapt_analysis::MARGINAL),

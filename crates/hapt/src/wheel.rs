@@ -41,7 +41,7 @@ pub fn run(args: &WheelArgs) -> Result<ExitCode, Failure> {
     let (file, device) = (source(&path)?, device(&args.device)?);
     let world = World::read(&file, &sets)?;
     if device == DeviceAddress::Sim && world.safety.late.is_none() {
-        // A desktop computer samples late now and then, and nobody holds a simulated wheel.
+        // A desktop computer samples late now and then, and no hand holds a simulated wheel.
         sets.push("safety.late=count".into());
     }
     if let DeviceAddress::Board(_) = device {

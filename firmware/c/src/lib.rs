@@ -1,4 +1,4 @@
-//! hapt's loop and supervisor for firmware in C. `hapt.h` says what the functions do; this is how.
+//! hapt's loop and supervisor for firmware in C. `hapt.h` describes the functions; this is their implementation.
 #![no_std]
 
 use core::ffi::{c_int, c_uint};
@@ -16,7 +16,7 @@ const COUNTS: usize = 17;
 #[repr(C, align(8))]
 pub struct Room([u8; 4096]);
 
-/// What stands in it.
+/// Its contents.
 #[repr(C)]
 struct Running {
     /// `LOADED`, and nothing else that a program might have in its memory.

@@ -53,7 +53,7 @@ fn main() -> ! {
     exit(0)
 }
 
-/// hapt's loop in room for B bodies: bare, supervised, and supervised where each sample has to be looked at in full.
+/// hapt's loop with capacity for B bodies: bare, supervised, and supervised on the slow path of each sample.
 fn in_room<const B: usize>(spec: &Spec) -> [f32; 3] {
     let Ok(controller) = Controller::<f32, B, COUPLINGS, COUNTS>::new(spec, &LIMITS) else { exit(4) };
     let controller = black_box(controller);
@@ -61,7 +61,7 @@ fn in_room<const B: usize>(spec: &Spec) -> [f32; 3] {
     let mut state = world.start();
     let bare = instructions(|position, velocity| world.step(&mut state, position, velocity).command);
 
-    // An announcement is not believed here, but looked at.
+    // An announcement is not accepted here, but takes the slow path.
     let [supervised, in_full] = [false, true].map(|announced| {
         let mut state = controller.start();
         let mut guarded = |position, velocity, request| {

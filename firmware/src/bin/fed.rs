@@ -1,5 +1,5 @@
-//! The firmware of a board without encoder and motor: it takes a sample whenever the host shows it one. Hardware in the loop, the host
-//! being the hardware.
+//! The firmware of a board without encoder and motor: it takes a sample whenever the host sends a reading. Hardware in the loop, with the
+//! host as the hardware.
 #![no_std]
 #![no_main]
 

@@ -17,7 +17,7 @@ use synopsys_usb_otg::UsbBus;
 /// The wheel, as `cargo xtask firmware game-wheel FILE` has made it of a world.
 static WHEEL: &[u8] = include_bytes!("../../worlds/game-wheel.bin");
 
-/// What the interrupt has.
+/// The data of the interrupt.
 struct Loop {
     sampler: WheelSampler,
     mail: WheelMailbox,
@@ -44,7 +44,8 @@ fn main() -> ! {
     }
 }
 
-/// A period begins. Where no sample has been taken for longer than the world allows, the torque goes here, whatever holds the sample up.
+/// A period begins. Where no sample has been taken for longer than the world allows, the torque is removed here, for any cause of the
+/// delay.
 #[exception]
 fn SysTick() {
     if ticks::begin() {
@@ -65,7 +66,7 @@ fn PendSV() {
     });
 }
 
-/// Of the USB crates: no interrupt can. The torque goes at once, and the watchdog starts the board anew.
+/// Only the USB crates can panic; no interrupt can. The torque is removed at once, and the watchdog resets the board.
 #[panic_handler]
 fn panic(_: &PanicInfo) -> ! {
     Here::cut();

@@ -1,6 +1,6 @@
-//! What a host reads of the wheel for games on this board, each request with its answer in hexadecimal, and what the wheel does when the host plays an effect,
-//! and in how many instructions. The endpoints are
-//! the board's controller's own; in place of its registers, which no emulator has, stands the controller of hapt-wire's tests.
+//! The descriptors that a host reads of the wheel for games on this board, each request with its answer in hexadecimal, the wheel's torque
+//! when the host plays an effect, and the number of instructions. The endpoints are the board's controller's own; its registers, which no
+//! emulator has, are replaced by the controller of hapt-wire's tests.
 #![no_std]
 #![no_main]
 
@@ -99,7 +99,7 @@ fn main() -> ! {
     exit(0)
 }
 
-/// The supervisor tests its motor: here is one that moves, with the inertia and the damping of the wheel's world.
+/// The supervisor tests its motor: this one moves, with the inertia and the damping of the wheel's world.
 struct Moving {
     position: f32,
     velocity: f32,
@@ -120,7 +120,7 @@ impl Moving {
 /// The timer counts 24 bits of a clock that is five times as fast as the instructions.
 const SAMPLES: u32 = 100;
 
-/// Instructions of so many samples, less those of a run of half the length.
+/// Instructions of a number of samples, less those of a run of half the length.
 fn counted(mut run: impl FnMut(u32)) -> f32 {
     let mut ticks_of = |samples| {
         let start = ticks::now();
@@ -131,7 +131,7 @@ fn counted(mut run: impl FnMut(u32)) -> f32 {
     (long - short) as f32 / ticks::of_an_instruction() / SAMPLES as f32
 }
 
-/// Of a supervised sample while so many conditions play; `changes` puts a changed pool into the mailbox before each of them.
+/// Instructions of a supervised sample while this many conditions play; `changes` puts a changed pool into the mailbox before each of them.
 fn instructions(effects: usize, changes: bool) -> f32 {
     let mut pool = Pool::new();
     for block in 0..effects {
@@ -172,7 +172,7 @@ fn condition(block: usize) -> Report {
     Report::Condition { block, axis: 0, condition }
 }
 
-/// Of a report that changes a condition.
+/// Instructions of a report that changes a condition.
 fn of_a_report() -> f32 {
     let mut pool = Pool::new();
     pool.take(&Report::Create(Kind::Spring), 0);

@@ -19,7 +19,7 @@ const BOARD: hapt_wire::device::Board = hapt_wire::device::Board {
     periods: [100e-6, 10e-3],
 };
 
-/// What the interrupt has.
+/// The data of the interrupt.
 struct Loop {
     sampler: Sampler<'static>,
     mail: Mailbox<'static>,
@@ -51,7 +51,8 @@ fn main() -> ! {
     }
 }
 
-/// A period begins. Where no sample has been taken for longer than the world allows, the torque goes here, whatever holds the sample up.
+/// A period begins. Where no sample has been taken for longer than the world allows, the torque is removed here, for any cause of the
+/// delay.
 #[exception]
 fn SysTick() {
     if ticks::begin() {
@@ -90,7 +91,7 @@ fn stall(sample: u64) {
     }
 }
 
-/// Periods of so many seconds.
+/// Begins a period every `period` seconds.
 fn every(period: f32) {
     ticks::every((period * Here::CLOCK as f32 + 0.5) as u32);
 }

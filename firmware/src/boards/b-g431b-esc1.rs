@@ -1,9 +1,9 @@
 //! ST's B-G431B-ESC1 (STM32G431CB), for one brushed motor between its phases U and V. **Not tried on hardware.** It runs no brushless
 //! motor (BLDC, PMSM), and phase W is not used.
 //!
-//! The motor gets an open-loop voltage in proportion to the torque asked for: nothing measures or controls its current. `TORQUE` holds at
-//! standstill, at one supply voltage and one temperature of the winding. A turning motor's own voltage takes some of it away, which acts as
-//! a damper of kt²/R; a falling supply takes some away too.
+//! The motor gets an open-loop voltage in proportion to the commanded torque: nothing measures or controls its current. `TORQUE` holds at
+//! standstill, at one supply voltage and one temperature of the winding. A turning motor's own voltage reduces it, which acts as a damper
+//! of kt²/R; a falling supply reduces it too.
 //!
 //! Before a motor is on it: check the pins and the shunts against your board's schematic (MB1419), and set the constants of your wheel. With
 //! an oscilloscope see that no gate of U and V switches while it is disarmed (all four transistors are off, and the motor's terminals
@@ -95,7 +95,7 @@ impl Line for Usart {
 pub struct Motor {
     last: u16,
     counts: i32,
-    /// Whether the bridges have been turned on. They may have been turned off since, by a comparator.
+    /// Whether the bridges have been turned on. A comparator may have turned them off since.
     on: bool,
 }
 
@@ -187,7 +187,7 @@ fn encoder() {
     ENCODER_CONTROL.set(1);
 }
 
-/// Comparators 1 and 2 look at the shunts of U and V, at PA1 and PA7, against DAC 3. A lower transistor's shunt shows the motor's current
+/// Comparators 1 and 2 compare the shunts of U and V, at PA1 and PA7, against DAC 3. A lower transistor's shunt shows the motor's current
 /// while that transistor is on, as one of them is half of the time either way: not a short circuit from a phase to ground.
 fn current_limit() {
     DAC_MODE.set(2 << 14 | 3 << 16 | 3);
@@ -203,7 +203,7 @@ fn current_limit() {
 }
 
 /// Timer 1 up and down at 20 kHz, V the opposite of U, 0.8 µs of dead time, its outputs off and held low; off whenever a comparator says
-/// so, until [`Motor::hold`] is told off and on again.
+/// so, until [`Motor::hold`] turns it off and on again.
 fn pwm() {
     PWM_TOP.set(HALF_PERIOD);
     PWM_MODES.set(7 << 12 | 1 << 11 | 6 << 4 | 1 << 3);

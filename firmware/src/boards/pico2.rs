@@ -8,9 +8,9 @@
 //! | GP6 | its enable; a resistor to ground keeps it off while the board starts |
 //! | GP7 | its fault, low; pulled up |
 //!
-//! The motor gets an open-loop voltage in proportion to the torque asked for: nothing measures or controls its current, and the bridge has to
-//! limit it by itself. A turning motor's own voltage takes some of the torque away, which acts as a damper of kt²/R; a falling supply takes
-//! some away too. The lines bear 3.3 V.
+//! The motor gets an open-loop voltage in proportion to the commanded torque: nothing measures or controls its current, and the bridge has
+//! to limit it by itself. A turning motor's own voltage reduces the torque, which acts as a damper of kt²/R; a falling supply reduces it
+//! too. The lines are for 3.3 V.
 //!
 //! Manual: the RP2350's datasheet (registers, bootrom).
 
@@ -35,8 +35,8 @@ const TORQUE: f32 = TORQUE_CONSTANT * SUPPLY / RESISTANCE;
 /// The board's crystal, in Hz.
 const CRYSTAL: u32 = 12_000_000;
 
-/// What the bootrom looks for in the flash's first 4 KiB: a program for its ARM processors, in their secure state, that begins with a table
-/// of vectors (datasheet, 5.9: start; image type; last, with the size of all items; no other block; end).
+/// The definition that the bootrom searches in the flash's first 4 KiB: a program for its ARM processors, in their secure state, that
+/// begins with a table of vectors (datasheet, 5.9: start; image type; last, with the size of all items; no other block; end).
 #[used]
 #[cfg_attr(target_os = "none", unsafe(link_section = ".image_definition"))]
 pub static IMAGE_DEFINITION: [u32; 5] = [0xffff_ded3, 0x1021_0142, 0x0000_01ff, 0, 0xab12_3579];
@@ -115,14 +115,14 @@ impl Device for Motor {
 }
 
 /// 150 MHz: the crystal · 125 / 5 / 2. The reference clock, and with it the watchdog, stays with the ring oscillator: a crystal that fails
-/// does not take the watchdog along.
+/// does not stop the watchdog.
 fn clock() {
     // Away from the PLL, which may run already where a debugger starts the program.
     REFERENCE.change(|x| x & !3);
     while REFERENCE_SELECTED.get() & 1 == 0 {}
     SYSTEM.change(|x| x & !1);
     while SYSTEM_SELECTED.get() & 1 == 0 {}
-    // UART 0, PWM, PLL, PIO 0, pads, pins: begun anew, which also takes the bridge's inputs and enable away.
+    // UART 0, PWM, PLL, PIO 0, pads, pins: reset, which also turns off the bridge's inputs and enable.
     const OWN: u32 = 1 << 26 | 1 << 16 | 1 << 14 | 1 << 11 | 1 << 9 | 1 << 6;
     RESETS.change(|x| x | OWN);
     RESETS.change(|x| x & !OWN);
@@ -189,7 +189,7 @@ fn pins() {
 }
 
 /// The program of the encoder's state machine. Every 5 to 11 clocks it reads both lines, jumps by their former and their present state
-/// into the table of 16 at its beginning, and counts in Y. What it has counted is in `rxfifo[0]`, for the processor to read at any time.
+/// into the table of 16 at its beginning, and counts in Y. The count is in `rxfifo[0]`, for the processor to read at any time.
 ///
 /// A jump is `condition << 5 | address`; states are B · 2 + A, and A rises before B where the count rises.
 #[rustfmt::skip]
@@ -239,7 +239,7 @@ fn encoder() {
 }
 
 /// The watchdog, by the ring oscillator, whose rate is measured by the PWM's periods: reset after 20 ms, also while a debugger holds the
-/// processor, and with it the bridge off. What to reload.
+/// processor, and with it the bridge off. Returns the value to reload.
 fn watchdog() -> u32 {
     TICK_LENGTH.set(8);
     TICK_CONTROL.set(1);

@@ -10,8 +10,8 @@
 //! | PA9, PA10 | the serial line of the other programs, 921 600 baud |
 //! | PA11, PA12 | USB, from a crystal |
 //!
-//! The motor gets an open-loop voltage in proportion to the torque asked for, as on the B-G431B-ESC1: what stands there of back-EMF and supply
-//! holds here. The bridge has to limit its current by itself. Manuals: ST RM0090 (registers), DS8626 (pins).
+//! The motor gets an open-loop voltage in proportion to the commanded torque, as on the B-G431B-ESC1: its notes on back-EMF and supply hold
+//! here. The bridge has to limit its current by itself. Manuals: ST RM0090 (registers), DS8626 (pins).
 
 use super::board::{Board, Device};
 use super::register::Register;
@@ -40,7 +40,7 @@ impl Board for Here {
     }
 
     fn start() -> (Uart, Motor) {
-        // Before anything else: a resistor alone has held the bridge off so far.
+        // Before anything else: only a resistor has held the bridge off so far.
         PORTS_ON.change(|x| x | 3);
         let _ = PORTS_ON.get();
         Self::cut();
@@ -138,7 +138,7 @@ fn pins() {
         let at = pin % 8 * 4;
         half.change(|x| x & !(0xf << at) | function << at);
         Register::at(port + 0x0c).change(|x| x & !(3 << (2 * pin)) | pull << (2 * pin));
-        // USB wants fast edges.
+        // USB requires fast edges.
         let speed = if port == A && pin >= 11 { 3 } else { 1 };
         Register::at(port + 0x08).change(|x| x & !(3 << (2 * pin)) | speed << (2 * pin));
         Register::at(port).change(|x| x & !(3 << (2 * pin)) | mode << (2 * pin));

@@ -1,4 +1,4 @@
-//! The functions for JavaScript, on the one page that there is: of a world, or of a network's stations.
+//! The functions for JavaScript, on the only page of the module: of a world, or of a network's stations.
 //!
 //! JavaScript asks for [`room`], writes text into it, and calls [`load`], [`network`] or [`send`]. It calls [`poll`] for each frame that the
 //! browser draws, and after each of these [`next`] for each station until there is no message left. A world is station 0.
@@ -51,7 +51,7 @@ fn with<T>(act: impl FnOnce(&mut Exchange) -> T) -> T {
     EXCHANGE.with_borrow_mut(act)
 }
 
-/// Room for so many bytes of UTF-8.
+/// Room for `length` bytes of UTF-8.
 #[unsafe(no_mangle)]
 pub extern "C" fn room(length: usize) -> *mut u8 {
     with(|exchange| {
@@ -61,7 +61,7 @@ pub extern "C" fn room(length: usize) -> *mut u8 {
     })
 }
 
-/// Runs the world in the room, in place of what ran: 1, or 0 with the reason as [`message`].
+/// Runs the world in the room, in place of the present one: 1, or 0 with the reason as [`message`].
 #[unsafe(no_mangle)]
 pub extern "C" fn load() -> u32 {
     with(|exchange| {

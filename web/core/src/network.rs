@@ -13,16 +13,16 @@ use hapt_rt::Outside;
 
 use crate::page::{ASLEEP, Page};
 
-/// The longest time that is caught up at once; a longer pause is no time for the loops.
+/// The longest time that is caught up at once; the loops do not run through a longer pause.
 const MAX_CATCH_UP: Duration = Duration::from_millis(100);
 
-/// The stations of a network, each with what its wheel on the page is to hear, and the messages between them.
+/// The stations of a network, each with the messages to its wheel on the page, and the messages between them.
 pub struct NetworkPage {
     stations: Vec<Page>,
     /// With their clocks.
     network: System,
     links: SteppedLinks,
-    /// Messages are passed on so often: several times in the shortest period.
+    /// The interval at which messages are passed on: several times in the shortest period.
     slice: Duration,
     /// The network's time, and the last instant of the caller's clock.
     time: Duration,

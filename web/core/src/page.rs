@@ -8,12 +8,12 @@ use hapt_host::{Machine, PageSession, Session, WorldConfig};
 
 /// The number of the one client.
 const CLIENT: u64 = 1;
-/// After a longer time between two polls the page was asleep: its hand releases the puck.
+/// After a longer time between two polls the page was suspended: its hand releases the puck.
 pub(crate) const ASLEEP: Duration = Duration::from_millis(300);
-/// The refusal of another world at a station: the page knows the certificates of the file's worlds alone.
+/// The refusal of another world at a station: the page has only the certificates of the file's worlds.
 const FIXED: &str = "on a page of a network without a server its worlds stay as they are; hapt live NETWORK sets their keys, and certifies them anew";
 
-/// A world that runs, and what its page is to hear.
+/// A running world, and the messages to its page.
 pub struct Page {
     session: PageSession,
     messages: VecDeque<Message>,

@@ -9,7 +9,7 @@ use super::sweep::{ROUNDS, processes};
 use super::{Bench, STARTS, Times, goal, program};
 
 /// The world file of a chain of bodies behind the puck: the loop and device, the inertia of each body and the stiffness of the spring before
-/// it, and the damping beside each spring.
+/// it, and the damping in parallel with each spring.
 fn chain(head: &str, bodies: usize, of_body: impl Fn(f64) -> (f64, f64), damping: f64) -> String {
     let mut file = head.to_string();
     for i in 0..bodies {
@@ -26,7 +26,7 @@ fn chain(head: &str, bodies: usize, of_body: impl Fn(f64) -> (f64, f64), damping
     file
 }
 
-/// A chain on springs alone.
+/// A chain with springs and no dampers.
 fn undamped(bodies: usize) -> String {
     let head = "loop.period = \"1 ms\"\ndevice = { inertia = 6.4e-4, damping = 1.2e-3 }\n";
     chain(head, bodies, |i| (0.01 + 0.001 * i, 1.0 + i), 0.0)

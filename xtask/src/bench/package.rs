@@ -18,7 +18,7 @@ const COMPARED: [&str; 6] =
 /// Rounds of whole sweeps, of which MuJoCo and pathsim take seconds each.
 const SWEEPS: usize = 5;
 
-/// Measures and prints only these tables, of so many rounds; with `write`, puts them into the page.
+/// Measures and prints only these tables, over `rounds` rounds; with `write`, puts them into the page.
 pub(super) fn measure(rounds: usize, write: bool) -> Result<()> {
     marked::publish(PAGE, BLOCK, &Bench::build()?.tables(rounds)?, write)
 }
@@ -31,7 +31,7 @@ pub(super) fn scale(loops: &str, write: bool) -> Result<()> {
     marked::publish(SCALE, "cargo xtask bench scale", &text, write)
 }
 
-/// The Python of an environment with the package and what it is compared with.
+/// The Python of an environment with the package and the other tools.
 fn environment(folder: &Path) -> Result<PathBuf> {
     let environment = absolute(folder.join("package"))?;
     let python = environment.join("bin/python");

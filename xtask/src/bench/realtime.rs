@@ -8,11 +8,11 @@ use anyhow::{Context, Result, ensure};
 use super::Bench;
 use crate::random::quantile;
 
-/// Rounds, each of so many samples of so many ns.
+/// The number of rounds; then the samples of each, and their period in ns.
 const ROUNDS: usize = 15;
 const SAMPLES: u64 = 2000;
 const PERIOD: u64 = 1_000_000;
-/// How long the spinning loops watch the clock, in ns.
+/// How long the spinning loops poll the clock, in ns.
 const SPIN: u64 = 200_000;
 
 /// p50, p90, p99, p99.9 and the largest latency of each round, in ns.
@@ -24,7 +24,7 @@ impl Latencies {
         quantile(self.0.iter().map(|round| round[i]), 0.5) * 1e-3
     }
 
-    /// How much more than the other's: the median of the rounds' differences, in us.
+    /// The difference to the other's: the median of the rounds' differences, in us.
     fn more_than(&self, other: &Latencies, i: usize) -> f64 {
         quantile(self.0.iter().zip(&other.0).map(|(a, b)| a[i] - b[i]), 0.5) * 1e-3
     }

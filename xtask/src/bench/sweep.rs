@@ -11,7 +11,7 @@ use super::{Bench, Times, goal, output, program};
 
 /// Rounds of whole sweeps.
 pub(super) const ROUNDS: usize = 9;
-/// The axes, and what is asked.
+/// The axes, and the measure.
 const STIFFNESS: (f64, f64, usize) = (0.5, 2.0, 250);
 const INERTIA: (f64, f64, usize) = (0.01, 0.05, 400);
 const MEASURES: &str = "peak_torque,final_energy";
@@ -29,7 +29,7 @@ const WORLDS: [(&str, &str, &str, &str); 5] = [
     ("3 bodies", "bodies", "BODIES", STIFFNESSES),
 ];
 
-/// Runs the commands in turns, so many rounds; ms of each whole process.
+/// Runs the commands in turns, for `rounds` rounds; returns ms of each whole process.
 pub(super) fn processes<const N: usize>(rounds: usize, mut commands: [Command; N]) -> Result<[Times; N]> {
     let mut all = [(); N].map(|()| Times { ns: Vec::new(), answer: Vec::new() });
     for _ in 0..rounds {
@@ -45,7 +45,7 @@ pub(super) fn processes<const N: usize>(rounds: usize, mut commands: [Command; N
 }
 
 /// The largest difference between two tables of numbers, each relative to the larger of the two, and to a millionth of its column's largest
-/// where both are less: what is left of an energy has no digits of its own.
+/// where both are less: the remainder of an energy has no digits of its own.
 fn difference(one: &str, other: &str) -> Result<f64> {
     let rows = |text: &str| -> Result<Vec<Vec<f64>>> {
         let row = |line: &str| line.split(',').map(|field| field.parse().context("no number")).collect();

@@ -50,7 +50,7 @@ impl Scratch {
         self.0.join(name)
     }
 
-    /// Runs the lines of a block, joined where they end with a backslash; what they print.
+    /// Runs the lines of a block, joined where they end with a backslash; returns their output.
     pub fn run_all(&self, block: &str) -> Result<String> {
         let mut printed = String::new();
         for line in
@@ -77,7 +77,7 @@ impl Scratch {
         let printed = String::from_utf8(sh.stdout)?;
         let code = sh.status.code().context("ended by a signal")?;
         ensure!(codes.contains(&code), "{line}: ends with {code}, not {codes:?}\n{printed}");
-        // How far a long search is depends on the machine and the hour.
+        // Lines of progress depend on the machine.
         let progress =
             |line: &&str| (line.contains(" % of ") && line.ends_with(" s left")) || line.ends_with(" s so far");
         Ok(printed.lines().filter(|line| !progress(line)).map(|line| format!("{line}\n")).collect())

@@ -1,4 +1,4 @@
-//! Random certified worlds on plausible devices, and hands at their roughest.
+//! Random certified worlds on plausible devices, and rough hands.
 
 use std::f64::consts::TAU;
 
@@ -16,7 +16,7 @@ fn log(rng: &mut Rng, from: f64, to: f64) -> f64 {
 /// The largest damping of a device that a hand can turn, in N·m·s/rad.
 const DAMPED: f64 = 0.2;
 
-/// A world that is certified on a real device: a motor with a limit, mostly an encoder, friction, whole delays. Half of them bend.
+/// A world that is certified on a real device: a motor with a limit, mostly an encoder, friction, whole delays. Half of them are nonlinear.
 pub fn world(rng: &mut Rng) -> World {
     loop {
         let is_nonlinear = rng.bool();
@@ -45,7 +45,7 @@ pub fn world(rng: &mut Rng) -> World {
     }
 }
 
-/// Whether its passivity is proved but for counts and levels: a hand may draw energy where it is not, and the fault is right.
+/// Whether its passivity is proved except for counts and levels: otherwise a hand may draw energy, and the fault is right.
 fn is_proved(world: &World) -> bool {
     let mut ideal = world.clone();
     (ideal.device.encoder, ideal.device.levels) = (None, None);
@@ -65,8 +65,8 @@ pub fn swinging(rng: &mut Rng) -> World {
         // While the puck stands still the body oscillates on both springs.
         let stiffness = torque / way;
         let grounded = inertia * rate * rate - stiffness;
-        // Under the least torque that counts a free puck moves four counts within a push, and the swing makes it no faster
-        // than a hand does.
+        // Under the least torque that counts a free puck moves four counts within a push, and the oscillation makes it no faster than a
+        // hand does.
         let (net, push) = (0.5 * (least - device.least_friction()), (1.0 / rate).min(0.1));
         let quick = 4.0 * count < net * push * (0.5 * push / device.inertia).min(0.5 / device.damping)
             && push > 10.0 * world.sampling.period;
@@ -91,15 +91,15 @@ pub fn swinging(rng: &mut Rng) -> World {
     }
 }
 
-/// A hand on the puck, that does something else every now and then.
+/// A hand on the puck, which changes its motion now and then.
 pub struct Hand {
     grip: Option<Grip>,
-    /// Where it means to be.
+    /// Its intended position.
     intended: f64,
-    /// Where it does something from, and what.
+    /// Where its present motion begins, and the motion.
     from: f64,
     way: HandMotion,
-    /// Samples since it began, and until it does something else.
+    /// Samples since it began, and until the next motion.
     sample: u32,
     last: u32,
     /// In rad.
@@ -162,10 +162,10 @@ impl Hand {
 
     fn change(&mut self, rng: &mut Rng, world: &World, device: &mut VirtualDevice) {
         let period = world.sampling.period;
-        // A hand does not catch a faster puck.
+        // A hand does not grip a faster puck.
         let flies = self.grip.is_none() && device.puck().1.abs() > MAX_SPEED;
         let open = flies || rng.u8(..4) == 0;
-        // The same grip goes on, or another one begins.
+        // The same grip continues, or another one begins.
         if open || self.grip.is_none() || rng.u8(..3) == 0 {
             let inertia = log(rng, 1e-5, 3e-3);
             // The natural frequency on the grip is at most 0.3 rad a sample and `MAX_GRIP_RATE`.
@@ -179,7 +179,7 @@ impl Hand {
         self.from = device.puck().0;
         (self.sample, self.last) = (0, log(rng, 5.0, 5000.0) as u32);
         let Some(grip) = self.grip else { return };
-        // A hand trembles by more than a count and more than the friction hides.
+        // The tremor is larger than a count and than the friction hides.
         let count = world.count().unwrap_or(1e-5);
         self.tremor = 3.0 * count + 4.0 * world.device.largest_friction() / grip.stiffness;
         self.rate = TAU * (8.0 + 4.0 * rng.f64()) * period;

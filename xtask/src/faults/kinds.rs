@@ -1,4 +1,4 @@
-//! The faults: what each does to the wires, and which reasons are right for it.
+//! The faults: the effect of each on the wires, and its right reasons.
 
 use fastrand::Rng;
 use hapt_analysis::free_growth;
@@ -76,7 +76,7 @@ impl Kind {
             Kind::Delay => &[Overspeed, Velocity, Jump, Slew, PortEnergy],
             Kind::Jitter => &[Overspeed, Velocity, Jump, Slew, PortEnergy],
             Kind::NotANumber => &[NotFinite],
-            // A world with a delay draws on its account by what is under way.
+            // A delay may still charge the account.
             Kind::Hit => &[Jump, Velocity, Overspeed, Slew, PortEnergy],
             Kind::Unstable => &[PortEnergy, WorldEnergy, Overspeed, Velocity, Jump, Slew, NotFinite],
             Kind::Link => &[Link],
@@ -126,7 +126,7 @@ impl Kind {
             Kind::Hit if age == 5 => test_bench.device.hold(None),
             Kind::Unstable if first => {
                 let world = unstable(rng, &test_bench.world);
-                // Such a world has room: it compiles.
+                // Such a world fits: it compiles.
                 let _ = test_bench.swap(&world, SafetyProfile::Uncertified);
             }
             Kind::Link => wires.cut = true,
@@ -151,7 +151,7 @@ fn unstable(rng: &mut Rng, world: &World) -> World {
         let stiffness = inertia * (angle / world.sampling.period).powi(2);
         let law = Law::Spring { stiffness, rest: 0.0 };
         world.couplings = vec![Coupling { first: End::Puck, second: End::Body(0), law, limit: None }];
-        // Much damping holds it for a while.
+        // High damping keeps it stable for a while.
         if free_growth(&world).ok().flatten().is_some_and(|growth| growth * world.sampling.period > 0.01) {
             return world;
         }

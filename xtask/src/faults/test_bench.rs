@@ -1,4 +1,4 @@
-//! A guarded loop on the simulated device and a virtual clock, with every wire in between open for faults.
+//! A guarded loop on the simulated device and a virtual clock, with faults on every wire in between.
 
 use std::collections::VecDeque;
 
@@ -12,21 +12,21 @@ use hapt_sim::VirtualDevice;
 /// Room for the campaign's worlds.
 type Core = Controller<f64, 4, 8, 17>;
 
-/// What stands in the wires between loop and device. Without faults: nothing.
+/// The faults on the wires between loop and device.
 #[derive(Clone, Debug)]
 pub struct Wires {
-    /// The position that the loop is given is `scale` times the device's, and `offset` more.
+    /// The loop receives `scale` times the device's position, plus `offset`.
     pub scale: f64,
     pub offset: f64,
     /// It is this many samples old.
     pub age: usize,
-    /// The position stays what it was.
+    /// The position does not change.
     pub frozen: bool,
-    /// Given in place of the position, once.
+    /// Replaces the position, once.
     pub instead: Option<f64>,
-    /// This bit of the position's count is the other way round, once.
+    /// This bit of the position's count is flipped, once.
     pub flipped: Option<u32>,
-    /// The motor's torque is this many times the one asked for.
+    /// The motor's torque is this many times the commanded one.
     pub gain: f64,
     /// Samples that the loop misses before the next.
     pub missed: u32,
@@ -80,7 +80,7 @@ impl TestBench {
         })
     }
 
-    /// What the supervisor remembers.
+    /// The state of the supervisor.
     pub fn supervisor(&self) -> &SupervisorState<f64> {
         &self.state.supervisor
     }
@@ -94,7 +94,7 @@ impl TestBench {
         guarded
     }
 
-    /// Whether it has ended because the puck truly is too fast: thrown by the hand or the world, and no fault.
+    /// Whether it has ended because the puck truly is too fast: driven by the hand or the world, without a fault.
     pub fn is_too_fast(&self) -> bool {
         let fastest = self.world.limits(SafetyProfile::Certified).overspeed;
         self.supervisor().reason == Some(Reason::Overspeed) && self.device.puck().1.abs() > 0.8 * fastest

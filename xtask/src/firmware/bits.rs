@@ -43,7 +43,7 @@ pub fn same(extent: Extent) -> Result<()> {
     Ok(())
 }
 
-/// Worlds in a microcontroller's room, none of which runs away.
+/// Worlds that fit into a microcontroller, none of which diverges.
 fn cases(samples: u32) -> Result<Vec<(String, Vec<u8>)>> {
     let mut cases = Vec::new();
     for path in crate::programs::worlds(Path::new("worlds/notes"))? {

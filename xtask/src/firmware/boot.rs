@@ -1,5 +1,5 @@
-//! What the bootrom of an RP2350 needs to start a program: the image's definition in the flash (datasheet, 5.9), or a file in UF2 that it
-//! takes as a USB drive.
+//! The data with which the bootrom of an RP2350 starts a program: the image's definition in the flash (datasheet, 5.9), or a file in UF2
+//! that it takes as a USB drive.
 
 use std::fs;
 use std::path::Path;
@@ -75,7 +75,7 @@ fn starts(words: &[u32], length: usize) -> Result<()> {
         (total, image_type) = (total + 1, Some(item >> 16));
     }
     ensure!(image_type == Some(ARM_SECURE), "an image of the type {image_type:x?}");
-    // The way to the next block: there is none.
+    // The offset of the next block: there is none.
     ensure!(items.next() == Some(0) && items.next() == Some(END), "the block does not end");
     Ok(())
 }

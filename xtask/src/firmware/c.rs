@@ -62,7 +62,7 @@ pub fn array(world: &World) -> Result<String> {
     ))
 }
 
-/// What the example sums up, from the core itself.
+/// The sum of the example, by the core itself.
 fn sum(world: &World) -> Result<u64> {
     let limits = world.board_limits(SafetyProfile::Simulated);
     let controller = Controller::<f32, BODIES, COUPLINGS, COUNTS>::new(&world.spec(), &limits)?;

@@ -1,4 +1,4 @@
-//! What the firmware takes of a chip, read from its disassembly: sizes, the deepest stack, and that it cannot panic.
+//! The firmware's use of a chip, from its disassembly: sizes, the deepest stack, and that it cannot panic.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -7,7 +7,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 
-/// What the processor puts on the stack at an interrupt: 8 registers, 16 and the status of the FPU, and what aligns them.
+/// The stack that the processor uses at an interrupt: 8 registers, 16 and the status of the FPU, and their alignment.
 const EXCEPTION: u32 = 26 * 4 + 4;
 
 /// The sample's, and above it the timer's.
@@ -46,8 +46,8 @@ fn copied(program: &Path) -> Result<u32> {
     fast.map(|line| Ok(line.split_whitespace().nth(1).context("no size")?.parse::<u32>()?)).sum()
 }
 
-/// No panic routine is in the program, nor the handler that all of them end in. `control` has a way to panic, by the same compiler: there
-/// they must be seen.
+/// No panic routine is in the program, nor the handler that all of them end in. `control` can panic, by the same compiler: there they must
+/// be found.
 pub fn cannot_panic(program: &Path, control: &Path) -> Result<()> {
     ensure!(!Code::read(control)?.panics().is_empty(), "the control shows no panic: the look is blind");
     let code = Code::read(program)?;
@@ -57,7 +57,7 @@ pub fn cannot_panic(program: &Path, control: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The same of what an interrupt calls, in a program whose main loop may.
+/// The same for the functions that an interrupt calls, in a program whose main loop may panic.
 pub fn interrupts_cannot_panic(program: &Path, control: &Path) -> Result<()> {
     ensure!(Code::read(control)?.reaches_a_panic("main")?, "the control shows no panic: the look is blind");
     let code = Code::read(program)?;
@@ -71,7 +71,7 @@ struct Function {
     name: String,
     stack: u32,
     calls: Vec<u32>,
-    /// It calls what a register holds.
+    /// It calls through a register.
     blind: bool,
 }
 
@@ -108,7 +108,7 @@ impl Code {
                 }
             }
         }
-        // What is no function's beginning is a jump within one.
+        // A target that is not the beginning of a function is a jump within one.
         let all: Vec<u32> = functions.keys().copied().collect();
         for (own, function) in &mut functions {
             function.calls.retain(|call| call != own && all.binary_search(call).is_ok());
@@ -138,7 +138,7 @@ impl Code {
         self.depth(self.address(name)?, &mut Vec::new(), &mut BTreeMap::new())
     }
 
-    /// Whether the function of this name calls a panic routine, by whatever way.
+    /// Whether the function of this name calls a panic routine, directly or through others.
     fn reaches_a_panic(&self, name: &str) -> Result<bool> {
         let (mut waiting, mut seen) = (vec![self.address(name)?], BTreeSet::new());
         while let Some(at) = waiting.pop() {
@@ -170,7 +170,7 @@ impl Code {
     }
 }
 
-/// Bytes that an instruction takes of the stack.
+/// Bytes of stack that an instruction uses.
 fn pushed(name: &str, rest: &str) -> Result<u32> {
     let is = |instruction: &str| name.split('.').next() == Some(instruction);
     let list =
@@ -196,7 +196,7 @@ fn pushed(name: &str, rest: &str) -> Result<u32> {
     Ok(0)
 }
 
-/// How many registers stand in a list such as "r4, r5, lr" or "d8-d15".
+/// The number of registers in a list such as "r4, r5, lr" or "d8-d15".
 fn registers(list: &str) -> Result<u32> {
     let mut count = 0;
     for part in list.split(", ") {

@@ -11,22 +11,22 @@ use super::bits::bytes;
 use super::{ARM, BUILT, has_tools, program, qemu};
 use crate::notes::world;
 
-/// Of the notes' world under the supervisor.
+/// The largest count for the notes' world under the supervisor.
 const GOAL: f64 = 400.0;
-/// Of C's.
+/// The largest ratio to C's count.
 const RATIO: f64 = 1.2;
 
-/// What one world takes.
+/// The instructions of one world.
 #[derive(Clone, Copy)]
 struct Row {
     bodies: u32,
-    /// In room for 4 bodies, and in its own: bare, supervised, and supervised with a look at everything.
+    /// With capacity for 4 bodies, and with its own: bare, supervised, and supervised on the slow path.
     hapt: [[f64; 3]; 2],
     /// For the world's number of bodies, and for a number fixed at compile time.
     c: [f64; 2],
 }
 
-/// Instructions a sample of these worlds by hapt-core, in the smaller of its rooms: bare, and supervised.
+/// Instructions a sample of these worlds by hapt-core, with the smaller capacity: bare, and supervised.
 pub fn of_the_core(worlds: &[Vec<u8>]) -> Result<Vec<[f64; 2]>> {
     let mut file = Vec::new();
     for bytes in worlds {

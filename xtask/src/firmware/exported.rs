@@ -1,5 +1,5 @@
-//! The C of `hapt export c` on a Cortex-M: size, stack and instructions a sample by each compiler, beside the core's in Rust, over the same
-//! trace and with the same bits.
+//! The C of `hapt export c` on a Cortex-M: size, stack and instructions a sample by each compiler, compared with the core's in Rust, over
+//! the same trace and with the same bits.
 
 use std::fmt::Write;
 use std::fs;
@@ -15,7 +15,7 @@ use super::bits::bytes;
 use super::trace::{BODIES, COUNTS, COUPLINGS, LIMITS, Trace};
 use super::{ARM, BUILT, counts, has_tools, qemu};
 
-/// How many times the core's instructions the C's may be.
+/// The largest ratio of the C's instructions to the core's.
 const GOAL: f64 = 1.3;
 const WORLDS: [&str; 5] = [
     "worlds/notes/default.toml",
@@ -31,7 +31,7 @@ const SIZED: [(&str, &[&str]); 3] = [
     ("Cortex-M33", &["-mcpu=cortex-m33", "-mthumb", "-mfpu=fpv5-sp-d16", "-mfloat-abi=hard"]),
 ];
 
-/// What one compiler makes of one world.
+/// The result of one compiler for one world.
 struct Counted {
     bare: f64,
     supervised: f64,
@@ -98,7 +98,7 @@ fn gcc(flags: &[&str]) -> Vec<String> {
     ["arm-none-eabi-gcc"].iter().chain(flags).map(ToString::to_string).collect()
 }
 
-/// The compilers that there are, with their versions and degrees of optimisation.
+/// The installed compilers, with their versions and levels of optimisation.
 fn compilers() -> Vec<(Vec<String>, String, &'static str)> {
     let clang: Vec<String> =
         ["clang", "--target=arm-none-eabi", "-fshort-enums"].iter().chain(&ARM).map(ToString::to_string).collect();
@@ -168,7 +168,7 @@ fn count(world: &World, object: &Path, folder: &Path, wanted: u64) -> Result<Cou
     Ok(Counted { bare: instructions(bare), supervised: instructions(supervised), stack, controller })
 }
 
-/// Of the counts in `exported.c`.
+/// The samples of the counts in `exported.c`.
 const SAMPLES: u64 = 1000;
 
 /// The sum of the bits of `exported.c`'s last run, by the core.

@@ -1,4 +1,4 @@
-//! The wheel for games that runs on a board by itself: its world as bytes, and what its program holds.
+//! The wheel for games that runs on a board by itself: its world as bytes, and the contents of its program.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -9,16 +9,16 @@ use hapt_wire::pid::DESCRIPTOR;
 
 use super::{chip, control, program, qemu};
 
-/// Where the program takes its world from.
+/// The file of the program's world.
 const BYTES: &str = "firmware/worlds/game-wheel.bin";
-/// The world that it comes with, with stops as far apart as `hapt wheel` puts them.
+/// The built-in world, with stops as far apart as those of `hapt wheel`.
 const WORLD: &str = "worlds/devices/game-wheel.toml";
 /// 900°.
 #[cfg(target_os = "linux")]
 const RANGE: f64 = 5.0 * std::f64::consts::PI;
 /// Of this board.
 pub const BOARD: &str = "stm32f405";
-/// What the host reads of the device besides its reports' descriptor, in UTF-8 as the program holds it.
+/// The texts that the host reads in addition to the report descriptor, in UTF-8 as in the program.
 const TEXTS: [&str; 2] = ["hapt wheel", "hapt"];
 
 /// Writes the world of a file into the program.
@@ -38,14 +38,14 @@ fn bytes(file: &Path) -> Result<Vec<u8>> {
     let (world, room) = room(file)?;
     let mut bytes = [0; 2048];
     let limits = hapt_core::Limits {
-        // There is no host that has to say that it is there: what the USB host has left is the business of the effects.
+        // No host has to send heartbeats: the effects handle the loss of the USB host.
         link: f64::INFINITY,
         ..world.board_limits(hapt_core::SafetyProfile::Certified)
     };
     Ok(hapt_wire::pack_wheel(room.device(), room.half(), &world.spec(), &limits, &mut bytes)?.to_vec())
 }
 
-/// What makes a device a wheel is there where `hapt wheel` is.
+/// The code of a wheel is built only where `hapt wheel` is.
 #[cfg(not(target_os = "linux"))]
 fn bytes(_: &Path) -> Result<Vec<u8>> {
     anyhow::bail!("worlds are made into wheels on Linux only")
@@ -83,8 +83,8 @@ fn of_this_computer(_: &[[u8; 8]]) -> Result<Vec<Vec<u8>>> {
     anyhow::bail!("hapt wheel is there on Linux only")
 }
 
-/// On the emulated board, with its controller's endpoints: every descriptor is the computer's to the byte; a host's constant torque is given, and
-/// gone after a suspend.
+/// On the emulated board, with its controller's endpoints: every descriptor is the computer's to the byte; a host's constant torque acts,
+/// and ends after a suspend.
 fn runs() -> Result<()> {
     let said = qemu("netduinoplus2", &program(BOARD, "usb", None)?, &[], &[])?;
     let (mut requests, mut answers, mut torques) = (Vec::<[u8; 8]>::new(), Vec::new(), Vec::new());
@@ -107,7 +107,7 @@ fn runs() -> Result<()> {
     Ok(())
 }
 
-/// Instructions of the wheel's interrupt with so many conditions, of what a change of them adds, and of a report in the main loop.
+/// Instructions of the wheel's interrupt by number of conditions, the additional ones of a change, and those of a report in the main loop.
 pub fn counts() -> Result<String> {
     let program = program(BOARD, "usb", None)?;
     let said = qemu("netduinoplus2", &program, &[], &["-icount", "shift=5,sleep=off"])?;

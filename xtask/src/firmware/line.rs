@@ -13,7 +13,7 @@ use hapt_core::Limits;
 use hapt_model::World;
 use hapt_wire::{Command, DeviceMessage, HostMessage, MAX_FRAME_BYTES, PIECE, PROTOCOL, Reader, frame, hash, pack};
 
-/// A board that does not answer for so long is dead.
+/// A board that does not answer within this time is dead.
 pub const BOARD_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// An emulated board, and the line to it.
@@ -66,7 +66,7 @@ impl Board {
         line.set_read_timeout(Some(Duration::from_millis(200)))?;
         let line = BufReader::new(line);
         let mut board = Board { emulator, line, reader: Reader::new(), sequence: 0, sample: 0, noise: None };
-        // What comes before its receiver is on is lost.
+        // Bytes before its receiver is on are lost.
         (board.sequence, board.sample) = loop {
             board.ask(Command::Hello { protocol: PROTOCOL })?;
             let heard = board.hear(Duration::from_millis(500), |says| match says {
@@ -142,7 +142,7 @@ impl Board {
             .map_err(|why| anyhow::anyhow!("{command:?}: refused, {}", why.sentence()))
     }
 
-    /// Sends a world, and gives its hash.
+    /// Sends a world, and returns its hash.
     pub fn load(&mut self, world: &World, limits: &Limits) -> Result<u32> {
         let mut room = [0; 1024];
         let bytes = pack(&world.spec(), limits, &mut room)?;

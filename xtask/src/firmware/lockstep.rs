@@ -1,4 +1,4 @@
-//! Hardware in the loop, in lockstep: the emulated board is the loop, this is the hardware. Each sample is shown to it over its UART, and
+//! Hardware in the loop, in lockstep: the emulated board is the loop, this is the hardware. Each sample is sent to it over its UART, and
 //! its torque turns the exact device. Time is that of the samples, so that every run is the same.
 
 use anyhow::{Context, Result, bail, ensure};
@@ -17,11 +17,11 @@ const WORLDS: [(&str, f64); 4] =
 /// Seconds of them on the other boards then, and on the first in a short run; and on the others in that one.
 const SHORT: f64 = 0.4;
 const SHORTEST: f64 = 0.1;
-/// What torques may differ by, of the largest: f32's roundings, which add up where nothing is lost.
+/// The largest difference of torques, relative to the largest torque: f32's roundings, which add up in a lossless world.
 const ROUNDING: f64 = 1e-5;
 const ROUNDING_A_SAMPLE: f64 = 1e-8;
 
-/// The link's deadline where it is tried, in s.
+/// The link's deadline in its test, in s.
 const LINK: f64 = 0.1;
 
 /// Every board is the loop of an exact device, sample by sample over its UART: the rows of `hapt sim`, faults too.
@@ -83,8 +83,8 @@ impl Board {
         bail!("it does not fade in")
     }
 
-    /// A world's first scenario, for so long at most: the largest difference of torques from `hapt sim`'s rows, over the largest torque; and the
-    /// bits of all torques.
+    /// A world's first scenario, for at most this time: the largest difference of torques from `hapt sim`'s rows, over the largest torque;
+    /// and the bits of all torques.
     pub fn runs(&mut self, name: &str, most: f64) -> Result<(f64, Vec<u32>)> {
         let mut world = world(name)?;
         world.scenarios[0].duration = world.scenarios[0].duration.min(most);
@@ -122,7 +122,7 @@ impl Board {
         self.noise = Some(Rng::with_seed(11));
     }
 
-    /// Without heartbeats the torque is 0 when the link's time is over, and not before.
+    /// Without heartbeats the torque is 0 after the link's time, and not before.
     pub fn misses_a_silent_host(&mut self) -> Result<()> {
         let world = world("default")?;
         let limits = Limits { link: LINK, link_faults: true, ..world.limits(SafetyProfile::Simulated) };
@@ -151,7 +151,7 @@ impl Board {
         self.done_with_a_sample(Command::Clear)
     }
 
-    /// A reading that jumps takes the torque away at that sample.
+    /// A reading that jumps removes the torque at that sample.
     pub fn faults_on_a_jump(&mut self) -> Result<()> {
         let world = world("default")?;
         let hash = self.load(&world, &Limits { jump: 0.5, ..world.limits(SafetyProfile::Simulated) })?;
@@ -165,7 +165,7 @@ impl Board {
         self.done_with_a_sample(Command::Clear)
     }
 
-    /// The supervisor answers with the next sample; the host is there again.
+    /// The supervisor answers with the next sample; the host is connected again.
     fn done_with_a_sample(&mut self, command: Command<'_>) -> Result<()> {
         self.ask(Command::Heartbeat)?;
         self.ask(command)?;

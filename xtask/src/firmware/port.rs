@@ -13,7 +13,7 @@ use super::line::BOARD_TIMEOUT;
 use super::{BUILT, control, has_tools, program};
 use crate::programs;
 
-/// A wheel on a spring, certified. The board's puck swings by itself and minds no torque: it is not asked for a test of its motor.
+/// A wheel on a spring, certified. The board's puck moves by itself at any torque: the motor is not tested.
 const WORLD: &str = r#"
 title = "knob"
 [loop]
@@ -73,7 +73,7 @@ impl Board {
         }
     }
 
-    /// What `--device` calls it.
+    /// Its `--device` address.
     fn device(&self) -> String {
         format!("hapt:{}", self.port)
     }
@@ -96,7 +96,7 @@ pub fn holds() -> Result<()> {
     hapt(&["flash", "w.toml", "--device", &device])?
         .with(0, &["board        mps2, firmware", ": sent and verified"])?;
     hapt(&["flash", "w.toml", "--device", &device])?.with(0, &[": was there already"])?;
-    // A host that ends in the middle of a world leaves nothing that runs, and nothing that is in the way.
+    // A host that ends in the middle of a world leaves no loop running, and does not block the next host.
     half_a_world(&board.port)?;
     let run = ["run", "w.toml", "--device", &device, "--duration", "0.5 s", "--log", "run.mcap"];
     hapt(&run)?.with(0, &["on the board mps2", "at full torque; ended in order", "none missed"])?;
@@ -137,7 +137,7 @@ fn cut(folder: &Path, mut board: Board) -> Result<()> {
     let err = fs::read_to_string(&said)?;
     ensure!(out.contains("broken off") && err.contains("is gone: "), "the board has gone: {out}{err}");
     let replayed = ended(folder, &["log", "replay", "cut.mcap"])?;
-    // On a busy machine the log may lack the sample at which the torque began: then nothing of it can be replayed, and it says so.
+    // On a busy machine the log may lack the sample at which the torque began: then nothing of it can be replayed, with a message.
     if replayed.said.contains("can be replayed: it has neither the loop's first sample") {
         return replayed.with(2, &[]);
     }
@@ -185,7 +185,7 @@ fn hapt_program() -> Result<PathBuf> {
 }
 
 /// Runs a command to its end. On a busy machine the emulator may stand still for longer than a host waits for a board: such a run is
-/// repeated; a board that does not answer does so never.
+/// repeated; a dead board never answers.
 fn ended(folder: &Path, words: &[&str]) -> Result<Ended> {
     for left in (0..TRIES).rev() {
         let done = Command::new(hapt_program()?).args(words).current_dir(folder).stdin(Stdio::null()).output()?;

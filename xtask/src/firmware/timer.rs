@@ -10,7 +10,7 @@ use super::{Extent, has_tools, program};
 use crate::notes::world;
 
 const ICOUNT: [&str; 2] = ["-icount", "shift=5,sleep=off"];
-/// Of the board's clock in a period of 0.1 ms.
+/// Ticks of the board's clock in a period of 0.1 ms.
 const PERIOD: u32 = 2500;
 /// Three seconds, and half a minute.
 const SHORT: u64 = 30_000;
@@ -18,7 +18,7 @@ const FULL: u64 = 300_000;
 /// The sample that takes too long, in the program that then stops.
 const SLOW: u64 = 2000;
 
-/// So long at 10 kHz without a sample that takes longer than its period, or comes late.
+/// A run at 10 kHz without a sample that takes longer than its period, or comes late.
 pub fn holds(extent: Extent) -> Result<()> {
     if !has_tools()? {
         return Ok(());
@@ -58,8 +58,8 @@ pub fn holds(extent: Extent) -> Result<()> {
     Ok(())
 }
 
-/// A sample that once takes more than five periods: the four that pass are counted as missed. Then a loop that stops: the watchdog takes
-/// the board down. One that runs is left alone, as [`holds`] shows.
+/// A sample that once takes more than five periods: the four that pass are counted as missed. Then a loop that stops: the watchdog resets
+/// the board. A running loop is not reset, as [`holds`] shows.
 pub fn counts_and_watches() -> Result<()> {
     if !has_tools()? {
         return Ok(());

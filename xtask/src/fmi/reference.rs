@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail, ensure};
 use hapt_model::{Drive, Motion, Scenario, Shape, Source, World};
 use hapt_sim::{CsvWriter, SIGNALS, Simulation};
 
-/// The examples, each a world with one scenario: a hand that pushes, and lets go.
+/// The examples, each a world with one scenario: a hand that pushes, and releases.
 const FOLDER: &str = "fmi/reference";
 /// The time between two rows of a reference, in s.
 const INTERVAL: f64 = 0.02;
@@ -29,7 +29,7 @@ pub fn is_current() -> Result<()> {
     })
 }
 
-/// Does something with every file and the text that belongs into it.
+/// Calls `does` for every file with its text.
 fn each(does: impl Fn(&Path, &str) -> Result<()>) -> Result<()> {
     for world in crate::programs::worlds(Path::new(FOLDER))? {
         let name = world.file_stem().context("a name")?.to_string_lossy().into_owned();

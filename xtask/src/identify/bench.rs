@@ -1,4 +1,4 @@
-//! Random devices, an experiment on each, and the least that any unbiased estimate of it can vary by.
+//! Random devices, an experiment on each, and the least variance of any unbiased estimate of it.
 
 use std::f64::consts::TAU;
 
@@ -10,18 +10,18 @@ use hapt_plant::spec::DeviceSpec;
 
 /// How long an experiment takes, s.
 const DURATION: f64 = 4.0;
-/// Nothing is asked for at first, s.
+/// The time without a command at the start, s.
 const REST: f64 = 0.1;
-/// What is asked of a device.
+/// The experiment on a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
     /// Random steps and then a chirp.
     Mixed,
     /// The same, with less than half a count of noise.
     Quiet,
-    /// As `Mixed`, beside a large constant torque.
+    /// As `Mixed`, with a large constant torque in addition.
     Offset,
-    /// As `Mixed`, beside a torque that goes with the position.
+    /// As `Mixed`, with a torque that depends on the position in addition.
     Cogged,
     /// As `Mixed`, with a motor that lags.
     Lagging,
@@ -29,7 +29,7 @@ pub enum Kind {
     Guided,
 }
 
-/// A device, what is asked of its motor, and the noise on its positions. Every second one is linear.
+/// A device, the experiment on its motor, and the noise on its positions. Every second one is linear.
 #[derive(Clone, Debug)]
 pub struct Trial {
     kind: Kind,
@@ -41,7 +41,7 @@ pub struct Trial {
     pub count: f64,
     /// A constant torque on the puck.
     pub offset: f64,
-    /// A torque that comes so often in a turn, and its size; 0: none.
+    /// The periods in a turn of a torque, and its size; 0: none.
     cogging: (u32, f64),
     /// Before they are counted, rms, in counts.
     noise: f64,
@@ -96,7 +96,7 @@ impl Trial {
         [inertia, damping, friction, delay, self.offset, lag, delay + lag]
     }
 
-    /// How often the torque comes in a turn that goes with the position, where there is one.
+    /// The periods in a turn of a torque that depends on the position, where there is one.
     pub fn comes(&self) -> Option<u32> {
         (self.kind == Kind::Cogged).then_some(self.cogging.0)
     }
@@ -149,7 +149,7 @@ impl Trial {
         self.of(&self.rig, self.offset, commands)
     }
 
-    /// Those of a device that is another one by a little.
+    /// Those of a slightly different device.
     fn of(&self, rig: &DeviceSpec, offset: f64, commands: &[f64]) -> Vec<f64> {
         let mut device = VirtualDevice::new(rig);
         let step = |command: &f64| {
@@ -171,9 +171,9 @@ impl Trial {
         positions.iter().map(seen).collect()
     }
 
-    /// The Cramér-Rao bound on the standard errors of inertia, damping, friction, delay and, where that is not known to be none, the
-    /// constant torque: for this noise before it is counted (counting only takes from what can be known) and a first position that is not
-    /// known. The slopes are differences of the device's motion.
+    /// The Cramér-Rao bound on the standard errors of inertia, damping, friction, delay and, where that is not known to be 0, the constant
+    /// torque: for this noise before quantisation (which only removes information) and an unknown first position. The slopes are
+    /// differences of the device's motion.
     pub fn bound(&self, commands: &[f64], positions: &[f64], with_offset: bool) -> Result<Vec<f64>> {
         let mut sizes = [self.rig.inertia, self.rig.damping, self.rig.friction, self.rig.period, self.rig.friction];
         sizes = sizes.map(|size| 1e-5 * size);
@@ -186,7 +186,7 @@ impl Trial {
         let mut rows: Vec<Vec<f64>> = (0..if with_offset { 5 } else { 4 }).map(slope).collect();
         rows.push(vec![1.0; self.samples()]);
         let sigma = self.noise * self.count;
-        // Gram and Schmidt: what of a row no other row explains is what is known of its parameter.
+        // Gram and Schmidt: the part of a row that no other row explains is the information on its parameter.
         let of = |i: usize| {
             let mut others: Vec<Vec<f64>> = Vec::new();
             let mut left = 0.0;

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::share;
 
-/// What is found with an interval.
+/// The parameters with an interval.
 const NAMES: [&str; 9] = [
     "inertia",
     "damping",
@@ -25,17 +25,17 @@ const NAMES: [&str; 9] = [
 ];
 /// Samples of a record.
 const SAMPLES: usize = 1500;
-/// Samples in which nothing is asked for at first.
+/// Samples without a command at the start.
 const REST: usize = 60;
 /// Sample times are whole multiples of this part of a period.
 const PART: u64 = 20;
 
-/// What became of one device.
+/// The result of one device.
 pub struct Outcome {
     is_uneven: bool,
     /// Whether the interval covers the truth; `None`: no device was found that explains the record.
     covers: Option<[bool; 9]>,
-    /// The lag is told from a delay.
+    /// The lag is distinguished from a delay.
     apart: bool,
 }
 
@@ -101,7 +101,7 @@ impl Trial {
         Ok(Record::new(times, positions, self.torques.clone())?)
     }
 
-    /// Whether each interval covers the truth; the delay of a lag that is not told is both together.
+    /// Whether each interval covers the truth; with a lag that is not distinguished, the delay is the sum of both.
     fn covers(&self, found: &WithHandle) -> Result<[bool; 9]> {
         let DeviceSpec { inertia, damping, friction, delay, lag, handle, .. } = self.rig;
         let handle = handle.context("no handle")?;

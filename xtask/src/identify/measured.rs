@@ -1,4 +1,4 @@
-//! What hapt predicts of EPFL's haptic paddle beside what its authors measured: tables of docs/measured.md.
+//! Predictions of hapt for EPFL's haptic paddle, compared with its authors' measurements: tables of docs/measured.md.
 //!
 //! The records stay outside of the project. The labs' own numbers are those of their repositories, named on the page.
 
@@ -16,13 +16,13 @@ use hapt_model::{Source, World};
 use hapt_sim::Simulation;
 use rayon::prelude::*;
 
-/// Beside the project, if they are there.
+/// Next to the project, if they are there.
 const FOLDER: &str = "../shared/data";
 /// The paddle's loop, s.
 const PERIOD: f64 = 350e-6;
 /// Turns of its motor for one of the paddle.
 const RATIO: f64 = 15.0;
-/// By the authors, at the motor: friction one way and the other, N m; the data sheet's damping, N m s/rad.
+/// By the authors, at the motor: friction in both directions, N m; the data sheet's damping, N m s/rad.
 const LAB_FRICTION: [f64; 2] = [1.65e-3, 1.20e-3];
 const LAB_DAMPING: f64 = 8.33e-7;
 /// By the authors: gravity at the paddle, N m, and the gain and the period of the sustained oscillation.
@@ -34,11 +34,11 @@ const LAB_SWING: f64 = 86.7e-3;
 const SINE: f64 = 2.0 * 3.14;
 /// The step's end, deg.
 const TARGET: f64 = 10.0;
-/// A record of a step is used for so long before and after it, s.
+/// The time before and after a step that is used of its record, s.
 const BEFORE: f64 = 0.05;
 const AFTER: f64 = 0.65;
 
-/// A step by the authors: gains in N m/deg, and what they measured, deg and s.
+/// A step by the authors: gains in N m/deg, and their measurements, deg and s.
 struct Step {
     record: Option<&'static str>,
     gains: [f64; 3],
@@ -179,7 +179,8 @@ impl Step {
         (0..positions.len()).map(torque).collect()
     }
 
-    /// The device by the law's torque and the log's motion. The log does not say when the law began; the fit that leaves least does.
+    /// The device by the law's torque and the log's motion. The log does not have the start of the law; the fit with the least residual
+    /// determines it.
     fn fit(&self, motion: &Trace) -> Result<Option<DeviceFit>> {
         let moves = motion.0[first_move(&motion.1)];
         let (times, positions) = resampled(motion, moves - BEFORE, moves + AFTER);
@@ -209,7 +210,7 @@ fn fitted(record: Record) -> Result<Option<DeviceFit>> {
     Ok(Some(DeviceFit { device, rms, has_interval, sign: gain.signum() }))
 }
 
-/// The torque that the authors asked for, at the paddle, by the log's own clock.
+/// The torque that the authors commanded, at the paddle, by the log's own clock.
 fn sine_torque(t: f64) -> f64 {
     RATIO * 1.1e-3 * (SINE * t).sin()
 }
@@ -259,7 +260,7 @@ fn numbers(folder: &Path, fits: &[Option<DeviceFit>]) -> Result<String> {
     Ok(text)
 }
 
-/// The paddle under a proportional and a derivative gain, let go at `from`, deg; its scenario is `go`.
+/// The paddle under a proportional and a derivative gain, released at `from`, deg; its scenario is `go`.
 fn world(device: &Device, gains: [f64; 3], from: f64, more: &str) -> Result<World> {
     let [p, i, d] = gains;
     let release = release_time(i);
@@ -275,7 +276,7 @@ fn world(device: &Device, gains: [f64; 3], from: f64, more: &str) -> Result<Worl
     Ok(World::read(&Source::from_text("paddle.toml", file), &[])?)
 }
 
-/// How long the hand holds the paddle before the release, s: an integral term is to gather nothing meanwhile.
+/// How long the hand holds the paddle before the release, s: an integral term must not accumulate meanwhile.
 fn release_time(integral: f64) -> f64 {
     if integral > 0.0 { 2.0 * PERIOD } else { BEFORE }
 }

@@ -1,4 +1,5 @@
-//! Records of real levers: what is identified of each, whether stretches of them agree, and how well one predicts another: tables of docs/measured.md.
+//! Records of real levers: the identified parameters of each, whether stretches of them agree, and how well one predicts another: tables of
+//! docs/measured.md.
 
 use std::fmt::Write as _;
 use std::fs;

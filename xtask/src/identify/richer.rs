@@ -1,7 +1,7 @@
 //! Intervals on devices that are richer than the model: by jackknife, sandwich and bootstrap, against the truth and against each other.
 //!
-//! The levers have a cable, gravity, cogging, friction by direction and Stribeck friction of random sizes, are driven open or in a loop that holds
-//! them to a moving target, and go in small steps of their own equation.
+//! The levers have a cable, gravity, cogging, friction by direction and Stribeck friction of random sizes, are driven in open loop or in a
+//! loop that holds them to a moving target, and are integrated in small steps of their own equation.
 
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 /// In s.
 const PERIOD: f64 = 5e-4;
-/// Each lever is recorded for two stretches of so long, in s, which are held against each other.
+/// The length of each of a lever's two recorded stretches, in s, which are compared with each other.
 const STRETCH: f64 = 2.0;
 /// Steps of the lever's equation in a period.
 const STEPS: usize = 20;
@@ -40,7 +40,7 @@ struct Lever {
 }
 
 impl Lever {
-    /// `more`: of what a lever has beside inertia, damping and friction.
+    /// `more` scales a lever's torques other than inertia, damping and friction.
     fn new(seed: u64, more: f64) -> Self {
         let mut rng = Rng::with_seed(seed);
         let mut between = |low: f64, high: f64| low + (high - low) * rng.f64();
@@ -103,10 +103,10 @@ impl Lever {
     }
 }
 
-/// What one way says of the two stretches of a lever.
+/// The intervals of one method for the two stretches of a lever.
 type Pair = [Option<Interval>; 2];
 
-/// Of levers with so much more of all that than the first ones.
+/// The scales of these torques for the groups of levers.
 const MORE: [f64; 2] = [1.0, 5.0];
 
 pub fn campaign(n: u64, seed: u64) -> Result<String> {

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::share;
 
-/// What is found with an interval.
+/// The parameters with an interval.
 const NAMES: [&str; 10] = [
     "inertia",
     "damping",
@@ -29,7 +29,7 @@ const PERIOD: f64 = 1e-3;
 /// Samples of a record: every fourth device has the long one, with hundreds of impacts.
 const SAMPLES: [usize; 4] = [3000, 3000, 3000, 10_000];
 
-/// A device, what is asked of it, and how often it goes into a stop.
+/// A device, its commands, and how often it goes into a stop.
 struct Trial {
     rig: DeviceSpec,
     stops: Stops,
@@ -37,15 +37,15 @@ struct Trial {
     touches: usize,
 }
 
-/// What became of one device.
+/// The result of one device.
 struct Outcome {
     is_long: bool,
     has_one: bool,
     is_touched_once: bool,
     lags: bool,
-    /// Whether the intervals cover the truth; `None`: no stops were found, or the number is not told.
+    /// Whether the intervals cover the truth; `None`: no stops were found, or the number is not determined.
     covers: Option<Covers>,
-    /// Whether the record contradicts nothing of its own device's file.
+    /// Whether the record agrees with its own device's file.
     agrees: bool,
 }
 
@@ -136,13 +136,13 @@ fn covers(found: &Identified, rig: &DeviceSpec, truth: Stops) -> Option<Covers> 
         (stiffness, Some(truth.stiffness)),
         (damping, Some(truth.damping)),
     ];
-    // A stop that the device has not is a wrong one.
+    // A stop that the device does not have counts as wrong.
     Some(pairs.map(|(interval, truth)| {
         Some(truth.is_some_and(|truth| interval.is_some_and(|x| x.covers(truth)))).filter(|_| interval.is_some())
     }))
 }
 
-/// What a file of this device says of it.
+/// The claims of a file of this device.
 fn claims(rig: &DeviceSpec) -> Claims {
     let exact = |x: f64| [x, x];
     Claims {

@@ -162,7 +162,7 @@ fn gives_its_page(root: &Path) -> Result<()> {
     let mut server = inside(root, &["live", "@notes/default", "--port", "0"]).stdout(Stdio::piped()).spawn()?;
     let mut address = String::new();
     let read = server.stdout.take().map(|output| BufReader::new(output).read_line(&mut address));
-    // Whatever it answers, it ends here.
+    // The program ends here for any answer.
     let page = page(address.trim());
     server.kill()?;
     server.wait()?;
@@ -172,7 +172,7 @@ fn gives_its_page(root: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What a server answers at an address such as http://127.0.0.1:4278/?token=...
+/// The answer of a server at an address such as http://127.0.0.1:4278/?token=...
 fn page(address: &str) -> Result<String> {
     let (host, path) = address.strip_prefix("http://").context("no address")?.split_once('/').context("no path")?;
     let mut stream = TcpStream::connect(host)?;
@@ -187,7 +187,7 @@ fn page(address: &str) -> Result<String> {
 fn inside(root: &Path, words: &[&str]) -> Command {
     let mut command = Command::new("unshare");
     command.args(["--mount", "--pid", "--fork", "--kill-child"]);
-    // Whoever is not root may be it in a namespace.
+    // Without root's rights the command runs as root of a namespace.
     if !done(Command::new("id").arg("-u")).is_ok_and(|user| user.trim() == "0") {
         command.arg("--map-root-user");
     }

@@ -32,13 +32,13 @@ pub fn build() -> Result<Made> {
     Ok(Made { file: package, tried: Some("installed into an empty root and used".into()) })
 }
 
-/// Installs the package into an empty root, and runs what it brought: the program, its pages, its completions, an FMU.
+/// Installs the package into an empty root, and runs its contents: the program, its pages, its completions, an FMU.
 fn installed(package: &Path) -> Result<()> {
     let root = folder()?.join("root");
     emptied(&root)?;
     fs::create_dir_all(root.join("var/lib/dpkg/updates"))?;
     fs::write(root.join("var/lib/dpkg/status"), "")?;
-    // What it depends on is in this system, not in that root.
+    // Its dependencies are in this system, not in that root.
     let mut dpkg = Command::new("dpkg");
     dpkg.args(["--force-depends", "--force-not-root", "--root"])
         .arg(&root)

@@ -12,7 +12,7 @@ use crate::marked;
 
 const PAGE: &str = "docs/install.md";
 const MARK: &str = "cargo xtask release minutes --write";
-/// What a newcomer types into Python: a run of the notes' wheel as a picture.
+/// A newcomer's input to Python: a run of the notes' wheel as a picture.
 const PLOT: &str = "\
 import matplotlib
 matplotlib.use('Agg')
@@ -29,7 +29,7 @@ fn measured() -> Result<String> {
     let file = archive::file()?;
     done(Command::new("tar").arg("--extract").arg("--file").arg(&file).arg("--directory").arg(&home))?;
     let hapt = home.join(archive::folder_of_this_machine()).join("hapt");
-    // The browser is started before: whoever reads this has one open.
+    // The browser is started before, as a reader has one open.
     let said = done(Command::new("node").arg("first.mjs").current_dir("web/test").env("HAPT", &hapt))?;
     let started: f64 = said.trim().parse().context("first.mjs prints seconds")?;
     rows += &format!("| the archive, unpacked | the wheel turns in a browser (`hapt live`) | {started:.1} s |\n");

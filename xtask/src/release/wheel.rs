@@ -1,4 +1,4 @@
-//! Wheels of the Python package, by maturin: each is tried where this machine can, and looked at where it can't.
+//! Wheels of the Python package, by maturin: each is run where this machine can, and inspected where it can't.
 
 use std::fs;
 use std::path::{Path, PathBuf, absolute};
@@ -19,7 +19,7 @@ pub const TARGETS: [(&str, &[&str]); 5] = [
 ];
 /// The Pythons in whose empty environments the wheel for Linux is tried, where they are there.
 const PYTHONS: [&str; 5] = ["3.9", "3.10", "3.11", "3.12", "3.13"];
-/// What each of them runs; the answers are the same. An FMU takes the program, where that is built.
+/// The program that each of them runs; the answers are the same. An FMU takes the program, where that is built.
 const TRY: &str = "\
 import hapt, hashlib, os, pathlib
 world = hapt.load('@notes/euler')

@@ -1,4 +1,4 @@
-//! What the real core does on the exact device: whether a motion grows, and whether a hand gets work out of it.
+//! The real core on the exact device: whether a motion grows, and whether a hand draws work from it.
 
 use fastrand::Rng;
 use hapt_model::{Coupling, Drive, End, EstimatorKind, Hand, Scenario, Shape, Switching, Timing, World};
@@ -8,13 +8,13 @@ use crate::random::log_uniform;
 
 /// Below this part of the largest energy there is only rounding.
 const NOTHING: f64 = 1e-20;
-/// An energy this many times the first has grown, whatever comes.
+/// An energy this many times the first counts as grown.
 const GROWN: f64 = 1e20;
 
-/// What became of a motion over some samples.
+/// The result of a motion over some samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
-    /// It has died out, or left the numbers.
+    /// It has died out, or left double precision.
     Gone,
     /// It has grown beyond all bounds.
     Grown,
@@ -22,7 +22,7 @@ pub enum Outcome {
     Rate(f64),
 }
 
-/// A hand that holds the puck at 0, or one that lets it go at once.
+/// A hand that holds the puck at 0, or one that releases it at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum At {
     Held,
@@ -68,7 +68,7 @@ pub fn motion(rng: &mut Rng, world: &World, at: At, samples: u64) -> (Outcome, u
     let (mut first, mut middle, mut end, mut largest) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
     let mut taken = 0;
     while let Some(row) = run.next() {
-        // A loop that runs away leaves the numbers.
+        // A diverging loop leaves double precision.
         let Ok(row) = row else { return (Outcome::Grown, taken) };
         let energy = energy(&world, row);
         largest = largest.max(energy);
@@ -95,8 +95,8 @@ pub fn motion(rng: &mut Rng, world: &World, at: At, samples: u64) -> (Outcome, u
     (Outcome::Rate((end / middle).ln() / samples as f64 / period), taken)
 }
 
-/// The most that a hand has got out of the loop at any sample beyond what was stored in it and what its delay has lent, in parts of all the work that went
-/// round; not above 0 but for rounding where the loop is passive.
+/// The most energy that a hand has drawn from the loop at any sample, beyond the stored energy and the energy lent by its delay, in parts
+/// of all the work exchanged; not above 0, up to rounding, where the loop is passive.
 pub fn drawn(world: &World, hand: Hand, samples: u64) -> (f64, u64) {
     drawn_under(world, hand, samples, Timing::Even)
 }
@@ -108,13 +108,13 @@ pub fn drawn_under(world: &World, hand: Hand, samples: u64, timing: Timing) -> (
     let Ok(mut run) = Simulation::new(world, &scenario) else { return (0.0, 0) };
     let (mut most, mut taken) = (f64::NEG_INFINITY, 0);
     let (mut stored, mut round, mut last) = (0.0, 0.0, 0.0);
-    // What a grip's own spring passes on is left over from its energy.
+    // The energy that a grip's own spring passes on is the rest of its energy.
     let grip = match scenario.hand.drive {
         Drive::Grip { stiffness, .. } => stiffness,
         _ => 0.0,
     };
     let mut lent = DelayWork::new(world);
-    // What constant torques at the puck give is left out of the claim.
+    // The claim leaves out the energy from constant torques at the puck.
     let pushed = |puck: f64| -> f64 {
         let of = |c: &Coupling| match (c.law.constant(), c.first, c.second) {
             (Some(torque), End::Puck, End::Ground) => torque * puck,
@@ -129,7 +129,7 @@ pub fn drawn_under(world: &World, hand: Hand, samples: u64, timing: Timing) -> (
         let ledger = row.ledger;
         lent.add(row);
         if taken == 0 {
-            // All hands start at 0, where nothing is stored but in a detent, and in a puck that has its speed from the start.
+            // All hands start at 0, where only a detent stores energy, and a puck with an initial speed.
             stored = world_energy(world, row.puck, &row.bodies, &row.bristles)
                 + 0.5 * world.device.inertia * row.puck_velocity * row.puck_velocity
                 + pushed(row.puck);
@@ -154,7 +154,7 @@ pub fn hand(rng: &mut Rng, world: &World) -> Hand {
     let stiffness: f64 = world.couplings.iter().map(|c| c.law.slopes().stiffness).sum();
     let size = log_uniform(rng, -3.0, 0.0);
     let frequency = log_uniform(rng, -3.0, -0.1) * 0.5 / period;
-    // No jump of a prescribed position: it would cross the device's damping at no cost.
+    // No jump of a prescribed position: it would avoid the device's damping.
     let shape = |rng: &mut Rng, size: f64, jumps: bool| match rng.u8(..3) {
         0 if jumps => Shape::Step { to: size, at: 0.0 },
         0 | 1 => Shape::Sine { amplitude: size, frequency, phase: 0.0 },

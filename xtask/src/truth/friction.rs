@@ -1,4 +1,4 @@
-//! Friction that pays up to a speed, (T66): hands just below the speed draw nothing, and faster ones often do.
+//! Friction that makes up for damping up to a speed, (T66): hands just below the speed draw nothing, and faster ones often do.
 
 use fastrand::Rng;
 use hapt_analysis::required_damping;
@@ -16,7 +16,7 @@ const ABOVE: f64 = 1.5;
 /// Samples of the motion for which the motor's work is largest.
 const WORKED: usize = 300;
 
-/// Gives every third loop with friction less damping than it requires, and friction for more than counts and levels ask for.
+/// Gives every third loop with friction less damping than it requires, and friction beyond that for counts and levels.
 pub fn spare(rng: &mut Rng, world: &mut World) {
     let part = 0.2 + 0.75 * rng.f64();
     let more = 1.0 + 4.0 * rng.f64();
@@ -30,7 +30,7 @@ pub fn spare(rng: &mut Rng, world: &mut World) {
     }
 }
 
-/// A motion that goes no faster than `speed` in any sample: there and back for random times, or a sine whose steepest is that.
+/// A motion no faster than `speed` in any sample: there and back for random times, or a sine with this largest speed.
 fn motion(rng: &mut Rng, world: &World, speed: f64) -> Vec<(f64, f64)> {
     let period = world.sampling.period;
     let longest = 10f64.powf(3.0 * rng.f64());
@@ -48,7 +48,7 @@ fn motion(rng: &mut Rng, world: &World, speed: f64) -> Vec<(f64, f64)> {
     points
 }
 
-/// The most that motions at `speed` draw, in parts of the work that goes round.
+/// The most energy that motions at `speed` draw, in parts of the work exchanged.
 fn drawn(rng: &mut Rng, world: &World, speed: f64, taken: &mut u64) -> f64 {
     let mut motions: Vec<Vec<(f64, f64)>> = (0..MOTIONS).map(|_| motion(rng, world, speed)).collect();
     motions.extend(work_motion(world, WORKED).map(|worst| worst.at_speed(SAMPLES / WORKED, speed)));
@@ -61,7 +61,7 @@ fn drawn(rng: &mut Rng, world: &World, speed: f64, taken: &mut u64) -> f64 {
     motions.into_iter().map(of).fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// A loop that lacks damping, and whose friction pays for it up to `speed`.
+/// A loop that lacks damping, and whose friction makes up for it up to `speed`.
 pub fn judge(rng: &mut Rng, world: &World, speed: f64, found: &mut Counts, report: &mut dyn FnMut(String)) {
     let work = drawn(rng, world, BELOW * speed, &mut found.samples);
     let holds = work <= ROUNDING;

@@ -1,5 +1,5 @@
-//! Linear loops that are refused for a little: does `hapt worst` break them? By a mass on a spring, which makes the loop grow, or by the motion
-//! for which the motor's work is largest, which the real core on the exact device then gives energy in each repetition.
+//! Linear loops that lack a little damping: does `hapt worst` break them? It tries a mass on a spring, with which the loop grows, and the
+//! motion for which the motor's work is largest, to which the real core on the exact device then gives energy in each repetition.
 
 use std::ops::AddAssign;
 
@@ -32,7 +32,7 @@ impl AddAssign for Near {
 }
 
 impl Near {
-    /// Of one loop, which `required` is enough for, and which a mass on a spring breaks up to `breaking`.
+    /// The result of one loop, for which `required` is enough, and which a mass on a spring breaks up to `breaking`.
     pub fn of(world: &World, required: f64, breaking: f64, taken: &mut u64) -> Near {
         let lengths = SAMPLES[usize::from(!world.bodies.is_empty())];
         let mut motions: Vec<_> = lengths.iter().filter_map(|samples| work_motion(world, *samples)).collect();

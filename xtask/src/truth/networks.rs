@@ -1,4 +1,4 @@
-//! Networks of stations against brute force: hands at all of them, clocks, ways and losses of every kind.
+//! Networks of stations against brute force: hands at all of them, clocks, delays and losses of every kind.
 
 use std::ops::AddAssign;
 
@@ -9,15 +9,15 @@ use hapt_sim::{Run, SystemSummary};
 
 use super::{Against, Claim, Counts, JUST, ROUNDING, numbers};
 
-/// What all hands do.
+/// The scenario of all hands.
 const SCENARIO: &str = "all";
 /// Parts of the damping that is called enough at which hands are tried too.
 const PARTS: [f64; 4] = [0.9, 0.7, 0.5, 0.3];
 
-/// What hands have done to the networks of one verdict.
+/// The results of hands on the networks of one verdict.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Judged {
-    /// At the damping that is called enough; slow where a link let go.
+    /// At the damping that is called enough; slow where a link released.
     pub claim: Claim,
     /// Broken at parts of it.
     broken: [u64; PARTS.len()],
@@ -32,7 +32,7 @@ impl AddAssign for Judged {
     }
 }
 
-/// Points of a motion that begins when all links have taken hold: steps here and there, or a sine.
+/// Points of a motion that begins when all links are connected: steps here and there, or a sine.
 fn path(rng: &mut Rng, size: f64) -> String {
     let mut text = String::from("0,0\n0.3,0\n");
     let (mut time, frequency, is_sine) = (0.3, 0.3 * 100f64.powf(rng.f64()), rng.bool());
@@ -53,7 +53,7 @@ enum Times {
     Own,
     /// Periods with common multiples, at which all stations take a sample.
     Common,
-    /// The same, and messages that all take their time and all arrive.
+    /// The same, and messages that all have their exact delay and all arrive.
     Exact,
 }
 
@@ -116,7 +116,7 @@ fn random(rng: &mut Rng, n: usize, times: Times) -> Option<System> {
             _ => "kind = \"spring\"".into(),
         };
         let way = 10e-3 * rng.f64();
-        // Each of stiffness and damping may be all that there is.
+        // A link may have only stiffness or only damping.
         let stiffness = if damped && rng.u8(..4) == 0 { 0.0 } else { 0.01 * 100f64.powf(rng.f64()) };
         let damping = if damped && rng.u8(..4) > 0 { 1e-4 * 300f64.powf(rng.f64()) } else { 0.0 };
         let period = if damped && rng.bool() { "period = \"6 ms\"\n" } else { "" };
@@ -133,13 +133,13 @@ fn random(rng: &mut Rng, n: usize, times: Times) -> Option<System> {
     System::read(&source, &[]).ok()
 }
 
-/// What hands have had out of a network.
+/// The energy that hands have drawn from a network.
 struct Drawn {
     /// The most by any instant, J.
     drawn: f64,
-    /// All the work that went round, J.
+    /// All the work exchanged, J.
     round: f64,
-    /// What may be missing between the samples of different stations, J.
+    /// The energy that may be missing between the samples of different stations, J.
     slack: f64,
     let_go: u64,
     samples: u64,
@@ -153,7 +153,7 @@ fn drawn(network: &System) -> Drawn {
     let mut is_finite = true;
     while let Some(row) = run.next() {
         let Ok(row) = row else {
-            // Hands that push a runaway give and take without end.
+            // Hands on a diverging loop exchange unbounded energy.
             is_finite = false;
             break;
         };
@@ -194,7 +194,7 @@ fn judge(rng: &mut Rng, found: &mut Counts, report: &mut dyn FnMut(String)) -> R
     let asked: Vec<f64> = check.stations.iter().map(|of| of.required_damping.unwrap_or(0.0)).collect();
     let enough = |check: NetworkCheck| check.stations.iter().all(|station| station.passive);
     compare(&network, &asked, enough, &mut found.networks[0], &mut found.samples, report)?;
-    // What is not decided or not proved claims nothing.
+    // A verdict that is open or not proved claims nothing.
     let fixed = check.fixed;
     let asked: Option<Vec<f64>> = fixed.required_damping.iter().map(|(_, damping)| *damping).collect();
     let Some(asked) = asked.filter(|_| fixed.proved) else { return Ok(()) };
@@ -225,7 +225,7 @@ fn compare(
     let run = drawn(&just);
     *samples += run.samples;
     if run.let_go > 0 {
-        // A link that takes hold again adds the energy of its stretch.
+        // A link that reconnects adds the energy of its stretch.
         judged.claim += Claim { loops: 1, slow: 1, ..Claim::default() };
         return Ok(());
     }

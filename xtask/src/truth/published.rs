@@ -2,7 +2,7 @@
 //!
 //! All are of a spring K and a damper B to ground on a device of inertia J and damping b, with the velocity by backward difference, and
 //! α = K T²/J, β = B T/J, δ = b T/J (Hulin, Preusche and Hirzinger 2006), d the delay in samples. The certificate's edge is found by
-//! bisection of its verdict; nothing of the laws is in it.
+//! bisection of its verdict; it does not use the laws.
 
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
@@ -106,7 +106,7 @@ fn plane([alpha, beta, delta, d]: [f64; 4]) -> World {
     wall(alpha * unit / PERIOD, beta * unit, delta * unit, d * PERIOD)
 }
 
-/// The first edge from a soft spring up, of what is stable.
+/// The first edge of stability, from a soft spring up.
 fn edge(is_stable: &dyn Fn(f64) -> Result<bool>) -> Result<f64> {
     let (mut low, mut high) = (1e-7, 1e-7);
     ensure!(is_stable(low)?, "not stable with the softest spring");

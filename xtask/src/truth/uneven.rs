@@ -8,12 +8,12 @@ use hapt_sweep::worst::work_motion;
 
 use super::{Claim, Counts, JUST, ROUNDING, brute};
 
-/// Samples of a hands-off run where nothing may grow, and the most where something must.
+/// Samples of a hands-off run that may not grow, and the most of one that must.
 const SAMPLES: f64 = 1_000.0;
-/// The part of them, and of a hand's, with a handle or a lag: each new interval then takes a matrix exponential.
+/// The part of these samples, and of a hand's, with a handle or a lag: each new interval then takes a matrix exponential.
 const FEWER: f64 = 0.3;
 const MOST_SAMPLES: f64 = 20_000.0;
-/// A run in which something must grow lasts until e to this power.
+/// A run that must grow lasts until e to this power.
 const FOLDS: f64 = 20.0;
 /// ln of the part by which an energy may rise from the middle of a run to its end where a quadratic form of the state falls.
 const TURNS: f64 = 5.0;
@@ -30,7 +30,7 @@ const MOTION: [usize; 2] = [300, 3_000];
 pub struct Sharpness {
     /// Its row of [`ROWS`], and its column of [`TIMES`].
     class: (usize, usize),
-    /// What the worst motion that was found requires, as a part of it.
+    /// The damping that the worst motion found requires, as a part of it.
     reach: f64,
     /// Whether the real core gives energy to that motion at 0.95 of it.
     broken: bool,
@@ -52,7 +52,8 @@ pub fn stretch(rng: &mut Rng, world: &mut World) {
     }
 }
 
-/// Patterns of every kind within the loop's bounds: the worst that was found, random, periodic, and as recorded with a late one now and then.
+/// Patterns of every kind within the loop's bounds: the worst that was found, random, periodic, and recorded ones with a late sample now
+/// and then.
 fn timings(rng: &mut Rng, world: &World, duration: f64) -> Result<Vec<Timing>, Error> {
     let sampling = &world.sampling;
     let (period, longest) = (sampling.period, sampling.interval_max_s());
@@ -79,7 +80,7 @@ fn timings(rng: &mut Rng, world: &World, duration: f64) -> Result<Vec<Timing>, E
     ])
 }
 
-/// How much ln of the energy rises from the middle of a hands-off run to its end: infinite where it leaves the numbers. It begins with
+/// How much ln of the energy rises from the middle of a hands-off run to its end: infinite where it leaves double precision. It begins with
 /// speeds in parts `size` of 0.01 rad a sample.
 fn rise(rng: &mut Rng, world: &World, size: f64, timing: Timing, duration: f64, samples: &mut u64) -> f64 {
     let mut world = world.clone();
@@ -107,11 +108,11 @@ fn rise(rng: &mut Rng, world: &World, size: f64, timing: Timing, duration: f64, 
             end = end.max(energy);
         }
     }
-    // What has died out is rounding.
+    // A motion that has died out is rounding.
     if end <= 1e-20 * largest { f64::NEG_INFINITY } else { (end / middle).ln() }
 }
 
-/// Sizes of what a nonlinear loop begins with: from within a wall or a dead band to far beyond.
+/// Sizes of the initial states of a nonlinear loop: from within a wall or a dead band to far beyond.
 const SIZES: [f64; 3] = [0.01, 1.0, 30.0];
 
 /// The world on a device without counts, levels, limit and friction, which hands-off verdicts leave out.
@@ -124,8 +125,8 @@ fn linear_device(world: &World) -> World {
     world
 }
 
-/// Whether a nonlinear loop that is proved hands-off does not grow, from states of several sizes and under patterns of every kind. What is
-/// proved leaves out counts, levels, the motor's limit and friction.
+/// Whether a nonlinear loop that is proved hands-off does not grow, from states of several sizes and under patterns of every kind. The
+/// proof leaves out counts, levels, the motor's limit and friction.
 ///
 /// # Errors
 /// Numbers out of range.
@@ -174,7 +175,7 @@ pub fn judge(
     let claim = |holds: bool| Claim { loops: 1, confirmed: u64::from(holds), slow: 0, contradicted: u64::from(!holds) };
     match answer.free.verdict() {
         PatternVerdict::Open => {
-            // Of a reason with numbers of its own what is before them.
+            // Of a reason with numbers, only the text before them.
             let reason = answer.free.reason().unwrap_or_default();
             let reason = reason.split(" from ").next().unwrap_or(reason).to_string();
             *found.patterns_open.entry(reason).or_default() += 1;
@@ -218,7 +219,7 @@ pub fn judge(
             }
         }
     }
-    // Commands on their way lend energy: hands act where there are none.
+    // Commands in flight lend energy: hands act where there are none.
     if answer.passive.holds() && answer.proved.holds() && world.sampling.delay_max_s() == 0.0 && world.device.lag == 0.0
     {
         let hand_samples = (HAND_SAMPLES as f64 * part) as u64;

@@ -124,7 +124,8 @@ fn steepest(coupling: &Coupling) -> [f64; 2] {
     }
 }
 
-/// None, any, or about what counts and levels ask for: half a count of all stiffness, a count a sample of all damping, half a level.
+/// None, any, or about the friction that counts and levels require: half a count of all stiffness, a count a sample of all damping, half a
+/// level.
 fn friction(rng: &mut Rng, device: &Device, couplings: &[Coupling], period: f64) -> f64 {
     let at_puck = couplings.iter().filter(|c| c.first == End::Puck || c.second == End::Puck);
     let [stiffness, damping] =
@@ -170,12 +171,13 @@ fn couplings(
     let mut tie = |rng: &mut Rng, first: End, second: End, inertia: f64| {
         // Stiffness by the angle that the inertia on it would go a sample.
         let x = log_uniform(rng, -2.0, 0.4);
-        // Now and then so soft that what is behind it is hardly felt. Such a swing is longer than any run: not where motions are followed.
+        // Now and then so soft that the body behind it is hardly felt. Its oscillation is longer than any run, so that this is left out
+        // where motions are followed.
         let soft = if is_nonlinear && rng.u8(..12) == 0 { log_uniform(rng, -14.0, -4.0) } else { 1.0 };
         let stiffness = soft * inertia * (x / period).powi(2);
         all.push(Coupling { first, second, law: Law::Spring { stiffness, rest: 0.0 }, limit: None });
         match rng.u8(..6) {
-            // The notes' own.
+            // The notes' damper.
             0 => all.push(Coupling { first, second, law: Law::Damper { damping: Damping::Compensating }, limit: None }),
             1 | 2 => {
                 let damping = 2.0 * log_uniform(rng, -3.0, 0.0) * stiffness * period / x;

@@ -9,7 +9,7 @@ const MASS: f64 = 1200.0;
 const YAW_INERTIA: f64 = 1800.0;
 const FRONT: f64 = 1.2;
 const REAR: f64 = 1.4;
-/// Of the steps between frames, s.
+/// The step between frames, s.
 const STEP: f64 = 1e-3;
 
 /// The single-track model: lateral velocity and yaw rate, with tyres whose force saturates and whose pneumatic trail falls with the slip.
@@ -22,13 +22,13 @@ pub struct Car {
     grip: f64,
     /// Turns of the steering wheel for one of the tyre.
     ratio: f64,
-    /// Trail at no slip, m, and the slip at which it is gone, rad; the part of it that is the axle's geometry.
+    /// Trail at no slip, m, and the slip at which it vanishes, rad; the part of it that is the axle's geometry.
     trail: f64,
     slip: f64,
     mechanical: f64,
-    /// Of the torque at the tyre to that at the wheel.
+    /// From the torque at the tyre to that at the wheel.
     gain: f64,
-    /// Whether it turns, and takes slip from the tyre again; else the torque is a law of the angle alone.
+    /// Whether the car turns, which reduces the tyre's slip again; else the torque is a law of only the angle.
     answers: bool,
     /// State: m/s, rad/s.
     lateral: f64,
@@ -64,7 +64,7 @@ impl Car {
         (self.lateral + FRONT * self.yaw) / self.speed - steering / self.ratio
     }
 
-    /// Drives on for so long with the wheel at this angle, rad; the torque at the wheel, N·m, before any limit.
+    /// Drives on for this time with the wheel at this angle, rad; the torque at the wheel, N·m, before any limit.
     pub fn drive(&mut self, steering: f64, seconds: f64) -> f64 {
         let steps = (seconds / STEP).ceil().max(1.0);
         let step = seconds / steps;

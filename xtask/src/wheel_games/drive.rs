@@ -26,7 +26,7 @@ const PERIOD: f64 = 1e-3;
 /// Of a run, and when the hands release the wheel, s after full torque.
 const DURATION: f64 = 12.0;
 const RELEASE: f64 = 4.0;
-/// What hands feel is compared from here to there, s after full torque.
+/// The interval over which the hands' torque is compared, s after full torque.
 const COMPARED: Range<f64> = 1.0..RELEASE - 0.1;
 /// From one end of the steering to the other, rad.
 const RANGE: f64 = 5.0 * std::f64::consts::PI;
@@ -35,14 +35,14 @@ const RATES: [f64; 3] = [60.0, 100.0, 333.0];
 const LATE: [usize; 3] = [1, 2, 3];
 /// A firm and a light grip: stiffness in N·m/rad, damping in N·m·s/rad.
 const GRIPS: [[f64; 2]; 2] = [[60.0, 2.0], [10.0, 0.8]];
-/// The longest time from an angle to its torque that is looked for, samples.
+/// The longest time from an angle to its torque in the search, samples.
 const LONGEST: i32 = 60;
-/// The clocks of the game and of the record differ by so much at most, samples.
+/// The largest difference of the clocks of the game and of the record, samples.
 const APART: i32 = 1000;
 /// The wheel appears, or there is none.
 const APPEARS: Duration = Duration::from_secs(60);
 
-/// A game on a wheel, in somebody's hands.
+/// A game on a wheel, in a driver's hands.
 struct Game {
     seed: u64,
     wheel: [f64; 5],
@@ -53,7 +53,7 @@ struct Game {
     late: usize,
 }
 
-/// What the game has done at a frame.
+/// The game's signals at a frame.
 struct Frame {
     /// s since 1970
     time: f64,
@@ -68,18 +68,18 @@ struct Sample {
     time: f64,
     angle: f64,
     speed: f64,
-    /// Of the effects with what is added, N·m.
+    /// The torque of the effects with the added one, N·m.
     torque: f64,
 }
 
-/// What became of a run.
+/// The result of a run.
 #[derive(Clone, Copy, Debug)]
 struct Outcome {
     /// The largest speeds in the first and in the last second without hands, rad/s.
     first: f64,
     last: f64,
-    /// With hands: the rms of the torque beside the game's, relative to it, and the time from an angle to its torque at the motor without the game's own
-    /// lateness, s.
+    /// With hands: the rms of the torque in addition to the game's, relative to it, and the time from an angle to its torque at the motor
+    /// without the game's own lateness, s.
     felt: f64,
     lag: f64,
 }
@@ -207,7 +207,7 @@ impl Game {
         Ok(frames)
     }
 
-    /// The levels of the game at each sample with nothing added, where a level acts so long after it was sent.
+    /// The levels of the game at each sample with nothing added, where a level acts `after` its sending.
     fn asked(&self, frames: &[Frame], samples: &[Sample], after: f64) -> Result<Vec<f64>> {
         let [_, damping, _, counts, limit] = self.wheel;
         let ideal = Device::ideal(Timing::even(PERIOD), damping, limit);
@@ -254,7 +254,7 @@ impl Game {
     }
 }
 
-/// Where this is least, and how much it is there.
+/// The place of the minimum, and its value.
 fn least(among: Range<i32>, of: impl Fn(i32) -> Result<f64>) -> Result<(i32, f64)> {
     let mut found = (among.start, f64::INFINITY);
     for at in among {
@@ -266,7 +266,7 @@ fn least(among: Range<i32>, of: impl Fn(i32) -> Result<f64>) -> Result<(i32, f64
     Ok(found)
 }
 
-/// How far the angles that the game read are from those of the record so long after, mean square.
+/// The mean square difference of the angles that the game read from those of the record `after` seconds later.
 fn misread(frames: &[Frame], samples: &[&Sample], after: f64) -> f64 {
     let rate =
         frames.len() as f64 / frames.last().zip(frames.first()).map_or(1.0, |(last, first)| last.time - first.time);
@@ -281,7 +281,7 @@ fn misread(frames: &[Frame], samples: &[&Sample], after: f64) -> f64 {
             count += 1.0;
         }
     }
-    // A shift at which few of them meet says nothing.
+    // A shift with few common samples is not used.
     if count < 0.8 * most { f64::INFINITY } else { sum / count }
 }
 

@@ -1,5 +1,5 @@
-//! A session of a game, as the game itself recorded it, replayed into the search for the game's law: how stiff the game is, how late, and what would be
-//! added while hands hold the wheel.
+//! A session of a game, as the game itself recorded it, replayed into the search for the game's law: how stiff the game is, how late, and
+//! the torque that would be added while hands hold the wheel.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -29,7 +29,7 @@ pub const WHEELS: [(&str, [f64; 5]); 3] = [
     ("direct drive, 20 N m", [0.035, 0.04, 0.1, 4_194_304.0, 20.0]),
 ];
 
-/// What a game recorded, frame by frame.
+/// The record of a game, frame by frame.
 struct Session {
     /// Frames a second.
     rate: f64,
@@ -137,7 +137,7 @@ impl Session {
         b + x * (from + x * (rise - from - bend + x * bend))
     }
 
-    /// The torque on the shaft at a time, of so many levels a frame.
+    /// The torque on the shaft at a time, with `levels` levels a frame.
     fn torque(&self, t: f64, levels: usize) -> f64 {
         // The last of a frame's torques is at the frame.
         let at = (t * self.rate * levels as f64) as usize;
@@ -147,7 +147,7 @@ impl Session {
     }
 }
 
-/// What the replay of a session into a wheel found.
+/// The result of replaying a session into a wheel.
 #[derive(Default)]
 struct Found {
     stiffnesses: Vec<f64>,
@@ -155,7 +155,7 @@ struct Found {
     rates: Vec<f64>,
     explained: Vec<f64>,
     lacking: Vec<f64>,
-    /// Sums of squares: of what is added, and of the game's torque, N·m.
+    /// Sums of squares: of the added torque, and of the game's, N·m.
     added: f64,
     game: f64,
 }

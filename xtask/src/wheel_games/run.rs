@@ -1,4 +1,4 @@
-//! One game on one wheel: steered, kicked and let go, under each remedy.
+//! One game on one wheel: steered, kicked and released, under each remedy.
 
 use fastrand::Rng;
 use hapt_core::wheel::game_loop::{GameLoop, HostLevel, Rotor};
@@ -8,16 +8,16 @@ use hapt_plant::{VirtualDevice, spec::DeviceSpec};
 use super::car::Car;
 use crate::random::log_between;
 
-/// Of a run, and when the hands go, s.
+/// The duration of a run, and when the hands release the wheel, s.
 pub const DURATION: f64 = 10.0;
 pub const LET_GO: f64 = 4.0;
-/// The kick that they give, rad/s, in so much time, s.
+/// The kick that they give, rad/s, and its duration, s.
 pub const KICK: f64 = 2.0;
 const KICKING: f64 = 0.05;
-/// From here on what hands feel is compared, s.
+/// From here on the hands' torque is compared, s.
 const COMPARED: f64 = 1.0;
 
-/// What is added to a game's torque.
+/// The torque that is added to a game's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Remedy {
     Nothing,
@@ -46,17 +46,17 @@ pub struct Pair {
     answers: bool,
 }
 
-/// What became of it.
+/// The result of a run.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Outcome {
     /// The largest speeds in the second after the kick and in the last one, rad/s.
     pub first: f64,
     pub last: f64,
-    /// What hands felt beside the game's torque, relative to it, as root mean squares.
+    /// The torque that hands felt in addition to the game's, relative to it, as root mean squares.
     pub felt: f64,
     /// The same, relative to the motor's largest torque.
     pub extra_torque: f64,
-    /// The part of the level that was held back hands off, mean.
+    /// The mean part of the level that was held back hands-off.
     pub held_back: f64,
 }
 

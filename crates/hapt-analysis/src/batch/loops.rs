@@ -81,7 +81,7 @@ impl Loops<'_> {
         }
     }
 
-    /// `quick` for each loop, then, where that is NaN or `always`, `slow` of it.
+    /// Evaluates `quick` for each loop, then `slow` where the result is NaN, or for each loop with `always`.
     #[inline(always)]
     fn each(
         &self,

@@ -143,9 +143,9 @@ struct Puck {
 struct Motor {
     /// 1 - e^{-T/lag}
     follows: f64,
-    /// What the torque takes from the command of d samples ago, and from the one before it.
+    /// The contribution to the torque by the command of d samples ago, and by the one before it.
     torque: [f64; 2],
-    /// What a torque at the sample adds to the velocity and to the position at the next.
+    /// The contribution of a torque at the sample to the velocity and to the position at the next.
     velocity: f64,
     position: f64,
 }

@@ -47,7 +47,7 @@ pub struct Edge {
     pub damping: f64,
     /// The largest passive K, N·m/rad (linear: N/m); `None` where this damper is not passive with any spring.
     pub passive: Option<f64>,
-    /// The largest K up to which the free loop is not unstable; `None` where it is unstable with the damper alone.
+    /// The largest K up to which the free loop is not unstable; `None` where it is unstable with the damper and no spring.
     pub stable: Option<f64>,
 }
 

@@ -22,19 +22,19 @@ pub fn is_certified(world: &World) -> bool {
 }
 
 /// The required damping less that of the device, over that of the device: 0 or less where `check` certifies the world, otherwise above
-/// 0, and 1 where damping alone does not suffice, or the world cannot be analysed.
+/// 0, and 1 where no damping suffices, or the world cannot be analysed.
 pub fn excess(world: &World) -> f64 {
     excess_below(world, 0.0)
 }
 
-/// The same. Hands-off is a special case of a passive hand, so a loop that is passive with a margin
+/// [`excess`], in less time. Hands-off is a special case of a passive hand, so a loop that is passive with a margin
 /// is stable hands-off: below -`spare` the free loop is not analysed. Where passivity is that of the free loop itself, [`SPARE`] is
 /// enough always.
 pub(crate) fn excess_below(world: &World, spare: f64) -> f64 {
     excess_or_sign(world, spare, false)
 }
 
-/// The same, or where the sign is enough any number of the same sign.
+/// [`excess_below`]; with `sign`, any number of the same sign.
 fn excess_or_sign(world: &World, spare: f64, sign: bool) -> f64 {
     let found = || -> Result<f64, Error> {
         if is_over() {
@@ -44,7 +44,7 @@ fn excess_or_sign(world: &World, spare: f64, sign: bool) -> f64 {
         if !is_held_covered(world) || Verdict::of(held_world_growth(world)?) == Verdict::Unstable {
             return Ok(1.0);
         }
-        // Of all that the file allows: with the least damping of the device.
+        // The worst of all that the file allows: the device has its least damping.
         let mut excess = f64::NEG_INFINITY;
         let mut by_friction = false;
         let mut take = |claim: &Claim| {
@@ -80,7 +80,7 @@ fn finish(is_free: bool, excess: f64) -> Result<f64, Error> {
     Ok(if excess > 0.0 || is_free { excess } else { 1.0 })
 }
 
-/// Whether the loop is stable hands-off: by passivity with something to spare, by the friction that pays, or by its eigenvalues.
+/// Whether the loop is stable hands-off: by passivity with a margin, by the friction that dissipates the energy, or by its eigenvalues.
 fn world_is_free(world: &World, spare: f64, excess: f64, by_friction: bool) -> Result<bool, Error> {
     let spare = if spare == 0.0 { SPARE } else { spare };
     if excess > 0.0 || excess <= -spare || by_friction {

@@ -38,7 +38,7 @@ impl<F: Fn(&mut World, f64)> Change<'_, F> {
         self.excess(value, 0.0) <= 0.0
     }
 
-    /// The roundest certified value beside `end`, from the present one `now` upwards.
+    /// The roundest certified value next to `end`, from the present one `now` upwards.
     pub fn largest_from(&self, now: f64, end: f64) -> f64 {
         roundest(end, Certified::Below, |x| *x >= now && self.is_certified(*x))
     }

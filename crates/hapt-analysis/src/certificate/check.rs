@@ -29,9 +29,9 @@ pub struct Check {
     pub method: &'static str,
     /// The output's name in world files.
     pub output: &'static str,
-    /// The world alone, the puck held still; with a handle on a shaft the loop, the handle held still.
+    /// Only the world, the puck held still; with a handle on a shaft the loop, the handle held still.
     pub held: Stability,
-    /// World, estimator, delay, hold and device together, no hand on the puck.
+    /// World, estimator, delay, hold and device together, hands-off.
     pub free: Stability,
     /// The loop against any passive hand.
     pub passivity: Passivity,
@@ -54,7 +54,7 @@ pub struct Check {
     pub(crate) fall: Option<Fall>,
     #[serde(skip)]
     pub(crate) motion: Motion,
-    /// How many samples there are to a step of the bodies, over which the eigenvalues of `held` and `free` are.
+    /// Samples per step of the bodies. The eigenvalues of `held` and `free` are over one such step.
     #[serde(skip)]
     pub bodies_every: u32,
     #[serde(skip)]
@@ -63,7 +63,7 @@ pub struct Check {
     pub(crate) has_handle: bool,
 }
 
-/// What is known of a world.
+/// The status of a world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
@@ -82,7 +82,7 @@ pub struct TheoremUse {
     pub id: &'static str,
     /// `held`, `free`, `passive`.
     pub claims: Vec<&'static str>,
-    /// What it assumes, all of which holds for this world.
+    /// Its assumptions, all of which hold for this world.
     pub assumes: &'static [&'static str],
 }
 
@@ -279,7 +279,7 @@ fn notes(world: &World, fall: Option<Fall>) -> Result<Vec<String>, Error> {
     Ok(notes)
 }
 
-/// What gravity and cogging are to the verdicts.
+/// How gravity and cogging enter the verdicts.
 fn device_torque(world: &World, fall: Option<Fall>) -> Option<String> {
     let torque = &world.device.torque;
     let of = match (torque.gravity.is_some(), torque.cogging.is_some()) {
@@ -303,7 +303,7 @@ fn device_torque(world: &World, fall: Option<Fall>) -> Option<String> {
     })
 }
 
-/// What friction that changes with the position is to the verdicts.
+/// How friction that changes with the position enters the verdicts.
 fn changing_friction(world: &World) -> Option<String> {
     let torque = |torque: f64| with_unit(torque, Measure::Torque, world.motion);
     let device = &world.device;
@@ -316,7 +316,7 @@ fn changing_friction(world: &World) -> Option<String> {
     })
 }
 
-/// What friction that falls with the speed is to the verdicts.
+/// How friction that falls with the speed enters the verdicts.
 fn falling_friction(world: &World) -> Option<String> {
     let (falls, device) = (world.device.falling_friction(), &world.device);
     let velocity = device.stribeck?.velocity;
@@ -334,7 +334,7 @@ fn falling_friction(world: &World) -> Option<String> {
     })
 }
 
-/// What each compensation of a torque of the device takes of the device's damping.
+/// The part of the device's damping that each compensation of a torque of the device requires.
 fn compensations(world: &World) -> Result<Vec<String>, Error> {
     let mut notes = Vec::new();
     for coupling in &world.couplings {

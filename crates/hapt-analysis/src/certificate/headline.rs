@@ -11,7 +11,8 @@ use crate::text::{short, time, with_unit};
 use crate::theorems::PatternVerdict;
 
 impl Check {
-    /// The answer: whether it is certified, whether it is safe to let go and safe in a hand, and what of the device is not proved.
+    /// The answer: whether it is certified, whether it is safe hands-off and safe in a hand, and which properties of the device no theorem
+    /// covers.
     ///
     /// Safe: it does not grow, and no passive hand draws energy from it.
     pub fn headline(&self) -> String {
@@ -46,7 +47,7 @@ impl Check {
             let grows = under_all == PatternVerdict::Broken || self.free.verdict == Verdict::Unstable;
             return if grows { "not safe to let go" } else { "not proved safe to let go" };
         }
-        // What friction alone keeps from growing, at even samples or at others.
+        // Whether only friction keeps it from growing, at even or at uneven samples.
         let by_friction = is_certified && self.uneven.is_stated && under_all != PatternVerdict::Proved;
         match (self.free.verdict, self.claims("free")) {
             (_, true) if by_friction => "safe to let go, as long as its speed is kept",
@@ -59,7 +60,7 @@ impl Check {
         }
     }
 
-    /// What gravity or cogging does to a puck that is let go.
+    /// How gravity or cogging moves a released puck.
     fn falls(&self) -> String {
         let passive = self.passivity.is_certified() && self.uneven.is_certified();
         let Some(fall) = self.fall else { return String::new() };
@@ -70,7 +71,7 @@ impl Check {
         format!(", and {} may move the {}{speed}", fall.by, self.moved())
     }
 
-    /// The end of what is said of a free loop that comes to rest: where gravity or cogging pushes the puck away.
+    /// The last clause on a free loop that comes to rest: where gravity or cogging pushes the puck away.
     pub(super) fn pushed(&self) -> String {
         match self.fall.filter(|_| self.free.verdict != Verdict::Unstable) {
             Some(fall) => format!(
@@ -82,7 +83,7 @@ impl Check {
         }
     }
 
-    /// What a person holds.
+    /// The name of the part that a hand holds.
     fn moved(&self) -> &'static str {
         if self.has_handle { "handle" } else { "puck" }
     }
@@ -101,7 +102,7 @@ impl Check {
         }
     }
 
-    /// What of the device no theorem covers, in a few words each.
+    /// The properties of the device that no theorem covers, in a few words each.
     fn omits(&self) -> Vec<&'static str> {
         let mut omits = self.passivity.omits.clone();
         omits.extend(self.uneven.omits.iter().filter(|what| !self.passivity.omits.contains(what)));

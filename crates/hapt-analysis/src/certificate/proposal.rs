@@ -122,7 +122,7 @@ pub fn proposal(
             let share = world.device.compensated_by(coupling).filter(|_| i >= file.own());
             Some(share.map_or((strength.name, *strength.value), |(_, share)| ("share", share)))
         });
-        // Of compensations alone the remedy above says as much.
+        // If every strength is that of a compensation, the remedy above is the same.
         if remedies.compensation_scale.is_none() || strengths.iter().any(|(table, ..)| table.starts_with("couplings."))
         {
             list.extend(file.scaled(&strengths, scale));
@@ -161,7 +161,7 @@ struct File<'a> {
 }
 
 impl File<'_> {
-    /// How many couplings the file has itself: those of its compensations come behind them.
+    /// How many couplings the file itself has: those of its compensations follow them.
     fn own(&self) -> usize {
         let indices = self.parameters.iter().filter_map(|parameter| {
             let (index, _) = parameter.path.strip_prefix("couplings.")?.split_once('.')?;
@@ -193,8 +193,8 @@ impl File<'_> {
         (!softer.lines.is_empty()).then_some(softer)
     }
 
-    /// `value unit`, in the unit that the file uses; a bare number where it uses none. The number is the roundest beside `si` with which the
-    /// file, read anew, is certified; `None` where it is with none, as a number beyond the key's range.
+    /// `value unit`, in the unit that the file uses; a bare number where it uses none. The number is the roundest next to `si` with which
+    /// the file, read anew, is certified; `None` where no number certifies it, as one beyond the key's range.
     fn value(&self, path: &str, si: f64, side: Certified) -> Option<String> {
         self.values(&[(path.to_string(), si)], side)?.pop()
     }

@@ -129,7 +129,7 @@ pub fn remedies(world: &World) -> Result<Remedies, Error> {
     })
 }
 
-/// The speed below which friction pays, on the certified side.
+/// The speed below which friction makes up for missing damping, on the certified side.
 fn overspeed(world: &World) -> Result<Option<f64>, Error> {
     let set = |w: &mut World, speed: f64| {
         w.safety.overspeed = Some(speed);
@@ -261,7 +261,7 @@ impl Bound {
     fn margin(&self, world: &World) -> Result<f64, String> {
         let change = self.change(world);
         let (mut good, period) = ((self.now)(world), world.sampling.period);
-        // A file without the key asks less than one that states the present value: then every pattern up to it counts.
+        // A file without the key requires less than one that states the present value, with which every pattern up to it counts.
         if !change.is_certified(good) {
             return Err("stated at all, it is not proved".into());
         }
@@ -320,7 +320,7 @@ pub fn certified_interval(
         Ok(end) => change.largest_from(now, end),
         Err(_) => most,
     };
-    // The search runs upwards: over what `now` is divided by.
+    // The search runs upwards, over the divisor of `now`.
     let low = match margin(world, Spacing::Ratio, [1.0, ratio], |w: &mut World, by: f64| set(w, now / by))? {
         Ok(by) => roundest(now / by, Certified::Above, |x| *x <= now && change.is_certified(*x)),
         Err(_) => least,
@@ -349,7 +349,7 @@ fn device_damping(world: &World) -> Result<Option<f64>, Error> {
     if change.is_certified(required) {
         return Ok(rounded(required));
     }
-    // The least of a tolerance has to be enough of what uneven time requires.
+    // The least damping of the tolerance has to meet the requirement of uneven time.
     let spread = world.device.damping_range()[0] / world.device.damping;
     if is_stated(world)
         && let Some(all) = uneven_damping(world)?

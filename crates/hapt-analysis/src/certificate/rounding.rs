@@ -1,9 +1,9 @@
-//! The roundest numbers beside an edge that a search has found.
+//! The roundest numbers next to an edge that a search has found.
 
 /// Largest relative distance of a remedy from its edge.
 const NEAR: f64 = 4e-7;
-/// Largest relative distance of the line that shows the remedy in the file's unit: wider, so that a round number beside the edge is near to
-/// every remedy that is. Together they are 1e-6.
+/// Largest relative distance of the line that shows the remedy in the file's unit: wider, so that a round number near the edge is near
+/// every remedy within [`NEAR`] of it. Together they are 1e-6.
 pub(crate) const NEAR_IN_FILE: f64 = 6e-7;
 
 /// Largest number of significant digits that is tried.
@@ -16,8 +16,8 @@ pub(crate) enum Certified {
     Below,
 }
 
-/// The numbers within a part `near` of `edge`, of one to [`DIGITS`] significant digits: of each count the nearest, then its neighbour on the
-/// certified side. None where the edge is 0.
+/// The numbers within a part `near` of `edge`, of one to [`DIGITS`] significant digits: for each count of digits the nearest, then its
+/// neighbour on the certified side. None where the edge is 0.
 pub(crate) fn candidates(edge: f64, side: Certified, near: f64) -> impl Iterator<Item = f64> {
     let is_near = move |x: &f64| (x - edge).abs() <= near * edge.abs();
     let of_digits = move |digits: usize| {
@@ -43,7 +43,7 @@ pub(crate) fn roundest(edge: f64, side: Certified, holds: impl FnMut(&f64) -> bo
     candidates(edge, side, NEAR).find(holds).unwrap_or(edge)
 }
 
-/// The number of four digits beside an edge that is on its certified side.
+/// The number of four digits next to an edge, on its certified side.
 pub(crate) fn within(edge: f64, side: Certified) -> f64 {
     let holds = |x: &f64| match side {
         Certified::Above => *x >= edge,

@@ -316,7 +316,7 @@ impl Check {
         ))
     }
 
-    /// What is known of the hands-off loop under every pattern.
+    /// The verdict on the hands-off loop under every pattern.
     fn patterns_sentence(&self) -> String {
         let free = &self.uneven.free;
         let (under_none, one) = match self.uneven.is_even {
@@ -338,7 +338,7 @@ impl Check {
         }
     }
 
-    /// What the encoder's counts and the motor's levels allow, in one sentence; `None` where both are ideal.
+    /// The stiffness that the encoder's counts and the motor's levels allow, in one sentence; `None` where both are ideal.
     pub fn quantisation_sentence(&self) -> Option<String> {
         let found = &self.quantisation;
         let unit = |measure: Measure| measure.dimension(self.motion).symbol();

@@ -35,7 +35,7 @@ pub fn time(x: f64) -> String {
     }
 }
 
-/// At which samples the bodies step, behind what is said of the period; empty where they step at each.
+/// At which samples the bodies step, as a clause after the period; empty where they step at each.
 pub fn rates(sampling: &Sampling) -> String {
     match sampling.bodies_every {
         1 => String::new(),
@@ -43,7 +43,7 @@ pub fn rates(sampling: &Sampling) -> String {
     }
 }
 
-/// How late the torque comes, behind what is said of the loop; empty where it comes at once.
+/// How late the torque comes, as a clause after the loop; empty where it comes at once.
 pub fn late(sampling: &Sampling) -> String {
     match sampling.delay_s() {
         0.0 => String::new(),

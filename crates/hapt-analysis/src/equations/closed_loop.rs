@@ -39,7 +39,7 @@
 //! (1 + D_0) (1 + D_1) = 1 + D_1 + D_0 + D_0 D_1
 //! ```
 //!
-//! The torque of the springs is made anew by the first sample, so that it is no state between one step of the bodies and the next.
+//! The first sample computes the torque of the springs anew, so that it is no state between one step of the bodies and the next.
 //!
 //! With the spring of a hand, or a motor that lags, the puck is advanced by the exponential in [`DrivenPuck`], with a handle by that in
 //! [`DrivenShaft`].
@@ -100,7 +100,7 @@ fn powered(map: DMatrix<f64>, mut times: u32) -> DMatrix<f64> {
     all
 }
 
-/// Under which commands the puck moves between two samples.
+/// The commands under which the puck moves between two samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Hold {
     /// From one sample to the next, s.
@@ -115,7 +115,7 @@ pub(crate) struct Hold {
 /// torque, where it lags, and with a handle on a shaft of its deflection and of the handle's velocity.
 pub(crate) type DeviceChange = Vec<RowDVector<f64>>;
 
-/// One sample of each block, and where everything stands in the state.
+/// One sample of each block, and the indices of the quantities in the state.
 #[derive(Clone)]
 pub(crate) struct ClosedLoop<'a> {
     port: &'a Port,
@@ -130,31 +130,32 @@ pub(crate) struct ClosedLoop<'a> {
     torque: RowDVector<f64>,
     /// The number of states.
     pub order: usize,
-    /// Where z stands, if springs join the puck to ground.
+    /// The index of z, if springs join the puck to ground.
     pub position: Option<usize>,
-    /// Where ż stands.
+    /// The index of ż.
     pub velocity: usize,
     estimate: usize,
     first_memory: usize,
     first_in_flight: usize,
-    /// Where the motor's torque stands, if it lags.
+    /// The index of the motor's torque, if it lags.
     pub motor: Option<usize>,
-    /// Where the deflection of a handle's shaft stands; the handle's velocity is after it.
+    /// The index of the deflection of a handle's shaft; the handle's velocity is after it.
     handle: Option<usize>,
-    /// Where y - z of the position's filter stands.
+    /// The index of y - z of the position's filter.
     filtered: Option<(usize, PositionFilter)>,
-    /// Where the sum of an integral term stands.
+    /// The index of the sum of an integral term.
     integral: Option<usize>,
-    /// Where the torque of the springs at the puck stands, if the bodies do not step at every sample: the last.
+    /// The index of the torque of the springs at the puck, if the bodies do not step at every sample: the last.
     springs: Option<usize>,
-    /// The torque by position and velocity of the puck alone.
+    /// The torque by position and velocity of the puck itself.
     own: [f64; 2],
     /// Whether the bodies stand still.
     stands: bool,
 }
 
 impl<'a> ClosedLoop<'a> {
-    /// The estimator takes steps of `period`, the bodies of as many as there are samples to a step; `in_flight` commands before this sample's are kept.
+    /// The estimator takes steps of `period`, the bodies steps of several periods where they do not step at every sample; `in_flight`
+    /// commands before this sample's are kept.
     ///
     /// # Errors
     /// As [`closed_loop`].
@@ -264,7 +265,7 @@ impl<'a> ClosedLoop<'a> {
         ClosedLoop { torque, stands: true, ..self.clone() }
     }
 
-    /// Where the command of one sample ago stands, if any is in flight.
+    /// The index of the command of one sample ago, if any is in flight.
     pub fn first_in_flight(&self) -> usize {
         self.first_in_flight
     }
@@ -379,7 +380,7 @@ impl<'a> ClosedLoop<'a> {
             d.set_row(r, &row);
             row
         });
-        // The loop counts each sample as one period, whatever the interval was.
+        // The loop counts each sample as one period, for any true interval.
         if let Some(i) = self.integral {
             let mut row = dz * period;
             for place in z.into_iter().chain(self.filtered.map(|(r, _)| r)) {

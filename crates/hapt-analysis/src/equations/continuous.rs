@@ -98,7 +98,7 @@ pub(crate) fn compensated(damper: &Coupling, couplings: &[Coupling]) -> f64 {
     couplings.iter().filter(|c| compensated_by(damper, c)).filter_map(|c| c.law.spring()).sum()
 }
 
-/// The couplings with each compensating damper replaced by its damping at `period`, so that a subset can be analysed alone.
+/// The couplings with each compensating damper replaced by its damping at `period`, so that a subset can be analysed by itself.
 pub(crate) fn settled(couplings: &[Coupling], period: f64) -> Vec<Coupling> {
     settled_where(couplings, period, |_| true)
 }

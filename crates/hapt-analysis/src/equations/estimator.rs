@@ -5,7 +5,7 @@ use hapt_model::{EstimatorKind, Sampling};
 /// v_k = pole v_{k-1} + Σ taps\[i\] z_{k-i}. The taps sum to 0: at rest the velocity is 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Filter {
-    /// Of the last velocity, 0 up to 1.
+    /// The factor of the last velocity, 0 up to 1.
     pub pole: f64,
     /// In 1/s, the newest sample first; empty for the true velocity.
     pub taps: Vec<f64>,
@@ -66,7 +66,7 @@ impl PositionFilter {
         -(-self.x).exp_m1()
     }
 
-    /// p/(1 - p): z_k - y_k is so many times y_k - y_{k-1}.
+    /// p/(1 - p): z_k - y_k is this factor times y_k - y_{k-1}.
     pub fn lag(self) -> f64 {
         self.x.exp_m1().recip()
     }

@@ -1,5 +1,5 @@
 //! Properties of the laws that the proofs and the search for the worst hand use. A match names every law, so that a new law does not compile
-//! until it has an entry here; what is true of one law alone asks for that law.
+//! until it has an entry here; a property of only one law tests for that law.
 
 use std::sync::LazyLock;
 
@@ -20,7 +20,7 @@ pub(crate) enum Kind {
     Lugre,
     /// The integral term of a controller: linear, with a state. A limit stops it.
     Integral,
-    /// A bounded torque along the velocity, which only gives.
+    /// A bounded torque along the velocity, which only adds energy.
     Assist,
 }
 
@@ -120,7 +120,7 @@ pub(crate) fn steepest(law: &Law) -> (f64, f64) {
 /// the harmonics, added, are a bound too, and of one harmonic the exact one.
 fn largest(harmonics: impl Iterator<Item = (f64, f64, f64)> + Clone) -> f64 {
     const POINTS: usize = 2048;
-    // A check asks for it hundreds of times, and n times a point is a point.
+    // A check evaluates it hundreds of times, and n times a point of this circle is again one of its points.
     static CIRCLE: LazyLock<Vec<(f64, f64)>> =
         LazyLock::new(|| (0..POINTS).map(|i| (std::f64::consts::TAU / POINTS as f64 * i as f64).sin_cos()).collect());
     let step = std::f64::consts::TAU / POINTS as f64;
@@ -137,12 +137,12 @@ fn largest(harmonics: impl Iterator<Item = (f64, f64, f64)> + Clone) -> f64 {
     added.min(seen / (1.0 - curvature))
 }
 
-/// The same where it is flattest, falling slopes left out.
+/// The (stiffness, damping) of a nonlinear coupling at its flattest slope, falling slopes left out.
 pub(crate) fn flattest(law: &Law) -> (f64, f64) {
     if let Law::Lugre { viscous, .. } = *law { (0.0, viscous) } else { (0.0, 0.0) }
 }
 
-/// The largest torque that a coupling can ask for; infinite where it has no bound of its own.
+/// The largest torque of a coupling; infinite where it has no bound of its own.
 pub(crate) fn most(coupling: &Coupling) -> f64 {
     let own = match coupling.law {
         Law::Detent { torque, .. }
@@ -193,7 +193,7 @@ pub(crate) fn rises_only(law: &Law) -> bool {
     }
 }
 
-/// Whether the checker of proof files (`proof/`) knows the law.
+/// Whether the checker of proof files (`proof/`) covers the law.
 pub(crate) fn is_known(law: &Law) -> bool {
     match *law {
         Law::Spring { .. }
@@ -209,7 +209,7 @@ pub(crate) fn is_known(law: &Law) -> bool {
     }
 }
 
-/// The q at which a hand feels the law, where it does not alike everywhere: a wall's face, and `reach` into what resists ever more.
+/// The q at which a hand feels the law, where the feel depends on q: a wall's face, and `reach` into a law that stiffens.
 pub fn felt_at(law: &Law, reach: f64) -> Vec<f64> {
     match *law {
         Law::Wall { side: Side::Above, at, .. } => vec![at, at + reach],
@@ -232,8 +232,8 @@ pub(crate) fn is_damped_wall(law: &Law) -> bool {
     matches!(*law, Law::Wall { damping, .. } if damping > 0.0)
 }
 
-/// Whether the discrete-gradient step has no proof that its rounds come to agree with this law at a body: it falls, or has no energy
-/// whose mean torque it is.
+/// Whether no proof covers convergence of the discrete-gradient step with this law at a body: its torque falls, or is the mean torque of no
+/// energy.
 pub(crate) fn may_not_settle(law: &Law) -> bool {
     !rises_only(law) || is_damped_wall(law)
 }
@@ -244,8 +244,8 @@ pub(crate) fn bristles_give(law: &Law) -> bool {
         if viscous * coulomb < bristle_damping * (stribeck - coulomb))
 }
 
-/// Whether LuGre friction is a hysteresis of the way alone: one level for sticking and sliding, bristles without damping. What else there is is a
-/// viscous damper.
+/// Whether LuGre friction is a hysteresis that depends only on the path: one level for sticking and sliding, bristles without damping. The
+/// remainder is a viscous damper.
 pub(crate) fn is_hysteresis(law: &Law) -> bool {
     matches!(*law, Law::Lugre { coulomb, stribeck, bristle_damping, .. }
         if bristle_damping == 0.0 && stribeck == coulomb)

@@ -14,8 +14,8 @@
 //! * A cluster without an anchor gives ω = 0. Its position is not a coordinate of the state above: it is one eigenvalue 1, decoupled
 //!   from the rest. V has the shift as an exact column.
 //! * A part without coupling to the fixed side conserves its momentum: that velocity is another eigenvalue 1.
-//! * A mode that moves no damper is `undamped`. It is coupled to no other mode, and its s is ±jω exactly. The test uses the mode
-//!   shape alone, not the size of the dampers.
+//! * A mode that moves no damper is `undamped`. It is coupled to no other mode, and its s is ±jω exactly. The test uses only the mode
+//!   shape, not the size of the dampers.
 //! * A mode on which the dampers amount to T K is `compensated`: s² + Tω² s + ω² = 0.
 //!
 //! Modes of one frequency may be combined freely. There the undamped combinations are separated first.

@@ -9,9 +9,9 @@
 //! * A mode that moves no damper but a spring to the puck is a block of its own.
 //! * All modes that move dampers, and velocities without a restoring spring, form one block.
 //!
-//! Shifts are found on the graph of springs, not by rounding. A cluster of bodies without a spring to puck or ground can shift
-//! alone; its position is not a coordinate here. The puck with all bodies that springs join to it can shift without torque unless a
-//! spring joins it to ground. Then Ω² η = g, where η is that shift in y, and the coordinates y - η z are invariant under it.
+//! Shifts are found on the graph of springs, not by rounding. A cluster of bodies without a spring to puck or ground can shift by itself;
+//! its position is not a coordinate here. The puck with all bodies that springs join to it can shift without torque unless a spring joins
+//! it to ground. Then Ω² η = g, where η is that shift in y, and the coordinates y - η z are invariant under it.
 
 use hapt_model::Handle;
 use nalgebra::{DMatrix, DVector};
@@ -211,7 +211,7 @@ impl Port {
         };
         let mut all = times(self.inertia, damping + self.fixed, self.stiffness).to_vec();
         all.push(self.lag);
-        // The integral beside a spring, a damping and an inertia.
+        // The integral with a spring, a damping and an inertia.
         let (k, b) = (self.stiffness / self.integral, (damping + self.fixed) / self.integral);
         all.extend([k, b.sqrt(), (self.inertia / self.integral).cbrt()]);
         all.extend(times(self.inertia, damping, self.stiffness));

@@ -96,7 +96,7 @@ mod tests {
             let all = 1.0 / 6.4e-4 + 1.0 / inertia;
             let omega = (20.0 * all).sqrt();
             let ShaftChange { matrix, .. } = shaft(handle, Grip::default(), 0.0).over(angle / omega);
-            // From s alone, at rest: s cos ωt, and ḣ - ż = -s ω sin ωt, with no momentum.
+            // From a deflection s at rest: s cos ωt, and ḣ - ż = -s ω sin ωt, with no momentum.
             let less = -2.0 * (0.5 * angle).sin().powi(2);
             let turn = -omega * angle.sin();
             prop_assert!((matrix[(3, 3)] - less).abs() < 1e-11 * (1.0 + angle));

@@ -1,15 +1,15 @@
 //! The ideal impedance: that of the differential equations, without sampling and delay.
 //!
 //! The part of the world with the puck, from its links: y = k + jωc. Let p be the links of the bodies to the puck, g the link of each
-//! body to ground and its inertia, g = y - ω²J (for the puck its link to ground alone), and A the matrix of the bodies, A 1 = p + g.
+//! body to ground and its inertia, g = y - ω²J (for the puck only its link to ground), and A the matrix of the bodies, A 1 = p + g.
 //! The torque that resists a unit motion of the puck is, with absolute or with relative motions of the bodies,
 //!
 //! ```text
 //! K = g_puck + Σ p - pᵀ A⁻¹ p = Σ g - gᵀ A⁻¹ g
 //! ```
 //!
-//! The first is accurate at high frequencies, the second toward 0 Hz: without a coupling to ground, g is inertia alone, which the
-//! springs do not cancel.
+//! The first is accurate at high frequencies, the second toward 0 Hz: without a coupling to ground, g is only inertia, which the springs do
+//! not cancel.
 
 use hapt_model::{Method, World};
 use nalgebra::{Complex, DMatrix, DVector};

@@ -9,8 +9,8 @@
 //! row is the limit from below. Encoder, levels, limit and Coulomb friction are omitted too.
 //!
 //! One complex number is equivalent to a spring, a damper and a mass, k + jωb - ω²m. Spring and mass cannot be distinguished at one
-//! frequency, so each of the three is the value that would render K alone: k = Re K, b = Im K/ω, m = -Re K/ω². (Colgate and Brown, "Factors
-//! affecting the Z-width of a haptic display", ICRA 1994, use impedance in this sense.)
+//! frequency, so each of the three is the value of the one element that would render K: k = Re K, b = Im K/ω, m = -Re K/ω². (Colgate and
+//! Brown, "Factors affecting the Z-width of a haptic display", ICRA 1994, use impedance in this sense.)
 //!
 //! The ideal is that of the differential equations: continuous velocities, no hold, no delay.
 //!
@@ -45,7 +45,7 @@ const STEP: f64 = 2.5e-3;
 /// Ratio to the springs and dampers at the puck above which an impedance counts as unbounded, near an undamped resonance.
 const UNBOUNDED: f64 = 1e6;
 
-/// One impedance as each of three elements alone, see the module documentation.
+/// One impedance as each of three single elements, see the module documentation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Elements {
     /// Re K, N·m/rad (linear: N/m).
@@ -409,11 +409,11 @@ impl Impedance {
     }
 }
 
-/// The impedance at the handle of a shaft on that of a puck.
+/// The impedance at the handle of a shaft, from the impedance at the puck.
 fn beyond(handle: Handle, puck: Elements, omega: f64) -> C {
     let Handle { inertia, stiffness, damping } = handle;
     let (shaft, puck) = (C::new(stiffness, omega * damping), C::new(puck.stiffness, omega * puck.damping));
-    // Of the softer of the two nothing is lost.
+    // Keeps all digits of the softer of the two.
     let both = if shaft.norm() < puck.norm() { shaft / (1.0 + shaft / puck) } else { puck / (1.0 + puck / shaft) };
     both - omega * omega * inertia
 }

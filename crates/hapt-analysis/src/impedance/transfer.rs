@@ -33,7 +33,7 @@ pub(crate) struct TransferFunction {
     pub poles: Vec<Pole>,
     /// All stiffness and damping at the puck: the scale for negligible residues.
     pub at_puck: [f64; 2],
-    /// Whether the poles add up to the world's own response. Where rates of a part lie too far apart for double precision they do not.
+    /// Whether the poles add up to the world's own response. They do not where rates of a part lie too far apart for double precision.
     pub is_accurate: bool,
 }
 
@@ -184,7 +184,7 @@ impl TransferFunction {
     }
 }
 
-/// Residues of real poles are real, and those of a pair conjugate. What rounding adds to that would count 1/φ times near φ = 0.
+/// Residues of real poles are real, and those of a pair conjugate. A rounding error of the other part would be amplified by 1/φ near φ = 0.
 fn make_real(poles: &mut [Pole]) {
     for i in 0..poles.len() {
         let Pole { ln_abs, arg, gains } = poles[i];
@@ -216,7 +216,7 @@ fn is_response_of(poles: &[ContinuousPole], world: &Continuous, stiffness: f64, 
         let scale = inner.diagonal().map(|x| if x > 0.0 { 1.0 / x.sqrt() } else { 1.0 });
         let joined = whole.view((0, n), (n, 1)).column(0).component_mul(&scale);
         let scaled = DMatrix::from_fn(n, n, |i, j| scale[i] * inner[(i, j)] * scale[j]);
-        // Bodies that only each other hold: so slow, this response has a cancellation too.
+        // Bodies that are held only by each other: at such a low rate this response has a cancellation too.
         let root = scaled.cholesky().filter(|root| root.l_dirty().diagonal().iter().all(|pivot| *pivot >= SINGULAR));
         let Some(root) = root else { return true };
         let response = whole[(n, n)] - joined.dot(&root.solve(&joined));

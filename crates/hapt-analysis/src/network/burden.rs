@@ -1,4 +1,4 @@
-//! What links ask of the stations' devices: the matrix M of the network, and what keeps it from being indefinite.
+//! The damping that links require of the stations' devices: the matrix M of the network, and what keeps it from being indefinite.
 
 use hapt_model::{EstimatorKind, LASTING, Law, Link, Station, System};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
@@ -13,12 +13,12 @@ const SAFE: f64 = 1e-9;
 pub(super) struct Burden {
     /// b_i: the least damping of each device.
     pub damping: Vec<f64>,
-    /// d_i: what the world alone requires; `None` where no finite damping suffices.
+    /// d_i: what the world without links requires; `None` where no finite damping suffices.
     demand: Vec<Option<f64>>,
     links: Vec<LinkBurden>,
 }
 
-/// What a link asks for, per stiffness, of its two stations.
+/// What a link requires of its two stations, per stiffness.
 struct LinkBurden {
     between: [usize; 2],
     stiffness: f64,
@@ -26,25 +26,25 @@ struct LinkBurden {
     own: [f64; 2],
     /// A_ij + A_ji, s.
     ages: f64,
-    /// The part of it that age_max is.
+    /// The part of `ages` that is due to age_max.
     age_max: f64,
     damping: f64,
-    /// What the own sampling costs per damping, at each end.
+    /// What the station's own sampling requires per damping, at each end.
     own_damping: [f64; 2],
     late: [Late; 2],
 }
 
-/// What the other's mean velocity costs at an end per damping, (T64): the root of a factor on its ∫ż².
+/// What the mean velocity of the other end requires at an end per damping, (T64): the root of a factor on its ∫ż².
 #[derive(Clone, Copy)]
 struct Late {
-    /// By how long a mean acts.
+    /// The contribution of the time for which a mean acts.
     lasting: f64,
     /// By age_max.
     aged: f64,
 }
 
 impl Late {
-    /// Numbers of messages tell the time between two samples this part too short at most.
+    /// The time between two samples, counted in message numbers, is too short by this factor at most.
     const SHORT: f64 = 9.0 / 8.0;
 
     fn of(network: &System, link: &Link, side: usize) -> Late {
@@ -61,7 +61,7 @@ impl Late {
     }
 }
 
-/// Whether the damping of a link is bounded by (T64) with the velocity that this station has of its own puck.
+/// Whether (T64) bounds the damping of a link, with this station's estimate of its own puck's velocity.
 pub(super) fn bounds_damping(station: &Station) -> bool {
     match station.world.sampling.estimator {
         EstimatorKind::Difference => station.world.sampling.every == 1,
@@ -70,14 +70,14 @@ pub(super) fn bounds_damping(station: &Station) -> bool {
     }
 }
 
-/// What a station's own sampling costs of a link, per stiffness, s.
+/// What a link requires for the station's own sampling, per stiffness, s.
 fn own(station: &Station, link: &Link) -> Result<f64, Error> {
     let timing = Timing::of(&station.world);
     let is_linear = link.limit.is_none() && matches!(link.law, Law::Spring { .. });
     if is_linear || timing.is_at_once() {
         return timing.of_laws([1.0, 0.0]);
     }
-    // q depends on the other's puck too: its ways are bounded one by one, as in (T46).
+    // q depends on the other's puck too: its displacements are bounded one by one, as in (T46).
     Ok(2.0 * timing.longest / std::f64::consts::PI + timing.delay[1] + timing.lag[1])
 }
 
@@ -142,7 +142,8 @@ impl Burden {
         Some(m)
     }
 
-    /// What each station requires. Weights of 1 where they are enough, or where none are; else those of the vector that M favours.
+    /// What each station requires. Weights of 1 where they are enough, or where no weights are; else those of the eigenvector of M's least
+    /// eigenvalue.
     pub fn required(&self) -> Vec<Option<f64>> {
         let even = self.weighted(&vec![1.0; self.damping.len()]);
         let is_met = |all: &[Option<f64>]| all.iter().zip(&self.damping).all(|(b, own)| b.is_some_and(|b| b <= *own));
@@ -170,7 +171,7 @@ impl Burden {
         required
     }
 
-    /// x > 0 with M x ≥ 0 where M is positive definite: x = M⁻¹ 1, since M has no positive number beside its diagonal.
+    /// x > 0 with M x ≥ 0 where M is positive definite: x = M⁻¹ 1, since M has no positive number off its diagonal.
     fn weights(&self) -> Option<Vec<f64>> {
         let m = self.matrix(&whole())?;
         if least_eigenvalue(&m) <= 0.0 {
@@ -185,7 +186,7 @@ impl Burden {
         Some(-least_eigenvalue(&self.matrix(&whole())?))
     }
 
-    /// The most power that torques of these sizes, of whatever sign, feed: fᵀ M⁻¹ f/4. `None` where nothing bounds it.
+    /// The most power that torques of these sizes, of either sign, feed: fᵀ M⁻¹ f/4. `None` where nothing bounds it.
     pub fn power(&self, torques: &[f64]) -> Option<f64> {
         let f = DVector::from_column_slice(torques);
         if f.amax() == 0.0 {

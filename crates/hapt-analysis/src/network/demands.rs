@@ -1,4 +1,4 @@
-//! What the worlds of a network's stations require alone. It does not depend on the links, so that a study of links computes it once.
+//! What the worlds of a network's stations require without their links. A study of links computes it once.
 
 use hapt_model::System;
 
@@ -10,7 +10,7 @@ use crate::passivity::supremum::Wanted;
 use crate::passivity::timing::Timing;
 use crate::theorems::claim::{Claim, least};
 
-/// The device dampings that the world of each station requires alone, in N·m·s/rad (linear: N·s/m); `None` where no finite damping
+/// The device dampings that the world of each station requires without links, in N·m·s/rad (linear: N·s/m); `None` where no finite damping
 /// suffices, or no theorem covers the world.
 ///
 /// ```
@@ -60,7 +60,7 @@ impl Demands {
         demands.renewed(network, 0..network.stations.len())
     }
 
-    /// The same, but for these stations of a network that are computed anew.
+    /// The same, with these stations of a network computed anew.
     ///
     /// # Errors
     /// As [`crate::uneven_damping`].
@@ -91,7 +91,8 @@ impl Demands {
         Ok(Burden::of(network, &self.uneven)?.excess())
     }
 
-    /// How much each puck moves, in the proportions that ask most of the devices; `None` where no finite damping is known to suffice.
+    /// How much each puck moves, in the proportions that require the most of the devices; `None` where no finite damping is known to
+    /// suffice.
     ///
     /// # Errors
     /// As [`crate::uneven_damping`].

@@ -1,4 +1,4 @@
-//! The verdict on other links between stations whose own certificates are known: what a page computes that has no room for all of them.
+//! The verdict on other links between stations whose own certificates are known, for a page that has no room for all certificates.
 
 use hapt_model::System;
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use super::text::{StationVerdict, sentence};
 use super::{NetworkCheck, StationCheck, unproved_of_links};
 use crate::error::Error;
 
-/// What is known of a station without its links.
+/// The findings on a station without its links.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Alone {
     /// Whether it is certified.
@@ -33,7 +33,7 @@ pub struct Linked {
 }
 
 impl Linked {
-    /// There is no certificate, and why.
+    /// No certificate, and the reason.
     pub fn refused(why: &str) -> Self {
         let sentence = format!("not certified: {why}");
         Linked { certified: false, sentence, stiffness_scale: None, age_scale: None }
@@ -41,7 +41,7 @@ impl Linked {
 }
 
 impl NetworkCheck {
-    /// What it has found of each station without its links.
+    /// The findings on each station without its links.
     pub fn alone(&self) -> Vec<Alone> {
         let of = |StationCheck { local, .. }: &StationCheck| Alone {
             certified: local.certified.holds(),
@@ -62,7 +62,8 @@ impl NetworkCheck {
     }
 }
 
-/// The verdict of [`super::check_network`], without the certificates of the stations' worlds: `alone` is what they say, in the order of the stations.
+/// The verdict of [`super::check_network`], without the certificates of the stations' worlds: `alone` has their findings, in the order of
+/// the stations.
 ///
 /// # Errors
 /// As [`super::check_network`].

@@ -1,16 +1,16 @@
 //! Passivity of stations that are joined by links (docs/theory.md, (T50) to (T53)).
 //!
 //! Each station computes its own end of a link, -φ(z_i - z_j), from its own sample and the newest position that has come from the
-//! other. Their errors in z are at most the ways since: with |φ'| ≤ K, the pair does beyond the change of the link's energy at most the
-//! work
+//! other. Their errors in z are at most the displacements since: with |φ'| ≤ K, the pair does beyond the change of the link's energy at
+//! most the work
 //!
 //! ```text
 //! K a_i ∫ż_i² + K a_j ∫ż_j² + K (A_ij + A_ji) ‖ż_i‖ ‖ż_j‖
 //! ```
 //!
-//! a_i is what the station's own sampling costs per stiffness, (T42), (T45) or (T46); A_ij is the greatest age of what i knows of j at any
-//! time that it acts, with the motor's lag. No clocks are compared and no message has to arrive. With the local demands d_i the
-//! network is passive where the matrix
+//! a_i is what the station's own sampling requires per stiffness, (T42), (T45) or (T46); A_ij is the greatest age of the position of j that
+//! i uses, at any time that it acts, with the motor's lag. No clocks are compared and no message has to arrive. With the local demands d_i
+//! the network is passive where the matrix
 //!
 //! ```text
 //! M = diag(b_i - d_i - Σ_j K_ij a_i),    M_ij = -K_ij (A_ij + A_ji)/2
@@ -52,11 +52,11 @@ pub struct NetworkCheck {
     pub stations: Vec<StationCheck>,
     /// In file order.
     pub links: Vec<LinkCheck>,
-    /// Whether every station is certified alone, and all are passive together.
+    /// Whether every station is certified by itself, and all are passive together.
     pub certified: bool,
-    /// The same at the periods, phases and delays of the file alone: a second and sharper verdict.
+    /// The same at exactly the periods, phases and delays of the file: a second and sharper verdict.
     pub fixed: FixedRates,
-    /// What would make it passive, or its margins; `None` where they are left out.
+    /// The remedies, or the margins of a passive one; `None` where they are left out.
     pub remedies: Option<NetworkRemedies>,
     /// Conditions that apply to the numbers.
     pub notes: Vec<String>,
@@ -68,7 +68,7 @@ pub struct StationCheck {
     /// Its name.
     #[serde(skip)]
     pub name: String,
-    /// Its world alone.
+    /// Its world without links.
     pub local: Check,
     /// The device damping that its world and its part of all links require, N·m·s/rad (linear: N·s/m); `None` where no finite damping
     /// is known to suffice.
@@ -128,7 +128,7 @@ fn pairs<S: Serializer>(pairs: &[(String, Option<f64>)], to: S) -> Result<S::Ok,
     map.end()
 }
 
-/// The certificate of a network: each station alone, and all of them together, for any clocks and any loss within the links' ages.
+/// The certificate of a network: each station by itself, and all of them together, for any clocks and any loss within the links' ages.
 ///
 /// # Errors
 /// As [`check`] of a station's world.
@@ -191,7 +191,7 @@ pub fn check_network(network: &System) -> Result<NetworkCheck, Error> {
 }
 
 impl NetworkCheck {
-    /// The same with the remedies of each station's world, alone, or with none at all: those of `network`, whose certificate this is.
+    /// The same with the remedies of each station's world without links, or with none: those of `network`, whose certificate this is.
     ///
     /// # Errors
     /// As [`remedies`].
@@ -225,7 +225,7 @@ fn notes(network: &System) -> Vec<String> {
     notes
 }
 
-/// Why the claim is not proved of a station's whole loop with its links, beyond its world alone.
+/// Why the claim is not proved of a station's whole loop with its links, beyond the reasons of its world.
 fn unproved_of_links(network: &System, index: usize) -> Result<Vec<String>, Error> {
     let station = &network.stations[index];
     let own: Vec<&Link> = network.links.iter().filter(|link| link.between.contains(&index)).collect();
@@ -262,7 +262,7 @@ fn limit(station: &Station, own: &[&Link]) -> Option<String> {
     })
 }
 
-/// What the counts of both ends of every link make of its torque is within the friction of the device, or not.
+/// Whether the torque errors by the counts of both ends of every link are within the friction of the device.
 fn counts(network: &System, index: usize, own: &[&Link]) -> Result<Option<String>, Error> {
     let Some(world) = station_with_links(network, index, own) else { return Ok(None) };
     let is_enough = world.device.least_friction() >= 0.0 && quantisation(&world)?.ok;
@@ -271,7 +271,7 @@ fn counts(network: &System, index: usize, own: &[&Link]) -> Result<Option<String
     }))
 }
 
-/// The world of a claim on the least friction of its device: what torques within it leave, (T76).
+/// The world of a claim on the least friction of its device, less the torques that this friction takes, (T76).
 fn on_least_friction(world: &World) -> World {
     let mut least = world.clone();
     least.device.set_friction(world.device.friction_range()[0]);

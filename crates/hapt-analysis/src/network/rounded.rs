@@ -1,4 +1,4 @@
-//! What hands draw from a network whose messages round positions (docs/theory.md, (T65)).
+//! The power that hands draw from a network whose messages round positions (docs/theory.md, (T65)).
 
 use hapt_model::{Link, System};
 
@@ -8,7 +8,7 @@ use super::{NetworkCheck, on_least_friction, station_with_links};
 use crate::error::Error;
 use crate::passivity::quantisation::quantisation;
 
-/// What a network that is passive on exact positions gives where the positions in messages are rounded.
+/// The power that a network gives where the positions in messages are rounded, if it is passive on exact positions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rounded {
     /// At each station, the torque that its friction does not cover, N·m (linear: N).

@@ -9,7 +9,7 @@ use crate::certificate::proposal::{Proposal, proposal};
 use crate::certificate::remedies::remedies;
 use crate::error::Error;
 
-/// What `hapt check` says of a system. It serialises to what `hapt check --json` prints: a world's fields have no level above them.
+/// The result of `hapt check` on a system. It serialises to the output of `hapt check --json`, where a world's fields are at the top level.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum SystemCheck {

@@ -14,7 +14,7 @@ fn up_to(x: f64) -> String {
     short(within(x, Certified::Below))
 }
 
-/// What the sentence says of a station.
+/// The facts on a station in the sentence.
 #[derive(Clone, Copy)]
 pub(super) struct StationVerdict<'a> {
     pub name: &'a str,
@@ -128,7 +128,7 @@ impl NetworkCheck {
         unit(measure, self.stations.first().map_or(Motion::Rotary, |station| station.local.motion))
     }
 
-    /// Margins where it is passive, else remedies: which of both, what they are, and a line for each; without lines there are none. `None`
+    /// Margins where it is passive, else remedies: the name, a description, and a line for each; without lines there are none. `None`
     /// where they were left out.
     pub fn proposal(&self) -> Option<(&'static str, &'static str, Vec<String>)> {
         let remedies = self.remedies.as_ref()?;
@@ -179,7 +179,7 @@ impl FixedRates {
 }
 
 impl StationCheck {
-    /// What it requires and has, or why it is not certified alone.
+    /// The damping that it requires and has, or why it is not certified by itself.
     pub fn sentence(&self) -> String {
         let StationCheck { required_damping, device_damping, local, .. } = self;
         let unit = unit(Measure::Damping, local.motion);

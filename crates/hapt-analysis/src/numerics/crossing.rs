@@ -112,8 +112,8 @@ impl Spacing {
             Spacing::Ratio => a * ratio,
             Spacing::Samples => (a + 1e-6 + (0.3 * a).max(1.0)).floor(),
             Spacing::Period(delay) => {
-                // Roots move there and back within a sample of the delay: an interval has half a sample at most, so that four points
-                // of each see the first turn of such a motion, whatever its phase.
+                // Roots move there and back within a sample of the delay: an interval has half a sample at most, so that four points of
+                // each detect the first turn of such a motion at any phase.
                 let b = a * ratio;
                 let half = delay / (0.5 * ((2.0 * delay / a) * (1.0 - 1e-6) - 1.0).ceil());
                 if half > a * (1.0 + 1e-7) && half < b * ratio { half } else { b }
@@ -377,7 +377,7 @@ mod tests {
         }
     }
 
-    /// What an eigenvalue on the circle beside the one that leaves it makes of a growth.
+    /// The growth has this shape where one eigenvalue stays on the circle and another one leaves it.
     #[test]
     fn where_a_flat_function_rises_is_found_in_little_more_than_halvings() {
         for power in [1, 2, 3] {

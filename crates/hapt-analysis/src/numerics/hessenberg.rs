@@ -59,7 +59,7 @@ pub(crate) fn eigenvalues(a: DMatrix<f64>) -> Option<Vec<Complex<f64>>> {
     Some(found)
 }
 
-/// The first row of the block that ends with row `last`; the entry before it, negligible beside its neighbours, is made 0.
+/// The first row of the block that ends with row `last`; the entry before it, negligible compared with its neighbours, is set to 0.
 fn first_of_block(h: &mut DMatrix<f64>, last: usize, norm: f64) -> usize {
     for i in (1..=last).rev() {
         let neighbours = h[(i - 1, i - 1)].abs() + h[(i, i)].abs();

@@ -1,4 +1,4 @@
-//! The last result of a function on a thread. Searches and sweeps ask again and again for what their parameter does not change.
+//! The last result of a function on a thread. Searches and sweeps repeat computations that do not depend on their parameter.
 
 use std::cell::RefCell;
 

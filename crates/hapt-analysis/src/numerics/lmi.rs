@@ -6,8 +6,8 @@
 //! F_i = P - (1 + D_i)ᵀ P (1 + D_i) - s w_i = -(D_iᵀ P + P D_i + D_iᵀ P D_i) - s w_i ≻ 0,    0 ≺ P ≺ LARGEST
 //! ```
 //!
-//! and the largest s, along the central path of the barrier -Σ ln det (Nesterov and Nemirovskii 1994). It is a proposal: whoever uses P
-//! tests it.
+//! and the largest s, along the central path of the barrier -Σ ln det (Nesterov and Nemirovskii 1994). It is a proposal: the caller tests
+//! P.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -62,7 +62,7 @@ pub(crate) fn common_form(constraints: &[Constraint], start: &DMatrix<f64>) -> O
             length *= 0.5;
         }
         if !moved || decrement < 0.5 {
-            // Near the path: on to a sharper one, until the gap is small beside s.
+            // Near the path: continue with a sharper barrier, until the gap is small compared with s.
             if size / sharpness < 0.2 * s.abs() {
                 break;
             }

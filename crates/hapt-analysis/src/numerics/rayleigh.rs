@@ -1,9 +1,9 @@
 //! Rayleigh quotients: a simple eigenvalue to more digits than the QR algorithm.
 //!
-//! The error of the QR algorithm is a few eps of the norm of the matrix. That is too coarse for slow bodies beside delays and
+//! The error of the QR algorithm is a few eps of the norm of the matrix. That is too coarse for slow bodies together with delays and
 //! estimator memory: the memory has λ - 1 = -1, and at T = 1 µs an error of 1e-15 is a growth of 1e-9 1/s. With the left and right
-//! eigenvectors l and x, the error of the quotient lᵀDx/lᵀx is the product of the errors of both vectors, plus
-//! eps Σ|l||D||x|/|lᵀx| from rounding. The memory contributes little to that sum.
+//! eigenvectors l and x, the error of the quotient lᵀDx/lᵀx is the product of the errors of both vectors, plus eps Σ|l||D||x|/|lᵀx| from
+//! rounding. The memory contributes little to that sum.
 //!
 //! The vectors are computed by inverse iteration in Hessenberg form, D = Q H Qᵀ: O(n²) per eigenvalue.
 

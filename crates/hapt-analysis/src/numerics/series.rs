@@ -8,8 +8,8 @@ type C = Complex<f64>;
 /// Number of terms over an interval. One term is the value at a point.
 pub(crate) const TERMS: usize = 8;
 
-/// An upper bound of |c|, which `hypot` would take half of the time of a proof for. Where the squares are too small to be told, the bound is
-/// the sum of both parts; where they are too large, it is infinite.
+/// An upper bound of |c|; `hypot` would take half of the time of a proof. Where the squares underflow, the bound is the sum of both parts;
+/// where they are too large, it is infinite.
 fn norm(c: C) -> f64 {
     let square = c.re * c.re + c.im * c.im;
     if square > 1e-290 { square.sqrt() * (1.0 + 2.0 * f64::EPSILON) } else { c.re.abs() + c.im.abs() }
@@ -57,7 +57,7 @@ impl<const N: usize> Series<N> {
     pub fn times(&self, other: &Self) -> Self {
         let mut product = Self::ZERO;
         let (a, b) = (self.c.map(norm), other.c.map(norm));
-        // What the last n terms of the other factor are together.
+        // The sum of the last n terms of the other factor.
         let (mut last, mut left) = (0.0, 0.0);
         for i in 0..N {
             let (kept, _) = other.c.split_at(N - i);

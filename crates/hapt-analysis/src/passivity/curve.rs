@@ -24,7 +24,7 @@
 //! A - |Y|² = T²/4 - (τT/2) (1 - E²)/|1 - E z⁻¹|² - |(1/2 - a) T + W|² + T τ p (1 - E) (1 + cos φ)/|1 - E z⁻¹|²
 //! ```
 //!
-//! the last of which has lost the poles at φ = 0 by hand. Without a lag it is a (1 - a) T².
+//! where the poles at φ = 0 are cancelled by hand in the last. Without a lag it is a (1 - a) T².
 //!
 //! With H = K + (z - 1) F the static part is a sum of cosines, T K (1/2 + Σ Re z⁻ⁱ, i = 1..d), which is accurate toward φ = 0.
 
@@ -58,7 +58,7 @@ pub(crate) struct DampingCurve {
     lag: Delay,
     /// Time constant of the motor, s.
     motor: f64,
-    /// What h has in place of a (1 - a) without a lag.
+    /// The term of h in place of a (1 - a) without a lag.
     spread: f64,
     /// Whether the curve is |H| instead.
     is_gain: bool,
@@ -220,7 +220,7 @@ impl DampingCurve {
     }
 
     /// Half of the length of an interval that begins at an angle and over which a series of few terms is a good bound: half of its middle's
-    /// distance from the nearest pole, and little beside the delay.
+    /// distance from the nearest pole, and small compared with the delay.
     pub fn reach(&self, from: f64) -> f64 {
         let most = 1.0 / (2 + self.taps.len().max(self.slope.taps.len())) as f64;
         let motor = (self.motor > 0.0).then(|| -self.period / self.motor);

@@ -31,11 +31,11 @@ use crate::passivity::two_rates;
 use crate::stability::held::{held_eigenvalues, held_growth};
 use crate::stability::{MARGINAL, Verdict};
 
-/// Why the poles of a world decide nothing.
+/// Why the poles of a world give no verdict.
 const FAR_APART: &str = "the rates of bodies, springs and dampers lie too far apart for double precision: a body that a huge damper holds is \
                          better written as ground, and a very light one left out";
 
-/// Why a filter decides nothing.
+/// Why a filter gives no verdict.
 const FILTER_POLE: &str =
     "a pole of the world is that of loop.filter to six digits: a slightly different cutoff is decided";
 
@@ -76,7 +76,7 @@ pub enum Cause {
     Integral,
     /// No theorem covers the loop.
     Outside {
-        /// What the proof lacks.
+        /// The reason that the proof does not apply.
         reason: &'static str,
     },
 }
@@ -99,7 +99,7 @@ pub(crate) struct Requirement {
     pub at_hz: Option<f64>,
 }
 
-/// What a transfer function depends on.
+/// The inputs of a transfer function.
 struct Question {
     bodies: Vec<Body>,
     couplings: Vec<Coupling>,
@@ -123,7 +123,7 @@ fn transfer(world: &World, couplings: &[Coupling]) -> Result<TransferFunction, E
     })
 }
 
-/// The same behind the filter of the position, where there is one; `None` where no double tells their poles apart.
+/// The same behind the filter of the position, where there is one; `None` where double precision does not separate their poles.
 fn filtered(world: &World, couplings: &[Coupling]) -> Result<Option<TransferFunction>, Error> {
     let transfer = transfer(world, couplings)?;
     Ok(match PositionFilter::of(&world.sampling, world.sampling.period) {
@@ -176,8 +176,8 @@ fn is_neutral(pole: &Pole, period: f64) -> bool {
     pole.ln_abs.abs() < MARGINAL * period
 }
 
-/// Whether it is real and that near 1: a body that a strong damper holds, or that a weak one drags along. It moves in years, and what it
-/// carries is felt at once: the stiffness of a spring to a body that is held, or a damping that is gone only in years.
+/// Whether it is real and that near 1: a body that a strong damper holds, or that a weak one drags along. It moves over years, and its
+/// effect is felt at once: the stiffness of a spring to a body that is held, or a damping that vanishes only over years.
 fn is_slow(pole: &Pole, period: f64) -> bool {
     pole.arg == 0.0 && is_neutral(pole, period)
 }
@@ -185,7 +185,8 @@ fn is_slow(pole: &Pole, period: f64) -> bool {
 /// Distance of a slow pole from 1 at least, and relative size of a residue that is no more than rounding where the pole is on the circle.
 const SLOWEST: f64 = 1e-14;
 
-/// Takes the slow poles out of the curve, and returns what they demand toward 0 Hz beyond what the rest of the curve does there, N·m·s/rad.
+/// Takes the slow poles out of the curve, and returns the damping that they require toward 0 Hz beyond that of the rest of the curve there,
+/// N·m·s/rad.
 ///
 /// One whose residue ρ in Z F is not negative is taken as if it were on the circle: Re ρλ/(z - λ) ≥ -ρ/2 there as for every λ in (0, 1). Of
 /// one with a negative residue, whose damping is missing toward 0 Hz, -T Re ρλ/(z - λ) falls from T|ρ|λ/(1 - λ) at 0 Hz to less than 0, in so
@@ -322,7 +323,8 @@ pub(crate) fn late_requirement(
     Ok(Some(largest))
 }
 
-/// The multiplier of (T43): the delay ā by which the varying ones are replaced, what replaces ā (1 - ā), and the share of the damping that pays.
+/// The multiplier of (T43): the delay ā by which the varying ones are replaced, the term that replaces ā (1 - ā), and the share of the
+/// damping that pays for the variation.
 struct MeanDelay {
     part: f64,
     spread: f64,
@@ -336,8 +338,8 @@ impl MeanDelay {
     }
 }
 
-/// The multiplier that asks for least damping at some frequencies. `at_once` and `later` are the curves without delay and with one sample of
-/// it, between which that of a fraction lies; any multiplier gives a bound.
+/// The multiplier that requires the least damping at some frequencies. `at_once` and `later` are the curves without delay and with one
+/// sample of it, between which that of a fraction lies; any multiplier gives a bound.
 fn mean_delay([at_once, later, gain]: [&DampingCurve; 3], parts: [f64; 2]) -> MeanDelay {
     let [least, most] = parts;
     if least == most {

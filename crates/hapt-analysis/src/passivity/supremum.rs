@@ -73,12 +73,12 @@ pub(super) fn damping(m: f64, h: f64) -> f64 {
     if h > 0.0 { 0.5 * (m + (m * m + 4.0 * h).sqrt()) } else { m }
 }
 
-/// What is wanted of a curve's supremum.
+/// The requested result of a curve's supremum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Wanted {
     /// Its value, and where it is.
     Value,
-    /// The same value alone.
+    /// Only its value.
     Least,
     /// Whether it is at most this. A value above is found, or a bound below is proved; only a supremum within [`SPARE`] below is searched to
     /// the end.
@@ -140,7 +140,7 @@ impl Search<'_> {
         value
     }
 
-    /// The value that is wanted, by the polynomial condition; `None` where that does not decide. A value that it claims to be too small is
+    /// The requested value, by the polynomial condition; `None` where that does not decide. A value that it claims to be too small is
     /// one of the curve.
     fn by_condition(&mut self) -> Option<f64> {
         let condition = Condition::of(self.curve)?;
@@ -275,7 +275,7 @@ impl Search<'_> {
         }
     }
 
-    /// What is wanted, by bounds over intervals.
+    /// The requested result, by bounds over intervals.
     fn by_series(mut self) -> Result<Supremum, Error> {
         if self.wanted == Wanted::Least {
             // The same work for the same value, to the last bit.

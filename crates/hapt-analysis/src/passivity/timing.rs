@@ -1,12 +1,12 @@
 //! Bounds of the required damping for every pattern of sample intervals and delays (docs/theory.md, (T40) to (T46)).
 //!
 //! The motor holds the torque τ_k of sample k from its arrival s_k on, at most `delay` after the sample at t_k. δ_k = z_{k+1} - z_k,
-//! and ε_k is the way of the puck from t_k to s_k. The world takes steps of its period T and knows no time. Intervals are at most
-//! `longest`, L.
+//! and ε_k is the displacement of the puck from t_k to s_k. The world takes steps of its period T, whatever the intervals are. Intervals
+//! are at most `longest`, L.
 //!
-//! **Every linear loop without delay.** The work of the motor is Σ τ_k δ_k. That does not depend on the intervals, since τ_k depends
-//! on the samples alone. The damping takes b δ_k²/L at least. With the even requirement b₀, Σ τ_k δ_k ≤ b₀/T Σ δ_k², so that
-//! b ≥ b₀ L/T is enough. A constant interval of L needs it.
+//! **Every linear loop without delay.** The work of the motor is Σ τ_k δ_k. That does not depend on the intervals, since τ_k depends only
+//! on the samples. The damping takes b δ_k²/L at least. With the even requirement b₀, Σ τ_k δ_k ≤ b₀/T Σ δ_k², so that b ≥ b₀ L/T is
+//! enough. A constant interval of L needs it.
 //!
 //! **Position laws**, with slopes within ±K, do work beyond the change of their energy of at most K (δ²/2 + |δ before| |ε|). With
 //! even samples and delays up to D, none longer than the period, the damping takes b (ε²/D + (δ - ε)²/(L - D)) at least.
@@ -25,9 +25,9 @@
 //! b = (K/2) (L/2 + τ + √(L²/4 + L τ (1 + coth(L/τ))))
 //! ```
 //!
-//! **In all cases**, delays longer than an interval included, |z(t) - z_k| of the command in force is at most the way since the
-//! newest sample that is older than D. The way since t - D costs K D, the rest at most 2L/π (Wirtinger), a lag at most τ:
-//! b = K (2L/π + D + τ).
+//! **In all cases**, delays longer than an interval included, |z(t) - z_k| of the command in force is at most the path since the newest
+//! sample that is older than D. The path since t - D requires K D, the rest at most 2L/π (Wirtinger), a lag at most τ: b = K (2L/π + D +
+//! τ).
 //!
 //! **Dampers at the puck** add (B/T) √(L (L + D - least delay)): the held velocity is |δ before|/T for L + D - least delay at most.
 //!
@@ -121,7 +121,7 @@ impl Timing {
         if lag > 0.0 || !self.is_even() {
             return Ok(bound);
         }
-        // One delay: the fraction of a sample costs what it does in the linear loop.
+        // One delay: the fraction of a sample requires the same damping as in the linear loop.
         let Delay { samples, fraction } = Delay::of(delay, period)?;
         let even = period * stiffness * (0.5 + samples as f64 + fraction) + damping;
         Ok(0.5 * (even + even.hypot((fraction * (1.0 - fraction)).sqrt() * period * stiffness)))

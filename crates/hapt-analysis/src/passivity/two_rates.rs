@@ -9,9 +9,9 @@
 //! ```
 //!
 //! at each of them, so that the hand gets no more than what is stored and Σ (K/2 - b/T) δ², T being the period and not the step. Dampers
-//! between puck and ground add what they do beside a spring K: their torque depends on the δ alone. That is the requirement of the world
-//! whose bodies are fixed to ground. It needs the torque of the end of the step, at once, and every coupling between puck and bodies to be a
-//! law of the position.
+//! between puck and ground add the same as in parallel with a spring K: their torque depends only on the δ. That is the requirement of the
+//! world whose bodies are fixed to ground. It needs the torque of the end of the step, without delay, and every coupling between puck and
+//! bodies to be a law of the position.
 
 use hapt_model::{Coupling, End, Output, World};
 

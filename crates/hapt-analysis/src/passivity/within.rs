@@ -1,8 +1,8 @@
-//! Torques that the device's friction takes, whatever they are (docs/theory.md, (T76)).
+//! Torques whose work the device's friction takes, whatever their law (docs/theory.md, (T76)).
 //!
 //! A coupling between puck and ground whose torque never exceeds L gives at most L times the path, and Coulomb friction of L takes as much. So a
-//! world is as passive as it is without the coupling on a device with that much less friction: whatever the coupling's law, estimator, delay,
-//! hold and lag are, and beside a motor that clips, since a clipped sum differs from the clipped rest by no more than L.
+//! world is as passive as it is without the coupling on a device with that much less friction: for any law, estimator, delay, hold and lag
+//! of the coupling, and with a motor that saturates too, since a clipped sum differs from the clipped rest by no more than L.
 
 use std::borrow::Cow;
 
@@ -11,7 +11,7 @@ use hapt_model::{Coupling, Law, World};
 use crate::equations::laws::{self, Kind, most};
 
 /// The largest torque of a coupling between puck and ground that no theorem but (T76) covers: friction, an integral term, a compensation of friction.
-/// `None` of any other. An integral term without a limit has any torque.
+/// `None` of any other. The torque of an integral term without a limit has no bound.
 fn torque(coupling: &Coupling) -> Option<f64> {
     let is_covered = match Kind::of(coupling) {
         Kind::Coulomb | Kind::Assist => true,
@@ -27,7 +27,8 @@ pub(crate) fn taken(couplings: &[Coupling]) -> f64 {
 }
 
 /// The world that the claim is about: without the couplings that friction takes, on the friction that they leave. The world itself where there
-/// are none, where the friction is less, or where the origin of the world slips: it follows their torque, so that the rest does not see the position only.
+/// are none, where the friction is less, or where the origin of the world slips: it follows their torque, so that the rest does not depend
+/// only on the position.
 pub(crate) fn beyond_friction(world: &World) -> Cow<'_, World> {
     let taken = taken(&world.couplings);
     let friction = world.device.least_friction();
@@ -35,7 +36,7 @@ pub(crate) fn beyond_friction(world: &World) -> Cow<'_, World> {
         return Cow::Borrowed(world);
     }
     let mut rest = world.clone();
-    // In their places, so that others keep theirs.
+    // Replaced in place, so that the other couplings keep their indices.
     for coupling in rest.couplings.iter_mut().filter(|coupling| torque(coupling).is_some()) {
         *coupling = Law::Constant { torque: 0.0 }.between(coupling.first, coupling.second);
     }

@@ -103,7 +103,7 @@ impl GripSearch {
             .iter()
             .map(|part| Ok(Port::new(part)?.lagging(world.device.lag).with_handle(world.device.handle)))
             .collect::<Result<_, Error>>()?;
-        // A port without couplings has no energy to give.
+        // A port without couplings gives no energy.
         let ports = ports.into_iter().filter(|port| !port.is_uncoupled()).collect();
         let [stiffness, _] = at_puck(world, &world.couplings)?;
         Ok(GripSearch {
@@ -150,7 +150,7 @@ impl GripSearch {
         Trial { grip, growth, excess }
     }
 
-    /// A hand of `mass` over the device inertia that oscillates at ωT alone, or slightly faster.
+    /// A hand of `mass` over the device inertia that oscillates at ωT by itself, or slightly faster.
     fn hand(&self, mass: f64, angle: f64) -> Grip {
         let inertia = self.world.device.inertia;
         let omega = angle / self.world.sampling.period;

@@ -11,7 +11,7 @@ use crate::stability::free::{Extent, analyse};
 use crate::stability::held::{held, held_eigenvalues, held_growth};
 use crate::stability::{Eigenvalue, NOT_SEARCHED, Stability};
 
-/// The bodies alone, which step by several periods where they do not step at every sample.
+/// Only the bodies, whose step is several periods where they do not step at every sample.
 fn bodies_alone(world: &World) -> Result<Stability, Error> {
     let sampling = &world.sampling;
     let found = held(&world.bodies, &world.couplings, sampling.method, sampling.step())?;
@@ -52,7 +52,7 @@ pub(crate) fn held_world_at_this_period(world: &World) -> Result<Stability, Erro
     }
 }
 
-/// The growth of [`held_world`] alone, in 1/s.
+/// Only the growth of [`held_world`], in 1/s.
 ///
 /// # Errors
 /// As [`held_world`].
@@ -63,7 +63,7 @@ pub fn held_world_growth(world: &World) -> Result<Option<f64>, Error> {
     }
 }
 
-/// The eigenvalues of [`held_world`] alone.
+/// Only the eigenvalues of [`held_world`].
 ///
 /// # Errors
 /// As [`held_world`].

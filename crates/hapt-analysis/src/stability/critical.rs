@@ -264,7 +264,7 @@ fn tracked(modes: &Coupled, method: Method, known: f64) -> Result<Critical, Erro
     // No |λ| above 1 needs |z| below 2 (forward Euler) or about 3 (RK4) for all m pairs, and the sum of z is -T tr C.
     let most = 6.0 * modes.order() as f64;
     let high = (2.0 * most / (c0 + c0.hypot((4.0 * most * c1).sqrt()))).min(6.0 / fastest).min(known);
-    // Start well below the limit of every mode. For forward Euler that is -2 Re s/|s|² of the world with its fixed dampers alone;
+    // Start well below the limit of every mode. For forward Euler that is -2 Re s/|s|² of the world with only its fixed dampers;
     // `unstable_from_zero` has handled the modes that these do not damp.
     let mut low = 0.05 * high.min(1.0 / fastest);
     if method == Method::ForwardEuler {

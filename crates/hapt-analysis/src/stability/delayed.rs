@@ -8,7 +8,7 @@
 //! ```
 //!
 //! In coordinates where t is a multiple of the last unit vector and D₀ has Hessenberg form, the whole matrix has, and p takes O(n²)
-//! operations for n states, whatever the delay. p has n more zeros than poles, all poles at 0.
+//! operations for n states, for any delay. p has n more zeros than poles, all poles at 0.
 
 use hapt_model::Sampling;
 use nalgebra::linalg::Hessenberg;

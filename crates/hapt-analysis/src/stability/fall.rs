@@ -1,4 +1,4 @@
-//! The fall of a puck that is let go, where gravity or cogging of the device pushes it away.
+//! The fall of a released puck, where gravity or cogging of the device pushes it away.
 
 use hapt_model::{Law, World};
 
@@ -10,12 +10,12 @@ use crate::stability::free::{Extent, analyse_anchored};
 /// How the puck leaves a place where gravity or cogging pushes it away.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fall {
-    /// What pushes it.
+    /// The torque that pushes it.
     pub by: &'static str,
     /// The growth of its motion there, in 1/s.
     pub growth_per_s: f64,
-    /// The speed that it reaches from rest at most where the loop is passive, in rad/s (linear: m/s): all that the torque gives is then its own.
-    /// `None` where the world has more than dampers: whatever else it has may give energy, too.
+    /// The speed that it reaches from rest at most where the loop is passive, in rad/s (linear: m/s): all its energy then comes from that
+    /// torque. `None` where the world has more than dampers: other couplings may give energy, too.
     pub speed: Option<f64>,
 }
 
@@ -35,7 +35,7 @@ pub(crate) fn fall(world: &World) -> Result<Option<Fall>, Error> {
     let growth =
         match analyse_anchored(slack.as_ref().unwrap_or(world), &Grip::default(), -steepest, Extent::Eigenvalues) {
             Ok((found, _)) => found.growth_per_s.filter(|growth| *growth > MARGINAL),
-            // It leaves the range of numbers within a sample: no world holds it.
+            // It leaves double precision within a sample: no world holds it.
             Err(Error::Eigenvalues { .. }) => Some((steepest / world.device.inertia).sqrt()),
             Err(error) => return Err(error),
         };

@@ -1,6 +1,6 @@
 //! Stability of the free loop: world, estimator, delay, hold and device together, with a handle on a shaft where there is one, hands-off. Levels, encoder, limit and Coulomb
-//! friction are omitted; nonlinear couplings enter by their slopes, and so do gravity and cogging of the device: as nothing, and as a spring from
-//! puck to ground of their steepest slope.
+//! friction are omitted; nonlinear couplings enter by their slopes, and so do gravity and cogging of the device: with slope 0, and as a
+//! spring from puck to ground of their steepest slope.
 //!
 //! Modes decoupled from the puck keep their eigenvalues of the held world, with their closed forms. The rest is one matrix, that of
 //! `closed_loop`. Shifts that change no torque are removed before the eigenvalue solver. Momentum, where the scheme conserves it, is
@@ -46,10 +46,10 @@ const CLOSE: f64 = 1e-10;
 /// Largest relative change of a rate from one period to the next for which the same change is expected up to another.
 const MOVED: f64 = 0.1;
 
-/// How many time constants of a mode a sample lasts before the mode no longer matters from one to the next.
+/// Length of a sample, in time constants of a mode, from which on the mode has decayed by the next sample.
 const FORGOTTEN: f64 = 3.0;
 
-/// Largest number of modes whose resonances in pairs are looked at, too.
+/// Largest number of modes whose resonances in pairs are computed, too.
 const MOST_PAIRED: usize = 8;
 
 /// Error of an eigenvalue, relative to the largest entry of the matrix.
@@ -101,7 +101,7 @@ pub(crate) fn free_at_this_period(world: &World) -> Result<Stability, Error> {
     Ok(Stability { critical_period_s: None, critical_period_reason: Some(NOT_SEARCHED), ..found })
 }
 
-/// The growth of [`free`] alone, in 1/s.
+/// Only the growth of [`free`], in 1/s.
 ///
 /// # Errors
 /// As [`free`].
@@ -133,7 +133,7 @@ pub(crate) fn free_growths(world: &World) -> Result<Ranked, Error> {
     Ok(Ranked::new(growths, growth_floor(period, world.sampling.delay_s()), 0.0))
 }
 
-/// The eigenvalues of [`free`] alone.
+/// Only the eigenvalues of [`free`].
 ///
 /// # Errors
 /// As [`free`].
@@ -141,7 +141,7 @@ pub fn free_eigenvalues(world: &World) -> Result<Vec<Eigenvalue>, Error> {
     Ok(analyse(world, &Grip::default(), Extent::Eigenvalues)?.eigenvalues)
 }
 
-/// Of gravity and cogging their flat slope counts and the steepest that holds the puck, the worse of the two.
+/// Gravity and cogging count with their flat slope or the steepest that holds the puck, whichever is worse.
 pub(crate) fn analyse(world: &World, grip: &Grip, extent: Extent) -> Result<Stability, Error> {
     let (flat, most) = analyse_anchored(world, grip, 0.0, extent)?;
     let steepest = world.device.torque.steepest();
@@ -194,7 +194,7 @@ pub(super) fn analyse_anchored(
         let shifts = all.iter().map(|f| f.shifts).sum();
         let multipliers = all.iter().flat_map(|f| f.multipliers.iter().copied()).collect();
         let most = growth(&without_shifts(multipliers, shifts, period, MARGINAL), period);
-        // Of combinations that rounding alone tells apart the first counts, the flat one.
+        // Of combinations that differ only by rounding, the first (flat) one counts.
         if worst.as_ref().is_none_or(|(growth, _)| most > growth + MARGINAL) {
             worst = Some((most, all));
         }
@@ -315,7 +315,7 @@ pub(crate) fn multipliers(
         let all = f64::from(sampling.bodies_every) * (-period * filter.taps[0]).ln_1p();
         found.push((of(Complex::new(all.exp_m1(), 0.0)), 0.0));
     }
-    // Nor does one of the position that nothing takes.
+    // So does a filter of the position whose output is not used.
     if let Some(filter) = PositionFilter::of(sampling, period).filter(|_| port.is_uncoupled()) {
         let all = f64::from(sampling.bodies_every) * filter.ln_pole();
         found.push((of(Complex::new(all.exp_m1(), 0.0)), 0.0));
@@ -400,7 +400,7 @@ impl Followed {
     }
 }
 
-/// The distance of a root from the next one, its own conjugate among them: two that are near to each other are known so much less.
+/// The distance of a root from the next one, its own conjugate among them: two that are near each other are less accurate.
 fn apart(roots: &[Complex<f64>], at: usize) -> f64 {
     let root = roots[at];
     let others = roots.iter().enumerate().flat_map(|(i, other)| {
@@ -449,10 +449,10 @@ fn conserves_momentum(sampling: &Sampling, port: &Port) -> bool {
     }
 }
 
-/// Where two modes may drive each other: at the whole multiples of a period 2π/(ω₁ ± ω₂), and of π/ω for a mode with itself. Each with
-/// the mean decay of the two, 1/s. Modes turn so by their frequency times the period where the method is exact, and the puck does on its shaft
-/// or spring. A weak coupling lets them grow in a narrow window of periods around such a one. Other methods do not turn twice. Where the
-/// bodies step at every n-th sample these are periods of their step.
+/// Where two modes may drive each other: at the whole multiples of a period 2π/(ω₁ ± ω₂), and of π/ω for a mode with itself. Each with the
+/// mean decay of the two, 1/s. A mode turns by its frequency times the period where the method is exact, and so does the puck on its shaft
+/// or spring. A weak coupling lets them grow in a narrow window of periods around such a period. Under other methods modes do not alias.
+/// Where the bodies step at every n-th sample these are periods of their step.
 fn resonances(port: &Port, sampling: &Sampling, damping: f64) -> Result<Vec<(f64, f64)>, Error> {
     let mut modes = Vec::new();
     if let Method::Zoh | Method::Foh = sampling.method {
@@ -495,8 +495,8 @@ fn passive_below(port: &Port, sampling: &Sampling, damping: f64) -> f64 {
     if keeps_energy && at_once && by_difference && rate > 0.0 { ((damping - port.fixed) / rate).max(0.0) } else { 0.0 }
 }
 
-/// The critical period of the closed loop, with the delay fixed in s and so many samples to a step of the bodies. Periods above `known` are
-/// not searched.
+/// The critical period of the closed loop, with the delay fixed in s and the number of samples to a step of the bodies. Periods above
+/// `known` are not searched.
 fn critical_period(
     port: &Port,
     sampling: &Sampling,
@@ -577,7 +577,7 @@ fn critical_period(
 /// Relative width of what may be a touch.
 const TOUCH: f64 = 1e-3;
 
-/// Growth per step at most that is rounding where two eigenvalues meet: the root of that of a single one, with room.
+/// Largest growth per step that counts as rounding where two eigenvalues meet: the root of that of a single one, with a margin.
 const MEETING: f64 = 1e-6;
 
 /// Largest number of touches that the search passes.

@@ -1,4 +1,4 @@
-//! Stability of the held world: the bodies alone, the puck fixed.
+//! Stability of the held world: only the bodies, the puck fixed.
 
 use hapt_model::{Body, Coupling, Method};
 
@@ -35,7 +35,7 @@ pub fn held(bodies: &[Body], couplings: &[Coupling], method: Method, period: f64
     analyse(bodies, couplings, method, period, Critical::Unbounded)
 }
 
-/// The growth of [`held`] alone, in 1/s.
+/// Only the growth of [`held`], in 1/s.
 ///
 /// # Errors
 /// As [`held`].
@@ -60,7 +60,7 @@ thread_local! {
     static GROWTH: Last<Question, Option<f64>> = const { Last::new() };
 }
 
-/// The eigenvalues of [`held`] alone.
+/// Only the eigenvalues of [`held`].
 ///
 /// # Errors
 /// As [`held`].
@@ -104,7 +104,7 @@ fn analyse(
         }
         let growth =
             all.iter().flat_map(|f| &f.multipliers).map(|m| m.growth(period)).fold(f64::NEG_INFINITY, f64::max);
-        // Of combinations that differ by rounding alone, the first (flat) one counts.
+        // Of combinations that differ only by rounding, the first (flat) one counts.
         if worst.as_ref().is_none_or(|(most, _)| growth > most + MARGINAL) {
             worst = Some((growth, all));
         }

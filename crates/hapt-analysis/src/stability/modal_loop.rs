@@ -54,7 +54,7 @@ pub(crate) struct ModalLoop {
     damped: Vec<ContinuousPole>,
     /// K of the module documentation.
     stiffness: f64,
-    /// By how much more than rounding the damped poles may be off, 1/s: they come from a matrix of this size, times their condition.
+    /// The scale of the error of the damped poles, 1/s: the size of the matrix that they come from, times their condition.
     size: f64,
 }
 
@@ -390,7 +390,7 @@ mod tests {
     use hapt_model::{Source, World as File};
     use proptest::prelude::*;
 
-    /// A chain of six bodies behind the puck, dampers beside the springs where they are asked for.
+    /// A chain of six bodies behind the puck, with dampers in parallel with the springs where they are requested.
     fn chain(numbers: &[f64], method: &str, estimator: &str, device: &str, is_damped: bool, is_grounded: bool) -> File {
         let mut text = format!(
             "loop = {{ period = \"1 ms\", method = \"{method}\", delay = \"{} ms\", {estimator} }}\n\

@@ -90,7 +90,7 @@ impl Characteristic<'_> {
         }
     }
 
-    /// The real root beside `mu`, where it is one up to rounding.
+    /// The real root near `mu`, if `mu` is real up to rounding.
     fn as_real(&mut self, mu: C, found: &[C]) -> C {
         if mu.im.abs() > 1e-6 * mu.norm() {
             return mu;

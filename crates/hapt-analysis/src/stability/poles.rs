@@ -5,9 +5,9 @@
 //! at a time. The distance of a pole from the unit circle is therefore not computed by subtracting numbers near 1, and an
 //! undamped mode lies on the circle exactly under the methods that preserve it.
 //!
-//! The static response xₛ = (p/Ω, 0) z is subtracted first: A xₛ + (0, p) z = 0, so that the rest e = x - xₛ z is driven by
-//! differences of z alone. Neither z near 1 nor slow modes lose digits. Per pole, with λ - 1 = ζ f, g = (f - 1)/ζ, and
-//! α, β, σ the coordinates of (0, p), (0, c), xₛ in V:
+//! The static response xₛ = (p/Ω, 0) z is subtracted first: A xₛ + (0, p) z = 0, so that the rest e = x - xₛ z is driven only by
+//! differences of z. Neither z near 1 nor slow modes lose digits. Per pole, with λ - 1 = ζ f, g = (f - 1)/ζ, and α, β, σ the coordinates of
+//! (0, p), (0, c), xₛ in V:
 //!
 //! ```text
 //! e_k = λ e_{k-1} + a (z_k - z_{k-1}) + b₀ v_k + b₁ v_{k-1}

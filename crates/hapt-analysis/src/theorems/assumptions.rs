@@ -1,4 +1,4 @@
-//! What the theorems assume of a world, and the reasons where it does not hold.
+//! The theorems' assumptions on a world, and the reasons where they do not hold.
 //!
 //! [`outside`] are assumptions on couplings, estimator and method without which no theorem covers the world. [`beyond`] is what every theorem
 //! leaves out of the device: counts, levels, the motor's limit and Coulomb friction. These are covered by arguments of their own:
@@ -36,7 +36,7 @@ pub(super) const SATURATION: &str = "the motor's limit cuts the torque on the pu
 const AT_LIMIT: &str = "at the motor's limit the loop is not linear, and eigenvalues tell nothing of it: the couplings at the puck need \
      limits that together are no more than the motor's";
 
-/// What a claim leaves out of the device.
+/// A property of the device that a claim leaves out.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Omission {
     /// In two words, for a headline.
@@ -54,7 +54,7 @@ pub(super) fn saturated_from(world: &World, bound: f64) -> String {
     format!("a motor at its limit is proved passive from a device damping of {bound} on")
 }
 
-/// Why no theorem covers the world, whatever its times: the estimator, constants at bodies, bristles that give energy.
+/// Why no theorem covers the world at any times: the estimator, constants at bodies, bristles that give energy.
 pub(super) fn outside(world: &World) -> Vec<String> {
     let mut reasons = Vec::new();
     reasons.extend(estimator(world));
@@ -63,7 +63,7 @@ pub(super) fn outside(world: &World) -> Vec<String> {
     reasons
 }
 
-/// Whether the number that stands for the world is no theorem's: FOAW changes its window, and a constant at a body is a source. The estimator
+/// Whether no theorem gives the number for this world: FOAW changes its window, and a constant at a body is a source. The estimator
 /// `exact` counts as the difference, so that what is claimed is about that.
 pub(super) fn is_estimate(world: &World) -> bool {
     changes_window(world) || constants(world).is_some()
@@ -76,8 +76,8 @@ pub(super) fn changes_window(world: &World) -> bool {
     changes && world.sampling.window > 1 && takes()
 }
 
-/// What the claim leaves out of the device: counts and levels, at bodies and at the puck, and the motor's limit. `claimed` is the damping that
-/// the claim is about, `stretch` the ratio of the longest interval to the period.
+/// The properties of the device that the claim leaves out: counts and levels, at bodies and at the puck, and the motor's limit. `claimed`
+/// is the damping that the claim is about, `stretch` the ratio of the longest interval to the period.
 pub(super) fn beyond(world: &World, timing: Timing, claimed: Option<f64>) -> Result<Vec<Omission>, Error> {
     let mut omissions = Vec::new();
     omissions.extend(bodies_and_counts(world));
@@ -151,7 +151,7 @@ fn bodies_and_counts(world: &World) -> Option<Omission> {
     }
 }
 
-/// Whether the loop can ask for more than the motor's limit.
+/// Whether the loop's torque can exceed the motor's limit.
 pub(super) fn may_saturate(world: &World) -> bool {
     let asked: f64 = world.couplings.iter().filter(|c| laws::at_puck(c)).map(laws::most).sum();
     world.device.limit.is_some_and(|limit| asked > limit)
@@ -180,7 +180,7 @@ pub(super) fn behind_filter(world: &World, [stiffness, damping]: [f64; 2]) -> [f
     [stiffness, damping + stiffness * period * lag]
 }
 
-/// The device damping that laws of this stiffness and damping at the puck ask for, at even samples.
+/// The device damping that laws of this stiffness and damping at the puck require, at even samples.
 pub(crate) fn laws_cost(world: &World, laws: [f64; 2]) -> Result<f64, Error> {
     Timing::even(world).of_laws(behind_filter(world, laws))
 }

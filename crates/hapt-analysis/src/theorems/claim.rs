@@ -1,4 +1,4 @@
-//! The claim of passivity: what the theorems make of a world and of its times.
+//! The claim of passivity: what the theorems prove of a world at its times.
 
 use hapt_model::{Tolerances, World};
 
@@ -26,11 +26,11 @@ pub(crate) struct Claim {
     pub covered: Claimed,
     /// Whether something was found against it: less than the linear loop requires at some slopes.
     pub is_refuted: bool,
-    /// What no theorem covers: it keeps the world from being certified.
+    /// The properties that no theorem covers: they keep the world from being certified.
     pub outside: Vec<String>,
     /// The speed below which the device's friction makes up for missing damping, rad/s (linear: m/s).
     pub speed_max: Option<f64>,
-    /// Whether friction of the device takes torques of the world, which the rest is claimed without, (T76).
+    /// Whether friction of the device takes torques of the world, so that the claim is about the rest, (T76).
     pub is_within_friction: bool,
     /// The device damping that the claim is about.
     pub device_damping: f64,
@@ -109,7 +109,7 @@ impl Claim {
         })
     }
 
-    /// Whether the device has the damping, or its friction pays up to a speed that the supervisor keeps.
+    /// Whether the device has the damping, or its friction makes up for it up to a speed that the supervisor keeps.
     pub fn passive(&self) -> Claimed {
         let is_enough = self.required.is_some_and(|b| b <= self.device_damping);
         if is_enough {
@@ -118,7 +118,7 @@ impl Claim {
         self.covered.and(&Claimed::by(&[&FRICTION]).when(self.is_by_friction()))
     }
 
-    /// Whether damping is missing, and friction pays for it up to a speed that the supervisor keeps.
+    /// Whether damping is missing, and friction makes up for it up to a speed that the supervisor keeps.
     pub fn is_by_friction(&self) -> bool {
         self.covered.holds() && self.speed_max.zip(self.overspeed).is_some_and(|(most, kept)| kept <= most)
     }
@@ -149,7 +149,7 @@ impl Claim {
     }
 }
 
-/// Whether the linear loop lacks damping at some of the slopes: what a sufficient bound asks for beyond them is no refutation.
+/// Whether the linear loop lacks damping at some of the slopes: a sufficient bound that requires more is no refutation.
 fn lacks(world: &World, timing: Timing, wanted: Wanted) -> Result<bool, Error> {
     Ok(match estimate(world, timing, wanted)? {
         Demand::Enough { damping, .. } => {
@@ -161,10 +161,10 @@ fn lacks(world: &World, timing: Timing, wanted: Wanted) -> Result<bool, Error> {
     })
 }
 
-/// (T66): the speed up to which friction pays for what the damping lacks; `None` where it pays for none.
+/// (T66): the speed up to which friction makes up for missing damping; `None` where it does at none.
 ///
-/// In an interval in which the puck goes δ the loop gives at most (b_required - b) δ²/T and counts, dampers and levels at most c |δ|, and
-/// friction takes f |δ|. The supervisor sees the speed to within a count at either end of a sample.
+/// In an interval in which the puck moves by δ the loop gives at most (b_required - b) δ²/T and counts, dampers and levels at
+/// most c |δ|, and friction takes f |δ|. The supervisor sees the speed to within a count at either end of a sample.
 fn speed_max(world: &World, timing: Timing, required: f64) -> Result<Option<f64>, Error> {
     let delay = Delay::of_loop(&world.sampling)?;
     let is_whole = timing.is_even() && delay.fraction == 0.0 && timing.lag[1] == 0.0;

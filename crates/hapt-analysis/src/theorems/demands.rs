@@ -1,4 +1,4 @@
-//! What each theorem on passivity demands of the device: a damping that is enough, or why it does not cover the world.
+//! The demand of each theorem on passivity: a damping of the device that is enough, or why it does not cover the world.
 
 use std::borrow::Cow;
 
@@ -21,13 +21,13 @@ use crate::theorems::{
     ENERGY, INTEGRAL, LAWS, LINEAR, LINEAR_LAG, LINEAR_LATE, LINEAR_UNEVEN, RECENTRE, TWO_RATES, Theorem,
 };
 
-/// What a theorem demands.
+/// The demand of a theorem.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Demand {
     /// This damping is enough.
     Enough {
         damping: f64,
-        /// The lowest frequency that needs it, where the theorem knows frequencies.
+        /// The lowest frequency that needs it, where the theorem gives frequencies.
         at_hz: Option<f64>,
         /// Whether less is not enough.
         is_least: bool,
@@ -66,7 +66,7 @@ impl Demanded {
         }
     }
 
-    /// The one that asks for less; one that asks for a number before one that does not.
+    /// The one that requires less; one with a number before one without.
     fn or(self, other: Demanded) -> Demanded {
         match (self.damping(), other.damping()) {
             (Some(own), Some(others)) if others < own => other,
@@ -76,7 +76,8 @@ impl Demanded {
     }
 }
 
-/// The theorem that asks least of the device of `world`, whose times are `timing`. The world has one delay, one lag, and the least device.
+/// The theorem that requires the least damping of the device of `world`, whose times are `timing`. The world has one delay, one lag, and
+/// the least device.
 pub(super) fn best(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Error> {
     if world.sampling.recentre.is_some() {
         return recentred(world, timing);
@@ -126,8 +127,8 @@ pub(super) fn estimate(world: &World, timing: Timing, wanted: Wanted) -> Result<
     Ok(worst.unwrap_or(Demand::Outside("there is nothing to estimate".into())))
 }
 
-/// The frequency that asks for most where nonlinear couplings have their steepest slopes: theorems on them know none. `None` for a linear world,
-/// and where there is no such number.
+/// The frequency that requires the most damping where nonlinear couplings have their steepest slopes: theorems on them give no frequency.
+/// `None` for a linear world, and where there is no such number.
 pub(super) fn steepest_at_hz(world: &World, timing: Timing) -> Result<Option<Option<f64>>, Error> {
     let is_known = !world.couplings.iter().any(is_nonlinear) || world.couplings.iter().any(integrates);
     if is_known {
@@ -221,7 +222,7 @@ fn of_requirement(found: Requirement, stretch: f64) -> Demand {
     }
 }
 
-/// The same world whose torque comes at once.
+/// The same world without delay of its torque.
 fn without_delay(world: &World) -> World {
     let mut fixed = world.clone();
     fixed.sampling.delay = hapt_model::Delay::Seconds(0.0);
@@ -249,8 +250,8 @@ fn recentred(world: &World, timing: Timing) -> Result<Demanded, Error> {
     Ok(demanded)
 }
 
-/// The stiffness and damping that count at the puck: the steepest slopes, and of bristles twice their stiffness. Where a puck turns round they
-/// go back by up to twice its way, ṡ = q̇ (1 - σ₀ s sgn q̇/F). A filter of the position counts as damping.
+/// The stiffness and damping that count at the puck: the steepest slopes, and of bristles twice their stiffness. Where a puck turns round
+/// they go back by up to twice its displacement, ṡ = q̇ (1 - σ₀ s sgn q̇/F). A filter of the position counts as damping.
 fn felt(world: &World, couplings: &[Coupling]) -> Result<[f64; 2], Error> {
     let [stiffness, damping] = at_puck(world, couplings)?;
     let bristles = couplings.iter().filter(|c| laws::at_puck(c) && Kind::of(c) == Kind::Lugre);
@@ -259,7 +260,7 @@ fn felt(world: &World, couplings: &[Coupling]) -> Result<[f64; 2], Error> {
     Ok([stiffness + bristles, damping])
 }
 
-/// A linear loop, and nonlinear laws between puck and ground. Each of both gets a share of the damping.
+/// A linear loop, and nonlinear laws between puck and ground. Each of the two gets a share of the damping.
 fn sum(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Error> {
     if world.sampling.estimator == EstimatorKind::LowPass {
         return Ok(Demanded::outside(LOW_PASS));
@@ -287,7 +288,7 @@ fn sum(world: &World, timing: Timing, wanted: Wanted) -> Result<Demanded, Error>
     if world.bodies.is_empty() { Ok(sum.or(at_the_puck(world, timing)?)) } else { Ok(sum) }
 }
 
-/// What is wanted of the rest where the laws have taken their share.
+/// The requested result for the linear rest, after the share of the laws.
 fn shared(wanted: Wanted, share: f64) -> Wanted {
     match wanted {
         Wanted::AtMost(damping) if damping > share => Wanted::AtMost(damping - share),

@@ -1,8 +1,8 @@
 //! The hands-off loop: proved not to grow under any pattern of intervals and delays, broken by one, or open.
 //!
 //! Three theorems prove it. A loop that is passive grows under no pattern: a hand that does nothing is a passive hand. A linear loop at even
-//! samples is decided by its eigenvalues. Beyond these one quadratic form of the state has to shrink at every sample, whatever the interval,
-//! the delay and the slopes of the nonlinear laws are. Eigenvalues of several linear loops prove nothing about a change between them.
+//! samples is decided by its eigenvalues. Beyond these one quadratic form of the state has to shrink at every sample, for any interval,
+//! delay and slopes of the nonlinear laws. Eigenvalues of several linear loops prove nothing about a change between them.
 
 use hapt_model::{Coupling, Damping, Law, World};
 use serde::Serialize;
@@ -20,7 +20,7 @@ use crate::theorems::assumptions::changes_window;
 use crate::theorems::stable::winds_up;
 use crate::theorems::{Claimed, FREE_FORM, FREE_LINEAR, FREE_PASSIVE, Theorem};
 
-/// What is known of the hands-off loop under every pattern.
+/// The verdict on the hands-off loop under every pattern.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PatternVerdict {
@@ -36,7 +36,7 @@ pub enum PatternVerdict {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FreePatterns {
     verdict: PatternVerdict,
-    /// What proves it: `"passivity"`, `"eigenvalues"` or `"common form"`.
+    /// The proof: `"passivity"`, `"eigenvalues"` or `"common form"`.
     by: Option<&'static str>,
     /// The pattern that breaks it.
     pattern: Option<Pattern>,
@@ -71,12 +71,12 @@ impl FreePatterns {
         FreePatterns { verdict: PatternVerdict::Broken, by: None, pattern, reason: None, claimed }
     }
 
-    /// What is known.
+    /// The verdict.
     pub fn verdict(&self) -> PatternVerdict {
         self.verdict
     }
 
-    /// What proves it.
+    /// The proof.
     pub fn proved_by(&self) -> Option<&'static str> {
         self.by
     }
@@ -202,7 +202,7 @@ fn of_laws(world: &World, timing: Timing) -> Result<FreePatterns, Error> {
     })
 }
 
-/// A size below which a spring or damper does nothing but keep the states of the loop the same.
+/// The size of a spring or damper that has no effect but to keep the states of the loop the same.
 const NOTHING: f64 = 1e-250;
 
 /// The linear worlds at all corners of the slopes; `None` where a law is not such that its torque differs from that at rest by a spring and a
@@ -210,7 +210,7 @@ const NOTHING: f64 = 1e-250;
 ///
 /// For a wall f = max(0, k u + b v) inside, u > 0, and the rest position u*: f - f* = α k (u - u*) + β b v, with α and β in [0, 1] of their own.
 /// Outside, u ≤ 0, α = u*/(u* - u), or 0 where u* ≤ 0. Inside and pushing it is (1, 1) for u* ≥ 0, else (u/(u - u*), 1). Inside and held
-/// at 0, k u + b v < 0, what is needed lies between 0 and a sum of two terms of its own sign. A limit makes all of it smaller by a factor.
+/// at 0, k u + b v < 0, f - f* lies between 0 and a sum of two terms of its own sign. A limit makes all of it smaller by a factor.
 fn corners(world: &World) -> Option<Vec<World>> {
     let all = settled(&world.couplings, world.sampling.period);
     let linear: Vec<Coupling> = all.iter().filter(|c| !is_nonlinear(c)).copied().collect();

@@ -1,11 +1,11 @@
-//! The theorems that make claims about a loop, and nothing else makes one.
+//! The theorems that make claims about a loop. Nothing else makes a claim.
 //!
 //! "Passive", "proved" and "certified" are [`Claimed`]: a type that only this module makes, and only from a theorem whose assumptions hold for
-//! the world. `claim` asks the theorems of `demands` what damping each of them requires and takes the least. Where none covers the world
+//! the world. `claim` takes the least of the dampings that the theorems of `demands` require. Where none covers the world
 //! the number is a linear estimate, the worst over flat and steep slopes, and nothing is claimed: the world is open.
 //!
-//! What a theorem does not cover is named in two lists. `assumptions::outside`: couplings, delay, estimator, times; they keep a world from
-//! being certified. `assumptions::beyond`: encoder, levels, the motor's limit and the device's friction; they may stay unproved.
+//! Two lists name the properties that a theorem does not cover. `assumptions::outside`: couplings, delay, estimator, times; they keep a
+//! world from being certified. `assumptions::beyond`: encoder, levels, the motor's limit and the device's friction; they may stay unproved.
 
 pub(crate) mod assumptions;
 pub(crate) mod claim;
@@ -31,7 +31,7 @@ pub struct Theorem {
     pub id: &'static str,
     /// Its equations there.
     pub equations: &'static str,
-    /// What it assumes of the world, one sentence each.
+    /// Its assumptions on the world, one sentence each.
     pub assumes: &'static [&'static str],
 }
 

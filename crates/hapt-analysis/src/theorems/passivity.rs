@@ -14,9 +14,9 @@ use crate::theorems::claim::Claim;
 /// The result of the passivity analysis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Passivity {
-    /// The device damping that is enough by the theorem that asks least, N·m·s/rad (linear: N·s/m); of a linear loop the least there is. Where
-    /// no theorem covers the world, the worst of the linear loops at its flat and steep slopes. `None` where no finite damping is known to
-    /// suffice.
+    /// The device damping that is enough by the theorem that requires the least, N·m·s/rad (linear: N·s/m); of a linear loop the least
+    /// there is. Where no theorem covers the world, the worst of the linear loops at its flat and steep slopes. `None` where no finite
+    /// damping is known to suffice.
     pub required_damping: Option<f64>,
     /// The device damping, in the same unit.
     pub device_damping: f64,
@@ -31,7 +31,7 @@ pub struct Passivity {
     pub proved: Claimed,
     /// The reasons why it is not proved, one sentence each.
     pub not_proved: Vec<String>,
-    /// What is left out of the device, each in a few words and once.
+    /// The properties of the device that are left out, each in a few words and once.
     #[serde(skip)]
     pub omits: Vec<&'static str>,
     /// Why `required_damping` is `None`.
@@ -46,7 +46,7 @@ pub struct Passivity {
     /// The damping is lacking in the linear loop, and friction makes up for it: `speed_max` is kept.
     #[serde(skip)]
     pub by_friction: bool,
-    /// The device's friction takes torques of the world, (T76), which `free` has beside no friction.
+    /// The device's friction takes torques of the world, (T76); `free` includes these torques and no friction.
     #[serde(skip)]
     pub is_within_friction: bool,
 }
@@ -100,7 +100,7 @@ pub fn passivity(world: &World) -> Result<Passivity, Error> {
     Ok(Passivity::new(&claim, beyond))
 }
 
-/// [`Passivity::required_damping`] alone.
+/// Only [`Passivity::required_damping`].
 ///
 /// # Errors
 /// As [`passivity`].

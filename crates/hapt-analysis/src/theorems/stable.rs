@@ -12,8 +12,8 @@ fn has_nonlinear_bodies(world: &World) -> bool {
     world.couplings.iter().any(|c| is_nonlinear(c) && laws::at_body(c))
 }
 
-/// Whether eigenvalues decide how the puck moves: not between the slopes of laws, gravity and cogging, with friction that changes with the position or the speed, at a
-/// stop, with a window that changes, with an origin that slips, or where an integral term winds up; and they are those of one inertia.
+/// Whether eigenvalues decide how the puck moves. They do not with nonlinear laws, gravity or cogging, friction that changes with the
+/// position or the speed, stops, a window that changes, an origin that slips, an integral term that winds up, or an uncertain inertia.
 fn is_linear(world: &World) -> bool {
     world.device.is_plain()
         && world.device.tolerances.inertia == 0.0
@@ -23,7 +23,7 @@ fn is_linear(world: &World) -> bool {
         && !winds_up(world)
 }
 
-/// Whether an integral term goes on growing at the motor's limit: a swing that reaches the limit may grow though small ones die out.
+/// Whether an integral term continues to grow at the motor's limit: a swing that reaches the limit may grow though small ones die out.
 pub(super) fn winds_up(world: &World) -> bool {
     may_saturate(world) && world.couplings.iter().any(|c| laws::integral_gain(&c.law) > 0.0)
 }
@@ -36,7 +36,8 @@ pub(crate) fn is_held_covered(world: &World) -> bool {
 /// The claim that the held world, which was found to be `held`, does not grow; `passive` is the claim of passivity.
 pub(crate) fn held_claim(world: &World, held: &Stability, passive: &Claimed) -> Claimed {
     let is_stable = held.verdict != Verdict::Unstable;
-    // The puck goes on moving on the shaft of a handle that is held: what nonlinear laws and the device do to it, eigenvalues do not tell.
+    // The puck still moves on the shaft of a handle that is held: eigenvalues do not decide the effect of nonlinear laws and of the
+    // device on it.
     if world.device.handle.is_some() && !is_linear(world) {
         return passive.and(&Claimed::by(&[&FREE_PASSIVE])).when(is_stable && is_held_covered(world));
     }

@@ -14,7 +14,7 @@ use crate::theorems::passivity::Passivity;
 /// The passivity of a loop whose intervals, delays and device are known within bounds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Uneven {
-    /// The least and the largest interval between two samples, s: the period twice where samples are even.
+    /// The least and the largest interval between two samples, s: both are the period where samples are even.
     pub interval_s: [f64; 2],
     /// The longest interval between two samples, s.
     pub interval_max_s: f64,
@@ -33,7 +33,7 @@ pub struct Uneven {
     pub proved: Claimed,
     /// The reasons why it is not proved, one sentence each.
     pub not_proved: Vec<String>,
-    /// What is left out of the device, each in a few words and once.
+    /// The properties of the device that are left out, each in a few words and once.
     #[serde(skip)]
     pub omits: Vec<&'static str>,
     /// The hands-off loop under every such pattern.
@@ -119,7 +119,7 @@ impl Uneven {
     }
 }
 
-/// [`Uneven::required_damping`] alone.
+/// Only [`Uneven::required_damping`].
 ///
 /// # Errors
 /// As [`uneven`].

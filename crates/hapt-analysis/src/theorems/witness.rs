@@ -1,8 +1,8 @@
 //! What makes claims checkable without hapt: slopes, and a polynomial with the intervals on which it is positive.
 //!
-//! A witness is of a theorem that proves the claim alone, from numbers that the world file has or that follow by a few sums and products. That
-//! may be another theorem than the one that asks least of the device. What it assumes is checked here once more, and no wider than
-//! `proof/checker.py` knows it.
+//! A witness belongs to a theorem that proves the claim by itself, from numbers that the world file has or that follow by a few sums
+//! and products. That may be another theorem than the one that requires the least damping. Its assumptions are checked here once more,
+//! within the scope of `proof/checker.py`.
 
 use hapt_model::{Coupling, EstimatorKind, Method, Output, World};
 use serde::Serialize;
@@ -38,7 +38,7 @@ pub(crate) struct Witnessed {
     pub witness: Witness,
 }
 
-/// What a checker needs beside the world file. Numbers are exact decimals.
+/// What a checker needs in addition to the world file. Numbers are exact decimals.
 #[derive(Clone, Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 pub(crate) enum Witness {
@@ -55,11 +55,11 @@ pub(crate) struct Slope {
     damping: String,
 }
 
-/// What shows that the held world does not grow (`is_held`), or that the loop is passive, and so does not grow hands-off; `None` where no theorem
-/// that has a witness covers the world, or where it has not the damping.
+/// The witness that the held world does not grow (`is_held`), or that the loop is passive, and so does not grow hands-off; `None` where no
+/// theorem that has a witness covers the world, or where the damping is too small.
 pub(crate) fn witness(world: &World, is_held: bool) -> Result<Option<Witnessed>, Error> {
     let timing = Timing::of(world);
-    // What friction takes asks for nothing else, (T76).
+    // Torques that friction takes require no damping, (T76).
     let least = beyond_friction(&least(world)).into_owned();
     let world = &least;
     let at_puck = at_puck(&least)?;
@@ -81,7 +81,7 @@ pub(crate) fn witness(world: &World, is_held: bool) -> Result<Option<Witnessed>,
         };
         let found =
             || Witnessed { theorem, required, witness: Witness::Slopes { laws: at_puck.iter().map(slope).collect() } };
-        // Held, the device's damping does nothing, but for a puck behind a shaft.
+        // The device's damping has no effect on a held world, except on a puck behind a shaft.
         (is_held && least.device.handle.is_none() || least.device.damping >= required).then(found)
     };
     if !world.bodies.is_empty() {
@@ -95,11 +95,11 @@ pub(crate) fn witness(world: &World, is_held: bool) -> Result<Option<Witnessed>,
     }
 }
 
-/// Whether a damping at the puck takes the mean velocity of the last interval or of several, which is what the checker knows.
+/// Whether a damping at the puck takes the mean velocity of the last interval or of several, which the checker covers.
 fn has_mean_velocity(world: &World, damping: f64) -> bool {
     match world.sampling.estimator {
         _ if damping == 0.0 => true,
-        // Over several samples beside bodies the energy theorem does not cover it.
+        // With bodies, the energy theorem does not cover a difference over several samples.
         EstimatorKind::Difference => world.sampling.every == 1 || world.bodies.is_empty(),
         EstimatorKind::LowPass => !world.couplings.iter().any(is_nonlinear),
         EstimatorKind::Exact | EstimatorKind::Foaw | EstimatorKind::FoawBest => false,

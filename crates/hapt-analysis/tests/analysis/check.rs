@@ -154,7 +154,7 @@ fn notes_say_what_the_numbers_leave_out() {
 
 #[test]
 fn seven_nonlinear_couplings_are_looked_at_alone() {
-    // Each wall alone makes 1e4, all of them 7e4, none 100: the steepest counts for the period.
+    // ω² is 1e4 in each single wall, 7e4 in all of them, 100 in none: the steepest counts for the period.
     let mut bench = oscillator(10.0, 0.02);
     for _ in 0..7 {
         let wall = Law::Wall { side: Side::Below, at: 0.0, stiffness: 1e4, damping: 0.0 };
@@ -323,7 +323,7 @@ fn passivity_is_said_with_what_is_missing_and_where() {
     );
 }
 
-/// Whoever writes one of them onto a board turns it without a check of their own.
+/// Users write these worlds onto a board and turn the knob without another check.
 #[test]
 fn every_knob_that_comes_along_is_certified_within_what_is_known_of_its_motor() {
     let knobs: Vec<String> = builtin::names().filter(|name| name.starts_with("@knob/")).collect();

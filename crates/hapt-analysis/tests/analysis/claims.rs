@@ -1,4 +1,4 @@
-//! What is claimed, and what is not: by theorems alone, for all that the file allows.
+//! What is claimed, and what is not: only by theorems, for all that the file allows.
 
 use hapt_analysis::{PatternVerdict, Status, check, is_certified, passivity, required_damping};
 use hapt_model::{Coupling, Delay, End, EstimatorKind, Law, Method, Output, Side, World};
@@ -21,8 +21,9 @@ fn held_by_a_damper(method: Method, k: f64, damping: f64, inertia: f64) -> World
 proptest! {
     #![proptest_config(hapt_testing::cases(256))]
 
-    /// A body that a huge damper holds is ground: the spring to it costs what a spring to ground does, however slow the body is. What the
-    /// damper takes, k r/ω² of the rate r, is least where a lag has not lowered the cost yet: a hundred-thousandth of it for these rates.
+    /// A body that a huge damper holds is ground: the spring to it requires what a spring to ground does, however slow the body is. The
+    /// damper's effect, k r/ω² of the rate r, is least where a lag has not lowered the requirement yet: a hundred-thousandth of it for
+    /// these rates.
     #[test]
     fn a_spring_to_a_body_that_a_damper_holds_costs_what_one_to_ground_does(
         method in select(vec![Method::Zoh, Method::Trapezoidal, Method::BackwardEuler, Method::Tustin, Method::Foh]),
@@ -41,7 +42,7 @@ proptest! {
         prop_assert!(!is_certified(&world) && !check(&world).unwrap().certified.holds());
     }
 
-    /// Beside another body the poles may be beyond double precision. Then nothing is claimed.
+    /// With another body the poles may be beyond double precision. Then nothing is claimed.
     #[test]
     fn rates_that_lie_too_far_apart_claim_nothing_or_the_right_number(
         k in 0.1..10.0f64, light in -15.0..-1.0f64, strong in 8.0..16.0f64, other in -6.0..1.0f64, damped in 1e-4..1e-1f64,
@@ -65,7 +66,7 @@ proptest! {
         prop_assert!(!is_certified(&world) && !passivity(&world).unwrap().passive.holds());
     }
 
-    /// The damping of a damper to a heavy body is gone toward 0 Hz, however heavy the body is.
+    /// The damping of a damper to a heavy body vanishes toward 0 Hz, however heavy the body is.
     #[test]
     fn a_damper_to_a_heavy_body_pays_for_nothing_at_rest(
         k in 0.1..10.0f64, share in 0.05..2.0f64, heavy in 0.0..10.0f64, late in 1..6u32,
@@ -78,7 +79,7 @@ proptest! {
         prop_assert!(found.is_none_or(|found| found >= springs * (1.0 - 1e-6)), "{found:?} {springs}");
     }
 
-    /// What the hand meets before a wall is the world without it.
+    /// Before it reaches a wall, the hand feels the world without it.
     #[test]
     fn no_coupling_out_of_reach_lowers_what_is_required(
         k in 0.1..10.0f64, b in 0.0..5e-3f64, walls in prop::collection::vec((1e-3..10.0f64, 0.0..2e-2f64), 1..3), late in 0.0..12.0f64,
@@ -105,7 +106,7 @@ proptest! {
         }
     }
 
-    /// Passive beside unstable is no answer, and certified is passive, stable and by theorems.
+    /// Passive and unstable together contradict each other, and certified means passive, stable and proved by theorems.
     #[test]
     fn an_answer_does_not_contradict_itself(
         bench in worlds(Dampers::Fixed, false), x in 0.01..1.9f64, late in prop_oneof![Just(0.0), 0.0..3.0f64], share in 0.0..2.0f64,
@@ -137,7 +138,8 @@ proptest! {
         prop_assert!(!found.passivity.passive.holds() || found.passivity.required_damping.unwrap() <= world.device.damping);
     }
 
-    /// Friction with bristles that are a hysteresis of the way: no motion under any times draws energy at the damping that is called enough.
+    /// Friction with bristles that are a hysteresis of the path: no motion under any times draws energy at the damping that is called
+    /// enough.
     #[test]
     fn bristles_without_damping_give_no_energy_at_the_damping_that_is_enough(
         stiffness in 0.1..10.0f64, level in 1e-3..0.1f64, viscous in prop_oneof![Just(0.0), 0.0..1e-3f64], longest in prop::option::of(1.0..2.0f64),
@@ -153,7 +155,7 @@ proptest! {
         let damping = hapt_analysis::uneven_damping(&world).unwrap().unwrap();
         world.device.damping = damping;
         prop_assert!(is_certified(&world));
-        // From sample to sample in four straight pieces, by ways like those that bend the bristles.
+        // From sample to sample in four straight pieces, with displacements of the size that bends the bristles.
         let speed = 10f64.powf(size) * level / stiffness / 1e-3;
         let (mut z, mut before, mut bristle, mut held, mut drawn, mut moved) = (0.0, 0.0, 0.0, 0.0, 0.0f64, 0.0f64);
         for (share, delay, velocities) in steps {
@@ -179,7 +181,8 @@ proptest! {
         }
     }
 
-    /// Friction pays for what is missing up to (f - KΔ/2 - ΣB Δ/T)/(b_required - b), less two counts a sample that the supervisor does not see.
+    /// Friction makes up for missing damping up to the speed (f - KΔ/2 - ΣB Δ/T)/(b_required - b), less two counts a sample that the
+    /// supervisor does not see.
     #[test]
     fn friction_makes_up_for_damping_up_to_a_speed(
         k in 0.1..10.0f64, share in 0.0..0.99f64, b in 0.0..1e-3f64, friction in 1e-4..0.1f64, counts in prop::option::of(1e3..1e5f64), late in 0..4u32,
@@ -214,7 +217,7 @@ proptest! {
     }
 }
 
-/// Intervals up to the period are not the period: a motor that lags forgets nothing in short ones.
+/// Intervals up to the period are not the period: the torque of a motor that lags hardly changes in short ones.
 #[test]
 fn intervals_up_to_the_period_are_more_than_even_samples() {
     let couplings = vec![spring(End::Puck, End::Ground, 1.0), damper(End::Puck, End::Ground, 1e-3)];
@@ -274,7 +277,7 @@ fn a_world_that_no_theorem_covers_is_open() {
     let found = check(&world).unwrap();
     assert_eq!((found.status, found.certified.holds(), found.passivity.passive.holds()), (Status::Open, false, false));
     assert!(found.verdict_sentence().starts_with("open, not certified: nothing was found against it"));
-    // The velocity of an instant counts as the difference, and is none.
+    // The true velocity counts as the difference, but is not one.
     world.sampling.estimator = EstimatorKind::Exact;
     let found = check(&world).unwrap();
     assert_eq!((found.status, found.certified.holds(), found.passivity.passive.holds()), (Status::Open, false, true));

@@ -35,7 +35,7 @@ impl Bench {
 pub enum Dampers {
     None,
     Fixed,
-    /// One of T k beside every spring.
+    /// One of T k in parallel with every spring.
     Matched,
     /// Fixed ones and some of T k.
     Mixed,
@@ -86,7 +86,7 @@ pub fn worlds(dampers: Dampers, free: bool) -> impl Strategy<Value = Bench> {
             let n = each.len();
             let mut couplings = Vec::new();
             let end = |i: usize, pick: usize| match pick {
-                // A compensating damper to ground takes all springs at its body: too much beside another's.
+                // A compensating damper to ground counts all springs at its body: too much together with another one.
                 0 if dampers != Dampers::Matched => End::Ground,
                 0 => End::Puck,
                 1 => End::Puck,

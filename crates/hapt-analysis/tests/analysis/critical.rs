@@ -20,7 +20,7 @@ fn growth(world: &Bench, method: Method, period: f64) -> f64 {
 /// Growth changes sign at the critical period, within a millionth of it, and nothing grows on the way there.
 fn turns(world: &Bench, method: Method) -> Result<(), TestCaseError> {
     let omega = fastest(world);
-    // What rounding may make of the growth of a world whose fastest rate is this.
+    // The error by rounding in the growth of a world with this fastest rate.
     match limit(world, method) {
         Critical::Period(t) => {
             let floor = 1e-12 * omega.max(1.0 / t);
@@ -58,7 +58,7 @@ proptest! {
         let x = |method| limit(&world, method).period().unwrap() * omega;
         // Erratum of (2.14): 2ζ for complex roots only.
         let forward = if zeta < 1.0 { 2.0 * zeta } else { 2.0 / (zeta + (zeta * zeta - 1.0).sqrt()) };
-        // Near ζ = 1 the two roots are one, which an eigenvalue solver knows to √eps.
+        // Near ζ = 1 the two roots are one, which an eigenvalue solver finds to √eps.
         let tolerance = 1e-12 + 1e-15 / (1.0 - zeta).abs().max(1e-8);
         prop_assert!((x(Method::ForwardEuler) / forward - 1.0).abs() < tolerance);
         let semi = 2.0 / ((1.0 + zeta * zeta).sqrt() + zeta);

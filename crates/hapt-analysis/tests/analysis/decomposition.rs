@@ -25,7 +25,7 @@ fn nothing() -> Bench {
     Bench { bodies: vec![], couplings: vec![] }
 }
 
-/// J/T² and J/T: the sizes of stiffness and damping that a sampled inertia knows.
+/// J/T² and J/T: the scales of stiffness and damping of a sampled inertia.
 fn keys(world: &World) -> Keys<'static> {
     let (inertia, period) = (world.device.inertia, world.sampling.period);
     Keys { paths: PATHS, ranges: [[0.0, 4.0 * inertia / period.powi(2)], [0.0, 4.0 * inertia / period]] }
@@ -104,7 +104,7 @@ proptest! {
             prop_assert!(there.set_number(PATHS[0], stiffness) && there.set_number(PATHS[1], damping));
             let (sin, cos) = phi.sin_cos();
             let eigenvalues = free_eigenvalues(&there).unwrap();
-            // Of FOAW's windows the worse counts in the loop: that is the longest, on whose curve this is, where none grows.
+            // The loop counts the worse of FOAW's windows: that is the longest, to which this curve belongs, unless another one grows.
             if windows > 1 && eigenvalues.iter().any(|e| e.abs > 1.0 + 1e-9 * period) {
                 continue;
             }
@@ -145,7 +145,7 @@ proptest! {
         prop_assert!(eigenvalues.iter().any(|e| (e.re - cos).hypot(e.im - sin) < 1e-7), "{:?}", eigenvalues);
         let line = all[0].lines()[1].unwrap();
         let sign = if implicit { 1.0 } else { -1.0 };
-        // On 2CT ± KT² = 4J, wherever that is asked.
+        // On 2CT ± KT² = 4J, at any of these stiffnesses.
         for k in [0.0, 1.0, 3.0].map(|k| k * size / period) {
             let c = (4.0 * inertia - sign * k * period.powi(2)) / (2.0 * period);
             let on = line.normal[0] * k + line.normal[1] * c - line.offset;
@@ -156,7 +156,7 @@ proptest! {
 }
 
 /// Two clusters of eigenvalues, four near 0 and four near 1, on an edge of stability: the QR algorithm once wandered between them
-/// until its patience ended.
+/// until its bound of iterations.
 #[test]
 fn a_loop_with_eigenvalues_in_two_clusters_has_a_growth() {
     let bench = Bench {
@@ -185,7 +185,7 @@ fn a_wall_enters_as_its_spring_and_damper() {
     let keys = Keys { paths: ["couplings.0.stiffness", "couplings.0.damping"], ..keys(&world) };
     let wall = Decomposition::free(&world, keys).unwrap().unwrap();
     assert_eq!(wall, plain);
-    // Beside a detent, 2π torque/pitch where it is steep, the flat curve and one that lies lower by that much.
+    // In parallel with a detent, 2π torque/pitch where it is steep, the flat curve and one that lies lower by that much.
     let law = Law::Detent { torque: 1.0, pitch: 20.0 * PI, phase: 0.0 };
     world.couplings.push(Coupling { first: ends.0, second: ends.1, law, limit: None });
     let parts = Decomposition::free(&world, keys).unwrap().unwrap();
@@ -198,7 +198,7 @@ fn a_wall_enters_as_its_spring_and_damper() {
     }
 }
 
-/// Where a key enters in another way, the equation is not asked.
+/// Where a key enters in another way, there is no equation.
 #[test]
 fn what_is_no_stiffness_or_damping_at_one_place_has_no_equation() {
     let bench = Bench { bodies: vec![body(0.01)], couplings: vec![spring(End::Body(0), End::Puck, 1.0)] };

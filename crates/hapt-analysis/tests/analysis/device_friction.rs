@@ -11,7 +11,7 @@ use crate::common::*;
 proptest! {
     #![proptest_config(hapt_testing::cases(200))]
 
-    /// What one direction has more is a passive hand's: the certificate is that of the smaller level in both.
+    /// The excess in one direction acts as a passive hand: the certificate is that of the smaller level in both.
     #[test]
     fn the_smaller_level_counts(
         k in 0.1_f64..5.0, counts in prop::option::of(500.0_f64..2e4), levels in prop::option::of(10_u32..1000), share in 0.3_f64..3.0,
@@ -60,7 +60,8 @@ prop_compose! {
 proptest! {
     #![proptest_config(hapt_testing::cases(200))]
 
-    /// What other positions have more is a passive hand's: no claim is better than on the least level alone, and those of passivity are the same.
+    /// The excess at other positions acts as a passive hand: no claim is better than on the least level everywhere, and those of passivity
+    /// are the same.
     #[test]
     fn the_least_level_of_all_positions_counts(
         k in 0.1_f64..5.0, counts in prop::option::of(500.0_f64..2e4), share in 0.3_f64..6.0, part in 0.5_f64..1.5, tolerance in 0.0_f64..0.9,
@@ -96,7 +97,7 @@ proptest! {
         }
     }
 
-    /// No share of a friction that is taken back is more than the least level gives.
+    /// A compensation of friction takes no more than the least level gives.
     #[test]
     fn a_compensation_takes_a_share_of_the_least_level(changes in any_changes(), share in 0.01_f64..1.0, backward in 0.5_f64..2.0) {
         let mut world = Bench::of(vec![]).world(Method::Zoh, Output::End, 1e-3);
@@ -116,7 +117,7 @@ proptest! {
 proptest! {
     #![proptest_config(hapt_testing::cases(64))]
 
-    /// What friction is more at low speeds only takes: passivity is that without it, and no verdict gets better.
+    /// The additional friction at low speeds only dissipates: passivity is that without it, and no verdict gets better.
     #[test]
     fn friction_that_falls_asks_for_no_damping(
         bench in worlds(Dampers::Fixed, true), torque in 1e-4_f64..0.1, velocity in 0.01_f64..10.0, friction in 0.0_f64..0.05,
@@ -132,13 +133,13 @@ proptest! {
         prop_assert_eq!(with.certified.holds(), without.certified.holds());
         prop_assert_eq!((&with.held, &with.free, &with.quantisation), (&without.held, &without.free, &without.quantisation));
         prop_assert_eq!(with.uneven.required_damping, without.uneven.required_damping);
-        // Eigenvalues of the linear loop tell nothing of it.
+        // Eigenvalues of the linear loop do not include it.
         prop_assert!(with.theorems.iter().all(|theorem| theorem.id != "free-eigenvalues" && theorem.id != "free-common-form"));
         prop_assert!(!on_a_shaft || with.theorems.iter().all(|theorem| theorem.id != "held-eigenvalues"));
     }
 }
 
-/// b = 0 and B = 0.2 J/T is stable and not passive: of a device whose friction falls no theorem tells so.
+/// b = 0 and B = 0.2 J/T is stable and not passive: no theorem proves this on a device whose friction falls.
 #[test]
 fn what_only_eigenvalues_tell_is_open_beside_friction_that_falls() {
     let bench = Bench::of(vec![damper(End::Puck, End::Ground, 0.128)]);
@@ -160,7 +161,7 @@ fn what_only_eigenvalues_tell_is_open_beside_friction_that_falls() {
     assert!(note(&world).contains("less than its damping"));
 }
 
-/// The same loop beside friction that changes with the position, and the level that its note gives.
+/// The same loop with friction that changes with the position, and the level that its note gives.
 #[test]
 fn what_only_eigenvalues_tell_is_open_beside_friction_that_changes() {
     let bench = Bench::of(vec![damper(End::Puck, End::Ground, 0.128)]);
@@ -168,7 +169,7 @@ fn what_only_eigenvalues_tell_is_open_beside_friction_that_changes() {
     (world.device.damping, world.sampling.estimator) = (0.0, EstimatorKind::Difference);
     let waveform = Waveform { sine: [0.5, 0.0, 0.0, 0.0], cosine: [0.0; 4] };
     world.device.friction_by_position = Some(FrictionByPosition { share: 0.5, pitch: 1.0, phase: 0.0, waveform });
-    // Of no friction nothing changes.
+    // Without friction nothing changes.
     assert_eq!(uneven(&world).unwrap().free.verdict(), PatternVerdict::Proved);
     world.device.friction = 0.02;
     let found = uneven(&world).unwrap();

@@ -9,7 +9,7 @@ use crate::common::*;
 proptest! {
     #![proptest_config(hapt_testing::cases(64))]
 
-    /// They store and take, as a passive hand does: passivity is that without them, and no verdict gets better.
+    /// They store and dissipate, as a passive hand does: passivity is that without them, and no verdict gets better.
     #[test]
     fn stops_ask_for_no_damping(
         bench in worlds(Dampers::Fixed, true), (low, high) in (0.0_f64..1.0, 0.0_f64..1.0), stiffness in 1.0_f64..1e3, damping in 0.0_f64..0.1,
@@ -25,13 +25,13 @@ proptest! {
         prop_assert_eq!((&with.held, &with.free, &with.quantisation), (&without.held, &without.free, &without.quantisation));
         prop_assert_eq!(with.uneven.required_damping, without.uneven.required_damping);
         prop_assert!(with.notes.iter().any(|note| note.starts_with("device.stops: ")));
-        // Between the stops eigenvalues say something, and not beyond.
+        // Eigenvalues decide between the stops, but not beyond.
         prop_assert!(with.theorems.iter().all(|theorem| theorem.id != "free-eigenvalues" && theorem.id != "free-common-form"));
         prop_assert!(!on_a_shaft || with.theorems.iter().all(|theorem| theorem.id != "held-eigenvalues"));
     }
 }
 
-/// b = 0 and B = 0.2 J/T is stable and not passive: eigenvalues prove it, and not where the puck may be in a stop.
+/// b = 0 and B = 0.2 J/T is stable and not passive: eigenvalues prove it, but not where the puck may be in a stop.
 #[test]
 fn what_only_eigenvalues_tell_is_open_between_stops() {
     let bench = Bench::of(vec![damper(End::Puck, End::Ground, 0.128)]);

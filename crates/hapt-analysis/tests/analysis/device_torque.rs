@@ -25,7 +25,8 @@ prop_compose! {
 proptest! {
     #![proptest_config(hapt_testing::cases(256))]
 
-    /// It is certified as the law that it is: the steepest slope of what is taken back times half a period, more behind a filter or a delay.
+    /// A compensation is certified as its law: it requires the steepest slope of the compensated torque times half a period, and more
+    /// behind a filter or a delay.
     #[test]
     fn a_compensation_costs_its_steepest_slope(torque in any_torque(), share in 0.01_f64..=1.0, d in 0..3_u32, x in 0.1_f64..3.0) {
         let of = if torque.gravity.is_some() { Compensated::Gravity } else { Compensated::Cogging };
@@ -37,7 +38,7 @@ proptest! {
         let slope = world.couplings[0].law.slopes().stiffness;
         let found = passivity(&world).unwrap();
         let wanted = 1e-3 * slope * (0.5 / (0.5 * x).tanh() + f64::from(d));
-        // Of several sines the core adds up the slopes.
+        // The core adds up the slopes of several sines.
         let part = found.required_damping.unwrap() / wanted;
         prop_assert!(part < 1.0 + 1e-9 && part > if of == Compensated::Gravity { 1.0 - 1e-9 } else { 0.3 }, "{found:?} {wanted}");
         prop_assert!(found.not_proved.is_empty());
@@ -59,7 +60,7 @@ fn damper(damping: f64) -> Coupling {
 proptest! {
     #![proptest_config(hapt_testing::cases(64))]
 
-    /// They stand between the motor and the hand, store, and give none: a passive hand has them too.
+    /// They act between the motor and the hand, store energy, and add none: they count as part of a passive hand.
     #[test]
     fn a_torque_that_only_stores_asks_for_no_damping(bench in worlds(Dampers::Fixed, true), torque in any_torque(), x in 0.01..1.0f64) {
         let plain = bench.world(Method::Zoh, Output::End, x / fastest(&bench));
@@ -78,7 +79,7 @@ proptest! {
 proptest! {
     #![proptest_config(hapt_testing::cases(200))]
 
-    /// Their slope is that of a hand which holds the puck by a spring, the flat one that of no hand.
+    /// Their slope acts as a hand that holds the puck by a spring, the flat slope as no hand.
     #[test]
     fn free_is_the_worse_of_no_slope_and_the_steepest(bench in worlds(Dampers::Fixed, false), torque in any_torque(), x in 0.01..1.0f64) {
         let mut world = bench.world(Method::Zoh, Output::End, x / fastest(&bench));
@@ -99,7 +100,8 @@ proptest! {
     }
 }
 
-/// b = 0 and B = 0.2 J/T is stable and not passive: eigenvalues prove it of the linear loop, and no theorem of the one that cogs.
+/// b = 0 and B = 0.2 J/T is stable and not passive: eigenvalues prove it of the linear loop, and no theorem proves it of the loop with
+/// cogging.
 #[test]
 fn what_only_eigenvalues_tell_is_open_under_gravity() {
     let mut world: World = Bench::of(vec![damper(0.128)]).world(Method::Zoh, Output::End, 1e-3);
@@ -134,7 +136,7 @@ fn a_cogging_that_rings_is_seen() {
     assert_eq!(free(&world).unwrap().verdict, Verdict::Unstable);
 }
 
-/// A damper holds no lever against gravity, and a spring stiffer than the slope of gravity does: the certificate says which.
+/// A damper holds no lever against gravity, but a spring stiffer than the slope of gravity does: the certificate says which.
 #[test]
 fn a_certificate_says_what_gravity_does_to_a_puck_that_is_let_go() {
     let mut world: World = Bench::of(vec![damper(1e-4)]).world(Method::Zoh, Output::End, 1e-3);
@@ -158,7 +160,7 @@ fn a_certificate_says_what_gravity_does_to_a_puck_that_is_let_go() {
         });
         let line = check(&held).unwrap().headline();
         assert_eq!(line.contains("gravity"), falls, "{stiffness}");
-        // A spring gives what it holds, too.
+        // A spring also adds the energy that it has stored.
         assert!(!line.contains("at up to"), "{line}");
     }
 }

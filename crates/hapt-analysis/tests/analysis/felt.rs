@@ -105,7 +105,7 @@ proptest! {
         let solved = bodies.lu().solve(&column).unwrap();
         let wanted = all[(n, n)] - (column.transpose() * solved)[0];
         let scale = felt(&world).at_puck();
-        // Near a resonance, and beside large springs, the dense matrix has no more digits.
+        // Near a resonance, and with large springs, the dense matrix has no more digits.
         prop_assume!(wanted.norm() < 1e3 * (scale[0] + omega * scale[1]));
         let row = felt(&world).row(omega / TAU);
         let found = impedance(row.ideal, row.frequency_hz);
@@ -127,7 +127,7 @@ proptest! {
         prop_assert!(short < 0.55 * long && short > 0.2 * long || short < 1e-7, "{long} {short}");
     }
 
-    /// A passive loop never pays a hand that swings: the damping of loop and device together is nowhere below 0.
+    /// A passive loop never gives energy to a hand that swings: the damping of loop and device together is nowhere below 0.
     #[test]
     fn a_device_that_makes_the_loop_passive_is_felt_to_damp_at_every_frequency(
         bench in worlds(Dampers::Mixed, true), method in 0..8usize, log in -4.0..-2.0f64, ahead in 0..3u32,
@@ -143,7 +143,7 @@ proptest! {
         for row in felt.rows(felt.low_hz(), felt.nyquist_hz(), 60) {
             let Some(whole) = row.whole else { continue };
             let [k, b] = felt.at_puck();
-            // Beside a resonance that nothing damps a billionth of what is felt.
+            // Near an undamped resonance, to a billionth of what is felt.
             let size = row.rendered.unwrap().stiffness.abs().max(k) / (TAU * row.frequency_hz);
             let rounding = 1e-9 * (required + k * world.sampling.period + b + size);
             prop_assert!(whole.damping >= -rounding, "{} at {} Hz", whole.damping, row.frequency_hz);
@@ -173,7 +173,7 @@ proptest! {
                 let is_off = |hz: f64| off(hz, ideal).is_some_and(|off| off > TOLERANCE + 1e-6);
                 if let Some(from) = from {
                     prop_assert!(off(from, ideal).is_none_or(|off| off >= TOLERANCE - 1e-6), "{asked:?} {:?}", off(from, ideal));
-                    // Between two of the points that are looked at it may for a moment not be.
+                    // Between two sampled points it may depart briefly.
                     let above = (0..20).map(|i| from * (1.0 + 5e-4 * f64::from(i))).filter(|hz| *hz <= felt.nyquist_hz());
                     let above: Vec<bool> = above.map(|hz| off(hz, ideal).is_some_and(|off| off > TOLERANCE - 1e-6)).collect();
                     prop_assert!(2 * above.iter().filter(|off| **off).count() > above.len() - 2, "{asked:?}");

@@ -33,7 +33,7 @@ fn to_ground(stiffness: f64) -> Bench {
     Bench { bodies: vec![], couplings: vec![spring(End::Puck, End::Ground, stiffness)] }
 }
 
-/// The real loop and the exact puck, one sample at a time, from a state that anybody may set.
+/// The real loop and the exact puck, one sample at a time, from a state that the test sets.
 struct Brute {
     core: Room,
     first: bool,
@@ -323,7 +323,7 @@ fn grows(found: &Stability) -> f64 {
     found.growth_per_s.unwrap_or(f64::NEG_INFINITY)
 }
 
-/// Growth that is none: below what a verdict sees, or a few eps of λ a sample.
+/// Growth that counts as none: below the resolution of a verdict, or a few eps of λ a sample.
 fn nothing(period: f64) -> f64 {
     1e-9 + 1e-14 / period
 }
@@ -341,11 +341,11 @@ proptest! {
         let found = free(&world).unwrap();
         let what = format!("{world:?}");
         let low = hapt_analysis::shortest_period(&world.sampling);
-        // Far below a microsecond the rounding of λ is more than the growth that a verdict sees.
+        // Far below a microsecond the rounding of λ exceeds the resolution of a verdict.
         if low < 1e-6 {
             return Ok(());
         }
-        // So it is far beyond all time constants of the loop, where eigenvalues crowd at 1.
+        // The same holds far beyond all time constants of the loop, where eigenvalues crowd at 1.
         if found.critical_period_s.is_some_and(|critical| critical > 1e3 * world.sampling.period) {
             return Ok(());
         }
@@ -470,7 +470,7 @@ fn free_spin_of_the_notes_wheel_is_decided_by_half_a_sample_of_stiffness() {
             let found = free(&world).unwrap();
             assert_eq!(found.verdict, verdict, "{} {factor} {:?}", method.name(), found.growth_per_s);
             if factor != 1.0 {
-                // The momentum alone, to first order.
+                // Only the momentum, to first order.
                 let law = (limit - world.device.damping) / (6.4e-4 + WHEEL);
                 assert!((grows(&found) - law).abs() < 0.01 * law.abs() + 1e-12, "{} {law}", grows(&found));
                 let critical = found.critical_period_s.unwrap();
@@ -515,7 +515,7 @@ fn shifts_are_counted_on_the_graph() {
     assert_eq!(exact(vec![spring(End::Puck, a, 1.0), spring(a, b, 1.0), spring(b, End::Ground, 1.0)]), 0);
     assert_eq!(exact(vec![spring(End::Puck, a, 1.0), damper(a, b, 1e-3)]), 2);
     assert_eq!(exact(vec![spring(End::Puck, End::Ground, 1.0), damper(End::Puck, a, 1e-3), damper(a, b, 1e-3)]), 2);
-    // Apart from the puck: two shifts and their momentum, beside the puck's own.
+    // Apart from the puck: two shifts and their momentum, in addition to the puck's own.
     assert_eq!(exact(vec![spring(a, b, 1.0)]), 3);
     assert_eq!(exact(vec![damper(a, b, 1e-3)]), 4);
 }

@@ -17,7 +17,7 @@ fn world(bench: &Bench, method: Method, output: Output) -> World {
     bench.world(method, output, PERIOD)
 }
 
-/// A spring and a damper from the puck to ground, on a device of so much damping.
+/// A spring and a damper from the puck to ground, on a device with this damping.
 fn wall(stiffness: f64, damper: f64, device: f64) -> World {
     let couplings =
         vec![spring(End::Puck, End::Ground, stiffness), crate::common::damper(End::Puck, End::Ground, damper)];
@@ -37,7 +37,7 @@ fn a_heavy_slow_hand_breaks_a_spring_nearly_up_to_the_certificate() {
         assert!((required / (0.5 * stiffness * PERIOD) - 1.0).abs() < 1e-9);
         let breaking = breaking_damping(&wall(stiffness, 0.0, 0.0)).unwrap().unwrap();
         assert!(breaking.damping > 0.9999 * required && breaking.damping <= required, "{breaking:?} {required}");
-        // From where the device stands it comes to the same.
+        // The search gives the same result from another damping of the device.
         let again = breaking_damping(&wall(stiffness, 0.0, 0.7 * required)).unwrap().unwrap();
         assert!((again.damping / required - 1.0).abs() < 2e-4, "{again:?}");
     }
@@ -45,7 +45,7 @@ fn a_heavy_slow_hand_breaks_a_spring_nearly_up_to_the_certificate() {
 
 #[test]
 fn a_differenced_dampers_worst_hand_swings_at_nyquist_and_gets_eight_over_pi_squared_of_it() {
-    // Between the samples the hand's sine costs the device π²/8 of what straight lines would.
+    // Between the samples the hand's sine dissipates π²/8 of the energy of straight lines.
     for (stiffness, damper) in [(0.2, 5e-3), (1.0, 2e-3), (5.0, 0.02)] {
         let world = wall(stiffness, damper, 1e-3);
         let required = required_damping(&world).unwrap().unwrap();
@@ -161,7 +161,7 @@ proptest! {
         if let Some(worst) = worst_grip(&world).unwrap() {
             let whole = growth(&world, worst.grip);
             prop_assert!(worst.growth_per_s >= MARGINAL);
-            // The whole loop has bodies besides, which the hand never feels.
+            // The whole loop has further bodies, which the hand never feels.
             prop_assert!(whole >= worst.growth_per_s * (1.0 - 1e-6) - 1e-9, "{whole} {worst:?}");
         }
     }

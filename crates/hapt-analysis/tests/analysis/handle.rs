@@ -1,4 +1,4 @@
-//! A handle on a flexible shaft: limits, closed forms, and what passivity at the motor says of it.
+//! A handle on a flexible shaft: limits, closed forms, and what passivity at the motor implies for it.
 
 use hapt_analysis::{
     Grip, PatternVerdict, check, free, free_growth, gripped_growth, held_growth, held_world, held_world_growth,
@@ -47,7 +47,7 @@ fn a_device_alone_swings_on_its_shaft() {
     assert!((found.modes[0].frequency_hz - hz).abs() < 1e-9 * hz, "{found:?}");
     assert!((found.modes[0].discrete_frequency_hz.unwrap() - hz).abs() < 1e-9 * hz);
     assert!(found.growth_per_s.unwrap().abs() < 1e-9);
-    // Held at the handle, the puck swings on the shaft alone.
+    // Held at the handle, the puck swings only on the shaft.
     let held = held_world(&world).unwrap();
     let hz = (20.0_f64 / 6.4e-4).sqrt() / std::f64::consts::TAU;
     assert!((held.modes[0].frequency_hz - hz).abs() < 1e-9 * hz && held.modes.len() == 1);
@@ -56,7 +56,7 @@ fn a_device_alone_swings_on_its_shaft() {
 proptest! {
     #![proptest_config(hapt_testing::cases(128))]
 
-    /// Shaft, handle and hand are one passive hand at the motor: what is required of the device, and whether it has it, does not know them.
+    /// Shaft, handle and hand are one passive hand at the motor: neither the required damping nor the verdict depends on them.
     #[test]
     fn passivity_does_not_know_the_handle(world in loops(), handle in handles(), stretch in 1.0..1.9f64) {
         let mut world = world;
@@ -76,7 +76,7 @@ proptest! {
     ) {
         let mut world = world;
         if world.sampling.estimator == EstimatorKind::Exact {
-            // As which it counts.
+            // The true velocity counts as the difference.
             world.sampling.estimator = EstimatorKind::Difference;
         }
         world.device.damping = 0.0;
@@ -89,7 +89,7 @@ proptest! {
         prop_assert!(growths.iter().flatten().all(|growth| *growth < rounding), "{growths:?} {world:?}");
     }
 
-    /// A shaft much stiffer than anything else, damped so that it does not ring, is none.
+    /// A shaft much stiffer than anything else, damped so that it does not ring, acts as a rigid one.
     #[test]
     fn a_stiff_shaft_makes_handle_and_puck_one(world in loops(), inertia in -5.0..-2.0f64) {
         let mut world = world;
@@ -120,7 +120,7 @@ proptest! {
         let heavy = free_growth(&world).unwrap();
         let (Some(held), Some(heavy)) = (held, heavy) else { return Ok(()) };
         let rounding = 1e-5 / world.sampling.period;
-        // What only drifts neither grows nor decays.
+        // A drift neither grows nor decays.
         prop_assert!((heavy - held).abs() < rounding || (heavy.abs() < rounding && held < rounding), "{held} {heavy}");
     }
 
@@ -175,7 +175,7 @@ fn a_certificate_with_a_handle_says_what_it_is_about() {
     );
     assert!(found.notes.iter().any(|note| note.starts_with("device.handle: ")));
     assert_eq!((found.held.modes.len(), found.free.modes.len()), (1, 2));
-    // Bodies alone, with the puck held, are none here.
+    // Without bodies, [`held_growth`] with the puck held has no eigenvalues.
     assert_eq!(held_growth(&world.bodies, &world.couplings, Method::Zoh, 1e-3).unwrap(), None);
     // Far above what the device damps: the shaft does not save it.
     let mut stiff = world.clone();
@@ -183,7 +183,8 @@ fn a_certificate_with_a_handle_says_what_it_is_about() {
     assert!(!is_certified(&stiff) && worst_grip(&stiff).unwrap().is_some());
 }
 
-/// Held at the handle the puck moves on its shaft. Between the slopes of a detent the loop may swing by itself, which eigenvalues do not tell.
+/// Held at the handle the puck moves on its shaft. Between the slopes of a detent the loop may oscillate by itself, which eigenvalues do
+/// not show.
 #[test]
 fn a_handle_held_over_the_top_of_a_detent_is_claimed_only_where_the_loop_is_passive() {
     let detent = Law::Detent { torque: 0.24, pitch: 0.3, phase: 0.15 }.between(End::Puck, End::Ground);
@@ -195,7 +196,7 @@ fn a_handle_held_over_the_top_of_a_detent_is_claimed_only_where_the_loop_is_pass
         found.theorems.iter().any(|theorem| theorem.claims.contains(&"held"))
     };
     assert!(!claims(&world));
-    // With as much damping as the late detent asks for it is passive, and so it is held.
+    // With the damping that the detent with its delay requires, it is passive, and therefore stable when held.
     world.device.damping = 1.01 * required_damping(&world).unwrap().unwrap();
     assert!(claims(&world));
     world.device.handle = None;

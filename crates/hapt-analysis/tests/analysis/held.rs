@@ -52,7 +52,7 @@ proptest! {
         }
     }
 
-    /// One body on springs has its growth from a formula, any other world from its matrices; nobody can tell.
+    /// One body on springs has its growth from a formula, any other world from its matrices; the results agree.
     #[test]
     fn growth_alone_is_the_growth_of_the_whole_answer(
         inertia in -5.0..2.0f64,
@@ -124,7 +124,7 @@ proptest! {
         let found = held(&world.bodies, &world.couplings, Method::ForwardEuler, period).unwrap();
         prop_assert!(found.growth_per_s.unwrap().abs() < 1e-9);
         prop_assert!(found.eigenvalues.iter().all(|v| (v.abs - 1.0).abs() < 1e-12));
-        // The same by the step's own matrix, which knows nothing of modes: λ - 1 = D's, |λ|² - 1 = 2 Re + |.|².
+        // The same by the step's own matrix, which is derived without modes: λ - 1 = D's, |λ|² - 1 = 2 Re + |.|².
         let equations = Continuous::new(&world.bodies, &world.couplings, &Slopes::Flat).unwrap();
         let step = Discrete::new(&equations, Method::ForwardEuler, Output::Start, 0, period).unwrap();
         for v in eigenvalues(&step.d).unwrap() {

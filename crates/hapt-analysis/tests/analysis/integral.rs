@@ -20,7 +20,8 @@ fn pid(period: f64, [k, b, gain]: [f64; 3]) -> World {
     Bench::of(couplings).world(Method::Zoh, Output::End, period)
 }
 
-/// What one sample of the core on the exact puck does to each part of the state: z, ż, the sum, z and v before, the filtered z, the last command.
+/// The effect of one sample of the core on the exact puck on each part of the state: z, ż, the sum, z and v before, the filtered z, the
+/// last command.
 fn map(world: &World) -> DMatrix<f64> {
     let core = Room::new(&world.spec()).unwrap();
     let (j, b, period) = (world.device.inertia, world.device.damping, world.sampling.period);
@@ -89,7 +90,7 @@ proptest! {
         }
     }
 
-    /// Nothing claims that it is passive, whatever the device: a heavy hand on a soft spring swings up.
+    /// No theorem claims that it is passive on any device: with a heavy hand on a soft spring it grows.
     #[test]
     fn it_is_never_claimed_to_be_passive_and_a_slow_hand_grows(
         k in 0.0..5.0f64, b in 0.0..0.02f64, gain in 0.5..50.0f64, damping in 1e-3..1.0f64, limit in prop::option::of(0.01..1.0f64),
@@ -119,7 +120,7 @@ fn the_search_for_hands_finds_one() {
     assert!(worst.growth_per_s > 0.0);
 }
 
-/// Friction of its limit takes what it gives, (T76), and of the same limit from both sides.
+/// Friction of the size of its limit dissipates what it gives, (T76), in both directions.
 #[test]
 fn friction_that_takes_the_limit_makes_it_passive() {
     let mut world = pid(1e-3, [4.0, 0.0, 10.0]);
@@ -133,7 +134,7 @@ fn friction_that_takes_the_limit_makes_it_passive() {
         assert_eq!(found.passivity.passive.holds(), status == Status::Certified);
         assert_eq!(is_certified(&world), status == Status::Certified);
     }
-    // By its eigenvalues alone it would grow.
+    // Its eigenvalues, which leave out friction, show growth.
     world.couplings[2].law = Law::Integral { stiffness: 1e4, time: 0.5, rest: 0.0 };
     let found = check(&world).unwrap();
     assert_eq!((found.free.verdict, found.status, is_certified(&world)), (Verdict::Unstable, Status::Certified, true));
@@ -146,7 +147,8 @@ fn friction_that_takes_the_limit_makes_it_passive() {
     assert!(!check(&world).unwrap().certified.holds() && !is_certified(&world));
 }
 
-/// At the motor's limit an integral term goes on growing, so that a large swing may grow where small ones die out; and eigenvalues are those of one inertia.
+/// At the motor's limit an integral term continues to grow, so that a large swing may grow where small ones die out; and eigenvalues are
+/// those of one inertia.
 #[test]
 fn a_pid_that_winds_up_or_whose_inertia_is_uncertain_is_not_claimed_hands_off() {
     let mut world = pid(1e-3, [1.0, 0.01, 1.0 / 0.15]);
@@ -158,7 +160,7 @@ fn a_pid_that_winds_up_or_whose_inertia_is_uncertain_is_not_claimed_hands_off() 
     let found = check(&limited).unwrap();
     assert!(found.headline().contains(": not proved safe to let go"), "{}", found.headline());
     assert!(found.headline().contains("clipping"), "{}", found.headline());
-    // What it can never ask for does not matter.
+    // Torques that it never requests do not matter.
     for coupling in &mut limited.couplings {
         coupling.limit = Some(0.03);
     }

@@ -13,7 +13,7 @@ use hapt_model::{Coupling, Damping, End, EstimatorKind, Law, Method, Output, Sid
 
 use crate::common::*;
 
-/// On a device without damping: what is required is all that there must be.
+/// On a device without damping: the required damping is the whole damping.
 fn world(bench: Bench, method: Method, output: Output, period: f64) -> World {
     let mut world = bench.world(method, output, period);
     world.device.damping = 0.0;

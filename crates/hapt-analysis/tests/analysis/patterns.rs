@@ -1,4 +1,4 @@
-//! The hands-off loop under patterns of intervals and delays: published limits, and what the verdicts say of each other.
+//! The hands-off loop under patterns of intervals and delays: published limits, and consistency of the verdicts.
 
 use hapt_analysis::{PatternVerdict, Uneven, free_growth, uneven, worst_pattern};
 use hapt_model::{Delay, End, EstimatorKind, Method, Output, Tolerances, World};

@@ -115,7 +115,7 @@ fn the_whole_space_of_gil_and_hulin() {
 }
 
 /// Hulin et al. 2014: what is passive is stable, and much is stable that is not passive; with delay the passive part shrinks to
-/// b > K T (1/2 + d) + B (1 + 2d) at most, which is what a spring and a damper ask for each by itself at their worst.
+/// b > K T (1/2 + d) + B (1 + 2d) at most, which is the sum of what a spring and a damper each require at their worst frequency.
 #[test]
 fn what_is_passive_is_stable() {
     proptest!(|(k in 0.1..100.0f64, b in 0.0..0.5f64, d in 0..4u32, room in 1.0..2.0f64)| {
@@ -159,8 +159,8 @@ fn the_notes_limit_of_the_period_corrected() {
     assert!(notes.growth_per_s.unwrap() > 0.0);
 }
 
-/// The same two papers' wall on a wheel of the University of Michigan's kind at 1 ms: up to 2b/T it is passive, and hardly beyond
-/// that it no longer comes to rest when let go.
+/// The same two papers' wall on a wheel of the University of Michigan's kind at 1 ms: up to 2b/T it is passive, and slightly beyond it no
+/// longer comes to rest when released.
 #[test]
 fn without_virtual_damping_passive_and_stable_end_together_on_a_lab_wheel() {
     let b = 1.2e-3;
@@ -172,7 +172,7 @@ fn without_virtual_damping_passive_and_stable_end_together_on_a_lab_wheel() {
     assert!(!beyond.passivity.passive.holds() && beyond.free.growth_per_s.unwrap() > 0.0);
 }
 
-/// (T25) up to β = 3.7208, and (T25b) beyond: the exact limit of a spring to ground, hand off.
+/// (T25) up to β = 3.7208, and (T25b) beyond: the exact limit of a spring to ground, hands-off.
 #[test]
 fn the_exact_limit_of_a_spring_hand_off() {
     proptest!(|(beta in 0.05..12.0f64)| {

@@ -1,4 +1,4 @@
-//! An origin that slips while the puck rests: certified by (T80) alone, and nowhere else.
+//! An origin that slips while the puck rests: certified only by (T80), and nowhere else.
 
 use hapt_analysis::{Status, check, passivity, required_damping};
 use hapt_model::{Coupling, End, Law, Source, World};
@@ -53,7 +53,8 @@ fn what_the_theorem_does_not_cover_is_not_proved_and_says_why() {
             "{text} {sets:?}: {reasons}"
         );
     }
-    // What the reader refuses, and no place of the origin ends: a friction that the slip moves lifted a weight without a hand.
+    // What the reader refuses, as no place of the origin ends the torque: with a friction that follows the slip, a weight was lifted
+    // without a hand.
     for law in [
         Law::Constant { torque: 1e-4 },
         Law::Coulomb { torque: 1e-4 },
@@ -76,7 +77,7 @@ fn what_the_theorem_does_not_cover_is_not_proved_and_says_why() {
 proptest! {
     #![proptest_config(hapt_testing::cases(64))]
 
-    /// It never asks for less than the same world whose origin stays.
+    /// It never requires less than the same world whose origin stays.
     #[test]
     fn a_slip_pays_for_nothing_else(
         torque in 1e-4..0.02f64, pitch in 2.0..60.0f64, stiffness in 1e-3..0.05f64, stretch in 1.0..2.0f64,

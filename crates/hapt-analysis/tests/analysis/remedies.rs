@@ -55,7 +55,7 @@ fn grounded(world: &mut World, damping: f64) {
 proptest! {
     #![proptest_config(hapt_testing::cases(60))]
 
-    /// `is_certified` ends its work where `check` would go on.
+    /// `is_certified` ends its work where `check` continues.
     #[test]
     fn the_short_way_to_a_verdict_is_that_of_the_check(
         method in prop::sample::select(vec!["zoh", "trapezoidal", "backward-euler", "forward-euler", "semi-implicit-euler", "rk4"]),
@@ -76,7 +76,7 @@ proptest! {
             format!("loop.interval_max={:?}", 1e-3 * stretch), format!("device.damping=1.2e-3 N m s/rad ± {tolerance:?} %"),
         ];
         let mut world = wheel(&sets);
-        // Beside the device that needs a damping, and beside one that just has enough.
+        // With a device that needs more damping, and with one that just has enough.
         let found = check(&world).unwrap();
         prop_assert_eq!(is_certified(&world), found.certified.holds());
         for more in [0.5, 0.999, 1.0 - 1e-7, 1.0 + 1e-7, 1.001, 2.0, 30.0] {
@@ -166,7 +166,7 @@ fn a_whole_sample_of_delay_is_mended_by_a_step_ahead() {
 proptest! {
     #![proptest_config(hapt_testing::cases(12))]
 
-    /// What is certified of a loop whose delay is in samples is what is certified of the same delay in seconds at each period.
+    /// A loop whose delay is in samples has the same certificate as one with the same delay in seconds at each period.
     #[test]
     fn the_longest_period_carries_a_delay_in_samples_along(samples in 0.0..3.0f64, stiffness in 0.1..4.0f64) {
         let sets = [
@@ -182,7 +182,7 @@ proptest! {
         };
         let longest = remedies(&world).unwrap().period_s.unwrap();
         prop_assert!(at(longest) && !at(1.01 * longest), "{longest}");
-        // b > K (T/2 + delay) of a bare wall, and a part of a sample costs a little more.
+        // b > K (T/2 + delay) of a bare wall, and a fraction of a sample requires a little more.
         let most = 1.2e-3 / stiffness / (0.5 + samples);
         prop_assert!((0.8..1.001).contains(&(longest / most)), "{longest} {most}");
     }
@@ -213,7 +213,7 @@ proptest! {
     }
 }
 
-/// What `hapt check` prints of a world's remedies.
+/// The remedies of a world in the output of `hapt check`.
 fn printed(text: &str) -> Vec<String> {
     let source = Source::from_text("world.toml", text);
     let world = World::read(&source, &[]).unwrap();
@@ -362,7 +362,7 @@ fn slower(world: &World, factor: f64) -> World {
 
 #[test]
 fn a_touch_of_the_circle_is_no_critical_period() {
-    // At each half period of the oscillation of an undamped body the puck does not move it. Nothing grows before or behind.
+    // At each half period of the oscillation of an undamped body the puck does not move it. Nothing grows before or after it.
     let world = random(&mut Rng(1224));
     let found = check(&world).unwrap().free.critical_period_s.unwrap();
     let touch = std::f64::consts::PI * (7.933988656333276e-5f64 / 0.03378691847475031).sqrt();
@@ -433,7 +433,7 @@ fn a_margin_of_the_delay_goes_on_as_long_as_the_certificate_does_or_says_how_far
 
 #[test]
 fn a_margin_without_an_end_is_not_the_delay() {
-    // A damper alone asks for the same at every period.
+    // A damper without a spring requires the same at every period.
     let file = "[loop]\nperiod = 2e-3\ndelay = 1e-3\nestimator = \"difference\"\n[device]\ninertia = 6.4e-4\ndamping = 1.2e-3\n";
     let world = World::read(&Source::from_text("w", file), &[]).unwrap();
     let found = remedies(&world).unwrap();
@@ -460,13 +460,13 @@ fn proposed(source: &Source) -> Vec<Vec<(String, String)>> {
 proptest! {
     #![proptest_config(hapt_testing::cases(256))]
 
-    /// A compensation beside a coupling: each proposed change is of a key that the file has, certifies the file, and a smaller share is among them
-    /// as far as the position's law leaves something of the damping.
+    /// A compensation in parallel with a coupling: each proposed change is of a key that the file has, and certifies the file; a smaller
+    /// share is among them if the coupling leaves some of the damping.
     #[test]
     fn too_much_of_a_compensation_is_mended_by_a_smaller_share(
         torque in 0.05..0.5_f64, share in 0.3..1.0_f64, part in 0.2..0.9_f64, of_spring in 0.0..0.9_f64, with_body in any::<bool>(),
     ) {
-        // The compensation and the spring ask for their stiffness times half a period.
+        // The compensation and the spring require their stiffness times half a period.
         let damping = 0.5e-3 * torque * share * part;
         let body = if with_body { "[bodies]\nball = { inertia = \"0.01 kg m^2\" }\n" } else { "" };
         let file = format!(
@@ -502,7 +502,7 @@ fn digits(value: &str) -> &str {
 proptest! {
     #![proptest_config(hapt_testing::cases(60))]
 
-    /// b = KT/2 of a bare spring: where two of them are round, so is the third, whatever the search comes to.
+    /// b = KT/2 of a bare spring: where two of them are round, so is the third, for any result of the search.
     #[test]
     fn an_edge_at_a_round_number_is_printed_as_that_number(
         stiffness in 1..1000u32, half in 1..100u32, softer in 2..40u32, shift in -2..3i32,
@@ -526,7 +526,7 @@ proptest! {
         }
     }
 
-    /// In the units of the file, whatever they are.
+    /// In the units of the file, for any units.
     #[test]
     fn a_printed_number_is_certified_and_the_edge_is_at_most_a_millionth_beyond(
         stiffness in 0.01..50.0f64, damping in 0.05..20.0f64, period in 0.2..5.0f64, delay in prop_oneof![Just(0.0), 0.0..4.0f64],
@@ -551,8 +551,8 @@ proptest! {
 proptest! {
     #![proptest_config(hapt_testing::cases(12))]
 
-    /// Of the wall of a certified wheel: its ends and what is between them are certified, and a thousandth beyond an end that is not that of
-    /// the search is not.
+    /// For the wall of a certified wheel: the ends of the interval and all between them are certified, and a thousandth beyond an end that
+    /// is not that of the search is not.
     #[test]
     fn an_interval_around_a_number_is_certified_all_through_and_no_further(
         wall in 0.01..0.2_f64,

@@ -5,7 +5,7 @@ use hapt_analysis::{Loops, sign};
 use hapt_model::{Body, Coupling, Damping, End, Law, Method, Output};
 use proptest::prelude::*;
 
-/// J, K to the puck, K to ground, C0, T, and whether a damper of T K stands beside all of it, or beside the one at the puck.
+/// J, K to the puck, K to ground, C0, T, and whether a damper of T K is in parallel with all of it, or with the spring to the puck.
 #[derive(Clone, Copy, Debug)]
 struct Wheel {
     inertia: f64,
@@ -44,7 +44,7 @@ impl Wheel {
         ];
         let of_wheel =
             laws.into_iter().flatten().map(|(second, law)| Coupling { first: End::Body(0), second, law, limit: None });
-        // What is not at the wheel is of no matter, be it as crooked as it likes.
+        // Couplings that are not at the wheel have no effect, however nonlinear they are.
         of_wheel.chain([between_puck(Law::Detent { torque: 1.0, pitch: 0.1, phase: 0.0 })]).collect()
     }
 
@@ -53,7 +53,7 @@ impl Wheel {
     }
 }
 
-/// The columns of these wheels, asked.
+/// The results of a batch of these wheels.
 fn ask(wheels: &[Wheel], ask: impl Fn(Loops<'_>, &mut [f64])) -> Vec<f64> {
     let column = |of: fn(&Wheel) -> f64| wheels.iter().map(of).collect::<Vec<_>>();
     let (inertia, stiffness) = (column(|w| w.inertia), column(|w| 0.0 + w.springs[0] + w.springs[1]));
@@ -85,8 +85,8 @@ fn wide() -> impl Strategy<Value = Wheel> {
     )
 }
 
-/// Within `away`, relatively, of where forward Euler, semi-implicit Euler and RK4 leave the circle: by the damping that forward
-/// Euler wants, by the period that the others bear.
+/// Within `away`, relatively, of where forward Euler, semi-implicit Euler and RK4 leave the circle: by the damping that forward Euler
+/// requires, by the largest period of the others.
 fn at_an_edge() -> impl Strategy<Value = Wheel> {
     let away =
         (prop::bool::ANY, -17.0..-8.0f64).prop_map(|(more, log)| 10f64.powf(log) * if more { 1.0 } else { -1.0 });
@@ -125,7 +125,7 @@ proptest! {
         }
     }
 
-    /// The same from the matrix of the step: λ₁ λ₂ is its determinant and λ₁ + λ₂ its trace, and the whole answer says the growth.
+    /// The same from the matrix of the step: λ₁ λ₂ is its determinant and λ₁ + λ₂ its trace, and the whole answer gives the growth.
     #[test]
     fn the_closed_form_has_the_steps_trace_and_determinant(wheel in wide(), x in -3.0..0.3f64) {
         let stiffness = wheel.springs[0] + wheel.springs[1];
@@ -151,7 +151,7 @@ proptest! {
     }
 }
 
-/// Numbers that no world has are no loops, and the loops beside them do not mind.
+/// Numbers that no world has are not loops, and do not change the results of their neighbours.
 #[test]
 fn what_is_no_number_has_no_verdict() {
     let wheel = Wheel { inertia: 0.02, springs: [1.0, 0.0], fixed: 0.0, follows: Follows::Nothing, period: 1e-3 };

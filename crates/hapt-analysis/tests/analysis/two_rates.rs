@@ -62,8 +62,8 @@ fn covered() -> impl Strategy<Value = World> {
 
 type Core = Loop<f64, 6, 32, 2>;
 
-/// What a hand has got out of the loop after each sample, in J: it moves the puck by `way` of the present torque, uniformly from sample to
-/// sample, and the device takes b δ²/T of that.
+/// The energy that a hand has drawn from the loop after each sample, in J: it moves the puck by `way` of the present torque, uniformly from
+/// sample to sample, and the device dissipates b δ²/T of it.
 fn drawn(world: &World, damping: f64, samples: usize, mut way: impl FnMut(usize, f64) -> f64) -> Vec<f64> {
     let core = Core::new(&world.spec()).unwrap();
     let (mut state, mut z, mut sum) = (core.start(), 0.0, 0.0);
@@ -145,7 +145,7 @@ proptest! {
             got[got.len() - 1]
         };
         let pairs = f64::from(every / 2) * 100.0;
-        // Out against no torque and back with K times the way.
+        // Out against no torque and back with K times the displacement.
         let expected = |damping: f64| pairs * amplitude * amplitude * (k - 2.0 * damping / period);
         for part in [0.95, 1.0, 1.05] {
             let (got, wanted) = (gains(part * required), expected(part * required));
@@ -178,7 +178,7 @@ proptest! {
     // Each is some thousand eigenvalue problems.
     #![proptest_config(hapt_testing::cases(16))]
 
-    /// A hand at rest is passive, and so is none: neither grows on what the theorem covers.
+    /// A hand at rest is passive, and so is no hand: with neither does a loop grow that the theorem covers.
     #[test]
     fn a_passive_loop_does_not_grow_hands_off_nor_in_a_grip(
         bench in worlds(Dampers::Fixed, true), method in prop::sample::select(KEEPING.to_vec()), every in 2..9u32,
@@ -195,7 +195,7 @@ proptest! {
         world.device.inertia = 0.3 * required * world.sampling.period;
         prop_assert!(Verdict::of(free_growth(&world).unwrap()) != Verdict::Unstable, "{:?}", free_growth(&world));
         prop_assert_eq!(worst_grip(&world).unwrap(), None);
-        // What breaks it is below the requirement, and a hand is found that nearly needs it.
+        // The damping at which a hand breaks it is below the requirement, and a hand is found that nearly needs it.
         world.device.damping = 0.0;
         let broken = breaking_damping(&world).unwrap();
         prop_assert!(broken.is_some_and(|hand| hand.damping <= required && hand.damping > 0.3 * required), "{broken:?} {required}");
@@ -270,7 +270,8 @@ fn what_the_theorem_does_not_cover_has_no_number_and_says_why() {
     assert!(!check(&world).unwrap().certified.holds());
 }
 
-/// Dampers between puck and ground count as beside a bare spring: those that compensate, with the springs between puck and ground alone.
+/// Dampers between puck and ground count as in parallel with a bare spring: those that compensate, only with the springs between puck and
+/// ground.
 #[test]
 fn dampers_to_ground_add_what_they_are() {
     let mut world = wheel();
@@ -314,7 +315,7 @@ fn what_is_about_loops_of_one_rate_is_refused_by_name() {
     refused(with_worst_pattern(&world, &scenario).unwrap_err());
 }
 
-/// The estimator, counts and limits that are not proved beside bodies are not at this rate either.
+/// The estimators, counts and limits that are not proved with bodies are not proved at this rate either.
 #[test]
 fn the_reasons_of_one_rate_stay() {
     let reasons = |change: &dyn Fn(&mut World)| {
@@ -385,7 +386,7 @@ proptest! {
             prop_assert!(growth(low) > 0.0, "{world:?}");
             return Ok(());
         }
-        // After many swings in a step rounding alone tells a root that touches the circle from one that leaves it.
+        // After many swings in a step, only rounding separates a root that touches the circle from one that leaves it.
         if found.critical_period_s.is_some_and(|critical| critical > 50.0 * world.sampling.period) {
             return Ok(());
         }

@@ -1,7 +1,8 @@
 //! Torques that the device's friction takes, (T76): integral terms with a limit and friction between puck and ground.
 //!
-//! A hand that prescribes the path z(t) of the puck gets ∫τ dz - b ∫ż² dt - f ∫|dz|, but for what it puts into the puck's inertia and gets back.
-//! Starting from rest at the rest of all springs it may never get any: of all passive hands those with a prescribed path are the strongest.
+//! A hand that prescribes the path z(t) of the puck gets ∫τ dz - b ∫ż² dt - f ∫|dz|, apart from the energy that it exchanges with the
+//! puck's inertia. Starting from rest at the rest of all springs it may never get any: hands with a prescribed path are the worst case of
+//! all passive hands.
 
 use hapt_analysis::{Status, check, is_certified, passivity, uneven};
 use hapt_core::Loop;
@@ -12,7 +13,8 @@ use crate::common::*;
 
 type Room = Loop<f64, 2, 8, 32>;
 
-/// What a hand does from one sample to the next: how long, when in it the command arrives, and the ways before and after that.
+/// A hand's motion from one sample to the next: the interval, the arrival of the command in it, and the displacements before and after
+/// that.
 #[derive(Clone, Copy, Debug)]
 struct Part {
     interval: f64,
@@ -56,7 +58,7 @@ fn uniform(rng: &mut Rng, from: f64, to: f64) -> f64 {
     from + (to - from) * (rng.next() >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// Paths of hands that try: to and fro across a sample, slow turns, waiting beside the rest and striking across it, random walks.
+/// Paths that may draw energy: to and fro across a sample, slow turns, waiting next to the rest and moving fast across it, random walks.
 fn path(world: &World, rng: &mut Rng, samples: usize) -> Vec<Part> {
     let sampling = &world.sampling;
     let kind = rng.next() % 4;
@@ -109,7 +111,7 @@ fn assist(torque: f64, velocity: f64) -> Coupling {
 }
 
 prop_compose! {
-    /// A world with torques within friction, with `share` of the friction that they, counts and levels ask for.
+    /// A world with torques within friction, with `share` of the friction that they, counts and levels require.
     fn within(share: std::ops::Range<f64>)(
         k in 0.0..5.0_f64, b in 0.0..0.01_f64, wall in prop::option::of((0.0..2.0_f64, 0.0..0.003_f64)), gain in 0.5..500.0_f64, time in 0.01..1.0_f64,
         limits in [1e-3..0.1_f64, 1e-3..0.1_f64, 1e-3..0.1_f64], which in 1..8_u8, flip: bool, speed in -4.0..1.0_f64,
@@ -154,13 +156,13 @@ prop_compose! {
 proptest! {
     #![proptest_config(hapt_testing::cases(300))]
 
-    /// With the damping that it requires, the loop gives nothing to the hands that try, whatever the times are.
+    /// With the damping that it requires, the loop gives no energy along these paths, at any times.
     #[test]
     fn what_friction_takes_no_hand_gets(mut world in within(1.0 + 1e-12..1.0 + 2e-12), seed: u64) {
         let required = uneven(&world).unwrap().required_damping;
         prop_assert!(required.is_some(), "{:?}", uneven(&world).unwrap().not_proved);
         world.device.damping = required.unwrap() * (1.0 + 1e-12);
-        // A motor that clips may ask for more.
+        // A motor that saturates may require more.
         while !uneven(&world).unwrap().proved.holds() && world.device.damping < 1e3 {
             world.device.damping *= 1.2;
         }
@@ -176,7 +178,7 @@ proptest! {
         }
     }
 
-    /// Friction of less is not enough: the hand that tries gets some.
+    /// Less friction is not enough: some path draws energy.
     #[test]
     fn with_less_friction_a_hand_gets_some(limit in 1e-3..0.1_f64, share in 0.0..0.9_f64, gain in 1.0..100.0_f64, is_integral: bool) {
         let coupling = if is_integral { integral(gain * 0.1, 0.1, limit, false) } else { friction(limit) };
@@ -213,7 +215,7 @@ proptest! {
         prop_assert!(got > 0.0);
     }
 
-    /// What is left of the friction pays for counts and for missing damping as that of a device which has only so much.
+    /// The rest of the friction makes up for counts and for missing damping, as on a device that has only this rest.
     #[test]
     fn the_rest_is_that_of_a_device_with_the_rest_of_the_friction(world in within(0.5..3.0), part in 0.2..2.0_f64, overspeed in 0.01..100.0_f64, back: bool) {
         let mut world = world;
@@ -250,7 +252,8 @@ proptest! {
 proptest! {
     #![proptest_config(hapt_testing::cases(200))]
 
-    /// A compensation of friction is passive as far as the least friction goes, whatever the estimator is; of more a hand that goes steadily draws.
+    /// A compensation of friction is passive up to the least friction, with any estimator; from a larger one a hand at
+    /// constant velocity draws energy.
     #[test]
     fn a_compensation_of_friction_is_passive_up_to_the_least_friction(
         friction in 1e-3..0.1_f64, tolerance in 0.0..0.9_f64, share in 0.0..1.0_f64, velocity in 1e-3..10.0_f64, k in 0.0..2.0_f64,
@@ -276,7 +279,7 @@ proptest! {
         }
     }
 
-    /// What is given beyond the friction a hand that goes steadily draws.
+    /// A hand at constant velocity draws the torque beyond the friction.
     #[test]
     fn a_steady_hand_draws_what_is_more_than_friction(torque in 1e-3..0.1_f64, share in 0.0..0.9_f64, part in 0.01..0.9_f64) {
         let damping = 1e-3;

@@ -1,4 +1,4 @@
-//! What a proof file says, against the world that it is of.
+//! The contents of a proof file, against the world that it belongs to.
 
 use hapt_analysis::{Check, check, proof, required_damping};
 use hapt_model::{Source, World};
@@ -23,7 +23,7 @@ fn numbers(list: &Value) -> Vec<f64> {
     list.as_array().unwrap().iter().map(number).collect()
 }
 
-/// A spring and a damper from the puck to ground behind so many samples.
+/// A spring and a damper from the puck to ground behind a delay of `samples` samples.
 fn spring_and_damper(period: f64, samples: u32, estimator: &str, [stiffness, damping]: [f64; 2]) -> World {
     world(&format!(
         "loop = {{ period = {period:?}, delay = \"{samples} samples\", estimator = {estimator:?}, cutoff = \"40 Hz\" }}\n\

@@ -1,4 +1,4 @@
-//! The Z-width of a device: closed forms, and its edges looked at from both sides.
+//! The Z-width of a device: closed forms, and its edges checked from both sides.
 
 use std::f64::consts::TAU;
 

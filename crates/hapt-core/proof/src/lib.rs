@@ -1,4 +1,4 @@
-//! hapt-core compiled alone, for f32 and f64, behind two functions that nothing is known about. If any way through the core
+//! hapt-core compiled by itself, for f32 and f64, behind two functions that the optimiser cannot see into. If any path through the core
 //! could panic, the library would contain the standard panic routines; `cargo xtask test` looks for their names.
 #![no_std]
 
@@ -14,7 +14,7 @@ fn panic(_: &core::panic::PanicInfo) -> ! {
     loop {}
 }
 
-/// Compiles a world that the optimiser knows nothing about, and takes ten samples.
+/// Compiles a world that is unknown to the optimiser, and takes ten samples.
 fn run<F: Real, const B: usize, const C: usize, const W: usize>(z: f64) -> f64 {
     let bodies = black_box([Body { inertia: z, position: z, velocity: z }; 5]);
     let coupling = Coupling { first: End::Puck, second: End::Body(0), law: Law::Spring { stiffness: z, rest: z }, limit: None };
@@ -87,7 +87,7 @@ fn guarded<F: Real, const B: usize, const C: usize, const W: usize>(
     sum
 }
 
-/// On a microcontroller's numbers and room.
+/// On a microcontroller's numbers and capacity.
 #[unsafe(no_mangle)] // So that the linker keeps it.
 pub extern "C" fn hapt_proof_single(z: f64) -> f64 {
     run::<f32, 4, 8, 17>(z)

@@ -17,11 +17,11 @@ impl<F: Number> Coulomb<F> {
 }
 
 impl<F: Real> Coulomb<F> {
-    /// Of the torques within ±`torque` that oppose q' - q, or make it 0, the one that brings q̇' nearest to rest.
+    /// Of the torques within ±`torque` that oppose q' - q, or bring it to 0, the one that brings q̇' nearest to rest.
     ///
-    /// Under backward Euler, and for what slides on, or rests already, this is -`torque` · sign(q' - q), or the torque that makes q' - q
-    /// 0. Under zoh and the trapezoidal rule that alone would not bring a moving body to rest: it sends it back with -q̇, and so at
-    /// every sample from then on.
+    /// Under backward Euler, and for a coupling that continues to slide, or rests already, this is -`torque` · sign(q' - q), or the torque
+    /// that makes q' - q 0. Under zoh and the trapezoidal rule this torque would not bring a moving body to rest: the body would return
+    /// with -q̇, and again at every later sample.
     pub fn solve(&self, response: &StepResponse<F>) -> Solution<F> {
         let torque = self.torque;
         if response.free == F::ZERO {

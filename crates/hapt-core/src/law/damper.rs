@@ -21,7 +21,7 @@ pub(crate) struct Damper<F> {
     pub limit: F,
 }
 
-/// torque/velocity of an assist, and no more than any number of a file is: its product with a velocity is finite.
+/// torque/velocity of an assist, limited to the largest number of a file, so that its product with a velocity is finite.
 pub(crate) fn gain(torque: f64, velocity: f64) -> f64 {
     let gain = torque / velocity;
     if gain < 1e30 { gain } else { 1e30 }
@@ -36,7 +36,7 @@ impl<F: Number> Damper<F> {
 }
 
 impl<F: Real> Damper<F> {
-    /// The torque over a step of 1/`rate` seconds, from the mean velocity. Straight where it is not limited, so that the straight
+    /// The torque over a step of 1/`rate` seconds, from the mean velocity. The law is linear where it is not limited, so that the linear
     /// solution, limited, is the solution.
     pub fn solve(&self, response: &StepResponse<F>, rate: F) -> Solution<F> {
         let drag = self.damping * rate;

@@ -13,7 +13,7 @@ pub(crate) struct DeadBand<F> {
     pub limit: F,
 }
 
-/// What it stores at q: a spring's energy, from the edge of the band on.
+/// The energy that it stores at q: a spring's energy, from the edge of the band on.
 pub(super) fn energy(stiffness: f64, rest: f64, width: f64, q: f64, limit: f64) -> f64 {
     spring::energy(stiffness, ((q - rest).abs() - width).max(0.0), limit)
 }

@@ -1,4 +1,4 @@
-//! The integral term of a PID controller: a torque that grows while the puck stands away from its rest.
+//! The integral term of a PID controller: a torque that grows while the puck is away from its rest.
 
 use crate::Number;
 use crate::contact::within;

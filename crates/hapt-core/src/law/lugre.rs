@@ -14,7 +14,7 @@ pub(crate) struct Lugre<F> {
 }
 
 impl<F: Number> Lugre<F> {
-    /// σ0 |q̇|/g in 1/s, the rate at which the bristle forgets; infinite where g is 0.
+    /// σ0 |q̇|/g in 1/s, the rate at which the bristle relaxes; infinite where g is 0.
     #[inline(always)]
     fn rate(&self, velocity: F) -> F {
         let ratio = velocity / self.stribeck_velocity;
@@ -28,7 +28,7 @@ impl<F: Number> Lugre<F> {
     pub fn bend(&self, bristle: F, velocity: F, t: F) -> F {
         let rate = self.rate(velocity);
         let forgotten = (-(rate * t)).expm1();
-        // At an infinite rate nothing is left of the bristle: level 0 holds nothing. At rest it stays, whatever 0/0 is as a rate.
+        // At an infinite rate nothing is left of the bristle: level 0 holds nothing. At rest it stays, although its rate is 0/0.
         let deflection = bristle + bristle * forgotten - velocity * forgotten / rate;
         rate.if_above(F::ZERO, deflection, bristle + velocity * t)
     }

@@ -17,7 +17,7 @@ pub(crate) struct Magnet<F> {
 /// √e
 pub(super) const ROOT_E: f64 = 1.648_721_270_700_128_2;
 
-/// What it stores at q.
+/// The energy that it stores at q.
 pub(super) fn energy(torque: f64, width: f64, at: f64, q: f64) -> f64 {
     let x = (q - at) / width;
     -(torque * width * ROOT_E * libm::expm1(-0.5 * x * x))
@@ -51,8 +51,8 @@ impl<F: Real> Magnet<F> {
         self.mean((start - self.at) / self.width, distance).0
     }
 
-    /// The mean of V' over `distance` from x, and its derivative. With m the middle of the way and u = m · distance/width, the
-    /// difference of the two exponentials is exp(-x²/2) (1 - e^-u): the nearer end stands before the brackets, so that u is not negative.
+    /// The mean of V' over `distance` from x, and its derivative. With m the middle of the displacement and u = m · distance/width, the
+    /// difference of the two exponentials is exp(-x²/2) (1 - e^-u): x is the end nearer to the place, so that u is not negative.
     fn mean(&self, x: F, distance: F) -> (F, F) {
         let way = distance / self.width;
         let end = x + way;

@@ -1,6 +1,6 @@
 //! A coupling's law: its data, and what follows from them. Each law has a file; this one defines what each law must provide.
 //!
-//! A law with an energy is a function of q alone: its file gives its torque -V'(q), its V, and the mean of V' over a way, which
+//! A law with an energy is a function of q only: its file gives its torque -V'(q), its V, and the mean of V' over a displacement, which
 //! is what the discrete-gradient step needs ([`crate::gradient`]). Every match here names every law, so that a new law does not
 //! compile until each function handles it.
 
@@ -125,7 +125,7 @@ pub enum Law {
         stiffness: f64,
         /// The time in s in which a standing deflection gives the torque of a spring of that stiffness, positive.
         time: f64,
-        /// The q at which it stands still.
+        /// The q at which the sum stays constant.
         rest: f64,
     },
     /// torque · q̇/velocity, within ±torque: a torque along the velocity, as a compensation of friction makes it. Between puck and ground.
@@ -171,7 +171,7 @@ crate::named! {
     }
 }
 
-/// The facts that tell the laws apart, beside their torques.
+/// The properties in which the laws differ, in addition to their torques.
 struct Traits {
     kind: CouplingKind,
     noun: &'static str,
@@ -231,7 +231,7 @@ pub struct Linear {
 }
 
 impl Law {
-    /// One of every law, with a number of its range for each of its numbers: a damper by either rule, a wall on either side.
+    /// One of every law, with a valid value for each of its numbers: a damper by either rule, a wall on either side.
     pub const ALL: [Law; 14] = [
         Law::Spring { stiffness: 1.0, rest: 0.0 },
         Law::Damper { damping: Damping::Fixed(1.0) },
@@ -340,7 +340,7 @@ impl Law {
         self.traits().kind
     }
 
-    /// What it is called, with its article.
+    /// Its name, with its article.
     pub const fn noun(&self) -> &'static str {
         self.traits().noun
     }
@@ -384,12 +384,12 @@ impl Law {
         self.traits().integrates
     }
 
-    /// Whether it is between puck and ground alone, and without an advance: it depends on how the puck moves, or has moved.
+    /// Whether it is allowed only between puck and ground, and without an advance: it depends on how the puck moves, or has moved.
     pub const fn is_at_puck(&self) -> bool {
         self.traits().is_at_puck
     }
 
-    /// Whether it may hold a torque at rest that is 0 at no q: an origin that slips after it would slip on and on.
+    /// Whether it may hold a torque at rest that is 0 at no q: an origin that follows it would slip for ever.
     pub const fn is_endless(&self) -> bool {
         self.traits().is_endless
     }
@@ -434,7 +434,7 @@ impl Law {
         if let Law::Damper { damping } = self { Some(damping) } else { None }
     }
 
-    /// Whether it is a damper whose damping follows the springs beside it.
+    /// Whether it is a damper whose damping follows the springs in parallel with it.
     pub const fn is_compensating(&self) -> bool {
         matches!(self, Law::Damper { damping: Damping::Compensating })
     }
@@ -458,7 +458,8 @@ impl Law {
         }
     }
 
-    /// What it stores in J at q, with a friction's bristle as it stands, where its torque is held within `limit`; infinite: any.
+    /// The energy in J that it stores at q, with the present deflection of a friction's bristle, where its torque is held within `limit`;
+    /// infinite: any.
     pub(crate) fn stored(&self, q: f64, bristle: f64, limit: f64) -> f64 {
         match *self {
             Law::Spring { stiffness, rest } => spring::energy(stiffness, q - rest, limit),
@@ -474,13 +475,13 @@ impl Law {
     }
 }
 
-/// Phases of so many pitches are taken as they are.
+/// Phases up to this many pitches are not reduced.
 const MAX_PITCHES: f64 = 16.0;
-/// A number of so many pitches has no digits within one.
+/// A number of this many pitches has no digits within one pitch.
 const WHOLE_PITCHES: f64 = 9_007_199_254_740_992.0;
 
-/// A phase that is the same to a periodic law, of a few pitches at most: beside one of many the position would be lost in rounding. It errs
-/// by the rounding of the phase itself; `libm::fmod` would not, and has a way to panic.
+/// An equivalent phase of a periodic law, of a few pitches at most: with a phase of many pitches the position would be lost in rounding. It
+/// errs by the rounding of the phase itself; `libm::fmod` would not, but contains a panic.
 pub(crate) fn reduced(phase: f64, pitch: f64) -> f64 {
     let pitches = phase / pitch;
     match libm::fabs(pitches) {

@@ -1,6 +1,6 @@
-//! A number of a law: its key in world files, and what it may be.
+//! A number of a law: its key in world files, and its range.
 
-/// Which numbers a law takes.
+/// The range of a number of a law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Range {
     /// Any finite number.
@@ -16,7 +16,7 @@ pub enum Range {
 pub struct Quantity<'a> {
     /// Its key in world files.
     pub name: &'static str,
-    /// What it may be.
+    /// Its range.
     pub range: Range,
     /// In SI.
     pub value: &'a mut f64,

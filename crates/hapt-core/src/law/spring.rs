@@ -41,7 +41,7 @@ impl<F: Real> Spring<F> {
     }
 }
 
-/// stiffness · x²/2 up to the x at which the torque is `limit`, straight from there on.
+/// stiffness · x²/2 up to the x at which the torque is `limit`, linear from there on.
 pub(super) fn energy(stiffness: f64, x: f64, limit: f64) -> f64 {
     if limit == f64::INFINITY {
         return 0.5 * stiffness * (x * x);
@@ -51,7 +51,7 @@ pub(super) fn energy(stiffness: f64, x: f64, limit: f64) -> f64 {
     0.5 * stiffness * slope * slope + if x > slope { limit * (x - slope) } else { 0.0 }
 }
 
-/// k x, held between two torques: the slope of what a wall (0 and its limit) or a spring with a limit stores.
+/// k x, held between two torques: the derivative of the stored energy of a wall (0 and its limit) or of a spring with a limit.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ramp<F> {
     stiffness: F,
@@ -67,19 +67,19 @@ impl<F: Real> Ramp<F> {
         Ramp { stiffness, low, high: most / stiffness }
     }
 
-    /// The mean over the way from `from` to `from + distance`, and its derivative by `distance`.
+    /// The mean from `from` to `from + distance`, and its derivative by `distance`.
     pub fn mean(&self, from: F, distance: F) -> (F, F) {
         let to = from + distance;
         let (a, b) = (within(from, self.low, self.high), within(to, self.low, self.high));
         if a == from && b == to {
             return (self.stiffness * (from + F::HALF * distance), F::HALF * self.stiffness);
         }
-        // The way as the numbers have it, so that its shares below, on and above the slope make 1.
+        // The rounded displacement, so that its shares below, on and above the slope sum to 1.
         let way = to - from;
         if way == F::ZERO {
             return (self.stiffness * a, F::ZERO);
         }
-        // From the start's level on: no share of a short way multiplies more than that way.
+        // Relative to the value at the start: no share of a short displacement multiplies more than that displacement.
         let mut rise = F::HALF * (b - a) * ((b - a) / way);
         for (level, share) in [
             (self.high, over(to, self.high) - over(from, self.high)),
@@ -94,7 +94,7 @@ impl<F: Real> Ramp<F> {
     }
 }
 
-/// How far x is over y; 0 when it is not.
+/// x - y where positive, else 0.
 fn over<F: Real>(x: F, y: F) -> F {
     if x > y { x - y } else { F::ZERO }
 }

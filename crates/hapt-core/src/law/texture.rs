@@ -1,8 +1,8 @@
 //! A texture: a periodic torque without a mean, as a Fourier sum.
 //!
 //! With θ = 2π(q - phase)/pitch the torque is torque · Σ (sineₙ sin nθ + cosineₙ cos nθ), n from 1 to [`HARMONICS`]. It is -V' of
-//! V = torque · pitch/2π · Σ (sineₙ cos nθ - cosineₙ sin nθ + √(sineₙ² + cosineₙ²))/n, which is nowhere negative. The mean of each
-//! harmonic over a way is its value in the middle times sin(a)/a, with a half of the way as an angle of that harmonic.
+//! V = torque · pitch/2π · Σ (sineₙ cos nθ - cosineₙ sin nθ + √(sineₙ² + cosineₙ²))/n, which is nowhere negative. The mean of each harmonic
+//! over a displacement is its value in the middle times sin(a)/a, with a half of the displacement as an angle of that harmonic.
 
 use core::array::from_fn;
 
@@ -10,7 +10,7 @@ use crate::contact::{Solution, StepResponse, solve_nearest};
 use crate::law::reduced;
 use crate::{Lanes, Number, Real};
 
-/// Harmonics of a texture: every coupling has room for them, also on boards.
+/// Harmonics of a texture: every coupling stores this many, also on boards.
 pub const HARMONICS: usize = 4;
 
 /// One period of a texture as a Fourier sum without a mean: Σ (sineₙ sin nθ + cosineₙ cos nθ), θ from 0 to 2π. Its factors are f32: a
@@ -66,7 +66,7 @@ pub(crate) struct Texture<F> {
     pub cosine: [F; HARMONICS],
 }
 
-/// What it stores at q.
+/// The energy that it stores at q.
 pub(super) fn energy(torque: f64, pitch: f64, phase: f64, waveform: &Waveform, q: f64) -> f64 {
     let angle = core::f64::consts::TAU * (q - reduced(phase, pitch)) / pitch;
     let of = |(n, sine, cosine): (f64, f64, f64)| {
@@ -136,12 +136,12 @@ impl<F: Real> Texture<F> {
         solve_nearest(response, most, (turn, turn), self.fine(), |distance| self.mean(from, distance))
     }
 
-    /// How near two solutions are that count as one.
+    /// The distance within which two solutions count as one.
     pub fn fine(&self) -> F {
         self.pitch * F::from_f64(1.0 / (64.0 * HARMONICS as f64))
     }
 
-    /// A bound on the torque, and one on the slope of its mean over a way.
+    /// A bound on the torque, and one on the slope of its mean over a displacement.
     pub fn bounds(&self) -> (F, F) {
         let (most, steepest) = self.sizes();
         (most, steepest * F::from_f64(core::f64::consts::PI) / self.pitch)

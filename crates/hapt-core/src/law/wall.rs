@@ -43,7 +43,7 @@ pub(crate) const fn direction(side: Side) -> f64 {
     }
 }
 
-/// What it stores at q.
+/// The energy that it stores at q.
 pub(super) fn energy(side: Side, at: f64, stiffness: f64, q: f64, limit: f64) -> f64 {
     let depth = match side {
         Side::Above => (q - at).max(0.0),
@@ -65,7 +65,7 @@ impl<F: Number> Wall<F> {
 }
 
 impl<F: Real> Wall<F> {
-    /// Whether it is out of reach from `start` to `start + distance`: the common case, and cheap to see.
+    /// Whether it is out of reach from `start` to `start + distance`: the common case, with a cheap test.
     #[inline]
     pub fn is_clear(&self, start: F, distance: F) -> bool {
         let depth = self.direction * (start - self.at);
@@ -76,7 +76,7 @@ impl<F: Real> Wall<F> {
         Ramp::new(self.stiffness, F::ZERO, self.limit)
     }
 
-    /// The torque that keeps its energy over a step of 1/`rate` seconds, and takes what its damping takes.
+    /// The torque that keeps its energy over a step of 1/`rate` seconds, plus that of its damping.
     pub fn solve(&self, response: &StepResponse<F>, rate: F) -> Solution<F> {
         let direction = self.direction;
         let inward = StepResponse {
@@ -88,8 +88,8 @@ impl<F: Real> Wall<F> {
         Solution { torque: direction * solution.torque, ..solution }
     }
 
-    /// The torque over a step of 1/`rate` seconds in which q goes from `start` by `distance`: damped, where the middle of the way is inside, and
-    /// where it is not.
+    /// The torque over a step of 1/`rate` seconds in which q goes from `start` by `distance`: damped where the middle of the displacement
+    /// is inside, and undamped where it is not.
     pub fn over_step(&self, start: F, distance: F, rate: F) -> F {
         let direction = self.direction;
         let (x, way) = (direction * (start - self.at), direction * distance);
@@ -111,9 +111,9 @@ impl<F: Real> Wall<F> {
 
 /// A wall that pushes outward from x > 0, in x and torque that count inward. `drag` is damping/T.
 ///
-/// Damping acts where the middle of the way is inside, on one side of d = -2x. From inside, the push falls to its undamped value
-/// there, and of two solutions the damped one, with the smaller change, is nearest to the free motion. From outside it rises
-/// there: where neither side has a solution, it stands at the edge, with the part of the damping that holds it there.
+/// Damping acts where the middle of the displacement is inside, on one side of d = -2x. From inside, the push falls to its undamped value
+/// there, and of two solutions the damped one, with the smaller change, is nearest to the free motion. From outside it rises there: where
+/// neither side has a solution, the solution is at the edge, with the part of the damping that holds it there.
 fn push<F: Real>(response: &StepResponse<F>, ramp: &Ramp<F>, drag: F, limit: F) -> Solution<F> {
     let push = |drag: F, distance: F| {
         let (mean, slope) = ramp.mean(response.start, distance);

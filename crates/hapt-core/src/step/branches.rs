@@ -1,5 +1,5 @@
-//! What of a sample depends on what its numbers are: the steps that find torques at bodies, FOAW's window, couplings of different laws in
-//! different lanes. A number decides them; lanes, which would decide differently, do so one after the other ([`crate::Batch`]).
+//! The parts of a sample that branch on its numbers: the steps that find torques at bodies, FOAW's window, couplings of different laws in
+//! different lanes. A single number branches; lanes, which would branch differently, are computed one after the other ([`crate::Batch`]).
 
 use crate::gradient::{Contacts, Step};
 use crate::matrix::Vector;
@@ -7,7 +7,7 @@ use crate::sense::{Memory, Puck};
 use crate::step::Loop;
 use crate::{End, Number, Real};
 
-/// The places of a sample at which its numbers are looked at.
+/// The places of a sample that branch on its numbers.
 pub(crate) trait Branches<F, const B: usize, const C: usize, const W: usize> {
     /// Whether the world is known to be linear and ideal ([`LinearFastPath`]).
     const IS_LINEAR: bool = false;
@@ -18,8 +18,8 @@ pub(crate) trait Branches<F, const B: usize, const C: usize, const W: usize> {
     /// Every LuGre bristle over one period, with q̇ as it is at this sample held, and every integral by this sample.
     fn bend(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>);
 
-    /// x_{k+1} - x_k of the method for n bodies, from x_k, u_k and, with the methods that look at it, u_{k-1}, into its place. Given back and stored there it would go in parts, and the
-    /// next sample, which reads positions and velocities as one vector, would wait for them.
+    /// x_{k+1} - x_k of the method for n bodies, from x_k, u_k and, with the methods that look at it, u_{k-1}, into its place. A returned
+    /// value would be stored in parts, and the next sample, which reads positions and velocities as one vector, would wait for them.
     #[allow(clippy::too_many_arguments)] // What a step is made from, and where it goes.
     fn change(
         &self,
@@ -42,7 +42,7 @@ pub(crate) trait Branches<F, const B: usize, const C: usize, const W: usize> {
         contacts: &Contacts<F, C>,
     ) -> F;
 
-    /// What the motor is asked for.
+    /// The command to the motor.
     fn command(&self, torque: F) -> F;
 }
 
@@ -90,7 +90,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, 
         if self.nonlinear_count == 0 {
             return torque;
         }
-        // A copy: what is lent away has no place in registers.
+        // A copy: a borrowed value does not stay in registers.
         let bodies = *bodies;
         torque + self.nonlinear_torque(&bodies, puck, bristles, contacts)
     }
@@ -102,7 +102,8 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, 
 }
 
 /// The common case, checked once a sample: linear, with an ideal encoder and the true velocity, by a method
-/// that holds u_k, with the torque from the end of the step ([`Loop::has_fast_path`]). The sample is the same, with its answers known.
+/// that holds u_k, with the torque from the end of the step ([`Loop::has_fast_path`]). The sample is the same, with its branches decided in
+/// advance.
 pub(crate) struct LinearFastPath<'l, F, const B: usize, const C: usize, const W: usize>(pub &'l Loop<F, B, C, W>);
 
 impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, W> for LinearFastPath<'_, F, B, C, W> {
@@ -148,7 +149,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Branches<F, B, C, 
     }
 }
 
-/// Out of line, as all that only some worlds have: it would take the registers of what all have.
+/// Out of line, as all code that only some worlds need: inlined it would take registers that all worlds need.
 impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     #[cold]
     pub(crate) fn bend_all(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>) {
@@ -181,7 +182,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         }
     }
 
-    /// The change with the nonlinear torques as they stand at x.
+    /// The change with the nonlinear torques evaluated at x.
     fn pushed(
         &self,
         mut change: Vector<F, B>,
@@ -255,7 +256,7 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     }
 }
 
-/// Of numbers and of lanes: the nonlinear couplings, each in turn.
+/// For numbers and for lanes: the nonlinear couplings, each in turn.
 impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
     #[inline(always)]
     pub(crate) fn bend_each(&self, bristles: &mut [F; C], puck: Puck<F>, bodies: &Vector<F, B>) {

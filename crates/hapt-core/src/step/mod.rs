@@ -29,9 +29,9 @@ pub struct Loop<F, const B: usize, const C: usize, const W: usize> {
     pub(crate) has_fast_path: bool,
     pub(crate) moment: Moment,
     pub(crate) start: Vector<F, B>,
-    /// The method's matrix: what each body does to all.
+    /// The method's matrix: the effect of each body on all.
     pub(crate) state: [Response<F, B>; B],
-    /// What the puck does to them, as seen at this sample and at the last.
+    /// The effect of the puck on them, as seen at this sample and at the last.
     pub(crate) input_new: Response<F, B>,
     pub(crate) input_old: Response<F, B>,
     pub(crate) drift: Vector<F, B>,
@@ -41,13 +41,13 @@ pub struct Loop<F, const B: usize, const C: usize, const W: usize> {
     pub(crate) gradient: Option<Gradient<F, B>>,
     pub(crate) port: Port<F, B>,
     pub(crate) nonlinear: [Option<Nonlinear<F>>; C],
-    /// No nonlinear coupling stands from here on.
+    /// The nonlinear couplings are before this index.
     pub(crate) nonlinear_count: usize,
     pub(crate) sensor: Sensor<F>,
     pub(crate) actuator: Actuator<F>,
 }
 
-/// Which state of the bodies makes the torque: [`crate::Output`], with `advance` further steps.
+/// Which state of the bodies gives the torque: [`crate::Output`], with `advance` further steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Moment {
     Start,
@@ -56,7 +56,7 @@ pub(crate) enum Moment {
     Ahead(u32),
 }
 
-/// The linear torque on the puck: from its own position and velocity, from the bodies', and from nothing.
+/// The linear torque on the puck: from its own position and velocity, from the bodies', and a constant part.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Port<F, const B: usize> {
     pub puck: [F; 2],
@@ -100,23 +100,23 @@ pub struct State<F, const B: usize, const C: usize, const W: usize> {
     pub bristles: [F; C],
     /// The torques found over the step, with the methods that find them.
     pub contacts: Contacts<F, C>,
-    /// What the sensor remembers.
+    /// The memory of the sensor.
     pub memory: Memory<F, W>,
 }
 
-/// What one sample gives.
+/// The result of one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample<F> {
     /// u_k: the puck as the loop saw it.
     pub puck: Puck<F>,
     /// The couplings' torque on the puck in N·m (linear: N), before levels and limit.
     pub torque: F,
-    /// What the motor is asked for, after levels and limit.
+    /// The command to the motor, after levels and limit.
     pub command: F,
 }
 
 impl<F: Number, const B: usize, const C: usize, const W: usize> State<F, B, C, W> {
-    /// A state of no world: every number 0, and nothing remembered.
+    /// The state of an empty world: every number 0, and no memory.
     pub const EMPTY: Self = State {
         now: Vector::ZERO,
         change: Vector::ZERO,
@@ -149,7 +149,7 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         self.period
     }
 
-    /// The method's matrices on one state of n bodies: what is not theirs stays as it is, or becomes 0. `old` is there for the methods that take
+    /// The method's matrices on one state of n bodies: other entries stay unchanged, or become 0. `old` is there for the methods that take
     /// the new sample first.
     #[inline(always)]
     pub(crate) fn linear(
@@ -169,14 +169,14 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
                 if i * ROWS >= n {
                     break;
                 }
-                // The last rows may be some of those before: made twice, they are the same.
+                // The last rows may overlap those before: computed twice, they are the same.
                 let at = (i * ROWS).min(B - ROWS);
                 change.set_rows(at, &self.rows::<ROWS>(n, at, x, old, new));
             }
         }
     }
 
-    /// L rows of the linear part. The bodies come after the puck: a sum should not wait where it can begin.
+    /// L rows of the linear part. The bodies come after the puck, so that the sums can begin without waiting for them.
     #[inline(always)]
     fn rows<const L: usize>(
         &self,
@@ -223,16 +223,16 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
         self.sample(self, state, position, velocity)
     }
 
-    /// What the motor is asked for, of a torque on the puck in N·m (linear: N): after levels and limit.
+    /// The command to the motor for a torque on the puck in N·m (linear: N): after levels and limit.
     pub fn command(&self, torque: F) -> F {
         self.actuator.command_one(torque)
     }
 }
 
-/// One source for numbers and for lanes: what a sample is.
+/// The sample, in one source for numbers and for lanes.
 impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
-    /// Most worlds have one body: the sample is monomorphised for it, and results are bit-identical. What depends on the
-    /// numbers is asked of `with`: of the loop itself, or of the loops of all lanes, with their S couplings.
+    /// Most worlds have one body: the sample is monomorphised for it, and results are bit-identical. `with` decides what branches on the
+    /// numbers: the loop itself, or the loops of all lanes, with their S couplings.
     #[inline(always)]
     pub(crate) fn sample<X: Branches<F, B, S, W>, const S: usize>(
         &self,
@@ -310,7 +310,7 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         puck: Puck<F>,
     ) -> F {
         let (mut bodies, change) = (state.now.rows::<L>(0), state.change.rows::<L>(0));
-        // What is the default is asked for first.
+        // The default is tested first.
         if X::IS_LINEAR || self.moment == Moment::End {
             bodies.add(n, F::ONE, &change);
             bodies.velocity = self.mean_velocities(n, &change);
@@ -322,7 +322,7 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         self.torque_at(with, n, &bodies, puck, &state.bristles, &state.contacts)
     }
 
-    /// The torque on the puck so many steps further on: the world goes on without the loop, the puck held where it was seen.
+    /// The torque on the puck a number of steps ahead: the world continues without the loop, the puck held where it was seen.
     #[cold]
     fn torque_ahead<X: Branches<F, B, S, W>, const S: usize>(
         &self,
@@ -356,7 +356,7 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         contacts: &Contacts<F, S>,
     ) -> F {
         let mut torque = self.port.offset + self.port.puck[0] * puck.position + self.port.puck[1] * puck.velocity;
-        // All products before the first sum, which then has only itself to wait for.
+        // All products come before the first sum, which then waits only for the sums before.
         let port = self.port.bodies.rows::<L>(0);
         let mut products = [F::ZERO; L];
         each_place!(F, L, n, i => {

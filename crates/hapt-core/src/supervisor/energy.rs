@@ -1,6 +1,6 @@
-//! What a world stores, and what a step of it may bring in: the couplings as energies.
+//! The energy that a world stores, and that a step of it may add: the couplings as energies.
 //!
-//! The loop's matrices know torques alone, so that this is derived from the spec a second time, and a check of them.
+//! The loop's matrices contain only torques. This is derived from the spec a second time, and so is a check of them.
 
 use crate::compile::compensated;
 use crate::contact::within;
@@ -17,7 +17,7 @@ const ROOT_E: f64 = 1.648_721_270_700_128_2;
 #[derive(Clone, Copy, Debug)]
 enum Potential<F> {
     Nothing,
-    /// stiffness · x²/2 up to the x at which the torque is `limit`, straight from there on; x = |q - rest|, or inside of a wall's face.
+    /// stiffness · x²/2 up to the x at which the torque is `limit`, linear from there on; x = |q - rest|, or inside of a wall's face.
     Spring {
         stiffness: F,
         rest: F,
@@ -31,7 +31,7 @@ enum Potential<F> {
         pitch: F,
         phase: F,
     },
-    /// stiffness · y²/2 up to the y at which the torque is `limit`, straight from there on; y = |q - rest| - width where positive, or 0.
+    /// stiffness · y²/2 up to the y at which the torque is `limit`, linear from there on; y = |q - rest| - width where positive, or 0.
     DeadBand {
         stiffness: F,
         rest: F,
@@ -67,7 +67,7 @@ struct Ends<F> {
     second: (usize, F),
 }
 
-/// One coupling: what it stores, what it drags along, what it gives.
+/// One coupling: the energy that it stores, transmits from the puck, and gives.
 #[derive(Clone, Copy, Debug)]
 struct Part<F> {
     ends: Ends<F>,
@@ -80,7 +80,7 @@ struct Part<F> {
     friction: F,
     /// A constant's torque.
     constant: F,
-    /// Between the puck and a body: only such a one can bring the puck's motion into a held step.
+    /// Between the puck and a body: only such a coupling transmits the puck's motion into a held step.
     carries: bool,
 }
 
@@ -89,7 +89,7 @@ struct Part<F> {
 pub(crate) struct Energy<F, const B: usize, const C: usize> {
     bodies: usize,
     springs: Springs<F, B, C>,
-    /// What is not just a spring.
+    /// All parts that are not plain springs.
     parts: [Part<F>; C],
     part_count: usize,
     /// 1/T, T here and below the bodies' step.
@@ -98,24 +98,24 @@ pub(crate) struct Energy<F, const B: usize, const C: usize> {
     lag: F,
     /// How many samples after each step of the bodies they stand still.
     skips: u32,
-    /// Whether a step is made with the puck held: not by the methods that take the new sample first.
+    /// Whether the puck is held during a step: not by the methods that take the new sample first.
     holds: bool,
-    /// Whether the bodies' own energies are all that there is, and a step is made at every sample, with the puck held.
+    /// Whether the bodies' own energies are the only ones, and the bodies step at every sample, with the puck held.
     is_all: bool,
-    /// Whether the bodies see a filtered position: then their steps are measured by that. What is stored is at the measured one, where the hand
-    /// has put it in.
+    /// Whether the bodies see a filtered position: then the energy of their steps is computed with that. The stored energy is computed at
+    /// the measured position, where the hand does its work.
     sees_filtered: bool,
     /// The torques of all constants on the puck.
     constant: F,
-    /// Of each coupling what its sum is multiplied by for its torque on the puck: minus stiffness/time of an integral term, else 0.
+    /// For each coupling, the factor from its sum to its torque on the puck: minus stiffness/time of an integral term, else 0.
     integrals: [F; C],
-    /// Of each coupling the gain and the largest torque of an assist; 0 of others.
+    /// For each coupling, the gain and the largest torque of an assist; 0 for others.
     assists: [(F, F); C],
     has_sources: bool,
 }
 
 impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
-    /// Of a world that the loop has compiled.
+    /// For a world that the loop has compiled.
     pub fn new(spec: &Spec) -> Self {
         let f = F::from_f64;
         let lag = if spec.method == Method::SemiImplicitEuler { f(0.5 * spec.step()) } else { F::ZERO };
@@ -176,7 +176,7 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
     }
 
     fn add(&mut self, place: usize, part: Part<F>) {
-        // At the puck alone, or between bodies, a damper has no part in what is counted here.
+        // Between puck and ground, or between bodies, a damper has no part in this sum.
         let counts = part.carries || part.constant != F::ZERO || !matches!(part.potential, Potential::Nothing);
         if let (true, Some(room)) = (counts, self.parts.get_mut(self.part_count)) {
             *room = Part { place, ..part };
@@ -184,8 +184,8 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
         }
     }
 
-    /// The torque on the puck of what gives energy by its nature, with `state` and the puck's `velocity` as they are: constants, integral terms,
-    /// which give as much in every slow turn of the hand, and assists (docs/theory.md, (T72), (T76)). The ledgers leave its work out.
+    /// The torque on the puck of couplings that are energy sources, at `state` and the puck's `velocity`: constants, integral terms, which
+    /// give the same energy in every slow turn of the hand, and assists (docs/theory.md, (T72), (T76)). The ledgers leave its work out.
     #[inline]
     pub fn sources<const W: usize>(&self, state: &State<F, B, C, W>, velocity: F) -> F {
         if self.has_sources { self.with_sources(&state.bristles, velocity) } else { self.constant }
@@ -206,7 +206,7 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
         torque
     }
 
-    /// The step that `state` has just taken, at the puck's measured position and velocity; nothing but what is stored where it has taken none.
+    /// The step that `state` has just taken, at the puck's measured position and velocity; only the stored energy where it has taken none.
     #[inline]
     pub fn step<const W: usize>(&self, state: &State<F, B, C, W>, puck: (F, F)) -> Step<F> {
         if self.sees_filtered { self.step_behind_filter(state, puck) } else { self.step_at(state, puck) }
@@ -234,7 +234,7 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
         if self.is_all { sums.step() } else { self.step_with(sums, state, puck) }
     }
 
-    /// The step with all else that the world has.
+    /// The step with all other parts of the world.
     #[inline(never)]
     fn step_with<const W: usize>(&self, mut sums: Sums<F>, state: &State<F, B, C, W>, puck: (F, F)) -> Step<F> {
         self.springs.of_others(&mut sums, state, puck.0);
@@ -249,7 +249,7 @@ impl<F: Real, const B: usize, const C: usize> Energy<F, B, C> {
         if self.holds { step } else { Step { made: F::ZERO, ..step } }
     }
 
-    /// What is not just a spring. Out of line: it needs a sine.
+    /// All parts that are not plain springs. They are out of line: they need a sine.
     #[inline(never)]
     fn parts<const W: usize>(&self, sums: &mut Sums<F>, state: &State<F, B, C, W>, puck: (F, F)) {
         let (from, change) = (&state.now, &state.change);
@@ -355,7 +355,7 @@ impl<F: Real> Part<F> {
         to.end();
     }
 
-    /// What it stores, where it is a spring on both sides and without an end.
+    /// Its stored energy, where it is a spring on both sides and without a limit.
     fn well(&self) -> Option<Well<F>> {
         match self.potential {
             Potential::Spring { stiffness, rest, side, limit } if side == F::ZERO && !limit.is_finite() => {

@@ -1,26 +1,27 @@
 //! The two energy ledgers: at the port, and inside of the world.
 //!
 //! **Port** (Hannaford and Ryu, IEEE T-RA 18(1), 2002). Over one sample the hand puts in -τ dz against the torque that was held, and the
-//! device's own damping takes at least b dz²/T of what goes by, which pays for the hold:
+//! device's own damping dissipates at least b dz²/T of it, which pays for the hold:
 //!
 //! ```text
 //! account += -τ_held dz + b dz²/T + the constants' work on bodies
 //! ```
 //!
-//! τ_held is the torque that the world made when the motor took it, one hold and the delay before, without the constants on the puck.
-//! What levels, limit, fades and swaps take off that torque, or put on it, is credited at the same instant and at the same rate, so that
-//! it cancels: the ledger is about the world. For a passive world the account never falls below minus what the world has stored. It
-//! starts at what is stored and `most`, and is held down to that ever after, so that a hand that has paid
-//! for an hour has no credit for a fault. Below 0 the hand has been given `most` beyond what was there.
+//! τ_held is the torque that the world computed one hold and the delay before the motor took it, without the constants on the puck. What
+//! levels, limit, fades and swaps subtract from that torque, or add to it, is credited at the same instant and at the same rate, so that it
+//! cancels: the ledger is about the world. For a passive world the account never falls below minus the energy that the world has stored. It
+//! starts at the stored energy plus `most`, and never exceeds that later, so that a hand that has put in energy for an hour has no credit
+//! for a fault. Below 0 the hand has received `most` beyond the stored energy.
 //!
-//! A delay of d samples charges for a way later than the damping has paid for it: of a spring K, with -τ_held dz = K z_{k-d-1} dz_k,
+//! A delay of d samples charges for a displacement later than the damping has paid for it: of a spring K, with -τ_held dz = K z_{k-d-1}
+//! dz_k,
 //!
 //! ```text
 //! K z_{k-d-1} dz_k ≥ Δ(K z²/2) - K (d + 1) dz_k²/2 - K (dz_{k-1}² + ... + dz_{k-d}²)/2
 //! ```
 //!
 //! and each dz² is charged d times more after its own sample. A passive spring has K (2d + 1)/2 ≤ b/T, so that the part of the account
-//! that is still to be charged is at most `under_way` = b/(T (2d + 1)) Σ (d - j) dz_{k-j}². That much is kept beyond the bound. It is
+//! that is still to be charged is at most `under_way` = b/(T (2d + 1)) Σ (d - j) dz_{k-j}². This amount is allowed beyond the bound. It is
 //! summed with the weights d (d/(d+1))^j ≥ d - j, which need no memory.
 //!
 //! A filter y_k = p y_{k-1} + (1 - p) z_k of the position holds a torque back as well. With u = z - y, of the same spring
@@ -29,12 +30,12 @@
 //! K y_{k-1} dz_k + K (1 + p)/(2(1 - p)) dz_k² ≥ Δ(K z²/2) + Δ(K u²/(2p)),   u_k² ≤ p²/(1 - p) (dz_k² + p dz_{k-1}² + p² dz_{k-2}² + ...)
 //! ```
 //!
-//! and a delay after it charges dy², where dy² ≤ dz² - (1 - p)/p Δ(u²). With s = d + p/(1 - p) a passive spring has K (s + 1/2) ≤ b/T, and all
-//! that is under way is at most K/2 (d (1 + p) + p/(1 - p)) Σ (s/(s+1))^j dz_{k-j}², for d ≤ 13 and any p.
+//! and a delay after it charges dy², where dy² ≤ dz² - (1 - p)/p Δ(u²). With s = d + p/(1 - p) a passive spring has K (s + 1/2) ≤ b/T, and
+//! the part that is still to be charged is at most K/2 (d (1 + p) + p/(1 - p)) Σ (s/(s+1))^j dz_{k-j}², for d ≤ 13 and any p.
 //!
-//! **World.** A held puck exchanges nothing, and the port sees nothing of an integrator that makes energy. So what a step makes is
-//! summed too, never below 0: `made`. Exact zoh, trapezoidal and backward Euler keep it at 0, linear or bent; semi-implicit Euler keeps
-//! its own energy and is measured by that; forward Euler makes (ωT)² of what swings a sample.
+//! **World.** A held puck exchanges no energy, and the port does not show an integrator that generates energy. So the energy that steps
+//! generate is summed too, never below 0: `made`. Exact zoh, trapezoidal and backward Euler keep it at 0, linear or nonlinear;
+//! semi-implicit Euler keeps its own energy and is measured by that; forward Euler generates (ωT)² of the oscillating energy per sample.
 
 use crate::supervisor::Limits;
 use crate::supervisor::sums::Step;
@@ -54,22 +55,23 @@ pub(crate) struct Ledger<F> {
     part: F,
     /// Whether the delay is a whole number of samples, and few enough.
     whole: bool,
-    /// What a unit of dz² adds to what is under way, and what is left of that a sample later; both 0 without a delay and a filter.
+    /// The amount that a unit of dz² adds to `under_way`, and the part of it that is left a sample later; both 0 without a delay and a
+    /// filter.
     under_way: [F; 2],
 }
 
-/// Where they stand.
+/// The state of both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Books<F> {
     pub account: F,
     pub made: F,
-    /// What of the account a delay or a filter will still charge.
+    /// The part of the account that a delay or a filter will still charge.
     under_way: F,
     /// The torques of the last samples, the newest at `newest`.
     held: [F; HELD],
     newest: usize,
-    /// The last measured position; `None` where the books are to be opened anew.
+    /// The last measured position; `None` where the ledgers begin anew.
     position: Option<F>,
 }
 
@@ -82,7 +84,7 @@ impl<F: Real> Books<F> {
         self.position = None;
     }
 
-    /// The world's origin slips by `way`, so that the next position is further by that: no work is done.
+    /// The world's origin slips by `way`, which adds to the next position: no work is done.
     pub fn slip(&mut self, way: F) {
         self.position = self.position.map(|position| position + way);
     }
@@ -143,7 +145,7 @@ impl<F: Real> Ledger<F> {
         self.delay < HELD - 2
     }
 
-    /// One sample, so many `missed` before it: the world's torque without constants, the puck's measured position.
+    /// One sample, after `missed` missed ones: the world's torque without constants, the puck's measured position.
     #[inline(always)]
     pub fn enter(&self, books: &mut Books<F>, step: &Step<F>, position: F, torque: F, missed: u32) {
         let account = match books.position {
@@ -168,7 +170,7 @@ impl<F: Real> Ledger<F> {
         books.position = Some(position);
     }
 
-    /// The account where the books are opened, samples were missed, or the delay is not whole.
+    /// The account where the ledgers begin, samples were missed, or the delay is not whole.
     #[cold]
     #[inline(never)]
     fn otherwise(
@@ -182,7 +184,8 @@ impl<F: Real> Ledger<F> {
         let most = step.stored + self.most;
         let Some(last) = last else {
             (books.made, books.under_way) = (F::ZERO, F::ZERO);
-            // What the motor holds of before is booked as the world's, as fades are: what is stored belongs to this torque.
+            // An earlier torque that the motor still holds is booked as the world's, as fades are: the stored energy belongs to this
+            // torque.
             books.held = [torque; HELD];
             return most;
         };
@@ -192,7 +195,7 @@ impl<F: Real> Ledger<F> {
         let dz = position - last;
         let mut paid = self.damping * (dz * dz);
         if missed > 0 {
-            // What the motor held while no sample came it held on.
+            // The motor held its torque while no sample came.
             for _ in 0..missed.min(HELD as u32 - 1) {
                 books.push(books.held(0));
             }

@@ -16,8 +16,8 @@ crate::named! {
 }
 
 crate::named! {
-    /// What the supervisor does where a sample or a command comes later than the certificate covers. The codes are used on wires, and never change
-    /// their meaning.
+    /// The reaction of the supervisor to a sample or a command later than the certificate covers. The codes are used on wires, and never
+    /// change their meaning.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     #[repr(u8)]
@@ -39,12 +39,12 @@ pub struct CertifiedTime {
     pub interval: f64,
     /// The longest time from a sample to its command, in s; infinite where none is stated.
     pub delay: f64,
-    /// What happens beyond them.
+    /// The reaction beyond them.
     pub when_late: WhenLate,
 }
 
 impl CertifiedTime {
-    /// Nothing is stated, and nothing enforced.
+    /// No time is stated, and none enforced.
     pub const NOT_STATED: Self =
         CertifiedTime { interval: f64::INFINITY, delay: f64::INFINITY, when_late: WhenLate::Count };
 
@@ -84,9 +84,9 @@ pub struct Limits {
     pub motor: Heat,
     /// Thermal limit of the driver.
     pub driver: Heat,
-    /// The longest time that the motor may hold a torque beyond its period, in s; more is a fault, whatever is certified.
+    /// The longest time that the motor may hold a torque beyond its period, in s; more is a fault, independently of the certificate.
     pub stall: f64,
-    /// The times that the certificate covers. Not serialized: a board gets them behind the other limits.
+    /// The times that the certificate covers. Not serialized: a board gets them after the other limits.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub time: CertifiedTime,
     /// Time from the last heartbeat to torque 0, in s, the fade included.
@@ -104,7 +104,7 @@ pub struct Limits {
     /// Damping after a fault that leaves the encoder trusted, in N·m·s/rad (N·s/m); 0: none.
     pub brake: f64,
     /// For how long the puck rests before the world's origin slips to where its torque is 0, and the time constant of the slip, in s; at least
-    /// two periods, 0: never. Not serialized: a board gets it behind the other limits.
+    /// two periods, 0: never. Not serialized: a board gets it after the other limits.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub recentre: f64,
     /// Whether arming sets the position to 0.
@@ -132,14 +132,14 @@ pub struct Heat {
 }
 
 impl Limits {
-    /// How long the heartbeat may be absent, in s, before the torque goes: what [`Limits::link`] leaves for the fade, for the sample that
-    /// sees it, and for the delay. A lost link that is a fault takes no fade, unless it brakes.
+    /// How long the heartbeat may be absent, in s, before the torque goes: [`Limits::link`] less the fade, the sample that detects it, and
+    /// the delay. A lost link that is a fault takes no fade, unless it brakes.
     pub fn silence(&self, period: f64) -> f64 {
         let fade = if self.link_faults && self.brake <= 0.0 { 0.0 } else { self.fade };
         self.link - (fade + period + self.delay)
     }
 
-    /// Errors on what no limit can be, naming it.
+    /// Errors on a number that no limit can have, naming it.
     pub(crate) fn check(&self, spec: &Spec) -> Result<(), Error> {
         Error::check_positive("period", spec.period)?;
         Error::check_positive("fade", self.fade)?;

@@ -38,7 +38,7 @@ use standing::Stand;
 pub use state::SupervisorState;
 use thermal::Thermal;
 
-/// Faultless samples after which a cause counts as gone.
+/// Number of faultless samples after which a cause counts as gone.
 const CALM: u32 = 16;
 
 /// Whether all are finite: 0 times a finite number is 0, and 0 times any other is NaN.
@@ -62,7 +62,7 @@ impl Evaluation {
     const ORDINARY: Self = Evaluation { wrong: None, is_idle: false, may_jump: false, is_uncertified: false };
 }
 
-/// The limits, compiled once, for a loop with room for B bodies and C couplings.
+/// The limits, compiled once, for a loop with a capacity of B bodies and C couplings.
 #[derive(Clone, Copy, Debug)]
 pub struct Supervisor<F, const B: usize, const C: usize> {
     /// 1/samples of a fade.
@@ -87,7 +87,7 @@ pub struct Supervisor<F, const B: usize, const C: usize> {
 }
 
 impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
-    /// A supervisor of the loop of `spec`. Errors where a limit is out of range, or the loop has no room for the world.
+    /// A supervisor of the loop of `spec`. Errors where a limit is out of range, or the world exceeds the loop's capacity.
     pub fn new(limits: &Limits, spec: &Spec) -> Result<Self, Error> {
         limits.check(spec)?;
         if spec.bodies.len() > B {
@@ -165,8 +165,8 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         self.guarded(state, world, loop_state, reading, request, |_| None)
     }
 
-    /// The same with a torque on the puck from outside of the world, of the measured position: it is added to the world's before levels and
-    /// limit. The ledgers stay those of the world alone. `None`: there is none, to the bit.
+    /// The same with an external torque on the puck, a function of the measured position: it is added to the world's before levels and
+    /// limit. The ledgers count only the world. `None`: no external torque, with the same bits as without one.
     pub fn step_with<const W: usize>(
         &self,
         state: &mut SupervisorState<F>,
@@ -245,7 +245,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         } else if state.calm < CALM {
             state.calm += 1;
         }
-        // Without a torque before it, a late sample is no matter.
+        // Without a torque before it, a late sample has no effect.
         let is_uncertified = !keeps_time && state.phase.is_active();
         self.ask(state, request, wrong, self.motion.link_is_lost(reading), announced);
         if is_uncertified {
@@ -261,7 +261,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
             state.fresh = false;
         }
         if let Some(at) = state.entry.take() {
-            // Arming sets it where nothing is felt yet.
+            // Arming sets the zero while there is no torque yet.
             if !is_idle && !announced && self.zero_where_armed {
                 let position = state.seen.position;
                 world.sensor.place(&mut loop_state.memory, position - state.offset, at);
@@ -272,7 +272,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         Evaluation { wrong, is_idle, may_jump: announced || testing, is_uncertified }
     }
 
-    /// What somebody asks for, and what the reading says.
+    /// Handles the request and the result of the reading.
     fn ask(
         &self,
         state: &mut SupervisorState<F>,
@@ -349,8 +349,8 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         }
     }
 
-    /// The longest time in s that the motor may hold a torque: the certified interval where a late sample is a fault, else infinite. Who holds
-    /// the torque while the loop is late, a timer or a drive, removes it then.
+    /// The longest time in s that the motor may hold a torque: the certified interval where a late sample is a fault, else infinite. The
+    /// timer or drive that holds the torque while the loop is late removes it then.
     pub fn longest_hold(&self) -> F {
         match self.when_late {
             WhenLate::Fault => self.motion.longest_interval(),
@@ -358,7 +358,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         }
     }
 
-    /// What it can do beyond its limits: test the sign when armed, and keep the account at the port.
+    /// Its functions beyond its limits: the sign test when armed, and the account at the port.
     pub fn watches(&self) -> [bool; 2] {
         [self.pulse.is_some(), self.ledger.keeps_account()]
     }
@@ -433,7 +433,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         }
     }
 
-    /// The torque that the motor is to hold, where it is not just the world's command.
+    /// The torque that the motor is to hold, where it differs from the world's command.
     #[cold]
     #[inline(never)]
     fn held(&self, state: &mut SupervisorState<F>, sample: &Sample<F>, evaluation: Evaluation) -> F {
@@ -444,7 +444,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         if state.phase == Phase::Faulted { self.braked(state, evaluation.wrong) } else { wanted }
     }
 
-    /// What the phase makes of the world's command, and the phase after this sample.
+    /// The torque that the phase allows of the world's command, and the phase after this sample.
     fn wanted(&self, state: &mut SupervisorState<F>, sample: &Sample<F>) -> F {
         let before = state.gain;
         if state.phase != Phase::Running {
@@ -464,7 +464,7 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
                 return F::ZERO;
             }
             state.gain += if state.phase == Phase::FadingIn { self.fade } else { -self.fade };
-            // A sum of many parts is near a whole, not one.
+            // A sum of many parts is near 1, not exactly 1.
             let near = F::HALF * self.fade;
             if state.gain > F::ONE - near {
                 (state.gain, state.phase) = (F::ONE, Phase::Running);
@@ -491,12 +491,12 @@ impl<F: Real, const B: usize, const C: usize> Supervisor<F, B, C> {
         (wanted + state.transfer[0]).within(self.torque)
     }
 
-    /// The torque after a fault: none, or what brings the puck to rest over a fade's time.
+    /// The torque after a fault: none, or damping that brings the puck to rest within a fade's time.
     fn braked(&self, state: &mut SupervisorState<F>, wrong: Option<Reason>) -> F {
         if state.braking < F::HALF * self.fade || self.brake <= F::ZERO {
             return F::ZERO;
         }
-        // The speed that made it fault may be believed; a reading that is wrong since may not.
+        // The speed that caused the fault is trusted; a reading that is wrong since then is not.
         if wrong.is_some_and(|reason| !reason.trusts_the_encoder()) {
             state.braking = F::ZERO;
             return F::ZERO;

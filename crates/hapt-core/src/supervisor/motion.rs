@@ -1,4 +1,4 @@
-//! What a reading alone shows: numbers, times, and whether a puck can have moved so.
+//! The checks of a single reading: numbers, times, and whether a puck can have moved that way.
 
 use crate::supervisor::standing::{Stand, Standing};
 use crate::supervisor::{Limits, Reading, Reason, are_finite};
@@ -21,7 +21,7 @@ pub(crate) struct ReadingLimits<F> {
     ordinary: Ordinary<F>,
 }
 
-/// Bounds within which a reading needs no other look: each is as tight as the tightest of its limits, and none is infinite.
+/// Bounds within which a reading needs no further check: each is as tight as the tightest of its limits, and none is infinite.
 #[derive(Clone, Copy, Debug)]
 struct Ordinary<F> {
     distance: F,
@@ -33,7 +33,7 @@ struct Ordinary<F> {
     silent: F,
 }
 
-/// What is remembered of the last reading.
+/// The memory of the last reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Seen<F> {
@@ -47,7 +47,7 @@ pub(crate) struct Seen<F> {
     pub late: F,
     /// From the last sample to when the device had its command, in s.
     pub delay: F,
-    /// What the torque has asked of it since it last moved.
+    /// The effect that the torque should have had since it last moved.
     pub stand: Stand<F>,
 }
 
@@ -152,20 +152,20 @@ impl<F: Real> ReadingLimits<F> {
         keeps
     }
 
-    /// What is wrong with a reading under the torque `held` since the last; a lost link apart.
+    /// The fault of a reading under the torque `held` since the last; a lost link is checked separately.
     #[inline(never)]
     pub fn wrong(&self, seen: &mut Seen<F>, reading: &Reading<F>, announced: bool, held: F) -> Option<Reason> {
         if !are_finite([reading.position, reading.velocity, reading.late, reading.silent]) {
             return Some(Reason::NotFinite);
         }
         match reading.missed {
-            // Compiled for one period: it is nearly always one.
+            // Compiled separately for no missed sample, the usual case.
             0 => self.moved(seen, reading, announced, held, F::ZERO),
             missed => self.moved(seen, reading, announced, held, F::from_f64(f64::from(missed))),
         }
     }
 
-    /// The same of numbers, behind so many that were missed.
+    /// The same for finite numbers, after `missed` missed samples.
     #[inline(always)]
     fn moved(&self, seen: &mut Seen<F>, reading: &Reading<F>, announced: bool, held: F, missed: F) -> Option<Reason> {
         let periods = F::ONE + missed;

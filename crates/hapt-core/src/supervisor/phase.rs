@@ -1,10 +1,10 @@
-//! Where a supervisor stands, and what goes in and out of it at a sample.
+//! The phase of a supervisor, and its inputs and outputs at a sample.
 
 use crate::Sample;
 use crate::supervisor::Reason;
 
 crate::named! {
-    /// Where the supervisor stands.
+    /// The phase of the supervisor.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
     pub enum Phase {
@@ -16,7 +16,7 @@ crate::named! {
         Running => "running",
         /// The torque falls to 0.
         FadingOut => "fading-out",
-        /// No torque, until the cause is gone and somebody clears it.
+        /// No torque, until the cause is gone and the fault is cleared.
         Faulted => "faulted",
     }
 }
@@ -61,7 +61,7 @@ pub struct Reading<F> {
     pub silent: F,
 }
 
-/// What a torque from outside of the world is computed from.
+/// The inputs of an external torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExternalTorqueInput<F> {
     /// Whether the world's own torque counts: not while disarmed or tested, when the position has no zero yet.

@@ -1,13 +1,13 @@
 //! The sign test at start-up: three stretches of n samples, without torque, under a pulse, and under its opposite.
 //!
-//! The pulse moves a free puck, and its opposite brings it to rest again. What it drifted by before is taken off:
+//! The pulse moves a free puck, and its opposite brings it to rest again. Its drift before the pulse is subtracted:
 //!
 //! ```text
 //! moved = d₁ - d₀
 //! ```
 //!
-//! n is chosen so that a free puck, with its damping and friction, moves by twelve counts. Three counts are more than rounding can
-//! feign (two), and less than that is no motion: the encoder is absent, or a hand is in the way.
+//! n is chosen so that a free puck, with its damping and friction, moves by twelve counts. Three counts are more than rounding can cause
+//! (two), and less than that is no motion: the encoder is absent, or a hand is in the way.
 
 use crate::supervisor::{Limits, Reason};
 use crate::{Constants, Real, Spec};
@@ -27,7 +27,7 @@ pub(crate) struct Pulse<F> {
     least: F,
 }
 
-/// Where the test stands.
+/// The state of the test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Testing<F> {
@@ -42,7 +42,7 @@ pub(crate) enum SignTest<F> {
     Torque(F),
     /// The puck moves the right way.
     Right,
-    /// It does not.
+    /// The puck does not move the right way.
     Wrong(Reason),
 }
 
@@ -94,7 +94,7 @@ impl<F: Real> Pulse<F> {
         } else if acting == n.saturating_mul(2) {
             testing.marks = [start, pulse, position];
         } else if acting >= n.saturating_mul(3) {
-            // Not before: whichever way it went, the opposite has brought it to rest.
+            // Not before: after either direction, the opposite has brought it to rest.
             let moved = (back - pulse) - (pulse - start);
             return if moved > self.least {
                 SignTest::Right

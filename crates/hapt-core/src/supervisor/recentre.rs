@@ -1,6 +1,6 @@
 //! Idle re-centring: while the puck rests, the world's origin slips so that the torque falls to 0.
 //!
-//! Friction holds a knob beside its detent, and the motor holds a torque against it for as long as nobody turns it. Where the puck has stayed
+//! Friction holds a knob next to its detent, and the motor holds a torque against it until the knob is turned. Where the puck has stayed
 //! within four counts for `recentre` seconds, and the torque τ of the couplings is within the device's friction, the origin slips
 //! each sample by
 //!
@@ -8,8 +8,8 @@
 //! e = λ τ/K,    λ = T/recentre,    K: the steepest rises at the puck together
 //! ```
 //!
-//! in the direction in which τ pushes: the torque falls like that of a damper in series with a spring, K · `recentre`. The slip is taken only
-//! where |τ| ≥ 2 K (|δ| + 3Δ/2), with the displacement δ of the sample and counts Δ: then it does not raise what the couplings store,
+//! in the direction in which τ pushes: the torque falls like that of a spring K in series with a damper K · `recentre`. The slip is taken
+//! only where |τ| ≥ 2 K (|δ| + 3Δ/2), with the displacement δ of the sample and counts Δ: then it does not raise what the couplings store,
 //! wherever the puck truly is (docs/theory.md, (T80)). With an encoder the slips are collected and taken by whole counts, so that the
 //! world's positions stay those of counts.
 
@@ -42,7 +42,7 @@ pub(crate) struct Recentre<F> {
 pub(crate) struct Rest<F> {
     at: F,
     pub samples: u32,
-    /// Slips that are not a count yet.
+    /// The sum of slips that is less than a count.
     way: F,
     /// Slips in counts since the origin was set, and where it was set.
     counts: i32,
@@ -52,13 +52,13 @@ pub(crate) struct Rest<F> {
 impl<F: Real> Rest<F> {
     pub const NONE: Self = Rest { at: F::ZERO, samples: 0, way: F::ZERO, counts: 0, origin: F::ZERO };
 
-    /// Somebody sets the origin.
+    /// The origin is set from outside.
     pub fn origin_is_set(&mut self) {
         self.counts = 0;
     }
 }
 
-/// Counts up to which every number of them is one of f32.
+/// Every whole number up to this one is exact in f32.
 const MOST: u32 = 1 << 24;
 
 impl<F: Real> Recentre<F> {
@@ -92,7 +92,7 @@ impl<F: Real> Recentre<F> {
         to.whole("recentre_idle", "samples at rest before the origin slips", i64::from(self.idle));
     }
 
-    /// The origin after a sample at `position`, behind a displacement of `step` under the couplings' torque `torque`.
+    /// The origin after a sample at `position`, after a displacement of `step` under the couplings' torque `torque`.
     #[inline]
     pub fn origin(&self, rest: &mut Rest<F>, origin: F, position: F, step: F, torque: F) -> F {
         if (position - rest.at).abs() > self.near {

@@ -1,12 +1,12 @@
-//! Bodies and the springs between ends: all that most worlds store.
+//! Bodies and the springs between ends: the whole energy of most worlds.
 //!
-//! Springs between the same two ends are one, so that each body has two at most beside those to other bodies, at places that are known
-//! when the world is compiled: their energies are sums without a question.
+//! Springs between the same two ends are combined, so that each body has two at most in addition to those to other bodies, at places
+//! that are known when the world is compiled: their energies are sums without branches.
 
 use crate::supervisor::sums::Sums;
 use crate::{Constants, End, Real, Spec, State};
 
-/// What springs between the same two ends store together: k/2 · (x - rest)².
+/// The energy of all springs between the same two ends: k/2 · (x - rest)².
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Well<F> {
     /// k/2
@@ -36,7 +36,7 @@ pub(crate) struct Springs<F, const B: usize, const C: usize> {
     members: [Member<F>; B],
     /// Between puck and ground: x = z.
     own: Well<F>,
-    /// What springs that disagree about their rest store at their best.
+    /// The least energy of parallel springs with different rests.
     least: F,
     pairs: [Pair<F>; C],
     pair_count: usize,
@@ -53,7 +53,7 @@ impl<F: Real, const B: usize, const C: usize> Springs<F, B, C> {
         Springs { members, own: Well::NONE, least: F::ZERO, pairs, pair_count: 0 }
     }
 
-    /// A spring more. Seen from its other end it stores the same, its rest on the other side.
+    /// Adds a spring. Seen from its other end it stores the same, with the opposite rest.
     pub fn add(&mut self, first: End, second: End, well: Well<F>) {
         let mirrored = Well { rest: -well.rest, ..well };
         let (ends, well) = match (first, second) {
@@ -71,7 +71,7 @@ impl<F: Real, const B: usize, const C: usize> Springs<F, B, C> {
             (End::Puck, End::Body(i)) => self.members.get_mut(i).map(|body| &mut body.puck),
             (End::Body(i), End::Ground) => self.members.get_mut(i).map(|body| &mut body.ground),
             (End::Puck, End::Ground) => Some(&mut self.own),
-            // An end and itself: refused when the loop was compiled.
+            // Two equal ends: refused when the loop was compiled.
             (End::Puck, End::Puck) | (End::Ground, _) | (End::Body(_), End::Puck) => None,
         };
         if let Some(together) = together {
@@ -142,7 +142,7 @@ impl<F: Real, const B: usize, const C: usize> Springs<F, B, C> {
 impl<F: Real> Well<F> {
     const NONE: Self = Well { half: F::ZERO, rest: F::ZERO };
 
-    /// At so far from its rest.
+    /// Its energy at a distance x.
     #[inline(always)]
     fn at(&self, x: F) -> F {
         self.half * (x * x)

@@ -1,6 +1,6 @@
 //! Detection of a dead encoder: a position that does not change although the torque should have moved the puck.
 //!
-//! While the position stands still, a free puck is computed beside it, from rest, under the torque that the motor holds:
+//! While the position stands still, a simulated free puck starts from rest under the torque that the motor holds:
 //!
 //! ```text
 //! J dv/dt = τ - b v - r sign(v)      τ = 0 where |τ| is within `stuck_torque`;  r = (stuck_torque + friction)/2
@@ -8,17 +8,17 @@
 //!
 //! It has more friction than the puck, and under a torque of one sign it moves less. A torque of the other sign restarts it from rest:
 //! the motion under an alternating torque depends on the true friction, and an assumed friction would turn it into a drift.
-//! Each time that the computed puck has moved four counts, the real one should have moved and did not: the time since the last such
+//! Each time that the simulated puck has moved four counts, the real one should have moved and did not: the time since the last such
 //! event, at most a quarter of `stuck`, is added to a sum, and the computation restarts. Four, because a puck that was swinging back by
-//! up to a count has by then moved one count forward from its turning point: with x the way of the computed puck and τ held, it turned
-//! within √(1/4) of the time, and has moved x/4 or more since. When the sum exceeds `stuck`, the encoder counts as dead. An oscillating
-//! torque adds as much as a constant one, and one that alternates too fast to move a puck by counts adds nothing. Only motion resets
-//! the sum.
+//! up to a count has by then moved one count forward from its turning point: with x the displacement of the simulated puck and τ held, it
+//! turned within √(1/4) of the time, and has moved x/4 or more since. When the sum exceeds `stuck`, the encoder counts as dead. An
+//! oscillating torque adds as much as a constant one, and one that alternates too fast to move a puck by counts adds nothing. Only motion
+//! resets the sum.
 
 use crate::supervisor::Limits;
 use crate::{Constants, Real, Spec};
 
-/// In counts; and in rad or m where there are none.
+/// In counts; in rad or m without counts.
 pub(super) const COUNTS: f64 = 4.0;
 pub(super) const FAR: f64 = 0.25e-3;
 
@@ -27,7 +27,7 @@ pub(super) const FAR: f64 = 0.25e-3;
 pub(crate) struct Standing<F> {
     /// A torque within it counts as none.
     torque: F,
-    /// What a unit of torque adds to the displacement of a sample: T²/J.
+    /// The displacement of a sample by a unit of torque: T²/J.
     push: F,
     /// The friction's, r T²/J.
     friction: F,
@@ -36,7 +36,7 @@ pub(crate) struct Standing<F> {
     far: F,
     /// In samples.
     stuck: u32,
-    /// The most that counts at once, in samples.
+    /// The most samples that count at once.
     most: u32,
 }
 
@@ -44,21 +44,21 @@ pub(crate) struct Standing<F> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Stand<F> {
-    /// How far the free puck has gone since it last began.
+    /// The displacement of the simulated puck since its last start.
     way: F,
     /// Its displacement in a sample.
     speed: F,
-    /// Samples since it last began, at most as many as count at once.
+    /// Samples since its last start, at most as many as count at once.
     since: u32,
-    /// Samples for which the puck was asked to move and did not.
+    /// Samples for which the puck should have moved and did not.
     asked: u32,
 }
 
 impl<F: Real> Stand<F> {
     pub const NONE: Self = Stand { way: F::ZERO, speed: F::ZERO, since: 0, asked: 0 };
 
-    /// The same times and the same speed, in samples of another period. Times are rounded up: a world that is changed again and again
-    /// puts nothing off.
+    /// The same times and the same speed, in samples of another period. Times are rounded up: repeated changes of the world do not postpone
+    /// the fault.
     pub fn at_period(self, before: F, after: F) -> Self {
         if before == after {
             return self;
@@ -99,13 +99,13 @@ impl<F: Real> Standing<F> {
         to.whole("stuck_most", "samples that count at once", i64::from(self.most));
     }
 
-    /// Whether there is anything to be remembered of a sample of standing still under the torque `held`.
+    /// Whether a sample of standing still under the torque `held` changes the state.
     #[inline(always)]
     pub fn counts(&self, stand: &Stand<F>, held: F) -> bool {
         (stand.since | stand.asked) > 0 || held.abs() > self.torque
     }
 
-    /// So many samples more, their number given twice, under the torque `held`; `true`: it has stood still for too long.
+    /// After `samples` more under the torque `held`, their number given twice; `true`: it has stood still for too long.
     #[inline(never)]
     pub fn after(&self, stand: &Stand<F>, held: F, samples: u32, periods: F) -> (Stand<F>, bool) {
         if !self.counts(stand, held) {

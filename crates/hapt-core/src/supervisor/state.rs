@@ -1,4 +1,4 @@
-//! What the supervisor remembers.
+//! The state of the supervisor.
 
 use crate::Real;
 use crate::supervisor::ledger::Books;
@@ -7,21 +7,21 @@ use crate::supervisor::pulse::Testing;
 use crate::supervisor::recentre::{Recentre, Rest};
 use crate::supervisor::{CALM, Phase, Reason, WhenLate};
 
-/// What the supervisor remembers from sample to sample.
+/// The state of the supervisor from sample to sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SupervisorState<F> {
-    /// Where it stands.
+    /// Its phase.
     pub phase: Phase,
     /// Why it is faulted, or has faded out by itself.
     pub reason: Option<Reason>,
-    /// What would have tripped where it only warns, since it was armed with this world.
+    /// A limit that was exceeded and only warns, since it was armed with this world.
     pub warning: Option<Reason>,
     /// From 0 to 1: how much of the command reaches the motor.
     pub gain: F,
     /// The device's position at which the world's is 0, in rad (linear: m).
     pub offset: F,
-    /// The torque that the motor was last asked for, in N·m (N).
+    /// The torque that was last commanded, in N·m (N).
     pub output: F,
     pub(crate) seen: Seen<F>,
     pub(crate) books: Books<F>,
@@ -31,17 +31,17 @@ pub struct SupervisorState<F> {
     pub(crate) rest: Rest<F>,
     /// The world begins anew at the next sample.
     pub(crate) fresh: bool,
-    /// The world is another from the next sample on.
+    /// Another world runs from the next sample on.
     pub(crate) swapped: bool,
-    /// Where in that world the puck is to stand at the next sample; `None`: the origin stays.
+    /// The puck's position in that world at the next sample; `None`: the origin stays.
     pub(crate) entry: Option<F>,
-    /// Bumpless transfer: what is left of the step in torque between two worlds, in N·m (N), and how much of it goes each sample.
+    /// Bumpless transfer: the remaining step in torque between two worlds, in N·m (N), and its decrease per sample.
     pub(crate) transfer: [F; 2],
-    /// From 1 to 0: what is left of the braking after a fault.
+    /// From 1 to 0: the remaining part of the braking after a fault.
     pub(crate) braking: F,
-    /// Samples since something was wrong.
+    /// Samples since the last one with a cause for a fault.
     pub(crate) calm: u32,
-    /// Samples under a torque that came later than the certificate covers, or behind a command that did.
+    /// Samples under a torque that came later than the certificate covers, or after a command that did.
     pub(crate) outside: u32,
 }
 
@@ -68,8 +68,9 @@ impl<F: Real> SupervisorState<F> {
         outside: 0,
     };
 
-    /// From the next sample on the world and its supervisor are others; these are the periods of both, in s. The torque goes on from
-    /// where it was and fades over to the new world's; what that has stored is credited to the ledger. A warning was the old world's.
+    /// From the next sample on the world and its supervisor are others; these are the periods of both, in s. The torque continues from its
+    /// value and fades to the new world's; the energy that this has stored is credited to the ledger. A warning of the old world is
+    /// cleared.
     pub fn swap(&mut self, before: F, after: F) {
         self.swapped = true;
         self.warning = None;
@@ -80,8 +81,8 @@ impl<F: Real> SupervisorState<F> {
         self.books.reopen();
     }
 
-    /// The same, and the world's origin is placed at the next sample so that the puck stands at `at` in it ([`crate::Spec::entry`]), unless the
-    /// device has a home of its own, or that sample is a prescribed jump.
+    /// The same, and the world's origin is placed at the next sample so that the puck is at `at` in it ([`crate::Spec::entry`]), unless the
+    /// device has a zero of its own, or that sample is a prescribed jump.
     pub fn enter(&mut self, before: F, after: F, at: F) {
         self.swap(before, after);
         self.entry = Some(at);
@@ -93,17 +94,18 @@ impl<F: Real> SupervisorState<F> {
     }
 
     /// The device had the command of the last sample this long after it, in s: the supervisor judges it at the next sample. A device that
-    /// nobody asks is on time.
+    /// does not report a delay counts as on time.
     pub fn commanded(&mut self, delay: F) {
         self.seen.delay = delay;
     }
 
-    /// Samples under a torque, since the start, that came later than the certificate covers or behind a command that did.
+    /// Samples under a torque, since the start, that came later than the certificate covers or after a command that did.
     pub fn outside(&self) -> u32 {
         self.outside
     }
 
-    /// A sample is outside of what the certificate covers: before the sample that shows it, where its times are not known.
+    /// Reports a sample that the certificate does not cover, before the sample at which the supervisor detects it, where its times are not
+    /// known.
     pub fn lapse(&mut self, when_late: WhenLate) {
         if !self.phase.is_active() {
             return;
@@ -156,14 +158,14 @@ impl<F: Real> SupervisorState<F> {
         self.gain * command + self.transfer[0]
     }
 
-    /// The device itself reports a fault: before the sample that shows it, and again before each sample while it lasts. The supervisor is
-    /// faulted whatever its phase was, nothing brakes the puck, and a clear counts only when the fault has been gone for some samples.
+    /// The device itself reports a fault: before the sample that shows it, and again before each sample while it lasts. The supervisor
+    /// faults from any phase, nothing brakes the puck, and a clear counts only when the fault has been gone for some samples.
     pub fn trip(&mut self, reason: Reason) {
         self.fault(reason);
         (self.braking, self.calm) = (F::ZERO, 0);
     }
 
-    /// Takes the torque away where there may be one; whether there might.
+    /// Faults where there may be a torque; returns whether there may be one.
     #[cold]
     #[inline(never)]
     pub(crate) fn fault_where_active(&mut self, reason: Reason) -> bool {
@@ -174,7 +176,7 @@ impl<F: Real> SupervisorState<F> {
         active
     }
 
-    /// Takes the torque away, unless it is away already.
+    /// Faults, unless it is faulted already.
     #[cold]
     #[inline(never)]
     pub(crate) fn fault(&mut self, reason: Reason) {

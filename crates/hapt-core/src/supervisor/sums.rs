@@ -2,7 +2,8 @@
 
 use crate::Real;
 
-/// What couplings stored before and after a step, what constants gave to bodies in it, and what the puck's motion carried into it.
+/// The energy that couplings stored before and after a step, the work of constants on bodies in it, and the energy that the puck's motion
+/// brought in.
 pub(crate) struct Sums<F> {
     pub before: F,
     pub after: F,
@@ -22,13 +23,13 @@ impl<F: Real> Sums<F> {
     }
 }
 
-/// What one step did.
+/// The energies of one step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Step<F> {
     /// Stored after it, with the puck where it was seen, in J.
     pub stored: F,
-    /// What the integrator made, in J: the change of what is stored less what the puck's motion and constants brought in; at most what
-    /// it made where something was damped.
+    /// The energy that the integrator generated, in J: the change of the stored energy less the energy that the puck's motion and constants
+    /// brought in; a lower bound where dampers dissipate.
     pub made: F,
     /// The constants' work on the bodies, in J.
     pub given: F,

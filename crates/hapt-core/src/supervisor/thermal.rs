@@ -1,8 +1,8 @@
-//! i²t: a first-order model of what a winding or a transistor bears.
+//! i²t: a first-order thermal model of a winding or a transistor.
 
 use crate::{Constants, Heat, Real};
 
-/// heat += (τ² - heat) · part, part = 1 - exp(-T/time): what a torque held for ever would have been, squared.
+/// heat += (τ² - heat) · part, part = 1 - exp(-T/time): the square of the constant torque that heats as much.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Thermal<F> {
     part: F,
@@ -26,7 +26,7 @@ impl<F: Real> Thermal<F> {
         *heat > self.most
     }
 
-    /// Half of what it bears has gone again.
+    /// Whether it is below half of the limit.
     pub fn has_cooled(&self, heat: F) -> bool {
         heat <= F::HALF * self.most
     }

@@ -1,9 +1,9 @@
-//! What a stiffness costs in device damping and friction, through a loop with uneven intervals, a delay, a lag and an encoder's counts.
+//! The device damping and friction that a stiffness requires, in a loop with uneven intervals, a delay, a lag and an encoder's counts.
 
 use super::Device;
 
-/// In rad/s, a revolution a minute: counts keep no wheel moving that is as fast. Slower they can, where friction does not hold the torque that
-/// they make.
+/// In rad/s, a revolution a minute: counts do not sustain a motion at this speed or a higher one. They can sustain a slower one where
+/// friction does not hold the torque that they cause.
 pub const REST_SPEED: f64 = 0.1;
 
 /// The time of a wheel's loop, in s.
@@ -48,11 +48,12 @@ impl Timing {
 
     /// Device damping that pays for 1 N·m/rad behind which an implicit element yields, in s: ½ (√T + √m)².
     ///
-    /// Over a sample the element's stored energy S obeys, with F = K e, the hand's way dz and the element's way d,
-    /// F₋ dz = ΔS - K dz²/2 + F d + K d²/2, where F d ≥ 0 is dissipated or becomes kinetic energy. A command that arrives after the
-    /// hand went ε more does (F₋ - F) ε of further work, at most K |dz| |ε| + K |d| |ε|, and K |d| |ε| ≤ K d²/2 + K ε²/2: the implicit
-    /// step's own loss pays it. What is left, K (dz² + 2 |dz| |ε| + ε²)/2, is at most K (√T + √m)²/2 times ∫ż², by the Cauchy-Schwarz
-    /// inequality, with T the longest interval and m the delay times the number of delays that overlap. A lag is a mixture of delays.
+    /// Over a sample the element's stored energy S obeys, with F = K e, the hand's displacement dz and the element's displacement d,
+    /// F₋ dz = ΔS - K dz²/2 + F d + K d²/2, where F d ≥ 0 is dissipated or becomes kinetic energy. A command that arrives after a further
+    /// displacement ε of the hand does (F₋ - F) ε of further work, at most K |dz| |ε| + K |d| |ε|, and K |d| |ε| ≤ K d²/2 + K ε²/2: the
+    /// implicit step's own loss pays it. The rest, K (dz² + 2 |dz| |ε| + ε²)/2, is at most K (√T + √m)²/2 times ∫ż², by the
+    /// Cauchy-Schwarz inequality, with T the longest interval and m the delay times the number of delays that overlap. A lag is a mixture
+    /// of delays.
     pub fn element_cost(&self) -> f64 {
         let m = self.overlap();
         0.5 * (self.longest + m + 2.0 * libm::sqrt(self.longest * m))
@@ -78,20 +79,20 @@ impl Timing {
     }
 }
 
-/// The stiffness budget of the device: springs, or so much less of a slider's or a body's stiffness.
+/// The stiffness budget of the device: of springs, or the smaller one of sliders or bodies.
 ///
 /// With counts the loop sees z + e, |e| ≤ Δ/2. A static law of stiffness K is the exact one and a torque of at most KΔ/2. A slider is a monotone
-/// map of positions that commutes with shifts: what e moves is moved by Δ/2 at most, and its torque differs by at most KΔ. Such a torque D does
-/// at most D|dz| of work: friction of D pays for it at every speed, and damping of D/v does from the speed v on.
+/// map of positions that commutes with shifts: e shifts it by Δ/2 at most, and its torque differs by at most KΔ. Such a torque D does at
+/// most D|dz| of work: friction of D pays for it at every speed, and damping of D/v from the speed v on.
 ///
-/// A body sees e where the wheel's friction does not. With the true stretch in the stored energy, a step adds K e' d of work by e to what
-/// [`Timing::element_cost`] counts, and half of the loss K d²/2 leaves at most KΔ²/4 of it; the other half then pays half as well for a delay.
-/// At the speed v, damping of KΔ²/(4 T v²) takes that, T the shortest interval.
+/// A body is moved by e, but the wheel's friction does not act on it. With the true stretch in the stored energy, a step adds K e' d of
+/// work by e to what [`Timing::element_cost`] counts, and half of the loss K d²/2 leaves at most KΔ²/4 of it; the other half then pays for
+/// half as much of a delay. At the speed v, damping of KΔ²/(4 T v²) dissipates that, T the shortest interval.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Budget {
-    /// The stiffness of springs alone, N·m/rad.
+    /// The stiffness without sliders and bodies, N·m/rad.
     pub springs: f64,
-    /// What a slider's stiffness is of a spring's, at the same cost.
+    /// The ratio of a slider's stiffness to a spring's, for the same damping.
     pub drag: f64,
     /// The same of a body's.
     pub mass: f64,
@@ -109,7 +110,7 @@ impl Budget {
         } else {
             drag
         };
-        // The largest torque of counts, whatever the damping is spent on.
+        // The largest torque error by counts, for any use of the damping.
         let torque = 0.5 * count * damping * (1.0 / spring).max(2.0 / drag).max(1.0 / mass);
         if torque <= friction {
             return Budget { springs: damping / spring, drag: spring / drag, mass: spring / mass };

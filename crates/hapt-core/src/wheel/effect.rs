@@ -1,4 +1,4 @@
-//! What a host asks for, in SI.
+//! The effects that a host requests, in SI.
 
 use crate::Real;
 use crate::contact::within;
@@ -35,7 +35,7 @@ impl<F: Real> Sides<F> {
         }
     }
 
-    /// Whether a side drives instead of resisting.
+    /// Whether the torque of a side drives instead of resisting.
     pub(crate) fn drives(&self) -> bool {
         self.above < F::ZERO || self.below < F::ZERO
     }
@@ -75,7 +75,7 @@ pub enum Effect<F> {
     Spring(Sides<F>),
     /// Resists the velocity, in N·m·s/rad.
     Damper(Sides<F>),
-    /// Resists motion with a torque of its coefficients, in N·m, whatever the velocity; the band is not used.
+    /// Resists motion with a torque of its coefficients, in N·m, at any velocity; the band is not used.
     Friction(Sides<F>),
     /// Resists the acceleration, in kg·m²: of both sides' coefficients and torques the smaller counts, the band is not used. A mass that differs by side
     /// or begins beyond an acceleration is no passive body.

@@ -1,4 +1,4 @@
-//! What hangs on the wheel by a spring: a slider without mass, and a virtual body. Both are stepped by backward Euler.
+//! The elements that a spring joins to the wheel: a slider without mass, and a virtual body. Both are stepped by backward Euler.
 //!
 //! A state is the spring's stretch, not a position: a spring that changes its stiffness keeps its torque or loses energy, and one that
 //! slips where its torque is bounded only loses energy.
@@ -7,7 +7,7 @@ use super::Resistance;
 use crate::Real;
 use crate::contact::within;
 
-/// Steps of the search for a slider's way; a step that leaves the bracket halves it.
+/// Steps of the search for a slider's displacement; a step that leaves the bracket halves it.
 const SEARCH: usize = 40;
 
 /// A spring to the wheel.
@@ -26,7 +26,7 @@ impl<F: Real> Link<F> {
         self.stiffness = stiffness;
     }
 
-    /// The torque within bounds that contain 0, and the stretch that it leaves.
+    /// Limits the torque to bounds that contain 0, and the stretch with it.
     fn slip(&mut self, least: F, most: F) -> F {
         let straight = self.stiffness * self.stretch;
         let torque = within(straight, least, most);
@@ -37,7 +37,7 @@ impl<F: Real> Link<F> {
     }
 }
 
-/// A slider that dampers and frictions resist.
+/// A slider whose motion dampers and frictions resist.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Drag<F> {
     link: Link<F>,
@@ -46,7 +46,8 @@ pub(super) struct Drag<F> {
 impl<F: Real> Drag<F> {
     pub const SLACK: Self = Drag { link: Link { stiffness: F::ZERO, stretch: F::ZERO } };
 
-    /// The wheel goes `way`; the torque that resists it, within `room`. `resistance` is that of a way of the slider in a period.
+    /// The wheel moves by `way`; returns the torque that resists it, within `room`. `resistance` is that to a displacement of the slider in
+    /// a period.
     pub fn step(
         &mut self,
         stiffness: F,
@@ -67,18 +68,18 @@ impl<F: Real> Drag<F> {
     }
 }
 
-/// The way d at which the resistance to d/T is K (e - d). The resistance never falls with d, so that there is one.
+/// The displacement d at which the resistance to d/T is K (e - d). The resistance never falls with d, so that there is one.
 fn slide<F: Real>(stiffness: F, stretch: F, resistance: impl Fn(F) -> Resistance<F>, period: F) -> F {
     let pull = stiffness * stretch;
     let (least, most) = resistance(F::ZERO).at_rest();
     if least <= pull && pull <= most {
         return F::ZERO;
     }
-    // Beyond its rest, the slider moves towards the pull, at most to where the spring pulls with what holds it at rest.
+    // Beyond its rest, the slider moves towards the pull, at most to where the spring's torque is the one that holds it at rest.
     let edge = if pull > most { most } else { least };
     let end = (pull - edge) / stiffness;
     let (mut low, mut high) = if end > F::ZERO { (F::ZERO, end) } else { (end, F::ZERO) };
-    // A Newton step from the end where a straight law would be solved at once.
+    // A Newton step from the end at which one step solves a linear law.
     let mut way = end;
     for _ in 0..SEARCH {
         let found = resistance(way);
@@ -110,8 +111,8 @@ impl<F: Real> Mass<F> {
     pub const SLACK: Self =
         Mass { link: Link { stiffness: F::ZERO, stretch: F::ZERO }, velocity: F::ZERO, inertia: F::ZERO };
 
-    /// The wheel goes `way`; the torque that resists it, within `room` and ±`most`. A body that becomes heavier keeps its momentum, one
-    /// that becomes lighter its velocity: neither gains energy.
+    /// The wheel moves by `way`; returns the torque that resists it, within `room` and ±`most`. A body that becomes heavier keeps its
+    /// momentum, one that becomes lighter its velocity: neither gains energy.
     pub fn step(&mut self, stiffness: F, way: F, room: (F, F), inertia: F, most: F, period: F) -> F {
         if stiffness <= F::ZERO || inertia <= F::ZERO {
             *self = Self::SLACK;

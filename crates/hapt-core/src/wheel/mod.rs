@@ -1,14 +1,14 @@
-//! The effects of a force-feedback wheel, as couplings and bodies: whatever a host asks for, the loop stays passive.
+//! The effects of a force-feedback wheel, as couplings and bodies: the loop stays passive for any request of a host.
 //!
 //! Springs are static laws on the wheel's position. Dampers and frictions act on a slider without mass, inertia acts on a virtual
-//! body; each hangs on the wheel by a spring, so that neither the difference of two positions nor of two velocities is ever taken. Under backward
-//! Euler such an element costs the device no more damping than its spring does ([`Timing::element_cost`]), whatever damping, friction or inertia
-//! is behind it. The device's damping therefore bounds a sum of stiffnesses, which is known at every sample, and what the host asks for beyond
-//! that sum is scaled to it.
+//! body; each hangs on the wheel by a spring, so that neither the difference of two positions nor of two velocities is ever taken. Under
+//! backward Euler such an element requires no more damping of the device than its spring does ([`Timing::element_cost`]), for any damping,
+//! friction or inertia behind it. The device's damping therefore bounds a sum of stiffnesses, which is known at every sample, and requests
+//! of the host beyond that sum are scaled to it.
 //!
-//! Constant, ramp and periodic effects have levels that the host sets. Held, they do work of at most their torque times the way, and without them
-//! every motion of the free wheel has bounded energy. A game that computes a level from the wheel's position closes a loop of its own, which is late:
-//! [`game_loop`] has what that asks of the device.
+//! Constant, ramp and periodic effects have levels that the host sets. Held, they do work of at most their torque times the path, and
+//! without them every motion of the free wheel has bounded energy. A game that computes a level from the wheel's position closes a loop of
+//! its own, which is late: [`game_loop`] has its requirement on the device.
 //!
 //! ```
 //! use hapt_core::wheel::{Device, Effect, Sides, Timing, Wheel};
@@ -39,14 +39,14 @@ use effect::floored;
 pub use effect::{Effect, Sides};
 use element::{Drag, Mass};
 
-/// The time constant, in s, with which a jump of the asked torque fades when effects change.
+/// The time constant, in s, with which a jump of the requested torque fades when effects change.
 const BLEND: f64 = 2e-3;
 
-/// The share of the stiffness that springs take at most while dampers, frictions or inertias play.
+/// The largest share of the stiffness that springs take while dampers, frictions or inertias play.
 const SPRINGS_SHARE: f64 = 0.5;
 
-/// A device, as far as effects may use it. What its wheel does before a host asks for anything, its end stops and its base feel, is a world
-/// beside the effects ([`Wheel::step_with`]), and has taken its part of the damping and the friction. SI units.
+/// The part of a device that effects may use. The wheel's end stops and base feel, without any host, are a world in addition to the effects
+/// ([`Wheel::step_with`]), which has taken its part of the damping and the friction. SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Device {
@@ -68,7 +68,7 @@ impl Device {
         Device { timing, damping, friction: 0.0, count: 0.0, limit }
     }
 
-    /// The stiffness of springs that takes all that the device pays with, N·m/rad.
+    /// The stiffness of springs that requires all damping and friction of the device, N·m/rad.
     pub fn stiffness(&self) -> f64 {
         Budget::of(self).springs
     }
@@ -86,7 +86,7 @@ impl fmt::Display for Refused {
 
 impl core::error::Error for Refused {}
 
-/// Why less is given than asked, the first that applies.
+/// Why less torque is given than requested, the first reason that applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shortfall {
     /// A coefficient is negative: such a law drives the wheel; it counts as 0.
@@ -97,23 +97,23 @@ pub enum Shortfall {
     Limit,
 }
 
-/// What a sample gives.
+/// The result of a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Given<F> {
     /// The torque to command, N·m, within the device's limit.
     pub torque: F,
-    /// The torque of all effects with springs as asked, within the limit, N·m.
+    /// The torque of all effects with springs as requested, within the limit, N·m.
     pub asked: F,
-    /// By which springs are scaled, 0 to 1.
+    /// The factor by which springs are scaled, 0 to 1.
     pub scale: F,
-    /// All stiffness at the wheel with its cost, relative to what the device's damping allows: 0 to 1.
+    /// All stiffness at the wheel, weighted by its required damping, relative to the stiffness that the device's damping allows: 0 to 1.
     pub used: F,
-    /// Why less is given than asked.
+    /// Why less torque is given than requested.
     pub shortfall: Option<Shortfall>,
 }
 
 impl<F: Real> Given<F> {
-    /// Where nothing is asked.
+    /// The result without effects.
     pub const NOTHING: Self = Given { torque: F::ZERO, asked: F::ZERO, scale: F::ONE, used: F::ZERO, shortfall: None };
 }
 
@@ -124,17 +124,17 @@ pub struct Wheel<F> {
     limit: F,
     /// The stiffness of springs that would take the whole damping.
     stiffness: F,
-    /// By which the stiffness of a slider and of a body is smaller at the same cost.
+    /// The factor by which the stiffness of a slider and of a body is smaller for the same required damping.
     drag: F,
     mass: F,
     fade: F,
 }
 
-/// What changes from sample to sample.
+/// The state, which changes from sample to sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WheelState<F> {
     last: Option<F>,
-    /// The static torque of the last sample with what was fading then.
+    /// The static torque of the last sample with the jump that was fading then.
     direct: F,
     fading: F,
     revision: u32,
@@ -193,8 +193,8 @@ impl<F: Real> Wheel<F> {
         self.step_with(state, position, F::ZERO, effects, revision)
     }
 
-    /// The same beside a torque that acts on the wheel already, in N·m: what is given is to be added to it, and the sum is within the limit.
-    /// The device's damping has to pay for both: [`Device::damping`] is then what that torque's law leaves of it.
+    /// The same in addition to a torque that acts on the wheel already, in N·m: the result is to be added to it, and the sum is within the
+    /// limit. The device's damping has to pay for both: [`Device::damping`] is then the part that that torque's law leaves.
     pub fn step_with(
         &self,
         state: &mut WheelState<F>,
@@ -214,12 +214,12 @@ impl<F: Real> Wheel<F> {
         let before = state.direct - state.fading;
         state.fading = state.fading * self.fade;
         if state.revision != revision {
-            // What fades goes on to: a host that changes its level at every sample holds nothing up.
+            // The earlier jump also continues to fade: a host that changes its level at every sample does not stop the fading.
             state.fading = (state.fading + before - scaled).finite_or_zero();
             state.revision = revision;
         }
         state.direct = scaled + state.fading;
-        // The world comes last: what the host asks for is within the limit before it adds to it.
+        // The world comes last: the host's torque is limited before the world's is added.
         let external = external.finite_or_zero();
         let statics = within(within(state.direct, -self.limit, self.limit) + external, -self.limit, self.limit);
         // Elements yield where the motor cannot hold them, on both their ends.
@@ -272,7 +272,7 @@ impl<F: Real> Wheel<F> {
     }
 }
 
-/// The torque of springs as asked and of levels that the host sets; the same with springs scaled.
+/// The torque of springs as requested and of levels that the host sets; the same with springs scaled.
 fn direct<F: Real>(effects: &[Effect<F>], position: F, scale: F) -> (F, F) {
     let (mut wanted, mut scaled) = (F::ZERO, F::ZERO);
     for effect in effects {
@@ -291,7 +291,7 @@ fn direct<F: Real>(effects: &[Effect<F>], position: F, scale: F) -> (F, F) {
     (wanted.finite_or_zero(), scaled.finite_or_zero())
 }
 
-/// What dampers and frictions resist a velocity with.
+/// The torque with which dampers and frictions resist a velocity.
 fn resistance<F: Real>(effects: &[Effect<F>], velocity: F) -> Resistance<F> {
     let mut all = Resistance { viscous: F::ZERO, slope: F::ZERO, dry_above: F::ZERO, dry_below: F::ZERO };
     for effect in effects {

@@ -51,7 +51,7 @@ fn it_is_between_puck_and_ground_and_without_an_advance() {
     assert!(matches!(Room::new(&spec).err(), Some(Error::Value { what: "velocity", .. })));
 }
 
-/// Steep as it may be written, it stays a number in single precision too.
+/// However steep its file makes it, its torque is finite in single precision too.
 #[test]
 fn a_steep_one_is_finite() {
     let couplings = [Law::Assist { torque: 1e30, velocity: 1e-30 }.between(End::Puck, End::Ground)];

@@ -11,7 +11,7 @@ use hapt_core::{Body, Coupling, End, Law, Loop, Method, Real, Side, Vector};
 type Small = Loop<f64, 6, 12, 3>;
 
 const METHODS: [Method; 3] = [Method::Zoh, Method::Trapezoidal, Method::BackwardEuler];
-/// Those that keep the energy of what is lossless.
+/// The methods that conserve the energy of lossless worlds.
 const KEEPING: [Method; 2] = [Method::Zoh, Method::Trapezoidal];
 
 fn list<F: Real, const B: usize>(x: &Vector<F, B>, n: usize) -> Vec<f64> {

@@ -9,11 +9,11 @@ use proptest::prelude::*;
 const N: usize = 5;
 
 fn bits(x: Lanes<N>) -> [u64; N] {
-    // One NaN is as good as another.
+    // All NaNs count as equal.
     x.0.map(|x| if x.is_nan() { f64::NAN.to_bits() } else { x.to_bits() })
 }
 
-/// Numbers of every size and sign, zeros, whole and half ones, and what is none.
+/// Numbers of every size and sign, zeros, whole and half ones, and NaN.
 fn number() -> impl Strategy<Value = f64> {
     let special = [0.0, -0.0, 0.5, -0.5, 1.0, -1.0, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, f64::MIN_POSITIVE];
     prop_oneof![

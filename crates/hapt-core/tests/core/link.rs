@@ -1,4 +1,4 @@
-//! The energy of a link that takes hold and lets go, over random ways of messages and hands that know when to pull.
+//! The energy of a link that connects and releases, over random delays of messages and hands that pull at the best times.
 
 use std::collections::VecDeque;
 
@@ -18,8 +18,8 @@ struct End {
     newest: Option<Message>,
 }
 
-/// What the hands have drawn from the link, and how often it has taken hold, when they hold the ends `stretch` apart whenever the messages are cut, and
-/// bring them together when it has hold again.
+/// The energy that the hands have drawn from the link, and how often it has connected, when they hold the ends `stretch` apart whenever the
+/// messages are cut, and bring them together when it is connected again.
 fn drawn(stiffness: f64, soft: f64, stretch: f64, way: usize, wall: bool) -> (f64, u64) {
     let period = 1e-3;
     let terms = LinkTerms { age_max: 30e-3, hold: period, period, soft };
@@ -77,8 +77,8 @@ fn drawn(stiffness: f64, soft: f64, stretch: f64, way: usize, wall: bool) -> (f6
 }
 
 proptest! {
-    // (T54): a hand draws the soft torque times the stretch each time that the link takes hold, and what the age costs (T51); a link that took hold at once
-    // would give it half of K times the square of the stretch.
+    // (T54): a hand draws the soft torque times the stretch each time that the link connects, and the energy by the age (T51); a link that
+    // connected at once would give it half of K times the square of the stretch.
     #[test]
     fn taking_hold_gives_no_more_than_the_soft_torque_times_the_stretch(
         stiffness in 0.1..10.0, part in 0.01..0.1, stretch in 0.1..1.0, way in 0_usize..10, wall: bool,
@@ -97,7 +97,7 @@ proptest! {
     }
 }
 
-/// A link that has room to fade does so in steps, whatever is lost: by how much it has faded before the age is reached.
+/// A link with time to fade does so in steps, whatever messages are lost: the torque has faded before the age is reached.
 #[test]
 fn a_torque_fades_over_a_quarter_of_the_age_and_not_at_once() {
     let terms = LinkTerms { age_max: 40e-3, hold: 1e-3, period: 1e-3, soft: 0.1 };
@@ -109,7 +109,7 @@ fn a_torque_fades_over_a_quarter_of_the_age_and_not_at_once() {
         end.sample(1e-3, true, heard(2e-3, 1.0, Strength::WHOLE), law);
         assert_eq!(end.strength(), Strength::WHOLE);
         assert_eq!(end.sample(1e-3, true, heard(2e-3, 0.0, Strength::WHOLE), law), -1.0);
-        // Nothing comes any more.
+        // No more messages arrive.
         let torques: Vec<f64> = (3..60)
             .map(|age| end.sample(1e-3, true, heard(f64::from(age) * 1e-3, 0.0, Strength::WHOLE), law))
             .collect();
@@ -150,7 +150,8 @@ proptest! {
 }
 
 proptest! {
-    // (T64): whatever is lost, and whenever messages come. What acts is a mean of the other's motion, and not more of it than the bound says.
+    // (T64), whatever messages are lost, and whenever they arrive: the velocity that acts is a mean of the other's motion, within the
+    // bound.
     #[test]
     fn the_others_velocity_that_acts_is_bounded_by_its_motion(
         sender in 0.5e-3..4e-3_f64, receiver in 0.5e-3..4e-3_f64, loss in 0.0..0.9_f64, ways: [f64; 16], seed in 1_u64..,
@@ -199,7 +200,7 @@ proptest! {
     }
 }
 
-/// Of messages that come on time it is the mean between two, and it ends soon after the last.
+/// With messages on time it is the mean between two, and it ends soon after the last.
 #[test]
 fn the_others_velocity_is_its_mean_between_two_messages_for_four_times_as_long() {
     let terms = LinkTerms { age_max: 50e-3, hold: 1e-3, period: 2e-3, soft: 1.0 };
@@ -219,7 +220,7 @@ fn the_others_velocity_is_its_mean_between_two_messages_for_four_times_as_long()
     let lasting: Vec<bool> = (2..12).map(|age| sample(f64::from(age) * 1e-3, 1, 2e-3).is_some()).collect();
     assert_eq!(lasting, [true, true, true, true, true, true, true, false, false, false]);
     assert!((sample(1e-3, 1, 20e-3).unwrap() - 3.0).abs() < 1e-12);
-    // Numbers that come too close never make a velocity too large, and those of another run say nothing.
+    // Message numbers that are too close together never give too large a velocity, and those of another run give none.
     assert!((sample(0.5e-3, 1, 20.1e-3).unwrap() - 0.15).abs() < 1e-9);
     assert_eq!(sample(0.4e-3, 2, 30e-3), None);
 }

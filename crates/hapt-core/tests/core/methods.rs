@@ -35,7 +35,7 @@ fn combine(x: &[f64], terms: &[(f64, &[f64])]) -> State {
     out
 }
 
-/// The largest difference, each entry beside the size of its kind (positions, velocities).
+/// The largest difference, each entry relative to the size of its kind (positions, velocities).
 fn distance(a: &[f64], b: &[f64]) -> f64 {
     let n = a.len() / 2;
     let part = |a: &[f64], b: &[f64]| {
@@ -45,7 +45,7 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
     part(&a[..n], &b[..n]).max(part(&a[n..], &b[n..]))
 }
 
-/// One step by the rule's own words. For the implicit rules this is the right-hand side, x_{k+1} put in: a fixed point.
+/// One step by the rule itself. For the implicit rules this is the right-hand side with x_{k+1} inserted: a fixed point.
 fn rule(world: &World, t: f64, method: Method, x: &[f64], next: &[f64], old: (f64, f64), new: (f64, f64)) -> State {
     let f = |x: &[f64], u| world.rate(x, u);
     let n = x.len() / 2;
@@ -76,7 +76,7 @@ fn runge_kutta(world: &World, t: f64, x: &[f64], old: (f64, f64), new: (f64, f64
     combine(x, &[(t / 6.0, &k1), (t / 3.0, &k2), (t / 3.0, &k3), (t / 6.0, &k4)])
 }
 
-/// The exact flow, by so many Runge-Kutta steps that none is left of their error.
+/// The exact flow, by so many Runge-Kutta steps that their error is negligible.
 fn reference_flow(world: &World, t: f64, x: &[f64], old: (f64, f64), new: (f64, f64)) -> State {
     let steps = 3000;
     let at = |i: i32| {
@@ -147,7 +147,7 @@ const WHEEL: (f64, f64) = (0.025801232, 1.0185916);
 const STEP: f64 = 0.785;
 
 /// x_k of that wheel after a step of the puck, until 0.7 s: away from the instants at which a first-order error hides in the
-/// phase. `more` is coupled in beside the spring.
+/// phase. `more` is in parallel with the spring.
 fn swing(method: Method, period: f64, samples: usize, more: Option<Law>) -> Vec<State> {
     let spring = Law::Spring { stiffness: WHEEL.1, rest: 0.0 };
     let law = |law| Coupling { first: End::Puck, second: End::Body(0), law, limit: None };

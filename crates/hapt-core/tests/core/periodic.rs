@@ -14,7 +14,8 @@ fn torques<F: Real>(coupling: Coupling, positions: &[f64]) -> Vec<f64> {
 proptest! {
     #![proptest_config(hapt_testing::cases(200))]
 
-    /// A phase of any number of pitches moves the torque and nothing else: it is no steeper than the certificate takes it for, and as large.
+    /// A phase of any number of pitches moves the torque and nothing else: its slope stays within the certificate's bound, and its size the
+    /// same.
     #[test]
     fn the_steepness_does_not_depend_on_the_phase(
         pitch in 1e-3..1.0f64, torque in 1e-3..1.0f64, decades in -3.0..300.0f64, negative: bool, harmonic in 0..4_usize, is_detent: bool,

@@ -72,7 +72,7 @@ impl World {
         1.0 + 4.0 * k + 20.0 * c + torques
     }
 
-    /// What is moving and what is stored, with z held; and the size of the parts, below which differences are rounding.
+    /// The kinetic and stored energy, with z held; and the size of the parts, below which differences are rounding.
     pub fn energy(&self, x: &[f64], z: f64) -> (f64, f64) {
         let n = self.bodies.len();
         let moving: f64 = self.bodies.iter().zip(&x[n..]).map(|(body, v)| 0.5 * body.inertia * v * v).sum();
@@ -98,7 +98,7 @@ impl World {
     }
 }
 
-/// V of a coupling, with its limit; 0 of what only takes.
+/// V of a coupling, with its limit; 0 of a coupling that only dissipates.
 pub fn stored(coupling: &Coupling, q: f64) -> f64 {
     let limit = coupling.limit.unwrap_or(f64::INFINITY);
     match coupling.law {
@@ -168,7 +168,7 @@ pub fn torque(coupling: &Coupling, q: f64, qd: f64) -> f64 {
     torque.clamp(-limit, limit)
 }
 
-/// One to five bodies in a chain from the puck, with couplings between random ends besides.
+/// One to five bodies in a chain from the puck, with further couplings between random ends.
 pub fn world(nonlinear: bool) -> impl Strategy<Value = World> {
     let body = (1e-3_f64..0.1, -1.0_f64..1.0, -5.0_f64..5.0).prop_map(|(inertia, position, velocity)| Body {
         inertia,

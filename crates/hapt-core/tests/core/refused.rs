@@ -1,4 +1,4 @@
-//! What a loop cannot be compiled from is refused by name.
+//! A spec that cannot be compiled is refused by name.
 
 use hapt_core::{Body, Coupling, Damping, End, Error, Estimator, Law, Loop, Method, Output, Side, Spec};
 
@@ -31,7 +31,7 @@ fn more_than_there_is_room_for_is_refused_with_the_room() {
     let long = Spec { estimator, count: Some(1e-3), ..SPEC };
     assert_eq!(refusal(&long), Some(Error::WindowTooLong { given: 17, room: 17 }));
     assert_eq!(refusal(&Spec { estimator: Estimator::Foaw { window: 16 }, ..long }), None);
-    // A difference needs the room with an ideal encoder too.
+    // A difference needs the memory with an ideal encoder too.
     for count in [None, long.count] {
         let over = |every| refusal(&Spec { estimator: Estimator::DifferenceOver { every }, count, ..long });
         assert_eq!(over(17), Some(Error::WindowTooLong { given: 17, room: 17 }));

@@ -11,7 +11,7 @@ const TAU: f64 = std::f64::consts::TAU;
 
 const EMPTY: Spec = Spec::new(1e-3);
 
-/// What the loop measures at each of the positions.
+/// The loop's measurements at each of the positions.
 fn measure(spec: &Spec, positions: &[f64]) -> Vec<(f64, f64)> {
     let compiled = Small::new(spec).unwrap();
     let mut state = compiled.start();
@@ -45,7 +45,7 @@ fn the_exact_estimator_is_told_the_velocity_at_the_first_sample_too() {
     assert_eq!(compiled.step(&mut compiled.start(), 0.1, -3.5).puck.velocity, -3.5);
 }
 
-/// foaw by the contract's words: every length, every sample in between, one by one.
+/// foaw by the contract's definition: every length, every sample in between, one by one.
 fn slow_foaw(counts: &[f64], window: usize, best: bool) -> f64 {
     let k = counts.len() - 1;
     let inside = |n: usize| {
@@ -148,7 +148,7 @@ proptest! {
         }
     }
 
-    /// With a body, held still: it swings about the filtered position, whatever the method.
+    /// With a body, held still: it oscillates about the filtered position, under any method.
     #[test]
     fn a_body_is_moved_by_the_filtered_position(
         positions in prop::collection::vec(-1.0_f64..1.0, 2..40), filter in 5.0_f64..300.0, method in 0..Method::ALL.len(),

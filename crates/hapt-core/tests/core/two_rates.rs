@@ -47,7 +47,7 @@ proptest! {
         }
     }
 
-    /// At a body the springs are undone over the bodies' step, between puck and ground over the period.
+    /// At a body the springs are compensated over the bodies' step, between puck and ground over the period.
     #[test]
     fn a_compensating_damper_counts_the_step_at_its_own_ends(every in 1_u32..9, stiffness in 0.1..20.0_f64, z in -1.0..1.0_f64, v in -5.0..5.0_f64) {
         let bodies = [Body { inertia: 0.02, position: 0.0, velocity: 0.0 }];
@@ -69,7 +69,7 @@ proptest! {
         }
     }
 
-    /// Whichever sample of a step a swap comes at, and whatever the rates before and after it.
+    /// For a swap at any sample of a step, and for any rates before and after it.
     #[test]
     fn a_body_in_uniform_motion_keeps_its_way_through_a_swap(
         rates in (1_u32..6, 1_u32..6), periods in (1e-4..1e-2_f64, 1e-4..1e-2_f64), samples in 1..20_usize, first in any::<bool>(),
@@ -92,7 +92,7 @@ proptest! {
         prop_assert!((state.now.position[0] - expected).abs() < 1e-12, "{} {expected}", state.now.position[0]);
     }
 
-    /// A snapshot may come from a caller.
+    /// The state may come from a caller.
     #[test]
     fn a_count_beyond_a_step_is_one_within_it(every in 2_u32..9, count in any::<u32>()) {
         let world = World { bodies: vec![Body { inertia: 0.02, position: 0.0, velocity: 1.0 }], couplings: vec![] };

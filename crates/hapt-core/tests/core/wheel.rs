@@ -1,4 +1,4 @@
-//! A wheel's effects: no passive hand draws energy, and what is given is what was asked where the device allows it.
+//! A wheel's effects: no passive hand draws energy, and the torque is the requested one where the device allows it.
 
 use hapt_core::wheel::{Device, Effect, REST_SPEED, Refused, Shortfall, Sides, Timing, Wheel};
 use proptest::prelude::*;
@@ -66,9 +66,9 @@ impl Pattern {
     }
 }
 
-/// What a hand draws from the wheel of `device`, with end stops of so much stiffness beside its effects, beyond what the damping and the friction of
-/// `real` take, relative to what passes to and fro. The hand moves evenly within each step, not slower than `slowest`, and the motor's torque
-/// follows its command exactly.
+/// The energy that a hand draws from the wheel of `device`, with end stops of a stiffness in addition to its effects, beyond the energy
+/// that the damping and the friction of `real` dissipate, relative to the energy exchanged. The hand moves evenly within each step, not
+/// slower than `slowest`, and the motor's torque follows its command exactly.
 fn drawn(
     device: &Device,
     stops: f64,
@@ -96,7 +96,7 @@ fn drawn(
             let given = wheel.step_with(&mut state, seen, external, effects, 0);
             pending.push((step + pattern.delay, given.torque + external));
             next += pattern.shortest + (dice.roll() * (pattern.longest - pattern.shortest + 1) as f64) as usize;
-            // A hand that turns at the samples asks most of the hold.
+            // A hand that turns at the samples draws the most from the hold.
             if dice.roll() < 0.8 {
                 let share = if turns < 0.5 { 1.0 } else { dice.roll() };
                 velocity = if velocity > 0.0 { -1.0 } else { 1.0 } * (speed * share).max(slowest);
@@ -119,7 +119,7 @@ fn device(timing: Timing, damping: f64) -> Device {
     Device::ideal(timing, damping, 5.0)
 }
 
-/// What stops that take this share of the damping leave of the device, and their stiffness.
+/// The device that stops with this share of the damping leave, and their stiffness.
 fn with_stops(real: &Device, share: f64) -> (Device, f64) {
     let damping = (1.0 - share) * real.damping;
     (Device { damping, ..*real }, share * real.damping / real.timing.spring_cost())
@@ -201,7 +201,7 @@ fn springs_at_the_bound_draw_energy_from_a_device_with_less_damping() {
     assert!((0..50).any(|seed| at(0.9, seed) > 0.0));
 }
 
-/// A hand that goes to and fro across the edge of a count, as little as the samples allow.
+/// A hand that goes to and fro across the edge of a count, by the smallest motion that the samples allow.
 #[test]
 fn a_dither_across_a_count_draws_nothing_where_friction_holds_it_and_no_more_than_the_bound_elsewhere() {
     let dither = |device: &Device, friction: f64, effect: Effect<f64>, way: f64| {
@@ -220,7 +220,7 @@ fn a_dither_across_a_count_draws_nothing_where_friction_holds_it_and_no_more_tha
     let timing = Timing::even(1e-3);
     let bare = Device { count: 1e-3, ..device(timing, 0.05) };
     let held = Device { friction: 4.0 * friction_for(&bare), ..bare };
-    // What is left of the damping takes as much of a wheel at rest speed.
+    // The rest of the damping dissipates as much on a wheel at rest speed.
     let most =
         |device: &Device| 0.25 * (device.damping - device.stiffness() * timing.spring_cost()) * REST_SPEED.powi(2);
     let most_drawn = |device: &Device, friction: f64, effect: Effect<f64>| {

@@ -1,4 +1,4 @@
-//! What the C does at every sample, against the core.
+//! The C at every sample, against the core.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -44,8 +44,8 @@ pub fn random(seed: &mut u64) -> f64 {
     (*seed >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// Readings of a puck that a hand moves, with what goes wrong on a device: jumps, standstills, NaN, lateness, silence, requests. What is
-/// not a number of the C's is rounded to one.
+/// Readings of a puck that a hand moves, with the faults of a device: jumps, standstills, NaN, lateness, silence, requests. Numbers are
+/// rounded to those of the C.
 pub fn readings(world: &World, seed: u64, is_wild: bool) -> Vec<[f64; IN]> {
     let mut seed = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     let (mut position, mut velocity, mut stands) = (0.0, 0.0, 0_u32);
@@ -124,7 +124,7 @@ pub fn fed<F: Real>(
     controller.step(state, &reading, request)
 }
 
-/// What the core does with them, as the C shows it.
+/// The core's results for them, in the form of the C's.
 fn core<F: Real>(world: &World, readings: &[[f64; IN]]) -> Vec<f64> {
     let spec = world.spec();
     let controller = Controller::<F, BODIES, COUPLINGS, COUNTS>::new(&spec, &world.limits).unwrap();
@@ -174,7 +174,7 @@ fn couplings<F: Real>(controller: &Controller<F, BODIES, COUPLINGS, COUNTS>) -> 
     count.0
 }
 
-/// A program in C, one translation unit, that takes the readings of each world and gives what it shows.
+/// A program in C, one translation unit, that takes the readings of each world and prints its results.
 fn program(worlds: &[World]) -> String {
     let mut main = String::from("#include \"ports.c\"\n");
     for i in 0..worlds.len() {
@@ -318,12 +318,12 @@ fn run_on_board(board: &Board, folder: &Path, input: &[u8]) -> Vec<u8> {
     fs::read(folder.join("out")).unwrap()
 }
 
-/// So many worlds in `cargo test`; eight times as many with `HAPT_ONE_IN=1`.
+/// The number of worlds in `cargo test`; eight times as many with `HAPT_ONE_IN=1`.
 pub fn some(count: u64) -> usize {
     hapt_testing::seeds(8 * count).end as usize
 }
 
-/// Random worlds of all methods, estimators and laws, by one compiler as it is used most.
+/// Random worlds of all methods, estimators and laws, by one compiler with its usual options.
 #[test]
 fn the_c_of_a_world_has_the_cores_bits() {
     for (i, worlds) in worlds(some(3)).chunks(8).enumerate() {
@@ -426,7 +426,7 @@ fn an_atmega328p_has_the_bits_of_a_computer_or_refuses() {
     assert!(ran > 0 && refused > 0, "{ran} ran, {refused} were refused");
 }
 
-/// What a program takes of flash and RAM.
+/// The flash and RAM of a program.
 fn memory(program: &Path) -> (u64, u64) {
     let said = Command::new("avr-size").arg(program).output().unwrap();
     let text = String::from_utf8_lossy(&said.stdout).into_owned();

@@ -5,7 +5,7 @@ use std::process::Command;
 
 pub const WARNINGS: [&str; 3] = ["-Wall", "-Wextra", "-Werror"];
 
-/// What C leaves undefined ends the program.
+/// Undefined behaviour ends the program.
 pub const SANITIZERS: [&str; 3] = ["-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"];
 
 pub const ARM: &str = "arm-none-eabi-gcc";

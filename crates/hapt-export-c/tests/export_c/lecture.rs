@@ -1,4 +1,4 @@
-//! The wheel of the notes, in C as the notes compute it, and as it is exported: what docs/notes.md sets side by side.
+//! The wheel of the notes, in C as the notes compute it, and as it is exported, for the comparison in docs/notes.md.
 
 use std::fs;
 use std::process::Command;

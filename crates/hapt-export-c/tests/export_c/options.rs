@@ -22,7 +22,7 @@ fn no_sample_does_what_c_leaves_undefined() {
     }
 }
 
-/// What a linear coupling stores or takes is booked behind the last one that has a place in the state.
+/// The energy of a linear coupling is booked after the last one that has a place in the state.
 #[test]
 fn linear_couplings_behind_a_friction_at_a_body_read_nothing_beyond_the_state() {
     let some = drawn(1, hapt_testing::cases_from(1, 1)).remove(0);
@@ -57,7 +57,7 @@ fn linear_couplings_behind_a_friction_at_a_body_read_nothing_beyond_the_state() 
     }
 }
 
-/// A puck that rests again and again beside its detents, under torques that the friction holds.
+/// A puck that rests again and again next to its detents, under torques that the friction holds.
 #[test]
 fn an_origin_that_slips_in_c_slips_by_the_cores_bits() {
     let some = drawn(1, hapt_testing::cases_from(1, 1)).remove(0);
@@ -113,7 +113,7 @@ fn an_origin_that_slips_in_c_slips_by_the_cores_bits() {
     }
 }
 
-/// gcc makes one rounding of a product and a sum where the processor can, unless it is told not to: the file tells it.
+/// gcc contracts a product and a sum to one rounding where the processor can, unless it is disabled: the file disables it.
 #[test]
 #[cfg(target_arch = "x86_64")]
 fn a_processor_that_contracts_products_and_sums_gives_the_same_bits() {
@@ -221,7 +221,7 @@ fn the_sketches_of_an_arduino_library_are_cpp() {
 const ARDUINO: &str = include_str!("../arduino/Arduino.h");
 const SIMPLE_FOC: &str = include_str!("../arduino/SimpleFOC.h");
 
-/// A comparison of what never occurs compares nothing.
+/// Each of them has to occur, or its comparison would be empty.
 #[test]
 fn the_random_worlds_have_every_method_estimator_law_and_reason() {
     let worlds = drawn(320, hapt_testing::cases_from(1, 1));

@@ -59,7 +59,7 @@ fn with(world: &World, tune: &Tune, value: f64) -> World {
     World { couplings, ..world.clone() }
 }
 
-/// Which parameter is asked for at each sample, or -1, and its value.
+/// The parameter that is requested at each sample, or -1, and its value.
 fn asked(world: &World, tunes: &[Tune], samples: usize, seed: u64) -> Vec<[f64; 2]> {
     let mut seed = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     let mut of = move || random(&mut seed);
@@ -88,7 +88,7 @@ fn value(world: &World, tune: &Tune) -> f64 {
     own.or(world.couplings[tune.coupling].limit).unwrap()
 }
 
-/// What the core does where these values are compiled, and what every request has to give.
+/// The core's results with these values compiled, and the expected result of every request.
 fn core<F: Real>(world: &World, tunes: &[Tune], readings: &[[f64; 8]], asked: &[[f64; 2]]) -> (Vec<f64>, [usize; 5]) {
     let compiled = |world: &World| {
         Box::new(Controller::<F, BODIES, COUPLINGS, COUNTS>::new(&world.spec(), &world.limits).unwrap())
@@ -198,7 +198,7 @@ fn agree(worlds: &[(World, Vec<Tune>)], float: Float, compiler: &str, options: &
     seen
 }
 
-/// Random worlds with all numbers that the C can change, asked for at random: inside and outside of the range, under a torque and without.
+/// Random worlds with all numbers that the C can change, requested at random: inside and outside the range, under a torque and without.
 #[test]
 fn a_number_set_in_c_has_the_bits_of_the_core_with_the_same_number() {
     let mut seen = [0; 5];
@@ -219,7 +219,7 @@ fn a_number_set_in_c_has_the_bits_of_the_core_with_the_same_number() {
     assert!(seen.iter().all(|count| *count > 10), "every answer occurs: {seen:?}");
 }
 
-/// Between puck and ground the number stands for itself; where a body is, a spring's goes through the matrices of the method.
+/// Between puck and ground the number is used directly; at a body, a spring's goes through the matrices of the method.
 #[test]
 fn numbers_that_stand_in_no_matrix_can_be_set_and_others_are_refused() {
     let some = drawn(1, hapt_testing::cases_from(1, 1)).remove(0);
@@ -237,7 +237,7 @@ fn numbers_that_stand_in_no_matrix_can_be_set_and_others_are_refused() {
     let spring = Law::Spring { stiffness: 2.0, rest: 0.1 };
     let wall = Law::Wall { side: Side::Below, at: 0.1, stiffness: 1.0, damping: 0.01 };
     let body = End::Body(0);
-    // Beside what has a state or a waveform the loop has the numbers of nonlinear laws as they are: all of them can be set.
+    // Except for laws with a state or a waveform, the loop has the numbers of nonlinear laws unchanged: all of them can be set.
     let as_they_are = Law::ALL.into_iter().filter(|law| law.between(body, End::Ground).linear().is_none());
     for mut law in as_they_are.filter(|law| goes_to_bodies(law) && law.waveform().is_none()) {
         let mut names = Vec::new();

@@ -65,7 +65,7 @@ fn estimator() -> impl Strategy<Value = Estimator> {
     ]
 }
 
-/// Limits that a reading often enough exceeds.
+/// Limits that readings exceed often enough.
 fn limits(period: f64) -> impl Strategy<Value = Limits> {
     let or_none =
         |range: std::ops::Range<f64>| prop::option::weighted(0.5, range).prop_map(|x| x.unwrap_or(f64::INFINITY));

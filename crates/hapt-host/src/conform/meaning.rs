@@ -102,7 +102,7 @@ pub struct Torque {
 /// An action on an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
-    /// It starts, so many times in a row.
+    /// It starts, this many times in a row.
     Start(u32),
     /// It has other numbers.
     Change(Asked),

@@ -24,7 +24,7 @@ pub struct Course {
     pub raw: Vec<f64>,
 }
 
-/// The weights of a mean over a window of so many steps to either side.
+/// The weights of a mean over a window of `half` steps to either side.
 fn weights(half: usize) -> Vec<f64> {
     let weights: Vec<f64> =
         (0..=2 * half).map(|i| i as f64 / half as f64 - 1.0).map(|s| (1.0 - s * s).powi(2)).collect();

@@ -42,7 +42,7 @@ pub trait Wheel {
     /// # Errors
     /// The driver refuses it.
     fn put(&mut self, place: usize, asked: &Asked) -> Result<(), ConformError>;
-    /// Starts it, so many times in a row.
+    /// Starts it, this many times in a row.
     ///
     /// # Errors
     /// As above.

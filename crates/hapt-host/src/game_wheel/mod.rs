@@ -218,8 +218,8 @@ pub struct WheelStatus {
     pub playing: usize,
     /// The largest torque of the motor while effects played, the world's part in it, N·m.
     pub peak: f64,
-    /// Samples in which less was given than asked, for each reason: the host asked for a drive, for more stiffness than is passive, for more
-    /// torque than the limit.
+    /// Samples in which less torque was given than requested, for each reason: the host requested a driving torque, more stiffness than is
+    /// passive, more torque than the limit.
     pub less: [u64; 3],
     /// The smallest factor on springs.
     pub scale: f64,
@@ -323,7 +323,7 @@ impl Drop for GameWheel {
     }
 }
 
-/// Games get the steering as it is, from where the kernel has made the device of it.
+/// Games get the unfiltered steering, once the kernel has created the device.
 fn clear_smoothing(stop: &AtomicBool) {
     let begin = Instant::now();
     while begin.elapsed() < APPEARS && !stop.load(Ordering::Relaxed) {

@@ -61,7 +61,7 @@ pub enum LinkError {
     /// The system gives no random numbers, or no thread.
     #[error("the system gives no {what}: {error}")]
     System {
-        /// What it does not give.
+        /// The missing resource.
         what: &'static str,
         /// Why.
         error: io::Error,

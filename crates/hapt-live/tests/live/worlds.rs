@@ -82,7 +82,7 @@ fn on_a_motor_a_knob_enters_at_rest_wherever_it_stands_and_an_uncertified_world_
     arm(&mut page);
     let degree = std::f32::consts::PI / 180.0;
     for (place, turn, rest) in [(1, 0.3, 0.0), (2, -0.4, 10.0), (1, 0.2, 0.0), (0, 0.7, 0.0), (2, 0.5, 10.0)] {
-        // On a busy computer the hand lets go before the world comes, and the knob turns.
+        // On a busy computer the hand releases before the world arrives, and the knob turns.
         let mut places = Vec::new();
         while places.len() < 5 {
             hand.move_to(Some(turn));
@@ -100,7 +100,7 @@ fn on_a_motor_a_knob_enters_at_rest_wherever_it_stands_and_an_uncertified_world_
                 page.say(json!({ "type": "alive" }));
                 frame = page.frame();
             }
-            // Nobody moves the hand: what it pulled against the last world's torque is little of a pitch.
+            // The hand does not move: its displacement by the last world's torque is a small part of a pitch.
             let at = frame.columns[2][0] / degree;
             places.push(at);
             if (at - rest).abs() < 7.0 {

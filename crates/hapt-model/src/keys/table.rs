@@ -6,10 +6,10 @@ use hapt_core::{HARMONICS, Method, Output, Side, WhenLate};
 use super::{Key, Measure, Presence, Range, Takes, key};
 use crate::kinds::{Compensated, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
 
-/// The word that makes a damper follow the springs beside it.
+/// The word that makes a damper follow the springs in parallel with it.
 pub(crate) const COMPENSATING: &str = "compensating";
 
-/// The unit of what is counted in periods.
+/// The unit of times in periods.
 pub const SAMPLES: &str = "samples";
 
 /// A body's name is an end of couplings and a column of tables, where these three are taken.
@@ -28,12 +28,12 @@ const LUGRE: Presence = Presence::Depends("required with the other LuGre keys");
 
 const HARMONIC: Presence = Presence::Depends("required: sine, cosine or both");
 
-/// What stands for a lost link, and for what the world's own ledger finds.
+/// The names of the reactions to a lost link, and to the world's own ledger.
 pub(crate) const LINK_LOST: [&str; 2] = ["fade-out", "fault"];
 pub(crate) const WORLD_LEDGER: [&str; 2] = ["warn", "trip"];
 /// The handle's table, and the name of its columns.
 pub(crate) const HANDLE: &str = "handle";
-/// Which way a drive turns.
+/// The direction in which a drive turns.
 pub(crate) const DIRECTION: [&str; 2] = ["forward", "reverse"];
 
 use Measure::{Angle, Damping, Energy, Frequency, Inertia, Position, Ratio, Stiffness, Time, Torque, Velocity};

@@ -13,15 +13,15 @@ use super::{Station, System, no_longer};
 
 /// An instant within this part of a period of another is that one, as in the loop.
 const SAME_INSTANT: f64 = 1e-6;
-/// The most messages that may be under way on a link, each way: a run keeps them.
+/// The most messages that may be in flight on a link, in each direction: a run keeps them.
 const MAX_MESSAGES: f64 = 1e6;
-/// What brings ends together is this part of what motors and links can do at most.
+/// The torque that brings ends together is this part of the largest torque of motors and links.
 const SOFT: f64 = 0.1;
 
 /// A coupling between the pucks of two stations, of which each computes its own end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Link {
-    /// Which stations: q is the first one's puck as seen from the second's.
+    /// The two stations: q is the first one's puck relative to the second's.
     pub between: [usize; 2],
     /// A spring or a wall: its torque at rest. Its own damping is 0.
     pub law: Law,
@@ -31,15 +31,15 @@ pub struct Link {
     pub limit: Option<f64>,
     /// Between two messages in s; `None`: the sender's period.
     pub period: Option<f64>,
-    /// How long a message is on its way at least, in s.
+    /// The least delay of a message, in s.
     pub delay: f64,
-    /// How long at most, in s; no shorter. `None`: `delay`.
+    /// The largest delay, in s; not less than `delay`. `None`: `delay`.
     pub delay_max: Option<f64>,
     /// The part of the messages that a simulation loses, from 0 to 1.
     pub loss: f64,
     /// The part of the messages that arrive twice in a simulation, from 0 to 1.
     pub duplicate: f64,
-    /// Of the losses, copies and times that a simulation draws.
+    /// The seed of the losses, copies and times that a simulation draws.
     pub seed: u32,
     /// The greatest age in s of a position at any time that its torque acts.
     pub age_max: f64,
@@ -57,7 +57,7 @@ impl Link {
         self.stiffness() > 0.0 || self.damping > 0.0
     }
 
-    /// The same link, this stiff.
+    /// The same link with this stiffness.
     pub fn with_stiffness(&self, stiffness: f64) -> Link {
         let mut link = self.clone();
         if let Law::Spring { stiffness: own, .. } | Law::Wall { stiffness: own, .. } = &mut link.law {
@@ -71,7 +71,7 @@ impl Link {
         self.period.map_or(1.0, |own| (own / sample - SAME_INSTANT).ceil().max(1.0)) * sample
     }
 
-    /// How long a message is on its way at most, in s.
+    /// The largest delay of a message, in s.
     pub fn delay_max_s(&self) -> f64 {
         self.delay_max.unwrap_or(self.delay)
     }

@@ -1,4 +1,4 @@
-//! What a file describes: stations, each a world with its own clock, and the links between their pucks. A world file is one station.
+//! The system of a file: stations, each a world with its own clock, and the links between their pucks. A world file is one station.
 
 mod link;
 mod numbers;
@@ -53,7 +53,7 @@ const MAX_TIME_S: f64 = 1000.0;
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct System {
-    /// What the file calls itself.
+    /// The file's title.
     pub title: Option<String>,
     /// Rotary or linear, as all of its stations are.
     pub motion: Motion,
@@ -74,11 +74,11 @@ pub struct Station {
     pub world: World,
     /// That file's text.
     pub source: Source,
-    /// What is set over it.
+    /// Its overrides.
     pub sets: Vec<String>,
     /// When its first sample is taken, in s.
     pub phase: f64,
-    /// By what part its clock is fast: a second of it takes 1/(1 + drift) s. Its world's longest interval has room for it.
+    /// The relative error of its clock: a second of it takes 1/(1 + drift) s. Its world's longest interval includes it.
     pub drift: f64,
     /// The longest interval that the world's file states.
     pub(crate) interval_max: Option<f64>,
@@ -90,14 +90,14 @@ impl Station {
         self.world.sampling.interval_max_s() + self.world.sampling.delay_max_s()
     }
 
-    /// The same station with another world on its device, such as one of which a key has been set: its intervals have room for the clock too.
+    /// The same station with another world on its device, such as one of which a key has been set: its intervals include the clock too.
     pub fn with_world(&self, world: World) -> Station {
         let mut station = Station { interval_max: world.sampling.interval_max, world, ..self.clone() };
         station.follow_clock();
         station
     }
 
-    /// Its world as its file has it: without the room for a slow clock.
+    /// Its world as in its file, without the margin for a slow clock.
     pub fn stated_world(&self) -> World {
         let mut world = self.world.clone();
         world.sampling.interval_max = self.interval_max;
@@ -113,7 +113,7 @@ impl Station {
         }
     }
 
-    /// What its clock shows, in ns from its first sample on, when the network's clock shows `time` ns; `None` before that sample.
+    /// The reading of its clock, in ns from its first sample on, when the network's clock shows `time` ns; `None` before that sample.
     pub fn shown(&self, time: u64) -> Option<u64> {
         let since = time.checked_sub((1e9 * self.phase) as u64)?;
         Some(since.saturating_add_signed((since as f64 * self.drift) as i64))
@@ -131,14 +131,14 @@ impl Station {
     }
 }
 
-/// Whether the file joins stations. What cannot be parsed does not.
+/// Whether the file joins stations. A text that cannot be parsed does not.
 pub fn is_network(source: &Source) -> bool {
     Document::parse(source, NETWORK_FILE).is_ok_and(|document| document.place("stations").is_some())
 }
 
 impl System {
-    /// Reads and checks a world file, or a network file with the worlds of its stations. Each of `sets` is an override `KEY=VALUE`; those of
-    /// `stations.NAME.KEY` go on to the station's world, but for its own keys (`world`, `phase`, `drift`).
+    /// Reads and checks a world file, or a network file with the worlds of its stations. Each of `sets` is an override `KEY=VALUE`; those
+    /// of `stations.NAME.KEY` apply to the station's world, except for its own keys (`world`, `phase`, `drift`).
     ///
     /// # Errors
     /// The first mistake found: its key, what would be right, and where it stands.
@@ -174,12 +174,12 @@ impl System {
         self.title.as_deref().unwrap_or(&source.name)
     }
 
-    /// What its file is called: "world" or "network".
+    /// The kind of its file: "world" or "network".
     pub fn kind(&self) -> &'static str {
         if self.world().is_some() { "world" } else { "network" }
     }
 
-    /// The same of a network file alone.
+    /// The same for a network file only.
     ///
     /// # Errors
     /// As [`System::read`], and a file without stations.
@@ -262,7 +262,7 @@ impl System {
     /// Whether a station has the scenario `name`.
     ///
     /// # Errors
-    /// None has it: which there are.
+    /// None has it; the message lists the scenarios.
     pub fn find_scenario(&self, name: &str) -> Result<(), Error> {
         if let Some(world) = self.world() {
             return world.scenario(name).map(drop);
@@ -279,7 +279,7 @@ impl System {
         Err(Error { kind: ErrorKind::Name, key: String::new(), message, location: None })
     }
 
-    /// What each station does in the scenario `name`; `None` for one whose world has no such scenario: there the puck is free.
+    /// The scenario `name` at each station; `None` for one whose world has no such scenario: there the puck is free.
     pub fn scenario(&self, name: &str) -> Vec<Option<&Scenario>> {
         let of = |station: &'_ Station| station.world.scenarios.iter().position(|scenario| scenario.name == name);
         self.stations.iter().map(|station| of(station).map(|at| &station.world.scenarios[at])).collect()
@@ -303,7 +303,7 @@ impl System {
     }
 }
 
-/// Of an override of a station's world its station, and the override for that world: `stations.left.loop.period=2ms` is
+/// The station of an override of a station's world, and the override for that world: `stations.left.loop.period=2ms` is
 /// `loop.period=2ms` of `left`. `None` for the network's own keys.
 pub(crate) fn station_key(set: &str) -> Option<(&str, &str)> {
     let (name, rest) = set.trim_start().strip_prefix("stations.")?.split_once('.')?;
@@ -333,7 +333,7 @@ fn world(source: &Source, fields: &Fields<'_>, file: &str, sets: &[String]) -> R
     Ok((of_station, world))
 }
 
-/// Refuses a time of a station or a link, in s, that is beyond what any network takes.
+/// Refuses a time of a station or a link, in s, that is beyond the largest of any network.
 fn no_longer(fields: &Fields<'_>, key: &str, time: Option<f64>) -> Result<(), Error> {
     match time.filter(|time| *time > MAX_TIME_S) {
         None => Ok(()),

@@ -1,4 +1,4 @@
-//! Every number of a system under its key's name: what a sweep changes, and what the writer writes.
+//! Every number of a system under its key's name, for sweeps and for the writer.
 
 use std::fmt::{self, Write};
 
@@ -65,7 +65,7 @@ impl Station {
 }
 
 impl System {
-    /// Of a dotted path to a key of a station, or of its world, the station's number and the rest of the path.
+    /// The station's number and the rest of the path, for a dotted path to a key of a station, or of its world.
     fn of_station<'p>(&self, path: &'p str) -> Option<(usize, &'p str)> {
         if self.world().is_some() {
             return Some((0, path));

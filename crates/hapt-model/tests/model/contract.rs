@@ -1,4 +1,4 @@
-//! The documented example, and what the keys mean.
+//! The documented example, and the meaning of the keys.
 
 use std::f64::consts::{FRAC_PI_4, PI};
 

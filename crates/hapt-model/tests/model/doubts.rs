@@ -1,4 +1,4 @@
-//! Bare numbers that no usual device has: what is said about them.
+//! Warnings about bare numbers that no usual device has.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -52,7 +52,8 @@ fn no_world_of_the_repository_is_doubted() {
     }
 }
 
-/// Of every quantity of every world: a hundred times beyond what is usual it is doubted as a bare number, with a unit never.
+/// For every quantity of every world: a hundred times beyond the usual range, a bare number gives a warning, and one with a unit never
+/// does.
 #[test]
 fn a_bare_number_far_from_what_is_usual_is_doubted_and_one_with_a_unit_is_not() {
     let mut doubted = 0;
@@ -65,7 +66,7 @@ fn a_bare_number_far_from_what_is_usual_is_doubted_and_one_with_a_unit_is_not() 
                     let sets = [format!("{}={value}", parameter.path)];
                     World::read(&source, &sets).ok().map(|world| world.warnings(&source, &sets))
                 };
-                // Other keys may not allow it: a scenario has so many samples at most.
+                // Other keys may not allow it: the number of samples of a scenario is bounded.
                 let Some(bare) = read(format!("{number:e}")) else { continue };
                 assert!(bare.len() == 1 && bare[0].starts_with(&format!("{} = ", parameter.path)), "{number} {bare:?}");
                 assert_eq!(read(format!("{number:e} {}", parameter.unit)), Some(vec![]), "{}", parameter.path);

@@ -1,4 +1,4 @@
-//! The list in CONTRIBUTING.md of what a coupling law consists of is that of the sources.
+//! The list in CONTRIBUTING.md of the parts of a coupling law is that of the sources.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ fn text(path: &str) -> String {
     fs::read_to_string(root().join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
-/// The files of the section's two lists: where every law stands, and where each has a row.
+/// The files of the section's two lists: those that contain every law, and those in which each has a row.
 fn lists() -> [Vec<String>; 2] {
     let all = text("CONTRIBUTING.md");
     let section = all.split("\n## ").find(|section| section.starts_with("A coupling law")).unwrap();
@@ -66,7 +66,7 @@ fn every_law_is_among_all_with_numbers_of_its_ranges() {
     }
 }
 
-/// What names a magnet is in the list, and what is in the list names a magnet.
+/// Every file that names a magnet is in the list, and every file of the list names a magnet.
 #[test]
 fn the_list_is_that_of_the_sources() {
     let [every, rows] = lists();

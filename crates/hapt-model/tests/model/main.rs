@@ -1,4 +1,4 @@
-//! World files: what they mean, what is refused, and what is written back.
+//! World files: their meaning, their refusals, and writing them back.
 
 mod contract;
 mod counts;

@@ -1,4 +1,4 @@
-//! One of each kind of mistake, and what is said about it.
+//! One of each kind of mistake, and its message.
 
 mod scenarios;
 mod time;

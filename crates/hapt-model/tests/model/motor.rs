@@ -31,13 +31,13 @@ proptest! {
         prop_assert!(near(device.damping * speed * speed, damping * speed * speed + viscous * turned * turned));
         prop_assert!(near(device.friction * speed.abs(), friction * speed.abs() + brush * turned.abs()));
         prop_assert!(near(device.limit.unwrap() * speed, limit * turned));
-        // So many counts pass in a time, to half a count in a turn.
+        // The rate of counts is the same, to half a count in a turn.
         prop_assert!((device.encoder.unwrap() - ratio * f64::from(counts)).abs() <= 0.5 || device.encoder == Some(1.0));
         prop_assert_eq!(device.drive.gear, Some(ratio));
-        // The tolerance is of the puck's own number, and so wide it stays.
+        // The tolerance is of the puck's own number, and keeps its absolute width.
         let [least, most] = device.inertia_range();
         prop_assert!((most - least - 2.0 * tolerance * inertia).abs() <= 1e-9 * device.inertia, "{least} {most}");
-        // What is written is at the puck, and the same world.
+        // The written file has the numbers at the puck, and is the same world.
         prop_assert_eq!(&World::read(&Source::from_text("again", world.to_toml()), &[]).unwrap(), &world);
     }
 }

@@ -111,7 +111,7 @@ fn a_key_that_no_network_has_is_answered_with_the_one_that_was_meant() {
     }
 }
 
-/// What a run of a network keeps, and how far it looks ahead, has bounds.
+/// The memory and the look-ahead of a network's run are bounded.
 #[test]
 fn times_of_stations_and_links_beyond_any_network_are_refused_by_their_keys() {
     let read = |period: &str, station: &str, link: &str| {

@@ -148,7 +148,7 @@ fn a_thousand_overrides_are_the_most() {
     assert_eq!(set(&sets).unwrap_err(), "--set: 1001 overrides are too many: the limit is 1000");
 }
 
-/// A sweep or a slider that changes a number does not make it better known.
+/// A sweep or a slider that changes a number does not reduce its uncertainty.
 #[test]
 fn a_number_keeps_its_tolerance_until_another_is_given() {
     let read = |sets: &[&str]| {
@@ -166,7 +166,7 @@ fn a_number_keeps_its_tolerance_until_another_is_given() {
     assert_eq!(read(&["device.lag=1 ms +- 50 %"]).lag_range(), [0.5e-3, 1.5e-3]);
 }
 
-/// What is not given follows what is, also where a sweep changes it.
+/// An absent key follows the given one, also where a sweep changes it.
 #[test]
 fn the_longest_interval_and_the_largest_delay_follow_period_and_delay() {
     let read = |sets: &[&str]| {

@@ -1,9 +1,9 @@
-//! The lists in CONTRIBUTING.md of what a method, an estimator, a measure and a drive consist of are those of the sources.
+//! The lists in CONTRIBUTING.md of the parts of a method, an estimator, a measure and a drive are those of the sources.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// One of the sections: the enum's file and name, and a variant that stands for all where files are looked for.
+/// One of the sections: the enum's file and name, and a variant that represents all in the search for files.
 struct Part {
     what: &'static str,
     file: &'static str,

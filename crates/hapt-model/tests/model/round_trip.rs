@@ -1,4 +1,4 @@
-//! Writing a world and reading it back, over random worlds; and reading anything at all.
+//! Writing a world and reading it back, over random worlds; and reading arbitrary text.
 
 use std::path::Path;
 
@@ -21,7 +21,7 @@ fn any_number() -> impl Strategy<Value = f64> {
     prop_oneof![Just(0.0), -10.0..10.0, any::<f64>().prop_filter("finite", |value| value.is_finite())]
 }
 
-/// 0, or a number of what is physical: those of all decades brought nearer to 1.
+/// 0, or a physical number: numbers of all decades brought nearer to 1.
 fn zero_or_more() -> impl Strategy<Value = f64> {
     let nearer = |value: f64| if value == 0.0 || PHYSICAL.contains(&value) { value } else { value.powf(1.0 / 11.0) };
     any_number().prop_map(move |value| nearer(value.abs()))
@@ -243,7 +243,7 @@ fn device(motion: Motion) -> impl Strategy<Value = Device> {
             friction_backward: backward,
             friction_by_position,
             lag,
-            // Of a key that is absent there is none.
+            // An absent key has no tolerance.
             tolerances: Tolerances {
                 friction_backward: if backward.is_some() { tolerances.friction_backward } else { 0.0 },
                 ..tolerances
@@ -325,18 +325,18 @@ fn world() -> impl Strategy<Value = World> {
             };
             let scenarios = scenarios.into_iter().enumerate().map(scenario).collect();
             let mut device = device;
-            // Beside friction a shaft may swing by 100 rad in a period.
+            // With friction a shaft may oscillate by 100 rad in a period.
             let swing = |shaft: Handle| (shaft.stiffness * (device.inertia.recip() + shaft.inertia.recip())).sqrt();
             if device.handle.is_some_and(|shaft| swing(shaft) * sampling.period > 99.0) {
                 (device.stribeck, device.friction, device.friction_backward) =
                     (None, 0.0, device.friction_backward.map(|_| 0.0));
             }
-            // And so with gravity, cogging, Stribeck friction and stops, beside which a hand may be too fast too.
+            // The same holds with gravity, cogging, Stribeck friction and stops, with which a hand may be too fast too.
             if device.fault(sampling.period).is_some() {
                 (device.torque, device.friction_by_position) = (DeviceTorque::default(), None);
                 (device.stribeck, device.stops) = (None, None);
             }
-            // An origin that slips needs friction of the device, and nothing at the puck that would carry it along.
+            // An origin that slips needs friction of the device, and no coupling at the puck that it would follow.
             let carries = |law: &Law| {
                 matches!(law, Law::Constant { .. } | Law::Integral { .. } | Law::Assist { .. } | Law::Coulomb { .. })
             };
@@ -376,7 +376,7 @@ fn a_world_reads_back_from_the_file_it_writes() {
         csv("torque.csv", torque);
         let text = world.to_toml();
         let found = read_in(folder.path(), &text);
-        // A hand that turns the puck thousands of times in a sample beside friction is no world.
+        // A hand that turns the puck thousands of times in a sample with friction is refused.
         prop_assume!(!matches!(&found, Err(error) if error.contains("the longest interval, and beside device.")));
         prop_assert_eq!(found, Ok(world));
         Ok(())
@@ -395,7 +395,7 @@ fn a_written_world_has_units_and_no_noise() {
     );
 }
 
-/// Lines that begin well, so that random ones get far.
+/// Lines with a valid beginning, so that random ones get far.
 fn line() -> impl Strategy<Value = String> {
     let words = "motion|loop|device|bodies|couplings|scenarios|kind|between|hand|moves|w|s|period|inertia|duration|to|stiffness";
     let key = || proptest::string::string_regex(&format!("({words})(\\.({words})){{0,3}}")).unwrap();

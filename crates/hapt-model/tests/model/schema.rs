@@ -1,4 +1,4 @@
-//! The schema says what the table of keys says.
+//! The schema agrees with the table of keys.
 
 use hapt_model::{keys, schema};
 use serde_json::Value;

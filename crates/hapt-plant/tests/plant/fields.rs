@@ -170,7 +170,7 @@ proptest! {
         prop_assert!((x - y).abs() < error * (1.0 + x.abs()) && (v - w).abs() < 1e2 * error * (1.0 + v.abs()), "{x} {y}, {v} {w}");
     }
 
-    /// Where what is stored at the bottom is 0 a pendulum's period is 2π/(ω M(1, cos(a/2))), M the arithmetic-geometric mean (Gauss).
+    /// With a stored energy of 0 at the bottom, a pendulum's period is 2π/(ω M(1, cos(a/2))), M the arithmetic-geometric mean (Gauss).
     #[test]
     fn a_pendulum_swings_with_the_period_of_gauss(inertia in 1e-4_f64..1e-2, torque in 0.01_f64..1.0, angle in 0.01_f64..3.1) {
         let (mut a, mut b): (f64, f64) = (1.0, (0.5 * angle).cos());
@@ -227,7 +227,7 @@ proptest! {
         }
     }
 
-    /// A swing under friction loses 2 friction · way from one end to the other.
+    /// From one turning point to the next, a swing under friction loses friction · path of its energy.
     #[test]
     fn a_pendulum_under_friction_comes_to_rest_where_friction_holds_it(
         inertia in 1e-4_f64..1e-3, torque in 0.05_f64..0.5, angle in -3.0_f64..3.0, part in 0.05_f64..0.9,

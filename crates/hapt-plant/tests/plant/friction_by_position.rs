@@ -38,7 +38,7 @@ proptest! {
             friction, friction_backward: Some(backward), friction_by_position: Some(changes), period, ..DeviceSpec::new(period, inertia)
         };
         let (energy, level) = (0.5 * inertia * velocity * velocity, if velocity < 0.0 { backward } else { friction });
-        // The level is above a tenth of the mean: it takes no longer than ten times what the mean takes.
+        // The level is above a tenth of the mean: it takes at most ten times as long as under the mean.
         let samples = (10.0 * inertia * velocity.abs() / level / period).ceil() as usize + 1;
         let device = moved(&spec, &free(), velocity, &vec![0.0; samples]);
         let (x, v) = device.puck();
@@ -90,7 +90,7 @@ proptest! {
         prop_assert!((way * x - wanted).abs() < 0.1 * rate * wanted + 1e-9 * wanted && way * v > 0.0, "{x} {wanted}");
     }
 
-    /// Gravity, cogging, a shaft, stops, hands: nothing gives a friction a power above 0, and where it does not change nothing else changes.
+    /// Gravity, cogging, a shaft, stops, hands: friction never supplies energy under any of them, and changes of 0 have no effect.
     #[test]
     fn friction_takes_in_every_period_and_changes_of_0_change_no_bit(
         spec in any_device(), changes in any_changes(), hand in any_hand(), velocity in -20.0_f64..20.0,
@@ -114,7 +114,7 @@ proptest! {
         prop_assert_eq!(run(None), run(Some(FrictionByPosition { share: 0.0, ..changes })));
     }
 
-    /// What a prescribed motion loses is the level times the way, in closed form, however many turns of the hand a period has.
+    /// A prescribed motion loses the level times the path, in closed form, for any number of turns of the hand in a period.
     #[test]
     fn a_prescribed_motion_pays_the_level_along_its_way(
         changes in any_changes(), levels in (1e-3_f64..0.05, 1e-3_f64..0.05),
@@ -156,7 +156,7 @@ proptest! {
 proptest! {
     #![proptest_config(hapt_testing::cases(100))]
 
-    /// A puck that is driven to and fro: it slides, sticks, turns and starts again, beside a spring of the hand.
+    /// A puck that is driven to and fro: it slides, sticks, turns and starts again, with a spring of the hand.
     #[test]
     fn a_fine_integrator_finds_the_same_motion_and_the_same_loss(
         changes in any_changes(), inertia in 5e-4_f64..1e-2, damping in 0.0_f64..5e-3, levels in (5e-3_f64..0.05, 5e-3_f64..0.05),
@@ -168,7 +168,7 @@ proptest! {
             damping, friction, friction_backward: Some(backward), friction_by_position: Some(changes), ..DeviceSpec::new(5.0 * T, inertia)
         };
         let device = moved(&spec, &free(), velocity, &commands);
-        // Position, velocity, and what friction has taken.
+        // Position, velocity, and the energy that friction has dissipated.
         let level = |d: f64, x: f64| (if d < 0.0 { backward } else { friction }) * changes.at(x);
         let step = |y: [f64; 3], command: f64, d: f64, h: f64| {
             let rate = |y: [f64; 3]| {
@@ -216,7 +216,7 @@ proptest! {
     }
 }
 
-/// At a place without friction the puck is free to start either way, and a level of 0 holds nothing.
+/// At a place without friction the puck can start in either direction, and a level of 0 holds nothing.
 #[test]
 fn a_level_that_falls_to_0_holds_no_puck_there() {
     let waveform = hapt_core::Waveform { sine: [0.0; 4], cosine: [-1.0, 0.0, 0.0, 0.0] };

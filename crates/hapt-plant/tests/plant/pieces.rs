@@ -86,7 +86,7 @@ impl Reference<'_> {
         self.spec.friction + self.spec.friction_backward.unwrap_or(0.0) + self.more().torque > 0.0
     }
 
-    /// The hand's torque on what it holds at x and v, and its inertia there.
+    /// The hand's torque on the puck or handle at x and v, and its inertia there.
     fn hand(&self, [x, v]: [f64; 2], t: f64) -> (f64, f64) {
         let (sin, cos) = (self.omega * t + self.phase).sin_cos();
         match self.grip {
@@ -156,7 +156,7 @@ impl Reference<'_> {
         by_friction || mode.touch.into_iter().zip(self.stops(y)).any(by_stop)
     }
 
-    /// The piece that goes on from the end of another.
+    /// The piece that continues from the end of another.
     fn next(&self, y: &mut State, t: f64, mode: Mode) -> Mode {
         let (d, velocity) = (mode.direction, self.more().velocity);
         let mut next = Mode { touch: self.touch(*y), ..mode };
@@ -255,7 +255,8 @@ proptest! {
 proptest! {
     #![proptest_config(hapt_testing::cases(24))]
 
-    /// A slow hand drags the puck by a soft spring: it slides where damping is more than what friction falls by, else it sticks and slips.
+    /// A slow hand drags the puck by a soft spring: it slides where the damping exceeds the slope with which friction falls, else it sticks
+    /// and slips.
     #[test]
     fn a_dragged_puck_sticks_and_slips_where_friction_falls_more_than_damping_rises(
         inertia in 1e-3_f64..3e-3, damping in 5e-3_f64..2e-2, part in prop_oneof![0.2_f64..0.8, 1.5..4.0], stiffness in 0.2_f64..2.0,

@@ -199,7 +199,7 @@ fn a_torque_that_swings_five_hundred_times_in_a_sample_moves_the_puck_to_its_end
 proptest! {
     #![proptest_config(hapt_testing::cases(40))]
 
-    /// Each half swing is one about a place that friction moves, from turning point to turning point.
+    /// Each half swing is about a centre that friction shifts, from turning point to turning point.
     #[test]
     fn a_grip_that_swings_a_thousand_times_in_a_sample_swings_on_to_its_end(
         (inertia, turns) in (1e-5_f64..1e-3, 100.0_f64..950.0), (ratio, to) in (0.0_f64..1e-4, 0.01_f64..1.0), part in 1e-5_f64..1e-3,

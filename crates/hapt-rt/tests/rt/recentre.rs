@@ -1,4 +1,4 @@
-//! A knob that friction holds beside its detent, in the loop as it runs: the motor lets go of it.
+//! A knob that friction holds next to its detent, in the running loop: the motor's torque falls to 0.
 
 use hapt_core::{Phase, SafetyProfile};
 use hapt_rt::{Cycle, Plan, SimulatedDevice};

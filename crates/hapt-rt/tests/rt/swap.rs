@@ -140,7 +140,7 @@ fn a_swinging_wheel_continues_from_its_state() {
     }
 }
 
-/// A held knob that enters another world stays where it is, on the device and in the hand, and stands at that world's rest.
+/// A held knob that enters another world does not move, on the device and in the hand, and is at that world's rest.
 #[test]
 fn a_held_knob_enters_at_the_worlds_rest_and_moves_nowhere() {
     let knob = |law: &str| {

@@ -100,8 +100,8 @@ proptest! {
         let exact = |t: f64| amplitude / 2.0 * ((omega * t).sin() - omega * t * (omega * t).cos());
         let sine = Drive::Position(Shape::Sine { amplitude, frequency, phase: 0.0 });
         let scenario = scenario(3.0, sine, None);
-        // Every method tends to it as the period shrinks: held input costs the first order (semi-implicit Euler's lag and lead
-        // cancel here), straight input the second.
+        // Every method tends to it as the period shrinks: held input has an error of the first order (semi-implicit Euler's lag and lead
+        // cancel here), linear input one of the second.
         for (method, order) in Method::ALL.map(|method| (method, if method.takes_new_sample_first() { 2.0 } else { 1.0 })) {
             let error_at = |period: f64| error(&wheel(1.0 / (omega * omega), 1.0, period, method), &scenario, exact);
             let (coarse, fine) = (error_at(1e-3), error_at(0.5e-3));
@@ -158,7 +158,7 @@ proptest! {
                 exact = &flow * exact;
             }
             if loss == 0.0 {
-                // Without loss the centre of mass keeps its velocity, whatever the separation does, to rounding.
+                // Without loss the centre of mass keeps its velocity, for any motion of the separation, to rounding.
                 let momentum = |row: &hapt_sim::Row| device * row.puck_velocity + inertia * row.bodies[0].1;
                 let released = momentum(&run[(release / period).round() as usize]);
                 for row in run.iter().filter(|row| row.time >= release) {

@@ -45,8 +45,8 @@ proptest! {
 proptest! {
     #![proptest_config(hapt_testing::cases(60))]
 
-    /// (T77): hands off the energy never grows, though the eigenvalues of an integral term may tell so, and the way is at most that energy over
-    /// the friction that integral term and assist leave.
+    /// (T77): hands-off the energy never grows, although the eigenvalues of an integral term may show growth, and the path is at most that
+    /// energy over the friction that integral term and assist leave.
     #[test]
     fn what_friction_takes_neither_grows_nor_hunts_for_ever(
         stiffness in 0.05_f64..2.4, gain in 1.0_f64..500.0, limits in [1e-4_f64..0.02, 1e-4_f64..0.02], velocity in 1e-3_f64..1.0, more in 0.05_f64..1.0,

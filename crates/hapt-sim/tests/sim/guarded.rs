@@ -158,7 +158,7 @@ fn a_free_puck_under_constant_torque_is_stopped_at_the_overspeed_limit() {
     assert!(fastest > limits.overspeed - step && fastest < limits.overspeed + 2.0 * step, "{fastest}");
 }
 
-/// A law, and its limit. What a constant gives is no energy of the world's to the supervisor.
+/// A law, and its limit. The supervisor does not count the work of a constant as energy of the world.
 fn law() -> impl Strategy<Value = (Law, Option<f64>)> {
     some_limited(SIZES.laws(|law| goes_to_bodies(law) && law.constant().is_none()), 0.01..0.5)
 }
@@ -240,7 +240,7 @@ fn a_hand_that_draws_energy_from_an_integral_term_is_no_fault() {
     assert!(guard.watch.reason.is_none() && drawn > 2.0 * most, "{:?} {drawn} J of {most} J", guard.watch.reason);
 }
 
-/// An assist pushes along with the hand, and so gives energy at every turn. That is its nature and no fault, behind a delay too.
+/// An assist pushes along with the hand, and so gives energy at every turn. That is a property of the law and no fault, with a delay too.
 #[test]
 fn a_hand_that_draws_energy_from_an_assist_is_no_fault() {
     for delay in [0.0, 1.5] {

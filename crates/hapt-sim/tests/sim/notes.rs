@@ -43,10 +43,10 @@ fn peak(run: &[Row]) -> f64 {
     run.iter().fold(0.0, |m, row| f64::max(m, row.torque.abs()))
 }
 
-/// How fast the swing of puck against wheel grows from `from` on, in 1/s.
+/// The growth of the oscillation of puck against wheel from `from` on, in 1/s.
 ///
 /// A sequence y = A r^k cos(kφ + θ) has y_k² - y_{k-1} y_{k+1} = A² r^2k sin²φ, without a ripple. Second differences of
-/// the separation are such a sequence: what the spin adds to the separation changes too slowly to be seen in them.
+/// the separation are such a sequence: the effect of the spin on the separation changes too slowly to be seen in them.
 fn swing_growth(run: &[Row], from: f64) -> f64 {
     let period = run[1].time - run[0].time;
     let separation: Vec<f64> =
@@ -139,7 +139,7 @@ proptest! {
         prop_assert!(moduli.len() == 2 && found.eigenvalues.iter().all(|root| root.im == 0.0));
         let printed = (1.0 - 2.0 * zeta * x + x * x).abs();
         prop_assert!((moduli[0] * moduli[1] - printed).abs() < 1e-9 * (1.0 + x * x), "{moduli:?} {printed}");
-        // Between their squares, but for the opposite roots at ζx = 1 and a root at 0.
+        // Between their squares, except for the opposite roots at ζx = 1 and a root at 0.
         if (1.0 - zeta * x).abs() > 1e-3 && printed > 1e-6 {
             prop_assert!(moduli[0].powi(2) > printed && printed > moduli[1].powi(2), "{moduli:?} {printed}");
         }
@@ -195,7 +195,7 @@ proptest! {
             prop_assert!(close(step_of.d[(i, j)], symplectic[(i, j)] - f64::from(i == j)), "{i} {j}: {}", step_of.d);
             prop_assert!(close(step_of.current[(i, j)], input[j][i]), "{i} {j}: {}", step_of.current);
         }
-        // The velocity first, with the spring alone: one sample ahead, and the same torque.
+        // The velocity first, with only the spring: one sample ahead, and the same torque.
         let duration = 1000.0 * period;
         let run = rows(&damped, &scenario(duration, step(z0, 0.0), None));
         let ahead = wheel(inertia, stiffness, period, Method::SemiImplicitEuler);
@@ -426,10 +426,10 @@ fn the_course_wheels_damping_stills_the_released_wheel_under_every_method() {
         assert!((-0.537..-0.497).contains(&swing) && spin < 0.0, "{name:?}: {swing} {spin}");
         let (swing, _) = growth(0.8 * enough);
         assert!((0.067..0.107).contains(&swing), "{name:?}: {swing}");
-        // kT/2 is it, to 8 %.
+        // The least damping is kT/2, to 8 %.
         assert!(growth(0.92 * enough).0 > 0.0 && growth(1.08 * enough).0 < 0.0, "{name:?}");
     }
-    // The spin needs up to kT, where torque and step do not conserve momentum.
+    // The spin requires up to kT, where torque and step do not conserve momentum.
     let spins = |damping: f64| {
         loops().map(move |mut world| {
             world.device.damping = damping;

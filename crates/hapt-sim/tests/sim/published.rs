@@ -9,7 +9,7 @@ use crate::common::*;
 use hapt_model::*;
 use proptest::prelude::*;
 
-/// A spring to ground of `part` times the limit that friction and counts set; damping for just as much where `damped`.
+/// A spring to ground of `part` times the limit that friction and counts set; with just enough damping for it where `damped`.
 fn wall(part: f64, friction: f64, counts: f64, damped: bool) -> World {
     let mut world = bare();
     let stiffness = part * 2.0 * friction * counts / TAU;

@@ -78,7 +78,7 @@ proptest! {
         prop_assert_eq!(count, run.len());
     }
 
-    /// b = K T_max/2 without a delay, and with delays up to D the larger bound: no hand draws energy, whatever the pattern.
+    /// b = K T_max/2 without a delay, and with delays up to D the larger bound: no hand draws energy under any pattern.
     #[test]
     fn at_the_bound_no_hand_draws_energy_under_any_pattern(
         seed in any::<u32>(), drive in path(), stiffness in 0.1_f64..20.0, longest in 1.0_f64..3.0,

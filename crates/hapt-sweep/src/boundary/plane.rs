@@ -235,7 +235,7 @@ impl Plane {
         let eigenvalues = match edge {
             Edge::Held => held_world_eigenvalues(world),
             Edge::Free => free_eigenvalues(world),
-            // Which claim fails first is not asked.
+            // It is not determined which claim fails first.
             Edge::Certified => return Ok(None),
             Edge::Passive | Edge::Fixed => {
                 return passivity(world).map(|p| p.at_hz).map_err(|error| self.failed(place, error));

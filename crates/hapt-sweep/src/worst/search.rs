@@ -250,7 +250,7 @@ fn grows_as_linear(world: &World) -> bool {
         && (is_smooth(world) || is_unlimited)
 }
 
-/// The hand of the linear loop that grows most; the hand that lets go where that is the free loop.
+/// The hand of the linear loop with the largest growth; a hand that releases, where that is the free loop.
 fn growing(world: &World) -> Result<Option<WorstGrip>, Error> {
     let free = free_growth(world)?.filter(|growth| *growth > MARGINAL);
     let nothing = Grip { inertia: 0.0, damping: 0.0, stiffness: 0.0 };

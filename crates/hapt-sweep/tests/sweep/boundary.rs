@@ -352,7 +352,7 @@ proptest! {
     }
 }
 
-/// A magnet at a body behind a delay: no theorem covers it, whatever the edges say of its eigenvalues and its port.
+/// A magnet at a body behind a delay: no theorem covers it, for any edges of its eigenvalues and its port.
 #[test]
 fn what_no_theorem_covers_is_beyond_the_edge_of_the_certificate() {
     let magnet = WHEEL

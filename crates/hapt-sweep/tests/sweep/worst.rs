@@ -236,7 +236,7 @@ proptest! {
         prop_assert!(worst.is_certified() && !worst.broken && !worst.drew, "{worst:?}");
     }
 
-    /// Friction that changes with the position gives no hand energy, and pays up to a speed by its least level alone.
+    /// Friction that changes with the position gives no hand energy, and only its least level makes up for missing damping up to a speed.
     #[test]
     fn no_hand_draws_from_a_loop_that_the_least_friction_of_all_positions_certifies(
         part in 1.1..2.0f64, friction in 0.005..0.05f64, share in 0.0..0.6f64, pitch in 0.05..7.0f64,
@@ -429,7 +429,7 @@ proptest! {
         prop_assert_eq!(moved(&world, 4000), None);
     }
 
-    /// What the motor lacks of the constant until its lag is over is work that the loop begins with.
+    /// The motor lacks a part of the constant until its lag is over: that work counts as initial energy of the loop.
     #[test]
     fn no_hand_draws_from_a_constant_behind_a_lag(torque in 0.1..8.0f64, lag in 0.5..20.0f64, period in 0.5..4.0f64, inertia in 2e-5..1e-3f64) {
         let mut world = World { couplings: vec![to_ground(Law::Constant { torque })], ..bare() };

@@ -205,7 +205,7 @@ impl<C: Codec> Session<C> {
     }
 }
 
-/// Whether the second session is one of the next of the run of the first.
+/// Whether the second session is one of those that follow the first in its run.
 fn follows<C: Codec>(first: u64, second: u64) -> bool {
     C::UNANSWERED.is_some() && (1..=NEXT).contains(&(second.wrapping_sub(first) & C::SESSIONS))
 }

@@ -248,7 +248,7 @@ impl Pool {
         (all, count)
     }
 
-    /// Whether an effect is started and has not ended, whatever its torque is.
+    /// Whether an effect is started and has not ended, for any torque.
     #[must_use]
     pub fn plays(&self, now: u64) -> bool {
         let goes_on = |slot: &Slot| slot.time(now).is_some_and(|time| time.is_some());

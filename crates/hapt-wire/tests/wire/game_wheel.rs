@@ -177,7 +177,7 @@ fn a_host_that_suspends_resets_or_is_silent_leaves_no_torque_on() {
             };
             let (_, shown) = bench.run(samples);
             assert_eq!(shown.playing, 0);
-            // What fades has a time constant of 2 ms.
+            // The fading torque has a time constant of 2 ms.
             assert!(bench.run(20).0.abs() < 1e-3 * LIMIT);
             assert_eq!(bench.mailbox.shown().phase, Phase::Running, "the world itself goes on");
         });

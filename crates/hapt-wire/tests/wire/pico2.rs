@@ -212,8 +212,8 @@ fn off_a_cut_and_a_torque_that_is_no_number_turn_the_bridge_off_at_once() {
     assert!(is_on());
 }
 
-/// Whatever the rate of the ring oscillator, which nothing but the board's own measurement tells; also while a debugger stops the processor,
-/// and when the crystal stops.
+/// At any rate of the ring oscillator, which only the board's own measurement determines; also while a debugger stops the processor, and
+/// when the crystal stops.
 #[test]
 fn without_a_feeding_the_watchdog_turns_the_bridge_off_after_20_ms() {
     let ms = Here::CLOCK / 1000;

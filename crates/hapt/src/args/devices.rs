@@ -38,7 +38,7 @@ pub struct RunArgs {
     pub realtime: RealtimeArgs,
 }
 
-// What a station of a network needs to know of the others. A comment for the help would replace the command's.
+// The arguments of a station on the others. A comment for the help would replace the command's.
 #[derive(Debug, Default, clap::Args)]
 pub struct StationArgs {
     /// The station of a network file that runs here.
@@ -251,7 +251,7 @@ pub struct WheelArgs {
     pub realtime: RealtimeArgs,
 }
 
-/// What makes a device a wheel for games.
+/// The parameters of a wheel for games.
 #[derive(Clone, Copy, Debug)]
 pub struct Steering {
     /// From one end to the other, rad.

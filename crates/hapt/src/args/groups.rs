@@ -1,6 +1,6 @@
-//! The first page of the help: the commands by what somebody wants to do.
+//! The first page of the help: the commands by task.
 
-/// Of `hapt --help`. A test compares its lines with the commands' own.
+/// The template of `hapt --help`. A test compares its lines with the commands' own.
 pub const TEMPLATE: &str = "\
 {about-with-newline}
 {usage-heading} {usage}

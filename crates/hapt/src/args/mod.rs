@@ -40,7 +40,7 @@ pub struct Args {
     pub command: Option<Command>,
 }
 
-// A command's own arguments are made when it is the one.
+// The arguments of a command are built only when it is used.
 #[derive(Debug, Subcommand)]
 #[command(defer = true)]
 pub enum Command {

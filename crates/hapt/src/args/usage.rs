@@ -24,7 +24,7 @@ pub struct ExplainArgs {
     pub reference: Option<ReferenceCommand>,
 }
 
-// What is printed for reference beside the topics. A doc comment would become the command's own.
+// Reference texts in addition to the topics. A doc comment would become the command's own.
 #[derive(Debug, Subcommand)]
 pub enum ReferenceCommand {
     /// Print the JSON schema of world files, with which editors complete keys and check units.

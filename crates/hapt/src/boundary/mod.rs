@@ -47,7 +47,7 @@ pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
         let figure = plot::figure(&boundary, &axes, own, &title, &summary);
         files.push((file.draft(target, &figure)?, target));
     }
-    // Both are there before one is in its place.
+    // Both are written before either is moved to its place.
     let mut wrote = Vec::new();
     for (draft, target) in files {
         wrote.push(draft.finish().map_err(|error| Failure::write(target.display(), error))?);
@@ -153,7 +153,7 @@ fn summary(boundary: &Boundary, axes: &[DisplayedAxis; 2]) -> String {
     text
 }
 
-/// Whether the certificate counts what the linear loop at even samples has not.
+/// Whether the certificate counts effects that the linear loop at even samples does not have.
 fn is_more_than_linear(world: &World) -> bool {
     let is_stated = hapt_analysis::uneven(world).is_ok_and(|uneven| uneven.is_stated);
     let is_nonlinear = world.couplings.iter().any(|coupling| coupling.linear().is_none());

@@ -11,7 +11,7 @@ use crate::axis::DisplayedAxis;
 const OWN: &str = "the file's own world";
 const OWN_NETWORK: &str = "the file's own network";
 
-/// What a mark at the file's own values is called.
+/// The name of a mark at the file's own values.
 pub fn own_name(system: &System) -> &'static str {
     if system.world().is_some() { OWN } else { OWN_NETWORK }
 }
@@ -86,7 +86,8 @@ pub fn figure(
             panel.region(name, *fill, polygons(&claim.beyond));
         }
     }
-    // Theorems may count what the linear loop lacks, such as friction. Even-odd, the frame and what is beyond leave what is within.
+    // Theorems may count what the linear loop lacks, such as friction. By the even-odd rule, the frame and the region beyond leave the
+    // region within.
     for claim in boundary.claims.iter().filter(|claim| claim.edge == Edge::Certified && claim.lost.is_empty()) {
         let within: Vec<Vec<Place>> = std::iter::once(frame.clone()).chain(claim.beyond.clone()).collect();
         panel.region("certified", Fill::Good, polygons(&within));

@@ -40,7 +40,7 @@ fn list() -> String {
     list
 }
 
-/// The text of a topic, or of a kind of coupling that has none the table's words on its keys.
+/// The text of a topic; for a kind of coupling without a topic, the table's text on its keys.
 fn find(name: &str) -> Result<String, Failure> {
     // Any spelling: critical period, Forward Euler.
     let plain = name.trim().to_lowercase().replace([' ', '_'], "-");

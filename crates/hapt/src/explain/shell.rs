@@ -19,7 +19,7 @@ pub fn completions(args: &CompletionsArgs) -> Result<ExitCode, Failure> {
 }
 
 pub fn man(args: &ManArgs) -> Result<ExitCode, Failure> {
-    // Without help's own commands, which are the same again.
+    // Without the commands of `help`, which are copies of the others.
     let mut command = Args::command().disable_help_subcommand(true);
     command.build();
     match &args.out {

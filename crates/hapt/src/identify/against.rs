@@ -122,7 +122,7 @@ impl Scale {
     }
 }
 
-/// What the file allows.
+/// The range that the file allows.
 fn range(number: &Compared, factor: f64, unit: &str) -> String {
     let [low, high] = number.file.map(|x| factor * x);
     match (number.measure, low == high) {

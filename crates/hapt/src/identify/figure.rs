@@ -7,19 +7,19 @@ use hapt_report::figure::{Axis, Figure, Panel, Style};
 use super::Given;
 use crate::format;
 
-/// Points of a curve; of more, the extremes of as many stretches as half of them.
+/// Most points of a curve; of more, the extremes of half as many stretches.
 const MAX_POINTS: usize = 1200;
 
 /// Stretches of an axis over which residuals are summed up.
 const STRETCHES: usize = 60;
 
-/// A fit, and what it leaves.
+/// A fit, and its residuals.
 pub struct Drawn {
     fitted: Vec<(f64, f64)>,
     residuals: Vec<(f64, f64)>,
     lattice: Option<Lattice>,
     rms: f64,
-    /// What the fit to the torque foretells of the motion.
+    /// The motion that the fit to the torque predicts.
     foretold: Vec<(f64, f64)>,
     /// The fit to the torque.
     windows: Vec<Window>,
@@ -158,7 +158,7 @@ fn summed(name: &str, unit: &str, x: Axis, points: &[(f64, f64)]) -> Panel {
     panel
 }
 
-/// Few enough points that look the same.
+/// Fewer points with the same look.
 fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     if points.len() <= MAX_POINTS {
         return points.to_vec();

@@ -1,7 +1,7 @@
 //! The experiment: steps and a chirp of a small torque, applied through the loop and its supervisor.
 //!
 //! Each push is a world of its own, with one constant torque on the puck and nothing else; a swap fades it over to the next. The chirp is
-//! made of pushes too short to be held. Nothing in it depends on the position, so that it stays what it is when the motor's sign or the
+//! made of pushes too short to be held. Nothing in it depends on the position, so that it stays the same when the motor's sign or the
 //! encoder's counts are wrong.
 
 use std::io::{BufRead, IsTerminal, Write, stderr, stdin};
@@ -26,7 +26,7 @@ use crate::{format, messages, signals};
 const MOMENT: Duration = Duration::from_millis(20);
 /// The part of the motor's limit, without --torque.
 const PART: f64 = 0.1;
-/// Of the speed at which the supervisor takes the torque away the experiment uses this part.
+/// The experiment uses this part of the speed at which the supervisor removes the torque.
 const CALM: f64 = 0.5;
 
 /// The records of the loop.
@@ -130,7 +130,7 @@ struct Experiment {
     /// Without bodies and couplings.
     bare: World,
     last: Plan,
-    /// Worlds before the one that runs.
+    /// Number of worlds before the one that runs.
     plans: u32,
     bounds: Bounds,
     seen: Seen,
@@ -151,7 +151,7 @@ impl Experiment {
         let first = plan(&bare, profile)?;
         let header = || Header { world_text: bare.to_toml(), device: args.what.clone(), profile, ..Header::default() };
         let recording = Recording::start(args.log.as_deref(), &bare, header)?;
-        // Before anything can hold a torque: a signal takes it off first, and no message holds anybody up.
+        // Before anything can hold a torque: a signal removes it first, and no message blocks the program.
         signals::end_in_order();
         let opened = device.open(world)?;
         messages::notes(&opened.notes);
@@ -198,7 +198,7 @@ impl Experiment {
         let mut until = 0.0;
         for push in self.bounds.pushes(duration) {
             until += push.length;
-            // Pushes that a machine standing still has missed are left out, so that the experiment ends when it was to end.
+            // Pushes that were missed while the machine stood still are left out, so that the experiment ends on time.
             let left = until - started.elapsed().as_secs_f64();
             if left > 0.0 {
                 self.push(push.torque)?;
@@ -208,7 +208,7 @@ impl Experiment {
         self.push(0.0)
     }
 
-    /// From now on this torque.
+    /// Applies this torque from now on.
     fn push(&mut self, torque: f64) -> Result<(), Failure> {
         let mut world = self.bare.clone();
         world.couplings =

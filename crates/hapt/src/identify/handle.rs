@@ -15,7 +15,7 @@ use crate::failure::Failure;
 use crate::format;
 use crate::messages;
 
-/// The device with a handle; `None` where the record's motion is not one's, which is said: what it tells without a handle follows.
+/// The device with a handle; `None` where the record's motion does not fit one, with a message: the result without a handle follows.
 pub fn found(given: &Given) -> Result<Option<WithHandle>, Failure> {
     match identify_handle(&given.record) {
         Ok(found) => Ok(Some(found)),

@@ -111,7 +111,7 @@ fn table(args: &IdentifyArgs, name: &str, from: impl Read) -> Result<Table, Fail
     (columns.counts, columns.coasts) = (args.counts, args.coast);
     (columns.torque_constant, columns.resistance, columns.ratio) = (args.torque_constant, args.resistance, args.ratio);
     let spring = |motion| args.spring.as_ref().map(|text| positive("--spring", text, Measure::Stiffness, motion));
-    // Whether it is a torsional spring shows with the position's unit.
+    // The position's unit decides whether it is a torsional spring.
     columns.spring = spring(Motion::Rotary).transpose().or_else(|error| match spring(Motion::Linear) {
         Some(Ok(linear)) => Ok(Some(linear)),
         _ => Err(error),

@@ -36,7 +36,7 @@ pub struct Given {
     pub motion: Motion,
     /// The world that ran, or the one that --world names.
     pub world: Option<World>,
-    /// What a motor on a voltage adds to the damping, in N·m·s/rad (N·s/m).
+    /// The damping that a motor on a voltage adds, in N·m·s/rad (N·s/m).
     pub back_damping: f64,
 }
 
@@ -83,7 +83,7 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
         ..Known::default()
     };
     let by_torque = fit_torque(&given.record, &known);
-    // Beside a second torque the motion does not follow from the commanded one.
+    // With a second torque the motion does not follow from the commanded one.
     if given.record.forces().is_some() {
         let none = || Failure::input(format!("{}: {}", given.name, Error::Unexplained));
         let fit = by_torque.filter(TorqueFit::explains).ok_or_else(none)?;
@@ -136,7 +136,7 @@ fn said(text: &str) -> Result<ExitCode, Failure> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The device that LOG_OR_DEVICE names, where it names no file.
+/// The device that LOG_OR_DEVICE names, where it does not name a file.
 fn device(what: &str) -> Option<DeviceAddress> {
     if Path::new(what).exists() { None } else { what.parse().ok() }
 }

@@ -12,7 +12,7 @@ use super::Given;
 use crate::failure::Failure;
 use crate::format;
 
-/// A number of a device changes with the weather: no record of one hour knows it better than this, in percent.
+/// A number of a device changes with the weather: no record of one hour determines it better than this, in percent.
 const LEAST_TOLERANCE: f64 = 1.0;
 
 /// The contract's six, lag, time to the torque and constant torque, each with its interval or null.
@@ -33,10 +33,11 @@ fn pretty(json: &serde_json::Map<String, Value>) -> Result<String, Failure> {
     Ok(text + "\n")
 }
 
-/// The torque's equation holds between windows of samples; what that makes of a value is below this part of it.
+/// The torque's equation holds between windows of samples; the error of a value by that is below this part of it.
 const EQUATION: f64 = 0.02;
 
-/// Where the motion and the torque's equation tell another inertia, or another gain of a motor beside a known inertia, with the likely reason.
+/// A difference between the inertias by the motion and by the torque's equation, or between the motor's gains for a known inertia, with the
+/// likely reason.
 pub fn sides(given: &Given, found: &Identified, by_torque: &TorqueFit) -> Option<String> {
     if found.gain.is_some() {
         return differ("gain", found.gain?, by_torque.gain?, "of the commanded torque");
@@ -116,7 +117,7 @@ fn described(kind: Kind) -> String {
     }
 }
 
-/// A term with what its kind has besides, in SI.
+/// A term with the further numbers of its kind, in SI.
 fn term(term: &Term) -> Value {
     let mut json =
         json!({ "kind": term.kind.word(), "value": term.size.value, "low": term.size.low, "high": term.size.high });
@@ -281,7 +282,7 @@ pub fn certificate(given: &Given, found: &Identified) -> Result<String, Failure>
     Ok(text)
 }
 
-/// The `[device]` table, with where it comes from.
+/// The `[device]` table, with its origin.
 pub fn table(given: &Given, found: &Identified) -> String {
     let [inertia, damping] = units(given.motion);
     let (effort, per_si) = effort(given.motion);
@@ -360,8 +361,8 @@ fn stops_table(given: &Given, found: &Identified) -> String {
 /// The keys of friction by direction, toward larger positions and toward smaller ones.
 pub const DIRECTIONS: [&str; 2] = ["friction", "friction_backward"];
 
-/// The friction in the two directions of [`DIRECTIONS`] that moves the puck, and holds it, as friction beside a constant torque along the
-/// position does; `None` where that is not told from 0, or is more than friction holds.
+/// The friction in the two directions of [`DIRECTIONS`] that is equivalent, in motion and at rest, to friction with a constant torque along
+/// the position; `None` where that torque is not significantly different from 0, or exceeds the friction.
 pub fn by_direction(friction: Option<Interval>, offset: Option<Interval>) -> Option<[Interval; 2]> {
     let (friction, offset) = (friction?, offset.filter(|offset| !offset.covers(0.0))?);
     (friction.value > offset.value.abs()).then(|| {
@@ -395,7 +396,7 @@ fn delay_words(given: &Given, delay: Interval) -> String {
     if used == delay.value { to(1e3 * used, 0.5e3 * (delay.high - delay.low)) } else { format::number(1e3 * used) }
 }
 
-/// A delay that is known to a sample and may be a whole number of them is taken to be that.
+/// A delay that is known to a sample, and may be a whole number of samples, is rounded to it.
 pub fn whole(delay: Interval, period: f64) -> f64 {
     let nearest = (delay.value / period).round() * period;
     if delay.covers(nearest) && delay.high - delay.low < period { nearest } else { delay.value }

@@ -89,7 +89,7 @@ fn text(given: &Given, fit: &TorqueFit, inertia_is_known: bool) -> String {
     line("delay", "not told beside the misfit".into());
     if let Some(offset) = fit.offset.filter(|offset| !offset.covers(0.0)) {
         line("offset", format!("{}: a constant torque that was not commanded", sized(offset, per_si, effort)));
-        // It brakes one way and drives the other.
+        // A constant torque brakes in one direction and drives in the other.
         if let Some(levels) = print::by_direction(fit.friction, fit.offset) {
             let [with, against] = levels.map(|x| to(per_si * x.value, 0.5 * per_si * (x.high - x.low)));
             line("", format!("or friction by direction: {with} {effort} forward, {against} backward"));
@@ -173,7 +173,7 @@ fn table(given: &Given, fit: &TorqueFit) -> String {
     text + &own_torques(given, fit)
 }
 
-/// Damping and Coulomb friction, beside Stribeck friction where the record has it.
+/// Damping and Coulomb friction, with Stribeck friction separated where the record has it.
 fn beside_stribeck(fit: &TorqueFit) -> [Option<Interval>; 2] {
     let all = [fit.damping, fit.friction];
     let Some((_, _, beside)) = stribeck(fit) else { return all };
@@ -185,7 +185,8 @@ fn beside_stribeck(fit: &TorqueFit) -> [Option<Interval>; 2] {
     [0, 1].map(|i| all[i].map(|x| moved(x, beside[i])))
 }
 
-/// Stribeck friction: its size at rest, the velocity at which it ends as a straight line of the same area, and the numbers beside it.
+/// Stribeck friction: its size at rest, the velocity at which it ends as a straight line of the same area, and the damping and friction
+/// that go with it.
 fn stribeck(fit: &TorqueFit) -> Option<(f64, f64, [f64; 2])> {
     fit.terms.iter().find_map(|term| match term.kind {
         // Half of its width times its height is ∫ exp(-(v/velocity)²).
@@ -224,7 +225,7 @@ fn own_torques(given: &Given, fit: &TorqueFit) -> String {
     let mut terms: Vec<(u32, f64, f64)> = Vec::new();
     for term in &fit.terms {
         if let TermKind::Turn { times, phase } = term.kind {
-            // The term is what a motor of sign 1 gives against the device's torque.
+            // The term is the torque of a motor of sign 1 against the device's torque.
             terms.push((times, term.size.value, phase + PI));
         }
     }

@@ -29,8 +29,8 @@ pub struct Opened {
     pub log: Log<Box<dyn Read>>,
 }
 
-/// The log of a loop in real time before its start: until then it is a file beside the target, so that a refused run leaves an
-/// older log as it was.
+/// The log of a loop in real time before its start: until then it is a file next to the target, so that a refused run leaves an older log
+/// unchanged.
 pub struct Recording {
     recording: hapt_host::Recording,
     draft: Draft,

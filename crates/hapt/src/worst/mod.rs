@@ -26,7 +26,7 @@ use crate::output;
 use crate::progress::Progress;
 use crate::world::{inputs, read_system, source};
 
-/// From one look at the search to the next.
+/// The polling period of the search.
 const LOOK: Duration = Duration::from_millis(200);
 
 pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
@@ -62,7 +62,7 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
         }
     };
     if let Some(out) = out.filter(|_| drafts.len() < files.len()) {
-        // A device has no file beside it.
+        // A device cannot have a file next to it.
         output::regular("--out", out)?;
         drafts.insert(0, begin(&targets[0])?);
     }
@@ -70,8 +70,8 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
     answer(&if args.json { pretty(&worst)? } else { text }, !worst.is_broken())
 }
 
-/// Where a system with the worst hands is written, its own file last: beside it, as `FILE-NAME.toml`, the world of each station of a network,
-/// or as `FILE-motion.csv` the motion of a world. When the file is there, those beside it are.
+/// The files of a system with the worst hands, its own file last: next to it, as `FILE-NAME.toml`, the world of each station of a network,
+/// or as `FILE-motion.csv` the motion of a world. When the last file exists, so do the others.
 fn targets(out: &Path, system: &System) -> Vec<PathBuf> {
     let world = |station: &Station| match station.name.as_str() {
         "" => sibling(out, "motion.csv"),
@@ -80,7 +80,7 @@ fn targets(out: &Path, system: &System) -> Vec<PathBuf> {
     system.stations.iter().map(world).chain([out.to_path_buf()]).collect()
 }
 
-/// A search of at most so many runs, with its progress on standard error.
+/// A search of at most this many runs, with its progress on standard error.
 fn watched<T: Send>(
     most: usize,
     search: impl FnOnce(&Watch<'_>) -> Result<T, hapt_sweep::worst::Error> + Send,
@@ -108,8 +108,7 @@ fn watched<T: Send>(
     })
 }
 
-/// The world as it was looked at, with this scenario alone: the others may lean on files beside the world. A motion's own file stands
-/// beside `out`.
+/// The analysed world, with only this scenario: the others may need files next to the world. A motion's own file is next to `out`.
 fn with_scenario(world: &World, worst: &WorstAlone, out: Option<&Path>) -> World {
     let mut scenario = worst.scenario.clone();
     if let (Drive::Position(Shape::Path { file, .. }), Some(out)) = (&mut scenario.hand.drive, out) {
@@ -118,7 +117,7 @@ fn with_scenario(world: &World, worst: &WorstAlone, out: Option<&Path>) -> World
     World { scenarios: vec![scenario], ..world.clone() }
 }
 
-/// A file beside `out`.
+/// A file next to `out`.
 fn sibling(out: &Path, what: &str) -> PathBuf {
     let mut name = out.file_stem().unwrap_or_default().to_os_string();
     name.push(format!("-{what}"));
@@ -155,7 +154,7 @@ fn text(title: &str, worst: &WorstAlone, out: Option<&Path>, world: &World) -> S
     text
 }
 
-/// How to see a draw that is largest before the run's end, which is all that a summary tells of.
+/// How to see a draw that is largest before the run's end: a summary has only the end.
 fn ends_at(worst: &WorstAlone) -> String {
     let at = worst.drawn.at_s;
     if !worst.drew || at >= worst.scenario.duration * (1.0 - 1e-6) {

@@ -1,7 +1,7 @@
 //! Bad inputs and the exact words that answer each: what was given, where, and what would be right.
 //!
-//! The table is in `bad_inputs/cases.rs` and `cases/systems.rs`, the answers in `bad_inputs/*.txt`, one file a theme. `HAPT_BLESS=1 cargo test --test
-//! cli bad_inputs` writes them anew; read what changed aloud before it lands.
+//! The table is in `bad_inputs/cases.rs` and `cases/systems.rs`, the answers in `bad_inputs/*.txt`, one file a theme. `HAPT_BLESS=1 cargo
+//! test --test cli bad_inputs` writes them anew; read the changes aloud before they are merged.
 
 mod cases;
 
@@ -14,7 +14,7 @@ use std::process::{Command, Stdio};
 
 use cases::{Case, cases};
 
-/// Messages are for people: longer than this nobody reads.
+/// Messages are for people, who do not read longer ones.
 const MAX_ANSWER_CHARS: usize = 2000;
 
 #[test]
@@ -56,7 +56,7 @@ fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cli/bad_inputs")
 }
 
-/// What was typed, the exit code and standard error; nothing else may come of it.
+/// The typed line, the exit code and standard error; there may be no other effect.
 fn answered(case: &Case) -> String {
     let at = tempfile::tempdir().unwrap();
     for (name, bytes) in &case.files {
@@ -68,7 +68,7 @@ fn answered(case: &Case) -> String {
     command.current_dir(at.path()).args(&case.args).env_remove("CLICOLOR_FORCE").env("COLUMNS", "100");
     let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let mut input = child.stdin.take().unwrap();
-    // Who does not want it all need not read it.
+    // A program need not read all of its input.
     let _ = input.write_all(&case.input);
     drop(input);
     let output = child.wait_with_output().unwrap();

@@ -1,4 +1,4 @@
-//! Readers that do not read, terminals that are closed, and signals: nothing keeps a torque on, and nothing is left behind.
+//! Readers that do not read, terminals that are closed, and signals: no torque stays on, and no unfinished file is left.
 
 use std::fs;
 use std::io::{PipeReader, PipeWriter, Write, pipe};
@@ -17,7 +17,7 @@ use crate::common::{Running, WHEEL, binary, folder, hapt, names, program};
 /// The signals that end a command, and its exit codes.
 const SIGNALS: [(&str, u8); 4] = [("INT", 130), ("TERM", 143), ("HUP", 129), ("QUIT", 131)];
 
-/// A pipe that is full. It is, as long as its reader is kept.
+/// A full pipe. It stays full as long as its reader is kept.
 fn full() -> (PipeReader, PipeWriter) {
     let (reader, writer) = pipe().unwrap();
     let (mut filling, written) = (writer.try_clone().unwrap(), Arc::new(AtomicUsize::new(0)));
@@ -75,7 +75,7 @@ fn a_run_whose_messages_nobody_reads_obeys_every_signal() {
     }
 }
 
-/// The second would have taken the first one's log away when it began.
+/// The second run would have replaced the first one's log when it began.
 #[test]
 fn nothing_replaces_the_log_of_a_run_under_way() {
     let at = folder(&[("w.toml", WHEEL)]);
@@ -99,7 +99,7 @@ fn nothing_replaces_the_log_of_a_run_under_way() {
     hapt(at.path(), ["run", "w.toml", "--duration", "0.1s", "--log", "step.mcap"]).done();
 }
 
-/// Of runs that start at once one has the name, and the others have said so before they had a torque.
+/// If several runs start at once, one gets the name, and the others are refused before they have a torque.
 #[test]
 fn of_runs_that_start_at_once_with_one_log_one_has_it() {
     let at = folder(&[("w.toml", WHEEL)]);
@@ -156,7 +156,7 @@ fn a_fifo_that_nobody_writes_is_refused_and_one_with_a_writer_is_read() {
     assert_eq!(code, Some(0), "{said}");
 }
 
-/// Both pipes are full, so that the command can say nothing at all.
+/// Both pipes are full, so that the command cannot print anything.
 #[test]
 fn a_run_whose_results_nobody_reads_has_no_torque_on_and_obeys_a_signal() {
     let at = folder(&[("w.toml", WHEEL)]);
@@ -222,7 +222,7 @@ fn every_command_under_way_ends_at_a_closed_terminal_and_leaves_no_unfinished_fi
         if at.path().join("out").is_dir() {
             found.extend(names(&at.path().join("out")));
         }
-        // A sweep's rows are kept on purpose: --resume goes on behind them.
+        // A sweep's rows are kept on purpose: --resume continues after them.
         let partial = |name: &String| name.ends_with(".partial") && !name.starts_with("s.csv.");
         assert!(!found.iter().any(partial), "{args:?}: {found:?}");
     }

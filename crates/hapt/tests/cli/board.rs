@@ -77,13 +77,13 @@ fn a_world_is_sent_to_the_board_once_and_runs_there() {
 fn a_boards_log_with_samples_left_out_is_not_replayed_and_says_what_would_be_right() {
     let at = folder(&[("w.toml", KNOB)]);
     let (_board, spec) = plugged(BOARD);
-    // What a slow line carries.
+    // The samples that a slow line carries.
     let slow = format!("{spec}@9600");
     hapt(at.path(), ["run", "w.toml", "--device", &slow, "--duration", "0.3 s", "--log", "run.mcap"]).done();
     hapt(at.path(), ["log", "replay", "run.mcap"]).refused(2, &["only where every sample is in it", "hapt:PATH@BAUD"]);
 }
 
-/// A port where somebody answers: each frame that comes is shown to `answer`, and what it gives goes back; with `None` the port goes away.
+/// A port with a peer: each received frame is passed to `answer`, and its result is sent back; with `None` the port is closed.
 fn peer(
     mut answer: impl FnMut(&HostMessage<'_>) -> Option<DeviceMessage<'static>> + Send + 'static,
 ) -> (std::thread::JoinHandle<()>, String) {
@@ -165,10 +165,10 @@ fn a_run_on_a_board_says_for_how_many_samples_it_was_inside_the_certificate() {
     let line = timed.out.lines().find(|line| line.starts_with("certified ")).unwrap_or_else(|| panic!("{timed:?}"));
     let (inside, all) = line.split_once(" of ").unwrap_or_else(|| panic!("{line}"));
     let all = all.split(" samples").next().unwrap_or_default();
-    // Thousands stand apart.
+    // Digits are in groups of three.
     let [inside, all] = [inside, all].map(|text| text.chars().filter(char::is_ascii_digit).collect::<String>());
     let [inside, all] = [inside, all].map(|digits| digits.parse::<u64>().unwrap_or_else(|_| panic!("{line}")));
-    // A busy machine is late, and the count says so.
+    // A busy machine is late, and the count shows it.
     assert!(inside <= all && all > 250, "{line}");
     assert!(!run("plain.toml").out.contains("certified"));
 }
@@ -186,7 +186,7 @@ fn a_run_on_a_board_that_is_interrupted_leaves_no_torque() {
         assert_eq!(ended.code, Some(code), "{ended:?}");
         assert!(ended.out.contains("interrupted, the torque off at once"), "{ended:?}");
         assert_eq!(board.torque(), 0.0);
-        // The next run clears what the interruption has left, and says so.
+        // The next run clears the state that the interruption left, and reports it.
         let ended = hapt(at.path(), ["run", "w.toml", "--device", &spec, "--duration", "10 ms"]).done();
         assert!(ended.err.contains("cleared: Stop was pressed."), "{ended:?}");
     }
@@ -221,7 +221,7 @@ fn a_board_that_is_pulled_out_ends_the_run_with_code_three_and_its_torque() {
         assert!(start.elapsed() < std::time::Duration::from_secs(60), "it is still on");
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
-    // What was logged up to then is whole.
+    // The log up to then is complete.
     hapt(at.path(), ["log", "convert", "run.mcap", "-o", "run.csv"]).done();
 }
 
@@ -264,7 +264,7 @@ fn a_page_is_the_face_of_a_board_and_goes_without_a_torque() {
         running.signal(signal);
         assert_eq!(running.end().code, Some(code));
     }
-    // The world is there, and nobody has armed it.
+    // The world is on the board, and is not armed.
     hapt(at.path(), ["flash", "w.toml", "--device", &spec]).done();
     assert_eq!(board.peak_torque(), 0.0);
 

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::common::{Ended, folder, hapt, names};
 
-/// A wall that asks for b = KT/2 + B: at 1 ms and 1.2e-3 N m s/rad, K up to 2.4 N m/rad.
+/// A wall that requires b = KT/2 + B: at 1 ms and 1.2e-3 N m s/rad, K up to 2.4 N m/rad.
 const WALL: &str = r#"
 title = "A wall"
 [loop]

@@ -135,7 +135,7 @@ fn every_world_that_comes_along_is_checked_and_held_only_forward_euler_alone_is_
     }
 }
 
-/// Of a loop that grows hands-off under times that its file allows no answer says that it is safe to let go, however it is at even samples.
+/// No answer on a loop that grows hands-off under times that its file allows calls it safe hands-off, for any verdict at even samples.
 #[test]
 fn what_grows_at_a_late_sample_is_not_called_safe_to_let_go() {
     let at = folder(&[(
@@ -151,7 +151,7 @@ fn what_grows_at_a_late_sample_is_not_called_safe_to_let_go() {
     }
 }
 
-/// The first lines are what somebody reads aloud: no more of them than that, and with every number that matters for all that comes along.
+/// The first lines can be read aloud: there are few of them, and they have every number that matters for all built-in worlds.
 #[test]
 fn a_check_begins_with_its_answer_and_a_line_each_for_held_free_and_passive() {
     for world in every_world() {
@@ -249,7 +249,7 @@ fn a_world_from_standard_input_is_the_world_from_a_file() {
         assert_eq!((input.out, input.err), (file.out, file.err));
     }
 
-    // Elsewhere, the file still finds its path beside it, and standard input does not.
+    // From another folder, the file still finds the path next to it, and standard input does not.
     let (elsewhere, world) = (folder(&[]), at.path().join("w.toml"));
     hapt(elsewhere.path(), ["check".as_ref(), world.as_os_str()]).done();
     hapt_reads(elsewhere.path(), &path, ["check", "-"])
@@ -353,7 +353,7 @@ fn what_design_prints_is_a_world_that_asks_for_the_torque_of_the_specification()
         hapt_reads(at.path(), &printed.out, ["sim", "-", "--out", "."]).done();
         let table = Table::read(&at.path().join("step.csv"));
         let peak = table.column("torque_Nm").into_iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
-        // Michigan's encoder knows the travel to half a count: 45 deg are 500 counts.
+        // Michigan's encoder resolves the travel to half a count: 45 deg are 500 counts.
         let count = TAU / 4000.0;
         let inexact = (travel / count - (travel / count).round()).abs() * count / travel;
         near(peak, torque, 1e-4 + inexact);

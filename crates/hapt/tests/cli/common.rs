@@ -45,7 +45,7 @@ pub struct Ended {
     pub err: String,
 }
 
-/// A simulated drive of this make in this folder, with these arguments, and what `--device` calls it.
+/// A simulated drive of this make in this folder, with these arguments, and its `--device` address.
 #[cfg(target_os = "linux")]
 pub fn drive(at: &Path, make: &str, more: &[&str]) -> (Running, String) {
     let args = ["simulate-drive", make, "--pty", "w.toml"];
@@ -59,8 +59,8 @@ pub fn drive(at: &Path, make: &str, more: &[&str]) -> (Running, String) {
     (drive, format!("{make}:{path}"))
 }
 
-/// The first of ten runs that the machine has not broken off by standing still: a drive then goes silent, or takes its torque away,
-/// and both are right. A drive that never keeps up fails them all. Each waits longer than the one before, for the machine to have time.
+/// The first of ten runs that no pause of the machine has ended: in a pause a drive goes silent, or removes its torque, and both are right.
+/// A drive that never keeps up fails them all. Each waits longer than the one before, for the machine to have time.
 #[cfg(target_os = "linux")]
 pub fn steady(mut run: impl FnMut() -> Ended) -> Ended {
     let mut ended = run();
@@ -74,7 +74,7 @@ pub fn steady(mut run: impl FnMut() -> Ended) -> Ended {
     ended
 }
 
-/// The first of ten runs that comes to full torque, under way.
+/// The first of ten runs that reaches full torque, still running.
 #[cfg(target_os = "linux")]
 pub fn at_full_torque<A: AsRef<OsStr>>(folder: &Path, args: &[A]) -> Running {
     for _ in 0..10 {
@@ -88,7 +88,7 @@ pub fn at_full_torque<A: AsRef<OsStr>>(folder: &Path, args: &[A]) -> Running {
     panic!("ten runs have ended before full torque");
 }
 
-/// The first of ten answers that has this word: a drive on a machine that stands still is silent for longer than anybody waits.
+/// The first of ten answers that has this word: during a pause of the machine a drive is silent for longer than the timeout.
 #[cfg(target_os = "linux")]
 pub fn answer(word: &str, run: impl Fn() -> Ended) -> Ended {
     let mut answers = std::iter::repeat_with(run).take(10);
@@ -96,14 +96,14 @@ pub fn answer(word: &str, run: impl Fn() -> Ended) -> Ended {
 }
 
 impl Ended {
-    /// It did what was asked for.
+    /// It succeeded.
     #[track_caller]
     pub fn done(self) -> Ended {
         assert_eq!(self.code, Some(0), "{self:?}");
         self
     }
 
-    /// The lines on standard error, without those that say how far a run is: on a slow machine any run may be a long one.
+    /// The lines on standard error, without those of progress: on a slow machine any run may be a long one.
     pub fn messages(&self) -> Vec<&str> {
         self.err.lines().filter(|line| ![" samples", " left"].iter().any(|end| line.ends_with(end))).collect()
     }
@@ -137,7 +137,7 @@ pub fn shell(folder: &Path, line: &str) -> Command {
     shell
 }
 
-/// The program, heeding a closed terminal also where the tests themselves are to outlive theirs.
+/// The program, which reacts to a closed terminal even where the tests run under nohup.
 fn heeding() -> Command {
     if !cfg!(target_os = "linux") {
         return Command::new(binary());
@@ -151,7 +151,7 @@ fn heeding() -> Command {
 pub fn program<A: AsRef<OsStr>>(folder: &Path, args: impl IntoIterator<Item = A>) -> Command {
     let mut command = heeding();
     command.current_dir(folder).args(args).stdin(Stdio::null());
-    // Whoever runs the tests may like colours and narrow pages.
+    // The environment of the tests may set colours and narrow pages.
     command.env_remove("CLICOLOR_FORCE").env_remove("COLUMNS");
     command
 }
@@ -170,7 +170,7 @@ pub fn hapt_reads<A: AsRef<OsStr>>(folder: &Path, text: &str, args: impl IntoIte
     running.end()
 }
 
-/// The program under way; it does not outlive the test.
+/// The running program; it does not outlive the test.
 pub struct Running {
     child: Child,
     input: Option<ChildStdin>,
@@ -179,20 +179,20 @@ pub struct Running {
 }
 
 impl Running {
-    /// Starts a command. What it says is gathered, where the command has no other place for it.
+    /// Starts a command. Its output is collected, where the command has no other place for it.
     pub fn start(mut command: Command) -> Running {
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
         Running::start_as_it_is(command)
     }
 
-    /// Starts a command whose standard output and error are as they stand in it.
+    /// Starts a command with the standard output and error that are set in it.
     pub fn start_as_it_is(mut command: Command) -> Running {
         let mut child = command.spawn().unwrap();
         let (out, err) = (Output::from(child.stdout.take()), Output::from(child.stderr.take()));
         Running { input: child.stdin.take(), child, out, err }
     }
 
-    /// Gives it standard input to read; more may follow. A program that does not want it all is its own matter.
+    /// Gives it standard input to read; more may follow. A program need not read all of it.
     pub fn feed(&mut self, bytes: &[u8]) {
         let _ = self.input.as_mut().unwrap().write_all(bytes);
     }
@@ -271,7 +271,7 @@ impl Drop for Running {
     }
 }
 
-/// What came out of a pipe up to now.
+/// The output of a pipe up to now.
 struct Output {
     bytes: Arc<Mutex<Vec<u8>>>,
     listener: Option<JoinHandle<()>>,
@@ -341,7 +341,7 @@ pub fn folder(files: &[(&str, &str)]) -> TempDir {
     folder
 }
 
-/// What `hapt sim` keeps beside the files of runs: which world made each.
+/// The list of `hapt sim` next to the files of runs: which world made each.
 pub const RUNS: &str = ".hapt-runs.json";
 
 /// The names in a folder, sorted, those with a leading point too.
@@ -359,7 +359,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// Reads a file; every number is one, and finite.
+    /// Reads a file; every field is a finite number.
     #[track_caller]
     pub fn read(path: &Path) -> Table {
         let text = std::fs::read_to_string(path).unwrap();

@@ -14,7 +14,7 @@ fn checked(world: &str, args: &[&str]) -> (i32, Value) {
     (ended.code.unwrap(), serde_json::from_str(&ended.out).unwrap())
 }
 
-/// A virtual world alone: this loop, and these bodies and couplings.
+/// A virtual world without a device: this loop, and these bodies and couplings.
 fn world(sampling: &str, rest: &str) -> String {
     format!("[loop]\n{sampling}\n[device]\ninertia = 1e-3\n{rest}")
 }
@@ -47,7 +47,7 @@ fn eigenvalues(json: &Value) -> Vec<(f64, f64, f64)> {
     list.iter().map(|e| (number(&e["re"]), number(&e["im"]), number(&e["abs"]))).collect()
 }
 
-/// What is printed today, and nothing of what is not built yet.
+/// The fields that are printed today, and no others.
 #[test]
 fn the_fields_are_those_of_the_contract() {
     for path in every_world() {
@@ -119,7 +119,7 @@ fn the_fields_are_those_of_the_contract() {
         }
         let mut names =
             vec!["device_damping", "ground_damping", "period_s", "delay_s", "advance", "output", "stiffness_scale"];
-        // What a file states can be stated otherwise.
+        // A stated bound can have another value.
         if number(&uneven["interval_max_s"]) > number(&json["period_s"]) {
             names.extend(["interval_max_s", "delay_max_s"]);
         }
@@ -257,7 +257,7 @@ fn equal_eigenvalues_stand_by_their_angle_upwards_the_positive_one_of_a_pair_fir
         near(abs, 1.0, 1e-15);
         near(im.atan2(re), sign * 2.0 * (x / 2.0).atan(), 1e-13);
     }
-    // Modes stand by their frequency, whatever the order of the bodies.
+    // Modes are in the order of their frequency, for any order of the bodies.
     for (mode, omega) in json["held"]["modes"].as_array().unwrap().iter().zip([2.0, 10.0]) {
         near(number(&mode["frequency_hz"]), omega / TAU, 1e-14);
         near(number(&mode["discrete_frequency_hz"]), 2.0 * (omega * 0.005_f64).atan() / 0.01 / TAU, 1e-13);

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::common::{answer, at_full_torque, drive, folder, hapt, steady};
 
-/// A spring that this device certifies, at a period that a busy machine keeps, on a drive that turns as `mounting` says.
+/// A spring that this device certifies, at a period that a busy machine keeps, on a drive mounted as in `mounting`.
 pub fn slow(period: &str, mounting: &str) -> String {
     format!(
         r#"title = "slow wheel"
@@ -45,7 +45,7 @@ fn a_certified_world_runs_on_a_simulated_drive_and_its_log_replays_to_the_bit() 
     assert!(ended.out.contains(&format!("slow wheel on the drive {device}#1")), "{ended:?}");
     assert!(ended.out.contains("at full torque; ended in order"), "{ended:?}");
     assert!(ended.err.contains("lag and jitter only as the file states them"), "{ended:?}");
-    // The velocity was differenced, as it is certified, and the log knows it.
+    // The velocity was differenced, as in the certificate, and the log records that.
     hapt(at.path(), ["log", "replay", "run.mcap"]).done();
     drive.signal("TERM");
     assert_eq!(drive.end().code, Some(143));

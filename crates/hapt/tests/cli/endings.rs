@@ -1,4 +1,4 @@
-//! How a command ends when it is not left alone: closed pipes, signals, full disks, worlds that run away.
+//! How a command ends when it is disturbed: closed pipes, signals, full disks, worlds that diverge.
 
 use std::fs;
 use std::io::{BufRead, BufReader, pipe};
@@ -7,7 +7,7 @@ use std::process::Stdio;
 
 use crate::common::{Running, Table, WHEEL, binary, folder, hapt, names, program, shipped};
 
-/// A run of ten thousand million samples: as long as nobody ends it.
+/// A run of ten thousand million samples: until it is ended.
 const ENDLESS: [&str; 4] = ["--set", "loop.period=1 us", "--set", "scenarios.step.duration=9999 s"];
 /// Forward Euler on the wheel, far too slow: |λ| = 6.36 a sample.
 const AWAY: [&str; 6] =
@@ -192,7 +192,7 @@ mod signals {
             let mut command = program(Path::new("."), [command, "-"]);
             command.stdin(Stdio::piped());
             let mut running = Running::start(command);
-            // More than a pipe holds: when it is through, it is being read.
+            // More than a pipe holds: once it is written, it is being read.
             running.feed("# a comment\n".repeat(40_000).as_bytes());
             running.signal(signal);
             let ended = running.interrupted();
@@ -205,7 +205,7 @@ mod signals {
     fn a_disk_without_room_is_said_and_leaves_nothing_half_written() {
         use std::process::Command;
 
-        // What may be written to a file ends at a few KiB; the signal that comes with it is left aside.
+        // The size of a file is limited to a few KiB; the signal of the limit is ignored.
         let limited = |folder: &Path| {
             let mut shell = Command::new("sh");
             shell.args(["-c", "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\""]).arg(binary());
@@ -267,8 +267,7 @@ mod linux {
         hapt(Path::new("."), ["sim", &world, "--out", "/proc/hapt"]).refused(3, &["cannot make /proc/hapt"]);
     }
 
-    /// A script in a folder with a file system of 64 KiB, `small`, that is there for it only; `None` where none can be had, and
-    /// that is said.
+    /// A script in a folder with a file system of 64 KiB, `small`, for this script only; `None` where this is not possible, with a message.
     fn on_a_small_file_system(at: &Path, script: &str) -> Option<crate::common::Ended> {
         fs::create_dir(at.join("small")).unwrap();
         let script = format!("mount -t tmpfs -o size=64k small small || exit 77\n{script}");

@@ -1,4 +1,4 @@
-//! `hapt export`: FMUs and C as files. What is in them is tested in `fmi/` and `crates/hapt-export-c`.
+//! `hapt export`: FMUs and C as files. Their contents are tested in `fmi/` and `crates/hapt-export-c`.
 
 use std::fs;
 use std::path::Path;
@@ -87,7 +87,7 @@ fn a_world_as_c_is_a_file_and_its_header_the_same_every_time() {
         source.starts_with("/* A spring, written as C by hapt") && source.contains("verdict   certified"),
         "{source}"
     );
-    // What hapt wrote it may write again.
+    // Hapt may replace its own file.
     hapt(at.path(), ["export", "c", "w.toml", "-o", "knob.c", "--arduino", "Knob"]).done();
     assert!(source == read("knob.c") && source == read("Knob/src/knob.c") && header == read("Knob/src/knob.h"));
     assert!(read("Knob/library.properties").contains("includes=knob.h"));
@@ -177,7 +177,7 @@ const MANDATORY: [&str; 16] = [
     "22.5", "22.6",
 ];
 
-/// What cppcheck and its MISRA addon say of files: their findings of a mandatory rule, or of an error or warning of cppcheck's own.
+/// The findings of cppcheck and its MISRA addon in files: of a mandatory rule, or of an error or warning of cppcheck's own.
 fn broken_rules(folder: &Path, files: &[String]) -> Vec<String> {
     let mut cppcheck = std::process::Command::new("cppcheck");
     cppcheck.args(["--addon=misra", "--enable=style,warning,portability", "--std=c99", "--quiet", "-j2"]);

@@ -1,4 +1,4 @@
-//! The first commands of somebody new: init, worlds, explain with its schema, completions and manual.
+//! The first commands of a new user: init, worlds, explain with its schema, completions and manual.
 
 use std::fs;
 use std::io::pipe;
@@ -14,7 +14,7 @@ const TEMPLATES: [&str; 8] =
     ["spring-mass", "wall", "detents", "damper", "inertia", "friction", "end-stops", "two-wheels"];
 const NEW: [&str; 3] = ["init", "worlds", "explain"];
 
-/// What a command prints; it says nothing else.
+/// The output of a command, which prints nothing on standard error.
 fn printed(args: &[&str]) -> String {
     let ended = hapt(Path::new("."), args).done();
     assert_eq!(ended.err, "", "{args:?}");
@@ -92,7 +92,7 @@ fn init_overwrites_nothing() {
     let at = folder(&[]);
     hapt(at.path(), ["init"]).done();
     hapt(at.path(), ["init", "--template", "wall"]).refused(2, &["world.toml is there already"]);
-    // Beside its own schema another world may be begun.
+    // Another world may be started next to an existing schema.
     fs::rename(at.path().join("world.toml"), at.path().join("mine.toml")).unwrap();
     hapt(at.path(), ["init"]).done();
     assert_eq!(names(at.path()), ["hapt.schema.json", "mine.toml", "world.toml"]);
@@ -223,7 +223,7 @@ fn the_words_of_verdicts_loops_and_methods_are_topics() {
     hapt(Path::new("."), ["explain", "zebra"]).refused(2, &["no topic \"zebra\"", "hapt explain lists them"]);
 }
 
-/// And what the text shows beside a command is in its output.
+/// The text after a command in an explanation is in its output.
 #[cfg(unix)]
 #[test]
 fn every_command_in_an_explanation_runs_and_prints_what_stands_beside_it() {
@@ -254,7 +254,7 @@ fn completions_and_manual_know_every_command() {
     let (commands, _) = commands.split_once("Options:\n").unwrap();
     let commands: Vec<&str> = commands
         .lines()
-        // Between the names of groups; a longer description goes on below, indented further.
+        // Between the names of groups; a longer description continues below, indented further.
         .filter(|line| line.starts_with("  ") && !line.starts_with("   "))
         .filter_map(|line| line.split_whitespace().next())
         .collect();
@@ -273,7 +273,7 @@ fn completions_and_manual_know_every_command() {
     let at = folder(&[]);
     hapt(at.path(), ["explain", "man", "--out", "man"]).done();
     for command in commands.into_iter().filter(|command| *command != "help") {
-        // A hyphen is written so, that no reader makes a minus of it.
+        // A hyphen is escaped, so that no reader shows a minus.
         let name = format!("hapt-{command}").replace('-', "\\-");
         assert!(page.contains(&format!("{name}(1)")), "{command}: {page}");
         let own = fs::read_to_string(at.path().join(format!("man/hapt-{command}.1"))).unwrap();

@@ -41,7 +41,7 @@ const SUBCOMMANDS: &[&[&str]] = &[
     &["explain", "licences"],
 ];
 
-/// The examples at the end of a help text, without the words beside them; a line that ends in \\ goes on.
+/// The examples at the end of a help text, without their descriptions; a line that ends in \\ continues.
 pub fn examples(help: &str) -> Vec<String> {
     let (_, examples) = help.split_once("Examples:\n").unwrap_or_else(|| panic!("no examples in {help}"));
     let examples = examples.replace("\\\n      ", "");
@@ -109,7 +109,7 @@ fn the_version_is_the_packages() {
     }
 }
 
-/// Every line of the examples, and of what `hapt` alone proposes, does what it says when it is pasted into a shell.
+/// Every line of the examples, and of those that `hapt` without a command proposes, works when it is pasted into a shell.
 #[cfg(unix)]
 #[test]
 fn every_example_runs_as_it_stands() {
@@ -129,7 +129,7 @@ fn every_example_runs_as_it_stands() {
     let (_, proposed) = proposed.split_once("Next:\n").unwrap();
     lines.extend(examples(&format!("Examples:\n{proposed}")));
     assert!(lines.len() > 12, "{lines:?}");
-    // What runs until it is ended, and what wants a board or a kernel's module, has tests of its own.
+    // Commands that run until they are ended, or need a board or a kernel module, have tests of their own.
     let runs = |line: &String| !["hapt live", "hapt wheel"].iter().any(|command| line.starts_with(command));
     for line in lines.into_iter().filter(|line| runs(line) && !line.contains(" hapt:")) {
         let ended = Running::start(shell(at.path(), &line)).end();

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::common::{Ended, folder, hapt, names};
 
-/// A wheel let go beside a virtual one.
+/// A released wheel, coupled to a virtual one.
 const PAIR: &str = r#"title = "pair"
 [loop]
 period = "1 ms"
@@ -73,7 +73,7 @@ fn positions_alone_are_enough_beside_a_known_spring() {
     hapt(at.path(), ["sim", "w.toml", "--scenario", "let-go", "--out", "."]).done();
     let of = |more: &[&str]| identify(at.path(), &[&["let-go.csv", "--from", "0.11s"], more].concat()).done();
     assert_eq!(of(&["--spring", "1 N m/rad", "--json"]).out, of(&["--json"]).out);
-    // On a spring alone a delay takes away what damping gives, and no more is claimed.
+    // With only a spring, the effect of a delay cannot be separated from that of damping, and the interval says so.
     let said = of(&[]);
     assert!(said.err.contains("hardly separates damping from delay"), "{}", said.err);
 }
@@ -130,7 +130,7 @@ fn a_log_is_held_against_the_file_of_its_world() {
     }
     let svg = fs::read_to_string(at.path().join("against.svg")).unwrap();
     assert!(svg.contains("residual (counts)"));
-    // A file whose damping is a fifth too large is told so, and what would be right.
+    // For a file whose damping is a fifth too large, the answer says so and gives the right value.
     let wrong = of(&["--set", "device.damping=3.6e-3"]);
     assert_eq!(wrong.code, Some(1), "{}", wrong.err);
     assert!(wrong.out.contains("verdict         the record contradicts the file: damping"), "{}", wrong.out);
@@ -232,7 +232,7 @@ stall = "10 s"
                 assert!(ended.err.contains(word), "{answer:?}: {word:?} is not in {}", ended.err);
             }
         }
-        // Where nobody can be asked, nobody is.
+        // Without a terminal there is no question.
         let nobody = hapt(at.path(), ["identify", &device, "--world", "w.toml", "--write", "d.toml"]);
         nobody.refused(2, &["will move: pass --yes when everyone is clear of it"]);
         assert_eq!(names(at.path()), ["w.toml"]);
@@ -244,8 +244,8 @@ stall = "10 s"
     fn who_says_yes_moves_it() {
         let at = folder(&[("w.toml", DRIVEN)]);
         let (_drive, device) = drive(at.path(), "moteus", &["--lockstep"]);
-        // A machine that stands still may break off a run, and one that is slow leaves pushes out, but not for ever: the log is there all
-        // the same, and no torque in it is larger than what was agreed to.
+        // A pause of the machine may end a run, and a slow machine leaves pushes out, within a limit: the log still exists, and no torque
+        // in it exceeds the agreed one.
         let begin = Instant::now();
         let mut largest = 0.0;
         while largest <= 5e-3 {
@@ -301,7 +301,7 @@ fn a_second_torque_and_a_cable_are_told_beside_the_inertia() {
     for line in ["by the torque alone", "by the motion alone", "force     ", "stiffness "] {
         assert!(text.out.contains(line), "{line}: {}", text.out);
     }
-    // Without its sensor: an answer all the same, or that none can be told.
+    // Without its sensor there is still an answer, or the message that there is none.
     identify(at.path(), &columns[..7]).done();
 }
 
@@ -345,7 +345,7 @@ fn a_record_of_volts_is_one_of_torques_with_the_motors_constants() {
     assert_eq!(json["sign"]["value"], 1.0, "{json}");
 }
 
-/// Easier one way than the other: the file that `--write` makes has both levels, and reads.
+/// With less friction in one direction: the file of `--write` has both levels, and can be read.
 #[test]
 fn friction_by_direction_is_written_as_such() {
     let (mut z, mut v) = (0.0, 0.0);
@@ -376,7 +376,7 @@ fn friction_by_direction_is_written_as_such() {
     assert!(!agrees.out.contains("contradict"), "{}", agrees.out);
 }
 
-/// Friction that falls with the speed, as `[device.stribeck]` has it: the file has it back.
+/// Friction that falls with the speed, as `[device.stribeck]` has it: the written file has the same.
 #[test]
 fn stribeck_friction_is_written_as_the_device_has_it() {
     let [coulomb, more, velocity] = [4e-3, 8e-3, 1.0];
@@ -405,7 +405,7 @@ fn stribeck_friction_is_written_as_the_device_has_it() {
     assert!(near(world.device.friction, coulomb, 0.4), "{written} {out}");
 }
 
-/// Friction that changes eight times a turn by half of itself: the file has it back, and no cogging.
+/// Friction that changes eight times a turn by half of itself: the written file has the same, and no cogging.
 #[test]
 fn friction_by_position_is_written_as_the_device_has_it() {
     let level = |z: f64| 6e-3 * (1.0 + 0.5 * f64::sin(8.0 * (z - 0.2)));

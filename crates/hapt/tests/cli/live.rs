@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::common::{Running, WHEEL, folder, program};
 use crate::help::{examples, help};
 
-/// The program under way, and the link in its first line.
+/// The running program, and the link in its first line.
 fn started(folder: &Path, args: &[&str]) -> (Running, String) {
     let mut running = Running::start(program(folder, args));
     let mut link = String::new();
@@ -102,7 +102,7 @@ fn every_example_of_it_runs_until_it_is_ended() {
     let at = folder(&[("wheel.toml", WHEEL)]);
     let lines = examples(&help(&["live", "--help"]));
     assert!(lines.len() >= 3, "{lines:?}");
-    // A board is no example to be run anywhere: board.rs has one.
+    // An example with a board does not run anywhere: board.rs has one.
     for line in lines.into_iter().filter(|line| !line.contains(" hapt:")) {
         let line = if line.contains("--port") { line } else { format!("{line} --port 0") };
         let args: Vec<&str> = line.split_whitespace().skip(1).collect();

@@ -30,7 +30,7 @@ fn a_run_has_a_file_of_each_format_and_each_converts_to_the_others_bytes() {
         hapt(at.path(), ["log", "convert", "r/step.mcap", "-o", name]).done();
         assert!(read(at.path().join(name)) == read(of_a_run.join(name)), "{name}");
     }
-    // Without a format, and beside others: the same CSV.
+    // Without a format, and in addition to others: the same CSV.
     hapt(at.path(), ["sim", "w.toml", "--out", "alone"]).done();
     assert_eq!(names(&at.path().join("alone")), ["step.csv"]);
     assert!(read(at.path().join("alone/step.csv")) == read(of_a_run.join("step.csv")));
@@ -216,7 +216,7 @@ fn an_interrupted_run_leaves_no_file_of_any_format() {
     assert_eq!(names(&out), [""; 0]);
 }
 
-/// A Python that has the makers' own library of MCAP: of the environment that `cargo xtask test` makes with `CI` set
+/// A Python that has MCAP's own library: of the environment that `cargo xtask test` makes with `CI` set
 /// (`xtask/src/tools.rs`), or the system's.
 fn python() -> Option<PathBuf> {
     let own = Path::new(env!("CARGO_TARGET_TMPDIR")).join("mcap/bin/python");

@@ -1,4 +1,4 @@
-//! What is answered to a name that is nearly right, to a number without a unit, and where colours are not wanted.
+//! The answers to a misspelt name and to a number without a unit, and output without colours.
 
 use std::fs;
 use std::path::Path;
@@ -141,7 +141,7 @@ fn a_sweep_and_a_boundary_are_drawn_alike() {
     for file in ["e.svg", "m.svg"] {
         let svg = fs::read_to_string(at.path().join(file)).unwrap();
         let place = |text: &str| svg.find(text).unwrap_or_else(|| panic!("{file} has no {text}"));
-        // The vertical axis's name stands first, the horizontal one's last.
+        // The vertical axis's name comes first, the horizontal one's last.
         assert!(place("damping of the device (") < place("sampling period ("), "{file}");
         assert!(svg.contains("the file's own world") && svg.contains("certified"), "{file}");
         // The colour of what is certified.
@@ -186,7 +186,7 @@ fn a_delay_is_said_with_the_loop_and_its_unit_is_looked_for() {
     misspelt.refused(2, &["unknown unit \"sampels\"; did you mean \"samples\"?"]);
 }
 
-/// What is listed is what is built in: every crate is in the lock in that version, and brings a text.
+/// The list is that of the built-in crates: every crate is in the lock file in that version, and has a text.
 #[test]
 fn the_licences_name_the_crates_that_the_program_is_built_of_and_bring_their_texts() {
     let text = hapt(Path::new("."), ["explain", "licences"]).done().out;
@@ -211,8 +211,8 @@ fn the_licences_name_the_crates_that_the_program_is_built_of_and_bring_their_tex
     assert!(text.contains("Permission is hereby granted") && text.contains("Apache License"));
 }
 
-/// A bare number that no usual device has is taken, and the unit that was probably meant is named beside the result; with a unit it is not
-/// doubted. Of a network the station is named.
+/// A bare number that no usual device has is taken, and the answer names the unit that was probably meant; a number with a unit gives no
+/// warning. In a network the station is named.
 #[test]
 fn a_bare_number_far_from_what_is_usual_is_warned_about() {
     let at = folder(&[("w.toml", WHEEL)]);

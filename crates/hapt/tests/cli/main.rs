@@ -1,4 +1,4 @@
-//! The command line as its users meet it: what is typed, what comes out, and how it ends.
+//! The command line as its users see it: input, output, and exit codes.
 #![cfg_attr(not(unix), allow(dead_code, unused_imports))] // What tests of signals and of a shell take.
 
 #[cfg(unix)]

@@ -48,7 +48,7 @@ fn a_run_of_a_network_is_a_file_for_each_station() {
     assert!(table.starts_with("time_s,puck_rad,") && table.lines().next().unwrap().ends_with(",link_Nm"), "{table}");
     let text = hapt(at.path(), ["sim", "pair.toml"]).done().out;
     assert!(text.contains("left: 101 samples") && text.contains("right: 51 samples"), "{text}");
-    // Nothing is written over what it is made of.
+    // No input file is overwritten.
     fs::create_dir(at.path().join("own")).unwrap();
     hapt(at.path(), ["sim", "pair.toml", "--out", "own", "--format", "mcap"]).refused(2, &["--format mcap", "csv"]);
     hapt(at.path(), ["sim", "pair.toml", "--out", "new", "--format", "mcap"]).refused(2, &["--format mcap", "csv"]);
@@ -91,7 +91,7 @@ fn a_mistake_in_a_network_is_named_with_its_place() {
         .refused(2, &["loop.period", "time"]);
     hapt(at.path(), ["sim", "pair.toml", "--scenario", "pull"])
         .refused(2, &["no station's world has a scenario \"pull\""]);
-    // What takes a world says what this is.
+    // A command for a world names the file as a network.
     hapt(at.path(), ["impedance", "pair.toml"]).refused(2, &["is a network"]);
 }
 
@@ -151,7 +151,7 @@ fn the_worst_hands_of_a_network_are_shown_by_a_run() {
     let text = hapt(at.path(), ["sim", "broken.toml"]).done().out;
     let given = text.lines().filter_map(|line| line.split_once("the hand gave ")).map(|(_, energy)| energy);
     assert!(given.clone().count() == 2 && given.clone().any(|energy| energy.starts_with('-')), "{text}");
-    // A certified one survives, and nothing is written over what it is made of.
+    // A certified one is not broken, and no input file is overwritten.
     let safe = folder(&[("wheel.toml", WHEEL), ("free.toml", FREE), ("pair.toml", PAIR)]);
     let text = hapt(safe.path(), ["worst", "pair.toml"]).done().out;
     assert!(text.contains("verdict   survived, as certified") && text.contains("[scenarios.worst]"), "{text}");
@@ -213,7 +213,7 @@ fn a_report_has_the_certificate_every_link_and_every_station() {
     assert!(read("loose.html").contains("let go "));
     let index = read("index.html");
     assert!(["pair.html", "loose.html", "wheel.html"].iter().all(|page| index.contains(page)), "{index}");
-    // The page with both wheels, which has all that it needs; a station too fast for a page is named.
+    // The page with both wheels is complete; a station too fast for a page is named.
     assert!(page.contains("href=\"live/pair.html\"") && read("live/pair.html").contains("./pair.js"));
     let data = read("live/pair.js");
     for part in [

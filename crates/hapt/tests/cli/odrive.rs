@@ -4,7 +4,7 @@
 use crate::common::{answer, at_full_torque, drive, folder, hapt, steady};
 use crate::drives::slow;
 
-/// At a period that the drive's watchdog bears.
+/// At a period within the drive's watchdog time.
 fn direct() -> String {
     slow("20 ms", "gear = 1")
 }
@@ -21,7 +21,7 @@ fn a_certified_world_runs_on_a_simulated_odrive_also_after_one_that_was_killed()
         run.end()
     };
     assert_eq!(killed.code, None, "{killed:?}");
-    // The drive has an error now, by its own watchdog; a new start is the clear that it asks for.
+    // The drive has an error now, by its own watchdog; a new start clears it.
     let ended = steady(|| hapt(at.path(), ["run", "w.toml", "--device", &device, "--duration", "1s"])).done();
     assert!(ended.out.contains(&format!("slow wheel on the drive {device}#1")), "{ended:?}");
     assert!(ended.out.contains("at full torque; ended in order"), "{ended:?}");

@@ -1,4 +1,4 @@
-//! What a file's ending asks for: honoured or refused, by every option of every command.
+//! The format of a file's ending is written or refused, by every option of every command.
 
 use std::fs;
 
@@ -8,7 +8,7 @@ const SWEEP: [&str; 7] = ["sweep", "w.toml", "--vary", "device.damping=0..0.01:3
 const BOUNDARY: [&str; 6] =
     ["boundary", "w.toml", "--vary", "loop.period=1ms..2ms", "--vary", "device.damping=0..0.01"];
 
-/// A world's runs are its own: another one's are kept, and what was set, or on which path it is named, makes no other world.
+/// Runs of another world are kept. A world with other overrides, or named by another path, is the same world.
 #[test]
 fn a_run_replaces_no_file_of_another_world_unless_it_is_forced() {
     let other = WHEEL.replace("45 deg", "30 deg");
@@ -24,13 +24,13 @@ fn a_run_replaces_no_file_of_another_world_unless_it_is_forced() {
     let theirs = ["sim", "other.toml", "--out", "runs"];
     hapt(at.path(), theirs).refused(2, &["step.csv is a run of another world", "w.toml", "\"wheel\"", "--force"]);
     assert_eq!(step(), first);
-    // Their own name beside it is free.
+    // Another name next to it is free.
     hapt(at.path(), theirs.iter().chain(&["--format", "mcap"])).done();
     hapt(at.path(), theirs.iter().chain(&["--force"])).done();
     assert_ne!(step(), first);
     hapt(at.path(), sim).refused(2, &["other.toml"]);
     assert_eq!(names(&at.path().join("runs")), ["step.csv", "step.mcap"]);
-    // What no list names is nobody's.
+    // A file that is in no list may be replaced.
     fs::remove_file(at.path().join("runs/.hapt-runs.json")).unwrap();
     hapt(at.path(), sim).done();
     assert_eq!(step(), first);
@@ -69,7 +69,7 @@ fn every_figure_is_a_png_or_a_pdf_where_its_name_says_so() {
     }
 }
 
-/// The format of standard output, and of a file without an ending; an ending speaks for itself.
+/// The format of standard output, and of a file without an ending; an ending decides.
 #[test]
 fn a_figures_format_is_that_of_its_ending_or_of_the_flag() {
     let at = folder(&[("w.toml", WHEEL)]);

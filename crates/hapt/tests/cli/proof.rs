@@ -1,4 +1,4 @@
-//! `hapt check --proof`: the file, and what it leaves where there is none.
+//! `hapt check --proof`: the file, and no file where it cannot be written.
 
 use std::fs;
 

@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use crate::common::{Running, WHEEL, binary, folder, hapt, near, program};
 
-/// The wheel with a motor that is asked for more than there is, and a puck that nothing holds.
+/// The wheel with a torque beyond the motor's limit, and a puck that nothing holds.
 const RUNAWAY: &str = r#"
 [loop]
 period = "1 ms"
@@ -42,7 +42,7 @@ fn a_scenario_in_real_time_asks_for_the_torque_that_it_asks_for_in_the_simulatio
     assert!(ended.out.contains("at full torque; ended in order"), "{ended:?}");
     // 1.018592 N m/rad over 45 deg, at the first sample.
     near(between(&ended.out, "commanded", "N mm"), 800.0, 1e-3);
-    // Two fades of a tenth of a second each, and what was asked for.
+    // Two fades of a tenth of a second each, and the requested duration.
     let (taken, missed) = samples(&ended.out);
     assert!(taken + missed >= 500.0 && taken > 100.0, "{ended:?}");
 }
@@ -97,7 +97,7 @@ fn a_log_of_a_run_gives_the_torques_again() {
     hapt(at.path(), ["log", "convert", "a.mcap", "-o", "b.mcap"]).done();
     assert_eq!(hapt(at.path(), ["log", "replay", "b.mcap"]).done().out, told.out.replace("a.mcap", "b.mcap"));
 
-    // From the middle on, with the loop's state there and without it.
+    // From the middle on, with and without the loop's state there.
     let middle = |with_state: bool| {
         let mut log = Log::open(at.path().join("a.mcap")).unwrap();
         let world = log.plan().world.clone();
@@ -133,7 +133,7 @@ fn the_latency_comes_as_a_table_and_as_numbers() {
     for word in ["latency", "period", "computation", "p99.9", "samples", "longest gap", "priority", "memory", "below"] {
         assert!(ended.out.contains(word), "{word}: {ended:?}");
     }
-    // The line to paste reads, and a run says how it kept it.
+    // The line to paste is valid, and a run reports how well it kept it.
     let line = ended.out.lines().find_map(|line| line.trim().strip_prefix("interval_max = ")).unwrap();
     let set = format!("loop.interval_max={}", line.split('"').nth(1).unwrap());
     let checked = hapt(at.path(), ["check", "w.toml", "--no-remedies", "--set", &set]);
@@ -151,7 +151,7 @@ fn the_latency_comes_as_a_table_and_as_numbers() {
         let at = |name: &str| json[time][name].as_f64().unwrap();
         assert!(at("p50") <= at("p90") && at("p90") <= at("p99") && at("p99") <= at("p999") && at("p999") <= at("max"));
     }
-    // Every sample stands in one bar.
+    // Every sample is in one bar.
     let counts = json["histogram"].as_array().unwrap().iter().map(|bar| bar["count"].as_u64().unwrap());
     assert_eq!(counts.sum::<u64>(), samples);
 }
@@ -174,7 +174,7 @@ fn a_command_later_than_certified_ends_a_run_as_the_world_says() {
     }
     let counted = run(&["loop.delay_max=0 s", "safety.late=count", "safety.fade=50 ms"]).done();
     assert!(counted.out.contains("inside the certificate for 0 of "), "{counted:?}");
-    // What the file does not state is not enforced, whatever the machine does.
+    // A time that the file does not state is not enforced, on any machine.
     let any = run(&["safety.late=fault"]).done();
     assert!(!any.out.contains("inside the certificate"), "{any:?}");
     let ended =
@@ -186,7 +186,7 @@ fn a_command_later_than_certified_ends_a_run_as_the_world_says() {
     );
 }
 
-/// However long a process stands still, the table has all of it: of five that are stopped, some is stopped while its loop runs.
+/// The table includes any pause of the process: of five that are stopped, at least one is stopped while its loop runs.
 #[cfg(unix)]
 #[test]
 fn a_stall_shows_in_the_latency_and_as_the_longest_gap() {
@@ -207,7 +207,7 @@ fn a_stall_shows_in_the_latency_and_as_the_longest_gap() {
     assert!(told, "no stall showed");
 }
 
-/// Where strace is there and may look: between its first sleep and its last, the loop's thread calls nothing of the system's but to
+/// Where strace is installed and permitted: between its first sleep and its last, the loop's thread calls nothing of the system's but to
 /// sleep until an instant.
 #[cfg(target_os = "linux")]
 #[test]

@@ -76,7 +76,7 @@ const POSITIVE: [(&str, &str); 13] = [
     ("scenarios.lead.hand.over", "\"0.05 s\""),
 ];
 
-/// Runs a world that is refused with these words, by both commands, and finds that nothing was written.
+/// Runs a world that is refused with these words, by both commands, and checks that nothing was written.
 #[track_caller]
 fn refused(world: &str, args: &[&str], words: &[&str]) -> Ended {
     let at = folder(&[("w.toml", world)]);
@@ -106,7 +106,7 @@ fn what_must_be_positive_is_refused_when_it_is_not() {
     for (key, value) in POSITIVE {
         let line = format!("{} = {value}\n", key.rsplit('.').next().unwrap());
         let (above, _) = EVERYTHING.split_once(&line).unwrap_or_else(|| panic!("{line}"));
-        // Of equal lines the first; the others are the keys of another table.
+        // The first of equal lines; the others are the keys of another table.
         let number = above.lines().count() + 1;
         for bad in ["0", "-1", "nan", "inf", "-inf", "1e400"] {
             let edited = EVERYTHING.replacen(&line, &line.replace(value, bad), 1);
@@ -285,7 +285,7 @@ fn a_scenario_of_more_than_ten_thousand_million_samples_is_refused_wherever_it_g
         &["scenarios.step.duration", "w.toml:20:12"],
     );
     refused(WHEEL, &short, &["loop.period", "\"ns\""]);
-    // One less is as good as any other to a check.
+    // One scenario less does not change a check.
     hapt_reads(Path::new("."), WHEEL, ["check", "-", "--set", "scenarios.step.duration=9999999 s"]).done();
 }
 
@@ -393,7 +393,7 @@ fn a_specification_that_makes_no_wheel_is_refused() {
             design(Some((flag, value))).refused(2, &[flag]);
         }
     }
-    // Each fine by itself, and together beyond what a number holds.
+    // Each is valid by itself; together they leave double precision.
     design(Some(("--travel", "1e-320"))).refused(2, &["stiffness"]);
     design(Some(("--frequency", "1e200"))).refused(2, &["inertia"]);
 }

@@ -1,4 +1,4 @@
-//! `hapt report` and `hapt plot`: what they write, and what they refuse.
+//! `hapt report` and `hapt plot`: their outputs, and their refusals.
 
 use std::fs;
 
@@ -35,12 +35,12 @@ fn a_report_leads_to_a_page_on_which_the_world_runs_and_all_that_this_asks_for_i
         for file in asked {
             assert!(live.join(file).is_file(), "{file}");
         }
-        // What a folder cannot serve.
+        // Features that a page opened from a folder cannot use.
         assert!(!page.contains("type=\"module\"") && !page.contains("crossorigin"));
     }
     let data = fs::read_to_string(live.join("wheel.js")).unwrap();
     assert!(data.contains("\"command\":\"wheel.toml --set 'loop.period=2 ms'\"") && data.contains("../wheel.html"));
-    // Twice the same: nothing in it is of this moment.
+    // Two runs write the same bytes: nothing in them depends on the time.
     hapt(at.path(), ["report", "wheel.toml", "--set", "loop.period=2 ms", "--out", "again"]).done();
     assert_eq!(fs::read_to_string(at.path().join("again/live/wheel.js")).unwrap(), data);
 }

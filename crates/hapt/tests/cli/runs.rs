@@ -1,4 +1,4 @@
-//! What the columns of a run mean.
+//! The meaning of a run's columns.
 
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
@@ -84,7 +84,7 @@ fn the_summary_counts_the_samples_beyond_the_limit_and_fits_the_growth() {
 #[test]
 fn a_wall_pushes_and_never_pulls() {
     for (side, sign) in [("above", 1.0), ("below", -1.0)] {
-        // Damping so large that on the way out the damper alone would pull.
+        // Damping so large that on the way out the damper by itself would pull.
         let wall = format!(
             "[loop]\nperiod = 1e-3\n[device]\ninertia = 1e-3\n\
              [[couplings]]\nkind = \"wall\"\nbetween = [\"puck\", \"ground\"]\nside = \"{side}\"\n\

@@ -1,4 +1,4 @@
-//! The schema, by an independent validator: what reads fits it, and what it can see is wrong does not.
+//! The schema, by an independent validator: valid files fit it, and mistakes that a schema can express do not.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -112,7 +112,7 @@ fn what_reads_in_many_spellings_fits() {
     fits(&format!("{ROTARY}[bodies.w]\ninertia = \"0.45 N mm/(deg/s^2)\"\nvelocity = \"60 rpm\"\n"));
 }
 
-/// What is wrong, and the key at which an editor shows it.
+/// A mistake, and the key at which an editor shows it.
 #[test]
 fn what_is_wrong_does_not_fit_and_is_shown_at_its_key() {
     let coupling = |text: &str| format!("{ROTARY}[[couplings]]\nbetween = [\"puck\", \"ground\"]\n{text}\n");
@@ -166,7 +166,7 @@ fn what_is_wrong_does_not_fit_and_is_shown_at_its_key() {
     }
 }
 
-/// Of a network, which moves as the worlds of its stations do.
+/// The same for a network, which has the motion of its stations' worlds.
 #[test]
 fn a_mistake_in_a_network_is_shown_at_its_key() {
     let good = "stations.a.world = \"a.toml\"\nstations.b = { world = \"b.toml\", drift = 40, phase = \"1 ms\" }\n[[links]]\n\

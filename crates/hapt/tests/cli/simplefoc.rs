@@ -48,7 +48,7 @@ fn identify_finds_the_motors_constant_by_a_known_inertia() {
             let ended = hapt(at.path(), ["identify", &guess, "--world", "w.toml"].iter().chain(&known));
             let after = ended.err.split(&format!("that of {device}?{unit}=")).nth(1);
             let found: Option<f64> = after.and_then(|rest| rest.split_whitespace().next()?.parse().ok());
-            // If the machine stands still, it breaks off.
+            // In a pause of the machine, the run ends early.
             let Some(found) = found.filter(|_| ended.code == Some(0)) else { continue };
             assert!((found / constant - 1.0).abs() < 1e-3, "{ended:?}");
             assert!(!ended.err.contains("differ by more"), "{ended:?}");

@@ -1,4 +1,4 @@
-//! The schema's regular expressions for quantities: an editor knows a wrong unit, and marks nothing that hapt reads.
+//! The schema's regular expressions for quantities: an editor marks a wrong unit, and nothing that hapt reads.
 
 use std::sync::LazyLock;
 
@@ -7,7 +7,7 @@ use jsonschema::Validator;
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
-/// The dimensions that keys want.
+/// The dimensions of keys.
 const WANTED: [Dimension; 14] = [
     Dimension::ANGLE,
     Dimension::LENGTH,
@@ -32,7 +32,7 @@ fn compiled(pointer: &str) -> Validator {
     jsonschema::draft7::new(SCHEMA.pointer(pointer).unwrap_or_else(|| panic!("no {pointer}"))).unwrap()
 }
 
-/// What takes the plain spellings of this dimension: "a torsional stiffness (N m/rad)" is defined as torsional-stiffness.
+/// The validator of the plain spellings of this dimension: "a torsional stiffness (N m/rad)" is defined as torsional-stiffness.
 fn plain(wanted: Dimension) -> Validator {
     let called = wanted.to_string();
     let (name, _) = called.split_once(' ').unwrap().1.split_once(" (").unwrap();
@@ -145,7 +145,7 @@ proptest! {
         }
     }
 
-    /// And a wrong unit is marked where every base stands once.
+    /// A wrong unit is marked where every base occurs once.
     #[test]
     fn where_every_base_stands_once_the_dimension_decides(
         mass in usual(&["N", "mN", "kg", "Nmm"]),

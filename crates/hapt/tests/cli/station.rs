@@ -97,7 +97,7 @@ fn a_motor_needs_a_network_that_is_certified() {
     );
     let refused = ["not certified", "too little damping: left, right", "--uncertified"];
     hapt(at.path(), station(&line)).refused(2, &refused);
-    // Certified, it goes on to the drive, which is not there.
+    // Certified, it continues to the drive, which does not exist.
     let certified = line.replace("stiffness=1", "stiffness=0.01");
     hapt(at.path(), station(&certified)).refused(3, &["/dev/hapt-none"]);
 }
@@ -129,7 +129,7 @@ fn stations_with_another_key_or_file_are_told_so() {
     }
 }
 
-/// A program that is stopped for most of the time, as on a computer that is too slow, however fast this one is.
+/// A program that is stopped for most of the time, as on a computer that is too slow.
 #[cfg(unix)]
 #[test]
 fn a_station_without_enough_time_ends_with_the_devices_code() {

@@ -1,4 +1,4 @@
-//! `hapt sweep`: tables, pictures, and what an interruption leaves.
+//! `hapt sweep`: tables, pictures, and the rows that an interruption leaves.
 
 use std::fs;
 use std::path::Path;
@@ -54,7 +54,7 @@ fn a_map_shows_both_axes_and_the_edge_of_growth() {
     assert!(svg.contains("class=\"cell"), "{svg}");
 }
 
-/// A figure for a paper is as wide as its column, has its caption from the paper, and says what it draws itself.
+/// A figure for a paper is as wide as its column, has no title, as the paper has its caption, and names its measure and axes itself.
 #[test]
 fn a_figure_for_a_paper_has_its_width_and_no_title() {
     let at = folder(&[("w.toml", WHEEL)]);
@@ -270,7 +270,7 @@ mod interrupted {
         running.signal("INT");
         assert_eq!(running.end().code, Some(130));
         let kept = rows();
-        // The other shard does not take its rows.
+        // The other shard does not use its rows.
         let other = hapt(at.path(), shard(0).chain(["--resume".into()]));
         assert!(other.code == Some(0) && other.err.contains("to continue from"), "{other:?}");
         // Nor is it replaced by them.

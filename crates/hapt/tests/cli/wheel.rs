@@ -1,4 +1,4 @@
-//! `hapt wheel`: what it refuses. `cargo xtask guest` attaches it to a kernel, and plays every effect.
+//! `hapt wheel`: its refusals. `cargo xtask guest` attaches it to a kernel, and plays every effect.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! `hapt worst`: its verdicts, its scenario, and what it leaves.
+//! `hapt worst`: its verdicts, its scenario, and its files.
 
 use std::fs;
 
@@ -73,7 +73,8 @@ fn a_file_that_cannot_be_is_said_and_nothing_is_left() {
     assert_eq!(names(at.path()), ["w.toml"]);
 }
 
-/// What no grip breaks, a motion does: its points stand beside the file, and `hapt sim` shows that the hand has more than it gave.
+/// A motion breaks a world that no grip breaks: its points are in a file next to the world, and `hapt sim` shows that the hand has gained
+/// energy.
 #[test]
 fn a_motion_that_breaks_a_world_is_written_beside_it() {
     let world = "[loop]\nperiod = 1e-3\nestimator = \"exact\"\n[device]\ninertia = 6.4e-4\ndamping = 1.2e-3\n\
@@ -94,7 +95,7 @@ fn a_motion_that_breaks_a_world_is_written_beside_it() {
     assert!(proved.out.contains("survived, as certified"), "{proved:?}");
 }
 
-/// A loop that grows is called certified only for the reason that holds it.
+/// A loop that grows is called certified only with the reason for it.
 #[test]
 fn a_wheel_that_friction_certifies_says_so_beside_its_growth() {
     let world = "safety = { overspeed = \"0.5 rad/s\" }\n[loop]\nperiod = \"1 ms\"\n[device]\ninertia = 6.4e-4\ndamping = 1.2e-3\nfriction = 0.02\n\
@@ -109,7 +110,7 @@ fn a_wheel_that_friction_certifies_says_so_beside_its_growth() {
 
 #[test]
 fn a_draw_that_is_given_back_is_shown_at_its_time() {
-    // The wall gives more than it takes for two seconds; then the device's damping takes all of it and more.
+    // The wall gives energy for two seconds; then the device's damping dissipates all of it and more.
     let world = "[loop]\nperiod = \"1 ms\"\n[device]\ninertia = \"6.4e-4 kg m^2\"\ndamping = \"1.2e-3 N m s/rad\"\n[[couplings]]\nkind = \"wall\"\n\
         between = [\"puck\", \"ground\"]\nside = \"above\"\nat = \"10 deg\"\nstiffness = \"50 N mm/deg\"\n";
     let at = folder(&[("w.toml", world)]);

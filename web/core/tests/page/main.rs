@@ -83,7 +83,7 @@ impl Run {
         (!columns.is_empty()).then(|| columns.iter().map(|[last, ..]| *last).collect())
     }
 
-    /// So many ms, each with its columns; a hand swings the puck about in the middle of them.
+    /// A time in ms, each ms with its columns; a hand swings the puck about in the middle of them.
     fn swing(&mut self, length: u32) -> Vec<Option<Vec<f64>>> {
         let ms = |k: u32| {
             if (length / 4..length / 2).contains(&k) {
@@ -206,7 +206,7 @@ fn what_cannot_run_is_refused_in_a_sentence_and_what_ran_goes_on() {
     for (key, value, word) in [
         ("loop.period", "0 ms", "period"),
         ("loop.period", "1 us", "50 us to 100 ms"),
-        // Nothing is found over these steps, and a wall stands at a body.
+        // These methods do not find torques over a step, and a wall is at a body.
         ("loop.method", "tustin", "tustin"),
         ("couplings.0.stiffness", "-1 N m/rad", "stiffness"),
         ("couplings.0.stiffness", "3 bananas", "bananas"),
@@ -266,7 +266,7 @@ fn a_page_that_was_asleep_lets_go_and_catches_up_no_more_than_a_tenth_of_a_secon
     let times: Vec<f64> = frames.collect();
     let [.., last, after] = times[..] else { panic!("{times:?}") };
     assert!((after - last - 0.1).abs() < 1e-9, "from {last} to {after} s");
-    // In no hand, the spring and its wheel pull the puck away.
+    // Hands-off, the spring and its wheel pull the puck away.
     let farthest = (0..500).map(|_| (run.step().unwrap()[0] - 0.5).abs()).fold(0.0, f64::max);
     assert!(farthest > 0.2, "{farthest}");
 }

@@ -15,7 +15,7 @@ struct Run {
     page: NetworkPage,
     network: System,
     frame: u64,
-    /// Of each station: the last status, and where its puck was in the last frame.
+    /// For each station: the last status, and its puck's position in the last frame.
     status: Vec<Value>,
     place: Vec<f64>,
     refused: Vec<String>,
@@ -45,7 +45,7 @@ impl Run {
         self.send(station, &hand);
     }
 
-    /// So many seconds; the largest way of each puck from 0.
+    /// Runs for a time in s; returns the largest displacement of each puck from 0.
     fn pass(&mut self, seconds: f64) -> Vec<f64> {
         let mut most = vec![0.0_f64; self.place.len()];
         for _ in 0..(seconds / 16e-3).round() as u32 {
@@ -94,7 +94,7 @@ fn pair(delay: &str) -> Run {
     Run::of(&source)
 }
 
-/// Whatever the sliders say, the page says what `hapt check` says of the file with these numbers.
+/// With any values of the sliders, the page shows the verdict of `hapt check` on the file with these numbers.
 #[test]
 fn the_verdict_in_the_page_is_that_of_the_command_line() {
     let mut verdicts = [0, 0];
@@ -135,7 +135,7 @@ fn a_wheel_that_is_turned_takes_the_other_along_and_its_position_is_as_old_as_th
             // Samples of both, the own hold, and how often messages are passed on.
             assert!(link["acts"] == true && age >= way && age < way + 9e-3, "{delay}: {link}");
         }
-        // Nothing comes through: both let go, and the free wheel is moved by nobody.
+        // No message arrives: both ends release, and nothing moves the free wheel.
         run.send(1, &json!({ "type": "network", "loss": 1 }));
         run.pass(0.3);
         let before = run.place[1];
@@ -193,7 +193,7 @@ fn a_world_of_a_station_stays_as_it_is_and_a_page_asleep_holds_nothing() {
     assert_eq!(run.refused.len(), 3);
     assert!(run.refused.iter().all(|why| why.contains("its worlds stay as they are")), "{:?}", run.refused);
     assert!((run.place[0] - 0.4).abs() < 0.01);
-    // A minute without a frame, and somebody turns the other wheel: no hand holds the first.
+    // A minute without a frame, then the other wheel is turned: no hand holds the first.
     run.frame += 60_000 / 16;
     run.pass(0.1);
     run.hold(1, Some(-0.4));
@@ -201,8 +201,8 @@ fn a_world_of_a_station_stays_as_it_is_and_a_page_asleep_holds_nothing() {
     assert!(run.place[0] < -0.3, "{:?}", run.place);
 }
 
-/// At equal periods what counts is the round trip in samples: two periods of stations that sample at one instant, one where the instants differ, and
-/// now this, now that where a clock drifts. To it comes the own hold.
+/// At equal periods the age is the round trip in samples: two periods for stations that sample at one instant, one where the instants
+/// differ, and alternating where a clock drifts. The own hold is added.
 #[test]
 fn every_station_of_a_page_has_the_phase_and_the_clock_of_the_file() {
     for (clock, ages) in [("phase = 0", [30, 30]), ("phase = \"5 ms\"", [20, 20]), ("drift = 9000", [20, 30])] {
@@ -228,8 +228,8 @@ fn every_station_of_a_page_has_the_phase_and_the_clock_of_the_file() {
     }
 }
 
-/// A damper alone pulls the other wheel along, against the damping of its device: a wheel that is turned at one speed turns the other at
-/// D/(D + b) of it, and no torque is left where nothing is damped.
+/// A damper without a spring pulls the other wheel along, against the damping of its device: a wheel that is turned at one speed turns the
+/// other at D/(D + b) of it, and no torque is left where nothing is damped.
 #[test]
 fn a_damped_link_drags_the_other_wheel_along() {
     for damping in [0.0, 0.02] {

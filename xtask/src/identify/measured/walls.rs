@@ -1,4 +1,4 @@
-//! The stiffest stable wall of the paddle under both filters, without a hand and with hands, beside what the authors felt.
+//! The stiffest stable wall of the paddle under both filters, without a hand and with hands, compared with the authors' observations.
 
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
@@ -20,8 +20,8 @@ const WALLS: [(f64, [f64; 8]); 3] = [
 /// Stiffnesses that are tried, N m/deg.
 const STIFFNESSES: [f64; 2] = [1e-4, 2.0];
 
-/// The loop inside of the wall. Both filters are first-order: that of the velocity is the estimator's, and that of the position, which
-/// stands before both terms, is in a linear loop the same behind them: the motor's lag.
+/// The loop inside the wall. Both filters are first-order. That of the velocity is the estimator's. That of the position is before both
+/// terms; in a linear loop it is equivalent to the same filter after them: the motor's lag.
 fn wall(device: &Device, cutoff: f64, stiffness: f64, damping: f64) -> Result<World> {
     let lag = (TAU * cutoff).recip() - PERIOD;
     let file = format!(
@@ -66,7 +66,7 @@ fn stiffest(device: &Device, cutoff: f64, damping: f64, hand: &Grip) -> Result<f
 /// Hands that a paddle may be held by: inertias in kg m², dampings in N m s/rad, stiffnesses in N m/rad, from a light touch to a firm grip.
 const HANDS: [[f64; 3]; 3] = [[1e-5, 3e-4, 1e-3], [3e-3, 0.02, 0.1], [1.0, 10.0, 100.0]];
 
-/// The table of walls beside those of the authors.
+/// The table of walls next to those of the authors.
 pub(super) fn walls(device: Device) -> Result<String> {
     // The authors compensated the friction, and the damping is the data sheet's.
     let with = |delay: f64| Device { damping: RATIO * RATIO * LAB_DAMPING, delay, ..device };
@@ -78,7 +78,7 @@ pub(super) fn walls(device: Device) -> Result<String> {
         };
         WALLS.iter().map(of).collect()
     };
-    // Where there is no stable wall, a soft one stands for it.
+    // Where there is no stable wall, a soft one takes its place.
     let off = |walls: &[[f64; 8]]| -> f64 {
         let pairs = walls.iter().zip(&WALLS).flat_map(|(row, wall)| row.iter().zip(&wall.1));
         let squares: Vec<f64> = pairs.map(|(a, b)| (a.max(1e-3) / b.max(1e-3)).ln().powi(2)).collect();

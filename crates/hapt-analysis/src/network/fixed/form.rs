@@ -1,17 +1,17 @@
 //! The energy that a network keeps, as a Hermitian matrix at every frequency.
 //!
 //! All hands may move as they like. Within a stretch of time in which a station takes no sample and its torque does not change, the
-//! damping takes b δ²/h at least, δ the way and h the length, and the torque gives τ δ. Each torque of a link is
-//! -K (z_i(a) - z_j(α)), a and α the instants of its two positions. What its ideal spring stores, K (z_i - z_j)²/2, comes back;
+//! damping takes b δ²/h at least, δ the displacement and h the length, and the torque gives τ δ. Each torque of a link is
+//! -K (z_i(a) - z_j(α)), a and α the instants of its two positions. The stored energy of its ideal spring, K (z_i - z_j)²/2, comes back;
 //! without it the link keeps
 //!
 //! ```text
 //! Σ K (z_j(t) - z_j(α) - z_i(t) + z_i(a)) δ_i
 //! ```
 //!
-//! over stretches in which neither puck turns, t their middle: a form in ways that go back no further than the ages. With the ways of
-//! the stretches of a common period as e^{jφp} times a vector the form is a trigonometric polynomial in φ. The network is passive exactly
-//! where that matrix has no negative eigenvalue for 0 ≤ φ ≤ π.
+//! over stretches in which neither puck turns, t their middle: a form in displacements that go back no further than the ages. With the
+//! displacements over the stretches of a common period as e^{jφp} times a vector the form is a trigonometric polynomial in φ. The network
+//! is passive exactly where that matrix has no negative eigenvalue for 0 ≤ φ ≤ π.
 
 use std::collections::BTreeMap;
 
@@ -68,7 +68,7 @@ impl Polynomial {
     }
 }
 
-/// What links and worlds keep, per way/√length.
+/// The energy that links and worlds keep, per displacement/√length.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Form {
     /// Of all links.
@@ -80,7 +80,7 @@ pub(super) struct Form {
 }
 
 impl Form {
-    /// `local`: stiffness and damping between the puck of each station and ground; `counts`: whether anything asks the station's device for
+    /// `local`: stiffness and damping between the puck of each station and ground; `counts`: whether the station's device has to supply
     /// damping.
     pub fn of(network: &System, schedule: &Schedule, local: &[[f64; 2]], counts: &[bool]) -> Form {
         let (mut station, mut first) = (Vec::new(), Vec::new());
@@ -119,7 +119,7 @@ impl Form {
     }
 }
 
-/// What the torque of one end of a link keeps; `first`: the first stretch of each station.
+/// The energy that the torque of one end of a link keeps; `first`: the first stretch of each station.
 fn add_end(links: &mut Terms, first: &[usize], schedule: &Schedule, link: &Link, to: usize) {
     let from = link.between[usize::from(link.between[0] == to)];
     let (own, other, way) = (schedule.clocks[to], schedule.clocks[from], schedule.way(link, to));
@@ -129,7 +129,7 @@ fn add_end(links: &mut Terms, first: &[usize], schedule: &Schedule, link: &Link,
         let row = first[to] + segment as usize;
         let sample = own.acting(0.5 * (start + end));
         let (measured, heard) = (own.sample(sample), way.used(sample));
-        // Where the other's stretches end, its way bends.
+        // Where the other's stretches end, the slope of its displacement changes.
         let mut from_here = start;
         while from_here < end {
             let step = 1e-9 * own.period;
@@ -148,8 +148,8 @@ fn add_end(links: &mut Terms, first: &[usize], schedule: &Schedule, link: &Link,
     }
 }
 
-/// The way of a puck between two instants: for each stretch in between its number in the common period, how many periods ago it was, and
-/// its part, times √length.
+/// The displacement of a puck between two instants: for each stretch in between its number in the common period, how many periods ago it
+/// was, and its part, times √length.
 fn ways(clock: &Clock, [from, to]: [f64; 2], mut each: impl FnMut(usize, i64, f64)) {
     let count = clock.segments();
     let mut segment = clock.segment_at(from + 1e-9 * clock.period);

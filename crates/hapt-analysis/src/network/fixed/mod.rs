@@ -48,10 +48,10 @@ pub struct FixedRates {
     pub stiffness_scale: Option<f64>,
 }
 
-/// The form of a network, and what its devices have for it.
+/// The form of a network, and the part of each device's damping that is available to it.
 struct Posed {
     form: Form,
-    /// What the worlds take of each device's damping, where they are not in the form.
+    /// The part of each device's damping that its world requires, where the world is not in the form.
     taken: Vec<f64>,
     common: f64,
     exact: bool,
@@ -142,7 +142,7 @@ fn posed(network: &System, demands: &[Option<f64>]) -> Result<Result<Posed, Vec<
 }
 
 impl Posed {
-    /// Devices with these dampings, and links so many times as stiff.
+    /// Devices with these dampings, and links `scale` times as stiff.
     fn member(&self, damping: impl Fn(usize) -> f64, scale: f64) -> Member {
         let damping = self.taken.iter().enumerate().map(|(at, taken)| damping(at) - taken).collect();
         Member { damping, scale }
@@ -221,7 +221,7 @@ pub(super) fn excess(
     let Some(verdict) = posed.form.passive(&posed.member(|at| damping[at], 1.0)) else {
         return Ok(Err(vec![UNDECIDED.into()]));
     };
-    // 1 at the edge, in proportion to the stiffness of links beside worlds that ask for nothing.
+    // `1.0 / scale` is 1 at the edge, and is proportional to the stiffness of the links where the worlds require no damping.
     let stiffness = posed.scale(damping).map(|scale| 1.0 / scale - 1.0);
     Ok(Ok(match verdict {
         Ok(()) => FixedExcess { value: stiffness.unwrap_or(-1.0).min(-f64::MIN_POSITIVE), hz: None },

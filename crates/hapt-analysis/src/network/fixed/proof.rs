@@ -10,7 +10,7 @@ use nalgebra::DMatrix;
 
 use super::form::{C, Form};
 
-/// Of a value that is searched for, to the safe side.
+/// The relative margin of a searched value, to the safe side.
 const SAFE: f64 = 1e-7;
 /// Rounding of a matrix, in parts of its size.
 const ROUNDING: f64 = 1e-13;

@@ -1,4 +1,4 @@
-//! When stations take their samples and which of the other's positions each of them uses, where all of it repeats.
+//! When stations take their samples, and which of the other's positions each of them uses, where both repeat.
 
 use hapt_model::{Link, Station, System};
 
@@ -34,7 +34,7 @@ pub(super) struct Schedule {
 pub(super) struct MessageTiming {
     /// Between two messages, s.
     period: f64,
-    /// On the way, s.
+    /// The delay of a message, s.
     delay: f64,
     sender: Clock,
     receiver: Clock,
@@ -95,7 +95,7 @@ impl Clock {
         whole as i64
     }
 
-    /// The number of the sample whose torque acts at an instant, which is none of its changes.
+    /// The number of the sample whose torque acts at an instant at which the torque does not change.
     pub fn acting(&self, time: f64) -> i64 {
         ((time - self.phase - self.delay) / self.period).floor() as i64
     }
@@ -131,7 +131,7 @@ impl Schedule {
         Ok(Some(Schedule { common, clocks }))
     }
 
-    /// How the station `to` hears the other end of a link.
+    /// When the station `to` receives the positions of the other end of a link.
     pub fn way(&self, link: &Link, to: usize) -> MessageTiming {
         let from = link.between[usize::from(link.between[0] == to)];
         let sender = self.clocks[from];

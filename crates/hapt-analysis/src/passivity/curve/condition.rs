@@ -136,7 +136,7 @@ pub(crate) struct Condition {
     first: f64,
 }
 
-/// What is known of a damping.
+/// The verdict on a damping.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Enough {
     /// It is enough at every frequency.
@@ -335,7 +335,7 @@ fn factors(mu: &[C], without: Option<usize>) -> Factors {
     all
 }
 
-/// What is known of a polynomial over an interval.
+/// The verdict on a polynomial over an interval.
 enum Decided {
     Positive,
     Negative(f64),

@@ -82,7 +82,7 @@ impl Norm {
         &self.c * d * &self.inverse
     }
 
-    /// Whether 1 + d shortens every state by a part of `margin` at least, whatever the rounding.
+    /// Whether 1 + d shortens every state by a part of `margin` at least, for any rounding.
     fn is_shrinking(&self, d: &DMatrix<f64>, margin: f64) -> bool {
         let n = d.nrows();
         let one = DMatrix::<f64>::identity(n, n);
@@ -169,7 +169,7 @@ pub(crate) fn shrinking(family: &Family<'_>, all: Cell, even: Step, start: &Norm
     }
     let constraint = |step: &Step| Constraint {
         d: start.scaled(&family.at(*step)),
-        // What a short interval takes is little.
+        // A short interval dissipates little.
         weight: (step.interval / even.interval).max(1e-3),
     };
     let mut constraints: Vec<Constraint> = steps.iter().map(constraint).collect();

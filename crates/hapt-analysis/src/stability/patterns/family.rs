@@ -1,6 +1,6 @@
 //! The maps of the hands-off loop from one sample to the next, one for each interval and delay.
 //!
-//! World and estimator step by the nominal period whatever the true interval is, so that only the puck knows of it. With
+//! World and estimator step by the nominal period for any true interval, so that only the puck's motion depends on it. With
 //! X(h, d) the change of (z, ż, τ), and with a handle on a shaft of (s, ḣ), over an interval h whose command arrives after d,
 //!
 //! ```text
@@ -23,7 +23,7 @@ use nalgebra::{DMatrix, DVector, RowDVector};
 use crate::equations::closed_loop::{ClosedLoop, Hold};
 use crate::equations::port::Port;
 
-/// What follows on a sample, both in s.
+/// The times that follow a sample, both in s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Step {
     /// To the next sample.

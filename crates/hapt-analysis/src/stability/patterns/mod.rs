@@ -75,10 +75,10 @@ impl Pattern {
     }
 }
 
-/// Part of the period below which an interval is short: there the form has to shrink as fast as time goes.
+/// Part of the period below which an interval is short: there the form has to shrink in proportion to time.
 const NEAR_ZERO: f64 = 1e-3;
 
-/// What the search for a pattern, and for a quadratic form that no pattern makes grow, has found.
+/// The result of the search for a pattern, and for a quadratic form that no pattern makes grow.
 pub(crate) struct Searched {
     /// The worst pattern, if it makes the loop grow.
     pub grows: Option<Pattern>,
@@ -118,8 +118,8 @@ pub(crate) fn search(world: &World, wants_form: bool) -> Result<Searched, Error>
     Ok(Searched { grows: grows.filter(|pattern| pattern.growth_per_s > MARGINAL), form_s })
 }
 
-/// Whether one quadratic form shrinks at every sample of each of these linear loops, at even samples with one delay, and so whatever the loop
-/// changes to between them. They differ in their couplings alone.
+/// Whether one quadratic form shrinks at every sample of each of these linear loops, at even samples with one delay, and therefore under
+/// any switching between the loops. They differ only in their couplings.
 ///
 /// # Errors
 /// As [`crate::free`].
@@ -267,7 +267,7 @@ mod tests {
     proptest! {
         #![proptest_config(hapt_testing::cases(128))]
 
-        /// What a proof rests on: within a cell no map is farther from the mean of the corners than the bound.
+        /// The basis of a proof: within a cell no map is farther from the mean of the corners than the bound.
         #[test]
         fn the_maps_of_a_cell_are_as_near_to_their_corners_as_bounded(
             alpha in 0.05..2.0f64, beta in 0.0..0.9f64, lag in prop_oneof![Just(0.0), 0.02..3.0f64],

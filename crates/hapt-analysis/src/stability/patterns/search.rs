@@ -170,7 +170,7 @@ impl Search {
                 let from = end - p;
                 let turned = states[from].dot(&states[end]).powi(2);
                 let rate = (lengths[end] - lengths[from]) / (times[end] - times[from]);
-                // What is missing in direction costs growth.
+                // A deviation in direction reduces the growth.
                 (turned > 0.9).then(|| (rate + turned.ln() / (times[end] - times[from]), p))
             })
             .collect();

@@ -55,7 +55,7 @@ proptest! {
         world.sampling.interval_max = None;
         world.sampling.delay = hapt_model::Delay::Seconds(f64::from(d) * period);
         near(required(&world), wanted + k * period * f64::from(d), 1e-9);
-        // A wall asks for what its spring asks for, and its damping.
+        // A wall requires what its spring requires, and its damping.
         let law = Law::Wall { side: Side::Above, at: 0.1, stiffness: k, damping };
         world.couplings = vec![Coupling { first: End::Puck, second: End::Ground, law, limit: None }];
         near(required(&world), wanted + k * period * f64::from(d) + damping, 1e-9);
@@ -152,7 +152,7 @@ fn backward_euler_from_the_start_costs_nine_eighths_and_up() {
     for (x, times, digits) in [(1e-3, 1.125, 1e-6), (1.0, 5f64.sqrt() - 1.0, 1e-9), (3.0, 1.69, 5e-3)] {
         near(required(&wheel(Method::BackwardEuler, Output::Start, x)), 0.05 * times, digits);
     }
-    // Its own damping spares something at the end: K T/2/(1 + x²/4).
+    // At END, backward Euler's numerical damping lowers the requirement: K T/2/(1 + x²/4).
     near(required(&wheel(Method::BackwardEuler, Output::End, 1.0)), 0.05 / 1.25, 1e-9);
 }
 
@@ -187,7 +187,7 @@ fn drawn(theta: f64, damping: f64, [mass, pole, period]: [f64; 3]) -> f64 {
         let torque = mass * (rate - last) / period;
         last = rate;
         let way = (theta * (k + 1) as f64).sin() - z[0];
-        // The start swings in.
+        // The first half is a transient.
         if 2 * k > samples {
             work += torque * way - damping * way * way / period;
         }
@@ -198,7 +198,8 @@ fn drawn(theta: f64, damping: f64, [mass, pole, period]: [f64; 3]) -> f64 {
 proptest! {
     #![proptest_config(hapt_testing::cases(64))]
 
-    /// (T78): what it costs to give back an acceleration behind a low-pass, at the worst of all frequencies and no less.
+    /// (T78): the damping that a compensation of inertia by a low-passed acceleration requires, at the worst of all frequencies and no
+    /// less.
     #[test]
     fn a_compensated_inertia_costs_more_than_it_is_worth(mass in 1e-5..1e-2_f64, ratio in -2.0..2.0_f64, period in 1e-4..1e-2_f64) {
         let tau = period * 10_f64.powf(ratio);

@@ -28,7 +28,7 @@ fn counts_allow_what_damping_and_friction_swallow() {
 proptest! {
     #![proptest_config(hapt_testing::cases(32))]
 
-    /// (T34): at the puck alone, counts and levels are paid for by friction, or they are not proved.
+    /// (T34): without bodies, friction makes up for counts and levels, or they are not proved.
     #[test]
     fn friction_pays_for_counts_and_levels_at_the_puck_alone(
         k in 0.0..100.0f64, damping in 0.0..0.1f64, counts in prop::option::of(100.0..1e5f64), levels in prop::option::of(2..5000u32),
@@ -54,7 +54,7 @@ proptest! {
         if let Some(most) = quantisation.max_stiffness {
             prop_assert!(most >= 0.0 && most <= 2.0 * world.device.damping / period);
         }
-        // Beside a body they are not, whatever the friction.
+        // With a body they are not, at any friction.
         world.device.friction = 10.0 * wanted;
         let mut bench = chain(1, 1.0, k + 1.0);
         bench.couplings.push(damper(End::Body(0), End::Ground, 0.1));

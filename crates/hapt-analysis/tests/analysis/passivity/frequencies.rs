@@ -30,7 +30,7 @@ fn torque(world: &World, phi: f64) -> C {
     };
     let n = d.d.nrows();
     let matrix = DMatrix::from_fn(n, n, |i, j| if i == j { step } else { C::from(0.0) } - d.d[(i, j)]);
-    // What the world sees of the position.
+    // The position that the world sees.
     let seen = sampling.filter.map_or(C::from(1.0), |filter| {
         let pole = (-TAU * filter * period).exp();
         (1.0 - pole) / (1.0 - pole * back)
@@ -47,7 +47,7 @@ fn torque(world: &World, phi: f64) -> C {
     -(out + seen * d.torque.puck[0] + v * d.torque.puck[1])
 }
 
-/// The least damping that one angle asks for.
+/// The least damping that one angle requires.
 fn at_angle(world: &World, phi: f64) -> f64 {
     let period = world.sampling.period;
     let h = torque(world, phi);
@@ -107,11 +107,11 @@ proptest! {
         if estimator == 2 { world.sampling.window = 1; }
         world.sampling.cutoff = Some(cutoff / period);
         let all = multipliers(&world.bodies, &world.couplings, &Slopes::Steep, method, period).unwrap();
-        // What double precision leaves of a matrix's lightest damping, and of (1 - z⁻¹) H/(1 - cos φ) at small φ.
+        // The error by double precision in a matrix's lightest damping, and of (1 - z⁻¹) H/(1 - cos φ) at small φ.
         let lightest = all.iter().map(|m| m.ln_abs.abs()).filter(|l| *l > 0.0).fold(1.0, f64::min);
         let relative = |phi: f64| 1e-9 + 1e-14 / lightest + 1e-11 / phi;
         prop_assume!(relative(0.1) < 1e-3);
-        // Beside that, both sides round sums of terms of this size, which may cancel: m is T times a torque per position.
+        // In addition, both sides round sums of terms of this size, which may cancel: m is T times a torque per position.
         let size: f64 = world.couplings.iter().filter(|c| [c.first, c.second].contains(&End::Puck)).map(|c| match c.law {
             Law::Spring { stiffness, .. } => period * stiffness,
             Law::Damper { damping: Damping::Fixed(damping) } => damping,

@@ -16,7 +16,7 @@ fn steepest(law: Law) -> f64 {
 proptest! {
     #![proptest_config(hapt_testing::cases(128))]
 
-    /// Half a period of the steepest slope, and a delay of it beside, and all damping.
+    /// The steepest slope times half a period and the delay, plus all damping.
     #[test]
     fn the_steepest_slope_of_each_law_counts(
         law in SIZES.laws(|law| is_potential(law) || law.constant().is_some()), damping in prop_oneof![Just(0.0), 0.01..0.3],
@@ -91,7 +91,7 @@ proptest! {
     }
 }
 
-/// Whichever of the two is clamped, and so stands apart from the linear rest.
+/// Either of the two may be clamped, and is then separate from the linear rest.
 #[test]
 fn a_compensating_damper_is_proved_as_the_damping_that_it_is() {
     let (k, period) = (1.0, 1e-3);
@@ -106,7 +106,7 @@ fn a_compensating_damper_is_proved_as_the_damping_that_it_is() {
             let found = passivity(&world).unwrap();
             near(found.required_damping.unwrap(), 2.5e-3, 1e-9);
             assert!(found.proved.holds(), "{spring:?} {damper:?} {:?}", found.not_proved);
-            // The linear loop asks for less: between the two nothing is known.
+            // The linear loop requires less: between the two nothing is known.
             for (damping, refuted) in [(1.6e-3, true), (1.63e-3, false), (2.49e-3, false)] {
                 world.device.damping = damping;
                 let check = hapt_analysis::check(&world).unwrap();

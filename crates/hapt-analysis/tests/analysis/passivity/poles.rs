@@ -62,7 +62,7 @@ fn a_mode_that_the_puck_does_not_see_is_no_matter_of_passivity_unless_it_grows()
     bench.couplings.push(spring(End::Puck, End::Ground, 1.0));
     let mut world = world(bench, Method::Zoh, Output::End, 1e-3);
     near(required(&world), 0.5e-3 * 21.0, 1e-12);
-    // A body tied to ground alone, growing.
+    // A growing body that is coupled only to ground.
     world.bodies.push(body(0.1));
     world.couplings.push(spring(End::Body(2), End::Ground, 10.0));
     world.sampling.method = Method::ForwardEuler;

@@ -106,7 +106,8 @@ fn what_is_not_proved_says_why() {
         },
         "loop.filter",
     );
-    // Over several samples no damping between puck and body, beside what is not linear; between puck and ground it is a mean of earlier ways.
+    // With a difference over several samples, no damping between puck and body together with nonlinear couplings; between puck and ground
+    // the velocity is a mean of earlier displacements.
     one(
         &|w| {
             damped(w);
@@ -131,7 +132,7 @@ fn what_is_not_proved_says_why() {
     };
     one(&|w| w.couplings.push(wall(End::Body(0), 0.1)), "wall with damping");
     assert!(with(&|w| w.couplings.push(wall(End::Body(0), 0.0))).is_empty());
-    // Beside a linear world under any method: a law between puck and ground.
+    // Together with a linear world under any method: a law between puck and ground.
     assert!(
         with(&|w| {
             w.couplings.push(wall(End::Ground, 0.0));
@@ -159,7 +160,7 @@ fn a_damper_with_a_limit_is_not_proved_beside_what_may_not_settle() {
         [0.0, 0.1].into_iter().flat_map(move |damping| limits.map(|limit| (with(law, "damping", damping), limit)))
     });
     for (law, limit) in variants {
-        // It settles where the torque follows the position alone, and never rises with it.
+        // It settles where the torque depends only on the position, and never rises with it.
         let world = plain(vec![law.between(End::Puck, End::Ground)], 1e-3);
         let torque = |i: i32, rate: f64| world.spec().coupling_torque(0, (1e-2 * f64::from(i), rate), &[]);
         let settles = (-300..300).all(|i| torque(i + 1, 0.0) <= torque(i, 0.0) && torque(i, 1e-3) == torque(i, 0.0));

@@ -140,7 +140,7 @@ proptest! {
             (Some(_), None) => prop_assert!(false, "a bound where even samples have none"),
             (None, _) => {}
         }
-        // A delay that varies: no less than any that stays, and no hand asks for twice as much.
+        // A delay that varies: the bound is no less than that of any constant delay, and at most twice the largest of these.
         world.sampling.delay = Delay::Seconds(least * late);
         world.sampling.delay_max = Some(Delay::Seconds(late));
         if let Some(bound) = of(&world) {
@@ -217,7 +217,7 @@ proptest! {
         prop_assert!(uneven(&world).unwrap().proved.holds());
         let turn = std::f64::consts::TAU / pitch;
         let law = |z: f64| -torque * (turn * z).sin();
-        // From the bottom of a valley, with the motor at rest: all that can be drawn is put in before.
+        // From the bottom of a valley, with the motor at rest: nothing is stored at the start.
         let (mut z, mut motor, mut held, mut energy, mut most) = (0.0, 0.0, 0.0, 0.0, 0.0f64);
         for (share, delay, velocities) in steps {
             let interval = share * longest;
@@ -253,7 +253,7 @@ fn tolerances_ask_for_the_least_damping_and_the_worst_lag() {
     near(found.required_damping.unwrap(), 5e-3, 1e-9);
     world.device.damping = 6.5e-3;
     assert!(uneven(&world).unwrap().passive.holds() && is_certified(&world));
-    // A lag that is known within a half costs more than the middle and than both ends.
+    // A lag that is known within a half requires more than the middle and than both ends.
     (world.device.lag, world.device.tolerances.lag) = (0.4e-3, 0.5);
     let found = uneven_damping(&world);
     for lag in [0.2e-3, 0.4e-3, 0.6e-3] {

@@ -1,4 +1,4 @@
-//! What a law that a host computes asks of the device's damping, and how much of that a rendered damper gives.
+//! The device damping that a law computed by a host requires, and how much of it a rendered damper provides.
 
 use crate::Real;
 
@@ -56,7 +56,7 @@ impl<F: Real> Damper<F> {
     /// The mean age, in s, of the velocity to which its torque belongs, and the mean of its square, in s²: not less than these.
     fn age(&self) -> (F, F) {
         let two = F::ONE + F::ONE;
-        // A way of one period acts for the next one.
+        // The displacement of one period acts for the next one.
         let (sharp, blunt) = (self.delay + two * self.period, self.smoothing + self.lag);
         let Damper { period, smoothing, lag, .. } = *self;
         let spread = smoothing * period + two * (smoothing * smoothing + smoothing * lag + lag * lag);
@@ -78,7 +78,8 @@ impl<F: Real> Damper<F> {
         stiffness * (host.cost() + theta) + F::HALF * aged * aged * theta / inertia - device
     }
 
-    /// The stiffness of a host's law, in N·m/rad, that the free wheel stays quiet with: `device` is the wheel's own damping.
+    /// The largest stiffness of a host's law, in N·m/rad, with which the free wheel does not oscillate: `device` is the wheel's own
+    /// damping.
     ///
     /// (T69): with δ₁ and δ₂² the mean age of the velocity and that of its square, J' = J - B δ₁, θ = B δ₂²/J' and p = θ/(2 J'), the largest K with
     /// b + B ≥ K (c + θ) + p (K α)². It is b/c without a damper, and 0 where J' ≤ 0.
@@ -89,7 +90,7 @@ impl<F: Real> Damper<F> {
         let (cost, age) = (host.cost() + theta, host.oldest());
         let square = age * age * theta / (two * inertia);
         let late = cost + root(cost * cost + two * two * square * damping);
-        // Of the two forms of the root, the one without a difference.
+        // The form of the root without a difference.
         if late > F::ZERO { (two * damping / late).finite_or_zero() } else { F::MAX }
     }
 }

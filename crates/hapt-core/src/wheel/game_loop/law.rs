@@ -1,10 +1,10 @@
 //! The law that a game computes, found from its levels and the wheel's motion.
 //!
-//! Level and position are taken without their slow parts. A level is then -K times the position that the game has seen, and what does not depend on
-//! the motion. For each of a grid of lags the least squares of levels on positions give a stiffness and a residual; old frames count less. The lags
-//! whose residual is not significantly larger than the least one are the interval of the lateness. What does not move with the wheel, kerbs,
-//! engines and collisions, is residual, and a frame that is far outside of the others has little weight. A frame in which the wheel stands still says
-//! nothing, so that nothing is forgotten in a menu.
+//! Level and position are taken without their slow parts. A level is then -K times the position that the game has used, plus a part that
+//! does not depend on the motion. For each of a grid of lags the least squares of levels on positions give a stiffness and a residual; old
+//! frames count less. The lags whose residual is not significantly larger than the least one are the interval of the lateness. Torques that
+//! do not depend on the wheel's motion, of kerbs, engines and collisions, are residual, and a frame that is far outside of the others has
+//! little weight. A frame in which the wheel stands still is not used, so that the law is kept during a menu.
 
 use super::cost::{HostTime, root};
 use crate::Real;
@@ -12,36 +12,38 @@ use crate::contact::within;
 
 /// Lags of the search.
 const LAGS: usize = 32;
-/// From one lag to the next, s, where the period allows it, up to so many of them.
+/// From one lag to the next, s, where the period allows it, for the first [`EVEN`] lags.
 const LAG: f64 = 2.5e-3;
 const EVEN: usize = 20;
-/// Beyond, each is so much larger than the one before, up to a quarter of a second: a car answers the steering late itself.
+/// Beyond, each lag is larger than the one before by this factor, up to a quarter of a second: the car's own response to the steering is
+/// late.
 const RATIO: f64 = 1.14;
 const RING: usize = 1024;
 /// The time constant of the slow parts, s.
 const SLOW: f64 = 0.2;
-/// Frames count less by a factor of e after so much time in motion, s.
+/// Frames count less by a factor of e after this time in motion, s.
 const MEMORY: f64 = 1.0;
-/// From one frame that is looked at to the next, at least, s.
+/// The least time between two frames that are used, s.
 pub(super) const SPAN: f64 = 0.012;
-/// A level that stays is looked at after so many of its usual intervals: a law at its largest torque stays.
+/// A level that stays is used after this many of its usual intervals: a law at its largest torque stays.
 const STAYS: f64 = 3.0;
 /// Below this, rad/s, intervals are not those of a game's frames.
 const SLOW_SPEED: f64 = 0.2;
 /// An interval beyond this is a pause, s.
 const PAUSE: f64 = 0.5;
-/// A level that has not changed for so long is no loop, s. A law at its largest torque does not change either, while the wheel swings far out.
+/// A level that has not changed for this time is no loop, s. A law at its largest torque does not change either, while the wheel swings far
+/// out.
 const SILENCE: f64 = 2.0;
-/// The standard errors of an interval.
+/// The half width of an interval, in standard errors.
 const ERRORS: f64 = 3.0;
-/// By which a stiffness may be found too large, of itself: a level's slow part is later than the level by half of its hold.
+/// The relative systematic error by which a stiffness may be too large: a level's slow part is later than the level by half of its hold.
 const TOO_LARGE: f64 = 0.05;
-/// Those beyond which there is a stiffness.
+/// The standard errors beyond which a stiffness is significant.
 const DECIDED: f64 = 4.0;
-/// Frames below which nothing is said.
+/// The least number of frames for a result.
 const FEWEST: f64 = 5.0;
 
-/// What a game makes of the wheel's position.
+/// The law from the wheel's position to a game's level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GameLaw<F> {
     /// N·m/rad, positive where the torque pulls back; negative where it pushes away.
@@ -54,24 +56,24 @@ pub struct GameLaw<F> {
     pub lateness_range: [F; 2],
     /// The mean interval of levels while the wheel moves, s.
     pub hold: F,
-    /// By how much intervals differ from it, on the average, s.
+    /// The mean deviation of intervals from it, s.
     pub uneven: F,
     /// The part of the levels' changes that the law explains, 0 to 1.
     pub explained: F,
-    /// The lateness may be beyond what is looked for.
+    /// The lateness may be beyond the range of the search.
     pub beyond: bool,
-    /// Of the stiffnesses and latenesses that are possible, those that cost most.
+    /// Of the possible stiffnesses and latenesses, those that require the most damping.
     pub worst: (F, HostTime<F>),
 }
 
 impl<F: Real> GameLaw<F> {
-    /// What its lateness does to the wheel's damping, N·m·s/rad: negative where it takes.
+    /// The effect of its lateness on the wheel's damping, N·m·s/rad: negative where it reduces the damping.
     pub fn damping(&self) -> F {
         -(self.stiffness * (self.lateness + F::HALF * self.hold))
     }
 }
 
-/// Finds it; compiled for a loop.
+/// Finds the law; compiled for a loop.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Search<F> {
     period: F,
@@ -79,7 +81,7 @@ pub(super) struct Search<F> {
     lags: [usize; LAGS],
     /// The position without its slow part below which the wheel counts as at rest, rad.
     rest: F,
-    /// The part of the new in a slow part.
+    /// The weight of a new value in a slow part.
     slow: F,
 }
 
@@ -90,7 +92,7 @@ struct Sums<F> {
     products: F,
 }
 
-/// What it remembers.
+/// Its state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Memory<F> {
     /// Positions without their slow part.
@@ -99,12 +101,12 @@ pub(super) struct Memory<F> {
     at: usize,
     /// Positions in the ring.
     filled: usize,
-    /// Samples since the last frame, and since the last one that was looked at.
+    /// Samples since the last frame, and since the last one that was used.
     since: usize,
     unseen: usize,
     /// The slow parts of position and level.
     slow: (F, F),
-    /// The last position without its slow part, and the way since the last frame.
+    /// The last position without its slow part, and the displacement since the last frame.
     quick: F,
     moved: F,
     sums: [Sums<F>; LAGS],
@@ -155,8 +157,8 @@ impl<F: Real> Search<F> {
         }
     }
 
-    /// A sample, with the host's level in N·m, which it has just changed or not. Where a frame has been looked at in motion, what can be told of the
-    /// law by now.
+    /// A sample, with the host's level in N·m, which it has just changed or not. Where a frame has been used in motion, returns the present
+    /// estimate of the law.
     pub fn sample(&self, memory: &mut Memory<F>, position: F, level: F, changed: bool) -> Option<Option<GameLaw<F>>> {
         if memory.filled == 0 {
             memory.slow = (position, level);
@@ -207,12 +209,12 @@ impl<F: Real> Search<F> {
             return None;
         }
         let law = self.law(memory);
-        // A motion that is small beside what is remembered changes nothing of it.
+        // A motion that is small compared with those in the sums is not used.
         let usual = memory.sums.get(memory.best).map_or(F::ZERO, |sums| sums.squares);
         (most * most * memory.frames > F::from_f64(0.01) * usual).then_some(law)
     }
 
-    /// The place in the rings of the position so many lags ago.
+    /// The index in the ring of the position of `lag` samples ago.
     fn place(&self, memory: &Memory<F>, lag: usize) -> usize {
         (memory.at + RING - self.samples(lag)) % RING
     }
@@ -238,7 +240,7 @@ impl<F: Real> Search<F> {
         self.time(memory.since) < F::from_f64(SILENCE)
     }
 
-    /// What the sums say.
+    /// The law by the sums.
     fn law(&self, memory: &mut Memory<F>) -> Option<GameLaw<F>> {
         let of = F::from_f64;
         let least = memory.squares * of(1e-6);
@@ -257,7 +259,7 @@ impl<F: Real> Search<F> {
         }
         let free = memory.frames - F::ONE - F::ONE;
         let free = if free > F::HALF { free } else { F::HALF };
-        // Of few frames one may fit by chance.
+        // With few frames a law may fit by chance.
         let chance = F::ONE + of(4.0) / free;
         let of_lag = |lag: usize| {
             let sums = memory.sums.get(lag).copied().unwrap_or(Sums { squares: F::ZERO, products: F::ZERO });
@@ -313,7 +315,7 @@ impl<F: Real> Search<F> {
     }
 }
 
-/// How far the least residual is from its lag, in lags: the vertex of the parabola through its neighbours.
+/// The distance of the least residual from its lag, in lags: the vertex of the parabola through its neighbours.
 fn between<F: Real>(residuals: &[F; LAGS], best: usize) -> F {
     let at = |lag: usize| residuals.get(lag).copied();
     let neighbours = best.checked_sub(1).and_then(at).zip(at(best)).zip(at(best + 1));
@@ -323,7 +325,7 @@ fn between<F: Real>(residuals: &[F; LAGS], best: usize) -> F {
 }
 
 impl<F: Real> Memory<F> {
-    /// Of the levels, from an interval in motion.
+    /// Updates the interval of the levels, from an interval in motion.
     fn rhythm(&mut self, interval: F) {
         if self.hold > F::ZERO {
             let off = interval - self.hold;

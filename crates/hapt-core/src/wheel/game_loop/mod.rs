@@ -1,8 +1,9 @@
 //! The loop that a game closes: it computes a torque from the wheel's position, late and at a rate of its own.
 //!
-//! [`GameLoop`] finds that law from the levels and the motion, and adds the damping that it lacks, (T69), on the lower end of what the device has and the upper
-//! end of what the law may be. Where the wheel's swings gain more than a law explains, it adds what they show. What no damper of this device gives is held back of the level. Where a hand does the work that the damping would do, both fade: what a hand
-//! feels is the game's torque. A law that cannot be told changes nothing.
+//! [`GameLoop`] finds that law from the levels and the motion, and adds the damping that it lacks, (T69), for the least device and the
+//! worst law within their intervals. Where the wheel's swings gain more energy than the law explains, it adds the damping that they show.
+//! Where no damper of this device gives enough, a part of the level is held back. Where a hand does the work that the damping would do,
+//! both fade: the hand then feels the game's torque. An unidentified law changes nothing.
 
 mod cost;
 mod hand;
@@ -19,29 +20,30 @@ use hand::{Hand, Works};
 use law::{Memory, SPAN, Search};
 use swing::Swings;
 
-/// The largest torque that a count of the encoder may make through the damper, N·m: its velocity is as smooth as this needs.
+/// The largest torque that a count of the encoder may make through the damper, N·m: its velocity is smoothed accordingly.
 const COUNT_STEP: f64 = 0.03;
 /// The damper takes at most this part of the inertia, J/(B δ₁) of (T68).
 const PART_OF_INERTIA: f64 = 0.25;
-/// By which the damping is more than what is lacking.
+/// The ratio of the added damping to the lacking one.
 const SPARE: f64 = 1.1;
-/// The same of what swings take, which is found from few of them.
+/// The same for the damping that swings lose, which is found from few of them.
 const SPARE_OF_SWINGS: f64 = 2.0;
-/// In s: a remedy comes in this time at the soonest.
+/// The shortest rise time of a remedy, s.
 const RISE: f64 = 0.05;
-/// The part of the motor's limit from which on a level is the largest.
+/// The part of the motor's limit from which on a level counts as the largest.
 const LARGEST: f64 = 0.99;
-/// What was found of a law that cost more is believed for a time of this constant in motion, s; the second where nothing can be told any more.
+/// The time constant in motion, s, with which the estimate of a more demanding law fades; the second applies where no law is identified any
+/// more.
 const BELIEF: [f64; 2] = [5.0, 1.0];
 /// Steps of the search for the damping that pays for its own lateness too; it grows from below.
 const ROUNDS: usize = 8;
 
-/// What is peculiar about a game's levels.
+/// Peculiarities of a game's levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Oddity {
     /// The torque pushes away from where the wheel was: no damping keeps such a wheel in the middle.
     Outward,
-    /// It may be later than what is looked for.
+    /// It may be later than the range of the search.
     Late,
     /// The intervals differ by more than half of their mean.
     Uneven,
@@ -51,26 +53,26 @@ pub enum Oddity {
     Swings,
 }
 
-/// What a game's loop is, and what is done about it, at a sample.
+/// The estimate of a game's loop, and the remedy, at a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GameReport<F> {
-    /// What is known of the law; none where nothing can be told.
+    /// The estimated law; none where it is not identified.
     pub law: Option<GameLaw<F>>,
-    /// What is peculiar about it.
+    /// Its peculiarity.
     pub oddity: Option<Oddity>,
-    /// The damping that the law lacks on this device, hands off, N·m·s/rad.
+    /// The damping that the law lacks on this device, hands-off, N·m·s/rad.
     pub lacking: F,
     /// The damping that is added, N·m·s/rad.
     pub damping: F,
     /// The part of the level that is held back, 0 to 1.
     pub held_back: F,
-    /// The part of the remedy that the hands leave to do, 0 to 1; 1 hands off.
+    /// The part of the remedy that remains with the hands on the wheel, 0 to 1; 1 hands-off.
     pub hands_off: F,
     /// The torque that is added to the game's, N·m.
     pub torque: F,
 }
 
-/// The wheel itself, whatever of it is spent on a world. SI units.
+/// The wheel itself, including the damping and friction that a world uses. SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rotor {
     /// kg·m²: certainly not less than this.
@@ -81,38 +83,38 @@ pub struct Rotor {
     pub friction: f64,
 }
 
-/// What the host has done at a sample.
+/// The host's level at a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HostLevel<F> {
-    /// Its level, N·m: the sum of what its reports have changed of the static torque.
+    /// Its level, N·m: the sum of the changes of the static torque by its reports.
     pub level: F,
-    /// Whether it has changed it.
+    /// Whether the host has changed it.
     pub changed: bool,
-    /// The torque of constant, ramp and periodic effects now, of which a part may be held back, N·m.
+    /// The present torque of constant, ramp and periodic effects, of which a part may be held back, N·m.
     pub torque: F,
 }
 
-/// Finds a game's law and keeps the free wheel quiet; compiled from a device.
+/// Finds a game's law and keeps the free wheel from oscillating; compiled from a device.
 #[derive(Clone, Copy, Debug)]
 pub struct GameLoop<F> {
     search: Search<F>,
     hand: Hand<F>,
-    /// Without damping: what the device gives.
+    /// A damper of 0, with the times and inertia of the device.
     damper: Damper<F>,
     device: F,
-    /// What the loop adds to a host's lateness: delay, lag, and the fading of a change, s.
+    /// The lateness that the loop adds to a host's: delay, lag, and the fading of a change, s.
     later: F,
     count: F,
     /// The largest damping that can be rendered, N·m·s/rad.
     most: F,
-    /// By which a torque may change in a second, N·m/s.
+    /// The largest change of a torque in a second, N·m/s.
     slew: F,
-    /// A level of this size is the largest, N·m.
+    /// A level from this size on counts as the largest, N·m.
     largest: F,
     acts: bool,
 }
 
-/// What changes from sample to sample.
+/// The state, which changes from sample to sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GameLoopState<F> {
     memory: Memory<F>,
@@ -120,15 +122,15 @@ pub struct GameLoopState<F> {
     swings: Swings<F>,
     last: Option<F>,
     velocity: F,
-    /// The dearest law of late.
+    /// The recent law that requires the most damping.
     dearest: Option<(F, HostTime<F>)>,
-    /// What it needs, hands off: damping, and the part that is held back.
+    /// Its requirement, hands-off: damping, and the part that is held back.
     wanted: (F, F),
     report: GameReport<F>,
 }
 
 impl<F: Real> GameReport<F> {
-    /// Nothing is known, and nothing done.
+    /// No law is identified, and there is no remedy.
     pub const NOTHING: Self = GameReport {
         law: None,
         oddity: None,
@@ -141,14 +143,14 @@ impl<F: Real> GameReport<F> {
 }
 
 impl<F: Real> GameLoopState<F> {
-    /// What was found and done in the last sample.
+    /// The report of the last sample.
     pub fn report(&self) -> &GameReport<F> {
         &self.report
     }
 }
 
 impl<F: Real> GameLoop<F> {
-    /// On a device with what is left of its damping for effects, and its wheel. `acts`: or it only measures.
+    /// For a device, with the part of its damping that is left for effects, and its wheel. Without `acts` it only measures.
     ///
     /// # Errors
     /// Names the number that is out of range.
@@ -208,7 +210,7 @@ impl<F: Real> GameLoop<F> {
         }
     }
 
-    /// A sample: the torque to add to the game's, N·m, for the wheel's position in rad. What is not finite forgets everything.
+    /// A sample: the torque to add to the game's, N·m, for the wheel's position in rad. A number that is not finite resets the state.
     pub fn step(&self, state: &mut GameLoopState<F>, position: F, heard: HostLevel<F>) -> F {
         if !position.is_finite() {
             *state = self.start();
@@ -247,7 +249,7 @@ impl<F: Real> GameLoop<F> {
         report.torque
     }
 
-    /// The whole torque that the motor has been commanded in this sample, N·m: a hand's work is what it leaves to explain.
+    /// The whole torque that the motor has been commanded in this sample, N·m, from which a hand's work is computed.
     pub fn commanded(&self, state: &mut GameLoopState<F>, torque: F) {
         state.works.command(torque);
     }
@@ -261,7 +263,7 @@ impl<F: Real> GameLoop<F> {
         Damper { damping, smoothing: self.smoothing(damping), ..self.damper }
     }
 
-    /// What the law needs, by what a span has told of it.
+    /// Updates the law's requirement, by the estimate of a span.
     fn judge(&self, state: &mut GameLoopState<F>, told: Option<GameLaw<F>>) {
         state.report.law = told;
         state.report.oddity = told.as_ref().and_then(oddity);
@@ -277,7 +279,7 @@ impl<F: Real> GameLoop<F> {
         self.decide(state);
     }
 
-    /// What keeps the law quiet, by (T69), and the swings small; the greater of the two.
+    /// The damping that keeps the law from oscillating, by (T69), and the one that keeps the swings small; the greater of the two.
     fn decide(&self, state: &mut GameLoopState<F>) {
         let nothing = (F::ZERO, HostTime { hold: F::ZERO, lateness: F::ZERO });
         let (stiffness, host) = state.dearest.unwrap_or(nothing);
@@ -290,7 +292,7 @@ impl<F: Real> GameLoop<F> {
             damping = within(next, F::ZERO, self.most);
         }
         damping = larger(damping, within(of_swings, F::ZERO, self.most));
-        // (T69) at the damping that it will be.
+        // (T69) at the resulting damping.
         let quiet = self.damper(damping).stiffness(self.device, &host);
         let of_law = if quiet < stiffness { F::ONE - quiet / stiffness } else { F::ZERO };
         let beyond = of_swings - self.most;
@@ -321,7 +323,7 @@ fn oddity<F: Real>(law: &GameLaw<F>) -> Option<Oddity> {
     }
 }
 
-/// B such that B δ₁ is the part of the inertia, with the velocity as smooth as counts need.
+/// B such that B δ₁ is the part of the inertia, with the velocity as smooth as the counts require.
 fn most_damping(inertia: f64, period: f64, later: f64, count: f64) -> f64 {
     let part = PART_OF_INERTIA * inertia;
     let sharp = part / (later + 2.0 * period);

@@ -1,17 +1,19 @@
-//! What the free wheel's swings gain, whatever the host's law is. A car that answers the steering closes a second loop inside the game, and its torque is no
-//! law of one old position.
+//! The energy that the free wheel's swings gain, for any law of the host. A car that responds to the steering closes a second loop inside
+//! the game, and its torque is not a law of one old position.
 //!
-//! Where the host's level passes through 0 its spring is relaxed, whether a hand holds the wheel or not. From one such place to the next the work of the
-//! motor is what the swing gains, W = c ∫ ż² dt: the host takes the damping c, and a device that has more swings less. What was added meanwhile is known,
-//! and so is c of the host alone. What a hand puts in or takes out from one such place to the next is taken off W.
+//! Where the host's level passes through 0 its spring is relaxed, whether a hand holds the wheel or not. From one such place to the next
+//! the work of the motor is the energy that the swing gains, W = c ∫ ż² dt: the host reduces the damping by c, and a device with more
+//! damping swings less. The damping that was added meanwhile is known, and therefore c of the host by itself. The work of a hand from one
+//! such place to the next is subtracted from W.
 
 use super::hand::Interval;
 use crate::Real;
 
-/// A swing that is slower, rad/s, is rest, and so is one that is slower than this part of the fastest of late: kerbs shake a wheel that turns round.
+/// A swing below this speed, rad/s, counts as rest, and so does one below this part of the fastest recent one: kerbs shake a wheel that
+/// turns round.
 const SLOWEST: f64 = 0.1;
 const PART: f64 = 0.3;
-/// The fastest of late fades with this time constant, s.
+/// The fastest recent speed fades with this time constant, s.
 const LATE: f64 = 1.0;
 /// Levels are smoothed over this, s: kerbs shake them.
 const SMOOTH: f64 = 3e-3;
@@ -37,7 +39,7 @@ struct Middle<F> {
     until: Sums<F>,
 }
 
-/// What is remembered of the swings.
+/// The state of the swings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Swings<F> {
     sums: Sums<F>,
@@ -58,7 +60,8 @@ impl<F: Real> Swings<F> {
         Swings { sums, middle, level: zero, before: None, fastest: zero, takes: zero }
     }
 
-    /// The damping that the host takes from the wheel, N·m·s/rad: of the last swings the most, each one half of itself after the next. Zero or more.
+    /// The damping that the host takes from the wheel, N·m·s/rad: the largest of the last swings, where each counts half after the next
+    /// one. Zero or more.
     pub fn takes(&self) -> F {
         self.takes
     }
@@ -89,7 +92,7 @@ impl<F: Real> Swings<F> {
             return;
         }
         self.middle = Middle { velocity, tension, until: self.sums };
-        // Faster than in the swing before: it has gained already.
+        // Faster than in the swing before: it has already gained energy.
         if self.before.is_some_and(|before| speed > before) {
             let takes = self.middle.until.takes();
             self.takes = if takes > self.takes { takes } else { self.takes };
@@ -118,7 +121,7 @@ impl<F: Real> Sums<F> {
         }
     }
 
-    /// What the host took.
+    /// The damping that the host took in this swing.
     fn takes(&self) -> F {
         let gained = self.work - self.hand.abs() + self.damping;
         (gained / (self.square - self.held_back)).finite_or_zero()

@@ -1,4 +1,4 @@
-//! What a game's law costs: with so much damping the free wheel gains no energy.
+//! The damping that a game's law requires: with it the free wheel gains no energy.
 
 use hapt_core::wheel::game_loop::{Damper, HostTime};
 use hapt_testing::cases;
@@ -77,7 +77,7 @@ proptest! {
             wheel.go(torque + rendered + push);
             storages.push(0.5 * wheel.inertia * wheel.v * wheel.v + law.energy(wheel.z));
         }
-        // After what was under way at the end of the push.
+        // After the torques that were in flight at the end of the push.
         let of = |from: usize, to: usize| storages[from..to].iter().fold(0.0_f64, |a, b| a.max(*b));
         let (before, after) = (of(0, 6000), of(20_000, steps));
         prop_assert!(after <= before * (1.0 + 1e-9), "{damper:?}, {law:?}: {before} grows to {after}");
@@ -89,7 +89,7 @@ fn a_heavy_wheel_with_two_percent_less_grows() {
     for (hold, late) in [(160, 0), (160, 160), (100, 500), (30, 300)] {
         let time = time(hold, late);
         let stiffness = 10.0;
-        // So heavy that the lateness is a twentieth of a radian.
+        // An inertia for which the lateness is a twentieth of a radian.
         let inertia = stiffness * (time.oldest() / 0.05) * (time.oldest() / 0.05);
         let grows = |share: f64| {
             let wheel = Wheel { inertia, damping: share * stiffness * time.cost(), z: 0.0, v: 1.0 };
@@ -114,7 +114,7 @@ fn a_law_without_delay_costs_nothing_and_a_damper_only_helps() {
         assert!(more > before, "{tenths}");
         before = more;
     }
-    // What a damper of B keeps quiet, less than 2 % below what a true one would.
+    // The stiffness that a damper of B allows is less than 2 % below that of an ideal damper.
     let ideal = (0.05 + 1.0) / late.cost();
     let found = Damper { damping: 1.0, ..none }.stiffness(0.05, &late);
     assert!(found < ideal && found > 0.98 * ideal, "{found} of {ideal}");

@@ -14,7 +14,7 @@ fn device(period: f64) -> Device {
     Device { count: COUNT, ..Device::ideal(Timing { delay: 2e-4, ..Timing::even(period) }, 0.05, 10.0) }
 }
 
-/// What is found while the wheel moves as `motion` says and levels come from `levels`, by step; samples `period` steps apart.
+/// The estimates while the wheel moves by `motion` and levels come from `levels`, by step; samples `period` steps apart.
 fn found(
     period: usize,
     seconds: f64,
@@ -80,7 +80,7 @@ proptest! {
         prop_assert!(first <= most && last >= least, "{late} steps: {law:?}");
         prop_assert!(law.worst.0 * law.worst.1.cost() >= 0.97 * stiffness * (least + 0.5 * hold as f64 * STEP), "{late} {hold} {stiffness} {law:?}");
         prop_assert!((law.hold - hold as f64 * STEP).abs() < 1.1 * period as f64 * STEP, "{hold}: {law:?}");
-        // And little more is said, where the kerbs are not most of what is heard.
+        // The interval is narrow where the kerbs are not most of the levels.
         prop_assert!(law.explained < 0.9 || law.stiffness_range[1] < 1.5 * stiffness, "{stiffness} {law:?}");
         prop_assert!(law.explained < 0.9 || last < most + 15e-3, "{late}: {law:?}");
         // Slow motion may leave the largest lag open.

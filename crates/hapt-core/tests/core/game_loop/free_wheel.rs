@@ -1,4 +1,4 @@
-//! A wheel that nobody holds, exactly between the steps of a fine grid, and a game that computes a torque from its position.
+//! A free wheel, exactly between the steps of a fine grid, and a game that computes a torque from its position.
 
 /// The grid, s.
 pub const STEP: f64 = 1e-4;
@@ -17,7 +17,7 @@ impl Dice {
         low * (high / low).powf(self.roll())
     }
 
-    /// So many steps, both ends included.
+    /// A random number of steps, both ends included.
     pub fn steps(&mut self, least: usize, most: usize) -> usize {
         least + (self.roll() * (most - least + 1) as f64) as usize
     }

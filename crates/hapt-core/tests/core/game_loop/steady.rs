@@ -1,4 +1,4 @@
-//! The wheel under a game's law, hands off and on.
+//! The wheel under a game's law, hands-off and hands-on.
 
 use hapt_core::wheel::game_loop::{GameLoop, GameReport, HostLevel, Rotor};
 use hapt_core::wheel::{Device, Effect, Timing, Wheel as Effects};
@@ -62,11 +62,11 @@ fn tyre(stiffness: f64, dice: &mut Dice) -> Law {
     }
 }
 
-/// What happens at a step.
+/// The signals of a step.
 struct Now {
     t: f64,
     v: f64,
-    /// Of the game, as it would be given, and as it is.
+    /// Of the game, as requested, and as given.
     level: f64,
     given: f64,
     report: GameReport<f64>,
@@ -113,7 +113,7 @@ fn levels(
     }
 }
 
-/// A hand that steers for two seconds, pushes, and lets go.
+/// A hand that steers for two seconds, pushes, and releases the wheel.
 fn lets_go(rig: &Rig) -> impl Fn(f64, f64, f64) -> f64 + use<> {
     let inertia = rig.inertia;
     move |t, z, v| {
@@ -160,8 +160,8 @@ proptest! {
     }
 }
 
-/// The largest speeds of a wheel that is kicked and left alone, in the second after the kick and in the last of twenty; the game sees the angle through a
-/// low-pass of this time, as where a car answers the steering.
+/// The largest speeds of a wheel that is kicked and released, in the second after the kick and in the last of twenty; the game sees the
+/// angle through a low-pass of this time, as by the response of a car to the steering.
 fn speeds_behind(lag: f64, rig: &Rig, seed: u64) -> [f64; 2] {
     let (mut dice, mut seen) = (Dice(seed), 0.0);
     let mut game = Game::new(rig.law, [rig.hold; 2], [rig.late; 2]);
@@ -262,7 +262,7 @@ const RIG: Rig = Rig {
     acts: true,
 };
 
-/// A wheel that is kicked, and left alone.
+/// A wheel that is kicked, and released.
 fn kicked(t: f64, _: f64, _: f64) -> f64 {
     if t < 0.05 { RIG.inertia * 2.0 / 0.05 } else { 0.0 }
 }
@@ -333,7 +333,7 @@ fn no_torque_steps_by_more_than_its_slew() {
         most = most.max((now.report.torque - before).abs());
         before = now.report.torque;
     });
-    // The slew of a remedy that comes, and the damper's own following of a wheel that is accelerated by the whole torque.
+    // The slew of a rising remedy, and that of the damper on a wheel that the whole torque accelerates.
     let period = RIG.period as f64 * STEP;
     let slew = RIG.limit / 0.05 * period + 0.4 * 2.0 * RIG.limit / RIG.inertia * period;
     assert!(most < slew, "{most} of {slew}");
@@ -344,7 +344,7 @@ fn counts_make_no_buzz() {
     for counts in [4096.0, 65_536.0] {
         let rig = Rig { count: std::f64::consts::TAU / counts, ..RIG };
         let mut most = 0.0_f64;
-        // Released, and then at rest: the game's own last level holds the wheel beside the middle of a count.
+        // Released, and then at rest: the game's own last level holds the wheel away from the middle of a count.
         play(&rig, 12.0, 1, lets_go(&rig), |now| {
             if now.t > 10.0 {
                 most = most.max(now.report.torque.abs());

@@ -1,4 +1,4 @@
-//! Bodies on walls: they come back as high as they fell, when they should, and with their momentum.
+//! Bodies on walls: they return to the height from which they fell, at the right time, and with their momentum.
 
 use hapt_core::{Coupling, End, Law, Loop, Method, Output, Real, Side};
 
@@ -54,7 +54,7 @@ fn a_bounce_takes_half_a_period_of_body_and_wall_with_an_error_of_second_order()
     let omega = f64::sqrt(stiffness / inertia);
     let contact = std::f64::consts::PI / omega;
     for method in KEEPING {
-        // Over all phases of the touch within a sample, the largest error of the way back.
+        // Over all phases of the contact within a sample, the largest error of the way back.
         let error = |period: f64| {
             (0..40).fold(0.0_f64, |worst, phase| {
                 let start = (7.0 + f64::from(phase) / 40.0) * -velocity * period;

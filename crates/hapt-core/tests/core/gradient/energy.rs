@@ -1,4 +1,4 @@
-//! No step gains energy, however long it is, on whatever numbers.
+//! No step gains energy, however long it is, with any kind of numbers.
 
 use hapt_core::{Coupling, End, Law, Loop, Output, Real, Side, Spec};
 use proptest::prelude::*;
@@ -7,8 +7,8 @@ use super::{KEEPING, METHODS, Small, body, floor, grounded, list, spring};
 
 use crate::reference::{World, world};
 
-/// What the energy did over some steps with the puck held at z, beside the largest energy: the largest gain of one step, the
-/// gain and the loss of the whole. And how many steps did not settle.
+/// The changes of the energy over some steps with the puck held at z, relative to the largest energy: the largest gain of one step, the
+/// gain and the loss of the whole; and the number of steps that did not settle.
 struct Account {
     step: f64,
     gain: f64,
@@ -54,7 +54,7 @@ proptest! {
         }
     }
 
-    /// The fastest swing turns by up to 8 rad a step, and torques need not agree: what is left over is lost.
+    /// The fastest swing turns by up to 8 rad a step, and torques need not converge: the remaining energy is dissipated.
     #[test]
     fn nor_does_one_that_is_far_too_long_for_its_world(world in world(true), angle in 1.0_f64..8.0, z in -1.0_f64..1.0) {
         for method in METHODS {

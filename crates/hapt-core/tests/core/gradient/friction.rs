@@ -1,4 +1,4 @@
-//! Coulomb friction at bodies: it holds, slows and stops them as the law says.
+//! Coulomb friction at bodies: it holds, slows and stops them according to the law.
 
 use hapt_core::{Body, Coupling, End, Law, Method, Output, Spec};
 
@@ -46,7 +46,7 @@ fn friction_slows_a_body_evenly_and_then_stops_it_for_good() {
         }
         let end = rows[stop + 2];
         let way = velocity * velocity / (2.0 * slowing);
-        // Backward Euler is late by half a sample, the others by nothing but the last one.
+        // Backward Euler is late by half a sample, the others only in the last one.
         let error = if method == Method::BackwardEuler { 0.6 * velocity * t } else { slowing * t * t };
         assert!((end.0 - way).abs() <= error, "{}: {} {way}", method.name(), end.0);
         for (w, v, torque) in &rows[stop + 2..] {
@@ -93,7 +93,7 @@ fn friction_between_two_bodies_takes_their_relative_motion_and_leaves_their_mome
 
 #[test]
 fn a_stack_of_heavy_and_light_bodies_sticks_together() {
-    // 1:1000 in inertia: passes over the couplings one by one would close in slowly.
+    // 1:1000 in inertia: passes over the couplings one by one would converge slowly.
     let inertia = [1e-4, 0.1, 2e-4, 0.05];
     let bodies = inertia.iter().map(|&inertia| body(inertia, 0.1, 0.0)).collect();
     let friction =

@@ -11,7 +11,7 @@ use crate::reference::{World, stored, torque, world};
 proptest! {
     #![proptest_config(hapt_testing::cases(200))]
 
-    /// The contract's words: each coupling's torque from its own start and end, and the linear part by its method with these held.
+    /// The rule of the contract: each coupling's torque from its own start and end, and the linear part by its method with these held.
     #[test]
     fn the_step_is_the_linear_one_with_the_torques_that_the_rule_names(
         world in world(true), angle in 1e-3_f64..1.0, z in -1.0_f64..1.0, vz in -5.0_f64..5.0,
@@ -128,8 +128,8 @@ proptest! {
     }
 }
 
-/// The contract's torque of a nonlinear coupling at a body from its start and end; for what may be one of many, `found` when it
-/// is one of them. `None` for couplings that the method takes by its matrices, or that have no body.
+/// The contract's torque of a nonlinear coupling at a body from its start and end; for a torque that is not unique, `found` when it is a
+/// valid one. `None` for couplings that are in the method's matrices, or that have no body.
 fn by_the_rule(world: &World, c: &Coupling, x: &[f64], next: &[f64], u: (f64, f64), t: f64, found: f64) -> Option<f64> {
     let at_body = matches!(c.first, End::Body(_)) || matches!(c.second, End::Body(_));
     if !at_body || c.linear().is_some() {
@@ -235,7 +235,7 @@ fn a_state_goes_on_from_where_it_is() {
         (0..50).for_each(|_| {
             control.step(&mut state, 0.1, 0.0);
         });
-        // What was found is an answer, not a memory.
+        // The result does not depend on the torques of the last step.
         let mut forgetful = state;
         forgetful.contacts.torques = [7.0; C];
         control.step(&mut state, 0.1, 0.0);

@@ -6,8 +6,8 @@ use proptest::prelude::*;
 use super::*;
 
 proptest! {
-    /// A sample that is like the last takes a shorter way than one that is announced, and an announcement that nobody believes sends
-    /// it the other: what is made of it, and all that is remembered, is the same.
+    /// A sample that continues the last one takes the fast path, and an announced one the slow path; an announcement that is not accepted
+    /// sends the sample there too. Its output and the whole state are the same.
     #[test]
     fn an_announcement_that_is_not_believed_changes_nothing(
         samples in proptest::collection::vec((any::<u64>(), 0u8..8, -1.0..1.0f64, 0u32..20, 0u8..200), 600),
@@ -54,12 +54,13 @@ proptest! {
                 }
                 (guard.step(&Reading { announced, ..now }, request), guard.watch, guard.state)
             });
-            // As text what is no number is equal to itself.
+            // As text a NaN is equal to itself.
             prop_assert!(short == long || format!("{short:?}") == format!("{long:?}"), "{short:?}\n{long:?}");
         }
     }
 
-    /// Whatever is read and asked for, the torque is finite, within the motor's limit whatever the supervisor's are, and none without an arming since the last fault but that of the brake.
+    /// For any reading and request the torque is finite, and within the motor's limit for any limits of the supervisor. Without arming
+    /// since the last fault, the only torque is that of the brake.
     #[test]
     fn no_reading_and_no_request_makes_a_torque_that_may_not_be(
         samples in proptest::collection::vec((any::<u64>(), 0u8..8, -1.0..1.0f64, 0u32..3, 0u8..40), 400),

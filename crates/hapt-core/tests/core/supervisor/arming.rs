@@ -17,7 +17,7 @@ fn the_position_where_a_real_device_is_armed_is_zero<F: Real>() {
     assert_eq!(guard.watch.offset.to_f64(), 3.0);
 }
 
-/// Arms on a free puck that feels `motor` times the torque and is seen `encoder` times as far; how it ends.
+/// Arms on a free puck that feels `motor` times the torque and is seen `encoder` times as far; returns how it ends.
 fn armed<F: Real>(motor: f64, encoder: f64) -> (Phase, Option<Reason>, f64) {
     let limits = Limits { pulse: 0.05, friction: 0.0, zero_where_armed: true, ..LIMITS };
     let count = std::f64::consts::TAU / 4000.0;

@@ -63,7 +63,7 @@ fn the_torque_is_off_within_the_links_time_of_the_last_heartbeat_the_fade_includ
         (0.05, 0.04, 0.0, false, 0.0),
         (0.05, 0.1, 0.001, true, 0.0),
         (0.3, 0.1, 0.0, false, 1e-3),
-        // What brakes after the fault is a torque too.
+        // The braking after the fault is a torque too.
         (0.3, 0.1, 0.001, true, 1e-3),
     ] {
         let limits = Limits { link, fade, delay, link_faults: faults, brake, ..LIMITS };
@@ -74,10 +74,10 @@ fn the_torque_is_off_within_the_links_time_of_the_last_heartbeat_the_fade_includ
         });
         let off = T * f64::from(off.unwrap()) + delay;
         assert!(off <= link + 1e-6, "off after {off} s of {link} s");
-        // And no sooner than it has to be.
+        // And not much earlier.
         assert!(off > link - 3.5 * T, "off after {off} s of {link} s");
     }
-    // No fade fits in there.
+    // The time is too short for the fade.
     let spec = Limits { link: 0.1, fade: 0.1, ..LIMITS };
     let error = Supervisor::<F, 1, 1>::new(&spec, &WORLD).unwrap_err().to_string();
     assert!(error.contains("link") && error.contains("fade"), "{error}");
@@ -102,7 +102,7 @@ fn a_swap_does_not_step_the_torque<F: Real>() {
     assert_eq!(guard.watch.phase, Phase::Running);
 }
 
-/// The torque fades out for whatever reason, and then somebody presses stop.
+/// The torque fades out for any reason, and then stop is pressed.
 fn a_stop_within_a_fade_brakes_no_longer_than_the_fade_would_have_taken<F: Real>() {
     let limits = Limits { brake: 1e-3, ..LIMITS };
     for pressed in 1..9 {

@@ -10,8 +10,8 @@ for_both! {
     rocking_a_spring_takes_what_the_hold_leaks
 }
 
-/// To d and back: out for nothing, against the torque held before, and back with K d held. Without damping the hand gets K d² each
-/// time, and no more of them than the ledger lets pass.
+/// To d and back: out against the torque held before, which is 0, and back with K d held. Without damping the hand gets K d² each time,
+/// until the ledger trips.
 fn rocking_a_spring_takes_what_the_hold_leaks<F: Real>() {
     let (d, most) = (0.02, 0.0101);
     let limits = Limits { damping: 0.0, energy: most, jump: 1.0, ..LIMITS };
@@ -29,7 +29,7 @@ fn rocking_a_spring_takes_what_the_hold_leaks<F: Real>() {
     assert_eq!((times, guard.watch.reason), ((most / (K * d * d)) as i32, Some(Reason::PortEnergy)));
 }
 
-/// Held still, forward Euler's energy is (1 + x²)^k of the first, and all of it is made.
+/// Held still, forward Euler's energy is (1 + x²)^k of the first, and all of the growth is generated.
 #[test]
 fn forward_eulers_growth_is_the_ledgers_residual() {
     for every in [1, 4] {
@@ -37,7 +37,7 @@ fn forward_eulers_growth_is_the_ledgers_residual() {
     }
 }
 
-/// The bodies step at every so many samples, by as many periods: between their steps nothing is made.
+/// The bodies step at every `every`-th sample, by as many periods: between their steps no energy is generated.
 fn grows_by_forward_euler(every: u32) {
     let angle = 0.1_f64;
     let inertia = K * (f64::from(every) * T / angle).powi(2);
@@ -54,7 +54,7 @@ fn grows_by_forward_euler(every: u32) {
     let mut guard = Guard::<f64>::new(&Limits { energy: 10.0, world_trips: false, ..LIMITS }, &spec);
     guard.step(&reading(0.0), Some(Request::Arm));
     let first = 0.5 * K * 0.3 * 0.3;
-    // The ledger is opened with the first sample, whose step is already taken.
+    // The ledger begins with the first sample, whose step is already taken.
     for sample in 1..300 {
         guard.at(0.0);
         let k = 1 + sample / every as i32;
@@ -62,7 +62,7 @@ fn grows_by_forward_euler(every: u32) {
         let made = guard.watch.made() - first * angle * angle;
         assert!((made - expected).abs() < 1e-9 * (first + expected), "{k}: {made} {expected}");
     }
-    // Where it may make less, it warns or trips.
+    // With a lower bound on the generated energy, it warns or trips.
     for (world_trips, phase) in [(false, Phase::Running), (true, Phase::Faulted)] {
         let mut guard = Guard::<f64>::new(&Limits { world_trips, ..LIMITS }, &spec);
         guard.step(&reading(0.0), Some(Request::Arm));
@@ -79,7 +79,7 @@ fn grows_by_forward_euler(every: u32) {
     }
 }
 
-/// Of a puck that is moved by steps, each for so many samples.
+/// With a puck that is moved by steps, each for a number of samples.
 fn never_draws_on_its_account(limits: &Limits, spec: &Spec, ways: &[(f64, u8)]) -> Result<(), TestCaseError> {
     let mut guard = Guard::<f64>::new(limits, spec);
     let mut position = 0.0;
@@ -118,7 +118,7 @@ fn network() -> impl Strategy<Value = (Vec<Body>, Vec<Coupling>)> {
 }
 
 proptest! {
-    /// What the methods that find torques make is nothing, whatever is coupled and however the puck moves.
+    /// The methods that find torques generate no energy, for any couplings and any motion of the puck.
     #[test]
     fn an_exact_step_makes_no_energy(
         (bodies, couplings) in network(),
@@ -160,8 +160,8 @@ proptest! {
         }
     }
 
-    /// The same beside all laws of the position, with the frictions and dampers that the puck does not move, by every method that keeps energy, at
-    /// one rate and at two.
+    /// The same with all laws of the position, and with the frictions and dampers that the puck does not move, by every method that keeps
+    /// energy, at one rate and at two.
     #[test]
     fn no_passive_world_draws_on_its_account(
         (bodies, couplings) in network(),
@@ -186,8 +186,8 @@ proptest! {
         }
     }
 
-    /// The same of a spring behind a delay, whole or not, on the least damping that makes it passive: what the delay has under way is
-    /// not taken off the account.
+    /// The same for a spring behind a delay, whole or not, with the least damping that makes it passive: the charges that the delay still
+    /// holds do not trip the account.
     #[test]
     fn a_passive_spring_behind_a_delay_never_draws_on_its_account(
         stiffness in 0.1..20.0f64, delay in prop_oneof![0.0..12.0f64, (0..12u8).prop_map(f64::from)], energy in 1e-9..1e-3f64,
@@ -200,8 +200,8 @@ proptest! {
         never_draws_on_its_account(&limits, &spec, &ways)?;
     }
 
-    /// The same of laws behind a filter of the position, at the least damping that its lag asks for, with a delay or without: a step of the hand
-    /// that the filter has not followed yet is not taken off the account, however slow it is.
+    /// The same for laws behind a filter of the position, with the least damping that its lag requires, with a delay or without: a step of
+    /// the hand that the filter has not followed yet does not trip the account, however slow the filter is.
     #[test]
     fn passive_laws_behind_a_filter_never_draw_on_their_account(
         (_, couplings) in network(), decades in prop_oneof![-300.0..0.5f64, 0.5..3.5f64], delay in prop_oneof![Just(0.0), (0..4u8).prop_map(f64::from)],

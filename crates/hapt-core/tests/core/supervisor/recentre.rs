@@ -24,7 +24,7 @@ fn the_torque_of_a_resting_puck_falls_with_the_time_constant<F: Real>() {
     let first = guard.at(position).output.to_f64();
     assert!((first + K * position).abs() < 1e-7);
     let mut sample = 0.0;
-    // The samples from the first that stood still for so long.
+    // The samples from the first on that the puck stands still.
     while guard.at(position).output.to_f64() == first {
         sample += 1.0;
         assert!(sample < PERIODS + 2.0, "it rests and nothing slips");
@@ -51,7 +51,7 @@ fn a_puck_that_a_hand_holds_keeps_its_torque<F: Real>() {
 fn a_puck_that_turns_keeps_its_origin<F: Real>() {
     let mut guard = Guard::<F>::running(&RECENTRE, &WORLD, 0.0);
     for k in 0..1000 {
-        // A way of 0.25 mrad takes less than the time at rest.
+        // A motion over 0.25 mrad takes less than the time at rest.
         guard.at(2e-5 * (f64::from(k % 400) - 200.0).abs());
     }
     assert_eq!(guard.watch.offset, F::ZERO);

@@ -1,4 +1,4 @@
-//! A position that does not change, under torques that stay, swing and alternate.
+//! A position that does not change, under constant, oscillating and alternating torques.
 
 use hapt_core::{Body, Reason, Side};
 use proptest::prelude::*;
@@ -11,7 +11,7 @@ for_both! {
     a_dead_encoder_can_be_cleared_and_is_found_again
 }
 
-/// Beyond this the torque asks the puck to move.
+/// Beyond this torque the puck should move.
 const ASKS: f64 = LIMITS.stuck_torque;
 const COUNT: f64 = std::f64::consts::TAU / 4000.0;
 
@@ -46,7 +46,7 @@ fn four_counts() -> f64 {
     samples * T
 }
 
-/// The time under a torque that asks for motion, from the puck's standing still on to the fault; `None`: none in `samples`.
+/// The time under a torque that should move the puck, from when it stands still to the fault; `None`: none in `samples`.
 fn asked_until_stuck<F: Real>(limits: &Limits, torque: f64, frequency: f64, samples: u32) -> Option<f64> {
     let (bodies, couplings) = swing(torque, frequency);
     let spec = Spec { count: Some(COUNT), bodies: &bodies, couplings: &couplings, ..WORLD };
@@ -66,7 +66,7 @@ fn asked_until_stuck<F: Real>(limits: &Limits, torque: f64, frequency: f64, samp
 proptest! {
     #![proptest_config(hapt_testing::cases(64))]
 
-    /// It crossed the threshold again and again, and each crossing once set the watch back.
+    /// It crosses the threshold again and again; each crossing once reset the sum.
     #[test]
     fn a_torque_that_swings_finds_a_dead_encoder_as_one_that_stays(
         torque in 1.5..7.5f64, frequency in -2.0..0.7f64, stuck in 0.2..1.5f64,
@@ -74,7 +74,7 @@ proptest! {
         let limits = Limits { stuck, energy: 1e9, ..LIMITS };
         let asked = asked_until_stuck::<f64>(&limits, torque * ASKS, 10f64.powf(frequency), 200_000);
         let least = four_counts();
-        // Of each swing's time beyond the threshold as much as four counts take may be lost.
+        // Of each swing's time beyond the threshold, the time of four counts may be lost.
         let each = (std::f64::consts::PI - 2.0 * (1.0 / torque).asin()) / (std::f64::consts::TAU * 10f64.powf(frequency));
         let bound = (stuck.max(4.0 * least) + 2.0 * least) / (1.0 - least / each) + 0.05;
         prop_assert!(asked.is_some_and(|asked| asked <= bound), "{asked:?} s, not {bound} s");
@@ -82,7 +82,7 @@ proptest! {
         prop_assert!(single.is_some(), "not in f32");
     }
 
-    /// A period that changes under a standing encoder neither draws its time out nor cuts it short.
+    /// A period that changes under a standing encoder neither lengthens nor shortens the time to its detection.
     #[test]
     fn a_world_whose_period_changes_finds_a_dead_encoder_in_the_same_time(
         periods in proptest::collection::vec((0.25..4.0f64, 5..60u32), 400), stuck in 0.2..1.0f64,
@@ -111,7 +111,7 @@ proptest! {
         prop_assert!(stood > 0.8 * stuck - changes.sum::<f64>() && stood < 1.3 * stuck + 0.1, "{stood} s of {stuck} s");
     }
 
-    /// With half as much friction again as the file says, at every frequency, moving by many counts and by none.
+    /// With 1.5 times the friction of the file, at every frequency, moving by many counts and by none.
     #[test]
     fn a_free_puck_is_never_stuck(
         torque in 0.2..7.5f64, frequency in -1.5..2.4f64, sticks in 0.0..3.0f64, start in 0.0..1.0f64,
@@ -161,7 +161,7 @@ fn five_short_pushes_find_a_dead_encoder<F: Real>() {
     panic!("{pushes} pushes, and no fault");
 }
 
-/// What it was asked before it was armed is not held against it.
+/// Torques from before it was armed do not count.
 fn a_dead_encoder_can_be_cleared_and_is_found_again<F: Real>() {
     let limits = Limits { stuck: 0.2, ..LIMITS };
     let mut guard = Guard::<F>::running(&limits, &WORLD, 0.5);
@@ -193,7 +193,7 @@ fn a_puck_that_stands_still_under_torque_is_stuck<F: Real>() {
     }
     assert_eq!(guard.watch.reason, Some(Reason::Stuck));
     assert!((199..=205).contains(&samples), "{samples}");
-    // One that moves a little every now and then is held by a hand, and one without torque may rest for ever.
+    // A puck that moves a little now and then is held by a hand, and one without torque may rest for ever.
     let mut guard = Guard::<F>::running(&limits, &WORLD, 0.5);
     for k in 0..1000 {
         assert_eq!(guard.at(if k / 100 % 2 == 0 { 0.5 } else { 0.501 }).phase, Phase::Running);

@@ -1,4 +1,4 @@
-//! A world that takes another's place under a torque: what the hand receives, (T81), and where the puck enters it, (T82).
+//! A world that takes another's place under a torque: the energy that the hand receives, (T81), and where the puck enters it, (T82).
 
 use super::recentre::{at_puck, law};
 use super::*;
@@ -50,8 +50,8 @@ impl<F: Real> Guard<F> {
 proptest! {
     #![proptest_config(hapt_testing::cases(200))]
 
-    /// The torque goes on from where it was, and over any way its work is at most what the new world has stored at the change, half a sample's
-    /// rise of the torque, and the fade's r² T (n + 1)(2n + 1)/(24 n c) + c δ²/T, for any damping c.
+    /// The torque continues from its value, and over any path its work is at most the energy that the new world has stored at the change,
+    /// half a sample's rise of the torque, and the fade's r² T (n + 1)(2n + 1)/(24 n c) + c δ²/T, for any damping c.
     #[test]
     fn a_change_of_the_world_gives_what_the_new_one_stores_and_what_the_fade_works(
         laws in prop::collection::vec(law(), 1..4), others in prop::collection::vec(law(), 1..4), start in -0.2..0.2_f64,
@@ -76,7 +76,7 @@ proptest! {
         let (mut work, mut rise, mut spent, mut way) = (0.0, 0.0, 0.0, 0.0);
         for (size, count) in moves {
             for _ in 0..count {
-                // A hand that goes along with what is left of the old torque, as fast as pays best, or any other.
+                // A hand that moves along with the rest of the old torque, at the speed that draws the most, or any other.
                 let left = r * (1.0 - k / n).max(0.0);
                 k += 1.0;
                 let step = if along { 0.5 * T * left / c } else { size * 2e-3 };
@@ -95,8 +95,8 @@ proptest! {
         prop_assert_eq!(guard.watch.phase, Phase::Running);
     }
 
-    /// Wherever a world's origin may be placed: its couplings push there with no more than half a count's rise, they store no more than at its 0,
-    /// and to both sides they push back.
+    /// At the place where a world is entered, its couplings push with no more than half a count's rise, store no more than at its 0, and
+    /// push back to both sides.
     #[test]
     fn a_puck_enters_a_world_at_a_rest(laws in prop::collection::vec(law(), 1..4), counts in prop::option::of(1e-5..1e-2_f64)) {
         let couplings = at_pucks(laws);
@@ -116,9 +116,9 @@ proptest! {
         }
     }
 
-    /// (T82): a world that is entered begins at the same place of its own wherever the knob stands, and the torque goes on. Where nobody turns it
-    /// the torque falls to none; over any way its work is at most what the world stores at its entry, which is no more than at its 0, half a
-    /// sample's rise, and what the fade works with no more than the torque that was held.
+    /// (T82): a world that is entered begins at the same place of its own wherever the knob is, and the torque continues. If the knob is
+    /// not turned the torque falls to 0; over any path its work is at most the energy that the world stores at its entry, which is no more
+    /// than at its 0, half a sample's rise, and the work of the fade with no more than the torque that was held.
     #[test]
     fn a_world_that_is_entered_gives_no_more_than_the_torque_that_was_held(
         laws in prop::collection::vec(law(), 1..4), others in prop::collection::vec(law(), 1..4), armed in -9.0..9.0_f64, away in -0.2..0.2_f64,
@@ -165,7 +165,7 @@ proptest! {
         prop_assert_eq!(guard.watch.phase, Phase::Running);
     }
 
-    /// The estimate of a knob that turns goes on over the new origin, with any estimator, with counts and without.
+    /// The velocity estimate of a turning knob continues across the new origin, with any estimator, with counts and without.
     #[test]
     fn a_knob_that_turns_enters_at_the_speed_that_it_has(
         armed in -9.0..9.0_f64, counts in 1..9_u32, encoder in any::<bool>(), phase in -0.1..0.1_f64,

@@ -1,4 +1,4 @@
-//! What trips, and the way back from each fault.
+//! The causes of faults, and the recovery from each.
 
 use hapt_core::Reason;
 
@@ -12,7 +12,7 @@ for_both! {
     a_step_that_a_simulated_hand_announces_is_no_fault
 }
 
-/// What is wrong, and the reason for it.
+/// A wrong reading, and its reason.
 fn faults<F: Real>() -> [(&'static str, Reading<F>, Reason); 10] {
     let f = F::from_f64;
     let still = reading::<F>(0.1);
@@ -58,7 +58,7 @@ fn a_reading_within_the_limits_is_no_fault<F: Real>() {
     ] {
         assert_eq!(guard.step(&good, None).phase, Phase::Running, "{good:?}");
     }
-    // Faster than hands, but with no more torque than friction: nothing drives it.
+    // Faster than a hand moves it, but with no more torque than friction: the motor does not drive it.
     let mut guard = Guard::<F>::running(&LIMITS, &WORLD, 0.0);
     for k in 0..9 {
         let speed = 6e-3 * f64::from(k);
@@ -74,15 +74,15 @@ fn a_cause_that_stands_cannot_be_cleared<F: Real>() {
         guard.step(&late, Some(Request::Clear));
         assert_eq!(guard.watch.phase, Phase::Faulted);
     }
-    // Gone only when it has been gone for a while.
+    // The cause counts as gone only after a while.
     for k in 1..=16 {
         let phase = guard.step(&reading(0.1), Some(Request::Clear)).phase;
         assert_eq!(phase, if k < 16 { Phase::Faulted } else { Phase::Disarmed }, "{k}");
     }
-    // Armed while something is wrong it says so, and gives no torque.
+    // Armed while something is wrong, it gives the reason and no torque.
     assert_eq!(guard.step(&late, Some(Request::Arm)).reason, Some(Reason::Late));
     assert_eq!(guard.watch.output, F::ZERO);
-    // A stop that is held is a cause that stands.
+    // A stop that stays pressed is a cause that persists.
     let mut guard = Guard::<F>::running(&LIMITS, &WORLD, 0.1);
     for _ in 0..30 {
         assert_eq!(guard.step(&reading(0.1), Some(Request::Stop)).reason, Some(Reason::Stop));
@@ -104,7 +104,7 @@ fn heat_trips_when_the_first_order_model_says<F: Real>() {
         assert_eq!(guard.watch.reason, Some(reason));
         let expected = -2.0 * (1.0_f64 - 0.36).ln() / T;
         assert!((f64::from(samples) - expected).abs() < 5.0, "{samples} {expected}");
-        // It cools to half of what it bears in 2 s ln 2.
+        // It cools to half of its limit in 2 s ln 2.
         let cooling = (2.0 * 2.0_f64.ln() / T) as u32;
         for _ in 0..cooling - 5 {
             assert_eq!(guard.step(&reading(0.5), Some(Request::Clear)).phase, Phase::Faulted);

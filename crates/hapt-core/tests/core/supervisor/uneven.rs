@@ -1,4 +1,4 @@
-//! Time that the certificate covers: within it nothing happens, beyond it the torque goes as the world says.
+//! Time that the certificate covers: within it nothing happens, beyond it the torque is removed according to the world.
 
 use hapt_core::{CertifiedTime, Reason, WhenLate};
 use proptest::prelude::*;
@@ -14,12 +14,12 @@ for_both! {
     the_interval_before_a_swap_is_one_of_the_old_period
 }
 
-/// Of a quarter of a period beyond a sample, and of half a period for a command.
+/// A bound of a quarter of a period beyond a sample, and of half a period for a command.
 fn limits(when_late: WhenLate) -> Limits {
     Limits { time: CertifiedTime { interval: 1.25 * T, delay: 0.5 * T, when_late }, ..LIMITS }
 }
 
-/// A reading at 0.5, `late` periods after its instant, behind `missed` samples.
+/// A reading at 0.5, `late` periods after its instant, after `missed` samples.
 fn at<F: Real>(late: f64, missed: u32) -> Reading<F> {
     Reading { late: F::from_f64(late * T), missed, ..reading(0.5) }
 }
@@ -48,7 +48,7 @@ fn a_late_sample_under_a_fade_takes_the_torque_for_good<F: Real>() {
     let mut guard = Guard::<F>::running(&limits(WhenLate::Fade), &WORLD, 0.5);
     let mut last = guard.watch.output.abs();
     for k in 0..10 {
-        // The first is late; time keeps from then on, or does not.
+        // The first is late; the times are kept from then on, or not.
         let now = guard.step(&at(if k % 3 == 0 { 0.3 } else { 0.0 }, 0), None);
         assert!(now.output.abs() < last, "{k}: {:?}", now.output);
         assert_eq!(now.reason, Some(Reason::Uneven));
@@ -73,7 +73,7 @@ fn a_late_sample_that_only_counts_changes_no_torque<F: Real>() {
     }
     assert_eq!(counts.watch.outside(), (0..100).filter(|k| k % 4 == 1 || k % 7 == 0).count() as u32);
     assert_eq!((counts.watch.warning, any.watch.warning), (Some(Reason::Uneven), None));
-    // It was a warning of that world, and not of the next.
+    // The warning belonged to that world, and is cleared for the next.
     counts.watch.swap(counts.world.period(), counts.world.period());
     assert_eq!((counts.at(0.5).warning, counts.step(&at(0.3, 0), None).warning), (None, Some(Reason::Uneven)));
 }
@@ -154,7 +154,7 @@ proptest! {
             times.push((f64::from(1 + missed) + late - last, *delay));
             last = *late;
         }
-        // The command of the last sample is judged by none.
+        // No sample judges the command of the last one.
         let longest = times.iter().fold(1.0, |most: f64, (interval, _)| most.max(*interval));
         let latest = times.iter().fold(0.0, |most: f64, (_, delay)| most.max(*delay));
         let when_late = WhenLate::ALL[when];
@@ -172,7 +172,7 @@ proptest! {
             let [any, inside, beyond] = guards.each_mut().map(|guard| guard.step(&now, None));
             prop_assert_eq!((inside.output.to_bits(), inside.phase), (any.output.to_bits(), Phase::Running));
             prop_assert!(!inside.outside && inside.warning.is_none());
-            // At a bound to the rounding either is right.
+            // Within rounding of a bound either result is right.
             let near = |a: f64, b: f64| (a - b).abs() < 1e-9;
             if !near(*interval, tight.0) && !near(command, tight.1) {
                 prop_assert_eq!(beyond.outside, *interval > tight.0 || command > tight.1, "{} {:?}", k, tight);

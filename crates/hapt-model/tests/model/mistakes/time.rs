@@ -195,7 +195,7 @@ fn uneven_time_and_tolerances() {
         &[
             ("\"never\"", &format!("safety.late: \"never\" is not known here; {late}")),
             ("\"fades\"", "safety.late: \"fades\" is not known here; did you mean \"fade\"?"),
-            // What the key took in 0.1.0.
+            // The value of the key in 0.1.0.
             ("\"5 ms\"", &format!("safety.late: \"5 ms\" is a time, which safety.stall takes; {late}")),
             ("0.005", &format!("safety.late: 0.005 is a time, which safety.stall takes; {late}")),
             ("true", &format!("safety.late: true is a boolean; {late}")),
@@ -222,7 +222,7 @@ fn times_that_the_file_does_not_state_are_not_enforced() {
         let stated = limits(&["loop.delay_max=0.4 samples", "safety.late=count"], board).time;
         assert_eq!((stated.interval, stated.delay, stated.when_late), (f64::INFINITY, 0.4e-3, WhenLate::Count));
     }
-    // No fault within what is certified.
+    // No fault within the certified times.
     assert_eq!(limits(&["loop.interval_max=3 ms"], false).stall, 5e-3);
     assert!((limits(&["loop.interval_max=30 ms"], false).stall - 29e-3).abs() < 1e-12);
     assert_eq!(limits(&["loop.interval_max=30 ms", "safety.stall=2 ms"], false).stall, 2e-3);

@@ -1,4 +1,4 @@
-//! Mistakes about what there is: device, handle, bodies and couplings.
+//! Mistakes about device, handle, bodies and couplings.
 
 use super::{LEAST, check};
 

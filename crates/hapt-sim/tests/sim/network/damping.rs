@@ -151,7 +151,7 @@ fn with_rounding_hands(network: System, step: f64, speed: f64) -> System {
     with_paths(network, [left, right])
 }
 
-/// The network with the scenario `paths`, in which hands go along these points.
+/// The network with the scenario `paths`, in which hands move along these points.
 fn with_paths(mut network: System, paths: [String; 2]) -> System {
     for (station, path) in network.stations.iter_mut().zip(paths) {
         station.source.files.insert("hand.csv".into(), path);

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 thread_local! {
-    /// Each test has its own thread, and so its own chip.
+    /// Each test has its own thread, and therefore its own chip.
     pub static CHIP: RefCell<Chip> = RefCell::default();
 }
 

@@ -1,5 +1,5 @@
 //! The modelled part of an RP2350 (datasheet): resets, clocks, pins, PWM slice 2, state machine 0 of PIO 0, watchdog. Each access of the
-//! processor takes some clocks, in which the rest goes on.
+//! processor takes some clocks, in which the rest of the chip continues.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -48,7 +48,7 @@ pub struct Chip {
     time: f64,
     crystal_since: Option<f64>,
     pub crystal_fails: bool,
-    /// What drives the pins from outside: which, and to what level.
+    /// The pins driven from outside, and their levels.
     pub driven: u32,
     pub levels: u32,
     seen: [u32; 2],
@@ -66,7 +66,7 @@ pub struct Chip {
 }
 
 impl Chip {
-    /// With a ring oscillator of so many Hz, and anything in registers that a reset does not define.
+    /// With a ring oscillator of this frequency in Hz, and `anything` in registers that a reset does not define.
     pub fn new(ring: f64, anything: u32) -> Self {
         Chip {
             registers: BTreeMap::new(),
@@ -194,7 +194,7 @@ impl Chip {
             }
             self.watchdog -= ticks;
             if ticks > 0.0 && self.watchdog <= 0.0 {
-                // All but the oscillators; then it starts anew, in the bootrom.
+                // All but the oscillators; then it restarts in the bootrom.
                 assert_eq!(self.register(WATCHDOG_RESETS), 0x01ff_fff3);
                 *self = Chip { expired: true, time: self.time, ..Chip::new(self.ring, self.anything) };
                 return self.pass(clocks - passed);

@@ -10,10 +10,10 @@ pub struct StateMachine {
     pub shifts_as_expected: bool,
     pub runs: bool,
     pub flags: u8,
-    /// What it has written for the processor to read.
+    /// The words that it has written for the processor.
     pub words: [u32; 4],
     at: u8,
-    // What a reset leaves in these is not defined.
+    // Their values after a reset are undefined.
     x: u32,
     y: u32,
     input: u32,

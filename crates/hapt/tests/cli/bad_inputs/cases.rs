@@ -1,4 +1,4 @@
-//! The table: theme, name, and what is typed or fed. What is about systems, hardware and records is in `systems`.
+//! The table: theme, name, and what is typed or fed. Cases on systems, hardware and records are in `systems`.
 
 mod systems;
 
@@ -11,7 +11,7 @@ use systems::{drives, identify, live, networks, realtime};
 pub struct Case {
     /// The file of answers that it is in.
     pub theme: &'static str,
-    /// What is bad, in a few words.
+    /// The mistake, in a few words.
     pub name: &'static str,
     /// In the folder where the program runs.
     pub files: Vec<(&'static str, Vec<u8>)>,
@@ -21,7 +21,7 @@ pub struct Case {
 }
 
 impl Case {
-    /// As one would type it, long arguments and long rows of them cut.
+    /// As typed, with long arguments and long rows of them cut.
     pub fn typed(&self) -> String {
         let word = |arg: &OsString| {
             let text = arg.to_string_lossy();
@@ -69,7 +69,7 @@ impl Table {
         self.add(name, vec![("w.toml", bytes.into())], words(&["check", "w.toml"]));
     }
 
-    /// The good world with `from` replaced, where it stands first.
+    /// The good world with `from` replaced, at its first place.
     fn edit(&mut self, name: &'static str, from: &str, to: &str) {
         assert!(WORLD.contains(from), "{from}");
         self.file(name, WORLD.replacen(from, to, 1));
