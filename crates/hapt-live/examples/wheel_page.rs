@@ -39,6 +39,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         worlds: vec![builtin::source("@devices/game-wheel")?],
         sets: vec!["safety.late=count".into()],
         address: "127.0.0.1:0".parse()?,
+        token: false,
         folder: std::env::args_os().nth(1).unwrap_or_else(|| ".".into()).into(),
     };
     let mut wheel = None;

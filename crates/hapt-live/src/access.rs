@@ -27,12 +27,12 @@ pub enum Denied {
 }
 
 impl Access {
-    /// For a server bound to `address`. With a motor, or where other machines can reach it, it needs a token.
+    /// For a server bound to `address`: where other machines can reach it, or with `needs_token`, pages need a token.
     ///
     /// # Errors
     /// The system has no random numbers.
-    pub fn new(address: SocketAddr, has_a_motor: bool) -> std::io::Result<Self> {
-        let token = if address.ip().is_loopback() && !has_a_motor { None } else { Some(random()?) };
+    pub fn new(address: SocketAddr, needs_token: bool) -> std::io::Result<Self> {
+        let token = if address.ip().is_loopback() && !needs_token { None } else { Some(random()?) };
         Ok(Access { address, token })
     }
 

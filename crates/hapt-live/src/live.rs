@@ -30,6 +30,8 @@ pub struct Options {
     pub sets: Vec<String>,
     /// The address to listen on; port 0: any free port.
     pub address: SocketAddr,
+    /// Whether pages need a token even on the loopback and without a motor.
+    pub token: bool,
     /// The folder for recordings.
     pub folder: PathBuf,
 }
@@ -92,6 +94,7 @@ fn listening(address: &SocketAddr, error: &io::Error) -> String {
 ///     worlds: vec![Source::from_text("free.toml", file)],
 ///     sets: Vec::new(),
 ///     address: "127.0.0.1:0".parse()?,
+///     token: false,
 ///     folder: ".".into(),
 /// };
 /// let live = Live::start(options)?;
@@ -126,7 +129,7 @@ impl Live {
         options: Options,
         open: impl FnOnce(&World) -> Result<Machine, E>,
     ) -> Result<Live, E> {
-        let Options { worlds, sets, address, folder } = options;
+        let Options { worlds, sets, address, token, folder } = options;
         let config = WorldConfig::of(worlds, sets, rule::check).map_err(Error::World)?;
         let refused = |error| Error::Address { address, error };
         let listener = TcpListener::bind(address).map_err(refused)?;
@@ -138,7 +141,8 @@ impl Live {
             Certifier::start(move |generation, answer| answers.send(Event::Certified(generation, answer)).is_ok());
         let certifier = certifier.map_err(Error::System)?;
         let machine = open(&config.world)?;
-        let access = Access::new(address, machine.profile != SafetyProfile::Simulated).map_err(Error::System)?;
+        let access =
+            Access::new(address, token || machine.profile != SafetyProfile::Simulated).map_err(Error::System)?;
         let (link, asks_for_token) = (access.link(), access.asks_for_token());
         let ready = to_session.clone();
         // With a full queue the session is awake.

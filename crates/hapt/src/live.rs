@@ -54,7 +54,7 @@ pub fn with(args: &LiveArgs, steering: Option<Steering>) -> Result<ExitCode, Fai
         }
     }
     sets.extend(overrides);
-    let options = Options { worlds, sets, address, folder: args.log_dir.clone() };
+    let options = Options { worlds, sets, address, token: args.listen.is_some(), folder: args.log_dir.clone() };
     output::folder("--log-dir", &args.log_dir)?;
     // Before anything can hold a torque: a signal removes it first.
     signals::end_in_order();
@@ -102,7 +102,7 @@ fn serve(
             live.address()
         ));
     } else if live.asks_for_token() {
-        say("hapt: with a motor attached a page needs the token in the link, behind the #");
+        say("hapt: a page needs the token in the link, behind the #");
     }
     if stderr().is_terminal() {
         for live in &lives {
@@ -174,6 +174,7 @@ fn stations(
             worlds: vec![station.source.clone()],
             sets: station.sets.clone(),
             address: SocketAddr::new(address.ip(), port),
+            token: args.listen.is_some(),
             folder: args.log_dir.clone(),
         };
         let asked = settings(&args.realtime, &station.world)?;

@@ -49,6 +49,7 @@ fn plugged(folder: &str) -> (SimulatedBoard, Live) {
         worlds: vec![source],
         sets: Vec::new(),
         address: "127.0.0.1:0".parse().unwrap(),
+        token: false,
         folder: folder.into(),
     };
     let live = Live::start_on(options, |_| {

@@ -62,7 +62,7 @@ pub fn live(world: &str) -> Live {
 pub fn live_at(world: &str, address: &str) -> Live {
     let source = Source::from_text("wheel.toml", world);
     let address = address.parse().unwrap();
-    Live::start(Options { worlds: vec![source], sets: Vec::new(), address, folder: ".".into() }).unwrap()
+    Live::start(Options { worlds: vec![source], sets: Vec::new(), address, token: false, folder: ".".into() }).unwrap()
 }
 
 /// Sends heartbeats and requests to arm, until the torque has faded in.

@@ -22,6 +22,7 @@ fn on_a_motor_with(profile: SafetyProfile, world: &str, more: &[&str]) -> (Live,
         worlds: vec![source],
         sets: sets.into_iter().map(String::from).collect(),
         address: "127.0.0.1:0".parse().unwrap(),
+        token: false,
         folder: ".".into(),
     };
     let mut hands = None;

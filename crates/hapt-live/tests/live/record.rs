@@ -69,6 +69,7 @@ fn a_recording_with_a_games_effects_has_their_torque_in_a_separate_column() {
         worlds: vec![Source::from_text("wheel.toml", WORLD)],
         sets: Vec::new(),
         address: "127.0.0.1:0".parse().unwrap(),
+        token: false,
         folder: folder.path().into(),
     };
     let machine = |world: &_| Ok::<_, Error>(Machine::simulated(world).with_outside(Outside::playing(port)).unwrap());

@@ -31,7 +31,7 @@ fn worlds() -> Vec<Source> {
 }
 
 fn options(worlds: Vec<Source>) -> Options {
-    Options { worlds, sets: Vec::new(), address: "127.0.0.1:0".parse().unwrap(), folder: ".".into() }
+    Options { worlds, sets: Vec::new(), address: "127.0.0.1:0".parse().unwrap(), token: false, folder: ".".into() }
 }
 
 /// The worlds on a device with the supervisor's profile of a real one; its hand is the test's.
