@@ -77,8 +77,14 @@ const fn mask(more: &[usize]) -> Mask {
 }
 
 pub(crate) const PLAIN: Mask = mask(&[]);
-const MODELS: [Mask; 4] =
-    [PLAIN, mask(&[STIFFNESS]), mask(&[STIFFNESS, DIRECTION]), mask(&[STIFFNESS, DIRECTION, SINE, COSINE])];
+/// Friction by direction hides a constant, so a model that has a sine of the position is there without it too.
+const MODELS: [Mask; 5] = [
+    PLAIN,
+    mask(&[STIFFNESS]),
+    mask(&[STIFFNESS, DIRECTION]),
+    mask(&[STIFFNESS, SINE, COSINE]),
+    mask(&[STIFFNESS, DIRECTION, SINE, COSINE]),
+];
 
 fn is_rich(beyond_noise: f64, share: f64) -> bool {
     beyond_noise > RICH && beyond_noise > 0.5 * share
@@ -224,9 +230,9 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
     let positions = record.positions();
     let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
     let turns = !known.is_linear && high - low > TRAVEL;
-    let count = if turns { MODELS.len() } else { MODELS.len() - 1 };
-    let models = MODELS.map(|model| with_force(model, record));
-    let (plain_terms, spring_terms, models) = (models[0], models[1], &models[..count]);
+    let models: Vec<Mask> =
+        MODELS.iter().filter(|model| turns || !model[SINE]).map(|model| with_force(*model, record)).collect();
+    let (plain_terms, spring_terms) = (models[0], models[1]);
     let delays: Vec<f64> = (0..DELAYS).map(|i| i as f64 * DELAY_STEP).collect();
     let torques: Vec<Vec<f64>> = delays.iter().map(|delay| delayed(record, *delay)).collect();
     let shown = |rows: &Rows| {

@@ -6,10 +6,10 @@ use fastrand::Rng;
 use hapt_identify::{Known, Record, Term, TermKind, TorqueFit, fit_torque};
 use hapt_model::Waveform;
 use hapt_plant::VirtualDevice;
-use hapt_plant::spec::{DeviceSpec, FrictionByPosition};
+use hapt_plant::spec::{DeviceSpec, DeviceTorque, FrictionByPosition, Gravity};
 
 use crate::lever::{Lever, SCALE};
-use crate::rig::WHEEL;
+use crate::rig::{WHEEL, counted, motion, steps, times};
 
 fn fit(record: &Record) -> TorqueFit {
     fit_torque(record, &Known::default()).unwrap()
@@ -233,4 +233,33 @@ fn friction_by_position_is_not_told_from_less_than_a_period() {
             }
         }
     }
+}
+
+/// Over a turn or more, gravity and a constant torque are two torques.
+#[test]
+fn a_constant_torque_is_told_from_gravity() {
+    let (mut told, mut held, mut all) = (0, 0, 0);
+    for seed in hapt_testing::seeds(96) {
+        let mut rng = Rng::with_seed(seed);
+        let mut between = |low: f64, high: f64| low + (high - low) * rng.f64();
+        let inertia = 10f64.powf(between(-4.0, -2.0));
+        let largest = inertia * between(60.0, 200.0);
+        let (friction, offset) = (largest * between(0.02, 0.2), largest * between(-0.05, 0.05));
+        let gravity = Gravity { torque: largest * between(0.1, 0.4), phase: between(-3.0, 3.0) };
+        let torque = DeviceTorque { gravity: Some(gravity), cogging: None };
+        let rig = DeviceSpec { damping: inertia, friction, torque, delay: 0.0, ..DeviceSpec::new(1e-3, inertia) };
+        let torques = steps(&mut rng, 4000, largest);
+        let moved: Vec<f64> = torques.iter().map(|torque| torque + offset).collect();
+        let positions = motion(&rig, &moved);
+        if positions.iter().fold(0.0, |most: f64, z| most.max(z.abs())) < TAU {
+            continue;
+        }
+        let positions = counted(&positions, 8000.0, 0.3, &mut rng);
+        let fit = fit(&Record::new(times(&rig, 4000), positions, torques).unwrap());
+        all += 1;
+        let Some(found) = fit.offset else { continue };
+        told += 1;
+        held += i32::from(found.covers(offset));
+    }
+    assert!(2 * told >= all && 20 * held >= 17 * told && all > 0, "{held} hold the truth of {told} told, of {all}");
 }
