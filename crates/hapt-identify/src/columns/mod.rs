@@ -53,6 +53,8 @@ pub struct Read {
     /// The damping k²/R of a motor that is driven by a voltage, at the handle, in N·m·s/rad (N·s/m); else 0. See
     /// [`crate::Known::back_damping`].
     pub back_damping: f64,
+    /// Lines without a number in one of the columns that are used, which are left out, and all lines.
+    pub missing: [usize; 2],
 }
 
 /// What a column's numbers are multiplied by, and where it stands.
@@ -134,6 +136,14 @@ impl Columns {
         let (mut missing, mut repeated, mut all) = (0, 0, 0);
         for (line, number) in table.lines() {
             let fields: Vec<&str> = line.split(table.separator).collect();
+            // An end of a line that has nothing more is no field.
+            let filled = fields.iter().rposition(|field| !field.trim().is_empty()).map_or(0, |last| last + 1);
+            if filled > names.len() {
+                return Err(Error::Columns(format!(
+                    "line {number} has {filled} fields under {} names; expected as many, and numbers with decimal commas between semicolons or tabs",
+                    names.len()
+                )));
+            }
             let value = |scale: Scale| -> Result<Option<f64>, Error> {
                 let field = fields.get(scale.column).copied().unwrap_or_default().trim().trim_matches('"');
                 let shown: String = field.chars().take(40).collect();
@@ -188,7 +198,15 @@ impl Columns {
             _ => 0.0,
         };
         let [times, positions, torques, forces] = rows;
-        Ok(Read { times, positions, torques, forces: force.map(|_| forces), motion, back_damping })
+        Ok(Read {
+            times,
+            positions,
+            torques,
+            forces: force.map(|_| forces),
+            motion,
+            back_damping,
+            missing: [missing, all],
+        })
     }
 
     /// The torque's scale: a torque, or a current with its constant; at the handle.
@@ -258,7 +276,10 @@ impl Columns {
                 };
                 match usual.iter().find_map(of).unwrap_or_else(|| only(like()))[..] {
                     [place] => return Ok(place),
-                    [] => format!("no column looks like a {what}"),
+                    [] => match by_unit().len() {
+                        0 => format!("no column looks like a {what}"),
+                        several => format!("by their units {several} columns may be the {what}"),
+                    },
                     [one, other, ..] => format!("{} and {} may both be the {what}", names[one], names[other]),
                 }
             }

@@ -24,7 +24,20 @@ impl<'a> Table<'a> {
         }
         let (header, _) = below.remove(0);
         let separator = [',', ';', '\t'].into_iter().max_by_key(|c| header.matches(*c).count()).unwrap_or(',');
-        let names = header.split(separator).map(|name| name.trim().trim_matches('"')).collect();
+        let names: Vec<&str> = header.split(separator).map(|name| name.trim().trim_matches('"')).collect();
+        if names.iter().all(|name| name.replace(',', ".").parse::<f64>().is_ok()) {
+            return Err(Error::Columns(
+                "the first line is numbers; expected a line of names with units above them, such as time_s,position_rad,torque_Nm".into(),
+            ));
+        }
+        if let [name] = names[..]
+            && name.split_whitespace().count() > 1
+        {
+            return Err(Error::Columns(format!(
+                "the first line, {:?}, is one name; expected commas, semicolons or tabs between columns",
+                name.chars().take(NAME).collect::<String>()
+            )));
+        }
         Ok(Table { names, separator, below })
     }
 
@@ -73,9 +86,11 @@ impl<'a> Table<'a> {
                 ["time", "position", "torque"].into_iter().filter(|what| could_be(&name, what)).collect();
             match self.range(i) {
                 None => format!("{name} (no numbers)"),
-                Some((low, high)) if low == high => format!("{name} (stands still at {low})"),
-                Some((low, high)) if may.is_empty() => format!("{name} ({low} to {high})"),
-                Some((low, high)) => format!("{name} ({low} to {high}: may be a {})", may.join(" or ")),
+                Some((low, high)) if low == high => format!("{name} (stands still at {})", short(low)),
+                Some((low, high)) if may.is_empty() => format!("{name} ({} to {})", short(low), short(high)),
+                Some((low, high)) => {
+                    format!("{name} ({} to {}: may be a {})", short(low), short(high), may.join(" or "))
+                }
             }
         };
         let mut all: Vec<String> = self.names.iter().enumerate().take(LISTED).map(of).collect();
@@ -84,6 +99,11 @@ impl<'a> Table<'a> {
         }
         format!("the columns are {}", all.join(", "))
     }
+}
+
+/// A number of six digits at most.
+fn short(x: f64) -> f64 {
+    format!("{x:.5e}").parse().unwrap_or(x)
 }
 
 fn is_content(line: &&str) -> bool {

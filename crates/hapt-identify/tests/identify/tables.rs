@@ -86,3 +86,25 @@ fn a_unit_can_be_given_to_a_column_without_one() {
     let error = Columns::default().read_all(text).unwrap_err().to_string();
     assert!(error.contains("no known unit") || error.contains("looks like"), "{error}");
 }
+
+#[test]
+fn a_line_of_more_fields_than_names_is_refused_with_its_number() {
+    let read = |text: &str| Columns::default().read(text).unwrap_err().to_string();
+    let error = read("t_s,angle_rad,tau_Nm\n0,1,2\n0.5,1,2,3\n");
+    assert!(error.contains("line 3 has 4 fields under 3 names"), "{error}");
+    // Decimal commas between commas.
+    let error = read("t_s,angle_rad,tau_Nm\n0,5,1,25,0,5\n");
+    assert!(error.contains("line 2 has 6 fields") && error.contains("semicolons"), "{error}");
+    // What ends a line without a number is no field.
+    assert_eq!(Columns::default().read("t_s,angle_rad,tau_Nm\n0,1,2,\n1,2,3, \n").unwrap().0[0].len(), 2);
+}
+
+#[test]
+fn a_table_without_names_or_separators_says_which_are_expected() {
+    let read = |text: &str| Columns::default().read(text).unwrap_err().to_string();
+    assert!(read("0,1,2\n1,2,3\n").contains("the first line is numbers"), "{}", read("0,1,2\n1,2,3\n"));
+    let error = read("t_s angle_rad tau_Nm\n0 1 2\n");
+    assert!(error.contains("semicolons or tabs between columns"), "{error}");
+    let error = read("t_s,master_rad,slave_rad,tau_Nm\n0,1,2,1\n1,2,3,-1\n");
+    assert!(error.contains("by their units 2 columns may be the position"), "{error}");
+}

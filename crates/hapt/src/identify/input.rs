@@ -14,6 +14,7 @@ use crate::args::IdentifyArgs;
 use crate::failure::Failure;
 use crate::format;
 use crate::log::{self, Opened};
+use crate::messages;
 use crate::suggest;
 
 /// A larger table is refused: 256 MiB.
@@ -56,7 +57,7 @@ pub fn read(args: &IdentifyArgs, world: Option<World>) -> Result<Given, Failure>
         let (lists, motion, world) = logged(Opened { name: name.clone(), log }, world, args.coast)?;
         (lists, motion, world, None, 0.0)
     } else {
-        let Table { times, positions, torques, forces, motion, back_damping } = table(args, &name, from)?;
+        let Table { times, positions, torques, forces, motion, back_damping, .. } = table(args, &name, from)?;
         ([times, positions, torques], motion, world, forces, back_damping)
     };
     let (lists, forces) = cut(args, lists, forces)?;
@@ -117,6 +118,12 @@ fn table(args: &IdentifyArgs, name: &str, from: impl Read) -> Result<Table, Fail
         _ => Err(error),
     })?;
     let table = columns.read_all(&text).map_err(wrong)?;
+    let [missing, all] = table.missing;
+    if missing > 0 {
+        messages::say(format_args!(
+            "note: {missing} of {all} lines have no number in a column that is used; they are left out, torques too"
+        ));
+    }
     spring(table.motion).transpose()?;
     Ok(table)
 }
