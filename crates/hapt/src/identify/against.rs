@@ -8,7 +8,7 @@ use hapt_identify::{Claims, Compared, Comparison, Interval, Verdict, against};
 use hapt_model::keys::Measure;
 use hapt_model::{Motion, World};
 
-use super::print::{digits, effort, sized, to, toml, units};
+use super::print::{digits, effort, quantity, sized, to, units};
 use super::{Drawn, Given, plot, print, written};
 use crate::args::IdentifyArgs;
 use crate::failure::Failure;
@@ -212,7 +212,10 @@ fn remedy(number: &Compared, motion: Motion) -> Option<String> {
             Some(key) => {
                 format!("[device.handle] {key} = \"{} {unit}\"", to(factor * x.value, 0.5 * factor * (x.high - x.low)))
             }
-            None => format!("[device] {name} = {}", toml(x, factor, &unit)),
+            None => match quantity(x, factor, &unit) {
+                Some(quantity) => format!("[device] {name} = {quantity}"),
+                None => format!("[device] {name}: {}", sized(x, factor, &unit)),
+            },
         },
     })
 }

@@ -44,6 +44,8 @@ fn in_json(found: &WithHandle) -> Result<String, Failure> {
     let value = |x: Interval| json!({ "value": x.value, "low": x.low, "high": x.high });
     let mut all: serde_json::Map<String, Value> =
         found.named().into_iter().map(|(name, interval)| (name.to_string(), value(interval))).collect();
+    // A fit with a handle does not tell these.
+    all.extend(["offset", "sign", "counts_per_rev", "misfit"].map(|name| (name.to_string(), Value::Null)));
     all.insert("resonance_hz".into(), json!(found.resonance_hz));
     let text = serde_json::to_string_pretty(&all).map_err(|error| Failure::System(error.to_string()))?;
     Ok(text + "\n")

@@ -138,7 +138,9 @@ fn said(text: &str) -> Result<ExitCode, Failure> {
 
 /// The device that LOG_OR_DEVICE names, where it does not name a file.
 fn device(what: &str) -> Option<DeviceAddress> {
-    if Path::new(what).exists() { None } else { what.parse().ok() }
+    let path = Path::new(what);
+    // A folder is no record: one called sim does not hide the device.
+    if path.exists() && !path.is_dir() { None } else { what.parse().ok() }
 }
 
 fn named_world(args: &IdentifyArgs) -> Result<Option<World>, Failure> {

@@ -287,43 +287,36 @@ pub fn table(given: &Given, found: &Identified) -> String {
     let [inertia, damping] = units(given.motion);
     let (effort, per_si) = effort(given.motion);
     let mut text = format!("[device] # identified {} from {}\n", today(), given.name.escape_default());
-    let mut line = |key: &str, value: String, note: String| {
-        let _ = writeln!(text, "{:<50}# {note}", format!("{key:<8} = {value}"));
+    let mut line = |entry: String, note: &str| {
+        let _ = match entry.starts_with('#') {
+            true => writeln!(text, "{entry}"),
+            false => writeln!(text, "{entry:<50}# {note}"),
+        };
     };
-    let quantity = |x: Interval, factor: f64, unit: &str| (toml(x, factor, unit), ends(x, factor));
-    if let Some(x) = found.inertia {
-        let (value, note) = quantity(x, 1.0, &inertia);
-        line("inertia", value, if x.low == x.high { "as given".into() } else { note });
-    }
-    if let Some((value, note)) = found.damping.map(|x| quantity(x, 1.0, &damping)) {
-        line("damping", value, note);
-    }
     let directions = by_direction(found.friction, found.offset);
-    match (directions, found.friction) {
-        (Some(directions), _) => {
-            for (key, x) in DIRECTIONS.into_iter().zip(directions) {
-                let (value, note) = quantity(x, per_si, effort);
-                line(key, value, note);
-            }
-        }
-        (None, Some(x)) => {
-            let (value, note) = quantity(x, per_si, effort);
-            line("friction", value, note);
-        }
-        (None, None) => {}
-    }
-    if let Some((value, note)) = found.lag.filter(|lag| lag.low > 0.0).map(|x| quantity(x, 1e3, "ms")) {
-        line("lag", value, note);
+    let [friction, backward] = directions.map_or([found.friction, None], |levels| levels.map(Some));
+    let [forward_key, backward_key] = DIRECTIONS;
+    for (key, x, factor, unit) in [
+        ("inertia", found.inertia, 1.0, &*inertia),
+        ("damping", found.damping, 1.0, &*damping),
+        (forward_key, friction, per_si, effort),
+        (backward_key, backward, per_si, effort),
+        ("lag", found.lag.filter(|lag| lag.low > 0.0), 1e3, "ms"),
+    ] {
+        let Some(x) = x else { continue };
+        let note = if x.low == x.high { "as given".into() } else { ends(x, factor) };
+        line(entry(key, x, factor, unit), &note);
     }
     match (found.counts, found.lattice) {
-        (Some(counts), _) if counts.low == counts.high => line("encoder", counts.value.to_string(), "exact".into()),
+        (Some(counts), _) if counts.low == counts.high => line(format!("encoder  = {}", counts.value), "exact"),
         (None, Some(lattice)) if given.motion == Motion::Linear => {
-            line("encoder", format!("\"{} um\"", digits(1e6 * lattice.step, 6)), "the positions' lattice".into());
+            line(format!("encoder  = \"{} um\"", digits(1e6 * lattice.step, 6)), "the positions' lattice");
         }
         _ => {}
     }
     if let Some(limit) = given.world.as_ref().and_then(|world| world.device.limit) {
-        line("limit", format!("\"{} {effort}\"", format::number(per_si * limit)), "as the world's file has it".into());
+        let limit = format!("limit    = \"{} {effort}\"", format::number(per_si * limit));
+        line(limit, "as the world's file has it");
     }
     if let Some(delay) = found.delay {
         let _ = writeln!(text, "# for [loop]: delay = \"{} ms\", {} ms", delay_words(given, delay), ends(delay, 1e3));
@@ -374,19 +367,31 @@ pub fn by_direction(friction: Option<Interval>, offset: Option<Interval>) -> Opt
     })
 }
 
-/// A quantity of a file, with the tolerance that holds its interval; a number that may be twice as large, or none, has none.
-pub fn toml(x: Interval, factor: f64, unit: &str) -> String {
+/// A key of a file with its quantity. Where [`quantity`] has none, the line is a comment: a certificate for the value alone would claim more
+/// than the record does.
+pub fn entry(key: &str, x: Interval, factor: f64, unit: &str) -> String {
+    match quantity(x, factor, unit) {
+        Some(quantity) => format!("{key:<8} = {quantity}"),
+        None => format!("# {key}: {}; too wide an interval for a tolerance", sized(x, factor, unit)),
+    }
+}
+
+/// A quantity of a file, with the tolerance that holds its interval; `None` where the number may be more than twice as large.
+pub fn quantity(x: Interval, factor: f64, unit: &str) -> Option<String> {
     let text = to(factor * x.value, 0.5 * factor * (x.high - x.low));
+    if x.low == x.high {
+        return Some(format!("\"{text} {unit}\""));
+    }
     let shown = text.parse().unwrap_or(factor * x.value);
     let part = (factor * x.high - shown).max(shown - factor * x.low) / shown;
-    if !(part > 0.0 && part <= 1.0) || x.low == x.high {
-        return format!("\"{text} {unit}\"");
+    if !(part > 0.0 && part <= 1.0) {
+        return None;
     }
     // Two digits of the tolerance, rounded up.
     let percent = (100.0 * part).max(LEAST_TOLERANCE);
     let step = 10f64.powf(percent.log10().floor() - 1.0);
     let percent = ((percent / step).ceil() * step).min(100.0);
-    format!("\"{text} {unit} ± {} %\"", digits(percent, 3))
+    Some(format!("\"{text} {unit} ± {} %\"", digits(percent, 3)))
 }
 
 /// The delay as it is used, in ms.

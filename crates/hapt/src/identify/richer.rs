@@ -9,7 +9,7 @@ use hapt_model::Motion;
 use hapt_model::keys::Measure;
 
 use super::figure::Drawn;
-use super::print::{effort, named, sized, to, toml, units};
+use super::print::{effort, entry, named, sized, to, units};
 use super::{Given, plot, print, said, written};
 use crate::args::IdentifyArgs;
 use crate::failure::Failure;
@@ -22,6 +22,11 @@ pub fn run(args: &IdentifyArgs, given: &Given, fit: &TorqueFit, error: Option<&E
         messages::say(format_args!("note: {error}"));
     }
     messages::say("note: the numbers are those of the torque's equation; their intervals allow for what it leaves");
+    if args.world.is_some() {
+        messages::say(
+            "note: --world gives no verdict here; hapt check decides on the world with this answer's [device] table, intervals and all",
+        );
+    }
     let table = table(given, fit);
     if fit.is_moved_by_another {
         messages::say(
@@ -151,7 +156,7 @@ fn table(given: &Given, fit: &TorqueFit) -> String {
     let mut text = format!("[device] # identified from {}\n", given.name.escape_default());
     let mut line = |key: &str, x: Option<Interval>, factor: f64, unit: &str| {
         let _ = match x {
-            Some(x) => writeln!(text, "{key:<8} = {}", toml(x, factor, unit)),
+            Some(x) => writeln!(text, "{}", entry(key, x, factor, unit)),
             None => writeln!(text, "# {key}: not told by this record"),
         };
     };
