@@ -228,6 +228,11 @@ impl System {
             station.follow_clock();
             stations.push(station);
         }
+        if stations.is_empty() {
+            let message =
+                "the network has no station; expected at least one, such as [stations.left] with its world".to_string();
+            return Err(top.error(ErrorKind::Name, "stations", message));
+        }
         for set in &passed {
             let name = station_key(set).map_or("", |(name, _)| name);
             if !stations.iter().any(|station| station.name == name) {
@@ -236,7 +241,7 @@ impl System {
                 return Err(Error { kind: ErrorKind::Name, key: format!("stations.{name}"), message, location: None });
             }
         }
-        let motion = stations.first().map_or(Motion::Rotary, |station| station.world.motion);
+        let motion = stations[0].world.motion;
         let top = Fields::new(root(motion), Some(&document.root))?;
         let mut links = Vec::new();
         for (index, node) in items(&top, "links").iter().enumerate() {

@@ -111,6 +111,25 @@ fn a_key_that_no_network_has_is_answered_with_the_one_that_was_meant() {
     }
 }
 
+#[test]
+fn a_network_has_a_station() {
+    let link = "kind = \"spring\"\nbetween = [\"a\", \"b\"]\nstiffness = 1\nage_max = 1\n";
+    for links in ["links = []\n".to_string(), format!("[[links]]\n{link}")] {
+        let text = format!("stations = {{}}\n{links}");
+        let error = System::read(&Source::from_text("pair.toml", text), &[]).unwrap_err().to_string();
+        assert_eq!(
+            error.lines().next(),
+            Some("stations: the network has no station; expected at least one, such as [stations.left] with its world")
+        );
+    }
+    let mut source = Source::from_text("pair.toml", "stations.a.world = \"w.toml\"\nlinks = []\n");
+    source.files.insert("w.toml".into(), "loop.period = 1e-3\ndevice.inertia = 1e-3\n".into());
+    assert!(System::read(&source, &[]).is_ok());
+    let error = System::read(&source, &["stations={}".to_string()]).unwrap_err().to_string();
+    let shown = error.lines().skip(1).collect::<Vec<_>>();
+    assert_eq!(shown, [" --> --set:1:10", "  |", "1 | stations={}", "  |          ^^"]);
+}
+
 /// The memory and the look-ahead of a network's run are bounded.
 #[test]
 fn times_of_stations_and_links_beyond_any_network_are_refused_by_their_keys() {

@@ -44,6 +44,7 @@ pub(super) fn networks(t: &mut Table) {
         ("the worst hands into one of its files", &["worst", "--out", "w.toml"]),
         ("the worst hands into a device, which has no files beside it", &["worst", "--out", "/dev/full"]),
         ("an impedance at no one puck", &["impedance"]),
+        ("no station is left", &["check", "--set", "stations={}", "--set", "links=[]"]),
     ] {
         let args = [&[args[0], "pair.toml"][..], &args[1..]].concat();
         t.add(name, vec![("w.toml", WORLD.into()), ("pair.toml", pair.into())], words(&args));
