@@ -76,7 +76,9 @@ impl Field {
     pub fn of_friction(friction: &FrictionByPosition, origin: f64) -> Option<Self> {
         let mut waves = [Wave::default(); WAVES];
         let from = origin - friction.phase;
-        set_harmonics(&mut waves[1 + HARMONICS..], friction.share, friction.pitch, from, &friction.waveform);
+        // No level is below 0, whatever rounding has made of the harmonics.
+        let share = friction.share / friction.most().max(1.0);
+        set_harmonics(&mut waves[1 + HARMONICS..], share, friction.pitch, from, &friction.waveform);
         Field { waves }.if_any()
     }
 

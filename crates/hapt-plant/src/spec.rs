@@ -60,7 +60,7 @@ impl DeviceSpec {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct FrictionByPosition {
-    /// Zero or more, and [`FrictionByPosition::most`] is 1 at most: no level is negative.
+    /// Zero or more, and [`FrictionByPosition::most`] is 1 at most: no level is negative. Of more, the device takes what makes it 1.
     pub share: f64,
     /// One period, in rad (linear: m), positive.
     pub pitch: f64,

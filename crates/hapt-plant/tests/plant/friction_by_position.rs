@@ -47,6 +47,24 @@ proptest! {
         prop_assert!((device.ledger().friction - energy).abs() < 1e-11 * energy, "{:?} {energy}", device.ledger());
     }
 
+    /// Rounded harmonics may ask for more than all of the mean level.
+    #[test]
+    fn friction_never_pushes_whatever_share_it_is_given(
+        changes in any_changes(), much in 1.0_f64..3.0, inertia in 1e-4_f64..1e-2, friction in 1e-3_f64..0.05, velocity in -10.0_f64..10.0,
+    ) {
+        let changes = FrictionByPosition { share: changes.share / changes.most() * much, ..changes };
+        let spec = DeviceSpec { friction, friction_by_position: Some(changes), ..DeviceSpec::new(T, inertia) };
+        let mut device = VirtualDevice::new(&spec);
+        device.set_out((0.0, velocity), (0.0, 0.0));
+        let mut speed = velocity.abs();
+        for _ in 0..200 {
+            device.travel();
+            let now = device.puck().1.abs();
+            prop_assert!(now <= speed * (1.0 + 1e-12), "{now} after {speed}");
+            speed = now;
+        }
+    }
+
     #[test]
     fn the_level_at_its_place_holds_a_puck_against_less_and_lets_it_go_under_more(
         changes in any_changes(), inertia in 1e-4_f64..1e-2, levels in (1e-3_f64..0.05, 1e-3_f64..0.05), place in -3.0_f64..3.0,

@@ -1,6 +1,8 @@
 //! Mistakes about device, handle, bodies and couplings.
 
-use super::{LEAST, check};
+use proptest::prelude::*;
+
+use super::{LEAST, check, read};
 
 #[test]
 fn the_device_and_the_top() {
@@ -346,4 +348,34 @@ fn couplings() {
     check(&table, |given| format!("{LEAST}bodies.wheel.inertia = 1\n[[couplings]]\n{given}\n"));
     let couplings = "[[couplings]]\nkind = \"constant\"\n".repeat(65);
     check(&[(&couplings, "couplings: 65 couplings are too many: the limit is 64")], |given| format!("{LEAST}{given}"));
+}
+
+/// A world whose friction changes by these numbers.
+fn changing(share: f64, sine: &[f64], cosine: &[f64]) -> String {
+    let waveform = format!("share = {share:?}\npitch = 1\nsine = {sine:?}\ncosine = {cosine:?}");
+    format!("loop.period = 1e-3\n[device]\ninertia = 1\n[device.friction_by_position]\n{waveform}\n")
+}
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(1000))]
+
+    /// Friction just touches 0 there.
+    #[test]
+    fn the_largest_share_that_a_message_names_is_taken(
+        sine in prop::collection::vec(-1000.0_f64..1000.0, 1..=4), cosine in prop::collection::vec(-1.0_f64..1.0, 1..=4),
+    ) {
+        let message = read(&changing(1e9, &sine, &cosine)).unwrap_err().to_string();
+        let named = message.split("expected a share of ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap();
+        let most: f64 = named.parse().unwrap();
+        prop_assert!(read(&changing(most, &sine, &cosine)).is_ok(), "{}", most);
+        prop_assert!(read(&changing(most * (1.0 + 1e-6), &sine, &cosine)).is_err(), "{}", most);
+    }
+
+    #[test]
+    fn sizes_that_add_up_to_one_in_decimals_leave_a_whole_share(cuts in prop::collection::vec(0_u32..=1000, 3)) {
+        let mut cuts = [cuts, vec![0, 1000]].concat();
+        cuts.sort_unstable();
+        let sine: Vec<f64> = cuts.windows(2).map(|pair| f64::from(pair[1] - pair[0]) / 1000.0).collect();
+        prop_assert!(read(&changing(1.0, &sine, &[0.0])).is_ok(), "{:?}", sine);
+    }
 }
