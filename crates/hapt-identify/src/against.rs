@@ -303,9 +303,9 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
 fn with_handle(record: &CancellableRecord<'_>, claims: &Claims, shaft: &Handle) -> Result<Comparison, Error> {
     let found = handle::search(record, Some(&claims.device()))?;
     let (fitted, residuals, residual) = (found.fitted(record), found.residuals(record), found.residual);
-    let told = found.told()?;
+    let found = found.into_result()?;
     Ok(Comparison {
-        numbers: judged_with_handle(&told, claims, shaft, &Scale::of(record)),
+        numbers: judged_with_handle(&found, claims, shaft, &Scale::of(record)),
         wrong: None,
         misfit: None,
         fitted,
@@ -430,7 +430,7 @@ fn judged_stops(record: &Record, found: &Identified, claims: &Claims) -> Vec<Com
 /// Lag, delay, and both together.
 fn lateness(lag: Option<Interval>, delay: Option<Interval>, late: Option<Interval>, claims: &Claims) -> [Compared; 3] {
     let number = |name, estimate, file, least| Compared::new(name, Some(Measure::Time), estimate, file, least);
-    let is_told = lag.is_some_and(|lag| lag.low > 0.0);
+    let is_determined = lag.is_some_and(|lag| lag.low > 0.0);
     let mut of_lag = number("lag", lag, claims.lag, claims.period);
     // The interval is one of λ², and so is the standard error.
     if let Some(Interval { value, low, high }) = lag {
@@ -440,9 +440,9 @@ fn lateness(lag: Option<Interval>, delay: Option<Interval>, late: Option<Interva
     }
     let both = [claims.delay[0] + claims.lag[0], claims.delay[1] + claims.lag[1]];
     // Beside a lag that is surely short the sum is the delay.
-    let range = if is_told { claims.delay } else { both };
+    let range = if is_determined { claims.delay } else { both };
     let mut of_delay = number("delay", delay, range, claims.period);
-    if !is_told && of_lag.verdict != Verdict::Agrees {
+    if !is_determined && of_lag.verdict != Verdict::Agrees {
         if of_lag.verdict == Verdict::NotTold {
             of_lag.reason = Some(SLOW);
         }
@@ -551,8 +551,8 @@ impl Compared {
             return;
         }
         let allowed = (0.5 * (high - low)).max(TOLD * (0.5 * (high + low)).abs().max(least));
-        let is_told = estimate.is_some_and(|x| (x.high - x.value).max(x.value - x.low) <= allowed);
-        (self.verdict, self.reason) = match (self.sigmas, is_told) {
+        let is_determined = estimate.is_some_and(|x| (x.high - x.value).max(x.value - x.low) <= allowed);
+        (self.verdict, self.reason) = match (self.sigmas, is_determined) {
             (Some(sigmas), _) if sigmas > SURELY => (Verdict::Contradicts, None),
             (Some(_), true) => (Verdict::Agrees, None),
             (Some(_), false) => (Verdict::NotTold, Some(WIDE)),

@@ -137,6 +137,9 @@ pub enum Error {
         "the motion does not follow from the torque: no inertia, damping, friction and delay up to 50 ms were found that explain it; look at the columns, their units, and at whether a hand was on the puck"
     )]
     Unexplained,
+    /// No handle shows: of its inertia a part is in the interval that no record could show.
+    #[error("a device without a handle on a shaft explains this record as well")]
+    Rigid,
     /// The residuals are larger than counts and noise.
     #[error("{0}")]
     Residual(LargeResidual),

@@ -54,7 +54,7 @@ fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identifie
         return Ok(found);
     }
     // Stops that explain what nothing else does are the device's, if the record tells of them at all.
-    let stopped = stopped.filter(has(FoundStops::are_told));
+    let stopped = stopped.filter(has(FoundStops::are_determined));
     match search_or_glimpse(record, known) {
         Err(wrong) | Ok(BestFit { wrong: Some(wrong), .. }) => stopped.ok_or(wrong),
         Ok(found) => {
@@ -105,7 +105,7 @@ pub(crate) struct BestFit {
 impl BestFit {
     /// Where a fit of more of the record starts; it finds its own lag.
     fn lead(&self) -> Puck {
-        let puck = self.lag.as_ref().filter(|lag| lag.is_told()).map_or(self.best.puck, |lag| lag.fit.puck);
+        let puck = self.lag.as_ref().filter(|lag| lag.is_determined()).map_or(self.best.puck, |lag| lag.fit.puck);
         Puck { delay: puck.delay + puck.lag, lag: 0.0, ..puck }
     }
 

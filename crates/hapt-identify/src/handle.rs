@@ -30,6 +30,8 @@ const OTHERS: usize = 2;
 const FOLLOWED: usize = 4;
 /// The part of the squares of a rigid device's fit below which a fit with a handle is followed to its end.
 const RINGS: f64 = 0.5;
+/// A handle of less than this part of the motor's inertia is none that a record shows.
+const LEAST_HANDLE: f64 = 1e-3;
 /// Steps of a fit that is compared with others, at first without a lag.
 const FEW: usize = 10;
 
@@ -66,7 +68,7 @@ pub struct WithHandle {
 /// Fits a device with a handle to a record that begins at rest or in motion.
 ///
 /// # Errors
-/// [`Error::Unexplained`] and [`Error::Residual`] where no such device explains it.
+/// [`Error::Unexplained`] and [`Error::Residual`] where no such device explains it, [`Error::Rigid`] where one without a handle does too.
 pub fn identify_handle(record: &Record) -> Result<WithHandle, Error> {
     identify_handle_until(record, &|| false)
 }
@@ -76,7 +78,9 @@ pub fn identify_handle(record: &Record) -> Result<WithHandle, Error> {
 /// # Errors
 /// As [`identify_handle`].
 pub fn identify_handle_until(record: &Record, stop: &dyn Fn() -> bool) -> Result<WithHandle, Error> {
-    search(&CancellableRecord { record, stop }, None)?.told()
+    let found = search(&CancellableRecord { record, stop }, None)?.into_result()?;
+    let shows = found.handle_inertia.low >= LEAST_HANDLE * found.inertia.value;
+    if shows { Ok(found) } else { Err(Error::Rigid) }
 }
 
 /// The best fit of a search.
@@ -91,10 +95,10 @@ pub(crate) struct HandleSearch {
 
 impl HandleSearch {
     /// The numbers, or why there are none.
-    pub fn told(self) -> Result<WithHandle, Error> {
+    pub fn into_result(self) -> Result<WithHandle, Error> {
         match self.wrong {
             Some(error) => Err(error),
-            None => self.fit.told(&self.others, self.residual).ok_or(Error::Unexplained),
+            None => self.fit.with_intervals(&self.others, self.residual).ok_or(Error::Unexplained),
         }
     }
 

@@ -136,7 +136,7 @@ impl FoundStops {
     }
 
     /// Whether their stiffness is told at all.
-    pub(crate) fn are_told(&self) -> bool {
+    pub(crate) fn are_determined(&self) -> bool {
         self.stiffness.high < VAGUEST * self.stiffness.low
     }
 }

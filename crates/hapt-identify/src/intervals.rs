@@ -86,7 +86,7 @@ impl<'k> Intervals<'k> {
             None => (gained.and_then(|_| of(&inertia_of, &[(GAIN, -j / gain)])), None),
         };
         let lag = self.lag.filter(|_| gained.is_some());
-        let told = lag.filter(|lag| lag.is_told());
+        let told = lag.filter(|lag| lag.is_determined());
         // Where the lag is not told, the delay of a motor without one is as right.
         let instead = rate(DELAY).filter(|_| told.is_none());
         let late = bounded(lag.map(|lag| instead.into_iter().fold(lag.late(), Interval::with)));

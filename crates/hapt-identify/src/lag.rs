@@ -56,7 +56,10 @@ impl Lag {
         for lag in likely.into_iter().chain([short]).chain(longer).chain([least]) {
             let is_better = |lag: &Lag| lag.fit.normal.squares <= best.normal.squares;
             // Beside a fit that is wrong without a lag, one that is told may still be a shorter one than the best.
-            if found.as_ref().is_some_and(|found| is_better(found) && (is_right && found.is_told() || lag == least)) {
+            if found
+                .as_ref()
+                .is_some_and(|found| is_better(found) && (is_right && found.is_determined() || lag == least))
+            {
                 break;
             }
             let start = Puck { lag, delay: best.puck.delay - lag, ..best.puck };
@@ -67,7 +70,7 @@ impl Lag {
             };
         }
         let found = found?;
-        if is_right && !found.is_told() {
+        if is_right && !found.is_determined() {
             return Some(found);
         }
         // What the motor remembers from before the first sample of the fit is unknown.
@@ -120,7 +123,7 @@ impl Late {
     }
 
     /// Whether the record tells the lag from a delay.
-    pub fn is_told(&self) -> bool {
+    pub fn is_determined(&self) -> bool {
         self.variance[0] > TOLD * self.variance[1]
     }
 
@@ -134,7 +137,7 @@ impl Late {
         let [variance, half] = self.variance;
         let of = |x: f64| x.max(0.0).sqrt();
         let high = of(variance + half);
-        match self.is_told() {
+        match self.is_determined() {
             true => Interval { value: of(variance), low: of(variance - half), high },
             false => Interval { value: 0.0, low: 0.0, high },
         }

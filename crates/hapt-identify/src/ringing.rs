@@ -47,21 +47,21 @@ pub(crate) fn ringing(watched: &CancellableRecord<'_>, rigid: &Fit) -> Vec<Ringi
         }
         motion.push((record.times()[i], z));
     });
-    let mut beside = ExternalTorqueInput::default();
+    let mut basis = OrthonormalColumns::default();
     for i in 0..PARAMETERS {
-        beside.add(DVector::from_iterator(rows.len(), rows.iter().map(|(_, _, dz)| dz[i])));
+        basis.add(DVector::from_iterator(rows.len(), rows.iter().map(|(_, _, dz)| dz[i])));
     }
-    let left = beside.of(DVector::from_iterator(rows.len(), rows.iter().map(|(_, left, _)| *left)));
+    let left = basis.of(DVector::from_iterator(rows.len(), rows.iter().map(|(_, left, _)| *left)));
     let seen = |signal: &[f64]| DVector::from_iterator(rows.len(), rows.iter().map(|(i, _, _)| signal[*i]));
-    let own = beside.columns.len();
+    let own = basis.columns.len();
     let mut of = |omega: f64| {
         // It may ring from the start.
         for begin in [[1.0, 0.0], [0.0, omega]] {
-            beside.add(seen(&behind(&motion, omega, begin, false)));
+            basis.add(seen(&behind(&motion, omega, begin, false)));
         }
-        let q = beside.of(seen(&behind(&motion, omega, [0.0; 2], true)));
-        let left = beside.columns[own..].iter().fold(left.clone(), |left, column| &left - column * column.dot(&left));
-        beside.columns.truncate(own);
+        let q = basis.of(seen(&behind(&motion, omega, [0.0; 2], true)));
+        let left = basis.columns[own..].iter().fold(left.clone(), |left, column| &left - column * column.dot(&left));
+        basis.columns.truncate(own);
         let squares = q.norm_squared();
         let ratio = if squares > 0.0 { q.dot(&left) / squares } else { 0.0 };
         Ringing { omega, ratio, explains: ratio * ratio * squares }
@@ -106,14 +106,14 @@ fn behind(motion: &[(f64, f64)], omega: f64, [mut q, mut rate]: [f64; 2], follow
     all
 }
 
-/// Orthonormal columns, beside which others are seen.
+/// Orthonormal columns. Others are seen by what they have beyond these.
 #[derive(Default)]
-struct ExternalTorqueInput {
+struct OrthonormalColumns {
     columns: Vec<DVector<f64>>,
 }
 
-impl ExternalTorqueInput {
-    /// What is left of a column beside them, twice projected for the sake of rounding.
+impl OrthonormalColumns {
+    /// What a column has beyond these, projected twice because of rounding.
     fn of(&self, column: DVector<f64>) -> DVector<f64> {
         let once = |left: DVector<f64>| self.columns.iter().fold(left, |left, own| &left - own * own.dot(&left));
         once(once(column))

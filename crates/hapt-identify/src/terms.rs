@@ -1,8 +1,8 @@
 //! Terms that a record carries beside inertia, damping, friction and a constant: a stiffness, gravity, cogging, friction by position, Stribeck's
 //! friction, drag.
 //!
-//! They are added one at a time, the one first that foretells most of the torque in parts of the record that were left out of its fit, and
-//! only while it foretells certainly more there than the equation without it. A term that merely fits more is not found.
+//! They are added one at a time, the one first that predicts most of the torque in parts of the record that were left out of its fit, and
+//! only while it predicts certainly more there than the equation without it. A term that merely fits more is not found.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -18,7 +18,7 @@ const MOST_TIMES: u32 = 48;
 const MOST_RUBS: u32 = 12;
 /// Stribeck's velocities that are tried, in parts of the rms velocity.
 const STRIBECK: [f64; 3] = [0.1, 0.2, 0.4];
-/// A term foretells at least this part of what is left without any, by so many standard errors of the blocks.
+/// A term predicts at least this part of what is left without any, by so many standard errors of the blocks.
 const LEAST: f64 = 0.05;
 const SURELY: f64 = 3.0;
 /// So many periods of a torque that repeats fit into the travel, and so many more of one that is told from it.
@@ -65,8 +65,8 @@ pub struct Term {
     pub kind: TermKind,
     /// Its factor with a 95 % interval, see the kind.
     pub size: Interval,
-    /// The part of what the equation leaves without any of these terms that it foretells.
-    pub foretells: f64,
+    /// The part of what the equation leaves without any of these terms that it predicts.
+    pub predicts: f64,
 }
 
 impl TermKind {
@@ -130,7 +130,7 @@ impl Table {
     }
 
     /// What each block leaves of its torque where it was left out of the fit.
-    fn foretold(&self, columns: &[usize]) -> Option<Vec<f64>> {
+    fn predicted(&self, columns: &[usize]) -> Option<Vec<f64>> {
         let of = |(out, block): (usize, &Block)| {
             let values = self.solved(columns, Some(out))?;
             let k = columns.len();
@@ -142,7 +142,7 @@ impl Table {
     }
 }
 
-/// The terms that a record carries, the one first that foretells most; `way` is the motor's sign.
+/// The terms that a record carries, the one first that predicts most; `way` is the motor's sign.
 pub(crate) fn terms(record: &Record, rows: &Rows, way: f64, is_linear: bool) -> Vec<Term> {
     let positions = record.positions();
     let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
@@ -201,7 +201,7 @@ pub(crate) fn terms(record: &Record, rows: &Rows, way: f64, is_linear: bool) -> 
 }
 
 fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], way: f64, apart: u32) -> Vec<Term> {
-    let Some(mut left) = table.foretold(&kept) else { return Vec::new() };
+    let Some(mut left) = table.predicted(&kept) else { return Vec::new() };
     let mut taken: Vec<(&Group, f64)> = Vec::new();
     let all: f64 = left.iter().sum();
     while taken.len() < MAX_TERMS {
@@ -214,7 +214,7 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], way: f64, apart
         };
         let tried = groups.iter().filter(is_new).filter_map(|group| {
             let columns: Vec<usize> = kept.iter().chain(&group.columns).copied().collect();
-            let then = table.foretold(&columns)?;
+            let then = table.predicted(&columns)?;
             // Friction that falls towards rest, drag that drives, and friction below 0 at some positions are those of no device.
             let values = table.solved(&columns, None)?;
             // Inertia, damping and friction are the first columns.
@@ -243,7 +243,7 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], way: f64, apart
     let Some(whole) = table.solved(&kept, None) else { return Vec::new() };
     let others: Option<Vec<DVector<f64>>> = (0..BLOCKS).map(|out| table.solved(&kept, Some(out))).collect();
     let Some(others) = others else { return Vec::new() };
-    let of = |(group, foretells): (&Group, f64)| {
+    let of = |(group, predicts): (&Group, f64)| {
         let at = |values: &DVector<f64>, column: usize| {
             kept.iter().position(|kept| *kept == column).map_or(0.0, |i| way * values[i])
         };
@@ -277,7 +277,7 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], way: f64, apart
         let count = others.len() as f64;
         let jack = others.iter().map(|other| (size(other) - value).powi(2)).sum::<f64>() * (count - 1.0) / count;
         let half = student(count - 1.0) * jack.sqrt();
-        Term { kind, size: Interval { value, low: value - half, high: value + half }, foretells }
+        Term { kind, size: Interval { value, low: value - half, high: value + half }, predicts }
     };
     taken.into_iter().map(of).collect()
 }

@@ -5,10 +5,10 @@ use crate::equation::{
     BLOCKS, Band, CONSTANT, COSINE, DAMPING, DIRECTION, Errors, FORCE, FRICTION, INERTIA, Mask, Rows, SINE, STIFFNESS,
     Solved, TERMS,
 };
-use crate::foretold::foretold;
 use crate::identified::{Interval, Known};
 use crate::intervals::positive;
 use crate::misfit::{Misfit, misfit};
+use crate::predicted::predicted;
 use crate::puck::Puck;
 use crate::quantile::student;
 use crate::record::Record;
@@ -132,7 +132,7 @@ pub struct TorqueFit {
     pub beyond_noise: f64,
     /// The delay that the fit assumes, in s.
     pub delay: f64,
-    /// Times and positions that the fit foretells, begun anew every [`crate::FORETOLD`] s from the measured ones; none without an inertia,
+    /// Times and positions that the fit predicts, begun anew every [`crate::PREDICTION_S`] s from the measured ones; none without an inertia,
     /// and none beside a second torque.
     pub motion: Vec<(f64, f64)>,
     /// The windows, for a picture.
@@ -294,14 +294,14 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
     // What goes with none of position, velocity and time, beyond the positions' noise, is another torque.
     let strange = misfit.strange.min(beyond_noise);
     let is_moved = is_rich(beyond_noise, misfit.share) && strange > STRANGE;
-    let is_told = inertia.value.abs() > TOLD * deviation && !is_a_law && !is_moved && is_apart;
-    let inertia_by_motion = over(&|model| Some(model.by_motion), true).filter(|_| is_told);
+    let is_determined = inertia.value.abs() > TOLD * deviation && !is_a_law && !is_moved && is_apart;
+    let inertia_by_motion = over(&|model| Some(model.by_motion), true).filter(|_| is_determined);
     // The truth lies between the two where the torque does not follow the motion: an end is that of one side.
     let reach = inertia_by_motion.map_or(0.0, |mean| way * mean.value + ONE_SIDED * mean.variance.sqrt());
     let whole = interval(inertia, way);
-    let found = is_told.then(|| positive(Interval { high: whole.high.max(reach), ..whole }));
-    let inertia_by_torque = is_told.then(|| positive(whole));
-    let carries = is_told && is_rich(beyond_noise, misfit.share);
+    let found = is_determined.then(|| positive(Interval { high: whole.high.max(reach), ..whole }));
+    let inertia_by_torque = is_determined.then(|| positive(whole));
+    let carries = is_determined && is_rich(beyond_noise, misfit.share);
     let found_terms = if carries { terms(record, &rows, way, known.is_linear) } else { Vec::new() };
     // Where the inertia is known, all torques are in parts of the motor's.
     let gain = known.inertia.map(|known| known / inertia.value.abs()).filter(|gain| gain.is_finite());
@@ -316,7 +316,7 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
         high: if x.low > 0.0 { gain * x.value / x.low } else { f64::MAX },
     });
     // Of the equation that the picture shows.
-    let moves = is_told && record.forces().is_none() && plain.values[INERTIA] * way > 0.0;
+    let moves = is_determined && record.forces().is_none() && plain.values[INERTIA] * way > 0.0;
     let per_inertia = |term: usize| plain.values[term] / plain.values[INERTIA];
     let puck = moves.then(|| Puck {
         gain: plain.values[INERTIA].recip(),
@@ -340,22 +340,22 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
             Some(known) => Some(Interval { value: known, low: known, high: known }),
             None => found,
         },
-        damping: torque(DAMPING, way).filter(|_| is_told).map(|damping| known.own(positive(damping))),
-        friction: torque(FRICTION, way).filter(|_| is_told).map(positive),
+        damping: torque(DAMPING, way).filter(|_| is_determined).map(|damping| known.own(positive(damping))),
+        friction: torque(FRICTION, way).filter(|_| is_determined).map(positive),
         // A torque of its own acts against the equation's.
-        offset: torque(CONSTANT, -way).filter(|_| is_told),
+        offset: torque(CONSTANT, -way).filter(|_| is_determined),
         gain: motor.filter(|motor| motor.high < f64::MAX),
-        sign: (is_told && inertia.value.abs() > SURELY * deviation).then_some(way),
+        sign: (is_determined && inertia.value.abs() > SURELY * deviation).then_some(way),
         lattice: record.lattice(),
         misfit,
         beyond_noise,
         inertia_by_torque,
         inertia_by_motion: inertia_by_motion.map(|mean| positive(interval(mean, way))),
-        force: record.forces().and_then(|_| torque(FORCE, -way)).filter(|_| is_told),
+        force: record.forces().and_then(|_| torque(FORCE, -way)).filter(|_| is_determined),
         is_moved_by_another: is_moved,
         terms: found_terms,
         delay,
-        motion: puck.map_or(Vec::new(), |puck| foretold(record, puck)),
+        motion: puck.map_or(Vec::new(), |puck| predicted(record, puck)),
         windows: windows.collect(),
     })
 }

@@ -30,14 +30,14 @@ impl Fit {
     pub fn identified(&self, record: &CancellableRecord<'_>, known: &Known) -> Option<Identified> {
         let with_lag = if self.free[VARIANCE] { Some(self.clone()) } else { contact::lagging(record, self) };
         let late = with_lag.as_ref().and_then(|fit| fit.late(record));
-        let is_told = late.as_ref().is_some_and(Late::is_told);
-        let Some(with_lag) = with_lag else { return self.told(record, known, late) };
-        if is_told || self.free[VARIANCE] {
-            return with_lag.told(record, known, late);
+        let is_determined = late.as_ref().is_some_and(Late::is_determined);
+        let Some(with_lag) = with_lag else { return self.with_intervals(record, known, late) };
+        if is_determined || self.free[VARIANCE] {
+            return with_lag.with_intervals(record, known, late);
         }
         // A lag that the record allows moves the other numbers: their intervals hold those of both fits.
-        let found = self.told(record, known, late)?;
-        Some(match with_lag.told(record, known, late).filter(|_| late.as_ref().is_some_and(Late::is_seen)) {
+        let found = self.with_intervals(record, known, late)?;
+        Some(match with_lag.with_intervals(record, known, late).filter(|_| late.as_ref().is_some_and(Late::is_seen)) {
             Some(other) => found.widened(&other),
             None => found,
         })
@@ -52,7 +52,7 @@ impl Fit {
         Late::new([p[LATE], half(LATE)], [if is_least { 0.0 } else { p[VARIANCE] }, half(VARIANCE)], slope)
     }
 
-    fn told(&self, record: &CancellableRecord<'_>, known: &Known, late: Option<Late>) -> Option<Identified> {
+    fn with_intervals(&self, record: &CancellableRecord<'_>, known: &Known, late: Option<Late>) -> Option<Identified> {
         let covariance = self.covariance(record)?;
         let device = &self.device;
         let p = &device.p;
@@ -65,15 +65,15 @@ impl Fit {
             let value = p[i].exp();
             self.sees(i).then(|| Interval { value, low: value * (-half(i)).exp(), high: value * half(i).exp() })
         };
-        let is_told = half(INERTIA) < 1.0;
+        let is_determined = half(INERTIA) < 1.0;
         let is_sure = SURELY * half(INERTIA) < 1.0;
         let exactly = |value: f64| Interval { value, low: value, high: value };
         let (inertia, gain) = match known.inertia {
-            Some(known) => (Some(exactly(known)), log(INERTIA).filter(|_| is_told)),
-            None => (log(INERTIA).filter(|_| is_told), None),
+            Some(known) => (Some(exactly(known)), log(INERTIA).filter(|_| is_determined)),
+            None => (log(INERTIA).filter(|_| is_determined), None),
         };
         let numbers = device.numbers([0.0; 2]);
-        let lag = late.filter(Late::is_told);
+        let lag = late.filter(Late::is_determined);
         let delay = plain(LATE).map(positive);
         // Without a lag that fits, the delay is both.
         let sum = late

@@ -63,7 +63,7 @@ impl Fit {
     }
 
     /// The numbers with their intervals, from the covariance and from `others` that explain the record as well.
-    pub fn told(&self, others: &[Parameters], residual: Residual) -> Option<WithHandle> {
+    pub fn with_intervals(&self, others: &[Parameters], residual: Residual) -> Option<WithHandle> {
         let spread = Spread::of(self)?;
         let around = |i: Interval, quantity: &dyn Fn(&Parameters) -> f64| {
             others.iter().map(quantity).fold(i, |Interval { value, low, high }, other| Interval {
@@ -91,7 +91,7 @@ impl Fit {
             inertia: log(&|p| inertias(p)[0], &[(0, 1.0), (SHARE, -share)]),
             damping: plain(&|p| p[1], &[(1, 1.0)]),
             friction: plain(&|p| p[FRICTION], &[(FRICTION, 1.0)]),
-            delay: positive(if late.is_told() { late.delay() } else { late.late() }),
+            delay: positive(if late.is_determined() { late.delay() } else { late.late() }),
             lag: no_longer(late.lag(), late.late()),
             late: positive(late.late()),
             handle_inertia: log(&|p| inertias(p)[1], &[(0, 1.0), (SHARE, 1.0 - share)]),

@@ -177,7 +177,13 @@ fn numbers_out_of_range_are_refused_at_the_start_too() {
     for set in ["device.inertia=1e-320", "device.damping=1e308", "bodies.wheel.inertia=1e-300", "loop.delay=10 s"] {
         let source = hapt_model::Source::from_text("wheel.toml", WORLD);
         let address = "127.0.0.1:0".parse().unwrap();
-        let options = hapt_live::Options { worlds: vec![source], sets: vec![set.into()], address, folder: ".".into() };
+        let options = hapt_live::Options {
+            worlds: vec![source],
+            sets: vec![set.into()],
+            address,
+            token: false,
+            folder: ".".into(),
+        };
         let error = hapt_live::Live::start(options).err().unwrap().to_string();
         assert!(error.starts_with(set.split('=').next().unwrap()), "{set}: {error}");
     }

@@ -19,8 +19,14 @@ fn a_recording_is_a_log_of_the_worlds_that_ran_and_replays_their_torques() {
     let folder = tempfile::tempdir().unwrap();
     let source = Source::from_text("wheel.toml", WORLD);
     let address = "127.0.0.1:0".parse().unwrap();
-    let live =
-        Live::start(Options { worlds: vec![source], sets: Vec::new(), address, folder: folder.path().into() }).unwrap();
+    let live = Live::start(Options {
+        worlds: vec![source],
+        sets: Vec::new(),
+        address,
+        token: false,
+        folder: folder.path().into(),
+    })
+    .unwrap();
     let (mut page, _) = Page::new(&live);
     // The loop is armed, and a hand moves it: the recording begins during a run.
     page.say(json!({ "type": "hand", "grip": true, "position": 0.4 }));
@@ -112,7 +118,14 @@ fn recordings_into_one_folder_have_a_file_each_and_lose_nothing() {
     let live = |_| {
         let source = Source::from_text("wheel.toml", WORLD);
         let address = "127.0.0.1:0".parse().unwrap();
-        Live::start(Options { worlds: vec![source], sets: Vec::new(), address, folder: folder.path().into() }).unwrap()
+        Live::start(Options {
+            worlds: vec![source],
+            sets: Vec::new(),
+            address,
+            token: false,
+            folder: folder.path().into(),
+        })
+        .unwrap()
     };
     let lives: Vec<Live> = (0..4).map(live).collect();
     let mut pages: Vec<Page> = lives.iter().map(|live| Page::new(live).0).collect();
@@ -149,8 +162,14 @@ fn is_whole(file: &Path) -> bool {
 fn a_folder_that_takes_no_file_is_refused_in_words() {
     let source = Source::from_text("wheel.toml", WORLD);
     let address = "127.0.0.1:0".parse().unwrap();
-    let live = Live::start(Options { worlds: vec![source], sets: Vec::new(), address, folder: "/proc/no/such".into() })
-        .unwrap();
+    let live = Live::start(Options {
+        worlds: vec![source],
+        sets: Vec::new(),
+        address,
+        token: false,
+        folder: "/proc/no/such".into(),
+    })
+    .unwrap();
     let (mut page, _) = Page::new(&live);
     page.say(json!({ "type": "record", "on": true }));
     let refused = page.hear("refused");

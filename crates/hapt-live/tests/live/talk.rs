@@ -214,7 +214,9 @@ fn with_a_removed_file_every_change_is_refused_and_the_loop_continues() {
     std::fs::write(&file, text).unwrap();
     let address = "127.0.0.1:0".parse().unwrap();
     let source = Source::open(&file).unwrap();
-    let live = Live::start(Options { worlds: vec![source], sets: Vec::new(), address, folder: ".".into() }).unwrap();
+    let live =
+        Live::start(Options { worlds: vec![source], sets: Vec::new(), address, token: false, folder: ".".into() })
+            .unwrap();
     let (mut page, _) = Page::new(&live);
     // The world file itself has been read; the path is read again with each change.
     std::fs::remove_file(&file).unwrap();

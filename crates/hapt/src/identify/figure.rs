@@ -1,6 +1,6 @@
 //! The fit over the positions, and its residuals.
 
-use hapt_identify::{Comparison, FORETOLD, Identified, Lattice, TorqueFit, Window};
+use hapt_identify::{Comparison, Identified, Lattice, PREDICTION_S, TorqueFit, Window};
 use hapt_model::Motion;
 use hapt_report::figure::{Axis, Figure, Panel, Style};
 
@@ -20,7 +20,7 @@ pub struct Drawn {
     lattice: Option<Lattice>,
     rms: f64,
     /// The motion that the fit to the torque predicts.
-    foretold: Vec<(f64, f64)>,
+    predicted: Vec<(f64, f64)>,
     /// The fit to the torque.
     windows: Vec<Window>,
 }
@@ -29,7 +29,7 @@ impl Drawn {
     pub fn of(given: &Given, found: &Identified, by_torque: Option<&TorqueFit>) -> Self {
         let (fitted, residuals) = (found.fitted(&given.record), found.residuals(&given.record));
         let windows = by_torque.map_or(Vec::new(), |fit| fit.windows.clone());
-        Drawn { fitted, residuals, lattice: found.lattice, rms: found.residual.rms, foretold: Vec::new(), windows }
+        Drawn { fitted, residuals, lattice: found.lattice, rms: found.residual.rms, predicted: Vec::new(), windows }
     }
 
     pub fn of_best(found: &Comparison) -> Self {
@@ -39,7 +39,7 @@ impl Drawn {
             residuals,
             lattice: found.lattice,
             rms: found.residual.rms,
-            foretold: Vec::new(),
+            predicted: Vec::new(),
             windows: Vec::new(),
         }
     }
@@ -50,7 +50,7 @@ impl Drawn {
             residuals: Vec::new(),
             lattice: fit.lattice,
             rms: 0.0,
-            foretold: fit.motion.clone(),
+            predicted: fit.motion.clone(),
             windows: fit.windows.clone(),
         }
     }
@@ -99,9 +99,9 @@ pub fn figure(given: &Given, found: &Drawn) -> Figure {
             format::number((found.rms * finer * 1e3).round() / 1e3)
         );
     } else {
-        if !found.foretold.is_empty() {
-            let name = format!("foretold, {} s each", format::number(FORETOLD));
-            motion.curve(&name, Style::Signal(0), thinned(&scaled(&found.foretold, factor)));
+        if !found.predicted.is_empty() {
+            let name = format!("predicted, {} s each", format::number(PREDICTION_S));
+            motion.curve(&name, Style::Signal(0), thinned(&scaled(&found.predicted, factor)));
         }
         panels.push(motion);
         let of = |value: &dyn Fn(&Window) -> f64| -> Vec<(f64, f64)> {

@@ -26,6 +26,10 @@ pub fn found(given: &Given) -> Result<Option<WithHandle>, Failure> {
             );
             Ok(None)
         }
+        Err(error @ Error::Rigid) => {
+            messages::say(format_args!("warning: {error}; what follows is without a handle"));
+            Ok(None)
+        }
         Err(error) => Err(Failure::input(format!("{}: {error}", given.name))),
     }
 }

@@ -146,7 +146,7 @@ fn term_words(given: &Given, term: &Term) -> (&'static str, String) {
     };
     let is_friction = matches!(term.kind, TermKind::FrictionByPosition { .. });
     let name = if is_friction { "friction" } else { term.kind.word() };
-    (name, format!("{words}; foretells {:.0} % of what is left without", 100.0 * term.foretells))
+    (name, format!("{words}; predicts {:.0} % of what is left without", 100.0 * term.predicts))
 }
 
 /// The `[device]` table.
