@@ -60,6 +60,12 @@ pub fn text() -> Result<Option<String>> {
     for length in LENGTHS {
         writeln!(text, "{}", stretches(&free, length)?)?;
     }
+    text += "\nWhat is beyond the slave's sensor, in free motion, with the sensor's column as the torque:\n\n\
+             | record | inertia, g m² | left of the sensor's torque |\n| --- | --- | --- |\n";
+    for name in FREE {
+        let fit = fit_torque(&lever(&folder, name, "sensor")?, &Known::default()).context("no window moves")?;
+        writeln!(text, "| {name} | {} | {:.1} % |", grams(fit.inertia), 100.0 * fit.misfit.share)?;
+    }
     text += "\n### The levers' free motion\n\n";
     text += &predicted(&folder)?;
     text += "\n### The levers against a file\n\n";
@@ -67,11 +73,12 @@ pub fn text() -> Result<Option<String>> {
     Ok(Some(text))
 }
 
-/// A record of the slave's lever.
-fn lever(folder: &Path, name: &str) -> Result<Record> {
+/// A record of the slave's lever, with the torque of its motor or of its sensor.
+fn lever(folder: &Path, name: &str, torque: &str) -> Result<Record> {
     let path = folder.join(format!("{name}.csv"));
     let table = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
-    let read = Columns::parse("time=time_s,position=slave_rad,torque=slave_motor_Nm")?.read_all(&table)?;
+    let columns = Columns::parse(&format!("time=time_s,position=slave_rad,torque=slave_{torque}_Nm"))?;
+    let read = columns.read_all(&table)?;
     Ok(Record::new(read.times, read.positions, read.torques)?)
 }
 
@@ -95,7 +102,8 @@ fn share(puck: Puck, record: &Record, horizon: f64) -> f64 {
 }
 
 fn predicted(folder: &Path) -> Result<String> {
-    let all: Vec<(&str, Record)> = FREE.iter().map(|name| Ok((*name, lever(folder, name)?))).collect::<Result<_>>()?;
+    let all: Vec<(&str, Record)> =
+        FREE.iter().map(|name| Ok((*name, lever(folder, name, "motor")?))).collect::<Result<_>>()?;
     let puck = |inertia: f64, damping: f64, friction: f64, offset: f64| Puck {
         gain: inertia.recip(),
         damping: damping / inertia,
@@ -150,7 +158,7 @@ fn compared(folder: &Path) -> Result<String> {
         "| record | `--against` the lab's inertia | why | inertia by the torque's equation, g m² | it agrees in | it contradicts |\n| --- | --- | --- | --- | --- | --- |\n",
     );
     for name in FREE.into_iter().chain(["m1-a-spring", "m1-c-foam"]) {
-        let record = lever(folder, name)?;
+        let record = lever(folder, name, "motor")?;
         let Ok(comparison) = against(&record, &claims, false) else {
             writeln!(text, "| {name} | refused | no fit explains the motion | not told | | |")?;
             continue;
@@ -159,9 +167,7 @@ fn compared(folder: &Path) -> Result<String> {
             Error::Residual(_) => "the best fit leaves more than noise",
             _ => "no fit explains the motion",
         });
-        let inertia = comparison.numbers[0]
-            .estimate
-            .map_or("not told".into(), |x| format!("{:.2}: {:.2} to {:.2}", 1e3 * x.value, 1e3 * x.low, 1e3 * x.high));
+        let inertia = grams(comparison.numbers[0].estimate);
         let of = |verdict: Verdict| {
             let names = comparison.numbers.iter().filter(|number| number.verdict == verdict).map(|number| number.name);
             names.collect::<Vec<_>>().join(", ")
@@ -173,10 +179,12 @@ fn compared(folder: &Path) -> Result<String> {
     Ok(text)
 }
 
+/// An inertia in g m².
+fn grams(x: Option<Interval>) -> String {
+    x.map_or("not told".into(), |x| format!("{:.2}: {:.2} to {:.2}", 1e3 * x.value, 1e3 * x.low, 1e3 * x.high))
+}
+
 fn row(fit: &TorqueFit) -> String {
-    let grams = |x: Option<Interval>| {
-        x.map_or("not told".to_string(), |x| format!("{:.2}: {:.2} to {:.2}", 1e3 * x.value, 1e3 * x.low, 1e3 * x.high))
-    };
     let terms: Vec<&str> = fit.terms.iter().map(|term| term.kind.word()).collect();
     format!(
         "{} | {} | {} | {} | {} | {:.1} % |",

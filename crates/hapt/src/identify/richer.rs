@@ -18,8 +18,14 @@ use crate::messages;
 use crate::output;
 
 pub fn run(args: &IdentifyArgs, given: &Given, fit: &TorqueFit, error: Option<&Error>) -> Result<ExitCode, Failure> {
-    if let Some(error) = error {
-        messages::say(format_args!("note: {error}"));
+    match error {
+        Some(Error::Unexplained) => {
+            messages::say(
+                "note: inertia, damping, friction and a delay of up to 50 ms do not explain the motion by themselves",
+            );
+        }
+        Some(error) => messages::say(format_args!("note: {error}")),
+        None => {}
     }
     messages::say("note: the numbers are those of the torque's equation; their intervals allow for what it leaves");
     if args.world.is_some() {
@@ -35,6 +41,11 @@ pub fn run(args: &IdentifyArgs, given: &Given, fit: &TorqueFit, error: Option<&E
     } else if fit.inertia.is_none() {
         messages::say(
             "note: no inertia can be told from this record; record faster motion in both directions, free of hands or with --force COLUMN for their sensor",
+        );
+    }
+    if given.record.forces().is_some() && fit.inertia.is_some() {
+        messages::say(
+            "note: the inertia is what moves between motor and sensor; what is beyond the sensor is in the sensor's torque",
         );
     }
     let by_both = fit.inertia_by_motion.zip(fit.inertia_by_torque);
