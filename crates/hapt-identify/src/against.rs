@@ -1,4 +1,4 @@
-//! Whether a record agrees with what a world's file says of its device.
+//! Whether a record agrees with the numbers of the device in a world's file.
 
 use hapt_model::keys::Measure;
 use hapt_model::{DeviceSpec, Handle, World};
@@ -18,14 +18,14 @@ use crate::start::{Begin, begins};
 use crate::torque::{TorqueFit, fit_torque};
 use crate::{Error, Lattice};
 
-/// An estimate so many standard errors outside contradicts the file. A lag that is too short to be told can move the other numbers by up to
-/// four of theirs.
+/// An estimate so many standard errors outside contradicts the file. A lag that is too short to be separated from a delay can move the
+/// other numbers by up to four of their standard errors.
 const SURELY: f64 = 5.0;
 /// The standard errors of half a 95 % interval.
 const HALF: f64 = 1.959_964;
-/// A number is told by a record whose interval reaches no farther than this part of the number on either side, or than its tolerance.
+/// A record determines a number whose interval reaches no farther than this part of the number on either side, or than its tolerance.
 const TOLD: f64 = 0.2;
-/// A record whose samples come this part more often or more seldom than the world's is another loop's.
+/// A record whose sample period differs by this part from the world's belongs to another loop.
 const PERIOD: f64 = 0.05;
 /// A friction of 0 counts as this part of the record's largest torque, and so does a damping of 0 at the record's speeds.
 const SMALL: f64 = 0.05;
@@ -39,7 +39,8 @@ pub struct Claims {
     pub damping: [f64; 2],
     /// Coulomb's, in N·m (N).
     pub friction: [f64; 2],
-    /// Half of what it is more toward smaller positions than toward larger ones, in the same unit; the friction is then the mean of the two.
+    /// Half of the difference between the friction toward smaller positions and that toward larger ones, in the same unit; the friction is
+    /// then the mean of the two.
     pub lean: f64,
     /// In s.
     pub lag: [f64; 2],
@@ -55,14 +56,14 @@ pub struct Claims {
     pub stops: Option<Stops>,
 }
 
-/// What a record says of a number of a file.
+/// The verdict of a record on a number of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// The record tells the number, and it is within the file's range or less than five standard errors outside.
+    /// The record determines the number, and it is within the file's range or less than five standard errors outside.
     Agrees,
     /// It is farther outside.
     Contradicts,
-    /// The record allows so much that its agreement would say nothing.
+    /// The record allows so wide a range that its agreement would mean nothing.
     NotTold,
 }
 
@@ -80,9 +81,9 @@ pub struct Compared {
     pub file: [f64; 2],
     /// How many standard errors the estimate is outside of that; 0 inside.
     pub sigmas: Option<f64>,
-    /// What follows.
+    /// The conclusion.
     pub verdict: Verdict,
-    /// Why it is not told, or how it contradicts where no estimate does.
+    /// Why the record does not determine it, or how it contradicts where there is no estimate.
     pub reason: Option<&'static str>,
 }
 
@@ -93,14 +94,14 @@ pub struct Comparison {
     pub numbers: Vec<Compared>,
     /// Why no device explains the record: that contradicts the file, whatever its numbers are.
     pub wrong: Option<Error>,
-    /// What the torque's equation leaves, where nothing explains the whole motion but this equation tells an inertia: the numbers are its
-    /// own then.
+    /// The misfit of the torque's equation, where no device explains the whole motion but this equation determines an inertia: the numbers
+    /// are then those of the equation.
     pub misfit: Option<Misfit>,
     /// The positions of the best fit, with their times.
     pub fitted: Vec<(f64, f64)>,
-    /// What it leaves of the record's.
+    /// The residuals of the positions, with their times.
     pub residuals: Vec<(f64, f64)>,
-    /// Their size.
+    /// The size of the residuals.
     pub residual: Residual,
     /// The positions' noise, rms, estimated without a fit, in rad (m).
     pub noise: f64,
@@ -151,7 +152,7 @@ fn middle([low, high]: [f64; 2]) -> f64 {
 }
 
 impl Claims {
-    /// A puck with the middle of each range, which begins as the record does.
+    /// A puck with the middle of each range, and with the first position and velocity of the record.
     fn puck(&self, record: &Record) -> Puck {
         let gain = middle(self.inertia).recip();
         let Begin { position, velocity } = begins(record, record.first())[0];
@@ -221,7 +222,7 @@ impl Comparison {
 /// Compares a record with a file's numbers; `is_linear`: the puck moves along a line.
 ///
 /// # Errors
-/// [`Error::Unexplained`] where not even a start for a fit is found.
+/// [`Error::Unexplained`] where no start for a fit is found.
 pub fn against(record: &Record, claims: &Claims, is_linear: bool) -> Result<Comparison, Error> {
     compared(&CancellableRecord { record, stop: &|| false }, claims, is_linear)
 }
@@ -247,7 +248,7 @@ fn compared(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) ->
 fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Result<Comparison, Error> {
     let lag = middle(claims.lag);
     let known = Known { is_linear, lag: (lag > 0.0).then_some(lag), ..Known::default() };
-    // Near the file's own device first where a puck alone is another one.
+    // A fit near the file's own device comes first, where that device is more than a puck.
     let near = device_of(claims).and_then(|device| device::near(record, &device)?.identified(record, &known));
     let search = || device::search(record, &known)?.identified(record, &known);
     if let Some(x) = near.or_else(|| search().filter(|x| x.stops.is_some_and(|stops| stops.are_sure()))) {
@@ -269,7 +270,7 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
     if found.wrong.is_some()
         && let Some(near) = search_from(record, &known, claims.puck(record)).filter(|near| near.wrong.is_none())
     {
-        // A search that starts nowhere near can miss the device of the file.
+        // A search from elsewhere can miss the device of the file.
         found = near;
     }
     let (numbers, puck, first, residual) = if found.wrong.is_none() {
@@ -282,7 +283,7 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
         let Fit { puck, first, .. } = found.best;
         (judged_without(claims), puck, first, residual(&left(record, &found.best)))
     };
-    // A device that is richer than the file has the numbers of the torque's equation, whose intervals allow for what it leaves.
+    // For a device richer than the file's, the numbers are those of the torque's equation, whose intervals allow for the misfit.
     // That equation has no stops.
     let by_torque =
         found.wrong.as_ref().filter(|_| claims.stops.is_none()).and_then(|_| fit_torque(record.record, &known));
@@ -299,7 +300,7 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
     })
 }
 
-/// A search for seven numbers and a beginning can miss the device: what it does not explain is no verdict.
+/// A search for seven numbers and an initial state can miss the device: a record that it does not explain gives no verdict.
 fn with_handle(record: &CancellableRecord<'_>, claims: &Claims, shaft: &Handle) -> Result<Comparison, Error> {
     let found = handle::search(record, Some(&claims.device()))?;
     let (fitted, residuals, residual) = (found.fitted(record), found.residuals(record), found.residual);
@@ -316,7 +317,7 @@ fn with_handle(record: &CancellableRecord<'_>, claims: &Claims, shaft: &Handle) 
     })
 }
 
-/// What counts as large in a record.
+/// The sizes that count as large in a record.
 struct Scale {
     torque: f64,
     /// Rms, over a fiftieth of a second.
@@ -379,7 +380,7 @@ fn judged_stribeck(found: &Identified, claims: &Claims, scale: &Scale) -> Vec<Co
     numbers
 }
 
-/// The stops of the file against those that the record runs into, or passes by.
+/// The stops of the file against those that the record runs into, or does not reach.
 fn judged_stops(record: &Record, found: &Identified, claims: &Claims) -> Vec<Compared> {
     if claims.stops.is_none() && found.stops.is_none() {
         return Vec::new();
@@ -387,7 +388,7 @@ fn judged_stops(record: &Record, found: &Identified, claims: &Claims) -> Vec<Com
     let (low, high) =
         record.positions().iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
     let step = found.lattice.map_or(0.0, |lattice| lattice.step);
-    // A stop acts where the puck is in it by more than the positions' errors.
+    // A stop acts where the puck is inside it by more than the positions' errors.
     let noise = SURELY * found.residual.rms.max(step).max(RESOLUTION * found.spread);
     let place = |name, side: f64, reached: f64, estimate: Option<Interval>, file: Option<f64>| {
         let range = [file.unwrap_or(f64::NAN); 2];
@@ -409,7 +410,7 @@ fn judged_stops(record: &Record, found: &Identified, claims: &Claims) -> Vec<Com
         place("low stop", -1.0, low, seen.and_then(|x| x.low), file.and_then(|x| x.low)),
         place("high stop", 1.0, high, seen.and_then(|x| x.high), file.and_then(|x| x.high)),
     ];
-    // A file without this stop has nothing to say where the record has nothing.
+    // Where neither record nor file has a number of a stop, the row is left out.
     numbers.retain(|number| number.estimate.is_some() || !number.file[0].is_nan());
     let of = |name, measure, estimate, file: Option<f64>, least| {
         let mut number = Compared::new(name, Some(measure), estimate, [file.unwrap_or(f64::NAN); 2], least);
@@ -418,7 +419,7 @@ fn judged_stops(record: &Record, found: &Identified, claims: &Claims) -> Vec<Com
         }
         number
     };
-    // A damping is small beside twice the root of stiffness and inertia.
+    // A damping is small compared with twice the root of stiffness times inertia.
     let critical = file.map_or(0.0, |x| 2.0 * (x.stiffness * middle(claims.inertia)).sqrt());
     numbers.extend([
         of("stop stiffness", Measure::Stiffness, seen.map(|x| x.stiffness), file.map(|x| x.stiffness), 0.0),
@@ -439,7 +440,7 @@ fn lateness(lag: Option<Interval>, delay: Option<Interval>, late: Option<Interva
         of_lag.judge(lag, claims.period);
     }
     let both = [claims.delay[0] + claims.lag[0], claims.delay[1] + claims.lag[1]];
-    // Beside a lag that is surely short the sum is the delay.
+    // With a lag that is certainly short, the sum is the delay.
     let range = if is_determined { claims.delay } else { both };
     let mut of_delay = number("delay", delay, range, claims.period);
     if !is_determined && of_lag.verdict != Verdict::Agrees {
@@ -451,7 +452,7 @@ fn lateness(lag: Option<Interval>, delay: Option<Interval>, late: Option<Interva
     [of_lag, of_delay, number("delay and lag", late, both, claims.period)]
 }
 
-/// Why delay and lag show together only.
+/// Why delay and lag show only as their sum.
 const SLOW: &str = "the record tells only the sum of delay and lag: its torque changes too little, or too slowly, for the size of its noise";
 const NONE: &str = "not in this record";
 const WIDE: &str = "the record allows too much";
@@ -462,7 +463,7 @@ const NO_FALL: &str = "a puck without it explains the record: the speeds are too
 const LATE: &str = "the torque's equation does not tell it";
 const UNEXPLAINED: &str = "no interval is valid beside a motion that no device explains";
 
-/// The numbers of a record by the torque's equation alone, which does not tell how late the torque comes.
+/// The numbers of a record by the torque's equation only, which does not determine the delay of the torque.
 fn judged_by_torque(found: &TorqueFit, claims: &Claims, scale: &Scale) -> Vec<Compared> {
     let friction = SMALL * scale.torque;
     let holds = claims.friction[1] + claims.lean.abs();
@@ -497,7 +498,7 @@ fn judged_without(claims: &Claims) -> Vec<Compared> {
     names.into_iter().map(number).collect()
 }
 
-/// The numbers of a device with a handle on a shaft. Its fit takes neither a constant torque nor a sign.
+/// The numbers of a device with a handle on a shaft. Its fit contains neither a constant torque nor a sign.
 fn judged_with_handle(found: &WithHandle, claims: &Claims, shaft: &Handle, scale: &Scale) -> Vec<Compared> {
     let friction = SMALL * scale.torque;
     let number = |name, measure, estimate, file, least| Compared::new(name, Some(measure), Some(estimate), file, least);
@@ -531,7 +532,7 @@ fn sigmas(x: &Interval, [low, high]: [f64; 2]) -> f64 {
 }
 
 impl Compared {
-    /// `least`: what counts as the size of a number that is smaller.
+    /// `least`: a smaller number counts as this size.
     fn new(
         name: &'static str,
         measure: Option<Measure>,

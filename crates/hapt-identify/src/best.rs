@@ -30,7 +30,7 @@ pub(crate) fn best(record: &CancellableRecord<'_>, starts: &[Puck]) -> Option<Fi
             fit(record, start, free, record.first())
         });
         let best = fits.min_by(|a, b| a.normal.squares.total_cmp(&b.normal.squares))?;
-        // Fits tend to stop where one loss is below 0 and the other far too large, which no puck has.
+        // Fits tend to stop where one loss is below 0 and the other far too large, which is not physical.
         let shared = shared(record, &best.puck).and_then(|start| fit(record, start, free, record.first()));
         Some(shared.filter(|fit| fit.normal.squares < best.normal.squares).unwrap_or(best))
     };
@@ -38,7 +38,7 @@ pub(crate) fn best(record: &CancellableRecord<'_>, starts: &[Puck]) -> Option<Fi
     let offset = if is_driven { with(true) } else { None };
     let late = match offset {
         Some(fit) if separates_offset(&fit) => fit,
-        // Hardly separated from friction, but present: without it the residuals are certainly larger.
+        // Hardly separated from friction, but present: without it the residuals are significantly larger.
         Some(fit) => with(false)
             .filter(|none| none.normal.squares - fit.normal.squares < SURELY.powi(2) * fit.variance())
             .unwrap_or(fit),
@@ -47,7 +47,7 @@ pub(crate) fn best(record: &CancellableRecord<'_>, starts: &[Puck]) -> Option<Fi
     Some(earlier(record, &late).unwrap_or(late))
 }
 
-/// The puck whose one loss is below 0, half of the other's work given to that one; `None` where neither is.
+/// The puck with a loss below 0, half of the other's work given to that one; `None` where neither is below 0.
 fn shared(record: &Record, puck: &Puck) -> Option<Puck> {
     let positions = fitted(record, puck, record.first());
     let speeds = positions.windows(2).map(|pair| ((pair[1] - pair[0]) / record.period()).powi(2));
@@ -62,8 +62,8 @@ fn shared(record: &Record, puck: &Puck) -> Option<Puck> {
     }
 }
 
-/// The same fit from the first sample on by which every torque of this delay has been recorded: what a rest before the first step says of
-/// the first position counts as much as any motion. `None` where that is no earlier, or where those samples are of another motion.
+/// The same fit from the first sample by which every torque of this delay has been recorded: a rest before the first step determines the
+/// first position as well as any motion does. `None` where that sample is no earlier, or where the added samples are of another motion.
 fn earlier(record: &CancellableRecord<'_>, late: &Fit) -> Option<Fit> {
     let error = (late.inverse()?[(DELAY, DELAY)] * late.variance()).sqrt();
     let first = record.first_after(late.puck.delay + SURELY * error);

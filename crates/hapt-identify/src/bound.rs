@@ -1,27 +1,27 @@
 //! Fits on a bound: damping, friction and delay are 0 or more.
 //!
-//! Where little is known of one of them, the least squares may lie below 0. Cutting the interval of that fit off at 0 leaves too little of
-//! it, or nothing; and a damping below 0 goes along with a wrong inertia and a wrong delay. So the squares are minimised again with the
-//! bounds kept.
+//! Where the data hardly determine one of them, the least squares may lie below 0. Cutting the interval of that fit off at 0 leaves too
+//! little of it, or nothing; and a damping below 0 is correlated with a wrong inertia and a wrong delay. So the squares are minimised again
+//! with the bounds kept.
 //!
-//! Of a parameter at 0 the interval goes from 0 to the larger of two ends. One is Student's t times the standard error: an estimate below
-//! 0 says no more than one of 0 would, so the interval is never shorter than what the record resolves. The other is the profile
-//! likelihood's: the largest value beside which the other parameters, fitted again within their own bounds, leave at most t² s² more than
-//! the best fit. The distribution of that difference at a bound is half of χ² and half 0 (Chernoff 1954), so t² covers at least as often
-//! as it promises.
+//! The interval of a parameter at 0 goes from 0 to the larger of two ends. One is Student's t times the standard error: an estimate below 0
+//! has no more information than one of 0, so the interval is never shorter than the resolution of the record. The other is the profile
+//! likelihood's: the largest value with which the other parameters, fitted again within their own bounds, leave at most t² s² more than the
+//! best fit. The distribution of that difference at a bound is half of χ² and half 0 (Chernoff 1954), so t² covers at least as often as
+//! stated.
 
 use crate::fit::{Fit, Free, fit};
 use crate::puck::{DAMPING, DELAY, FRICTION, Puck};
 use crate::quantile::student;
 use crate::record::{CancellableRecord, LONGEST_DELAY};
 
-/// What no puck has below 0.
+/// Parameters that are never below 0 in a real puck.
 const BOUNDED: [usize; 3] = [DAMPING, FRICTION, DELAY];
-/// The bounds are surely broken where keeping them costs this many standard errors.
+/// The bounds are certainly violated where keeping them costs this many standard errors.
 const SURELY: f64 = 5.0;
-/// A better fit found along a profile is followed so often.
+/// A better fit found along a profile is followed at most so many times.
 const ROUNDS: usize = 3;
-/// A profile is looked at in so many places at most, until its squares are within this part of t² s².
+/// A profile is evaluated at so many values at most, until its squares are within this part of t² s².
 const PLACES: usize = 10;
 const NEAR: f64 = 0.1;
 
@@ -30,12 +30,12 @@ const NEAR: f64 = 0.1;
 pub(crate) struct Bounded {
     /// Every parameter of its `free` is in its covariance, also those at 0.
     pub fit: Fit,
-    /// Pucks that the record allows, as far up as profiles of parameters at 0 go beyond their standard errors: every interval reaches
+    /// Pucks that the record allows, as far as profiles of parameters at 0 reach beyond their standard errors: every interval includes
     /// them.
     pub ends: Vec<Puck>,
 }
 
-/// What a profile of a parameter at 0 leads to.
+/// The result of a profile of a parameter at 0.
 enum Profile {
     Ends(Vec<Puck>),
     /// The fit was not the best.
@@ -43,7 +43,7 @@ enum Profile {
 }
 
 impl Bounded {
-    /// From the best fit without bounds. Where the record surely says that they are broken, it stays as it is.
+    /// From the best fit without bounds. Where the record certainly violates them, that fit is kept.
     pub fn new(record: &CancellableRecord<'_>, best: Fit) -> Self {
         if is_within(&best.puck, best.free) {
             return Bounded { fit: best, ends: Vec::new() };
@@ -72,8 +72,8 @@ fn is_within(puck: &Puck, free: Free) -> bool {
     BOUNDED.iter().all(|i| !free[*i] || p[*i] >= 0.0)
 }
 
-/// The least squares with the bounds kept, from `start`. Where the fit without bounds breaks one, any set of the parameters may be at 0:
-/// of those sets beside which the other parameters stay above 0, the one with the least squares.
+/// The least squares with the bounds kept, from `start`. Where the fit without bounds violates one, any set of the parameters may be at 0:
+/// of those sets with which the other parameters stay above 0, the one with the least squares.
 fn within(record: &CancellableRecord<'_>, start: Puck, free: Free, first: usize) -> Option<Fit> {
     let alone = fit(record, start, free, first)?;
     if is_within(&alone.puck, free) {
@@ -116,7 +116,7 @@ fn profile(record: &CancellableRecord<'_>, fit: &Fit, i: usize) -> Profile {
     let (mut inside, mut outside) = (0.0, f64::INFINITY);
     let mut place = (allowed * covariance[(i, i)]).sqrt().min(most);
     let mut start = fit.puck.parameters();
-    // The other estimates go along with this one.
+    // The other estimates change with this one.
     start.iter_mut().enumerate().for_each(|(j, p)| *p += covariance[(j, i)] / covariance[(i, i)] * place);
     let mut free = fit.free;
     free[i] = false;

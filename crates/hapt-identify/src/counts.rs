@@ -1,17 +1,17 @@
-//! The encoder's count, from the positions themselves: they stand on a lattice.
+//! The encoder's count from the positions, which are on a lattice.
 
 /// The lattice on which positions stand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lattice {
-    /// From line to line, in the positions' unit.
+    /// The spacing, in the positions' unit.
     pub step: f64,
-    /// The standard error of it.
+    /// The standard error of the spacing.
     pub error: f64,
 }
 
-/// Fewer different positions do not show one.
+/// Fewer different positions do not show a lattice.
 const FEWEST: usize = 8;
-/// A gap may be off a whole number of steps by this part of a step, rms: what is printed with few digits.
+/// A gap may differ from a whole number of steps by this part of a step, rms: positions may be printed with few digits.
 const ROUGHEST: f64 = 0.1;
 
 /// The lattice of these positions, if they stand on one: the smallest gap between neighbours is about a step, every other one a
@@ -20,7 +20,7 @@ pub fn lattice(positions: &[f64]) -> Option<Lattice> {
     let mut sorted: Vec<f64> = positions.iter().copied().filter(|x| x.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
     let span = sorted.last()? - sorted.first()?;
-    // The same line, computed or printed in two ways.
+    // The same lattice line, computed or printed in two ways.
     sorted.dedup_by(|b, a| *b - *a <= 1e-9 * span);
     if sorted.len() < FEWEST {
         return None;
@@ -30,7 +30,7 @@ pub fn lattice(positions: &[f64]) -> Option<Lattice> {
     // The mean of the gaps that are one step is better than the smallest.
     let single: Vec<f64> = gaps.iter().copied().filter(|gap| *gap < 1.5 * smallest).collect();
     let mut step = single.iter().sum::<f64>() / single.len() as f64;
-    // Gap by gap, so that a wrong last digit of the step does not add up; then all together.
+    // First gap by gap, so that an error in the last digit of the step does not add up; then all together.
     for _ in 0..2 {
         let multiple = |gap: &f64| (gap / step).round().max(1.0);
         let off = gaps.iter().map(|gap| (gap / step - multiple(gap)).powi(2)).sum::<f64>() / gaps.len() as f64;

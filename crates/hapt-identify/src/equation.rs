@@ -6,8 +6,8 @@
 //! τ(t - d) = J z̈ + b ż + f sign ż + c + ...
 //! ```
 //!
-//! is weighed by the same w (order 0) or by ẇ (order 1, which does not see what is constant), and the derivatives of the position pass to
-//! the bump: ∫ w z̈ = ∫ ẅ z. So no position is differentiated, and no term is filtered otherwise than another. One row a window.
+//! is weighted by the same w (order 0) or by ẇ (order 1, which is blind to constants), and the derivatives of the position pass to the
+//! bump: ∫ w z̈ = ∫ ẅ z. So no position is differentiated, and all terms have the same filter. Each window gives one row.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -54,20 +54,20 @@ impl std::ops::Add<&Sums> for Sums {
 const POWER: i32 = 5;
 /// Windows overlap: so many begin within half of one.
 const OVERLAP: usize = 6;
-/// A window with fewer samples to a side says nothing of a second derivative.
+/// A window with fewer samples to a side does not determine a second derivative.
 const FEWEST: usize = 6;
 /// A gap of so many periods is in no window.
 const GAP: f64 = 4.0;
-/// A window in which the puck moves less than this part of the time is left out: at rest friction holds any torque.
+/// A window in which the puck moves less than this part of the time is left out: at rest friction balances any torque.
 const MOVES: f64 = 0.7;
-/// No real spring is straight and without loss to better than this part: so much of its torque may go with the acceleration.
+/// No real spring is linear and lossless to better than this part: so much of its torque may be correlated with the acceleration.
 const BENT: f64 = 0.05;
-/// Records that a bootstrap puts together.
+/// The number of resampled records of a bootstrap.
 const RESAMPLES: usize = 100;
 /// Parts of a record that are left out in turn (the jackknife).
 pub(crate) const BLOCKS: usize = 8;
 
-/// How the rows are weighed.
+/// The weight of the rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Band {
     /// The length of a window, s.
@@ -93,14 +93,14 @@ pub(crate) struct Row {
 /// How the standard errors of the equation's terms are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Errors {
-    /// By the larger one of the jackknife and of least squares with as many values as are independent in what is left.
+    /// The larger of the jackknife's and that of least squares with the number of independent residuals.
     #[default]
     Larger,
     /// By leaving out one of eight blocks of the record in turn.
     Jackknife,
     /// By the sandwich of Newey and West (Econometrica 55 (1987) 703) with Andrews's lag for an autoregression (Econometrica 59 (1991) 817).
     Sandwich,
-    /// By the moving blocks bootstrap (Künsch, Ann. Stat. 17 (1989) 1217), with blocks of twice the time over which what is left is correlated.
+    /// By the moving blocks bootstrap (Künsch, Ann. Stat. 17 (1989) 1217), with blocks of twice the correlation time of the residuals.
     Bootstrap,
 }
 
@@ -108,7 +108,7 @@ pub enum Errors {
 pub(crate) struct Rows {
     errors: Errors,
     pub rows: Vec<Row>,
-    /// What the positions' noise adds to the squares of a row's terms.
+    /// The contribution of the positions' noise to the squares of a row's terms.
     noise: Square,
 }
 
@@ -125,7 +125,7 @@ fn bump(u: f64) -> [f64; 4] {
 }
 
 impl Rows {
-    /// `signs`: of the velocity at each sample, from -1 to 1; `torques`: what acts at each sample.
+    /// `signs`: of the velocity at each sample, from -1 to 1; `torques`: those that act at each sample.
     pub fn new(record: &Record, signs: &[f64], torques: &[f64], band: Band) -> Self {
         let (times, positions) = (record.times(), record.positions());
         let half = (0.5 * band.length / record.period()).round() as usize;
@@ -193,7 +193,7 @@ impl Rows {
         all
     }
 
-    /// What lists of values at the samples are under each row's bump, a list of rows for each.
+    /// Means of lists of values at the samples under each row's bump, a list of rows for each.
     pub fn weighed(&self, record: &Record, lists: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let times = record.times();
         let mut all = vec![Vec::with_capacity(self.rows.len()); lists.len()];
@@ -219,12 +219,12 @@ impl Rows {
         self.weighed(record, torques).into_iter().map(with).collect()
     }
 
-    /// The same, whose solutions have standard errors by another way.
+    /// The same, whose solutions have standard errors by another method.
     pub fn with_errors(self, errors: Errors) -> Rows {
         Rows { errors, ..self }
     }
 
-    /// Those whose positions are all between two places.
+    /// The rows whose positions are all between two places.
     pub fn between(&self, record: &Record, [low, high]: [f64; 2]) -> Rows {
         let is_inside =
             |row: &&Row| record.positions()[row.span.0..=row.span.1].iter().all(|z| (low..=high).contains(z));
@@ -258,7 +258,7 @@ impl Rows {
         if all > 0.0 { self.noise[(INERTIA, INERTIA)] / all } else { 1.0 }
     }
 
-    /// The part of the torques' variance that a solution leaves, and that the positions' noise does not explain.
+    /// The part of the torques' variance that remains in the residuals of a solution, and that the positions' noise does not explain.
     pub fn unexplained(&self, solved: &Solved) -> f64 {
         let values = Column::from(solved.values);
         let noise = (values.transpose() * self.noise * values)[(0, 0)] / self.rows.len().max(1) as f64;
@@ -277,14 +277,14 @@ impl Rows {
 #[derive(Clone, Debug)]
 pub(crate) struct Solved {
     pub values: [f64; TERMS],
-    /// Standard errors that hold where what is left is correlated and goes with the motion.
+    /// Standard errors that hold where the residuals are correlated with each other and with the motion.
     pub errors: [f64; TERMS],
     /// The inertia by the regression of the acceleration on the torque, and its standard error.
     pub by_motion: (f64, f64),
     pub left: Vec<f64>,
-    /// The mean square of what is left over that of the torques.
+    /// The mean square of the residuals over that of the torques.
     pub share: f64,
-    /// The number of independent values among what is left.
+    /// The number of independent values among the residuals.
     pub independent: f64,
     /// Whether a constant is determined: motion in one direction does not distinguish it from friction, nor do both from a friction by direction.
     pub has_constant: bool,
@@ -302,10 +302,10 @@ fn solve(sums: &Sums, mask: Mask) -> Option<(Column, Square)> {
 }
 
 impl Rows {
-    /// The least squares with these terms, damping and friction of the inertia's sign; `duration` of the record in s.
+    /// The least squares with these terms, with damping and friction of the inertia's sign; `duration` of the record in s.
     pub fn solved(&self, mask: Mask, duration: f64) -> Option<Solved> {
         let mut mask = mask;
-        // Of a damping or friction that is 0 because it would be below.
+        // The variance of a damping or friction that is held at 0, because its estimate would be below.
         let mut at_bound = Column::zeros();
         let blocks = self.sums();
         let all = total(&blocks, None);
@@ -322,7 +322,7 @@ impl Rows {
                 mask[same] = false;
                 continue;
             };
-            // What drives the puck along its motion is no damping and no friction of it.
+            // A torque that drives the puck along its motion is neither damping nor friction.
             let wrong = |i: usize| mask[i] && values[i] * values[INERTIA] < 0.0;
             let count = blocks.len() as f64;
             if let Some(i) = [DAMPING, FRICTION].into_iter().find(|i| wrong(*i)) {
@@ -377,7 +377,7 @@ impl Rows {
 }
 
 impl Rows {
-    /// The variances of the estimates by the sandwich: what is left of neighbouring windows is correlated up to a lag that the data give.
+    /// The variances of the estimates by the sandwich: residuals of neighbouring windows are correlated up to a lag that the data give.
     fn sandwich(&self, inverse: &Square, left: &[f64]) -> Column {
         let scores: Vec<Column> =
             self.rows.iter().zip(left).map(|(row, left)| inverse * Column::from(row.terms) * *left).collect();
@@ -397,7 +397,7 @@ impl Rows {
         Column::from_fn(|i, _| of(i))
     }
 
-    /// The variances of the estimates over records that are put together of blocks of this one.
+    /// The variances of the estimates over records that are assembled from blocks of this one.
     fn bootstrap(&self, mask: Mask, correlated: f64) -> Column {
         let n = self.rows.len();
         let length = ((2.0 * correlated).ceil() as usize).clamp(1, n.div_ceil(4));
@@ -442,20 +442,21 @@ fn total(blocks: &[Sums], without: Option<usize>) -> Sums {
     kept.fold(none, |sum, (_, block)| sum + block)
 }
 
-/// The inertia that the same rows give where the motion, not the torque, has the errors: the regression of the acceleration on the
-/// torque. Least squares bias the inertia of the torque towards 0 by what acts on the puck besides, and this one away from it, where the
-/// torque does not follow the motion.
+/// The inertia that the same rows give where the motion, not the torque, has the errors: the regression of the acceleration on the torque.
+/// Other torques on the puck bias the inertia by regression of the torque towards 0, and this one away from it, where the torque does not
+/// follow the motion.
 fn by_motion(sums: &Sums, values: &Column, inverse: &Square) -> f64 {
     let left = (sums.squares - values.dot(&sums.torque)).max(0.0);
     values[INERTIA] + left * inverse[(INERTIA, INERTIA)] / values[INERTIA]
 }
 
-/// What a device leaves beyond the model goes with its motion: so few independent values at most, however long its correlation is found.
+/// The most independent values: the residual of a device beyond the model is correlated with its motion, however long its correlation time
+/// is found.
 fn most_independent(duration: f64) -> f64 {
     (3.0 * duration).max(16.0)
 }
 
-/// The number of values over the sum of their correlations up to where these end (Geyer, Statist. Sci. 7 (1992) 473).
+/// The number of values over the sum of their correlations up to the lag where these end (Geyer, Statist. Sci. 7 (1992) 473).
 fn independent(left: &[f64]) -> f64 {
     let n = left.len();
     let all: f64 = left.iter().map(|r| r * r).sum();

@@ -1,4 +1,4 @@
-//! What is wrong with a record.
+//! The errors of a record.
 
 use std::fmt;
 
@@ -88,7 +88,7 @@ pub enum Error {
         /// In the column's unit.
         force: f64,
     },
-    /// Time stands still or runs backward.
+    /// Time does not increase.
     #[error("sample {sample}: the time is {time} s after {before} s; times must increase")]
     Times {
         /// From 0.
@@ -137,7 +137,7 @@ pub enum Error {
         "the motion does not follow from the torque: no inertia, damping, friction and delay up to 50 ms were found that explain it; look at the columns, their units, and at whether a hand was on the puck"
     )]
     Unexplained,
-    /// No handle shows: of its inertia a part is in the interval that no record could show.
+    /// The interval of the handle's inertia includes a part that no record could show.
     #[error("a device without a handle on a shaft explains this record as well")]
     Rigid,
     /// The residuals are larger than counts and noise.

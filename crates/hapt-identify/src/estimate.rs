@@ -26,9 +26,9 @@ const MIN_EXPLAINED: f64 = 0.9;
 const LONG: f64 = 8.0;
 /// The shortest stretch that is searched for a puck that explains it, s.
 const BRIEF: f64 = 0.6;
-/// Parts of the record that are fitted before all of it, where a fit of all of it goes wrong.
+/// Parts of the record that are fitted before all of it, where a fit of all of it fails.
 const BEGINNINGS: [f64; 3] = [0.125, 0.25, 0.5];
-/// If those fail too: the number of starts around the best, and how far each number may be off, as a part of itself.
+/// If those fail too: the number of starts around the best, and the largest offset of each number, as a part of itself.
 const HOPS: usize = 12;
 const AROUND: [f64; 3] = [0.3, 0.1, 0.03];
 
@@ -40,20 +40,20 @@ pub fn identify(record: &Record, known: &Known) -> Result<Identified, Error> {
     identified(&CancellableRecord { record, stop: &|| false }, known)
 }
 
-/// The same, or `None` once `stop` is true: it is asked at every step of a fit, which takes a look at each sample.
+/// The same, or `None` once `stop` is true: it is called at every step of a fit, which reads each sample.
 pub fn identify_until(record: &Record, known: &Known, stop: &dyn Fn() -> bool) -> Option<Result<Identified, Error>> {
     let result = identified(&CancellableRecord { record, stop }, known);
     (!stop()).then_some(result)
 }
 
 fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identified, Error> {
-    // Where the puck is turned round near the ends of its travel a search without stops is long and in vain.
+    // Where the puck turns round near the ends of its travel, a search without stops is long and fails.
     let stopped = device::search(record, known).and_then(|fit| fit.identified(record, known));
     let has = |is: fn(&FoundStops) -> bool| move |found: &Identified| found.stops.as_ref().is_some_and(is);
     if let Some(found) = stopped.clone().filter(has(FoundStops::are_sure)) {
         return Ok(found);
     }
-    // Stops that explain what nothing else does are the device's, if the record tells of them at all.
+    // Stops that explain a record that nothing else explains are the device's, if the record determines them at all.
     let stopped = stopped.filter(has(FoundStops::are_determined));
     match search_or_glimpse(record, known) {
         Err(wrong) | Ok(BestFit { wrong: Some(wrong), .. }) => stopped.ok_or(wrong),
@@ -68,20 +68,20 @@ fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identifie
     }
 }
 
-/// Whether the fit is best, beyond doubt, with a number below 0, where keeping it at 0 explains the record no more: then the device is not of
-/// the kind that was fitted.
+/// Whether the best fit has a number significantly below 0, and does not explain the record with it at 0: then the device is not of the
+/// kind that was fitted.
 fn breaks_a_bound(found: &Identified) -> bool {
     let puck = &found.puck;
     found.sign.is_some() && (puck.delay < 0.0 || puck.damping < 0.0 || puck.friction < 0.0)
 }
 
-/// With intervals that reach those of the torque's equation, which allow for what another kind of device has.
+/// With intervals that cover those of the torque's equation, which allow for another kind of device.
 fn up_to(found: Identified, equation: &TorqueFit) -> Identified {
     let both = |here: Option<Interval>, there: Option<Interval>| {
         let (x, y) = (here?, there.or(here)?);
         Some(Interval { value: x.value, low: x.low.min(y.low), high: x.high.max(y.high) })
     };
-    // An inertia that is known has no interval to widen.
+    // An inertia that is given has no interval to widen.
     let inertia = if found.gain.is_some() { found.inertia } else { both(found.inertia, equation.inertia) };
     Identified {
         inertia,
@@ -120,7 +120,7 @@ impl BestFit {
     }
 }
 
-/// The search for the best fit, or one fit where the device is richer than the puck.
+/// The search for the best fit, or a single fit where the device is richer than the puck.
 pub(crate) fn search_or_glimpse(record: &CancellableRecord<'_>, known: &Known) -> Result<BestFit, Error> {
     if is_richer(record, known) { glimpse(record, known) } else { search(record, known) }
 }
@@ -139,7 +139,7 @@ fn is_richer(record: &CancellableRecord<'_>, known: &Known) -> bool {
     !explains(&starts) && !explains(&again(&stretch, &starts))
 }
 
-/// One fit, for what it leaves, where none explains the record.
+/// A single fit, for its residuals, where none explains the record.
 fn glimpse(record: &CancellableRecord<'_>, known: &Known) -> Result<BestFit, Error> {
     let squares = |puck: &Puck| {
         let at = |(z, seen): (f64, &f64)| (seen - z).powi(2);
@@ -199,7 +199,7 @@ fn whole(record: &CancellableRecord<'_>, known: &Known) -> Result<BestFit, Error
     Ok(judged(record, known, best))
 }
 
-/// A fit, with a lag beside it where that is told or explains what the fit without does not, and whether it explains the record.
+/// A fit, also with a lag where the record determines one or a lag explains more than the fit without, and whether it explains the record.
 fn judged(record: &CancellableRecord<'_>, known: &Known, best: Fit) -> BestFit {
     let explains = is_right(record, &best);
     let lag = Lag::new(record, &best, explains, known.lag).filter(|lag| explains || is_right(record, &lag.fit));
@@ -210,7 +210,7 @@ fn judged(record: &CancellableRecord<'_>, known: &Known, best: Fit) -> BestFit {
     BestFit { best, lag, wrong }
 }
 
-/// The torque that goes with the position, where that explains most of what a fit leaves.
+/// The torque that depends on the position, where it explains most of a fit's residuals.
 fn blamed(record: &Record, known: &Known, fit: &Fit) -> Option<PositionTorque> {
     position_torque(record, fit, known.is_linear).filter(|x| (MIN_EXPLAINED..=1.0).contains(&x.explains))
 }

@@ -1,25 +1,25 @@
 //! The experiment on a device: a small torque that steps to and fro, and then a chirp.
 //!
-//! Nothing in it depends on the position, so that it stays what it is when the motor's sign or the encoder's counts are wrong. No torque
-//! is held for long enough to bring the puck up to more than a given speed.
+//! It does not depend on the position, so that it stays the same when the motor's sign or the encoder's counts are wrong. No torque is held
+//! for long enough to bring the puck up to more than a given speed.
 
 use std::f64::consts::{PI, TAU};
 
-/// Lengths of the steps, s: together they reach from 2 Hz to 20 Hz; they come again and again.
+/// Lengths of the steps, s: together they reach from 2 Hz to 20 Hz; the list repeats.
 const LENGTHS: [f64; 12] = [0.12, 0.24, 0.18, 0.09, 0.13, 0.05, 0.07, 0.03, 0.05, 0.04, 0.025, 0.06];
-/// And their sizes: none is the one before it with the other sign, so that friction and damping tell themselves apart.
+/// The sizes of the steps: none is the negative of the one before it, so that the record separates friction from damping.
 const SIZES: [f64; 12] = [1.0, -0.9, 0.7, -1.0, 0.0, 0.8, -1.0, 1.0, -0.7, 0.9, -0.8, 0.5];
-/// Of the time the steps have this part, the chirp the rest.
+/// The steps have this part of the time, the chirp the rest.
 const STEPS: f64 = 0.6;
-/// The chirp begins at so many Hz, or higher where a swing of it would be too fast,
+/// The chirp begins at this frequency in Hz, or higher where a swing of it would be too fast,
 const SLOWEST: f64 = 1.0;
 /// and ends where a swing has so many pushes.
 const PUSHES_A_SWING: f64 = 8.0;
 
-/// A push fades over to the next in so many s, or samples where those are longer.
+/// A push fades to the next in so many s, or samples where those are longer.
 const FADE: f64 = 5e-3;
 const FADE_SAMPLES: f64 = 4.0;
-/// A push may change the velocity by so much, rad/s (linear: m/s).
+/// The largest change of the velocity by a push, rad/s (linear: m/s).
 const FASTEST: [f64; 2] = [25.0, 1.0];
 
 /// A torque in N·m (N), held for so many s.
@@ -38,14 +38,14 @@ pub struct Bounds {
     pub torque: f64,
     /// In rad/s (m/s): no push, and no swing of the chirp, changes the velocity by more, as far as the inertia is right.
     pub speed: f64,
-    /// What the inertia is about, in kg·m² (kg).
+    /// An estimate of the inertia, in kg·m² (kg).
     pub inertia: f64,
-    /// A torque takes so long to go over into the next, in s; no push is shorter than two of these.
+    /// The time of the transition from one torque to the next, in s; no push is shorter than two of these.
     pub fade: f64,
 }
 
 impl Bounds {
-    /// What is usual for a loop of this period in s: faded over in 5 ms or four samples, no faster than 25 rad/s (linear: 1 m/s).
+    /// The usual bounds for a loop of this period in s: fades of 5 ms or four samples, no faster than 25 rad/s (linear: 1 m/s).
     pub fn new(torque: f64, inertia: f64, period: f64, is_linear: bool) -> Self {
         Bounds { torque, inertia, speed: FASTEST[usize::from(is_linear)], fade: FADE.max(FADE_SAMPLES * period) }
     }
@@ -84,7 +84,7 @@ impl Bounds {
             if left <= 0.0 {
                 break;
             }
-            // Each round the other way round, so that it comes back.
+            // Each round has the opposite sign of the one before it, so that the puck comes back.
             let way = if (i / SIZES.len()).is_multiple_of(2) { 1.0 } else { -1.0 };
             let length = length.min(longest).max(self.shortest());
             pushes.push(Push { torque: way * size * self.torque, length });
@@ -111,7 +111,7 @@ mod tests {
             for push in &pushes {
                 prop_assert!(push.torque.abs() <= torque && push.length >= 2.0 * fade * (1.0 - 1e-12), "{push:?}");
                 let gained = push.torque.abs() * push.length / inertia;
-                // The loop's own pace is the one reason for a push that is too long.
+                // A push is longer than the speed allows only where the loop's period requires it.
                 prop_assert!(gained <= speed * (1.0 + 1e-9) || push.length <= 2.0 * fade * (1.0 + 1e-12), "{push:?}: {gained}");
             }
             // Without friction and damping the chirp's velocity stays within the bound, from where it begins.

@@ -1,31 +1,31 @@
-//! Whether what a fit leaves is explained by counts and noise.
+//! Whether counts and noise explain the residuals of a fit.
 //!
-//! The noise σ is known without any fit, from third differences of the positions, in which a smooth motion is nothing. A fit that is right
-//! leaves that noise, and the counts' rounding. So two things are asked of the residuals r with variance s²:
+//! The noise σ is known without any fit, from third differences of the positions, in which a smooth motion vanishes. A fit that is right
+//! leaves that noise, and the counts' rounding. So two conditions hold for its residuals r with variance s²:
 //!
 //! ```text
 //! s² <= 1.5 σ² + Δ²/4
 //! mean over blocks of (mean of r)² <= χ²(blocks)/blocks · s²/m + e²
 //! ```
 //!
-//! The second is for blocks of m = 8 samples and for fifty blocks: independent noise averages out in them, and a wrong motion does not. χ² is
-//! its quantile of 1 - 10⁻⁶. e is what rounding may leave in a mean: half a count without noise, and beside Gaussian noise of σ' before it
-//! is counted 1/π · exp(-2π² (σ'/Δ)²) of a count (Widrow and Kollár, Quantization Noise, 2008), with a fifth more.
+//! The second is for blocks of m = 8 samples and for fifty blocks: independent noise averages out in them, and a wrong motion does not. χ²
+//! is its quantile of 1 - 10⁻⁶. e is the largest mean of rounding: half a count without noise, and, with Gaussian noise of σ' before
+//! counting, 1/π · exp(-2π² (σ'/Δ)²) of a count (Widrow and Kollár, Quantization Noise, 2008), with a fifth more.
 
 use std::f64::consts::PI;
 
 use crate::counts::Lattice;
 use crate::record::Record;
 
-/// Blocks of so many samples, and so many blocks.
+/// The samples of a short block, and the number of long blocks.
 const SHORT: usize = 8;
 const BLOCKS: usize = 50;
 /// The standard normal's quantile of 1 - 10⁻⁶.
 const SURELY: f64 = 4.753;
-/// A fit that leaves no more than this part of the motion is as good as any number that is printed.
+/// A fit with residuals of less than this part of the motion is as exact as printed numbers.
 const NOTHING: f64 = 1e-6;
 
-/// Whether counts and noise explain what a fit leaves of a motion with this standard deviation.
+/// Whether counts and noise explain the residuals of a motion with this standard deviation.
 pub(crate) fn explained(record: &Record, left: &[f64], lattice: Option<Lattice>, spread: f64) -> bool {
     let n = left.len() as f64;
     let variance = left.iter().map(|r| r * r).sum::<f64>() / n;
@@ -40,7 +40,7 @@ pub(crate) fn explained(record: &Record, left: &[f64], lattice: Option<Lattice>,
     let before = (seen.min(variance) - count * count / 12.0).max(0.0);
     let rounds =
         if count > 0.0 { (1.2 / PI * (-2.0 * PI * PI * before / (count * count)).exp()).min(0.5) } else { 0.0 };
-    // Near no noise the first harmonic is not all of it.
+    // With little noise the first harmonic is not the whole rounding error.
     let rounds = if before < 0.04 * count * count { 0.5 * count } else { rounds * count };
     [SHORT, left.len().div_ceil(BLOCKS)].into_iter().filter(|m| *m >= SHORT).all(|m| {
         let means: Vec<f64> = left.chunks_exact(m).map(|block| block.iter().sum::<f64>() / m as f64).collect();

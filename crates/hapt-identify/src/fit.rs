@@ -13,9 +13,9 @@ pub(crate) type Square = SMatrix<f64, PARAMETERS, PARAMETERS>;
 type Column = SVector<f64, PARAMETERS>;
 
 const MOST_STEPS: usize = 60;
-/// A step of this many standard errors is none.
+/// A step of less than this many standard errors counts as none.
 const SMALL: f64 = 1e-3;
-/// The shortest lag of a fit in periods of the record: its sensitivity is a difference, whose digits would go.
+/// The shortest lag of a fit in periods of the record: its sensitivity is a difference, which would lose its digits.
 pub(crate) const SHORTEST_LAG: f64 = 0.02;
 
 /// Σ sᵀs and Σ sᵀr over rows s with right sides r.
@@ -44,7 +44,7 @@ impl Normal {
         self.rows += 1;
     }
 
-    /// Those of `free` on which the rows say anything.
+    /// Those of `free` on which the rows depend.
     pub fn seen(&self, free: Free) -> Free {
         std::array::from_fn(|i| free[i] && self.information[(i, i)] > 0.0)
     }
@@ -71,7 +71,8 @@ impl Normal {
         self.squares - p.iter().zip(&self.right).map(|(p, right)| p * right).sum::<f64>()
     }
 
-    /// The inverse of the information, 0 in the rows of what is not free; `None` where two parameters cannot be told apart at all.
+    /// The inverse of the information, 0 in the rows of parameters that are not free; `None` where two parameters cannot be separated at
+    /// all.
     pub fn inverse(&self, free: Free) -> Option<Square> {
         let (matrix, scale) = self.scaled(self.seen(free), 0.0);
         let inverse = matrix.cholesky()?.inverse();
@@ -116,7 +117,7 @@ impl Fit {
     }
 }
 
-/// The normal equations of the position errors at `puck` from sample `first` on; `None` where the motion leaves the numbers.
+/// The normal equations of the position errors at `puck` from sample `first` on; `None` where the motion is not finite.
 fn normal(record: &Record, puck: &Puck, first: usize) -> Option<Normal> {
     let mut normal = Normal::new();
     puck.follow(record.times(), record.torques(), first, |i, z, dz| {

@@ -21,7 +21,7 @@ use crate::ringing::{Ringing, ringing};
 use crate::spectrum::{Line, line};
 use crate::start::{Begin, begins, starts};
 
-/// Parts of the ratio J_h / J that a record seems to show from which fits start, and the least and the most of it.
+/// Factors of the ratio J_h / J that the record suggests, from which fits start, and the least and the largest ratio.
 const PARTS: [f64; 3] = [1.0, 0.4, 2.5];
 const RATIOS: [f64; 2] = [0.03, 30.0];
 /// Other frequencies from which fits start.
@@ -30,12 +30,12 @@ const OTHERS: usize = 2;
 const FOLLOWED: usize = 4;
 /// The part of the squares of a rigid device's fit below which a fit with a handle is followed to its end.
 const RINGS: f64 = 0.5;
-/// A handle of less than this part of the motor's inertia is none that a record shows.
+/// A record does not show a handle of less than this part of the motor's inertia.
 const LEAST_HANDLE: f64 = 1e-3;
 /// Steps of a fit that is compared with others, at first without a lag.
 const FEW: usize = 10;
 
-/// What a record tells of a device with a handle; each value with its 95 % interval, in SI.
+/// A device with a handle, as the record determines it; each value with its 95 % interval, in SI.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WithHandle {
     /// J of the motor's side.
@@ -44,7 +44,7 @@ pub struct WithHandle {
     pub damping: Interval,
     /// Coulomb's, of the motor's side.
     pub friction: Interval,
-    /// From the sample to the change of the torque, in s. Where the interval of the lag begins at 0, the record does not tell them apart, and
+    /// From the sample to the change of the torque, in s. Where the interval of the lag begins at 0, the record does not separate them, and
     /// this is both together.
     pub delay: Interval,
     /// The motor's, in s.
@@ -61,7 +61,7 @@ pub struct WithHandle {
     pub resonance_hz: f64,
     /// Two of delay, lag, shaft damping, ... that the record hardly separates.
     pub correlated: Vec<CorrelatedPair>,
-    /// What the fit leaves.
+    /// The residuals of the fit.
     pub residual: Residual,
 }
 
@@ -73,7 +73,7 @@ pub fn identify_handle(record: &Record) -> Result<WithHandle, Error> {
     identify_handle_until(record, &|| false)
 }
 
-/// The same, until `stop` says true; the fit of that moment is then what counts.
+/// The same, until `stop` returns true; then the result is the fit at that moment.
 ///
 /// # Errors
 /// As [`identify_handle`].
@@ -107,13 +107,13 @@ impl HandleSearch {
         measured(record).map(|i| record.times()[i]).zip(positions(record, &self.fit.p).unwrap_or_default()).collect()
     }
 
-    /// What it leaves of the record's.
+    /// The residuals of the record's positions.
     pub fn residuals(&self, record: &Record) -> Vec<(f64, f64)> {
         measured(record).map(|i| record.times()[i]).zip(self.fit.left.iter().copied()).collect()
     }
 }
 
-/// The search for the device that explains a record. A search that begins near a device ends with it where that explains the record.
+/// The search for the device that explains a record. A search that begins near a device ends with it where it explains the record.
 pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>) -> Result<HandleSearch, Error> {
     let CancellableRecord { record, stop } = *watched;
     let (lattice, spread) = (record.lattice(), record.spread());
@@ -121,15 +121,15 @@ pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>)
     let from = |(rests, p): (bool, Parameters)| {
         let mut fit = Fit::of(record, p, rests)?;
         if !rests {
-            // A wrong beginning of a fast motion would bend every other number first.
+            // A wrong initial state of a fast motion would first distort every other number.
             fit.free = Free::Beginning;
             fit = fit.improved(record, FEW, stop)?;
         }
-        // Far from the device a lag takes what is another parameter's.
+        // Far from the device the lag would stand for the error of another parameter.
         fit.free = Free::But(VARIANCE);
         fit.improved(record, FEW, stop)
     };
-    // The best after a few steps need not be the best in the end, and beside much noise more than one may explain the record.
+    // The best after a few steps need not be the best in the end, and with much noise more than one may explain the record.
     let mut best: Option<Fit> = None;
     let mut seen: Vec<Fit> = Vec::new();
     let begun = [near.map(|device| Starts { at: around(record, device), rigid: f64::INFINITY }), starts_of(watched)];
@@ -142,7 +142,7 @@ pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>)
         let with_lag = |fit: Fit| fit.lagging(record).improved(record, FEW_ITERATIONS, stop);
         let mut fits: Vec<Fit> = fits.into_iter().filter_map(with_lag).collect();
         fits.sort_by(by_squares);
-        // A handle that rings takes most of what a rigid device leaves.
+        // A handle that rings explains most of the residuals of a rigid device.
         rings = fits.first().is_some_and(|fit| fit.squares < RINGS * rigid);
         for fit in fits {
             if stop() || best.as_ref().is_some_and(|best| !rings || explains(best)) {
@@ -171,13 +171,14 @@ pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>)
 
 /// Where fits start.
 struct Starts {
-    /// From rest or in motion, and with which parameters. A small velocity that friction ends within some samples hardly shows that it should be 0.
+    /// The initial state, at rest or in motion, with the parameters. A small velocity that friction ends within some samples hardly shows
+    /// that it should be 0.
     at: Vec<(bool, Parameters)>,
     /// The sum of squares that a rigid device leaves.
     rigid: f64,
 }
 
-/// At a device.
+/// Starts at a given device.
 fn around(record: &Record, device: &DeviceSpec) -> Vec<(bool, Parameters)> {
     let handle = device.handle.unwrap_or(Handle { inertia: device.inertia, stiffness: 0.0, damping: 0.0 });
     let whole = device.inertia + handle.inertia;
@@ -199,14 +200,14 @@ fn around(record: &Record, device: &DeviceSpec) -> Vec<(bool, Parameters)> {
     vec![(true, start), (false, moving(record, start))]
 }
 
-/// The same beginning as one in motion.
+/// The same start with an initial motion.
 fn moving(record: &Record, mut start: Parameters) -> Parameters {
     let Begin { position, velocity } = begins(record, 0)[0];
     (start[POSITION], start[POSITION + 1]) = (position, velocity);
     start
 }
 
-/// Where the handle of a rigid device's record seems to ring; `None` where nothing does.
+/// The frequencies at which the handle seems to ring in the record of a rigid device; `None` where there is none.
 fn starts_of(watched: &CancellableRecord<'_>) -> Option<Starts> {
     let record = watched.record;
     let rigid = best(watched, &starts(watched))?;
@@ -256,7 +257,7 @@ impl WithHandle {
     }
 }
 
-/// The line of a shaft in what a rigid device leaves, in Hz; `None` where no line stands out.
+/// The line of a shaft in the residuals of a rigid device, in Hz; `None` where no line stands out.
 pub(crate) fn resonance(left: &[(f64, f64)]) -> Option<f64> {
     line(left).filter(Line::is_clear).map(|line| line.hz)
 }

@@ -5,21 +5,21 @@ use hapt_plant::spec::Stops;
 use crate::counts::Lattice;
 use crate::puck::Puck;
 
-/// What is known beforehand.
+/// The quantities that are known before the fit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Known {
-    /// J in kg·m² (linear: kg): then the motor's gain is found in its place, and a coast-down gives damping and friction.
+    /// J in kg·m² (linear: kg): then the motor's gain is found instead, and a coast-down gives damping and friction.
     pub inertia: Option<f64>,
     /// The positions are linear, so that their lattice is not a part of a turn.
     pub is_linear: bool,
-    /// The motor lags, by about so many s: the fits start there, and the other numbers are those of a fit with a lag.
+    /// The approximate lag of the motor, in s: the fits start there, and the other numbers are those of a fit with a lag.
     pub lag: Option<f64>,
     /// The damping k²/R that a motor on a voltage adds, in N·m·s/rad (N·s/m): the damping that is found is the rest.
     pub back_damping: f64,
 }
 
 impl Known {
-    /// The damping of the device alone.
+    /// The device's own damping.
     pub(crate) fn own(&self, damping: Interval) -> Interval {
         let less = |x: f64| (x - self.back_damping).max(0.0);
         Interval { value: less(damping.value), low: less(damping.low), high: less(damping.high) }
@@ -28,7 +28,7 @@ impl Known {
 
 /// A value with its 95 % interval.
 ///
-/// Damping, friction, delay and lag are 0 or more, and so are their values and ends. An interval that begins at 0 means that there may be none.
+/// Damping, friction, delay and lag are 0 or more, and so are their values and ends. An interval that begins at 0 allows a value of 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     /// The most likely value.
@@ -39,7 +39,7 @@ pub struct Interval {
     pub high: f64,
 }
 
-/// Two parameters whose estimates are so correlated that the record does not determine each alone.
+/// Two parameters whose estimates are so correlated that the record does not determine them separately.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CorrelatedPair {
     /// inertia, damping, friction, delay; with a handle also lag, share of the handle, shaft stiffness, shaft damping.
@@ -67,10 +67,11 @@ pub struct Identified {
     pub damping: Option<Interval>,
     /// Coulomb's, in N·m (N).
     pub friction: Option<Interval>,
-    /// From the sample to the change of the torque, in s. Where the interval of the lag begins at 0, the record does not tell them apart,
-    /// and this is the delay of a motor without a lag.
+    /// From the sample to the change of the torque, in s. Where the interval of the lag begins at 0, the record does not separate them, and
+    /// this is the delay of a motor without a lag.
     pub delay: Option<Interval>,
-    /// The time constant with which the torque follows its command, in s. From 0: not told from a delay, and the value is 0.
+    /// The time constant with which the torque follows its command, in s. An interval from 0: not separated from a delay, and the value is
+    /// 0.
     pub lag: Option<Interval>,
     /// Delay and lag together, in s: the mean time from a command to its torque, whatever the lag is.
     pub late: Option<Interval>,
@@ -87,13 +88,13 @@ pub struct Identified {
     pub lattice: Option<Lattice>,
     /// b/J in 1/s and f/J in rad/s² (m/s²), which a coast-down determines.
     pub rates: [Option<Interval>; 2],
-    /// The end stops that the record runs into; `None`: it reaches none.
+    /// The end stops that the record reaches; `None`: it reaches none.
     pub stops: Option<FoundStops>,
-    /// Friction that falls with the speed, where it was asked for.
+    /// Friction that falls with the speed, where the caller asked for it.
     pub stribeck: Option<FoundStribeck>,
     /// The fit itself, with damping, friction and delay of 0 or more wherever that explains the record.
     pub puck: Puck,
-    /// Where the device is at each sample from `first` on, where it has end stops or Stribeck friction.
+    /// The positions of the device at each sample from `first` on, where it has end stops or Stribeck friction.
     pub(crate) positions: Option<Vec<f64>>,
     /// The first sample that is fitted.
     pub first: usize,
@@ -103,7 +104,7 @@ pub struct Identified {
     pub unmodelled: Option<PositionTorque>,
     /// The positions' standard deviation, in rad (m).
     pub spread: f64,
-    /// Whether the residuals are rounding alone: a simulation without noise.
+    /// Whether the residuals are only rounding: a simulation without noise.
     pub is_exact: bool,
     /// Largest over smallest eigenvalue of the estimates' correlations.
     pub condition: f64,
@@ -111,12 +112,12 @@ pub struct Identified {
     pub correlated: Vec<CorrelatedPair>,
 }
 
-/// End stops of the device: springs and dampers of the same numbers at both ends of the way.
+/// End stops of the device: springs and dampers with the same numbers at both ends of the travel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FoundStops {
-    /// Where that toward smaller positions begins, in rad (m); `None`: the record does not reach it.
+    /// The place of the stop toward smaller positions, in rad (m); `None`: the record does not reach it.
     pub low: Option<Interval>,
-    /// Where that toward larger positions begins.
+    /// The place of the stop toward larger positions.
     pub high: Option<Interval>,
     /// In N·m/rad (N/m).
     pub stiffness: Interval,
@@ -124,25 +125,27 @@ pub struct FoundStops {
     pub damping: Interval,
 }
 
-/// The ratios of the ends of a stiffness' interval from which on a stop may be another torque about a turn, and from which on nothing is told.
+/// The ratios of the ends of a stiffness' interval above which a stop may be another torque near a turn, and above which the stiffness is
+/// not determined.
 const LOOSEST: f64 = 4.0;
 const VAGUEST: f64 = 1e4;
 
 impl FoundStops {
-    /// Whether the record shows surely that they are stops. What is left of other torques where the puck turns round is fitted by a stop too,
-    /// whose stiffness it does not tell.
+    /// Whether they are certainly stops. Other torques near a turn of the puck are fitted by a stop too, whose stiffness the record then
+    /// does not determine.
     pub(crate) fn are_sure(&self) -> bool {
         self.stiffness.high < LOOSEST * self.stiffness.low
     }
 
-    /// Whether their stiffness is told at all.
+    /// Whether their stiffness is determined at all.
     pub(crate) fn are_determined(&self) -> bool {
         self.stiffness.high < VAGUEST * self.stiffness.low
     }
 }
 
 impl Identified {
-    /// The same with intervals of inertia, damping, friction, gain, constant torque, stops and Stribeck friction that hold another fit's too.
+    /// The same with intervals of inertia, damping, friction, gain, constant torque, stops and Stribeck friction that include those of
+    /// another fit.
     pub(crate) fn widened(self, other: &Identified) -> Self {
         let both = |one: Option<Interval>, other: Option<Interval>| one.map(|x| other.map_or(x, |other| x.with(other)));
         let stops = self.stops.map(|x| match other.stops {
@@ -175,7 +178,7 @@ impl Identified {
 }
 
 impl FoundStops {
-    /// The values alone.
+    /// The values without their intervals.
     pub fn values(&self) -> Stops {
         let [low, high] = [self.low, self.high].map(|x| x.map(|x| x.value));
         Stops { low, high, stiffness: self.stiffness.value, damping: self.damping.value }
@@ -188,7 +191,7 @@ impl FoundStops {
     }
 }
 
-/// Friction that is so much more at rest, and falls to Coulomb friction by a straight line up to the velocity.
+/// Friction that is this much larger at rest, and falls linearly to Coulomb friction at this velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FoundStribeck {
     /// In N·m (N).
@@ -200,7 +203,7 @@ pub struct FoundStribeck {
 /// A torque that depends on the position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PositionTorque {
-    /// Its periods in a turn; 0: it grows with the position as a spring's does.
+    /// Its periods in a turn; 0: it is proportional to the position, as a spring's.
     pub times_a_turn: u32,
     /// Its amplitude in N·m of commanded torque; of a spring the stiffness in N·m/rad (linear: N/m).
     pub size: f64,
@@ -209,7 +212,7 @@ pub struct PositionTorque {
 }
 
 impl Interval {
-    /// The same value, and an interval that holds the other one too.
+    /// The same value, and an interval that includes the other one.
     pub(crate) fn with(self, other: Interval) -> Self {
         Interval { value: self.value, low: self.low.min(other.low), high: self.high.max(other.high) }
     }

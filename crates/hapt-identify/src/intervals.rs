@@ -21,7 +21,7 @@ pub(crate) const VAGUE: f64 = 0.1;
 /// The names of the first four parameters.
 const NAMES: [&str; 4] = ["inertia", "damping", "friction", "delay"];
 
-/// A fit with what the intervals of its parameters are computed from.
+/// A fit with the quantities from which the intervals of its parameters are computed.
 pub(crate) struct Intervals<'k> {
     best: Fit,
     /// Points that every interval must contain.
@@ -65,7 +65,7 @@ impl<'k> Intervals<'k> {
         let rate = |i: usize| of(&|puck| puck.parameters()[i], &[(i, 1.0)]);
         // An inertia as uncertain as its value is not determined, and neither is the sign.
         let gained = rate(GAIN).filter(|gain| gain.low * gain.high > 0.0);
-        // A sign has to be told at 99.9 %, by 3.29 standard errors and not 1.96.
+        // A sign needs a level of 99.9 %, 3.29 standard errors and not 1.96.
         let sure = |gain: &Interval| gain.value.abs() > 3.29 / 1.96 * (gain.high - gain.low) / 2.0;
         let inertia_of = |puck: &Puck| self.known.inertia.unwrap_or(puck.gain.abs().recip());
         let j = inertia_of(&self.best.puck);
@@ -87,7 +87,7 @@ impl<'k> Intervals<'k> {
         };
         let lag = self.lag.filter(|_| gained.is_some());
         let told = lag.filter(|lag| lag.is_determined());
-        // Where the lag is not told, the delay of a motor without one is as right.
+        // Where the lag is not determined, the delay of a motor without one is as right.
         let instead = rate(DELAY).filter(|_| told.is_none());
         let late = bounded(lag.map(|lag| instead.into_iter().fold(lag.late(), Interval::with)));
         let lattice = record.lattice();
@@ -145,7 +145,7 @@ impl<'k> Intervals<'k> {
     }
 }
 
-/// What of an interval is 0 or more.
+/// The part of an interval that is 0 or more.
 pub(crate) fn positive(Interval { value, low, high }: Interval) -> Interval {
     Interval { value: value.max(0.0), low: low.max(0.0), high: high.max(0.0) }
 }
@@ -162,7 +162,7 @@ pub(crate) fn counts(lattice: Lattice) -> Option<Interval> {
     let whole = counts.round();
     let off = (counts - whole).abs();
     if doubt < 0.25 {
-        // Positions printed with few digits may be off by their rounding, and by nothing else.
+        // Positions printed with few digits may be off only by their rounding.
         return (off <= doubt + 1e-6 * counts).then_some(Interval { value: whole, low: whole, high: whole });
     }
     Some(Interval { value: whole, low: (counts - doubt).floor(), high: (counts + doubt).ceil() })

@@ -1,8 +1,8 @@
-//! What a record says of the motor's lag.
+//! The motor's lag, as a record determines it.
 //!
-//! A lag λ and a delay d both make the torque late. To slow changes only their sum shows, the mean time from a command to its torque; what
-//! else a lag does goes with λ², the variance of that time: it moves the puck by α λ²/2 of the torque. So mean and variance are fitted,
-//! and the record tells lag from delay where the variance is surely above 0.
+//! A lag λ and a delay d both make the torque late. For slow changes only their sum has an effect, the mean time from a command to its
+//! torque; the further effect of a lag is proportional to λ², the variance of that time: it moves the puck by α λ²/2 of the torque. So mean
+//! and variance are fitted, and the record separates lag from delay where the variance is certainly above 0.
 
 use crate::bound::Bounded;
 use crate::fit::{Fit, SHORTEST_LAG, fit};
@@ -13,14 +13,14 @@ use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
 use crate::remainder::{error_variance, is_right as explains};
 use crate::start::{Begin, begins};
 
-/// A torque that has come up for so many lags has arrived.
+/// After so many lags a torque has reached its command.
 const ARRIVED: f64 = 8.0;
 /// The number of standard errors that counts as certain, for the time to the torque.
 const SURELY: f64 = 5.0;
-/// A lag is told from a delay where λ² is so many half intervals, or 5 standard errors: less would find a lag where there is none, once in a
-/// few thousand records, and a delay that is short by it.
+/// A lag is separated from a delay where λ² is so many half intervals, or 5 standard errors: a lower limit would find a lag where there is
+/// none, once in a few thousand records, and a delay that is too short by it.
 const TOLD: f64 = 2.6;
-/// From so many half intervals on, one standard error, the other numbers are those of the fit with a lag: without it they would be off.
+/// From so many half intervals on, one standard error, the other numbers are those of the fit with a lag: without it they would be biased.
 const SEEN: f64 = 0.5;
 
 /// A fit whose motor lags.
@@ -36,14 +36,14 @@ pub(crate) struct Late {
     /// λ² with its half interval, and the same of d + λ, in s.
     variance: [f64; 2],
     mean: [f64; 2],
-    /// How much of d + λ goes along with λ², and the half interval of the rest.
+    /// The slope of d + λ over λ², and the half interval of the rest.
     slope: f64,
     rest: f64,
 }
 
 impl Lag {
     /// The fit from the best one without a lag; `None` where there is no torque to lag. A fit that is right without one is near the best
-    /// with one: a short lag first tells whether there is any. `likely`: one to start from before all others.
+    /// with one: a short lag first shows whether there is any. `likely`: a lag to start from before all others.
     pub fn new(record: &CancellableRecord<'_>, best: &Fit, is_right: bool, likely: Option<f64>) -> Option<Self> {
         if !record.is_driven() || !best.puck.delay.is_finite() {
             return None;
@@ -51,11 +51,11 @@ impl Lag {
         let mut found: Option<Lag> = None;
         let short = 0.5 * record.period();
         let longer = [0.5, 1.0].map(|part| part * best.puck.delay).into_iter().filter(|lag| !is_right && *lag > short);
-        // Last from where the lag changes next to nothing: no fit of more parameters is worse than the one without them.
+        // The last start has a lag with next to no effect: no fit of more parameters is worse than the one without them.
         let least = SHORTEST_LAG * record.period();
         for lag in likely.into_iter().chain([short]).chain(longer).chain([least]) {
             let is_better = |lag: &Lag| lag.fit.normal.squares <= best.normal.squares;
-            // Beside a fit that is wrong without a lag, one that is told may still be a shorter one than the best.
+            // With a fit that is wrong without a lag, a determined lag may still be shorter than the best.
             if found
                 .as_ref()
                 .is_some_and(|found| is_better(found) && (is_right && found.is_determined() || lag == least))
@@ -73,7 +73,7 @@ impl Lag {
         if is_right && !found.is_determined() {
             return Some(found);
         }
-        // What the motor remembers from before the first sample of the fit is unknown.
+        // Torques from before the first sample of the fit still act through the lag, and are unknown.
         let arrives = found.fit.puck.delay.max(0.0) + ARRIVED * found.fit.puck.lag + SURELY * found.late.mean[1];
         let first = record.first_after(arrives.min(LONGEST_DELAY));
         if first <= found.fit.first {
@@ -115,14 +115,14 @@ impl std::ops::Deref for Lag {
 }
 
 impl Late {
-    /// d + λ and λ² with their half intervals, and how much of the first goes along with the second; `None`: no numbers.
+    /// d + λ and λ² with their half intervals, and the slope of the first over the second; `None`: they are not finite.
     pub fn new(mean: [f64; 2], variance: [f64; 2], slope: f64) -> Option<Self> {
         let rest = (mean[1].powi(2) - (slope * variance[1]).powi(2)).max(0.0).sqrt();
         let is_finite = [variance[1], mean[1], slope].iter().all(|x| x.is_finite());
         is_finite.then_some(Late { variance, mean, slope, rest })
     }
 
-    /// Whether the record tells the lag from a delay.
+    /// Whether the record separates the lag from a delay.
     pub fn is_determined(&self) -> bool {
         self.variance[0] > TOLD * self.variance[1]
     }
@@ -132,7 +132,7 @@ impl Late {
         self.variance[0] > SEEN * self.variance[1]
     }
 
-    /// λ; from 0 where the record does not tell it from a delay.
+    /// λ; an interval from 0 where the record does not separate it from a delay.
     pub fn lag(&self) -> Interval {
         let [variance, half] = self.variance;
         let of = |x: f64| x.max(0.0).sqrt();
@@ -149,7 +149,7 @@ impl Late {
         Interval { value, low: value - half, high: value + half }
     }
 
-    /// d alone: its ends are those for the ends of λ², beside what of d + λ does not go along with that.
+    /// d: its ends are those for the ends of λ², combined with the part of d + λ that is not correlated with λ².
     pub fn delay(&self) -> Interval {
         let [variance, half] = self.variance;
         let of = |by: f64| self.mean[0] + self.slope * by - (variance + by).max(0.0).sqrt();

@@ -1,4 +1,4 @@
-//! The puck over a stretch in which the motor's torque comes up to its command, in closed form.
+//! The puck over a stretch in which the motor's torque approaches its command, in closed form.
 //!
 //! A unit of acceleration that decays with the rate κ adds to velocity and position, with x = |κ - β| t and μ the smaller of both,
 //!
@@ -19,7 +19,7 @@ pub(crate) struct Lagging {
     pub rate: f64,
 }
 
-/// What an acceleration of 1 that decays adds over a stretch.
+/// The change that a decaying acceleration of 1 adds over a stretch.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Added {
     pub travel: f64,
@@ -62,7 +62,7 @@ impl Lagging {
     pub fn first_rest(self, v: f64, a: f64, gap: f64, rest: f64) -> Option<f64> {
         let v = v.max(0.0);
         let at = |t: f64| Stretch::new(self.beta, t).travel(v, a).1 + gap * self.speed(t);
-        // The speed turns where its rate e^-βt (rate at 0) - κ gap E(t) is 0, which is once at most.
+        // The speed turns where its rate e^-βt (rate at 0) - κ gap E(t) is 0, at most once.
         let start = a + gap - self.beta * v;
         let along = start / (self.rate * gap);
         let x = (self.rate - self.beta) * along;
@@ -70,7 +70,7 @@ impl Lagging {
             true => along * (1.0 + 0.5 * x),
             false => -(-x).ln_1p() / (self.rate - self.beta),
         };
-        // A puck that sets out from rest goes its way at first, whatever rounding makes of its rate.
+        // A puck that starts from rest first moves in its direction, whatever the rounding error of its rate.
         let is_inside = turn > 0.0 && turn < rest && (v > 0.0 || start > 0.0);
         let mut from = 0.0;
         for to in [is_inside.then_some(turn), Some(rest)].into_iter().flatten() {
@@ -82,7 +82,7 @@ impl Lagging {
         None
     }
 
-    /// The zero of a speed that falls from 0 or more to below 0: Newton's steps, and halves where they leave the interval.
+    /// The zero of a speed that falls from 0 or more to below 0: Newton's steps, and bisection where they leave the interval.
     fn zero(self, at: impl Fn(f64) -> f64, a: f64, gap: f64, [mut low, mut high]: [f64; 2]) -> f64 {
         let mut t = 0.5 * (low + high);
         for _ in 0..MOST_STEPS {

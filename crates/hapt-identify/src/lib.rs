@@ -1,4 +1,4 @@
-//! What a device is made of, from a record of its motion: inertia, viscous damping, Coulomb friction, delay, the motor's lag and sign, and
+//! The parameters of a device from a record of its motion: inertia, viscous damping, Coulomb friction, delay, the motor's lag and sign, and
 //! the encoder's counts, each with a 95 % interval.
 //!
 //! A [`Record`] is positions and commanded torques over time. [`identify`] fits the puck's own differential equation to it,

@@ -1,7 +1,7 @@
 //! MATLAB's files of level 5 (`save -v6`, `-v7`): the numeric arrays of one length as a table.
 //!
-//! The format is that of MathWorks, "MAT-File Format", 2021. Read are real numeric arrays of any class, also those in structs, also
-//! compressed ones; what else is in a file is left out. Those of level 7.3 are HDF5 and are not read.
+//! The format is that of MathWorks, "MAT-File Format", 2021. Real numeric arrays of any class are read, also those in structs, also
+//! compressed ones; other contents of a file are left out. Files of level 7.3 are HDF5 and are not read.
 
 use std::io::Read as _;
 
@@ -10,11 +10,11 @@ use flate2::read::ZlibDecoder;
 use crate::Error;
 
 const HEADER: usize = 128;
-/// What compressed arrays may grow to in all, bytes.
+/// The largest total size of compressed arrays after decompression, bytes.
 const LARGEST: u64 = 64 << 20;
-/// Structs in structs.
+/// The deepest nesting of structs.
 const DEEPEST: usize = 4;
-/// Columns of a matrix that are taken each by itself.
+/// The most columns of a matrix that are read one by one.
 const WIDEST: usize = 64;
 
 const MATRIX: u32 = 14;
@@ -27,7 +27,7 @@ const COMPLEX: u32 = 0x0800;
 /// A column with its name.
 type Column = (String, Vec<f64>);
 
-/// How an HDF5 file begins that has no header of MATLAB before it.
+/// The first bytes of an HDF5 file without a header of MATLAB.
 const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
 
 /// Whether bytes are those of a MATLAB file, of any level that has a header, or of an HDF5 file.
@@ -102,7 +102,7 @@ pub fn mat_table(bytes: &[u8]) -> Result<String, Error> {
     Ok(text)
 }
 
-/// Takes elements from the front.
+/// Reads elements from the front.
 struct Reader<'a> {
     bytes: &'a [u8],
     is_big: bool,
@@ -117,7 +117,7 @@ impl<'a> Reader<'a> {
     /// The kind of the next element and its data; `None` where it is cut short.
     fn element(&mut self) -> Option<(u32, &'a [u8])> {
         let (first, second) = (self.word(0)?, self.word(4)?);
-        // Up to four bytes stand in the tag itself.
+        // Up to four bytes are in the tag itself.
         if first >> 16 != 0 {
             let data = self.bytes.get(4..4 + (first >> 16) as usize).filter(|data| data.len() <= 4)?;
             self.bytes = self.bytes.get(8..)?;
@@ -139,7 +139,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Adds the columns of an array, or of the arrays in a struct; what is no such array adds none.
+/// Adds the columns of an array, or of the arrays in a struct; other elements add none.
 fn array(data: &[u8], is_big: bool, parent: Option<&str>, depth: usize, columns: &mut Vec<Column>) {
     let mut reader = Reader { bytes: data, is_big };
     let Some((flags, dimensions, name)) = head(&mut reader) else { return };
@@ -182,7 +182,7 @@ fn head(reader: &mut Reader<'_>) -> Option<(u32, Vec<usize>, String)> {
     Some((flags, dimensions, word_of(name)))
 }
 
-/// A name up to its end, without what would end a column of a table.
+/// A name up to its end, without characters that would end a column of a table.
 fn word_of(bytes: &[u8]) -> String {
     let bytes = bytes.split(|byte| *byte == 0).next().unwrap_or_default();
     String::from_utf8_lossy(bytes).replace([',', '\n', '\r'], " ")
@@ -199,7 +199,7 @@ fn numbers(kind: u32, data: &[u8], is_big: bool) -> Option<Vec<f64>> {
     };
     let of = |bytes: &[u8]| {
         let mut word = [0; 8];
-        // Little end first.
+        // Little-endian.
         for (i, byte) in bytes.iter().enumerate() {
             word[if is_big { size - 1 - i } else { i }] = *byte;
         }

@@ -1,15 +1,15 @@
-//! What the equation of motion leaves of the torque, by kind.
+//! The parts of the torque that the equation of motion does not explain, by kind.
 
 use crate::equation::{CONSTANT, DAMPING, FORCE, FRICTION, INERTIA, Rows, Solved};
 use crate::spectrum::line;
 
-/// A kind that takes less than this part of what is left is not named.
+/// A kind with less than this part of the residual is not named.
 const LEAST: f64 = 0.1;
-/// Periods in a turn that are looked for, of a torque and of friction.
+/// The most periods in a turn of a torque and of friction that are searched.
 const MOST_TIMES: u32 = 48;
 const MOST_RUBS: u32 = 12;
 
-/// What a part of the misfit goes with.
+/// The variable that a part of the misfit depends on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
     /// The position: a cable, a spring, gravity, `times_a_turn` from 1 on a torque that repeats (1: gravity; more: cogging), 0: one that grows.
@@ -17,7 +17,7 @@ pub enum Kind {
         /// Periods in a turn.
         times_a_turn: u32,
     },
-    /// The position and the way of the motion: friction that changes so many times a turn.
+    /// The position and the direction of the motion: friction that changes so many times a turn.
     FrictionByPosition {
         /// Periods in a turn.
         times_a_turn: u32,
@@ -38,21 +38,21 @@ pub enum Kind {
 /// A kind with its size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Part {
-    /// What it goes with.
+    /// The variable that it depends on.
     pub kind: Kind,
     /// Of the torque's variance.
     pub share: f64,
 }
 
-/// What the equation leaves.
+/// The residual of the equation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Misfit {
     /// Of the torque's variance.
     pub share: f64,
-    /// What it goes with, the largest first; each by itself, so that two of them may share a part.
+    /// Its kinds, the largest first; each by itself, so that two of them may share a part.
     pub kinds: Vec<Part>,
-    /// What goes with none of position, velocity and time, of the torque's variance. Friction that changes with the position counts here too: a
-    /// hand that goes to and fro may push so.
+    /// The part that depends on none of position, velocity and time, of the torque's variance. Friction that changes with the position
+    /// counts here too: a hand that moves to and fro may push in that way.
     pub(crate) strange: f64,
 }
 
@@ -68,7 +68,7 @@ impl Kind {
         }
     }
 
-    /// The key of a world's file that takes it in, or what it may be and what to do.
+    /// The key of a world's file that models it, or its possible cause and a remedy.
     pub fn remedy(&self) -> &'static str {
         match self {
             Kind::Position { times_a_turn: 0 } => "a spring from puck to ground takes it in",
@@ -96,7 +96,7 @@ pub(crate) fn misfit(rows: &Rows, plain: &Solved, duration: f64, is_linear: bool
     let mut parts = Vec::new();
     let spring = taken(&|i| vec![rows.rows[i].position, rows.rows[i].position.powi(3)]);
     let times = if is_linear { 0 } else { MOST_TIMES };
-    // Of a torque that repeats over the position, or of one that does so against the motion.
+    // A torque that repeats over the position, or one that does so against the motion.
     let turning = |times: u32, size: &dyn Fn(usize) -> f64| {
         let of = |i: usize| {
             let (sin, cos) = (f64::from(times) * rows.rows[i].position).sin_cos();
@@ -147,18 +147,18 @@ pub(crate) fn misfit(rows: &Rows, plain: &Solved, duration: f64, is_linear: bool
         parts.push((Kind::Unexplained, rest));
     }
     let kinds = parts.into_iter().map(|(kind, part)| Part { kind, share: part * plain.share }).collect();
-    // Where no torque is left to compare, nothing is explained.
+    // Where the residual torque is not finite, nothing is explained.
     let share = if plain.share.is_finite() { plain.share } else { 1.0 };
     Misfit { share, kinds, strange }
 }
 
-/// The part of what is left that these columns take, each made orthogonal to the ones before it.
+/// The part of the residual that these columns explain, each made orthogonal to the ones before it.
 fn taken(left: &[f64], rows: &Rows, columns: &dyn Fn(usize) -> Vec<f64>) -> f64 {
     let n = rows.rows.len();
     let all: Vec<Vec<f64>> = (0..n).map(columns).collect();
     let count = all.first().map_or(0, Vec::len);
     let squares: f64 = left.iter().map(|r| r * r).sum();
-    // What the equation's own terms take of a column is theirs.
+    // The part of a column in the span of the equation's own terms is left out.
     let mut basis: Vec<Vec<f64>> = Vec::new();
     let mut part = 0.0;
     let terms = [INERTIA, DAMPING, FRICTION, CONSTANT, FORCE];

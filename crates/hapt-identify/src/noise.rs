@@ -1,11 +1,11 @@
-//! The noise of positions, known without any fit.
+//! The noise of positions, estimated without any fit.
 
 /// Intervals that differ by less than this part of themselves differ by rounding.
 const EVEN: f64 = 1e-6;
 
 /// The noise of the positions, rms.
 pub(crate) fn noise(times: &[f64], positions: &[f64]) -> f64 {
-    // Third differences of a smooth motion are noise alone; their median does not see the jerks.
+    // Third differences of a smooth motion are only noise; their median is not affected by the jerks.
     let third = |(t, z): (&[f64], &[f64])| {
         let weights = third_difference(t);
         let sum: f64 = weights.iter().zip(z).map(|(weight, z)| weight * z).sum();
@@ -18,7 +18,8 @@ pub(crate) fn noise(times: &[f64], positions: &[f64]) -> f64 {
     if median > 0.0 { median } else { mean_square.sqrt() }
 }
 
-/// The weights of four samples at these times in their third difference, a multiple of the divided one; whole numbers where they are even.
+/// The weights of four samples at these times in their third difference, a multiple of the divided one; whole numbers where the times are
+/// even.
 fn third_difference(t: &[f64]) -> [f64; 4] {
     let mean = (t[3] - t[0]) / 3.0;
     if t.windows(2).all(|pair| (pair[1] - pair[0] - mean).abs() < EVEN * mean) {

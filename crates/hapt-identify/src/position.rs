@@ -21,10 +21,10 @@ const SURELY: f64 = 40.0;
 /// A shape that explains less than this part of the residuals' squares is not reported.
 const LEAST: f64 = 0.02;
 
-/// One shape: of the position z the weights sin nz and cos nz, or z alone.
+/// One shape: the weights sin nz and cos nz of the position z, or only z.
 struct Shape {
     times_a_turn: u32,
-    /// The position and velocity by a unit of each weight.
+    /// The position and velocity per unit of each weight.
     dz: Vector2<f64>,
     dv: Vector2<f64>,
     /// Their products with the parameters' sensitivities, with themselves and with the residuals.
@@ -69,13 +69,13 @@ impl Shape {
         self.own += self.dz * self.dz.transpose();
     }
 
-    /// The squares that the shape removes beside the parameters, whose inverse information matrix is given, and its amplitudes.
+    /// The squares that the shape removes in addition to the parameters, whose inverse information matrix is given, and its amplitudes.
     fn takes(&self, inverse: &Square) -> (f64, Vector2<f64>) {
         let alone = self.own - self.across.transpose() * inverse * self.across;
         let eigen = alone.symmetric_eigen();
         let mut taken = (0.0, Vector2::zeros());
         for (i, value) in eigen.eigenvalues.iter().enumerate() {
-            // Directions that the parameters span too are theirs.
+            // Directions in the span of the parameters are left out.
             if *value > 1e-6 * self.own.trace() {
                 let axis = eigen.eigenvectors.column(i);
                 let along = axis.dot(&self.right);

@@ -1,17 +1,17 @@
-//! The puck under a held torque: where it is at given times, and what each parameter does to that.
+//! The puck under a held torque: its positions at given times, and their sensitivities to each parameter.
 //!
-//! Stops, starts and reversals under Coulomb friction are located, not stepped over. Across an event at t* the sensitivity S of the
-//! state jumps by (f₋ - f₊) dt*/dθ, f being the state's rate before and after it (Rozenvasser; Hiskens and Pai, IEEE Trans. Circuits
-//! Syst. I 47 (2000) 204): at rest nothing of the velocity's is left, and the delay acts through the steps of the torque.
+//! Stops, starts and reversals under Coulomb friction are located, not stepped over. Across an event at t* the sensitivity S of the state
+//! jumps by (f₋ - f₊) dt*/dθ, f being the state's rate before and after it (Rozenvasser; Hiskens and Pai, IEEE Trans. Circuits Syst. I 47
+//! (2000) 204): at rest the velocity's sensitivity is 0, and the delay acts through the steps of the torque.
 //!
-//! A motor that lags has a torque of its own: the command that is held plus a gap, which decays with the lag. A step of the command
-//! changes both, and their sum not.
+//! A motor that lags has a torque of its own: the command that is held plus a gap, which decays with the lag. A step of the command changes
+//! both, but not their sum.
 
 use crate::arrivals::Arrivals;
 use crate::lagging::Lagging;
 use crate::stretch::{Stretch, stopping_time};
 
-/// The parameters as the motion shows them: everything per unit of inertia.
+/// The parameters on which the motion depends: everything per unit of inertia.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Puck {
     /// α = 1/J in 1/(kg·m²) (linear: 1/kg); negative for a motor of the other sign.
@@ -22,20 +22,20 @@ pub struct Puck {
     pub friction: f64,
     /// From the sample to the change of the torque, in s.
     pub delay: f64,
-    /// δ in rad/s² (m/s²): a constant torque that nobody asked for, over J; a motor's offset, a tilted table.
+    /// δ in rad/s² (m/s²): a constant torque that was not commanded, over J; a motor's offset, a tilted table.
     pub offset: f64,
     /// At the start, in rad (m).
     pub position: f64,
     /// At the start, in rad/s (m/s).
     pub velocity: f64,
-    /// The time constant in s with which the torque follows its command; 0: at once.
+    /// The time constant in s with which the torque follows its command; 0: without delay.
     pub lag: f64,
 }
 
 /// How many parameters there are.
 pub(crate) const PARAMETERS: usize = 8;
 
-/// Of a position by gain, damping, friction, mean time to the torque, offset, first position, first velocity, squared lag.
+/// The derivatives of a position by gain, damping, friction, mean time to the torque, offset, first position, first velocity, squared lag.
 pub type Sensitivity = [f64; PARAMETERS];
 
 pub(crate) const GAIN: usize = 0;
@@ -47,10 +47,10 @@ const POSITION: usize = 5;
 const VELOCITY: usize = 6;
 pub(crate) const LAG: usize = 7;
 
-/// So often the puck may stop and start between two changes of torque; in truth it is twice at most.
+/// The most stops and starts of the puck between two changes of torque; the true number is at most two.
 const MOST_EVENTS: usize = 8;
 
-/// The motion under way.
+/// The present state of the motion.
 #[derive(Clone, Debug)]
 struct SimulatedPuck {
     puck: Puck,
@@ -61,7 +61,7 @@ struct SimulatedPuck {
     /// 1 or -1 while it moves, 0 at rest.
     way: f64,
     torque: f64,
-    /// Sensitivities of position, velocity and gap; at [`DELAY`] and [`LAG`] by the delay and the lag themselves.
+    /// Sensitivities of position, velocity and gap; at [`DELAY`] and [`LAG`] to the delay and the lag themselves.
     dz: Sensitivity,
     dv: Sensitivity,
     dgap: Sensitivity,
@@ -69,7 +69,7 @@ struct SimulatedPuck {
 
 impl Puck {
     /// As an array, in the order of [`Sensitivity`]. Delay and lag enter as the mean and the variance of the time from a command to its
-    /// torque, d + λ and λ²: a record of slow changes shows the first alone.
+    /// torque, d + λ and λ²: a record of slow changes determines only the first.
     pub fn parameters(&self) -> Sensitivity {
         let Puck { gain, damping, friction, delay, offset, position, velocity, lag } = *self;
         [gain, damping, friction, delay + lag, offset, position, velocity, lag * lag]
@@ -82,18 +82,18 @@ impl Puck {
         Puck { gain, damping, friction, delay: mean - lag, offset, position, velocity, lag }
     }
 
-    /// Positions at `times` under torques commanded at the same times and held; before the first command there is the first.
+    /// Positions at `times` under torques commanded at the same times and held; the first command also holds before its time.
     pub fn positions(&self, times: &[f64], torques: &[f64]) -> Vec<f64> {
         let mut positions = Vec::with_capacity(times.len());
         self.follow(times, torques, 0, |_, z, _| positions.push(z));
         positions
     }
 
-    /// Gives each time's index from `first` on, the position there and its sensitivities to `see`; the motion starts at `first`.
+    /// Passes each time's index from `first` on, the position there and its sensitivities to `see`; the motion starts at `first`.
     pub fn follow(&self, times: &[f64], torques: &[f64], first: usize, mut see: impl FnMut(usize, f64, &Sensitivity)) {
         let (Some(&start), Some(&held)) = (times.get(first), torques.first()) else { return };
         let mut motion = SimulatedPuck::new(*self, held);
-        // What has arrived before the start; a motor that lags remembers it.
+        // The commands that arrived before the start; their effect remains in the gap of a motor that lags.
         let (mut arrivals, mut now) = (Arrivals::new(times, torques, self.delay), f64::NEG_INFINITY);
         while let Some((at, torque)) = arrivals.change(start, motion.torque) {
             motion.relax(at - now);
@@ -131,7 +131,7 @@ impl SimulatedPuck {
         motion
     }
 
-    /// Which way it goes, or that it rests.
+    /// The direction in which it goes, or that it rests.
     fn set_out(&mut self) {
         let push = self.push();
         self.way = match self.v {
@@ -155,7 +155,7 @@ impl SimulatedPuck {
         if self.way == 0.0 { 0.0 } else { gain * self.torque + offset - friction * self.way }
     }
 
-    /// Another command arrives, at an instant that moves with the delay; the torque of a motor that lags does not step.
+    /// Another command arrives, at a time that moves with the delay; the torque of a motor that lags does not step.
     fn command(&mut self, torque: f64) {
         if self.puck.lag > 0.0 {
             let step = self.torque - torque;
@@ -165,7 +165,7 @@ impl SimulatedPuck {
         self.torque = torque;
     }
 
-    /// The gap alone, while `length` s go by.
+    /// Only the gap decays, over `length` s.
     fn relax(&mut self, length: f64) {
         if self.gap == 0.0 && self.dgap == [0.0; PARAMETERS] {
             return;
@@ -177,7 +177,7 @@ impl SimulatedPuck {
         self.gap *= decay;
     }
 
-    /// The torque's command steps while the puck is under way.
+    /// The command of the torque steps during the motion.
     fn switch(&mut self, torque: f64) {
         if self.puck.lag > 0.0 {
             return self.command(torque);
@@ -190,7 +190,7 @@ impl SimulatedPuck {
         self.dv[DELAY] += before - self.drive();
     }
 
-    /// `length` s go by under the command that is held.
+    /// Advances by `length` s under the command that is held.
     fn pass(&mut self, length: f64) {
         let mut rest = length;
         for _ in 0..MOST_EVENTS {
@@ -216,7 +216,7 @@ impl SimulatedPuck {
         }
     }
 
-    /// When the torque that comes up overcomes the friction, within `rest` s.
+    /// When the rising torque exceeds the friction, within `rest` s.
     fn breaks_away(&self, rest: f64) -> Option<f64> {
         if self.gap == 0.0 {
             return None;
@@ -243,7 +243,7 @@ impl SimulatedPuck {
         speed.first_rest(self.way * self.v, self.way * a, self.way * self.puck.gain * self.gap, rest)
     }
 
-    /// `length` s go by without an event.
+    /// Advances by `length` s without an event.
     fn advance(&mut self, length: f64, a: f64) {
         let stretch = Stretch::new(self.puck.damping, length);
         let (mut travel, mut end) = stretch.travel(self.v, a);
@@ -270,7 +270,7 @@ impl SimulatedPuck {
         self.v = end;
     }
 
-    /// What the gap gives to position and velocity over a stretch, with its sensitivities, and its own decay.
+    /// The contribution of the gap to position and velocity over a stretch, with its sensitivities, and its own decay.
     fn advance_gap(&mut self, length: f64, stretch: &Stretch) -> (f64, f64) {
         let Puck { gain, damping, lag, .. } = self.puck;
         let by = Lagging { beta: damping, rate: lag.recip() }.over(length, stretch);

@@ -1,24 +1,24 @@
-//! What is known of a motion: times, positions and the torques that were asked for.
+//! The record of a motion: times, positions and the torques that were commanded.
 
 use crate::Error;
 use crate::counts::{Lattice, lattice};
 use crate::noise::noise;
 
-/// Delays are looked for up to here, in s. So long after its beginning the part of a record begins that is fitted first: by then every
+/// The longest delay that is searched, in s. The part of a record that is fitted first begins so long after its beginning: by then every
 /// torque that can still arrive has been recorded.
 pub const LONGEST_DELAY: f64 = 0.05;
 
-/// The least that anything can be said of.
+/// The fewest samples of a record.
 const FEWEST_SAMPLES: usize = 200;
 const SHORTEST: f64 = 0.5;
-/// Samples farther apart, s, show nothing of a device.
+/// Samples farther apart, s, do not determine a device.
 const SPARSEST: f64 = 0.5;
 const FEWEST_VALUES: usize = 8;
 
-/// So many equal positions one after the other are one measurement: a puck at rest on one count, without noise.
+/// So many consecutive equal positions are one measurement: a puck at rest on one count, without noise.
 const AT_REST: usize = 100;
 
-/// A record, and whether anyone still waits for what it says.
+/// A record, with a test of whether its analysis was cancelled.
 #[derive(Clone, Copy)]
 pub(crate) struct CancellableRecord<'a> {
     pub record: &'a Record,
@@ -41,7 +41,7 @@ pub struct Record {
     torques: Vec<f64>,
     /// A second torque on the puck, measured.
     forces: Option<Vec<f64>>,
-    /// Whether a position says more than the one before it.
+    /// Whether a position is new information, not a repetition of the one before it.
     news: Vec<bool>,
     /// The noise of the positions, rms.
     noise: f64,
@@ -101,7 +101,7 @@ impl Record {
     }
 
     /// The same with a second torque that acts on the puck, from a sensor: one value a sample, in N·m (N) or any multiple of it, of either
-    /// sign. [`crate::fit_torque`] finds what it is multiplied by.
+    /// sign. [`crate::fit_torque`] finds the factor.
     ///
     /// # Errors
     /// As many values as samples are needed, all finite, and not all the same.
@@ -119,7 +119,7 @@ impl Record {
         Ok(self)
     }
 
-    /// The first part of it, 1: all; `None` where that is too short or too still for a fit.
+    /// The first part of it, 1: all; `None` where that is too short, or moves too little, for a fit.
     pub(crate) fn beginning(&self, part: f64) -> Option<Record> {
         let n = (part * self.times.len() as f64) as usize;
         let [times, positions, torques] =
@@ -127,8 +127,8 @@ impl Record {
         Record::new(times?, positions?, torques?).ok()
     }
 
-    /// A stretch of about so many s, or of twice as long and so on up to half of the record, in which the puck goes farthest; `None` where
-    /// all are too still for a fit.
+    /// A stretch of about so many s, or of twice as long and so on up to half of the record, with the longest path of the puck; `None`
+    /// where all move too little for a fit.
     pub(crate) fn liveliest(&self, duration: f64) -> Option<Record> {
         let n = self.times.len();
         let shortest = ((duration / self.period()).ceil() as usize).max(FEWEST_SAMPLES);
@@ -191,7 +191,7 @@ impl Record {
         self.effort
     }
 
-    /// The lattice on which the positions stand, where they stand on one.
+    /// The lattice of the positions, where they are on one.
     pub(crate) fn lattice(&self) -> Option<Lattice> {
         self.lattice
     }
@@ -207,7 +207,7 @@ impl Record {
         self.times.iter().position(|t| *t >= begin).unwrap_or(0)
     }
 
-    /// The same for every delay that is looked for.
+    /// The same for the longest delay that is searched.
     pub fn first(&self) -> usize {
         if self.is_driven() { self.first_after(LONGEST_DELAY) } else { 0 }
     }

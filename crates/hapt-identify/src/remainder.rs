@@ -1,4 +1,4 @@
-//! What a fit leaves of a record.
+//! The residuals of a fit to a record.
 
 use crate::explained::explained;
 use crate::fit::Fit;
@@ -6,15 +6,15 @@ use crate::identified::Residual;
 use crate::puck::Puck;
 use crate::record::Record;
 
-/// Positions are known to this part of their standard deviation at best, by the arithmetic of a fit and the digits of a record.
+/// The best accuracy of positions as a part of their standard deviation, by the arithmetic of a fit and the digits of a record.
 pub(crate) const RESOLUTION: f64 = 1e-9;
 
-/// The variance of the positions' errors that a fit shows, and at least that of their resolution: what is smaller is rounding.
+/// The variance of the positions' errors in a fit, and at least that of their resolution: a smaller one is rounding.
 pub(crate) fn error_variance(record: &Record, fit: &Fit) -> f64 {
     fit.variance().max((RESOLUTION * spread(record, fit)).powi(2))
 }
 
-/// Whether counts and noise explain what a fit leaves.
+/// Whether counts and noise explain the residuals of a fit.
 pub(crate) fn is_right(record: &Record, fit: &Fit) -> bool {
     explained(record, &left(record, fit), record.lattice(), spread(record, fit))
 }
@@ -50,12 +50,12 @@ pub(crate) fn residual(left: &[f64]) -> Residual {
 }
 
 impl Puck {
-    /// Where it is at the samples of a record from one on, with their times.
+    /// The positions at the samples of a record from one on, with their times.
     pub(crate) fn positions_from(&self, record: &Record, first: usize) -> Vec<(f64, f64)> {
         record.times()[first..].iter().copied().zip(fitted(record, self, first)).collect()
     }
 
-    /// How far the record's positions are from there.
+    /// The differences of the record's positions from these.
     pub(crate) fn left_from_sample(&self, record: &Record, first: usize) -> Vec<(f64, f64)> {
         let rows = self.positions_from(record, first).into_iter().zip(&record.positions()[first..]);
         rows.map(|((t, z), y)| (t, y - z)).collect()

@@ -1,13 +1,14 @@
-//! Where in a record a handle rings: the shafts from which fits start.
+//! The frequencies at which a handle rings in a record: the shafts from which fits start.
 //!
-//! The motion of a rigid puck, z, is nearly that of the whole. A handle of frequency ω that follows it on a shaft is behind by q,
+//! The motion of a rigid puck, z, is nearly that of the whole. A handle of frequency ω that follows it on a shaft lags behind by q,
 //!
 //! ```text
 //! q̈ + 2 ζ ω q̇ + ω² q = z̈,
 //! ```
 //!
-//! and the motor is ahead of the rigid puck by (J_h / J) q. So for each of many frequencies q is a known signal, and how much of what the rigid fit
-//! leaves goes with it is linear least squares: a matched filter, which sees a shaft far below the noise that hides its line in the spectrum.
+//! and the motor is ahead of the rigid puck by (J_h / J) q. So for each of many frequencies q is a known signal, and its share of the rigid
+//! fit's residuals is found by linear least squares: a matched filter, which detects a shaft far below the noise that hides its line in the
+//! spectrum.
 
 use nalgebra::DVector;
 
@@ -15,28 +16,28 @@ use crate::fit::Fit;
 use crate::puck::{PARAMETERS, Sensitivity};
 use crate::record::CancellableRecord;
 
-/// Frequencies that are looked at, in equal ratios.
+/// The number of frequencies that are tried, in equal ratios.
 const FREQUENCIES: usize = 240;
-/// Periods of the lowest in the record, and samples of the highest.
+/// The least number of periods of the lowest in the record, and of samples in a period of the highest.
 const LOWEST: f64 = 4.0;
 const HIGHEST: f64 = 2.5;
 /// ζ: between that of steel and of rubber.
 const RATIO: f64 = 0.04;
-/// What remains of a column beside the others, as a part of it, is rounding below this.
+/// A column with less than this part orthogonal to the others is rounding.
 const ROUNDING: f64 = 1e-6;
 
-/// A shaft that may be there.
+/// A possible shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ringing {
     /// In rad/s.
     pub omega: f64,
     /// J_h / J.
     pub ratio: f64,
-    /// How much of the squares goes with it.
+    /// The part of the squares that it explains.
     explains: f64,
 }
 
-/// The most likely shafts, the best first: each explains more than those of frequencies next to it. Empty where the search is stopped.
+/// The most likely shafts, the best first: each explains more than the neighbouring frequencies do. Empty where the search is stopped.
 pub(crate) fn ringing(watched: &CancellableRecord<'_>, rigid: &Fit) -> Vec<Ringing> {
     let CancellableRecord { record, stop } = *watched;
     let mut motion: Vec<(f64, f64)> = Vec::new();
@@ -85,7 +86,8 @@ pub(crate) fn ringing(watched: &CancellableRecord<'_>, rigid: &Fit) -> Vec<Ringi
     peaks
 }
 
-/// q of a handle at these times, from this q and q̇ on; `follows` the motion, or rings out alone. Between two samples the motion is straight.
+/// q of a handle at these times, from this initial q and q̇; `follows` the motion, or rings out by itself. Between two samples the motion
+/// is linear in time.
 fn behind(motion: &[(f64, f64)], omega: f64, [mut q, mut rate]: [f64; 2], follows: bool) -> Vec<f64> {
     let (decay, swing) = (RATIO * omega, omega * (1.0 - RATIO * RATIO).sqrt());
     let mut slope = None;
@@ -106,20 +108,20 @@ fn behind(motion: &[(f64, f64)], omega: f64, [mut q, mut rate]: [f64; 2], follow
     all
 }
 
-/// Orthonormal columns. Others are seen by what they have beyond these.
+/// Orthonormal columns. Other columns count by their part orthogonal to these.
 #[derive(Default)]
 struct OrthonormalColumns {
     columns: Vec<DVector<f64>>,
 }
 
 impl OrthonormalColumns {
-    /// What a column has beyond these, projected twice because of rounding.
+    /// The part of a column orthogonal to these, projected twice because of rounding.
     fn of(&self, column: DVector<f64>) -> DVector<f64> {
         let once = |left: DVector<f64>| self.columns.iter().fold(left, |left, own| &left - own * own.dot(&left));
         once(once(column))
     }
 
-    /// Adds a column, where it is not one of them.
+    /// Adds a column, unless it is in their span.
     fn add(&mut self, column: DVector<f64>) {
         let size = column.norm();
         let left = self.of(column);
@@ -160,7 +162,7 @@ mod tests {
             let times: Vec<f64> = (0..2000).map(|k| k as f64 * 1e-3).collect();
             let mut clean = Vec::new();
             device.follow(&times, &torques, [0.0; 4], |_, z| clean.push(z));
-            // What a step of the torque of a fifth of the largest makes ring.
+            // The ringing after a step of the torque of a fifth of the largest.
             let rings = 0.02 * 2.0 * handle.inertia / own / (own + handle.inertia) / (omega * omega);
             let noisy = |z: &f64| z + noise * rings * (rng.f64() + rng.f64() + rng.f64() - 1.5) * 2.0;
             let positions = clean.iter().map(noisy).collect();

@@ -6,10 +6,10 @@
 //! λ ṁ = τ(t - delay) - m
 //! ```
 //!
-//! v and w are the velocities of motor and handle, θ how far the handle is ahead, s the shaft's torque. Between two events (a torque steps,
-//! the motor stops or starts) this is linear, and the motion is the Taylor series of its exponential, over steps so short that the series
-//! ends at rounding; stops and starts are located on it. A lag that is short beside the shaft's period would ask for shorter steps: what
-//! decays with it is taken out of the state beforehand, as the multiple of e^(-t/λ) that solves the equations.
+//! v and w are the velocities of motor and handle, θ is the angle by which the handle is ahead, s the shaft's torque. Between two events (a
+//! torque steps, the motor stops or starts) this is linear, and the motion is the Taylor series of its exponential, over steps so short
+//! that the series ends at rounding; stops and starts are located on it. A lag that is short compared with the shaft's period would need
+//! shorter steps: the part that decays with it is first removed from the state, as the multiple of e^(-t/λ) that solves the equations.
 //!
 //! The simulated device (`hapt_plant`) has another series and event locator, because its ten states include works and hand. Over 2,000 samples
 //! of steps both agree to 2e-14 rad; that device takes 1.5 times as long without friction, 21 times with it, 78 times with a lag of 0.1 ms too.
@@ -21,13 +21,13 @@ use crate::arrivals::Arrivals;
 /// The longest step, over the sum of the rates of the motion: 0.5^12/12! is 5e-13.
 const MAX_STEP_TIMES_RATE: f64 = 0.5;
 const TERMS: usize = 13;
-/// A lag's rate above so many times the others' is taken out of the state.
+/// A lag with a rate above so many times the others' is taken out of the state.
 const FAST: f64 = 2.0;
-/// Stops and starts between two events of the torque.
+/// The most stops and starts between two events of the torque.
 const MOST_EVENTS: usize = 1000;
 /// Halvings that locate a stop to the last bits.
 const HALVINGS: usize = 48;
-/// A motion of so many steps from sample to sample is none of a device's.
+/// A device needs fewer steps from sample to sample than this.
 const MOST_STEPS: f64 = 40.0;
 
 /// The device, in SI.
@@ -41,7 +41,7 @@ pub(crate) struct Shafted {
     pub handle: Handle,
 }
 
-/// Where it begins: position and velocity of the motor, θ and w - v.
+/// The initial state: position and velocity of the motor, θ and w - v.
 pub(crate) type Begins = [f64; 4];
 
 impl Shafted {
@@ -58,7 +58,7 @@ impl Shafted {
         rate.is_finite() && rate * period < MOST_STEPS * MAX_STEP_TIMES_RATE
     }
 
-    /// The motor's position at each of the times, under torques that are commanded at them.
+    /// Passes the motor's position at each of the times, under torques that are commanded at them.
     pub fn follow(&self, times: &[f64], torques: &[f64], begins: Begins, mut see: impl FnMut(usize, f64)) {
         let mut motion = SimulatedShaft::new(*self, begins);
         let Some(&start) = times.first() else { return };
@@ -85,7 +85,7 @@ struct Decaying {
     w: f64,
 }
 
-/// The device under way.
+/// The present state of the device.
 struct SimulatedShaft {
     device: Shafted,
     rate: f64,
@@ -97,14 +97,14 @@ struct SimulatedShaft {
     v: f64,
     theta: f64,
     w: f64,
-    /// The command that has arrived, and what the motor's torque is beyond it.
+    /// The command that has arrived, and the difference of the motor's torque from it.
     torque: f64,
     gap: f64,
     /// The sign of v, 0 at rest.
     way: f64,
 }
 
-/// The Taylor coefficients over a step of length 1, and what decays beside them.
+/// The Taylor coefficients over a step of length 1, and the decaying part in addition to them.
 struct Series {
     v: [f64; TERMS],
     theta: [f64; TERMS],
@@ -113,7 +113,7 @@ struct Series {
     ahead: [f64; TERMS],
     /// Of the motor's torque and the shaft's together, at rest.
     push: [f64; TERMS],
-    /// Of v and the push: what decays, and its rate over the step.
+    /// Of v and the push: the decaying part, and its rate over the step.
     decaying: [f64; 2],
     rate: f64,
 }
@@ -128,7 +128,7 @@ fn slope(series: &[f64; TERMS], x: f64) -> f64 {
     series.iter().enumerate().skip(1).rev().fold(0.0, |sum, (k, c)| sum * x + k as f64 * c)
 }
 
-/// Where `of` first is above 0 on [from, to], where it is at `to` and not before.
+/// The first x on [from, to] where `of` is above 0; it is above 0 at `to` and not before `from`.
 fn first(from: f64, to: f64, of: impl Fn(f64) -> f64) -> f64 {
     let (mut low, mut high) = (from, to);
     for _ in 0..HALVINGS {
@@ -158,7 +158,7 @@ impl Series {
         }
     }
 
-    /// Where `of` is above 0 first: by its values at both ends and, where it turns between, there. `slope`: of `of`.
+    /// The first x where `of` is above 0: by its values at both ends and at an extremum between them. `slope`: the derivative of `of`.
     fn first_above(&self, of: impl Fn(f64) -> f64, slope: impl Fn(f64) -> f64) -> Option<f64> {
         let turns = slope(0.0) > 0.0 && slope(1.0) < 0.0;
         if turns {
@@ -168,7 +168,7 @@ impl Series {
         (of(1.0) > 0.0).then(|| first(0.0, 1.0, of))
     }
 
-    /// When the motor stops that goes this way.
+    /// When the motor stops that goes in this direction.
     fn stops(&self, way: f64) -> Option<f64> {
         let slope = |x: f64| -way * (slope(&self.v, x) - self.rate * self.decayed(0, x));
         self.first_above(|x| -way * self.v(x), slope)
@@ -218,7 +218,7 @@ impl SimulatedShaft {
         self.torque + self.gap + stiffness * self.theta + damping * self.w
     }
 
-    /// Which way the motor goes, or that it rests.
+    /// The direction of the motor, or that it rests.
     fn set_out(&mut self) {
         let push = self.push();
         self.way = match self.v {
@@ -238,7 +238,7 @@ impl SimulatedShaft {
         }
     }
 
-    /// `length` s go by under the command that is held.
+    /// Advances by `length` s under the command that is held.
     fn pass(&mut self, length: f64) {
         let mut rest = length;
         let mut events = 0;
@@ -251,7 +251,7 @@ impl SimulatedShaft {
             let event = match (self.device.friction > 0.0 && events < MOST_EVENTS, rests) {
                 (false, _) => None,
                 (true, true) => series.starts(self.device.friction),
-                // A motor that sets out goes its way at first, whatever rounding makes of its rate.
+                // A motor that starts first moves in its direction, whatever the rounding error of its rate.
                 (true, false) => series.stops(self.way),
             };
             let part = event.unwrap_or(1.0);
@@ -309,7 +309,7 @@ impl SimulatedShaft {
         series
     }
 
-    /// Goes on to this part of a step.
+    /// Advances by this part of a step.
     fn advance(&mut self, series: &Series, part: f64, rests: bool) {
         let left = (-series.rate * part).exp();
         self.theta = sum(&series.theta, part);

@@ -1,23 +1,23 @@
-//! The strongest line in the spectrum of what a fit leaves.
+//! The strongest line in the spectrum of a fit's residuals.
 
 use std::f64::consts::{PI, TAU};
 
-/// Frequencies that are looked at, in equal ratios.
+/// The number of frequencies that are tried, in equal ratios.
 const FREQUENCIES: usize = 1500;
-/// Periods of the lowest in the record, and samples of the highest.
+/// The least number of periods of the lowest in the record, and of samples in a period of the highest.
 const LOWEST: f64 = 4.0;
 const HIGHEST: f64 = 2.5;
-/// A clear line holds this part of the whole, and is so far above the median.
+/// A clear line has this part of the whole power, and exceeds the median by this factor.
 const PART: f64 = 0.1;
 const ABOVE: f64 = 30.0;
-/// More samples than this are not looked at.
+/// At most so many samples are used.
 const MAX_SAMPLES: usize = 8000;
 
 /// A line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Line {
     pub hz: f64,
-    /// The part of the squares that one sine of this frequency holds.
+    /// The part of the squares that one sine of this frequency explains.
     part: f64,
     /// Over the median of all frequencies.
     above: f64,
@@ -36,7 +36,7 @@ pub(crate) fn line(values: &[(f64, f64)]) -> Option<Line> {
     let (from, to) = (values.first()?.0, values.last()?.0);
     let period = (to - from) / (n - 1.0).max(1.0);
     let squares: f64 = values.iter().map(|(_, x)| x * x).sum();
-    // Each value counts for the time around it, in periods: else what is slow would leak to all frequencies of uneven samples.
+    // Each value is weighted by the time around it, in periods: otherwise slow parts would leak to all frequencies of uneven samples.
     let time = |i: usize| values.get(i).map_or(to, |value| value.0);
     let weight = |i: usize| 0.5 * (time(i + 1) - time(i.saturating_sub(1))) / period;
     let window = |t: f64| (PI * ((t - from) / period + 0.5) / n).sin().powi(2);
@@ -55,7 +55,7 @@ pub(crate) fn line(values: &[(f64, f64)]) -> Option<Line> {
     let mut sorted: Vec<f64> = all.iter().map(|(_, power)| *power).collect();
     sorted.sort_by(f64::total_cmp);
     let median = sorted[FREQUENCIES / 2].max(f64::MIN_POSITIVE);
-    // Noise moves fastest at the highest frequencies: what does not stand out of it counts only where nothing does.
+    // The velocity of noise is largest at the highest frequencies: a line that does not exceed it counts only where none does.
     let moving = |(hz, power): &(f64, f64)| (*power > ABOVE * median, power * hz * hz);
     let (hz, power) = *all.iter().max_by(|a, b| {
         let ((a_is_above, a), (b_is_above, b)) = (moving(a), moving(b));

@@ -1,4 +1,4 @@
-//! Where the fit starts: linear regression by modulating functions (Shinbrot 1957).
+//! The starting values of the fit: linear regression by modulating functions (Shinbrot 1957).
 //!
 //! With a bump w(t) that vanishes with its slope at both ends of a window, z̈ = α τ - β ż - γ s becomes
 //!
@@ -6,8 +6,8 @@
 //! ∫ ẅ z = α ∫ w τ + β ∫ ẇ z - γ ∫ w s
 //! ```
 //!
-//! in which no measured position is differentiated but for the sign s of the velocity. One line a window, for each delay on a grid; the
-//! delay with the least squares counts.
+//! in which no measured position is differentiated except for the sign s of the velocity. Each window gives one row, for each delay on a
+//! grid; the delay with the least squares is taken.
 
 use std::ops::RangeInclusive;
 
@@ -17,28 +17,28 @@ use crate::record::{LONGEST_DELAY, Record};
 
 /// Lengths of the windows, s: each gives a start.
 const WINDOWS: [f64; 3] = [0.05, 0.15, 0.5];
-/// Over so long the velocity is looked at, s.
+/// The velocity is estimated over this time, s.
 const GLANCE: f64 = 6e-3;
-/// A velocity below so many standard errors may be none.
+/// A velocity below so many standard errors may be 0.
 const DOUBT: f64 = 3.0;
 
-/// What a record shows at a glance.
+/// The signs of the velocity and the initial state, estimated before any fit.
 struct Glance {
     /// From -1 to 1: the sign of the velocity, 0 where the puck may rest.
     sign: Vec<f64>,
     begins: Begin,
 }
 
-/// Where the puck is at a sample, and how fast.
+/// The position of the puck at a sample, and its velocity.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Begin {
     pub position: f64,
     pub velocity: f64,
 }
 
-/// Pucks from which a fit may find the best one: of each window the best of all delays, and the one without. On a spring the torque goes
-/// with the position, a delay looks like damping and inertia together, and a fit that starts at a long one stays there. And the best with a
-/// constant torque: without it, one that nearly overcomes friction looks like other friction, and a fit may stay there too.
+/// Pucks from which a fit may find the best one: for each window the best of all delays, and the one without. On a spring the torque is
+/// correlated with the position, a delay looks like damping and inertia together, and a fit that starts at a long one stays there. Also the
+/// best with a constant torque: without it, one that nearly overcomes friction looks like other friction, and a fit may stay there too.
 pub(crate) fn starts(record: &Record) -> Vec<Puck> {
     let glance = glance(record);
     let duration = record.period() * record.times().len() as f64;
@@ -47,7 +47,7 @@ pub(crate) fn starts(record: &Record) -> Vec<Puck> {
     windows.iter().flat_map(|window| of_window(record, &glance, *window)).collect()
 }
 
-/// The half of the samples that a window of this length has.
+/// Half the number of samples in a window of this length.
 fn half(record: &Record, length: f64) -> usize {
     ((0.5 * length / record.period()).round() as usize).max(2)
 }
@@ -96,7 +96,8 @@ pub(crate) fn signs(record: &Record) -> Vec<f64> {
     glance(record).sign
 }
 
-/// Which way it goes, from -1 to 1: its way from beginning to end over all of its ways, each over a fiftieth of the record.
+/// The direction of motion, from -1 to 1: the displacement from beginning to end over the sum of the distances, each over a fiftieth of the
+/// record.
 pub(crate) fn direction(record: &Record) -> f64 {
     let places: Vec<f64> = record.positions().iter().step_by(record.positions().len().div_ceil(50)).copied().collect();
     let all: f64 = places.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum();
@@ -106,7 +107,7 @@ pub(crate) fn direction(record: &Record) -> f64 {
     }
 }
 
-/// Where the puck is at the sample `first`: at rest, where it may be, or else moving; and by the line alone.
+/// The state of the puck at the sample `first`: at rest, where it may be, or else moving; and the moving one in any case.
 pub(crate) fn begins(record: &Record, first: usize) -> [Begin; 2] {
     let noise = record.noise();
     let last = (first + 2 * half(record, GLANCE)).min(record.positions().len() - 1);
@@ -128,7 +129,7 @@ fn of_window(record: &Record, glance: &Glance, length: f64) -> Vec<Puck> {
         let p = normal.step([is_driven, true, true, false, offset, false, false, false], 0.0)?;
         let Begin { position, velocity } = glance.begins;
         let (damping, friction) = (p[DAMPING].max(0.0), p[FRICTION].max(0.0));
-        // Friction below 0 is a constant torque that pushes the way it goes.
+        // Friction below 0 is a constant torque in the direction of motion.
         let offset = p[OFFSET] - p[FRICTION].min(0.0) * direction(record);
         let puck = Puck { gain: p[GAIN], damping, friction, delay, offset, position, velocity, lag: 0.0 };
         // Σ (r - p s)² at the solution.
@@ -142,7 +143,7 @@ fn of_window(record: &Record, glance: &Glance, length: f64) -> Vec<Puck> {
     [best(0..=0, false), best(1..=delays, false), with_offset].into_iter().flatten().collect()
 }
 
-/// A line a window.
+/// One row a window.
 fn regression(record: &Record, glance: &Glance, length: f64, delay: f64) -> Normal {
     let (times, positions) = (record.times(), record.positions());
     let torques = delayed(record, delay);
@@ -162,7 +163,7 @@ fn regression(record: &Record, glance: &Glance, length: f64, delay: f64) -> Norm
             let w2 = (24.0 * u * u * q - 6.0 * q * q) / (c * c) * dt;
             let (z, s) = (positions[i] - positions[centre], glance.sign[i]);
             right += w2 * z;
-            // At rest friction holds whatever the torque.
+            // At rest friction balances any torque.
             row[GAIN] += w * torques[i] * s.abs();
             row[DAMPING] += w1 * z;
             row[FRICTION] -= w * s;

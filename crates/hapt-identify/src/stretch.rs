@@ -1,4 +1,4 @@
-//! The puck over a stretch of constant drive, in closed form, with what each parameter does to it.
+//! The puck over a stretch of constant drive, in closed form, with the derivatives by each parameter.
 //!
 //! v̇ = a - β v with a constant a has, with x = β h,
 //!
@@ -27,23 +27,23 @@ impl Stretch {
         Stretch { length, decay: 1.0 - x * phi1, phi1, phi2, phi3 }
     }
 
-    /// How far it goes, and its velocity at the end, from velocity `v` under the acceleration `a` at rest.
+    /// The displacement, and the velocity at the end, from velocity `v` under the acceleration `a` at rest.
     pub fn travel(&self, v: f64, a: f64) -> (f64, f64) {
         let h = self.length;
         (v * h * self.phi1 + a * h * h * self.phi2, v * self.decay + a * h * self.phi1)
     }
 
-    /// What the velocity at the start, per rad/s, adds to position and velocity at the end.
+    /// The change of position and velocity at the end, per rad/s of velocity at the start.
     pub fn of_velocity(&self) -> (f64, f64) {
         (self.length * self.phi1, self.decay)
     }
 
-    /// The same of the acceleration, per rad/s².
+    /// The same per rad/s² of the acceleration.
     pub fn of_drive(&self) -> (f64, f64) {
         (self.length * self.length * self.phi2, self.length * self.phi1)
     }
 
-    /// The same of β, per 1/s: φ1' = φ2 - φ1 and φ2' = (2 + x) φ3 - 1/2, x = 1/φ3 (1/2 - φ2).
+    /// The same per 1/s of β: φ1' = φ2 - φ1 and φ2' = (2 + x) φ3 - 1/2, x = 1/φ3 (1/2 - φ2).
     pub fn of_beta(&self, v: f64, a: f64, beta: f64) -> (f64, f64) {
         let h = self.length;
         let phi1 = self.phi2 - self.phi1;
@@ -73,7 +73,7 @@ fn phi3(x: f64) -> f64 {
     (0.5 - phi2) / x
 }
 
-/// When a puck of velocity `v` comes to rest under the acceleration `a` at rest, against it: β t = ln(1 - β v/a).
+/// When a puck of velocity `v` comes to rest under the opposite acceleration `a` at rest: β t = ln(1 - β v/a).
 pub(crate) fn stopping_time(v: f64, a: f64, beta: f64) -> f64 {
     let x = -beta * v / a;
     let shape = if x.abs() < 1e-9 { 1.0 - 0.5 * x } else { x.ln_1p() / x };

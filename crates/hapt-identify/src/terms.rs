@@ -1,8 +1,9 @@
-//! Terms that a record carries beside inertia, damping, friction and a constant: a stiffness, gravity, cogging, friction by position, Stribeck's
-//! friction, drag.
+//! Terms of a device in addition to inertia, damping, friction and a constant: a stiffness, gravity, cogging, friction by position,
+//! Stribeck's friction, drag.
 //!
-//! They are added one at a time, the one first that predicts most of the torque in parts of the record that were left out of its fit, and
-//! only while it predicts certainly more there than the equation without it. A term that merely fits more is not found.
+//! They are added one at a time. The next term is the one that predicts most of the torque in parts of the record that were left out of its
+//! fit, and it is added only while it predicts significantly more there than the equation without it. A term that merely fits more is not
+//! added.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -12,23 +13,23 @@ use crate::quantile::student;
 use crate::record::Record;
 use crate::start::velocities;
 
-/// Periods in a turn that are looked for.
+/// The most periods in a turn that are tried.
 const MOST_TIMES: u32 = 48;
-/// The same of friction, of drums and bearings: the more are tried, the oftener one of them fits what is something else.
+/// The same of friction, of drums and bearings: the more are tried, the more often one of them fits something else.
 const MOST_RUBS: u32 = 12;
-/// Stribeck's velocities that are tried, in parts of the rms velocity.
+/// The velocities that are tried for Stribeck's friction, in parts of the rms velocity.
 const STRIBECK: [f64; 3] = [0.1, 0.2, 0.4];
-/// A term predicts at least this part of what is left without any, by so many standard errors of the blocks.
+/// A term predicts at least this part of the residual without any term, by so many standard errors of the blocks.
 const LEAST: f64 = 0.05;
 const SURELY: f64 = 3.0;
-/// So many periods of a torque that repeats fit into the travel, and so many more of one that is told from it.
+/// The travel has at least so many periods of a torque that repeats.
 const PERIODS: f64 = 1.0;
-/// Terms of one device.
+/// The most terms of one device.
 const MAX_TERMS: usize = 4;
-/// A sine of the position is told from a stiffness over this travel, in rad.
+/// A sine of the position is separated from a stiffness over this travel, in rad.
 const TRAVEL: f64 = 1.0;
 
-/// What a term is.
+/// The kind of a term.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TermKind {
     /// k z, about the middle of the motion, k in N·m/rad (N/m): a cable, a spring, a tilt.
@@ -51,21 +52,21 @@ pub enum TermKind {
     Stribeck {
         /// In rad/s (m/s).
         velocity: f64,
-        /// The damping and the Coulomb friction beside it, in N·m·s/rad and N·m (N·s/m, N): less than those of a fit without it.
+        /// The damping and the Coulomb friction of the same fit, in N·m·s/rad and N·m (N·s/m, N): less than those of a fit without it.
         beside: [f64; 2],
     },
     /// c v |v|, c in N·m·s²/rad² (N·s²/m²): drag beyond the linear one.
     Drag,
 }
 
-/// A term with its size, as a torque against the motion's direction: what the motor gives to it.
+/// A term with its size, as a torque against the motion's direction: the part of the motor's torque that it takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Term {
-    /// Which.
+    /// Its kind.
     pub kind: TermKind,
     /// Its factor with a 95 % interval, see the kind.
     pub size: Interval,
-    /// The part of what the equation leaves without any of these terms that it predicts.
+    /// The part of the residual without any of these terms that it predicts.
     pub predicts: f64,
 }
 
@@ -86,7 +87,7 @@ impl TermKind {
 /// The size of a term in a solution.
 type Size<'a> = Box<dyn Fn(&DVector<f64>) -> f64 + 'a>;
 
-/// Columns that are taken or left together.
+/// Columns that are added together.
 struct Group {
     kind: TermKind,
     columns: Vec<usize>,
@@ -129,7 +130,7 @@ impl Table {
         solution.iter().all(|x| x.is_finite()).then_some(solution)
     }
 
-    /// What each block leaves of its torque where it was left out of the fit.
+    /// The residual of each block's torque where it was left out of the fit.
     fn predicted(&self, columns: &[usize]) -> Option<Vec<f64>> {
         let of = |(out, block): (usize, &Block)| {
             let values = self.solved(columns, Some(out))?;
@@ -142,7 +143,7 @@ impl Table {
     }
 }
 
-/// The terms that a record carries, the one first that predicts most; `way` is the motor's sign.
+/// The terms of a record, the one first that predicts most; `way` is the motor's sign.
 pub(crate) fn terms(record: &Record, rows: &Rows, way: f64, is_linear: bool) -> Vec<Term> {
     let positions = record.positions();
     let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
@@ -165,14 +166,14 @@ pub(crate) fn terms(record: &Record, rows: &Rows, way: f64, is_linear: bool) -> 
         let of = |i: usize| speeds[i].signum() * (-(speeds[i] / velocity).powi(2)).exp();
         add(TermKind::Stribeck { velocity, beside: [0.0; 2] }, &[&of]);
     }
-    // The torque comes again at another place.
+    // Only a torque that repeats within the travel is tried.
     let least = (PERIODS * std::f64::consts::TAU / (high - low).max(f64::MIN_POSITIVE)).ceil().max(2.0) as u32;
     let gravity = (high - low > TRAVEL).then_some(1);
     for times in gravity.into_iter().chain(least..=MOST_TIMES).filter(|_| !is_linear) {
         let n = f64::from(times);
         let [sine, cosine] = [f64::sin, f64::cos].map(|wave| move |z: f64| wave(n * z));
         add(TermKind::Turn { times, phase: 0.0 }, &[&|i| sine(positions[i]), &|i| cosine(positions[i])]);
-        // Of less than a period it may be any of several periods.
+        // Over less than a period its number of periods is not determined.
         if times <= MOST_RUBS && n * (high - low) >= PERIODS * std::f64::consts::TAU {
             let against = |i: usize| speeds[i].signum();
             add(
@@ -215,7 +216,7 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], way: f64, apart
         let tried = groups.iter().filter(is_new).filter_map(|group| {
             let columns: Vec<usize> = kept.iter().chain(&group.columns).copied().collect();
             let then = table.predicted(&columns)?;
-            // Friction that falls towards rest, drag that drives, and friction below 0 at some positions are those of no device.
+            // Friction that falls towards rest, drag that drives, and friction below 0 at some positions are not physical.
             let values = table.solved(&columns, None)?;
             // Inertia, damping and friction are the first columns.
             let last = columns.len() - 1;
@@ -231,7 +232,7 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], way: f64, apart
             let mean = gains.iter().sum::<f64>() / gains.len() as f64;
             let spread =
                 gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (gains.len() * (gains.len() - 1)) as f64;
-            // What Stribeck's friction leaves, as its velocity is one of three, goes with the direction too.
+            // The error of Stribeck's friction, whose velocity is one of three, depends on the direction too.
             let times = if matches!(group.kind, TermKind::FrictionByPosition { .. }) { 2.0 } else { 1.0 };
             let is_sure = mean > SURELY * spread.sqrt() && mean * gains.len() as f64 > times * LEAST * all;
             is_sure.then_some((group, columns, then, mean))
@@ -251,7 +252,7 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], way: f64, apart
             (kind @ (TermKind::Turn { times, .. } | TermKind::FrictionByPosition { times, .. }), [sine, cosine]) => {
                 let (p, q) = (at(&whole, *sine), at(&whole, *cosine));
                 let phase = q.atan2(p);
-                // Along the phase that was found, so that none is about 0 and not above.
+                // The projection on the phase that was found, whose interval may include 0.
                 let size =
                     move |values: &DVector<f64>| at(values, *sine) * phase.cos() + at(values, *cosine) * phase.sin();
                 let is_friction = matches!(kind, TermKind::FrictionByPosition { .. });

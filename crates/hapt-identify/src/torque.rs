@@ -1,4 +1,4 @@
-//! The answer for devices that no puck of the model explains: means over models and over bands of frequency, and what they leave.
+//! The result for devices that no puck of the model explains: means over models and over bands of frequency, and their residuals.
 
 use crate::counts::Lattice;
 use crate::equation::{
@@ -15,8 +15,8 @@ use crate::record::Record;
 use crate::start::{delayed, signs};
 use crate::terms::{Term, terms};
 
-/// The bands: lengths of the windows in s, and whether the weight is the bump's slope. The longer ones see slow torques, and the slope none
-/// that is constant: where the model is right all agree, and where they differ the interval is as wide as they differ.
+/// The bands: lengths of the windows in s, and whether the weight is the bump's slope. The longer ones contain slow torques, and the slope
+/// no constant one: where the model is right all agree, and where they differ the interval is as wide as they differ.
 const BANDS: [Band; 7] = [
     Band { length: 0.03, slope: false },
     Band { length: 0.06, slope: false },
@@ -28,30 +28,31 @@ const BANDS: [Band; 7] = [
 ];
 /// The band that the picture and the misfit are of.
 const SHOWN: Band = BANDS[1];
-/// Delays that are tried, in s.
+/// The number of delays that are tried, and their step in s.
 const DELAYS: usize = 11;
 const DELAY_STEP: f64 = 1e-3;
-/// A band in which more than this part of the squared accelerations is noise, or of the torques is left, is not used beside others.
+/// A band with more than this part of noise in the squared accelerations, or of residual in the torques, is not used where others are
+/// better.
 const NOISY: f64 = 0.1;
 const LEFT: f64 = 0.5;
-/// The part of the likelihood that counts where every model is wrong.
+/// The exponent of the likelihood where every model is wrong.
 const TEMPER: f64 = 0.25;
 /// The degrees of freedom of intervals, by the blocks of the jackknife.
 const FREEDOM: f64 = (BLOCKS - 1) as f64;
 /// Student's t of 95 % at one end, with so many degrees of freedom.
 const ONE_SIDED: f64 = 1.895;
-/// Student's t of 99.9 % with so many degrees of freedom: a sign is told beyond.
+/// Student's t of 99.9 % with so many degrees of freedom: beyond it a sign is determined.
 const SURELY: f64 = 5.408;
-/// An inertia that is less than so many standard errors is not told.
+/// An inertia of less than so many standard errors is not determined.
 const TOLD: f64 = 1.2;
-/// More than this part of the torque's variance is left where the motion has nothing to do with it.
+/// Where more than this part of the torque's variance is left, the motion is unrelated to it.
 const UNRELATED: f64 = 0.8;
-/// More than this part of the torque's variance, beyond noise, goes with none of position, velocity and time where a hand moves the puck.
+/// Where a hand moves the puck, more than this part of the torque's variance, beyond noise, depends on none of position, velocity and time.
 const STRANGE: f64 = 0.05;
-/// A torque of which the equation of motion leaves more than this part beyond noise is of a device that may be richer than the puck.
+/// Where the equation of motion leaves more than this part of the torque beyond noise, the device may be richer than the puck.
 const RICH: f64 = 3e-3;
-/// A torque that position and velocity alone give to within this part of its variance is the law of the loop, or the spring that the device
-/// met: beside it no inertia is told.
+/// A torque that position and velocity give by themselves to within this part of its variance is the law of the loop, or of the spring that
+/// the device touched: with it no inertia is determined.
 const LAW_LEAVES: f64 = 0.02;
 const LAW: Mask = {
     let mut law = mask(&[STIFFNESS]);
@@ -59,7 +60,7 @@ const LAW: Mask = {
     law[FRICTION] = false;
     law
 };
-/// A sine of the position is told from a stiffness over this travel, in rad.
+/// A sine of the position is separated from a stiffness over this travel, in rad.
 const TRAVEL: f64 = 1.0;
 
 const fn mask(more: &[usize]) -> Mask {
@@ -77,7 +78,7 @@ const fn mask(more: &[usize]) -> Mask {
 }
 
 pub(crate) const PLAIN: Mask = mask(&[]);
-/// Friction by direction hides a constant, so a model that has a sine of the position is there without it too.
+/// Friction by direction hides a constant, so a model that has a sine of the position is tried without it too.
 const MODELS: [Mask; 5] = [
     PLAIN,
     mask(&[STIFFNESS]),
@@ -99,8 +100,8 @@ fn with_force(mut model: Mask, record: &Record) -> Mask {
 /// The fit of the equation of motion to the torque, with 95 % intervals that hold where the device is richer than the equation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TorqueFit {
-    /// J in kg·m² (linear: kg), by the torque, up to where it is by the motion (for what lies between two estimates: Imbens and Manski,
-    /// Econometrica 72 (2004) 1845); from 0 where there may be none, `None` where the record does not tell.
+    /// J in kg·m² (linear: kg), from the estimate by the torque up to the one by the motion (for a value between two estimates: Imbens and
+    /// Manski, Econometrica 72 (2004) 1845); from 0 where there may be none, `None` where the record does not determine it.
     pub inertia: Option<Interval>,
     /// b in N·m·s/rad (N·s/m).
     pub damping: Option<Interval>,
@@ -112,28 +113,29 @@ pub struct TorqueFit {
     pub gain: Option<Interval>,
     /// 1 or -1, where the motion decides it at 99.9 %.
     pub sign: Option<f64>,
-    /// The inertia by least squares of the torque alone, kg·m² (kg): biased towards 0 by what acts on the puck besides, unless the torque
-    /// follows the motion.
+    /// The inertia by least squares of the torque, kg·m² (kg): biased towards 0 by other torques on the puck, unless the torque follows the
+    /// motion.
     pub inertia_by_torque: Option<Interval>,
-    /// The inertia by the regression of the acceleration on the torque: biased away from 0 by what the torque has besides the device.
+    /// The inertia by the regression of the acceleration on the torque: biased away from 0 by the parts of the torque that are not the
+    /// device's.
     pub inertia_by_motion: Option<Interval>,
-    /// What the second torque of the record is multiplied by, of either sign: so it acts on the puck, along the position.
+    /// The factor of the second torque of the record, of either sign: so multiplied it acts on the puck, along the position.
     pub force: Option<Interval>,
-    /// The terms that the record carries beside these, in parts of the commanded torque.
+    /// The terms of the record in addition to these, in parts of the commanded torque.
     pub terms: Vec<Term>,
-    /// Whether more than a twentieth of the torque goes with none of position, velocity and time: then something else moves the puck, and no
-    /// inertia is told.
+    /// Whether more than a twentieth of the torque depends on none of position, velocity and time: then something else moves the puck, and
+    /// no inertia is determined.
     pub is_moved_by_another: bool,
     /// The lattice of the positions.
     pub lattice: Option<Lattice>,
-    /// What the equation leaves.
+    /// The residual of the equation.
     pub misfit: Misfit,
-    /// The part of the torque's variance that the equation leaves, and that the positions' noise does not explain.
+    /// The part of the torque's variance that the equation does not explain, and the positions' noise does not either.
     pub beyond_noise: f64,
     /// The delay that the fit assumes, in s.
     pub delay: f64,
-    /// Times and positions that the fit predicts, begun anew every [`crate::PREDICTION_S`] s from the measured ones; none without an inertia,
-    /// and none beside a second torque.
+    /// Times and positions that the fit predicts, begun anew every [`crate::PREDICTION_S`] s from the measured ones; none without an
+    /// inertia, and none with a second torque.
     pub motion: Vec<(f64, f64)>,
     /// The windows, for a picture.
     pub windows: Vec<Window>,
@@ -150,12 +152,12 @@ pub struct Window {
     pub velocity: f64,
     /// The commanded torque, in N·m (N).
     pub torque: f64,
-    /// What the equation gives.
+    /// The torque of the equation.
     pub fitted: f64,
 }
 
 impl TorqueFit {
-    /// What `hapt identify --json` gives, in its order, as [`crate::Identified::named`]; delay and lag are not told.
+    /// The fields of `hapt identify --json`, in its order, as [`crate::Identified::named`]; delay and lag are not determined.
     pub fn named(&self, is_linear: bool) -> [(&'static str, Option<Interval>); 9] {
         let exactly = |value: f64| Interval { value, low: value, high: value };
         [
@@ -178,12 +180,12 @@ impl TorqueFit {
         ((counts - whole).abs() < 1e-3 && whole > 0.0).then_some(whole)
     }
 
-    /// Whether the equation of motion leaves more of the torque than the positions' noise explains, as of a device that is richer.
+    /// Whether the equation of motion leaves more of the torque than the positions' noise explains, as for a richer device.
     pub fn leaves_more_than_noise(&self) -> bool {
         is_rich(self.beyond_noise, self.misfit.share)
     }
 
-    /// Whether the motion has to do with the torque at all: where not, the columns are not of one device, or a hand moved it.
+    /// Whether the motion depends on the torque at all: otherwise the columns are not of one device, or a hand moved it.
     pub fn explains(&self) -> bool {
         self.inertia.is_some() || self.misfit.share < UNRELATED
     }
@@ -196,7 +198,7 @@ struct Mean {
     variance: f64,
 }
 
-/// The weighted mean, and the variance of one value with their differences: all are of the same record, so many do not narrow it.
+/// The weighted mean, and the variance of one value with their differences: all use the same record, so their number does not narrow it.
 fn mean(parts: impl Iterator<Item = (f64, Mean)> + Clone) -> Option<Mean> {
     let weight: f64 = parts.clone().map(|part| part.0).sum();
     let value = parts.clone().map(|(w, part)| w * part.value).sum::<f64>() / weight;
@@ -204,8 +206,8 @@ fn mean(parts: impl Iterator<Item = (f64, Mean)> + Clone) -> Option<Mean> {
     (value.is_finite() && variance.is_finite()).then_some(Mean { value, variance })
 }
 
-/// The models of a band, weighed by their likelihood over the independent values, tempered: none of them is the device (Grünwald, The
-/// safe Bayesian, 2012).
+/// The models of a band, weighted by their likelihood over the independent values, tempered: none of them is the device (Grünwald, The safe
+/// Bayesian, 2012).
 fn weighed(models: &[Solved]) -> Vec<(f64, &Solved)> {
     let least = models.iter().map(|model| model.share).fold(f64::INFINITY, f64::min).max(f64::MIN_POSITIVE);
     let of = |model: &Solved| (model.share.max(least) / least).powf(-0.5 * TEMPER * model.independent.min(30.0));
@@ -219,7 +221,7 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
     fit_torque_by(record, known, Errors::default())
 }
 
-/// The same with standard errors by another way, to compare their coverage.
+/// The same with standard errors by another method, to compare their coverage.
 #[doc(hidden)]
 pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<TorqueFit> {
     if !record.is_driven() {
@@ -286,17 +288,17 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
     let deviation = inertia.variance.sqrt();
     let rows = Rows::new(record, &signs, torques, SHOWN).with_errors(errors);
     let plain = rows.solved(plain_terms, duration)?;
-    // Motion of one frequency does not tell an inertia from a spring, nor from what a hand does.
+    // Motion of one frequency does not separate an inertia from a spring, nor from a hand.
     let is_apart = rows.solved(spring_terms, duration).is_some();
-    // A sensor's torque tells the spring that the device met from the device.
+    // A sensor's torque separates the device from a spring that it touched.
     let is_a_law = record.forces().is_none() && rows.solved(LAW, duration).is_some_and(|law| law.share < LAW_LEAVES);
     let (misfit, beyond_noise) = (misfit(&rows, &plain, duration, known.is_linear), rows.unexplained(&plain));
-    // What goes with none of position, velocity and time, beyond the positions' noise, is another torque.
+    // The part that depends on none of position, velocity and time, beyond the positions' noise, is another torque.
     let strange = misfit.strange.min(beyond_noise);
     let is_moved = is_rich(beyond_noise, misfit.share) && strange > STRANGE;
     let is_determined = inertia.value.abs() > TOLD * deviation && !is_a_law && !is_moved && is_apart;
     let inertia_by_motion = over(&|model| Some(model.by_motion), true).filter(|_| is_determined);
-    // The truth lies between the two where the torque does not follow the motion: an end is that of one side.
+    // The truth lies between the two where the torque does not follow the motion: each end has a one-sided quantile.
     let reach = inertia_by_motion.map_or(0.0, |mean| way * mean.value + ONE_SIDED * mean.variance.sqrt());
     let whole = interval(inertia, way);
     let found = is_determined.then(|| positive(Interval { high: whole.high.max(reach), ..whole }));
@@ -315,7 +317,7 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
         low: gain * x.value / x.high,
         high: if x.low > 0.0 { gain * x.value / x.low } else { f64::MAX },
     });
-    // Of the equation that the picture shows.
+    // The puck of the equation that the picture shows.
     let moves = is_determined && record.forces().is_none() && plain.values[INERTIA] * way > 0.0;
     let per_inertia = |term: usize| plain.values[term] / plain.values[INERTIA];
     let puck = moves.then(|| Puck {
@@ -342,7 +344,7 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
         },
         damping: torque(DAMPING, way).filter(|_| is_determined).map(|damping| known.own(positive(damping))),
         friction: torque(FRICTION, way).filter(|_| is_determined).map(positive),
-        // A torque of its own acts against the equation's.
+        // A positive constant torque on the puck is negative in the equation.
         offset: torque(CONSTANT, -way).filter(|_| is_determined),
         gain: motor.filter(|motor| motor.high < f64::MAX),
         sign: (is_determined && inertia.value.abs() > SURELY * deviation).then_some(way),

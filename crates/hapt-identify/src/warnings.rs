@@ -3,7 +3,7 @@
 use crate::handle::WithHandle;
 use crate::identified::{CorrelatedPair, Identified, Interval};
 
-/// The residuals of a model that fits are independent up to this.
+/// The largest correlation at which the residuals count as independent.
 const INDEPENDENT: f64 = 0.1;
 /// The residual in counts of half a count of noise with rounding: the root of 1/4 + 1/12, less a margin.
 const LEAST_NOISE: f64 = 0.55;

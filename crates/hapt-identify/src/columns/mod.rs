@@ -7,7 +7,7 @@ use hapt_model::{Dimension, Motion, Unit};
 use crate::Error;
 use table::Table;
 
-/// Names that mean a time, a position, a torque, without their units; the first that a table has counts.
+/// Names of a time, a position, a torque, without their units; the first that a table has is taken.
 const TIMES: &[&str] = &["time", "t", "timestamp"];
 const POSITIONS: &[&str] = &["measured", "position", "angle", "puck", "pos", "theta"];
 const TORQUES: &[&str] = &["command", "applied", "torque", "tau", "force"];
@@ -15,7 +15,7 @@ const TORQUES: &[&str] = &["command", "applied", "torque", "tau", "force"];
 /// Which columns of a table to take; `None`: by their names.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Columns {
-    /// The column's name, as it stands in the header.
+    /// The column's name, as in the header.
     pub time: Option<String>,
     /// The same.
     pub position: Option<String>,
@@ -23,7 +23,8 @@ pub struct Columns {
     pub torque: Option<String>,
     /// The same, of a second torque that a sensor measured; `None`: there is none.
     pub force: Option<String>,
-    /// A spring from the puck to ground that the loop ran, in N·m/rad (N/m): the torques where the table has none.
+    /// The stiffness of the spring from the puck to ground that the loop ran, in N·m/rad (N/m); it gives the torques where the table has
+    /// none.
     pub spring: Option<f64>,
     /// There is no torque: a coast-down.
     pub coasts: bool,
@@ -37,14 +38,14 @@ pub struct Columns {
     pub ratio: Option<f64>,
 }
 
-/// What a table has of a motion, in SI.
+/// The motion in a table, in SI.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Read {
     /// In s.
     pub times: Vec<f64>,
     /// In rad (m).
     pub positions: Vec<f64>,
-    /// In N·m (N); of a voltage what the motor would give at rest.
+    /// In N·m (N); for a voltage, the torque of the motor at rest.
     pub torques: Vec<f64>,
     /// A second torque, in its column's unit.
     pub forces: Option<Vec<f64>>,
@@ -57,7 +58,7 @@ pub struct Read {
     pub missing: [usize; 2],
 }
 
-/// What a column's numbers are multiplied by, and where it stands.
+/// The factor and the place of a column.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     /// From 0.
@@ -70,7 +71,7 @@ impl Columns {
     /// From `time=NAME,position=NAME,torque=NAME,force=NAME`; any of them may be left out.
     ///
     /// # Errors
-    /// What is no such list.
+    /// For any other text.
     pub fn parse(text: &str) -> Result<Self, Error> {
         let mut columns = Columns::default();
         for part in text.split(',').filter(|part| !part.trim().is_empty()) {
@@ -93,20 +94,20 @@ impl Columns {
         Ok(columns)
     }
 
-    /// Times, positions and torques of a table in SI, and whether its puck turns: the header names the columns, with their units behind
-    /// the last underscore (`angle_deg`), in parentheses or in brackets. Commas, semicolons or tabs between them; where these are not
-    /// commas, numbers may have decimal commas. Lines that begin with # or % are left out, and so is a sample that is not there (an empty
+    /// Times, positions and torques of a table in SI, and whether its puck turns: the header names the columns, with their units after the
+    /// last underscore (`angle_deg`), in parentheses or in brackets. Commas, semicolons or tabs separate fields; where these are not
+    /// commas, numbers may have decimal commas. Lines that begin with # or % are left out, and so is a sample that is missing (an empty
     /// field, NaN) or that repeats the time before it, up to a tenth of all.
     ///
     /// # Errors
-    /// [`Error::Columns`] with the line where it can be read no further.
+    /// [`Error::Columns`] with the first line that cannot be read.
     pub fn read(&self, text: &str) -> Result<([Vec<f64>; 3], Motion), Error> {
         let Read { times, positions, torques, motion, .. } = self.read_all(text)?;
         Ok(([times, positions, torques], motion))
     }
 
-    /// The same with a second torque, and with what a motor on a voltage adds to the damping. A column whose header has no unit is named
-    /// with one: `angle [deg]`.
+    /// The same with a second torque, and with the damping that a motor on a voltage adds. A column whose header has no unit is named with
+    /// one: `angle [deg]`.
     ///
     /// # Errors
     /// Those of [`Columns::read`].
@@ -136,7 +137,7 @@ impl Columns {
         let (mut missing, mut repeated, mut all) = (0, 0, 0);
         for (line, number) in table.lines() {
             let fields: Vec<&str> = line.split(table.separator).collect();
-            // An end of a line that has nothing more is no field.
+            // Trailing empty fields are ignored.
             let filled = fields.iter().rposition(|field| !field.trim().is_empty()).map_or(0, |last| last + 1);
             if filled > names.len() {
                 return Err(Error::Columns(format!(
@@ -181,7 +182,7 @@ impl Columns {
                 )));
             }
         }
-        // Where nothing moves at all, that is what is wrong.
+        // Where no column changes, the error says that.
         let still = |list: &[f64]| list.windows(2).all(|pair| pair[0] == pair[1]);
         if let Some(torque) = torque.filter(|_| still(&rows[2]) && !still(&rows[1])) {
             return Err(Error::Columns(format!(
@@ -239,8 +240,8 @@ impl Columns {
         Ok(Scale { factor: scale.factor * ratio, ..scale })
     }
 
-    /// Where the column stands that somebody has named, or the first whose name is one of `usual`, or the only one that has one of them
-    /// in its name and moves.
+    /// The place of the column that the user named, or of the first whose name is one of `usual`, or of the only one that has one of them
+    /// in its name and changes.
     fn place(&self, table: &Table<'_>, what: &str, named: &Option<String>, usual: &[&str]) -> Result<usize, Error> {
         let names = &table.names;
         let how = format!("--columns {what}=NAME names one");
@@ -266,7 +267,7 @@ impl Columns {
                     };
                     (0..names.len()).filter(has).filter(|i| table.moves(*i) && could_be(names[*i], what)).collect()
                 };
-                // Without a name that tells: the only one with such a unit that moves.
+                // No name matches: the only column with such a unit that changes.
                 let by_unit = || -> Vec<usize> {
                     (0..names.len()).filter(|i| table.moves(*i) && could_be(names[*i], what)).collect()
                 };
@@ -293,7 +294,7 @@ impl Columns {
     }
 }
 
-/// One line in so many may be left out.
+/// At most one line in so many may be left out.
 const MOST_LEFT_OUT: usize = 10;
 
 fn is_voltage(name: &str) -> bool {
@@ -313,19 +314,19 @@ fn could_be(name: &str, what: &str) -> bool {
     }
 }
 
-/// A unit with the products that this program's units have: `N.m` is `N m`.
+/// A unit with the product signs of this program's units: `N.m` is `N m`.
 fn plain(unit: &str) -> String {
     unit.replace('.', " ")
 }
 
-/// A column's name and its unit: what stands in parentheses or brackets, or behind the last underscore.
+/// A column's name and its unit: the text in parentheses or brackets, or after the last underscore.
 fn split(name: &str) -> (&str, &str) {
     let bracketed = name.split_once(['(', '[']).map(|(name, unit)| (name, unit.trim_end_matches([')', ']'])));
     let (name, unit) = bracketed.or_else(|| name.rsplit_once('_')).unwrap_or((name, ""));
     (name.trim(), unit.trim())
 }
 
-/// A sensor's column, whose scale is found: in a torque's unit, volts or raw numbers, and not in a motion's.
+/// A sensor's column, whose factor is fitted: in a torque's unit, volts or raw numbers, and not in a motion's unit.
 fn sensor(names: &[&str], column: usize) -> Result<Scale, Error> {
     let unit = Unit::parse(&plain(split(names[column]).1)).map(|unit| unit.dimension());
     let of_motion = [Dimension::TIME, Dimension::ANGLE, Dimension::LENGTH];

@@ -1,11 +1,11 @@
-//! A table of another program, before anything is known of its columns.
+//! A table of another program, before its columns are interpreted.
 
 use super::could_be;
 use crate::Error;
 
-/// Columns that a message lists.
+/// The most columns that a message lists.
 const LISTED: usize = 24;
-/// A name in a message.
+/// The longest name in a message, in characters.
 const NAME: usize = 40;
 
 /// The header, and the lines below it.
@@ -41,7 +41,7 @@ impl<'a> Table<'a> {
         Ok(Table { names, separator, below })
     }
 
-    /// Renames the only column of a base name to the name with a unit that somebody gave it, where the header has none of that name.
+    /// Renames the only column of a base name to the name with a unit that the user gave it, where the header has none of that name.
     pub fn give_unit(&mut self, named: &'a str, (base, unit): (&str, &str)) {
         if unit.is_empty() || self.names.contains(&named) {
             return;
@@ -56,7 +56,7 @@ impl<'a> Table<'a> {
         self.below.iter().copied()
     }
 
-    /// A number, with a decimal comma where commas separate nothing.
+    /// A number, with a decimal comma where fields are not separated by commas.
     pub fn number(&self, field: &str) -> Option<f64> {
         match self.separator {
             ',' => field.parse().ok(),
@@ -78,7 +78,7 @@ impl<'a> Table<'a> {
         self.range(column).is_some_and(|(low, high)| low < high)
     }
 
-    /// The columns with their ranges, and what each may be.
+    /// The columns with their ranges, and the quantities that each may be.
     pub fn listed(&self) -> String {
         let of = |(i, name): (usize, &&str)| {
             let name: String = name.chars().take(NAME).collect();

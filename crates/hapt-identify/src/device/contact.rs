@@ -1,8 +1,8 @@
 //! Where a record shows that the puck runs into an end stop, and the device that explains it.
 //!
-//! Away from both ends of the travel the equation of motion gives inertia, damping and friction. A stop shows where the puck turns round near
-//! an end, and loses more velocity than these take. Its place, stiffness and damping are fitted to the hardest such turn, and then all
-//! numbers to all of the record.
+//! Away from both ends of the travel the equation of motion gives inertia, damping and friction. A stop shows where the puck turns round
+//! near an end and loses more velocity than these explain. The place, stiffness and damping of the stop are fitted to the hardest such
+//! turn, and then all numbers to the whole record.
 
 use super::fit::{
     DAMPING, Device, FAST, FRICTION, Fit, Free, INERTIA, LATE, OFFSET, PARAMETERS, Parameters, RISE, SHORTEST_LAG,
@@ -20,14 +20,15 @@ const ENDS: [f64; 3] = [0.04, 0.12, 0.3];
 const WINDOWS: [f64; 2] = [0.06, 0.03];
 const DELAYS: usize = 21;
 const DELAY_STEP: f64 = 5e-4;
-/// A turn is looked at from so long before it to so long after it, in s.
+/// A turn is examined from so long before it to so long after it, in s.
 const BRIEFLY: f64 = 0.04;
-/// A turn takes this part of the velocity before it beyond what torque and losses take, or more; a stop takes at most the last part.
+/// A turn changes the velocity by this part of that before it, or more, beyond the effect of torque and losses; a stop by at most the last
+/// part.
 const HARD: f64 = 0.2;
 const MOST: f64 = 2.0;
 /// χ²'s quantile of 1 - 10⁻⁶ with two degrees of freedom, in variances: a stop that explains less is none.
 const SURELY: f64 = 27.6;
-/// A velocity below so many standard errors of the noise is no turn's.
+/// A turn's velocity is more than so many standard errors of the noise.
 const DOUBT: f64 = 5.0;
 /// Rates √(k/J) of the stop from which fits of a turn start, in 1/s, and its damping ratios.
 const RATES: [f64; 4] = [50.0, 150.0, 400.0, 1000.0];
@@ -36,11 +37,11 @@ const RATIOS: [f64; 2] = [0.05, 0.4];
 const DEEPEST: f64 = 0.25;
 /// Parts of the file's Stribeck torque from which fits start.
 const RISES: [f64; 4] = [1.0, 0.3, 3.0, 0.1];
-/// Steps of a fit without a stop beside one with it, of one turn, and of all of the record.
+/// Steps of a fit without a stop that is compared with one with it, of a fit of one turn, and of a fit of the whole record.
 const AGAIN: usize = 2;
 const BRIEF: usize = 12;
 const MANY: usize = 60;
-/// So often stretches that begin beside the motion begin anew.
+/// Stretches that begin away from the motion begin anew at most so many times.
 const MENDS: usize = 3;
 /// The lag that a fit starts from, in periods.
 const SHORT: f64 = 0.5;
@@ -49,10 +50,10 @@ const SHORT: f64 = 0.5;
 #[derive(Clone, Copy, Debug)]
 struct Turn {
     side: usize,
-    /// The sample at which it turns, and those about it that show how.
+    /// The sample at which it turns, and the samples around it that show how.
     at: usize,
     span: (usize, usize),
-    /// The speed before it, and what of that nothing but a stop takes, in rad/s (m/s).
+    /// The speed before it, and the part of that which only a stop explains, in rad/s (m/s).
     speed: f64,
     taken: f64,
 }
@@ -69,7 +70,7 @@ fn side(stop: usize) -> f64 {
     if stop == 0 { -1.0 } else { 1.0 }
 }
 
-/// What is fitted of a device with these stops.
+/// The parameters that are fitted for a device with these stops.
 pub(super) fn free(with_offset: bool, has_lag: bool, stops: [bool; 2]) -> Free {
     let mut free = [false; PARAMETERS];
     [INERTIA, DAMPING, FRICTION, LATE].into_iter().for_each(|i| free[i] = true);
@@ -81,7 +82,8 @@ pub(super) fn free(with_offset: bool, has_lag: bool, stops: [bool; 2]) -> Free {
     free
 }
 
-/// The device with end stops that explains a record to within counts and noise; `None` where the record shows no stop, or where it shows more.
+/// The device with end stops that explains a record to within counts and noise; `None` where the record shows no stop, or where stops do
+/// not explain it.
 pub(crate) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fit> {
     if !record.is_driven() || record.forces().is_some() {
         return None;
@@ -95,7 +97,7 @@ pub(crate) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fi
         let alone = both.map(|turn| turn.filter(|turn| turn.taken == most));
         [both, alone].into_iter().find_map(|turns| {
             let at = turns.map(|turn| turn.map(|turn| turn.at));
-            // From the same turns nearly the same fit starts.
+            // Nearly the same turns give nearly the same fit.
             if tried.contains(&at) {
                 return None;
             }
@@ -109,7 +111,7 @@ pub(crate) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fi
     })
 }
 
-/// The fit without the stops that the record does not need; `None`: it needs none of them.
+/// The fit without the stops that the record does not need; `None` where it needs no stop.
 fn needed(record: &CancellableRecord<'_>, fit: Fit) -> Option<Fit> {
     let has = STOPS.map(|stop| fit.free[stop]);
     let needs = [0, 1].map(|stop| has[stop] && needs_stops(record, &fit, [stop == 0, stop == 1]));
@@ -120,15 +122,15 @@ fn needed(record: &CancellableRecord<'_>, fit: Fit) -> Option<Fit> {
     explains(record, device, free).filter(|fit| needs_stops(record, fit, needs))
 }
 
-/// The device near a given one that explains the record; `None` where none does, or where the record reaches none of its stops and it has no
-/// Stribeck friction. Stops that the record allows, and does not need, are held as they are.
+/// The device near a given one that explains the record; `None` where none does, or where the record reaches none of its stops and it has
+/// no Stribeck friction. Stops that the record allows but does not need are kept.
 pub(crate) fn near(record: &CancellableRecord<'_>, device: &Device) -> Option<Fit> {
     if !record.is_driven() || record.forces().is_some() {
         return None;
     }
     let positions = record.positions();
     let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
-    // A stop that the puck never comes near is none.
+    // A stop that the puck never comes near is removed.
     let mut device = *device;
     let is_reached = [device.p[STOPS[0]] > low, device.p[STOPS[1]] < high];
     for stop in [0, 1].into_iter().filter(|stop| !is_reached[*stop]) {
@@ -140,7 +142,7 @@ pub(crate) fn near(record: &CancellableRecord<'_>, device: &Device) -> Option<Fi
     }
     let mut free = free(true, device.p[VARIANCE] > 0.0, is_reached);
     (free[RISE], free[FAST]) = (falls, falls);
-    // From a friction that falls far too much a fit may end beside the best one.
+    // From a friction that falls far too much, a fit may end in a local minimum.
     let parts = if falls { &RISES[..] } else { &RISES[..1] };
     let found = parts.iter().find_map(|part| {
         let mut device = device;
@@ -148,7 +150,7 @@ pub(crate) fn near(record: &CancellableRecord<'_>, device: &Device) -> Option<Fi
         let shows_stops = |fit: &Fit| needs_stops(record, fit, is_reached) && fit.covariance(record).is_some();
         explains(record, device, free).filter(|fit| falls || shows_stops(fit))
     });
-    // A record that needs no stops, or does not tell their numbers, can allow those of the file.
+    // A record that needs no stops, or does not determine their numbers, may still allow those of the file.
     found.or_else(|| {
         if falls {
             return None;
@@ -158,7 +160,7 @@ pub(crate) fn near(record: &CancellableRecord<'_>, device: &Device) -> Option<Fi
     })
 }
 
-/// Whether what was found are ends of the way, and no spring about its middle.
+/// Whether the stops found are ends of the travel, and not a spring about its middle.
 fn are_ends(record: &Record, fit: &Fit) -> bool {
     let positions = record.positions();
     let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
@@ -166,14 +168,14 @@ fn are_ends(record: &Record, fit: &Fit) -> bool {
     fit.device.p[STOPS[0]] - low < deepest && high - fit.device.p[STOPS[1]] < deepest
 }
 
-/// Whether the record is another motion without these stops.
+/// Whether the motion differs without these stops.
 fn needs_stops(record: &CancellableRecord<'_>, fit: &Fit, stops: [bool; 2]) -> bool {
     let (device, free) = without(fit, stops);
     let other = Fit::of(record, device, free, fit.shots.clone()).and_then(|other| other.improved(record, AGAIN));
     other.is_none_or(|other| other.squares - fit.squares > SURELY * fit.variance())
 }
 
-/// A fit's device without these stops, and what is fitted then.
+/// A fit's device without these stops, and the parameters that are then fitted.
 fn without(fit: &Fit, stops: [bool; 2]) -> (Device, Free) {
     let (mut device, mut free) = (fit.device, fit.free);
     for stop in [0, 1].into_iter().filter(|stop| stops[*stop]) {
@@ -218,7 +220,7 @@ fn away(record: &CancellableRecord<'_>, known: &Known, part: f64) -> Option<Away
     Some(Away { device: Device { p, sign, inertia: known.inertia }, limits, error })
 }
 
-/// The turn near one end from which the most is taken that only a stop takes.
+/// The turn near one end with the largest loss that only a stop explains.
 fn hardest(record: &Record, away: &Away, stop: usize) -> Option<Turn> {
     let (times, positions) = (record.times(), record.positions());
     let (speeds, torques) = (velocities(record), delayed(record, away.device.p[LATE]));
@@ -258,7 +260,7 @@ fn with_stops(record: &CancellableRecord<'_>, device: &Device, turns: [Option<Tu
     Some(found)
 }
 
-/// The stop that explains one turn best, beside a device; `is_new`: its stiffness and damping too.
+/// The stop that explains one turn best, the device being given; `is_new`: its stiffness and damping are fitted too.
 fn of_turn(record: &CancellableRecord<'_>, device: &Device, turn: &Turn, is_new: bool) -> Option<Device> {
     let (from, to) = turn.span;
     let shot = Shot::new(record, from, to);
@@ -282,7 +284,7 @@ fn of_turn(record: &CancellableRecord<'_>, device: &Device, turn: &Turn, is_new:
     fits.min_by(|a, b| a.squares.total_cmp(&b.squares)).map(|fit| fit.device)
 }
 
-/// The device that explains the stretches about the turns; `None`: none does, and so none explains the record.
+/// The device that explains the stretches about the turns; `None`: none does, and then none explains the record.
 fn around(record: &CancellableRecord<'_>, start: Device, free: Free, turns: [Option<Turn>; 2]) -> Option<Device> {
     let all = Shot::all(record, record.first());
     let is_near =
@@ -296,12 +298,12 @@ fn around(record: &CancellableRecord<'_>, start: Device, free: Free, turns: [Opt
     fitted(record, start, free, near).map(|fit| fit.device)
 }
 
-/// The fit from a device on that explains all of a record; `None`: none does.
+/// The fit from this device that explains the whole record; `None`: none does.
 pub(super) fn explains(record: &CancellableRecord<'_>, device: Device, free: Free) -> Option<Fit> {
     fitted(record, device, free, Shot::all(record, record.first()))
 }
 
-/// The fit of some shots that explains them, with a lag where that is needed; `None`: none does.
+/// The fit that explains some shots, with a lag where that is needed; `None`: none does.
 fn fitted(record: &CancellableRecord<'_>, device: Device, free: Free, shots: Vec<Shot>) -> Option<Fit> {
     let begun = Fit::of(record, device, free, shots)?;
     let mut fit = begun.mended(record).unwrap_or(begun).improved(record, MANY)?;
@@ -313,13 +315,13 @@ fn fitted(record: &CancellableRecord<'_>, device: Device, free: Free, shots: Vec
     if right(&fit)
         && let Some(long) = fit.clone().lengthened(record, MANY)
     {
-        // A short lag is seen over a long motion only.
+        // A short lag shows only over a long motion.
         let found = if right(&long) { Some(long) } else { lagging(record, &long).filter(right) };
         if found.is_some() {
             return found;
         }
     }
-    // A longer one bends a long motion, and is found from short ones.
+    // A longer lag makes a long motion nonlinear in the parameters, and is found from short ones.
     lagging(record, &fit).filter(right)?.lengthened(record, MANY).filter(right)
 }
 
@@ -334,9 +336,9 @@ pub(super) fn lagging(record: &CancellableRecord<'_>, fit: &Fit) -> Option<Fit> 
         device.p[VARIANCE] = lag * lag;
         Fit::of(record, device, free, fit.shots.clone())?.improved(record, MANY)
     };
-    // Beside a fit that is right without one a short lag tells whether there is any.
+    // Where a fit without a lag is right, a short lag shows whether there is any.
     let late = [0.5, 1.0].into_iter().filter(|_| !fit.is_right(record)).map(|part| part * fit.device.p[LATE]);
-    // Last from where the lag changes next to nothing: no fit of more numbers is worse than the one without them.
+    // The last start has a lag with next to no effect: no fit of more numbers is worse than the one without them.
     let [short, least] = [SHORT, SHORTEST_LAG].map(|part| part * record.period());
     let is_no_worse = |best: &Fit| best.squares <= fit.squares;
     let mut best: Option<Fit> = None;

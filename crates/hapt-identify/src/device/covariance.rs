@@ -1,7 +1,8 @@
 //! The covariance of a fit's estimates.
 //!
-//! Residuals that are independent give it by the information alone. Those of counts without noise go with the motion, and so do those of what
-//! the device has besides: their correlation widens each interval (Newey and West, Econometrica 55 (1987) 703), and never narrows one.
+//! For independent residuals the information gives it. Residuals of counts without noise are correlated with the motion, and so are those
+//! of effects that the model lacks: their correlation widens each interval (Newey and West, Econometrica 55 (1987) 703), and never narrows
+//! one.
 
 use nalgebra::Vector2;
 
@@ -15,8 +16,8 @@ use crate::remainder::RESOLUTION;
 const LONGEST: usize = 400;
 
 impl Fit {
-    /// The covariance of the estimates, in halves of 95 % intervals: their squares are on its diagonal. 0 of what is not fitted, `None` where two
-    /// numbers cannot be told apart at all.
+    /// The covariance of the estimates, in halves of 95 % intervals: their squares are on its diagonal. 0 for parameters that are not
+    /// fitted, `None` where two numbers cannot be separated at all.
     pub fn covariance(&self, record: &Record) -> Option<Square> {
         let normal = Normal::of(&self.slopes, 0.0, [0.0; 2]);
         let (matrix, scale) = scaled(&normal.information, self.free, 0.0);
@@ -39,7 +40,7 @@ impl Fit {
         let mut scores = vec![Vec::new(); PARAMETERS];
         let mut left = self.left.iter();
         for (slopes, OfShot { inverse: of_state, across, .. }) in self.slopes.iter().zip(&normal.shots) {
-            // What a number does beyond what the shot's beginning can do.
+            // The effect of a number beyond what a change of the shot's initial state can do.
             let of_state = of_state * across * inverse;
             for (row, left) in slopes.rows.iter().zip(&mut left) {
                 let own = inverse.tr_mul(&Column::from_column_slice(&row[..PARAMETERS]));
@@ -70,7 +71,7 @@ mod tests {
     use super::*;
     use fastrand::Rng;
 
-    /// The sum of an autoregression of coefficient a has 1/(1 - a)² times the variance of the sum of what drives it.
+    /// The sum of an autoregression of coefficient a has 1/(1 - a)² times the variance of the sum of its input.
     #[test]
     fn the_variance_of_a_sum_of_correlated_terms_is_that_of_theory() {
         for seed in hapt_testing::seeds(8) {

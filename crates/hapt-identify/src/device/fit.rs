@@ -1,7 +1,8 @@
 //! Fits of a puck with end stops or Stribeck friction to a record, by differences of its exact motion.
 //!
-//! Each turn at a stop multiplies what is off before it, and after some turns the squares of one long run are no guide. So the motion begins anew
-//! every [`SHOT`] s, from a position and a velocity of its own (multiple shooting; Bock 1983); the numbers of the device are those of all.
+//! Each turn at a stop multiplies the error before it, and after some turns the squares of one long run are no guide. So the motion begins
+//! anew every [`SHOT`] s, from a position and a velocity of its own (multiple shooting; Bock 1983); the numbers of the device are common to
+//! all shots.
 
 use hapt_plant::spec::{DeviceSpec, Stops};
 
@@ -11,8 +12,8 @@ use crate::explained::explained;
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
 use crate::start::{Begin, begins};
 
-/// ln J, or ln of the motor's gain where the inertia is known; b, f, a constant torque; d + λ and λ²; Stribeck's torque and ln of its velocity;
-/// where the stops begin, ln k and c of both.
+/// ln J, or ln of the motor's gain where the inertia is known; b, f, a constant torque; d + λ and λ²; Stribeck's torque and ln of its
+/// velocity; the places of both stops, ln k and c of both.
 pub(crate) const PARAMETERS: usize = 12;
 pub(crate) type Parameters = [f64; PARAMETERS];
 pub(crate) type Free = [bool; PARAMETERS];
@@ -29,56 +30,56 @@ pub(crate) const STOPS: [usize; 2] = [8, 9];
 pub(crate) const STIFFNESS: usize = 10;
 pub(crate) const STOP_DAMPING: usize = 11;
 
-/// So long the motion is followed from one beginning at first, in s, and so many samples at least; and so long at last.
+/// The length of a shot at first, in s, its least number of samples, and its final length.
 const BEGINNING: f64 = 0.1;
 const FEWEST: f64 = 50.0;
 const SHOT: f64 = 0.4;
 
-/// Shots begin where the motion goes on for so long on both sides, in s.
+/// Shots begin where the motion continues without a turn for so long on both sides, in s.
 const FLIGHT: f64 = 0.012;
 
 const LOGARITHMS: [usize; 3] = [INERTIA, FAST, STIFFNESS];
 const NOT_BELOW_0: [usize; 6] = [DAMPING, FRICTION, LATE, VARIANCE, RISE, STOP_DAMPING];
-/// So many steps that lower the squares by less than this part of their variance are the last ones.
+/// The fit ends after so many steps that lower the squares by less than this part of their variance.
 const FEW: usize = 2;
 const SLOW: f64 = 0.01;
-/// A step is tried so often in the mean.
+/// The mean number of tries per step.
 const MOST_TRIES: usize = 4;
 /// The next step is damped less where the squares fell by more than this part of what was predicted.
 const PREDICTED: f64 = 0.5;
-/// A step of this many standard errors is none.
+/// A step of less than this many standard errors counts as none.
 const SMALL: f64 = 1e-3;
 /// The shortest lag of a fit, in periods: a shorter one is a delay.
 pub(crate) const SHORTEST_LAG: f64 = 0.1;
 /// The fastest rate of a device that is followed, per period of the record.
 const FASTEST: f64 = 60.0;
-/// A shot of which so many times as much as usual is left begins elsewhere than it did; it begins anew by lines through so many samples more.
+/// A shot with so many times the usual mean square begins at the wrong state; it begins anew by lines through so many more samples.
 const ODD: f64 = 1.5;
 const GLIMPSES: [usize; 3] = [2, 5, 12];
-/// χ²'s quantile of 1 - 10⁻⁶ with two degrees of freedom, in variances: a shot that leaves more than its two parts and this is parted again.
+/// χ²'s quantile of 1 - 10⁻⁶ with two degrees of freedom, in variances: a shot that leaves more than its two parts and this is split again.
 const PARTED: f64 = 27.6;
-/// A motor remembers a torque for so many lags.
+/// After so many lags a motor's torque no longer depends on an earlier one.
 const MEMORY: f64 = 40.0;
-/// Shots are joined where that leaves so many times the mean square that the others leave, or less, before all is fitted anew.
+/// Shots are joined where that leaves at most so many times the mean square of the others, before all are fitted anew.
 const FAR: f64 = 1e4;
-/// Shots may be this much longer; of those that are joined one in so many may go astray, and one more.
+/// Shots may be this much longer; of those that are joined one in so many may diverge, and one more.
 const LONGEST: f64 = 1.5;
 const ASTRAY: usize = 4;
-/// Shots are joined as long as what is off at the beginning grows by less than this: beyond, a motion is not linear in what is off.
+/// Shots are joined while an initial error grows by less than this: beyond, the motion is not linear in the error.
 const MOST_GROWTH: f64 = 30.0;
-/// Steps of a fit before the shots have their final length: the numbers are near already.
+/// Steps of a fit before the shots have their final length: the numbers are already close.
 const STEPS_BETWEEN: usize = 4;
 /// Steps of the fit of one beginning.
 const OWN: usize = 25;
 /// A derivative is a difference over this part of a number's size.
 const DIFFERENCE: f64 = 1e-5;
 
-/// A device of these numbers.
+/// A device with these numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Device {
     pub p: Parameters,
     pub sign: f64,
-    /// J, where it is known beforehand.
+    /// J, where it is known.
     pub inertia: Option<f64>,
 }
 
@@ -115,7 +116,7 @@ impl Device {
         self.inertia.map_or(1.0, |_| self.p[INERTIA].exp())
     }
 
-    /// Of a motion that begins there.
+    /// The numbers of a motion with this initial state.
     pub fn numbers(&self, [position, velocity]: [f64; 2]) -> Numbers {
         let p = &self.p;
         let per = self.inertia().recip();
@@ -138,7 +139,7 @@ impl Device {
     }
 }
 
-/// A motion from a beginning of its own.
+/// A motion from an initial state of its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Shot {
     /// Its samples.
@@ -175,7 +176,7 @@ impl Shot {
         places.windows(2).map(|pair| Shot::new(record, pair[0], pair[1])).collect()
     }
 
-    /// Where the device is at its samples, and which of its stops it runs into.
+    /// The positions of the device at its samples, and which of its stops it runs into.
     pub fn positions(&self, record: &Record, device: &Device) -> (Vec<f64>, [bool; 2]) {
         let remembered = (device.p[LATE] + MEMORY * device.p[VARIANCE].max(0.0).sqrt()).min(LONGEST_DELAY);
         let before = self.from.saturating_sub((remembered / record.period()).ceil() as usize + 1);
@@ -190,7 +191,7 @@ impl Shot {
         (self.from..self.to).filter(|i| record.is_news(*i)).count()
     }
 
-    /// Where it ends, which is where the next one begins.
+    /// Its final state, which is the initial state of the next one.
     fn end(&self, record: &Record, device: &Device) -> Option<[f64; 2]> {
         let to = self.to.min(record.times().len() - 1);
         let (positions, _) = Shot { to: to + 1, ..*self }.positions(record, device);
@@ -198,7 +199,7 @@ impl Shot {
         Some([last, (last - before) / (record.times()[to] - record.times()[to - 1])])
     }
 
-    /// Where it may begin: by lines through more and more of its positions.
+    /// Estimates of its initial state, by lines through more and more of its positions.
     fn glimpses(&self, record: &Record) -> impl Iterator<Item = [f64; 2]> {
         let of = |samples: usize| {
             let (from, to) = (self.from, (self.from + samples).min(self.to - 1));
@@ -208,7 +209,7 @@ impl Shot {
         GLIMPSES.map(of).into_iter()
     }
 
-    /// What that leaves of the positions that are measurements, and which of the stops it runs into.
+    /// The residuals of the positions that are measurements, and which of the stops it runs into.
     fn left(&self, record: &Record, device: &Device) -> (Vec<f64>, [bool; 2]) {
         let (positions, touched) = self.positions(record, device);
         let rows = positions.into_iter().zip(self.from..);
@@ -216,8 +217,8 @@ impl Shot {
     }
 }
 
-/// The sample between two where the velocity changes least for its size: in flight, and not in a stop or at rest, where a beginning is hard
-/// to find.
+/// The sample between two where the velocity changes least for its size: in flight, and not in a stop or at rest, where an initial state is
+/// hard to find.
 fn steadiest(record: &Record, low: usize, high: usize) -> usize {
     let (times, positions) = (record.times(), record.positions());
     let half = ((FLIGHT / record.period()).round() as usize).max(2);
@@ -230,7 +231,7 @@ fn steadiest(record: &Record, low: usize, high: usize) -> usize {
     inside.min_by(|a, b| change(*a).total_cmp(&change(*b))).unwrap_or(low)
 }
 
-/// A device, its motions, what they leave of a record, and the derivatives.
+/// A device, its motions, their residuals, and the derivatives.
 #[derive(Clone, Debug)]
 pub(crate) struct Fit {
     pub device: Device,
@@ -240,13 +241,13 @@ pub(crate) struct Fit {
     pub squares: f64,
     /// Which of the stops each shot runs into.
     touched: Vec<[bool; 2]>,
-    /// Those of each shot.
+    /// The derivatives of each shot.
     pub(super) slopes: Vec<Slopes>,
 }
 
 impl Fit {
     pub fn of(record: &Record, device: Device, free: Free, shots: Vec<Shot>) -> Option<Fit> {
-        // No record shows what is so fast, and none is so large.
+        // No record shows faster or larger numbers.
         let fastest = device.numbers([0.0; 2]).fastest();
         if fastest * record.period() >= FASTEST {
             return None;
@@ -280,7 +281,7 @@ impl Fit {
         self.squares / self.freedom()
     }
 
-    /// Whether counts and noise explain what it leaves.
+    /// Whether counts and noise explain its residuals.
     pub fn is_right(&self, record: &Record) -> bool {
         explained(record, &self.left, record.lattice(), record.spread())
     }
@@ -310,8 +311,8 @@ impl Fit {
         (sizes.map(|size| DIFFERENCE * size), [0.1 * way, speed].map(|size| DIFFERENCE * size))
     }
 
-    /// The same with better beginnings of the shots that the device explains far worse than the others: one that begins in a stop can end beside
-    /// its motion. `None`: there is none.
+    /// The same with better initial states of the shots whose residuals are far larger than the others': one that begins in a stop can end
+    /// in a local minimum. `None`: there is none.
     pub fn mended(&self, record: &CancellableRecord<'_>) -> Option<Fit> {
         let squares = self.mean_squares(record);
         let usual = median(&squares);
@@ -332,7 +333,7 @@ impl Fit {
         (mended.squares < self.squares * (1.0 - SMALL)).then_some(mended)
     }
 
-    /// What is left of each shot, in the mean of its squares.
+    /// The mean square of each shot's residuals.
     pub fn mean_squares(&self, record: &Record) -> Vec<f64> {
         let mut rest = &self.left[..];
         let of = |shot: &Shot| {
@@ -343,7 +344,7 @@ impl Fit {
         self.shots.iter().map(of).collect()
     }
 
-    /// How many times larger than at its beginning what is off in a shot gets, in the position, or in the velocity times the shot's length.
+    /// The factor by which an initial error grows in a shot, in the position, or in the velocity times the shot's length.
     fn growth(&self, record: &Record) -> f64 {
         let of = |(shot, slopes): (&Shot, &Slopes)| {
             let length = (shot.to - shot.from) as f64 * record.period();
@@ -352,7 +353,8 @@ impl Fit {
         self.shots.iter().zip(&self.slopes).map(of).fold(0.0, f64::max)
     }
 
-    /// The fit of the longest shots over which the device is followed; `None`: many go astray, so that it is another device, or none.
+    /// The fit of the longest shots over which the device is followed; `None`: many diverge, so that the device is another one, or none
+    /// fits.
     pub fn lengthened(self, record: &CancellableRecord<'_>, most: usize) -> Option<Fit> {
         let mut fit = self;
         loop {
@@ -363,16 +365,16 @@ impl Fit {
         }
     }
 
-    /// The fit of longer shots: each is one that was two, where the device explains both from one beginning. A long motion tells more, and is
-    /// found from near it only. `None`: many go astray.
+    /// The fit of longer shots: each joins two, where the device explains both from one initial state. A long motion determines more, but
+    /// its fit needs a close start. `None`: many diverge.
     fn joined(&self, record: &CancellableRecord<'_>) -> Option<Fit> {
         let squares = self.mean_squares(record);
         let usual = median(&squares);
-        // Counts alone leave this without noise.
+        // Counts without noise give residuals of this size.
         let step = record.lattice().map_or(0.0, |lattice| lattice.step);
         let least = usual.max(step * step / 6.0);
         let longest = (LONGEST * SHOT / record.period()) as usize;
-        // Shots with what may be left of them, and the shots that they were.
+        // Shots with the squares that they may leave, and the shots that they join.
         let (mut shots, mut parts) = (Vec::new(), Vec::new());
         let (mut at, mut tried, mut astray) = (0, 0, 0);
         while let Some(one) = self.shots.get(at) {
@@ -419,7 +421,7 @@ impl Fit {
         if !odd.contains(&true) {
             return Some(fit);
         }
-        // Those that went astray are two again.
+        // Those that diverged are split again.
         let kept = fit.shots.iter().zip(&parts).zip(&odd);
         let shots: Vec<Shot> =
             kept.flat_map(|((shot, (parts, ..)), odd)| if *odd { parts.to_vec() } else { vec![*shot] }).collect();
@@ -440,7 +442,7 @@ impl Fit {
                     row[i] = (a - b) / step;
                 }
             };
-            // The numbers of a stop that it does not run into are nothing to it.
+            // The numbers of a stop that it does not run into have no effect.
             let matters = |i: usize| match i {
                 STIFFNESS | STOP_DAMPING => touched[0] || touched[1],
                 i => STOPS.iter().zip(touched).all(|(stop, touched)| *stop != i || *touched),
@@ -472,7 +474,7 @@ impl Fit {
             if (record.stop)() || steps == most {
                 break;
             }
-            // One that friction ends before it shows is not moved far.
+            // The state of a shot that friction ends early is not moved far.
             let held = scales.map(|scale| at.variance() / (scale * scale));
             let normal = Normal::of(&at.slopes, damping, held);
             let Some(step) = at.step(&normal.information, &normal.right, damping, least) else { break };
@@ -485,7 +487,7 @@ impl Fit {
                 predicted += right.dot(&(inverse * right));
             }
             for (i, p) in device.p.iter_mut().enumerate() {
-                // Far steps of what enters by its logarithm lead nowhere.
+                // Large steps of the parameters that enter by logarithms lead nowhere.
                 *p += if LOGARITHMS.contains(&i) { step[i].clamp(-1.0, 1.0) } else { step[i] };
             }
             NOT_BELOW_0.into_iter().for_each(|i| device.p[i] = device.p[i].max(0.0));
@@ -514,7 +516,8 @@ impl Fit {
         Some(at)
     }
 
-    /// The next step, damped by Marquardt's `more`. What is at its least already, and would go below, stays while the others move.
+    /// The next step, damped by Marquardt's `more`. A parameter that is at its least already, and would go below, stays while the others
+    /// move.
     fn step(&self, information: &Square, right: &Column, more: f64, least: f64) -> Option<Column> {
         let mut free = self.free;
         let is_least = |i: usize| self.device.p[i] <= if i == VARIANCE { least } else { 0.0 };
@@ -528,7 +531,7 @@ impl Fit {
         }
     }
 
-    /// Whether the record says anything of a parameter.
+    /// Whether the record depends on a parameter.
     pub fn sees(&self, i: usize) -> bool {
         self.free[i] && self.slopes.iter().any(|slopes| slopes.sees(i))
     }

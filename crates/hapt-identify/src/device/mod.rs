@@ -1,4 +1,4 @@
-//! A device with end stops or Stribeck friction: its numbers from a record that it explains.
+//! A device with end stops or Stribeck friction: its numbers from a record that its motion explains.
 
 mod contact;
 mod covariance;
@@ -20,13 +20,13 @@ use crate::puck::Puck;
 use crate::record::{CancellableRecord, Record};
 use crate::remainder::{RESOLUTION, residual, variance};
 
-/// Names of the first parameters; of delay and lag together the place is that of the delay.
+/// Names of the first parameters; delay and lag together have the place of the delay.
 const NAMES: [(usize, &str); 4] = [(INERTIA, "inertia"), (DAMPING, "damping"), (FRICTION, "friction"), (LATE, "delay")];
-/// A sign is told at 99.9 %, an inertia at 95 %: in parts of half a 95 % interval.
+/// A sign needs 99.9 %, an inertia 95 %: in parts of half a 95 % interval.
 const SURELY: f64 = 3.29 / 1.96;
 
 impl Fit {
-    /// What the record tells, each number with its 95 % interval.
+    /// The numbers that the record determines, each with its 95 % interval.
     pub fn identified(&self, record: &CancellableRecord<'_>, known: &Known) -> Option<Identified> {
         let with_lag = if self.free[VARIANCE] { Some(self.clone()) } else { contact::lagging(record, self) };
         let late = with_lag.as_ref().and_then(|fit| fit.late(record));
@@ -35,7 +35,7 @@ impl Fit {
         if is_determined || self.free[VARIANCE] {
             return with_lag.with_intervals(record, known, late);
         }
-        // A lag that the record allows moves the other numbers: their intervals hold those of both fits.
+        // A lag that the record allows moves the other numbers: their intervals cover those of both fits.
         let found = self.with_intervals(record, known, late)?;
         Some(match with_lag.with_intervals(record, known, late).filter(|_| late.as_ref().is_some_and(Late::is_seen)) {
             Some(other) => found.widened(&other),
@@ -75,12 +75,12 @@ impl Fit {
         let numbers = device.numbers([0.0; 2]);
         let lag = late.filter(Late::is_determined);
         let delay = plain(LATE).map(positive);
-        // Without a lag that fits, the delay is both.
+        // Without a lag that fits, the delay stands for both.
         let sum = late
             .map(|late| delay.filter(|_| lag.is_none()).into_iter().fold(positive(late.late()), Interval::with))
             .or(delay);
         let rate = |i: usize| {
-            // Of b/J: J's own uncertainty goes with it.
+            // Of b/J: the uncertainty of J is included.
             let (value, j) = (p[i] / device.inertia(), device.inertia());
             let spread = covariance[(i, i)] / (j * j) + (value * half(INERTIA)).powi(2)
                 - 2.0 * value / j * covariance[(i, INERTIA)];

@@ -1,18 +1,17 @@
 //! A puck with end stops and Stribeck friction under the held torque, exactly.
 //!
-//! Its motion is linear between events, of which there are: it comes to rest or starts, friction stops falling with the speed, a stop takes
-//! hold or lets go. Over a piece without an event position, velocity and the motor's gap to its command are power series; pieces are so
-//! short that the series end at rounding, and events are located on them. As hapt-plant's device has them, friction and stops are
-//!
+//! Its motion is linear between events: the puck comes to rest or starts, friction stops falling with the speed, contact with a stop begins
+//! or ends. Over a piece without an event position, velocity and the motor's gap to its command are power series; pieces are so short that
+//! the series end at rounding, and events are located on them. As in hapt-plant's device, friction and stops are
 //! ```text
 //! f + s max(0, 1 - |v|/w)    against the slide, and up to f + s at rest
-//! max(0, k p + c ṗ)          with the way p > 0 into the stop
+//! max(0, k p + c ṗ)          with the depth p > 0 in the stop
 //! ```
 
 use super::pieces::{Line, Maps, Rates, State};
 use crate::arrivals::Arrivals;
 
-/// The numbers of a device as its motion shows them, torques per inertia.
+/// The numbers of a device that its motion depends on, torques per inertia.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Numbers {
     /// 1/J with the motor's sign.
@@ -29,9 +28,9 @@ pub(crate) struct Numbers {
     pub lag: f64,
     /// s/J of Stribeck's friction.
     pub rise: f64,
-    /// The velocity w at which that has gone.
+    /// The velocity w from which on that is 0.
     pub fast: f64,
-    /// Where the stops begin, toward smaller positions and toward larger ones; infinite: there is none.
+    /// The places of the stops, toward smaller positions and toward larger ones; infinite: there is none.
     pub stops: [f64; 2],
     /// k/J.
     pub stiffness: f64,
@@ -43,18 +42,18 @@ pub(crate) struct Numbers {
     pub velocity: f64,
 }
 
-/// A gap of this part of the largest one that was is none.
+/// A gap below this part of the largest one so far counts as none.
 const NO_GAP: f64 = 1e-12;
 /// More events between two changes of the torque are chatter.
 const MOST_EVENTS: usize = 64;
-/// How it is to a stop.
+/// The contact with a stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Touch {
-    /// In none of them.
+    /// In no stop.
     Free,
     /// In one, which pushes.
     Pressed,
-    /// In one that it leaves faster than it follows.
+    /// In a stop that the puck leaves faster than the stop follows.
     Left,
 }
 
@@ -82,7 +81,7 @@ struct Motion {
     touch: Touch,
     /// The stop that it is in: 0 the low one, 1 the high one.
     stop: usize,
-    /// Whether it was in each of them.
+    /// Whether it has been in each of them.
     touched: [bool; 2],
     maps: Maps,
 }
@@ -95,8 +94,8 @@ impl Numbers {
         if rates.iter().any(|rate| rate.is_nan()) { f64::INFINITY } else { rates.into_iter().fold(0.0, f64::max) }
     }
 
-    /// Gives each time's index from `first` on and the position there to `see`. The motion starts at the sample `first` under torques
-    /// commanded at `times` and held; before the first command there is the first. Which of the stops it runs into.
+    /// Passes each time's index from `first` on and the position there to `see`. The motion starts at the sample `first` under torques
+    /// commanded at `times` and held; the first command also holds before its time. Returns which of the stops the motion runs into.
     pub fn follow(&self, times: &[f64], torques: &[f64], first: usize, mut see: impl FnMut(usize, f64)) -> [bool; 2] {
         let (Some(&start), Some(&held)) = (times.get(first), torques.first()) else { return [false; 2] };
         let mut motion = Motion::new(*self, held);
@@ -140,7 +139,7 @@ impl Motion {
         }
     }
 
-    /// The gap alone, while `length` s go by.
+    /// Only the gap decays, over `length` s.
     fn relax(&mut self, length: f64) {
         if self.state[2] != 0.0 {
             self.state[2] *= (-length / self.numbers.lag).exp();
@@ -158,7 +157,7 @@ impl Motion {
         }
     }
 
-    /// From the first state: which way it goes, and whether it is in a stop.
+    /// From the first state: the direction of motion, and whether it is in a stop.
     fn set_out(&mut self) {
         let [z, v, _] = self.state;
         if let Some(stop) = (0..2).find(|stop| self.depth(*stop, z) > 0.0) {
@@ -184,7 +183,7 @@ impl Motion {
         Self::side(stop) * (z - self.numbers.stops[stop])
     }
 
-    /// What the stop that it is in would push with.
+    /// The force of the stop that it is in.
     fn push_of_stop(&self) -> Line {
         let Numbers { stops, stiffness, stop_damping, .. } = self.numbers;
         let side = Self::side(self.stop);
@@ -211,7 +210,7 @@ impl Motion {
         let holds = self.numbers.friction + self.numbers.rise;
         self.way = if push.abs() <= holds || push == 0.0 { 0.0 } else { push.signum() };
         self.falls = true;
-        // A stop pushes a puck that does not leave it.
+        // A stop pushes a puck at rest in it.
         if self.touch == Touch::Left {
             self.touch = Touch::Pressed;
         }
@@ -236,7 +235,7 @@ impl Motion {
         rates
     }
 
-    /// The events of the present piece; that of rest first, as the position grows or falls steadily up to it.
+    /// The events of the present piece; that of rest comes first, because the position grows or falls steadily up to it.
     fn events(&self) -> [Option<(Event, Line)>; 4] {
         let speed = |by: f64, constant: f64| Line { position: 0.0, velocity: by * self.way, constant };
         let Numbers { rise, fast, stops, .. } = self.numbers;
@@ -263,21 +262,21 @@ impl Motion {
         [Some(rests), changes, one, other]
     }
 
-    /// `length` s go by under the command that is held.
+    /// Advances by `length` s under the command that is held.
     fn pass(&mut self, length: f64) {
         let (mut rest, mut events) = (length, 0);
         while rest > 0.0 {
             if self.way == 0.0 {
                 let Some(wait) = self.breaks_away(rest) else { return self.relax(rest) };
                 self.relax(wait);
-                // The way that the torque goes to.
+                // The direction of the total torque.
                 self.way = (self.push() - self.numbers.gain * self.state[2]).signum();
                 self.falls = true;
                 rest -= wait;
                 continue;
             }
             let rates = self.rates();
-            // No farther than the series reach.
+            // No farther than the series are accurate.
             let mut end = rates.reached(rest);
             let lines = if events < MOST_EVENTS { self.events() } else { [None; 4] };
             let (state, gain) = (self.state, self.numbers.gain);
@@ -292,7 +291,7 @@ impl Motion {
                     let series = rates.series(state, gain, end);
                     let (mut middle, mut last) = (series.at(0.5 * end), series.at(end));
                     for (event, line) in lines.into_iter().flatten() {
-                        // One that comes and goes within the piece shows in its middle.
+                        // A condition that begins and ends within the piece shows in its middle.
                         let part = match (line.value(&middle) > 0.0, line.value(&last) > 0.0) {
                             (true, _) => 0.5,
                             (false, true) => 1.0,
@@ -332,7 +331,7 @@ impl Motion {
                 self.state[0] = self.numbers.stops[stop];
             }
             Event::LetsGo => {
-                // Without a damper the stop lets go where it begins.
+                // Without a damper the contact ends where the stop begins.
                 if self.numbers.stop_damping > 0.0 {
                     self.touch = Touch::Left;
                 } else {
@@ -347,7 +346,7 @@ impl Motion {
         }
     }
 
-    /// When the torque that comes up overcomes the friction, within `rest` s.
+    /// When the rising torque exceeds the friction, within `rest` s.
     fn breaks_away(&self, rest: f64) -> Option<f64> {
         let gap = self.numbers.gain * self.state[2];
         if gap == 0.0 {

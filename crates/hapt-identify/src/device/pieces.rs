@@ -1,18 +1,18 @@
 //! Pieces of a motion between events: linear in position, velocity and the motor's gap to its command.
 
-/// Terms of a series after the constant one, and the most of a piece in the fastest time constants: 1/17! is the last digit.
+/// Terms of a series after the constant one, and the longest piece in the fastest time constants: 1/17! is the last digit.
 const ORDER: usize = 16;
 const REACH: f64 = 1.0;
-/// A term of a series of this size is none.
+/// A term of a series below this size is dropped.
 const SMALLEST: f64 = 1e-18;
-/// Pieces whose lengths differ by this part of themselves are of one length: their times differ by rounding.
+/// Pieces whose lengths differ by this part count as equal: their times differ by rounding.
 const EVEN: f64 = 1e-10;
-/// So many maps are kept.
+/// The number of maps that are kept.
 const MAPS: usize = 8;
-/// A root is located in so many steps at most.
+/// A root is located in at most so many steps.
 const STEPS: usize = 160;
 
-/// Position, velocity and the motor's torque less what it holds.
+/// Position, velocity and the gap: the motor's torque minus the command that is held.
 pub(super) type State = [f64; 3];
 
 /// The coefficients of their series, up to an order.
@@ -29,10 +29,10 @@ pub(super) struct Line {
     pub constant: f64,
 }
 
-/// What the motion of a piece is linear in.
+/// The coefficients of the linear motion of a piece.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) struct Rates {
-    /// What drives it.
+    /// The constant drive.
     pub drive: f64,
     /// Of the velocity.
     pub loss: f64,
@@ -51,7 +51,7 @@ struct Map {
     last: Linear,
 }
 
-/// Maps of pieces that come again and again, and the last one that was none of them.
+/// Maps of pieces that recur, and the last one that did not.
 pub(super) struct Maps {
     maps: Vec<Map>,
     missed: Option<(Rates, f64)>,
@@ -82,7 +82,7 @@ impl Rates {
         Series { of, order }
     }
 
-    /// How much of a piece the series reach.
+    /// The part of a piece over which the series are accurate.
     pub fn reached(&self, length: f64) -> f64 {
         length.min(REACH / self.fastest())
     }
@@ -91,7 +91,7 @@ impl Rates {
         self.loss.abs().max(self.spring.sqrt()).max(self.decay)
     }
 
-    /// Whether the same but for the drive.
+    /// Whether both differ only in the drive.
     fn is_alike(&self, other: &Rates) -> bool {
         self.loss == other.loss && self.spring == other.spring && self.decay == other.decay
     }
@@ -114,7 +114,7 @@ impl Maps {
         Maps { maps: Vec::with_capacity(MAPS), missed: None }
     }
 
-    /// The state in the middle of a piece and at its end, where such pieces came before.
+    /// The state in the middle of a piece and at its end, where a map of such a piece exists.
     pub fn places(&mut self, rates: &Rates, gain: f64, length: f64, state: &State) -> Option<[State; 2]> {
         let is_it = |old: &Rates, before: f64| (before - length).abs() <= EVEN * length && old.is_alike(rates);
         let mut place = self.maps.iter().position(|map| is_it(&map.rates, map.length));
@@ -131,7 +131,7 @@ impl Maps {
             self.maps.push(Map::new(*rates, gain, length));
         }
         let place = place?;
-        // Those that are used stay.
+        // Maps in use are kept.
         let near = place.saturating_sub(1);
         self.maps.swap(place, near);
         let map = self.maps.get(near)?;
@@ -139,7 +139,7 @@ impl Maps {
     }
 }
 
-/// Where a linear motion goes.
+/// The state after a linear motion.
 fn moved(by: &Linear, [z, v, gap]: &State, drive: f64) -> State {
     let at = |i: usize| by[0][i] * z + by[1][i] * v + by[2][i] * gap + by[3][i] * drive;
     [at(0), at(1), at(2)]
@@ -154,12 +154,12 @@ impl Series {
         sum
     }
 
-    /// Where a line is above 0 first within `end`, where it is above 0 at the end.
+    /// The first time within `end` at which a line is above 0, where it is above 0 at the end.
     pub fn crossing(&self, line: &Line, end: f64) -> f64 {
         let value = |t: f64| line.value(&self.at(t));
         let (mut low, mut high) = (0.0, end);
         let (mut at_low, mut at_high) = (value(low), value(high));
-        // From a zero on it may first go down.
+        // From a zero it may fall at first.
         let mut before = end;
         while at_low >= 0.0 {
             before *= 0.5;
@@ -171,7 +171,7 @@ impl Series {
             }
         }
         for step in 0..STEPS {
-            // Regula falsi, every third time a half.
+            // Regula falsi, every third step a bisection.
             let part = if step % 3 == 2 { 0.5 } else { at_low / (at_low - at_high) };
             let secant = low + part * (high - low);
             let t = if secant > low && secant < high { secant } else { 0.5 * (low + high) };

@@ -1,4 +1,4 @@
-//! What a shot's positions tell of the device's numbers, and of where the shot begins: their derivatives, and the normal equations.
+//! The derivatives of a shot's positions by the device's numbers and by the shot's initial state, and the normal equations.
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
@@ -19,7 +19,7 @@ pub(super) struct Slopes {
     right: SVector<f64, ALL>,
 }
 
-/// The normal equations of a step: of the device's numbers without the shots' states, and what gives those.
+/// The normal equations of a step: of the device's numbers with the shots' states eliminated, and the terms that give those.
 pub(super) struct Normal {
     pub information: Square,
     pub right: Column,
@@ -34,7 +34,7 @@ pub(super) struct OfShot {
 }
 
 impl Slopes {
-    /// Of rows that leave so much; `None`: some are not finite.
+    /// From the rows and their residuals; `None`: some are not finite.
     pub fn new(rows: Vec<[f64; ALL]>, left: &[f64]) -> Option<Self> {
         let (mut products, mut right) = ([[0.0; ALL]; ALL], [0.0; ALL]);
         for (row, left) in rows.iter().zip(left) {
@@ -50,7 +50,7 @@ impl Slopes {
         is_finite(&products).then_some(Slopes { rows, products, right })
     }
 
-    /// The largest change of a position by that of a number.
+    /// The largest change of a position by a change of a number.
     pub fn largest(&self, i: usize) -> f64 {
         self.rows.iter().map(|row| row[i].abs()).fold(0.0, f64::max)
     }
@@ -60,7 +60,7 @@ impl Slopes {
         self.products[(i, i)] > 0.0
     }
 
-    /// The shot's part, damped by Marquardt's `more`, with so much more information of its position and velocity.
+    /// The shot's part, damped by Marquardt's `more`, with this much more information on its position and velocity.
     fn of_shot(&self, more: f64, held: [f64; 2]) -> OfShot {
         let at = |i: usize, j: usize| {
             let own = self.products[(PARAMETERS + i, PARAMETERS + j)];

@@ -8,10 +8,10 @@ use crate::record::{LONGEST_DELAY, Record};
 use crate::remainder::RESOLUTION;
 use crate::shaft::Shafted;
 
-/// Of ln (J + J_h), b, f, the time d + λ to the torque, ln (J_h / J), ln (k / m), d / m, λ², with m = J J_h / (J + J_h); of the beginning,
-/// the motor's position, its velocity, and what position and velocity of the handle are beyond these.
+/// Of ln (J + J_h), b, f, the time d + λ to the torque, ln (J_h / J), ln (k / m), d / m, λ², with m = J J_h / (J + J_h); of the initial
+/// state, the motor's position, its velocity, and the differences of the handle's position and velocity from these.
 ///
-/// A record tells the whole inertia, the resonance √(k/m) and its decay d/m well, and the ratio of the inertias badly. In these
+/// A record determines the whole inertia, the resonance √(k/m) and its decay d/m well, and the ratio of the inertias badly. In these
 /// coordinates the valley of good fits is straight, and the steps along it are long.
 pub(super) const PARAMETERS: usize = 12;
 pub(super) type Parameters = [f64; PARAMETERS];
@@ -20,31 +20,31 @@ pub(super) const FRICTION: usize = 2;
 pub(super) const LATE: usize = 3;
 pub(super) const SHARE: usize = 4;
 pub(super) const VARIANCE: usize = 7;
-/// The first parameter of the beginning.
+/// The first parameter of the initial state.
 pub(super) const POSITION: usize = 8;
 /// The parameters of a device that begins at rest, on an unloaded shaft: without the last three.
 pub(super) const AT_REST: usize = PARAMETERS - 3;
 /// Damping, friction, the time to the torque, the shaft's damping and λ².
 pub(super) const NOT_BELOW_0: [usize; 5] = [1, FRICTION, LATE, 6, VARIANCE];
-/// No command acts so much earlier than it is given, in s: delays below 0 are looked for up to here, as beside a rigid device.
+/// The earliest action of a command before its time, in s: delays below 0 are searched down to here, as for a rigid device.
 const EARLIEST: f64 = 0.2 * LONGEST_DELAY;
 /// Of [`PARAMETERS`], those that enter by their logarithms.
 pub(super) const LOGARITHMS: [usize; 3] = [0, 4, 5];
-/// Steps of a fit that is compared with others, with a lag or beside the best, and of one that is followed to its end.
+/// Steps of a fit that is compared with others, with a lag or near the best, and of one that is followed to its end.
 pub(super) const FEW_ITERATIONS: usize = 20;
 pub(super) const MAX_ITERATIONS: usize = 100;
 /// χ² of three numbers at 95 %.
 const BEGINS: f64 = 7.815;
-/// The lag from which one is looked for, in periods.
+/// The lag from which the search for one starts, in periods.
 const SHORT: f64 = 0.5;
-/// Parts of delay and lag together that are the lag's, and parts of λ² and of the friction, from which a fit is repeated.
+/// Parts of delay and lag together that are the lag's, and factors of λ² and of the friction, from which a fit is repeated.
 const RESTARTS: [(usize, f64); 7] =
     [(LATE, 0.9), (LATE, 0.6), (LATE, 0.3), (FRICTION, 0.5), (FRICTION, 0.0), (VARIANCE, 1.5), (VARIANCE, 0.7)];
-/// A step of this many standard errors is none.
+/// A step of less than this many standard errors counts as none.
 const SMALL: f64 = 1e-3;
 
-/// Whether a sample is fitted: it is a measurement, and the unknown torques before the record have decayed. What they did is
-/// in the state from which the fit begins.
+/// Whether a sample is fitted: it is a measurement, and the unknown torques before the record have decayed. Their effect is in the initial
+/// state of the fit.
 fn is_measured(record: &Record, i: usize) -> bool {
     record.is_news(i) && record.times()[i] - record.times()[0] >= LONGEST_DELAY
 }
@@ -53,7 +53,7 @@ pub(super) fn measured(record: &Record) -> impl Iterator<Item = usize> {
     (0..record.times().len()).filter(|i| is_measured(record, *i))
 }
 
-/// Parameters, what they leave, and its derivatives.
+/// Parameters, their residuals, and the derivatives of these.
 pub(super) struct Fit {
     pub p: Parameters,
     /// Whether it begins at rest, on an unloaded shaft, which is then no parameter.
@@ -66,12 +66,12 @@ pub(super) struct Fit {
     derivatives: DMatrix<f64>,
 }
 
-/// What is fitted.
+/// The parameters that are fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Free {
-    /// The beginning alone, of a device that is known.
+    /// Only the initial state, of a known device.
     Beginning,
-    /// All but this one.
+    /// All except this one.
     But(usize),
     All,
 }
@@ -122,7 +122,7 @@ impl Fit {
         })
     }
 
-    /// The same, of which this is fitted.
+    /// The same, with these parameters fitted.
     pub fn fitting(self, free: Free) -> Fit {
         Fit { free, ..self }
     }
@@ -139,7 +139,7 @@ impl Fit {
         if self.rests { AT_REST } else { PARAMETERS }
     }
 
-    /// By so much the squares of what a 95 % interval covers may be above the least.
+    /// The squares of devices within a 95 % interval are at most this much above the least.
     pub fn unit(&self) -> f64 {
         let freedom = self.left.len().saturating_sub(self.parameters()).max(1) as f64;
         student(freedom).powi(2) * (self.squares / freedom).max(self.least)
@@ -154,7 +154,7 @@ impl Fit {
     fn steps(&self, period: f64) -> Parameters {
         let [whole, b, f, late, _, square, decay, variance, _, v, _, rate_beyond] = self.p;
         let (whole, rate) = (whole.exp(), (0.5 * square).exp());
-        // Wide enough to see past single stops and starts under friction.
+        // Wide enough to average over single stops and starts under friction.
         [
             3e-4,
             1e-3 * b.max(1e-2 * whole * rate),
@@ -171,7 +171,7 @@ impl Fit {
         ]
     }
 
-    /// The same with a lag that is fitted too, and not from 0, where a motor that sticks may hide it.
+    /// The same with the lag fitted too, from a start above 0: near 0 a motor at rest may hide it.
     pub fn lagging(mut self, record: &Record) -> Fit {
         let mut p = self.p;
         p[VARIANCE] = p[VARIANCE].max((SHORT * record.period()).powi(2));
@@ -179,7 +179,7 @@ impl Fit {
         Fit::of(record, p, self.rests).unwrap_or(self)
     }
 
-    /// The same from rest, where a motion at the beginning explains no more than three numbers do of noise.
+    /// The same from rest, where an initial motion explains no more than three parameters explain of noise.
     pub fn at_rest(self, record: &Record, stop: &dyn Fn() -> bool) -> Fit {
         let mut p = self.p;
         p[AT_REST..].fill(0.0);
@@ -189,13 +189,13 @@ impl Fit {
         resting.filter(|fit| fit.squares < enough).unwrap_or(self)
     }
 
-    /// The best of the fits from here and from other lags and frictions: each stop of a motor bends the squares, and a fit can end beside
-    /// the least.
+    /// The best of the fits from here and from other lags and frictions: each stop of a motor makes the squares nonlinear, and a fit can
+    /// end in a local minimum.
     pub fn settled(mut self, record: &Record, stop: &dyn Fn() -> bool) -> Fit {
         for (i, part) in RESTARTS {
             let mut p = self.p;
             match i {
-                // A lag that is missed is another share of the inertia.
+                // An error in the lag changes the estimated share of the inertia.
                 LATE => p[VARIANCE] = (part * p[LATE]).powi(2),
                 i => p[i] *= part,
             }
@@ -236,7 +236,7 @@ impl Fit {
             let Some(step) = at.step(&information, &right, damping) else { return Some(at) };
             let size = (step.transpose() * &information * &step)[0];
             let mut p = at.p;
-            // Far steps of what enters by its logarithm lead nowhere.
+            // Large steps of the parameters that enter by logarithms lead nowhere.
             p.iter_mut()
                 .enumerate()
                 .for_each(|(i, p)| *p += if LOGARITHMS.contains(&i) { step[i].clamp(-1.0, 1.0) } else { step[i] });
@@ -260,7 +260,7 @@ impl Fit {
         Some(at)
     }
 
-    /// The next step, damped by Marquardt's `more`. What is 0 already, and would go below, stays while the others move.
+    /// The next step, damped by Marquardt's `more`. A parameter that is 0 already, and would go below, stays while the others move.
     fn step(&self, information: &DMatrix<f64>, right: &DVector<f64>, more: f64) -> Option<DVector<f64>> {
         let mut free: [bool; PARAMETERS] = std::array::from_fn(|i| self.is_free(i));
         loop {

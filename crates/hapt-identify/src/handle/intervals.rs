@@ -1,4 +1,4 @@
-//! What a record tells of a device with a handle, and how surely.
+//! The numbers that a record determines of a device with a handle, with their intervals.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -15,11 +15,12 @@ use crate::record::Record;
 /// The names of the parameters of the device, for those that a record does not separate.
 const NAMES: [&str; POSITION] =
     ["inertia", "damping", "friction", "delay", "share of the handle", "shaft stiffness", "shaft damping", "lag"];
-/// How large these are at most, in rad/s, rad and rad/s (linear: m).
+/// The largest sizes of the last three parameters, in rad/s, rad and rad/s (linear: m).
 const FIRST: [f64; 3] = [100.0, 1.0, 100.0];
-/// The parameters along which other devices are looked for that explain a record as well: what goes with them bends most.
+/// The parameters along which other devices are searched that explain the record as well: along these the valley of good fits is most
+/// curved.
 const PROFILED: [usize; 3] = [SHARE, VARIANCE, FRICTION];
-/// Steps of a fit beside one of them, how far the first goes, in half intervals, how much further each next one does, and how far the last.
+/// Steps of a fit with one of them held, the distance of the first, in half intervals, the growth of the distance, and the last distance.
 const BRIEFLY: usize = 4;
 const FIRST_REACH: f64 = 1.0;
 const FURTHER: f64 = 1.6;
@@ -29,7 +30,7 @@ const NOTICEABLE: f64 = 0.1;
 
 impl Fit {
     /// The devices whose squares are within a 95 % interval of the least, as far out as they are: the profile of the likelihood along
-    /// single parameters. Where the valley of good fits bends, the covariance at its lowest point shows too little of it.
+    /// single parameters. Where the valley of good fits is curved, the covariance at its lowest point is too small.
     pub fn profiled(self, record: &Record, stop: &dyn Fn() -> bool) -> (Fit, Vec<Parameters>) {
         let mut best = self;
         for _ in 0..PROFILED.len() {
@@ -84,7 +85,7 @@ impl Fit {
         let share = handle / (inertia + handle);
         let damping = mass * self.p[6];
         let half = |i: usize| spread.half(&[(i, 1.0)]);
-        // Of the time to the torque and of its variance, as far as either goes.
+        // The interval of the time to the torque and of its variance, over all these fits.
         let widest = |i: usize| others.iter().fold(half(i), |half, other| half.max((other[i] - self.p[i]).abs()));
         let late = Late::new([self.p[LATE], widest(LATE)], [self.p[VARIANCE], widest(VARIANCE)], spread.slope())?;
         let found = WithHandle {
@@ -121,7 +122,7 @@ impl Fit {
     }
 }
 
-/// How far the parameters of a fit may be off, to first order.
+/// The uncertainty of the parameters of a fit, to first order.
 struct Spread {
     /// Of the parameters over their scales, in which the information has ones on its diagonal.
     inverse: DMatrix<f64>,
@@ -135,7 +136,7 @@ impl Spread {
         let (information, _) = fit.normal();
         let parameters = fit.parameters();
         let freedom = fit.left.len().saturating_sub(parameters).max(1) as f64;
-        // Friction can end a first motion before it shows. Then no more is known of it than this, and the other numbers are told all the same.
+        // Friction can end an initial motion before it shows. Then its bound is this, and the other numbers are determined all the same.
         let known =
             |i: usize| FIRST.get(i.wrapping_sub(AT_REST)).map_or(0.0, |size| fit.squares / freedom / (size * size));
         let own = DVector::from_fn(parameters, |i, _| information[(i, i)] + known(i));
@@ -152,21 +153,21 @@ impl Spread {
         self.inverse[(i, j)] * self.scale[i] * self.scale[j]
     }
 
-    /// Half of the 95 % interval of what has this gradient in the parameters.
+    /// Half of the 95 % interval of a quantity with this gradient in the parameters.
     fn half(&self, gradient: &[(usize, f64)]) -> f64 {
         let of = |&(i, a): &(usize, f64), &(j, b): &(usize, f64)| a * b * self.covariance(i, j);
         let sum: f64 = gradient.iter().flat_map(|row| gradient.iter().map(move |column| of(row, column))).sum();
         (self.unit * sum).sqrt()
     }
 
-    /// How the best fits go along with one parameter, over half of its interval.
+    /// The change of the best fits with one parameter, over half of its interval.
     fn along(&self, i: usize) -> Option<Vec<f64>> {
         let own = self.covariance(i, i);
         let all: Vec<f64> = (0..self.scale.len()).map(|j| self.covariance(j, i) * (self.unit / own).sqrt()).collect();
         all.iter().all(|step| step.is_finite()).then_some(all)
     }
 
-    /// How much the time to the torque goes along with its variance.
+    /// The slope of the time to the torque over its variance.
     fn slope(&self) -> f64 {
         self.covariance(LATE, VARIANCE) / self.covariance(VARIANCE, VARIANCE)
     }

@@ -1,4 +1,4 @@
-//! A record against what a file says of the device.
+//! A record against the numbers of a device in a file.
 
 use fastrand::Rng;
 use hapt_identify::{Claims, Compared, Comparison, Kind, Record, Verdict, against};
@@ -10,7 +10,7 @@ use crate::handle;
 use crate::lever::Lever;
 use crate::rig::{WHEEL, counted, motion, steps, times};
 
-/// The numbers themselves, with this tolerance.
+/// The device's own numbers, with this tolerance.
 pub fn claims(rig: &DeviceSpec, part: f64) -> Claims {
     let within = |x: f64| [x * (1.0 - part), x * (1.0 + part)];
     Claims {
@@ -62,7 +62,7 @@ proptest! {
         let rig = device(&mut rng);
         let found = against(&record(&rig, &mut rng), &claims(&rig, 0.0), false).unwrap();
         prop_assert!(found.agrees(), "{rig:?}: {:?}", found.numbers);
-        // The steps tell these of every device, whether or not they tell the lag.
+        // The steps determine these for every device, whether or not they determine the lag.
         for name in ["inertia", "delay and lag", "sign"] {
             prop_assert_eq!(number(&found, name).verdict, Verdict::Agrees, "{} of {:?}", name, rig);
         }
@@ -74,7 +74,7 @@ proptest! {
         let rig = device(&mut rng);
         let record = record(&rig, &mut rng);
         let mut said = claims(&rig, 0.02);
-        // Far outside of its tolerance, and of what any of these records leaves open.
+        // Far outside of its tolerance, and of the range that any of these records allows.
         let off = |x: [f64; 2]| x.map(|x| if up { 2.0 * x } else { 0.5 * x });
         let name = match which {
             0 => { said.inertia = off(said.inertia); "inertia" }
@@ -87,7 +87,7 @@ proptest! {
         prop_assert!(!found.agrees(), "{name} of {rig:?}: {:?}", found.numbers);
         let wrong = wrong(&found);
         prop_assert!(wrong.contains(&name), "{name} of {rig:?}: {wrong:?}");
-        // Delay and lag are three numbers for two; no other number is blamed.
+        // Delay and lag are three numbers for two; no other number is contradicted.
         let related = |other: &str| other == name || which >= 3 && ["delay", "lag", "delay and lag"].contains(&other);
         prop_assert!(wrong.iter().all(|other| related(other)), "{name} of {rig:?}: {wrong:?}");
     }
@@ -108,7 +108,7 @@ fn a_tolerance_that_holds_the_number_is_no_contradiction() {
 
 #[test]
 fn what_a_record_does_not_tell_is_not_agreed() {
-    // No torque: nothing but rates shows.
+    // No torque: only rates show.
     let mut torques = vec![0.06; 300];
     torques.resize(4000, 0.0);
     let rig = DeviceSpec { delay: 0.0, ..WHEEL };
@@ -119,7 +119,7 @@ fn what_a_record_does_not_tell_is_not_agreed() {
         found.numbers.iter().all(|number| number.verdict == Verdict::NotTold && number.reason.is_some()),
         "{found:?}"
     );
-    // A short lag beside coarse counts: the sum is told, and neither part.
+    // A short lag with coarse counts: the sum is determined, and neither part.
     let mut rng = Rng::with_seed(5);
     let rig = DeviceSpec { lag: 0.2e-3, ..WHEEL };
     let found = against(&self::record(&rig, &mut rng), &claims(&rig, 0.1), false).unwrap();
@@ -147,17 +147,17 @@ fn a_torque_that_no_such_device_has_contradicts_every_file() {
     let found = against(&record, &claims(&WHEEL, 1.0), false).unwrap();
     assert!(!found.agrees() && found.wrong.is_some(), "{found:?}");
     assert!(found.residual.rms > 3.0 * found.noise, "{} of {}", found.residual.rms, found.noise);
-    // The torque's equation tells the numbers beside it, and what it leaves goes with the position.
+    // The torque's equation determines the other numbers, and its residual depends on the position.
     assert_eq!(wrong(&found), [""; 0], "{:?}", found.numbers);
     assert_eq!(number(&found, "inertia").verdict, Verdict::Agrees, "{:?}", found.numbers);
     let misfit = found.misfit.unwrap();
     assert!(matches!(misfit.kinds[0].kind, Kind::Position { .. }), "{misfit:?}");
-    // What is drawn is there all the same.
+    // The curves to draw are present all the same.
     assert!(found.residuals.len() == found.fitted.len() && 2 * found.fitted.len() > record.times().len());
 }
 
-/// A lever with a cable's stiffness, friction by direction and a loop around it: of a file with its inertia nothing else is contradicted in
-/// it, and one with three times as much is.
+/// A lever with a cable's stiffness, friction by direction and a loop around it: a file with its inertia is contradicted in no other
+/// number, and a file with three times the inertia in the inertia too.
 #[test]
 fn a_richer_device_contradicts_the_numbers_that_are_wrong() {
     let (mut told, mut named) = (0, 0);
@@ -225,7 +225,7 @@ fn a_record_agrees_with_the_device_and_its_handle_and_with_no_other() {
         assert!(found.agrees(), "{seed}: {rig:?}: {:?} {:?}", found.wrong, found.numbers);
         assert_eq!(number(&found, "shaft stiffness").verdict, Verdict::Agrees, "{seed}: {:?}", found.numbers);
         assert!(found.residuals.len() == found.fitted.len() && found.residuals.len() + 60 > record.times().len());
-        // Each of these numbers off contradicts the record, one of them for each device, and its own name is among the wrong ones.
+        // Each wrong number contradicts the record, one of them for each device, and its own name is among the wrong ones.
         let shaft = rig.handle.unwrap();
         let off = [
             ("inertia", Claims { inertia: right.inertia.map(|x| 1.33 * x), ..right }),
@@ -264,7 +264,7 @@ fn a_record_with_a_handle_may_begin_in_motion() {
             (seen, torque)
         };
         let (seen, torques): (Vec<f64>, Vec<f64>) = (0..1000).map(sample).unzip();
-        // The torques of the first samples are on their way when it begins.
+        // The torques of the first samples are still delayed when it begins.
         let record = Record::new(times(&rig, 900), seen[100..].to_vec(), torques[100..].to_vec()).unwrap();
         let found = against(&record, &Claims { handle: rig.handle, ..claims(&rig, 0.0) }, false).unwrap();
         assert!(found.agrees(), "{seed}: {rig:?}: {:?}", found.numbers);
@@ -282,13 +282,13 @@ fn a_shaft_contradicts_a_rigid_file() {
     assert!(!found.agrees() && found.wrong.is_some(), "{found:?}");
 }
 
-/// Without counts and noise a fit is right to rounding. That is no contradiction, and a number that is off by a millionth still is.
+/// Without counts and noise a fit is right to rounding. Rounding is no contradiction, and a number that is wrong by a millionth still is.
 #[test]
 fn rounding_contradicts_no_file() {
     for seed in hapt_testing::seeds(12) {
         let mut rng = Rng::with_seed(seed);
         let drawn = device(&mut rng);
-        // Every second one swings on a spring without losses of its own.
+        // Every second one oscillates on a spring without losses of its own.
         let rig = if seed % 2 == 0 { DeviceSpec { delay: 0.0, lag: 0.0, damping: 0.0, ..drawn } } else { drawn };
         let stiffness = if seed % 2 == 0 { 0.2 + rng.f64() } else { 0.0 };
         let mut device = VirtualDevice::new(&rig);

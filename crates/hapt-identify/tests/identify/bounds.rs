@@ -47,7 +47,7 @@ impl Coverage {
     #[track_caller]
     fn holds(&self, part: f64, least_at_0: u32) {
         for (i, (covered, of)) in self.all.into_iter().chain(self.at_0).enumerate() {
-            // Few say little of how often.
+            // A few intervals hardly show the coverage.
             let holds = of < 15 || f64::from(covered) >= part * f64::from(of);
             assert!(holds, "{}: {covered} of {of}: {self:?}", NAMES[i % 4]);
         }
@@ -72,7 +72,7 @@ fn intervals_at_0_cover_the_truth_of_devices_that_hardly_move() {
         let torques = steps(&mut rng, samples, size);
         let noise = 0.5 + rng.f64();
         let seen = counted(&motion(&rig, &torques), counts, noise, &mut rng);
-        // A puck that a record cannot tell anything of is refused.
+        // A record that determines nothing of a puck is rejected.
         let Ok(record) = Record::new(times(&rig, samples), seen, torques) else { continue };
         if let Ok(found) = identify(&record, &Known::default()) {
             coverage.add(&found, &rig);
@@ -92,7 +92,7 @@ fn intervals_at_0_cover_the_truth_of_wheels_that_ring_on_a_virtual_spring() {
         let count = TAU / counts;
         let stiffness = rig.inertia * (TAU * (1.0 + 7.0 * rng.f64())).powi(2);
         let rest = (20.0 + 200.0 * rng.f64()) * count;
-        // The swing stops where the friction holds the spring.
+        // The oscillation stops where the friction balances the spring.
         rig.friction = 0.02 * stiffness * rest * rng.f64();
         let mut device = VirtualDevice::new(&rig);
         let mut sample = |_| {
@@ -109,7 +109,7 @@ fn intervals_at_0_cover_the_truth_of_wheels_that_ring_on_a_virtual_spring() {
             coverage.add(&found, &rig);
         }
     }
-    // The positions carry no noise but their counts.
+    // The only error of the positions is that of counts.
     coverage.holds(0.9, records * 3 / 4);
 }
 

@@ -72,7 +72,7 @@ proptest! {
             };
             let (up, down) = (moved(1.0), moved(-1.0));
             let size = slopes.iter().map(|s| s[i].abs()).fold(0.0, f64::max);
-            // Where a step of the parameter brings a rest about or takes one away, the positions have a corner.
+            // Where a step of the parameter adds or removes a rest, the positions have a corner.
             let off = (0..up.len()).filter(|&k| {
                 let slope = (up[k] - down[k]) / (2.0 * steps[i]);
                 (slope - slopes[k][i]).abs() > 1e-3 * size + 1e-6
@@ -111,7 +111,7 @@ fn a_motor_of_the_other_sign_is_the_same_device() {
 
 #[test]
 fn a_known_inertia_gives_the_motors_gain() {
-    // The motor gives 80 % of what is asked for.
+    // The motor gives 80 % of the commanded torque.
     let mut rng = Rng::with_seed(5);
     let asked = steps(&mut rng, 4000, 0.1);
     let given: Vec<f64> = asked.iter().map(|torque| 0.8 * torque).collect();
@@ -121,7 +121,7 @@ fn a_known_inertia_gives_the_motors_gain() {
     let found = identify(&record, &known).unwrap();
     assert!(found.gain.unwrap().covers(0.8), "{:?}", found.gain);
     assert_eq!(covered(&found, &WHEEL), [true; 4], "{found:?}");
-    // Without it everything is per torque asked for.
+    // Without it everything is per unit of commanded torque.
     let found = identify(&record, &Known::default()).unwrap();
     assert!(found.inertia.unwrap().covers(WHEEL.inertia / 0.8), "{:?}", found.inertia);
     assert_eq!(found.gain, None);
@@ -182,7 +182,7 @@ fn uneven_times_are_what_they_are() {
 
 #[test]
 fn a_push_in_one_direction_does_not_tell_friction_from_inertia() {
-    // What is seen of one long push is the torque less the friction, over the inertia.
+    // One long push determines only the torque less the friction, over the inertia.
     let rig = DeviceSpec { damping: 20e-3, delay: 0.0, ..WHEEL };
     let torques: Vec<f64> =
         (0..2000).map(|k| if k < 100 { 0.0 } else { 0.1 + 1e-3 * (0.05 * k as f64).sin() }).collect();
@@ -195,14 +195,14 @@ fn a_push_in_one_direction_does_not_tell_friction_from_inertia() {
         "{:?}",
         found.warnings()
     );
-    // An experiment that goes to and fro does.
+    // An experiment with both directions does.
     let good = identify(&record(&rig, 1, 3000, 4000.0, 0.7), &Known::default()).unwrap();
     assert!(good.correlated.is_empty() && good.condition < 0.1 * found.condition, "{good:?}");
 }
 
 #[test]
 fn a_spring_that_nobody_knows_of_leaves_more_than_noise() {
-    // The puck hangs on a real spring, of which the equation knows nothing.
+    // The puck is on a real spring, which the equation does not contain.
     let mut rng = Rng::with_seed(6);
     let torques = steps(&mut rng, 1500, 0.08);
     let mut device = VirtualDevice::new(&WHEEL);
@@ -245,7 +245,7 @@ fn what_is_no_experiment_is_refused() {
     let mut torn = z.to_vec();
     torn[9] = f64::INFINITY;
     assert_eq!(new(t, &torn, u), Err(Error::NotFinite { sample: 9, what: "position", value: f64::INFINITY }));
-    // A motion that has nothing to do with the torque.
+    // A motion that does not depend on the torque.
     let swing: Vec<f64> = t.iter().map(|t| (30.0 * t).sin()).collect();
     let unrelated = new(t, &swing, u).unwrap();
     assert_eq!(identify(&unrelated, &Known::default()), Err(Error::Unexplained));
@@ -317,7 +317,7 @@ fn a_wheel_that_rings_on_a_virtual_spring_shows_its_inertia() {
         let (seen, torques) = (0..2000).map(&mut sample).unzip();
         let found = identify(&Record::new(times(&rig, 2000), seen, torques).unwrap(), &Known::default()).unwrap();
         let found = found.inertia.unwrap();
-        // Delay and damping look alike here; the period knows nothing of either.
+        // Delay and damping look alike here; the period depends on neither.
         assert!((found.value / inertia - 1.0).abs() < 0.01, "seed {seed}: {found:?} is {inertia}");
     }
 }

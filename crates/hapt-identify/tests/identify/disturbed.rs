@@ -1,4 +1,4 @@
-//! Torques that nobody asked for, records that begin in the middle, and devices in other units.
+//! Torques that were not commanded, records that begin in the middle, and devices in other units.
 
 use fastrand::Rng;
 use hapt_identify::{Error, Identified, Interval, Known, Record, identify};
@@ -8,10 +8,10 @@ use proptest::prelude::*;
 
 use crate::rig::{WHEEL, counted, motion, steps, times};
 
-/// How often a torque comes again in a turn, its size, and the torque at a position.
+/// The periods of a torque in a turn, its size, and the torque at a position.
 type Besides<'a> = (u32, f64, &'a dyn Fn(f64) -> f64);
 
-/// Where a device goes on which a torque acts besides, given by its position.
+/// The positions of a device on which another torque acts too, given by its position.
 fn moved(rig: &DeviceSpec, torques: &[f64], besides: impl Fn(f64) -> f64) -> Vec<f64> {
     let mut device = VirtualDevice::new(rig);
     let step = |torque: &f64| {
@@ -44,7 +44,7 @@ proptest! {
     fn a_constant_torque_is_found_beside_the_friction(
         seed in any::<u64>(), offset in -0.01..0.01f64, friction in 1e-3..8e-3f64, damping in 3e-3..10e-3f64,
     ) {
-        // Steps that are shorter than the time constant, so that it goes both ways.
+        // Steps that are shorter than the time constant, so that it moves in both directions.
         let rig = DeviceSpec { friction, damping, delay: 1.3e-3, ..WHEEL };
         let mut rng = Rng::with_seed(seed);
         let torques = steps(&mut rng, 4000, 0.1);
@@ -57,8 +57,8 @@ proptest! {
         prop_assert_eq!(found.unmodelled, None);
     }
 
-    /// A drive whose torque rises in two stages, and a table that names each torque beside a later position: no delay of 0 or more fits, and the
-    /// intervals allow for that.
+    /// A drive whose torque rises in two stages, and a table that has each torque next to a later position: no delay of 0 or more fits, and
+    /// the intervals allow for that.
     #[test]
     fn a_gain_beside_torques_of_later_samples_is_as_wide_as_it_is_wrong(
         seed in any::<u64>(), rise in 0.5..3.0f64, damping in 1e-3..10e-3f64, counts in 1000.0..10_000.0f64,
@@ -78,7 +78,7 @@ proptest! {
         let seen = seen[later..].to_vec();
         let record = Record::new(times(&rig, seen.len()), seen, torques[..torques.len() - later].to_vec()).unwrap();
         let known = Known { inertia: Some(rig.inertia), ..Known::default() };
-        // A delay that may be 0 is no bound that is broken.
+        // A delay that may be 0 violates no bound.
         if let Some(found) = identify(&record, &known).ok().filter(|found| found.puck.delay < 0.0) {
             let gain = found.gain.unwrap();
             prop_assert!(gain.low <= 1.0 && 1.0 <= gain.high, "{gain:?}");
@@ -129,11 +129,11 @@ fn what_moves_the_puck_with_its_position_is_seen_for_what_it_is() {
             (3, 2e-3, &|z| 2e-3 * (3.0 * z + 1.3).sin()),
         ];
         for (times_a_turn, size, besides) in besides {
-            // So little that the intervals still hold, or refused.
+            // Either so little that the intervals still hold, or rejected.
             let seen = match told(&rig, &moved(&rig, &torques, besides), torques.clone(), &mut rng) {
                 Ok(found) => found.unmodelled,
                 Err(Error::Residual(left)) => {
-                    // The fit that is refused is still near the device.
+                    // The rejected fit is still near the device.
                     let puck = left.puck.unwrap_or_else(|| panic!("seed {seed}: no fit"));
                     assert!((puck.gain * rig.inertia - 1.0).abs() < 0.2, "seed {seed}: {puck:?}");
                     left.position
@@ -168,7 +168,8 @@ fn a_large_constant_torque_is_found_or_nothing_is() {
         match told(&rig, &moved(&rig, &torques, |_| offset), torques, &mut rng) {
             Err(_) => refused += 1,
             Ok(found) => {
-                // Of a puck that goes one way the record does not tell them apart: then neither is given, or no constant torque shows.
+                // For a puck that moves in one direction the record does not separate them: then neither is given, or no constant torque
+                // shows.
                 let friction = found.friction.is_none() || near(found.friction, rig.friction);
                 missed +=
                     i32::from(!(near(found.inertia, rig.inertia) && near(found.damping, rig.damping) && friction));
@@ -185,7 +186,7 @@ fn a_record_is_used_from_where_every_torque_in_it_is_known() {
         let rig = DeviceSpec { delay: 3.4e-3, damping: 4e-3, ..WHEEL };
         let torques = steps(&mut rng, 4600, 0.1);
         let seen = counted(&motion(&rig, &torques), 4000.0, 0.7, &mut rng);
-        // From the middle on: who knows what was asked for before.
+        // From the middle on: the torques before are unknown.
         let record = Record::new(times(&rig, 4000), seen[600..].to_vec(), torques[600..].to_vec()).unwrap();
         let found = identify(&record, &Known::default()).unwrap();
         assert!((4..7).contains(&found.first), "seed {seed}: from sample {}", found.first);

@@ -1,4 +1,4 @@
-//! A handle on a flexible shaft: random devices are found again, and a rigid fit names the shaft.
+//! A handle on a flexible shaft: random devices are found again, and a rigid fit reports the shaft.
 
 use fastrand::Rng;
 use hapt_identify::{Error, Interval, Known, Record, WithHandle, identify, identify_handle};
@@ -67,7 +67,7 @@ pub fn device(rng: &mut Rng, friction: bool) -> DeviceSpec {
     }
 }
 
-/// Each number with its truth; of a lag that is not told, the delay is both together.
+/// Each number with its truth; where the lag is not determined, the delay is both together.
 fn pairs(found: &WithHandle, truth: &DeviceSpec) -> [(&'static str, Interval, f64); 9] {
     let shaft = truth.handle.unwrap();
     let late = truth.delay + truth.lag;
@@ -88,7 +88,7 @@ fn pairs(found: &WithHandle, truth: &DeviceSpec) -> [(&'static str, Interval, f6
 #[test]
 fn random_devices_are_found_again_within_their_intervals() {
     let (mut numbers, mut inside) = (0, 0);
-    // Those with even numbers have friction, half of all uneven samples, and three of four lag.
+    // Those with even numbers have friction, half of all have uneven samples, and three of four a lag.
     let seeds = [2, 5, 6, 13, 10, 3, 24, 9];
     let some = hapt_testing::seeds(seeds.len() as u64).end as usize;
     for (place, seed) in seeds.into_iter().enumerate().take(some) {
@@ -101,13 +101,13 @@ fn random_devices_are_found_again_within_their_intervals() {
         for (name, x, truth) in pairs(&found, &truth) {
             numbers += 1;
             inside += u32::from(x.covers(truth));
-            // Of what is not told the upper end counts.
+            // For a number that is not determined, the upper end counts.
             let half = (0.5 * (x.high - x.low)).max(x.high - x.value);
             assert!((x.value - truth).abs() <= 2.5 * half, "seed {seed}, {name}: {x:?}, {truth}");
         }
-        // A lag of more than a sample shows.
+        // A lag of more than a sample is determined.
         assert!(truth.lag < 1.5e-3 || found.lag.low > 0.0, "seed {seed}: {found:?}");
-        // Narrow enough to be worth something.
+        // Narrow enough to be useful.
         assert!(
             found.stiffness.high < 1.1 * found.stiffness.low
                 && found.handle_inertia.high < 1.1 * found.handle_inertia.low

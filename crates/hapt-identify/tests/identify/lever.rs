@@ -1,4 +1,4 @@
-//! A lever on a cable, in small steps of its own equation: nothing of it is shared with the fit.
+//! A lever on a cable, in small steps of its own equation, which shares nothing with the fit.
 
 use std::f64::consts::TAU;
 
@@ -7,10 +7,10 @@ use hapt_identify::Record;
 
 use crate::rig::counted;
 
-/// What the sensor shows for a torque of 1 N·m.
+/// The sensor's value for a torque of 1 N·m.
 pub const SCALE: f64 = -0.25;
 
-/// A lever on a cable, with what real ones have beside inertia, damping and friction.
+/// A lever on a cable, with the usual effects in addition to inertia, damping and friction.
 #[derive(Clone, Copy, Debug)]
 pub struct Lever {
     pub inertia: f64,
@@ -23,13 +23,13 @@ pub struct Lever {
     /// In s.
     pub delay: f64,
     pub sign: f64,
-    /// A loop that holds it: stiffness and damping of a virtual spring to a moving target; 0: open.
+    /// A loop that controls it: stiffness and damping of a virtual spring to a moving target; 0: open.
     pub loop_stiffness: f64,
     /// The size of a hand's torque, which a sensor measures; 0: none.
     pub hand: f64,
-    /// Friction that falls towards this much less within 0.6 rad/s of rest.
+    /// The decrease of friction within 0.6 rad/s of rest.
     pub stribeck: f64,
-    /// Friction that changes with the position by this much, 11 times a turn.
+    /// The amplitude of friction that changes with the position, 11 times a turn.
     pub rubbing: f64,
 }
 

@@ -87,7 +87,7 @@ fn arrays_of_one_length_are_a_table_of_either_byte_order() {
         let table = mat_table(&file).unwrap();
         let expected = "t_s,log.q_rad,log.u_Nm,both:1,both:2\n0,0.5,3,1,4\n0.1,0.000000001,-4,2,5\n0.25,3,5,3,6\n";
         assert_eq!(table, expected);
-        // However it is cut or changed: an error or a table, and no panic.
+        // However it is cut or changed, it gives an error or a table, and no panic.
         for end in 0..file.len() {
             let _ = mat_table(&file[..end]);
         }

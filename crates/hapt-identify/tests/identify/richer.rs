@@ -28,7 +28,7 @@ fn nine_in_ten_intervals_of_rich_devices_hold_their_inertia_and_no_sign_is_wrong
     assert!(10 * held >= 9 * told - 10, "{held} of {told} intervals hold the inertia");
 }
 
-/// With a spring to a place that stands still, the torque says nothing that the position does not: a fit would find the loop's law.
+/// With a spring to a fixed position, the torque depends only on the position: a fit would find the loop's law.
 #[test]
 fn a_loops_own_law_is_not_taken_for_the_device() {
     for seed in hapt_testing::seeds(8) {
@@ -98,7 +98,7 @@ fn what_the_equation_leaves_is_named_by_its_kind() {
     assert!(kind.remedy().contains("device.friction_by_position"));
 }
 
-/// Records of real levers, where they are at hand: the lab's inertia is 1.58e-3 kg m², by a frequency response.
+/// Records of real levers, where they are available: the lab's inertia is 1.58e-3 kg m², by a frequency response.
 #[test]
 fn the_levers_of_a_lab_have_the_labs_inertia_in_their_intervals() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/tue");
@@ -116,7 +116,7 @@ fn the_levers_of_a_lab_have_the_labs_inertia_in_their_intervals() {
     }
 }
 
-/// Stretches of a second of the levers that move freely, where they are at hand.
+/// Stretches of a second of the levers that move freely, where they are available.
 #[test]
 fn stretches_of_a_labs_levers_agree_with_each_other_and_with_the_lab() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/tue");
@@ -145,7 +145,7 @@ fn stretches_of_a_labs_levers_agree_with_each_other_and_with_the_lab() {
     assert!(10 * held >= 9 * told && 10 * agree >= 9 * all, "{held} of {told} hold it, {agree} of {all} agree");
 }
 
-/// A device that answers no torque of its own, moved by somebody else.
+/// A device that does not respond to the torque, moved by another cause.
 #[test]
 fn a_puck_that_another_moves_is_told_no_inertia() {
     for seed in hapt_testing::seeds(8) {

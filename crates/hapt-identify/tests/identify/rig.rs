@@ -1,4 +1,4 @@
-//! A device of hapt-plant's, what is asked of it, and what its encoder says.
+//! A device of hapt-plant's, its commanded torques, and the values of its encoder.
 
 use std::f64::consts::TAU;
 
@@ -29,7 +29,7 @@ pub fn steps(rng: &mut Rng, samples: usize, size: f64) -> Vec<f64> {
     (0..samples).map(step).collect()
 }
 
-/// Where the device is at each sample.
+/// The position of the device at each sample.
 pub fn motion(rig: &DeviceSpec, torques: &[f64]) -> Vec<f64> {
     let mut device = VirtualDevice::new(rig);
     let step = |torque: &f64| {
@@ -47,7 +47,7 @@ pub fn times(rig: &DeviceSpec, samples: usize) -> Vec<f64> {
 
 pub fn counted(positions: &[f64], counts: f64, noise: f64, rng: &mut Rng) -> Vec<f64> {
     let count = TAU / counts;
-    // Twelve uniform numbers less six are about a normal one.
+    // The sum of twelve uniform numbers less six is nearly normal.
     let mut normal = || (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0;
     positions.iter().map(|z| (z / count + noise * normal()).round() * count).collect()
 }

@@ -45,7 +45,7 @@ fn stops_that_a_record_runs_into_are_found() {
             assert!((interval.value / truth - 1.0).abs() < 0.2 || interval.covers(truth), "{rig:?}: {answer:?}");
         }
     }
-    // A start that is too far off ends beside the device, and what does not explain the record is no answer.
+    // A start that is too far off ends in a local minimum, and a fit that does not explain the record gives no result.
     assert!(10 * found >= 8 * all, "{found} of {all}");
     assert!(10 * covered >= 9 * told, "{covered} of {told}");
 }
@@ -62,7 +62,7 @@ fn touched(rng: &mut Rng) -> (DeviceSpec, Record) {
         let free = DeviceSpec { delay, lag, inertia, damping: rate * inertia, friction, ..WHEEL };
         let mut torques = steps(rng, 3000, 100.0 * inertia);
         torques[0] = 0.0;
-        // It goes somewhere between the beginning and the end of a way without stops.
+        // Its travel ends somewhere between the beginning and the end of a motion without stops.
         let way = motion(&free, &torques);
         let (low, high) = way.iter().fold((0.0f64, 0.0f64), |a, z| (a.0.min(*z), a.1.max(*z)));
         let (part, is_high) = (rng.f64(), rng.bool());
@@ -78,7 +78,7 @@ fn touched(rng: &mut Rng) -> (DeviceSpec, Record) {
     }
 }
 
-/// A stop that the puck turns in once is told, and no other one; and the record agrees with the file of its own device.
+/// A stop is determined where the puck turns in it once, and no other one; and the record agrees with the file of its own device.
 #[test]
 fn one_stop_that_a_record_touches_once_or_twice_is_found() {
     let (mut all, mut found, mut told, mut covered) = (0, 0, 0, 0);
@@ -101,8 +101,8 @@ fn one_stop_that_a_record_touches_once_or_twice_is_found() {
     assert!(10 * covered >= 9 * told, "{covered} of {told}");
 }
 
-/// Each impact multiplies what is off before it, and a long record has hundreds of them: it tells more than a short one all the same, and
-/// agrees with the file of its own device.
+/// Each impact multiplies the error before it, and a long record has hundreds of them: it determines more than a short one all the same,
+/// and agrees with the file of its own device.
 #[test]
 fn a_long_record_with_many_impacts_agrees_with_its_own_file() {
     let (mut all, mut found) = (0, 0);
@@ -121,7 +121,7 @@ fn a_long_record_with_many_impacts_agrees_with_its_own_file() {
     assert!(4 * found >= 3 * all, "{found} of {all}");
 }
 
-/// A record that turns round before the stops tells none, also where torques turn it round hard.
+/// A record that turns round before the stops determines none, also where torques turn it round hard.
 #[test]
 fn stops_that_no_record_reaches_are_not_told() {
     for seed in hapt_testing::seeds(12) {
@@ -135,7 +135,7 @@ fn stops_that_no_record_reaches_are_not_told() {
     }
 }
 
-/// A random device with a lag between one or two stops, coupled to a wheel that swings, and a record of it.
+/// A random device with a lag between one or two stops, coupled to a wheel that oscillates, and a record of it.
 fn swung(rng: &mut Rng) -> (DeviceSpec, Record) {
     let samples = 4000;
     let mut between = |low: f64, high: f64| low * (high / low).powf(rng.f64());
@@ -170,13 +170,13 @@ fn swung(rng: &mut Rng) -> (DeviceSpec, Record) {
     (rig, Record::new(times(&rig, samples), seen, torques).unwrap())
 }
 
-/// How often a motion goes into a stop.
+/// The number of times that a motion enters a stop.
 fn touches(positions: &[f64], stops: &Stops) -> usize {
     let is_in = |z: f64| stops.low.is_some_and(|low| z < low) || stops.high.is_some_and(|high| z > high);
     positions.windows(2).filter(|pair| !is_in(pair[0]) && is_in(pair[1])).count()
 }
 
-/// The numbers that an answer gives, lag and delay together, with their truths.
+/// The numbers of a result, lag and delay together, with their truths.
 fn numbers(found: &Identified, rig: &DeviceSpec) -> Vec<(Interval, f64)> {
     let (stops, truth) = (found.stops.unwrap(), rig.stops.unwrap());
     let pairs = [
@@ -192,7 +192,8 @@ fn numbers(found: &Identified, rig: &DeviceSpec) -> Vec<(Interval, f64)> {
     pairs.into_iter().filter_map(|(interval, truth)| interval.zip(truth)).collect()
 }
 
-/// A motor's lag beside one stop or two: what a record in a closed loop tells holds its device, and so does the comparison with its file.
+/// A motor's lag with one stop or two: the intervals from a record in a closed loop cover the device, and the comparison with its file
+/// agrees.
 #[test]
 fn a_device_with_a_lag_and_one_stop_or_two_agrees_with_its_own_file() {
     let (mut all, mut agree, mut found, mut told, mut covered) = (0, 0, 0, 0, 0);
@@ -220,8 +221,8 @@ fn a_device_with_a_lag_and_one_stop_or_two_agrees_with_its_own_file() {
     assert!(10 * covered >= 9 * told, "{covered} of {told} hold");
 }
 
-/// The comparison starts from the file, then from the device that the record alone tells: a file that is far off is contradicted in the numbers
-/// that are off, and in these alone.
+/// The comparison starts from the file, then from the device that is identified from the record only: a file that is far off is
+/// contradicted in its wrong numbers, and only in these.
 #[test]
 fn a_file_that_is_far_off_is_contradicted_in_its_numbers() {
     let (mut all, mut named) = (0, 0);
@@ -279,7 +280,7 @@ fn a_file_is_compared_in_its_stops() {
     assert!(8 * missed <= all, "{missed} of {all}");
 }
 
-/// Free motion beyond a stop of the file contradicts it, and motion before it says nothing.
+/// Free motion beyond a stop of the file contradicts it; motion that does not reach it does not.
 #[test]
 fn a_stop_that_the_record_passes_is_contradicted() {
     let mut rng = Rng::with_seed(4);

@@ -1,4 +1,4 @@
-//! Tables as labs have them.
+//! Tables in the formats of labs.
 
 use hapt_identify::Columns;
 
@@ -51,7 +51,7 @@ fn what_may_be_meant_is_listed_with_its_range() {
     {
         assert!(error.contains(words), "{words}: {error}");
     }
-    // A torque that stands still was not recorded.
+    // A constant torque was not recorded.
     let error = Columns::parse("position=link_pos_rad,torque=spare_Nm").unwrap().read(text).unwrap_err().to_string();
     assert!(error.contains("spare_Nm stands still at 7"), "{error}");
 }
@@ -92,10 +92,10 @@ fn a_line_of_more_fields_than_names_is_refused_with_its_number() {
     let read = |text: &str| Columns::default().read(text).unwrap_err().to_string();
     let error = read("t_s,angle_rad,tau_Nm\n0,1,2\n0.5,1,2,3\n");
     assert!(error.contains("line 3 has 4 fields under 3 names"), "{error}");
-    // Decimal commas between commas.
+    // Decimal commas between separating commas.
     let error = read("t_s,angle_rad,tau_Nm\n0,5,1,25,0,5\n");
     assert!(error.contains("line 2 has 6 fields") && error.contains("semicolons"), "{error}");
-    // What ends a line without a number is no field.
+    // The rest of a line without a number is no field.
     assert_eq!(Columns::default().read("t_s,angle_rad,tau_Nm\n0,1,2,\n1,2,3, \n").unwrap().0[0].len(), 2);
 }
 

@@ -1,4 +1,4 @@
-//! Terms that a record carries, a second torque, and the two ways to an inertia.
+//! Terms of a record, a second torque, and the two estimates of the inertia.
 
 use std::f64::consts::TAU;
 
@@ -15,7 +15,7 @@ fn fit(record: &Record) -> TorqueFit {
     fit_torque(record, &Known::default()).unwrap()
 }
 
-/// Without anything but inertia, damping and friction.
+/// With only inertia, damping and friction.
 fn plain(rng: &mut Rng) -> Lever {
     Lever {
         cable: 0.0,
@@ -84,7 +84,7 @@ fn a_hand_that_a_sensor_measures_hides_nothing_and_its_scale_is_told() {
     assert!(10 * held >= 9 * told - 10 && 10 * scaled >= 9 * told - 10, "{held} inertias, {scaled} scales of {told}");
 }
 
-/// What acts on the puck besides makes the torque's inertia too small and the motion's too large, where the torque does not answer it.
+/// Other torques on the puck make the torque's inertia too small and the motion's too large, where the torque does not respond to the puck.
 #[test]
 fn in_an_open_loop_the_true_inertia_lies_between_the_torques_and_the_motions() {
     for seed in hapt_testing::seeds(12) {
@@ -107,7 +107,7 @@ fn forces_that_are_no_record_of_one_are_refused() {
     }
 }
 
-/// A hand on the lever that nothing measures: an inertia that is told all the same is mostly right, and no sign is wrong.
+/// A hand on the lever that is not measured: an inertia that is given all the same is mostly right, and no sign is wrong.
 #[test]
 fn a_hand_that_nothing_measures_gives_no_wrong_sign() {
     let (mut told, mut held) = (0, 0);
@@ -154,7 +154,7 @@ fn the_motion_is_foretold_over_a_quarter_second() {
     assert!(left < 0.01 * squares(&|i| record.positions()[i] - middle), "{left}");
 }
 
-/// The term is what a motor of sign 1 gives against the device's torque, whatever the motor's sign is.
+/// The term is the motor's torque against the device's torque for a motor of sign 1, for either sign of the motor.
 #[test]
 fn a_cogging_that_is_found_has_the_devices_torque_with_its_sign() {
     let (mut told, mut right, mut all) = (0, 0, 0);
@@ -174,7 +174,7 @@ fn a_cogging_that_is_found_has_the_devices_torque_with_its_sign() {
     assert!(2 * told >= all && right == told, "{right} of {told} of {all}");
 }
 
-/// The size and the phase are those of the level, whatever the motor's sign is, and a torque of the position is seldom taken for it.
+/// The size and the phase are those of the level, for either sign of the motor, and a torque of the position is seldom mistaken for it.
 #[test]
 fn friction_that_changes_with_the_position_is_found_as_the_level_that_it_is() {
     let (mut told, mut held, mut mistaken, mut all) = (0, 0, 0, 0);
