@@ -7,8 +7,8 @@
 //! r 029 8 \r                       a remote frame: a length, no data
 //! ```
 //!
-//! The adapter answers commands by `\r`, and refuses them by the bell; some answer each frame by `z\r`. A host ignores all of that: the
-//! drive's answers prove that frames arrive.
+//! The adapter answers commands by `\r`, and refuses them by the bell; some answer each frame by `z\r`. A host ignores all these answers:
+//! the drive's answers prove that frames arrive.
 
 use std::fmt;
 use std::io;

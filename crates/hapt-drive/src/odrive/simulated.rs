@@ -10,9 +10,9 @@ use crate::simulate::{Firmware, Shaft};
 
 /// Default time of its watchdog, s.
 const WATCHDOG: f64 = 0.05;
-/// From one heartbeat to the next, as shipped, s.
+/// The interval of heartbeats in the factory settings, s.
 const HEARTBEAT: f64 = 0.1;
-/// ODrive's gains, as shipped: 1/s, N·m/(rev/s), N·m/rev.
+/// ODrive's gains in the factory settings: 1/s, N·m/(rev/s), N·m/rev.
 const POSITION_GAIN: f64 = 20.0;
 const VELOCITY_GAIN: f64 = 1.0 / 6.0;
 const INTEGRATOR_GAIN: f64 = 1.0 / 3.0;

@@ -46,7 +46,8 @@ impl MotorConstant {
         }
     }
 
-    /// The corrected constant of a motor that gives this part of the commanded torque, with five digits: none is known better.
+    /// The corrected constant of a motor that gives this part of the commanded torque, with five digits: no constant is known more
+    /// accurately.
     #[must_use]
     pub fn corrected(self, gain: f64) -> Self {
         let rounded = |x: f64| format!("{x:.4e}").parse().unwrap_or(x);
@@ -99,8 +100,8 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// By a wrong constant a motor gives `gain` of each commanded torque; by the corrected one it gives the commanded torque, and the
-        /// address that is printed says the same.
+        /// With a wrong constant a motor gives `gain` of each commanded torque; with the corrected one it gives the commanded torque, and
+        /// the address that is printed has the same constant.
         #[test]
         fn a_corrected_constant_gives_the_commanded_torque(
             is_current: bool, of_the_motor in 1e-3_f64..1e3, guess in 1e-3_f64..1e3, torque in -10.0_f64..10.0,

@@ -5,7 +5,7 @@ use hapt_rt::DriveFault;
 
 use super::codec::state;
 
-/// The meaning of a state, where the motor does not render the target. A board that was switched on is on, and every other is off.
+/// The meaning of a state in which the motor does not render the target. A board that was switched on should be on, and any other off.
 pub fn fault(state: u8, is_on: bool) -> Option<DriveFault> {
     let (what, reason) = match state {
         state::ON if is_on => return None,

@@ -5,8 +5,8 @@
 //! < hT 07 01 07 ... XXXX     its answer
 //! ```
 //!
-//! The checksum is CRC-16/IBM-3740 of everything before it. A line to the board has at most [`MAX_LINE_BYTES`] bytes and its newline: what
-//! Commander's buffer takes. Everything else is discarded, on both sides.
+//! The checksum is CRC-16/IBM-3740 of everything before it. A line to the board has at most [`MAX_LINE_BYTES`] bytes and its newline, the
+//! size of Commander's buffer. Everything else is discarded, on both sides.
 
 use std::io;
 use std::time::Instant;

@@ -238,8 +238,8 @@ fn a_fault_of_the_drive_ends_the_loop_by_name() {
     });
 }
 
-/// Any number in the fault register is a condition that the certificate does not cover, except flux braking and field weakening, which do not change
-/// the torque.
+/// Any number in the fault register is a condition that the certificate does not cover, except flux braking and field weakening, which do
+/// not change the torque.
 #[test]
 fn any_number_in_the_fault_register_ends_the_loop_unless_it_is_harmless() {
     in_time(|| {

@@ -67,7 +67,7 @@ proptest! {
     }
 }
 
-/// A drive with another host on a line that this host does not see: this one on the UART, the other on CAN.
+/// A drive with another host on a line that hapt does not see: hapt on the UART, the other host on CAN.
 struct Elsewhere(moteus::Simulated, Arc<AtomicBool>);
 
 impl Firmware for Elsewhere {

@@ -1,5 +1,5 @@
-//! The sketch of the Arduino library, compiled for this computer, at the end of a serial line: the loop on it, noise on the line, and the simulated
-//! board compared with it. The same C++ source runs on boards.
+//! The sketch of the Arduino library, compiled for this computer, at the end of a serial line: the loop on it, noise on the line, and the
+//! simulated board compared with it. The same C++ source runs on boards.
 
 mod board;
 mod by_current;
@@ -41,7 +41,7 @@ fn a_certified_world_brings_the_puck_to_rest_on_the_sketch() {
         let world = world_of_the_board();
         assert!(hapt_analysis::check(&world).unwrap().certified.holds());
         let Some(board) = Board::new(LONG_PERIOD_US, true) else { return };
-        // If the machine pauses, the board's watchdog ends a run; a board that keeps no torque fails them all.
+        // If the machine pauses, the board's watchdog ends a run; a board that keeps no torque fails every run.
         let run = || {
             let mut looped = board.running(&world);
             (0..300).map(|_| looped.sample(None).ok().filter(|record| record.phase == Phase::Running)).collect()

@@ -20,7 +20,7 @@ const ANSWER_MS: u64 = 200;
 /// Of the motor by current, N·m/A.
 pub const TORQUE_CONSTANT: f64 = 0.05;
 
-/// Of SimpleFOC, where `HAPT_SIMPLEFOC` names its folder: the motor, what it is made of, and its Commander.
+/// The files of SimpleFOC, whose folder `HAPT_SIMPLEFOC` names: the motor, its components, and its Commander.
 const SIMPLEFOC: [&str; 12] = [
     "BLDCMotor",
     "common/base_classes/CurrentSense",
@@ -36,9 +36,8 @@ const SIMPLEFOC: [&str; 12] = [
     "sensors/MagneticSensorI2C",
 ];
 
-/// The programs by voltage and by current, with a stand-in for SimpleFOC or with SimpleFOC itself, whose folder `HAPT_SIMPLEFOC` names as an absolute
-/// path; `None`: this
-/// computer has no compiler of C++.
+/// The programs by voltage and by current, with a stand-in for SimpleFOC or with SimpleFOC itself, whose folder `HAPT_SIMPLEFOC` names as
+/// an absolute path; `None`: this computer has no compiler of C++.
 static BOARDS: LazyLock<Option<(tempfile::TempDir, [PathBuf; 2])>> = LazyLock::new(|| {
     let compiler = ["g++", "clang++"].into_iter().find(|name| Command::new(name).arg("--version").output().is_ok());
     let Some(compiler) = compiler else {

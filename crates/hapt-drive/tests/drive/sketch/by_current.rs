@@ -29,7 +29,7 @@ fn a_certified_world_brings_the_puck_to_rest_on_the_sketch_by_current() {
     });
 }
 
-/// The board's unit is asked for, and never set: an address of another unit has no torque, and neither has one beyond the sketch's LIMIT.
+/// The board's unit is requested, and never set: an address of another unit has no torque, and neither has one beyond the sketch's LIMIT.
 #[test]
 fn an_address_in_volts_is_refused_by_a_board_that_controls_a_current() {
     in_time(|| {
@@ -45,7 +45,7 @@ fn an_address_in_volts_is_refused_by_a_board_that_controls_a_current() {
     });
 }
 
-/// Another command on the board's line changes what its targets mean: the motor is off, and stays so until the board starts anew.
+/// Another command on the board's line changes the meaning of its targets: the motor is off, and stays so until the board starts anew.
 #[test]
 fn a_type_of_control_that_changes_under_way_ends_the_loop_by_name_and_leaves_no_torque() {
     in_time(|| {
