@@ -58,7 +58,7 @@ pub fn diagram(world: &World, own_file: bool) -> Diagram {
     let mut x = left;
     for (i, width) in widths.iter().enumerate() {
         centres.push(x + 0.5 * width);
-        // A neighbour needs its gap only where something lies in it.
+        // A neighbour needs its gap only where the gap contains something.
         x += width
             + if between.get(i).is_some_and(|list| !list.is_empty()) {
                 GAP - 0.5 * (width - NODE).min(60.0)
