@@ -1,7 +1,8 @@
 //! Reads MCAP files from the beginning, record by record: <https://mcap.dev/spec>.
 //!
-//! A log may have been cut by a full disk or a killed process, and a file may contain any bytes. So every length is checked. A chunk is valid when it is complete and its checksum is
-//! right; everything after the first invalid one is ignored. Of a chunk in which the file ends, the complete records are valid.
+//! A log may have been cut by a full disk or a killed process, and a file may contain any bytes. So every length is checked. A chunk is
+//! valid when it is complete and its checksum is right; everything after the first invalid one is ignored. Of a chunk in which the file
+//! ends, the complete records are valid.
 
 use std::collections::BTreeMap;
 use std::fmt;

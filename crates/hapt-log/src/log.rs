@@ -58,7 +58,7 @@ pub struct LoggedPlan {
     pub linked: bool,
     /// The world, without its scenarios.
     pub world: World,
-    /// How it took the place of the one before.
+    /// How it replaced the previous world.
     pub change: Change,
     /// The columns of its samples.
     pub columns: Vec<Column>,

@@ -112,8 +112,8 @@ impl Recorder {
         Recorder::start_in(file, name, world, header)
     }
 
-    /// Starts a log in an open, empty file of the name `path`, which it holds ([`is_recorded`]). Between any two writes it ends as a complete MCAP file, so that it stays
-    /// readable after a crash of this process.
+    /// Starts a log in an open, empty file of the name `path`, which it holds ([`is_recorded`]). Between any two writes it ends as a
+    /// complete MCAP file, so that it stays readable after a crash of this process.
     ///
     /// # Errors
     /// [`Error::Write`] for a file that cannot be written, or is being written as a log already.
@@ -161,7 +161,7 @@ impl Recorder {
         Ok(Recorder { queue: Some(queue), shared, thread, path, next, since_gap })
     }
 
-    /// Announces the world of plan `number`, and how it takes the last one's place, before its first sample is sent.
+    /// Announces the world of plan `number`, and how it replaces the last one, before its first sample is sent.
     pub fn plan(&self, number: u32, world: &World, change: Change) {
         lock(&self.shared.plans).insert(number, (world.clone(), change));
     }
@@ -249,8 +249,8 @@ impl Drop for Recorder {
     }
 }
 
-/// Locks a file up to the end of this process, or of its last handle, so that no other recorder replaces it meanwhile. On other systems than Unix a
-/// locked file could not be read, and an open one cannot be replaced. On file systems without locks this has no effect.
+/// Locks a file up to the end of this process, or of its last handle, so that no other recorder replaces it meanwhile. On other systems
+/// than Unix a locked file could not be read, and an open one cannot be replaced. On file systems without locks this has no effect.
 fn hold(file: &File) -> io::Result<()> {
     if !cfg!(unix) {
         return Ok(());

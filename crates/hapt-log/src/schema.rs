@@ -173,7 +173,7 @@ pub fn columns(world: &World, live: bool, linked: bool) -> Vec<Column> {
     let run = run.map(|column| Column { name: column.name, unit: column.unit, doc: column.doc, kind: Kind::Number });
     let mut columns: Vec<Column> = run.collect();
     columns.extend(LIVE.iter().filter(|_| live).map(|&Live { name, unit, doc, kind, .. }| {
-        // The output is the one torque among them: its unit is the world's.
+        // The output is the only torque among them: its unit is the world's.
         let output = Some(Signal::OUTPUT).filter(|output| output.stem == name);
         let own = output.map(|output| output.column(world.motion));
         own.map_or_else(

@@ -59,7 +59,7 @@ impl Default for Header {
     }
 }
 
-/// What a channel says of a world that the puck entered; nothing of one that followed.
+/// The value of `change` in the metadata of a channel whose world the puck entered; a world that followed has none.
 pub(crate) const ENTERS: &str = "enters";
 
 /// The origin of the samples.
@@ -144,7 +144,7 @@ impl<W: Write> LogWriter<W> {
         Ok(writer)
     }
 
-    /// Starts the samples of another world, which takes the place of the last in this way: a new channel, on the same topic.
+    /// Starts the samples of another world, which replaces the last in this way: a new channel, on the same topic.
     pub fn begin(&mut self, plan: u32, world: &World, change: Change) -> io::Result<()> {
         let live = self.origin != Origin::Run;
         let columns = columns(world, live, self.linked);

@@ -60,8 +60,8 @@ pub fn bits(log: &mut Log<&[u8]>) -> Vec<Vec<u64>> {
     all
 }
 
-/// Worlds with one to three bodies in a row from the puck: springs, dampers, a wall, detents and friction; every estimator and
-/// output; counts, levels and a delay; a hand that steps, swings, pushes or grips.
+/// Worlds with one to three bodies in a row from the puck: springs, dampers, a wall, detents and friction; every estimator and output;
+/// counts, levels and a delay; a hand that steps, oscillates, pushes or grips.
 pub fn worlds() -> impl Strategy<Value = String> {
     let sampling = (
         prop::sample::select(vec!["zoh", "trapezoidal", "rk4", "tustin", "foh", "semi-implicit-euler"]),

@@ -337,8 +337,8 @@ fn a_killed_recorder_leaves_its_written_samples() {
     assert!(written > 0 && count >= written, "{count} of {written}");
 }
 
-/// Between two flushes the file has the end of an MCAP file: the mcap crate's reader, which requires that end, reads every sample, and our own
-/// reports that its writer has not finished it.
+/// Between two flushes the file has the end of an MCAP file: the mcap crate's reader, which requires that end, reads every sample, and
+/// hapt's own reports that its writer has not finished it.
 #[test]
 fn a_recording_is_a_complete_file_at_every_moment_and_unfinished_until_it_is_finished() {
     let messages = |path: &Path| -> Option<usize> {

@@ -77,7 +77,7 @@ fn events() -> impl Strategy<Value = Vec<(u64, Event)>> {
 /// A loop's records, and the snapshots before some of them.
 struct Life {
     worlds: Vec<World>,
-    /// The index of the world of each plan, and how it took the last one's place, by the plan's number.
+    /// The index of the world of each plan, and how it replaced the last one, by the plan's number.
     plans: Vec<(usize, Change)>,
     records: Vec<Record>,
     snapshots: Vec<Snapshot>,
