@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::io;
 use std::process::ExitCode;
 
-/// Why the command stops.
+/// The reason that the command stops.
 #[derive(Debug)]
 pub enum Failure {
     /// Bad usage or bad input: exit code 2.

@@ -36,7 +36,7 @@ pub struct Marker<'a> {
     pub starter: &'a Source,
     /// The overrides of the student.
     pub sets: &'a [String],
-    /// The folder of the answers, outside of which they may name no file.
+    /// The folder of the answers: they may name files only inside it.
     pub folder: &'a Path,
 }
 
@@ -257,7 +257,7 @@ fn dimension(unit: &str) -> Result<Dimension, Failure> {
     Unit::parse(unit).map(Unit::dimension).map_err(|error| Failure::input(format!("unit {unit:?}: {error}")))
 }
 
-/// A text that begins with a number, as a quantity in SI; anything else as it is.
+/// A text that begins with a number, as a quantity in SI; any other value unchanged.
 fn quantity(value: &Value, dimension: Dimension) -> Result<Value, String> {
     match value {
         Value::String(text) if text.trim_start().starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) => {

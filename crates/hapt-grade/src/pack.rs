@@ -196,7 +196,7 @@ pub fn open(folder: &Path, file: &str) -> Result<Source, Failure> {
             return Err(refused("is or passes through a symbolic link"));
         }
     }
-    // Opening anything but a regular file might block.
+    // Opening a file that is not regular might block.
     if !at.is_file() {
         return Err(refused("is not a file"));
     }

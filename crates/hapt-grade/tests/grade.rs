@@ -234,7 +234,8 @@ fn answers_that_are_too_large_or_malformed_are_wrong_with_their_place() {
     is_a_row(&grade(&lesson, &at.path().join("answer.toml"), &[]), &["larger than 1 MiB"]);
 }
 
-/// A world that cannot be read is a wrong answer with its reason, so that all others are graded; an answer file that cannot be read is refused.
+/// A world that cannot be read is a wrong answer with its reason, so that all others are graded; an answer file that cannot be read is
+/// refused.
 fn is_a_row(ended: &Ended, words: &[&str]) {
     let is_row = ended.out.contains("cannot be read");
     assert_eq!(ended.code, Some(if is_row { 1 } else { 2 }), "{ended:?}");
