@@ -1,4 +1,4 @@
-//! What the C functions of both standards have in common: pointers checked, panics caught, errors to the importer's logger.
+//! The common part of the C functions of both standards: pointers are checked, panics are caught, errors go to the importer's logger.
 #![allow(unsafe_code)]
 
 use std::ffi::{CStr, CString, c_char, c_void};
@@ -13,16 +13,16 @@ use crate::log::{Log, Status};
 use crate::model::{Model, WORLD};
 use crate::variable::Value;
 
-/// What a pointer of an importer leads to.
+/// The object behind a pointer of an importer.
 pub struct Component {
     pub instance: Instance,
     /// The texts of the last call that returned any: their pointers hold until the next one.
     texts: Vec<CString>,
-    /// A panic has been caught: nothing but freeing is left.
+    /// A panic has been caught: only freeing is allowed.
     is_dead: bool,
 }
 
-/// Makes an instance; null where that fails. An error of `make` goes to the log.
+/// Makes an instance; null if that fails. An error of `make` goes to the log.
 pub fn instantiate(log: Log, make: impl FnOnce() -> Result<Model, String>) -> *mut c_void {
     let mut log = Some(log);
     let made = catch_unwind(AssertUnwindSafe(|| {
@@ -51,7 +51,7 @@ fn say(log: &mut Option<Log>, message: &str) {
 /// The model of an FMU's resources.
 ///
 /// # Errors
-/// In a sentence: no world there, or not the token's.
+/// In a sentence: there is no world, or it has another token.
 pub fn open(version: Version, token: &str, resources: PathBuf) -> Result<Model, String> {
     let path = resources.join(WORLD);
     let size = std::fs::metadata(&path).map(|file| file.len());
@@ -62,7 +62,7 @@ pub fn open(version: Version, token: &str, resources: PathBuf) -> Result<Model, 
     Model::open(version, token, text?)
 }
 
-/// The folder that a URI of FMI 2.0 names: `file:///tmp/fmu/resources`. A plain path stands for itself.
+/// The folder that a URI of FMI 2.0 names: `file:///tmp/fmu/resources`. A plain path is accepted too.
 ///
 /// # Errors
 /// In a sentence: a URI of another scheme.
@@ -80,7 +80,7 @@ pub fn folder(uri: &str) -> Result<PathBuf, String> {
     Ok(PathBuf::from(if has_drive { &path[1..] } else { &path[..] }))
 }
 
-/// %20 and the like as the bytes that they stand for.
+/// Percent-encoded bytes such as %20, decoded.
 fn decoded(text: &str) -> String {
     let (mut bytes, mut rest) = (Vec::new(), text.as_bytes());
     while let [first, tail @ ..] = rest {
@@ -99,7 +99,7 @@ fn decoded(text: &str) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-/// Frees what [`instantiate`] made.
+/// Frees an instance of [`instantiate`].
 ///
 /// # Safety
 /// Null, or a pointer of [`instantiate`] that has not been freed.
@@ -158,23 +158,23 @@ pub unsafe fn text<'a>(pointer: *const c_char, what: &str) -> Result<&'a str, St
 /// `count` values at a pointer.
 ///
 /// # Errors
-/// A null or unaligned pointer to more than none.
+/// A null or unaligned pointer, with a count above 0.
 ///
 /// # Safety
-/// Null, or so many values, for as long as `'a`.
+/// Null, or this many values, for as long as `'a`.
 pub unsafe fn slice<'a, T>(pointer: *const T, count: usize, what: &str) -> Result<&'a [T], String> {
     fits(pointer, count, what)?;
     // SAFETY: neither null nor unaligned nor too long; the rest as promised by the caller.
     Ok(if count == 0 { &[] } else { unsafe { std::slice::from_raw_parts(pointer, count) } })
 }
 
-/// The same to write to.
+/// The same for writing.
 ///
 /// # Errors
 /// As [`slice`].
 ///
 /// # Safety
-/// As [`slice`], and nothing else reads or writes them.
+/// As [`slice`], and no other code reads or writes them.
 pub unsafe fn slice_mut<'a, T>(pointer: *mut T, count: usize, what: &str) -> Result<&'a mut [T], String> {
     fits(pointer, count, what)?;
     // SAFETY: as in `slice`.
@@ -219,11 +219,11 @@ pub unsafe fn texts(pointer: *const *const c_char, count: usize, what: &str) -> 
     pointers.iter().map(|pointer| unsafe { text(*pointer, what) }.map(str::to_string)).collect()
 }
 
-/// Numbers of C of one type, and the values that they are.
+/// Numbers of a type of C, and their values.
 pub trait Number: Copy {
-    /// The value that is set.
+    /// The value to set.
     fn value(self) -> Value;
-    /// The number of a value; `None` where the type does not fit.
+    /// The number of a value; `None` for a value of another type.
     fn number(value: &Value) -> Option<Self>;
     /// The type's name.
     const NAME: &'static str;
@@ -265,7 +265,7 @@ impl Number for i32 {
     }
 }
 
-/// Reads numbers into `values`; all of them or none.
+/// Reads numbers into `values`: all of them, or none on an error.
 ///
 /// # Safety
 /// `references` and `values` as [`slice`].
@@ -287,7 +287,7 @@ pub unsafe fn get<T: Number>(
     Ok(())
 }
 
-/// Sets numbers; all of them or none.
+/// Sets numbers: all of them, or none on an error.
 ///
 /// # Safety
 /// As [`get`].
@@ -343,7 +343,7 @@ pub unsafe fn set_texts(
     component.instance.set(&pairs)
 }
 
-/// A type of which the FMU has no variable: only none of them can be read or set.
+/// A type that no variable of the FMU has: only a count of 0 is accepted.
 pub fn none_of(kind: &str, count: usize) -> Result<(), String> {
     if count == 0 { Ok(()) } else { Err(format!("there are no variables of type {kind}")) }
 }
@@ -353,10 +353,10 @@ pub fn not_here<T>(kind: &str) -> Result<T, String> {
     Err(format!("this FMU is for co-simulation, and the function is of {kind}"))
 }
 
-/// Saves the state into a new one, or into the one that stands at `place`.
+/// Saves the state into a new one, or into the one at `place`.
 ///
 /// # Safety
-/// `place` is a place for a pointer: null, or of this function.
+/// `place` is a place for a pointer: null, or made by this function.
 pub unsafe fn save(component: &mut Component, place: *mut *mut c_void) -> Result<(), String> {
     // SAFETY: as promised by the caller.
     let place = unsafe { place.as_mut() }.ok_or("FMUState is null")?;
@@ -378,10 +378,10 @@ pub unsafe fn saved<'a>(state: *mut c_void) -> Result<&'a Saved, String> {
     unsafe { state.cast::<Saved>().as_ref() }.ok_or_else(|| "FMUState is null".to_string())
 }
 
-/// Frees a state, and leaves null in its place.
+/// Frees a state, and sets its place to null.
 ///
 /// # Safety
-/// `place` is null, or a place for a pointer: null, or of [`save`].
+/// `place` is null, or a place for a pointer: null, or made by [`save`].
 pub unsafe fn free_saved(place: *mut *mut c_void) {
     // SAFETY: as promised by the caller.
     if let Some(place) = unsafe { place.as_mut() } {
@@ -416,7 +416,7 @@ pub unsafe fn serialize(component: &Component, state: *mut c_void, bytes: *mut u
     Ok(())
 }
 
-/// A new state from bytes, whose end may be followed by others.
+/// A new state from bytes, after which others may follow.
 ///
 /// # Safety
 /// `bytes` as [`slice`], `place` a place for a pointer.

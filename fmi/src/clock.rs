@@ -1,6 +1,6 @@
-//! Which samples fall into a communication step. Samples are counted; no time is added up.
+//! The samples within a communication step. Samples are counted; times are never summed.
 
-/// An instant within this part of a period of a whole sample is that sample.
+/// An instant within this part of a period of a whole sample counts as that sample.
 const SNAP: f64 = 1e-6;
 /// The most samples of one communication step.
 const MAX_SAMPLES: f64 = 1e10;
@@ -24,13 +24,13 @@ impl Clock {
         Clock { period, start, sample: 0, part: 0.0 }
     }
 
-    /// The instant in s: one multiplication, whatever came before.
+    /// The instant in s: one multiplication, without accumulated rounding.
     pub fn time(&self) -> f64 {
         self.start + self.sample as f64 * self.period + self.part
     }
 
-    /// The instant at the end of a step of `length` s that begins at `at` s, about here by the importer's count. A whole number of periods
-    /// moves on by so many samples, whatever the rounding of `at`.
+    /// The instant at the end of a step of `length` s that begins at `at` s, near this one by the importer's clock. A whole number of
+    /// periods advances by that number of samples, whatever the rounding of `at`.
     ///
     /// # Errors
     /// In a sentence: more than 10^10 samples.
@@ -49,12 +49,13 @@ impl Clock {
             _ => (end.floor(), (end - end.floor()) * self.period),
         };
         let next = Clock { sample: sample.max(0.0) as u64, part, ..*self };
-        // The importer's count may lie a little before this one, and the step be shorter than that.
+        // The importer's time may be slightly before this one, and the step shorter than the difference.
         let is_later = (next.sample, next.part) > (self.sample, self.part);
         Ok(if is_later { next } else { *self })
     }
 
-    /// How far a step may begin from the end of the one before, in s: a thousandth of a period, and what a few operations round.
+    /// The largest distance of a step's start from the end of the one before, in s: a thousandth of a period, and the rounding of a few
+    /// operations.
     pub fn tolerance(&self) -> f64 {
         1e-3 * self.period + 1e-12 * self.time().abs()
     }

@@ -13,13 +13,13 @@ use crate::units::{Definition, definitions, unit_of};
 use crate::variable::{PUCK, Role, Value, Variable};
 use crate::{Kind, Version};
 
-/// The library's name without what a platform adds.
+/// The library's name without the prefix and suffix of a platform.
 pub const IDENTIFIER: &str = "hapt_fmi";
 
 /// The attributes of an element.
 type Attributes<'a> = Vec<(&'a str, String)>;
 
-/// A description in the making.
+/// A description under construction.
 struct Xml(Writer<Vec<u8>>);
 
 impl Xml {
@@ -44,10 +44,11 @@ fn element<'a>(name: &'a str, attributes: &Attributes<'_>) -> BytesStart<'a> {
     element
 }
 
-/// The description of an FMU called `name`. `written` are the world's keys as its file has them: their units show the parameters.
+/// The description of an FMU called `name`. `written` are the world's keys as in its file: their units are the display units of the
+/// parameters.
 pub fn description(model: &Model, name: &str, written: &[Parameter], version: Version) -> Vec<u8> {
     let mut xml = Xml(Writer::new_with_indent(Vec::new(), b' ', 2));
-    // A vector takes every byte.
+    // Writing to a vector does not fail.
     let _ = write(&mut xml, model, name, written, version);
     let mut bytes = xml.0.into_inner();
     bytes.push(b'\n');
@@ -129,7 +130,7 @@ fn unit_definitions(xml: &mut Xml, units: &BTreeMap<String, Definition>) -> io::
     xml.close("UnitDefinitions")
 }
 
-/// The unit that shows a variable: the world file's own, and deg for angles.
+/// The display unit of a variable: that of the world file, and deg for angles.
 fn display_unit(variable: &Variable, written: &[Parameter], units: &BTreeMap<String, Definition>) -> Option<String> {
     let display = &units.get(&variable.unit)?.display;
     let parameter = written.iter().find(|parameter| parameter.given && parameter.path == variable.name);
@@ -142,7 +143,7 @@ fn display_unit(variable: &Variable, written: &[Parameter], units: &BTreeMap<Str
     own.or(default.filter(|_| !variable.is_parameter())).filter(|name| display.contains_key(*name)).map(str::to_string)
 }
 
-/// The attributes that both versions have.
+/// The common attributes of both versions.
 fn common(reference: usize, variable: &Variable) -> Attributes<'static> {
     let (causality, variability) = match variable.role {
         Role::Time => ("independent", "continuous"),
@@ -204,8 +205,8 @@ fn typed_variable(xml: &mut Xml, reference: usize, variable: &Variable, shown: O
     xml.empty(name, &[attributes, values(variable, shown)].concat())
 }
 
-/// The outputs: those of a loop without its device depend on its inputs at once, those of a loop on its device later; at the beginning all
-/// depend on all that can be set.
+/// The outputs: those of a loop without its device depend directly on its inputs, those of a loop on its device only later; initially all
+/// depend on every variable that can be set.
 fn structure(xml: &mut Xml, variables: &[(usize, &Variable)], version: Version) -> io::Result<()> {
     // FMI 2.0 counts the variables from 1, FMI 3.0 names their references.
     let label = |place: usize, reference: usize| match version {

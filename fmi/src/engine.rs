@@ -1,4 +1,4 @@
-//! The loop, without or on its device, from one communication point to the next.
+//! The loop, without or with its device, from one communication point to the next.
 
 use std::sync::Arc;
 
@@ -11,13 +11,13 @@ use serde::{Deserialize, Serialize};
 use crate::Kind;
 use crate::clock::Clock;
 
-/// The loop with its state, and the device where it is a part of the FMU.
+/// The loop with its state, and the device where the FMU contains it.
 #[derive(Clone, Debug)]
 pub struct Engine {
     compiled: Arc<DesktopLoop>,
     state: Box<DesktopState>,
     device: Option<VirtualDevice>,
-    /// How many samples have been taken.
+    /// The number of samples taken.
     taken: u64,
     /// The last sample, and the puck's motion now.
     row: Row,
@@ -38,7 +38,7 @@ impl Engine {
     /// Before sample 0.
     ///
     /// # Errors
-    /// The core does not take the world.
+    /// The core refuses the world.
     pub fn new(kind: Kind, world: &World) -> Result<Engine, Error> {
         let compiled = DesktopLoop::new(&world.spec())?;
         let device = (kind == Kind::Whole).then(|| VirtualDevice::new(&world.device_spec()));
@@ -65,7 +65,7 @@ impl Engine {
         &self.row
     }
 
-    /// The row that these inputs make at an instant whose sample is not taken yet; the engine stays as it is.
+    /// The row with these inputs at an instant whose sample is not taken yet; the engine is unchanged.
     pub fn preview(&self, inputs: [f64; 2]) -> Row {
         let mut ahead = self.clone();
         ahead.sample(inputs);
@@ -77,7 +77,7 @@ impl Engine {
         clock.part == 0.0 && self.taken == clock.sample
     }
 
-    /// One sample: at the device's puck, or at the puck of the inputs.
+    /// One sample: with the device's puck, or with the puck of the inputs.
     fn sample(&mut self, inputs: [f64; 2]) {
         let (position, velocity) = self.device.as_ref().map_or(inputs.into(), VirtualDevice::puck);
         let sample = self.compiled.step(&mut self.state, position, velocity);
@@ -96,15 +96,16 @@ impl Engine {
         self.taken += 1;
     }
 
-    /// Sample 0 of a loop on its device, whose torque its hand cannot change any more. Without a device a loop takes each sample when the step that
-    /// begins with it is made, for its puck is an input.
+    /// Sample 0 of a loop on its device, whose torque the hand can no longer change. A loop without a device takes each sample in the step
+    /// that begins with it, because its puck is an input.
     pub fn begin(&mut self) {
         if self.device.is_some() {
             self.sample([0.0; 2]);
         }
     }
 
-    /// Goes on from `from` to `to` with held inputs. Without a device a loop takes every sample from `from` up to `to`, without that of `to`.
+    /// Advances from `from` to `to` with held inputs. Without a device a loop takes every sample from `from` up to `to`, without that of
+    /// `to`.
     ///
     /// # Errors
     /// The instant in s at which a number is no longer finite.
@@ -143,10 +144,10 @@ impl Engine {
         if self.row.is_finite() { Ok(()) } else { Err(Clock { sample: last, part: 0.0, ..*clock }.time()) }
     }
 
-    /// Goes on in a world with other numbers, between two samples: a bumpless transfer.
+    /// Continues in a world with other numbers, between two samples: a bumpless transfer.
     ///
     /// # Errors
-    /// The core does not take the world; the engine stays as it is.
+    /// The core refuses the world; the engine is unchanged.
     pub fn change(&mut self, world: &World) -> Result<(), Error> {
         let compiled = DesktopLoop::new(&world.spec())?;
         *self.state = compiled.transfer(&self.compiled, &self.state, Some, Some);
@@ -157,7 +158,7 @@ impl Engine {
         Ok(())
     }
 
-    /// What it remembers.
+    /// Its state.
     pub fn memory(&self) -> Memory {
         let Row { puck, puck_velocity, measured, measured_velocity, torque, command, applied, .. } = self.row;
         Memory {
@@ -169,7 +170,7 @@ impl Engine {
         }
     }
 
-    /// Goes on from what another engine of the same world remembers.
+    /// Continues from the state of another engine of the same world.
     pub fn resume(&mut self, memory: &Memory) {
         self.state.clone_from(&memory.state);
         self.device.clone_from(&memory.device);
@@ -192,12 +193,12 @@ impl Engine {
     }
 }
 
-/// The response of the linear part of a loop without its device, at rest, to a puck at `motion`: the outputs' derivatives in that direction. Encoder, levels,
-/// limits and nonlinear couplings are left out; FOAW counts with its shortest window. Where the bodies step at every n-th sample, it is one
-/// at which they stand still.
+/// The response of the linear part of a loop without its device, at rest, to a puck at `motion`: the outputs' derivatives in that
+/// direction. Encoder, levels, limits and nonlinear couplings are left out; FOAW has its shortest window. Where the bodies step at every
+/// n-th sample, it is one at which they do not step.
 ///
 /// # Errors
-/// The core does not take the linear part.
+/// The core refuses the linear part.
 pub fn linear_response(world: &World, motion: [f64; 2]) -> Result<Row, Error> {
     let rest = |body: &Body| Body { position: 0.0, velocity: 0.0, ..*body };
     let bodies: Vec<Body> = world.bodies.iter().map(rest).collect();
@@ -227,7 +228,7 @@ pub fn linear_response(world: &World, motion: [f64; 2]) -> Result<Row, Error> {
     Ok(engine.preview(motion))
 }
 
-/// The coupling's linear part about its own rest; of a constant torque nothing is left.
+/// The linear part of a coupling about its own rest; `None` for a constant torque.
 fn linear(coupling: &Coupling) -> Option<Coupling> {
     let linear = coupling.linear()?;
     let law = if linear.stiffness == 0.0 {

@@ -15,7 +15,7 @@ type Boolean = c_int;
 /// `fmi2CallbackLogger`
 pub type Logger = unsafe extern "C" fn(*mut c_void, *const c_char, Status2, *const c_char, *const c_char, ...);
 
-/// `fmi2CallbackFunctions`. Memory is Rust's own; no step is asynchronous.
+/// `fmi2CallbackFunctions`. Rust allocates its own memory; no step is asynchronous.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct CallbackFunctions {
@@ -37,7 +37,7 @@ pub struct EventInfo {
     pub next_event_time: f64,
 }
 
-/// The status in FMI 2.0: 2 is Discard, which no call returns.
+/// The status in FMI 2.0: no call returns 2, Discard.
 fn code(status: Status) -> Status2 {
     match status {
         Status::Ok => 0,
@@ -52,7 +52,7 @@ unsafe fn call(c: *mut c_void, name: &str, body: impl FnOnce(&mut Component) -> 
     code(unsafe { c::call(c, name, body) })
 }
 
-/// The importer's logger, whose messages are formats of printf.
+/// The importer's logger, whose messages are printf formats.
 fn log(name: &str, functions: &CallbackFunctions, is_on: bool) -> Log {
     let (logger, environment) = (functions.logger, functions.component_environment);
     let name = CString::new(name).unwrap_or_default();
@@ -318,7 +318,7 @@ pub unsafe extern "C" fn fmi2GetIntegerStatus(c: *mut c_void, kind: c_int, _: *m
 pub unsafe extern "C" fn fmi2GetBooleanStatus(c: *mut c_void, kind: c_int, value: *mut Boolean) -> Status2 {
     unsafe {
         call(c, "fmi2GetBooleanStatus", |_| {
-            // fmi2Terminated: the FMU ends no simulation by itself.
+            // fmi2Terminated: the FMU never ends a simulation by itself.
             if kind != 3 {
                 return Err(format!("there is no status {kind} of type Boolean"));
             }

@@ -15,7 +15,7 @@ type Status3 = c_int;
 /// `fmi3LogMessageCallback`
 pub type Logger = unsafe extern "C" fn(*mut c_void, Status3, *const c_char, *const c_char);
 
-/// The status in FMI 3.0: 2 is Discard, which no call returns.
+/// The status in FMI 3.0: no call returns 2, Discard.
 fn code(status: Status) -> Status3 {
     match status {
         Status::Ok => 0,
@@ -61,7 +61,7 @@ pub unsafe extern "C" fn fmi3SetDebugLogging(
     }
 }
 
-/// An instance of a kind of FMU that this is not.
+/// An instance of a kind that this FMU does not have.
 unsafe fn refused(kind: &str, environment: *mut c_void, logger: Option<Logger>) -> *mut c_void {
     c::instantiate(log(environment, logger, false), || c::not_here(kind))
 }
@@ -160,7 +160,7 @@ pub unsafe extern "C" fn fmi3Reset(c: *mut c_void) -> Status3 {
     unsafe { call(c, "fmi3Reset", |component| component.instance.reset()) }
 }
 
-/// A variable is a scalar: as many values as references.
+/// Variables are scalars: as many values as references.
 fn scalars(references: usize, values: usize) -> Result<usize, String> {
     if references == values {
         return Ok(values);
@@ -208,7 +208,7 @@ numbers! {
     fmi3GetInt64, fmi3SetInt64: i64;
 }
 
-/// Reading and setting variables of a type that none of them has.
+/// Reading and setting variables of a type that no variable has.
 macro_rules! no_numbers {
     ($($get:ident, $set:ident: $name:literal, $type:ty;)*) => {$(
         #[unsafe(no_mangle)]
@@ -370,7 +370,7 @@ pub unsafe extern "C" fn fmi3DoStep(
     }
 }
 
-/// The functions of what this FMU does not have, which importers load with all others.
+/// The functions of features that this FMU does not have; importers load them with all others.
 macro_rules! not_here {
     ($($name:ident($($argument:ty),*) of $kind:literal;)*) => {$(
         #[unsafe(no_mangle)]

@@ -1,5 +1,5 @@
-//! An instance of an FMU: the states, checks and calls that FMI 2.0 and 3.0 have in common. Errors are sentences for the importer's logger;
-//! a call that is refused changes nothing.
+//! An instance of an FMU: the common states, checks and calls of FMI 2.0 and 3.0. Errors are sentences for the importer's logger; a refused
+//! call changes nothing.
 
 use std::collections::BTreeMap;
 
@@ -26,7 +26,7 @@ pub enum Phase {
     Step,
     /// After `Terminate`.
     Terminated,
-    /// After a run that stopped being finite.
+    /// After a run with a number that is not finite.
     Failed,
 }
 
@@ -42,7 +42,7 @@ impl Phase {
     }
 }
 
-/// Everything of an instance that changes, as data: an FMU state.
+/// All variable data of an instance: an FMU state.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Saved {
     phase: Phase,
@@ -61,7 +61,7 @@ pub struct Saved {
 #[derive(Debug)]
 pub struct Instance {
     model: Model,
-    /// Where its messages go.
+    /// The destination of its messages.
     pub log: Log,
     phase: Phase,
     start: f64,
@@ -76,11 +76,11 @@ pub struct Instance {
     sets: BTreeMap<usize, Value>,
     /// The values of all parameters, by value reference.
     values: BTreeMap<usize, Value>,
-    /// Why the parameters that have been set do not go together, as yet.
+    /// The reason that the parameters set so far are inconsistent, if they are.
     pending: Option<String>,
     world: World,
     engine: Engine,
-    /// The outputs' row for inputs that no step has taken yet.
+    /// The outputs' row for inputs of the next step.
     shown: Option<Row>,
 }
 
@@ -90,9 +90,9 @@ struct Changed {
     values: BTreeMap<usize, Value>,
 }
 
-/// Why parameters are refused.
+/// The reason that parameters are refused.
 enum Refused {
-    /// Values that are right each by itself and do not go together.
+    /// Values that are each valid and inconsistent together.
     Together(String),
     Alone(String),
 }
@@ -101,7 +101,7 @@ impl Instance {
     /// A new instance of `model`.
     ///
     /// # Errors
-    /// In a sentence, which goes to `log` too: the core does not take the world.
+    /// In a sentence, which goes to `log` too: the core refuses the world.
     pub fn new(model: Model, log: Log) -> Result<Instance, String> {
         let world = model.world.clone();
         let parts = values(&model, &BTreeMap::new()).map_err(|error| named(&error)).and_then(|values| {
@@ -180,7 +180,7 @@ impl Instance {
     /// Ends the initialisation.
     ///
     /// # Errors
-    /// In a sentence: out of order, or parameters that do not go together.
+    /// In a sentence: out of order, or inconsistent parameters.
     pub fn exit_initialization(&mut self) -> Result<(), String> {
         self.expect("ExitInitializationMode", Phase::Initialization)?;
         if let Some(message) = &self.pending {
@@ -194,10 +194,10 @@ impl Instance {
         Ok(())
     }
 
-    /// From the communication point `at` over `length`, both in s, the inputs held.
+    /// Advances from the communication point `at` by `length`, both in s, with held inputs.
     ///
     /// # Errors
-    /// In a sentence: out of order, a step that is not forward or does not begin here, or a run that stops being finite.
+    /// In a sentence: out of order, a step that is not forward or does not begin here, or a run with a number that is not finite.
     pub fn do_step(&mut self, at: f64, length: f64) -> Result<(), String> {
         self.expect("DoStep", Phase::Step)?;
         if !(length.is_finite() && length > 0.0) {
@@ -237,10 +237,10 @@ impl Instance {
         Ok(())
     }
 
-    /// As it was made: every parameter and input at its start.
+    /// Restores the initial state: every parameter and input has its start value.
     ///
     /// # Errors
-    /// None that is known; the world has been read before.
+    /// No known error; the world has been read before.
     pub fn reset(&mut self) -> Result<(), String> {
         let Changed { world, values } = self.read(&BTreeMap::new()).map_err(Refused::message)?;
         self.engine = Engine::new(self.model.kind, &world).map_err(|error| error.to_string())?;
@@ -285,8 +285,8 @@ impl Instance {
         })
     }
 
-    /// Makes the row of inputs that no step has taken yet: before the first step, and of a loop without its device when its puck has been set at the
-    /// instant of a sample.
+    /// Computes the row for inputs of the next step: before the first step, and of a loop without its device when its puck has been set at
+    /// the instant of a sample.
     fn show(&mut self) {
         let is_ahead = match self.phase {
             Phase::Instantiated | Phase::Initialization => true,
@@ -298,11 +298,11 @@ impl Instance {
         }
     }
 
-    /// Sets inputs and parameters, all of them or none.
+    /// Sets inputs and parameters: all of them, or none on an error.
     ///
     /// # Errors
-    /// In a sentence: a reference or type that does not fit, a value that the world file would not take, or a variable that may not be set
-    /// now.
+    /// In a sentence: a reference or type that does not match, a value that the world file would not accept, or a variable that may not be
+    /// set now.
     pub fn set(&mut self, values: &[(u32, Value)]) -> Result<(), String> {
         let (mut inputs, mut sets) = (self.inputs, self.sets.clone());
         for (reference, value) in values {
@@ -344,7 +344,7 @@ impl Instance {
         }
     }
 
-    /// Goes over to a world with these parameters. Before the first step values may come one after another that only go together.
+    /// Changes to a world with these parameters. Before the first step, values that are valid only together may be set one by one.
     fn change(&mut self, sets: BTreeMap<usize, Value>) -> Result<(), String> {
         let bits = |sets: &BTreeMap<usize, Value>, index: usize| {
             let value = sets.get(&index).or_else(|| self.values.get(&index));
@@ -388,7 +388,7 @@ impl Instance {
         Ok(Changed { world, values })
     }
 
-    /// Everything that changes.
+    /// The state.
     pub fn save(&self) -> Saved {
         Saved {
             phase: self.phase,
@@ -404,7 +404,7 @@ impl Instance {
         }
     }
 
-    /// Goes on from a state of an instance of the same FMU.
+    /// Continues from a state of an instance of the same FMU.
     ///
     /// # Errors
     /// In a sentence: a state of another FMU.
@@ -417,7 +417,7 @@ impl Instance {
         }
         let (changed, pending) = match self.read(&saved.sets) {
             Ok(changed) => (changed, None),
-            // It was saved between two values that only go together.
+            // It was saved between two values that are valid only together.
             Err(Refused::Together(message)) => (self.read(&BTreeMap::new()).map_err(Refused::message)?, Some(message)),
             Err(refused) => return Err(refused.message()),
         };
@@ -434,13 +434,13 @@ impl Instance {
     /// A saved state as bytes, with a checksum and the FMU's token.
     ///
     /// # Errors
-    /// None that is known.
+    /// No known error.
     pub fn serialize(&self, saved: &Saved) -> Result<Vec<u8>, String> {
         let bytes = postcard::to_extend(&(&self.model.token, saved), Vec::new()).map_err(|error| error.to_string())?;
         Ok([&bytes[..], &CHECKSUM.checksum(&bytes).to_le_bytes()].concat())
     }
 
-    /// The state of bytes that [`Instance::serialize`] made.
+    /// The state from bytes of [`Instance::serialize`].
     ///
     /// # Errors
     /// In a sentence: other bytes, or a state of another FMU.
@@ -490,7 +490,7 @@ impl Instance {
     }
 }
 
-/// Of the bytes of a serialised state.
+/// The checksum of a serialised state.
 const CHECKSUM: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
 impl Refused {

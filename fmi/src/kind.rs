@@ -1,4 +1,4 @@
-//! What of a world is in an FMU.
+//! The part of a world that is in an FMU.
 
 hapt_model::named! {
     /// What of a world is in an FMU.

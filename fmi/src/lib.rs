@@ -1,10 +1,10 @@
 //! A world as an FMU (Functional Mock-up Unit) for co-simulation, by FMI 2.0 and FMI 3.0: <https://fmi-standard.org>.
 //!
-//! [`write()`] makes an FMU of a world. The same crate, built as a library for C, is the FMU's binary: `fmi2.rs` and `fmi3.rs` are the
+//! [`write()`] makes an FMU of a world. The same crate, built as a C library, is the FMU's binary: `fmi2.rs` and `fmi3.rs` are the
 //! functions of the two standards over one [`Instance`], which reads the world from the FMU's resources.
 //!
-//! An FMU is a [`Kind`]: the loop without its device, whose inputs are the puck's motion and whose output is the torque on it; or the loop on its exact
-//! device, with the hand's torque as input and the columns of a run as outputs.
+//! An FMU is of one [`Kind`]: the loop without its device, whose inputs are the puck's motion and whose output is the torque on it; or the
+//! loop on its exact device, with the hand's torque as input and the columns of a run as outputs.
 #![deny(unsafe_code)]
 
 mod c;
@@ -29,7 +29,7 @@ pub use model::Model;
 pub use package::{LIBRARY, Platform, Version, places, write};
 pub use variable::{Role, Value, Variable};
 
-/// The reader's error without its place in a text.
+/// The reader's error without its position in a text.
 fn named(error: &hapt_model::Error) -> String {
     match error.key.is_empty() {
         true => error.message.clone(),

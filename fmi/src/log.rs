@@ -1,13 +1,13 @@
 //! Reports to an importer: statuses, categories, messages.
 
-/// How serious a message is, and what a call returns.
+/// The severity of a message, and the result of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Status {
     /// Done.
     Ok,
     /// Done, with a remark.
     Warning,
-    /// Not done; the instance is as it was, or has failed for good.
+    /// Not done; the instance is unchanged, or has failed permanently.
     Error,
     /// A defect of hapt: the instance can only be freed.
     Fatal,
@@ -25,7 +25,7 @@ impl Status {
     }
 }
 
-/// The categories with what is in them, as the model description lists them.
+/// The categories with their contents, as in the model description.
 pub const CATEGORIES: [(&str, &str); 5] = [
     ("logEvents", "Initialisation, changes of parameters, reset, end."),
     ("logStatusWarning", "What may be meant otherwise."),
@@ -37,7 +37,7 @@ pub const CATEGORIES: [(&str, &str); 5] = [
 /// The importer's logger.
 pub type Sink = Box<dyn Fn(Status, &str)>;
 
-/// What goes to the importer's logger. Errors always do.
+/// The filter of messages to the importer's logger. Errors always pass.
 pub struct Log {
     sink: Sink,
     is_on: bool,
@@ -51,10 +51,10 @@ impl Log {
         Log { sink, is_on, categories: Vec::new() }
     }
 
-    /// Turns debug messages on or off, in these categories; none stand for all.
+    /// Turns debug messages on or off, in these categories; an empty list means all.
     ///
     /// # Errors
-    /// In a sentence: a category that does not exist. Nothing is changed then.
+    /// In a sentence: a category that does not exist. Then nothing is changed.
     pub fn set(&mut self, is_on: bool, names: &[String]) -> Result<(), String> {
         let known = |name: &String| {
             let row = CATEGORIES.iter().find(|(known, _)| known == name);
@@ -68,7 +68,7 @@ impl Log {
         Ok(())
     }
 
-    /// Passes a message on, if it is an error or asked for.
+    /// Passes a message on, if it is an error or its category is on.
     pub fn say(&self, status: Status, message: &str) {
         let is_chosen = self.categories.is_empty() || self.categories.contains(&status.category());
         if status >= Status::Error || (self.is_on && is_chosen) {

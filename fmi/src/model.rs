@@ -1,4 +1,4 @@
-//! A world as what an FMU is made of: its text, its variables, and the token that names both.
+//! A world as the data of an FMU: its text, its variables, and the token that identifies both.
 
 use hapt_model::{Source, World};
 use sha1::{Digest, Sha1};
@@ -12,15 +12,15 @@ pub const WORLD: &str = "world.toml";
 /// The world of an FMU.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// The loop without its device, or on it.
+    /// Whether the loop is without its device or on it.
     pub kind: Kind,
     /// The world file, which needs no other file.
     pub source: Source,
-    /// As the file has it.
+    /// The world of that file.
     pub world: World,
-    /// All variables; the value reference of each is its place.
+    /// All variables; the value reference of each is its index.
     pub variables: Vec<Variable>,
-    /// The guid (FMI 2.0) or instantiation token (3.0): a hash of all that the variables and the behaviour follow from.
+    /// The guid (FMI 2.0) or instantiation token (3.0): a hash of everything that determines the variables and the behaviour.
     pub token: String,
 }
 
@@ -28,7 +28,7 @@ impl Model {
     /// The world without its scenarios.
     ///
     /// # Errors
-    /// In a sentence: the core does not take the world.
+    /// In a sentence: the core refuses the world.
     pub fn new(kind: Kind, version: Version, world: &World) -> Result<Model, String> {
         let world = World { scenarios: Vec::new(), ..world.clone() };
         Model::of_text(kind, version, world.to_toml())

@@ -23,7 +23,7 @@ pub enum Version {
 }
 
 impl Version {
-    /// As a model description has it.
+    /// As in a model description.
     pub fn number(self) -> &'static str {
         match self {
             Version::Two => "2.0",
@@ -31,7 +31,7 @@ impl Version {
         }
     }
 
-    /// Whether its model description lists the variable. In FMI 2.0 whole numbers have 32 bits, and time need not be there: the FMI Library
+    /// Whether its model description lists the variable. In FMI 2.0 whole numbers have 32 bits, and time is optional: the FMI Library
     /// demands a start value of it, which the standard forbids.
     pub(crate) fn takes(self, variable: &Variable) -> bool {
         match (self, &variable.start) {
@@ -42,7 +42,7 @@ impl Version {
     }
 }
 
-/// What a library runs on.
+/// The platform of a library.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Platform {
     /// The processor's name in FMI 3.0.
@@ -52,7 +52,7 @@ pub struct Platform {
 }
 
 impl Platform {
-    /// What a library runs on, from its header.
+    /// The platform of a library, from its header.
     ///
     /// # Errors
     /// In a sentence: no library, or not hapt's.
@@ -105,16 +105,16 @@ pub const LIBRARY: &str = match (DLL_PREFIX.is_empty(), DLL_SUFFIX.as_bytes()) {
     (false, _) => "libhapt_fmi.so",
 };
 
-/// The places where the library may be for a program at `program`: in its folder, where cargo builds it, where it is installed.
+/// The possible places of the library for a program at `program`: in its folder, where cargo builds it, where it is installed.
 pub fn places(program: &Path) -> [PathBuf; 3] {
     ["", "deps", "../lib/hapt"].map(|place| program.parent().unwrap_or(Path::new("")).join(place).join(LIBRARY))
 }
 
-/// An FMU called `name` of a world, with libraries for at least one platform. `written` are the keys as the world's file has them, for their
+/// An FMU called `name` of a world, with libraries for at least one platform. `written` are the keys as in the world's file, for their
 /// units.
 ///
 /// # Errors
-/// In a sentence: a world that the core does not take, a file that is no library, two for one platform.
+/// In a sentence: the core refuses the world, a file is no library, or two are for one platform.
 pub fn write(
     world: &World,
     written: &[Parameter],

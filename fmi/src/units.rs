@@ -1,4 +1,4 @@
-//! Units in a model description: the SI units of the variables with the units in which people write them.
+//! Units in a model description: the SI units of the variables with their display units.
 
 use std::collections::BTreeMap;
 
@@ -9,16 +9,16 @@ use crate::variable::Variable;
 /// The display units offered for a dimension, in addition to those of the world file.
 const DISPLAY_UNITS: &[&str] = &["ms", "deg", "rev", "deg/s", "rpm", "mm", "mm/s", "N mm", "N mm/deg"];
 
-/// An SI unit with the units that show it.
+/// An SI unit with its display units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Definition {
     /// The exponents of the base units.
     pub dimension: Dimension,
-    /// Names, with how many of them are one SI unit.
+    /// Names, each with its number per SI unit.
     pub display: BTreeMap<String, f64>,
 }
 
-/// The units of these variables by name. `written` are texts of quantities, whose units are among those that show them.
+/// The units of these variables by name. `written` are texts of quantities, whose units are added to the display units.
 pub fn definitions<'a>(variables: &[Variable], written: impl Iterator<Item = &'a str>) -> BTreeMap<String, Definition> {
     let mut all = BTreeMap::new();
     for variable in variables.iter().filter(|variable| !variable.unit.is_empty()) {
@@ -50,7 +50,7 @@ pub fn unit_of(text: &str) -> Option<&str> {
     Some(text[at..].trim()).filter(|unit| Unit::parse(unit).is_ok())
 }
 
-/// How many SI units a unit of this dimension is.
+/// The number of SI units in a unit of this dimension.
 fn size(name: &str, dimension: Dimension) -> Option<f64> {
     let unit = Unit::parse(name).ok().filter(|unit| dimension.accepts(unit.dimension()))?;
     Some(unit.factor() * 10_f64.powi(i32::try_from(unit.decimal_exponent()).ok()?))

@@ -16,7 +16,7 @@ pub enum Value {
     Real(f64),
     /// A whole number.
     Whole(i64),
-    /// One of the names that a key takes.
+    /// One of the names that a key allows.
     Text(String),
 }
 
@@ -40,7 +40,7 @@ impl Value {
         match self {
             Value::Real(value) => format!("{value:?}"),
             Value::Whole(value) => value.to_string(),
-            // JSON's strings are strings of TOML.
+            // JSON strings are TOML strings.
             Value::Text(text) => serde_json::Value::from(text.as_str()).to_string(),
         }
     }
@@ -56,7 +56,7 @@ impl fmt::Display for Value {
     }
 }
 
-/// What a variable is.
+/// The role of a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// The independent variable.
@@ -73,25 +73,25 @@ pub enum Role {
     Tunable,
 }
 
-/// A variable. Its value reference is its place in the list.
+/// A variable. Its value reference is its index in the list.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variable {
     /// A column's name, or the dotted path of a key.
     pub name: String,
-    /// What it is.
+    /// Its role.
     pub role: Role,
-    /// The SI unit of a real number in hapt's spelling; empty for what has none.
+    /// The SI unit of a real number in hapt's spelling; empty for others.
     pub unit: String,
-    /// What it means.
+    /// Its meaning.
     pub doc: String,
-    /// The value at first; of an output, one of its type.
+    /// The start value; of an output, one of its type.
     pub start: Value,
     /// The smallest value of a real number, where there is one.
     pub min: Option<f64>,
 }
 
 impl Variable {
-    /// Whether the FMU makes its values.
+    /// Whether the FMU computes its values.
     pub fn is_output(&self) -> bool {
         match self.role {
             Role::Signal(_) | Role::Body(..) => true,
@@ -107,7 +107,7 @@ impl Variable {
         }
     }
 
-    /// The output's value in a row; NaN for what is no output.
+    /// The output's value in a row; NaN for any other variable.
     pub fn read(&self, row: &Row) -> f64 {
         match self.role {
             Role::Signal(index) => SIGNALS.get(index).map_or(f64::NAN, |signal| (signal.get)(row)),
@@ -123,7 +123,7 @@ impl Variable {
 
 /// The puck's signals, the inputs of a loop without its device.
 pub const PUCK: [usize; 2] = [1, 2];
-/// The device's torque, which a loop without its device does not have.
+/// The device's torque; a loop without its device lacks it.
 const APPLIED: usize = 7;
 
 /// All variables of an FMU of this world: time, inputs, outputs, parameters.
@@ -195,7 +195,7 @@ fn of_parameter(kind: Kind, world: &World, parameter: &Parameter) -> Option<Vari
     Some(Variable { name, role, unit: parameter.unit.clone(), doc, start, min })
 }
 
-/// A key's value now; `None` for a word in a quantity's place, and for what is no scalar.
+/// A key's present value; `None` for a word in a quantity's place, and for a value that is no scalar.
 pub fn value(row: &Key, parameter: &Parameter) -> Option<Value> {
     match row.takes {
         Takes::Name(_) => Some(Value::Text(parameter.written.clone())),

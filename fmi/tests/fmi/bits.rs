@@ -1,4 +1,4 @@
-//! Steps of whole periods give the bits of a run.
+//! Steps of whole periods are bit-identical to a run.
 
 use hapt_fmi::{Kind, Version};
 use hapt_model::{World, builtin};
@@ -51,7 +51,7 @@ fn the_loop_on_its_device_under_a_hands_torque_is_the_run_of_that_hand() {
     }
 }
 
-/// A loop without its device, fed with a run's puck, gives its torque with each step that begins with a sample.
+/// A loop without its device, with the puck of a run as input, gives the run's torque in each step that begins with a sample.
 #[test]
 fn every_builtin_worlds_loop_fed_with_a_runs_puck_is_that_run() {
     let mut seen = 0;
@@ -79,7 +79,7 @@ fn every_builtin_worlds_loop_fed_with_a_runs_puck_is_that_run() {
     assert!(seen >= 10, "{seen} worlds");
 }
 
-/// Nothing is added up: a million samples later an instant is still the product of sample and period.
+/// Times are not summed: a million samples later an instant is still the product of sample and period.
 #[test]
 fn an_importer_that_adds_up_its_steps_gets_every_sample_once() {
     let world = world(WHEEL, &["loop.period=0.1 ms", "loop.delay=0 ms"]);

@@ -1,4 +1,4 @@
-//! Calls in any order, with any arguments: no crash, and what is refused changes nothing.
+//! Calls in any order, with any arguments: no crash, and a refused call changes nothing.
 
 use std::ffi::{c_int, c_void};
 use std::ptr::{null, null_mut};
@@ -16,7 +16,7 @@ enum Call {
     Enter,
     Exit,
     Step(f64, f64),
-    /// The next step, from where the instance is.
+    /// The next step, from the instance's time.
     Next(f64),
     Terminate,
     Reset,
@@ -30,7 +30,7 @@ enum Call {
     Log(bool, String),
 }
 
-/// Numbers of all sorts, sensible ones among them.
+/// Numbers of all kinds, valid ones among them.
 fn number() -> impl Strategy<Value = f64> {
     prop_oneof![
         4 => -1.0_f64..1.0,
@@ -129,7 +129,7 @@ fn make(instance: &Instance, call: &Call, state: &mut *mut c_void) {
     }
 }
 
-/// Null pointers, and functions of what the FMU does not have: all are errors.
+/// Null pointers, and functions of features that the FMU does not have: all are errors.
 fn other(instance: &Instance, which: usize) {
     let c = instance.c;
     let status = unsafe {

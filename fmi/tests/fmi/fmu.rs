@@ -64,7 +64,7 @@ unsafe extern "C" fn log2(
     unsafe { log3(environment, status, category, message) }
 }
 
-/// An FMU that is unpacked.
+/// An unpacked FMU.
 pub struct Fmu {
     pub model: Model,
     /// The token of FMI 2.0 and of FMI 3.0.
@@ -92,7 +92,7 @@ impl Fmu {
         &self.tokens[usize::from(version == Version::Three)]
     }
 
-    /// With this token, and null where the instance is refused.
+    /// With this token; null where the instance is refused.
     pub fn raw(&self, version: Version, token: &str, messages: &Messages) -> *mut c_void {
         let folder = self.folder.path().to_str().unwrap();
         let (name, token) = (c"one".as_ptr(), CString::new(token).unwrap());
@@ -165,7 +165,7 @@ impl Drop for Instance<'_> {
     }
 }
 
-/// OK or an error; nothing else is returned.
+/// OK or an error; no other status is returned.
 fn is_ok(status: c_int) -> bool {
     assert!(status == 0 || status == 3, "status {status}");
     status == 0

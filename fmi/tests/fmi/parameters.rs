@@ -41,7 +41,7 @@ fn a_parameter_that_is_set_gives_the_world_of_that_override() {
     }
 }
 
-/// The world goes on from its bodies' motion: the torque changes by what the new number makes, and by no jump.
+/// The world continues from its bodies' motion: the torque changes by the effect of the new number, without a jump.
 #[test]
 fn a_parameter_that_is_tuned_between_two_steps_is_a_bumpless_transfer() {
     for kind in Kind::ALL {
@@ -64,7 +64,8 @@ fn a_parameter_that_is_tuned_between_two_steps_is_a_bumpless_transfer() {
     }
 }
 
-/// Friction by direction and by position, friction that falls with the speed, and end stops: set before the start they are those of the file.
+/// Friction by direction and by position, friction that falls with the speed, and end stops: set before the start they equal those of the
+/// file.
 #[test]
 fn the_devices_friction_and_stops_are_parameters() {
     let keys = [
@@ -146,7 +147,7 @@ fn the_files_checks_hold_and_their_words_reach_the_logger() {
             instance.set_text("loop.period", "1 ms"),
             "loop.period is a variable of type Real, and was set as String",
         );
-        // All of them or none.
+        // All of them, or none on an error.
         let puck = fmu.reference("puck_rad");
         refused(instance.set_all(&[puck, fmu.reference("loop.period")], &[0.5, -1.0]), "loop.period");
         assert_eq!(instance.get("puck_rad"), 0.0);
@@ -157,7 +158,7 @@ fn the_files_checks_hold_and_their_words_reach_the_logger() {
     }
 }
 
-/// tustin takes its torque from the start: one value is wrong without the other, and importers set them one by one.
+/// tustin requires a torque from the start of the step: one value is invalid without the other, and importers set them one by one.
 #[test]
 fn values_that_only_go_together_may_come_one_after_another_before_the_first_step() {
     let text = WHEEL.split("[[couplings]]\nkind = \"wall\"").next().unwrap();
@@ -172,7 +173,7 @@ fn values_that_only_go_together_may_come_one_after_another_before_the_first_step
     assert_eq!(instance.text("loop.method"), "tustin");
 }
 
-/// Superposition: of a linear loop the outputs differ by the derivative times the difference of the inputs.
+/// Superposition: the outputs of a linear loop differ by the derivative times the difference of the inputs.
 #[test]
 fn derivatives_are_those_of_the_linear_part() {
     let text = WHEEL.replace("encoder = 4000\nlevels = 2048\n", "").replace("limit = \"822.25 N mm\"\n", "");

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use crate::fmu::{Fmu, Instance, WHEEL, world};
 
-/// So many steps from step `from` on, of 0.4 periods; every output after each.
+/// Runs this many steps from step `from` on, of 0.4 periods; every output after each.
 fn run(instance: &Instance, from: u32, steps: u32) -> Vec<Vec<u64>> {
     let mut seen = Vec::new();
     for k in from..from + steps {
@@ -21,7 +21,7 @@ fn run(instance: &Instance, from: u32, steps: u32) -> Vec<Vec<u64>> {
 proptest! {
     #![proptest_config(cases(48))]
 
-    /// From a state the same inputs give the same bits: in this instance, in another one, and through bytes.
+    /// From a state the same inputs give the same bits: in this instance, in another one, and after serialisation.
     #[test]
     fn a_restored_state_goes_on_to_the_bit(before in 0_u32..400, after in 1_u32..200, whole in any::<bool>(), tuned in any::<bool>(), three in any::<bool>()) {
         let kind = if whole { Kind::Whole } else { Kind::Loop };

@@ -1,4 +1,4 @@
-//! Communication steps that are no whole number of periods.
+//! Communication steps that are not a whole number of periods.
 
 use hapt_fmi::{Clock, Kind, Version};
 use hapt_testing::cases;
@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use crate::fmu::{Fmu, Instance, WHEEL, world};
 
-/// Goes from communication point to communication point; the instants are multiples of a 64th of a period.
+/// Steps from communication point to communication point; the instants are multiples of a 64th of a period.
 fn walk(instance: &Instance, lengths: &[u32], mut each: impl FnMut(u64, &Instance)) {
     const UNIT: f64 = 1e-3 / 64.0;
     let mut at = 0_u64;
@@ -21,8 +21,8 @@ fn walk(instance: &Instance, lengths: &[u32], mut each: impl FnMut(u64, &Instanc
 proptest! {
     #![proptest_config(cases(64))]
 
-    /// Between its samples a loop holds: the torque of a step is that of the last sample before its end, taken with the puck that was set for
-    /// the step in which the sample lies.
+    /// Between its samples a loop holds its output: the torque of a step is that of the last sample before its end, taken with the puck
+    /// that was set for the step that contains the sample.
     #[test]
     fn a_loops_samples_fall_where_they_fall_whatever_the_steps(lengths in prop::collection::vec(1_u32..200, 1..60)) {
         let fmu = Fmu::new(Kind::Loop, &world(WHEEL, &[]));
@@ -32,7 +32,7 @@ proptest! {
         even.start(0.0);
         let (mut taken, mut begun) = (0_u64, 0_u64);
         walk(&uneven, &lengths, |at, instance| {
-            // Samples in the step that ends here, from its begin on and before its end.
+            // Samples in the step that ends here, from its beginning to before its end.
             while taken * 64 < at {
                 assert!(even.set_all(&[1, 2], &[puck(begun), 0.0]));
                 assert!(even.step(taken as f64 * 1e-3, 1e-3));
@@ -46,7 +46,7 @@ proptest! {
         });
     }
 
-    /// With a hand whose torque is constant the device is where it is whatever the communication points before.
+    /// With a hand whose torque is constant the device's motion does not depend on the communication points.
     #[test]
     fn a_device_moves_the_same_way_whatever_the_steps(
         lengths in prop::collection::vec(1_u32..200, 1..40), torque in -0.1_f64..0.1, delay in 0_u32..3,
@@ -73,7 +73,7 @@ proptest! {
         });
     }
 
-    /// A clock's samples are those whose instants are not after it.
+    /// A clock's samples are those with an instant not after it.
     #[test]
     fn a_clock_counts_whole_periods_and_snaps_to_samples(
         period in 1e-5_f64..1e-1, start in -100.0_f64..100.0, steps in prop::collection::vec(0.01_f64..20.0, 1..50),
