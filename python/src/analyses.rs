@@ -1,4 +1,4 @@
-//! What is asked of a world without running it, what makes one, and the names that the package checks its own against.
+//! The analyses of a world without running it, the design of a world, and the names with which the package compares its own.
 
 use std::sync::Arc;
 
@@ -63,7 +63,7 @@ pub fn impedance(
     Ok(Some((table, rest)))
 }
 
-/// The claims of these names, each once.
+/// The claims with these names, each once.
 fn edges(names: &[String]) -> PyResult<Vec<Edge>> {
     let mut edges = Vec::new();
     for name in names {
@@ -82,7 +82,7 @@ fn edges(names: &[String]) -> PyResult<Vec<Edge>> {
 /// no verdict)` of each claim.
 pub type Edges<'py> = (Vec<Bound<'py, PyTuple>>, Vec<(&'static str, Option<bool>, Vec<(f64, f64)>, Option<String>)>);
 
-/// The boundaries of a world or network in the plane of two axes; no claims: all that there are about it.
+/// The boundaries of a world or network in the plane of two axes; without claims: all claims that apply to it.
 pub fn boundary<'py>(
     py: Python<'py>,
     source: Source,
@@ -144,7 +144,7 @@ pub fn identify(
         let found = match hapt_identify::identify_until(&record, &known, &|| stop.is_set()) {
             None => return Ok(None),
             Some(Ok(found)) => (found.named(), found.stops, found.warnings()),
-            // The device is richer than the model: the fit to the torque is the answer, as on the command line.
+            // The device is richer than the model: the result is the fit to the torque, as on the command line.
             Some(Err(error)) => {
                 let richer = matches!(error, hapt_identify::Error::Residual(_) | hapt_identify::Error::Unexplained);
                 let fit = richer.then(|| hapt_identify::fit_torque(&record, &known)).flatten();
@@ -220,9 +220,9 @@ fn kinds(table: &str, names: &[&'static str]) -> Vec<(&'static str, Vec<&'static
     names.iter().map(|kind| of(kind)).collect()
 }
 
-/// The matrices that state spaces are made of, by rows, as JSON: `world`, from (z_k, v_k) to the torque on the puck, discrete; `device`, from
-/// the torque to (z, ż), continuous; the pole of the position's filter, null without one; the velocity estimators as filters, v_k = pole v_{k-1} + Σ taps[i] z_{k-i}, no taps for the true velocity;
-/// `period` and `delay` in s.
+/// The matrices of the state spaces, by rows, as JSON: `world`, from (z_k, v_k) to the torque on the puck, discrete; `device`, from the
+/// torque to (z, ż), continuous; the pole of the position's filter, null without one; the velocity estimators as filters, v_k = pole
+/// v_{k-1} + Σ taps[i] z_{k-i}, no taps for the true velocity; `period` and `delay` in s.
 ///
 /// ```text
 /// s_{k+1} = (1 + d) x_k + previous u_k,    x_k = s_k + current u_k      the methods that take the new sample first
@@ -255,8 +255,8 @@ pub fn state_spaces(world: &World) -> Result<Value, hapt_analysis::Error> {
     }))
 }
 
-/// The device without Coulomb friction as ẏ = A y + B u: puck, where there is one the handle (position and velocity each), and where the
-/// motor lags its torque; u is the motor's command and the hand's torque.
+/// The device without Coulomb friction as ẏ = A y + B u: puck, handle if there is one (position and velocity each), and the torque of a
+/// motor with a lag; u is the motor's command and the hand's torque.
 fn device(device: &Device) -> (DMatrix<f64>, DMatrix<f64>) {
     let (puck, order) = (device.inertia.recip(), 2 + if device.handle.is_some() { 2 } else { 0 });
     let motor = (device.lag > 0.0).then_some(order);

@@ -12,7 +12,7 @@ pyo3::create_exception!(
      `line` and `column` count from 1 and are None where the mistake stands in no text."
 );
 
-/// A [`WorldError`]; a mistake in an override is shown as one in `change`, the name of the Python call that made it.
+/// A [`WorldError`]; an error in an override is reported as one in `change`, the name of the Python call that made it.
 pub fn of_world(py: Python<'_>, mut error: hapt_model::Error, change: &str) -> PyErr {
     let kind = format!("{:?}", error.kind).to_lowercase();
     if let Some(location) = error.location.as_mut().filter(|location| location.source.starts_with("--")) {
@@ -29,7 +29,7 @@ pub fn of_world(py: Python<'_>, mut error: hapt_model::Error, change: &str) -> P
     set.map_or_else(|error| error, |()| made)
 }
 
-/// Of what a sweep or a boundary was asked.
+/// The error of a sweep's or a boundary's request.
 pub fn of_sweep(py: Python<'_>, error: hapt_sweep::Error) -> PyErr {
     match error {
         hapt_sweep::Error::Model(error) => of_world(py, error, "sweep"),
@@ -37,12 +37,12 @@ pub fn of_sweep(py: Python<'_>, error: hapt_sweep::Error) -> PyErr {
     }
 }
 
-/// Of an analysis that has no result for this world.
+/// The error of an analysis that has no result for this world.
 pub fn value(error: impl std::fmt::Display) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
-/// What cannot happen, said rather than shown as an abort.
+/// A defect, reported as an exception instead of an abort.
 pub fn internal(error: impl std::fmt::Display) -> PyErr {
     PyRuntimeError::new_err(format!("internal error of hapt: {error}"))
 }

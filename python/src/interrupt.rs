@@ -11,10 +11,10 @@ use rayon::ThreadPoolBuilder;
 
 use crate::error::internal;
 
-/// The time between two looks at Python's signals.
+/// The time between two checks of Python's signals.
 const SIGNAL_PERIOD: Duration = Duration::from_millis(50);
 
-/// Set once the call has been interrupted: work checks it and ends early, its result unused.
+/// Set once the call has been interrupted: work checks it and ends early, and its result is not used.
 #[derive(Clone, Default)]
 pub struct Stop(Arc<AtomicBool>);
 
@@ -30,7 +30,7 @@ impl Stop {
     }
 }
 
-/// What stands in for the result of work that was stopped. Only an interrupted call stops its work, and that call has raised already.
+/// The result of stopped work. Only an interrupted call stops its work, and that call has already raised an exception.
 pub fn unwanted() -> PyErr {
     internal("a computation was stopped while its result was still wanted")
 }
@@ -38,7 +38,7 @@ pub fn unwanted() -> PyErr {
 /// Runs `work` on a thread of its own.
 ///
 /// # Errors
-/// What a signal's handler raises, KeyboardInterrupt by default, within [`SIGNAL_PERIOD`]; RuntimeError when the work panics.
+/// The exception of a signal's handler, KeyboardInterrupt by default, within [`SIGNAL_PERIOD`]; RuntimeError when the work panics.
 pub fn interruptible<T: Send + 'static>(py: Python<'_>, work: impl FnOnce(&Stop) -> T + Send + 'static) -> PyResult<T> {
     let stop = Stop::default();
     let (give, mut take) = sync_channel(1);
@@ -59,11 +59,11 @@ pub fn interruptible<T: Send + 'static>(py: Python<'_>, work: impl FnOnce(&Stop)
     }
 }
 
-/// Runs `work` on this thread, which spares short work the start of another. It gets a question to ask at least every few
-/// milliseconds: whether the call has been interrupted.
+/// Runs `work` on this thread, so that short work need not start another. `work` gets a function to call at least every few milliseconds,
+/// which returns whether the call has been interrupted.
 ///
 /// # Errors
-/// What a signal's handler raises.
+/// The exception of a signal's handler.
 pub fn asking<T: Send>(py: Python<'_>, work: impl FnOnce(&mut dyn FnMut() -> bool) -> T + Send) -> PyResult<T> {
     py.detach(|| {
         let (mut next, mut raised) = (Instant::now() + SIGNAL_PERIOD, Ok(()));
@@ -78,7 +78,7 @@ pub fn asking<T: Send>(py: Python<'_>, work: impl FnOnce(&mut dyn FnMut() -> boo
     })
 }
 
-/// The same as [`interruptible`] with threads of its own for what runs in parallel: a process that was forked has none of its parent's.
+/// The same as [`interruptible`] with threads of its own for parallel work: a forked process has none of its parent's threads.
 pub fn in_parallel<T: Send + 'static>(
     py: Python<'_>,
     threads: usize,

@@ -1,4 +1,5 @@
-//! `hapt._hapt`: what the Python package `hapt` computes, by the Rust crates. The package's own modules give it Python's manners.
+//! `hapt._hapt`: the computations of the Python package `hapt`, by the Rust crates. The package's own modules adapt them to Python's
+//! conventions.
 //!
 //! Every call that may last runs on a thread of its own with the interpreter's lock released, see `interrupt`.
 

@@ -1,4 +1,4 @@
-//! The loop without its device, and the device without its loop, sample by sample, for the simulators of others.
+//! The loop without its device, and the device without its loop, sample by sample, for other simulators.
 
 use std::sync::Arc;
 
@@ -115,7 +115,7 @@ fn written<'py>(py: Python<'py>, state: &impl Serialize) -> PyResult<Bound<'py, 
     Ok(PyBytes::new(py, &bytes.map_err(value)?))
 }
 
-/// The state in all of the bytes.
+/// The state from bytes, of which none may remain.
 fn read<T: DeserializeOwned>(bytes: &[u8]) -> PyResult<T> {
     match postcard::take_from_bytes(bytes) {
         Ok((state, [])) => Ok(state),

@@ -5,16 +5,16 @@ use std::ops::ControlFlow;
 use hapt_model::System;
 use hapt_sim::{BODY_SIGNALS, SIGNALS, StationRow, SystemSummary, station_columns};
 
-/// So many rows between two looks at whether the call has been interrupted.
+/// The number of rows between two checks of whether the call has been interrupted.
 const CHUNK: u64 = 4096;
-/// So many rows go to their columns at once.
+/// The number of rows that are copied to their columns at once.
 const BLOCK: usize = 64;
 
-/// A run: of each station its columns in the order of the CSV and its summary, and why it ended early.
+/// A run: of each station its columns in the order of the CSV and its summary, and the reason of an early end.
 pub struct Run {
     /// In file order.
     pub stations: Vec<StationRun>,
-    /// Why the run stops before its end.
+    /// The reason of an early end, if any.
     pub ended: Option<String>,
 }
 
@@ -26,21 +26,21 @@ pub struct StationRun {
     pub values: Vec<Vec<f64>>,
     /// The number of rows, which is no measured quantity.
     pub rows: u64,
-    /// How many samples were beyond the motor's limit.
+    /// The number of samples beyond the motor's limit.
     pub clipped: u64,
     /// The numbers that `hapt sim` prints.
     pub summary: [(&'static str, Option<f64>); 12],
 }
 
-/// Why there is no run.
+/// The reason that there is no run.
 pub enum Failure {
-    /// The system or the scenario.
+    /// An invalid system or scenario.
     Input(String),
-    /// So many bytes.
+    /// Not enough memory for this many bytes.
     Memory(u64),
 }
 
-/// Takes a scenario to its end, or to where `is_over` holds.
+/// Runs a scenario to its end, or until `is_over` returns true.
 pub fn simulate(system: &System, scenario: &str, is_over: &mut dyn FnMut() -> bool) -> Result<Run, Failure> {
     let mut run = hapt_sim::Run::new(system, scenario).map_err(|error| Failure::Input(error.to_string()))?;
     let mut tables = Vec::new();
@@ -90,7 +90,7 @@ pub fn simulate(system: &System, scenario: &str, is_over: &mut dyn FnMut() -> bo
     Ok(Run { stations: stations.collect(), ended })
 }
 
-/// The message of a run that takes so many bytes.
+/// The message for a run that needs this many bytes.
 pub fn too_large(bytes: u64) -> String {
     format!(
         "the run's columns take {:.1} GiB, more than there is: a shorter duration or a longer period has fewer rows",
@@ -98,7 +98,7 @@ pub fn too_large(bytes: u64) -> String {
     )
 }
 
-/// Empty columns with room for all rows; `None` where there is not so much memory, for all columns together.
+/// Empty columns with room for all rows; `None` where the memory is not enough for all columns together.
 fn columns_with_room(rows: u64, columns: usize) -> Option<Vec<Vec<f64>>> {
     let rows = usize::try_from(rows).ok()?;
     let mut whole = Vec::<f64>::new();
@@ -121,7 +121,7 @@ struct Table {
 }
 
 impl Table {
-    /// With room for all rows; `None` where there is not so much memory, for all columns together.
+    /// With room for all rows; `None` where the memory is not enough for all columns together.
     fn with_room(rows: u64, columns: usize) -> Option<Self> {
         let all = columns_with_room(rows, columns)?;
         Some(Table { columns: all, block: vec![[0.0; BLOCK]; columns], filled: 0 })

@@ -1,4 +1,4 @@
-//! A grid of a world's numbers, measured stretch by stretch.
+//! A grid of a world's numbers, measured in parts.
 
 use std::sync::Arc;
 
@@ -64,7 +64,7 @@ impl Sweep {
         }
         let sweep = Arc::clone(&self.sweep);
         let axes = sweep.grid.axes.len();
-        // An interrupted call has raised: its rows are not looked at.
+        // An interrupted call has raised an exception: its rows are not used.
         let rows = in_parallel(py, threads, move |stop| sweep.rows_until(start..end, &|| stop.is_set()))?;
         let rows = rows.ok_or_else(|| internal("rows are missing"))?;
         let measured = rows.iter().flat_map(|row| row[axes..].iter().map(|value| value.unwrap_or(f64::NAN)));

@@ -1,4 +1,4 @@
-//! Worlds and networks: read, changed, asked.
+//! Worlds and networks: reading, changing, analyses.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -22,7 +22,7 @@ use crate::running::{Device, Loop};
 use crate::simulate::{Failure, simulate, too_large};
 use crate::sweep::Sweep;
 
-/// A key's path, value in SI, text as it is written, unit, meaning, and whether the file has it.
+/// A key's path, value in SI, text as written, unit, meaning, and whether the file has it.
 type Parameter = (String, Option<f64>, String, String, &'static str, bool);
 
 /// A world or network with the text that it was read from and the changes made to it.
@@ -33,7 +33,7 @@ pub struct World {
     model: Arc<System>,
 }
 
-/// The texts of files that come with a network, by the names that it has for them.
+/// The texts of a network's files, by the names in the network.
 type Files = BTreeMap<String, String>;
 
 /// Reads a world or network: of `text` with `files`, or of the file `path`.
@@ -66,7 +66,7 @@ impl World {
         Ok(World { source, sets, model: Arc::new(model) })
     }
 
-    /// The world, for what a network does not have.
+    /// The world; an error for a network, which has none.
     fn world(&self) -> PyResult<&Model> {
         self.model
             .world()
@@ -89,7 +89,7 @@ impl World {
 impl World {
     /// A changed copy; `value` is spelled as in a world file or on the command line.
     fn set(&self, py: Python<'_>, key: &str, value: &str) -> PyResult<World> {
-        // The last of a key wins: an earlier one would only be in the way of the limit on their number.
+        // The last value of a key is used: an earlier one would only count towards the limit on their number.
         let same = |set: &String| set.split_once('=').is_some_and(|(old, _)| old == key);
         let mut sets: Vec<String> = self.sets.iter().filter(|set| !same(set)).cloned().collect();
         sets.push(format!("{key}={value}"));
