@@ -18,7 +18,7 @@ use crate::start::{Begin, begins};
 use crate::torque::{TorqueFit, fit_torque};
 use crate::{Error, Lattice};
 
-/// An estimate so many standard errors outside contradicts the file. A lag that is too short to be separated from a delay can move the
+/// An estimate this many standard errors outside contradicts the file. A lag that is too short to be separated from a delay can move the
 /// other numbers by up to four of their standard errors.
 const SURELY: f64 = 5.0;
 /// The standard errors of half a 95 % interval.
@@ -70,8 +70,8 @@ pub enum Verdict {
 /// One number, of the record and of the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compared {
-    /// inertia, damping, friction, constant torque, lag, delay, delay and lag, sign; handle inertia, shaft stiffness, shaft damping; stribeck
-    /// torque, stribeck velocity; low stop, high stop, stop stiffness, stop damping.
+    /// inertia, damping, friction, constant torque, lag, delay, delay and lag, sign; handle inertia, shaft stiffness, shaft damping;
+    /// stribeck torque, stribeck velocity; low stop, high stop, stop stiffness, stop damping.
     pub name: &'static str,
     /// Of its unit; `None`: it has none.
     pub measure: Option<Measure>,
@@ -110,7 +110,7 @@ pub struct Comparison {
 }
 
 impl Verdict {
-    /// agrees, contradicts, or not told.
+    /// The word in the JSON: `agrees`, `contradicts`, or `not told`.
     pub fn word(self) -> &'static str {
         match self {
             Verdict::Agrees => "agrees",
@@ -188,7 +188,7 @@ impl Claims {
 }
 
 impl Comparison {
-    /// What `hapt identify --against --json` prints.
+    /// The output of `hapt identify --against --json`.
     pub fn json(&self) -> Value {
         let number = |number: &Compared| {
             json!({

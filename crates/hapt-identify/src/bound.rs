@@ -19,9 +19,9 @@ use crate::record::{CancellableRecord, LONGEST_DELAY};
 const BOUNDED: [usize; 3] = [DAMPING, FRICTION, DELAY];
 /// The bounds are certainly violated where keeping them costs this many standard errors.
 const SURELY: f64 = 5.0;
-/// A better fit found along a profile is followed at most so many times.
+/// A better fit found along a profile is followed at most this many times.
 const ROUNDS: usize = 3;
-/// A profile is evaluated at so many values at most, until its squares are within this part of t² s².
+/// A profile is evaluated at this many values at most, until its squares are within this part of t² s².
 const PLACES: usize = 10;
 const NEAR: f64 = 0.1;
 

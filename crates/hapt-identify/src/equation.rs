@@ -52,15 +52,15 @@ impl std::ops::Add<&Sums> for Sums {
 
 /// The bump is (1 - u²)^POWER.
 const POWER: i32 = 5;
-/// Windows overlap: so many begin within half of one.
+/// Windows overlap: this many begin within half of one.
 const OVERLAP: usize = 6;
 /// A window with fewer samples to a side does not determine a second derivative.
 const FEWEST: usize = 6;
-/// A gap of so many periods is in no window.
+/// A gap of this many periods is in no window.
 const GAP: f64 = 4.0;
 /// A window in which the puck moves less than this part of the time is left out: at rest friction balances any torque.
 const MOVES: f64 = 0.7;
-/// No real spring is linear and lossless to better than this part: so much of its torque may be correlated with the acceleration.
+/// No real spring is linear and lossless to better than this part: this much of its torque may be correlated with the acceleration.
 const BENT: f64 = 0.05;
 /// The number of resampled records of a bootstrap.
 const RESAMPLES: usize = 100;
@@ -98,7 +98,8 @@ pub enum Errors {
     Larger,
     /// By leaving out one of eight blocks of the record in turn.
     Jackknife,
-    /// By the sandwich of Newey and West (Econometrica 55 (1987) 703) with Andrews's lag for an autoregression (Econometrica 59 (1991) 817).
+    /// By the sandwich of Newey and West (Econometrica 55 (1987) 703) with Andrews's lag for an autoregression (Econometrica 59 (1991)
+    /// 817).
     Sandwich,
     /// By the moving blocks bootstrap (Künsch, Ann. Stat. 17 (1989) 1217), with blocks of twice the correlation time of the residuals.
     Bootstrap,
@@ -286,7 +287,8 @@ pub(crate) struct Solved {
     pub share: f64,
     /// The number of independent values among the residuals.
     pub independent: f64,
-    /// Whether a constant is determined: motion in one direction does not distinguish it from friction, nor do both from a friction by direction.
+    /// Whether a constant is determined: motion in one direction does not distinguish it from friction, nor do both from a friction by
+    /// direction.
     pub has_constant: bool,
 }
 

@@ -137,7 +137,7 @@ pub enum Error {
         "the motion does not follow from the torque: no inertia, damping, friction and delay up to 50 ms were found that explain it; look at the columns, their units, and at whether a hand was on the puck"
     )]
     Unexplained,
-    /// The interval of the handle's inertia includes a part that no record could show.
+    /// No handle shows: the interval of its inertia includes a part that no record could show.
     #[error("a device without a handle on a shaft explains this record as well")]
     Rigid,
     /// The residuals are larger than counts and noise.

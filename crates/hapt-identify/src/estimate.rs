@@ -280,7 +280,7 @@ fn around(record: &CancellableRecord<'_>, best: &Fit, part: f64) -> Fit {
 }
 
 impl Identified {
-    /// What `hapt identify --json` gives, in its order: the contract's six, the lag, the time to the torque, and the constant torque.
+    /// The fields of `hapt identify --json`, in its order: the contract's six, the lag, the time to the torque, and the constant torque.
     pub fn named(&self) -> [(&'static str, Option<crate::Interval>); 9] {
         [
             ("inertia", self.inertia),

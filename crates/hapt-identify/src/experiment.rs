@@ -13,16 +13,16 @@ const SIZES: [f64; 12] = [1.0, -0.9, 0.7, -1.0, 0.0, 0.8, -1.0, 1.0, -0.7, 0.9, 
 const STEPS: f64 = 0.6;
 /// The chirp begins at this frequency in Hz, or higher where a swing of it would be too fast,
 const SLOWEST: f64 = 1.0;
-/// and ends where a swing has so many pushes.
+/// and ends where a swing has this many pushes.
 const PUSHES_A_SWING: f64 = 8.0;
 
-/// A push fades to the next in so many s, or samples where those are longer.
+/// A push fades to the next in this many s, or samples where those are longer.
 const FADE: f64 = 5e-3;
 const FADE_SAMPLES: f64 = 4.0;
 /// The largest change of the velocity by a push, rad/s (linear: m/s).
 const FASTEST: [f64; 2] = [25.0, 1.0];
 
-/// A torque in N·m (N), held for so many s.
+/// A torque in N·m (N), held for this many s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Push {
     /// In N·m (N).
@@ -31,7 +31,7 @@ pub struct Push {
     pub length: f64,
 }
 
-/// What an experiment may do to a device.
+/// The limits of an experiment on a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
     /// The largest torque, in N·m (linear: N).

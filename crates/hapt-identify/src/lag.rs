@@ -13,14 +13,15 @@ use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
 use crate::remainder::{error_variance, is_right as explains};
 use crate::start::{Begin, begins};
 
-/// After so many lags a torque has reached its command.
+/// After this many lags a torque has reached its command.
 const ARRIVED: f64 = 8.0;
 /// The number of standard errors that counts as certain, for the time to the torque.
 const SURELY: f64 = 5.0;
-/// A lag is separated from a delay where λ² is so many half intervals, or 5 standard errors: a lower limit would find a lag where there is
-/// none, once in a few thousand records, and a delay that is too short by it.
+/// A lag is separated from a delay where λ² is this many half intervals, or 5 standard errors: a lower limit would find a lag where there
+/// is none, once in a few thousand records, and a delay that is too short by it.
 const TOLD: f64 = 2.6;
-/// From so many half intervals on, one standard error, the other numbers are those of the fit with a lag: without it they would be biased.
+/// From this many half intervals on, one standard error, the other numbers are those of the fit with a lag: without it they would be
+/// biased.
 const SEEN: f64 = 0.5;
 
 /// A fit whose motor lags.

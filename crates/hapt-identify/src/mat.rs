@@ -35,8 +35,8 @@ pub fn is_mat(bytes: &[u8]) -> bool {
     bytes.starts_with(b"MATLAB ") || bytes.starts_with(HDF5)
 }
 
-/// The table of a MATLAB file as text with commas, for [`crate::Columns::read_all`]: the arrays of the longest length that two of them have.
-/// A column of a matrix is `name:1`, a field of a struct `name.field`.
+/// The table of a MATLAB file as text with commas, for [`crate::Columns::read_all`]: the arrays of the longest length that two of them
+/// have. A column of a matrix is `name:1`, a field of a struct `name.field`.
 ///
 /// # Errors
 /// [`Error::Columns`] for a file of another level, one that is cut short, and one without two numeric arrays of one length.

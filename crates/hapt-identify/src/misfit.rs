@@ -9,15 +9,16 @@ const LEAST: f64 = 0.1;
 const MOST_TIMES: u32 = 48;
 const MOST_RUBS: u32 = 12;
 
-/// The variable that a part of the misfit depends on.
+/// The kind of a part of the misfit, by the variable that it depends on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
-    /// The position: a cable, a spring, gravity, `times_a_turn` from 1 on a torque that repeats (1: gravity; more: cogging), 0: one that grows.
+    /// The position: a cable, a spring, gravity, `times_a_turn` from 1 on a torque that repeats (1: gravity; more: cogging), 0: one that
+    /// grows.
     Position {
         /// Periods in a turn.
         times_a_turn: u32,
     },
-    /// The position and the direction of the motion: friction that changes so many times a turn.
+    /// The position and the direction of the motion: friction that changes this many times a turn.
     FrictionByPosition {
         /// Periods in a turn.
         times_a_turn: u32,

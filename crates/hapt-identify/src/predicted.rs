@@ -4,7 +4,7 @@ use crate::puck::Puck;
 use crate::record::{LONGEST_DELAY, Record};
 use crate::start::velocities;
 
-/// The motion is predicted over so many s, and begun anew from the measured one: over a longer time the errors of the equation add up.
+/// The motion is predicted over this many s, and restarted from the measured one: over a longer time the errors of the equation add up.
 pub const PREDICTION_S: f64 = 0.25;
 
 /// Times and positions, from the measured position and velocity at the beginning of each stretch on.

@@ -149,7 +149,7 @@ impl SimulatedPuck {
         self.puck.gain * (self.torque + self.gap) + self.puck.offset
     }
 
-    /// The acceleration that the command, offset and friction give together; what the gap adds is left out.
+    /// The acceleration that the command, offset and friction give together, without the contribution of the gap.
     fn drive(&self) -> f64 {
         let Puck { gain, friction, offset, .. } = self.puck;
         if self.way == 0.0 { 0.0 } else { gain * self.torque + offset - friction * self.way }

@@ -3,7 +3,7 @@
 /// The standard normal's 97.5 % quantile.
 const NORMAL: f64 = 1.959_963_984_540_054;
 
-/// The 97.5 % quantile of Student's t with so many degrees of freedom, 5 at least: Cornish and Fisher's expansion (Abramowitz and Stegun
+/// The 97.5 % quantile of Student's t with this many degrees of freedom, 5 at least: Cornish and Fisher's expansion (Abramowitz and Stegun
 /// 26.7.5), accurate to 3e-4 there and to 1e-6 from 20 on.
 pub(crate) fn student(freedom: f64) -> f64 {
     let x = NORMAL;

@@ -4,7 +4,7 @@ use crate::Error;
 use crate::counts::{Lattice, lattice};
 use crate::noise::noise;
 
-/// The longest delay that is searched, in s. The part of a record that is fitted first begins so long after its beginning: by then every
+/// The longest delay that is searched, in s. The part of a record that is fitted first begins this long after its beginning: by then every
 /// torque that can still arrive has been recorded.
 pub const LONGEST_DELAY: f64 = 0.05;
 
@@ -15,7 +15,7 @@ const SHORTEST: f64 = 0.5;
 const SPARSEST: f64 = 0.5;
 const FEWEST_VALUES: usize = 8;
 
-/// So many consecutive equal positions are one measurement: a puck at rest on one count, without noise.
+/// This many consecutive equal positions are one measurement: a puck at rest on one count, without noise.
 const AT_REST: usize = 100;
 
 /// A record, with a test of whether its analysis was cancelled.
@@ -127,7 +127,7 @@ impl Record {
         Record::new(times?, positions?, torques?).ok()
     }
 
-    /// A stretch of about so many s, or of twice as long and so on up to half of the record, with the longest path of the puck; `None`
+    /// A stretch of about this many s, or of twice as long and so on up to half of the record, with the longest path of the puck; `None`
     /// where all move too little for a fit.
     pub(crate) fn liveliest(&self, duration: f64) -> Option<Record> {
         let n = self.times.len();

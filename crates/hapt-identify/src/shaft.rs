@@ -11,8 +11,9 @@
 //! that the series ends at rounding; stops and starts are located on it. A lag that is short compared with the shaft's period would need
 //! shorter steps: the part that decays with it is first removed from the state, as the multiple of e^(-t/λ) that solves the equations.
 //!
-//! The simulated device (`hapt_plant`) has another series and event locator, because its ten states include works and hand. Over 2,000 samples
-//! of steps both agree to 2e-14 rad; that device takes 1.5 times as long without friction, 21 times with it, 78 times with a lag of 0.1 ms too.
+//! The simulated device (`hapt_plant`) has another series and event locator, because its ten states include works and hand. Over 2,000
+//! samples of steps both agree to 2e-14 rad; that device takes 1.5 times as long without friction, 21 times with it, 78 times with a lag of
+//! 0.1 ms too.
 
 use hapt_plant::spec::Handle;
 
@@ -21,7 +22,7 @@ use crate::arrivals::Arrivals;
 /// The longest step, over the sum of the rates of the motion: 0.5^12/12! is 5e-13.
 const MAX_STEP_TIMES_RATE: f64 = 0.5;
 const TERMS: usize = 13;
-/// A lag with a rate above so many times the others' is taken out of the state.
+/// A lag with a rate above this many times the others' is taken out of the state.
 const FAST: f64 = 2.0;
 /// The most stops and starts between two events of the torque.
 const MOST_EVENTS: usize = 1000;

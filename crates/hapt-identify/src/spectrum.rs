@@ -10,7 +10,7 @@ const HIGHEST: f64 = 2.5;
 /// A clear line has this part of the whole power, and exceeds the median by this factor.
 const PART: f64 = 0.1;
 const ABOVE: f64 = 30.0;
-/// At most so many samples are used.
+/// At most this many samples are used.
 const MAX_SAMPLES: usize = 8000;
 
 /// A line.

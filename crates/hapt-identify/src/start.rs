@@ -19,7 +19,7 @@ use crate::record::{LONGEST_DELAY, Record};
 const WINDOWS: [f64; 3] = [0.05, 0.15, 0.5];
 /// The velocity is estimated over this time, s.
 const GLANCE: f64 = 6e-3;
-/// A velocity below so many standard errors may be 0.
+/// A velocity below this many standard errors may be 0.
 const DOUBT: f64 = 3.0;
 
 /// The signs of the velocity and the initial state, estimated before any fit.

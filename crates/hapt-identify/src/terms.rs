@@ -19,10 +19,10 @@ const MOST_TIMES: u32 = 48;
 const MOST_RUBS: u32 = 12;
 /// The velocities that are tried for Stribeck's friction, in parts of the rms velocity.
 const STRIBECK: [f64; 3] = [0.1, 0.2, 0.4];
-/// A term predicts at least this part of the residual without any term, by so many standard errors of the blocks.
+/// A term predicts at least this part of the residual without any term, by this many standard errors of the blocks.
 const LEAST: f64 = 0.05;
 const SURELY: f64 = 3.0;
-/// The travel has at least so many periods of a torque that repeats.
+/// The travel has at least this many periods of a torque that repeats.
 const PERIODS: f64 = 1.0;
 /// The most terms of one device.
 const MAX_TERMS: usize = 4;
@@ -166,7 +166,7 @@ pub(crate) fn terms(record: &Record, rows: &Rows, way: f64, is_linear: bool) -> 
         let of = |i: usize| speeds[i].signum() * (-(speeds[i] / velocity).powi(2)).exp();
         add(TermKind::Stribeck { velocity, beside: [0.0; 2] }, &[&of]);
     }
-    // Only a torque that repeats within the travel is tried.
+    // From this number of periods on, the torque repeats within the travel.
     let least = (PERIODS * std::f64::consts::TAU / (high - low).max(f64::MIN_POSITIVE)).ceil().max(2.0) as u32;
     let gravity = (high - low > TRAVEL).then_some(1);
     for times in gravity.into_iter().chain(least..=MOST_TIMES).filter(|_| !is_linear) {
@@ -252,7 +252,7 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], way: f64, apart
             (kind @ (TermKind::Turn { times, .. } | TermKind::FrictionByPosition { times, .. }), [sine, cosine]) => {
                 let (p, q) = (at(&whole, *sine), at(&whole, *cosine));
                 let phase = q.atan2(p);
-                // The projection on the phase that was found, whose interval may include 0.
+                // The projection on the phase that was found: near 0 for an absent term, where an amplitude would be biased upwards.
                 let size =
                     move |values: &DVector<f64>| at(values, *sine) * phase.cos() + at(values, *cosine) * phase.sin();
                 let is_friction = matches!(kind, TermKind::FrictionByPosition { .. });

@@ -39,11 +39,11 @@ const LEFT: f64 = 0.5;
 const TEMPER: f64 = 0.25;
 /// The degrees of freedom of intervals, by the blocks of the jackknife.
 const FREEDOM: f64 = (BLOCKS - 1) as f64;
-/// Student's t of 95 % at one end, with so many degrees of freedom.
+/// Student's t of 95 % at one end, with this many degrees of freedom.
 const ONE_SIDED: f64 = 1.895;
-/// Student's t of 99.9 % with so many degrees of freedom: beyond it a sign is determined.
+/// Student's t of 99.9 % with this many degrees of freedom: beyond it a sign is determined.
 const SURELY: f64 = 5.408;
-/// An inertia of less than so many standard errors is not determined.
+/// An inertia of less than this many standard errors is not determined.
 const TOLD: f64 = 1.2;
 /// Where more than this part of the torque's variance is left, the motion is unrelated to it.
 const UNRELATED: f64 = 0.8;
@@ -52,7 +52,7 @@ const STRANGE: f64 = 0.05;
 /// Where the equation of motion leaves more than this part of the torque beyond noise, the device may be richer than the puck.
 const RICH: f64 = 3e-3;
 /// A torque that position and velocity give by themselves to within this part of its variance is the law of the loop, or of the spring that
-/// the device touched: with it no inertia is determined.
+/// the device touched: with such a torque no inertia is determined.
 const LAW_LEAVES: f64 = 0.02;
 const LAW: Mask = {
     let mut law = mask(&[STIFFNESS]);

@@ -294,7 +294,7 @@ impl Columns {
     }
 }
 
-/// At most one line in so many may be left out.
+/// At most one line in this many may be left out.
 const MOST_LEFT_OUT: usize = 10;
 
 fn is_voltage(name: &str) -> bool {

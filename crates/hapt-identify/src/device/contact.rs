@@ -20,7 +20,7 @@ const ENDS: [f64; 3] = [0.04, 0.12, 0.3];
 const WINDOWS: [f64; 2] = [0.06, 0.03];
 const DELAYS: usize = 21;
 const DELAY_STEP: f64 = 5e-4;
-/// A turn is examined from so long before it to so long after it, in s.
+/// A turn is examined from this long before it to this long after it, in s.
 const BRIEFLY: f64 = 0.04;
 /// A turn changes the velocity by this part of that before it, or more, beyond the effect of torque and losses; a stop by at most the last
 /// part.
@@ -28,7 +28,7 @@ const HARD: f64 = 0.2;
 const MOST: f64 = 2.0;
 /// χ²'s quantile of 1 - 10⁻⁶ with two degrees of freedom, in variances: a stop that explains less is none.
 const SURELY: f64 = 27.6;
-/// A turn's velocity is more than so many standard errors of the noise.
+/// A turn's velocity is more than this many standard errors of the noise.
 const DOUBT: f64 = 5.0;
 /// Rates √(k/J) of the stop from which fits of a turn start, in 1/s, and its damping ratios.
 const RATES: [f64; 4] = [50.0, 150.0, 400.0, 1000.0];
@@ -41,7 +41,7 @@ const RISES: [f64; 4] = [1.0, 0.3, 3.0, 0.1];
 const AGAIN: usize = 2;
 const BRIEF: usize = 12;
 const MANY: usize = 60;
-/// Stretches that begin away from the motion begin anew at most so many times.
+/// Stretches that begin away from the motion begin anew at most this many times.
 const MENDS: usize = 3;
 /// The lag that a fit starts from, in periods.
 const SHORT: f64 = 0.5;

@@ -35,15 +35,15 @@ const BEGINNING: f64 = 0.1;
 const FEWEST: f64 = 50.0;
 const SHOT: f64 = 0.4;
 
-/// Shots begin where the motion continues without a turn for so long on both sides, in s.
+/// Shots begin where the mean velocities over this time before and after differ least for their size, in s.
 const FLIGHT: f64 = 0.012;
 
 const LOGARITHMS: [usize; 3] = [INERTIA, FAST, STIFFNESS];
 const NOT_BELOW_0: [usize; 6] = [DAMPING, FRICTION, LATE, VARIANCE, RISE, STOP_DAMPING];
-/// The fit ends after so many steps that lower the squares by less than this part of their variance.
+/// The fit ends after this many steps that lower the squares by less than this part of their variance.
 const FEW: usize = 2;
 const SLOW: f64 = 0.01;
-/// The mean number of tries per step.
+/// The largest mean number of tries per step.
 const MOST_TRIES: usize = 4;
 /// The next step is damped less where the squares fell by more than this part of what was predicted.
 const PREDICTED: f64 = 0.5;
@@ -53,16 +53,16 @@ const SMALL: f64 = 1e-3;
 pub(crate) const SHORTEST_LAG: f64 = 0.1;
 /// The fastest rate of a device that is followed, per period of the record.
 const FASTEST: f64 = 60.0;
-/// A shot with so many times the usual mean square begins at the wrong state; it begins anew by lines through so many more samples.
+/// A shot with this many times the usual mean square begins at the wrong state; it begins anew by lines through this many more samples.
 const ODD: f64 = 1.5;
 const GLIMPSES: [usize; 3] = [2, 5, 12];
 /// χ²'s quantile of 1 - 10⁻⁶ with two degrees of freedom, in variances: a shot that leaves more than its two parts and this is split again.
 const PARTED: f64 = 27.6;
-/// After so many lags a motor's torque no longer depends on an earlier one.
+/// After this many lags a motor's torque no longer depends on an earlier one.
 const MEMORY: f64 = 40.0;
-/// Shots are joined where that leaves at most so many times the mean square of the others, before all are fitted anew.
+/// Shots are joined where that leaves at most this many times the mean square of the others, before all are fitted anew.
 const FAR: f64 = 1e4;
-/// Shots may be this much longer; of those that are joined one in so many may diverge, and one more.
+/// Shots may be this much longer; of those that are joined one in this many may diverge, and one more.
 const LONGEST: f64 = 1.5;
 const ASTRAY: usize = 4;
 /// Shots are joined while an initial error grows by less than this: beyond, the motion is not linear in the error.
@@ -463,7 +463,7 @@ impl Fit {
         Some(self)
     }
 
-    /// The steps of Levenberg and Marquardt from here, so many at most.
+    /// The steps of Levenberg and Marquardt from here, this many at most.
     pub fn improved(self, record: &CancellableRecord<'_>, most: usize) -> Option<Fit> {
         let least = (SHORTEST_LAG * record.period()).powi(2);
         let mut at = if self.slopes.is_empty() { self.differentiated(record)? } else { self };
@@ -474,7 +474,7 @@ impl Fit {
             if (record.stop)() || steps == most {
                 break;
             }
-            // The state of a shot that friction ends early is not moved far.
+            // An initial state whose effect friction ends before it shows is not moved far.
             let held = scales.map(|scale| at.variance() / (scale * scale));
             let normal = Normal::of(&at.slopes, damping, held);
             let Some(step) = at.step(&normal.information, &normal.right, damping, least) else { break };

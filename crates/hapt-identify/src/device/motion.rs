@@ -57,7 +57,7 @@ enum Touch {
     Left,
 }
 
-/// What ends a piece.
+/// The event that ends a piece.
 #[derive(Clone, Copy, PartialEq)]
 enum Event {
     Rests,

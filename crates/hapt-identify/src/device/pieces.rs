@@ -9,7 +9,7 @@ const SMALLEST: f64 = 1e-18;
 const EVEN: f64 = 1e-10;
 /// The number of maps that are kept.
 const MAPS: usize = 8;
-/// A root is located in at most so many steps.
+/// A root is located in at most this many steps.
 const STEPS: usize = 160;
 
 /// Position, velocity and the gap: the motor's torque minus the command that is held.

@@ -13,7 +13,7 @@ pub fn stopped(rng: &mut Rng) -> (DeviceSpec, Record) {
     stopped_for(rng, 3000)
 }
 
-/// The same with so many samples.
+/// The same with this many samples.
 fn stopped_for(rng: &mut Rng, samples: usize) -> (DeviceSpec, Record) {
     let mut between = |low: f64, high: f64| low * (high / low).powf(rng.f64());
     let inertia = between(3e-4, 2e-3);
