@@ -22,7 +22,8 @@ pub trait Bus: Send {
     /// The bus was removed, or has not accepted the frame until that instant.
     fn send(&mut self, frame: &Frame, until: Instant) -> io::Result<()>;
 
-    /// Receives the next frame; `None` if none arrives until that instant. With an instant in the past it only returns a frame already there.
+    /// Receives the next frame; `None` if none arrives until that instant. With an instant in the past it only returns a frame already
+    /// there.
     ///
     /// # Errors
     /// The bus is gone.

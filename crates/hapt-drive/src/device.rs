@@ -67,11 +67,11 @@ pub struct DriveDevice {
 }
 
 impl DriveDevice {
-    /// Starts the drive, with its watchdog on: ten periods, 5 ms at least. Where the world states `interval_max` and a late sample is a fault,
-    /// it is the longest time between two commands that the certificate covers: while this computer is late, only the drive can act.
+    /// Starts the drive, with its watchdog on: ten periods, 5 ms at least. Where the world states `interval_max` and a late sample is a
+    /// fault, it is the longest time between two commands that the certificate covers: while this computer is late, only the drive can act.
     ///
-    /// The world's 0 is the position at arming, unless there is a home. With a home, a rotary puck has to be within half a turn of it at the
-    /// start; from then on turns are counted.
+    /// The world's 0 is the position at arming, unless there is a home. With a home, a rotary puck has to be within half a turn of it at
+    /// the start; from then on turns are counted.
     ///
     /// # Errors
     /// See [`Drive::start`].

@@ -67,8 +67,8 @@ pub(crate) const OTHERS: usize = 256;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub trait Drive: Send {
-    /// Stops the drive, clears latched faults, checks its state and sets its limits. It is ready afterwards, without torque, and waits for its
-    /// first command for a second at least. May take some seconds.
+    /// Stops the drive, clears latched faults, checks its state and sets its limits. It is ready afterwards, without torque, and waits for
+    /// its first command for a second at least. May take some seconds.
     ///
     /// # Errors
     /// It does not answer, or has a fault that does not clear.
@@ -87,8 +87,8 @@ pub trait Drive: Send {
     /// See [`DriveError`].
     fn command(&mut self, torque: f64, until: Instant) -> Result<(), DriveError>;
 
-    /// Stops the drive without torque: sent once, without waiting for an answer. A drive that has failed is halted in every sample, and only a
-    /// start switches it on again.
+    /// Stops the drive without torque: sent once, without waiting for an answer. A drive that has failed is halted in every sample, and
+    /// only a start switches it on again.
     fn halt(&mut self, until: Instant);
 
     /// Stops the drive without torque, as far as it is reachable. Called on every exit, possibly more than once.

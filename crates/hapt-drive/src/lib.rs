@@ -1,8 +1,9 @@
-//! Motor drives as devices of the loop, over serial ports and CAN; and the same drives simulated. Drives need Linux; serial ports work on every system.
+//! Motor drives as devices of the loop, over serial ports and CAN; and the same drives simulated. Drives need Linux; serial ports work on
+//! every system.
 //!
-//! A [`Drive`] is the interface of a drive's protocol: start, read, command, stop. A [`DriveDevice`] makes it the loop's device: it holds the
-//! direction and the transmission between drive and puck, and leaves no torque on, however the loop ends. All protocols use a [`Bus`], which
-//! sends and receives CAN frames: a socket of the system, or a text protocol over a [`Line`].
+//! A [`Drive`] is the interface of a drive's protocol: start, read, command, stop. A [`DriveDevice`] makes it the loop's device: it holds
+//! the direction and the transmission between drive and puck, and leaves no torque on, however the loop ends. All protocols use a [`Bus`],
+//! which sends and receives CAN frames: a socket of the system, or a text protocol over a [`Line`].
 //!
 //! ```text
 //!   DriveDevice (hapt_rt::Device)      Simulator

@@ -1,5 +1,5 @@
-//! Writes MCAP files: <https://mcap.dev/spec>. Records that `container.rs` reads, and the index that other readers begin with. Chunks are not
-//! compressed.
+//! Writes MCAP files: <https://mcap.dev/spec>. Records that `container.rs` reads, and the index that other readers begin with. Chunks are
+//! not compressed.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};

@@ -6,7 +6,8 @@
 //! * [`ConformanceReport`] shows how a force-feedback wheel renders each effect.
 //! * [`Traces`] holds a run's signals for drawing, from the simulation or, by [`read_csv`], from a file.
 //! * [`Figure`](figure::Figure) is a figure as plain data; [`svg`](figure::Figure::svg) renders it.
-//! * [`PlotScript`] makes the runs' figures on a page interactive: they can be panned and zoomed. Without it, and without JavaScript, they are static.
+//! * [`PlotScript`] makes the runs' figures on a page interactive: they can be panned and zoomed. Without it, and without JavaScript, they
+//!   are static.
 //!
 //! A run is reduced to its [`Extremes`] while it streams: the memory does not depend on its length, and no peak disappears.
 #![forbid(unsafe_code)]

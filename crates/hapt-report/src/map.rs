@@ -135,8 +135,8 @@ impl Map {
         legend
     }
 
-    /// Fewer cells, for a drawing of at most this many columns and rows: of each block the value of largest magnitude, or the worst of those with
-    /// names.
+    /// Fewer cells, for a drawing of at most this many columns and rows: of each block the value of largest magnitude, or the worst of
+    /// those with names.
     pub fn reduced(&self, columns: usize, rows: usize) -> Map {
         let step = |have: usize, room: usize| have.div_ceil(room.max(1)).max(1);
         let (dx, dy) = (step(self.columns, columns), step(self.rows(), rows));

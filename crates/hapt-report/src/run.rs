@@ -33,8 +33,8 @@ pub struct Run<'s> {
     pub(crate) links: Vec<Extremes>,
     /// The energies of a world.
     energies: [Extremes; 5],
-    /// Of each station, positions and velocities of the puck and each body, and both torques; then of a world the energies, and room for both
-    /// bounds that are predicted; of a network the torque of its links.
+    /// Of each station, positions and velocities of the puck and each body, and both torques; then of a world the energies, and room for
+    /// both bounds that are predicted; of a network the torque of its links.
     pub(crate) recorded: Vec<Recorded>,
     swing: Option<Swing>,
 }

@@ -15,9 +15,9 @@ pub const NOT_EXECUTED: DriveFault = DriveFault {
     reason: Some(Reason::Late),
 };
 
-/// The meaning of mode and fault register, where the drive gives no torque, or may give another one than commanded. A number that is not known
-/// to be harmless is a fault in every mode: a new firmware may continue with it. A stopped drive keeps the number of its last fault up to the
-/// next start.
+/// The meaning of mode and fault register, where the drive gives no torque, or may give another one than commanded. A number that is not
+/// known to be harmless is a fault in every mode: a new firmware may continue with it. A stopped drive keeps the number of its last fault
+/// up to the next start.
 pub fn fault(mode: i32, code: i32) -> Option<DriveFault> {
     match mode {
         mode::FAULT => Some(named(code)),

@@ -73,8 +73,8 @@ mod tests {
     }
 
     proptest! {
-        /// Losses of frames and answers are not mistaken for another host; another host, and a doubled frame of this one, are detected with the
-        /// next answer.
+        /// Losses of frames and answers are not mistaken for another host; another host, and a doubled frame of this one, are detected with
+        /// the next answer.
         #[test]
         fn other_hosts_are_detected_and_losses_are_not_mistaken_for_them(
             from in prop_oneof![Just(0), Just(LARGEST - 20), 0..LARGEST],

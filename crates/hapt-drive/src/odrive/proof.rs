@@ -75,8 +75,8 @@ impl Proof {
         self.sample.is_multiple_of(EVERY)
     }
 
-    /// Compares the setpoint and the motor's torque. An answer to this sample's request refers to the last command; any other one to that or
-    /// the one before.
+    /// Compares the setpoint and the motor's torque. An answer to this sample's request refers to the last command; any other one to that
+    /// or the one before.
     pub fn receive(&mut self, uses: f64, makes: f64, is_fresh: bool) {
         let [last, before] = self.commanded;
         if self.constant.is_none() && is_fresh && last.abs() > MIN_TORQUE_RATIO * self.most && uses != 0.0 {

@@ -92,8 +92,8 @@ impl Odrive {
         self.who_answers()
     }
 
-    /// Requests every kind of answer, one after the other. Two answers to one request come from two drives, and answers without a request are
-    /// cyclic messages, which are unusable as a barrier.
+    /// Requests every kind of answer, one after the other. Two answers to one request come from two drives, and answers without a request
+    /// are cyclic messages, which are unusable as a barrier.
     fn who_answers(&mut self) -> Result<(), Error> {
         let (mut answers, mut unasked, mut is_foreign) = ([0_u32; KINDS.len()], [false; KINDS.len()], false);
         for (now, kind) in KINDS.into_iter().enumerate() {

@@ -35,9 +35,9 @@ const SKETCH: &str = "load the sketch simplefoc_drive of the library that hapt e
 
 /// A SimpleFOC board at a serial port, with hapt's sketch.
 ///
-/// A sample of the loop is two lines, both answered: a query and a target. Only a target feeds the board's watchdog. Every answer contains the
-/// number of its line, by which a late answer is recognised; the number of the target in use, by which lost targets are recognised; and the
-/// board's state, which is on from the first target up to a fault or a restart, and then off until a start.
+/// A sample of the loop is two lines, both answered: a query and a target. Only a target feeds the board's watchdog. Every answer contains
+/// the number of its line, by which a late answer is recognised; the number of the target in use, by which lost targets are recognised; and
+/// the board's state, which is on from the first target up to a fault or a restart, and then off until a start.
 pub struct SimpleFoc {
     bus: Box<dyn Bus>,
     /// Its name in messages.

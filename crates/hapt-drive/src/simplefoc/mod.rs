@@ -1,8 +1,8 @@
 //! SimpleFOC on a maker's board: lines of text through its Commander, and the sketch that answers them.
 //!
-//! Commander has no watchdog, no checksum and no answer to a target. So the board runs the sketch `simplefoc_drive` of the Arduino library that
-//! `hapt export c --arduino` writes: it registers one letter with Commander, after which a line has a kind, a number, data, and a checksum. Each
-//! line has one answer.
+//! Commander has no watchdog, no checksum and no answer to a target. So the board runs the sketch `simplefoc_drive` of the Arduino library
+//! that `hapt export c --arduino` writes: it registers one letter with Commander, after which a line has a kind, a number, data, and a
+//! checksum. Each line has one answer.
 
 mod back;
 mod codec;

@@ -1,4 +1,5 @@
-//! The loop on a simulated SimpleFOC board: a certified world comes to rest, every fault removes the torque, and no torque is beyond the limit.
+//! The loop on a simulated SimpleFOC board: a certified world comes to rest, every fault removes the torque, and no torque is beyond the
+//! limit.
 
 use std::cell::{Cell, RefCell};
 use std::sync::Arc;
@@ -241,7 +242,8 @@ fn by_current(bench: &TestBench) -> DriveDevice {
     (0..20).find_map(|_| open().ok()).expect("it starts")
 }
 
-/// The board's motor is controlled by current, and the torque is the commanded one; where the current is not the commanded one, the loop ends.
+/// The board's motor is controlled by current, and the torque is the commanded one; where the current is not the commanded one, the loop
+/// ends.
 #[test]
 fn a_board_by_current_gives_the_torque_or_ends_the_loop() {
     in_time(|| {

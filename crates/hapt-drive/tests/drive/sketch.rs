@@ -272,7 +272,8 @@ fn lines() -> impl Strategy<Value = Vec<(u8, Vec<u8>)>> {
     proptest::collection::vec(line, 1..40)
 }
 
-/// The simulated board and the sketch answer the same lines alike, but for the position. If the machine pauses, only the sketch's clock runs on.
+/// The simulated board and the sketch answer the same lines alike, but for the position. If the machine pauses, only the sketch's clock
+/// runs on.
 #[test]
 fn the_simulated_board_answers_as_the_sketch_does() {
     in_time(|| {

@@ -15,8 +15,8 @@ use super::{Canvas, Picture, colour, draw, read};
 /// Points in one of an SVG's pixels, of which CSS has 96 in an inch.
 const POINTS: f32 = 0.75;
 
-/// A separate drawing ([`crate::figure::Figure::svg`]) as PDF, in the colours of paper, in the drawing's size. The file has the title and no time:
-/// the same figure gives the same bytes.
+/// A separate drawing ([`crate::figure::Figure::svg`]) as PDF, in the colours of paper, in the drawing's size. The file has the title and
+/// no time: the same figure gives the same bytes.
 ///
 /// # Errors
 /// SVG that usvg refuses, which would be a defect.
