@@ -256,7 +256,7 @@ impl Instance {
     /// The variable of a value reference.
     ///
     /// # Errors
-    /// In a sentence: there is none.
+    /// In a sentence: there is no such variable.
     pub fn variable(&self, reference: u32) -> Result<&Variable, String> {
         let all = &self.model.variables;
         all.get(reference as usize)

@@ -1,7 +1,7 @@
 //! The part of a world that is in an FMU.
 
 hapt_model::named! {
-    /// What of a world is in an FMU.
+    /// The part of a world that is in an FMU.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum Kind {
         /// The loop without its device: from the puck's motion to the torque on it.

@@ -78,8 +78,8 @@ fn edges(names: &[String]) -> PyResult<Vec<Edge>> {
     Ok(edges)
 }
 
-/// What [`boundary`] finds: `(claim, x, y, hz)` of each piece; `(claim, whether it fails everywhere, where its edge is lost, why there is
-/// no verdict)` of each claim.
+/// The result of [`boundary`]: `(claim, x, y, hz)` of each piece; `(claim, whether it fails everywhere, where its edge is lost, why there
+/// is no verdict)` of each claim.
 pub type Edges<'py> = (Vec<Bound<'py, PyTuple>>, Vec<(&'static str, Option<bool>, Vec<(f64, f64)>, Option<String>)>);
 
 /// The boundaries of a world or network in the plane of two axes; without claims: all claims that apply to it.

@@ -97,7 +97,7 @@ pub trait Drive: Send {
     /// Sets the loop's period, in s.
     fn paced(&mut self, _period: f64) {}
 
-    /// Notes for the user: what hapt cannot set, and has to be set in the drive.
+    /// Notes for the user: settings that hapt cannot change, and that have to be made in the drive.
     fn notes(&self) -> Vec<String> {
         Vec::new()
     }

@@ -42,9 +42,9 @@ pub struct Claims {
     /// Half of the difference between the friction toward smaller positions and that toward larger ones, in the same unit; the friction is
     /// then the mean of the two.
     pub lean: f64,
-    /// In s.
+    /// The time constant of the motor, in s.
     pub lag: [f64; 2],
-    /// In s.
+    /// The delay of the torque, in s.
     pub delay: [f64; 2],
     /// The loop's period in s.
     pub period: f64,
@@ -73,9 +73,9 @@ pub struct Compared {
     /// inertia, damping, friction, constant torque, lag, delay, delay and lag, sign; handle inertia, shaft stiffness, shaft damping;
     /// stribeck torque, stribeck velocity; low stop, high stop, stop stiffness, stop damping.
     pub name: &'static str,
-    /// Of its unit; `None`: it has none.
+    /// The kind of its unit; `None`: it has no unit.
     pub measure: Option<Measure>,
-    /// Of the record.
+    /// The estimate from the record.
     pub estimate: Option<Interval>,
     /// The least and the largest that the file allows; NaN: the file has none.
     pub file: [f64; 2],
@@ -121,7 +121,7 @@ impl Verdict {
 }
 
 impl Claims {
-    /// Of a world's file.
+    /// The claims of a world's file.
     pub fn of(world: &World) -> Self {
         let device = &world.device;
         let [forward, backward] = device.frictions_range();

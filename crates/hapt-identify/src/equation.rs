@@ -211,7 +211,7 @@ impl Rows {
         all
     }
 
-    /// The same under each of these torques, where the weight is the bump.
+    /// The same rows with each of these torques, where the weight is the bump.
     pub fn under(&self, record: &Record, torques: &[Vec<f64>]) -> Vec<Rows> {
         let with = |torques: Vec<f64>| {
             let rows = self.rows.iter().zip(torques).map(|(row, torque)| Row { torque, ..*row }).collect();
@@ -220,7 +220,7 @@ impl Rows {
         self.weighed(record, torques).into_iter().map(with).collect()
     }
 
-    /// The same, whose solutions have standard errors by another method.
+    /// The same rows, with standard errors by another method.
     pub fn with_errors(self, errors: Errors) -> Rows {
         Rows { errors, ..self }
     }
@@ -319,7 +319,7 @@ impl Rows {
             };
             let others: Option<Vec<(Column, f64)>> = (0..blocks.len()).map(without).collect();
             let (Some((values, inverse)), Some(others)) = (solution, others) else {
-                // Of motion in one direction, these are the same as friction.
+                // For motion in one direction, these are the same as friction.
                 let same = [DIRECTION, CONSTANT].into_iter().find(|i| mask[*i])?;
                 mask[same] = false;
                 continue;

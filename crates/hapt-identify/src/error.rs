@@ -85,7 +85,7 @@ pub enum Error {
     /// The force is the same all the time.
     #[error("the force is {force} throughout; expected the column of a sensor that measured one")]
     StillForce {
-        /// In the column's unit.
+        /// The force, in the column's unit.
         force: f64,
     },
     /// Time does not increase.
@@ -129,7 +129,7 @@ pub enum Error {
         "there is no excitation: the torque is {torque} throughout; expected a torque that steps up and down, or a chirp (or none at all, for a coast-down)"
     )]
     Constant {
-        /// In N·m (N).
+        /// The torque, in N·m (N).
         torque: f64,
     },
     /// The motion does not follow the torque.

@@ -25,9 +25,9 @@ const FASTEST: [f64; 2] = [25.0, 1.0];
 /// A torque in N·m (N), held for this many s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Push {
-    /// In N·m (N).
+    /// The torque, in N·m (N).
     pub torque: f64,
-    /// In s.
+    /// Its duration, in s.
     pub length: f64,
 }
 

@@ -8,7 +8,7 @@ use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
 /// Which of the parameters are fitted.
 pub(crate) type Free = [bool; PARAMETERS];
 
-/// Of all pairs of parameters.
+/// A matrix over all pairs of parameters.
 pub(crate) type Square = SMatrix<f64, PARAMETERS, PARAMETERS>;
 type Column = SVector<f64, PARAMETERS>;
 
@@ -44,7 +44,7 @@ impl Normal {
         self.rows += 1;
     }
 
-    /// Those of `free` on which the rows depend.
+    /// The parameters of `free` on which the rows depend.
     pub fn seen(&self, free: Free) -> Free {
         std::array::from_fn(|i| free[i] && self.information[(i, i)] > 0.0)
     }

@@ -53,11 +53,11 @@ pub struct WithHandle {
     pub late: Interval,
     /// J_h of the handle beyond the shaft.
     pub handle_inertia: Interval,
-    /// Of the shaft.
+    /// The stiffness of the shaft.
     pub stiffness: Interval,
-    /// Of the shaft.
+    /// The damping of the shaft.
     pub shaft_damping: Interval,
-    /// Of both inertias on the shaft, hands-off, in Hz.
+    /// The resonance of both inertias on the shaft, hands-off, in Hz.
     pub resonance_hz: f64,
     /// Two of delay, lag, shaft damping, ... that the record hardly separates.
     pub correlated: Vec<CorrelatedPair>,

@@ -44,7 +44,7 @@ pub struct Interval {
 pub struct CorrelatedPair {
     /// inertia, damping, friction, delay; with a handle also lag, share of the handle, shaft stiffness, shaft damping.
     pub names: [&'static str; 2],
-    /// Of their estimates, from -1 to 1.
+    /// The correlation of their estimates, from -1 to 1.
     pub correlation: f64,
 }
 
@@ -119,9 +119,9 @@ pub struct FoundStops {
     pub low: Option<Interval>,
     /// The place of the stop toward larger positions.
     pub high: Option<Interval>,
-    /// In N·m/rad (N/m).
+    /// Their stiffness, in N·m/rad (N/m).
     pub stiffness: Interval,
-    /// In N·m·s/rad (N·s/m).
+    /// Their damping, in N·m·s/rad (N·s/m).
     pub damping: Interval,
 }
 
@@ -194,9 +194,9 @@ impl FoundStops {
 /// Friction that is this much larger at rest, and falls linearly to Coulomb friction at this velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FoundStribeck {
-    /// In N·m (N).
+    /// The additional torque at rest, in N·m (N).
     pub torque: Interval,
-    /// In rad/s (m/s).
+    /// The velocity from which on there is none, in rad/s (m/s).
     pub velocity: Interval,
 }
 

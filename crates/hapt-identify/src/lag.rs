@@ -101,7 +101,7 @@ impl Lag {
         Some(Lag { fit, late })
     }
 
-    /// The same within the bounds.
+    /// The same fit within the bounds.
     pub fn bounded(&self, record: &CancellableRecord<'_>) -> Bounded {
         Bounded::new(record, self.fit)
     }

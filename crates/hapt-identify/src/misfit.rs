@@ -41,14 +41,14 @@ pub enum Kind {
 pub struct Part {
     /// The variable that it depends on.
     pub kind: Kind,
-    /// Of the torque's variance.
+    /// The part of the torque's variance that it explains.
     pub share: f64,
 }
 
 /// The residual of the equation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Misfit {
-    /// Of the torque's variance.
+    /// The part of the torque's variance that the equation leaves.
     pub share: f64,
     /// Its kinds, the largest first; each by itself, so that two of them may share a part.
     pub kinds: Vec<Part>,

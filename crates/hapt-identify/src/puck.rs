@@ -20,13 +20,13 @@ pub struct Puck {
     pub damping: f64,
     /// γ = f/J in rad/s² (linear: m/s²).
     pub friction: f64,
-    /// From the sample to the change of the torque, in s.
+    /// The delay from the sample to the change of the torque, in s.
     pub delay: f64,
     /// δ in rad/s² (m/s²): a constant torque that was not commanded, over J; a motor's offset, a tilted table.
     pub offset: f64,
-    /// At the start, in rad (m).
+    /// The position at the start, in rad (m).
     pub position: f64,
-    /// At the start, in rad/s (m/s).
+    /// The velocity at the start, in rad/s (m/s).
     pub velocity: f64,
     /// The time constant in s with which the torque follows its command; 0: without delay.
     pub lag: f64,
@@ -75,7 +75,7 @@ impl Puck {
         [gain, damping, friction, delay + lag, offset, position, velocity, lag * lag]
     }
 
-    /// From such an array.
+    /// The puck of such an array.
     pub fn from_parameters(p: Sensitivity) -> Self {
         let [gain, damping, friction, mean, offset, position, velocity, variance] = p;
         let lag = variance.max(0.0).sqrt();

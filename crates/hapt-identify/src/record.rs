@@ -145,17 +145,17 @@ impl Record {
         })
     }
 
-    /// In s.
+    /// The times, in s.
     pub fn times(&self) -> &[f64] {
         &self.times
     }
 
-    /// In rad (m).
+    /// The positions, in rad (m).
     pub fn positions(&self) -> &[f64] {
         &self.positions
     }
 
-    /// In N·m (N).
+    /// The commanded torques, in N·m (N).
     pub fn torques(&self) -> &[f64] {
         &self.torques
     }

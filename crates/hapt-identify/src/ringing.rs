@@ -29,7 +29,7 @@ const ROUNDING: f64 = 1e-6;
 /// A possible shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ringing {
-    /// In rad/s.
+    /// Its angular frequency, in rad/s.
     pub omega: f64,
     /// J_h / J.
     pub ratio: f64,

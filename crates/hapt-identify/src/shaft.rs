@@ -110,9 +110,9 @@ struct Series {
     v: [f64; TERMS],
     theta: [f64; TERMS],
     w: [f64; TERMS],
-    /// Of the position, without its value at the start.
+    /// The series of the position, without its value at the start.
     ahead: [f64; TERMS],
-    /// Of the motor's torque and the shaft's together, at rest.
+    /// The series of the motor's torque plus the shaft's, at rest.
     push: [f64; TERMS],
     /// Of v and the push: the decaying part, and its rate over the step.
     decaying: [f64; 2],

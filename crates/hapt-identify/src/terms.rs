@@ -50,7 +50,7 @@ pub enum TermKind {
     },
     /// F sign(v) exp(-(v/velocity)²), F in N·m (N): Stribeck's addition to Coulomb's friction.
     Stribeck {
-        /// In rad/s (m/s).
+        /// The velocity of the exponential, in rad/s (m/s).
         velocity: f64,
         /// The damping and the Coulomb friction of the same fit, in N·m·s/rad and N·m (N·s/m, N): less than those of a fit without it.
         beside: [f64; 2],

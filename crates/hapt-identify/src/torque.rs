@@ -144,11 +144,11 @@ pub struct TorqueFit {
 /// A window of the record, in SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
-    /// In s.
+    /// The time of its middle, in s.
     pub time: f64,
-    /// In rad (m).
+    /// The mean position, in rad (m).
     pub position: f64,
-    /// In rad/s (m/s).
+    /// The mean velocity, in rad/s (m/s).
     pub velocity: f64,
     /// The commanded torque, in N·m (N).
     pub torque: f64,

@@ -17,9 +17,9 @@ const TORQUES: &[&str] = &["command", "applied", "torque", "tau", "force"];
 pub struct Columns {
     /// The column's name, as in the header.
     pub time: Option<String>,
-    /// The same.
+    /// The position column's name.
     pub position: Option<String>,
-    /// The same.
+    /// The torque column's name.
     pub torque: Option<String>,
     /// The same, of a second torque that a sensor measured; `None`: there is none.
     pub force: Option<String>,
@@ -61,9 +61,9 @@ pub struct Read {
 /// The factor and the place of a column.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
-    /// From 0.
+    /// The column's index, from 0.
     pub column: usize,
-    /// To SI.
+    /// The factor to SI.
     pub factor: f64,
 }
 
@@ -110,7 +110,7 @@ impl Columns {
     /// one: `angle [deg]`.
     ///
     /// # Errors
-    /// Those of [`Columns::read`].
+    /// The errors of [`Columns::read`].
     pub fn read_all(&self, text: &str) -> Result<Read, Error> {
         let mut table = Table::new(text)?;
         for named in [&self.time, &self.position, &self.torque, &self.force].into_iter().flatten() {

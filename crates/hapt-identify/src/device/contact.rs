@@ -325,7 +325,7 @@ fn fitted(record: &CancellableRecord<'_>, device: Device, free: Free, shots: Vec
     lagging(record, &fit).filter(right)?.lengthened(record, MANY).filter(right)
 }
 
-/// The same with a lag.
+/// The fit with a lag, from a fit without one.
 pub(super) fn lagging(record: &CancellableRecord<'_>, fit: &Fit) -> Option<Fit> {
     let mut free = fit.free;
     if std::mem::replace(&mut free[VARIANCE], true) {

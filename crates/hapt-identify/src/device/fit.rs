@@ -84,7 +84,7 @@ pub(crate) struct Device {
 }
 
 impl Device {
-    /// Of a motor of sign 1.
+    /// The device of a specification, with a motor of sign 1.
     pub fn of_spec(spec: &DeviceSpec) -> Self {
         let DeviceSpec { inertia, damping, friction, lag, delay, .. } = *spec;
         let backward = spec.friction_backward.unwrap_or(friction);
@@ -421,14 +421,14 @@ impl Fit {
         if !odd.contains(&true) {
             return Some(fit);
         }
-        // Those that diverged are split again.
+        // Shots that diverged are split again.
         let kept = fit.shots.iter().zip(&parts).zip(&odd);
         let shots: Vec<Shot> =
             kept.flat_map(|((shot, (parts, ..)), odd)| if *odd { parts.to_vec() } else { vec![*shot] }).collect();
         Fit::of(record, self.device, self.free, shots)?.improved(record, STEPS_BETWEEN)
     }
 
-    /// With its derivatives.
+    /// The fit with its derivatives.
     fn differentiated(mut self, record: &Record) -> Option<Fit> {
         let (steps, of_state) = self.steps(record);
         let mut rest = &self.left[..];

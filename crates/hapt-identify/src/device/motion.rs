@@ -22,9 +22,9 @@ pub(crate) struct Numbers {
     pub friction: f64,
     /// A constant torque over J.
     pub offset: f64,
-    /// In s.
+    /// The delay, in s.
     pub delay: f64,
-    /// In s.
+    /// The lag, in s.
     pub lag: f64,
     /// s/J of Stribeck's friction.
     pub rise: f64,
@@ -36,9 +36,9 @@ pub(crate) struct Numbers {
     pub stiffness: f64,
     /// c/J.
     pub stop_damping: f64,
-    /// At the beginning.
+    /// The initial position.
     pub position: f64,
-    /// At the beginning.
+    /// The initial velocity.
     pub velocity: f64,
 }
 
@@ -51,7 +51,7 @@ const MOST_EVENTS: usize = 64;
 enum Touch {
     /// In no stop.
     Free,
-    /// In one, which pushes.
+    /// In a stop that pushes.
     Pressed,
     /// In a stop that the puck leaves faster than the stop follows.
     Left,
@@ -204,7 +204,7 @@ impl Motion {
         gain * (self.torque + self.state[2]) + offset + stop
     }
 
-    /// From rest, where the push overcomes friction.
+    /// Starts from rest, where the push exceeds the friction.
     fn start(&mut self) {
         let push = self.push();
         let holds = self.numbers.friction + self.numbers.rise;
@@ -276,7 +276,7 @@ impl Motion {
                 continue;
             }
             let rates = self.rates();
-            // No farther than the series are accurate.
+            // The piece ends where the series are no longer accurate.
             let mut end = rates.reached(rest);
             let lines = if events < MOST_EVENTS { self.events() } else { [None; 4] };
             let (state, gain) = (self.state, self.numbers.gain);

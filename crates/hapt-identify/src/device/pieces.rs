@@ -34,11 +34,11 @@ pub(super) struct Line {
 pub(super) struct Rates {
     /// The constant drive.
     pub drive: f64,
-    /// Of the velocity.
+    /// The coefficient of the velocity.
     pub loss: f64,
-    /// Of the position.
+    /// The coefficient of the position.
     pub spring: f64,
-    /// Of the gap.
+    /// The decay rate of the gap, in 1/s.
     pub decay: f64,
 }
 
@@ -57,7 +57,7 @@ pub(super) struct Maps {
     missed: Option<(Rates, f64)>,
 }
 
-/// By position, velocity, gap, and drive.
+/// The state per unit of position, velocity, gap, and drive.
 type Linear = [State; 4];
 
 impl Rates {
@@ -159,7 +159,7 @@ impl Series {
         let value = |t: f64| line.value(&self.at(t));
         let (mut low, mut high) = (0.0, end);
         let (mut at_low, mut at_high) = (value(low), value(high));
-        // From a zero it may fall at first.
+        // From a zero the line may fall at first.
         let mut before = end;
         while at_low >= 0.0 {
             before *= 0.5;

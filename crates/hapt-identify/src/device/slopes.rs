@@ -34,7 +34,7 @@ pub(super) struct OfShot {
 }
 
 impl Slopes {
-    /// From the rows and their residuals; `None`: some are not finite.
+    /// The slopes from their rows and residuals; `None`: some are not finite.
     pub fn new(rows: Vec<[f64; ALL]>, left: &[f64]) -> Option<Self> {
         let (mut products, mut right) = ([[0.0; ALL]; ALL], [0.0; ALL]);
         for (row, left) in rows.iter().zip(left) {
@@ -76,7 +76,7 @@ impl Slopes {
 }
 
 impl Normal {
-    /// Of all shots together.
+    /// The normal equations of all shots together.
     pub fn of(slopes: &[Slopes], more: f64, held: [f64; 2]) -> Self {
         let shots = slopes.iter().map(|slopes| slopes.of_shot(more, held)).collect();
         let mut normal = Normal { information: Square::zeros(), right: Column::zeros(), shots };

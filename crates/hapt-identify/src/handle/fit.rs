@@ -28,7 +28,7 @@ pub(super) const AT_REST: usize = PARAMETERS - 3;
 pub(super) const NOT_BELOW_0: [usize; 5] = [1, FRICTION, LATE, 6, VARIANCE];
 /// The earliest action of a command before its time, in s: delays below 0 are searched down to here, as for a rigid device.
 const EARLIEST: f64 = 0.2 * LONGEST_DELAY;
-/// Of [`PARAMETERS`], those that enter by their logarithms.
+/// The indices of the [`PARAMETERS`] that enter by their logarithms.
 pub(super) const LOGARITHMS: [usize; 3] = [0, 4, 5];
 /// Steps of a fit that is compared with others, with a lag or near the best, and of one that is followed to its end.
 pub(super) const FEW_ITERATIONS: usize = 20;
@@ -207,7 +207,7 @@ impl Fit {
         self
     }
 
-    /// With its derivatives.
+    /// The fit with its derivatives.
     fn differentiated(mut self, record: &Record) -> Option<Fit> {
         let steps = self.steps(record.period());
         let mut derivatives = DMatrix::zeros(self.left.len(), PARAMETERS);

@@ -15,12 +15,12 @@ pub const SCALE: f64 = -0.25;
 pub struct Lever {
     pub inertia: f64,
     pub damping: f64,
-    /// To one side and to the other.
+    /// The Coulomb friction toward one side and toward the other.
     pub friction: [f64; 2],
     pub cable: f64,
     pub cogging: f64,
     pub gravity: f64,
-    /// In s.
+    /// The delay of the torque, in s.
     pub delay: f64,
     pub sign: f64,
     /// A loop that controls it: stiffness and damping of a virtual spring to a moving target; 0: open.

@@ -13,7 +13,7 @@ pub fn stopped(rng: &mut Rng) -> (DeviceSpec, Record) {
     stopped_for(rng, 3000)
 }
 
-/// The same with this many samples.
+/// The same with this number of samples.
 fn stopped_for(rng: &mut Rng, samples: usize) -> (DeviceSpec, Record) {
     let mut between = |low: f64, high: f64| low * (high / low).powf(rng.f64());
     let inertia = between(3e-4, 2e-3);
@@ -62,7 +62,7 @@ fn touched(rng: &mut Rng) -> (DeviceSpec, Record) {
         let free = DeviceSpec { delay, lag, inertia, damping: rate * inertia, friction, ..WHEEL };
         let mut torques = steps(rng, 3000, 100.0 * inertia);
         torques[0] = 0.0;
-        // Its travel ends somewhere between the beginning and the end of a motion without stops.
+        // The stop is somewhere in the range of a motion without stops.
         let way = motion(&free, &torques);
         let (low, high) = way.iter().fold((0.0f64, 0.0f64), |a, z| (a.0.min(*z), a.1.max(*z)));
         let (part, is_high) = (rng.f64(), rng.bool());

@@ -154,7 +154,7 @@ fn the_motion_is_foretold_over_a_quarter_second() {
     assert!(left < 0.01 * squares(&|i| record.positions()[i] - middle), "{left}");
 }
 
-/// The term is the motor's torque against the device's torque for a motor of sign 1, for either sign of the motor.
+/// The term is the torque of a motor of sign 1 against the device's torque, whatever the motor's sign is.
 #[test]
 fn a_cogging_that_is_found_has_the_devices_torque_with_its_sign() {
     let (mut told, mut right, mut all) = (0, 0, 0);

@@ -69,7 +69,7 @@ impl<'a> Fonts<'a> {
         Fonts { all, used: Vec::new() }
     }
 
-    /// A glyph's font in the file, its code there, and its width in units of its font, of which an em has so many.
+    /// A glyph's font in the file, its code there, its width in units of its font, and the number of units in an em.
     fn letter(&mut self, glyph: &PositionedGlyph) -> Option<(String, Vec<u8>, f32, f32)> {
         let (id, number) = (glyph.font, glyph.id.0);
         let face = match self.used.iter().position(|face| face.id == id) {

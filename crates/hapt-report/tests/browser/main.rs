@@ -22,7 +22,7 @@ fn chromium() -> Option<PathBuf> {
     named.into_iter().chain(installed).find(|path| path.exists())
 }
 
-/// The browser, and the script's folder with its dependencies; or a description of what is missing.
+/// The browser, and the script's folder with its dependencies; or a list of what is missing.
 fn ready() -> Result<(PathBuf, PathBuf), String> {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser");
     let tools = || runs("node", ["--version"], &script) && runs("npm", ["--version"], &script);
