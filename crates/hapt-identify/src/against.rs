@@ -79,7 +79,7 @@ pub struct Compared {
     pub estimate: Option<Interval>,
     /// The least and the largest that the file allows; NaN: the file has none.
     pub file: [f64; 2],
-    /// How many standard errors the estimate is outside of that; 0 inside.
+    /// The distance of the estimate from that range, in standard errors; 0 inside.
     pub sigmas: Option<f64>,
     /// The conclusion.
     pub verdict: Verdict,
@@ -139,7 +139,7 @@ impl Claims {
         }
     }
 
-    /// The time between two samples of a record, the median in s, where it is not the loop's: the record is of another one.
+    /// The median time between two samples of a record, in s, where it differs from the loop's: the record is then of another loop.
     pub fn other_period(&self, record: &Record) -> Option<f64> {
         let mut apart: Vec<f64> = record.times().windows(2).map(|pair| pair[1] - pair[0]).collect();
         apart.sort_by(f64::total_cmp);
@@ -517,7 +517,7 @@ fn judged_with_handle(found: &WithHandle, claims: &Claims, shaft: &Handle, scale
     numbers
 }
 
-/// How many standard errors an estimate is outside of a range.
+/// The distance of an estimate from a range, in standard errors.
 fn sigmas(x: &Interval, [low, high]: [f64; 2]) -> f64 {
     // Rounding of the file's own numbers is no contradiction.
     let rounding = 1e-9 * x.value.abs();

@@ -18,7 +18,7 @@ pub(crate) fn free(record: &Record, offset: bool) -> Free {
     [is_driven, true, true, is_driven, offset, true, true, false]
 }
 
-/// The fit over all of the record that can be used, with a constant torque where it shows.
+/// The fit over all of the record that can be used, with a constant torque where the record shows one.
 pub(crate) fn best(record: &CancellableRecord<'_>, starts: &[Puck]) -> Option<Fit> {
     let is_driven = record.is_driven();
     let with = |offset: bool| {

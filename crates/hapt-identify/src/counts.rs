@@ -1,6 +1,6 @@
 //! The encoder's count from the positions, which are on a lattice.
 
-/// The lattice on which positions stand.
+/// The lattice of positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lattice {
     /// The spacing, in the positions' unit.
@@ -14,7 +14,7 @@ const FEWEST: usize = 8;
 /// A gap may differ from a whole number of steps by this part of a step, rms: positions may be printed with few digits.
 const ROUGHEST: f64 = 0.1;
 
-/// The lattice of these positions, if they stand on one: the smallest gap between neighbours is about a step, every other one a
+/// The lattice of these positions, if they are on one: the smallest gap between neighbours is about a step, every other one a
 /// multiple, and the line through all of them is the step to many digits.
 pub fn lattice(positions: &[f64]) -> Option<Lattice> {
     let mut sorted: Vec<f64> = positions.iter().copied().filter(|x| x.is_finite()).collect();

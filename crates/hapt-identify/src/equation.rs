@@ -1,4 +1,4 @@
-//! The equation of motion held against the torque, for devices that are richer than the puck of [`crate::Puck`].
+//! The equation of motion compared with the torque, for devices that are richer than the puck of [`crate::Puck`].
 //!
 //! With a bump w(t) that vanishes with its slopes at both ends of a window, every term of
 //!
@@ -90,7 +90,7 @@ pub(crate) struct Row {
     area: f64,
 }
 
-/// How the standard errors of the equation's terms are found.
+/// The method for the standard errors of the equation's terms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Errors {
     /// The larger of the jackknife's and that of least squares with the number of independent residuals.

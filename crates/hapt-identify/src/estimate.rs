@@ -22,7 +22,7 @@ use crate::{Error, LargeResidual};
 const UNEXPLAINED: f64 = 0.25;
 /// A torque that depends on the position is the cause where it explains more than this part of the residuals.
 const MIN_EXPLAINED: f64 = 0.9;
-/// A record of more s is fitted from its beginning on.
+/// A record longer than this, in s, is fitted from its beginning on.
 const LONG: f64 = 8.0;
 /// The shortest stretch that is searched for a puck that explains it, s.
 const BRIEF: f64 = 0.6;
@@ -103,7 +103,7 @@ pub(crate) struct BestFit {
 }
 
 impl BestFit {
-    /// Where a fit of more of the record starts; it finds its own lag.
+    /// The start of a fit of more of the record; it finds its own lag.
     fn lead(&self) -> Puck {
         let puck = self.lag.as_ref().filter(|lag| lag.is_determined()).map_or(self.best.puck, |lag| lag.fit.puck);
         Puck { delay: puck.delay + puck.lag, lag: 0.0, ..puck }
@@ -224,7 +224,7 @@ fn large(record: &Record, known: &Known, best: &Fit) -> Error {
     Error::Residual(LargeResidual { rms, counts, position, resonance_hz, puck: Some(Box::new(best.puck)) })
 }
 
-/// Where a fit explains nothing of the motion.
+/// The error of a fit that explains nothing of the motion; else `None`.
 fn unexplained(record: &Record, best: &Fit) -> Option<Error> {
     let rms = residual(&left(record, best)).rms;
     let explains = rms.powi(2) < UNEXPLAINED * spread(record, best).powi(2);
@@ -249,7 +249,7 @@ fn again(record: &CancellableRecord<'_>, starts: &[Puck]) -> Vec<Puck> {
     starts.iter().flat_map(|start| [lead(*start), lead(Puck { friction: 0.0, ..*start })]).collect()
 }
 
-/// The best of the fits that start around one, each of its numbers off by up to this part of itself.
+/// The best of the fits that start around one, with each number changed by up to this part of itself.
 fn around(record: &CancellableRecord<'_>, best: &Fit, part: f64) -> Fit {
     // xorshift64 (Marsaglia 2003): the same places each time.
     let mut seed = 0x9e37_79b9_7f4a_7c15_u64;

@@ -1,4 +1,4 @@
-//! The experiment on a device: a small torque that steps to and fro, and then a chirp.
+//! The experiment on a device: a small torque that steps in both directions, and then a chirp.
 //!
 //! It does not depend on the position, so that it stays the same when the motor's sign or the encoder's counts are wrong. No torque is held
 //! for long enough to bring the puck up to more than a given speed.

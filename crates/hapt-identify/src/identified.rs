@@ -75,7 +75,7 @@ pub struct Identified {
     pub lag: Option<Interval>,
     /// Delay and lag together, in s: the mean time from a command to its torque, whatever the lag is.
     pub late: Option<Interval>,
-    /// 1 where a positive torque makes the position grow, else -1.
+    /// 1 where a positive torque increases the position, else -1.
     pub sign: Option<Interval>,
     /// A constant torque on the puck that was not commanded, in N·m (N): a motor's offset, a tilted table. `None` where the record does not
     /// distinguish it from friction.

@@ -28,7 +28,7 @@ pub(crate) struct Intervals<'k> {
     ends: Vec<Puck>,
     lag: Option<&'k Lag>,
     known: &'k Known,
-    /// Standard errors, per unit of noise, to half intervals.
+    /// The factor from standard errors, per unit of noise, to half intervals.
     factor: f64,
 }
 

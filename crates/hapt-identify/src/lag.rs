@@ -31,7 +31,7 @@ pub(crate) struct Lag {
     late: Late,
 }
 
-/// How late the torque is: d + λ and λ², with their half intervals.
+/// The lateness of the torque: d + λ and λ², with their half intervals.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Late {
     /// λ² with its half interval, and the same of d + λ, in s.

@@ -26,7 +26,7 @@ const BANDS: [Band; 7] = [
     Band { length: 0.1, slope: true },
     Band { length: 0.15, slope: true },
 ];
-/// The band that the picture and the misfit are of.
+/// The band of the picture and of the misfit.
 const SHOWN: Band = BANDS[1];
 /// The number of delays that are tried, and their step in s.
 const DELAYS: usize = 11;
@@ -111,7 +111,7 @@ pub struct TorqueFit {
     pub offset: Option<Interval>,
     /// The true torque per commanded torque, where the inertia is known beforehand.
     pub gain: Option<Interval>,
-    /// 1 or -1, where the motion decides it at 99.9 %.
+    /// 1 or -1, where the motion determines it at 99.9 %.
     pub sign: Option<f64>,
     /// The inertia by least squares of the torque, kg·m² (kg): biased towards 0 by other torques on the puck, unless the torque follows the
     /// motion.

@@ -1,4 +1,4 @@
-//! Where a record shows that the puck runs into an end stop, and the device that explains it.
+//! The end stops that a record shows, and the device that explains it.
 //!
 //! Away from both ends of the travel the equation of motion gives inertia, damping and friction. A stop shows where the puck turns round
 //! near an end and loses more velocity than these explain. The place, stiffness and damping of the stop are fitted to the hardest such
@@ -14,7 +14,7 @@ use crate::record::{CancellableRecord, Record};
 use crate::start::{delayed, noise_of_velocities, signs, velocities};
 use crate::torque::PLAIN;
 
-/// Parts of the travel at each end in which a stop is looked for.
+/// Parts of the travel at each end in which a stop is searched.
 const ENDS: [f64; 3] = [0.04, 0.12, 0.3];
 /// Windows of the equation, s, and the delays that are tried, in s.
 const WINDOWS: [f64; 2] = [0.06, 0.03];
@@ -26,14 +26,14 @@ const BRIEFLY: f64 = 0.04;
 /// part.
 const HARD: f64 = 0.2;
 const MOST: f64 = 2.0;
-/// χ²'s quantile of 1 - 10⁻⁶ with two degrees of freedom, in variances: a stop that explains less is none.
+/// χ²'s quantile of 1 - 10⁻⁶ with two degrees of freedom, in variances: a stop that explains less is not accepted.
 const SURELY: f64 = 27.6;
 /// A turn's velocity is more than this many standard errors of the noise.
 const DOUBT: f64 = 5.0;
 /// Rates √(k/J) of the stop from which fits of a turn start, in 1/s, and its damping ratios.
 const RATES: [f64; 4] = [50.0, 150.0, 400.0, 1000.0];
 const RATIOS: [f64; 2] = [0.05, 0.4];
-/// The puck goes into a stop by this part of its travel at most.
+/// The largest depth of the puck in a stop, as a part of its travel.
 const DEEPEST: f64 = 0.25;
 /// Parts of the file's Stribeck torque from which fits start.
 const RISES: [f64; 4] = [1.0, 0.3, 3.0, 0.1];

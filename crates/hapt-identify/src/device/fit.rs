@@ -186,7 +186,7 @@ impl Shot {
         (all, touched)
     }
 
-    /// How many of its positions are measurements.
+    /// The number of its positions that are measurements.
     fn news(&self, record: &Record) -> usize {
         (self.from..self.to).filter(|i| record.is_news(*i)).count()
     }

@@ -1,4 +1,4 @@
-//! A puck with end stops and Stribeck friction under the held torque, exactly.
+//! The exact motion of a puck with end stops and Stribeck friction under the held torque.
 //!
 //! Its motion is linear between events: the puck comes to rest or starts, friction stops falling with the speed, contact with a stop begins
 //! or ends. Over a piece without an event position, velocity and the motor's gap to its command are power series; pieces are so short that

@@ -124,7 +124,7 @@ impl Fit {
 
 /// The uncertainty of the parameters of a fit, to first order.
 struct Spread {
-    /// Of the parameters over their scales, in which the information has ones on its diagonal.
+    /// The inverse information of the parameters over their scales, with which the information has ones on its diagonal.
     inverse: DMatrix<f64>,
     scale: DVector<f64>,
     /// [`Fit::unit`].
