@@ -1,5 +1,7 @@
 //! The record of a motion: times, positions and the torques that were commanded.
 
+use std::ops::Range;
+
 use crate::Error;
 use crate::counts::{Lattice, lattice};
 use crate::noise::noise;
@@ -39,6 +41,8 @@ pub struct Record {
     times: Vec<f64>,
     positions: Vec<f64>,
     torques: Vec<f64>,
+    /// Whether a position was measured; else it is interpolated.
+    measured: Vec<bool>,
     /// A second torque on the puck, measured.
     forces: Option<Vec<f64>>,
     /// Whether a position is new information, not a repetition of the one before it.
@@ -58,12 +62,26 @@ impl Record {
     /// Numbers that are not finite, times that do not increase, fewer than 200 samples, less than half a second, samples more than half a
     /// second apart, a puck that does not move, a torque that is always the same and not 0.
     pub fn new(times: Vec<f64>, positions: Vec<f64>, torques: Vec<f64>) -> Result<Self, Error> {
+        if let Some((sample, value)) = positions.iter().enumerate().find(|(_, value)| value.is_nan()) {
+            return Err(Error::NotFinite { sample, what: "position", value: *value });
+        }
+        Record::with_gaps(times, positions, torques)
+    }
+
+    /// The same, where some positions were not measured: these are NaN. Their torques act, and no fit compares them with a motion.
+    ///
+    /// # Errors
+    /// As [`Record::new`], but for such positions.
+    pub fn with_gaps(times: Vec<f64>, mut positions: Vec<f64>, torques: Vec<f64>) -> Result<Self, Error> {
         let lengths = (times.len(), positions.len(), torques.len());
         if lengths.0 != lengths.1 || lengths.0 != lengths.2 {
             return Err(Error::Lengths { times: lengths.0, positions: lengths.1, torques: lengths.2 });
         }
         for (what, values) in [("time", &times), ("position", &positions), ("torque", &torques)] {
-            if let Some((sample, value)) = values.iter().enumerate().find(|(_, value)| !value.is_finite()) {
+            let is_gap = |value: &f64| what == "position" && value.is_nan();
+            if let Some((sample, value)) =
+                values.iter().enumerate().find(|(_, value)| !value.is_finite() && !is_gap(value))
+            {
                 return Err(Error::NotFinite { sample, what, value: *value });
             }
         }
@@ -78,7 +96,10 @@ impl Record {
         if apart > SPARSEST {
             return Err(Error::Sparse { apart });
         }
-        let mut values = positions.clone();
+        let measured: Vec<bool> = positions.iter().map(|z| !z.is_nan()).collect();
+        let (seen_at, seen): (Vec<f64>, Vec<f64>) =
+            times.iter().zip(&positions).filter(|(_, z)| !z.is_nan()).map(|(t, z)| (*t, *z)).unzip();
+        let mut values = seen.clone();
         values.sort_by(f64::total_cmp);
         values.dedup();
         if values.len() < FEWEST_VALUES {
@@ -88,16 +109,18 @@ impl Record {
         if torque != 0.0 && torques.iter().all(|t| *t == torque) {
             return Err(Error::Constant { torque });
         }
+        interpolate(&times, &mut positions);
         let news = positions
             .chunk_by(|a, b| a == b)
             .flat_map(|equal| (0..equal.len()).map(|i| i == 0 || equal.len() < AT_REST));
-        let (news, noise) = (news.collect(), noise(&times, &positions));
+        let news = news.zip(&measured).map(|(is_news, is_measured)| is_news && *is_measured).collect();
+        let noise = noise(&seen_at, &seen);
         let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / times.len() as f64;
         let middle = mean(&mut positions.iter().copied());
         let spread = mean(&mut positions.iter().map(|z| (z - middle).powi(2))).sqrt();
         let effort = mean(&mut torques.iter().map(|torque| torque * torque)).sqrt();
-        let lattice = lattice(&positions);
-        Ok(Record { news, noise, spread, effort, lattice, forces: None, times, positions, torques })
+        let lattice = lattice(&seen);
+        Ok(Record { news, noise, spread, effort, lattice, forces: None, measured, times, positions, torques })
     }
 
     /// The same with a second torque that acts on the puck, from a sensor: one value a sample, in N·m (N) or any multiple of it, of either
@@ -121,10 +144,16 @@ impl Record {
 
     /// The first part of it, 1: all; `None` where that is too short, or moves too little, for a fit.
     pub(crate) fn beginning(&self, part: f64) -> Option<Record> {
-        let n = (part * self.times.len() as f64) as usize;
-        let [times, positions, torques] =
-            [&self.times, &self.positions, &self.torques].map(|x| x.get(..n).map(<[f64]>::to_vec));
-        Record::new(times?, positions?, torques?).ok()
+        self.part(0..(part * self.times.len() as f64) as usize)
+    }
+
+    /// The samples of a range, without a second torque; `None` where that is too short or too still for a fit.
+    fn part(&self, range: Range<usize>) -> Option<Record> {
+        let [times, torques] = [&self.times, &self.torques].map(|x| x.get(range.clone()).map(<[f64]>::to_vec));
+        let all = self.positions.iter().zip(&self.measured);
+        let positions = all.map(|(z, is_measured)| if *is_measured { *z } else { f64::NAN });
+        let positions = positions.skip(range.start).take(range.len()).collect();
+        Record::with_gaps(times?, positions, torques?).ok()
     }
 
     /// A stretch of about this many s, or of twice as long and so on up to half of the record, with the longest path of the puck; `None`
@@ -139,9 +168,7 @@ impl Record {
         lengths.take_while(|length| 2 * length <= n).find_map(|length| {
             let starts = (0..=n - length).step_by(length.div_ceil(2));
             let best = starts.max_by(|a, b| way(*a, length).total_cmp(&way(*b, length)))?;
-            let [times, positions, torques] =
-                [&self.times, &self.positions, &self.torques].map(|x| x[best..best + length].to_vec());
-            Record::new(times, positions, torques).ok()
+            self.part(best..best + length)
         })
     }
 
@@ -210,5 +237,29 @@ impl Record {
     /// The same for the longest delay that is searched.
     pub fn first(&self) -> usize {
         if self.is_driven() { self.first_after(LONGEST_DELAY) } else { 0 }
+    }
+}
+
+/// Replaces each NaN by the straight line between its neighbours, at the ends by the nearest number.
+fn interpolate(times: &[f64], positions: &mut [f64]) {
+    let mut before: Option<usize> = None;
+    for i in 0..positions.len() {
+        if positions[i].is_nan() {
+            continue;
+        }
+        let from = before.unwrap_or(i);
+        let (start, slope) = match i - from {
+            0 => (positions[i], 0.0),
+            _ => (positions[from], (positions[i] - positions[from]) / (times[i] - times[from])),
+        };
+        let gap = before.map_or(0, |before| before + 1);
+        for k in gap..i {
+            positions[k] = start + slope * (times[k] - times[from]);
+        }
+        before = Some(i);
+    }
+    if let Some(last) = before {
+        let value = positions[last];
+        positions[last + 1..].fill(value);
     }
 }

@@ -54,7 +54,8 @@ pub struct Read {
     /// The damping k²/R of a motor that is driven by a voltage, at the handle, in N·m·s/rad (N·s/m); else 0. See
     /// [`crate::Known::back_damping`].
     pub back_damping: f64,
-    /// Lines without a number in one of the columns that are used, which are left out, and all lines.
+    /// Lines without a number in one of the columns that are used, and all lines. Where only the position is missing it is NaN; other lines of
+    /// these are left out.
     pub missing: [usize; 2],
 }
 
@@ -96,8 +97,8 @@ impl Columns {
 
     /// Times, positions and torques of a table in SI, and whether its puck turns: the header names the columns, with their units after the
     /// last underscore (`angle_deg`), in parentheses or in brackets. Commas, semicolons or tabs separate fields; where these are not
-    /// commas, numbers may have decimal commas. Lines that begin with # or % are left out, and so is a sample that is missing (an empty
-    /// field, NaN) or that repeats the time before it, up to a tenth of all.
+    /// commas, numbers may have decimal commas. Lines that begin with # or % are left out, and so is a sample without a time or a
+    /// torque (an empty field, NaN) or that repeats the time before it, up to a tenth of all. A position that is missing is NaN.
     ///
     /// # Errors
     /// [`Error::Columns`] with the first line that cannot be read.
@@ -157,10 +158,14 @@ impl Columns {
             };
             all += 1;
             let no = Ok(Some(0.0));
+            let at = value(position)?;
+            missing += usize::from(at.is_none());
+            // With a spring the torque follows from the position.
+            let at = at.or(self.spring.is_none().then_some(f64::NAN));
             let (Some(t), Some(at), Some(torque), Some(force)) =
-                (value(time)?, value(position)?, torque.map_or(no.clone(), value)?, force.map_or(no, value)?)
+                (value(time)?, at, torque.map_or(no.clone(), value)?, force.map_or(no, value)?)
             else {
-                missing += 1;
+                missing += usize::from(at.is_some_and(|at| !at.is_nan()));
                 continue;
             };
             if rows[0].last() == Some(&t) {
@@ -169,7 +174,7 @@ impl Columns {
             }
             rows[0].push(t);
             rows[1].push(at);
-            rows[2].push(torque - self.spring.unwrap_or(0.0) * at);
+            rows[2].push(self.spring.map_or(torque, |stiffness| torque - stiffness * at));
             rows[3].push(force);
         }
         for (count, what) in

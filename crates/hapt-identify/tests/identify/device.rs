@@ -163,6 +163,27 @@ fn a_rest_on_one_count_is_one_measurement() {
 }
 
 #[test]
+fn a_position_that_was_not_measured_costs_no_more_than_itself() {
+    let width = |x: Option<hapt_identify::Interval>| x.map_or(0.0, |x| x.high - x.low);
+    for seed in hapt_testing::seeds(16) {
+        let whole = record(&WHEEL, seed, 3000, 4000.0, 0.7);
+        let (times, torques) = (whole.times().to_vec(), whole.torques().to_vec());
+        let mut rng = Rng::with_seed(!seed);
+        let seen = whole.positions().iter().map(|z| if rng.u8(..16) == 0 { f64::NAN } else { *z }).collect();
+        let holed = Record::with_gaps(times, seen, torques).unwrap();
+        let [whole, holed] = [whole, holed].map(|record| identify(&record, &Known::default()).unwrap());
+        // One measurement in sixteen is missing: the numbers stay, and the intervals stay of their size.
+        for (a, b) in [(whole.inertia, holed.inertia), (whole.damping, holed.damping), (whole.delay, holed.delay)] {
+            let ratio = width(b) / width(a);
+            assert!((0.5..2.0).contains(&ratio), "seed {seed}: {a:?}, with gaps {b:?}");
+            let apart = a.zip(b).map_or(f64::INFINITY, |(a, b)| (a.value - b.value).abs());
+            assert!(apart < 0.5 * width(a).max(width(b)), "seed {seed}: {a:?}, with gaps {b:?}");
+        }
+        assert_eq!(holed.counts, whole.counts, "seed {seed}");
+    }
+}
+
+#[test]
 fn uneven_times_are_what_they_are() {
     let full = record(&DeviceSpec { delay: 2e-3, ..WHEEL }, 9, 4000, 4000.0, 0.7);
     // Positions at a third of the samples, at random; but every torque's step is kept.

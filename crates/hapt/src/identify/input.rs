@@ -63,7 +63,7 @@ pub fn read(args: &IdentifyArgs, world: Option<World>) -> Result<Given, Failure>
     let (lists, forces) = cut(args, lists, forces)?;
     let [times, positions, torques] = lists;
     let wrong = |error| Failure::input(format!("{name}: {error}"));
-    let mut record = Record::new(times, positions, torques).map_err(wrong)?;
+    let mut record = Record::with_gaps(times, positions, torques).map_err(wrong)?;
     if let Some(forces) = forces {
         record = record.with_force(forces).map_err(wrong)?;
     }
@@ -121,7 +121,7 @@ fn table(args: &IdentifyArgs, name: &str, from: impl Read) -> Result<Table, Fail
     let [missing, all] = table.missing;
     if missing > 0 {
         messages::say(format_args!(
-            "note: {missing} of {all} lines have no number in a column that is used; they are left out, torques too"
+            "note: {missing} of {all} lines have no number in a column that is used; where only the position is missing, the torque acts"
         ));
     }
     spring(table.motion).transpose()?;
