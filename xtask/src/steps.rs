@@ -106,11 +106,11 @@ impl Tally {
 
     /// Runs steps in this order, as many at a time as there are lanes, until all have ended.
     pub fn run(&mut self, steps: Vec<Step>) {
-        self.run_after(Vec::new(), None, steps);
+        self.run_after(None, None, steps);
     }
 
-    /// The same once `first` have ended, one after another. `quiet`, which leaves the processor to others, begins together with them.
-    pub fn run_after(&mut self, first: Vec<Step>, quiet: Option<Step>, steps: Vec<Step>) {
+    /// The same once `first` has ended. `quiet`, which leaves the processor to others, begins together with it.
+    pub fn run_after(&mut self, first: Option<Step>, quiet: Option<Step>, steps: Vec<Step>) {
         let queue = Mutex::new(VecDeque::from(steps));
         let tally = Mutex::new(self);
         // A step that panics has failed the whole run: the scope passes it on.
