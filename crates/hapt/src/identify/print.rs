@@ -294,18 +294,20 @@ pub fn table(given: &Given, found: &Identified) -> String {
         };
     };
     let directions = by_direction(found.friction, found.offset);
-    let [friction, backward] = directions.map_or([found.friction, None], |levels| levels.map(Some));
-    let [forward_key, backward_key] = DIRECTIONS;
+    let friction = found.friction.filter(|_| directions.is_none());
     for (key, x, factor, unit) in [
         ("inertia", found.inertia, 1.0, &*inertia),
         ("damping", found.damping, 1.0, &*damping),
-        (forward_key, friction, per_si, effort),
-        (backward_key, backward, per_si, effort),
+        ("friction", friction, per_si, effort),
         ("lag", found.lag.filter(|lag| lag.low > 0.0), 1e3, "ms"),
     ] {
         let Some(x) = x else { continue };
         let note = if x.low == x.high { "as given".into() } else { ends(x, factor) };
         line(entry(key, x, factor, unit), &note);
+    }
+    if let Some(levels) = directions {
+        let entries = direction_entries(levels, per_si, effort);
+        entries.into_iter().zip(levels).for_each(|(entry, x)| line(entry, &ends(x, per_si)));
     }
     match (found.counts, found.lattice) {
         (Some(counts), _) if counts.low == counts.high => line(format!("encoder  = {}", counts.value), "exact"),
@@ -374,6 +376,17 @@ pub fn entry(key: &str, x: Interval, factor: f64, unit: &str) -> String {
         Some(quantity) => format!("{key:<8} = {quantity}"),
         None => format!("# {key}: {}; too wide an interval for a tolerance", sized(x, factor, unit)),
     }
+}
+
+/// The keys of friction by direction with their quantities. Where one has none, both are comments: alone, one level holds for both directions.
+pub fn direction_entries(levels: [Interval; 2], factor: f64, unit: &str) -> [String; 2] {
+    let are_known = levels.iter().all(|x| quantity(*x, factor, unit).is_some());
+    let of = |(key, x): (&str, Interval)| match are_known {
+        true => entry(key, x, factor, unit),
+        false => format!("# {key}: {}; no tolerance holds both directions", sized(x, factor, unit)),
+    };
+    let [forward, backward] = DIRECTIONS;
+    [of((forward, levels[0])), of((backward, levels[1]))]
 }
 
 /// A quantity of a file, with the tolerance that holds its interval; `None` where the number may be more than twice as large.
@@ -462,4 +475,23 @@ fn today() -> String {
         (day_of_year - (153 * shifted + 2) / 5 + 1, if shifted < 10 { shifted + 3 } else { shifted - 9 });
     let year = year_of_era + era * 400 + u64::from(month <= 2);
     format!("{year:04}-{month:02}-{day:02}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A file with the forward level alone has it backward too: more friction than the record allows.
+    #[test]
+    fn of_two_directions_no_level_is_written_without_the_other() {
+        let level = |value: f64, half: f64| Interval { value, low: f64::max(value - half, 0.0), high: value + half };
+        for (levels, written) in [
+            ([level(0.07, 0.01), level(0.014, 0.02)], false),
+            ([level(0.014, 0.02), level(0.07, 0.01)], false),
+            ([level(0.07, 0.01), level(0.03, 0.02)], true),
+        ] {
+            let entries = direction_entries(levels, 1e3, "N mm");
+            assert!(entries.iter().all(|entry| entry.starts_with('#') != written), "{entries:?}");
+        }
+    }
 }

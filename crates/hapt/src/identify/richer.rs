@@ -175,9 +175,7 @@ fn table(given: &Given, fit: &TorqueFit) -> String {
     line("inertia", fit.inertia, 1.0, &inertia);
     line("damping", of_damping, 1.0, &damping);
     match print::by_direction(friction, fit.offset) {
-        Some(levels) => {
-            print::DIRECTIONS.into_iter().zip(levels).for_each(|(key, x)| line(key, Some(x), per_si, effort));
-        }
+        Some(levels) => text += &print::direction_entries(levels, per_si, effort).map(|entry| entry + "\n").concat(),
         None => line("friction", friction, per_si, effort),
     }
     if let Some(counts) = fit.counts().filter(|_| given.motion == Motion::Rotary) {

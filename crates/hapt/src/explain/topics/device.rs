@@ -149,7 +149,7 @@ stops near rest. Coulomb friction f of the real device does. The line `counts` g
 up to which friction and damping absorb it, min(2b/T, 2(f - BΔ/T - s/2)/Δ) (Abbott and Okamura 2005;
 dampers B at the puck and half a step s of the motor's levels take their share first), and whether
 the total stiffness at the puck, walls at their steepest, is below. It is not part of the verdict,
-but a line `not proved` reports it. Beside a body no friction is enough: see proved. Without
+but a line `not proved` reports it. With a body no friction is enough: see proved. Without
 `encoder` and `levels` there is no such line.
 
   hapt check @devices/eth-wall --why --set loop.period=0.9ms   up to 2.889 N m/rad at the puck
@@ -230,8 +230,9 @@ torque, under the supervisor. A real device moves only after a confirmation.
 
 Read its warnings: two parameters that the record hardly distinguishes, less than half a count of
 noise, a position-dependent torque (gravity, cogging). `--write` writes the [device] table. The lag
-of a motor is told from a delay where the record allows; else the delay is both together. `--against
-WORLD` says which number of the file the record contradicts, and ends with 1 where there is one.
+of a motor is separated from a delay where the record allows; else the delay is both together.
+`--against WORLD` says which number of the file the record contradicts, and ends with 1 where there
+is one.
 "#,
     },
     Topic {
