@@ -141,7 +141,12 @@ impl Rows {
         while centre + half < times.len() {
             let (low, high) = (centre - half, centre + half);
             centre += (half / OVERLAP).max(1);
-            if times[low..=high].windows(2).any(|pair| pair[1] - pair[0] > GAP * record.period()) {
+            let is_far = |pair: &[f64]| pair[1] - pair[0] > GAP * record.period();
+            let unmeasured = (low..=high).scan(0, |run, i| {
+                *run = if record.is_measured(i) { 0 } else { *run + 1 };
+                Some(*run)
+            });
+            if times[low..=high].windows(2).any(is_far) || unmeasured.max() > Some(GAP as usize) {
                 continue;
             }
             let (c, mid) = (0.5 * (times[high] - times[low]), 0.5 * (times[high] + times[low]));

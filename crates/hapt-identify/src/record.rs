@@ -197,6 +197,11 @@ impl Record {
         self.news.get(sample).copied().unwrap_or(false)
     }
 
+    /// Whether the position of a sample was measured; else it is interpolated.
+    pub(crate) fn is_measured(&self, sample: usize) -> bool {
+        self.measured.get(sample).copied().unwrap_or(false)
+    }
+
     /// The mean time from sample to sample, in s.
     pub fn period(&self) -> f64 {
         let (first, last) = (self.times[0], self.times[self.times.len() - 1]);

@@ -263,3 +263,23 @@ fn a_constant_torque_is_told_from_gravity() {
     }
     assert!(2 * told >= all && 20 * held >= 17 * told && all > 0, "{held} hold the truth of {told} told, of {all}");
 }
+
+/// Over a long gap a position is not known, and its interpolation would have no acceleration.
+#[test]
+fn a_long_gap_in_the_positions_biases_no_inertia() {
+    for seed in hapt_testing::seeds(16) {
+        let mut rng = Rng::with_seed(seed);
+        let torques = steps(&mut rng, 4000, 0.08);
+        let mut positions = counted(&motion(&WHEEL, &torques), 8000.0, 0.3, &mut rng);
+        for _ in 0..4 {
+            let from = rng.usize(100..3800);
+            positions[from..from + 95].fill(f64::NAN);
+        }
+        let fit = fit(&Record::with_gaps(times(&WHEEL, 4000), positions, torques).unwrap());
+        let inertia = fit.inertia.unwrap();
+        assert!(
+            (inertia.value / WHEEL.inertia - 1.0).abs() < 0.05 && inertia.covers(WHEEL.inertia),
+            "seed {seed}: {inertia:?}"
+        );
+    }
+}
