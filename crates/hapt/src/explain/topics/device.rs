@@ -220,7 +220,7 @@ phase. Under the other methods it is an ordinary damper.
         name: "identify",
         aliases: &["identification", "inertia", "offset", "cogging"],
         line: "the parameters of a device from a record of its motion",
-        text: r#"`hapt identify` fits J a = torque(t - delay) + offset - b v - f sign v to the positions of a record:
+        text: r#"`hapt identify` fits J a = torque(t - delay) + offset - b v - f sign v to a record's positions:
 inertia, damping, friction, delay and a constant torque, each with a 95 % confidence interval; the
 motor's sign and the encoder's counts. From a log, or by an experiment: steps and a chirp of a small
 torque, under the supervisor. A real device moves only after a confirmation.
@@ -231,8 +231,7 @@ torque, under the supervisor. A real device moves only after a confirmation.
 Read its warnings: two parameters that the record hardly distinguishes, less than half a count of
 noise, a position-dependent torque (gravity, cogging). `--write` writes the [device] table. The lag
 of a motor is separated from a delay where the record allows; else the delay is both together.
-`--against WORLD` says which number of the file the record contradicts, and ends with 1 where there
-is one.
+`--against WORLD` names the numbers of a file that the record contradicts: it ends with 1 then.
 "#,
     },
     Topic {
