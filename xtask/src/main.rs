@@ -45,6 +45,7 @@ use anyhow::{Result, bail};
 
 const USAGE: &str = "\
 cargo xtask test      format, lints, tests, docs, every world file, proofs, documents
+                      released: the program of cargo run --release, against the tested one
 cargo xtask notes     the notes' numbers as a table; with --write, into docs/notes.md
 cargo xtask figure    the documents' pictures, from the runs' CSV, into docs/images
 cargo xtask truth     the certificate against brute force, on random loops: [--n N] [--seed S] [--minutes M]; --write: docs/truth.md
@@ -88,6 +89,7 @@ fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["test"] => test::run(),
+        ["test", "released"] => test::released(),
         ["bench", ..] => bench::command(&arguments[1..]),
         ["notes"] => {
             print!("{}", notes::table()?);

@@ -158,7 +158,7 @@ pub fn is_current() -> Result<()> {
     Ok(())
 }
 
-/// The page does what it should, in a real browser on the released program.
+/// The page does what it should, in a real browser.
 pub fn works() -> Result<()> {
     if !has_npm()? {
         return Ok(());
@@ -202,7 +202,7 @@ fn npm(arguments: &[&str]) -> Result<()> {
 }
 
 fn program() -> PathBuf {
-    PathBuf::from(crate::programs::binary("release").get_program())
+    PathBuf::from(crate::programs::binary(crate::programs::PROFILE).get_program())
 }
 
 /// A random world of this method in hands, all its inputs, and every number of its output; `None` where it does not stay finite.

@@ -1,14 +1,15 @@
-//! `cargo xtask test`: everything that has to hold before a change is merged.
+//! `cargo xtask test`: everything that has to hold before a change is merged. `cargo xtask test released`: what has to hold of the program of
+//! `cargo run --release` as well, on schedule.
 //!
-//! Every test runs once, in the profile `tested`: optimised nearly as `release`, with assertions and overflow checks. The program of
-//! `cargo run --release`, without these checks, is built once: it runs every world (its bytes are those of `tested`), the page in a browser,
-//! the tests of the command line's bad inputs, and the book.
+//! Every test runs once, in the profile `tested`: optimised nearly as `release`, with assertions and overflow checks. `release`, without
+//! them, is the same sources: that its bits are the same needs no look before every merge, and building it is an eighth of the whole test.
 //!
 //! Lints, documentation, tests, xtask and the fuzz targets are built in one profile and with one set of features, so that no
 //! dependency is built twice for them. Steps run side by side; the table at the end shows the time of each.
 
+use std::ffi::OsString;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
@@ -36,14 +37,7 @@ pub fn run() -> Result<()> {
     let Ok(programs) = all_built() else { std::process::exit(i32::from(!tally.end())) };
 
     // Builds end in one crate on one core: the tests run at the same time.
-    let mut steps = vec![
-        Step::check("the released programs build", || {
-            // Like a newcomer, who has to get this program and no other; then the course's program, which the book runs.
-            cargo("run --quiet --release -- --version", "")?;
-            cargo("build --quiet --release --package hapt --package hapt-grade", "")
-        }),
-        Step::check("the Python package builds", python::is_built),
-    ];
+    let mut steps = vec![Step::check("the Python package builds", python::is_built)];
     // A drive's watchdog runs by the clock: its tests run one program at a time, with nothing else.
     let tests = |program: &Program| Step::tests(program.name(), program.command());
     let mut exclusive = Vec::new();
@@ -75,14 +69,11 @@ pub fn run() -> Result<()> {
     let mut firmware = Command::new("nice");
     firmware.args(["-n", "10"]).arg(std::env::current_exe()?).args(["firmware", "holds"]);
     let firmware = Step::command("the firmware holds on emulated boards", firmware);
-    let mut bad_inputs = built(&["cli"])?.into_iter().next().context("there is no test cli")?.command();
-    bad_inputs.arg("bad_inputs").env("HAPT_PROGRAM", std::path::absolute(binary("release").get_program())?);
     let mut steps = vec![
         Step::check("the Python package works", python::works),
         Step::check("the page works in a browser", page::works),
         Step::check("the Python package's types", python::has_types),
         Step::check("FMUs in the importers of others", fmi::holds),
-        Step::tests("bad inputs with the released program", bad_inputs),
         Step::check("fuzzing finds nothing in a few seconds", fuzz::is_quiet),
         Step::check("intervals of identified devices cover the truth", identify::holds),
         Step::check("docs/measured.md is current, where the records are at hand", identify::measured_is_current),
@@ -96,7 +87,6 @@ pub fn run() -> Result<()> {
         Step::check("memory stays bounded", memory::is_bounded),
         Step::check("licences and sources", deps::licences),
         Step::check("licences of the program", licences::is_current),
-        Step::check("a release's archive works in an empty root", release::rehearsed),
         Step::check("the oldest Rust", deps::oldest_rust),
         Step::check("docs/notes.md is current", notes::is_current),
         Step::check("docs/notes.md names tests that exist", notes::names_real_tests),
@@ -104,13 +94,30 @@ pub fn run() -> Result<()> {
         Step::check("links of the documents", links::hold),
         Step::check("no circles of modules", modules::are_acyclic),
     ];
-    for world in [worlds(Path::new("worlds"))?, worlds(Path::new("networks"))?].concat() {
-        steps.push(Step::check(world.display().to_string(), move || same_bytes(&world)));
-    }
+    steps.extend(same_bytes([PROFILE, PROFILE])?);
     for page in book::pages()? {
         steps.push(Step::check(page.display().to_string(), move || book::is_current(&page)));
     }
     tally.run_after(Some(guest), Some(firmware), steps);
+    std::process::exit(i32::from(!tally.end()))
+}
+
+/// The program of `cargo run --release`, which has no assertions and no overflow checks: it builds by the README's first command, writes the
+/// bytes of the tested program for every world, refuses bad inputs, and works from its archive in an empty root.
+pub fn released() -> Result<()> {
+    let mut tally = Tally::new();
+    tally.run(vec![
+        Step::check("the README's first command", || cargo("run --quiet --release -- --version", "")),
+        Step::check("the tested program builds", || cargo("build --quiet --workspace --bin hapt --profile tested", "")),
+    ]);
+    let mut bad_inputs = built(&["cli"])?.into_iter().next().context("there is no test cli")?.command();
+    bad_inputs.arg("bad_inputs").env("HAPT_PROGRAM", std::path::absolute(binary("release").get_program())?);
+    let mut steps = vec![
+        Step::tests("bad inputs", bad_inputs),
+        Step::check("a release's archive works in an empty root", release::rehearsed),
+    ];
+    steps.extend(same_bytes([PROFILE, "release"])?);
+    tally.run(steps);
     std::process::exit(i32::from(!tally.end()))
 }
 
@@ -121,33 +128,38 @@ fn documented() -> Command {
     command
 }
 
-/// The tested and the released program write the same bytes of every scenario and of the verdict, and the latter does so twice.
-fn same_bytes(world: &Path) -> Result<()> {
-    let scratch = PathBuf::from("target/worlds");
-    let mut runs = Vec::new();
-    for (i, build) in [PROFILE, "release", "release"].into_iter().enumerate() {
-        let out = scratch.join(i.to_string()).join(world.file_stem().context("a name")?);
-        if out.exists() {
-            fs::remove_dir_all(&out)?;
-        }
-        let run = binary(build).arg("sim").arg(world).arg("--out").arg(&out).output()?;
-        ensure!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-        let mut files = Vec::new();
-        for entry in fs::read_dir(&out)? {
-            let path = entry?.path();
-            files.push((path.file_name().context("a name")?.to_owned(), fs::read(&path)?));
-        }
-        files.sort();
-        ensure!(!files.is_empty(), "no scenario was run");
-        let check = binary(build).arg("check").arg(world).arg("--json").output()?;
-        let code = check.status.code().context("check was ended by a signal")?;
-        ensure!(code == 0 || code == 1, "check ends with {code}");
-        files.push(("the verdict".into(), check.stdout));
-        runs.push(files);
+/// The programs of these two profiles write the same bytes of every scenario and the same verdict: a step for each world and network.
+fn same_bytes(profiles: [&'static str; 2]) -> Result<impl Iterator<Item = Step>> {
+    let worlds = [worlds(Path::new("worlds"))?, worlds(Path::new("networks"))?].concat();
+    Ok(worlds.into_iter().map(move |world| {
+        Step::check(world.display().to_string(), move || {
+            let [first, second] = [written(&world, profiles[0], 0)?, written(&world, profiles[1], 1)?];
+            ensure!(first == second, "two runs, of {} and of {}, differ", profiles[0], profiles[1]);
+            Ok(())
+        })
+    }))
+}
+
+/// What the program of a profile writes of a world: the name and the bytes of each scenario's file, and the verdict.
+fn written(world: &Path, profile: &str, run: usize) -> Result<Vec<(OsString, Vec<u8>)>> {
+    let out = Path::new("target/worlds").join(run.to_string()).join(world.file_stem().context("a name")?);
+    if out.exists() {
+        fs::remove_dir_all(&out)?;
     }
-    ensure!(runs[0] == runs[1], "the tested program and the released one differ");
-    ensure!(runs[1] == runs[2], "two runs differ");
-    Ok(())
+    let sim = binary(profile).arg("sim").arg(world).arg("--out").arg(&out).output()?;
+    ensure!(sim.status.success(), "{}", String::from_utf8_lossy(&sim.stderr));
+    let mut files = Vec::new();
+    for entry in fs::read_dir(&out)? {
+        let path = entry?.path();
+        files.push((path.file_name().context("a name")?.to_owned(), fs::read(&path)?));
+    }
+    files.sort();
+    ensure!(!files.is_empty(), "no scenario was run");
+    let check = binary(profile).arg("check").arg(world).arg("--json").output()?;
+    let code = check.status.code().context("check was ended by a signal")?;
+    ensure!(code == 0 || code == 1, "check ends with {code}");
+    files.push(("the verdict".into(), check.stdout));
+    Ok(files)
 }
 
 /// Links only the core and searches the standard panic routines; a control that can panic must show them.

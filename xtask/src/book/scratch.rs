@@ -95,9 +95,9 @@ impl Scratch {
         Ok(())
     }
 
-    /// A line of shell with the shipped program on its path.
+    /// A line of shell with the tested programs on its path.
     fn shell(&self, line: &str) -> Result<Command> {
-        let hapt = PathBuf::from(programs::binary("release").get_program());
+        let hapt = PathBuf::from(programs::binary(programs::PROFILE).get_program());
         let folders = [std::path::absolute(hapt)?.parent().context("no folder")?.to_path_buf()];
         let path = std::env::var_os("PATH").unwrap_or_default();
         let path = std::env::join_paths(folders.into_iter().chain(std::env::split_paths(&path)))?;
