@@ -73,7 +73,7 @@ mod torque;
 mod warnings;
 
 pub use against::{Claims, Compared, Comparison, Verdict, against, against_until};
-pub use columns::{Columns, Read, Scale};
+pub use columns::{Columns, Read, Scale, text_of};
 pub use counts::{Lattice, lattice};
 pub use equation::Errors;
 pub use error::{Error, LargeResidual};

@@ -1,10 +1,12 @@
 //! A record from a table of another program: CSV with named columns, units in the names.
 
+mod encoding;
 mod table;
 
 use hapt_model::{Dimension, Motion, Unit};
 
 use crate::Error;
+pub use encoding::text_of;
 use table::Table;
 
 /// Names of a time, a position, a torque, without their units; the first that a table has is taken.

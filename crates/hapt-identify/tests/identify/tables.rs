@@ -1,6 +1,6 @@
 //! Tables in the formats of labs.
 
-use hapt_identify::Columns;
+use hapt_identify::{Columns, text_of};
 
 fn near(a: &[f64], b: &[f64]) {
     assert!(a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12), "{a:?} {b:?}");
@@ -14,6 +14,28 @@ fn decimal_commas_comments_and_units_in_brackets_are_read() {
     near(&rows[0], &[0.5, 0.6]);
     near(&rows[1], &[1.25, 1.5]);
     near(&rows[2], &[-0.5, 0.25]);
+}
+
+#[test]
+fn a_table_is_the_same_in_every_encoding_of_its_text() {
+    let table = "Zeit [ms];Winkel [°];M [µN.m]\r\n0;1,5;-2\r\n1;2,5;3\r\n";
+    let columns = Columns::parse("time=Zeit,position=Winkel,torque=M").unwrap();
+    let latin: Vec<u8> = table.chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect();
+    let marked = |to: fn(u16) -> [u8; 2]| [0xfeff].into_iter().chain(table.encode_utf16()).flat_map(to).collect();
+    let files: [Vec<u8>; 5] =
+        [table.into(), ["\u{feff}", table].concat().into(), latin, marked(u16::to_le_bytes), marked(u16::to_be_bytes)];
+    for file in files {
+        let [times, positions, torques] = columns.read(&text_of(file.clone()).unwrap()).unwrap().0;
+        near(&times, &[0.0, 1e-3]);
+        near(&positions, &[1.5, 2.5].map(f64::to_radians));
+        near(&torques, &[-2e-6, 3e-6]);
+    }
+    let mut cut: Vec<u8> = marked(u16::to_le_bytes);
+    cut.pop();
+    for binary in [cut, b"t_s,x_rad\n\0\x01".to_vec(), vec![0x89, b'P', b'N', b'G', 0x1a, 0xff, 0]] {
+        let error = text_of(binary).unwrap_err().to_string();
+        assert!(error.contains("not text (UTF-8, UTF-16 or Latin-1)"), "{error}");
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use hapt_host::DeviceAddress;
-use hapt_identify::{Columns, Read as Table, Record, is_mat, mat_table};
+use hapt_identify::{Columns, Read as Table, Record, is_mat, mat_table, text_of};
 use hapt_log::{Log, Origin};
 use hapt_model::keys::Measure;
 use hapt_model::{Dimension, Motion, World};
@@ -83,7 +83,7 @@ fn table(args: &IdentifyArgs, name: &str, from: impl Read) -> Result<Table, Fail
     let wrong = |error| Failure::input(format!("{name}: {error}"));
     let text = match is_mat(&bytes) {
         true => mat_table(&bytes).map_err(wrong)?,
-        false => String::from_utf8(bytes).map_err(|_| Failure::input(format!("{name} is not text in UTF-8")))?,
+        false => text_of(bytes).map_err(wrong)?,
     };
     let mut columns = Columns::parse(args.columns.as_deref().unwrap_or_default())
         .map_err(|error| Failure::input(format!("--columns: {error}")))?;
