@@ -11,18 +11,19 @@ use tempfile::{Builder, TempPath};
 
 use crate::failure::Failure;
 
-/// The unfinished files, to be removed when a signal ends the program.
-static DRAFTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+/// The unfinished files, and the folders that were made for files: removed, the folders where they are empty, when a command fails or a
+/// signal ends the program.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-fn drafts() -> MutexGuard<'static, Vec<PathBuf>> {
-    DRAFTS.lock().unwrap_or_else(PoisonError::into_inner)
+fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes the unfinished files. No new one appears: the list stays locked.
-pub fn remove_drafts() {
+/// Removes the unfinished files and the empty folders. No new one appears: the list stays locked.
+pub fn remove_unfinished() {
     // The list may be locked during a call to the file system, which may block.
     for _ in 0..100 {
-        let list = match DRAFTS.try_lock() {
+        let list = match UNFINISHED.try_lock() {
             Ok(list) => list,
             Err(TryLockError::Poisoned(list)) => list.into_inner(),
             Err(TryLockError::WouldBlock) => {
@@ -30,8 +31,9 @@ pub fn remove_drafts() {
                 continue;
             }
         };
-        for draft in list.iter() {
-            let _ = fs::remove_file(draft);
+        // The newest first: files before their folder, a folder before the one around it.
+        for path in list.iter().rev() {
+            let _ = fs::remove_file(path).or_else(|_| fs::remove_dir(path));
         }
         std::mem::forget(list);
         return;
@@ -48,7 +50,7 @@ pub struct Draft {
 
 #[derive(Debug)]
 enum Place {
-    ExternalTorqueInput { path: TempPath, target: PathBuf, named: PathBuf },
+    Temporary { path: TempPath, target: PathBuf, named: PathBuf },
     Through(PathBuf),
 }
 
@@ -74,7 +76,7 @@ impl Draft {
             builder.permissions(fs::Permissions::from_mode(0o666));
         }
         // Held while the file appears, so that a signal finds it in the list or not on the disk.
-        let mut list = drafts();
+        let mut list = unfinished();
         let (file, path) = builder.tempfile_in(folder).map_err(plain)?.into_parts();
         list.push(path.to_path_buf());
         drop(list);
@@ -82,10 +84,7 @@ impl Draft {
             // The new file has the permissions of the old one. It fails on a file system without permissions, which has none to keep.
             let _ = file.set_permissions(there);
         }
-        Ok(Draft {
-            file: BufWriter::with_capacity(1 << 16, file),
-            place: Place::ExternalTorqueInput { path, target, named },
-        })
+        Ok(Draft { file: BufWriter::with_capacity(1 << 16, file), place: Place::Temporary { path, target, named } })
     }
 
     /// The file, for writing after it is in its place.
@@ -99,8 +98,8 @@ impl Draft {
         file.into_inner().map_err(io::IntoInnerError::into_error)?;
         match place {
             Place::Through(named) => Ok(named),
-            Place::ExternalTorqueInput { path, target, named } => {
-                let mut list = drafts();
+            Place::Temporary { path, target, named } => {
+                let mut list = unfinished();
                 list.retain(|draft| *draft != *path);
                 path.persist(&target).map_err(|error| error.error)?;
                 Ok(named)
@@ -338,7 +337,7 @@ pub fn draft(target: &Path, bytes: &[u8]) -> Result<Draft, Failure> {
     Ok(draft)
 }
 
-/// The folder for a command's files, created if missing.
+/// The folder for a command's files, created if missing. One that is created and stays empty is removed when the command fails.
 pub fn folder(flag: &str, path: &Path) -> Result<(), Failure> {
     if let Some(file) = path.ancestors().find(|at| at.exists() && !at.is_dir()) {
         let message = format!("{flag} {}: {} is a file; expected a folder", path.display(), file.display());
@@ -353,5 +352,10 @@ pub fn folder(flag: &str, path: &Path) -> Result<(), Failure> {
         let message = format!("{flag} {}: expected a folder, and this is the name of a file", path.display());
         return Err(Failure::input(message));
     }
+    let mut missing: Vec<_> = path.ancestors().take_while(|at| !at.as_os_str().is_empty() && !at.exists()).collect();
+    missing.reverse();
+    // Held while they appear, as for a draft.
+    let mut list = unfinished();
+    list.extend(missing.into_iter().map(Path::to_path_buf));
     fs::create_dir_all(path).map_err(|error| Failure::System(format!("cannot make {}: {error}", path.display())))
 }
