@@ -1,6 +1,7 @@
 //! The progress of a long run, on standard error.
 
 use std::io::{IsTerminal, Write, stderr};
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
 use terminal_size::terminal_size;
@@ -82,6 +83,22 @@ impl Progress {
         let _ = stderr().write_all(over(&line, self.shown).as_bytes());
         self.shown = line.chars().count();
     }
+}
+
+/// Does work whose items cannot be counted; a line every few seconds says how long it has taken.
+pub fn during<T>(name: &str, what: &str, work: impl FnOnce() -> T) -> T {
+    std::thread::scope(|scope| {
+        // Nothing is sent: the wait ends with the sender, also where the work panics.
+        let (_working, ended) = channel::<()>();
+        let progress = Progress::new(name, "", 0, 0);
+        scope.spawn(move || {
+            let mut progress = progress;
+            while ended.recv_timeout(LINES) == Err(RecvTimeoutError::Timeout) {
+                progress.begins(what);
+            }
+        });
+        work()
+    })
 }
 
 /// The part of a line that a terminal of this many columns shows on one line.

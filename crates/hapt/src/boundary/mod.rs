@@ -18,6 +18,7 @@ use crate::failure::Failure;
 use crate::messages;
 use crate::output;
 use crate::picture::FigureFile;
+use crate::progress;
 use crate::world::{inputs, read_system, source};
 
 pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
@@ -30,7 +31,9 @@ pub fn run(args: &BoundaryArgs) -> Result<ExitCode, Failure> {
     let outputs = [("--out", &args.out), ("--plot", &args.plot)];
     let system = read_system(&source, &args.world.sets)?;
     output::apart(&output::given(&outputs), &inputs(&args.world.path, &system))?;
-    let boundary = Boundary::new(&source, &args.world.sets, &args.axes, &claims)?;
+    let boundary = progress::during("boundary", "searching the edges", || {
+        Boundary::new(&source, &args.world.sets, &args.axes, &claims)
+    })?;
     let [x, y] = [0, 1].map(|i| within(&boundary.plane.axes[i], system.number(&boundary.plane.axes[i].key)));
     let own = x.zip(y).map(|(x, y)| [x, y]);
     let typed = |i: usize| args.axes.get(i).map_or("", String::as_str);
