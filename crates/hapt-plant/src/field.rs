@@ -27,6 +27,8 @@ const STEP: f64 = 0.5;
 const SHORTEST: f64 = 0.05;
 /// The most times that a series is shortened.
 const TRIES: usize = 40;
+/// The shortest part of a series that is searched for an event: a shorter visit beyond a line is rounding.
+const SHORTEST_RISE: f64 = 1e-12;
 /// The largest phase, in rad, that the puck may pass of a wave in one stretch; beyond it the wave counts by its mean, which is 0.
 const MAX_WAVE_RAD: f64 = 1e4;
 
@@ -110,6 +112,11 @@ impl Field {
             wave.sine * s + wave.cosine * c
         };
         self.waves().map(of).sum()
+    }
+
+    /// Its largest value at most.
+    pub fn size(&self) -> f64 {
+        self.waves().map(Wave::size).sum()
     }
 
     /// Its integral over the position: the work on a puck that moves from `from` to `to`.
@@ -214,28 +221,55 @@ impl<const K: usize> Fielded<'_, K> {
         Series { terms, length: h }
     }
 
-    /// The first instant in (0, length] at which a line becomes positive.
+    /// The first instant in (0, length] at which a line, not positive at 0, becomes positive.
     pub fn first_above(&self, series: &Series<K>, line: &Line) -> Option<f64> {
-        let course = |t: f64| {
-            let y = series.after(t);
+        let mut terms = series.terms.map(|y| line.velocity * y[self.v] + line.position * y[self.x]);
+        terms[0] += line.constant;
+        let course = |part: f64| {
+            let y = series.after(part * series.length);
             line.value(y[self.v], y[self.x])
         };
-        let slope = |t: f64| {
-            let of_v = if line.velocity != 0.0 { line.velocity * series.slope(t, self.v) } else { 0.0 };
-            if line.position != 0.0 { of_v + line.position * series.slope(t, self.x) } else { of_v }
-        };
-        let end = series.length;
-        let positive = if course(end) > 0.0 {
-            end
-        } else if slope(0.0) > 0.0 && slope(end) < 0.0 {
-            // It rises and falls within the step: it is positive at the summit in between, or nowhere.
-            let summit = root(0.0, end, |t| -slope(t));
-            (course(summit) > 0.0).then_some(summit)?
-        } else {
-            return None;
-        };
-        Some(root(0.0, positive, course))
+        let [from, to] = first_rise(&terms, [0.0, 1.0], &course)?;
+        Some(root(from * series.length, to * series.length, |t| course(t / series.length)))
     }
+}
+
+/// The first part of `[from, to]` in which a polynomial rises, and becomes positive by `course`, its value at an instant. The terms are those
+/// of u from 0 at `from` to 1 at `to`. Halves are searched until each is negative, or rises or falls throughout: so a motion that begins at
+/// rest, or turns twice, is searched too.
+fn first_rise(terms: &[f64; TERMS], [from, to]: [f64; 2], course: &impl Fn(f64) -> f64) -> Option<[f64; 2]> {
+    let [value, higher @ ..] = terms;
+    let most = value + higher.iter().map(|term| term.max(0.0)).sum::<f64>();
+    // Negated, so that a NaN ends the search.
+    if !(most > 0.0) {
+        return None;
+    }
+    let slope = |bound: fn(f64, f64) -> f64| -> f64 {
+        let of = |(j, term): (usize, &f64)| if j == 0 { *term } else { (j + 1) as f64 * bound(*term, 0.0) };
+        higher.iter().enumerate().map(of).sum()
+    };
+    if slope(f64::max) <= 0.0 {
+        return None;
+    }
+    if slope(f64::min) >= 0.0 || to - from < SHORTEST_RISE {
+        return (course(to) > 0.0).then_some([from, to]);
+    }
+    let mut half = *terms;
+    let mut power = 1.0;
+    for term in &mut half {
+        *term *= power;
+        power *= 0.5;
+    }
+    let middle = 0.5 * (from + to);
+    first_rise(&half, [from, middle], course).or_else(|| {
+        // From u to u + 1: the second half.
+        for from in 0..TERMS {
+            for j in (from..TERMS - 1).rev() {
+                half[j] += half[j + 1];
+            }
+        }
+        first_rise(&half, [middle, to], course)
+    })
 }
 
 impl<const K: usize> Series<K> {
@@ -280,13 +314,6 @@ impl<const K: usize> Series<K> {
             }
         }
         y
-    }
-
-    /// The derivative of one of the states after `t` s.
-    fn slope(&self, t: f64, state: usize) -> f64 {
-        let part = t / self.length;
-        let terms = self.terms.iter().enumerate().skip(1).rev();
-        terms.fold(0.0, |sum, (j, term)| sum * part + j as f64 * term[state]) / self.length
     }
 
     /// The integrals of powers over `t` s.

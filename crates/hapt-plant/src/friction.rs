@@ -52,7 +52,7 @@ impl Levels {
 pub(crate) struct Friction<'p> {
     pub plant: &'p Plant,
     pub levels: Levels,
-    /// The size of the torques of which the levels are the sum; 0 where they are no sum.
+    /// The sizes of further torques whose rounding counts at rest: parts of the levels and of the net torque.
     pub rounded: f64,
 }
 
@@ -116,7 +116,7 @@ impl Friction<'_> {
             }
             let direction = self.direction(&y);
             let taken = if direction == 0.0 {
-                self.first_slip(&y, left).unwrap_or(left)
+                self.first_slip(&y, left).map_or(left, |(start, _)| start)
             } else {
                 let stop = self.first_stop(&y, left, direction, &after);
                 let taken = stop.unwrap_or(left);
@@ -179,8 +179,8 @@ impl Friction<'_> {
         Some(first.root(again, |t| course(t).0))
     }
 
-    /// The first instant in (0, dt] at which the net torque on the puck at rest exceeds friction.
-    pub fn first_slip(&self, y: &State, dt: f64) -> Option<f64> {
+    /// The first instant in (0, dt] at which the net torque on the puck at rest exceeds friction, and its sign, ±1.
+    pub fn first_slip(&self, y: &State, dt: f64) -> Option<(f64, f64)> {
         // A torque that is held, and is not above friction now, never is.
         if self.plant.slides_freely(y) {
             return None;
@@ -191,10 +191,10 @@ impl Friction<'_> {
                 let y = drives_after(self.plant, y, t);
                 (side * self.net(&y) - hold(self.levels.toward(side), self.torques(&y)), side * self.net_slope(&y))
             };
-            first_crossing(&slices, course).map(|crossing| crossing.root(None, |t| course(t).0))
+            first_crossing(&slices, course).map(|crossing| (crossing.root(None, |t| course(t).0), side))
         };
         match (over(1.0), over(-1.0)) {
-            (Some(up), Some(down)) => Some(up.min(down)),
+            (Some(up), Some(down)) => Some(if up.0 <= down.0 { up } else { down }),
             (up, down) => up.or(down),
         }
     }

@@ -118,9 +118,12 @@ impl Own {
         self.friction.is_none() && self.stribeck.is_none()
     }
 
-    /// The size of the torques whose sum is a level at rest, where it is a sum: the rounding is relative to this.
-    pub fn rounded(&self) -> f64 {
-        self.changes.map_or(0.0, |_| self.friction.forward.max(self.friction.backward))
+    /// The sizes of the torques at rest at x whose sums are the level, where it is a sum, and the device's own torque: rounding is relative
+    /// to these.
+    pub fn rounded(&self, x: f64) -> f64 {
+        let level = self.changes.map_or(0.0, |_| self.friction.forward.max(self.friction.backward));
+        let field = self.field.map_or(0.0, |field| field.size());
+        self.stops.iter().flatten().fold(level + field, |size, stop| size + stop.rounded(x))
     }
 
     /// The torque on a puck that rests at x, friction aside.

@@ -171,6 +171,8 @@ impl Puck {
     fn move_in_pieces(&self, mut y: State, dt: f64, motor: f64, ledger: &mut Ledger) -> [f64; 2] {
         let plant = &self.now.plant;
         let mut left = dt;
+        // The direction of a slip that starts is known from its event: there the net torque equals friction, and its comparison is rounding.
+        let mut slips = None;
         // Each pass ends in a stop or a start.
         for _ in 0..MAX_EVENTS {
             if left <= 0.0 {
@@ -179,10 +181,13 @@ impl Puck {
             // At rest the device's own torque counts in the balance with friction.
             let mut held = y;
             held[F] += self.own.torque_at(y[X]);
-            let friction = Friction { plant, levels: self.own.rest(y[X]), rounded: self.own.rounded() };
-            let direction = if self.own.is_frictionless() { None } else { Some(friction.direction(&held)) };
+            let friction = Friction { plant, levels: self.own.rest(y[X]), rounded: self.own.rounded(y[X]) };
+            let direction = || slips.take().unwrap_or_else(|| friction.direction(&held));
+            let direction = (!self.own.is_frictionless()).then(direction);
             if direction == Some(0.0) {
-                let taken = friction.first_slip(&held, left).unwrap_or(left);
+                let slip = friction.first_slip(&held, left);
+                let taken = slip.map_or(left, |(start, _)| start);
+                slips = slip.map(|(_, side)| side);
                 y = drives_after(plant, &y, taken);
                 left -= taken;
             } else {

@@ -188,7 +188,7 @@ impl Shaft {
     fn hold(&self, y: &State, side: f64) -> f64 {
         let friction = self.own.rest(y[X]).toward(side);
         let shaft = (self.handle.stiffness * y[S]).abs() + (self.handle.damping * y[W]).abs();
-        friction + ROUNDING * (friction + y[MOTOR].abs() + y[GAP].abs() + shaft + self.own.rounded())
+        friction + ROUNDING * (friction + y[MOTOR].abs() + y[GAP].abs() + shaft + self.own.rounded(y[X]))
     }
 
     /// The first instant in (0, dt] at which a slide in `direction` comes to rest.

@@ -83,6 +83,11 @@ impl Stop {
         -self.side * self.stiffness * self.depth(x)
     }
 
+    /// The sizes of the torques whose sum that is, 0 outside.
+    pub fn rounded(&self, x: f64) -> f64 {
+        if self.depth(x) > 0.0 { self.stiffness * (x.abs() + self.at.abs()) } else { 0.0 }
+    }
+
     /// The depth in the stop, and the unclamped push.
     fn lines(&self) -> [Line; 2] {
         let Stop { side, at, stiffness, damping } = *self;
@@ -104,8 +109,11 @@ impl Stop {
     /// The energy dissipated in it during a motion that a hand prescribes, in J.
     pub fn lost(&self, motion: &Piece, from: f64, to: f64) -> f64 {
         let Some((amplitude, omega, phase)) = motion.sine() else {
-            // A straight motion does not turn around: it enters or leaves.
-            return self.lost_between(motion, from, to, |after| self.straight_cut(motion, after));
+            // A straight motion does not turn around: it enters or leaves, at instants that do not depend on where the search stands.
+            let (x, v) = motion.at(from);
+            let cuts = self.lines().map(|line| from - line.value(v, x) / (line.position * v));
+            let next = |after: f64| cuts.into_iter().filter(|cut| *cut > after).fold(f64::INFINITY, f64::min);
+            return self.lost_between(motion, from, to, next);
         };
         // Every whole turn loses the same energy.
         let turn = TAU / omega;
@@ -130,14 +138,6 @@ impl Stop {
         };
         let whole = if turns > 0.0 { turns * self.lost_between(motion, from, from + turn, cut) } else { 0.0 };
         whole + self.lost_between(motion, from + turns * turn, to, cut)
-    }
-
-    /// Where a straight motion enters it or leaves it.
-    fn straight_cut(&self, motion: &Piece, after: f64) -> f64 {
-        let (x, v) = motion.at(after);
-        let zero = |line: Line| -line.value(v, x) / (line.position * v);
-        let later = |ahead: &f64| *ahead > 0.0;
-        after + self.lines().map(zero).into_iter().filter(later).fold(f64::INFINITY, f64::min)
     }
 
     /// Sums from one instant of contact or release to the next; `cut` gives the next such instant after a time.

@@ -11,7 +11,7 @@ use proptest::prelude::*;
 
 const T: f64 = 1e-3;
 
-fn gravity(torque: f64, phase: f64) -> DeviceTorque {
+pub fn gravity(torque: f64, phase: f64) -> DeviceTorque {
     DeviceTorque { gravity: Some(Gravity { torque, phase }), cogging: None }
 }
 

@@ -6,7 +6,7 @@ use hapt_plant::spec::{DeviceSpec, Drive, Hand, Handle, Shape, Stops, Stribeck};
 use hapt_plant::{Script, VirtualDevice};
 use proptest::prelude::*;
 
-use crate::fields::{any_device, any_hand, moved};
+use crate::fields::{any_changes, any_device, any_hand, any_stribeck, gravity, moved};
 
 const T: f64 = 1e-3;
 /// Short steps in a period.
@@ -329,6 +329,68 @@ proptest! {
         prop_assert!((way * x - wanted).abs() < 1e-10 * (at + speed * samples as f64 * T), "{x} {wanted}");
         let lost = 0.5 * inertia * speed * speed * (1.0 - kept * kept);
         prop_assert!((device.ledger().stops - lost).abs() < 1e-10 * inertia * speed * speed, "{:?} {lost}", device.ledger());
+    }
+
+    /// The device is not sampled: under a held command its motion and its works are the same whatever the period is.
+    #[test]
+    fn the_length_of_a_period_changes_no_motion(
+        spec in any_device(), hand in any_hand(), velocity in prop_oneof![Just(0.0), -20.0_f64..20.0], command in prop_oneof![Just(0.0), -0.1_f64..0.1],
+        periods in 1_usize..100,
+    ) {
+        // A settled motor: the delay and the lag of its first command are those of another motion.
+        let spec = DeviceSpec { delay: 0.0, lag: 0.0, ..spec };
+        let by = |periods: usize| {
+            let spec = DeviceSpec { period: 40.0 * T / periods as f64, ..spec };
+            moved(&spec, &hand, velocity, &vec![command; periods])
+        };
+        let (one, other) = (by(40), by(periods));
+        let of = |device: &VirtualDevice| {
+            let ((x, v), ledger) = (device.puck(), device.ledger());
+            [x, v, ledger.motor, ledger.hand, ledger.friction, ledger.stops, ledger.damping]
+        };
+        let size = one.puck().1.abs() + other.puck().1.abs() + velocity.abs() + 1.0;
+        for (a, b) in of(&one).into_iter().zip(of(&other)) {
+            prop_assert!((a - b).abs() < 1e-8 * size * (1.0 + a.abs()), "{:?} {:?}", of(&one), of(&other));
+        }
+    }
+
+    /// A puck that rests at, in or before a stop, held by friction or not, under its own weight and a growing push: it breaks away, and goes into
+    /// the stop and out of it, at the same instants in samples of any length.
+    #[test]
+    fn a_puck_leaves_its_rest_at_an_instant_of_any_period(
+        inertia in 1e-4_f64..1e-2, friction in prop_oneof![Just(0.0), 1e-3..0.02_f64], changes in prop::option::of(any_changes()),
+        stribeck in any_stribeck(), (weight, phase) in (0.0_f64..0.02, 0.0..TAU), near in prop_oneof![Just(0.0), -1e-3..1e-4_f64], back: bool,
+        stiffness in 1.0_f64..100.0, rate in -5.0_f64..5.0, handle in prop::option::of((1e-4_f64..1e-2, 1.0_f64..100.0, 0.0_f64..0.01)),
+        periods in 1_usize..30,
+    ) {
+        let (low, high) = if back { (Some(near.min(0.0)), None) } else { (None, Some(-near.min(0.0))) };
+        let handle = handle.map(|(inertia, stiffness, damping)| Handle { inertia, stiffness, damping });
+        let spec = DeviceSpec {
+            friction, friction_by_position: changes, stribeck, torque: gravity(weight, phase), handle,
+            ..bare(inertia, Stops { low, high, stiffness, damping: 0.0 })
+        };
+        let whole = 20.0 * T;
+        let hand = Drive::Torque(Shape::Ramp { to: rate, at: 0.0, over: 1.0 });
+        let by = |periods: usize| moved(&DeviceSpec { period: whole / periods as f64, ..spec }, &hand, 0.0, &vec![0.0; periods]).puck();
+        let (one, other) = (by(20), by(periods));
+        let speed = (weight + rate.abs() * whole) * whole / inertia;
+        prop_assert!((one.1 - other.1).abs() < 1e-9 * speed, "{one:?} {other:?} of {speed}");
+        prop_assert!((one.0 - other.0).abs() < 1e-9 * speed * whole, "{one:?} {other:?} of {speed}");
+    }
+
+    /// A straight motion that goes on into a stop: the damper's work is c v times the depth.
+    #[test]
+    fn a_straight_motion_into_a_stop_does_the_work_of_its_damper(
+        face in 0.0_f64..0.1, depth in 1e-4_f64..0.3, at in 0.0_f64..5e-3, over in 1e-3_f64..0.1, stiffness in 1.0_f64..100.0,
+        damping in 1e-4..0.5_f64, back: bool,
+    ) {
+        let (low, high) = if back { (Some(-face), None) } else { (None, Some(face)) };
+        let to = face + depth;
+        let hand = Drive::Position(Shape::Ramp { to: if back { -to } else { to }, at, over });
+        let samples = ((at + over) / T).ceil() as usize + 1;
+        let device = moved(&bare(1e-3, Stops { low, high, stiffness, damping }), &hand, 0.0, &vec![0.0; samples]);
+        let wanted = damping * to / over * depth;
+        prop_assert!((device.ledger().stops - wanted).abs() < 1e-9 * wanted, "{:?} {wanted}", device.ledger());
     }
 
     /// A hand that prescribes the motion supplies the energy that the stops dissipate.
