@@ -238,10 +238,13 @@ impl<const K: usize> Fielded<'_, K> {
 /// of u from 0 at `from` to 1 at `to`. Halves are searched until each is negative, or rises or falls throughout: so a motion that begins at
 /// rest, or turns twice, is searched too.
 fn first_rise(terms: &[f64; TERMS], [from, to]: [f64; 2], course: &impl Fn(f64) -> f64) -> Option<[f64; 2]> {
+    let becomes_positive = || (course(to) > 0.0).then_some([from, to]);
+    // Halves of what has overflowed are never decided.
+    if !terms.iter().all(|term| term.is_finite()) {
+        return becomes_positive();
+    }
     let [value, higher @ ..] = terms;
-    let most = value + higher.iter().map(|term| term.max(0.0)).sum::<f64>();
-    // Negated, so that a NaN ends the search.
-    if !(most > 0.0) {
+    if value + higher.iter().map(|term| term.max(0.0)).sum::<f64>() <= 0.0 {
         return None;
     }
     let slope = |bound: fn(f64, f64) -> f64| -> f64 {
@@ -252,7 +255,7 @@ fn first_rise(terms: &[f64; TERMS], [from, to]: [f64; 2], course: &impl Fn(f64) 
         return None;
     }
     if slope(f64::min) >= 0.0 || to - from < SHORTEST_RISE {
-        return (course(to) > 0.0).then_some([from, to]);
+        return becomes_positive();
     }
     let mut half = *terms;
     let mut power = 1.0;

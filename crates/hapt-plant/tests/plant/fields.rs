@@ -266,6 +266,17 @@ fn extreme_numbers_end_the_computation() {
         let device = moved(&bare(1e-3, torque), &Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), velocity, &[1e20; 3]);
         assert!(device.puck().0.is_nan() || device.puck().0.abs() >= 1.0);
     }
+    // Towards a stop, which the search for its instant has to give up.
+    let stops = Some(Stops { low: Some(-1.0), high: Some(1.0), stiffness: 10.0, damping: 0.1 });
+    for velocity in [0.0, 1e6, 1e30, 1e150, 1e300, f64::INFINITY, f64::NAN] {
+        for command in [1.0, 1e20, 1e150, 1e300] {
+            for friction in [0.0, 0.01] {
+                let spec = DeviceSpec { stops, friction, ..bare(1e-3, torque) };
+                let device = moved(&spec, &Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), velocity, &[command; 3]);
+                assert!(device.puck().0.is_nan() || device.puck().0.abs() > 0.0);
+            }
+        }
+    }
     // From rest, with a large torque; without and with a handle.
     let handle = Some(Handle { inertia: 1e-3, stiffness: 20.0, damping: 0.0 });
     for (handle, command) in [(None, 1e20), (handle, 1e20), (None, 1e300), (None, 1e8), (handle, 1e5)] {
