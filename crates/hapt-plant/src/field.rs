@@ -225,16 +225,16 @@ impl<const K: usize> Fielded<'_, K> {
     pub fn first_above(&self, series: &Series<K>, line: &Line) -> Option<f64> {
         let mut terms = series.terms.map(|y| line.velocity * y[self.v] + line.position * y[self.x]);
         terms[0] += line.constant;
-        let course = |part: f64| {
-            let y = series.after(part * series.length);
+        let course = |t: f64| {
+            let y = series.after(t);
             line.value(y[self.v], y[self.x])
         };
-        let [from, to] = first_rise(&terms, [0.0, 1.0], &course)?;
-        Some(root(from * series.length, to * series.length, |t| course(t / series.length)))
+        let [from, to] = first_rise(&terms, [0.0, 1.0], &|part| course(part * series.length))?;
+        Some(root(from * series.length, to * series.length, course))
     }
 }
 
-/// The first part of `[from, to]` in which a polynomial rises, and becomes positive by `course`, its value at an instant. The terms are those
+/// The first part of `[from, to]` in which a polynomial rises, and is positive at its end by `course`, its value at a place there. The terms are those
 /// of u from 0 at `from` to 1 at `to`. Halves are searched until each is negative, or rises or falls throughout: so a motion that begins at
 /// rest, or turns twice, is searched too.
 fn first_rise(terms: &[f64; TERMS], [from, to]: [f64; 2], course: &impl Fn(f64) -> f64) -> Option<[f64; 2]> {

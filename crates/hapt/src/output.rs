@@ -352,7 +352,9 @@ pub fn folder(flag: &str, path: &Path) -> Result<(), Failure> {
         let message = format!("{flag} {}: expected a folder, and this is the name of a file", path.display());
         return Err(Failure::input(message));
     }
-    let mut missing: Vec<_> = path.ancestors().take_while(|at| !at.as_os_str().is_empty() && !at.exists()).collect();
+    // A broken link is not missing: it is not ours to remove.
+    let is_missing = |at: &&Path| !at.as_os_str().is_empty() && fs::symlink_metadata(at).is_err();
+    let mut missing: Vec<_> = path.ancestors().take_while(is_missing).collect();
     missing.reverse();
     // Held while they appear, as for a draft.
     let mut list = unfinished();

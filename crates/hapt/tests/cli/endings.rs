@@ -144,6 +144,14 @@ mod signals {
     }
 
     #[test]
+    fn a_command_that_fails_removes_no_link_of_its_user() {
+        let at = folder(&[("w.toml", WHEEL)]);
+        std::os::unix::fs::symlink("nowhere/at/all", at.path().join("link")).unwrap();
+        hapt(at.path(), ["sim", "w.toml", "--out", "link/new"]).refused(3, &["link/new"]);
+        assert!(at.path().join("link").is_symlink());
+    }
+
+    #[test]
     fn an_interrupted_run_leaves_the_file_of_the_one_before() {
         let at = folder(&[("w.toml", WHEEL)]);
         hapt(at.path(), ["sim", "w.toml", "--out", "out"]).done();
