@@ -6,13 +6,19 @@ use crate::error::{Error, ErrorKind};
 use crate::fields::Fields;
 use crate::keys;
 use crate::motor;
-use crate::numbers;
 use crate::waveform;
 use crate::world::{Device, Mounting, Tolerances};
 
 /// The device, at a loop of this period in s.
 pub(crate) fn device(fields: &Fields<'_>, period: f64) -> Result<Device, Error> {
+    let (inertia, friction) = (fields.number("inertia")?, fields.number("friction")?);
+    let friction_backward = fields.optional_number("friction_backward")?;
     let mut device = Device {
+        inertia,
+        damping: fields.number("damping")?,
+        friction,
+        friction_backward,
+        lag: fields.number("lag")?,
         tolerances: Tolerances {
             inertia: fields.tolerance("inertia"),
             damping: fields.tolerance("damping"),
@@ -20,15 +26,16 @@ pub(crate) fn device(fields: &Fields<'_>, period: f64) -> Result<Device, Error> 
             friction_backward: fields.tolerance("friction_backward"),
             lag: fields.tolerance("lag"),
         },
+        limit: fields.optional_number("limit")?,
+        encoder: fields.optional_number("encoder")?,
+        levels: fields.optional_whole("levels")?,
         drive: mounting(&Fields::new(fields.inner("drive", "device.drive"), fields.node("drive"))?)?,
         friction_by_position: friction_by_position(fields)?,
         stribeck: stribeck(fields)?,
         stops: stops(fields)?,
         handle: handle(fields)?,
         torque: DeviceTorque { gravity: gravity(fields)?, cogging: cogging(fields)? },
-        ..Device::new(fields.number("inertia")?)
     };
-    numbers::read(fields, numbers::device(&mut device))?;
     motor::add(&mut device, fields)?;
     if device.levels.is_some() && device.limit.is_none() {
         let message = "levels divide the range of the motor: they need device.limit";
@@ -98,8 +105,9 @@ fn cogging(fields: &Fields<'_>) -> Result<Option<Cogging>, Error> {
 }
 
 fn mounting(fields: &Fields<'_>) -> Result<Mounting, Error> {
-    let reversed = fields.name("direction") == Some(keys::DIRECTION[1]);
-    let mut mounting = Mounting { reversed, ..Mounting::default() };
-    numbers::read(fields, numbers::mounting(&mut mounting))?;
-    Ok(mounting)
+    Ok(Mounting {
+        gear: fields.optional_number("gear")?,
+        reversed: fields.name("direction") == Some(keys::DIRECTION[1]),
+        home: fields.optional_number("home")?,
+    })
 }

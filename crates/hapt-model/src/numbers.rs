@@ -1,13 +1,11 @@
-//! Every number of a world under its key's name, for the reader, the writer and sweeps.
+//! Every number of a world under its key's name, for the writer and for sweeps.
 
 #![warn(clippy::wildcard_enum_match_arm)]
 
 use hapt_core::{Body, Coupling};
 use hapt_plant::spec::{Cogging, Drive, FrictionByPosition, Gravity, Hand, Handle, Shape, Stops, Stribeck, Switching};
 
-use crate::error::Error;
-use crate::fields::Fields;
-use crate::keys::{self, Key, Presence};
+use crate::keys::{self, Key};
 use crate::kinds::{HandKind, ShapeKind};
 use crate::safety::Safety;
 use crate::sampling::{Delay, Sampling};
@@ -69,31 +67,6 @@ impl NumberSlot<'_> {
             NumberSlot::OptionalDelay(delay) => *delay = Some(Delay::Seconds(value)),
         }
         true
-    }
-}
-
-/// Reads every number of a table into its place: what the file has, else the default of the table of keys.
-pub(crate) fn read(fields: &Fields<'_>, slots: NumberSlots<'_>) -> Result<(), Error> {
-    for (name, slot) in slots {
-        match slot {
-            Number(x) => *x = fields.number(name)?,
-            Optional(x) => *x = fields.optional_number(name)?,
-            Whole(n) => *n = fields.whole(name)?,
-            OptionalWhole(n) => *n = fields.optional_whole(name)?,
-            NumberSlot::Delay(delay) => *delay = fields.delay(name)?,
-            NumberSlot::OptionalDelay(delay) => *delay = fields.optional_delay(name)?,
-        }
-    }
-    Ok(())
-}
-
-/// Gives every number that has one the default of its row in this table.
-pub(crate) fn defaults(table: &str, slots: NumberSlots<'_>) {
-    for (name, slot) in slots {
-        let row = keys::rows(table).find(|row| row.name() == name);
-        if let Some(Presence::Number(default)) = row.map(|row| row.presence) {
-            slot.set(default);
-        }
     }
 }
 

@@ -12,7 +12,6 @@ use crate::error::{Error, ErrorKind};
 use crate::fields::{Context, Fields, entries, items, kind, one_of};
 use crate::keys;
 use crate::kinds::{Compensated, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
-use crate::numbers;
 use crate::path::{self, Carries};
 use crate::safety::Safety;
 use crate::sampling::Sampling;
@@ -147,8 +146,22 @@ fn sampling(fields: &Fields<'_>) -> Result<Sampling, Error> {
     let estimator = estimator.ok_or_else(|| fields.missing("estimator"))?;
     let usual = if method.takes_new_sample_first() { Output::Start } else { Output::End };
     let output = one_of(fields, "output", &Output::ALL, Output::name)?.unwrap_or(usual);
-    let mut sampling = Sampling { method, output, estimator, ..Sampling::new(fields.number("period")?) };
-    numbers::read(fields, numbers::sampling(&mut sampling))?;
+    let sampling = Sampling {
+        period: fields.number("period")?,
+        method,
+        output,
+        advance: fields.whole("advance")?,
+        bodies_every: fields.whole("bodies_every")?,
+        interval_max: fields.optional_number("interval_max")?,
+        delay: fields.delay("delay")?,
+        delay_max: fields.optional_delay("delay_max")?,
+        filter: fields.optional_number("filter")?,
+        recentre: fields.optional_number("recentre")?,
+        estimator,
+        cutoff: fields.optional_number("cutoff")?,
+        every: fields.whole("every")?,
+        window: fields.whole("window")?,
+    };
 
     let combination = |name, message: String| Err(fields.error(ErrorKind::Combination, name, message));
     if method.takes_new_sample_first() && output != Output::Start {

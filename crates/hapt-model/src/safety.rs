@@ -5,7 +5,6 @@ use hapt_core::WhenLate;
 use crate::error::{Error, ErrorKind};
 use crate::fields::{Fields, one_of};
 use crate::keys::{LINK_LOST, WORLD_LEDGER};
-use crate::numbers;
 
 /// The `[safety]` table, in SI; `None`: the default, which depends on the world ([`World::limits`](crate::World::limits)).
 #[derive(Clone, Debug, PartialEq)]
@@ -51,10 +50,9 @@ pub struct Safety {
 }
 
 impl Default for Safety {
-    /// The table of a file that has none.
     fn default() -> Self {
-        let mut safety = Safety {
-            fade: 0.0,
+        Safety {
+            fade: 0.1,
             velocity: None,
             jump: None,
             overspeed: None,
@@ -62,9 +60,9 @@ impl Default for Safety {
             torque: None,
             slew: None,
             rms: None,
-            heating: 0.0,
+            heating: 30.0,
             driver_rms: None,
-            driver_heating: 0.0,
+            driver_heating: 1.0,
             stall: None,
             late: None,
             link: None,
@@ -73,9 +71,7 @@ impl Default for Safety {
             world_trips: None,
             pulse: None,
             brake: 0.0,
-        };
-        numbers::defaults("safety", numbers::safety(&mut safety));
-        safety
+        }
     }
 }
 
@@ -96,13 +92,26 @@ impl Safety {
             let message = format!("{pulse:?} is above device.limit, {limit:?} in SI; expected at most that");
             return Err(fields.error(ErrorKind::Combination, "pulse", message));
         }
-        let mut safety = Safety {
+        Ok(Safety {
+            fade: fields.number("fade")?,
+            velocity: fields.optional_number("velocity")?,
+            jump: fields.optional_number("jump")?,
+            overspeed: fields.optional_number("overspeed")?,
+            stuck: fields.optional_number("stuck")?,
+            torque: fields.optional_number("torque")?,
+            slew: fields.optional_number("slew")?,
+            rms: fields.optional_number("rms")?,
+            heating: fields.number("heating")?,
+            driver_rms: fields.optional_number("driver_rms")?,
+            driver_heating: fields.number("driver_heating")?,
+            stall: fields.optional_number("stall")?,
             late: one_of(fields, "late", &WhenLate::ALL, WhenLate::name)?,
+            link: fields.optional_number("link")?,
             link_faults: fields.name("link_lost") == Some(LINK_LOST[1]),
+            energy: fields.optional_number("energy")?,
             world_trips: fields.name("world_ledger").map(|name| name == WORLD_LEDGER[1]),
-            ..Safety::default()
-        };
-        numbers::read(fields, numbers::safety(&mut safety))?;
-        Ok(safety)
+            pulse,
+            brake: fields.number("brake")?,
+        })
     }
 }

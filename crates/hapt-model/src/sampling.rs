@@ -3,7 +3,6 @@
 use hapt_core::{Estimator, Method, Output};
 
 use crate::kinds::EstimatorKind;
-use crate::numbers;
 
 /// The delay, in periods.
 const MAX_DELAY_PERIODS: f64 = 1e6;
@@ -64,12 +63,12 @@ impl Delay {
 impl Sampling {
     /// The table of a file that has only `loop.period`, in s.
     pub fn new(period: f64) -> Self {
-        let mut sampling = Sampling {
+        Sampling {
             period,
             method: Method::Zoh,
             output: Output::End,
             advance: 0,
-            bodies_every: 0,
+            bodies_every: 1,
             interval_max: None,
             delay: Delay::Seconds(0.0),
             delay_max: None,
@@ -77,11 +76,9 @@ impl Sampling {
             recentre: None,
             estimator: EstimatorKind::Exact,
             cutoff: None,
-            every: 0,
-            window: 0,
-        };
-        numbers::defaults("loop", numbers::sampling(&mut sampling));
-        sampling
+            every: 1,
+            window: 16,
+        }
     }
 
     /// The time in s over which the bodies step: `bodies_every` periods.
