@@ -11,19 +11,18 @@ use tempfile::{Builder, TempPath};
 
 use crate::failure::Failure;
 
-/// The unfinished files, and the folders that were made for files: removed, the folders where they are empty, when a command fails or a
-/// signal ends the program.
-static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+/// The unfinished files, to be removed when a signal ends the program.
+static DRAFTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
-    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+fn drafts() -> MutexGuard<'static, Vec<PathBuf>> {
+    DRAFTS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes the unfinished files and the empty folders. No new one appears: the list stays locked.
-pub fn remove_unfinished() {
+/// Removes the unfinished files. No new one appears: the list stays locked.
+pub fn remove_drafts() {
     // The list may be locked during a call to the file system, which may block.
     for _ in 0..100 {
-        let list = match UNFINISHED.try_lock() {
+        let list = match DRAFTS.try_lock() {
             Ok(list) => list,
             Err(TryLockError::Poisoned(list)) => list.into_inner(),
             Err(TryLockError::WouldBlock) => {
@@ -31,9 +30,8 @@ pub fn remove_unfinished() {
                 continue;
             }
         };
-        // The newest first: files before their folder, a folder before the one around it.
-        for path in list.iter().rev() {
-            let _ = fs::remove_file(path).or_else(|_| fs::remove_dir(path));
+        for draft in list.iter() {
+            let _ = fs::remove_file(draft);
         }
         std::mem::forget(list);
         return;
@@ -76,7 +74,7 @@ impl Draft {
             builder.permissions(fs::Permissions::from_mode(0o666));
         }
         // Held while the file appears, so that a signal finds it in the list or not on the disk.
-        let mut list = unfinished();
+        let mut list = drafts();
         let (file, path) = builder.tempfile_in(folder).map_err(plain)?.into_parts();
         list.push(path.to_path_buf());
         drop(list);
@@ -99,7 +97,7 @@ impl Draft {
         match place {
             Place::Through(named) => Ok(named),
             Place::Temporary { path, target, named } => {
-                let mut list = unfinished();
+                let mut list = drafts();
                 list.retain(|draft| *draft != *path);
                 path.persist(&target).map_err(|error| error.error)?;
                 Ok(named)
@@ -337,7 +335,7 @@ pub fn draft(target: &Path, bytes: &[u8]) -> Result<Draft, Failure> {
     Ok(draft)
 }
 
-/// The folder for a command's files, created if missing. One that is created and stays empty is removed when the command fails.
+/// The folder for a command's files, created if missing.
 pub fn folder(flag: &str, path: &Path) -> Result<(), Failure> {
     if let Some(file) = path.ancestors().find(|at| at.exists() && !at.is_dir()) {
         let message = format!("{flag} {}: {} is a file; expected a folder", path.display(), file.display());
@@ -352,12 +350,5 @@ pub fn folder(flag: &str, path: &Path) -> Result<(), Failure> {
         let message = format!("{flag} {}: expected a folder, and this is the name of a file", path.display());
         return Err(Failure::input(message));
     }
-    // A broken link is not missing: it is not ours to remove.
-    let is_missing = |at: &&Path| !at.as_os_str().is_empty() && fs::symlink_metadata(at).is_err();
-    let mut missing: Vec<_> = path.ancestors().take_while(is_missing).collect();
-    missing.reverse();
-    // Held while they appear, as for a draft.
-    let mut list = unfinished();
-    list.extend(missing.into_iter().map(Path::to_path_buf));
     fs::create_dir_all(path).map_err(|error| Failure::System(format!("cannot make {}: {error}", path.display())))
 }
