@@ -8,7 +8,7 @@
 >>> world.check().certified
 False
 
-All numbers are in SI; strings carry units. The command line and this package are two faces of the same crates.
+A number is in SI; a string has a unit. The package and the command line use the same crates and give the same results.
 """
 
 from ._analyses import Boundary, Comparison, Design, Identified, Impedance, Piece, Worst
@@ -43,7 +43,7 @@ from ._sweep import Sweep
 from ._widget import Widget
 from ._world import World, design, identify, load, measures
 
-#: A world and a network are one class.
+#: One class is for worlds and for networks.
 Network = World
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Analyses of a world, a record or a specification without a run."""
+"""The results of analyses: of a world, a record of motion, or a design. None of them needs a run."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 
 class Design(Answer):
-    """`stiffness`, `inertia`, `compensating_damping`, `natural_frequency_hz`, `peak_torque` of the notes' wheel, in SI.
+    """The design of the notes' wheel: `stiffness`, `inertia`, `compensating_damping`, `natural_frequency_hz`, `peak_torque`, in SI.
 
-    `world` is the wheel under forward Euler with the compensating damper, as `hapt design` prints it.
+    `world` is the world that `hapt design` prints: the wheel under forward Euler with the compensating damper.
     """
 
     def __init__(self, fields: dict[str, Any], world: World) -> None:
@@ -29,12 +29,12 @@ class Design(Answer):
 
 
 class Identified(Answer):
-    """`inertia`, `damping`, `friction`, `delay_s`, `lag_s`, `late_s`, `offset`, `sign`, `counts_per_rev`.
+    """A device identified from a record: `inertia`, `damping`, `friction`, `delay_s`, `lag_s`, `late_s`, `offset`, `sign`, `counts_per_rev`.
 
-    Each `{"value", "low", "high"}` (95 %) or None. Where the record runs into end stops, `stops` has their `low`, `high`, `stiffness` and `damping`
-    likewise. A lag that may be 0 is not distinguished from a delay: `delay_s` is then both together, as
-    `late_s` is. Of a device that is richer than the model the numbers are those of the torque's equation; there is a warning then, and delay
-    and lag are None.
+    Each is `{"value", "low", "high"}` in SI with the 95 % interval, or None where the record does not determine it. Where the record reaches
+    end stops, `stops` has their `low`, `high`, `stiffness` and `damping` in the same form. `late_s` is delay and lag together; where the lag
+    may be 0, the two cannot be distinguished, and `delay_s` is the same sum. Where the model does not explain the motion, the numbers are a
+    fit of the torque's equation: `warnings` has the reason, and delay and lag are None.
     """
 
     def __init__(self, fields: dict[str, Any], warnings: list[str]) -> None:
@@ -43,10 +43,12 @@ class Identified(Answer):
 
 
 class Comparison(Answer):
-    """Whether a record agrees with a world: true where nothing in it contradicts the world's device.
+    """A comparison of a record with a world's device. It is true where no number contradicts the world.
 
-    `agrees`; `numbers`, each with `name`, `estimate` (`{"value", "low", "high"}`, 95 %, or None), the `file`'s range, `sigmas` (standard
-    errors outside of it), `verdict` ("agrees", "contradicts" or "not told") and `reason`; `unexplained`; `residual`.
+    `agrees` is the same. `numbers` is a list, each with `name`, `estimate` (`{"value", "low", "high"}`, 95 %, or None), `file` (the world's
+    range), `sigmas` (the estimate's distance from that range in standard errors), `verdict` ("agrees", "contradicts", or "not told" where the
+    record does not determine the number) and `reason`. `unexplained` and `residual` are about the part of the motion that the model does
+    not explain.
     """
 
     def __bool__(self) -> bool:
@@ -54,9 +56,10 @@ class Comparison(Answer):
 
 
 class Worst(Answer):
-    """The passive hand that draws most energy from a loop, of a network the hands at all stations: the fields of `hapt worst --json`.
+    """The fields of `hapt worst --json`: the passive hand found that draws most energy from a loop; of a network the hands at all stations.
 
-    `world` has the scenario `worst` that shows it, a network with its messages as they were then; it is None for a motion.
+    `world` is the world or network with the scenario `worst`, which repeats it; a network also has the messages' delays of that run.
+    `world` is None where the hand is a prescribed motion.
     """
 
     def __init__(self, fields: dict[str, Any], world: Optional[World]) -> None:
@@ -67,8 +70,8 @@ class Worst(Answer):
 class Impedance(Table):
     """The impedance at the puck against frequency: rendered by the loop, ideal, and of loop and device together (`whole_`).
 
-    Columns as `hapt impedance --out` writes them, shape (points,), NaN where one is unbounded. `info` has the rest of the command's JSON:
-    `nyquist_hz`, what is `asked`, `resonances`, `device`, `notes`.
+    The columns are those of `hapt impedance --out`, shape (points,), NaN where a value is unbounded. `info` has the rest of the command's
+    JSON, in SI: `period_s`, `nyquist_hz`, `asked` (the world's nominal impedance), `resonances`, `device` and `notes`.
     """
 
     def __init__(self, columns: dict[str, NDArray[np.float64]], info: dict[str, Any]) -> None:
@@ -76,7 +79,10 @@ class Impedance(Table):
         self.info = info
 
     def plot(self, element: str = "stiffness", ax: Any = None) -> Any:
-        """Draws an element ("stiffness", "damping" or "inertia") over frequency; returns matplotlib's axes."""
+        """Draws an element ("stiffness", "damping" or "inertia") over frequency, and returns matplotlib's axes.
+
+        Raises ValueError for another element.
+        """
         names = [name for name in self if element in name]
         if not names:
             raise ValueError(f'element is {element!r}, but must be "stiffness", "damping" or "inertia"')
@@ -89,7 +95,10 @@ class Impedance(Table):
 
 
 class Piece(NamedTuple):
-    """An edge in one piece: the keys' values of its points in SI, and Hz where an eigenvalue crosses there, else NaN."""
+    """A connected piece of the edge of `claim`: `x` and `y` are the two keys' values in SI, shape (points,).
+
+    `hz` is the frequency in Hz at which an eigenvalue crosses the unit circle there, NaN where none does.
+    """
 
     claim: str
     x: NDArray[np.float64]
@@ -98,12 +107,12 @@ class Piece(NamedTuple):
 
 
 class Boundary:
-    """Where a loop stops being stable or passive, or a network passive, in the plane of two keys.
+    """The edges in the plane of two keys at which a loop stops being stable or passive, or a network passive.
 
-    `keys` are the two keys, `pieces` the edges. `everywhere` is, for each claim without an edge, whether it fails everywhere (True) or nowhere
-    (False), and is None for a claim with an edge or without a verdict. `lost` is, for each claim, where its edge goes on but is not followed,
-    because it turns or narrows within a hundred-thousandth of the plane: a smaller plane around such a point shows it. `undecided` is the
-    reason why a claim has no verdict in the plane, for those that have none.
+    `keys` are the two keys, `pieces` the pieces of the edges. `everywhere[claim]` is True where the claim fails in the whole plane, False
+    where it fails in no part of it, and None where it has an edge or no verdict. `lost[claim]` are the points (x, y) in SI from which an edge
+    continues but is not followed, because it turns or narrows within a hundred-thousandth of the plane: a smaller plane around the point
+    shows it. `undecided[claim]` is the reason for a missing verdict; claims with a verdict have no entry.
     """
 
     def __init__(
@@ -124,7 +133,7 @@ class Boundary:
         return f"<hapt.Boundary over {self.keys[0]} and {self.keys[1]}: {len(self.pieces)} pieces>"
 
     def to_pandas(self) -> pd.DataFrame:
-        """A row for each point: `edge`, `piece` (from 1 in each claim), the two keys, `hz`."""
+        """A DataFrame with a row for each point: `edge` (the claim), `piece` (from 1 in each claim), the two keys in SI, `hz`."""
         import pandas as pd
 
         count: dict[str, int] = {}
@@ -136,7 +145,7 @@ class Boundary:
         return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame(columns=["edge", "piece", *self.keys, "hz"])
 
     def plot(self, ax: Any = None) -> Any:
-        """Draws the edges in the plane; returns matplotlib's axes."""
+        """Draws the edges in the plane, and returns matplotlib's axes."""
         ax = axes_of(ax)
         colours: dict[str, str] = {}
         for piece in self.pieces:

@@ -1,4 +1,4 @@
-"""What a command answers, as a mapping."""
+"""The JSON of a command as a mapping."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 class Answer(Mapping[str, Any]):
-    """A mapping of the fields that the command's `--json` has."""
+    """A mapping with the fields of the command's `--json`."""
 
     def __init__(self, fields: dict[str, Any]) -> None:
         self._fields = fields
@@ -27,7 +27,7 @@ class Answer(Mapping[str, Any]):
 
 
 class Certificate(Answer):
-    """What `hapt check` answers: its truth is whether all of it is certified, and `print` shows it as `hapt check` does."""
+    """The result of `hapt check`: true where everything is certified; `print` shows the text of `hapt check`."""
 
     def __init__(self, fields: dict[str, Any], text: str) -> None:
         super().__init__(fields)
@@ -43,7 +43,7 @@ class Certificate(Answer):
         return f"<hapt.{type(self).__name__} certified={bool(self)}>"
 
     def _repr_html_(self) -> str:
-        # The notebook's own style sets no fixed width, and breaks lines.
+        # The notebook's own style for `pre` breaks lines and has no font of fixed width.
         style = "margin:0.3em 0;font-family:monospace;white-space:pre;overflow-x:auto;line-height:1.35"
         colour, word = ("#1a7f37", "certified") if self else ("#b42318", "not certified")
         return (

@@ -1,4 +1,4 @@
-"""What comes in as numbers, checked once."""
+"""The check of arrays that a caller passes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 def numbers(name: str, values: Any, least: int = 1) -> NDArray[np.float64]:
     """`values` as a contiguous one-dimensional array of float64.
 
-    Raises TypeError for what are no real numbers, ValueError for a wrong shape, too few, or numbers that are not finite.
+    Raises TypeError where the elements are not real numbers; ValueError where the shape is not (n,), n is below `least`, an element is
+    masked, or one is not finite.
     """
     if np.ma.is_masked(values):
         raise ValueError(f"{name}: elements are masked, but each must be a number: leave them out, or fill them in")

@@ -1,6 +1,7 @@
-"""Couplings and hands for worlds built in Python: each is a table of the world file (docs/keys.md), nothing more.
+"""Couplings and hands for worlds built in Python. Each class is a table of the world file, with the keys of docs/keys.md as fields.
 
-A quantity is a string with a unit, or a number in SI. A field that is None is left out, so that the file's default holds.
+A quantity is a string with a unit, or a number in SI. A field that is None is left out of the table: the file's default applies.
+In the formulas q = q_first - q_second is the position between the two ends, and the torque acts on the first end.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ Quantity = Union[str, float]
 
 
 class Table:
-    """A table of the world file with a `kind`: the name of its class, as the file spells it."""
+    """A table of the world file with a `kind`: the name of its class in lower case, with hyphens."""
 
     kind: ClassVar[str]
 
@@ -29,18 +30,18 @@ class Table:
 
 @dataclass(frozen=True)
 class Coupling(Table):
-    """An element `between` two ends, each "puck", "ground" or a body."""
+    """A coupling `between` two ends, each "puck", "ground" or the name of a body."""
 
     between: Sequence[str]
 
 
 class Hand(Table):
-    """What moves the puck."""
+    """A hand: the motion of the puck or the torque on it."""
 
 
 @dataclass(frozen=True)
 class Spring(Coupling):
-    """-stiffness · (q - rest) on the first of the two ends, q = q_first - q_second."""
+    """A spring: -stiffness · (q - rest), within ±limit."""
 
     stiffness: Quantity
     rest: Optional[Quantity] = None
@@ -49,7 +50,7 @@ class Spring(Coupling):
 
 @dataclass(frozen=True)
 class Damper(Coupling):
-    """-damping · q̇; "compensating" is the period times the stiffness of the springs between the same ends."""
+    """A damper: -damping · q̇, within ±limit. "compensating" is the period times the stiffness of the springs between the same ends."""
 
     damping: Quantity
     limit: Optional[Quantity] = None
@@ -57,7 +58,7 @@ class Damper(Coupling):
 
 @dataclass(frozen=True)
 class Wall(Coupling):
-    """A spring and a damper while q is beyond `at` on its `side`, "above" or "below", never pulling."""
+    """A wall: a spring and a damper while q is beyond `at` on its `side`, "above" or "below". It pushes and never pulls."""
 
     stiffness: Quantity
     side: str
@@ -68,7 +69,7 @@ class Wall(Coupling):
 
 @dataclass(frozen=True)
 class Detent(Coupling):
-    """-torque · sin(2π (q - phase)/pitch)."""
+    """Detents: -torque · sin(2π (q - phase)/pitch)."""
 
     torque: Quantity
     pitch: Quantity
@@ -77,7 +78,7 @@ class Detent(Coupling):
 
 @dataclass(frozen=True)
 class DeadBand(Coupling):
-    """A spring that begins `width` from `rest`, on both sides."""
+    """A spring with a dead band: no torque within `width` of `rest` on either side, -stiffness times the distance beyond it."""
 
     stiffness: Quantity
     width: Quantity
@@ -87,7 +88,7 @@ class DeadBand(Coupling):
 
 @dataclass(frozen=True)
 class Magnet(Coupling):
-    """Pulls to `at`, most at the distance `width`, with `torque`."""
+    """A magnet that pulls to `at`. The pull is greatest at the distance `width`, where it is `torque`."""
 
     torque: Quantity
     width: Quantity
@@ -96,7 +97,10 @@ class Magnet(Coupling):
 
 @dataclass(frozen=True)
 class Texture(Coupling):
-    """torque · waveform over θ = 2π (q - phase)/pitch: harmonics (`sine`, `cosine`), `samples` over one period, or a `file` of them."""
+    """A texture: torque · waveform(θ), θ = 2π (q - phase)/pitch.
+
+    The waveform is given by one of these: harmonics (`sine`, `cosine`), `samples` over one pitch, or a `file` of samples.
+    """
 
     torque: Quantity
     pitch: Quantity
@@ -109,7 +113,7 @@ class Texture(Coupling):
 
 @dataclass(frozen=True)
 class Friction(Coupling):
-    """Coulomb friction of a `torque`, or LuGre friction of the other six."""
+    """Coulomb friction with `torque`, or LuGre friction with the other six fields."""
 
     torque: Optional[Quantity] = None
     coulomb: Optional[Quantity] = None
@@ -122,7 +126,7 @@ class Friction(Coupling):
 
 @dataclass(frozen=True)
 class Integral(Coupling):
-    """-stiffness/time · Σ T (q - rest), between puck and ground: the integral term of a PID controller."""
+    """The integral term of a PID controller between puck and ground: -stiffness/time · Σ T (q - rest), within ±limit."""
 
     stiffness: Quantity
     time: Optional[Quantity] = None
@@ -132,7 +136,7 @@ class Integral(Coupling):
 
 @dataclass(frozen=True)
 class Assist(Coupling):
-    """torque · q̇/velocity, within ±torque, between puck and ground: what a compensation of friction is read as."""
+    """A compensation of friction between puck and ground: torque · q̇/velocity, within ±torque."""
 
     torque: Quantity
     velocity: Quantity
@@ -147,7 +151,7 @@ class Constant(Coupling):
 
 @dataclass(frozen=True)
 class Step(Hand):
-    """The puck at 0, from `at` on at `to`; the hand is gone from `release` on."""
+    """A prescribed step: the puck is at 0 before the time `at` and at `to` from then on. From the time `release` on there is no hand."""
 
     to: Quantity
     at: Optional[Quantity] = None
@@ -156,7 +160,7 @@ class Step(Hand):
 
 @dataclass(frozen=True)
 class Ramp(Hand):
-    """From 0 to `to` at constant velocity, beginning `at`, taking `over`."""
+    """A prescribed ramp from 0 to `to` at constant velocity. It begins at the time `at` and takes the time `over`."""
 
     to: Quantity
     over: Quantity
@@ -166,7 +170,7 @@ class Ramp(Hand):
 
 @dataclass(frozen=True)
 class Sine(Hand):
-    """amplitude · sin(2π frequency t + phase)."""
+    """A prescribed sine: amplitude · sin(2π frequency t + phase)."""
 
     amplitude: Quantity
     frequency: Quantity
@@ -176,7 +180,7 @@ class Sine(Hand):
 
 @dataclass(frozen=True)
 class Path(Hand):
-    """A CSV of time and position, straight between the points; relative to the current folder."""
+    """A prescribed motion from a CSV `file` of times and positions, linear between the points. Its path is relative to the current folder."""
 
     file: str
     release: Optional[Quantity] = None
@@ -184,7 +188,7 @@ class Path(Hand):
 
 @dataclass(frozen=True)
 class Torque(Hand):
-    """The puck moves by itself, pushed by a torque of the shape `moves`."""
+    """A torque on the free puck. Its course over time is that of the motion `moves`, with torques as amplitudes."""
 
     moves: Hand
     release: Optional[Quantity] = None
@@ -192,7 +196,7 @@ class Torque(Hand):
 
 @dataclass(frozen=True)
 class Grip(Hand):
-    """The puck in a hand of inertia, damping and stiffness around the intended motion `moves`."""
+    """A hand of inertia, damping and stiffness that holds the puck; `moves` is its intended motion."""
 
     moves: Hand
     inertia: Optional[Quantity] = None

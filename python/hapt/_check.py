@@ -1,4 +1,4 @@
-"""The certificate."""
+"""The certificate of a world or network."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ._answer import Certificate
 
 
 class Eigenvalue(TypedDict):
-    """An eigenvalue of one sample's map."""
+    """An eigenvalue of the map from one sample to the next, with its absolute value."""
 
     re: float
     im: float
@@ -16,7 +16,7 @@ class Eigenvalue(TypedDict):
 
 
 class Mode(TypedDict):
-    """A mode of the continuous system, and the loop's nearest to it."""
+    """A mode of the continuous system, and the sampled loop's mode nearest to it; frequencies in Hz."""
 
     frequency_hz: float
     damping_ratio: float
@@ -25,7 +25,10 @@ class Mode(TypedDict):
 
 
 class Stability(TypedDict):
-    """The world with the puck held, without the device, or the loop on its device with no hand."""
+    """Stability: of the world with the puck held ("held"), or of the loop on its device without a hand ("free").
+
+    Growth in 1/s, the critical period in s.
+    """
 
     eigenvalues: list[Eigenvalue]
     spectral_radius: float
@@ -37,7 +40,7 @@ class Stability(TypedDict):
 
 
 class Passivity(TypedDict):
-    """The loop against every passive hand; dampings in N·m·s/rad (linear: N·s/m)."""
+    """Passivity of the loop for every passive hand; dampings in N·m·s/rad (linear: N·s/m), the speed in rad/s (m/s), `at_hz` in Hz."""
 
     required_damping: Optional[float]
     device_damping: float
@@ -49,7 +52,7 @@ class Passivity(TypedDict):
 
 
 class Pattern(TypedDict):
-    """Intervals and delays in s that repeat, and the growth of the hands-off loop under them in 1/s."""
+    """A repeating pattern of intervals and delays in s, and the growth of the loop without a hand under it in 1/s."""
 
     intervals_s: list[float]
     delays_s: list[float]
@@ -57,7 +60,10 @@ class Pattern(TypedDict):
 
 
 class FreePatterns(TypedDict):
-    """The hands-off loop under every pattern of intervals and delays; `verdict` is "proved", "broken" or "open"."""
+    """Stability of the loop without a hand under every pattern of intervals and delays.
+
+    `verdict` is "proved", "broken" (`pattern` makes the motion grow) or "open".
+    """
 
     verdict: str
     by: Optional[str]
@@ -66,7 +72,7 @@ class FreePatterns(TypedDict):
 
 
 class Uneven(TypedDict):
-    """Passivity for all intervals, delays and devices that the world allows; times in s, dampings as in `Passivity`."""
+    """Passivity for all intervals, delays and devices within the world's tolerances; times in s, the rest as in `Passivity`."""
 
     interval_s: list[float]
     interval_max_s: float
@@ -81,7 +87,7 @@ class Uneven(TypedDict):
 
 
 class TheoremUse(TypedDict):
-    """A theorem of docs/theory.md, what it claims of this world ("held", "free", "passive"), and what it assumes."""
+    """A theorem of docs/theory.md, its claims about this world ("held", "free", "passive"), and its assumptions."""
 
     id: str
     claims: list[str]
@@ -89,53 +95,53 @@ class TheoremUse(TypedDict):
 
 
 class Check(Certificate):
-    """The mapping of `hapt check --json` (docs/contract.md, section 7; of a network section 9); `print` shows it as `hapt check` does.
+    """The mapping of `hapt check --json` (docs/contract.md, section 7; of a network section 9). `print` shows the text of `hapt check`.
 
-    Its truth is whether all of it is certified: `assert world.check()`. A network has no `status`, `theorems`, `held`, `free`, `passivity`
-    and `uneven`: each station's are below `["stations"]`.
+    It is true where everything is certified: `assert world.check()`. A network has no `status`, `theorems`, `held`, `free`, `passivity`
+    and `uneven`: `["stations"]` has them for each station.
     """
 
     @property
     def certified(self) -> bool:
-        """Held, free and passive, each by a theorem that covers the world; every station by itself, and all passive together."""
+        """Whether theorems that cover the world prove it stable (held and free) and passive; of a network, each station and the whole."""
         return bool(self._fields["certified"])
 
     @property
     def status(self) -> str:
-        """One of "certified"; "open": nothing was found against it, and no theorem covers it; or "refuted"."""
+        """The verdict: "certified", "refuted", or "open" where nothing refutes the world and no theorem covers it."""
         return cast(str, self._fields["status"])
 
     @property
     def theorems(self) -> list[TheoremUse]:
-        """The theorems that make the claims."""
+        """The theorems that prove the claims."""
         return cast("list[TheoremUse]", self._fields["theorems"])
 
     @property
     def held(self) -> Stability:
-        """The world without the device, the puck held still."""
+        """Stability of the world without the device, with the puck held still."""
         return cast(Stability, self._fields["held"])
 
     @property
     def free(self) -> Stability:
-        """World, estimator, delay, hold and device together, no hand on the puck."""
+        """Stability of world, estimator, delay, hold and device together, without a hand."""
         return cast(Stability, self._fields["free"])
 
     @property
     def passivity(self) -> Passivity:
-        """The loop against every passive hand."""
+        """Passivity of the loop for every passive hand, at even times."""
         return cast(Passivity, self._fields["passivity"])
 
     @property
     def uneven(self) -> Uneven:
-        """The loop against every passive hand under uneven time and tolerances."""
+        """Passivity and stability of the loop for uneven times and all devices within the tolerances."""
         return cast(Uneven, self._fields["uneven"])
 
     @property
     def remedies(self) -> Optional[dict[str, Any]]:
-        """What makes the loop certified, or the margins of a certified one; None where they were not asked for."""
+        """Changes that make the loop certified, or the margins of a certified loop; None with `check(remedies=False)`."""
         return cast("Optional[dict[str, Any]]", self._fields["remedies"])
 
     @property
     def notes(self) -> list[str]:
-        """Conditions that apply to the numbers."""
+        """The conditions under which the numbers hold."""
         return cast("list[str]", self._fields["notes"])

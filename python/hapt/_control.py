@@ -13,17 +13,17 @@ if TYPE_CHECKING:
 
 Matrix = NDArray[np.float64]
 
-#: A delay within this part of a period of a whole sample is that sample.
+#: A delay that differs from a whole number of samples by less than this part of a period counts as that number.
 _WHOLE = 1e-6
 
 
 class StateSpaces(NamedTuple):
-    """What `World.to_control` gives; each is a `control.StateSpace`. Torques in N·m, positions in rad (linear: N, m).
+    """The result of `World.to_control`; each field is a `control.StateSpace`. Torques in N·m, positions in rad (linear: N, m).
 
-    `world`: from the measured position and velocity to the torque on the puck, a step a period. `device`: from the motor's command to the
-    puck's position and velocity, continuous, with the motor's lag and the handle's shaft where the world has them, without delay and
-    Coulomb friction. `loop`: both with estimator, hold and delay, from the torque of a hand (on the handle where there is one), held for a
-    period, to the puck's position and velocity. Encoder, levels and limit are left out; nonlinear couplings count with their steepest rise.
+    `world` is discrete: from the measured position and velocity to the torque on the puck. `device` is continuous: from the motor's command
+    to the puck's position and velocity, with the motor's lag and the handle's shaft where the world has them, without delay and Coulomb
+    friction. `loop` is discrete: world, device, estimator, hold and delay, from a hand's torque (on the handle where there is one), held for a
+    period, to the puck's position and velocity. Encoder, levels and limit are left out; nonlinear couplings have their steepest slope.
     """
 
     world: Any
@@ -32,7 +32,7 @@ class StateSpaces(NamedTuple):
 
 
 def state_spaces(world: World) -> StateSpaces:
-    """Raises ImportError without python-control, ValueError where the analysis has no result."""
+    """The state spaces of `World.to_control`. Raises ImportError without python-control, ValueError where the analysis has no result."""
     import control
 
     parts = json.loads(world._native.state_spaces())
@@ -43,7 +43,7 @@ def state_spaces(world: World) -> StateSpaces:
     ad, bd, cd, dd = _matrices(parts["device"])
     names = {"inputs": ["torque"], "outputs": ["position", "velocity"], "name": "device"}
     continuous = control.ss(ad, bd[:, :1], cd, dd[:, :1], **names)
-    # Of FOAW the longest window.
+    # FOAW has a filter for each length of its window; this is the longest.
     estimator = _filtered(_estimator(parts["estimators"][-1]), parts["filter"])
     names = {"inputs": ["hand_torque"], "outputs": ["position", "velocity"], "name": "loop"}
     closed = _closed((a, b, c, d), estimator, _sampled(ad, bd, period, float(parts["delay"])))
@@ -60,7 +60,7 @@ def _matrices(part: dict[str, Any]) -> tuple[Matrix, Matrix, Matrix, Matrix]:
 
 
 def _estimator(part: dict[str, Any]) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """From (z_k, ż_k) to (z_k, v_k): v_k = pole v_{k-1} + Σ taps_i z_{k-i}, the state v_{k-1} and the positions before."""
+    """The filter from (z_k, ż_k) to (z_k, v_k): v_k = pole v_{k-1} + Σ taps_i z_{k-i}. Its state is v_{k-1} and the earlier positions."""
     taps, pole = np.array(part["taps"], dtype=float), float(part["pole"])
     if not len(taps):
         return np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((2, 0)), np.eye(2)
@@ -91,16 +91,16 @@ def _filtered(estimator: tuple[Matrix, Matrix, Matrix, Matrix], pole: float | No
 
 
 def _sampled(a: Matrix, b: Matrix, period: float, delay: float) -> tuple[Matrix, Matrix]:
-    """The device a period later: its state and the commands in flight; inputs: this sample's command, and a hand's torque.
+    """The device sampled once a period: the matrices a and b of its state and the delayed commands; inputs: this command, a hand's torque.
 
-    The motor's command is that of n + 1 samples ago for the delay's part of a period, then that of n samples ago.
+    With a delay of n samples and a part of one, the motor holds the command of n + 1 samples ago for that part, then that of n samples ago.
     """
     from scipy.linalg import expm
 
     states = len(a)
 
     def over(h: float) -> tuple[Matrix, Matrix, Matrix]:
-        """The change of the state over `h`, and what a command and a hand's torque add to it."""
+        """The transition of the state over the time `h`, and its response to a command and to a hand's torque held over it."""
         whole = np.asarray(expm(h * np.block([[a, b], [np.zeros((2, states + 2))]])), dtype=np.float64)
         return whole[:states, :states], whole[:states, states : states + 1], whole[:states, states + 1 : states + 2]
 
@@ -129,7 +129,7 @@ def _closed(
     estimator: tuple[Matrix, Matrix, Matrix, Matrix],
     device: tuple[Matrix, Matrix],
 ) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """The device's state, the estimator's and the world's, one after the other."""
+    """The closed loop: its state is the device's, then the estimator's, then the world's."""
     aw, bw, cw, dw = world
     ae, be, ce, de = estimator
     ad, bd = device

@@ -1,4 +1,4 @@
-"""The native module; the package's classes are its face."""
+"""The native module. The package's own modules adapt it to Python's conventions."""
 
 from typing import Any, Optional, final
 
@@ -24,7 +24,11 @@ __all__ = [
 VERSION: str
 
 class WorldError(ValueError):
-    """A world, or a change of one, that cannot be read."""
+    """A world, or a change of one, that cannot be read.
+
+    The text shows the line with a caret under the mistake. `key` is the dotted path of the key or '', `kind` the sort of mistake; `line` and
+    `column` count from 1, and are None where the mistake is in no text.
+    """
 
     key: str
     kind: str

@@ -1,4 +1,4 @@
-"""The loop behind a page, from a notebook."""
+"""`hapt live` as a process, started from Python."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from ._program import found
 
 
 class Live:
-    """A running `hapt live`; `address` is its page. Ends with `close()`, at the end of a `with` block, or with Python."""
+    """A running `hapt live`; `address` is the URL of its page. It ends with `close()`, at the end of a `with` block, or with Python.
+
+    Raises FileNotFoundError without the program, RuntimeError where it ends before it serves a page.
+    """
 
     def __init__(self, world: str, port: int = 0, program: Optional[str] = None) -> None:
         path = found(program)
@@ -26,7 +29,7 @@ class Live:
         if not self.address:
             code = self._process.wait()
             self.close()
-            raise RuntimeError(f"hapt live ends with {code} before it serves a page")
+            raise RuntimeError(f"hapt live ends with exit code {code} before it serves a page")
 
     def close(self) -> None:
         """Ends the loop and its page."""

@@ -1,4 +1,4 @@
-"""A scenario's run."""
+"""The run of a scenario."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 class Run(Table):
-    """A run of a scenario: `run["torque_Nm"]` is the array of that CSV column, shape (rows,), SI.
+    """The run of a scenario: `run["torque_Nm"]` is the array of that CSV column, shape (rows,), in SI.
 
-    `summary` has what `hapt sim` prints, in SI: `rows`, `peak_torque` (before the limit) and `peak_time_s`, `clipped` (samples beyond the
-    motor's limit) and `first_clipped_s`, `final_energy` of the world, the fitted `growth_per_s` or None, and the energies that hand and motor
-    gave and damping, friction, end stops and the damping of a handle's shaft took. `ended` is the reason why the run stops before its duration,
-    or None.
+    `summary` has the numbers that `hapt sim` prints, in SI: `rows`; `peak_torque` (before the limit) and `peak_time_s`; `clipped` (the number
+    of samples beyond the motor's limit) and `first_clipped_s`; `final_energy` of the world; the fitted `growth_per_s` or None; the energies
+    supplied by hand and motor, and those dissipated by damping, friction, end stops and the damping of a handle's shaft, as `*_energy`.
+    `ended` is the reason for an end before the scenario's duration, or None.
     """
 
     def __init__(
@@ -35,11 +35,11 @@ class Run(Table):
 
     @property
     def time(self) -> NDArray[np.float64]:
-        """t_k in s."""
+        """The times t_k of the samples in s, shape (rows,)."""
         return self["time_s"]
 
     def to_xarray(self) -> xr.Dataset:
-        """A Dataset of the columns over the coordinate `time_s`, the summary as its attributes."""
+        """An xarray Dataset of the columns over the coordinate `time_s`, with the summary as attributes."""
         import xarray as xr
 
         columns = {name: ("time_s", column) for name, column in self.items() if name != "time_s"}
@@ -47,9 +47,9 @@ class Run(Table):
         return xr.Dataset(columns, coords={"time_s": self.time}, attrs={"scenario": self.scenario, **attributes})
 
     def plot(self, *columns: str, ax: Any = None) -> Any:
-        """Draws columns over time, positions and torque by default, one below the other; returns matplotlib's axes.
+        """Draws columns over time, by default positions and torque, one below the other, and returns matplotlib's axes.
 
-        With `ax` everything named goes into these axes.
+        With `ax` all columns are drawn in these axes. Raises KeyError for an unknown column.
         """
         names = [name for name in self if name != "time_s"]
         chosen = list(columns) or [n for n in names if n.startswith(("puck_", "torque_", "force_")) and "_per_s" not in n]

@@ -1,4 +1,4 @@
-"""The loop without its device, and the device without its loop, sample by sample, for other simulators."""
+"""The loop without its device, and the device without its loop, stepped sample by sample from other simulators."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
 
 
 class Loop:
-    """The loop of a world: `step` once a period with the puck's true position and velocity.
+    """The loop of a world. Call `step` once a period with the puck's true position and velocity.
 
-    `copy.copy`, `copy.deepcopy` and `pickle` keep the state to the bit: the copy goes on with the same torques.
+    `copy.copy`, `copy.deepcopy` and `pickle` keep the state to the bit: the copy continues with the same torques.
 
     >>> import hapt
     >>> world = hapt.load('''
@@ -34,11 +34,11 @@ class Loop:
         self._native = world._native.running() if native is None else native
 
     def step(self, position: float, velocity: float = 0.0) -> float:
-        """One sample: the couplings' torque on the puck in N·m (linear: N), before levels and limit, as the column `torque_Nm`.
+        """Takes one sample, and returns the couplings' torque on the puck in N·m (linear: N), before levels and limit (column `torque_Nm`).
 
-        `position` in rad (linear: m), `velocity` in rad/s (m/s). Only the estimator "exact" takes the velocity; others derive their own.
-        Raises ValueError for what is not finite, TypeError for what is no number, and OverflowError where the loop stops being finite, as
-        a run ends there (`Run.ended`): only `reset` goes on from it.
+        `position` in rad (linear: m), `velocity` in rad/s (m/s). Only the estimator "exact" uses the velocity; the others derive their own.
+        Raises TypeError for an argument that is no number, ValueError for one that is not finite, and OverflowError where the loop's state
+        stops being finite, as a run ends there (`Run.ended`): then only `reset` makes it usable again.
         """
         try:
             return self._native.step(position, velocity)
@@ -46,7 +46,7 @@ class Loop:
             raise TypeError(f"position and velocity: {error}") from None
 
     def reset(self) -> None:
-        """Back to the bodies' initial state, and nothing remembered."""
+        """Sets the state to the beginning: the bodies at their initial state, no earlier samples."""
         self._native.reset()
 
     @property
@@ -56,17 +56,17 @@ class Loop:
 
     @property
     def measured(self) -> tuple[float, float]:
-        """The puck's position and velocity as the loop saw them at the last sample."""
+        """The puck's measured position and estimated velocity at the last sample, in rad and rad/s (linear: m and m/s)."""
         return self._native.measured
 
     @property
     def period(self) -> float:
-        """T in s."""
+        """The loop's period T in s."""
         return self._native.period
 
     @property
     def bodies(self) -> dict[str, tuple[float, float]]:
-        """Position and velocity of each body at the last sample."""
+        """Position and velocity of each body at the last sample, in rad and rad/s (linear: m and m/s)."""
         return {name: (position, velocity) for name, position, velocity in self._native.bodies}
 
     def __copy__(self) -> Loop:
@@ -86,9 +86,9 @@ def _loop(world: World, state: bytes) -> Loop:
 
 
 class Device:
-    """The device of a world, exactly: inertia, viscous damping, Coulomb friction, delay, and a scenario's hand or none.
+    """The device of a world, integrated exactly: inertia, viscous damping, Coulomb friction, delay, with the hand of a scenario or without.
 
-    `copy.copy`, `copy.deepcopy` and `pickle` keep the state to the bit: the copy goes on with the same motion.
+    `copy.copy`, `copy.deepcopy` and `pickle` keep the state to the bit: the copy continues with the same motion.
     """
 
     def __init__(self, world: World, scenario: Optional[str] = None, native: Optional[_hapt.Device] = None) -> None:
@@ -97,10 +97,11 @@ class Device:
         self._native = world._native.device(scenario) if native is None else native
 
     def step(self, torque: float) -> tuple[float, float]:
-        """Commands `torque` (N·m; linear: N) to the motor for a period: the puck's position and velocity at its end.
+        """Commands `torque` (N·m; linear: N) to the motor for a period, and returns the puck's position and velocity at the period's end.
 
-        The limit and the levels are the loop's: see `Loop.command`. Raises ValueError for what is not finite, and OverflowError where the
-        puck stops being finite: only `reset` goes on from it.
+        Position in rad (linear: m), velocity in rad/s (m/s). The device applies no levels and no limit: `Loop.command` has both. Raises
+        TypeError for a torque that is no number, ValueError for one that is not finite, and OverflowError where the puck's motion stops being
+        finite: then only `reset` makes it usable again.
         """
         try:
             return self._native.step(torque)
@@ -108,7 +109,7 @@ class Device:
             raise TypeError(f"torque: {error}") from None
 
     def reset(self) -> None:
-        """Back to the beginning: at rest at 0, or where the scenario's hand begins."""
+        """Sets the state to the beginning: at rest at 0, or where the scenario's hand begins."""
         self._native.reset()
 
     @property
@@ -118,12 +119,12 @@ class Device:
 
     @property
     def handle(self) -> Optional[tuple[float, float]]:
-        """The same of a handle on a shaft; None: the puck is the handle."""
+        """The true position and velocity of a handle on a shaft, in the units of `puck`; None where the puck is the handle."""
         return self._native.handle
 
     @property
     def applied(self) -> float:
-        """What the motor holds, in N·m (linear: N)."""
+        """The torque that the motor applies, in N·m (linear: N)."""
         return self._native.applied
 
     def __copy__(self) -> Device:

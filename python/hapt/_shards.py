@@ -1,6 +1,6 @@
-"""A sweep beyond one process: shards on an executor, and their files.
+"""A sweep in shards: their computation on an executor, and their files.
 
-The rows of a shard do not depend on where it is computed, so a shard can be computed again, anywhere, at any time.
+The rows of a shard do not depend on the process that computes it, so that a lost shard can be computed again in another.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow.dataset
 
-#: The file that records of which sweep the others are, and which of them are there.
+#: The name of the manifest, which identifies the sweep and lists the finished shards.
 MANIFEST = "_manifest.json"
-#: A shard shall take so long, in s, so that its overhead is small.
+#: The intended computing time of a shard in s: long against its overhead.
 SHARD = 1.0
-#: The most rows of a shard, and in memory at once.
+#: The largest number of rows of a shard, and of those in memory at once.
 MAX_ROWS, GROUP = 1 << 24, 1 << 16
-#: Shards under way at once at most, and seconds between two writes of the manifest.
+#: The largest number of shards submitted at once, and the least time in s between two writes of the manifest.
 UNDER_WAY, NOTED = 1000, 1.0
 
 
 @dataclass(frozen=True)
 class Job:
-    """A sweep as plain data: what a worker needs, and nothing else."""
+    """A sweep as plain data that can be sent to a worker."""
 
     parts: tuple[Any, ...]
     axes: dict[str, NDArray[np.float64]]
@@ -47,24 +47,25 @@ class Job:
     version: str = _hapt.VERSION
 
     def grid(self) -> _hapt.Sweep:
-        """The grid with all of the reader's checks."""
+        """Reads the world and makes the grid. Raises the errors of `World.sweep`."""
         return _hapt.read(*self.parts).sweep(list(self.axes.items()), self.measures, self.scenario)
 
     def fingerprint(self, grid: _hapt.Sweep) -> str:
-        """Of everything that the rows depend on, the files that it names among it: they may differ from machine to machine."""
+        """A hash of everything that the rows depend on, with the contents on this machine of the files that the world names."""
         return hashlib.sha256(f"{self.version} {grid.content()}".encode()).hexdigest()
 
     def columns(self, start: int, rows: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        """The table's columns of the cells from `start` on, of which `rows` are the measures."""
+        """The table's columns for the cells from `start` on: the keys' values, then the measures `rows`, shape (cells, measures)."""
         places = np.unravel_index(np.arange(start, start + len(rows)), [len(values) for values in self.axes.values()])
         keys = {key: values[place] for (key, values), place in zip(self.axes.items(), places)}
         return {**keys, **{name: rows[:, i] for i, name in enumerate(self.measures)}}
 
 
 def compute(job: Job, fingerprint: str, start: int, end: int, threads: int, target: Optional[Target], name: str) -> Any:
-    """A shard's measures, shape (cells, measures); with a target its rows as a Parquet file there, and None.
+    """Computes the cells from `start` up to `end`. Without a target it returns the measures, shape (cells, measures).
 
-    Raises RuntimeError where this worker has another version, or another content of a file that the world names.
+    With a target it writes the rows as a Parquet file `name` there, and returns None. Raises RuntimeError where this worker has another
+    version of hapt, or another content of a file that the world names.
     """
     if job.version != _hapt.VERSION:
         raise RuntimeError(f"this worker has hapt {_hapt.VERSION}, and the sweep is one of hapt {job.version}")
@@ -88,10 +89,10 @@ def compute(job: Job, fingerprint: str, start: int, end: int, threads: int, targ
 
 
 def executor_of(client: Any) -> Executor:
-    """`client` as an executor. Raises TypeError for what is none of those that `World.sweep` names."""
+    """`client` as an executor. Raises TypeError for a type that `World.sweep` does not name."""
     if isinstance(client, Executor):
         return client
-    if hasattr(client, "get_executor"):  # Dask's client, which gives a lost worker's tasks to others.
+    if hasattr(client, "get_executor"):  # Dask's client, which runs a lost worker's tasks on other workers.
         return client.get_executor(retries=3, pure=False)  # type: ignore[no-any-return]
     if hasattr(client, "ObjectRef"):  # The module ray.
         return _Ray(client)
@@ -107,7 +108,7 @@ class _Ray(Executor):
 
 
 def shards_of(cells: int, grid: _hapt.Sweep, threads: int) -> int:
-    """So many shards that each takes about a second of a worker like this process."""
+    """The number of shards with which each takes about `SHARD` seconds of this process."""
     count, spent = 16, 0.0
     while count < min(cells, GROUP) and spent < SHARD / 10:
         count = min(4 * count, cells, GROUP)
@@ -119,17 +120,17 @@ def shards_of(cells: int, grid: _hapt.Sweep, threads: int) -> int:
 
 
 def ends(cells: int, shards: int, shard: int) -> tuple[int, int]:
-    """The cells of a shard, as `hapt sweep --shard` has them."""
+    """The first cell of a shard and the one after its last, as `hapt sweep --shard` divides the table."""
     return shard * cells // shards, (shard + 1) * cells // shards
 
 
 def run(
     job: Job, fingerprint: str, todo: list[int], cells: int, shards: int, client: Any, threads: int, target: Optional[Target]
 ) -> Iterator[tuple[int, Any]]:
-    """`(shard, result)` in the order in which they are done.
+    """Computes the shards `todo`, and yields `(shard, result)` in the order in which they finish.
 
-    A lost worker's shards run again: on another one where the executor has others, in this process where the executor is broken. Raises
-    what a shard raises, after the shards under way are cancelled.
+    A lost worker's shards are computed again: on another worker of the executor, or in this process where the executor is broken. Where a
+    shard raises an exception, the other shards are cancelled and the exception is raised.
     """
     executor = None if client is None else executor_of(client)
     left, pending = iter(todo), dict[Any, int]()
@@ -148,9 +149,9 @@ def run(
                 done.add(shard)
                 yield shard, result
     except BrokenExecutor as error:
-        warnings.warn(f"the executor is broken ({error}): the shards that are missing run in this process", RuntimeWarning, stacklevel=3)
+        warnings.warn(f"the executor is broken ({error}): the missing shards are computed in this process", RuntimeWarning, stacklevel=3)
     except CancelledError as error:
-        raise RuntimeError("the executor has lost its shards: its scheduler is gone") from error
+        raise RuntimeError("the executor has cancelled its shards: its scheduler is gone") from error
     finally:
         for future in pending:
             future.cancel()
@@ -161,15 +162,15 @@ def run(
 
 
 def file_of(shard: int) -> str:
-    """The name of a shard's file: in the order of the table."""
+    """The name of a shard's file. The names sort in the order of the table."""
     return f"part-{shard:08}.parquet"
 
 
 class Dataset:
-    """A sweep's table as Parquet files, one a shard, in the order of the table; null where a measure has no value.
+    """A sweep's table as Parquet files, one for each shard, in the order of the table. A measure without a value is null.
 
-    `place` is the folder or URL, `files` are the files, `cells` is the number of rows. `pandas.read_parquet(place)`,
-    `polars.scan_parquet(glob)`, DuckDB's `FROM 'glob'` and `scan()` read it; the last three lazily.
+    `place` is the folder or URL, `files` are the files' paths or URLs, `cells` is the number of rows. These read it:
+    `pandas.read_parquet(place)`, `polars.scan_parquet(glob)`, DuckDB's `FROM 'glob'` and `scan()`; the last three read lazily.
     """
 
     def __init__(self, target: Target, cells: int, shards: int) -> None:
@@ -183,11 +184,11 @@ class Dataset:
 
     @property
     def glob(self) -> str:
-        """A pattern of all of its files."""
+        """A pattern that matches all files."""
         return self._target.path("part-*.parquet")
 
     def scan(self) -> pyarrow.dataset.Dataset:
-        """The data set of pyarrow, which reads the columns and rows that are asked for."""
+        """The table as a pyarrow data set, which reads only the columns and rows of a query."""
         import pyarrow.dataset as ds
 
         if self._target.is_local:
@@ -198,12 +199,12 @@ class Dataset:
         return ds.dataset([system._strip_protocol(file) for file in self.files], filesystem=system, format="parquet")
 
     def to_pandas(self) -> pd.DataFrame:
-        """All rows in memory."""
+        """A DataFrame of all rows, in memory."""
         return self.scan().to_table().to_pandas()  # type: ignore[no-any-return]
 
 
 class Manifest:
-    """Of which sweep a target's files are, in how many shards, and which of them are there."""
+    """The manifest of a target: the sweep's fingerprint, the number of shards, and the finished shards."""
 
     def __init__(self, target: Target, fields: dict[str, Any]) -> None:
         self._target = target
@@ -212,7 +213,10 @@ class Manifest:
 
     @classmethod
     def open(cls, target: Target, fingerprint: str, cells: int, shards: Optional[int], default: Callable[[], int]) -> Manifest:
-        """The target's manifest, or a new one. Raises ValueError for that of another sweep or of other shards, OSError."""
+        """Reads the target's manifest, or writes a new one.
+
+        Raises ValueError for the manifest of another sweep or another number of shards, OSError where it cannot be read or written.
+        """
         text = target.read(MANIFEST)
         if text is None:
             count = shards or default()
@@ -225,32 +229,35 @@ class Manifest:
             known, count = fields["fingerprint"], int(fields["shards"])
             fields["done"] = [int(shard) for shard in fields["done"]]
         except (ValueError, KeyError, TypeError):
-            raise ValueError(f"{target.path(MANIFEST)} is no manifest of a sweep: another target, or remove it") from None
+            raise ValueError(f"{target.path(MANIFEST)} is no manifest of a sweep: choose another target, or remove it") from None
         if known != fingerprint:
-            raise ValueError(f"{target.place} holds another sweep, or one of another version of hapt: another target, or remove it")
+            raise ValueError(f"{target.place} holds another sweep, or one of another version of hapt: choose another target, or remove it")
         if shards not in (None, count):
-            raise ValueError(f"{target.place} holds this sweep in {count} shards, not {shards}: leave shards out, or another target")
+            raise ValueError(f"{target.place} holds this sweep in {count} shards, not {shards}: leave shards out, or choose another target")
         return cls(target, fields)
 
     @property
     def shards(self) -> int:
-        """How many."""
+        """The number of shards."""
         return int(self._fields["shards"])
 
     @property
     def missing(self) -> list[int]:
-        """The shards that are not there."""
+        """The shards that are not finished."""
         done = set(self._fields["done"])
         return [shard for shard in range(self.shards) if shard not in done]
 
     def note(self, shard: int) -> None:
-        """A shard is there; written now and then: one that is not noted is computed again, to the same bytes."""
+        """Records a finished shard, and writes the manifest at most every `NOTED` seconds.
+
+        A shard that is finished but not recorded is computed again, with the same bytes.
+        """
         self._fields["done"].append(shard)
         if time.monotonic() - self._noted > NOTED:
             self.write()
 
     def write(self) -> None:
-        """Writes what is noted, in one piece."""
+        """Writes the manifest, whole or not at all."""
         self._fields["done"].sort()
         self._target.write(MANIFEST, json.dumps(self._fields).encode())
         self._noted = time.monotonic()

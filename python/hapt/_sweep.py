@@ -1,4 +1,4 @@
-"""A grid of a world, measured: here, or in shards elsewhere."""
+"""Sweeps: measures over a grid of a world, computed in this process or in shards."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-#: A stretch of a sweep takes about so long, in s: between two, the progress bar moves.
+#: The intended computing time of a stretch of cells in s. The progress bar moves after each.
 STRETCH = 0.1
 
 
 def here(job: Job, grid: _hapt.Sweep, progress: Optional[bool], threads: int) -> Sweep:
-    """All rows of a grid, stretch by stretch: Ctrl-C works, and a bar moves."""
+    """Computes all rows of a grid in this process, in stretches: between two Ctrl-C is handled and the bar moves."""
     width = len(job.measures)
     table = np.empty((grid.cells, width))
     done, stretch = 0, 16 * (threads or os.cpu_count() or 1)
@@ -51,7 +51,7 @@ def in_shards(
     shards: Optional[int],
     target: Optional[Target],
 ) -> Union[Sweep, Dataset]:
-    """All rows in shards: in memory, or as the files of a target, of which those that are there stay."""
+    """Computes all rows in shards: in memory, or as files of a target, where finished shards are not computed again."""
     cells, fingerprint = grid.cells, job.fingerprint(grid)
     workers = threads if threads is not None else 0 if client is None else 1
 
@@ -67,7 +67,7 @@ def in_shards(
                 table[start:end] = rows
                 advance(end - start)
         return Sweep.of_table(job, table)
-    import pyarrow  # noqa: F401 - before anything is written
+    import pyarrow  # noqa: F401 - raises ImportError before a file is written
 
     manifest = Manifest.open(target, fingerprint, cells, shards, default)
     count, todo = manifest.shards, manifest.missing
@@ -79,7 +79,7 @@ def in_shards(
                 manifest.note(shard)
                 advance(end - start)
         except BaseException:
-            with suppress(OSError):  # The error of a target that is full or gone is raised below.
+            with suppress(OSError):  # The first error is raised, not that of the manifest.
                 manifest.write()
             raise
         if todo:
@@ -100,9 +100,9 @@ def _bar(cells: int, progress: Optional[bool]) -> Iterator[Callable[[int], Any]]
 
 
 class Sweep(Mapping[str, "NDArray[np.float64]"]):
-    """Measures over a grid: `sweep["certified"]` has an axis for each key, in their order; NaN where a measure has no value.
+    """Measures over a grid: `sweep["certified"]` is an array with an axis for each key, in order, in SI; NaN where a measure has no value.
 
-    `axes` maps each key to its values in SI.
+    `axes` maps each key to its values in SI, shape (n,).
     """
 
     def __init__(self, axes: dict[str, NDArray[np.float64]], measures: dict[str, NDArray[np.float64]]) -> None:
@@ -111,7 +111,7 @@ class Sweep(Mapping[str, "NDArray[np.float64]"]):
 
     @classmethod
     def of_table(cls, job: Job, table: NDArray[np.float64]) -> Sweep:
-        """Of the measures of all cells, shape (cells, measures)."""
+        """The sweep from the measures of all cells, shape (cells, measures)."""
         shape = [len(values) for values in job.axes.values()]
         return cls(job.axes, {name: table[:, i].reshape(shape) for i, name in enumerate(job.measures)})
 
@@ -132,7 +132,7 @@ class Sweep(Mapping[str, "NDArray[np.float64]"]):
         return f"<hapt.Sweep of {', '.join(self)} over {shape}>"
 
     def to_pandas(self) -> pd.DataFrame:
-        """The table of `hapt sweep`: a column for each key, the last varying fastest, then one for each measure."""
+        """A DataFrame as `hapt sweep` writes it: a column for each key, the last varying fastest, then one for each measure."""
         import pandas as pd
 
         return pd.DataFrame(self._columns())
@@ -147,17 +147,20 @@ class Sweep(Mapping[str, "NDArray[np.float64]"]):
         return {**columns, **{name: values.ravel() for name, values in self.items()}}
 
     def to_xarray(self) -> xr.Dataset:
-        """A Dataset of the measures over the keys."""
+        """An xarray Dataset of the measures, with the keys as coordinates."""
         import xarray as xr
 
         return xr.Dataset({name: (list(self.axes), values) for name, values in self.items()}, coords=self.axes)
 
     def plot(self, measure: Optional[str] = None, ax: Any = None) -> Any:
-        """Draws a measure, the first by default: a curve over one key, a map over two; returns matplotlib's axes."""
+        """Draws a measure, by default the first, as a curve over one key or a map over two, and returns matplotlib's axes.
+
+        Raises KeyError for an unknown measure, ValueError for more than two keys.
+        """
         name = measure if measure is not None else next(iter(self))
         values = self[name]
         if values.ndim > 2:
-            raise ValueError(f"a curve has one key and a map two, and {values.ndim} are varied")
+            raise ValueError(f"{values.ndim} keys are varied, but only one (a curve) or two (a map) can be drawn")
         ax = axes_of(ax)
         keys = list(self.axes)
         if values.ndim == 1:

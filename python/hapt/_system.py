@@ -1,4 +1,4 @@
-"""Two keys of a world or network span a plane, and grids of keys are measured."""
+"""Boundaries and sweeps of a world or network over the values of keys."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from ._target import Target
 
 
 class System:
-    """A world, or a network of stations."""
+    """The base of `World`: boundaries and sweeps."""
 
     _native: _hapt.World
 
     def boundary(
         self, ranges: Mapping[str, Sequence[Any]], claims: Union[str, Iterable[str]] = (), log: bool = False
     ) -> Boundary:
-        """The edges of claims in the plane of two keys: where they stop to hold.
+        """The boundaries of claims in the plane of two keys: the edges at which a claim stops holding.
 
-        Of a world: stability ("held", "free") and passivity ("passive") of the linear loop at even times, and the certificate ("certified"), which
-        theorems give for the times and tolerances that the file states. Of a network: passivity for any clocks and any loss ("passive"), and
-        at the file's own times ("fixed"). By default all of them.
+        Claims of a world: stability ("held", "free") and passivity ("passive") of the linear loop at even times, and the certificate
+        ("certified") for the file's times and tolerances. Claims of a network: passivity for any clocks and any loss ("passive"), and for the
+        file's own times ("fixed"). The default is all of them.
 
-        `ranges` maps each of the two keys to its ends, strings with units or numbers in SI; with `log` by ratio. Raises ValueError,
-        and WorldError for ends that the file would refuse.
+        `ranges` maps each of the two keys to its two ends, strings with units or numbers in SI. With `log` the axes are logarithmic. Raises
+        ValueError for an unknown claim or bad ranges, WorldError for ends that the world file would refuse.
         """
         _mapping("ranges", ranges)
         if len(ranges) != 2 or any(isinstance(ends, str) or len(ends) != 2 for ends in ranges.values()):
@@ -92,16 +92,18 @@ class System:
         out: Union[str, os.PathLike[str], None] = None,
         storage_options: Optional[Mapping[str, Any]] = None,
     ) -> Union[Sweep, Dataset]:
-        """Measures the world or network at every combination of the keys' values, in SI.
+        """Measures the world or network at every combination of the keys' values.
 
-        A progress bar shows where tqdm is installed, unless `progress` is False. Measures: see `hapt.measures()`. Those of a run need a
-        scenario. Raises ValueError for an unknown measure or values that are no finite numbers, WorldError for what the file would refuse.
+        `axes` maps each key to its values in SI, shape (n,). `measures` are names of `hapt.measures()`; those of a run need a scenario. A
+        progress bar is shown where tqdm is installed, unless `progress` is False.
 
-        `threads` of each process: 0 for all cores, which is the default here; with a client the default is 1. `client` computes the table
-        in shards elsewhere: any `concurrent.futures.Executor`, a Dask client, or the module ray. `out`, a folder or a URL for fsspec with its
-        `storage_options`, takes a Parquet file for each shard, which needs pyarrow; the same call continues one that was interrupted.
-        `shards`: their number, by default such that each takes about a second. The values do not depend on any of this.
-        With `out` raises OSError where it cannot be written and ValueError where it holds another sweep; the shards done stay.
+        `threads` is the number of threads of each process, 0 for all cores; the default is 0, with a client 1. `client` computes the table in
+        shards: a `concurrent.futures.Executor`, a Dask client, or the module ray. `out`, a folder or a URL for fsspec with its
+        `storage_options`, gets a Parquet file for each shard and needs pyarrow; the same call continues an interrupted one. `shards` is their
+        number, by default such that each takes about a second. The values depend on none of these.
+
+        Raises ValueError for an unknown measure or values that are not finite, WorldError for values that the world file would refuse; with
+        `out` OSError where it cannot be written, and ValueError where it holds another sweep. Finished shards remain.
 
         >>> import hapt, numpy as np
         >>> world = hapt.load("@notes/euler")
@@ -116,7 +118,7 @@ class System:
             if number is not None:
                 whole(name, number, least, most)
         if storage_options is not None and out is None:
-            raise ValueError("storage_options are those of out, and there is no out")
+            raise ValueError("storage_options are given without out, to which they belong")
         job = Job(self._native.parts(), values, names, scenario)
         grid = job.grid()
         if client is None and out is None:
@@ -129,7 +131,7 @@ def a_key(key: object) -> str:
     if not isinstance(key, str):
         raise TypeError(f"a key is a dotted path such as 'loop.period', not {type(key).__name__}")
     if "=" in key:
-        raise ValueError(f"{key!r} is no key: a dotted path such as 'loop.period' has no '='")
+        raise ValueError(f"{key!r} is no key: a key is a dotted path such as 'loop.period', without '='")
     return key
 
 

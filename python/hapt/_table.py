@@ -1,4 +1,4 @@
-"""Columns by name, as NumPy arrays: what runs, impedances and sweeps have in common."""
+"""Columns by name as NumPy arrays: the base of runs and impedances."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Table(Mapping[str, "NDArray[np.float64]"]):
         try:
             return self._columns[name]
         except KeyError:
-            raise KeyError(f"there is no column {name!r}; there are {', '.join(self._columns)}") from None
+            raise KeyError(f"there is no column {name!r}; the columns are {', '.join(self._columns)}") from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._columns)
@@ -54,7 +54,7 @@ class Table(Mapping[str, "NDArray[np.float64]"]):
 
 
 def axes_of(ax: Any) -> Any:
-    """`ax`, or new axes of matplotlib, which is imported here and nowhere before."""
+    """`ax`, or new axes of matplotlib. Only drawing imports matplotlib."""
     if ax is not None:
         return ax
     import matplotlib.pyplot as plt

@@ -1,4 +1,4 @@
-"""Where a sweep's files go: a folder, or a URL that fsspec reaches, object stores included."""
+"""The target of a sweep's files: a folder, or a URL that fsspec reaches, such as one of an object store."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Optional, Union
 
 
 class Target:
-    """A folder or the URL of one. A file is there whole or not at all: renamed into a folder, put into an object store."""
+    """A folder, or the URL of one. A file is written whole or not at all: renamed in a folder, put as one object in an object store."""
 
     def __init__(self, place: Union[str, os.PathLike[str]], options: Optional[Mapping[str, Any]] = None) -> None:
         self.place = os.fspath(place)
@@ -19,15 +19,15 @@ class Target:
 
     @property
     def is_local(self) -> bool:
-        """Whether it is a folder of this machine."""
+        """Whether the target is a folder of this machine."""
         return "://" not in self.place
 
     def path(self, name: str) -> str:
-        """A file's path or URL."""
+        """The path or URL of a file of the target."""
         return os.path.join(self.place, name) if self.is_local else f"{self.place.rstrip('/')}/{name}"
 
     def write(self, name: str, data: bytes) -> None:
-        """Writes a file. Raises OSError where that fails; a file of that name is then as it was."""
+        """Writes a file. Raises OSError where that fails; an earlier file of that name then remains unchanged."""
         if not self.is_local:
             system, path = self._system(name)
             system.pipe_file(path, data)
@@ -46,7 +46,7 @@ class Target:
             raise
 
     def read(self, name: str) -> Optional[bytes]:
-        """A file's content; None where there is no such file. Raises OSError."""
+        """The content of a file, None where there is no such file. Raises OSError where it cannot be read."""
         try:
             if self.is_local:
                 with open(self.path(name), "rb") as file:
@@ -69,5 +69,5 @@ def _umask() -> int:
     return mask
 
 
-# What a file's permissions leave out: `mkstemp` makes one that no other user can read.
+# The mask of a new file's permissions. `mkstemp` makes files that other users cannot read.
 _UMASK = _umask()

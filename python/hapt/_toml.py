@@ -1,4 +1,4 @@
-"""Worlds as the text of a world file: whatever Python hands over goes through the file's own reader."""
+"""Worlds as the text of a world file, so that the reader of world files checks values from Python too."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 
 def plain(value: Any, key: str) -> Any:
-    """`value` as str, bool, int, float, list or dict; NumPy's scalars and arrays as Python's."""
+    """`value` as str, bool, int, float, list or dict; NumPy's scalars and arrays become Python's. Raises TypeError for other types."""
     if hasattr(value, "to_table"):
         value = value.to_table()
     if isinstance(value, (np.ndarray, np.generic)):
@@ -25,13 +25,13 @@ def plain(value: Any, key: str) -> Any:
     if isinstance(value, Sequence) and not isinstance(value, (bytes, bytearray)):
         return [plain(inner, f"{key}.{index}") for index, inner in enumerate(value)]
     raise TypeError(
-        f"{key or 'world'}: {type(value).__name__} has no place in a world: "
+        f"{key or 'world'}: a world file has no values of type {type(value).__name__}: "
         'a quantity is a string with a unit, such as "1 ms", or a number in SI'
     )
 
 
 def inline(value: Any) -> str:
-    """A value on one line."""
+    """A value as TOML on one line."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

@@ -1,4 +1,4 @@
-"""Worlds and networks: read, changed, asked."""
+"""Worlds and networks: reading, changing, analysing, running."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from ._widget import Widget
 
 Value = Union[str, float, int, bool]
 
-#: The most rows of an impedance.
+#: The largest number of rows of an impedance.
 _POINTS = 100_000
 
 
 class World(System):
-    """A world: bodies and couplings, the loop that runs them, the device, and scenarios. It never changes; `set` gives a changed copy.
+    """A world: bodies and couplings, the loop that runs them, the device, and scenarios. It is immutable; `set` returns a changed copy.
 
-    A network has several such stations, and links between their pucks.
+    A network is of the same class. It has several stations, each with a world, and links between their pucks.
 
-    From keywords, each a table of the world file, through the file's own reader with its units and errors:
+    The constructor takes the tables of the world file as keywords, with the units and errors of the file:
 
     >>> import hapt
     >>> world = hapt.World(
@@ -58,7 +58,7 @@ class World(System):
     >>> network.run()["right"]["link_Nm"].shape
     (1001,)
 
-    Raises WorldError for what the reader refuses, TypeError for what has no place in a file.
+    Raises WorldError for values that the reader refuses, TypeError for types that a world file does not have.
     """
 
     def __init__(
@@ -93,16 +93,17 @@ class World(System):
 
     @classmethod
     def load(cls, source: Union[str, os.PathLike[str], Mapping[str, Any]]) -> World:
-        """As `hapt.load`."""
+        """The same as `hapt.load`."""
         return load(source)
 
     # Keys
 
     def set(self, key: str, value: Any) -> World:
-        """A copy in which `key`, a dotted path such as "loop.period", "links.0.age_max" or "stations.left.loop.period", is `value`.
+        """A copy in which `key` has the value `value`.
 
-        A string has its unit ("2 ms"), a number is in SI; NumPy's scalars are numbers. Raises WorldError for an unknown key or a value that
-        the world file would refuse, with a caret under the mistake.
+        `key` is a dotted path such as "loop.period", "links.0.age_max" or "stations.left.loop.period". A string has a unit ("2 ms"), a number
+        is in SI; NumPy's scalars are numbers. Raises WorldError for an unknown key or a value that the world file would refuse, with a caret
+        under the mistake.
 
         >>> import hapt
         >>> world = hapt.load('loop.period = "1 ms"\\ndevice.inertia = 6.4e-4')
@@ -113,7 +114,7 @@ class World(System):
         return World._of(self._native.set(a_key(key), value if isinstance(value, str) else _toml.inline(value)))
 
     def get(self, key: str) -> Optional[Value]:
-        """The value of a key: a number in SI, a bool or a str; of an absent key its default, None where it has none.
+        """The value of a key: a number in SI, a bool or a str. A key that is not set has its default, or None where it has no default.
 
         Raises KeyError for a key that the world or network does not have.
         """
@@ -126,36 +127,36 @@ class World(System):
         raise self._native.no_such_key(key)
 
     def parameters(self) -> dict[str, Optional[Value]]:
-        """Every key of the world, or of the stations' worlds, with its value as `get` gives it, in the order of the file."""
+        """The keys of the world, or of the stations' worlds, with their values as `get` returns them, in file order."""
         return {path: _value(si, written) for path, si, written, _, _, _ in self._native.parameters()}
 
     def to_toml(self) -> str:
-        """The world as the text of a world file, changes applied. Raises ValueError for a network, which has several files."""
+        """The text of a world file with all changes applied. Raises ValueError for a network, which has several files."""
         return self._native.to_toml()
 
     @property
     def name(self) -> str:
-        """Its title, or else what it was read from."""
+        """The title; without one, the name of the file or text that it was read from."""
         return self._native.name
 
     @property
     def stations(self) -> list[str]:
-        """The names of a network's stations in file order; none of a world, which is one station by itself."""
+        """The names of a network's stations in file order; empty for a world."""
         return self._native.stations
 
     @property
     def links(self) -> list[tuple[str, str]]:
-        """The stations that each link of a network joins, in file order."""
+        """The two stations of each link of a network, in file order; empty for a world."""
         return self._native.links
 
     @property
     def bodies(self) -> list[str]:
-        """The bodies' names in file order. Raises ValueError for a network."""
+        """The names of the bodies in file order. Raises ValueError for a network."""
         return self._native.bodies
 
     @property
     def scenarios(self) -> list[str]:
-        """The scenarios' names in file order."""
+        """The names of the scenarios in file order."""
         return self._native.scenarios
 
     def __repr__(self) -> str:
@@ -171,30 +172,31 @@ class World(System):
     def __reduce__(self) -> tuple[Any, ...]:
         return (_world, self._native.parts())
 
-    # Answers
+    # Runs and analyses
 
     def simulate(self, scenario: Optional[str] = None) -> Run:
-        """Runs a scenario of a world, the only one by default: the loop on the exact device.
+        """Runs a scenario of a world, by default its only one: the loop on the device, which is integrated exactly.
 
-        A run that stops being finite keeps its rows up to there, warns, and has the reason in `Run.ended`. Raises WorldError for an unknown
-        scenario, ValueError for a network, when one must be named or the loop cannot be compiled, MemoryError for a run larger than memory.
+        Where the state stops being finite, the run ends with a RuntimeWarning; it keeps the rows before, and `Run.ended` is the reason.
+        Raises WorldError for an unknown scenario; ValueError for a network, for no name where there is not exactly one scenario, or for a
+        loop that cannot be compiled; MemoryError for a run that is larger than the memory.
         """
         if self.stations:
-            raise ValueError(f"{self.name} is a network; run() gives the run of each station")
+            raise ValueError(f"{self.name} is a network: run() returns the run of each station")
         (run,) = self._runs(scenario)
         return run
 
     def run(self, scenario: Optional[str] = None) -> dict[str, Run]:
-        """Runs a scenario of a network, the only one by default: of each station its run, with `link_Nm` as the last column.
+        """Runs a scenario of a network, by default its only one, and returns each station's run. `link_Nm` is its last column.
 
-        Warnings and errors are those of `simulate`; a world has the one station "".
+        Warnings and errors are those of `simulate`. A world is accepted too: its one station has the name "".
         """
         return dict(zip(self.stations or [""], self._runs(scenario)))
 
     def check(self, remedies: bool = True) -> Check:
-        """The certificate: stability, passivity, and what would make it so; `remedies=False` leaves that out and is quicker.
+        """Analyses stability and passivity and certifies them, with the changes that would certify a world that is not certified.
 
-        Raises ValueError where the analysis has no result.
+        `remedies=False` leaves the changes out and is faster. Raises ValueError where the analysis has no result.
         """
         if not isinstance(remedies, (bool, np.bool_)):
             raise TypeError(f"remedies must be True or False, not {remedies!r}")
@@ -204,9 +206,10 @@ class World(System):
     def impedance(
         self, low: Optional[float] = None, high: Optional[float] = None, points: int = 200, slopes: str = "steep"
     ) -> Impedance:
-        """The impedance at the puck at `points` frequencies from `low` to `high` in Hz, equal ratios apart; half of the sampling rate at most.
+        """The impedance at the puck at `points` frequencies (1 to 100 000) from `low` to `high` in Hz, logarithmically spaced.
 
-        Nonlinear couplings count with their `slopes`: "steep" or "flat". Raises ValueError.
+        `high` is at most half of the sampling rate, which is the default. `slopes` is the slope that nonlinear couplings have: their
+        "steep" or their "flat" one. Raises ValueError for other arguments, for a network, and where the analysis has no result.
         """
         if slopes not in ("steep", "flat"):
             raise ValueError(f'slopes is {slopes!r}, but must be "steep" or "flat"')
@@ -215,7 +218,9 @@ class World(System):
         return Impedance(columns, json.loads(info))
 
     def worst(self) -> Worst:
-        """Searches for the passive hands, one at each station, that draw most energy. Raises ValueError where there is no answer.
+        """Searches for the passive hands, one at each station, that draw most energy from the loop.
+
+        Raises ValueError where the search does not apply.
 
         >>> import hapt
         >>> broken = hapt.load("networks/pair.toml").set("links.0.age_max", "60 ms").worst()
@@ -226,11 +231,11 @@ class World(System):
         return Worst(json.loads(fields), None if shown is None else World._of(shown))
 
     def against(self, times: ArrayLike, positions: ArrayLike, torques: ArrayLike) -> Comparison:
-        """Whether a record of a device's motion agrees with this world's device, as `hapt identify LOG --against WORLD`.
+        """Compares a record of a device's motion with this world's device, as `hapt identify LOG --against WORLD` does.
 
-        The arrays are those of `hapt.identify`; the times are a period of the loop apart, to 5 %. A number contradicts the world where
-        its estimate is more than four standard errors outside of the world's range, its tolerance. Raises ValueError for a record that
-        determines nothing or is of another loop.
+        The arrays are those of `hapt.identify`; their times are one period of the loop apart, within 5 %. A number contradicts the world
+        where its estimate is more than four standard errors outside of the world's tolerance. Raises ValueError for a network, and for a
+        record that determines nothing or is of a loop with another period.
 
         >>> import hapt, numpy as np
         >>> world, k = hapt.load("@notes/euler"), np.arange(1000)
@@ -251,29 +256,36 @@ class World(System):
     # Parts
 
     def loop(self) -> Loop:
-        """The loop without its device, for other simulators: `step(position, velocity) -> torque`."""
+        """The loop without its device, for other simulators: `step(position, velocity) -> torque`. Raises ValueError for a network."""
         return Loop(self)
 
     def device(self, scenario: Optional[str] = None) -> Device:
-        """The device without the loop, with the hand of a scenario or none: `step(torque) -> (position, velocity)`."""
+        """The device without the loop, with the hand of `scenario` or without: `step(torque) -> (position, velocity)`.
+
+        Raises WorldError for an unknown scenario, ValueError for a network or a scenario with uneven times.
+        """
         return Device(self, scenario)
 
     def to_control(self) -> StateSpaces:
-        """World, device and loop as state spaces of python-control. Raises ImportError without it."""
+        """World, device and loop as state spaces of python-control.
+
+        Raises ImportError without python-control, ValueError where the analysis has no result.
+        """
         return state_spaces(self)
 
     def live(self, port: int = 0, program: Optional[str] = None) -> Live:
-        """The loop in real time behind a page, on the simulated device: `hapt live`, which a notebook shows.
+        """Starts `hapt live`: the loop in real time on the simulated device, with a page that a notebook shows.
 
-        `program` is the command, found on the path by default. Raises FileNotFoundError without it.
+        `port` is that of the page, 0 for a free one. `program` is the command's path, by default hapt found on the path. Raises
+        FileNotFoundError without the command, ValueError for a network, RuntimeError where the command ends before it serves a page.
         """
         return Live(self.to_toml(), port, program)
 
     def widget(self, height: int = 720) -> Widget:
-        """The world running under the notebook's cell, on the simulated device: the page of `live` without a server or the program hapt.
+        """The world running on the simulated device under a notebook's cell: the page of `live` without a server and without the program.
 
-        Its core runs in the browser; the certificate is of the world as it is here, and so is every slider's certified range. `height` is
-        that of the frame in pixels, 200 to 4000. Raises ValueError for that, and for a world that the page does not run.
+        The loop runs in the browser. The certificate and the sliders' certified ranges are those of this world, before changes in the page.
+        `height` is the frame's in pixels, 200 to 4000. Raises ValueError for another height, and for a world that the page cannot run.
 
         >>> import hapt
         >>> hapt.load('loop.period = "1 ms"\\ndevice.inertia = 6.4e-4').widget()
@@ -285,10 +297,10 @@ class World(System):
     def export_fmu(
         self, path: Union[str, os.PathLike[str]], fmi: int = 2, whole: bool = False, program: Optional[str] = None
     ) -> None:
-        """Writes the loop as an FMU for other simulators, with `whole` on its device: `hapt export fmu`.
+        """Writes the loop as an FMU for other simulators with `hapt export fmu`; with `whole`, the loop together with its device.
 
-        `fmi` is 2 or 3; `program` is the command, found on the path by default. Raises FileNotFoundError without it, ValueError for what
-        cannot be exported, OSError where the file cannot be written.
+        `fmi` is the version, 2 or 3. `program` is the command's path, by default hapt found on the path. Raises FileNotFoundError without the
+        command, ValueError for a world that cannot be exported, OSError where the file cannot be written.
         """
         if fmi not in (2, 3):
             raise ValueError(f"fmi is {fmi!r}, but must be 2 or 3")
@@ -315,10 +327,11 @@ class World(System):
 
 
 def load(source: Union[str, os.PathLike[str], Mapping[str, Any]]) -> World:
-    """A world or network from a file, a text or a dict.
+    """Reads a world or network from a file, a text or a dict.
 
-    A str with a line's end or an "=" is the text of a world file, another one a path or a built-in world (`"@notes/euler"`); a
-    `pathlib.Path` is always a path; a dict has the tables of the file. The worlds of a network are in its file's folder or below it. Raises WorldError, with line and caret, for what the reader refuses.
+    A str with a newline or an "=" is the text of a world file; another str is a path or the name of a built-in world (`"@notes/euler"`). A
+    `pathlib.Path` is always a path. A dict has the tables of the file. The worlds of a network are in its file's folder or below it. Raises
+    WorldError, with the line and a caret, for a mistake in it.
 
     >>> import hapt
     >>> hapt.load('loop.period = "1 kg"\\ndevice.inertia = 6.4e-4')
@@ -341,9 +354,10 @@ def load(source: Union[str, os.PathLike[str], Mapping[str, Any]]) -> World:
 
 
 def design(travel: Any, torque: Any, frequency: Any, period: Any = "1 ms") -> Design:
-    """The notes' wheel on a spring (section 2.1): stiffness, inertia and compensating damping of a travel, a torque and a frequency.
+    """Designs the notes' wheel on a spring (section 2.1): stiffness, inertia and compensating damping for a travel, torque and frequency.
 
-    Strings with units or numbers in SI (rad, N·m, Hz, s), all positive. Raises ValueError.
+    `travel` is the angle at which the spring has the torque `torque`, `frequency` the natural frequency, `period` the loop's. Each is a
+    string with a unit or a number in SI (rad, N·m, Hz, s) and positive. Raises ValueError for other values.
 
     >>> import hapt
     >>> round(hapt.design("45 deg", "800 N mm", "1 Hz")["stiffness"], 4)
@@ -359,10 +373,11 @@ def design(travel: Any, torque: Any, frequency: Any, period: Any = "1 ms") -> De
 def identify(
     times: ArrayLike, positions: ArrayLike, torques: ArrayLike, inertia: Optional[float] = None, linear: bool = False
 ) -> Identified:
-    """What a device is made of, from a record of its motion: arrays of one shape (n,), n >= 200, at least half a second.
+    """Identifies a device from a record of its motion: arrays of one shape (n,), n >= 200, over at least half a second.
 
-    Times in s, rising; positions in rad (linear: m); torques in N·m (N), each commanded at its sample and held until the next. A known
-    `inertia` in kg·m² (kg) gives damping and friction of a coast-down. Raises ValueError for a record that determines nothing.
+    `times` in s, rising; `positions` in rad (with `linear` m); `torques` in N·m (N), each commanded at its sample and held until the next.
+    With a known `inertia` in kg·m² (kg) a record without torque (a coast-down) determines damping and friction. Raises ValueError for a
+    record that determines nothing.
     """
     arrays = _record(times, positions, torques)
     known = None if inertia is None else float(numbers("inertia", [inertia])[0])
@@ -377,7 +392,7 @@ def _record(times: ArrayLike, positions: ArrayLike, torques: ArrayLike) -> list[
 
 
 def measures() -> dict[str, str]:
-    """What a sweep can measure: names with their meaning."""
+    """The measures of a sweep: their names with meaning and unit."""
     return {name: f"{meaning} ({unit})" if unit else meaning for name, unit, meaning in _hapt.measures()}
 
 

@@ -1,4 +1,4 @@
-//! The analyses of a world without running it, the design of a world, and the names with which the package compares its own.
+//! Analyses of a world, identification from a record, the design of a wheel, and the names of measures, couplings and hands.
 
 use std::sync::Arc;
 
@@ -78,11 +78,11 @@ fn edges(names: &[String]) -> PyResult<Vec<Edge>> {
     Ok(edges)
 }
 
-/// The result of [`boundary`]: `(claim, x, y, hz)` of each piece; `(claim, whether it fails everywhere, where its edge is lost, why there
-/// is no verdict)` of each claim.
+/// The result of [`boundary`]: `(claim, x, y, hz)` of each piece; `(claim, whether it fails everywhere, the points where its edge is
+/// lost, the reason for a missing verdict)` of each claim.
 pub type Edges<'py> = (Vec<Bound<'py, PyTuple>>, Vec<(&'static str, Option<bool>, Vec<(f64, f64)>, Option<String>)>);
 
-/// The boundaries of a world or network in the plane of two axes; without claims: all claims that apply to it.
+/// The boundaries of claims about a world or network in the plane of two axes; without `claims`, of all that apply to it.
 pub fn boundary<'py>(
     py: Python<'py>,
     source: Source,
@@ -110,7 +110,7 @@ pub fn boundary<'py>(
     Ok((pieces, found.claims.into_iter().map(of).collect()))
 }
 
-/// The notes' design as JSON. Quantities as text with units; bare numbers in SI.
+/// The design of the notes' wheel as JSON. Quantities are texts with a unit, or numbers in SI.
 #[pyfunction]
 pub fn design(travel: &str, torque: &str, frequency: &str, period: &str) -> PyResult<String> {
     let positive = |name: &str, text: &str, dimension: Dimension| {
@@ -127,7 +127,7 @@ pub fn design(travel: &str, torque: &str, frequency: &str, period: &str) -> PyRe
     serde_json::to_string(&design.map_err(value)?).map_err(internal)
 }
 
-/// The device of a record, identified, as `(JSON, warnings)`.
+/// The device identified from a record, as `(JSON, warnings)`.
 #[pyfunction]
 pub fn identify(
     py: Python<'_>,
@@ -144,7 +144,7 @@ pub fn identify(
         let found = match hapt_identify::identify_until(&record, &known, &|| stop.is_set()) {
             None => return Ok(None),
             Some(Ok(found)) => (found.named(), found.stops, found.warnings()),
-            // The device is richer than the model: the result is the fit to the torque, as on the command line.
+            // The model does not explain the motion: the result is the fit of the torque's equation, as on the command line.
             Some(Err(error)) => {
                 let richer = matches!(error, hapt_identify::Error::Residual(_) | hapt_identify::Error::Unexplained);
                 let fit = richer.then(|| hapt_identify::fit_torque(&record, &known)).flatten();
@@ -166,7 +166,7 @@ pub fn identify(
     Ok((json.to_string(), warnings.into_iter().map(|warning| warning.to_string()).collect()))
 }
 
-/// Whether a record agrees with a world, as JSON.
+/// The comparison of a record with a world's device, as JSON.
 pub fn against(
     py: Python<'_>,
     world: Arc<World>,
@@ -180,7 +180,7 @@ pub fn against(
         let claims = Claims::of(&world);
         if let Some(own) = claims.other_period(&record) {
             return Err(format!(
-                "times are {own} s apart, and loop.period is {} s: the record has to be one of this world's loop",
+                "times are {own} s apart, but loop.period is {} s: the record must be one of this world's loop",
                 claims.period
             ));
         }
@@ -191,7 +191,7 @@ pub fn against(
     Ok(interruptible(py, work)?.map_err(value)?.ok_or_else(unwanted)?.json().to_string())
 }
 
-/// `(name, unit, meaning)` of every measure of a sweep; the unit of a rotary world.
+/// `(name, unit, meaning)` of every measure of a sweep; the unit is that of a rotary world.
 #[pyfunction]
 pub fn measures() -> Vec<(&'static str, &'static str, &'static str)> {
     Measure::ALL.map(|measure| (measure.name(), measure.unit(Motion::Rotary), measure.meaning())).to_vec()
@@ -229,7 +229,7 @@ fn kinds(table: &str, names: &[&'static str]) -> Vec<(&'static str, Vec<&'static
 /// x_{k+1} = (1 + d) x_k + current u_k                                  the others
 /// ```
 ///
-/// The constant part (rest positions, constants) is left out. Nonlinear couplings count with their steepest rise.
+/// The constant part (rest positions, constants) is left out. Nonlinear couplings have their steepest slope.
 pub fn state_spaces(world: &World) -> Result<Value, hapt_analysis::Error> {
     let sampling = &world.sampling;
     at_one_rate(sampling, "a state space")?;

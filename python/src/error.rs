@@ -8,8 +8,8 @@ pyo3::create_exception!(
     WorldError,
     PyValueError,
     "A world, or a change of one, that cannot be read.\n\n\
-     Its text shows the line with a caret under the mistake. `key` is the dotted path of the key or '', `kind` the sort of mistake, \
-     `line` and `column` count from 1 and are None where the mistake stands in no text."
+     The text shows the line with a caret under the mistake. `key` is the dotted path of the key or '', `kind` the sort of mistake; \
+     `line` and `column` count from 1, and are None where the mistake is in no text."
 );
 
 /// A [`WorldError`]; an error in an override is reported as one in `change`, the name of the Python call that made it.
@@ -37,7 +37,7 @@ pub fn of_sweep(py: Python<'_>, error: hapt_sweep::Error) -> PyErr {
     }
 }
 
-/// The error of an analysis that has no result for this world.
+/// An error of a crate as ValueError, such as that of an analysis without a result.
 pub fn value(error: impl std::fmt::Display) -> PyErr {
     PyValueError::new_err(error.to_string())
 }

@@ -1,4 +1,4 @@
-//! Long work in parallel with Python: the interpreter's lock is released, and Ctrl-C ends the call.
+//! Long computations with the interpreter's lock released, which Ctrl-C ends.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -14,7 +14,7 @@ use crate::error::internal;
 /// The time between two checks of Python's signals.
 const SIGNAL_PERIOD: Duration = Duration::from_millis(50);
 
-/// Set once the call has been interrupted: work checks it and ends early, and its result is not used.
+/// A flag that is set when the call is interrupted. The computation checks it and ends early; its result is not used.
 #[derive(Clone, Default)]
 pub struct Stop(Arc<AtomicBool>);
 
@@ -24,18 +24,18 @@ impl Stop {
         self.0.load(Relaxed)
     }
 
-    /// For [`hapt_analysis::until`].
+    /// The flag, for [`hapt_analysis::until`].
     pub fn flag(&self) -> &Arc<AtomicBool> {
         &self.0
     }
 }
 
-/// The result of stopped work. Only an interrupted call stops its work, and that call has already raised an exception.
+/// The error for a computation without a result. Only an interrupted call stops its computation, and it has already raised an exception.
 pub fn unwanted() -> PyErr {
     internal("a computation was stopped while its result was still wanted")
 }
 
-/// Runs `work` on a thread of its own.
+/// Runs `work` on its own thread.
 ///
 /// # Errors
 /// The exception of a signal's handler, KeyboardInterrupt by default, within [`SIGNAL_PERIOD`]; RuntimeError when the work panics.
@@ -59,8 +59,8 @@ pub fn interruptible<T: Send + 'static>(py: Python<'_>, work: impl FnOnce(&Stop)
     }
 }
 
-/// Runs `work` on this thread, so that short work need not start another. `work` gets a function to call at least every few milliseconds,
-/// which returns whether the call has been interrupted.
+/// Runs `work` on this thread, so that short work does not start another. `work` has to call its argument at least every few milliseconds;
+/// that function checks Python's signals and returns whether the call has been interrupted.
 ///
 /// # Errors
 /// The exception of a signal's handler.
@@ -78,7 +78,7 @@ pub fn asking<T: Send>(py: Python<'_>, work: impl FnOnce(&mut dyn FnMut() -> boo
     })
 }
 
-/// The same as [`interruptible`] with threads of its own for parallel work: a forked process has none of its parent's threads.
+/// The same as [`interruptible`] with a new thread pool of `threads` threads (0: all cores): a forked process has no threads of its parent.
 pub fn in_parallel<T: Send + 'static>(
     py: Python<'_>,
     threads: usize,

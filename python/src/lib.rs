@@ -1,7 +1,7 @@
 //! `hapt._hapt`: the computations of the Python package `hapt`, by the Rust crates. The package's own modules adapt them to Python's
 //! conventions.
 //!
-//! Every call that may last runs on a thread of its own with the interpreter's lock released, see `interrupt`.
+//! Every call that may take long runs on its own thread with the interpreter's lock released, see `interrupt`.
 
 mod analyses;
 mod arrow;

@@ -1,4 +1,4 @@
-//! The loop without its device, and the device without its loop, sample by sample, for other simulators.
+//! The loop without its device, and the device without its loop, stepped sample by sample from other simulators.
 
 use std::sync::Arc;
 
@@ -47,7 +47,7 @@ impl Loop {
 
 #[pymethods]
 impl Loop {
-    /// One sample; the couplings' torque on the puck.
+    /// Takes one sample, and returns the couplings' torque on the puck.
     #[pyo3(signature = (position, velocity=0.0))]
     fn step(&mut self, position: f64, velocity: f64) -> PyResult<f64> {
         let input = [("position", position), ("velocity", velocity)];
@@ -57,13 +57,13 @@ impl Loop {
         let torque = self.sample(position, velocity);
         if !self.is_finite(torque) {
             return Err(PyOverflowError::new_err(
-                "the loop stops being finite at this sample: it has run away; reset() begins anew",
+                "the loop's state stops being finite at this sample; reset() sets it to the beginning",
             ));
         }
         Ok(torque)
     }
 
-    /// Back to the world's initial state.
+    /// Sets the state to the world's initial state.
     fn reset(&mut self) {
         *self.state = self.compiled.start();
         (self.command, self.measured) = (0.0, (0.0, 0.0));
@@ -100,7 +100,7 @@ impl Loop {
         written(py, &(&*self.state, self.command, self.measured))
     }
 
-    /// Of the same world and version of hapt.
+    /// Sets the state from the bytes of `get_state`, of the same world and version of hapt.
     fn set_state(&mut self, bytes: &[u8]) -> PyResult<()> {
         let (state, command, measured) = read::<(DesktopState, f64, (f64, f64))>(bytes)?;
         *self.state = state;
@@ -115,7 +115,7 @@ fn written<'py>(py: Python<'py>, state: &impl Serialize) -> PyResult<Bound<'py, 
     Ok(PyBytes::new(py, &bytes.map_err(value)?))
 }
 
-/// The state from bytes, of which none may remain.
+/// The state from bytes, all of which it must use.
 fn read<T: DeserializeOwned>(bytes: &[u8]) -> PyResult<T> {
     match postcard::take_from_bytes(bytes) {
         Ok((state, [])) => Ok(state),
@@ -123,7 +123,7 @@ fn read<T: DeserializeOwned>(bytes: &[u8]) -> PyResult<T> {
     }
 }
 
-/// The device of a world, exactly, from sample to sample.
+/// The device of a world, integrated exactly from sample to sample.
 #[pyclass(module = "hapt._hapt")]
 #[derive(Clone)]
 pub struct Device {
@@ -132,7 +132,7 @@ pub struct Device {
 }
 
 impl Device {
-    /// With a scenario whose samples are even.
+    /// The device with the hand of a scenario, whose samples must be even, or without a hand.
     pub fn new(world: &World, scenario: Option<&Scenario>) -> Device {
         let mut device = VirtualDevice::new(&world.device_spec());
         if let Some(scenario) = scenario {
@@ -145,7 +145,7 @@ impl Device {
 
 #[pymethods]
 impl Device {
-    /// The motor is asked for `torque`, and a period passes; the puck's position and velocity at its end.
+    /// Commands `torque` to the motor for a period, and returns the puck's position and velocity at the period's end.
     fn step(&mut self, torque: f64) -> PyResult<(f64, f64)> {
         if !torque.is_finite() {
             return Err(PyValueError::new_err(format!("torque is {torque}, but must be a finite number")));
@@ -155,13 +155,13 @@ impl Device {
         let (position, velocity) = self.now.puck();
         if !(position.is_finite() && velocity.is_finite()) {
             return Err(PyOverflowError::new_err(
-                "the puck stops being finite in this period: it has run away; reset() begins anew",
+                "the puck's motion stops being finite in this period; reset() sets it to the beginning",
             ));
         }
         Ok((position, velocity))
     }
 
-    /// Back to the beginning.
+    /// Sets the state to the beginning.
     fn reset(&mut self) {
         self.now = self.fresh.clone();
     }
@@ -190,7 +190,7 @@ impl Device {
         written(py, &*self.now)
     }
 
-    /// Of the same world, scenario and version of hapt.
+    /// Sets the state from the bytes of `get_state`, of the same world, scenario and version of hapt.
     fn set_state(&mut self, bytes: &[u8]) -> PyResult<()> {
         *self.now = read(bytes)?;
         Ok(())

@@ -1,4 +1,4 @@
-//! A run as columns.
+//! The run of a scenario as columns.
 
 use std::ops::ControlFlow;
 
@@ -10,21 +10,21 @@ const CHUNK: u64 = 4096;
 /// The number of rows that are copied to their columns at once.
 const BLOCK: usize = 64;
 
-/// A run: of each station its columns in the order of the CSV and its summary, and the reason of an early end.
+/// A run: each station's columns, in the order of the CSV, and summary.
 pub struct Run {
-    /// In file order.
+    /// The stations' parts, in file order.
     pub stations: Vec<StationRun>,
-    /// The reason of an early end, if any.
+    /// The reason for an end before the scenario's duration, if it ends there.
     pub ended: Option<String>,
 }
 
-/// One station's part.
+/// One station's part of a run.
 pub struct StationRun {
     /// The columns' names.
     pub names: Vec<String>,
     /// The columns, of equal lengths.
     pub values: Vec<Vec<f64>>,
-    /// The number of rows, which is no measured quantity.
+    /// The number of rows.
     pub rows: u64,
     /// The number of samples beyond the motor's limit.
     pub clipped: u64,
@@ -32,7 +32,7 @@ pub struct StationRun {
     pub summary: [(&'static str, Option<f64>); 12],
 }
 
-/// The reason that there is no run.
+/// The reason why a run cannot start.
 pub enum Failure {
     /// An invalid system or scenario.
     Input(String),
@@ -93,7 +93,7 @@ pub fn simulate(system: &System, scenario: &str, is_over: &mut dyn FnMut() -> bo
 /// The message for a run that needs this many bytes.
 pub fn too_large(bytes: u64) -> String {
     format!(
-        "the run's columns take {:.1} GiB, more than there is: a shorter duration or a longer period has fewer rows",
+        "the run's columns take {:.1} GiB, more than the free memory: a shorter duration or a longer period has fewer rows",
         bytes as f64 / f64::from(1 << 30)
     )
 }
@@ -115,13 +115,13 @@ fn columns_with_room(rows: u64, columns: usize) -> Option<Vec<Vec<f64>>> {
 /// Columns that grow by a block of rows at a time.
 struct Table {
     columns: Vec<Vec<f64>>,
-    /// The rows that are not in the columns yet, column by column.
+    /// The last rows, which are not in the columns yet, column by column.
     block: Vec<[f64; BLOCK]>,
     filled: usize,
 }
 
 impl Table {
-    /// With room for all rows; `None` where the memory is not enough for all columns together.
+    /// An empty table with room for all rows; `None` where the memory is not enough for all columns together.
     fn with_room(rows: u64, columns: usize) -> Option<Self> {
         let all = columns_with_room(rows, columns)?;
         Some(Table { columns: all, block: vec![[0.0; BLOCK]; columns], filled: 0 })

@@ -1,4 +1,4 @@
-//! A grid of a world's numbers, measured in parts.
+//! Measures over a grid of a world, computed in parts.
 
 use std::sync::Arc;
 
@@ -46,13 +46,13 @@ fn measure(name: &str) -> PyResult<Measure> {
 
 #[pymethods]
 impl Sweep {
-    /// How many cells the grid has.
+    /// The number of cells of the grid.
     #[getter]
     fn cells(&self) -> u64 {
         self.sweep.cells()
     }
 
-    /// Everything that the rows depend on, as text: the world with the files that it names, the grid, the measures.
+    /// Everything that the rows depend on, as text: the world with the contents of the files that it names, the grid, the measures.
     fn content(&self) -> String {
         format!("{:?}", self.sweep)
     }

@@ -1,4 +1,4 @@
-//! Worlds and networks: reading, changing, analyses.
+//! Worlds and networks: reading, changing, analysing, running.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -33,10 +33,10 @@ pub struct World {
     model: Arc<System>,
 }
 
-/// The texts of a network's files, by the names in the network.
+/// The texts of a network's world files, by the names that the network has for them.
 type Files = BTreeMap<String, String>;
 
-/// Reads a world or network: of `text` with `files`, or of the file `path`.
+/// Reads a world or network: from `text` with `files`, or from the file `path`.
 #[pyfunction]
 #[pyo3(signature = (name, text=None, folder=None, files=Files::new(), sets=vec![], path=None))]
 pub fn read(
@@ -66,14 +66,14 @@ impl World {
         Ok(World { source, sets, model: Arc::new(model) })
     }
 
-    /// The world; an error for a network, which has none.
+    /// The world. Raises ValueError for a network.
     fn world(&self) -> PyResult<&Model> {
         self.model
             .world()
-            .ok_or_else(|| value(format!("{} is a network; this is of a world", self.model.title_or(&self.source))))
+            .ok_or_else(|| value(format!("{} is a network; this needs a world", self.model.title_or(&self.source))))
     }
 
-    /// The system as its scenario runs. The search for the worst pattern of its samples may take long.
+    /// The system with its scenario's sample times. For `Timing::Worst` their search may take long.
     fn played(&self, py: Python<'_>, name: &str) -> PyResult<Arc<System>> {
         if !self.model.scenario(name).into_iter().flatten().any(|scenario| scenario.timing == Timing::Worst) {
             return Ok(Arc::clone(&self.model));
@@ -87,9 +87,9 @@ impl World {
 
 #[pymethods]
 impl World {
-    /// A changed copy; `value` is spelled as in a world file or on the command line.
+    /// A copy in which `key` has another value, written as in a world file or on the command line.
     fn set(&self, py: Python<'_>, key: &str, value: &str) -> PyResult<World> {
-        // The last value of a key is used: an earlier one would only count towards the limit on their number.
+        // Only the last value of a key is used; earlier ones would count towards the limit on the number of changes.
         let same = |set: &String| set.split_once('=').is_some_and(|(old, _)| old == key);
         let mut sets: Vec<String> = self.sets.iter().filter(|set| !same(set)).cloned().collect();
         sets.push(format!("{key}={value}"));
@@ -110,30 +110,30 @@ impl World {
         Ok(all)
     }
 
-    /// What is wrong with a key that no parameter has, with the nearest name.
+    /// The KeyError for an unknown key, with the nearest known key.
     fn no_such_key(&self, py: Python<'_>, key: &str) -> PyResult<PyErr> {
         let names: Vec<String> = self.parameters(py)?.into_iter().map(|parameter| parameter.0).collect();
         let hint = hapt_model::did_you_mean(key, names.iter().map(String::as_str));
         Ok(PyKeyError::new_err(format!("the {} has no key {key:?}{hint}", self.model.kind())))
     }
 
-    /// `(whether there may be a number under this key, the number in the key's SI unit)`.
+    /// `(whether the key may have a number, the number in the key's SI unit)`.
     fn number(&self, key: &str) -> (bool, Option<f64>) {
         (self.model.key(key).is_some(), self.model.number(key))
     }
 
-    /// `(name, text, folder, files, sets)`, of which `read` makes the same.
+    /// `(name, text, folder, files, sets)`, the arguments with which `read` gives an equal world.
     fn parts(&self) -> (String, String, PathBuf, Files, Vec<String>) {
         let Source { name, text, folder, files } = self.source.clone();
         (name, text, folder, files, self.sets.clone())
     }
 
-    /// The world as a file, changes applied; a network has several.
+    /// The text of a world file with all changes applied. Raises ValueError for a network, which has several files.
     fn to_toml(&self) -> PyResult<String> {
         Ok(self.world()?.to_toml())
     }
 
-    /// Equal for equal worlds and networks.
+    /// A text that is equal for equal worlds and networks.
     fn identity(&self) -> String {
         self.model.world().map_or_else(|| format!("{:?}", self.model), Model::to_toml)
     }
@@ -143,32 +143,32 @@ impl World {
         self.model.title_or(&self.source)
     }
 
-    /// The stations' names in file order; none of a world.
+    /// The names of a network's stations in file order; empty for a world.
     #[getter]
     fn stations(&self) -> Vec<String> {
         self.model.stations.iter().map(|station| station.name.clone()).filter(|name| !name.is_empty()).collect()
     }
 
-    /// The stations that each link joins, in file order.
+    /// The two stations of each link of a network, in file order.
     #[getter]
     fn links(&self) -> Vec<(String, String)> {
         let name = |at: usize| self.model.stations[at].name.clone();
         self.model.links.iter().map(|link| (name(link.between[0]), name(link.between[1]))).collect()
     }
 
-    /// The bodies' names in file order.
+    /// The names of the bodies in file order. Raises ValueError for a network.
     #[getter]
     fn bodies(&self) -> PyResult<Vec<String>> {
         Ok(self.world()?.names.clone())
     }
 
-    /// The scenarios' names in file order.
+    /// The names of the scenarios in file order.
     #[getter]
     fn scenarios(&self) -> Vec<String> {
         self.model.scenarios().into_iter().map(String::from).collect()
     }
 
-    /// `(of each station its columns and summary, why it ended early)` of a run.
+    /// Runs a scenario: `(each station's columns and summary, the reason for an early end or None)`.
     #[allow(clippy::type_complexity)] // A tuple of mappings for Python to name.
     fn simulate<'py>(
         &self,
@@ -198,7 +198,7 @@ impl World {
         Ok((stations, run.ended))
     }
 
-    /// `(JSON, text)` of the check.
+    /// The check as `(JSON, text)`.
     fn check(&self, py: Python<'_>, remedies: bool) -> PyResult<(String, String)> {
         let (model, title) = (Arc::clone(&self.model), self.model.title_or(&self.source).to_string());
         let work = move || -> Result<_, Box<dyn std::error::Error + Send + Sync>> {
@@ -210,7 +210,7 @@ impl World {
         Ok((json.map_err(internal)?, text))
     }
 
-    /// The page that runs the world or network in a browser, without a server, as one document.
+    /// The page that runs the world or network in a browser without a server, as one HTML document.
     fn page(&self, py: Python<'_>) -> PyResult<String> {
         let (model, source, sets) = (Arc::clone(&self.model), self.source.clone(), self.sets.clone());
         let work = move || -> Result<_, Box<dyn std::error::Error + Send + Sync>> {
@@ -224,7 +224,7 @@ impl World {
         interruptible(py, until)?.ok_or_else(unwanted)?.map_err(value)
     }
 
-    /// The rows of the impedance as columns, and the rest as JSON.
+    /// The impedance: its columns, and the rest as JSON.
     fn impedance<'py>(
         &self,
         py: Python<'py>,
@@ -249,7 +249,7 @@ impl World {
         analyses::boundary(py, self.source.clone(), self.sets.clone(), axes, &claims)
     }
 
-    /// The worst hands found, as JSON, and the system with the scenario that shows them where it needs no file of a motion.
+    /// The worst hands found, as JSON, and the system with the scenario that repeats them; None where the hand is a prescribed motion.
     fn worst(&self, py: Python<'_>) -> PyResult<(String, Option<World>)> {
         let model = Arc::clone(&self.model);
         let found = in_parallel(py, 0, move |stop| {
@@ -273,7 +273,7 @@ impl World {
         Ok((json.map_err(internal)?, Some(World::new(py, source, Vec::new())?)))
     }
 
-    /// Whether a record agrees with the world, as JSON.
+    /// The comparison of a record with the world's device, as JSON.
     fn against(
         &self,
         py: Python<'_>,
@@ -284,7 +284,7 @@ impl World {
         analyses::against(py, Arc::new(self.world()?.clone()), &times, &positions, &torques)
     }
 
-    /// A grid of this world; each axis its key and values in SI.
+    /// A grid of this world; each axis is a key and its values in SI.
     fn sweep(
         &self,
         py: Python<'_>,
@@ -300,7 +300,7 @@ impl World {
         Loop::new(Arc::new(self.world()?.clone()))
     }
 
-    /// The device without the loop, with the hand of a scenario or none.
+    /// The device without the loop, with the hand of a scenario or without.
     fn device(&self, py: Python<'_>, scenario: Option<&str>) -> PyResult<Device> {
         let world = self.world()?;
         let scenario = scenario.map(|name| world.scenario(name)).transpose();
@@ -308,7 +308,7 @@ impl World {
         if let Some(scenario) = scenario.filter(|scenario| scenario.timing != Timing::Even) {
             let name = &scenario.name;
             return Err(PyValueError::new_err(format!(
-                "scenario {name:?} has a timing, and step() takes a period each; simulate() plays it as it is"
+                "scenario {name:?} has a timing, but step() always takes one period; simulate() runs it with its times"
             )));
         }
         Ok(Device::new(world, scenario))
