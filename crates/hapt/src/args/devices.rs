@@ -277,7 +277,7 @@ pub struct ConformArgs {
     /// The largest torque of an effect, in % of the wheel's; making it swing takes up to twice that.
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u8).range(5..=50), requires = "conform")]
     pub level: u8,
-    /// These cases alone, by their names in the table.
+    /// Run only these cases, by their names in the table.
     #[arg(long, value_name = "CASE,...", value_delimiter = ',', requires = "conform")]
     pub only: Vec<String>,
     /// Write a page with every case and its curves.

@@ -138,7 +138,7 @@ pub struct SweepArgs {
     /// Continue an interrupted sweep into the same file.
     #[arg(long)]
     pub resume: bool,
-    /// Compute shard I of N alone, from 0/N to N-1/N: the shards one after the other are the table, the CSV's header in the first.
+    /// Compute only shard I of N, from 0/N to N-1/N. The shards in order are the table; the first has the CSV's header.
     #[arg(long, value_name = "I/N", conflicts_with = "plot")]
     pub shard: Option<Shard>,
     /// Threads; default: all cores. The bytes do not depend on it.
