@@ -1,4 +1,4 @@
-// What stands above everything: phase, faults, who has control, the recording, the connection.
+// The bar at the top: phase, faults, control, recording, connection.
 
 import { overrides } from "./changes.ts";
 import { byId, say } from "./dom.ts";
@@ -8,13 +8,13 @@ import { micros, number, plain, pretty } from "./units.ts";
 export const PHASES = { disarmed: "Disarmed", "fading-in": "Fading in", running: "Running", "fading-out": "Fading out", faulted: "Fault" };
 
 export interface Desk {
-  /** There is a connection. */
+  /** Whether there is a connection. */
   up: boolean;
-  /** There was a connection, or the attempt has failed. */
+  /** Whether there was a connection, or the first attempt has failed. */
   lost: boolean;
-  /** This page has control. */
+  /** Whether this page has control. */
   mine: boolean;
-  /** Who has it. */
+  /** The number of the visitor who has control. */
   control: number | null;
   status: Status | null;
   world: World | null;
@@ -22,10 +22,10 @@ export interface Desk {
 
 const UNEVEN = 17;
 const STOPPED = 1;
-/** How much more than measured is allowed for. */
+/** The factor from measured times to times that are set. */
 const ROOM = 1.25;
 
-/** Times that the certificate has to cover for this computer to keep them: what was measured, and a quarter more. Nothing where they are kept.
+/** The times that the certificate would have to cover for this computer to keep them: those measured and a quarter more; empty where it keeps them.
  * `settable`: whether this page can set them; a motor's, and those under a game's wheel, stay as its file has them. */
 export function lateness({ status, world }: Desk): { sets: Sets; measured: number[]; settable: boolean } {
   const certified = status?.timing?.certified;
@@ -77,7 +77,7 @@ export function showBar(desk: Desk): void {
     const what = status.code === null ? PHASES[phase] : `${PHASES[phase]} ${status.code}`;
     say(byId("fault-name"), `${what}${status.reason ? ` (${status.reason})` : ""}:`);
     say(byId("fault-text"), status.sentence ?? "");
-    // A page has no stop switch to release.
+    // A loop in the page has no stop switch, so there is no hint to release it.
     const isOwn = status.code === STOPPED && world?.device === "sim";
     say(byId("fault-clear"), isOwn ? "Clear it, then arm." : (status.clear ?? ""));
   }
@@ -91,8 +91,8 @@ export function showBar(desk: Desk): void {
   const warnings = byId("warnings");
   const texts = up && status ? [...status.warnings, ...(status.network?.warnings ?? [])] : [];
   warnings.hidden = texts.length === 0;
-  if (warnings.dataset["said"] !== texts.join("\n")) {
-    warnings.dataset["said"] = texts.join("\n");
+  if (warnings.dataset["shown"] !== texts.join("\n")) {
+    warnings.dataset["shown"] = texts.join("\n");
     warnings.querySelector("ul")?.replaceChildren(...texts.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
   }
   showRecording(up ? (status?.recording ?? null) : null);
@@ -102,7 +102,7 @@ export function showBar(desk: Desk): void {
   }
 }
 
-/** The recording under way, or the last one. */
+/** The current recording, or the last one. */
 let kept: NonNullable<Status["recording"]> | null = null;
 
 function showRecording(recording: Status["recording"]): void {

@@ -1,19 +1,19 @@
-// What differs from the file: listed, undone and redone, compared with the file, saved.
+// The changes against the file: list, undo and redo, comparison with the file, saving.
 
 import { button, html, say } from "./dom.ts";
 import type { Key, Sets, World } from "./protocol.ts";
 import { brief, pretty } from "./units.ts";
 
-/** Changes of one key within this time are one step, in ms: a slider that is dragged. */
+/** Changes of one key within this time, in ms, are one step of undo, such as those of a dragged slider. */
 const TOGETHER = 1000;
 
-/** As a shell takes it. */
+/** A word quoted for a shell. */
 export const quoted = (word: string) => (/^[\w@%+=:,./-]+$/.test(word) ? word : `'${word.replace(/'/g, "'\\''")}'`);
 
 /** The overrides of a command line that set these keys. */
 export const overrides = (sets: Sets) => sets.map(([key, value]) => `--set ${quoted(`${key}=${value}`)}`).join(" ");
 
-/** What a key's new value is, and what it belongs to: "stiffness 20 N·mm/° (spring, puck to wheel)"; of a new coupling its kind and ends. */
+/** A key's new value with the element that it belongs to: "stiffness 20 N·mm/° (spring, puck to wheel)"; of a new coupling its kind and ends. */
 export function described(key: string, value: string, known: Key | undefined): string {
   const damper = /^\{ kind = "(.*?)", between = \["(.*?)", "(.*?)"\], damping = "(.*?)" \}$/.exec(value);
   if (damper) return `a new ${damper[1]}, ${damper[2]} to ${damper[3]}: damping ${pretty(damper[4]!)}`;
@@ -22,14 +22,14 @@ export function described(key: string, value: string, known: Key | undefined): s
 
 const same = (a: Sets, b: Sets) => JSON.stringify(a) === JSON.stringify(b);
 
-/** The states that a visitor has been through, and where among them the world is. */
+/** The states of undo and redo, and the world's place among them. */
 export class Steps {
   private states: Sets[] = [[]];
   private at = 0;
   private wanted: number | null = null;
   private last: { key: string; time: number } | null = null;
 
-  /** The world is in this state now. */
+  /** Records the world's present state. */
   arrived(state: Sets, time: number): void {
     const target = this.wanted;
     this.wanted = null;
@@ -49,7 +49,7 @@ export class Steps {
     this.last = keys.length === 1 ? { key: keys[0]!, time } : null;
   }
 
-  /** The state so many steps away, which is then requested; `null` where there is none. */
+  /** The state one step back (-1) or forward (1), which becomes the requested one; `null` where there is none. */
   step(by: 1 | -1): Sets | null {
     const state = this.states[this.at + by];
     if (!state) return null;
@@ -65,7 +65,7 @@ export class Steps {
 export class Changes {
   private steps = new Steps();
   private place: number | null = null;
-  /** What was set when it last differed from the file. */
+  /** The values set when the world last differed from the file. */
   private mine: Sets = [];
   private state: Sets = [];
   private readonly undo = button("Undo", () => this.go(-1), { id: "undo" });
@@ -110,7 +110,7 @@ export class Changes {
     this.back.setAttribute("aria-pressed", String(differing.length > 0));
   }
 
-  /** `able`: this page may change the world. */
+  /** `able`: whether this page may change the world. */
   show(able: boolean): void {
     this.undo.disabled = !able || !this.steps.has(-1);
     this.redo.disabled = !able || !this.steps.has(1);
@@ -126,7 +126,7 @@ export class Changes {
   }
 }
 
-/** Gives a text or a picture to the visitor as a file. */
+/** Downloads a text or a picture as a file. */
 export function download(name: string, content: BlobPart, type = "text/plain"): void {
   const link = html("a", { href: URL.createObjectURL(new Blob([content], { type })), download: name });
   link.click();

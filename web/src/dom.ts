@@ -17,7 +17,7 @@ export function svg<K extends keyof SVGElementTagNameMap>(tag: K, attributes: At
   return fill(document.createElementNS("http://www.w3.org/2000/svg", tag), attributes, children);
 }
 
-/** Writes only what changes: most attributes of most frames do not. */
+/** Writes an attribute only where it changes: in most frames most do not. */
 export function attribute(element: Element, name: string, value: string | number | boolean): void {
   if (value === false) {
     if (element.hasAttribute(name)) element.removeAttribute(name);

@@ -1,4 +1,4 @@
-// One press to forward Euler, by which a swing without damping grows, and one back.
+// A button that switches to forward Euler, under which an undamped oscillation grows, and back.
 
 import { button } from "./dom.ts";
 import type { Key, Sets, Judged, World } from "./protocol.ts";
@@ -6,14 +6,14 @@ import type { Key, Sets, Judged, World } from "./protocol.ts";
 const METHOD = "loop.method";
 const EULER = "forward-euler";
 const PERIOD = "loop.period";
-/** Growth is w²T/2 a second: at this period it is seen within seconds. */
+/** The growth is w²T/2 per second: at this period it is visible within seconds. */
 const COARSE = { written: "5 ms", seconds: 5e-3 };
 
 export class Euler {
   readonly button: HTMLButtonElement;
   private method = "";
   private before = "zoh";
-  /** The period to go back to; `null` where it was not changed. */
+  /** The period before; `null` where it was not changed. */
   private period: string | null = null;
   private now: Key | undefined;
   private breaks = false;
@@ -42,7 +42,7 @@ export class Euler {
     this.show();
   }
 
-  /** It breaks what is certified and has a swing that nothing damps: under forward Euler every such swing grows. */
+  /** Whether the button applies: the world is certified and has an undamped oscillation, which forward Euler makes grow. */
   verdict({ certified, held }: Judged): void {
     if (this.method !== EULER) this.breaks = certified === true && held.some(([re, im]) => im !== 0 && Math.abs(Math.hypot(re, im) - 1) < 1e-9);
     this.show();

@@ -1,4 +1,4 @@
-// The wheel that games see of the device: what they ask for, what they get, and the pedals and buttons of a simulated one.
+// The device as a game wheel: the torque that games request, the torque given, and the pedals and buttons of a simulated wheel.
 
 import { attribute, html, say } from "./dom.ts";
 import type { Controls, GameLoop, GameWheel } from "./protocol.ts";
@@ -44,7 +44,7 @@ class Bar {
   }
 }
 
-/** The game's own loop in words: what it is, and what is done about it. */
+/** The game's own loop in words: its law, and the remedy in use. */
 function loop(game: GameLoop): string {
   const { law, lacking, damping, held_back, hands_off, oddity } = game;
   const held = held_back > 0 ? `, and ${number(100 * held_back, 2)} % of the level held back` : "";
@@ -80,7 +80,7 @@ export class GameWheelCard {
     this.buttons = Array.from({ length: BUTTONS }, (_, i) => this.button(i));
     const rows = PEDALS.map((name, i) => html("label", {}, html("span", {}, name), this.pedals[i]!));
     this.controls.append(...rows, html("div", { class: "buttons", role: "group", "aria-label": "Buttons" }, ...this.buttons));
-    // What is held when the page is left would stay pressed.
+    // Keys held when the page loses the focus would stay pressed.
     addEventListener("blur", () => this.press(0));
     root.append(html("h2", {}, "Games"), this.state, this.asked.root, this.given.root, this.reason, this.loop, this.effects, this.controls);
   }
@@ -108,7 +108,7 @@ export class GameWheelCard {
     this.send({ pedals: [throttle, brake, clutch], buttons: this.pressed });
   }
 
-  /** `able`: this page has control of a simulated wheel. */
+  /** `able`: whether this page has control of a simulated wheel. */
   show(wheel: GameWheel | undefined, able: boolean): void {
     this.root.hidden = wheel === undefined;
     if (!wheel) return;
@@ -132,7 +132,7 @@ export class GameWheelCard {
     this.controls.hidden = !able;
   }
 
-  /** The server has released them: control has changed, or the connection was lost. */
+  /** Called when the server has released the controls: control has changed, or the connection was lost. */
   release(): void {
     for (const input of this.pedals) input.value = "0";
     this.pressed = 0;

@@ -1,4 +1,4 @@
-// What the motor does now, on the scale of colours that the couplings are drawn in.
+// The motor's torque, in the colours of the couplings.
 
 import { attribute, html, say, svg } from "./dom.ts";
 import type { Units } from "./units.ts";

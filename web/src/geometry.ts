@@ -1,7 +1,7 @@
 // How a world is laid out: every end has a lane, and couplings stand in the gaps between lanes.
 //
 // In a rotary world lanes are rings about one axis, and a position is an angle, clockwise from the top. In a linear world they
-// are rails above each other, and a position is a way to the right. "Depth" runs from the outer frame (ground) past the puck and
+// are rails above each other, and a position is a distance to the right. "Depth" runs from the outer frame (ground) past the puck and
 // the bodies to the hub (ground again); it is a radius there and a height here.
 
 /** Between two lanes: the depth of the outer lane's edge and that of the inner lane's. */
@@ -20,7 +20,7 @@ export interface Geometry {
   /** Of the frame outside the puck, and of the hub inside the last body. */
   readonly frame: number;
   readonly hub: number;
-  /** Moves what stands at 0 to a position. */
+  /** The transform that moves an element from 0 to a position. */
   place(position: number): string;
   /** From the outer lane at `a` to the inner one at `b`. */
   spring(gap: Gap, a: number, b: number): string;
@@ -36,19 +36,19 @@ export interface Geometry {
   wave(gap: Gap, positions: number[], depth: (position: number) => number, on: 0 | 1): string;
   /** A line at one depth. */
   arc(depth: number, a: number, b: number): string;
-  /** A lane's outline at 0, its mark, and things to see it move by. */
+  /** A lane's outline at 0, its mark, and details that show its motion. */
   body(lane: Lane, puck: boolean): { outline: string; mark: string; detail: string };
   /** The positions that dents within one view about `position` have: from, to. */
   view(position: number): [number, number];
-  /** Half of what is seen about a position: further away a face stands on another turn. `null`: all is seen. */
+  /** Half of the visible range about a position; `null`: everything is visible. */
   readonly half: number | null;
   /** The frame with its scale, as a path, and its labels. */
   scale(): { ticks: string; labels: { x: number; y: number; text: string }[] };
-  /** Where a pointer at these coordinates of the viewBox means to be, up to whole turns. */
+  /** The position of a pointer at these coordinates of the viewBox, up to whole turns. */
   pointed(x: number, y: number): number;
-  /** Whole turns added, so that it is next to `near`. */
+  /** The position plus the whole turns that bring it nearest to `near`. */
   unwrap(position: number, near: number): number;
-  /** What an arrow key held for a second means. */
+  /** The displacement of an arrow key held for a second. */
   readonly pace: number;
 }
 

@@ -5,20 +5,20 @@ import type { Stage } from "./stage.ts";
 
 const TURNING: Record<string, number> = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
 
-/** Between two messages, in ms. */
+/** The least time between two messages, in ms. */
 const PAUSE = 15;
 /** A press is shorter than this, in ms, and moves the pointer by less, in pixels. */
 const [BRIEF, STILL] = [400, 4];
 
 export class Hand {
-  /** What it means to be at; nothing while it holds nothing. */
+  /** The intended position; nothing while the hand does not hold the puck. */
   intended: number | null = null;
   /** Whether this page may grab. */
   allowed = false;
   private readonly stage: Stage;
   private readonly link: Peer;
   private readonly pressed: () => void;
-  /** Where and when the pointer came down; `null` where it has turned the puck. */
+  /** Place and time at which the pointer was pressed; `null` once it has turned the puck. */
   private began: { x: number; y: number; time: number } | null = null;
   private pointer: number | null = null;
   private offset = 0;
@@ -26,9 +26,9 @@ export class Hand {
   private keys = new Map<string, number>();
   private kept = false;
   private then = 0;
-  private told = 0;
+  private sentAt = 0;
 
-  /** `pressed`: the puck was pressed and not turned. */
+  /** `pressed` is called when the puck was pressed and not turned. */
   constructor(stage: Stage, link: Peer, pressed: () => void = () => {}) {
     [this.stage, this.link, this.pressed] = [stage, link, pressed];
     const svg = stage.svg;
@@ -69,8 +69,8 @@ export class Hand {
     if (this.intended === null) return;
     for (const speed of this.keys.values()) this.intended += speed * this.stage.geometry.pace * seconds;
     // A fast screen draws more often than positions need to be sent.
-    if (this.intended === this.sent || now - this.told < PAUSE) return;
-    this.told = now;
+    if (this.intended === this.sent || now - this.sentAt < PAUSE) return;
+    this.sentAt = now;
     this.sent = this.intended;
     this.link.send({ type: "hand", grip: true, position: this.intended });
   }
@@ -93,7 +93,7 @@ export class Hand {
     this.grab();
     this.pointer = event.pointerId;
     this.began = { x: event.clientX, y: event.clientY, time: event.timeStamp };
-    // The wheel stays where it is under the finger.
+    // A grab does not move the wheel: the offset to the finger is kept.
     this.offset = this.intended! - place;
     this.stage.svg.setPointerCapture(event.pointerId);
   }

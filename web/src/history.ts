@@ -6,14 +6,14 @@ import { Samples } from "./samples.ts";
 const ROOM = 1024;
 
 export class History extends Samples {
-  /** `factors`: per column, what one SI unit is shown as. */
+  /** `factors`: for each column, the shown unit's number in one SI unit. */
   constructor(factors: number[]) {
     const room = () => new Float64Array(4 * ROOM);
     super(room(), factors.flatMap(() => [room(), room(), room()]), factors);
     this.end = 0;
   }
 
-  /** Time that goes back, or leaps, begins a new history. */
+  /** Adds a frame. A time that goes back, or jumps, starts a new history. */
   add(frame: Frame): void {
     if (this.end > 0 && (frame.time < this.last || frame.time > this.last + 0.5)) this.end = 0;
     if (this.end === this.time.length) {
@@ -21,7 +21,7 @@ export class History extends Samples {
       this.end = ROOM;
     }
     this.time[this.end] = frame.time;
-    // An axis cannot reach infinity: a loop that has run away leaves a gap.
+    // An axis cannot reach infinity: values of a diverged loop leave a gap.
     const shown = (value: number, factor: number) => (Number.isFinite(value) ? value * factor : Number.NaN);
     this.factors.forEach((factor, i) => {
       this.columns[3 * i]![this.end] = shown(frame.last[i]!, factor);

@@ -50,7 +50,7 @@ export class Knob {
     else if (words.length > 0) this.root.append(html("div", { class: "words" }, ...words.map((word) => button(word, () => this.send(word)))));
     this.select.addEventListener("change", () => this.send(this.select.value));
     this.text.addEventListener("change", () => ![this.key.written, brief(this.key.written)].includes(this.text.value.trim()) && this.send(this.text.value.trim()));
-    // All digits of the file where they are edited, and a few where they are read.
+    // The value has all digits while it is edited, and a few otherwise.
     this.text.addEventListener("focus", () => {
       if (this.text.value !== brief(this.key.written) || this.text.value === this.key.written) return;
       this.text.value = this.key.written;
@@ -71,7 +71,7 @@ export class Knob {
     return this.slider.matches(":active") || this.pending !== 0;
   }
 
-  /** What stands in the world now. */
+  /** Shows the world's present value. */
   show(key: Key): void {
     this.key = key;
     this.refuse("");
@@ -89,7 +89,7 @@ export class Knob {
     attribute(this.slider, "aria-valuetext", pretty(brief(key.written)));
   }
 
-  /** Empty: nothing was refused. */
+  /** Shows a refusal; empty: none. */
   refuse(message: string): void {
     say(this.refusal, message);
     attribute(this.text, "aria-invalid", message ? "true" : false);
@@ -98,7 +98,7 @@ export class Knob {
     if (message && !this.dragged) this.slider.value = String(this.place(this.key.value ?? 0));
   }
 
-  /** Certified intervals in SI; `null`: not known (any more). */
+  /** Shows the certified intervals in SI; `null`: not known, or no longer. */
   range(intervals: [number, number][] | null): void {
     this.root.classList.toggle("ranged", intervals !== null);
     this.root.classList.toggle("stale", intervals === null);
@@ -129,7 +129,7 @@ export class Knob {
     return typeof min === "number" && typeof max === "number" && max > min ? [min, max] : null;
   }
 
-  /** Of a value in SI on the slider. */
+  /** The place of a value in SI on the slider. */
   private place(value: number): number {
     const ends = this.ends();
     if (!ends) return 0;

@@ -31,7 +31,7 @@ export class Knobs {
     this.knobs.get(key)?.range(certified);
   }
 
-  /** Nothing in particular was refused where no key is named. */
+  /** Shows a refusal at its key; returns whether the key has a slider here. */
   refused(key: string, message: string): boolean {
     const knob = this.knobs.get(key);
     knob?.refuse(message);
@@ -61,7 +61,7 @@ export class Knobs {
       const group = key.path.slice(0, key.path.lastIndexOf("."));
       groups.set(group, [...(groups.get(group) ?? []), this.knobs.get(key.path)!]);
     }
-    // What is turned most comes first; the device, which is what it is, last and folded.
+    // The keys that are changed most come first; the device comes last, folded.
     const rank = (group: string) => ["loop", "couplings", "compensation", "bodies", "device"].indexOf(group.split(".")[0]!);
     const ordered = [...groups].sort(([a], [b]) => rank(a) - rank(b));
     this.root.replaceChildren(

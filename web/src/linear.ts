@@ -9,7 +9,7 @@ const FRAME = -132;
 const HUB = 132;
 const COILS = 7;
 
-/** `reach`: what the rail shows to each side of 0, in m. */
+/** `reach`: the length that the rail shows on each side of 0, in m. */
 export function linear(bodies: number, reach: number): Geometry {
   const lanes = [PUCK, ...nested(bodies, PUCK.inner, HUB, 56)];
   const x = (position: number) => Math.max(-400, Math.min(400, (position / reach) * HALF));

@@ -14,7 +14,7 @@ export interface Listener {
   connection(up: boolean, retry: number | null): void;
 }
 
-/** Who answers the page: a server, or the page itself. */
+/** The connection to a loop: of a server, or in the page itself. */
 export interface Peer {
   readonly up: boolean;
   /** False: there is no connection, and nothing was sent. */

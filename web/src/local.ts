@@ -11,9 +11,9 @@ export interface Recorded {
   /** The world's text and the files that it names, as the program reads them. */
   world: unknown;
   verdict: { type: "verdict" } & Verdict;
-  /** By key, where it is certified while every other stays as in the file, in SI. */
+  /** By key, the intervals in SI in which the world is certified while all other keys have the file's values. */
   ranges: Record<string, [number, number][]>;
-  /** What the world is called on the command line, with what was set there, and the report's file; `null`: under a cell of a notebook. */
+  /** The world's name on the command line, with what was set there, and the report's file; `null`: under a cell of a notebook. */
   place: { command: string; report: string } | null;
 }
 
@@ -98,7 +98,7 @@ export class Local implements Peer {
     this.listener = listener;
     this.recorded = recorded;
     this.program = new Program(recorded.core, "load", recorded.world);
-    // When the page has wired what listens.
+    // Deferred until the page has set its handlers.
     queueMicrotask(() => {
       listener.connection(true, null);
       this.listen();
@@ -129,7 +129,7 @@ export class Local implements Peer {
     if (message.type === "world") this.judge(message);
   }
 
-  /** What is known of a world: the file's certificate; where one key has been changed, its certified range; and the command that makes
+  /** The verdict on a changed world: the file's certificate; where one key has been changed, its certified range; and the command that makes
    * another certificate. */
   private judge({ generation, keys }: World): void {
     const { verdict, place, ranges } = this.recorded;

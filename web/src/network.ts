@@ -10,7 +10,7 @@ const STEPS = 1000;
 interface Dial {
   name: string;
   key: keyof NetworkChange;
-  /** The value at a part of the way from 0 to 1, and back. */
+  /** The value at a place on the slider from 0 to 1, and the inverse. */
   at: (part: number) => number;
   part: (value: number) => number;
   text: (value: number) => string;

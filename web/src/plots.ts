@@ -56,7 +56,7 @@ class Plot {
     root.append(html("figure", { class: last ? "plot last" : "plot" }, head, box));
     this.uplot = new uPlot(this.options(box, last, group), [[]], box);
     new ResizeObserver(() => this.resize(box)).observe(box);
-    // On a phone most plots are scrolled away.
+    // Plots that are not visible are not drawn: on a phone most are not.
     new IntersectionObserver((entries) => (this.seen = entries.at(-1)!.isIntersecting)).observe(box);
   }
 
@@ -341,7 +341,7 @@ export class Plots {
   private key(event: KeyboardEvent): void {
     if (!this.held) return;
     const [from, to] = this.span;
-    const go = (way: number) => this.look([from + way * PACE * (to - from), to + way * PACE * (to - from)]);
+    const go = (direction: number) => this.look([from + direction * PACE * (to - from), to + direction * PACE * (to - from)]);
     const act = { ArrowLeft: () => go(-1), ArrowRight: () => go(1), "+": () => this.zoom(STEP), "-": () => this.zoom(1 / STEP), "0": () => this.follow() }[event.key];
     if (!act) return;
     event.preventDefault();

@@ -18,8 +18,8 @@ export function summary(poles: Pole[], growth: number | null, period: number): s
   const shifts = largest > radius && (growth === null || Math.log(largest) / period > growth + 1e-9);
   const size = shifts ? (growth === null ? "" : `; beside the free shift at 1, largest |λ| ${radius.toFixed(6)}`) : `, largest |λ| ${radius.toFixed(6)}`;
   if (growth === null) return shifts ? `${poles.length}, a free shift at 1 and nothing that lasts` : `${poles.length}`;
-  const way = Math.abs(growth) < 1e-9 ? "keeps its size" : `${growth > 0 ? "grows" : "decays"} by ${number(Math.abs(growth))} per s`;
-  return `${poles.length}${size}, ${way}`;
+  const course = Math.abs(growth) < 1e-9 ? "keeps its size" : `${growth > 0 ? "grows" : "decays"} by ${number(Math.abs(growth))} per s`;
+  return `${poles.length}${size}, ${course}`;
 }
 
 export class Poles {
@@ -59,7 +59,7 @@ export class Poles {
         .map(([re, im]): Pole => [Math.log(Math.hypot(re, im)) / period, Math.atan2(im, re) / (2 * Math.PI * period)])
         .filter(([growth]) => Number.isFinite(growth));
     const [h, f] = [logs(held), logs(free)];
-    // The slowest few count: what lies far out is in the other map.
+    // This map shows the few slowest; the other map shows the rest.
     const near = [...h, ...f].sort((a, b) => Math.hypot(...a) - Math.hypot(...b)).slice(0, 6);
     const bound = (values: number[], least: number) => 1.3 * Math.max(least, ...values.map(Math.abs));
     const top = bound(near.map(([, hz]) => hz), 0.1);

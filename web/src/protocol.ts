@@ -1,4 +1,4 @@
-// What the page and the loop tell each other (docs/live.md): messages, and frames of telemetry. Numbers are SI.
+// The protocol between page and loop (docs/live.md): messages, and frames of telemetry. Numbers are SI.
 
 import type { FromServer, Link, Network, Verdict } from "./messages.ts";
 

@@ -1,4 +1,4 @@
-// The plots of a report: what stands there as still figures is moved, spread, read and saved.
+// The plots of a report: its still figures become plots to pan, zoom, read and save.
 
 import { download } from "./changes.ts";
 import { button, html, say } from "./dom.ts";

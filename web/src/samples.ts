@@ -1,4 +1,4 @@
-// Signals over time, in the units that are shown, as arrays that a plot takes without copying: what plots and tables are made of.
+// Signals over time in the shown units, the data of plots and tables: arrays that a plot takes without copying.
 
 export class Samples {
   protected readonly time: Float64Array;
@@ -23,7 +23,7 @@ export class Samples {
     return [this.end > this.first ? this.time[this.first]! : 0, this.last];
   }
 
-  /** Time, then for each column asked for its last, low and high values, from a time to a time; a line goes on to the next sample beyond either. */
+  /** Times, then the last, low and high values of each requested column, between two times and up to the next sample beyond either. */
   window(columns: number[], from: number, to: number): Float64Array[] {
     let { first, end } = this;
     while (first < end - 1 && this.time[first + 1]! <= from) first += 1;

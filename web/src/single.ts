@@ -1,4 +1,4 @@
-// One loop: wires the link, what is drawn, and what the visitor does.
+// One loop: connects the link, the drawing and the visitor's inputs.
 
 import { lateness, showBar, type Desk } from "./bar.ts";
 import { Changes, described, download } from "./changes.ts";
@@ -58,7 +58,7 @@ export function single(recorded: Recorded | undefined): void {
   const hand = new Hand(stage, link, () => worlds.press());
   const worlds = new Worlds(byId("worlds"), byId("choice"), (place) => {
     scenarioStart.cancel();
-    // Where the puck is the other world has its own 0.
+    // The new world's 0 is at the puck's present position.
     hand.release();
     link.send({ type: "enter", world: place });
   });
@@ -187,7 +187,7 @@ export function single(recorded: Recorded | undefined): void {
     verdict.outdated();
     euler.world(next);
     desk.world = next;
-    // What was refused was refused by the world before.
+    // Refusals shown are those of the earlier world.
     if (before && before.generation !== next.generation) byId("error").hidden = true;
     const way = next.motion === "rotary" ? "Clockwise" : "To the right";
     const grab = next.device === SIMULATED ? "Drag it and release it; on the keyboard hold an arrow key (with Shift, slowly), and H keeps holding." : `It moves as ${next.device} does.`;
@@ -269,7 +269,7 @@ export function single(recorded: Recorded | undefined): void {
       link.send({ type: "order", order });
     });
   }
-  // Where the puck is armed is 0 from then on: a hand that meant to be elsewhere would throw it.
+  // Arming sets 0 to the puck's position: a hand with another intended position would move the puck suddenly.
   press("arm", () => {
     scenarioStart.cancel();
     hand.release();

@@ -1,4 +1,4 @@
-// Stop: a button that nothing hides, Escape everywhere, Space everywhere but in a text field.
+// Stop: a button that is always visible, Escape, and Space outside of text fields.
 
 export function stopOn(button: HTMLButtonElement, stop: () => void): void {
   button.addEventListener("click", stop);
@@ -8,7 +8,7 @@ export function stopOn(button: HTMLButtonElement, stop: () => void): void {
     const types = field instanceof HTMLInputElement && field.type === "text";
     return event.key === " " && !types && !event.ctrlKey && !event.altKey && !event.metaKey;
   };
-  // Caught before anything else sees it, so that Space presses no button and opens no choice.
+  // In the capture phase, before other handlers, so that Space presses no button and opens no list.
   const catches = (event: KeyboardEvent) => {
     if (!stops(event)) return;
     event.preventDefault();

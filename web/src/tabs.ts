@@ -1,4 +1,4 @@
-// On a phone one part of the page at a time; elsewhere all stand side by side, and these buttons are not there.
+// On a phone the page shows one part at a time, chosen by these buttons; a wide page shows all parts and no buttons.
 
 import { button } from "./dom.ts";
 

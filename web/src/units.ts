@@ -1,4 +1,4 @@
-// Numbers as people read them.
+// Numbers as text for display.
 
 import type { World } from "./protocol.ts";
 

@@ -48,7 +48,7 @@ export class VerdictCard {
   /** The world has changed: what stands here is of the one before, up to the next verdict. */
   outdated(): void {
     if (this.said === "") return;
-    // What would certify the world before need not certify this one.
+    // Remedies of the earlier world need not certify this one.
     for (const press of this.root.querySelectorAll<HTMLButtonElement>("button.remedy")) press.disabled = true;
     this.waiting ??= setTimeout(() => {
       const before = this.said;
@@ -106,7 +106,7 @@ export class VerdictCard {
       return html("li", {}, press);
     });
     if (!certified) return html("div", { class: "remedies" }, html("p", {}, "Any one of these makes it certified"), html("ul", {}, ...rows));
-    // Not a remedy: a press goes as far as the certificate does.
+    // A margin, not a remedy: the button sets the key to the end of its certified range.
     this.margins.replaceChildren(html("summary", {}, "Go to the edge"), html("p", { class: "soft" }, "The loop stays certified as far as each of these, one at a time."), html("ul", {}, ...rows));
     return this.margins;
   }

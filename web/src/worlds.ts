@@ -135,7 +135,7 @@ export class Worlds {
     const next = (at + step + this.buttons.length) % this.buttons.length;
     this.buttons[next]!.focus();
     if (this.chosen === null) return;
-    // From here on it is turned.
+    // From here on the puck counts as turned.
     this.first += next - this.chosen;
     this.choose(next);
   }
