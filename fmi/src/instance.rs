@@ -93,8 +93,8 @@ struct Changed {
 /// The reason that parameters are refused.
 enum Refused {
     /// Values that are each valid and inconsistent together.
-    Together(String),
-    Alone(String),
+    Combination(String),
+    Single(String),
 }
 
 impl Instance {
@@ -356,7 +356,7 @@ impl Instance {
         let is_running = self.phase == Phase::Step;
         let Changed { world, values } = match self.read(&sets) {
             Ok(changed) => changed,
-            Err(Refused::Together(message)) if !is_running => {
+            Err(Refused::Combination(message)) if !is_running => {
                 self.log.say(Status::Warning, &format!("{message} (checked again when the initialisation ends)"));
                 (self.sets, self.pending) = (sets, Some(message));
                 return Ok(());
@@ -380,11 +380,11 @@ impl Instance {
     fn read(&self, sets: &BTreeMap<usize, Value>) -> Result<Changed, Refused> {
         let texts = texts(&self.model, sets);
         let world = World::read(&self.model.source, &texts).map_err(|error| match error.kind {
-            ErrorKind::Combination | ErrorKind::Unsupported | ErrorKind::Name => Refused::Together(named(&error)),
-            ErrorKind::Value | ErrorKind::Syntax | ErrorKind::Unreadable => Refused::Alone(named(&error)),
+            ErrorKind::Combination | ErrorKind::Unsupported | ErrorKind::Name => Refused::Combination(named(&error)),
+            ErrorKind::Value | ErrorKind::Syntax | ErrorKind::Unreadable => Refused::Single(named(&error)),
         })?;
-        hapt_sim::check(&world).map_err(|error| Refused::Together(error.to_string()))?;
-        let values = values(&self.model, sets).map_err(|error| Refused::Alone(named(&error)))?;
+        hapt_sim::check(&world).map_err(|error| Refused::Combination(error.to_string()))?;
+        let values = values(&self.model, sets).map_err(|error| Refused::Single(named(&error)))?;
         Ok(Changed { world, values })
     }
 
@@ -418,7 +418,9 @@ impl Instance {
         let (changed, pending) = match self.read(&saved.sets) {
             Ok(changed) => (changed, None),
             // It was saved between two values that are valid only together.
-            Err(Refused::Together(message)) => (self.read(&BTreeMap::new()).map_err(Refused::message)?, Some(message)),
+            Err(Refused::Combination(message)) => {
+                (self.read(&BTreeMap::new()).map_err(Refused::message)?, Some(message))
+            }
             Err(refused) => return Err(refused.message()),
         };
         let mut engine = Engine::new(self.model.kind, &changed.world).map_err(|error| error.to_string())?;
@@ -496,7 +498,7 @@ const CHECKSUM: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 impl Refused {
     fn message(self) -> String {
         match self {
-            Refused::Together(message) | Refused::Alone(message) => message,
+            Refused::Combination(message) | Refused::Single(message) => message,
         }
     }
 }

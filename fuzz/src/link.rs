@@ -32,7 +32,7 @@ pub fn run_can(bytes: &[u8]) -> u64 {
 /// no authentication, and one in 2 million of others passes it.
 fn stations<C: Codec + Clone>(bytes: &[u8], codec: impl Fn(bool) -> C, overtaken: Option<usize>) -> u64 {
     let mut sessions = [true, false].map(|first| Session::new(codec(first), if first { 1 } else { 2 }));
-    let mut heard: [Option<Number>; 2] = [None; 2];
+    let mut received: [Option<Number>; 2] = [None; 2];
     // The sessions of both stations as it was sent, and the message.
     let mut sent: VecDeque<([u64; 2], C::Bytes)> = VecDeque::new();
     let (mut now, mut starts, mut seen) = (0_u64, 2, 0_u64);
@@ -41,11 +41,11 @@ fn stations<C: Codec + Clone>(bytes: &[u8], codec: impl Fn(bool) -> C, overtaken
         now += u64::from(at >> 1) * 1_000_000 + 1;
         let (at, which) = (usize::from(at & 1), usize::from(which));
         let owns = sessions.each_ref().map(|session| session.own().session);
-        let Some((session, heard)) = sessions.get_mut(at).zip(heard.get_mut(at)) else { break };
+        let Some((session, received)) = sessions.get_mut(at).zip(received.get_mut(at)) else { break };
         match what % 4 {
             0 => {
                 let position = now as f64 * 1e-9;
-                let say = Outgoing { sampled: now, position, strength: Strength(which as u8), heard: *heard };
+                let say = Outgoing { sampled: now, position, strength: Strength(which as u8), received: *received };
                 sent.extend(session.send(&say).map(|bytes| (owns, bytes)));
                 if overtaken.is_some_and(|most| sent.len() > most) {
                     sent.pop_front();
@@ -79,12 +79,12 @@ fn stations<C: Codec + Clone>(bytes: &[u8], codec: impl Fn(bool) -> C, overtaken
                     // The position of a frame is rounded.
                     let sampled = taken.position + 0.51 / f64::from(1 << 22);
                     assert!(taken.since.is_none_or(|since| since as f64 * 1e-9 <= sampled), "{taken:?}");
-                    *heard = Some(taken.number);
+                    *received = Some(taken.number);
                 }
             }
             _ => {
                 starts += 1 << 8;
-                (*session, *heard) = (Session::new(codec(at == 0), starts), None);
+                (*session, *received) = (Session::new(codec(at == 0), starts), None);
             }
         }
     }

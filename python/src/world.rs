@@ -258,11 +258,11 @@ impl World {
         })?;
         let (json, worst) = found.map_err(value)?;
         let (text, files) = match worst {
-            Worst::Alone(worst) if worst.motion.is_some() => return Ok((json.map_err(internal)?, None)),
-            Worst::Alone(worst) => {
+            Worst::World(worst) if worst.motion.is_some() => return Ok((json.map_err(internal)?, None)),
+            Worst::World(worst) => {
                 (Model { scenarios: vec![worst.scenario], ..self.world()?.clone() }.to_toml(), Files::new())
             }
-            Worst::Together(worst) => {
+            Worst::Network(worst) => {
                 let stations = || worst.network.stations.iter();
                 let names: Vec<String> = stations().map(|station| format!("{}.toml", station.name)).collect();
                 let worlds = stations().map(|station| station.stated_world().to_toml());

@@ -23,18 +23,18 @@ pub fn licences() -> Result<()> {
         println!("        (skipped: cargo install cargo-deny)");
         return Ok(());
     }
-    let said =
+    let output =
         Command::new("cargo-deny").args(["--log-level", "error", "check", "licenses", "bans", "sources"]).output()?;
-    ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+    ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     Ok(())
 }
 
 /// No dependency needs a newer Rust than the workspace's `rust-version`, and the core builds with its own one, where that is
 /// installed. Clippy finds uses of a newer standard library in our own code, by the same number (incompatible_msrv).
 pub fn oldest_rust() -> Result<()> {
-    let said = Command::new(env!("CARGO")).args(["metadata", "--format-version", "1", "--locked"]).output()?;
-    ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
-    let metadata: serde_json::Value = serde_json::from_slice(&said.stdout)?;
+    let output = Command::new(env!("CARGO")).args(["metadata", "--format-version", "1", "--locked"]).output()?;
+    ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let metadata: serde_json::Value = serde_json::from_slice(&output.stdout)?;
     let packages = metadata["packages"].as_array().context("no packages")?;
     let (mut ours, mut newest) = (None, ((0, 0), "nothing"));
     for package in packages {
@@ -57,8 +57,8 @@ pub fn has_target(target: &str) -> bool {
     if std::env::var_os("HAPT_CROSS").is_some_and(|which| which == "distribution") {
         return false;
     }
-    let said = Command::new("rustc").args(["--print", "target-libdir", "--target", target]).output();
-    said.is_ok_and(|said| Path::new(String::from_utf8_lossy(&said.stdout).trim()).exists())
+    let output = Command::new("rustc").args(["--print", "target-libdir", "--target", target]).output();
+    output.is_ok_and(|output| Path::new(String::from_utf8_lossy(&output.stdout).trim()).exists())
 }
 
 /// xtask is built with the features that its dependencies have in the whole workspace. Otherwise `cargo xtask test` builds most crates
@@ -67,9 +67,9 @@ pub fn built_once() -> Result<()> {
     let units = |arguments: &[&str]| -> Result<BTreeSet<String>> {
         let mut command = Command::new(env!("CARGO"));
         command.args(["tree", "--locked", "--prefix", "none", "--format", "{p} with features {f}"]).args(arguments);
-        let said = command.output()?;
-        ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
-        Ok(String::from_utf8_lossy(&said.stdout).lines().map(|line| line.trim_end_matches(" (*)").into()).collect())
+        let output = command.output()?;
+        ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        Ok(String::from_utf8_lossy(&output.stdout).lines().map(|line| line.trim_end_matches(" (*)").into()).collect())
     };
     let ours = units(&["--package", "xtask", "--edges", "normal,build"])?;
     let all = units(&["--workspace", "--edges", "normal,build,dev"])?;
@@ -97,8 +97,8 @@ fn core() -> Result<()> {
         command
     };
     let is_it = |mut command: Command| {
-        let said = command.arg("--version").stderr(Stdio::null()).output();
-        said.is_ok_and(|said| String::from_utf8_lossy(&said.stdout).contains(&format!(" {CORE}.")))
+        let output = command.arg("--version").stderr(Stdio::null()).output();
+        output.is_ok_and(|output| String::from_utf8_lossy(&output.stdout).contains(&format!(" {CORE}.")))
     };
     let mut command = if is_it(rustup()) {
         rustup()

@@ -206,9 +206,9 @@ fn trial(seed: u64, i: u64) -> Result<Option<Trial>> {
         if !kind.before_arming() && kind != Kind::Hit {
             hand.act(&mut rng, &world, &mut test_bench.device);
         }
-        let asked = kind.act(&mut rng, &mut test_bench, age).or(request.take());
+        let request_of_act = kind.act(&mut rng, &mut test_bench, age).or(request.take());
         let missed = test_bench.wires.missed;
-        let guarded = test_bench.sample(asked);
+        let guarded = test_bench.sample(request_of_act);
         samples += 1 + missed;
         trial.peak = trial.peak.max(guarded.output.abs() / limit);
         trial.given = trial.given.max(begin - test_bench.device.ledger().hand);

@@ -233,17 +233,17 @@ fn qemu(machine: &str, program: &Path, cases: &[u8], more: &[&str]) -> Result<St
     command.args(["-machine", machine, "-display", "none", "-serial", "none", "-monitor", "none"]);
     command.args(["-chardev", "stdio,id=console", "-semihosting-config", "enable=on,target=native,chardev=console"]);
     command.args(more).arg("-kernel").arg(program).current_dir(folder).stdin(Stdio::null());
-    let said = command.output()?;
-    let text = String::from_utf8_lossy(&said.stdout).into_owned();
-    ensure!(said.status.success(), "{machine}: {}: {text}{}", said.status, String::from_utf8_lossy(&said.stderr));
+    let output = command.output()?;
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    ensure!(output.status.success(), "{machine}: {}: {text}{}", output.status, String::from_utf8_lossy(&output.stderr));
     Ok(text)
 }
 
 /// Whether the tools are installed that build and run the firmware; with `CI` set they have to be.
 fn has_tools() -> Result<bool> {
     let there = |program| {
-        let said = Command::new(program).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
-        said.is_ok_and(|status| status.success())
+        let output = Command::new(program).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+        output.is_ok_and(|status| status.success())
     };
     let all = || {
         let compiler = [BOARD_TARGET, M33_TARGET].into_iter().all(deps::has_target)

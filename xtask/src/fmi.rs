@@ -19,7 +19,7 @@ pub use reference::write;
 pub fn holds() -> Result<()> {
     let hapt = programs::program("hapt")?.get_program().to_os_string();
     if cfg!(target_os = "linux") {
-        stands_alone(&programs::target().join(programs::PROFILE).join("deps/libhapt_fmi.so"))?;
+        is_self_contained(&programs::target().join(programs::PROFILE).join("deps/libhapt_fmi.so"))?;
     }
     reference::is_current()?;
     let Some(environment) = tools::environment("fmi") else {
@@ -28,18 +28,18 @@ pub fn holds() -> Result<()> {
     };
     let mut importers = tools::python(&environment)?;
     importers.arg("fmi/tests/importers.py").arg(hapt).arg(programs::target().join("fmus"));
-    let said = importers.output()?;
-    let [out, errors] = [&said.stdout, &said.stderr].map(|text| String::from_utf8_lossy(text));
-    ensure!(said.status.success(), "{out}{errors}");
+    let output = importers.output()?;
+    let [out, errors] = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text));
+    ensure!(output.status.success(), "{out}{errors}");
     println!("        ({})", out.lines().last().unwrap_or_default());
     Ok(())
 }
 
-fn stands_alone(library: &Path) -> Result<()> {
+fn is_self_contained(library: &Path) -> Result<()> {
     let listed = |arguments: &[&str]| -> Result<String> {
         let program = arguments[0];
-        let said = Command::new(program).args(&arguments[1..]).arg(library).output();
-        Ok(String::from_utf8(said.with_context(|| format!("binutils: {program}"))?.stdout)?)
+        let output = Command::new(program).args(&arguments[1..]).arg(library).output();
+        Ok(String::from_utf8(output.with_context(|| format!("binutils: {program}"))?.stdout)?)
     };
     let needed = listed(&["objdump", "-p"])?;
     let needed = needed.lines().filter_map(|line| line.trim().strip_prefix("NEEDED")).map(str::trim);

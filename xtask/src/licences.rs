@@ -80,9 +80,9 @@ pub fn is_current() -> Result<()> {
 
 /// The crates whose code is in the program, on any platform: hapt's dependencies at run time, their dependencies, and no macros.
 fn parts() -> Result<Vec<Part>> {
-    let said = Command::new(env!("CARGO")).args(["metadata", "--format-version", "1", "--locked"]).output()?;
-    ensure!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
-    let metadata: Value = serde_json::from_slice(&said.stdout)?;
+    let output = Command::new(env!("CARGO")).args(["metadata", "--format-version", "1", "--locked"]).output()?;
+    ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let metadata: Value = serde_json::from_slice(&output.stdout)?;
     let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
     let packages: BTreeMap<String, Value> =
         list(&metadata["packages"]).into_iter().map(|package| (text(&package["id"]), package)).collect();

@@ -82,8 +82,8 @@ pub fn build() -> Result<()> {
     println!("{BUILT}: {} bytes", bytes.len());
     fs::write(BUILT, &bytes)?;
     let rustc = if deps::has_target(PAGE_TARGET) { "rustc" } else { "/usr/bin/rustc" };
-    let said = Command::new(rustc).arg("--version").output()?;
-    fs::write(STAMP, format!("{}{}", stamp()?, String::from_utf8_lossy(&said.stdout)))?;
+    let output = Command::new(rustc).arg("--version").output()?;
+    fs::write(STAMP, format!("{}{}", stamp()?, String::from_utf8_lossy(&output.stdout)))?;
     same_bits()
 }
 
@@ -140,8 +140,8 @@ pub fn same_bits() -> Result<()> {
             }
         };
         fs::write(file, case)?;
-        let said = Command::new("node").args([&format!("{CORE}/check.mjs"), BUILT]).arg(file).output()?;
-        ensure!(said.status.success(), "{}: {}", method.name(), String::from_utf8_lossy(&said.stderr));
+        let output = Command::new("node").args([&format!("{CORE}/check.mjs"), BUILT]).arg(file).output()?;
+        ensure!(output.status.success(), "{}: {}", method.name(), String::from_utf8_lossy(&output.stderr));
     }
     println!("        {} worlds, {EACH} samples each: the same bits", Method::ALL.len());
     fs::remove_file(file)?;
@@ -174,7 +174,8 @@ pub fn works() -> Result<()> {
 
 /// Whether npm and the page's build tools are installed; with `CI` set they have to be.
 fn has_npm() -> Result<bool> {
-    let there = || Command::new("npm").arg("--version").stdout(Stdio::null()).status().is_ok_and(|said| said.success());
+    let there =
+        || Command::new("npm").arg("--version").stdout(Stdio::null()).status().is_ok_and(|output| output.success());
     let ci = std::env::var_os("CI").is_some();
     if there() && Path::new("web/node_modules").exists() {
         return Ok(true);
@@ -191,13 +192,13 @@ fn npm(arguments: &[&str]) -> Result<()> {
     if let Some(environment) = tools::environment("hapt") {
         command.env("HAPT_PYTHON", tools::python(&environment)?.get_program());
     }
-    let said = command.output()?;
-    let text = [said.stdout, said.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).join("\n");
+    let output = command.output()?;
+    let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).join("\n");
     // For either reporter of node: only what follows the first failure is shown.
     let lines = || text.lines().filter(|line| !line.starts_with("✔"));
     let first = lines().position(|line| line.starts_with("not ok")).unwrap_or(0);
     let failed: Vec<&str> = lines().skip(first).take(60).collect();
-    ensure!(said.status.success(), "npm {}:\n{}", arguments.join(" "), failed.join("\n"));
+    ensure!(output.status.success(), "npm {}:\n{}", arguments.join(" "), failed.join("\n"));
     Ok(())
 }
 

@@ -62,7 +62,7 @@ struct Python(&'static str);
 
 fn python() -> Option<Python> {
     let test = |name: &&str| {
-        Command::new(name).args(["-c", "import tomllib"]).output().is_ok_and(|said| said.status.success())
+        Command::new(name).args(["-c", "import tomllib"]).output().is_ok_and(|output| output.status.success())
     };
     ["python3", "/usr/bin/python3"].into_iter().find(test).map(Python)
 }
@@ -91,10 +91,10 @@ fn check(n: u64, seed: u64) -> Result<String> {
     }
     let witnessed: u64 = worlds.values().sum();
     let since = Instant::now();
-    let said = python.run(&[CHECKER, "--batch", &folder.to_string_lossy()])?;
+    let output = python.run(&[CHECKER, "--batch", &folder.to_string_lossy()])?;
     let took = since.elapsed().as_secs_f64();
     let (mut accepted, mut refused) = (0u64, 0u64);
-    for line in String::from_utf8_lossy(&said.stdout).lines() {
+    for line in String::from_utf8_lossy(&output.stdout).lines() {
         let mut words = line.splitn(3, ' ');
         let (code, file) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
         // w12.json is a proof; w12.changed-3.json and w12-less.json are not.
@@ -108,7 +108,7 @@ fn check(n: u64, seed: u64) -> Result<String> {
     ensure!(
         accepted == witnessed,
         "{accepted} of {witnessed} proofs were looked at: {}",
-        String::from_utf8_lossy(&said.stderr)
+        String::from_utf8_lossy(&output.stderr)
     );
     let each: Vec<String> = worlds.iter().map(|(theorem, n)| format!("{n} {theorem}")).collect();
     fs::remove_dir_all(&folder)?;
@@ -400,7 +400,7 @@ fn law(rng: &mut Rng, is_linear: bool) -> Law {
 
 /// Compiles the Coq file: no proof in it is left open, and its theorems assume only the axioms of the real numbers.
 pub fn is_checked_by_coq() -> Result<()> {
-    if !Command::new("coqc").arg("--version").output().is_ok_and(|said| said.status.success()) {
+    if !Command::new("coqc").arg("--version").output().is_ok_and(|output| output.status.success()) {
         println!("        (no coqc: {COQ} was not looked at; it is in Debian's package coq)");
         return Ok(());
     }
@@ -414,9 +414,9 @@ pub fn is_checked_by_coq() -> Result<()> {
     }
     let name = Path::new(COQ).file_name().context("a name")?;
     fs::write(folder.join(name), &text)?;
-    let said = Command::new("coqc").arg(name).current_dir(&folder).output()?;
-    let out = String::from_utf8_lossy(&said.stdout);
-    ensure!(said.status.success(), "{COQ}: {out}{}", String::from_utf8_lossy(&said.stderr));
+    let output = Command::new("coqc").arg(name).current_dir(&folder).output()?;
+    let out = String::from_utf8_lossy(&output.stdout);
+    ensure!(output.status.success(), "{COQ}: {out}{}", String::from_utf8_lossy(&output.stderr));
     // "Axioms:", then each with its type; lines of types are indented.
     let named =
         out.lines().filter(|line| line.starts_with(|c: char| c.is_alphabetic())).filter(|line| *line != "Axioms:");

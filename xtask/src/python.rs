@@ -69,11 +69,11 @@ pub fn install(environment: &Path, profile: &str) -> Result<()> {
     }
     let library = format!("{DLL_PREFIX}_hapt{DLL_SUFFIX}");
     fs::copy(root.join(profile).join(&library), package.join("_hapt.abi3.so")).context(library)?;
-    let mut asked = tools::python(environment)?;
-    asked.args(["-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]);
-    let said = asked.output()?;
-    ensure!(said.status.success(), "{asked:?}: {}", String::from_utf8_lossy(&said.stderr));
-    let site = String::from_utf8(said.stdout)?;
+    let mut query = tools::python(environment)?;
+    query.args(["-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]);
+    let output = query.output()?;
+    ensure!(output.status.success(), "{query:?}: {}", String::from_utf8_lossy(&output.stderr));
+    let site = String::from_utf8(output.stdout)?;
     let parent = package.parent().context("no folder")?;
     Ok(fs::write(Path::new(site.trim()).join("hapt.pth"), format!("{}\n", parent.display()))?)
 }
@@ -86,8 +86,8 @@ fn module(environment: &Path, name: &str) -> Result<Command> {
 }
 
 fn run(command: &mut Command) -> Result<()> {
-    let said = command.output().with_context(|| format!("{command:?}"))?;
-    let [out, errors] = [&said.stdout, &said.stderr].map(|text| String::from_utf8_lossy(text));
-    ensure!(said.status.success(), "{command:?}: {out}{errors}");
+    let output = command.output().with_context(|| format!("{command:?}"))?;
+    let [out, errors] = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text));
+    ensure!(output.status.success(), "{command:?}: {out}{errors}");
     Ok(())
 }

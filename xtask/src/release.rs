@@ -139,8 +139,8 @@ fn written(all: &[Made]) -> Result<()> {
     let (mut sums, mut rows) = (String::new(), String::new());
     for Made { file, tried } in all {
         let name = file.file_name().context("no name")?.to_string_lossy();
-        let said = done(Command::new("sha256sum").arg(file))?;
-        let sum = said.split_whitespace().next().context("sha256sum says nothing")?;
+        let output = done(Command::new("sha256sum").arg(file))?;
+        let sum = output.split_whitespace().next().context("sha256sum says nothing")?;
         sums += &format!("{sum}  {name}\n");
         let megabytes = fs::metadata(file)?.len() as f64 / 1e6;
         let (name, tried) = match tried {
@@ -207,9 +207,9 @@ fn packed(of: &Path, file: &Path) -> Result<()> {
 
 /// The output of a command; an error with its messages where it fails.
 fn done(command: &mut Command) -> Result<String> {
-    let said = command.output().with_context(|| format!("{command:?}"))?;
-    ensure!(said.status.success(), "{command:?}: {}", String::from_utf8_lossy(&said.stderr));
-    Ok(String::from_utf8_lossy(&said.stdout).into_owned())
+    let output = command.output().with_context(|| format!("{command:?}"))?;
+    ensure!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
+    Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
 fn emptied(folder: &Path) -> Result<()> {

@@ -165,8 +165,8 @@ fn holds(test: &str) -> bool {
 }
 
 fn run(command: &mut Command) -> Result<()> {
-    let said = command.output().with_context(|| format!("{command:?}"))?;
-    ensure!(said.status.success(), "{command:?}: {}", String::from_utf8_lossy(&said.stderr));
+    let output = command.output().with_context(|| format!("{command:?}"))?;
+    ensure!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
     Ok(())
 }
 

@@ -57,12 +57,12 @@ pub fn picture() -> Result<String> {
     let courses = courses(SHOWN, 1)?;
     let x = Axis::logarithmic("degrees travelled in 4 s after a kick, hands off", "", 1.0, 1e5);
     let mut panel = Panel::new("", x, Axis::logarithmic("sets of effects that travel farther", "%", 0.05, 100.0));
-    let mut said = Vec::new();
+    let mut parts = Vec::new();
     for ((name, signal), all) in [("hapt", 0), ("differences", 1)].into_iter().zip(courses) {
         let mut travelled: Vec<f64> = all.iter().map(|course| course.travelled.max(1.0)).collect();
         travelled.sort_by(f64::total_cmp);
         let count = travelled.len() as f64;
-        said.push(format!("with {name} at most {:.0} degrees", travelled.last().copied().unwrap_or_default()));
+        parts.push(format!("with {name} at most {:.0} degrees", travelled.last().copied().unwrap_or_default()));
         // As a staircase: all of them travel farther than the shortest travel.
         let mut points = vec![(1.0, 100.0)];
         for (at, degrees) in travelled.into_iter().enumerate() {
@@ -71,7 +71,7 @@ pub fn picture() -> Result<String> {
         panel.curve(name, Style::Signal(signal), points);
     }
     let title = "Random sets of effects on random wheels".into();
-    let alt = format!("Of {SHOWN} random sets of effects, the part that travels farther: {}.", said.join(", "));
+    let alt = format!("Of {SHOWN} random sets of effects, the part that travels farther: {}.", parts.join(", "));
     Ok(Figure { title, alt, panels: vec![panel], columns: 1 }.svg(Width::Wide, true) + "\n")
 }
 

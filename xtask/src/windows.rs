@@ -105,10 +105,10 @@ impl Wine {
 }
 
 fn printed(command: &mut Command) -> Result<Vec<u8>> {
-    let said = command.stdin(Stdio::null()).output().with_context(|| format!("{command:?}"))?;
-    let ended = matches!(said.status.code(), Some(0 | 1));
-    ensure!(ended, "{command:?}: {}{}", said.status, String::from_utf8_lossy(&said.stderr));
-    Ok(said.stdout)
+    let output = command.stdin(Stdio::null()).output().with_context(|| format!("{command:?}"))?;
+    let ended = matches!(output.status.code(), Some(0 | 1));
+    ensure!(ended, "{command:?}: {}{}", output.status, String::from_utf8_lossy(&output.stderr));
+    Ok(output.stdout)
 }
 
 fn compiled(name: &str, to: &Path, options: &[&str]) -> Result<()> {
@@ -124,7 +124,7 @@ fn same_bytes(wine: &Wine, native: &Path, world: &Path) -> Result<()> {
     for system in ["linux", "windows"] {
         let out = scratch.join(system);
         emptied(&out)?;
-        let said = |words: &[&str]| {
+        let output = |words: &[&str]| {
             let mut command = if system == "windows" { wine.command() } else { Command::new(native) };
             if system == "windows" {
                 command.arg(built()?.join("hapt.exe"));
@@ -132,10 +132,10 @@ fn same_bytes(wine: &Wine, native: &Path, world: &Path) -> Result<()> {
             printed(command.args(words).arg(world))
         };
         let folder = |name: &str| Ok::<_, anyhow::Error>(out.join(name).to_str().context("a path")?.to_string());
-        verdicts.push(serde_json::from_slice::<Value>(&said(&["check", "--json"])?)?);
-        let mut files = vec![("the verdict".into(), said(&["check"])?)];
-        said(&["sim", "--out", &folder("runs")?])?;
-        said(&["report", "--out", &folder("report")?])?;
+        verdicts.push(serde_json::from_slice::<Value>(&output(&["check", "--json"])?)?);
+        let mut files = vec![("the verdict".into(), output(&["check"])?)];
+        output(&["sim", "--out", &folder("runs")?])?;
+        output(&["report", "--out", &folder("report")?])?;
         files.extend(read(&out.join("runs"))?);
         files.extend(read(&out.join("report"))?);
         outputs.push(files);
@@ -201,8 +201,8 @@ fn interrupted(wine: &Wine) -> Result<()> {
         let line = format!("{} {} '{folder}/{file}' '{hapt} {words}'", wine.program.display(), host.display());
         let mut script = Command::new("script");
         script.args(["-qec", &line, "/dev/null"]).env("WINEPREFIX", &wine.disk).env("WINEDEBUG", "-all");
-        let said = script.stdin(Stdio::null()).output().with_context(|| format!("{script:?}"))?;
-        let (code, shown) = (said.status.code(), String::from_utf8_lossy(&said.stdout));
+        let output = script.stdin(Stdio::null()).output().with_context(|| format!("{script:?}"))?;
+        let (code, shown) = (output.status.code(), String::from_utf8_lossy(&output.stdout));
         ensure!(code == Some(0), "hapt {words}: the host ends with {code:?}, and shows {shown:?}");
     }
     let left: Vec<String> = read(&out)?.into_iter().map(|(name, _)| name).collect();

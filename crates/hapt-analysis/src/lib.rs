@@ -86,8 +86,8 @@ pub use equations::laws::felt_at;
 pub use error::Error;
 pub use impedance::rendered::{Elements, Impedance};
 pub use network::{
-    Alone, Demands, FixedExcess, FixedRates, LinkCheck, Linked, NetworkCheck, NetworkRemedies, Rounded, StationCheck,
-    SystemCheck, check_links, check_network, check_system, rounded,
+    Demands, FixedExcess, FixedRates, LinkCheck, Linked, NetworkCheck, NetworkRemedies, Rounded, StationCheck,
+    StationFindings, SystemCheck, check_links, check_network, check_system, rounded,
 };
 pub use numerics::eigenvalues::eigenvalues;
 pub use numerics::nelder_mead;

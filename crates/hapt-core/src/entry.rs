@@ -45,33 +45,33 @@ impl Spec<'_> {
             _ => return 0.0,
         };
         // The torque in this direction, and the stored energy, after a displacement.
-        let after = |way: f64| (side * self.torque_at_rest(side * way), self.stored_at_rest(side * way));
-        let (mut way, mut torque, mut stored, mut step) = (0.0, here.abs(), self.stored_at_rest(0.0), near);
+        let after = |travel: f64| (side * self.torque_at_rest(side * travel), self.stored_at_rest(side * travel));
+        let (mut travel, mut torque, mut stored, mut step) = (0.0, here.abs(), self.stored_at_rest(0.0), near);
         let mut beyond = None;
         for _ in 0..STEPS {
             // The torque falls to 0 no sooner than this far.
             step = step.max(torque / stiffness).max(near);
-            let (next, lower) = after(way + step);
+            let (next, lower) = after(travel + step);
             if next <= 0.0 || lower > stored {
-                beyond = Some(way + step);
+                beyond = Some(travel + step);
                 break;
             }
             let slope = (torque - next) / step;
-            (way, torque, stored) = (way + step, next, lower);
+            (travel, torque, stored) = (travel + step, next, lower);
             step = if slope > 0.0 { (torque / slope).min(4.0 * step) } else { 2.0 * step };
         }
         let Some(mut beyond) = beyond else { return 0.0 };
         // There is a rest in between: beyond it the energy rises.
         for _ in 0..HALVINGS {
-            let middle = 0.5 * (way + beyond);
+            let middle = 0.5 * (travel + beyond);
             let (on, lower) = after(middle);
             if on > 0.0 && lower <= stored {
-                (way, stored) = (middle, lower);
+                (travel, stored) = (middle, lower);
             } else {
                 beyond = middle;
             }
         }
-        let rest = side * way;
+        let rest = side * travel;
         let rest = self.count.map_or(rest, |count| libm::floor(rest / count + 0.5) * count);
         if self.stored_at_rest(rest) <= self.stored_at_rest(0.0) { rest } else { 0.0 }
     }

@@ -113,8 +113,8 @@ struct Mean {
 /// use hapt_core::{RemoteState, LinkEnd, LinkTerms, Strength};
 ///
 /// let mut end = LinkEnd::new(true, LinkTerms { age_max: 20e-3, hold: 1e-3, period: 1e-3, soft: 0.01 });
-/// let heard = |age, position| Some(RemoteState { age, session: 1, taken: 0.0, position, strength: Strength::WHOLE });
-/// let mut sample = |age, other: f64| end.sample(1e-3, true, heard(age, other), |other, _| -2.0 * (0.1 - other));
+/// let remote = |age, position| Some(RemoteState { age, session: 1, taken: 0.0, position, strength: Strength::WHOLE });
+/// let mut sample = |age, other: f64| end.sample(1e-3, true, remote(age, other), |other, _| -2.0 * (0.1 - other));
 /// // The ends are apart: they are drawn together softly, for as long as they are.
 /// let drawn: Vec<f64> = (0..500).map(|_| sample(5e-3, 0.0)).collect();
 /// assert!(drawn[0] < 0.0 && drawn[0] > -0.001 && drawn[499] < -0.009 && drawn[499] >= -0.01);
@@ -124,7 +124,7 @@ struct Mean {
 /// // Nothing comes any more. 19.5 ms now are more than 20 ms at the end of the hold.
 /// assert!(sample(17e-3, 0.0) > -0.1);
 /// assert_eq!(sample(19.5e-3, 0.0), 0.0);
-/// assert_eq!(end.let_go(), 1);
+/// assert_eq!(end.releases(), 1);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkEnd {
@@ -137,7 +137,7 @@ pub struct LinkEnd {
     hears: bool,
     /// Steps by which the strength may rise.
     rise: f64,
-    let_go: u64,
+    releases: u64,
 }
 
 /// How long the other's mean velocity acts at most, in times of its own span.
@@ -175,7 +175,7 @@ impl LinkEnd {
             used: None,
             hears: false,
             rise: 0.0,
-            let_go: 0,
+            releases: 0,
         }
     }
 
@@ -190,18 +190,18 @@ impl LinkEnd {
         &mut self,
         elapsed: f64,
         ready: bool,
-        heard: Option<RemoteState>,
+        remote: Option<RemoteState>,
         torque: impl Fn(f64, Option<f64>) -> f64,
     ) -> f64 {
-        self.take(elapsed, heard);
-        self.hears =
-            ready && heard.is_some_and(|heard| self.is_young(heard.age) && torque(heard.position, None).is_finite());
+        self.take(elapsed, remote);
+        self.hears = ready
+            && remote.is_some_and(|remote| self.is_young(remote.age) && torque(remote.position, None).is_finite());
         // The torque of the spring by itself, and with the damper: only the former decides on reconnection.
         let both = self.used.map(|used| [None, used.velocity(self.terms.hold)].map(|at| torque(used.position, at)));
         let full = both.filter(|both| both.iter().all(|torque| torque.is_finite()));
         let allowed = Strength::at_most(if ready && full.is_some() { self.fading() } else { 0.0 });
         let [stored, full] = full.unwrap_or_default();
-        let other = heard.map_or(Strength::NONE, |heard| heard.strength);
+        let other = remote.map_or(Strength::NONE, |remote| remote.strength);
         let before = self.strength;
         if !other.acts() {
             // The other has released: its last position fades.
@@ -230,15 +230,15 @@ impl LinkEnd {
                 }
             }
         }
-        self.let_go += u64::from(before.acts() && !self.strength.acts());
+        self.releases += u64::from(before.acts() && !self.strength.acts());
         if self.strength.acts() { self.strength.part() * full } else { 0.0 }
     }
 
     /// Keeps the newest position that the other sent while it acted, or could.
-    fn take(&mut self, elapsed: f64, heard: Option<RemoteState>) {
+    fn take(&mut self, elapsed: f64, remote: Option<RemoteState>) {
         let LinkTerms { hold, period, .. } = self.terms;
         let before = self.used.map(|used| used.later(elapsed));
-        self.used = match heard {
+        self.used = match remote {
             Some(RemoteState { age, session, taken, position, strength }) if strength.acts() => {
                 let same = before.filter(|before| before.age - age <= NEWER);
                 let mean = before.filter(|before| before.session == session).and_then(|before| {
@@ -303,7 +303,7 @@ impl LinkEnd {
     }
 
     /// The strength to send to the other end: of the first end the part with which it acts, of the second the largest with which it can.
-    pub fn said(&self) -> Strength {
+    pub fn sent_strength(&self) -> Strength {
         if self.first { self.strength } else { self.cap }
     }
 
@@ -322,8 +322,8 @@ impl LinkEnd {
         self.hears
     }
 
-    /// How often it has released.
-    pub fn let_go(&self) -> u64 {
-        self.let_go
+    /// The number of its releases.
+    pub fn releases(&self) -> u64 {
+        self.releases
     }
 }

@@ -158,15 +158,15 @@ impl<F: Number> Sensor<F> {
     pub fn place<const W: usize>(&self, memory: &mut Memory<F, W>, before: F, now: F) {
         let Some(last) = &mut memory.last else { return };
         let counts = self.count.map(|size| nearest(now, size) - nearest(before, size));
-        let way = match (self.count, counts) {
+        let travel = match (self.count, counts) {
             (Some(size), Some(counts)) => counts * size,
             _ => now - before,
         };
-        last.position += way;
-        memory.filtered += way;
+        last.position += travel;
+        memory.filtered += travel;
         let kept = match self.velocity {
             Some(Velocity::Foaw { .. }) => counts.unwrap_or(F::ZERO),
-            Some(Velocity::DifferenceOver { .. }) => way,
+            Some(Velocity::DifferenceOver { .. }) => travel,
             None | Some(Velocity::Difference | Velocity::LowPass { .. }) => return,
         };
         for count in &mut memory.counts {

@@ -33,8 +33,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let python = std::env::args().nth(1).unwrap_or("python3".into());
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/official.py");
     let count = EXCHANGES.to_string();
-    let said = Command::new(python).arg(script).arg(&path).args(["--time", &count]).output();
-    match said.ok().and_then(|said| String::from_utf8(said.stdout).ok()?.trim().parse::<f64>().ok()) {
+    let output = Command::new(python).arg(script).arg(&path).args(["--time", &count]).output();
+    match output.ok().and_then(|output| String::from_utf8(output.stdout).ok()?.trim().parse::<f64>().ok()) {
         Some(theirs) => println!("the makers'  {theirs:.0} us: command with answer\nratio        {:.2}", ours / theirs),
         None => println!("SKIPPED: the makers' library is missing; python3 -m pip install moteus==1.1.1"),
     }

@@ -62,7 +62,7 @@ pub struct Odrive {
     /// Unanswered requests for the position.
     owed: u32,
     /// The time of the last request for its position, and whether it also sends it cyclically.
-    asked: Option<Instant>,
+    estimates_requested: Option<Instant>,
     chats: bool,
     barrier: Barrier,
     proof: Proof,
@@ -178,7 +178,7 @@ impl Odrive {
             name,
             version: Version::SILENT,
             owed: 0,
-            asked: None,
+            estimates_requested: None,
             chats: false,
             barrier: Barrier::default(),
             proof: Proof::new(Command::Torques, 0.0),
@@ -255,13 +255,13 @@ impl Odrive {
     }
 
     /// Evaluates a frame that arrived after this sample's requests, or before them.
-    fn receive(&mut self, frame: &Frame, is_asked: bool) -> Received {
-        let said = self.decode(frame);
-        match said {
+    fn receive(&mut self, frame: &Frame, is_answer: bool) -> Received {
+        let received = self.decode(frame);
+        match received {
             Received::Other(command, [uses, makes]) => {
                 let is_passed = self.barrier.is_passed_by(command);
                 if command == self.proof.kind && self.is_armed {
-                    self.proof.receive(uses.into(), makes.into(), is_passed && is_asked);
+                    self.proof.receive(uses.into(), makes.into(), is_passed && is_answer);
                 }
                 if is_passed {
                     return Received::Passed;
@@ -277,7 +277,7 @@ impl Odrive {
             Received::Estimates(_) => self.owed = self.owed.saturating_sub(1),
             Received::Version(_) | Received::Error(_) | Received::Passed | Received::Nothing => {}
         }
-        said
+        received
     }
 
     fn look_at(&mut self, heartbeat: Heartbeat) {
@@ -312,7 +312,7 @@ impl Odrive {
             return Received::Foreign;
         }
         let data = frame.data();
-        let said = match command {
+        let received = match command {
             Command::Heartbeat => Heartbeat::read(data).map(Received::Heartbeat),
             Command::Version => Version::read(data).map(Received::Version),
             Command::Error => data.get(..4).map(|bits| Received::Error(codec::numbers(codec::padded(bits)).0)),
@@ -334,7 +334,7 @@ impl Odrive {
             | Command::Clear
             | Command::Absolute => None,
         };
-        said.unwrap_or(Received::Nothing)
+        received.unwrap_or(Received::Nothing)
     }
 
     fn gone(&self, error: std::io::Error) -> Error {
@@ -348,7 +348,7 @@ impl Odrive {
 
     fn ask(&mut self, command: Command) -> Result<(), Error> {
         if command == Command::Estimates {
-            self.asked = Some(Instant::now());
+            self.estimates_requested = Some(Instant::now());
         }
         let frame = Frame::remote(command.id(self.node).into(), 8);
         self.bus.send(&frame, Instant::now() + FRAME_TIMEOUT).map_err(|error| self.gone(error))

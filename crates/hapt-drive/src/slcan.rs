@@ -275,13 +275,13 @@ mod tests {
             let (mut adapter, path) = crate::serial::pty().unwrap();
             let rate: Rate = text.parse().unwrap();
             let _client = Client::open(Line::open(&path).unwrap(), rate).unwrap();
-            let (mut said, mut some) = (Vec::new(), [0; 16]);
-            while said.len() < opens.len() {
+            let (mut written, mut some) = (Vec::new(), [0; 16]);
+            while written.len() < opens.len() {
                 let count = adapter.read(&mut some, Instant::now() + Duration::from_secs(10)).unwrap();
-                assert!(count > 0, "{said:?}");
-                said.extend(&some[..count]);
+                assert!(count > 0, "{written:?}");
+                written.extend(&some[..count]);
             }
-            assert_eq!((said.as_slice(), rate.to_string().as_str()), (&opens[..], text));
+            assert_eq!((written.as_slice(), rate.to_string().as_str()), (&opens[..], text));
         }
         assert_eq!("1000k".parse(), Ok(Rate::default()));
         for text in ["", "250", "300k", "2M", "k", "1m", "250K"] {

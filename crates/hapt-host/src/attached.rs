@@ -74,7 +74,7 @@ impl Attached {
             return Err("loop.estimator: an encoder gives no true velocity; take \"difference\", or a filter".into());
         }
         let mut device = world.device.clone();
-        let asked = std::mem::replace(&mut device.limit, file.device.limit);
+        let requested = std::mem::replace(&mut device.limit, file.device.limit);
         let times = |world: &World| (world.sampling.delay, world.sampling.delay_max, world.sampling.interval_max);
         if device != file.device || times(world) != times(file) || world.motion != file.motion {
             return Err(self.refusal("device"));
@@ -87,20 +87,20 @@ impl Attached {
                  and the period can be set"
             ));
         }
-        let (Some(asked), Some(limit)) = (asked, file.device.limit) else {
-            return if asked == file.device.limit { Ok(()) } else { Err(self.refusal("device.limit")) };
+        let (Some(requested), Some(limit)) = (requested, file.device.limit) else {
+            return if requested == file.device.limit { Ok(()) } else { Err(self.refusal("device.limit")) };
         };
         let (unit, pulse) = (Measures::Effort.unit(world.motion), self.pulse);
         // A NaN compares false, and is refused.
-        let lower = asked <= limit;
+        let lower = requested <= limit;
         if !lower {
             return Err(format!(
-                "device.limit: {asked} {unit} is above the file's {limit} {unit}; with a motor attached it can only be lowered"
+                "device.limit: {requested} {unit} is above the file's {limit} {unit}; with a motor attached it can only be lowered"
             ));
         }
-        if asked < limit && asked < pulse {
+        if requested < limit && requested < pulse {
             return Err(format!(
-                "device.limit: {asked} {unit} is below {pulse} {unit}, the torque of the sign test when the motor is armed"
+                "device.limit: {requested} {unit} is below {pulse} {unit}, the torque of the sign test when the motor is armed"
             ));
         }
         let [tests, accounts] = monitors(world, self.profile)?;

@@ -115,7 +115,7 @@ impl Runner for LocalLoop {
             return Some(Err(Error::Device(failure)));
         }
         self.engine.ended().map(|end| match end {
-            End::Asked => Ok(()),
+            End::Stopped => Ok(()),
             End::Device(failure) => Err(Error::Device(failure)),
             End::Panicked => Err(Error::Panicked("the loop has ended by a defect of hapt's own")),
         })

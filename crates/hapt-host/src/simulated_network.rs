@@ -19,7 +19,7 @@ const MARGIN: f64 = 0.98;
 /// The data that all stations share.
 pub struct SimulatedNetwork {
     state: Mutex<State>,
-    ways: Vec<Arc<ChannelNumbers>>,
+    channels: Vec<Arc<ChannelNumbers>>,
     /// Of each link, the end at its first station, and at its second.
     tuning: Vec<[LinkTuning; 2]>,
 }
@@ -85,11 +85,11 @@ impl Factors {
 
 impl SimulatedNetwork {
     /// The network of a file with its verdict. `ports` are the loops' ends, by station and in the order of its links, which are given back
-    /// with numbers that follow the network's; `ways` those of its messages.
+    /// with numbers that follow the network's; `channels` those of its messages.
     pub fn new(
         network: System,
         verdict: Linked,
-        ways: Vec<Arc<ChannelNumbers>>,
+        channels: Vec<Arc<ChannelNumbers>>,
         ports: Vec<Vec<LinkPort>>,
     ) -> (Self, Vec<Vec<LinkPort>>) {
         let tuning: Vec<[LinkTuning; 2]> = (network.links.iter().enumerate())
@@ -114,7 +114,7 @@ impl SimulatedNetwork {
             verdict,
             network,
         };
-        (SimulatedNetwork { state: Mutex::new(state), ways, tuning }, ports)
+        (SimulatedNetwork { state: Mutex::new(state), channels, tuning }, ports)
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -126,11 +126,11 @@ impl SimulatedNetwork {
         let mut state = self.state();
         if let Some(delay) = change.delay_s {
             state.delay = delay;
-            self.ways.iter().for_each(|way| way.set_delay(delay));
+            self.channels.iter().for_each(|channel| channel.set_delay(delay));
         }
         if let Some(loss) = change.loss {
             state.loss = loss;
-            self.ways.iter().for_each(|way| way.set_loss(loss));
+            self.channels.iter().for_each(|channel| channel.set_loss(loss));
         }
         if change.stiffness.is_none() && change.age.is_none() {
             return None;

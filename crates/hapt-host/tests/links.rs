@@ -58,18 +58,18 @@ impl DelayedPath {
             (Arc::<AtomicBool>::default(), Arc::<AtomicBool>::default(), Arc::<AtomicU64>::default());
         let (cuts, stops, count) = (Arc::clone(&cut), Arc::clone(&stop), Arc::clone(&passed));
         let thread = std::thread::spawn(move || {
-            let mut way: VecDeque<(Instant, Vec<u8>)> = VecDeque::new();
+            let mut queue: VecDeque<(Instant, Vec<u8>)> = VecDeque::new();
             let (mut buffer, mut number) = ([0; 256], 0_u64);
             while !stops.load(Ordering::Relaxed) {
                 while let Ok((length, _)) = socket.recv_from(&mut buffer) {
                     number += 1;
                     // One message of five is lost.
                     if !number.wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(17).is_multiple_of(5) {
-                        way.push_back((Instant::now() + delay, buffer[..length].to_vec()));
+                        queue.push_back((Instant::now() + delay, buffer[..length].to_vec()));
                     }
                 }
-                while way.front().is_some_and(|(due, _)| *due <= Instant::now()) {
-                    let (_, bytes) = way.pop_front().unwrap();
+                while queue.front().is_some_and(|(due, _)| *due <= Instant::now()) {
+                    let (_, bytes) = queue.pop_front().unwrap();
                     if !cuts.load(Ordering::Relaxed) {
                         count.fetch_add(1, Ordering::Relaxed);
                         let _ = socket.send_to(&bytes, target);
@@ -137,29 +137,29 @@ fn until(what: &str, stations: &mut [Station; 2], is_so: impl Fn(&[LinkStatus; 2
 
 fn pair(network: &System) -> ([Station; 2], [DelayedPath; 2], [SocketAddr; 2]) {
     let at = [free(), free()];
-    let ways = [DelayedPath::to(at[1], Duration::from_millis(3)), DelayedPath::to(at[0], Duration::from_millis(3))];
-    let stations = [0, 1].map(|station| Station::start(network, station, at[station], ways[station].at, KEY));
-    (stations, ways, at)
+    let paths = [DelayedPath::to(at[1], Duration::from_millis(3)), DelayedPath::to(at[0], Duration::from_millis(3))];
+    let stations = [0, 1].map(|station| Station::start(network, station, at[station], paths[station].at, KEY));
+    (stations, paths, at)
 }
 
 #[test]
 fn two_stations_release_when_the_network_is_interrupted_and_reconnect_afterwards() {
     let network = network();
-    let (mut stations, ways, _) = pair(&network);
+    let (mut stations, paths, _) = pair(&network);
     until("both act", &mut stations, |links, _| links.iter().all(|link| link.acts));
     // The left hand turns its wheel: the right wheel follows.
     let hand = stations[0].session.hand();
     hand.move_to(Some(0.5));
     hand.send();
     until("the right feels the left", &mut stations, |_, stations| stations[1].largest > 1e-4);
-    for way in &ways {
-        way.cut.store(true, Ordering::Relaxed);
+    for path in &paths {
+        path.cut.store(true, Ordering::Relaxed);
     }
     until("both release", &mut stations, |links, stations| {
         links.iter().all(|link| !link.acts && link.releases > 0) && stations.iter().all(|station| station.link == 0.0)
     });
-    for way in &ways {
-        way.cut.store(false, Ordering::Relaxed);
+    for path in &paths {
+        path.cut.store(false, Ordering::Relaxed);
     }
     let hand = stations[0].session.hand();
     hand.move_to(None);
@@ -189,11 +189,11 @@ fn two_stations_release_when_the_network_is_interrupted_and_reconnect_afterwards
 #[test]
 fn foreign_messages_are_counted_by_their_error_and_change_nothing() {
     let network = network();
-    let (mut stations, ways, at) = pair(&network);
+    let (mut stations, paths, at) = pair(&network);
     until("both act", &mut stations, |links, _| links.iter().all(|link| link.acts));
     let stranger = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let say = |key: &[u8], link| {
-        let outgoing = Outgoing { sampled: 0, position: 1e3, strength: Strength::WHOLE, heard: None };
+        let outgoing = Outgoing { sampled: 0, position: 1e3, strength: Strength::WHOLE, received: None };
         hapt_wire::link::Session::new(Datagrams::new(key, link, true), 5).send(&outgoing).unwrap()
     };
     let begin = Instant::now();
@@ -213,7 +213,7 @@ fn foreign_messages_are_counted_by_their_error_and_change_nothing() {
     }
     until("both act still", &mut stations, |links, _| links.iter().all(|link| link.acts));
     assert!(stations.iter().all(|station| station.largest < 1e-3));
-    assert!(ways.iter().all(|way| way.passed.load(Ordering::Relaxed) > 0));
+    assert!(paths.iter().all(|path| path.passed.load(Ordering::Relaxed) > 0));
 }
 
 #[test]

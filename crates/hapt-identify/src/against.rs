@@ -64,7 +64,7 @@ pub enum Verdict {
     /// It is farther outside.
     Contradicts,
     /// The record allows so wide a range that its agreement would mean nothing.
-    NotTold,
+    NotDetermined,
 }
 
 /// One number, of the record and of the file.
@@ -115,7 +115,7 @@ impl Verdict {
         match self {
             Verdict::Agrees => "agrees",
             Verdict::Contradicts => "contradicts",
-            Verdict::NotTold => "not told",
+            Verdict::NotDetermined => "not told",
         }
     }
 }
@@ -397,10 +397,10 @@ fn judged_stops(record: &Record, found: &Identified, claims: &Claims) -> Vec<Com
             (Some(_), None) => (Verdict::Contradicts, Some(NO_STOP)),
             (None, Some(file)) if side * (reached - file) > noise => match found.positions {
                 // A device with the file's own stops explains the record.
-                Some(_) if found.stops.is_none() => (Verdict::NotTold, Some(WIDE)),
+                Some(_) if found.stops.is_none() => (Verdict::NotDetermined, Some(WIDE)),
                 _ => (Verdict::Contradicts, Some(PASSES)),
             },
-            (None, _) => (Verdict::NotTold, Some(BEFORE)),
+            (None, _) => (Verdict::NotDetermined, Some(BEFORE)),
             (Some(_), Some(_)) => (number.verdict, number.reason),
         };
         number
@@ -415,7 +415,8 @@ fn judged_stops(record: &Record, found: &Identified, claims: &Claims) -> Vec<Com
     let of = |name, measure, estimate, file: Option<f64>, least| {
         let mut number = Compared::new(name, Some(measure), estimate, [file.unwrap_or(f64::NAN); 2], least);
         if estimate.is_none() || file.is_none() {
-            (number.verdict, number.reason) = (Verdict::NotTold, Some(if file.is_none() { NO_STOP } else { BEFORE }));
+            (number.verdict, number.reason) =
+                (Verdict::NotDetermined, Some(if file.is_none() { NO_STOP } else { BEFORE }));
         }
         number
     };
@@ -444,7 +445,7 @@ fn lateness(lag: Option<Interval>, delay: Option<Interval>, late: Option<Interva
     let range = if is_determined { claims.delay } else { both };
     let mut of_delay = number("delay", delay, range, claims.period);
     if !is_determined && of_lag.verdict != Verdict::Agrees {
-        if of_lag.verdict == Verdict::NotTold {
+        if of_lag.verdict == Verdict::NotDetermined {
             of_lag.reason = Some(SLOW);
         }
         of_delay = Compared { reason: Some(SLOW), ..number("delay", None, claims.delay, 0.0) };
@@ -541,7 +542,8 @@ impl Compared {
         least: f64,
     ) -> Self {
         let sigmas = estimate.map(|x| sigmas(&x, file));
-        let mut compared = Compared { name, measure, estimate, file, sigmas, verdict: Verdict::NotTold, reason: None };
+        let mut compared =
+            Compared { name, measure, estimate, file, sigmas, verdict: Verdict::NotDetermined, reason: None };
         compared.judge(estimate, least);
         compared
     }
@@ -556,8 +558,8 @@ impl Compared {
         (self.verdict, self.reason) = match (self.sigmas, is_determined) {
             (Some(sigmas), _) if sigmas > SURELY => (Verdict::Contradicts, None),
             (Some(_), true) => (Verdict::Agrees, None),
-            (Some(_), false) => (Verdict::NotTold, Some(WIDE)),
-            (None, _) => (Verdict::NotTold, Some(NONE)),
+            (Some(_), false) => (Verdict::NotDetermined, Some(WIDE)),
+            (None, _) => (Verdict::NotDetermined, Some(NONE)),
         };
     }
 }

@@ -75,11 +75,11 @@ fn is_within(puck: &Puck, free: Free) -> bool {
 /// The least squares with the bounds kept, from `start`. Where the fit without bounds violates one, any set of the parameters may be at 0:
 /// of those sets with which the other parameters stay above 0, the one with the least squares.
 fn within(record: &CancellableRecord<'_>, start: Puck, free: Free, first: usize) -> Option<Fit> {
-    let alone = fit(record, start, free, first)?;
-    if is_within(&alone.puck, free) {
-        return Some(alone);
+    let local = fit(record, start, free, first)?;
+    if is_within(&local.puck, free) {
+        return Some(local);
     }
-    let p = alone.puck.parameters();
+    let p = local.puck.parameters();
     let sets = (1..1_usize << BOUNDED.len()).map(|set| {
         let at_0 = BOUNDED.iter().enumerate().filter(move |(k, _)| set >> k & 1 == 1);
         at_0.map(|(_, i)| *i).collect::<Vec<usize>>()

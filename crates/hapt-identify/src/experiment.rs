@@ -85,9 +85,9 @@ impl Bounds {
                 break;
             }
             // Each round has the opposite sign of the one before it, so that the puck comes back.
-            let way = if (i / SIZES.len()).is_multiple_of(2) { 1.0 } else { -1.0 };
+            let sign = if (i / SIZES.len()).is_multiple_of(2) { 1.0 } else { -1.0 };
             let length = length.min(longest).max(self.shortest());
-            pushes.push(Push { torque: way * size * self.torque, length });
+            pushes.push(Push { torque: sign * size * self.torque, length });
             left -= length;
         }
         pushes

@@ -86,9 +86,9 @@ impl<'k> Intervals<'k> {
             None => (gained.and_then(|_| of(&inertia_of, &[(GAIN, -j / gain)])), None),
         };
         let lag = self.lag.filter(|_| gained.is_some());
-        let told = lag.filter(|lag| lag.is_determined());
+        let determined = lag.filter(|lag| lag.is_determined());
         // Where the lag is not determined, the delay of a motor without one is as right.
-        let instead = rate(DELAY).filter(|_| told.is_none());
+        let instead = rate(DELAY).filter(|_| determined.is_none());
         let late = bounded(lag.map(|lag| instead.into_iter().fold(lag.late(), Interval::with)));
         let lattice = record.lattice();
         let is_exact = lattice.is_none() && residual.rms < RESOLUTION * spread;
@@ -98,7 +98,7 @@ impl<'k> Intervals<'k> {
             damping: bounded(scaled(DAMPING)),
             // Friction wholly below 0 would be a constant torque along the motion.
             friction: bounded(scaled(FRICTION)).filter(|_| tells),
-            delay: bounded(gained.and_then(|_| told.map_or_else(|| rate(DELAY), |lag| Some(lag.delay())))),
+            delay: bounded(gained.and_then(|_| determined.map_or_else(|| rate(DELAY), |lag| Some(lag.delay())))),
             lag: lag.zip(late).map(|(lag, late)| no_longer(lag.lag(), late)),
             late,
             offset: scaled(OFFSET).filter(|_| tells),

@@ -71,8 +71,8 @@ impl Shape {
 
     /// The squares that the shape removes in addition to the parameters, whose inverse information matrix is given, and its amplitudes.
     fn takes(&self, inverse: &Square) -> (f64, Vector2<f64>) {
-        let alone = self.own - self.across.transpose() * inverse * self.across;
-        let eigen = alone.symmetric_eigen();
+        let marginal = self.own - self.across.transpose() * inverse * self.across;
+        let eigen = marginal.symmetric_eigen();
         let mut taken = (0.0, Vector2::zeros());
         for (i, value) in eigen.eigenvalues.iter().enumerate() {
             // Directions in the span of the parameters are left out.

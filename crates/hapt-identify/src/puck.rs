@@ -59,7 +59,7 @@ struct SimulatedPuck {
     /// The motor's torque less the command that is held; 0 without a lag.
     gap: f64,
     /// 1 or -1 while it moves, 0 at rest.
-    way: f64,
+    direction: f64,
     torque: f64,
     /// Sensitivities of position, velocity and gap; at [`DELAY`] and [`LAG`] to the delay and the lag themselves.
     dz: Sensitivity,
@@ -126,7 +126,7 @@ impl SimulatedPuck {
     fn new(puck: Puck, torque: f64) -> Self {
         let none = [0.0; PARAMETERS];
         let (z, v) = (puck.position, puck.velocity);
-        let mut motion = SimulatedPuck { puck, z, v, gap: 0.0, way: 0.0, torque, dz: none, dv: none, dgap: none };
+        let mut motion = SimulatedPuck { puck, z, v, gap: 0.0, direction: 0.0, torque, dz: none, dv: none, dgap: none };
         (motion.dz[POSITION], motion.dv[VELOCITY]) = (1.0, 1.0);
         motion
     }
@@ -134,12 +134,12 @@ impl SimulatedPuck {
     /// The direction in which it goes, or that it rests.
     fn set_out(&mut self) {
         let push = self.push();
-        self.way = match self.v {
+        self.direction = match self.v {
             v if v != 0.0 => v.signum(),
             _ if push.abs() <= self.puck.friction || push == 0.0 => 0.0,
             _ => push.signum(),
         };
-        if self.way == 0.0 {
+        if self.direction == 0.0 {
             self.dv = [0.0; PARAMETERS];
         }
     }
@@ -152,7 +152,7 @@ impl SimulatedPuck {
     /// The acceleration that the command, offset and friction give together, without the contribution of the gap.
     fn drive(&self) -> f64 {
         let Puck { gain, friction, offset, .. } = self.puck;
-        if self.way == 0.0 { 0.0 } else { gain * self.torque + offset - friction * self.way }
+        if self.direction == 0.0 { 0.0 } else { gain * self.torque + offset - friction * self.direction }
     }
 
     /// Another command arrives, at a time that moves with the delay; the torque of a motor that lags does not step.
@@ -197,10 +197,10 @@ impl SimulatedPuck {
             if rest.is_nan() || rest <= 0.0 {
                 return;
             }
-            if self.way == 0.0 {
+            if self.direction == 0.0 {
                 let Some(wait) = self.breaks_away(rest) else { return self.relax(rest) };
                 self.relax(wait);
-                self.way = (self.puck.gain * self.torque + self.puck.offset).signum();
+                self.direction = (self.puck.gain * self.torque + self.puck.offset).signum();
                 rest -= wait;
                 continue;
             }
@@ -210,7 +210,7 @@ impl SimulatedPuck {
             let before = a + self.puck.gain * self.gap;
             self.v = 0.0;
             self.set_out();
-            let after = if self.way == 0.0 { 0.0 } else { self.push() - self.puck.friction * self.way };
+            let after = if self.direction == 0.0 { 0.0 } else { self.push() - self.puck.friction * self.direction };
             self.dv.iter_mut().for_each(|s| *s *= after / before);
             rest -= t;
         }
@@ -236,11 +236,11 @@ impl SimulatedPuck {
         let damping = self.puck.damping;
         if self.gap == 0.0 {
             let (_, end) = Stretch::new(damping, rest).travel(self.v, a);
-            let stops = end * self.way < 0.0;
+            let stops = end * self.direction < 0.0;
             return stops.then(|| stopping_time(self.v, a, damping).clamp(0.0, rest));
         }
         let speed = Lagging { beta: damping, rate: self.puck.lag.recip() };
-        speed.first_rest(self.way * self.v, self.way * a, self.way * self.puck.gain * self.gap, rest)
+        speed.first_rest(self.direction * self.v, self.direction * a, self.direction * self.puck.gain * self.gap, rest)
     }
 
     /// Advances by `length` s without an event.
@@ -255,8 +255,8 @@ impl SimulatedPuck {
         let (z_of_a, v_of_a) = stretch.of_drive();
         self.dz[GAIN] += self.torque * z_of_a;
         self.dv[GAIN] += self.torque * v_of_a;
-        self.dz[FRICTION] -= self.way * z_of_a;
-        self.dv[FRICTION] -= self.way * v_of_a;
+        self.dz[FRICTION] -= self.direction * z_of_a;
+        self.dv[FRICTION] -= self.direction * v_of_a;
         self.dz[OFFSET] += z_of_a;
         self.dv[OFFSET] += v_of_a;
         let (z_of_beta, v_of_beta) = stretch.of_beta(self.v, a, self.puck.damping);

@@ -162,12 +162,12 @@ impl Record {
         let n = self.times.len();
         let shortest = ((duration / self.period()).ceil() as usize).max(FEWEST_SAMPLES);
         let lengths = std::iter::successors(Some(shortest), |length| Some(2 * length));
-        let way = |from: usize, length: usize| {
+        let travel = |from: usize, length: usize| {
             self.positions[from..from + length].windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum::<f64>()
         };
         lengths.take_while(|length| 2 * length <= n).find_map(|length| {
             let starts = (0..=n - length).step_by(length.div_ceil(2));
-            let best = starts.max_by(|a, b| way(*a, length).total_cmp(&way(*b, length)))?;
+            let best = starts.max_by(|a, b| travel(*a, length).total_cmp(&travel(*b, length)))?;
             self.part(best..best + length)
         })
     }

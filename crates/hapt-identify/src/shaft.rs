@@ -102,7 +102,7 @@ struct SimulatedShaft {
     torque: f64,
     gap: f64,
     /// The sign of v, 0 at rest.
-    way: f64,
+    direction: f64,
 }
 
 /// The Taylor coefficients over a step of length 1, and the decaying part in addition to them.
@@ -170,16 +170,16 @@ impl Series {
     }
 
     /// When the motor stops that goes in this direction.
-    fn stops(&self, way: f64) -> Option<f64> {
-        let slope = |x: f64| -way * (slope(&self.v, x) - self.rate * self.decayed(0, x));
-        self.first_above(|x| -way * self.v(x), slope)
+    fn stops(&self, direction: f64) -> Option<f64> {
+        let slope = |x: f64| -direction * (slope(&self.v, x) - self.rate * self.decayed(0, x));
+        self.first_above(|x| -direction * self.v(x), slope)
     }
 
     /// When the push overcomes the friction.
     fn starts(&self, friction: f64) -> Option<f64> {
-        let of = |way: f64| {
-            let slope = move |x: f64| way * (slope(&self.push, x) - self.rate * self.decayed(1, x));
-            self.first_above(move |x| way * self.push(x) - friction, slope)
+        let of = |direction: f64| {
+            let slope = move |x: f64| direction * (slope(&self.push, x) - self.rate * self.decayed(1, x));
+            self.first_above(move |x| direction * self.push(x) - friction, slope)
         };
         [of(1.0), of(-1.0)].into_iter().flatten().min_by(f64::total_cmp)
     }
@@ -207,7 +207,7 @@ impl SimulatedShaft {
             w: v + beyond,
             torque: 0.0,
             gap: 0.0,
-            way: 0.0,
+            direction: 0.0,
         };
         motion.set_out();
         motion
@@ -222,7 +222,7 @@ impl SimulatedShaft {
     /// The direction of the motor, or that it rests.
     fn set_out(&mut self) {
         let push = self.push();
-        self.way = match self.v {
+        self.direction = match self.v {
             v if v != 0.0 => v.signum(),
             _ if push.abs() <= self.device.friction => 0.0,
             _ => push.signum(),
@@ -247,19 +247,19 @@ impl SimulatedShaft {
             let slow = if self.apart.is_some() { 0.0 } else { self.decay };
             let steps = (rest * (self.rate + slow) / MAX_STEP_TIMES_RATE).ceil().max(1.0);
             let step = rest / steps;
-            let rests = self.way == 0.0 && self.device.friction > 0.0;
+            let rests = self.direction == 0.0 && self.device.friction > 0.0;
             let series = self.series(step, rests);
             let event = match (self.device.friction > 0.0 && events < MOST_EVENTS, rests) {
                 (false, _) => None,
                 (true, true) => series.starts(self.device.friction),
                 // A motor that starts first moves in its direction, whatever the rounding error of its rate.
-                (true, false) => series.stops(self.way),
+                (true, false) => series.stops(self.direction),
             };
             let part = event.unwrap_or(1.0);
             self.advance(&series, part, rests);
             rest = if part == 1.0 && steps == 1.0 { 0.0 } else { rest - part * step };
             match event {
-                Some(_) if rests => self.way = self.push().signum(),
+                Some(_) if rests => self.direction = self.push().signum(),
                 Some(_) => {
                     self.v = 0.0;
                     self.set_out();
@@ -294,7 +294,7 @@ impl SimulatedShaft {
             series.decaying[1] = size;
             gap = 0.0;
         }
-        let mut held = self.torque - if rests { 0.0 } else { friction * self.way };
+        let mut held = self.torque - if rests { 0.0 } else { friction * self.direction };
         for k in 0..TERMS {
             let shaft = stiffness * theta + damping * (w - v);
             (series.v[k], series.theta[k], series.w[k]) = (v, theta, w);

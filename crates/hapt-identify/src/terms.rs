@@ -143,8 +143,8 @@ impl Table {
     }
 }
 
-/// The terms of a record, the one first that predicts most; `way` is the motor's sign.
-pub(crate) fn terms(record: &Record, rows: &Rows, way: f64, is_linear: bool) -> Vec<Term> {
+/// The terms of a record, the one first that predicts most; `sign` is the motor's sign.
+pub(crate) fn terms(record: &Record, rows: &Rows, sign: f64, is_linear: bool) -> Vec<Term> {
     let positions = record.positions();
     let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
     let middle = positions.iter().sum::<f64>() / positions.len() as f64;
@@ -198,10 +198,10 @@ pub(crate) fn terms(record: &Record, rows: &Rows, way: f64, is_linear: bool) -> 
         })
         .collect();
     let table = Table::new(&columns, &torque);
-    chosen(&table, (0..begin).collect(), &groups, way, least)
+    chosen(&table, (0..begin).collect(), &groups, sign, least)
 }
 
-fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], way: f64, apart: u32) -> Vec<Term> {
+fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], sign: f64, apart: u32) -> Vec<Term> {
     let Some(mut left) = table.predicted(&kept) else { return Vec::new() };
     let mut taken: Vec<(&Group, f64)> = Vec::new();
     let all: f64 = left.iter().sum();
@@ -221,8 +221,8 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], way: f64, apart
             // Inertia, damping and friction are the first columns.
             let last = columns.len() - 1;
             let drives = match group.kind {
-                TermKind::Stribeck { .. } | TermKind::Drag => way * values[last] <= 0.0,
-                TermKind::FrictionByPosition { .. } => values[last].hypot(values[last - 1]) > way * values[FRICTION],
+                TermKind::Stribeck { .. } | TermKind::Drag => sign * values[last] <= 0.0,
+                TermKind::FrictionByPosition { .. } => values[last].hypot(values[last - 1]) > sign * values[FRICTION],
                 TermKind::Stiffness | TermKind::Turn { .. } => false,
             };
             if drives {
@@ -246,7 +246,7 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], way: f64, apart
     let Some(others) = others else { return Vec::new() };
     let of = |(group, predicts): (&Group, f64)| {
         let at = |values: &DVector<f64>, column: usize| {
-            kept.iter().position(|kept| *kept == column).map_or(0.0, |i| way * values[i])
+            kept.iter().position(|kept| *kept == column).map_or(0.0, |i| sign * values[i])
         };
         let (kind, size): (TermKind, Size<'_>) = match (group.kind, &group.columns[..]) {
             (kind @ (TermKind::Turn { times, .. } | TermKind::FrictionByPosition { times, .. }), [sine, cosine]) => {

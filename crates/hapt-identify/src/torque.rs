@@ -284,7 +284,7 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
         Interval { value, low: value - half, high: value + half }
     };
     let inertia = of(INERTIA, true)?;
-    let way = if inertia.value < 0.0 { -1.0 } else { 1.0 };
+    let sign = if inertia.value < 0.0 { -1.0 } else { 1.0 };
     let deviation = inertia.variance.sqrt();
     let rows = Rows::new(record, &signs, torques, SHOWN).with_errors(errors);
     let plain = rows.solved(plain_terms, duration)?;
@@ -299,17 +299,17 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
     let is_determined = inertia.value.abs() > TOLD * deviation && !is_a_law && !is_moved && is_apart;
     let inertia_by_motion = over(&|model| Some(model.by_motion), true).filter(|_| is_determined);
     // The truth lies between the two where the torque does not follow the motion: each end has a one-sided quantile.
-    let reach = inertia_by_motion.map_or(0.0, |mean| way * mean.value + ONE_SIDED * mean.variance.sqrt());
-    let whole = interval(inertia, way);
+    let reach = inertia_by_motion.map_or(0.0, |mean| sign * mean.value + ONE_SIDED * mean.variance.sqrt());
+    let whole = interval(inertia, sign);
     let found = is_determined.then(|| positive(Interval { high: whole.high.max(reach), ..whole }));
     let inertia_by_torque = is_determined.then(|| positive(whole));
     let carries = is_determined && is_rich(beyond_noise, misfit.share);
-    let found_terms = if carries { terms(record, &rows, way, known.is_linear) } else { Vec::new() };
+    let found_terms = if carries { terms(record, &rows, sign, known.is_linear) } else { Vec::new() };
     // Where the inertia is known, all torques are in parts of the motor's.
     let gain = known.inertia.map(|known| known / inertia.value.abs()).filter(|gain| gain.is_finite());
     let scaled = |x: Interval, by: f64| Interval { value: by * x.value, low: by * x.low, high: by * x.high };
-    let torque = |term: usize, way: f64| {
-        let x = of(term, false).map(|mean| interval(mean, way))?;
+    let torque = |term: usize, sign: f64| {
+        let x = of(term, false).map(|mean| interval(mean, sign))?;
         if known.inertia.is_some() { gain.map(|gain| scaled(x, gain)) } else { Some(x) }
     };
     let motor = gain.zip(found).map(|(gain, x)| Interval {
@@ -318,7 +318,7 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
         high: if x.low > 0.0 { gain * x.value / x.low } else { f64::MAX },
     });
     // The puck of the equation that the picture shows.
-    let moves = is_determined && record.forces().is_none() && plain.values[INERTIA] * way > 0.0;
+    let moves = is_determined && record.forces().is_none() && plain.values[INERTIA] * sign > 0.0;
     let per_inertia = |term: usize| plain.values[term] / plain.values[INERTIA];
     let puck = moves.then(|| Puck {
         gain: plain.values[INERTIA].recip(),
@@ -342,18 +342,18 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
             Some(known) => Some(Interval { value: known, low: known, high: known }),
             None => found,
         },
-        damping: torque(DAMPING, way).filter(|_| is_determined).map(|damping| known.own(positive(damping))),
-        friction: torque(FRICTION, way).filter(|_| is_determined).map(positive),
+        damping: torque(DAMPING, sign).filter(|_| is_determined).map(|damping| known.own(positive(damping))),
+        friction: torque(FRICTION, sign).filter(|_| is_determined).map(positive),
         // A positive constant torque on the puck is negative in the equation.
-        offset: torque(CONSTANT, -way).filter(|_| is_determined),
+        offset: torque(CONSTANT, -sign).filter(|_| is_determined),
         gain: motor.filter(|motor| motor.high < f64::MAX),
-        sign: (is_determined && inertia.value.abs() > SURELY * deviation).then_some(way),
+        sign: (is_determined && inertia.value.abs() > SURELY * deviation).then_some(sign),
         lattice: record.lattice(),
         misfit,
         beyond_noise,
         inertia_by_torque,
-        inertia_by_motion: inertia_by_motion.map(|mean| positive(interval(mean, way))),
-        force: record.forces().and_then(|_| torque(FORCE, -way)).filter(|_| is_determined),
+        inertia_by_motion: inertia_by_motion.map(|mean| positive(interval(mean, sign))),
+        force: record.forces().and_then(|_| torque(FORCE, -sign)).filter(|_| is_determined),
         is_moved_by_another: is_moved,
         terms: found_terms,
         delay,

@@ -54,9 +54,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     })?;
     println!("{}", live.link());
 
-    let (said, lines) = channel();
+    let (sender, lines) = channel();
     std::thread::spawn(move || {
-        std::io::stdin().lock().lines().map_while(Result::ok).all(|line| said.send(line).is_ok())
+        std::io::stdin().lock().lines().map_while(Result::ok).all(|line| sender.send(line).is_ok())
     });
     let mut host = host::Host::new(other);
     host.configure();

@@ -24,7 +24,7 @@ const WIDTH: f64 = 1e-3;
 
 /// The threads. Dropped, they finish what they compute, and end.
 pub struct Certifier {
-    asked: Arc<Latest<WorldConfig>>,
+    requested: Arc<Latest<WorldConfig>>,
     next: Arc<Latest<WorldConfig>>,
     focus: Arc<Mutex<Option<String>>>,
 }
@@ -38,12 +38,13 @@ impl Certifier {
     /// # Errors
     /// The system gives no thread.
     pub fn start(publish: impl Fn(u32, ServerMessage) -> bool + Send + Sync + 'static) -> std::io::Result<Self> {
-        let certifier = Certifier { asked: Arc::default(), next: Arc::default(), focus: Arc::default() };
+        let certifier = Certifier { requested: Arc::default(), next: Arc::default(), focus: Arc::default() };
         let publish: Publish = Arc::new(publish);
-        let (asked, next, to) = (Arc::clone(&certifier.asked), Arc::clone(&certifier.next), Arc::clone(&publish));
+        let (requested, next, to) =
+            (Arc::clone(&certifier.requested), Arc::clone(&certifier.next), Arc::clone(&publish));
         std::thread::Builder::new().name("certifier".into()).spawn(move || {
             lower_priority(VERDICTS);
-            while let Some(config) = asked.take() {
+            while let Some(config) = requested.take() {
                 let (verdict, check) = verdict(&config, quick_check);
                 if !to(config.generation, ServerMessage::Verdict(verdict)) {
                     break;
@@ -67,7 +68,7 @@ impl Certifier {
 
     /// Requests the certificate of a world, in place of any earlier request.
     pub fn ask(&self, config: WorldConfig) {
-        self.asked.put(config);
+        self.requested.put(config);
     }
 
     /// Sets the key whose range is computed first.
@@ -78,7 +79,7 @@ impl Certifier {
 
 impl Drop for Certifier {
     fn drop(&mut self) {
-        self.asked.end();
+        self.requested.end();
         self.next.end();
     }
 }

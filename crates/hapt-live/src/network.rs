@@ -43,20 +43,23 @@ pub fn connect_by(
     let sockets = network.stations.iter().map(bound).collect::<Result<Vec<_>, _>>().map_err(failed)?;
     let peers: Vec<(usize, SocketAddr)> = sockets.iter().map(|(address, _)| *address).enumerate().collect();
     let key = random_key()?;
-    let (mut all, mut ports, mut ways) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut all, mut ports, mut channels) = (Vec::new(), Vec::new(), Vec::new());
     for (at, (_, socket)) in sockets.into_iter().enumerate() {
         let (links, own) = Links::on(socket, network, at, &peers, &key, Transport::AsWritten)?;
-        ways.extend(links.channels());
+        channels.extend(links.channels());
         all.push(links);
         ports.push(own);
     }
     let check = certify(network).map_err(|error| LinkError::Check(error.to_string()))?;
-    let (shared, ports) = SimulatedNetwork::new(network.clone(), check.linked(), ways, ports);
+    let (shared, ports) = SimulatedNetwork::new(network.clone(), check.linked(), channels, ports);
     let shared = Arc::new(shared);
-    let asked = Arc::new(NetworkCertifier::start(Arc::clone(&shared), certify)?);
+    let certifier = Arc::new(NetworkCertifier::start(Arc::clone(&shared), certify)?);
     let ends = all.into_iter().zip(ports).enumerate().map(|(station, (links, ports))| {
-        let asked = Arc::clone(&asked);
-        StationEnd { ports, view: shared.view(station, move || links.status(), move |question| asked.ask(question)) }
+        let certifier = Arc::clone(&certifier);
+        StationEnd {
+            ports,
+            view: shared.view(station, move || links.status(), move |question| certifier.ask(question)),
+        }
     });
     Ok(ends.collect())
 }
@@ -69,8 +72,8 @@ impl NetworkCertifier {
         network: Arc<SimulatedNetwork>,
         certify: impl Fn(&System) -> Result<NetworkCheck, Error> + Send + 'static,
     ) -> Result<Self, LinkError> {
-        let asked: Arc<Latest<Question>> = Arc::default();
-        let questions = Arc::clone(&asked);
+        let latest: Arc<Latest<Question>> = Arc::default();
+        let questions = Arc::clone(&latest);
         let work = move || {
             lower_priority(VERDICTS);
             while let Some(question) = questions.take() {
@@ -85,7 +88,7 @@ impl NetworkCertifier {
         };
         let thread = std::thread::Builder::new().name("network".into()).spawn(work);
         thread.map_err(|error| LinkError::System { what: "thread", error })?;
-        Ok(NetworkCertifier(asked))
+        Ok(NetworkCertifier(latest))
     }
 
     fn ask(&self, question: Question) {

@@ -134,15 +134,15 @@ mod tests {
     #[test]
     fn a_boards_requests_follow_from_its_phases() {
         use Phase::{Disarmed, FadingIn, FadingOut, Faulted, Running};
-        let asked = |before, after, reason| inputs(before, after, reason).0;
-        assert_eq!(asked(Disarmed, FadingIn, None), Some(Request::Arm));
-        assert_eq!(asked(Disarmed, Faulted, Some(Reason::Jump)), Some(Request::Arm));
-        assert_eq!(asked(Disarmed, Faulted, Some(Reason::Driver)), None);
-        assert_eq!(asked(Running, Faulted, Some(Reason::Driver)), None);
-        assert_eq!(asked(FadingOut, FadingIn, None), Some(Request::Arm));
-        assert_eq!(asked(Running, FadingOut, None), Some(Request::Disarm));
-        assert_eq!(asked(Running, Faulted, Some(Reason::Stop)), Some(Request::Stop));
-        assert_eq!(asked(Faulted, Disarmed, None), Some(Request::Clear));
+        let request = |before, after, reason| inputs(before, after, reason).0;
+        assert_eq!(request(Disarmed, FadingIn, None), Some(Request::Arm));
+        assert_eq!(request(Disarmed, Faulted, Some(Reason::Jump)), Some(Request::Arm));
+        assert_eq!(request(Disarmed, Faulted, Some(Reason::Driver)), None);
+        assert_eq!(request(Running, Faulted, Some(Reason::Driver)), None);
+        assert_eq!(request(FadingOut, FadingIn, None), Some(Request::Arm));
+        assert_eq!(request(Running, FadingOut, None), Some(Request::Disarm));
+        assert_eq!(request(Running, Faulted, Some(Reason::Stop)), Some(Request::Stop));
+        assert_eq!(request(Faulted, Disarmed, None), Some(Request::Clear));
         for (before, after, reason) in
             [(FadingIn, Running, None), (FadingOut, Disarmed, None), (Running, Faulted, Some(Reason::Slew))]
         {

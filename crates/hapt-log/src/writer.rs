@@ -187,8 +187,8 @@ impl<W: Write> LogWriter<W> {
         record_values(record, time, self.bodies, self.linked, &mut row, &mut values);
         let elapsed = time - *self.first.get_or_insert(time);
         let log_time = epoch.saturating_add((elapsed * 1e9).round() as u64);
-        let said = snapshot.map_or(Ok(()), |snapshot| self.write_snapshot(log_time, snapshot));
-        let written = said.and_then(|()| self.write(log_time, &values));
+        let snapshot_written = snapshot.map_or(Ok(()), |snapshot| self.write_snapshot(log_time, snapshot));
+        let written = snapshot_written.and_then(|()| self.write(log_time, &values));
         (self.row, self.values) = (row, values);
         written
     }

@@ -138,8 +138,8 @@ impl World {
     fn slew(&self, reach: &Reach, velocity: f64, limit: f64) -> f64 {
         let period = self.sampling.period;
         let count = self.count().unwrap_or(0.0);
-        let way = 2.0 * (velocity * period + count);
-        let slew = (reach.stiffness + reach.damping / period) * way
+        let travel = 2.0 * (velocity * period + count);
+        let slew = (reach.stiffness + reach.damping / period) * travel
             + 2.0 * reach.friction
             + if reach.angle > 0.0 { reach.angle * limit } else { 0.0 }
             + self.device.levels.map_or(0.0, |levels| 2.0 * limit / f64::from(levels))

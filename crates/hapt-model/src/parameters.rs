@@ -268,13 +268,13 @@ mod tests {
         let source = Source::from_text("wheel.toml", file);
         let list = parameters(&source, &["loop.period=2ms".to_string()]).unwrap();
         let find = |path: &str| list.iter().find(|p| p.path == path).unwrap_or_else(|| panic!("no {path}"));
-        let said = |path: &str| (find(path).written.as_str(), find(path).si, find(path).unit.as_str());
-        assert_eq!(said("loop.period"), ("2ms", Some(0.002), "s"));
-        assert_eq!(said("device.limit"), ("822.25 N mm", Some(0.82225), "N m"));
-        assert_eq!(said("bodies.wheel.inertia"), ("0.5", Some(0.5), "kg m^2"));
-        assert_eq!(said("couplings.0.between"), ("puck, wheel", None, ""));
-        assert_eq!(said("scenarios.turn.hand.moves.to"), ("5 N mm", Some(0.005), "N m"));
-        assert_eq!(said("loop.method"), ("zoh", None, ""));
+        let shown = |path: &str| (find(path).written.as_str(), find(path).si, find(path).unit.as_str());
+        assert_eq!(shown("loop.period"), ("2ms", Some(0.002), "s"));
+        assert_eq!(shown("device.limit"), ("822.25 N mm", Some(0.82225), "N m"));
+        assert_eq!(shown("bodies.wheel.inertia"), ("0.5", Some(0.5), "kg m^2"));
+        assert_eq!(shown("couplings.0.between"), ("puck, wheel", None, ""));
+        assert_eq!(shown("scenarios.turn.hand.moves.to"), ("5 N mm", Some(0.005), "N m"));
+        assert_eq!(shown("loop.method"), ("zoh", None, ""));
         assert!(!find("loop.method").given && find("loop.period").given);
         assert!(list.iter().all(|p| p.path != "couplings.0.rest"), "a damper has no rest");
     }

@@ -432,14 +432,14 @@ fn timing(fields: &Fields<'_>, sampling: &Sampling, duration: f64, files: &path:
 
 /// The two keys of a grip that releases and grips again.
 fn switching(hand: &Fields<'_>, duration: f64) -> Result<Option<Switching>, Error> {
-    let alone = |key, other| {
+    let without = |key, other| {
         let message = format!("stands without {other}: a hand that opens and takes hold again has both");
         Err(hand.error(ErrorKind::Combination, key, message))
     };
     match (hand.optional_number("hold")?, hand.optional_number("open")?) {
         (None, None) => Ok(None),
-        (Some(_), None) => alone("hold", "open"),
-        (None, Some(_)) => alone("open", "hold"),
+        (Some(_), None) => without("hold", "open"),
+        (None, Some(_)) => without("open", "hold"),
         (Some(hold), Some(open)) => {
             let times = duration / (hold + open);
             if times > MOST_SAMPLES {

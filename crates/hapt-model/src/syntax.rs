@@ -42,7 +42,7 @@ mod tests {
     use crate::{Source, World};
 
     /// The first line of the message about a file.
-    fn said(text: &str) -> String {
+    fn message(text: &str) -> String {
         let error = World::read(&Source::from_text("w.toml", text), &[]).unwrap_err();
         error.message
     }
@@ -50,17 +50,17 @@ mod tests {
     #[test]
     fn what_is_not_toml_is_met_with_what_would_be() {
         assert_eq!(
-            said("loop:\n"),
+            message("loop:\n"),
             "not TOML: key with no value, expected `=`; a line is KEY = VALUE, such as period = \"1 ms\", or a [TABLE]"
         );
-        assert!(said("{\"loop\": 1}").ends_with("; a line is KEY = VALUE, such as period = \"1 ms\", or a [TABLE]"));
-        assert!(said("a = 1,5").ends_with("; a decimal point is a point, and a line has one KEY = VALUE"));
-        assert!(said("a = 1\rb = 1").ends_with("; a line ends in LF or CRLF"));
-        assert_eq!(said("a = \"\0\""), "not TOML: the control character U+0000 stands here");
-        assert_eq!(said("a = 1 ms"), "not TOML: text and quantities stand in straight quotes, such as \"1 ms\"");
+        assert!(message("{\"loop\": 1}").ends_with("; a line is KEY = VALUE, such as period = \"1 ms\", or a [TABLE]"));
+        assert!(message("a = 1,5").ends_with("; a decimal point is a point, and a line has one KEY = VALUE"));
+        assert!(message("a = 1\rb = 1").ends_with("; a line ends in LF or CRLF"));
+        assert_eq!(message("a = \"\0\""), "not TOML: the control character U+0000 stands here");
+        assert_eq!(message("a = 1 ms"), "not TOML: text and quantities stand in straight quotes, such as \"1 ms\"");
         for deep in ["[".repeat(1000), "{a=".repeat(1000), format!("1\n{}b = 1", "b.".repeat(1000))] {
             assert_eq!(
-                said(&format!("a = {deep}")),
+                message(&format!("a = {deep}")),
                 "not TOML that a world needs: nested too deep; no key has more than 5 names"
             );
         }

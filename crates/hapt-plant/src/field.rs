@@ -122,9 +122,9 @@ impl Field {
     /// Its integral over the position: the work on a puck that moves from `from` to `to`.
     pub fn work(&self, from: f64, to: f64) -> f64 {
         let of = |wave: &Wave| {
-            let way = 0.5 * wave.rate * (to - from);
+            let half_phase = 0.5 * wave.rate * (to - from);
             let (s, c) = libm::sincos(0.5 * wave.rate * (to + from));
-            (wave.sine * s + wave.cosine * c) * 2.0 * libm::sin(way) / wave.rate
+            (wave.sine * s + wave.cosine * c) * 2.0 * libm::sin(half_phase) / wave.rate
         };
         self.waves().map(of).sum()
     }

@@ -243,8 +243,8 @@ impl Shaft {
                 let [a, b, c, d] = flow.powers.each_ref().map(|[p, q]| along(p) * along(q));
                 [y[V] * y[V], a, b, c, d]
             });
-            let (travel, way) = (end[X] - y[X], end[X] - y[X] + (end[S] - y[S]));
-            self.account(y, &end, (motor, regime.friction), [travel, way], works, ledger);
+            let (travel, handle_travel) = (end[X] - y[X], end[X] - y[X] + (end[S] - y[S]));
+            self.account(y, &end, (motor, regime.friction), [travel, handle_travel], works, ledger);
             regime.account([y[X], end[X]], speed, ledger);
             ledger.field += field.work(y[X], end[X]);
             ledger.friction -= changes.work(y[X], end[X]);
@@ -267,7 +267,7 @@ impl Shaft {
         y: &State,
         end: &State,
         (motor, held): (f64, f64),
-        [travel, way]: [f64; 2],
+        [travel, handle_travel]: [f64; 2],
         [lagging, damping, shaft, hand]: [f64; 4],
         ledger: &mut Ledger,
     ) {
@@ -275,7 +275,7 @@ impl Shaft {
         ledger.friction += held * travel;
         ledger.damping += damping;
         ledger.shaft += shaft;
-        ledger.hand += hand + self.kept(y, end, way);
+        ledger.hand += hand + self.kept(y, end, handle_travel);
     }
 
     /// Moves for `dt`: the puck slides in `direction` (0: without friction), or friction holds it.
@@ -304,14 +304,14 @@ impl Shaft {
     }
 
     /// The hand's work beyond that of its damper and its torques: of a grip less the energy of its spring and its inertia, of a prescribed
-    /// motion that of the handle's inertia. `way` is the handle's displacement.
-    fn kept(&self, y: &State, end: &State, way: f64) -> f64 {
+    /// motion that of the handle's inertia. `handle_travel` is the handle's displacement.
+    fn kept(&self, y: &State, end: &State, handle_travel: f64) -> f64 {
         let moving = |inertia: f64| 0.5 * inertia * (end[W] - y[W]) * (end[W] + y[W]);
         match self.now.grasp {
             Grasp::Free => 0.0,
             Grasp::Grip(grip) => {
                 let places = end[X] + end[S] + y[X] + y[S];
-                -0.5 * grip.stiffness * places * way - moving(grip.inertia)
+                -0.5 * grip.stiffness * places * handle_travel - moving(grip.inertia)
             }
             Grasp::Prescribed => moving(self.handle.inertia),
         }

@@ -91,18 +91,18 @@ impl Stop {
     /// The depth in the stop, and the unclamped push.
     fn lines(&self) -> [Line; 2] {
         let Stop { side, at, stiffness, damping } = *self;
-        let way = Line { velocity: 0.0, position: side, constant: -side * at };
+        let depth = Line { velocity: 0.0, position: side, constant: -side * at };
         let push = Line { velocity: side * damping, position: side * stiffness, constant: -(side * stiffness * at) };
-        [way, push]
+        [depth, push]
     }
 
     /// The contact of a puck at x and v, and the lines whose zeros end it.
     pub fn touch(&self, x: f64, v: f64) -> (Touch, [Option<Line>; 2]) {
-        let [way, push] = self.lines();
-        match (way.value(v, x) > 0.0, push.value(v, x) > 0.0) {
-            (false, _) => (Touch::Beyond, [Some(way), None]),
+        let [depth, push] = self.lines();
+        match (depth.value(v, x) > 0.0, push.value(v, x) > 0.0) {
+            (false, _) => (Touch::Beyond, [Some(depth), None]),
             (true, true) => (Touch::Pressed, [Some(push.negative()), None]),
-            (true, false) => (Touch::Left, [Some(push), Some(way.negative())]),
+            (true, false) => (Touch::Left, [Some(push), Some(depth.negative())]),
         }
     }
 
@@ -119,7 +119,7 @@ impl Stop {
         let turn = TAU / omega;
         let turns = libm::floor((to - from) / turn);
         let cut = |after: f64| {
-            let [way, push] = self.lines();
+            let [depth, push] = self.lines();
             let of = |line: Line| {
                 // velocity · Aω cos θ + position · A sin θ = -constant
                 let (sine, cosine) = (line.position * amplitude, line.velocity * amplitude * omega);
@@ -134,7 +134,7 @@ impl Stop {
                 let at = at + turn * libm::ceil((after - at) / turn);
                 if at > after { at } else { at + turn }
             };
-            [way, push].into_iter().filter_map(of).flatten().map(next).fold(f64::INFINITY, f64::min)
+            [depth, push].into_iter().filter_map(of).flatten().map(next).fold(f64::INFINITY, f64::min)
         };
         let whole = if turns > 0.0 { turns * self.lost_between(motion, from, from + turn, cut) } else { 0.0 };
         whole + self.lost_between(motion, from + turns * turn, to, cut)

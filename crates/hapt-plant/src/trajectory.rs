@@ -260,7 +260,7 @@ mod tests {
                 let sum = |of: fn(f64) -> f64| runs.iter().map(|run| run.0 * of(run.2 - run.1)).sum::<f64>();
                 let (path, travel) = (sine.travel(0.31, 0.31 + length).1, sine.at(0.31 + length).0 - sine.at(0.31).0);
                 assert!((sum(f64::abs) - path).abs() < 1e-12 * (1.0 + path), "{runs:?} {path}");
-                assert!((sum(|way| way) - travel).abs() < 1e-12 * (1.0 + path), "{runs:?} {travel}");
+                assert!((sum(|length| length) - travel).abs() < 1e-12 * (1.0 + path), "{runs:?} {travel}");
             }
         }
     }

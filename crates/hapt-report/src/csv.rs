@@ -38,7 +38,7 @@ struct Columns {
     time: usize,
     states: Vec<(usize, usize)>,
     names: Vec<String>,
-    asked: usize,
+    commanded: usize,
     applied: usize,
 }
 
@@ -98,7 +98,7 @@ pub fn read_csv(
         }
         last = time;
         let states = columns.states.iter().map(|&(x, v)| -> Point { (at(x), at(v)) });
-        traces.add(time, states, at(columns.asked), at(columns.applied));
+        traces.add(time, states, at(columns.commanded), at(columns.applied));
     }
     let wrong = |line, message: &str| CsvError::Wrong { line, message: message.into() };
     match run {
@@ -128,7 +128,7 @@ impl Columns {
                 "the header has neither puck_rad nor puck_m; expected the columns that hapt sim --out writes".into()
             );
         }
-        let (motion, position, velocity, asked, applied) = match rotary {
+        let (motion, position, velocity, commanded, applied) = match rotary {
             true => (Motion::Rotary, "_rad", "_rad_per_s", "torque_Nm", "applied_Nm"),
             false => (Motion::Linear, "_m", "_m_per_s", "force_N", "applied_N"),
         };
@@ -147,7 +147,7 @@ impl Columns {
             time,
             states,
             names: bodies,
-            asked: find(asked)?,
+            commanded: find(commanded)?,
             applied: find(applied)?,
         })
     }

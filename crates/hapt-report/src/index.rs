@@ -36,7 +36,7 @@ pub fn index_drawings(reports: &[Report<'_>]) -> Vec<Drawing> {
                     let title = clipped(&report.title, if width == Width::Wide { 36 } else { 32 });
                     run.traces[0].torque_panel(&title, size, width)
                 };
-                let said: Vec<String> = runs
+                let sentences: Vec<String> = runs
                     .iter()
                     .map(|(report, run)| {
                         format!("{} peaks at {}", report.title, say_effort(run.summary.peak_torque(), motion))
@@ -44,7 +44,7 @@ pub fn index_drawings(reports: &[Report<'_>]) -> Vec<Drawing> {
                     .collect();
                 Figure {
                     title: format!("{what} in the first scenario of each world"),
-                    alt: format!("{what} over time, a panel a world on one scale: {}.", said.join("; ")),
+                    alt: format!("{what} over time, a panel a world on one scale: {}.", sentences.join("; ")),
                     panels: runs.iter().map(panel).collect(),
                     columns: 2,
                 }

@@ -81,22 +81,22 @@ impl Scale {
 
     /// The legend: each colour's class and its values.
     pub(crate) fn legend(&self) -> Vec<(String, String)> {
-        let said = |x: f64| number(x, 3);
+        let text = |x: f64| number(x, 3);
         match self {
             Scale::Sequential(bounds) => {
-                let below = bounds.first().map(|b| (self.class(f64::NEG_INFINITY), format!("below {}", said(*b))));
-                let above = bounds.iter().map(|b| (self.class(*b), format!("from {}", said(*b))));
+                let below = bounds.first().map(|b| (self.class(f64::NEG_INFINITY), format!("below {}", text(*b))));
+                let above = bounds.iter().map(|b| (self.class(*b), format!("from {}", text(*b))));
                 below.into_iter().chain(above).collect()
             }
             Scale::Signed(sizes) => {
                 let sizes: Vec<f64> = std::iter::once(0.0).chain(sizes.iter().copied()).collect();
                 let below = sizes.iter().rev().map(|size| (self.class(-size.max(f64::MIN_POSITIVE)), *size));
                 let below = below.map(|(class, size)| {
-                    (class, if size == 0.0 { "up to 0".into() } else { format!("below −{}", said(size)) })
+                    (class, if size == 0.0 { "up to 0".into() } else { format!("below −{}", text(size)) })
                 });
                 let above = sizes
                     .iter()
-                    .map(|size| (self.class(size.max(f64::MIN_POSITIVE)), format!("above {}", said(*size))));
+                    .map(|size| (self.class(size.max(f64::MIN_POSITIVE)), format!("above {}", text(*size))));
                 below.chain(above).collect()
             }
             Scale::Named(names) => names.iter().map(|(value, name)| (self.class(*value), name.to_string())).collect(),

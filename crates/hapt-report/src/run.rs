@@ -196,17 +196,17 @@ impl<'s> Run<'s> {
             ranges.iter().flat_map(|&(low, high)| [low * unit.per_si, high * unit.per_si]),
         );
         let mut panel = Panel::new("", x, y);
-        let mut said = Vec::new();
+        let mut parts = Vec::new();
         for (i, (name, signal)) in ENERGIES.iter().zip(&self.energies).enumerate() {
             if i > 0 && ranges.get(i).map_or(0.0, size) == 0.0 {
                 continue;
             }
             let points = signal.points(room.min(width.stretches()));
             let last = points.last().map_or(0.0, |point| point.1);
-            said.push(format!("{name} {}", unit.say(last, 4)));
+            parts.push(format!("{name} {}", unit.say(last, 4)));
             panel.curve(name, Style::Signal(i), scaled(points, seconds.per_si, unit.per_si));
         }
-        let alt = format!("Energy over time. At the end: {}.", said.join(", "));
+        let alt = format!("Energy over time. At the end: {}.", parts.join(", "));
         Figure { title: format!("{}: energy", self.name), alt, panels: vec![panel], columns: 1 }
     }
 }

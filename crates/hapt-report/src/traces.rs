@@ -48,7 +48,7 @@ pub struct Traces {
     limit: Option<f64>,
     positions: Vec<Extremes>,
     velocities: Vec<Extremes>,
-    asked: Extremes,
+    commanded: Extremes,
     applied: Extremes,
     clipped: Stretches,
     span: Option<(f64, f64)>,
@@ -131,7 +131,7 @@ impl Traces {
             limit,
             positions: each.clone(),
             velocities: each,
-            asked: Extremes::new(room),
+            commanded: Extremes::new(room),
             applied: Extremes::new(room),
             clipped: Stretches::new(CLIPPED),
             span: None,
@@ -180,7 +180,7 @@ impl Traces {
     }
 
     /// Adds a row in SI: position and velocity of the puck and each body, the command and the applied torque.
-    pub fn add(&mut self, time: f64, states: impl IntoIterator<Item = Point>, asked: f64, applied: f64) {
+    pub fn add(&mut self, time: f64, states: impl IntoIterator<Item = Point>, commanded: f64, applied: f64) {
         if !(self.window.0..=self.window.1).contains(&time) {
             return;
         }
@@ -188,10 +188,10 @@ impl Traces {
             position.add(time, x);
             velocity.add(time, v);
         }
-        self.asked.add(time, asked);
+        self.commanded.add(time, commanded);
         self.applied.add(time, applied);
         if let Some(limit) = self.limit {
-            self.clipped.add(time, asked.abs() > limit);
+            self.clipped.add(time, commanded.abs() > limit);
         }
         self.span = Some((self.span.map_or(time, |span| span.0), time));
     }
@@ -229,7 +229,7 @@ impl Traces {
 
     /// The largest |command|, or the motor's limit, in SI.
     pub fn largest_effort(&self) -> f64 {
-        largest([&self.asked, &self.applied]).max(self.limit.unwrap_or(0.0))
+        largest([&self.commanded, &self.applied]).max(self.limit.unwrap_or(0.0))
     }
 
     fn time_axis(&self) -> (Axis, f64) {
@@ -252,7 +252,7 @@ impl Traces {
     fn efforts(&self, envelope: Option<Envelope>, room: usize) -> Panel {
         let unit = units::effort(self.motion, self.largest_effort());
         let (time, seconds) = self.time_axis();
-        let range = [&self.asked, &self.applied].into_iter().filter_map(|signal| signal.range());
+        let range = [&self.commanded, &self.applied].into_iter().filter_map(|signal| signal.range());
         let limits = self.limit.map(|limit| (-limit, limit));
         let values = range.chain(limits).flat_map(|(low, high)| [low, high]);
         let axis = Axis::around(units::effort_name(self.motion), unit.name, values.map(|x| x * unit.per_si));
@@ -260,7 +260,7 @@ impl Traces {
         let (from, to) = self.span();
         // Without clipping both coincide: the broad curve is visible behind the other.
         panel.curve("applied", Style::Beneath, scaled(self.applied.points(room), seconds, unit.per_si));
-        panel.curve("asked for", Style::Signal(0), scaled(self.asked.points(room), seconds, unit.per_si));
+        panel.curve("asked for", Style::Signal(0), scaled(self.commanded.points(room), seconds, unit.per_si));
         if let Some(limit) = self.limit {
             for side in [-limit, limit] {
                 panel.curve("limit", Style::Limit, scaled(vec![(from, side), (to, side)], seconds, unit.per_si));
@@ -300,7 +300,7 @@ impl Traces {
             units::say_time(to),
             each(&self.positions, units::position(self.motion, largest(&self.positions))),
             each(&self.velocities, units::velocity(self.motion, largest(&self.velocities))),
-            range(&self.asked, units::effort(self.motion, self.largest_effort())),
+            range(&self.commanded, units::effort(self.motion, self.largest_effort())),
         );
         if let Some(limit) = self.limit {
             alt += &format!(" The motor's limit is {}", units::say_effort(limit, self.motion));
@@ -310,12 +310,12 @@ impl Traces {
             };
         }
         if let Some(envelope) = envelope {
-            let way = match envelope.growth {
+            let course = match envelope.growth {
                 growth if growth > 1e-9 => "widens",
                 growth if growth < -1e-9 => "narrows",
                 _ => "keeps its width",
             };
-            alt += &format!(" The predicted envelope {way}.");
+            alt += &format!(" The predicted envelope {course}.");
         }
         alt
     }

@@ -97,7 +97,7 @@ impl EffectsPort {
                 });
                 game.commanded(state, torque + f64::from(given.torque));
                 // The monitor's own torque is not a request of the host.
-                given.asked -= state.report().torque as f32;
+                given.requested -= state.report().torque as f32;
                 (given, playing, *state.report())
             }
         };

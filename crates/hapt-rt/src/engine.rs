@@ -62,7 +62,7 @@ impl Default for Settings {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
     /// It was stopped by its owner.
-    Asked,
+    Stopped,
     /// The device failed.
     Device(Failure),
     /// A panic, a defect of this program.
@@ -195,7 +195,7 @@ impl Engine {
     pub fn end(&mut self) -> End {
         self.handle.end();
         self.join();
-        *self.ended.get_or_insert(End::Asked)
+        *self.ended.get_or_insert(End::Stopped)
     }
 
     fn join(&mut self) {
@@ -284,7 +284,7 @@ fn run(mut stepper: Stepper, clock: Clock) -> End {
     loop {
         clock.wait(stepper.schedule.due(), ends);
         if ends() {
-            return End::Asked;
+            return End::Stopped;
         }
         let woken = clock.now();
         let mut record = match stepper.sample(woken) {

@@ -124,13 +124,13 @@ impl LinkPort {
         let outgoing = Outgoing {
             sampled: now,
             position,
-            strength: self.end.said(),
-            heard: self.newest.map(|newest| newest.number),
+            strength: self.end.sent_strength(),
+            received: self.newest.map(|newest| newest.number),
         };
         let LinkTerms { age_max, hold, .. } = self.end.terms();
         let age = self.end.age().or(remote.map(|remote| remote.age + hold)).unwrap_or(f64::INFINITY);
         let acts = self.end.strength().acts();
-        let _ = self.samples.push(LinkSample { outgoing, acts, age, age_max, releases: self.end.let_go() });
+        let _ = self.samples.push(LinkSample { outgoing, acts, age, age_max, releases: self.end.releases() });
         torque
     }
 }

@@ -127,9 +127,9 @@ mod system {
     use crate::Settings;
 
     pub fn prepare(settings: &Settings) -> Realtime {
-        let asked = settings.priority.is_some() || settings.lock;
+        let is_requested = settings.priority.is_some() || settings.lock;
         let warning = "no real-time priority: on this system the loop runs as an ordinary thread with larger jitter; Linux offers real-time \
                        scheduling";
-        Realtime { warnings: asked.then(|| warning.into()).into_iter().collect(), ..Realtime::default() }
+        Realtime { warnings: is_requested.then(|| warning.into()).into_iter().collect(), ..Realtime::default() }
     }
 }

@@ -59,15 +59,15 @@ impl<T: Copy> Channel<T> {
 
     /// Sends a message at `now`, in s. Its loss, duplicate and delays are drawn from `random` ([`uniform`]).
     pub fn send(&mut self, random: &mut u64, now: f64, content: T) {
-        let (is_lost, way) = (uniform(random) < self.loss, between(self.delay, uniform(random)));
+        let (is_lost, travel_time) = (uniform(random) < self.loss, between(self.delay, uniform(random)));
         let is_copied = self.duplicate > 0.0 && uniform(random) < self.duplicate;
         if is_lost {
             return;
         }
-        self.push(now + way, content);
+        self.push(now + travel_time, content);
         if is_copied {
-            let way = between(self.delay, uniform(random));
-            self.push(now + way, content);
+            let travel_time = between(self.delay, uniform(random));
+            self.push(now + travel_time, content);
         }
     }
 

@@ -97,7 +97,7 @@ impl Growth {
 
     /// The energy of the difference of two states, the puck held.
     fn step_energy(&self, last: &[(f64, f64)], now: &[(f64, f64)]) -> f64 {
-        let way = |end: Option<usize>| match end.map(|i| (last.get(i), now.get(i))) {
+        let change = |end: Option<usize>| match end.map(|i| (last.get(i), now.get(i))) {
             Some((Some(last), Some(now))) => now.0 - last.0,
             _ => 0.0,
         };
@@ -107,7 +107,7 @@ impl Growth {
             energy += half * v * v;
         }
         for ([first, second], half) in &self.springs {
-            let q = way(*first) - way(*second);
+            let q = change(*first) - change(*second);
             energy += half * q * q;
         }
         energy

@@ -235,7 +235,7 @@ impl Run {
 
     /// The number of releases of each end of each link.
     pub fn releases(&self) -> impl Iterator<Item = [u64; 2]> {
-        self.joints.iter().map(|joint| [joint.ends[0].link.let_go(), joint.ends[1].link.let_go()])
+        self.joints.iter().map(|joint| [joint.ends[0].link.releases(), joint.ends[1].link.releases()])
     }
 
     /// The next sample of all; `None` after the last. An error ends the run.
@@ -333,7 +333,7 @@ impl Joint {
         if time >= own.next - near {
             own.next = own.next.max(time) + own.period;
             let position = if step > 0.0 { (seen.position / step).round() * step } else { seen.position };
-            let message = Message { sampled: time, position, strength: own.link.said() };
+            let message = Message { sampled: time, position, strength: own.link.sent_strength() };
             other.incoming.send(random, time, message);
         }
         Some(torque)

@@ -17,10 +17,10 @@ pub struct Wheel {
     wheel: GameWheel,
     room: Room,
     /// Which reasons have been printed.
-    told: [bool; 3],
+    reported: [bool; 3],
     /// Whether the game's law has been printed, and its last oddity.
-    told_game: bool,
-    told_oddity: Option<Oddity>,
+    reported_game: bool,
+    reported_oddity: Option<Oddity>,
 }
 
 /// Why less torque is given than requested, in the order of [`WheelStatus::less`].
@@ -43,7 +43,7 @@ impl Wheel {
             "the wheel is attached; games have {} of springs and dampers to share",
             stiffness(&room)
         ));
-        Ok((Wheel { wheel, room, told: [false; 3], told_game: false, told_oddity: None }, port))
+        Ok((Wheel { wheel, room, reported: [false; 3], reported_game: false, reported_oddity: None }, port))
     }
 
     /// For the pages of its loop.
@@ -59,20 +59,20 @@ impl Wheel {
     /// Prints changes.
     pub fn say(&mut self) {
         let status = self.wheel.status();
-        for ((told, samples), why) in self.told.iter_mut().zip(status.less).zip(REASONS) {
-            if samples > 0 && !*told {
-                *told = true;
+        for ((reported, samples), why) in self.reported.iter_mut().zip(status.less).zip(REASONS) {
+            if samples > 0 && !*reported {
+                *reported = true;
                 messages::say(format_args!("less is given than a game asks for: {}", reason(why)));
             }
         }
         let Some(game) = status.game else { return };
         // Only once the estimate is settled and damping is lacking.
-        if let (false, Some(law), true) = (self.told_game, game.last.law, game.lacking > 0.0) {
-            self.told_game = true;
+        if let (false, Some(law), true) = (self.reported_game, game.last.law, game.lacking > 0.0) {
+            self.reported_game = true;
             messages::say(format_args!("the game's torque follows the wheel: {}", game_law(&law)));
         }
-        if let Some(peculiar) = game.last.oddity.filter(|peculiar| self.told_oddity != Some(*peculiar)) {
-            self.told_oddity = Some(peculiar);
+        if let Some(peculiar) = game.last.oddity.filter(|peculiar| self.reported_oddity != Some(*peculiar)) {
+            self.reported_oddity = Some(peculiar);
             messages::say(format_args!("{}", oddity(peculiar)));
         }
     }

@@ -40,7 +40,7 @@ pub fn run(args: &ConformArgs, device: Option<&Path>) -> Result<ExitCode, Failur
     }
     messages::say(format_args!("{name} ({}) moves now; Ctrl-C takes every torque off", path.display()));
     let outcome = conform(&mut wheel, chosen, 2.0 * level, |finding| {
-        messages::say(format_args!("{:22} {}", finding.name, said(finding.verdict)));
+        messages::say(format_args!("{:22} {}", finding.name, verdict_text(finding.verdict)));
     });
     drop(wheel);
     if let Some(code) = signals::signalled() {
@@ -105,7 +105,7 @@ fn print(text: &str) -> Result<(), Failure> {
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)
 }
 
-fn said(verdict: Verdict) -> String {
+fn verdict_text(verdict: Verdict) -> String {
     match verdict {
         Verdict::Conforms => "conforms".into(),
         Verdict::Known(error) => error.sentence().into(),
@@ -163,7 +163,7 @@ fn text(name: &str, path: &Path, found: &Conformance) -> String {
     }
     text += "\ncase                   off %   of the largest torque\n";
     for Finding { name, off, verdict, .. } in &found.findings {
-        let _ = writeln!(text, "{name:22} {:6.2}  {}", 100.0 * off, said(*verdict));
+        let _ = writeln!(text, "{name:22} {:6.2}  {}", 100.0 * off, verdict_text(*verdict));
     }
     text + &sentence(found) + "\n"
 }
@@ -176,7 +176,7 @@ fn report(name: &str, found: &Conformance) -> ConformanceReport {
             name: finding.name.into(),
             asks: finding.asks.clone(),
             conforms: finding.verdict == Verdict::Conforms,
-            verdict: said(finding.verdict),
+            verdict: verdict_text(finding.verdict),
             off: 100.0 * finding.off,
             acted: curve(|row| row.1),
             meant: curve(|row| row.2),

@@ -141,20 +141,20 @@ fn tuned(world: &World, about: &About, args: &CArgs, float: Float) -> Result<Vec
     }
     let all = numbers(world);
     let mut tunes = Vec::new();
-    for asked in &args.tunes {
-        let is_all = asked == "all";
-        let keys: Vec<&(Tune, f64)> = all.iter().filter(|(tune, _)| is_all || tune.key == *asked).collect();
+    for named in &args.tunes {
+        let is_all = named == "all";
+        let keys: Vec<&(Tune, f64)> = all.iter().filter(|(tune, _)| is_all || tune.key == *named).collect();
         let is_of_a_body =
-            |name: &String| asked.strip_prefix("bodies.").is_some_and(|rest| rest.starts_with(&format!("{name}.")));
+            |name: &String| named.strip_prefix("bodies.").is_some_and(|rest| rest.starts_with(&format!("{name}.")));
         if world.names.iter().any(is_of_a_body) {
             return Err(Failure::input(format!(
-                "--tune {asked}: a body's numbers go through the matrices of the method, which only hapt computes: write another file for \
+                "--tune {named}: a body's numbers go through the matrices of the method, which only hapt computes: write another file for \
                  another value"
             )));
         }
         if keys.is_empty() {
             return Err(Failure::input(format!(
-                "--tune {asked}: expected a number of a coupling that the file gives, such as couplings.0.stiffness, or all"
+                "--tune {named}: expected a number of a coupling that the file gives, such as couplings.0.stiffness, or all"
             )));
         }
         for (tune, value) in keys {

@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn torques_are_said_in_the_units_of_their_file() {
-        let said = |limit: &str, stiffness: &str| {
+        let shown = |limit: &str, stiffness: &str| {
             let text = format!(
                 "loop.period = \"1 ms\"\ndevice = {{ inertia = 1{limit} }}\n[[couplings]]\nkind = \"spring\"\n\
                  between = [\"puck\", \"ground\"]\nstiffness = {stiffness}"
@@ -140,11 +140,11 @@ mod tests {
             let list = hapt_model::parameters(&hapt_model::Source::from_text("w", text), &[]).unwrap();
             Effort::of(&list, Motion::Rotary).map(|effort| effort.say(0.75))
         };
-        assert_eq!(said(", limit = \"2 N m\"", "\"1 N mm/deg\"").as_deref(), Some("0.75 N m"));
-        assert_eq!(said(", limit = \"2000 mNm\"", "1").as_deref(), Some("750 mNm"));
-        assert_eq!(said("", "\"20 N mm/deg\"").as_deref(), Some("750 N mm"));
-        assert_eq!(said("", "\"20 N m/rad\"").as_deref(), Some("0.75 N m"));
-        assert_eq!(said(", limit = 2", "1"), None);
+        assert_eq!(shown(", limit = \"2 N m\"", "\"1 N mm/deg\"").as_deref(), Some("0.75 N m"));
+        assert_eq!(shown(", limit = \"2000 mNm\"", "1").as_deref(), Some("750 mNm"));
+        assert_eq!(shown("", "\"20 N mm/deg\"").as_deref(), Some("750 N mm"));
+        assert_eq!(shown("", "\"20 N m/rad\"").as_deref(), Some("0.75 N m"));
+        assert_eq!(shown(", limit = 2", "1"), None);
     }
 
     #[test]

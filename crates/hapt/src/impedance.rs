@@ -97,19 +97,19 @@ fn frequencies(args: &ImpedanceArgs, loaded: &Loaded) -> Result<Drawn, Failure> 
         return Err(Failure::input(format!("--from: {low} Hz must be below --to, which is {high} Hz")));
     }
     let rows = felt.rows(low, high.min(nyquist), args.points.unwrap_or(200));
-    let (asked, resonances) = (felt.nominal(), felt.resonances());
+    let (nominal, resonances) = (felt.nominal(), felt.resonances());
     let figure = hapt_report::felt::impedance(loaded.title(), &rows, &resonances, felt.device(), world.motion);
     let [inertia, damping] = felt.device();
     let json = json!({
         "period_s": world.sampling.period,
         "nyquist_hz": nyquist,
-        "asked": asked,
+        "asked": nominal,
         "resonances": resonances,
         "device": { "inertia": inertia, "damping": damping },
         "rows": rows,
         "notes": felt.notes(),
     });
-    let text = text(loaded, &felt, &asked, &resonances, low, high.min(nyquist));
+    let text = text(loaded, &felt, &nominal, &resonances, low, high.min(nyquist));
     Ok((csv(&rows, world.motion), figure, pretty(&json)?, text))
 }
 
@@ -135,14 +135,21 @@ fn loop_line(loaded: &Loaded) -> String {
     )
 }
 
-fn text(loaded: &Loaded, felt: &Impedance, asked: &[Nominal], resonances: &[Resonance], low: f64, high: f64) -> String {
+fn text(
+    loaded: &Loaded,
+    felt: &Impedance,
+    nominal: &[Nominal],
+    resonances: &[Resonance],
+    low: f64,
+    high: f64,
+) -> String {
     let units = units(loaded.world.motion);
     let mut text = format!("{}\n\n{}", loaded.title(), loop_line(loaded));
-    if asked.is_empty() {
+    if nominal.is_empty() {
         text += "asked     nothing: couplings at the puck are felt neither in slow motion nor at rest\n";
     }
-    for asked in asked {
-        let (name, unit) = match asked.element {
+    for nominal in nominal {
+        let (name, unit) = match nominal.element {
             Element::Stiffness => ("stiffness", &units[0]),
             Element::Damping => ("damping", &units[1]),
             Element::Inertia => ("inertia", &units[2]),
@@ -152,12 +159,12 @@ fn text(loaded: &Loaded, felt: &Impedance, asked: &[Nominal], resonances: &[Reso
             Some(hz) if hz <= 0.11 * felt.low_hz() => "at none that was looked at".to_string(),
             Some(hz) => format!("up to {} Hz", format::number(hz)),
         };
-        let value = format::number(asked.value);
-        let _ = writeln!(text, "asked     {name} {value} {unit}: rendered to 10 % {}", up(asked.from_nominal_hz));
+        let value = format::number(nominal.value);
+        let _ = writeln!(text, "asked     {name} {value} {unit}: rendered to 10 % {}", up(nominal.from_nominal_hz));
         let _ = writeln!(
             text,
             "ideal     of the differential equations: its {name} is rendered to 10 % {}",
-            up(asked.from_ideal_hz)
+            up(nominal.from_ideal_hz)
         );
     }
     for resonance in resonances.iter().take(6) {
@@ -263,11 +270,11 @@ fn width_text(loaded: &Loaded, found: &ZWidth) -> String {
     let mut text =
         format!("{}: a spring and a damper from the puck to ground\n\n{}", loaded.title(), loop_line(loaded));
     let first = found.edges.first();
-    let alone = |edge: Option<f64>| format::number(edge.unwrap_or(0.0));
+    let number = |edge: Option<f64>| format::number(edge.unwrap_or(0.0));
     let _ = writeln!(
         text,
         "passive   up to {} {k} without a damper, and up to {} {b} without a spring",
-        alone(first.and_then(|edge| edge.passive)),
+        number(first.and_then(|edge| edge.passive)),
         format::number(found.passive_damping)
     );
     let stiffest = found.edges.iter().filter_map(|edge| Some((edge.stable?, edge.damping)));
@@ -275,7 +282,7 @@ fn width_text(loaded: &Loaded, found: &ZWidth) -> String {
     let _ = writeln!(
         text,
         "stable    hands-off, up to {} {k} without a damper, and up to {} {b} without a spring; about {} {k} beside {} {b} at most",
-        alone(first.and_then(|edge| edge.stable)),
+        number(first.and_then(|edge| edge.stable)),
         format::number(found.stable_damping),
         rounded(most),
         rounded(with_damping)

@@ -177,9 +177,9 @@ fn stations(
             token: args.listen.is_some(),
             folder: args.log_dir.clone(),
         };
-        let asked = settings(&args.realtime, &station.world)?;
+        let requested = settings(&args.realtime, &station.world)?;
         // The other threads carry the messages, serve the pages, and end what is too slow.
-        let settings = Settings { leave_a_core: true, ..asked };
+        let settings = Settings { leave_a_core: true, ..requested };
         let machine = |world: &World| {
             let machine = device.machine(world, SafetyProfile::Simulated, settings, 0.0)?.machine;
             let machine = machine

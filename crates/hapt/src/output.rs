@@ -121,7 +121,7 @@ impl Write for Draft {
 pub fn recorded<T>(named: &Path, start: impl FnOnce(Draft) -> io::Result<T>) -> io::Result<T> {
     let target = followed(named)?;
     let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let _alone = alone(folder);
+    let _lock = locked(folder);
     let prefix = draft_prefix(&target);
     let drafts = fs::read_dir(folder).into_iter().flatten().flatten().filter(|entry| {
         let name = entry.file_name();
@@ -135,7 +135,7 @@ pub fn recorded<T>(named: &Path, start: impl FnOnce(Draft) -> io::Result<T>) -> 
 }
 
 /// Locks a folder's files against other runs of hapt that request the same, where the system has locks for folders, until it is dropped.
-pub fn alone(folder: &Path) -> Option<File> {
+pub fn locked(folder: &Path) -> Option<File> {
     let folder = File::open(folder).ok().filter(|_| cfg!(unix))?;
     folder.lock().ok().map(|()| folder)
 }
@@ -315,14 +315,14 @@ pub fn built(flag: &str, path: &Path) -> Result<(), Failure> {
     built_with(&format!("{flag} {}", path.display()), &ending)
 }
 
-/// The same for a format; `asked` is the request in words.
-pub fn built_with(asked: &str, format: &str) -> Result<(), Failure> {
+/// The same for a format; `requested` is the request in words.
+pub fn built_with(requested: &str, format: &str) -> Result<(), Failure> {
     let features =
         [("parquet", cfg!(feature = "parquet")), ("pdf", cfg!(feature = "pdf")), ("png", cfg!(feature = "png"))];
     match features.into_iter().find(|(feature, is_built)| !is_built && *feature == format) {
         None => Ok(()),
         Some((feature, _)) => Err(Failure::input(format!(
-            "{asked}: this hapt was built without its feature {feature}; expected another format, or a build with --features {feature}"
+            "{requested}: this hapt was built without its feature {feature}; expected another format, or a build with --features {feature}"
         ))),
     }
 }

@@ -125,7 +125,7 @@ fn pdf(_: &str, _: &str) -> Drawn {
 }
 
 /// The format by flag or ending; SVG without either.
-fn chosen(flag: &str, path: Option<&Path>, asked: Option<FigureFormat>) -> Result<FigureFormat, Failure> {
+fn chosen(flag: &str, path: Option<&Path>, requested: Option<FigureFormat>) -> Result<FigureFormat, Failure> {
     let by_ending = match path {
         Some(path) => {
             let name = output::format(flag, path, &FIGURES)?;
@@ -133,15 +133,15 @@ fn chosen(flag: &str, path: Option<&Path>, asked: Option<FigureFormat>) -> Resul
         }
         None => None,
     };
-    let format = match (by_ending, asked) {
-        (Some(ending), Some(asked)) if ending != asked => {
+    let format = match (by_ending, requested) {
+        (Some(ending), Some(requested)) if ending != requested => {
             let path = path.unwrap_or(Path::new("")).display();
-            let (ending, asked) = (ending.name(), asked.name());
+            let (ending, requested) = (ending.name(), requested.name());
             return Err(Failure::input(format!(
-                "--format {asked}: {flag} {path} is the name of a file in {ending}; expected one of the two"
+                "--format {requested}: {flag} {path} is the name of a file in {ending}; expected one of the two"
             )));
         }
-        (ending, asked) => asked.or(ending).unwrap_or(FigureFormat::Svg),
+        (ending, requested) => requested.or(ending).unwrap_or(FigureFormat::Svg),
     };
     output::built_with(&format!("--format {}", format.name()), format.name())?;
     if path.is_none() && flag == "--out" && format != FigureFormat::Svg && stdout().is_terminal() {
@@ -159,23 +159,23 @@ mod tests {
 
     #[test]
     fn an_ending_is_honoured_or_refused_and_none_is_the_first_format() {
-        let asked = |name: &str| {
+        let requested = |name: &str| {
             let path = Path::new(name);
             output::format("--plot", path, &FIGURES).map_err(|failure| format!("{failure:?}"))
         };
         match cfg!(feature = "png") {
-            true => assert_eq!(asked("a/e.png"), Ok("png")),
-            false => assert!(asked("a/e.png").unwrap_err().contains("without its feature png")),
+            true => assert_eq!(requested("a/e.png"), Ok("png")),
+            false => assert!(requested("a/e.png").unwrap_err().contains("without its feature png")),
         }
         match cfg!(feature = "pdf") {
-            true => assert_eq!(asked("a/e.PDF"), Ok("pdf")),
-            false => assert!(asked("a/e.pdf").unwrap_err().contains("without its feature pdf")),
+            true => assert_eq!(requested("a/e.PDF"), Ok("pdf")),
+            false => assert!(requested("a/e.pdf").unwrap_err().contains("without its feature pdf")),
         }
-        assert_eq!(asked("E.SVG"), Ok("svg"));
-        assert_eq!(asked("figure"), Ok("svg"));
-        assert_eq!(asked("/dev/null"), Ok("svg"));
+        assert_eq!(requested("E.SVG"), Ok("svg"));
+        assert_eq!(requested("figure"), Ok("svg"));
+        assert_eq!(requested("/dev/null"), Ok("svg"));
         for name in ["e.csv", "e.png.gif", "e.", "e.svg.gz", "a.b/e.svgz"] {
-            let refused = asked(name).unwrap_err();
+            let refused = requested(name).unwrap_err();
             assert!(refused.contains("expected FILE.svg, FILE.png or FILE.pdf"), "{refused}");
         }
         assert!(output::format("--log", Path::new("x.csv"), &["mcap"]).is_err());

@@ -131,8 +131,8 @@ fn read(path: &Path, limit: Option<&str>, window: (f64, f64)) -> Result<(String,
         let title = log.header.scenario.clone().unwrap_or(title);
         return Ok((title, logged(Opened { name, log }, limit, window)?));
     }
-    let said = |motion| limit(motion).map_err(Failure::message);
-    let traces = read_csv(from, said, window).map_err(|error| {
+    let limit_of = |motion| limit(motion).map_err(Failure::message);
+    let traces = read_csv(from, limit_of, window).map_err(|error| {
         Failure::input(match error {
             CsvError::Limit(message) => message,
             CsvError::Unreadable { .. } | CsvError::Wrong { .. } => format!("{name}, {error}"),

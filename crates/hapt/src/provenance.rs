@@ -93,7 +93,7 @@ impl Provenance {
 
     /// Adds files that are now in their places.
     pub fn add<'a>(&self, targets: impl IntoIterator<Item = &'a PathBuf>) -> Result<(), Failure> {
-        let _alone = output::alone(&self.folder);
+        let _lock = output::locked(&self.folder);
         let path = self.folder.join(NAME);
         let mut list = read(&path)?;
         let before = list.clone();

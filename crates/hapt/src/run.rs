@@ -119,7 +119,7 @@ pub fn with(args: &RunArgs, steering: Option<Steering>) -> Result<ExitCode, Fail
         seen: Seen::default(),
         links,
         wheel,
-        told: LastReported::default(),
+        reported: LastReported::default(),
     };
     let how = run.until_it_ends();
     // Before anything waits for a disk or for a reader.
@@ -219,7 +219,7 @@ struct Run {
     links: Option<Links>,
     /// The wheel that the computer sees.
     wheel: Option<Wheel>,
-    told: LastReported,
+    reported: LastReported,
 }
 
 impl Run {
@@ -233,12 +233,12 @@ impl Run {
         let mut begun = None;
         let mut is_over = false;
         let begin = Instant::now();
-        let mut heard = begin;
+        let mut last_record = begin;
         loop {
             std::thread::sleep(LOOK);
             self.keep();
             if let Some(links) = &self.links {
-                self.told.say(&links.status());
+                self.reported.say(&links.status());
             }
             if let Some(wheel) = &mut self.wheel {
                 wheel.say();
@@ -252,8 +252,8 @@ impl Run {
                 return Ok(how);
             }
             if self.seen.records > before {
-                heard = Instant::now();
-            } else if self.is_board && heard.elapsed() > SILENT {
+                last_record = Instant::now();
+            } else if self.is_board && last_record.elapsed() > SILENT {
                 return Ok(How::Silent);
             }
             let (Some(last), Some(_)) = (self.seen.last, self.seen.running) else { continue };

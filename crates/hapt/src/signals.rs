@@ -83,13 +83,13 @@ fn exit(code: u8) -> ! {
     output::remove_drafts();
     let words = KEPT.lock().unwrap_or_else(PoisonError::into_inner).take();
     if let Some(words) = words {
-        let (said, heard) = channel();
+        let (done, finished) = channel();
         spawn(move || {
             messages::say(format_args!("hapt: {words}"));
             messages::settle();
-            let _ = said.send(());
+            let _ = done.send(());
         });
-        let _ = heard.recv_timeout(WORDS);
+        let _ = finished.recv_timeout(WORDS);
     }
     leave(code)
 }

@@ -173,7 +173,7 @@ fn print_all(system: &System, source: &Source, scenarios: &[&str]) -> Result<(),
             Ok::<(), Failure>(())
         })?;
         let text = match (system.stations.as_slice(), summary.stations.as_slice()) {
-            ([station], [summary]) if system.world().is_some() => alone(station, name, summary)?,
+            ([station], [summary]) if system.world().is_some() => of_world(station, name, summary)?,
             (_, stations) => linked(system, name, stations, &run),
         };
         out.write_all(text.as_bytes()).map_err(Failure::stdout)?;
@@ -208,7 +208,7 @@ fn linked(system: &System, scenario: &str, stations: &[Summary<'_>], run: &Run) 
 }
 
 /// A world's run in full.
-fn alone(station: &Station, name: &str, summary: &Summary<'_>) -> Result<String, Failure> {
+fn of_world(station: &Station, name: &str, summary: &Summary<'_>) -> Result<String, Failure> {
     let world = &station.world;
     // Torques in the unit of the file.
     let own = Effort::of(&hapt_model::parameters_of(world, &station.source, &station.sets)?, world.motion);

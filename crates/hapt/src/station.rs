@@ -38,7 +38,7 @@ pub struct Chosen {
 pub struct Station {
     network: System,
     at: usize,
-    way: Transport,
+    transport: Transport,
 }
 
 /// The transport of its messages.
@@ -117,9 +117,9 @@ impl Station {
                 "--station {name}: needs --listen with an address, such as --listen 0.0.0.0:7000, or --listen can:can0"
             ))
         })?;
-        let way =
+        let transport =
             if listen.starts_with("can:") { over_can(listen, args)? } else { over_udp(&network, at, listen, args)? };
-        Ok(Station { network, at, way })
+        Ok(Station { network, at, transport })
     }
 
     /// The profile of the supervisor, where `own` is that of the station's world by itself. On a motor only a certified network runs, unless
@@ -145,7 +145,7 @@ impl Station {
 
     /// The power by rounded positions; `None` where messages have them in full.
     fn rounded(&self, check: &NetworkCheck) -> Result<Option<Rounded>, Failure> {
-        match self.way {
+        match self.transport {
             Transport::Udp { .. } => Ok(None),
             #[cfg(target_os = "linux")]
             Transport::Can(_) => Ok(Some(rounded(&self.network, check, Frames::STEP)?)),
@@ -154,8 +154,8 @@ impl Station {
 
     /// Listens for the others. The second are the ends of the links for the loop.
     pub fn open(&self) -> Result<(Links, Vec<LinkPort>), Failure> {
-        let Station { network, at, way } = self;
-        match way {
+        let Station { network, at, transport } = self;
+        match transport {
             Transport::Udp { listen, peers, key } => Links::open(network, *at, *listen, peers, key).map_err(failure),
             #[cfg(target_os = "linux")]
             Transport::Can(address) => {
@@ -191,7 +191,7 @@ impl Station {
 
     /// The bus in the summary of a run.
     pub fn summary(&self) -> String {
-        match &self.way {
+        match &self.transport {
             Transport::Udp { .. } => String::new(),
             #[cfg(target_os = "linux")]
             Transport::Can(address) => {
@@ -314,9 +314,9 @@ impl LastReported {
     /// Prints changes: that a link acts or has released, and messages that are not of this network.
     pub fn say(&mut self, links: &[LinkStatus]) {
         self.acts.resize(links.len(), false);
-        for (told, link) in self.acts.iter_mut().zip(links) {
-            if *told != link.acts {
-                *told = link.acts;
+        for (reported, link) in self.acts.iter_mut().zip(links) {
+            if *reported != link.acts {
+                *reported = link.acts;
                 self.changes = self.changes.saturating_add(1);
                 if self.changes < CHANGES {
                     let what = if link.acts { "acts" } else { "has let go" };
@@ -326,9 +326,9 @@ impl LastReported {
                 }
             }
             for refusal in strange() {
-                let told = &mut self.refused[refusal.code()];
-                if link.refused[refusal.code()] > 0 && !*told {
-                    *told = true;
+                let reported = &mut self.refused[refusal.code()];
+                if link.refused[refusal.code()] > 0 && !*reported {
+                    *reported = true;
                     messages::say(format_args!("warning: refused {}", refusal.sentence()));
                 }
             }

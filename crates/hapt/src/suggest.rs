@@ -38,14 +38,14 @@ mod tests {
     fn a_missing_file_is_answered_with_its_neighbour_or_with_a_world_that_is_built_in() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("wheel.toml"), "").unwrap();
-        let said = |name: &str| file(&folder.path().join(name));
+        let hint = |name: &str| file(&folder.path().join(name));
         for name in ["weehl.toml", "wheel", "WHEEL.TOML", "wheel.tom"] {
             // Where case does not matter, as on Windows, WHEEL.TOML is the file itself.
             let is_there = folder.path().join(name).exists();
-            assert_eq!(said(name).contains("wheel.toml\"?"), !is_there, "{name}: {}", said(name));
+            assert_eq!(hint(name).contains("wheel.toml\"?"), !is_there, "{name}: {}", hint(name));
         }
-        assert_eq!(said("wheel.toml"), "");
-        assert_eq!(said("entirely-else.toml"), "");
+        assert_eq!(hint("wheel.toml"), "");
+        assert_eq!(hint("entirely-else.toml"), "");
         for name in ["notes/euler", "euler.toml", "notes/eulr", "worlds/notes/euler.toml"] {
             assert!(builtin::meant(name).contains("@notes/euler"), "{name}");
         }

@@ -68,7 +68,7 @@ fn edge(measure: Measure) -> Option<f64> {
         | Measure::SettlingTime
         | Measure::RequiredDamping
         | Measure::EnergyDrawn
-        | Measure::LetGo => None,
+        | Measure::Releases => None,
     }
 }
 
@@ -138,7 +138,7 @@ fn map(sweep: &Sweep, shown: [&DisplayedAxis; 2], own: &[Option<f64>], mut value
         }
         Measure::FixedPassive => Scale::Named(&[(0.0, "not passive at fixed times"), (1.0, "passive at fixed times")]),
         Measure::EnergyDrawn
-        | Measure::LetGo
+        | Measure::Releases
         | Measure::DampingMargin
         | Measure::StiffnessScale
         | Measure::PeakTorque

@@ -22,11 +22,11 @@ fn main() -> ! {
         if !file.fill(bytes) {
             exit(2);
         }
-        let said = match trace::sums(bytes, samples) {
+        let result = match trace::sums(bytes, samples) {
             Some((bare, guarded, _)) => writeln!(console, "{:016x} {:016x}", bare.0, guarded.0),
             None => writeln!(console, "refused"),
         };
-        if said.is_err() {
+        if result.is_err() {
             exit(3);
         }
     }

@@ -147,12 +147,12 @@ unsafe extern "C" {
 fn in_c(spec: &Spec) -> [f32; 2] {
     let Ok(world) = Loop::<f32, BODIES, COUPLINGS, COUNTS>::new(spec) else { exit(4) };
     let c = matrices(spec, &world);
-    let told: CStep = match spec.bodies.len() {
+    let typed: CStep = match spec.bodies.len() {
         1 => hapt_c_1,
         2 => hapt_c_2,
         _ => hapt_c_4,
     };
-    [hapt_c_any as CStep, told].map(|function| {
+    [hapt_c_any as CStep, typed].map(|function| {
         let function = black_box(function);
         let mut state = CState::default();
         // SAFETY: the structures are C's, field by field.

@@ -45,7 +45,7 @@ fn the_loop_on_its_device_under_a_hands_torque_is_the_run_of_that_hand() {
             for (k, row) in expected.iter().enumerate() {
                 assert_eq!(bits(&instance.outputs()), bits(&columns(row)), "{version:?} {sets:?} row {k}");
                 instance.set("hand_torque_Nm", if k < 200 { 0.06 } else { 0.0 });
-                assert!(instance.step(k as f64 * 1e-3, 1e-3), "{}", instance.said());
+                assert!(instance.step(k as f64 * 1e-3, 1e-3), "{}", instance.message());
             }
         }
     }
@@ -66,7 +66,7 @@ fn every_builtin_worlds_loop_fed_with_a_runs_puck_is_that_run() {
         for (k, row) in rows(&world, &scenario.name).iter().enumerate().take(1000) {
             assert!(instance.set_all(&inputs, &[row.puck, row.puck_velocity]));
             let ahead = instance.outputs();
-            assert!(instance.step(k as f64 * period, period), "{}", instance.said());
+            assert!(instance.step(k as f64 * period, period), "{}", instance.message());
             let mut all = columns(row);
             all.drain(..2);
             all.remove(4);
@@ -93,8 +93,8 @@ fn an_importer_that_adds_up_its_steps_gets_every_sample_once() {
         for instance in [&added, &counted] {
             assert!(instance.set_all(&[1, 2], &puck));
         }
-        assert!(added.step(time, 1e-4), "{}", added.said());
-        assert!(counted.step(k as f64 * 1e-4, 1e-4), "{}", counted.said());
+        assert!(added.step(time, 1e-4), "{}", added.message());
+        assert!(counted.step(k as f64 * 1e-4, 1e-4), "{}", counted.message());
         time += 1e-4;
         assert_eq!(added.get("torque_Nm").to_bits(), counted.get("torque_Nm").to_bits(), "step {k}");
     }

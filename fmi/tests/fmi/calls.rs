@@ -198,7 +198,7 @@ fn calls_out_of_order_are_errors_that_name_the_state() {
     let fmu = Fmu::new(Kind::Whole, &world(WHEEL, &[]));
     let instance = fmu.instance(Version::Two);
     let refused = |done: bool, words: &str| {
-        assert!(!done && instance.said().contains(words), "{words:?} in {:?}", instance.said());
+        assert!(!done && instance.message().contains(words), "{words:?} in {:?}", instance.message());
     };
     refused(instance.step(0.0, 1e-3), "DoStep is out of order: the instance is instantiated");
     refused(instance.exit(), "ExitInitializationMode is out of order");
@@ -222,7 +222,7 @@ fn calls_out_of_order_are_errors_that_name_the_state() {
     assert!(instance.outputs().iter().all(|value| value.is_finite()));
     let long = fmu.instance(Version::Three);
     long.start(0.0);
-    assert!(!long.step(0.0, 1e9) && long.said().contains("at most 10^10"), "{}", long.said());
+    assert!(!long.step(0.0, 1e9) && long.message().contains("at most 10^10"), "{}", long.message());
 }
 
 #[test]
@@ -240,8 +240,8 @@ fn an_unstable_loop_fails_with_its_instant_and_goes_back_to_a_state() {
         k += 1;
         assert!(k < 100_000, "it never runs away");
     }
-    assert!(instance.said().contains("the run stops being finite at t = "), "{}", instance.said());
-    assert!(!instance.step(f64::from(k) * 1e-3, 1e-3) && instance.said().contains("the instance is failed"));
+    assert!(instance.message().contains("the run stops being finite at t = "), "{}", instance.message());
+    assert!(!instance.step(f64::from(k) * 1e-3, 1e-3) && instance.message().contains("the instance is failed"));
     assert!(instance.restore(state) && instance.step(0.0, 1e-3));
     instance.free(state);
 }

@@ -370,7 +370,7 @@ impl Instance<'_> {
     }
 
     /// The last message.
-    pub fn said(&self) -> String {
+    pub fn message(&self) -> String {
         self.messages.borrow().last().cloned().unwrap_or_default()
     }
 }

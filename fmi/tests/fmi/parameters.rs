@@ -19,8 +19,8 @@ fn a_parameter_that_is_set_gives_the_world_of_that_override() {
             ),
         );
         let (set, made) = (plain.instance(version), other.instance(version));
-        assert!(set.set("couplings.0.stiffness", 0.5) && set.set("loop.period", 5e-4), "{}", set.said());
-        assert!(set.set_text("loop.method", "trapezoidal"), "{}", set.said());
+        assert!(set.set("couplings.0.stiffness", 0.5) && set.set("loop.period", 5e-4), "{}", set.message());
+        assert!(set.set_text("loop.method", "trapezoidal"), "{}", set.message());
         let encoder = plain.reference("device.encoder");
         let status = unsafe {
             match version {
@@ -28,7 +28,7 @@ fn a_parameter_that_is_set_gives_the_world_of_that_override() {
                 Version::Three => hapt_fmi::fmi3::fmi3SetInt64(set.c, &encoder, 1, &500, 1),
             }
         };
-        assert_eq!(status, 0, "{}", set.said());
+        assert_eq!(status, 0, "{}", set.message());
         assert_eq!((set.text("loop.method"), set.get("loop.period")), ("trapezoidal".into(), 5e-4));
         set.start(0.0);
         made.start(0.0);
@@ -54,7 +54,7 @@ fn a_parameter_that_is_tuned_between_two_steps_is_a_bumpless_transfer() {
         let stiffness = plain.get("couplings.0.stiffness");
         for k in 0..300 {
             if k == 100 {
-                assert!(tuned.set("couplings.0.stiffness", stiffness * (1.0 + 1e-6)), "{}", tuned.said());
+                assert!(tuned.set("couplings.0.stiffness", stiffness * (1.0 + 1e-6)), "{}", tuned.message());
             }
             assert!(tuned.step(f64::from(k) * 1e-3, 1e-3) && plain.step(f64::from(k) * 1e-3, 1e-3));
             let differ = (tuned.get("torque_Nm") - plain.get("torque_Nm")).abs();
@@ -91,7 +91,7 @@ fn the_devices_friction_and_stops_are_parameters() {
         let (made, other) = (fmu(1.0), fmu(1.5));
         let (set, made) = (other.instance(version), made.instance(version));
         for (key, value) in keys {
-            assert!(set.set(key, value), "{}", set.said());
+            assert!(set.set(key, value), "{}", set.message());
         }
         set.start(0.0);
         made.start(0.0);
@@ -133,7 +133,7 @@ fn the_files_checks_hold_and_their_words_reach_the_logger() {
     for version in VERSIONS {
         let instance = fmu.instance(version);
         let refused = |done: bool, words: &str| {
-            assert!(!done && instance.said().contains(words), "{words:?} in {:?}", instance.said());
+            assert!(!done && instance.message().contains(words), "{words:?} in {:?}", instance.message());
         };
         refused(instance.set("couplings.0.stiffness", -1.0), "couplings.0.stiffness: ");
         refused(instance.set("loop.period", 0.0), "a time (s) above 0");
@@ -164,12 +164,12 @@ fn values_that_only_go_together_may_come_one_after_another_before_the_first_step
     let text = WHEEL.split("[[couplings]]\nkind = \"wall\"").next().unwrap();
     let fmu = Fmu::new(Kind::Loop, &world(text, &[]));
     let instance = fmu.instance(Version::Two);
-    assert!(instance.set_text("loop.method", "tustin"), "{}", instance.said());
+    assert!(instance.set_text("loop.method", "tustin"), "{}", instance.message());
     assert!(instance.set_up(0.0, None) && instance.enter());
     assert!(!instance.exit(), "output = end");
-    assert!(instance.said().contains("tustin"), "{}", instance.said());
+    assert!(instance.message().contains("tustin"), "{}", instance.message());
     assert!(instance.set_text("loop.output", "start"));
-    assert!(instance.exit(), "{}", instance.said());
+    assert!(instance.exit(), "{}", instance.message());
     assert_eq!(instance.text("loop.method"), "tustin");
 }
 
@@ -275,7 +275,7 @@ fn another_token_or_world_is_refused() {
     for version in VERSIONS {
         let messages = Messages::default();
         assert!(fmu.raw(version, other.token(version), &messages).is_null());
-        let said = messages.borrow().concat();
-        assert!(said.contains("are not of one export"), "{said}");
+        let message = messages.borrow().concat();
+        assert!(message.contains("are not of one export"), "{message}");
     }
 }

@@ -12,7 +12,7 @@ fn run(instance: &Instance, from: u32, steps: u32) -> Vec<Vec<u64>> {
     for k in from..from + steps {
         let input = (f64::from(k) * 0.1).sin() * 0.05;
         assert!(instance.set_all(&[1], &[input]));
-        assert!(instance.step(f64::from(k) * 0.4e-3, 0.4e-3), "{}", instance.said());
+        assert!(instance.step(f64::from(k) * 0.4e-3, 0.4e-3), "{}", instance.message());
         seen.push(instance.outputs().iter().map(|value| value.to_bits()).collect());
     }
     seen
@@ -68,7 +68,7 @@ proptest! {
         damaged[(at * (bytes.len() - 1) as f64) as usize] ^= flip;
         prop_assert!(instance.deserialize(&damaged).is_none());
         prop_assert!(instance.deserialize(&bytes[..(cut * (bytes.len() - 1) as f64) as usize]).is_none());
-        prop_assert!(instance.said().contains("no serialised state of this FMU"), "{}", instance.said());
+        prop_assert!(instance.message().contains("no serialised state of this FMU"), "{}", instance.message());
         let other = Fmu::new(Kind::Loop, &world(WHEEL, &[]));
         let other = other.instance(Version::Two);
         prop_assert!(other.deserialize(&bytes).is_none());
@@ -121,7 +121,7 @@ fn two_instances_share_no_state() {
         assert!(
             other.set("hand_torque_Nm", 0.3) && other.step(5.0 + f64::from(k) * 0.7e-3, 0.7e-3),
             "{}",
-            other.said()
+            other.message()
         );
     }
 }

@@ -12,7 +12,7 @@ fn walk(instance: &Instance, lengths: &[u32], mut each: impl FnMut(u64, &Instanc
     let mut at = 0_u64;
     for length in lengths {
         each(at, instance);
-        assert!(instance.step(at as f64 * UNIT, f64::from(*length) * UNIT), "{}", instance.said());
+        assert!(instance.step(at as f64 * UNIT, f64::from(*length) * UNIT), "{}", instance.message());
         at += u64::from(*length);
     }
     each(at, instance);
@@ -112,8 +112,8 @@ fn a_run_may_begin_at_any_time() {
     for k in 0..100 {
         let torque = f64::from(k) * 1e-3;
         assert!(early.set("hand_torque_Nm", torque) && late.set("hand_torque_Nm", torque));
-        assert!(early.step(-3.0 + f64::from(k) * 1e-3, 1e-3), "{}", early.said());
-        assert!(late.step(1e6 + f64::from(k) * 1e-3, 1e-3), "{}", late.said());
+        assert!(early.step(-3.0 + f64::from(k) * 1e-3, 1e-3), "{}", early.message());
+        assert!(late.step(1e6 + f64::from(k) * 1e-3, 1e-3), "{}", late.message());
         assert_eq!(early.outputs(), late.outputs());
     }
     assert_eq!(late.get("time_s"), 1e6 + 99.0 * 1e-3 + 1e-3);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use hapt_analysis::{Alone, Linked, check_links};
+use hapt_analysis::{Linked, StationFindings, check_links};
 use hapt_host::links::SteppedLinks;
 use hapt_host::messages::NetworkFile;
 use hapt_host::simulated_network::SimulatedNetwork;
@@ -29,8 +29,8 @@ pub struct NetworkPage {
     now: Option<Duration>,
 }
 
-fn verdict(network: &System, alone: &[Alone]) -> Linked {
-    check_links(network, alone).unwrap_or_else(|error| Linked::refused(&error.to_string()))
+fn verdict(network: &System, findings: &[StationFindings]) -> Linked {
+    check_links(network, findings).unwrap_or_else(|error| Linked::refused(&error.to_string()))
 }
 
 impl NetworkPage {
@@ -41,7 +41,7 @@ impl NetworkPage {
     pub fn new(network: &str) -> Result<Self, String> {
         let file: NetworkFile = serde_json::from_str(network).map_err(|error| error.to_string())?;
         let network = file.network()?;
-        let alone = file.alone;
+        let findings = file.alone;
         let periods = network.stations.iter().map(|station| station.world.sampling.period);
         let slice = (0.125 * periods.fold(f64::INFINITY, f64::min)).clamp(50e-6, 500e-6);
         let configs: Vec<(String, WorldConfig)> = (network.stations.iter())
@@ -51,14 +51,14 @@ impl NetworkPage {
             })
             .collect::<Result<_, String>>()?;
         let (links, ports) = SteppedLinks::new(&network);
-        let first = verdict(&network, &alone);
+        let first = verdict(&network, &findings);
         let (shared, ports) = SimulatedNetwork::new(network.clone(), first, links.channels(), ports);
         let shared = Arc::new(shared);
         let mut stations = Vec::new();
         for (at, ((name, config), ports)) in configs.into_iter().zip(ports).enumerate() {
-            let (to, alone) = (Arc::clone(&shared), alone.clone());
+            let (to, findings) = (Arc::clone(&shared), findings.clone());
             let view = shared.view(at, links.status(at), move |question| {
-                to.answer(&question, verdict(&question.network, &alone));
+                to.answer(&question, verdict(&question.network, &findings));
             });
             let machine = Machine::stepped(&config.world).with_outside(Outside::linked(ports));
             let machine = machine.ok_or_else(|| format!("{name} does not run in a page"))?;

@@ -49,9 +49,9 @@ impl Bench {
         for (_, words, busy) in CONDITIONS {
             let load = busy.then(Busy::new).transpose()?;
             let mut command = Command::new(&hapt);
-            let said = output(command.args(["latency", "--json", "--duration", DURATION]).args(words))?;
+            let json = output(command.args(["latency", "--json", "--duration", DURATION]).args(words))?;
             drop(load);
-            measured.push(serde_json::from_str::<Value>(&said)?);
+            measured.push(serde_json::from_str::<Value>(&json)?);
         }
         let names: Vec<&str> = CONDITIONS.iter().map(|(name, ..)| *name).collect();
         let mut text = format!("| | {} |\n| ---{} |\n", names.join(" | "), " | ---".repeat(names.len()));

@@ -19,8 +19,8 @@ impl Bench {
         let mut text = String::from("| world | half are at most, ms | 90 % | longest |\n| --- | --- | --- | --- |\n");
         let mut row = |name: &str, file: &str| -> Result<()> {
             let mut command = Command::new("node");
-            let said = output(command.args([SCRIPT, file, KEY]).env("HAPT", &hapt))?;
-            let times: Vec<f64> = serde_json::from_str(&said)?;
+            let json = output(command.args([SCRIPT, file, KEY]).env("HAPT", &hapt))?;
+            let times: Vec<f64> = serde_json::from_str(&json)?;
             ensure!(!times.is_empty(), "the page shows no verdict");
             let [half, most, longest] = [0.5, 0.9, 1.0].map(|share| quantile(times.iter().copied(), share));
             Ok(writeln!(text, "| {name} | {half:.1} | {most:.1} | {longest:.1} |")?)

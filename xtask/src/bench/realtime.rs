@@ -75,8 +75,8 @@ impl Bench {
             for (program, latencies) in programs.into_iter().zip(&mut all) {
                 let mut pinned = Command::new("taskset");
                 pinned.args(["-c", core]).arg(program.get_program()).args(program.get_args());
-                let said = super::output(&mut pinned)?;
-                let numbers: Vec<f64> = said.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;
+                let printed = super::output(&mut pinned)?;
+                let numbers: Vec<f64> = printed.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;
                 let (class, rest) = numbers.split_first().context("no numbers")?;
                 classes.push(*class);
                 latencies.0.push(rest.try_into().context("expected five quantiles")?);

@@ -149,8 +149,8 @@ impl Scratch {
             return Ok(());
         };
         let mut python = tools::python(&environment)?;
-        let said = python.args(["-c", block]).current_dir(&self.0).stdin(Stdio::null()).output()?;
-        ensure!(said.status.success(), "Python: {}", String::from_utf8_lossy(&said.stderr));
+        let output = python.args(["-c", block]).current_dir(&self.0).stdin(Stdio::null()).output()?;
+        ensure!(output.status.success(), "Python: {}", String::from_utf8_lossy(&output.stderr));
         Ok(())
     }
 }

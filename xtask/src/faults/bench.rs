@@ -60,10 +60,10 @@ pub fn swinging(rng: &mut Rng) -> World {
         let (limit, count) = (device.limit.unwrap_or(1.0), world.count().unwrap_or(1e-4));
         let least = 2.0 * device.largest_friction() + 0.05 * limit;
         let torque = least * log(rng, 1.5, 8.0);
-        let (rate, way) = (log(rng, 0.5, 100.0), log(rng, 0.1, 3.0));
+        let (rate, travel) = (log(rng, 0.5, 100.0), log(rng, 0.1, 3.0));
         let inertia = device.inertia * log(rng, 5.0, 100.0);
         // While the puck stands still the body oscillates on both springs.
-        let stiffness = torque / way;
+        let stiffness = torque / travel;
         let grounded = inertia * rate * rate - stiffness;
         // Under the least torque that counts a free puck moves four counts within a push, and the oscillation makes it no faster than a
         // hand does.
@@ -76,7 +76,7 @@ pub fn swinging(rng: &mut Rng) -> World {
         (world.sampling.method, world.sampling.output, world.sampling.advance) = (Method::Zoh, Output::End, 0);
         world.sampling.delay = hapt_model::Delay::Seconds(0.0);
         world.names = vec!["b0".into()];
-        world.bodies = vec![Body { inertia, position: 0.0, velocity: way * rate }];
+        world.bodies = vec![Body { inertia, position: 0.0, velocity: travel * rate }];
         world.couplings = [(End::Ground, grounded), (End::Puck, stiffness)]
             .map(|(first, stiffness)| Coupling {
                 first,
@@ -98,7 +98,7 @@ pub struct Hand {
     intended: f64,
     /// Where its present motion begins, and the motion.
     from: f64,
-    way: HandMotion,
+    motion: HandMotion,
     /// Samples since it began, and until the next motion.
     sample: u32,
     last: u32,
@@ -132,7 +132,7 @@ impl Hand {
             grip: None,
             intended: 0.0,
             from: 0.0,
-            way: HandMotion::Still,
+            motion: HandMotion::Still,
             sample: 0,
             last: 0,
             tremor: 0.0,
@@ -148,7 +148,7 @@ impl Hand {
         self.sample += 1;
         if self.grip.is_some() {
             let t = f64::from(self.sample);
-            let place = match self.way {
+            let place = match self.motion {
                 HandMotion::Still => 0.0,
                 HandMotion::Bang(to) => to,
                 HandMotion::Sine { amplitude, rate } => amplitude * (rate * t).sin(),
@@ -185,7 +185,7 @@ impl Hand {
         self.rate = TAU * (8.0 + 4.0 * rng.f64()) * period;
         let inertia = grip.inertia + world.device.inertia;
         let farthest = MAX_SPEED * (inertia / grip.stiffness).sqrt();
-        self.way = match rng.u8(..4) {
+        self.motion = match rng.u8(..4) {
             0 => HandMotion::Still,
             1 | 2 => HandMotion::Bang(farthest.min(3.0) * (2.0 * rng.f64() - 1.0)),
             _ => {

@@ -31,8 +31,8 @@ pub fn same(extent: Extent) -> Result<()> {
         wanted.push(format!("{:016x} {:016x}", bare.0, guarded.0));
     }
     let all = on_all_boards("bits", |machine, program| qemu(machine, program, &file, &[]))?;
-    for ((machine, _, processor), said) in BOARDS.iter().zip(all) {
-        let mut lines = said.lines();
+    for ((machine, _, processor), printed) in BOARDS.iter().zip(all) {
+        let mut lines = printed.lines();
         for ((name, _), wanted) in cases.iter().zip(&wanted) {
             let got = lines.next().unwrap_or("nothing");
             ensure!(got == wanted, "{machine}: {name}: {got}, where this machine has {wanted}");

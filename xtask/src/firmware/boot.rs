@@ -33,8 +33,8 @@ const PIECE: usize = 256;
 /// The program's bytes in the flash, from its beginning.
 fn image(program: &Path) -> Result<Vec<u8>> {
     let bytes = program.with_extension("flash");
-    let said = Command::new("arm-none-eabi-objcopy").args(["-O", "binary"]).arg(program).arg(&bytes).output()?;
-    ensure!(said.status.success(), "arm-none-eabi-objcopy: {}", String::from_utf8_lossy(&said.stderr));
+    let output = Command::new("arm-none-eabi-objcopy").args(["-O", "binary"]).arg(program).arg(&bytes).output()?;
+    ensure!(output.status.success(), "arm-none-eabi-objcopy: {}", String::from_utf8_lossy(&output.stderr));
     Ok(fs::read(bytes)?)
 }
 

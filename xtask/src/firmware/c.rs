@@ -30,8 +30,8 @@ pub fn same_bits() -> Result<()> {
     let mut gcc = Command::new("gcc");
     gcc.args(HOST).arg("-I").arg(&folder).args(&sources).arg("firmware/c/example/pc.c").arg(library).arg("-o").arg(&pc);
     run(&mut gcc)?;
-    let said = String::from_utf8(Command::new(&pc).output()?.stdout)?;
-    ensure!(said == wanted, "the example in C on this machine: {said}, not {wanted}");
+    let printed = String::from_utf8(Command::new(&pc).output()?.stdout)?;
+    ensure!(printed == wanted, "the example in C on this machine: {printed}, not {wanted}");
 
     let library = self::library(Some(BOARD_TARGET))?;
     let board = folder.join("mps2");
@@ -42,8 +42,8 @@ pub fn same_bits() -> Result<()> {
         .arg(&folder);
     gcc.args(&sources).arg("firmware/c/example/mps2.c").arg(library).arg("-lgcc").arg("-o").arg(&board);
     run(&mut gcc)?;
-    let said = qemu("mps2-an386", &board, &[], &[])?;
-    ensure!(said == wanted, "the example in C on the board: {said}, not {wanted}");
+    let printed = qemu("mps2-an386", &board, &[], &[])?;
+    ensure!(printed == wanted, "the example in C on the board: {printed}, not {wanted}");
     chip::cannot_panic(&board, &control()?)?;
     let cpp = ["-x", "c++", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "firmware/c/hapt.h"];
     run(Command::new("gcc").args(cpp))
@@ -100,8 +100,8 @@ fn library(target: Option<&str>) -> Result<PathBuf> {
 }
 
 fn run(command: &mut Command) -> Result<()> {
-    let said = command.output().with_context(|| format!("{command:?}"))?;
-    ensure!(said.status.success(), "{command:?}: {}", String::from_utf8_lossy(&said.stderr));
+    let printed = command.output().with_context(|| format!("{command:?}"))?;
+    ensure!(printed.status.success(), "{command:?}: {}", String::from_utf8_lossy(&printed.stderr));
     Ok(())
 }
 

@@ -15,10 +15,10 @@ const INTERRUPTS: [&str; 2] = ["PendSV", "SysTick"];
 
 /// Sizes and stack of a program, as a row of the table.
 pub fn row(name: &str, program: &Path, flash: u32, memory: u32) -> Result<String> {
-    let said = output("arm-none-eabi-size", &[], program)?;
-    let numbers = said.lines().nth(1).context("no sizes")?.split_whitespace();
+    let printed = output("arm-none-eabi-size", &[], program)?;
+    let numbers = printed.lines().nth(1).context("no sizes")?.split_whitespace();
     let numbers: Vec<u32> = numbers.take(3).map(str::parse).collect::<Result<_, _>>()?;
-    let [text, data, bss] = numbers[..] else { bail!("no sizes: {said}") };
+    let [text, data, bss] = numbers[..] else { bail!("no sizes: {printed}") };
     let code = Code::read(program)?;
     let main = code.stack("main")?;
     let mut interrupt = 0;
@@ -209,7 +209,7 @@ fn registers(list: &str) -> Result<u32> {
 }
 
 fn output(tool: &str, options: &[&str], program: &Path) -> Result<String> {
-    let said = Command::new(tool).args(options).arg(program).output()?;
-    ensure!(said.status.success(), "{tool}: {}", String::from_utf8_lossy(&said.stderr));
-    Ok(String::from_utf8(said.stdout)?)
+    let printed = Command::new(tool).args(options).arg(program).output()?;
+    ensure!(printed.status.success(), "{tool}: {}", String::from_utf8_lossy(&printed.stderr));
+    Ok(String::from_utf8(printed.stdout)?)
 }

@@ -67,10 +67,10 @@ pub fn table() -> Result<String> {
         let ratio = bare.min(own_bare) / o3.c[0].min(o2.c[0]);
         let missed = if ratio > RATIO { " **missed**" } else { "" };
         let over = if o3.bodies == 1 && supervised.min(own_supervised) > GOAL { " **missed**" } else { "" };
-        let [any2, told2, any3, told3] = [o2.c[0], o2.c[1], o3.c[0], o3.c[1]];
+        let [any2, typed2, any3, typed3] = [o2.c[0], o2.c[1], o3.c[0], o3.c[1]];
         writeln!(
             table,
-            "| {} | {bare:.0} | {own_bare:.0} | {any2:.0} | {any3:.0} | {told2:.0} | {told3:.0} | {ratio:.2}{missed} | {supervised:.0} | {own_supervised:.0}{over} | {full:.0} | {own_full:.0} |",
+            "| {} | {bare:.0} | {own_bare:.0} | {any2:.0} | {any3:.0} | {typed2:.0} | {typed3:.0} | {ratio:.2}{missed} | {supervised:.0} | {own_supervised:.0}{over} | {full:.0} | {own_full:.0} |",
             o3.bodies
         )?;
     }
@@ -78,12 +78,12 @@ pub fn table() -> Result<String> {
 }
 
 /// The output of `count` for each world.
-fn rows(said: &str) -> Result<Vec<Row>> {
-    let lines = said.lines().filter(|line| !line.starts_with("stack"));
+fn rows(printed: &str) -> Result<Vec<Row>> {
+    let lines = printed.lines().filter(|line| !line.starts_with("stack"));
     let row = |line: &str| {
         let numbers: Vec<f64> = line.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;
-        let [bodies, a, b, c, d, e, f, any, told] = numbers[..] else { anyhow::bail!("not a count: {line}") };
-        Ok(Row { bodies: bodies as u32, hapt: [[a, b, c], [d, e, f]], c: [any, told] })
+        let [bodies, a, b, c, d, e, f, any, typed] = numbers[..] else { anyhow::bail!("not a count: {line}") };
+        Ok(Row { bodies: bodies as u32, hapt: [[a, b, c], [d, e, f]], c: [any, typed] })
     };
     lines.map(row).collect::<Result<_>>().context("counts")
 }

@@ -105,8 +105,8 @@ fn compilers() -> Vec<(Vec<String>, String, &'static str)> {
     let mut all = Vec::new();
     for (command, name) in [(gcc(&ARM), "gcc"), (clang, "clang")] {
         let version = || {
-            let said = Command::new(&command[0]).arg("--version").output().ok()?;
-            let text = String::from_utf8(said.stdout).ok()?;
+            let printed = Command::new(&command[0]).arg("--version").output().ok()?;
+            let text = String::from_utf8(printed.stdout).ok()?;
             let is_number =
                 |word: &&str| word.split('.').count() == 3 && word.starts_with(|c: char| c.is_ascii_digit());
             Some(text.lines().next()?.split([' ', '-']).find(is_number)?.to_owned())
@@ -134,15 +134,15 @@ fn write_c(world: &World, folder: &Path) -> Result<()> {
 fn compile(compiler: &[String], level: &str, object: &Path, folder: &Path) -> Result<()> {
     let mut command = Command::new(&compiler[0]);
     command.args(&compiler[1..]).args(["-std=c99", "-ffreestanding", level, "-c", "w.c", "-o"]);
-    let said = command.arg(object).current_dir(folder).output()?;
-    ensure!(said.status.success(), "{command:?}: {}", String::from_utf8_lossy(&said.stderr));
+    let printed = command.arg(object).current_dir(folder).output()?;
+    ensure!(printed.status.success(), "{command:?}: {}", String::from_utf8_lossy(&printed.stderr));
     Ok(())
 }
 
 /// Bytes of code and constants.
 fn size(object: &Path) -> Result<u64> {
-    let said = Command::new("arm-none-eabi-size").arg(object).output().context("arm-none-eabi-size")?;
-    let text = String::from_utf8_lossy(&said.stdout).into_owned();
+    let printed = Command::new("arm-none-eabi-size").arg(object).output().context("arm-none-eabi-size")?;
+    let text = String::from_utf8_lossy(&printed.stdout).into_owned();
     let row: Vec<&str> = text.lines().nth(1).context("a size")?.split_whitespace().collect();
     ensure!(row.len() > 2, "not a size: {text}");
     Ok(row[0].parse::<u64>()? + row[1].parse::<u64>()?)
@@ -155,12 +155,12 @@ fn count(world: &World, object: &Path, folder: &Path, wanted: u64) -> Result<Cou
     command.args(ARM).args(["-std=gnu99", "-O2", "-ffp-contract=off", "-ffreestanding", "-nostdlib", "-I."]);
     command.args(["-Wl,--section-start=.vectors=0,-Ttext=0x100,-Tdata=0x20000000,-e,reset"]);
     command.args(if world.spec().estimator == Estimator::Exact { &["-DEXACT"][..] } else { &[] });
-    let said = command.arg(source).arg(object).args(["-lgcc", "-o"]).arg(&program).current_dir(folder).output()?;
-    ensure!(said.status.success(), "{command:?}: {}", String::from_utf8_lossy(&said.stderr));
-    let said = qemu("mps2-an386", &program, &[], &["-icount", "shift=5,sleep=off"])?;
-    let numbers: Vec<u64> = said.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;
+    let printed = command.arg(source).arg(object).args(["-lgcc", "-o"]).arg(&program).current_dir(folder).output()?;
+    ensure!(printed.status.success(), "{command:?}: {}", String::from_utf8_lossy(&printed.stderr));
+    let printed = qemu("mps2-an386", &program, &[], &["-icount", "shift=5,sleep=off"])?;
+    let numbers: Vec<u64> = printed.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;
     let [nothing, bare, supervised, rounds, stack, controller, phase, high, low] = numbers[..] else {
-        anyhow::bail!("not a count: {said}")
+        anyhow::bail!("not a count: {printed}")
     };
     ensure!(phase == Phase::Running as u64, "the loop is in phase {phase}: a faulted one would be cheap");
     ensure!(high << 32 | low == wanted, "the C has other bits than the core");

@@ -86,21 +86,21 @@ fn of_this_computer(_: &[[u8; 8]]) -> Result<Vec<Vec<u8>>> {
 /// On the emulated board, with its controller's endpoints: every descriptor is the computer's to the byte; a host's constant torque acts,
 /// and ends after a suspend.
 fn runs() -> Result<()> {
-    let said = qemu("netduinoplus2", &program(BOARD, "usb", None)?, &[], &[])?;
+    let printed = qemu("netduinoplus2", &program(BOARD, "usb", None)?, &[], &[])?;
     let (mut requests, mut answers, mut torques) = (Vec::<[u8; 8]>::new(), Vec::new(), Vec::new());
-    for line in said.lines() {
+    for line in printed.lines() {
         match line.split_once(' ').map(|(request, answer)| (bytes_of(request), bytes_of(answer))) {
             Some((Some(request), Some(answer))) if request.len() == 8 => {
                 requests.push(request.try_into().unwrap_or_default());
                 answers.push(answer);
             }
             _ if line.starts_with(char::is_alphabetic) => {}
-            _ => torques = line.split(' ').map(str::parse::<f64>).collect::<Result<_, _>>().context(said.clone())?,
+            _ => torques = line.split(' ').map(str::parse::<f64>).collect::<Result<_, _>>().context(printed.clone())?,
         }
     }
-    ensure!(requests.len() == 6, "the board does not tell its descriptors: {said}");
-    ensure!(answers == of_this_computer(&requests)?, "the board's descriptors are not those of hapt wheel: {said}");
-    let [before, during, after] = torques[..] else { anyhow::bail!("no torques: {said}") };
+    ensure!(requests.len() == 6, "the board does not tell its descriptors: {printed}");
+    ensure!(answers == of_this_computer(&requests)?, "the board's descriptors are not those of hapt wheel: {printed}");
+    let [before, during, after] = torques[..] else { anyhow::bail!("no torques: {printed}") };
     // Half of the wheel's 5 N·m.
     let holds = before == 0.0 && (during - 2.5).abs() < 1e-3 && after.abs() < 1e-3;
     ensure!(holds, "{before} N m before an effect of 2.5 N m, {during} while it plays, {after} after a suspend");
@@ -110,18 +110,18 @@ fn runs() -> Result<()> {
 /// Instructions of the wheel's interrupt by number of conditions, the additional ones of a change, and those of a report in the main loop.
 pub fn counts() -> Result<String> {
     let program = program(BOARD, "usb", None)?;
-    let said = qemu("netduinoplus2", &program, &[], &["-icount", "shift=5,sleep=off"])?;
+    let printed = qemu("netduinoplus2", &program, &[], &["-icount", "shift=5,sleep=off"])?;
     let mut table =
         String::from("| conditions that play | a sample | a sample after a change |\n| --- | ---: | ---: |\n");
     let mut report = None;
-    for line in said.lines() {
+    for line in printed.lines() {
         match line.split(' ').collect::<Vec<_>>()[..] {
             ["effects", effects, sample, change] => writeln!(table, "| {effects} | {sample} | {change} |")?,
             ["report", count] => report = Some(count),
             _ => {}
         }
     }
-    let report = report.with_context(|| format!("no counts: {said}"))?;
+    let report = report.with_context(|| format!("no counts: {printed}"))?;
     writeln!(table, "\nA report that changes a condition takes {report} in the main loop.")?;
     Ok(table)
 }

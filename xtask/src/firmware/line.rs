@@ -69,11 +69,11 @@ impl Board {
         // Bytes before its receiver is on are lost.
         (board.sequence, board.sample) = loop {
             board.ask(Command::Hello { protocol: PROTOCOL })?;
-            let heard = board.hear(Duration::from_millis(500), |says| match says {
+            let reply = board.hear(Duration::from_millis(500), |says| match says {
                 DeviceMessage::Hello(hello) => Some((hello.sequence, hello.sample, hello.externally_clocked)),
                 _ => None,
             })?;
-            match heard {
+            match reply {
                 Some((sequence, sample, its)) if its == fed => break (sequence, sample),
                 Some(_) => bail!("another firmware"),
                 None => ensure!(start.elapsed() < BOARD_TIMEOUT, "the board does not answer"),
@@ -121,8 +121,8 @@ impl Board {
                 Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => continue,
                 Err(error) => return Err(error.into()),
             }
-            if let Some(heard) = self.reader.push::<DeviceMessage<'_>>(byte[0]).and_then(&mut wanted) {
-                return Ok(Some(heard));
+            if let Some(reply) = self.reader.push::<DeviceMessage<'_>>(byte[0]).and_then(&mut wanted) {
+                return Ok(Some(reply));
             }
         }
         Ok(None)
@@ -130,15 +130,16 @@ impl Board {
 
     /// Sends a command, and waits until it is executed.
     pub fn done(&mut self, command: Command<'_>) -> Result<()> {
-        let asked = self.ask(command)?;
-        let said = self.hear(BOARD_TIMEOUT, |says| match says {
-            DeviceMessage::Done { sequence } | DeviceMessage::Value { sequence, .. } if sequence == asked => {
+        let sequence_sent = self.ask(command)?;
+        let answer = self.hear(BOARD_TIMEOUT, |says| match says {
+            DeviceMessage::Done { sequence } | DeviceMessage::Value { sequence, .. } if sequence == sequence_sent => {
                 Some(Ok(()))
             }
-            DeviceMessage::Refused { sequence, why } if sequence == asked => Some(Err(why)),
+            DeviceMessage::Refused { sequence, why } if sequence == sequence_sent => Some(Err(why)),
             _ => None,
         })?;
-        said.with_context(|| format!("no answer to {command:?}"))?
+        answer
+            .with_context(|| format!("no answer to {command:?}"))?
             .map_err(|why| anyhow::anyhow!("{command:?}: refused, {}", why.sentence()))
     }
 

@@ -65,11 +65,11 @@ impl Board {
         let (position, velocity) = (position as f32, velocity as f32);
         self.ask(Command::Sample { sample, position, velocity, late: 0.0, announced })?;
         self.sample += 1;
-        let said = self.hear(BOARD_TIMEOUT, |says| match says {
+        let message = self.hear(BOARD_TIMEOUT, |says| match says {
             DeviceMessage::Telemetry(telemetry) if telemetry.sample == sample => Some(telemetry),
             _ => None,
         })?;
-        said.context("no telemetry")
+        message.context("no telemetry")
     }
 
     /// Armed, and faded in, the puck at rest at 0.

@@ -55,20 +55,20 @@ impl Drop for Board {
 
 impl Board {
     fn start(folder: &Path, program: &Path) -> Result<Board> {
-        let said = folder.join("qemu");
-        let file = File::create(&said)?;
+        let printed = folder.join("qemu");
+        let file = File::create(&printed)?;
         let mut command = Command::new("qemu-system-arm");
         command.args(["-machine", "mps2-an386", "-display", "none", "-monitor", "none", "-serial", "pty"]);
         command.args(ICOUNT).arg("-kernel").arg(program).stdin(Stdio::null()).stdout(file.try_clone()?).stderr(file);
         let mut board = Board { emulator: command.spawn()?, port: String::new() };
         let start = Instant::now();
         loop {
-            let said = fs::read_to_string(&said)?;
-            if let Some((_, after)) = said.split_once("redirected to ") {
+            let printed = fs::read_to_string(&printed)?;
+            if let Some((_, after)) = printed.split_once("redirected to ") {
                 board.port = after.split_whitespace().next().unwrap_or_default().into();
                 return Ok(board);
             }
-            ensure!(start.elapsed() < BOARD_TIMEOUT, "the emulator gives no pseudoterminal: {said}");
+            ensure!(start.elapsed() < BOARD_TIMEOUT, "the emulator gives no pseudoterminal: {printed}");
             std::thread::sleep(Duration::from_millis(20));
         }
     }
@@ -125,20 +125,20 @@ pub fn holds() -> Result<()> {
 fn cut(folder: &Path, mut board: Board) -> Result<()> {
     let mut running = Command::new(hapt_program()?);
     running.args(["run", "w.toml", "--device", &board.device(), "--log", "cut.mcap"]).current_dir(folder);
-    let said = folder.join("err");
-    let mut running = running.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(File::create(&said)?).spawn()?;
+    let printed = folder.join("err");
+    let mut running = running.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(File::create(&printed)?).spawn()?;
     let start = Instant::now();
-    while !fs::read_to_string(&said)?.contains("at full torque") {
-        ensure!(start.elapsed() < BOARD_TIMEOUT && running.try_wait()?.is_none(), "{}", fs::read_to_string(&said)?);
+    while !fs::read_to_string(&printed)?.contains("at full torque") {
+        ensure!(start.elapsed() < BOARD_TIMEOUT && running.try_wait()?.is_none(), "{}", fs::read_to_string(&printed)?);
         std::thread::sleep(Duration::from_millis(20));
     }
     board.emulator.kill()?;
     let out = String::from_utf8(running.wait_with_output()?.stdout)?;
-    let err = fs::read_to_string(&said)?;
+    let err = fs::read_to_string(&printed)?;
     ensure!(out.contains("broken off") && err.contains("is gone: "), "the board has gone: {out}{err}");
     let replayed = ended(folder, &["log", "replay", "cut.mcap"])?;
     // On a busy machine the log may lack the sample at which the torque began: then nothing of it can be replayed, with a message.
-    if replayed.said.contains("can be replayed: it has neither the loop's first sample") {
+    if replayed.printed.contains("can be replayed: it has neither the loop's first sample") {
         return replayed.with(2, &[]);
     }
     replayed.with(0, &["same       all torques of"])
@@ -165,15 +165,15 @@ fn half_a_world(port: &str) -> Result<()> {
 struct Ended {
     words: String,
     code: Option<i32>,
-    said: String,
+    printed: String,
 }
 
 impl Ended {
     fn with(self, code: i32, parts: &[&str]) -> Result<()> {
-        let Ended { words, said, .. } = &self;
-        ensure!(self.code == Some(code), "hapt {words}: ended with {:?}, not {code}: {said}", self.code);
+        let Ended { words, printed, .. } = &self;
+        ensure!(self.code == Some(code), "hapt {words}: ended with {:?}, not {code}: {printed}", self.code);
         for part in parts {
-            ensure!(said.contains(part), "hapt {words}: no {part:?} in: {said}");
+            ensure!(printed.contains(part), "hapt {words}: no {part:?} in: {printed}");
         }
         Ok(())
     }
@@ -189,9 +189,9 @@ fn hapt_program() -> Result<PathBuf> {
 fn ended(folder: &Path, words: &[&str]) -> Result<Ended> {
     for left in (0..TRIES).rev() {
         let done = Command::new(hapt_program()?).args(words).current_dir(folder).stdin(Stdio::null()).output()?;
-        let said = [done.stdout, done.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
-        if left == 0 || !said.contains("has stopped answering") {
-            return Ok(Ended { words: words.join(" "), code: done.status.code(), said });
+        let printed = [done.stdout, done.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
+        if left == 0 || !printed.contains("has stopped answering") {
+            return Ok(Ended { words: words.join(" "), code: done.status.code(), printed });
         }
     }
     bail!("no try of {words:?}")

@@ -37,19 +37,19 @@ pub fn holds(extent: Extent) -> Result<()> {
     let start = board.sample;
     let mut shown = 0;
     while board.sample < start + samples {
-        let said = board.hear(BOARD_TIMEOUT, |says| match says {
+        let message = board.hear(BOARD_TIMEOUT, |says| match says {
             DeviceMessage::Telemetry(telemetry) => Some(telemetry),
             _ => None,
         })?;
-        let telemetry = said.context("no telemetry")?;
+        let telemetry = message.context("no telemetry")?;
         ensure!(telemetry.phase == Phase::Running as u8 || shown == 0, "{telemetry:?}");
         ensure!(telemetry.missed == 0, "{telemetry:?}");
         board.sample = telemetry.sample;
         shown += 1;
     }
-    let asked = board.ask(Command::Get { parameter: Parameter::MostUsed as u8 })?;
+    let sequence_sent = board.ask(Command::Get { parameter: Parameter::MostUsed as u8 })?;
     let most = board.hear(BOARD_TIMEOUT, |says| match says {
-        DeviceMessage::Value { sequence, value, .. } if sequence == asked => Some(value),
+        DeviceMessage::Value { sequence, value, .. } if sequence == sequence_sent => Some(value),
         _ => None,
     })?;
     let most = most.context("no answer to what a sample has taken")?;

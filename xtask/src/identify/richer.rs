@@ -18,7 +18,7 @@ const STRETCH: f64 = 2.0;
 /// Steps of the lever's equation in a period.
 const STEPS: usize = 20;
 const COUNTS: f64 = 40_000.0;
-const WAYS: [(Errors, &str); 4] = [
+const METHODS: [(Errors, &str); 4] = [
     (Errors::Larger, "the larger one of jackknife and least squares (hapt's)"),
     (Errors::Jackknife, "jackknife, eight blocks"),
     (Errors::Sandwich, "sandwich"),
@@ -118,20 +118,22 @@ fn table(n: u64, seed: u64, more: f64) -> Result<String> {
     let of = |i: u64| -> Result<(f64, [Pair; 4])> {
         let lever = Lever::new(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ i, more);
         let Ok(records) = lever.records() else { return Ok((lever.inertia, [[None; 2]; 4])) };
-        let told =
-            |way: Errors, record: &Record| fit_torque_by(record, &Known::default(), way).and_then(|fit| fit.inertia);
-        Ok((lever.inertia, WAYS.map(|(way, _)| [0, 1].map(|i| told(way, &records[i])))))
+        let inertia_by = |errors: Errors, record: &Record| {
+            fit_torque_by(record, &Known::default(), errors).and_then(|fit| fit.inertia)
+        };
+        Ok((lever.inertia, METHODS.map(|(errors, _)| [0, 1].map(|i| inertia_by(errors, &records[i])))))
     };
     let all: Vec<(f64, [Pair; 4])> = (0..n).into_par_iter().map(of).collect::<Result<_>>()?;
     let mut text = String::from(
         "| standard errors by | with an inertia | hold the true one | pairs of stretches that overlap | width over the value, median |\n\
          | --- | --- | --- | --- | --- |\n",
     );
-    for (k, (_, name)) in WAYS.iter().enumerate() {
-        let intervals = all.iter().flat_map(|(truth, ways)| ways[k].iter().flatten().map(move |x| (*truth, *x)));
+    for (k, (_, name)) in METHODS.iter().enumerate() {
+        let intervals = all.iter().flat_map(|(truth, methods)| methods[k].iter().flatten().map(move |x| (*truth, *x)));
         let intervals: Vec<(f64, Interval)> = intervals.collect();
         let hold = intervals.iter().filter(|(truth, x)| x.covers(*truth)).count();
-        let pairs: Vec<(Interval, Interval)> = all.iter().filter_map(|(_, ways)| ways[k][0].zip(ways[k][1])).collect();
+        let pairs: Vec<(Interval, Interval)> =
+            all.iter().filter_map(|(_, methods)| methods[k][0].zip(methods[k][1])).collect();
         let overlap = pairs.iter().filter(|(a, b)| a.low <= b.high && b.low <= a.high).count();
         let mut widths: Vec<f64> = intervals.iter().map(|(_, x)| (x.high - x.low) / x.value).collect();
         widths.sort_by(f64::total_cmp);

@@ -82,9 +82,9 @@ fn trial(rng: &mut Rng, samples: usize) -> Trial {
             torques.extend(std::iter::repeat_n(level, rng.usize(5..150)));
         }
         torques.truncate(samples);
-        let way = motion(&rig, &torques);
+        let path = motion(&rig, &torques);
         let entries =
-            |is_in: &dyn Fn(f64) -> bool| way.windows(2).filter(|pair| !is_in(pair[0]) && is_in(pair[1])).count();
+            |is_in: &dyn Fn(f64) -> bool| path.windows(2).filter(|pair| !is_in(pair[0]) && is_in(pair[1])).count();
         let touches = [low.map(|low| entries(&|z| z < low)), high.map(|high| entries(&|z| z > high))];
         if touches.iter().flatten().all(|touches| *touches > 0) {
             return Trial { rig, stops, torques, touches: touches.iter().flatten().sum() };
@@ -175,8 +175,8 @@ pub fn campaign(n: u64, seed: u64) -> Result<String> {
     let outcomes = (0..n).into_par_iter().map(of).collect::<Result<Vec<Outcome>>>()?;
     let row = |name: &str, is_so: &dyn Fn(&Outcome) -> Option<bool>| {
         let of = |(_, is_it): Column| {
-            let told: Vec<bool> = outcomes.iter().filter(|x| is_it(x)).filter_map(is_so).collect();
-            format!(" {} |", share(told.iter().filter(|is| **is).count(), told.len()))
+            let answers: Vec<bool> = outcomes.iter().filter(|x| is_it(x)).filter_map(is_so).collect();
+            format!(" {} |", share(answers.iter().filter(|is| **is).count(), answers.len()))
         };
         format!("| {name} |{}\n", COLUMNS.map(of).concat())
     };

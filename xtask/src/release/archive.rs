@@ -199,8 +199,8 @@ fn inside(root: &Path, words: &[&str]) -> Command {
 
 /// The shared libraries of a program, its loader too.
 fn libraries(program: &Path) -> Result<Vec<PathBuf>> {
-    let said = done(Command::new("ldd").arg(program))?;
-    Ok(said.split_whitespace().filter(|word| word.starts_with('/')).map(PathBuf::from).collect())
+    let printed = done(Command::new("ldd").arg(program))?;
+    Ok(printed.split_whitespace().filter(|word| word.starts_with('/')).map(PathBuf::from).collect())
 }
 
 /// The program for the other processor, where QEMU's user mode and Debian's libraries are.
@@ -217,9 +217,9 @@ fn under_qemu(built: &Path) -> Result<Option<String>> {
         }
         let out = folder()?.join(format!("runs-{}", runs.len()));
         emptied(&out)?;
-        let said = done(command.args(["sim", "@notes/euler", "--out"]).arg(&out))?;
+        let printed = done(command.args(["sim", "@notes/euler", "--out"]).arg(&out))?;
         let run = fs::read(out.join(RUN)).with_context(|| format!("no {RUN} of hapt sim"))?;
-        runs.push((said.replace(&*out.to_string_lossy(), ""), run));
+        runs.push((printed.replace(&*out.to_string_lossy(), ""), run));
     }
     ensure!(runs[0] == runs[1], "a run under QEMU has other bytes than here");
     Ok(Some("run under QEMU: a run has the bytes of x86-64".into()))
@@ -228,7 +228,7 @@ fn under_qemu(built: &Path) -> Result<Option<String>> {
 /// The program for Windows, under Wine.
 fn under_wine(built: &Path) -> Result<String> {
     let wine = Wine::ready()?;
-    let said = done(wine.command().arg(built.join("hapt.exe")).args(["check", "@notes/default"]))?;
-    ensure!(said.starts_with(VERDICT), "hapt check: {said}");
+    let printed = done(wine.command().arg(built.join("hapt.exe")).args(["check", "@notes/default"]))?;
+    ensure!(printed.starts_with(VERDICT), "hapt check: {printed}");
     Ok("run under Wine".into())
 }

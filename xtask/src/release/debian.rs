@@ -47,8 +47,8 @@ fn installed(package: &Path) -> Result<()> {
         .arg(package);
     done(&mut dpkg)?;
     let hapt = root.join("usr/bin/hapt");
-    let said = done(Command::new(&hapt).args(["check", "@notes/default"]).current_dir(&root))?;
-    ensure!(said.contains("certified"), "hapt check: {said}");
+    let printed = done(Command::new(&hapt).args(["check", "@notes/default"]).current_dir(&root))?;
+    ensure!(printed.contains("certified"), "hapt check: {printed}");
     done(Command::new(&hapt).args(["export", "fmu", "@notes/default", "-o", "wheel.fmu"]).current_dir(&root))?;
     let pages = fs::read_dir(root.join("usr/share/man/man1"))?.count();
     ensure!(pages > 20, "{pages} manual pages");

@@ -30,8 +30,8 @@ fn measured() -> Result<String> {
     done(Command::new("tar").arg("--extract").arg("--file").arg(&file).arg("--directory").arg(&home))?;
     let hapt = home.join(archive::folder_of_this_machine()).join("hapt");
     // The browser is started before, as a reader has one open.
-    let said = done(Command::new("node").arg("first.mjs").current_dir("web/test").env("HAPT", &hapt))?;
-    let started: f64 = said.trim().parse().context("first.mjs prints seconds")?;
+    let printed = done(Command::new("node").arg("first.mjs").current_dir("web/test").env("HAPT", &hapt))?;
+    let started: f64 = printed.trim().parse().context("first.mjs prints seconds")?;
     rows += &format!("| the archive, unpacked | the wheel turns in a browser (`hapt live`) | {started:.1} s |\n");
     let wheel = super::only(&folder()?.join("wheels/x86_64-unknown-linux-gnu"))?;
     let environment = home.join("python");

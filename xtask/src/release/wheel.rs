@@ -90,7 +90,7 @@ fn tried(wheel: &Path) -> Result<Option<String>> {
 fn interpreter(version: &str) -> Option<PathBuf> {
     let name = PathBuf::from(format!("python{version}"));
     let runs = |path: &Path| {
-        Command::new(path).args(["-c", "import ensurepip"]).output().is_ok_and(|said| said.status.success())
+        Command::new(path).args(["-c", "import ensurepip"]).output().is_ok_and(|output| output.status.success())
     };
     if runs(&name) {
         return Some(name);

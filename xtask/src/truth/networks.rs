@@ -115,14 +115,14 @@ fn random(rng: &mut Rng, n: usize, times: Times) -> Option<System> {
             1 => "kind = \"spring\"\nlimit = 0.02".into(),
             _ => "kind = \"spring\"".into(),
         };
-        let way = 10e-3 * rng.f64();
+        let delay_max = 10e-3 * rng.f64();
         // A link may have only stiffness or only damping.
         let stiffness = if damped && rng.u8(..4) == 0 { 0.0 } else { 0.01 * 100f64.powf(rng.f64()) };
         let damping = if damped && rng.u8(..4) > 0 { 1e-4 * 300f64.powf(rng.f64()) } else { 0.0 };
         let period = if damped && rng.bool() { "period = \"6 ms\"\n" } else { "" };
         text += &format!(
-            "[[links]]\n{period}{law}\nbetween = [\"s{i}\", \"s{other}\"]\nstiffness = {stiffness}\ndamping = {damping}\ndelay = {}\ndelay_max = {way}\nloss = {}\nduplicate = {}\nseed = {}\nage_max = {}\n",
-            if exact { way } else { way * rng.f64() },
+            "[[links]]\n{period}{law}\nbetween = [\"s{i}\", \"s{other}\"]\nstiffness = {stiffness}\ndamping = {damping}\ndelay = {}\ndelay_max = {delay_max}\nloss = {}\nduplicate = {}\nseed = {}\nage_max = {}\n",
+            if exact { delay_max } else { delay_max * rng.f64() },
             if exact || rng.bool() { 0.0 } else { 0.5 * rng.f64() },
             if rng.bool() { 0.0 } else { rng.f64() },
             rng.u32(..),
@@ -191,21 +191,21 @@ fn judge(rng: &mut Rng, found: &mut Counts, report: &mut dyn FnMut(String)) -> R
         return Ok(());
     };
     let check = check_network(&network)?;
-    let asked: Vec<f64> = check.stations.iter().map(|of| of.required_damping.unwrap_or(0.0)).collect();
+    let required: Vec<f64> = check.stations.iter().map(|of| of.required_damping.unwrap_or(0.0)).collect();
     let enough = |check: NetworkCheck| check.stations.iter().all(|station| station.passive);
-    compare(&network, &asked, enough, &mut found.networks[0], &mut found.samples, report)?;
+    compare(&network, &required, enough, &mut found.networks[0], &mut found.samples, report)?;
     // A verdict that is open or not proved claims nothing.
     let fixed = check.fixed;
-    let asked: Option<Vec<f64>> = fixed.required_damping.iter().map(|(_, damping)| *damping).collect();
-    let Some(asked) = asked.filter(|_| fixed.proved) else { return Ok(()) };
+    let required: Option<Vec<f64>> = fixed.required_damping.iter().map(|(_, damping)| *damping).collect();
+    let Some(required) = required.filter(|_| fixed.proved) else { return Ok(()) };
     let enough = |check: NetworkCheck| check.fixed.passive == Some(true);
-    compare(&network, &asked, enough, &mut found.networks[1], &mut found.samples, report)
+    compare(&network, &required, enough, &mut found.networks[1], &mut found.samples, report)
 }
 
 /// Compares a verdict, by which dampings are `enough`, with hands on devices that have just these, and less.
 fn compare(
     network: &System,
-    asked: &[f64],
+    required: &[f64],
     enough: impl Fn(NetworkCheck) -> bool,
     judged: &mut Judged,
     samples: &mut u64,
@@ -213,8 +213,8 @@ fn compare(
 ) -> Result<(), Error> {
     let damped = |part: f64| {
         let mut network = network.clone();
-        for (station, asked) in network.stations.iter_mut().zip(asked) {
-            station.world.device.damping = asked * part;
+        for (station, required) in network.stations.iter_mut().zip(required) {
+            station.world.device.damping = required * part;
         }
         network
     };

@@ -12,7 +12,7 @@ use anyhow::{Context, Result, anyhow, bail, ensure};
 use fastrand::Rng;
 use hapt_core::wheel::{Device, Effect, Timing, Wheel as Effects};
 use hapt_host::conform::evdev::{Evdev, wheels};
-use hapt_host::conform::{Asked, RIGHT, Wheel as _};
+use hapt_host::conform::{HostEffect, RIGHT, Wheel as _};
 use hapt_log::Log;
 
 use super::car::Car;
@@ -177,7 +177,7 @@ impl Game {
         let (mut kerb_end, mut kerb_at) = (0.0, 1.0 + rng.f64());
         let start = device.now();
         device
-            .put(0, &Asked::constant(0.0, RIGHT))
+            .put(0, &HostEffect::constant(0.0, RIGHT))
             .and_then(|()| device.start(0, 1))
             .map_err(|error| anyhow!("{error}"))?;
         for frame in 0_u32.. {
@@ -198,7 +198,7 @@ impl Game {
             let angle = 0.5 * RANGE * trace.last().map_or(0.0, |(_, share)| *share);
             levels.push((car.drive(angle, 1.0 / self.rate) + kerb + engine).clamp(-limit, limit));
             let level = levels.remove(0);
-            if device.put(0, &Asked::constant(level / limit, RIGHT)).is_err() {
+            if device.put(0, &HostEffect::constant(level / limit, RIGHT)).is_err() {
                 break;
             }
             let time = SystemTime::now().duration_since(UNIX_EPOCH)?.as_secs_f64();
@@ -208,7 +208,7 @@ impl Game {
     }
 
     /// The levels of the game at each sample with nothing added, where a level acts `after` its sending.
-    fn asked(&self, frames: &[Frame], samples: &[Sample], after: f64) -> Result<Vec<f64>> {
+    fn requested(&self, frames: &[Frame], samples: &[Sample], after: f64) -> Result<Vec<f64>> {
         let [_, damping, _, counts, limit] = self.wheel;
         let ideal = Device::ideal(Timing::even(PERIOD), damping, limit);
         let device = Device { count: std::f64::consts::TAU / counts, ..ideal };
@@ -239,14 +239,17 @@ impl Game {
         let apart = least(-APART..APART, |apart| Ok(misread(frames, &held, f64::from(apart) * PERIOD)))?.0;
         let (late, felt) = least(apart..apart + LONGEST, |late| {
             // A level comes a sample sooner or later.
-            let mut asked = Vec::new();
+            let mut requested = Vec::new();
             for nearby in [late, late - 1, late + 1] {
-                asked.push(self.asked(frames, samples, f64::from(nearby) * PERIOD)?);
+                requested.push(self.requested(frames, samples, f64::from(nearby) * PERIOD)?);
             }
             let least = |at: usize| {
-                asked.iter().map(|asked| (samples[at].torque - asked[at]).abs()).fold(f64::INFINITY, f64::min)
+                requested
+                    .iter()
+                    .map(|requested| (samples[at].torque - requested[at]).abs())
+                    .fold(f64::INFINITY, f64::min)
             };
-            Ok((squares(&least) / squares(&|at| asked[0][at]).max(1e-12)).sqrt())
+            Ok((squares(&least) / squares(&|at| requested[0][at]).max(1e-12)).sqrt())
         })?;
         let lag = f64::from(late - apart) * PERIOD;
         let (first, last) = (fastest(RELEASE + 0.1..RELEASE + 1.1), fastest(DURATION - 1.0..DURATION));

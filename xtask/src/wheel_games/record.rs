@@ -206,7 +206,7 @@ fn table(session: &Session) -> Result<String> {
     for (name, wheel) in WHEELS {
         for levels in [1, FINE] {
             let found = replay(session, wheel, levels)?;
-            let told = 100.0 * found.stiffnesses.len() as f64 / found.lacking.len().max(1) as f64;
+            let determined = 100.0 * found.stiffnesses.len() as f64 / found.lacking.len().max(1) as f64;
             let at = |all: &[f64], share: f64| quantile(all.iter().copied(), share);
             let stiffness = [0.5, 0.05, 0.95].map(|share| at(&found.stiffnesses, share));
             let late = [0.5, 0.05, 0.95].map(|share| at(&found.latenesses, share));
@@ -214,7 +214,7 @@ fn table(session: &Session) -> Result<String> {
             let lacking = [0.5, 1.0].map(|share| at(&found.lacking, share));
             writeln!(
                 out,
-                "| {name} | {:.0} | {told:.0} % | {:.2} ({:.2} to {:.2}) | {:.0} ({:.0} to {:.0}) | {rate:.0} | {explained:.0} % | {:.3}, {:.3} | {:.1} % |",
+                "| {name} | {:.0} | {determined:.0} % | {:.2} ({:.2} to {:.2}) | {:.0} ({:.0} to {:.0}) | {rate:.0} | {explained:.0} % | {:.3}, {:.3} | {:.1} % |",
                 session.rate * levels as f64,
                 stiffness[0],
                 stiffness[1],

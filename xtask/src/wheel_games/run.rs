@@ -152,14 +152,14 @@ pub fn run(pair: &Pair, remedy: Remedy) -> Result<Outcome, Refused> {
         };
         let both = [Effect::Torque(level), Effect::Torque(added)];
         let given = effects.step(&mut playing, counted, &both, revision).torque;
-        let asked = effects.step(&mut plain, counted, &both[..1], revision).torque;
+        let requested = effects.step(&mut plain, counted, &both[..1], revision).torque;
         if remedy == Remedy::Hapt {
             game_loop.commanded(&mut watched, given);
         }
         let hand = if t < LET_GO {
             if t > COMPARED {
-                felt += (given - asked) * (given - asked);
-                all += asked * asked;
+                felt += (given - requested) * (given - requested);
+                all += requested * requested;
                 compared += 1.0;
             }
             let wanted = 0.6 * (4.0 * t).sin() + 0.1 * (13.0 * t).sin();

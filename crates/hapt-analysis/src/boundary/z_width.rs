@@ -151,8 +151,8 @@ impl<'a> WallSearch<'a> {
             return Ok(None);
         }
         // b(K, 0) is homogeneous of degree one.
-        let alone = self.damping / self.required(1.0, 0.0)?;
-        let (mut low, mut high) = ((0.0, at), (alone, over(alone)?));
+        let undamped_stiffness = self.damping / self.required(1.0, 0.0)?;
+        let (mut low, mut high) = ((0.0, at), (undamped_stiffness, over(undamped_stiffness)?));
         for _ in 0..DOUBLINGS {
             if high.1 > 0.0 {
                 break;

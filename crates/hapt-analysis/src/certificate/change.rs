@@ -46,18 +46,18 @@ impl<F: Fn(&mut World, f64)> Change<'_, F> {
     /// The last certified value on the way from a certified one to one that is not, to [`WIDTH`], as a round number.
     pub fn last(&self, good: f64, bad: f64) -> f64 {
         // The search runs upwards.
-        let way = if good < bad { 1.0 } else { -1.0 };
+        let sign = if good < bad { 1.0 } else { -1.0 };
         let search = |spare: f64| {
-            let excess = |x: f64| self.excess(way * x, spare);
-            let (from, to) = ((way * good, excess(way * good)), (way * bad, excess(way * bad)));
+            let excess = |x: f64| self.excess(sign * x, spare);
+            let (from, to) = ((sign * good, excess(sign * good)), (sign * bad, excess(sign * bad)));
             if from.1 > 0.0 || to.1 <= 0.0 {
                 return None;
             }
-            illinois(&mut |x| Ok(excess(x)), from, to, WIDTH).ok().map(|x| way * x)
+            illinois(&mut |x| Ok(excess(x)), from, to, WIDTH).ok().map(|x| sign * x)
         };
         let end = search(SPARE).filter(|end| self.is_certified(*end)).or_else(|| search(0.0)).unwrap_or(good);
         let side = if good < bad { Certified::Below } else { Certified::Above };
-        roundest(end, side, |x| way * x >= way * good && self.is_certified(*x))
+        roundest(end, side, |x| sign * x >= sign * good && self.is_certified(*x))
     }
 
     /// The first certified value below `now` in steps of [`STRIDE`], down to `down` times it, then the largest.

@@ -25,7 +25,7 @@ impl Check {
         if self.held.verdict == Verdict::Unstable {
             parts.push(format!("it grows while the {} is held still", self.moved()));
         }
-        parts.push(self.let_go().to_string() + &self.falls());
+        parts.push(self.hands_off().to_string() + &self.falls());
         parts.push(self.in_a_hand());
         let omits = self.omits();
         if !omits.is_empty() {
@@ -40,7 +40,7 @@ impl Check {
     }
 
     /// Hands-off, at even samples and under all that the file allows.
-    fn let_go(&self) -> &'static str {
+    fn hands_off(&self) -> &'static str {
         let is_certified = self.certified.holds();
         let under_all = self.uneven.free.verdict();
         if self.uneven.is_stated && !is_certified && under_all != PatternVerdict::Proved {

@@ -196,8 +196,8 @@ impl<'a> ClosedLoop<'a> {
 
         let step_of_bodies = f64::from(sampling.bodies_every) * period;
         let mut torque = RowDVector::zeros(order);
-        let alone = [-port.stiffness, -(port.fixed + step_of_bodies * port.per_period)];
-        let mut own = alone;
+        let of_port = [-port.stiffness, -(port.fixed + step_of_bodies * port.per_period)];
+        let mut own = of_port;
         let mut steps = Vec::with_capacity(port.blocks.len());
         let mut at = first_body;
         for block in &port.blocks {
@@ -245,7 +245,7 @@ impl<'a> ClosedLoop<'a> {
             filtered,
             integral,
             springs,
-            own: alone,
+            own: of_port,
             stands: false,
         })
     }

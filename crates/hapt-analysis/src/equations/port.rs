@@ -97,7 +97,7 @@ impl Port {
         let difference = form(&bodies, &DMatrix::identity(n, n), |l| l.per_period - l.stiffness);
         let mut unobservable =
             Modal { unit_count: 0, undamped: vec![], compensated: vec![], coupled: Coupled::none(), shapes: none() };
-        let (mut alone, mut damped, mut damped_omega) = (Vec::new(), none(), Vec::new());
+        let (mut undamped_modes, mut damped, mut damped_omega) = (Vec::new(), none(), Vec::new());
         for (w, group) in of_one_frequency(&omega) {
             let shapes = modes.columns_range(group).into_owned();
             // Unit rows: the location of dampers and couplings counts, not their size.
@@ -115,7 +115,7 @@ impl Port {
             };
             unobservable.compensated.extend(std::iter::repeat_n(w, null.ncols()));
             let (null, shapes) = separate(dampers(&shapes), shapes);
-            alone.extend((0..null.ncols()).map(|j| (w, null.columns(j, 1).into_owned())));
+            undamped_modes.extend((0..null.ncols()).map(|j| (w, null.columns(j, 1).into_owned())));
             damped_omega.extend(std::iter::repeat_n(w, shapes.ncols()));
             damped = hcat(&damped, &shapes);
         }
@@ -126,7 +126,7 @@ impl Port {
                 shifted.iter().map(|&i| bodies.inertia[i].sqrt() * v[(i, j)]).sum::<f64>()
             }),
         };
-        let mut blocks: Vec<Block> = alone.iter().map(|(w, v)| block(&[*w], v)).collect();
+        let mut blocks: Vec<Block> = undamped_modes.iter().map(|(w, v)| block(&[*w], v)).collect();
         let damped = hcat(&damped, &shifts);
         if damped.ncols() > 0 {
             blocks.push(block(&damped_omega, &damped));

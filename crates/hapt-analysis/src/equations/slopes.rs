@@ -12,8 +12,8 @@ pub const COMBINED: usize = 6;
 /// The combinations of slopes to analyse, all flat first.
 pub(crate) fn combinations(indices: &[usize]) -> Vec<Slopes> {
     if indices.len() > COMBINED {
-        let alone = indices.iter().map(|&i| Slopes::Chosen(vec![i]));
-        return [Slopes::Flat, Slopes::Steep].into_iter().chain(alone).collect();
+        let single = indices.iter().map(|&i| Slopes::Chosen(vec![i]));
+        return [Slopes::Flat, Slopes::Steep].into_iter().chain(single).collect();
     }
     let chosen = |bits: u32| (0..indices.len()).filter(|i| bits >> i & 1 == 1).map(|i| indices[i]).collect();
     (0..1u32 << indices.len()).map(|bits| Slopes::Chosen(chosen(bits))).collect()

@@ -10,7 +10,7 @@ use crate::error::Error;
 
 /// The findings on a station without its links.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Alone {
+pub struct StationFindings {
     /// Whether it is certified.
     pub certified: bool,
     /// Whether that is proved of its whole loop.
@@ -42,8 +42,8 @@ impl Linked {
 
 impl NetworkCheck {
     /// The findings on each station without its links.
-    pub fn alone(&self) -> Vec<Alone> {
-        let of = |StationCheck { local, .. }: &StationCheck| Alone {
+    pub fn station_findings(&self) -> Vec<StationFindings> {
+        let of = |StationCheck { local, .. }: &StationCheck| StationFindings {
             certified: local.certified.holds(),
             proved: local.uneven.not_proved.is_empty(),
             required_damping: local.uneven.proved_damping(),
@@ -62,27 +62,27 @@ impl NetworkCheck {
     }
 }
 
-/// The verdict of [`super::check_network`], without the certificates of the stations' worlds: `alone` has their findings, in the order of
-/// the stations.
+/// The verdict of [`super::check_network`], without the certificates of the stations' worlds: `findings` are those of the
+/// stations, in their order.
 ///
 /// # Errors
 /// As [`super::check_network`].
-pub fn check_links(network: &System, alone: &[Alone]) -> Result<Linked, Error> {
-    let demands: Vec<Option<f64>> = alone.iter().map(|alone| alone.required_damping).collect();
+pub fn check_links(network: &System, findings: &[StationFindings]) -> Result<Linked, Error> {
+    let demands: Vec<Option<f64>> = findings.iter().map(|of| of.required_damping).collect();
     let burden = Burden::of(network, &demands)?;
     let required = burden.required();
     let mut found = Vec::new();
-    for (index, (station, alone)) in network.stations.iter().zip(alone).enumerate() {
+    for (index, (station, findings)) in network.stations.iter().zip(findings).enumerate() {
         found.push(StationVerdict {
             name: &station.name,
-            alone: alone.certified,
+            certified_locally: findings.certified,
             bounded: required[index].is_some(),
             passive: required[index].is_some_and(|b| b <= burden.damping[index]),
-            proved: alone.proved && unproved_of_links(network, index)?.is_empty(),
+            proved: findings.proved && unproved_of_links(network, index)?.is_empty(),
         });
     }
     Ok(Linked {
-        certified: found.iter().all(|station| station.passive && station.alone),
+        certified: found.iter().all(|station| station.passive && station.certified_locally),
         sentence: sentence(found.iter().copied()),
         stiffness_scale: burden.stiffness_scale(),
         age_scale: burden.age_scale(),

@@ -40,7 +40,7 @@ use burden::{Burden, bounds_damping};
 
 pub use demands::{Demands, FixedExcess};
 pub use fixed::FixedRates;
-pub use linked::{Alone, Linked, check_links};
+pub use linked::{Linked, StationFindings, check_links};
 pub use rounded::{Rounded, rounded};
 pub use system::{SystemCheck, check_system};
 
@@ -146,8 +146,8 @@ pub fn check_network(network: &System) -> Result<NetworkCheck, Error> {
         reasons.iter().map(|reason| format!("{}: {reason}", station.name)).collect::<Vec<_>>()
     };
     let mut unproved: Vec<String> = network.stations.iter().zip(&of_links).flat_map(named).collect();
-    let alone = locals.iter().map(|local| &local.passivity.not_proved);
-    unproved.extend(network.stations.iter().zip(alone).flat_map(named));
+    let of_worlds = locals.iter().map(|local| &local.passivity.not_proved);
+    unproved.extend(network.stations.iter().zip(of_worlds).flat_map(named));
     let fixed = fixed::fixed(network, &demands.even, &burden, &required, unproved)?;
     for (index, ((station, local), of_links)) in network.stations.iter().zip(locals).zip(of_links).enumerate() {
         let not_proved = [local.uneven.not_proved.clone(), of_links].concat();

@@ -19,7 +19,7 @@ fn up_to(x: f64) -> String {
 pub(super) struct StationVerdict<'a> {
     pub name: &'a str,
     /// Whether it is certified without links.
-    pub alone: bool,
+    pub certified_locally: bool,
     /// Whether some damping is known to suffice with them.
     pub bounded: bool,
     /// Whether its device has it.
@@ -33,9 +33,9 @@ pub(super) fn sentence<'a>(stations: impl Iterator<Item = StationVerdict<'a>> + 
         let names: Vec<&str> = stations.clone().filter(|station| which(station)).map(|station| station.name).collect();
         names.join(", ")
     };
-    let alone = named(&|station| !station.alone);
-    if !alone.is_empty() {
-        return format!("not certified: already without links these stations are not: {alone}");
+    let uncertified = named(&|station| !station.certified_locally);
+    if !uncertified.is_empty() {
+        return format!("not certified: already without links these stations are not: {uncertified}");
     }
     let unbounded = named(&|station| !station.bounded);
     if !unbounded.is_empty() {
@@ -70,7 +70,7 @@ impl NetworkCheck {
     pub fn verdict_sentence(&self) -> String {
         sentence(self.stations.iter().map(|station| StationVerdict {
             name: &station.name,
-            alone: station.local.certified.holds(),
+            certified_locally: station.local.certified.holds(),
             bounded: station.required_damping.is_some(),
             passive: station.passive,
             proved: station.proved,

@@ -381,16 +381,16 @@ mod tests {
     #[test]
     fn where_a_flat_function_rises_is_found_in_little_more_than_halvings() {
         for power in [1, 2, 3] {
-            let mut asked = 0;
+            let mut evaluations = 0;
             let mut kinked = |x: f64| {
-                asked += 1;
+                evaluations += 1;
                 Ok((x - 2.4e-3).max(0.0).powi(power) - 1e-30)
             };
             let found = illinois(&mut kinked, (2.2e-3, -1e-30), (2.6e-3, 2e-4_f64.powi(power)), 0.0).unwrap();
             let reached = 2.4e-3 + 1e-30_f64.powf(1.0 / f64::from(power));
             assert!((found / reached - 1.0).abs() < 1e-15, "{power}: {found}");
             // A bracket of a sixth of x has 49 halvings to the last digit.
-            assert!(asked < 70, "{power}: {asked}");
+            assert!(evaluations < 70, "{power}: {evaluations}");
         }
     }
 

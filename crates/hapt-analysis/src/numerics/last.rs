@@ -10,14 +10,14 @@ impl<K, V: Clone> Last<K, V> {
         Last(RefCell::new(None))
     }
 
-    /// The answer to the question that `is_asked` recognises, otherwise that of `work`, which is kept under `key`. An error is not kept.
+    /// The answer to the question that `is_same` recognises, otherwise that of `work`, which is kept under `key`. An error is not kept.
     pub fn answer<E>(
         &self,
-        is_asked: impl FnOnce(&K) -> bool,
+        is_same: impl FnOnce(&K) -> bool,
         key: impl FnOnce() -> K,
         work: impl FnOnce() -> Result<V, E>,
     ) -> Result<V, E> {
-        let known = self.0.borrow().as_ref().filter(|(key, _)| is_asked(key)).map(|(_, value)| value.clone());
+        let known = self.0.borrow().as_ref().filter(|(key, _)| is_same(key)).map(|(_, value)| value.clone());
         if let Some(value) = known {
             return Ok(value);
         }
@@ -33,19 +33,19 @@ mod tests {
 
     #[test]
     fn the_same_question_is_answered_once_and_another_anew() {
-        let (last, asked) = (Last::new(), RefCell::new(Vec::new()));
+        let (last, computed) = (Last::new(), RefCell::new(Vec::new()));
         let double = |x: i32| {
             last.answer(
                 |known| *known == x,
                 || x,
                 || {
-                    asked.borrow_mut().push(x);
+                    computed.borrow_mut().push(x);
                     if x < 0 { Err(()) } else { Ok(2 * x) }
                 },
             )
         };
         let answers: Vec<_> = [1, 1, 2, -1, 2, 1].into_iter().map(double).collect();
         assert_eq!(answers, [Ok(2), Ok(2), Ok(4), Err(()), Ok(4), Ok(2)]);
-        assert_eq!(*asked.borrow(), [1, 2, -1, 1]);
+        assert_eq!(*computed.borrow(), [1, 2, -1, 1]);
     }
 }

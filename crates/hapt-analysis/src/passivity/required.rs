@@ -116,7 +116,7 @@ fn transfer(world: &World, couplings: &[Coupling]) -> Result<TransferFunction, E
     let (bodies, rule) = (&world.bodies, Discretisation { method, output, advance, period });
     TRANSFER.with(|last| {
         last.answer(
-            |asked| asked.rule == rule && asked.bodies == *bodies && asked.couplings == couplings,
+            |known| known.rule == rule && known.bodies == *bodies && known.couplings == couplings,
             || Question { bodies: bodies.clone(), couplings: couplings.to_vec(), rule },
             || TransferFunction::new(bodies, couplings, &Slopes::Steep, rule),
         )

@@ -12,7 +12,7 @@ use crate::stability::held::{held, held_eigenvalues, held_growth};
 use crate::stability::{Eigenvalue, NOT_SEARCHED, Stability};
 
 /// Only the bodies, whose step is several periods where they do not step at every sample.
-fn bodies_alone(world: &World) -> Result<Stability, Error> {
+fn of_bodies(world: &World) -> Result<Stability, Error> {
     let sampling = &world.sampling;
     let found = held(&world.bodies, &world.couplings, sampling.method, sampling.step())?;
     let critical_period_s = found.critical_period_s.map(|step| step / f64::from(sampling.bodies_every));
@@ -22,9 +22,9 @@ fn bodies_alone(world: &World) -> Result<Stability, Error> {
 /// The world without its handle, and the shaft as a hand on the puck; `None` without a handle.
 fn clamped(world: &World) -> Option<(World, Grip)> {
     let Handle { stiffness, damping, .. } = world.device.handle?;
-    let mut alone = world.clone();
-    alone.device.handle = None;
-    Some((alone, Grip { inertia: 0.0, damping, stiffness }))
+    let mut without_handle = world.clone();
+    without_handle.device.handle = None;
+    Some((without_handle, Grip { inertia: 0.0, damping, stiffness }))
 }
 
 /// Eigenvalues, growth, critical period and modes with the puck held, or with a handle on a shaft the handle.
@@ -33,8 +33,8 @@ fn clamped(world: &World) -> Option<(World, Grip)> {
 /// As [`held`], with a handle as [`crate::free()`].
 pub fn held_world(world: &World) -> Result<Stability, Error> {
     match clamped(world) {
-        None => bodies_alone(world),
-        Some((alone, shaft)) => analyse(&alone, &shaft, Extent::Whole),
+        None => of_bodies(world),
+        Some((without_handle, shaft)) => analyse(&without_handle, &shaft, Extent::Whole),
     }
 }
 
@@ -44,9 +44,9 @@ pub fn held_world(world: &World) -> Result<Stability, Error> {
 /// As [`held_world`].
 pub(crate) fn held_world_at_this_period(world: &World) -> Result<Stability, Error> {
     match clamped(world) {
-        None => bodies_alone(world),
-        Some((alone, shaft)) => {
-            let found = analyse(&alone, &shaft, Extent::ThisPeriod)?;
+        None => of_bodies(world),
+        Some((without_handle, shaft)) => {
+            let found = analyse(&without_handle, &shaft, Extent::ThisPeriod)?;
             Ok(Stability { critical_period_s: None, critical_period_reason: Some(NOT_SEARCHED), ..found })
         }
     }
@@ -59,7 +59,7 @@ pub(crate) fn held_world_at_this_period(world: &World) -> Result<Stability, Erro
 pub fn held_world_growth(world: &World) -> Result<Option<f64>, Error> {
     match clamped(world) {
         None => held_growth(&world.bodies, &world.couplings, world.sampling.method, world.sampling.step()),
-        Some((alone, shaft)) => Ok(analyse(&alone, &shaft, Extent::Eigenvalues)?.growth_per_s),
+        Some((without_handle, shaft)) => Ok(analyse(&without_handle, &shaft, Extent::Eigenvalues)?.growth_per_s),
     }
 }
 
@@ -70,6 +70,6 @@ pub fn held_world_growth(world: &World) -> Result<Option<f64>, Error> {
 pub fn held_world_eigenvalues(world: &World) -> Result<Vec<Eigenvalue>, Error> {
     match clamped(world) {
         None => held_eigenvalues(&world.bodies, &world.couplings, world.sampling.method, world.sampling.step()),
-        Some((alone, shaft)) => Ok(analyse(&alone, &shaft, Extent::Eigenvalues)?.eigenvalues),
+        Some((without_handle, shaft)) => Ok(analyse(&without_handle, &shaft, Extent::Eigenvalues)?.eigenvalues),
     }
 }

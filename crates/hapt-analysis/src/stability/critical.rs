@@ -154,12 +154,12 @@ pub(crate) fn of_part(part: &Modal, method: Method, known: Critical) -> Result<C
         }
     };
     let limit = |x: f64, modes: &[f64]| modes.iter().fold(Critical::Unbounded, |c, w| c.min(Critical::at(x / w)));
-    let alone = limit(undamped, &part.undamped).min(limit(compensated, &part.compensated));
-    if part.coupled.is_empty() || alone == Critical::Never {
-        return Ok(alone);
+    let decoupled = limit(undamped, &part.undamped).min(limit(compensated, &part.compensated));
+    if part.coupled.is_empty() || decoupled == Critical::Never {
+        return Ok(decoupled);
     }
-    let known = known.min(alone).period().unwrap_or(f64::INFINITY);
-    Ok(alone.min(of_coupled(&part.coupled, method, known)?))
+    let known = known.min(decoupled).period().unwrap_or(f64::INFINITY);
+    Ok(decoupled.min(of_coupled(&part.coupled, method, known)?))
 }
 
 fn of_coupled(modes: &Coupled, method: Method, known: f64) -> Result<Critical, Error> {

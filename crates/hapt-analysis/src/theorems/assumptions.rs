@@ -153,8 +153,8 @@ fn bodies_and_counts(world: &World) -> Option<Omission> {
 
 /// Whether the loop's torque can exceed the motor's limit.
 pub(super) fn may_saturate(world: &World) -> bool {
-    let asked: f64 = world.couplings.iter().filter(|c| laws::at_puck(c)).map(laws::most).sum();
-    world.device.limit.is_some_and(|limit| asked > limit)
+    let largest: f64 = world.couplings.iter().filter(|c| laws::at_puck(c)).map(laws::most).sum();
+    world.device.limit.is_some_and(|limit| largest > limit)
 }
 
 /// The motor limit, where the loop can reach it.

@@ -93,14 +93,14 @@ proptest! {
         }
         let mut world = Bench { bodies, couplings: couplings.clone() }.world(Method::Zoh, output, 1e-3);
         world.sampling.delay = Delay::Samples(late.floor());
-        let alone = required_damping(&world).unwrap();
+        let linear = required_damping(&world).unwrap();
         for (i, (stiffness, damping)) in walls.iter().enumerate() {
             let first = if at_body && i == 1 { End::Body(0) } else { End::Puck };
             world.couplings.push(wall(first, *stiffness, *damping, 1.0));
         }
         let found = passivity(&world).unwrap();
-        match (found.required_damping, alone) {
-            (Some(found), Some(alone)) => prop_assert!(found >= alone * (1.0 - 1e-9), "{found} {alone}"),
+        match (found.required_damping, linear) {
+            (Some(found), Some(linear)) => prop_assert!(found >= linear * (1.0 - 1e-9), "{found} {linear}"),
             (Some(found), None) => prop_assert!(false, "{found} where nothing is enough before the wall"),
             (None, _) => {}
         }

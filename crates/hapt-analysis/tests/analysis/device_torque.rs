@@ -148,8 +148,8 @@ fn a_certificate_says_what_gravity_does_to_a_puck_that_is_let_go() {
     assert!(text.contains("gravity pushes it from where no spring holds it: doubles in "), "{text}");
     // Twice the amplitude, from the top to the bottom.
     let speed = (2.0 * 0.1 / world.device.inertia).sqrt();
-    let said: f64 = line.split("up to ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
-    assert!((said - speed).abs() <= 0.01 * speed, "{said} {speed}");
+    let printed: f64 = line.split("up to ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    assert!((printed - speed).abs() <= 0.01 * speed, "{printed} {speed}");
     for (stiffness, falls) in [(0.049, true), (0.051, false)] {
         let mut held = world.clone();
         held.couplings.push(Coupling {

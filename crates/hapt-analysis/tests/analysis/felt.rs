@@ -42,9 +42,9 @@ fn hold(phi: f64) -> C {
     C::from_polar((0.5 * phi).sin() / (0.5 * phi), -0.5 * phi)
 }
 
-fn only(asked: &[Nominal]) -> Nominal {
-    assert_eq!(asked.len(), 1, "{asked:?}");
-    asked[0]
+fn only(nominal: &[Nominal]) -> Nominal {
+    assert_eq!(nominal.len(), 1, "{nominal:?}");
+    nominal[0]
 }
 
 proptest! {
@@ -155,34 +155,34 @@ proptest! {
     fn it_departs_where_it_says_and_nowhere_below(bench in worlds(Dampers::Mixed, false), log in -4.0..-2.0f64, method in 0..8usize) {
         let world = world(bench, Method::ALL[method], 10f64.powf(log));
         let felt = felt(&world);
-        for asked in felt.nominal() {
+        for nominal in felt.nominal() {
             let off = |hz: f64, ideal: bool| {
                 let row = felt.row(hz);
                 let (is, ideally) = (row.rendered?, row.ideal?);
-                let unit = match asked.element {
+                let unit = match nominal.element {
                     Element::Stiffness => 1.0,
                     Element::Damping => TAU * hz,
                     Element::Inertia => -(TAU * hz).powi(2),
                 };
-                let part = |k: C| if asked.element == Element::Damping { k.im } else { k.re };
+                let part = |k: C| if nominal.element == Element::Damping { k.im } else { k.re };
                 let (is, ideally) = (impedance(Some(is), hz), impedance(Some(ideally), hz));
-                let (wanted, size) = if ideal { (part(ideally), ideally.norm()) } else { (asked.value * unit, (asked.value * unit).abs()) };
+                let (wanted, size) = if ideal { (part(ideally), ideally.norm()) } else { (nominal.value * unit, (nominal.value * unit).abs()) };
                 Some((part(is) - wanted).abs() / size)
             };
-            for (from, ideal) in [(asked.from_nominal_hz, false), (asked.from_ideal_hz, true)] {
+            for (from, ideal) in [(nominal.from_nominal_hz, false), (nominal.from_ideal_hz, true)] {
                 let is_off = |hz: f64| off(hz, ideal).is_some_and(|off| off > TOLERANCE + 1e-6);
                 if let Some(from) = from {
-                    prop_assert!(off(from, ideal).is_none_or(|off| off >= TOLERANCE - 1e-6), "{asked:?} {:?}", off(from, ideal));
+                    prop_assert!(off(from, ideal).is_none_or(|off| off >= TOLERANCE - 1e-6), "{nominal:?} {:?}", off(from, ideal));
                     // Between two sampled points it may depart briefly.
                     let above = (0..20).map(|i| from * (1.0 + 5e-4 * f64::from(i))).filter(|hz| *hz <= felt.nyquist_hz());
                     let above: Vec<bool> = above.map(|hz| off(hz, ideal).is_some_and(|off| off > TOLERANCE - 1e-6)).collect();
-                    prop_assert!(2 * above.iter().filter(|off| **off).count() > above.len() - 2, "{asked:?}");
+                    prop_assert!(2 * above.iter().filter(|off| **off).count() > above.len() - 2, "{nominal:?}");
                 }
                 let mut hz = 0.1 * felt.low_hz();
                 let mut begun = None;
                 while hz < from.unwrap_or(felt.nyquist_hz()) * (1.0 - 1e-9) {
                     begun = is_off(hz).then(|| begun.unwrap_or(hz));
-                    prop_assert!(begun.is_none_or(|begun| hz < 1.03 * begun), "{asked:?} {hz}");
+                    prop_assert!(begun.is_none_or(|begun| hz < 1.03 * begun), "{nominal:?} {hz}");
                     hz *= 1.001;
                 }
             }
@@ -196,12 +196,12 @@ fn the_notes_wheel_is_felt_as_its_inertia_to_three_tenths_of_its_resonance() {
     let (omega, period) = (TAU, 1e-3);
     let world = world(oscillator(omega, 0.0), Method::Zoh, period);
     let felt = felt(&world);
-    let asked = only(&felt.nominal());
-    assert_eq!((asked.element, asked.value), (Element::Inertia, 1.0));
-    assert!((asked.from_nominal_hz.unwrap() * 11f64.sqrt() - 1.0).abs() < 1e-4, "{asked:?}");
+    let nominal = only(&felt.nominal());
+    assert_eq!((nominal.element, nominal.value), (Element::Inertia, 1.0));
+    assert!((nominal.from_nominal_hz.unwrap() * 11f64.sqrt() - 1.0).abs() < 1e-4, "{nominal:?}");
     // Above the resonance there is the spring, through the hold: Re K = k sin φ/φ at the start of a step.
-    let ideal = asked.from_ideal_hz.unwrap();
-    assert!(ideal > 10.0, "{asked:?}");
+    let ideal = nominal.from_ideal_hz.unwrap();
+    assert!(ideal > 10.0, "{nominal:?}");
     let resonance = felt.resonances();
     assert_eq!(resonance.len(), 1);
     assert!((resonance[0].frequency_hz - 1.0).abs() < 1e-12 && resonance[0].damping_ratio == 0.0, "{resonance:?}");
@@ -213,11 +213,11 @@ fn the_notes_wheel_is_felt_as_its_inertia_to_three_tenths_of_its_resonance() {
 #[test]
 fn a_spring_to_ground_is_felt_until_the_hold_has_turned_it() {
     let world = plain(vec![spring(End::Puck, End::Ground, 3.0)], 1e-3);
-    let asked = only(&felt(&world).nominal());
-    assert_eq!((asked.element, asked.value), (Element::Stiffness, 3.0));
-    assert_eq!(asked.from_nominal_hz, asked.from_ideal_hz);
+    let nominal = only(&felt(&world).nominal());
+    assert_eq!((nominal.element, nominal.value), (Element::Stiffness, 3.0));
+    assert_eq!(nominal.from_nominal_hz, nominal.from_ideal_hz);
     // sin φ/φ = 0.9
-    let phi = TAU * asked.from_nominal_hz.unwrap() * 1e-3;
+    let phi = TAU * nominal.from_nominal_hz.unwrap() * 1e-3;
     assert!((phi.sin() / phi - 0.9).abs() < 1e-12);
 }
 
@@ -236,7 +236,7 @@ fn a_hold_takes_half_a_sample_of_stiffness_from_the_damping() {
 #[test]
 fn what_is_asked_follows_the_way_to_ground() {
     let (puck, ground, one, two) = (End::Puck, End::Ground, End::Body(0), End::Body(1));
-    let asked = |couplings: Vec<Coupling>| {
+    let nominal = |couplings: Vec<Coupling>| {
         let bench = Bench { bodies: vec![body(0.02), body(0.03)], couplings };
         let found = felt(&world(bench, Method::Zoh, 1e-3)).nominal();
         found.into_iter().map(|a| (a.element, a.value)).collect::<Vec<_>>()
@@ -249,20 +249,20 @@ fn what_is_asked_follows_the_way_to_ground() {
     };
     use Element::{Damping, Inertia, Stiffness};
     // Both are carried along.
-    close(asked(vec![spring(puck, one, 1.0), spring(one, two, 1.0)]), &[(Inertia, 0.05)]);
-    close(asked(vec![spring(puck, one, 1.0), damper(one, two, 1.0)]), &[(Inertia, 0.05)]);
-    close(asked(vec![spring(puck, one, 1.0)]), &[(Inertia, 0.02)]);
+    close(nominal(vec![spring(puck, one, 1.0), spring(one, two, 1.0)]), &[(Inertia, 0.05)]);
+    close(nominal(vec![spring(puck, one, 1.0), damper(one, two, 1.0)]), &[(Inertia, 0.05)]);
+    close(nominal(vec![spring(puck, one, 1.0)]), &[(Inertia, 0.02)]);
     // Springs in series, a body on the way, another on a side.
-    let way = vec![spring(puck, one, 1.0), spring(one, ground, 3.0), spring(one, two, 2.0)];
-    close(asked(way), &[(Stiffness, 0.75)]);
+    let couplings = vec![spring(puck, one, 1.0), spring(one, ground, 3.0), spring(one, two, 2.0)];
+    close(nominal(couplings), &[(Stiffness, 0.75)]);
     // Dampers in series; the second body is no longer carried.
-    let way = vec![damper(puck, one, 1.0), damper(one, ground, 3.0), spring(one, two, 2.0)];
-    close(asked(way), &[(Damping, 0.75)]);
-    close(asked(vec![spring(puck, one, 1.0), damper(ground, one, 0.3)]), &[(Damping, 0.3), (Inertia, 0.02)]);
+    let couplings = vec![damper(puck, one, 1.0), damper(one, ground, 3.0), spring(one, two, 2.0)];
+    close(nominal(couplings), &[(Damping, 0.75)]);
+    close(nominal(vec![spring(puck, one, 1.0), damper(ground, one, 0.3)]), &[(Damping, 0.3), (Inertia, 0.02)]);
     // Behind a body that a spring holds.
-    let way = vec![spring(puck, one, 1.0), damper(one, two, 0.5), spring(two, ground, 3.0)];
-    close(asked(way), &[(Damping, 0.5), (Inertia, 0.02)]);
-    close(asked(vec![spring(one, ground, 1.0)]), &[]);
+    let couplings = vec![spring(puck, one, 1.0), damper(one, two, 0.5), spring(two, ground, 3.0)];
+    close(nominal(couplings), &[(Damping, 0.5), (Inertia, 0.02)]);
+    close(nominal(vec![spring(one, ground, 1.0)]), &[]);
 }
 
 #[test]

@@ -24,8 +24,8 @@ fn loops() -> impl Strategy<Value = World> {
     let estimator = select(vec![EstimatorKind::Exact, EstimatorKind::Difference, EstimatorKind::LowPass]);
     let delay = prop_oneof![Just(0.0), Just(1.0), 0.0..2.0f64];
     let lag = prop_oneof![Just(0.0), 0.02..2.0f64];
-    let way = (select(Method::ALL.to_vec()), select(Output::ALL.to_vec()), estimator, delay, lag);
-    (worlds(Dampers::Fixed, false), way, 0.01..1.0f64, -2.0..2.0f64).prop_map(
+    let sampling = (select(Method::ALL.to_vec()), select(Output::ALL.to_vec()), estimator, delay, lag);
+    (worlds(Dampers::Fixed, false), sampling, 0.01..1.0f64, -2.0..2.0f64).prop_map(
         |(bench, (method, output, estimator, delay, lag), x, damping)| {
             let mut world = bench.world(method, output, x / fastest(&bench));
             (world.sampling.estimator, world.sampling.cutoff) = (estimator, Some(0.1 / world.sampling.period));
@@ -61,9 +61,9 @@ proptest! {
     fn passivity_does_not_know_the_handle(world in loops(), handle in handles(), stretch in 1.0..1.9f64) {
         let mut world = world;
         world.sampling.interval_max = Some(stretch * world.sampling.period);
-        let (alone, times) = (passivity(&world).unwrap(), uneven(&world).unwrap());
+        let (first, times) = (passivity(&world).unwrap(), uneven(&world).unwrap());
         world.device.handle = Some(handle);
-        prop_assert_eq!(passivity(&world).unwrap(), alone);
+        prop_assert_eq!(passivity(&world).unwrap(), first);
         let with = uneven(&world).unwrap();
         prop_assert_eq!((with.required_damping, with.passive, with.not_proved), (times.required_damping, times.passive, times.not_proved));
     }

@@ -74,8 +74,8 @@ proptest! {
         });
         for method in Method::ALL {
             let whole = held(&bodies, &couplings, method, ten(period)).unwrap().growth_per_s;
-            let alone = held_growth(&bodies, &couplings, method, ten(period)).unwrap();
-            prop_assert_eq!(alone.map(f64::to_bits), whole.map(f64::to_bits), "{}", method.name());
+            let growth = held_growth(&bodies, &couplings, method, ten(period)).unwrap();
+            prop_assert_eq!(growth.map(f64::to_bits), whole.map(f64::to_bits), "{}", method.name());
         }
     }
 

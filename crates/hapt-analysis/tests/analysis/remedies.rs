@@ -259,7 +259,7 @@ fn random(rng: &mut Rng) -> World {
     );
     let bodies = rng.below(3);
     (0..bodies).for_each(|i| file += &format!("[bodies.b{i}]\ninertia = {}\n", inertia * rng.log(-1.0, 2.0)));
-    let mut asked = 0.0;
+    let mut required = 0.0;
     for i in 0..=bodies {
         let (first, second) = match i {
             0 => ("puck".to_string(), "ground"),
@@ -274,10 +274,10 @@ fn random(rng: &mut Rng) -> World {
                 "[[couplings]]\nkind = \"damper\"\nbetween = [\"{first}\", \"{second}\"]\ndamping = {damping}\n"
             );
         }
-        asked += stiffness * (0.5 * period + delay) + damping;
+        required += stiffness * (0.5 * period + delay) + damping;
     }
     let mut world = World::read(&Source::from_text("w", file), &[]).unwrap();
-    world.device.damping = asked * rng.log(-0.3, 0.7);
+    world.device.damping = required * rng.log(-0.3, 0.7);
     world
 }
 
@@ -424,8 +424,8 @@ fn a_margin_of_the_delay_goes_on_as_long_as_the_certificate_does_or_says_how_far
     for stiffness in [0.4, 0.031, 0.02, 0.007] {
         let delay = remedies(&spring(stiffness)).unwrap().delay_s.unwrap() / 1e-3;
         let (a, q) = (delay.fract(), 1.0 + 2.0 * delay);
-        let asked = 0.25 * stiffness * 1e-3 * (q + (q * q + 4.0 * a * (1.0 - a)).sqrt());
-        assert!((asked / 1.2e-3 - 1.0).abs() < 1e-5, "{stiffness}: {delay} samples, {asked}");
+        let required = 0.25 * stiffness * 1e-3 * (q + (q * q + 4.0 * a * (1.0 - a)).sqrt());
+        assert!((required / 1.2e-3 - 1.0).abs() < 1e-5, "{stiffness}: {delay} samples, {required}");
     }
     let found = remedies(&spring(0.002)).unwrap();
     assert!(found.delay_s.is_none() && found.reasons["delay_s"].contains("500 samples"), "{found:?}");

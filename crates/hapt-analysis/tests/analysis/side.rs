@@ -118,9 +118,9 @@ proptest! {
             let verdicts = ask(&wheels, |loops, out| loops.verdicts(method, out));
             let growths = ask(&wheels, |loops, out| loops.growths(method, out));
             for ((wheel, verdict), growth) in wheels.iter().zip(verdicts).zip(growths) {
-                let alone = wheel.growth(method);
-                prop_assert_eq!(verdict, sign(Verdict::of(alone)), "{}: {:?} {:?}", method.name(), wheel, alone);
-                prop_assert_eq!(growth.to_bits(), alone.unwrap_or(f64::NAN).to_bits(), "{}: {:?}", method.name(), wheel);
+                let full = wheel.growth(method);
+                prop_assert_eq!(verdict, sign(Verdict::of(full)), "{}: {:?} {:?}", method.name(), wheel, full);
+                prop_assert_eq!(growth.to_bits(), full.unwrap_or(f64::NAN).to_bits(), "{}: {:?}", method.name(), wheel);
             }
         }
     }

@@ -62,16 +62,16 @@ fn covered() -> impl Strategy<Value = World> {
 
 type Core = Loop<f64, 6, 32, 2>;
 
-/// The energy that a hand has drawn from the loop after each sample, in J: it moves the puck by `way` of the present torque, uniformly from
+/// The energy that a hand has drawn from the loop after each sample, in J: it moves the puck by `motion` of the present torque, uniformly from
 /// sample to sample, and the device dissipates b δ²/T of it.
-fn drawn(world: &World, damping: f64, samples: usize, mut way: impl FnMut(usize, f64) -> f64) -> Vec<f64> {
+fn drawn(world: &World, damping: f64, samples: usize, mut motion: impl FnMut(usize, f64) -> f64) -> Vec<f64> {
     let core = Core::new(&world.spec()).unwrap();
     let (mut state, mut z, mut sum) = (core.start(), 0.0, 0.0);
     let period = world.sampling.period;
     (0..samples)
         .map(|k| {
             let torque = core.step(&mut state, z, 0.0).torque;
-            let dz = way(k, torque);
+            let dz = motion(k, torque);
             z += dz;
             sum += torque * dz - damping * dz * dz / period;
             sum
@@ -92,23 +92,23 @@ proptest! {
     /// However the puck moves: at random, greedily along with the torque, and between two places at every sample.
     #[test]
     fn no_hand_draws_more_than_was_stored_from_what_the_theorem_covers(
-        world in covered(), ways in prop::collection::vec(-1.0..1.0f64, 400), size in log_uniform(-4.0..-0.5), pull in 0.2..2.0f64,
+        world in covered(), steps in prop::collection::vec(-1.0..1.0f64, 400), size in log_uniform(-4.0..-0.5), pull in 0.2..2.0f64,
     ) {
         let found = passivity(&world).unwrap();
         let required = found.required_damping.unwrap();
         prop_assert!(found.proved.holds() == (required <= world.device.damping) || found.not_proved.is_empty(), "{found:?}");
         let most = stored(&world);
         let greedy = |_: usize, torque: f64| 0.5 * pull * torque * world.sampling.period / required.max(1e-6);
-        let random = |k: usize, _: f64| size * ways[k];
+        let random = |k: usize, _: f64| size * steps[k];
         let nyquist = |k: usize, _: f64| if k.is_multiple_of(2) { size } else { -size };
         let hands: [&dyn Fn(usize, f64) -> f64; 4] = [
-            &random, &greedy, &nyquist, &|k, torque| if ways[k] > 0.0 { greedy(k, torque) } else { random(k, torque) },
+            &random, &greedy, &nyquist, &|k, torque| if steps[k] > 0.0 { greedy(k, torque) } else { random(k, torque) },
         ];
-        for (hand, way) in hands.into_iter().enumerate() {
+        for (hand, motion) in hands.into_iter().enumerate() {
             // The turnover's rounding.
             let mut moved = 0.0f64;
-            let got = drawn(&world, required.max(1e-6), ways.len(), |k, torque| {
-                let dz = way(k, torque);
+            let got = drawn(&world, required.max(1e-6), steps.len(), |k, torque| {
+                let dz = motion(k, torque);
                 moved += (torque * dz).abs();
                 dz
             });
@@ -135,13 +135,13 @@ proptest! {
         prop_assert!((required - 0.5 * k * period).abs() < 1e-9 * required, "{required} {k}");
         // The fast Nyquist frequency; where a step has an odd number of samples it rests at one of them.
         let amplitude = 0.01;
-        let way = |k: usize, _: f64| match k % every as usize {
+        let motion = |k: usize, _: f64| match k % every as usize {
             at if !every.is_multiple_of(2) && at == every as usize - 1 => 0.0,
             at if at.is_multiple_of(2) => amplitude,
             _ => -amplitude,
         };
         let gains = |damping: f64| {
-            let got = drawn(&world, damping, 100 * every as usize, way);
+            let got = drawn(&world, damping, 100 * every as usize, motion);
             got[got.len() - 1]
         };
         let pairs = f64::from(every / 2) * 100.0;

@@ -19,7 +19,7 @@ type Room = Loop<f64, 2, 8, 32>;
 struct Part {
     interval: f64,
     late: f64,
-    ways: [f64; 2],
+    travels: [f64; 2],
 }
 
 /// The most energy that the hand has got at any time of the path, J.
@@ -28,12 +28,12 @@ fn drawn(world: &World, path: impl IntoIterator<Item = Part>) -> f64 {
     let mut state = core.start();
     let (b, f) = (world.device.damping, world.device.least_friction());
     let (mut z, mut held, mut work, mut most) = (0.0, 0.0, 0.0_f64, 0.0_f64);
-    for Part { interval, late, ways } in path {
+    for Part { interval, late, travels } in path {
         let command = core.step(&mut state, z, 0.0).command;
-        for (way, time, torque) in [(ways[0], late, held), (ways[1], interval - late, command)] {
+        for (travel, time, torque) in [(travels[0], late, held), (travels[1], interval - late, command)] {
             if time > 0.0 {
-                work += torque * way - b * way * way / time - f * way.abs();
-                z += way;
+                work += torque * travel - b * travel * travel / time - f * travel.abs();
+                z += travel;
                 most = most.max(work);
             }
         }
@@ -82,17 +82,17 @@ fn path(world: &World, rng: &mut Rng, samples: usize) -> Vec<Part> {
                 }
                 _ => z + size * uniform(rng, -1.0, 1.0),
             };
-            let way = to - z;
-            let first = way * uniform(rng, -0.5, 1.5);
+            let travel = to - z;
+            let first = travel * uniform(rng, -0.5, 1.5);
             z = to;
-            let ways = if late > 0.0 && late < interval {
-                [first, way - first]
+            let travels = if late > 0.0 && late < interval {
+                [first, travel - first]
             } else if late > 0.0 {
-                [way, 0.0]
+                [travel, 0.0]
             } else {
-                [0.0, way]
+                [0.0, travel]
             };
-            Part { interval, late, ways }
+            Part { interval, late, travels }
         })
         .collect()
 }
@@ -172,7 +172,7 @@ proptest! {
         let mut rng = Rng(seed);
         for _ in 0..12 {
             let path = path(&world, &mut rng, 1500);
-            let travelled: f64 = path.iter().map(|part| part.ways[0].abs() + part.ways[1].abs()).sum();
+            let travelled: f64 = path.iter().map(|part| part.travels[0].abs() + part.travels[1].abs()).sum();
             let got = drawn(&world, path);
             prop_assert!(got <= 1e-9 * world.device.friction * travelled, "{got} J over {travelled}");
         }
@@ -195,17 +195,17 @@ proptest! {
         let to_and_fro = |k: usize| {
             let (half, at) = (k / (wait + strike), k % (wait + strike));
             let step = 2.0 * size / strike as f64;
-            let way = match (half, at) {
+            let travel = match (half, at) {
                 // To the first place as fast as across.
                 (0, at) if at < strike => 0.5 * step,
                 (_, at) if at < wait => 0.0,
                 (half, _) => if half % 2 == 0 { -step } else { step },
             };
-            Part { interval: 1e-3, late: 0.0, ways: [0.0, way] }
+            Part { interval: 1e-3, late: 0.0, travels: [0.0, travel] }
         };
         let dither = |k: usize| {
             let size = 0.1 * (1.0 - share) * limit * 1e-3 / world.device.damping;
-            Part { interval: 1e-3, late: 0.0, ways: [0.0, if k.is_multiple_of(2) { size } else { -size }] }
+            Part { interval: 1e-3, late: 0.0, travels: [0.0, if k.is_multiple_of(2) { size } else { -size }] }
         };
         let got = if is_integral {
             drawn(&world, (0..8 * (wait + strike)).map(to_and_fro))
@@ -287,7 +287,7 @@ proptest! {
         let mut world = Bench::of(vec![assist(torque, velocity)]).world(Method::Zoh, Output::End, 1e-3);
         (world.device.damping, world.device.friction) = (damping, share * torque);
         prop_assert!(!check(&world).unwrap().certified.holds());
-        let steady = (0..100).map(|_| Part { interval: 1e-3, late: 0.0, ways: [0.0, velocity * (1.0 + 1e-9) * 1e-3] });
+        let steady = (0..100).map(|_| Part { interval: 1e-3, late: 0.0, travels: [0.0, velocity * (1.0 + 1e-9) * 1e-3] });
         prop_assert!(drawn(&world, steady) > 0.0);
     }
 }

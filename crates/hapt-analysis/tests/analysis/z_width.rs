@@ -28,7 +28,7 @@ fn near(found: f64, wanted: f64, relative: f64) {
 }
 
 fn is_passive(world: &World, k: f64, b: f64) -> bool {
-    required_damping(&with_wall(world, k, b)).unwrap().is_some_and(|asked| asked <= world.device.damping)
+    required_damping(&with_wall(world, k, b)).unwrap().is_some_and(|required| required <= world.device.damping)
 }
 
 fn is_stable(world: &World, k: f64, b: f64) -> bool {

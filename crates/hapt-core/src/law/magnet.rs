@@ -54,14 +54,14 @@ impl<F: Real> Magnet<F> {
     /// The mean of V' over `distance` from x, and its derivative. With m the middle of the displacement and u = m · distance/width, the
     /// difference of the two exponentials is exp(-x²/2) (1 - e^-u): x is the end nearer to the place, so that u is not negative.
     fn mean(&self, x: F, distance: F) -> (F, F) {
-        let way = distance / self.width;
-        let end = x + way;
-        let middle = x + F::HALF * way;
-        let (nearest, u) = if end.abs() < x.abs() { (end, -(way * middle)) } else { (x, way * middle) };
+        let travel = distance / self.width;
+        let end = x + travel;
+        let middle = x + F::HALF * travel;
+        let (nearest, u) = if end.abs() < x.abs() { (end, -(travel * middle)) } else { (x, travel * middle) };
         let share = if u > F::ZERO { -((-u).expm1() / u) } else { F::ONE };
         let scale = self.torque * F::from_f64(ROOT_E);
         let mean = scale * middle * ((-(F::HALF * nearest * nearest)).exp() * share);
-        let slope = if way.abs() > F::from_f64(1.0 / 64.0) {
+        let slope = if travel.abs() > F::from_f64(1.0 / 64.0) {
             (scale * end * (-(F::HALF * end * end)).exp() - mean) / distance
         } else {
             // Half of the slope in the middle.
@@ -80,10 +80,10 @@ mod tests {
     proptest! {
         #[test]
         fn the_mean_torque_is_the_difference_of_the_energies_over_the_way(
-            torque in 0.01_f64..2.0, width in 0.01_f64..1.0, from in -6.0_f64..6.0, way in -6.0_f64..6.0, power in -9_i32..1,
+            torque in 0.01_f64..2.0, width in 0.01_f64..1.0, from in -6.0_f64..6.0, travel in -6.0_f64..6.0, power in -9_i32..1,
         ) {
             let magnet = Magnet { torque, width, at: 0.3 };
-            let (start, distance) = (0.3 + from * width, way * 10_f64.powi(power) * width);
+            let (start, distance) = (0.3 + from * width, travel * 10_f64.powi(power) * width);
             let mean = magnet.stored_slope(start, distance);
             prop_assert!(mean.abs() <= torque * (1.0 + 1e-12));
             if distance.abs() > 1e-3 * width {

@@ -75,22 +75,22 @@ impl<F: Real> Ramp<F> {
             return (self.stiffness * (from + F::HALF * distance), F::HALF * self.stiffness);
         }
         // The rounded displacement, so that its shares below, on and above the slope sum to 1.
-        let way = to - from;
-        if way == F::ZERO {
+        let travel = to - from;
+        if travel == F::ZERO {
             return (self.stiffness * a, F::ZERO);
         }
         // Relative to the value at the start: no share of a short displacement multiplies more than that displacement.
-        let mut rise = F::HALF * (b - a) * ((b - a) / way);
+        let mut rise = F::HALF * (b - a) * ((b - a) / travel);
         for (level, share) in [
             (self.high, over(to, self.high) - over(from, self.high)),
             (self.low, over(self.low, from) - over(self.low, to)),
         ] {
             if share != F::ZERO {
-                rise += (level - a) * (share / way);
+                rise += (level - a) * (share / travel);
             }
         }
         let mean = a + rise;
-        (self.stiffness * mean, self.stiffness * ((b - mean) / way))
+        (self.stiffness * mean, self.stiffness * ((b - mean) / travel))
     }
 }
 

@@ -217,11 +217,11 @@ mod tests {
     proptest! {
         #[test]
         fn the_mean_torque_is_the_difference_of_the_energies_over_the_way(
-            waveform in waveform(), torque in 0.01_f64..2.0, pitch in 0.01_f64..1.0, from in -3.0_f64..3.0, way in -2.0_f64..2.0,
+            waveform in waveform(), torque in 0.01_f64..2.0, pitch in 0.01_f64..1.0, from in -3.0_f64..3.0, travel in -2.0_f64..2.0,
             power in -9_i32..1,
         ) {
             let texture = Texture::new(torque, pitch, 0.3, &waveform);
-            let (start, distance) = (0.3 + from * pitch, way * 10_f64.powi(power) * pitch);
+            let (start, distance) = (0.3 + from * pitch, travel * 10_f64.powi(power) * pitch);
             let mean = texture.stored_slope(start, distance);
             if distance.abs() > 1e-3 * pitch {
                 let at = |q| energy(torque, pitch, 0.3, &waveform, q);
@@ -234,16 +234,16 @@ mod tests {
         }
 
         #[test]
-        fn a_short_way_keeps_its_digits(waveform in waveform(), from in -0.5_f64..0.5, way in 1e-12_f64..1e-9) {
+        fn a_short_way_keeps_its_digits(waveform in waveform(), from in -0.5_f64..0.5, travel in 1e-12_f64..1e-9) {
             let texture: Texture<f64> = Texture::new(1.0, 1.0, 0.0, &waveform);
-            prop_assert!((texture.stored_slope(from, way) + texture.torque(from + 0.5 * way)).abs() < 1e-13);
+            prop_assert!((texture.stored_slope(from, travel) + texture.torque(from + 0.5 * travel)).abs() < 1e-13);
         }
 
         #[test]
-        fn the_derivative_of_the_mean_is_its_slope(waveform in waveform(), from in -0.5_f64..0.5, way in -2.0_f64..2.0) {
+        fn the_derivative_of_the_mean_is_its_slope(waveform in waveform(), from in -0.5_f64..0.5, travel in -2.0_f64..2.0) {
             let texture: Texture<f64> = Texture::new(1.0, 1.0, 0.0, &waveform);
-            let (h, slope) = (1e-5, texture.mean(from, way).1);
-            let difference = (texture.mean(from, way + h).0 - texture.mean(from, way - h).0) / (2.0 * h);
+            let (h, slope) = (1e-5, texture.mean(from, travel).1);
+            let difference = (texture.mean(from, travel + h).0 - texture.mean(from, travel - h).0) / (2.0 * h);
             prop_assert!((slope - difference).abs() < 1e-6 + 0.02 * core::f64::consts::TAU * waveform.slope(), "{slope} {difference}");
         }
 
@@ -256,13 +256,13 @@ mod tests {
         }
 
         #[test]
-        fn one_falling_sine_is_a_detent(q in -2.0_f64..2.0, way in -1.0_f64..1.0) {
+        fn one_falling_sine_is_a_detent(q in -2.0_f64..2.0, travel in -1.0_f64..1.0) {
             let waveform = Waveform { sine: [-1.0, 0.0, 0.0, 0.0], ..Waveform::default() };
             let texture: Texture<f64> = Texture::new(0.7, 0.4, 0.1, &waveform);
             let detent = crate::law::Detent { torque: 0.7, pitch: 0.4, phase: 0.1 };
             prop_assert!((texture.torque(q) - detent.torque(q)).abs() < 1e-12);
             prop_assert!((energy(0.7, 0.4, 0.1, &waveform, q) - detent.energy(q)).abs() < 1e-12);
-            prop_assert!((texture.stored_slope(q, way) - detent.stored_slope(q, way)).abs() < 1e-12);
+            prop_assert!((texture.stored_slope(q, travel) - detent.stored_slope(q, travel)).abs() < 1e-12);
         }
     }
 }

@@ -92,9 +92,9 @@ impl<F: Real> Wall<F> {
     /// is inside, and undamped where it is not.
     pub fn over_step(&self, start: F, distance: F, rate: F) -> F {
         let direction = self.direction;
-        let (x, way) = (direction * (start - self.at), direction * distance);
-        let drag = (x + F::HALF * way).if_above(F::ZERO, self.damping * rate, F::ZERO);
-        -(direction * within(self.ramp().mean(x, way).0 + drag * way, F::ZERO, self.limit))
+        let (x, travel) = (direction * (start - self.at), direction * distance);
+        let drag = (x + F::HALF * travel).if_above(F::ZERO, self.damping * rate, F::ZERO);
+        -(direction * within(self.ramp().mean(x, travel).0 + drag * travel, F::ZERO, self.limit))
     }
 
     /// The same without damping.

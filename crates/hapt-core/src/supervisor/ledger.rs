@@ -84,9 +84,9 @@ impl<F: Real> Books<F> {
         self.position = None;
     }
 
-    /// The world's origin slips by `way`, which adds to the next position: no work is done.
-    pub fn slip(&mut self, way: F) {
-        self.position = self.position.map(|position| position + way);
+    /// The world's origin slips by `slip`, which adds to the next position: no work is done.
+    pub fn slip(&mut self, slip: F) {
+        self.position = self.position.map(|position| position + slip);
     }
 
     /// The couplings' torque on the puck in the last sample.

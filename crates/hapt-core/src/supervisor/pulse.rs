@@ -58,15 +58,15 @@ impl<F: Real> Pulse<F> {
         // Backward Euler is near enough.
         let push = period * (limits.pulse - limits.friction) / limits.inertia;
         let drag = 1.0 + period * limits.damping / limits.inertia;
-        let (mut samples, mut way, mut velocity) = (0, 0.0, 0.0);
-        while way < far && (samples < 2 || f64::from(samples) * period < MAX_STRETCH_S) {
+        let (mut samples, mut travel, mut velocity) = (0, 0.0, 0.0);
+        while travel < far && (samples < 2 || f64::from(samples) * period < MAX_STRETCH_S) {
             velocity = (velocity + push) / drag;
-            way += velocity * period;
+            travel += velocity * period;
             samples += 1;
         }
         let delay = libm::ceil(limits.delay / period - 1e-6);
         let least = 0.25 * far;
-        (limits.pulse > 0.0 && way > 2.0 * least).then(|| Pulse {
+        (limits.pulse > 0.0 && travel > 2.0 * least).then(|| Pulse {
             torque: F::from_f64(limits.pulse),
             samples: samples.max(2),
             delay: delay as u32,

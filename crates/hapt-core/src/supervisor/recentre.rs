@@ -43,14 +43,14 @@ pub(crate) struct Rest<F> {
     at: F,
     pub samples: u32,
     /// The sum of slips that is less than a count.
-    way: F,
+    travel: F,
     /// Slips in counts since the origin was set, and where it was set.
     counts: i32,
     origin: F,
 }
 
 impl<F: Real> Rest<F> {
-    pub const NONE: Self = Rest { at: F::ZERO, samples: 0, way: F::ZERO, counts: 0, origin: F::ZERO };
+    pub const NONE: Self = Rest { at: F::ZERO, samples: 0, travel: F::ZERO, counts: 0, origin: F::ZERO };
 
     /// The origin is set from outside.
     pub fn origin_is_set(&mut self) {
@@ -96,7 +96,7 @@ impl<F: Real> Recentre<F> {
     #[inline]
     pub fn origin(&self, rest: &mut Rest<F>, origin: F, position: F, step: F, torque: F) -> F {
         if (position - rest.at).abs() > self.near {
-            (rest.at, rest.samples, rest.way) = (position, 0, F::ZERO);
+            (rest.at, rest.samples, rest.travel) = (position, 0, F::ZERO);
             return origin;
         }
         if rest.samples < self.idle {
@@ -109,20 +109,20 @@ impl<F: Real> Recentre<F> {
         if !slips {
             return origin;
         }
-        let way = self.slip * torque;
+        let travel = self.slip * torque;
         if self.count <= F::ZERO {
-            return origin - way;
+            return origin - travel;
         }
-        rest.way += way;
-        if rest.way.abs() < self.count || rest.counts.unsigned_abs() >= MOST {
+        rest.travel += travel;
+        if rest.travel.abs() < self.count || rest.counts.unsigned_abs() >= MOST {
             return origin;
         }
         if rest.counts == 0 {
             rest.origin = origin;
         }
-        let is_ahead = rest.way > F::ZERO;
+        let is_ahead = rest.travel > F::ZERO;
         rest.counts += if is_ahead { 1 } else { -1 };
-        rest.way += if is_ahead { -self.count } else { self.count };
+        rest.travel += if is_ahead { -self.count } else { self.count };
         // Of the sum: the rounding of many slips does not add up.
         rest.origin - F::from_f64(f64::from(rest.counts)) * self.count
     }

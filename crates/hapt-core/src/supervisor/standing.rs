@@ -45,17 +45,17 @@ pub(crate) struct Standing<F> {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Stand<F> {
     /// The displacement of the simulated puck since its last start.
-    way: F,
+    travel: F,
     /// Its displacement in a sample.
     speed: F,
     /// Samples since its last start, at most as many as count at once.
     since: u32,
     /// Samples for which the puck should have moved and did not.
-    asked: u32,
+    stalled: u32,
 }
 
 impl<F: Real> Stand<F> {
-    pub const NONE: Self = Stand { way: F::ZERO, speed: F::ZERO, since: 0, asked: 0 };
+    pub const NONE: Self = Stand { travel: F::ZERO, speed: F::ZERO, since: 0, stalled: 0 };
 
     /// The same times and the same speed, in samples of another period. Times are rounded up: repeated changes of the world do not postpone
     /// the fault.
@@ -65,7 +65,7 @@ impl<F: Real> Stand<F> {
         }
         let ratio = before / after;
         let samples = |count: u32| libm::ceil((F::from_f64(f64::from(count)) * ratio).to_f64()) as u32;
-        Stand { speed: self.speed / ratio, since: samples(self.since), asked: samples(self.asked), ..self }
+        Stand { speed: self.speed / ratio, since: samples(self.since), stalled: samples(self.stalled), ..self }
     }
 }
 
@@ -102,7 +102,7 @@ impl<F: Real> Standing<F> {
     /// Whether a sample of standing still under the torque `held` changes the state.
     #[inline(always)]
     pub fn counts(&self, stand: &Stand<F>, held: F) -> bool {
-        (stand.since | stand.asked) > 0 || held.abs() > self.torque
+        (stand.since | stand.stalled) > 0 || held.abs() > self.torque
     }
 
     /// After `samples` more under the torque `held`, their number given twice; `true`: it has stood still for too long.
@@ -111,8 +111,8 @@ impl<F: Real> Standing<F> {
         if !self.counts(stand, held) {
             return (Stand::NONE, false);
         }
-        let rest = Stand { asked: stand.asked, ..Stand::NONE };
-        let stand = if held * stand.way < F::ZERO { &rest } else { stand };
+        let rest = Stand { stalled: stand.stalled, ..Stand::NONE };
+        let stand = if held * stand.travel < F::ZERO { &rest } else { stand };
         let torque = if held.abs() > self.torque { held } else { F::ZERO };
         let pushed = stand.speed + periods * (self.push * torque);
         let friction = periods * self.friction;
@@ -124,12 +124,12 @@ impl<F: Real> Standing<F> {
             F::ZERO
         };
         let speed = slid / (F::ONE + periods * self.drag);
-        let way = stand.way + periods * speed;
+        let travel = stand.travel + periods * speed;
         let since = stand.since.saturating_add(samples).min(self.most);
-        if way.abs() <= self.far {
-            return (Stand { way, speed, since, asked: stand.asked }, false);
+        if travel.abs() <= self.far {
+            return (Stand { travel, speed, since, stalled: stand.stalled }, false);
         }
-        let asked = stand.asked.saturating_add(since);
-        (Stand { way: F::ZERO, speed: F::ZERO, since: 0, asked }, asked > self.stuck)
+        let stalled = stand.stalled.saturating_add(since);
+        (Stand { travel: F::ZERO, speed: F::ZERO, since: 0, stalled }, stalled > self.stuck)
     }
 }

@@ -46,12 +46,12 @@ pub(super) struct Drag<F> {
 impl<F: Real> Drag<F> {
     pub const SLACK: Self = Drag { link: Link { stiffness: F::ZERO, stretch: F::ZERO } };
 
-    /// The wheel moves by `way`; returns the torque that resists it, within `room`. `resistance` is that to a displacement of the slider in
+    /// The wheel moves by `travel`; returns the torque that resists it, within `room`. `resistance` is that to a displacement of the slider in
     /// a period.
     pub fn step(
         &mut self,
         stiffness: F,
-        way: F,
+        travel: F,
         room: (F, F),
         resistance: impl Fn(F) -> Resistance<F>,
         period: F,
@@ -61,7 +61,7 @@ impl<F: Real> Drag<F> {
             return F::ZERO;
         }
         self.link.become_as_stiff(stiffness);
-        let stretch = self.link.stretch + way;
+        let stretch = self.link.stretch + travel;
         let slides = slide(stiffness, stretch, resistance, period);
         self.link.stretch = stretch - slides;
         self.link.slip(room.0, room.1)
@@ -80,23 +80,23 @@ fn slide<F: Real>(stiffness: F, stretch: F, resistance: impl Fn(F) -> Resistance
     let end = (pull - edge) / stiffness;
     let (mut low, mut high) = if end > F::ZERO { (F::ZERO, end) } else { (end, F::ZERO) };
     // A Newton step from the end at which one step solves a linear law.
-    let mut way = end;
+    let mut travel = end;
     for _ in 0..SEARCH {
-        let found = resistance(way);
-        let excess = found.moving(way) + stiffness * way - pull;
+        let found = resistance(travel);
+        let excess = found.moving(travel) + stiffness * travel - pull;
         if excess > F::ZERO {
-            high = way;
+            high = travel;
         } else {
-            low = way;
+            low = travel;
         }
-        let next = way - excess / (stiffness + found.slope() / period);
+        let next = travel - excess / (stiffness + found.slope() / period);
         let next = if low < next && next < high { next } else { F::HALF * (low + high) };
-        if next == way {
+        if next == travel {
             break;
         }
-        way = next;
+        travel = next;
     }
-    way
+    travel
 }
 
 /// A virtual body.
@@ -111,9 +111,9 @@ impl<F: Real> Mass<F> {
     pub const SLACK: Self =
         Mass { link: Link { stiffness: F::ZERO, stretch: F::ZERO }, velocity: F::ZERO, inertia: F::ZERO };
 
-    /// The wheel moves by `way`; returns the torque that resists it, within `room` and ±`most`. A body that becomes heavier keeps its
+    /// The wheel moves by `travel`; returns the torque that resists it, within `room` and ±`most`. A body that becomes heavier keeps its
     /// momentum, one that becomes lighter its velocity: neither gains energy.
-    pub fn step(&mut self, stiffness: F, way: F, room: (F, F), inertia: F, most: F, period: F) -> F {
+    pub fn step(&mut self, stiffness: F, travel: F, room: (F, F), inertia: F, most: F, period: F) -> F {
         if stiffness <= F::ZERO || inertia <= F::ZERO {
             *self = Self::SLACK;
             return F::ZERO;
@@ -125,7 +125,7 @@ impl<F: Real> Mass<F> {
         self.inertia = inertia;
         // e' = e + dz - T u', u' = u + T K e'/M
         let rate = period / inertia;
-        let stretch = self.link.stretch + way - period * self.velocity;
+        let stretch = self.link.stretch + travel - period * self.velocity;
         self.link.stretch = stretch / (F::ONE + period * rate * stiffness);
         let least = if room.0 > -most { room.0 } else { -most };
         let greatest = if room.1 < most { room.1 } else { most };

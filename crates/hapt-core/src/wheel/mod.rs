@@ -19,7 +19,7 @@
 //! let spring = Effect::Spring(Sides::even(100.0, 5.0));
 //! wheel.step(&mut state, 0.0, &[spring], 1);
 //! let given = wheel.step(&mut state, 0.1, &[spring], 1);
-//! assert!((given.torque + 2.0).abs() < 1e-3 && given.asked == -5.0);
+//! assert!((given.torque + 2.0).abs() < 1e-3 && given.requested == -5.0);
 //! # Ok::<(), hapt_core::wheel::Refused>(())
 //! ```
 
@@ -103,7 +103,7 @@ pub struct Given<F> {
     /// The torque to command, N·m, within the device's limit.
     pub torque: F,
     /// The torque of all effects with springs as requested, within the limit, N·m.
-    pub asked: F,
+    pub requested: F,
     /// The factor by which springs are scaled, 0 to 1.
     pub scale: F,
     /// All stiffness at the wheel, weighted by its required damping, relative to the stiffness that the device's damping allows: 0 to 1.
@@ -114,7 +114,8 @@ pub struct Given<F> {
 
 impl<F: Real> Given<F> {
     /// The result without effects.
-    pub const NOTHING: Self = Given { torque: F::ZERO, asked: F::ZERO, scale: F::ONE, used: F::ZERO, shortfall: None };
+    pub const NOTHING: Self =
+        Given { torque: F::ZERO, requested: F::ZERO, scale: F::ONE, used: F::ZERO, shortfall: None };
 }
 
 /// A wheel, compiled from a [`Device`].
@@ -207,7 +208,7 @@ impl<F: Real> Wheel<F> {
             *state = self.start();
             return Given { scale: F::ZERO, ..Given::NOTHING };
         }
-        let way = state.last.map_or(F::ZERO, |last| position - last);
+        let travel = state.last.map_or(F::ZERO, |last| position - last);
         state.last = Some(position);
         let shares = self.shares(effects);
         let (wanted, scaled) = direct(effects, position, shares.scale);
@@ -224,14 +225,15 @@ impl<F: Real> Wheel<F> {
         let statics = within(within(state.direct, -self.limit, self.limit) + external, -self.limit, self.limit);
         // Elements yield where the motor cannot hold them, on both their ends.
         let room = (statics - self.limit, statics + self.limit);
-        let velocity = way / self.period;
-        let drag = state.drag.step(shares.drag, way, room, |way| resistance(effects, way / self.period), self.period);
+        let velocity = travel / self.period;
+        let drag =
+            state.drag.step(shares.drag, travel, room, |travel| resistance(effects, travel / self.period), self.period);
         let room = (room.0 - drag, room.1 - drag);
         let (inertia, most) = inertia(effects);
-        let mass = state.mass.step(shares.mass, way, room, inertia, most, self.period);
+        let mass = state.mass.step(shares.mass, travel, room, inertia, most, self.period);
         let torque = (statics - drag - mass).finite_or_zero().within(self.limit) - external;
         let plain = wanted + external - resistance(effects, velocity).moving(velocity) - mass;
-        let asked = plain.finite_or_zero().within(self.limit) - external;
+        let requested = plain.finite_or_zero().within(self.limit) - external;
         let shortfall = if effects.iter().any(drives) {
             Some(Shortfall::Drives)
         } else if shares.scale < F::ONE {
@@ -241,7 +243,7 @@ impl<F: Real> Wheel<F> {
         } else {
             None
         };
-        Given { torque, asked, scale: shares.scale, used: shares.used, shortfall }
+        Given { torque, requested, scale: shares.scale, used: shares.used, shortfall }
     }
 
     /// The static torque of effects at a position, N·m: springs as they are given, and levels.

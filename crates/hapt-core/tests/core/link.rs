@@ -20,7 +20,7 @@ struct End {
 
 /// The energy that the hands have drawn from the link, and how often it has connected, when they hold the ends `stretch` apart whenever the
 /// messages are cut, and bring them together when it is connected again.
-fn drawn(stiffness: f64, soft: f64, stretch: f64, way: usize, wall: bool) -> (f64, u64) {
+fn drawn(stiffness: f64, soft: f64, stretch: f64, travel_time: usize, wall: bool) -> (f64, u64) {
     let period = 1e-3;
     let terms = LinkTerms { age_max: 30e-3, hold: period, period, soft };
     let mut ends =
@@ -50,7 +50,7 @@ fn drawn(stiffness: f64, soft: f64, stretch: f64, way: usize, wall: bool) -> (f6
                 end.coming.pop_front();
                 end.newest = Some(message);
             }
-            let heard = end.newest.map(|newest| RemoteState {
+            let remote = end.newest.map(|newest| RemoteState {
                 age: time - newest.sampled,
                 session: 1,
                 taken: newest.sampled,
@@ -64,12 +64,12 @@ fn drawn(stiffness: f64, soft: f64, stretch: f64, way: usize, wall: bool) -> (f6
                 -stiffness * q
             };
             let acted = end.link.strength().acts();
-            let torque = end.link.sample(period, true, heard, law);
+            let torque = end.link.sample(period, true, remote, law);
             torques[side] = torque;
             taken += u64::from(side == 0 && !acted && end.link.strength().acts());
-            let message = Message { sampled: time, position: own, strength: end.link.said() };
+            let message = Message { sampled: time, position: own, strength: end.link.sent_strength() };
             if !is_cut {
-                ends[1 - side].coming.push_back((sample + way, message));
+                ends[1 - side].coming.push_back((sample + travel_time, message));
             }
         }
     }
@@ -81,13 +81,13 @@ proptest! {
     // connected at once would give it half of K times the square of the stretch.
     #[test]
     fn taking_hold_gives_no_more_than_the_soft_torque_times_the_stretch(
-        stiffness in 0.1..10.0, part in 0.01..0.1, stretch in 0.1..1.0, way in 0_usize..10, wall: bool,
+        stiffness in 0.1..10.0, part in 0.01..0.1, stretch in 0.1..1.0, travel_time in 0_usize..10, wall: bool,
     ) {
         let soft = part * stiffness * stretch;
-        let (drawn, taken) = drawn(stiffness, soft, stretch, way, wall);
+        let (drawn, taken) = drawn(stiffness, soft, stretch, travel_time, wall);
         prop_assert!(taken >= 3, "{taken}");
         // Four ways there and back at stretch/1 s each: ∫ż² of one end is (stretch/2)²/0.25 s.
-        let age = (way + 2) as f64 * 1e-3;
+        let age = (travel_time + 2) as f64 * 1e-3;
         let squares = 8.0 * (0.5 * stretch / 0.5_f64).powi(2) * 0.5;
         let late = stiffness * (2.0 * age + 1e-3) * squares;
         let w = stretch * 60e-3;
@@ -103,15 +103,15 @@ fn a_torque_fades_over_a_quarter_of_the_age_and_not_at_once() {
     let terms = LinkTerms { age_max: 40e-3, hold: 1e-3, period: 1e-3, soft: 0.1 };
     for first in [true, false] {
         let mut end = LinkEnd::new(first, terms);
-        let heard = |age, position, strength| Some(RemoteState { age, session: 1, taken: 0.0, position, strength });
+        let remote = |age, position, strength| Some(RemoteState { age, session: 1, taken: 0.0, position, strength });
         let law = |other: f64, _: Option<f64>| -(1.0 - other);
-        end.sample(1e-3, true, heard(2e-3, 1.0, Strength::NONE), law);
-        end.sample(1e-3, true, heard(2e-3, 1.0, Strength::WHOLE), law);
+        end.sample(1e-3, true, remote(2e-3, 1.0, Strength::NONE), law);
+        end.sample(1e-3, true, remote(2e-3, 1.0, Strength::WHOLE), law);
         assert_eq!(end.strength(), Strength::WHOLE);
-        assert_eq!(end.sample(1e-3, true, heard(2e-3, 0.0, Strength::WHOLE), law), -1.0);
+        assert_eq!(end.sample(1e-3, true, remote(2e-3, 0.0, Strength::WHOLE), law), -1.0);
         // No more messages arrive.
         let torques: Vec<f64> = (3..60)
-            .map(|age| end.sample(1e-3, true, heard(f64::from(age) * 1e-3, 0.0, Strength::WHOLE), law))
+            .map(|age| end.sample(1e-3, true, remote(f64::from(age) * 1e-3, 0.0, Strength::WHOLE), law))
             .collect();
         let largest = torques.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
         assert!(
@@ -121,21 +121,21 @@ fn a_torque_fades_over_a_quarter_of_the_age_and_not_at_once() {
                 && torques[38..].iter().all(|torque| *torque == 0.0),
             "{torques:?}"
         );
-        assert_eq!(end.let_go(), 1);
+        assert_eq!(end.releases(), 1);
         // The other stops: its last position fades, the one that it sends on is not used.
         let mut end = LinkEnd::new(first, terms);
-        end.sample(1e-3, true, heard(2e-3, 1.0, Strength::NONE), law);
-        end.sample(1e-3, true, heard(2e-3, 1.0, Strength::WHOLE), law);
-        end.sample(1e-3, true, heard(2e-3, 0.0, Strength::WHOLE), law);
+        end.sample(1e-3, true, remote(2e-3, 1.0, Strength::NONE), law);
+        end.sample(1e-3, true, remote(2e-3, 1.0, Strength::WHOLE), law);
+        end.sample(1e-3, true, remote(2e-3, 0.0, Strength::WHOLE), law);
         let torques: Vec<f64> =
-            (0..12).map(|_| end.sample(1e-3, true, heard(2e-3, -9.0, Strength::NONE), law)).collect();
+            (0..12).map(|_| end.sample(1e-3, true, remote(2e-3, -9.0, Strength::NONE), law)).collect();
         assert!(torques[0] >= -1.0 && torques[0] < -0.8 && torques[11] == 0.0 && torques.is_sorted(), "{torques:?}");
         // Its own loop is not ready: at once.
         end = LinkEnd::new(first, terms);
-        end.sample(1e-3, true, heard(2e-3, 1.0, Strength::NONE), law);
-        end.sample(1e-3, true, heard(2e-3, 1.0, Strength::WHOLE), law);
-        assert_eq!(end.sample(1e-3, false, heard(2e-3, 0.0, Strength::WHOLE), law), 0.0);
-        assert_eq!(end.said(), Strength::NONE);
+        end.sample(1e-3, true, remote(2e-3, 1.0, Strength::NONE), law);
+        end.sample(1e-3, true, remote(2e-3, 1.0, Strength::WHOLE), law);
+        assert_eq!(end.sample(1e-3, false, remote(2e-3, 0.0, Strength::WHOLE), law), 0.0);
+        assert_eq!(end.sent_strength(), Strength::NONE);
     }
 }
 
@@ -154,7 +154,7 @@ proptest! {
     // bound.
     #[test]
     fn the_others_velocity_that_acts_is_bounded_by_its_motion(
-        sender in 0.5e-3..4e-3_f64, receiver in 0.5e-3..4e-3_f64, loss in 0.0..0.9_f64, ways: [f64; 16], seed in 1_u64..,
+        sender in 0.5e-3..4e-3_f64, receiver in 0.5e-3..4e-3_f64, loss in 0.0..0.9_f64, steps: [f64; 16], seed in 1_u64..,
     ) {
         let mut state = seed;
         let mut random = || {
@@ -168,7 +168,7 @@ proptest! {
         // Steps of the other at its samples, and when each arrives.
         let (mut position, mut squares, mut sent) = (0.0, 0.0, Vec::new());
         for k in 1..2000_u32 {
-            let step = sender * ways[k as usize % 16].clamp(-1e3, 1e3) / 1e3;
+            let step = sender * steps[k as usize % 16].clamp(-1e3, 1e3) / 1e3;
             (position, squares) = (position + step, squares + step * step / sender);
             let taken = f64::from(k) * sender;
             if random() >= loss {
@@ -183,11 +183,11 @@ proptest! {
                     newest = Some((*taken, *position));
                 }
             }
-            let heard = newest.map(|(taken, position)| RemoteState {
+            let remote = newest.map(|(taken, position)| RemoteState {
                 age: now - taken, session: 1, taken, position, strength: Strength::WHOLE,
             });
             let velocity = std::cell::Cell::new(0.0);
-            end.sample(receiver, true, heard, |_, known| {
+            end.sample(receiver, true, remote, |_, known| {
                 velocity.set(known.unwrap_or(velocity.get()));
                 0.0
             });
@@ -207,8 +207,8 @@ fn the_others_velocity_is_its_mean_between_two_messages_for_four_times_as_long()
     let mut end = LinkEnd::holding(false, terms);
     let mut sample = |age: f64, session, taken: f64| {
         let velocity = std::cell::Cell::new(None);
-        let heard = RemoteState { age, session, taken, position: 3.0 * taken, strength: Strength::WHOLE };
-        end.sample(1e-3, true, Some(heard), |_, known| {
+        let remote = RemoteState { age, session, taken, position: 3.0 * taken, strength: Strength::WHOLE };
+        end.sample(1e-3, true, Some(remote), |_, known| {
             velocity.set(known.or(velocity.get()));
             0.0
         });

@@ -105,11 +105,11 @@ fn drawn(
         if pending.first().is_some_and(|(arrives, _)| *arrives <= step) {
             command = pending.remove(0).1;
         }
-        let way = velocity * STEP;
-        z += way;
-        let given = way * (command + (torque - command) * mean);
+        let travel = velocity * STEP;
+        z += travel;
+        let given = travel * (command + (torque - command) * mean);
         torque = command + (torque - command) * kept;
-        work += given - real.damping * velocity * way - real.friction * way.abs();
+        work += given - real.damping * velocity * travel - real.friction * travel.abs();
         passed += given.abs();
     }
     work / passed.max(1e-12)
@@ -178,7 +178,7 @@ proptest! {
         let all = [Effect::Spring(sides), Effect::Damper(sides), Effect::Friction(sides), Effect::Inertia(sides), Effect::Torque(offset)];
         for revision in 0..20 {
             let given = wheel.step(&mut state, dice.roll() as f32, &all, revision);
-            prop_assert!(given.torque.abs() <= 5.0 && given.asked.abs() <= 5.0, "{given:?}");
+            prop_assert!(given.torque.abs() <= 5.0 && given.requested.abs() <= 5.0, "{given:?}");
         }
     }
 }
@@ -204,16 +204,16 @@ fn springs_at_the_bound_draw_energy_from_a_device_with_less_damping() {
 /// A hand that goes to and fro across the edge of a count, by the smallest motion that the samples allow.
 #[test]
 fn a_dither_across_a_count_draws_nothing_where_friction_holds_it_and_no_more_than_the_bound_elsewhere() {
-    let dither = |device: &Device, friction: f64, effect: Effect<f64>, way: f64| {
+    let dither = |device: &Device, friction: f64, effect: Effect<f64>, travel: f64| {
         let wheel = Wheel::<f64>::new(device).unwrap();
         let (mut state, mut work) = (wheel.start(), 0.0);
         let (count, period) = (device.count, device.timing.period);
         wheel.step(&mut state, 0.0, &[effect], 0);
         for k in 0..20_000 {
             // In the upper count after even samples: the hand then goes back, with that count's torque.
-            let (seen, way) = if k % 2 == 0 { (count, -way) } else { (0.0, way) };
+            let (seen, travel) = if k % 2 == 0 { (count, -travel) } else { (0.0, travel) };
             let torque = wheel.step(&mut state, seen, &[effect], 0).torque;
-            work += torque * way - friction * way.abs() - device.damping * way * way / period;
+            work += torque * travel - friction * travel.abs() - device.damping * travel * travel / period;
         }
         work / (20_000.0 * period)
     };
@@ -224,8 +224,8 @@ fn a_dither_across_a_count_draws_nothing_where_friction_holds_it_and_no_more_tha
     let most =
         |device: &Device| 0.25 * (device.damping - device.stiffness() * timing.spring_cost()) * REST_SPEED.powi(2);
     let most_drawn = |device: &Device, friction: f64, effect: Effect<f64>| {
-        let ways = (1..60).map(|step| 1e-3 * 0.85_f64.powi(step));
-        ways.map(|way| dither(device, friction, effect, way)).fold(f64::NEG_INFINITY, f64::max)
+        let travels = (1..60).map(|step| 1e-3 * 0.85_f64.powi(step));
+        travels.map(|travel| dither(device, friction, effect, travel)).fold(f64::NEG_INFINITY, f64::max)
     };
     let spring = Effect::Spring(Sides::even(1e3, 5.0));
     assert!((held.stiffness() - 0.05 / timing.spring_cost()).abs() < 1e-9 * held.stiffness());
@@ -242,9 +242,9 @@ fn a_dither_across_a_count_draws_nothing_where_friction_holds_it_and_no_more_tha
 #[test]
 fn a_slow_turn_feels_friction_and_damping_in_full_and_inertia_as_a_mass() {
     let wheel = Wheel::<f64>::new(&device(Timing::even(1e-3), 0.02)).unwrap();
-    let after = |effect, way: fn(f64) -> f64| {
+    let after = |effect, travel: fn(f64) -> f64| {
         let mut state = wheel.start();
-        (0..1000).map(|k| wheel.step(&mut state, way(f64::from(k) * 1e-3), &[effect], 0).torque).last().unwrap()
+        (0..1000).map(|k| wheel.step(&mut state, travel(f64::from(k) * 1e-3), &[effect], 0).torque).last().unwrap()
     };
     let turning = |t: f64| 2.0 * t;
     assert!((after(Effect::Friction(Sides::even(0.7, 5.0)), turning) + 0.7).abs() < 1e-9);

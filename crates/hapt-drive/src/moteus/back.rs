@@ -256,23 +256,23 @@ impl Moteus {
     /// Sends a request and waits for its answer; `Late` where only other answers of this drive arrive. On a busy bus it waits until that
     /// instant, and then reads a limited number of the frames that have arrived.
     fn ask(&mut self, question: &Frame, until: Instant) -> Result<Status, DriveError> {
-        let mut heard = false;
+        let mut answered = false;
         let over = Instant::now();
         for _ in 0..OTHERS {
             let Some(frame) = self.bus.receive(over)? else { break };
-            heard |= self.receive(&frame).is_some();
+            answered |= self.receive(&frame).is_some();
         }
         self.bus.send(question, until)?;
         for _ in 0..OTHERS {
             let Some(frame) = self.bus.receive(until)? else { break };
             if let Some(status) = self.receive(&frame) {
-                heard = true;
+                answered = true;
                 if status.number == Some(self.numbers.last() as f32) {
                     return Ok(status);
                 }
             }
         }
-        Err(if heard { DriveError::Late } else { DriveError::Silent })
+        Err(if answered { DriveError::Late } else { DriveError::Silent })
     }
 
     /// The same with a longer timeout, before the loop runs.

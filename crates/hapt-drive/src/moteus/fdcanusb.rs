@@ -76,7 +76,7 @@ impl Adapter {
         text.put(what);
         match self.lines.write(text.line(self.checked, b"\r\n"), until) {
             Err(error) if error.kind() == io::ErrorKind::TimedOut => Ok(()),
-            said => said,
+            other => other,
         }
     }
 }

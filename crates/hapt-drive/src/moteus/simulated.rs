@@ -163,16 +163,16 @@ impl Simulated {
                 // Only its limit is scaled by the command.
                 let most = most * self.command(register::COMMAND_ILIMIT_SCALE);
                 self.integral = (self.integral + rate * away * seconds as f32).max(-most).min(most);
-                let asked = KP * self.command(register::COMMAND_KP_SCALE) * away
+                let requested = KP * self.command(register::COMMAND_KP_SCALE) * away
                     + KD * self.command(register::COMMAND_KD_SCALE) * (goes - velocity)
                     + self.command(register::COMMAND_TORQUE)
                     + self.integral;
                 let most = self.command(register::COMMAND_MAX_TORQUE).abs();
-                let allowed = if most.is_nan() { asked } else { asked.clamp(-most, most) };
+                let allowed = if most.is_nan() { requested } else { requested.clamp(-most, most) };
                 let ignored = self.command(register::COMMAND_IGNORE_BOUNDS);
                 let position = (ignored.is_nan() || ignored == 0.0).then_some((shaft.position + self.zero) as f32);
                 let (torque, code) = self.tuning.limited(allowed, position, velocity);
-                self.fault = if code == 0 && allowed != asked { 102 } else { code };
+                self.fault = if code == 0 && allowed != requested { 102 } else { code };
                 torque
             }
             mode::TIMEOUT => match self.after_timeout {

@@ -17,7 +17,7 @@ pub(super) struct Barrier {
     /// For each of [`KINDS`]: whether it is answered, and never sent cyclically.
     serves: [bool; KINDS.len()],
     /// For each: the sample of its open request.
-    asked: [Option<u32>; KINDS.len()],
+    requested: [Option<u32>; KINDS.len()],
     /// The last kind used.
     last: usize,
     sample: u32,
@@ -37,14 +37,14 @@ impl Barrier {
     /// The kind for this sample; `None`: every kind has an open request.
     pub fn ask(&mut self) -> Option<Command> {
         let kind = (1..=KINDS.len()).map(|next| (self.last + next) % KINDS.len()).find(|kind| self.may(*kind))?;
-        (self.last, self.asked[kind]) = (kind, Some(self.sample));
+        (self.last, self.requested[kind]) = (kind, Some(self.sample));
         Some(KINDS[kind])
     }
 
     /// Uses this kind in this sample; `false`: it is not usable, or has an open request.
     pub fn ask_for(&mut self, kind: Command) -> bool {
         let Some(kind) = KINDS.iter().position(|one| *one == kind).filter(|kind| self.may(*kind)) else { return false };
-        self.asked[kind] = Some(self.sample);
+        self.requested[kind] = Some(self.sample);
         true
     }
 
@@ -54,17 +54,17 @@ impl Barrier {
     }
 
     fn may(&self, kind: usize) -> bool {
-        let waits = self.asked[kind].is_some_and(|asked| self.sample.wrapping_sub(asked) < LOST);
+        let waits = self.requested[kind].is_some_and(|requested| self.sample.wrapping_sub(requested) < LOST);
         self.serves[kind] && !waits
     }
 
     /// Registers an answer; `true`: it answers this sample's request.
     pub fn is_passed_by(&mut self, answer: Command) -> bool {
         let Some(kind) = KINDS.iter().position(|kind| *kind == answer) else { return false };
-        let asked = self.asked[kind].take();
+        let requested = self.requested[kind].take();
         // A kind that arrives unrequested is sent cyclically.
-        self.serves[kind] &= asked.is_some();
-        asked == Some(self.sample)
+        self.serves[kind] &= requested.is_some();
+        requested == Some(self.sample)
     }
 }
 
@@ -86,8 +86,8 @@ mod tests {
             let mut under_way: VecDeque<Option<(usize, Command)>> = VecDeque::from(vec![None; late]);
             for (sample, lost) in lost.iter().enumerate() {
                 barrier.pass();
-                let asked = barrier.ask();
-                under_way.push_back(asked.filter(|_| *lost > 0).map(|kind| (sample, kind)));
+                let requested = barrier.ask();
+                under_way.push_back(requested.filter(|_| *lost > 0).map(|kind| (sample, kind)));
                 if let Some(Some((of, kind))) = under_way.pop_front() {
                     prop_assert_eq!(barrier.is_passed_by(kind), of == sample);
                 }
@@ -102,20 +102,20 @@ mod tests {
         assert!(!barrier.is_passed_by(Command::Bus));
         for _ in 0..20 {
             barrier.pass();
-            let asked = barrier.ask().unwrap();
-            assert_ne!(asked, Command::Bus);
-            assert!(barrier.is_passed_by(asked));
+            let requested = barrier.ask().unwrap();
+            assert_ne!(requested, Command::Bus);
+            assert!(barrier.is_passed_by(requested));
         }
     }
 
     #[test]
     fn an_unanswered_request_is_repeated_after_its_timeout() {
         let mut barrier = Barrier::new(ALL);
-        let asked = (0..LOST + 1).filter(|_| {
+        let requested = (0..LOST + 1).filter(|_| {
             barrier.pass();
             barrier.ask().is_some()
         });
-        assert_eq!(asked.count(), KINDS.len() + 1);
+        assert_eq!(requested.count(), KINDS.len() + 1);
         assert_eq!(Barrier::new([false; KINDS.len()]).ask(), None);
     }
 }

@@ -88,8 +88,8 @@ impl Command {
     /// Whether drives send it with data; all other commands come from a host.
     pub fn is_a_drives(self) -> bool {
         let of_drives = [Command::Version, Command::Heartbeat, Command::Error, Command::Estimates];
-        let when_asked = [Command::Current, Command::Warmth, Command::Bus, Command::Torques, Command::Powers];
-        of_drives.contains(&self) || when_asked.contains(&self)
+        let on_request = [Command::Current, Command::Warmth, Command::Bus, Command::Torques, Command::Powers];
+        of_drives.contains(&self) || on_request.contains(&self)
     }
 
     /// The command of an identifier; `None`: an unknown command.

@@ -82,10 +82,11 @@ impl Proof {
         if self.constant.is_none() && is_fresh && last.abs() > MIN_TORQUE_RATIO * self.most && uses != 0.0 {
             self.constant = Some(last / uses);
         }
-        let agrees = |said: f64, [part, floor]: [f64; 2]| match self.constant {
+        let agrees = |current: f64, [part, floor]: [f64; 2]| match self.constant {
             Some(constant) => {
-                let near =
-                    |commanded: f64| (constant * said - commanded).abs() <= part * commanded.abs() + floor * self.most;
+                let near = |commanded: f64| {
+                    (constant * current - commanded).abs() <= part * commanded.abs() + floor * self.most
+                };
                 near(last) || !is_fresh && near(before)
             }
             // Small currents are inconclusive until the motor's constant is known.

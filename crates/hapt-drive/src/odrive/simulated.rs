@@ -63,7 +63,7 @@ pub struct Simulated {
     since_heartbeat: f64,
     since_estimates: f64,
     /// A request of another kind has arrived since the last one for the position.
-    was_asked: bool,
+    was_requested: bool,
 }
 
 impl Simulated {
@@ -86,7 +86,7 @@ impl Simulated {
             estimates: None,
             since_heartbeat: 0.0,
             since_estimates: 0.0,
-            was_asked: false,
+            was_requested: false,
         }
     }
 
@@ -272,8 +272,8 @@ impl Firmware for Simulated {
     fn requests_position(&self, frame: &Frame) -> bool {
         frame.data().is_empty()
             && match self.command(frame) {
-                Some(Command::Estimates) => !self.was_asked,
-                Some(command) => KINDS.contains(&command) && !self.was_asked,
+                Some(Command::Estimates) => !self.was_requested,
+                Some(command) => KINDS.contains(&command) && !self.was_requested,
                 None => false,
             }
     }
@@ -285,7 +285,7 @@ impl Firmware for Simulated {
         }
         let Some(command) = self.command(frame) else { return };
         if frame.data().is_empty() {
-            self.was_asked = KINDS.contains(&command);
+            self.was_requested = KINDS.contains(&command);
         }
         match self.answer(command, shaft).filter(|_| frame.data().is_empty()) {
             Some(data) => send(self.frame(command, data)),

@@ -29,7 +29,7 @@ impl Odrive {
         (self.owed, self.chats, self.begun, self.is_armed, self.fault) = (0, false, None, false, None);
         self.since_heartbeat = 0.0;
         // Answers to earlier requests may be pending.
-        self.asked = Some(Instant::now());
+        self.estimates_requested = Some(Instant::now());
         self.is_there()?;
         self.clear()?;
         self.tests_watchdog()?;
@@ -37,17 +37,15 @@ impl Odrive {
         // Earlier answers arrive before this one.
         if let Some(kind) = self.barrier.ask() {
             self.ask(kind)?;
-            self.until(ANSWER_TIMEOUT, false, |_, said| {
-                matches!(said, Received::Other(answer, _) if answer == kind).then_some(())
+            self.until(ANSWER_TIMEOUT, false, |_, received| {
+                matches!(received, Received::Other(answer, _) if answer == kind).then_some(())
             })?;
             self.barrier.is_passed_by(kind);
         }
         // Before 0.6 there is no position until the drive has been armed once.
-        let answer =
-            self.answer(
-                Command::Estimates,
-                |said| if let Received::Estimates(answer) = said { Some(answer) } else { None },
-            )?;
+        let answer = self.answer(Command::Estimates, |received| {
+            if let Received::Estimates(answer) = received { Some(answer) } else { None }
+        })?;
         let answer = answer.ok_or_else(|| self.silent("; its heartbeat arrives, but no position"))?;
         if answer.position.abs() >= FARTHEST {
             return Err(self.refused(format!(
@@ -63,31 +61,29 @@ impl Odrive {
         self.stop();
         let node = self.node;
         let mut others = [false; 64];
-        let heartbeat = self.until(STATE_TIMEOUT, false, |frame, said| {
-            if let (Received::Nothing, false) = (&said, frame.extended)
+        let heartbeat = self.until(STATE_TIMEOUT, false, |frame, received| {
+            if let (Received::Nothing, false) = (&received, frame.extended)
                 && frame.id & 0x1f == Command::Heartbeat as u32
                 && let Some(other) = others.get_mut((frame.id >> 5) as usize)
             {
                 *other = true;
             }
-            matches!(said, Received::Heartbeat(_)).then_some(())
+            matches!(received, Received::Heartbeat(_)).then_some(())
         })?;
         if heartbeat.is_none() {
-            let heard: Vec<String> =
-                others.iter().enumerate().filter(|(_, heard)| **heard).map(|(node, _)| node.to_string()).collect();
-            let hint = match &heard[..] {
+            let nodes: Vec<String> =
+                others.iter().enumerate().filter(|(_, is_seen)| **is_seen).map(|(node, _)| node.to_string()).collect();
+            let hint = match &nodes[..] {
                 [] => ": no heartbeat. Check its supply, the bus's termination, its baud rate and its node_id; \
                        heartbeat_msg_rate_ms must not be 0"
                     .into(),
-                heard => format!(": no heartbeat from node {node}, but from {}. #ID names the drive", heard.join(", ")),
+                nodes => format!(": no heartbeat from node {node}, but from {}. #ID names the drive", nodes.join(", ")),
             };
             return Err(self.silent(&hint));
         }
-        let version =
-            self.answer(
-                Command::Version,
-                |said| if let Received::Version(version) = said { Some(version) } else { None },
-            )?;
+        let version = self.answer(Command::Version, |received| {
+            if let Received::Version(version) = received { Some(version) } else { None }
+        })?;
         self.version = version.unwrap_or(Version::SILENT);
         self.who_answers()
     }
@@ -101,8 +97,8 @@ impl Odrive {
             if kind != Command::Torques || !self.version.is_old() {
                 self.ask(kind)?;
             }
-            self.until::<()>(ANSWER_TIMEOUT, false, |_, said| {
-                match said {
+            self.until::<()>(ANSWER_TIMEOUT, false, |_, received| {
+                match received {
                     Received::Other(answer, _) if answer == kind => answers[now] += 1,
                     Received::Other(answer, _) => {
                         let kind = KINDS.iter().position(|kind| *kind == answer);
@@ -158,7 +154,10 @@ impl Odrive {
             }
             left
         } else {
-            self.answer(Command::Error, |said| if let Received::Error(bits) = said { Some(bits) } else { None })?
+            self.answer(
+                Command::Error,
+                |received| if let Received::Error(bits) = received { Some(bits) } else { None },
+            )?
         };
         match left {
             Some(0) => Ok(()),
@@ -170,8 +169,8 @@ impl Odrive {
     /// The error of the second heartbeat from now on, or of the first one without an error: the first may be old.
     fn last_error(&mut self) -> Result<Option<u32>, Error> {
         let mut seen = 0;
-        self.until(STATE_TIMEOUT, true, |_, said| {
-            let Received::Heartbeat(heartbeat) = said else { return None };
+        self.until(STATE_TIMEOUT, true, |_, received| {
+            let Received::Heartbeat(heartbeat) = received else { return None };
             seen += 1;
             (heartbeat.error == 0 || seen == 2).then_some(heartbeat.error)
         })
@@ -183,8 +182,8 @@ impl Odrive {
         self.send(Command::Torque, [0; 8])?;
         self.send(Command::State, codec::pair(state::CLOSED_LOOP, 0))?;
         let mut last = Heartbeat::default();
-        let armed = self.until(STATE_TIMEOUT, true, |_, said| {
-            let Received::Heartbeat(heartbeat) = said else { return None };
+        let armed = self.until(STATE_TIMEOUT, true, |_, received| {
+            let Received::Heartbeat(heartbeat) = received else { return None };
             last = heartbeat;
             (u32::from(heartbeat.state) == state::CLOSED_LOOP).then_some(())
         })?;
@@ -194,8 +193,8 @@ impl Odrive {
             return Err(self.refused(why));
         }
         let (silence, longest) = (Instant::now(), MAX_WATCHDOG + HEARTBEAT);
-        let disarmed = self.until(longest, false, |_, said| {
-            let Received::Heartbeat(heartbeat) = said else { return None };
+        let disarmed = self.until(longest, false, |_, received| {
+            let Received::Heartbeat(heartbeat) = received else { return None };
             (u32::from(heartbeat.state) != state::CLOSED_LOOP).then_some(heartbeat.error)
         })?;
         match disarmed {
@@ -220,7 +219,7 @@ impl Odrive {
     fn answer<T>(&mut self, command: Command, take: impl Fn(Received) -> Option<T>) -> Result<Option<T>, Error> {
         for tried in 0..TRIES {
             self.ask(command)?;
-            let answer = self.until(ANSWER_TIMEOUT, false, |_, said| take(said))?;
+            let answer = self.until(ANSWER_TIMEOUT, false, |_, received| take(received))?;
             if answer.is_some() {
                 // Answers to the other attempts may still arrive.
                 self.owed = if command == Command::Estimates { tried } else { self.owed };
@@ -254,10 +253,10 @@ impl Odrive {
                 }
                 continue;
             };
-            let said = self.decode(&frame);
-            let is_answer = self.asked.is_some_and(|asked| asked.elapsed() <= ANSWER_TIMEOUT);
-            self.chats |= matches!(said, Received::Estimates(_)) && !is_answer;
-            if let Some(taken) = take(&frame, said) {
+            let received = self.decode(&frame);
+            let is_answer = self.estimates_requested.is_some_and(|at| at.elapsed() <= ANSWER_TIMEOUT);
+            self.chats |= matches!(received, Received::Estimates(_)) && !is_answer;
+            if let Some(taken) = take(&frame, received) {
                 return Ok(Some(taken));
             }
             left -= usize::from(now >= end);

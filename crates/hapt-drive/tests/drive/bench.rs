@@ -132,7 +132,7 @@ struct Faulty {
     bus: Box<dyn Bus>,
     faults: Arc<Faults>,
     under_way: VecDeque<(Instant, Frame)>,
-    heard: VecDeque<Frame>,
+    received: VecDeque<Frame>,
     /// xorshift: the same losses in every run.
     dice: u64,
 }
@@ -145,9 +145,9 @@ impl Faulty {
         self.faults.dead.load(SeqCst) || self.dice % 1000 < self.faults.loss.load(SeqCst).into()
     }
 
-    fn pass(&mut self, way: Direction, frame: Frame) -> Vec<Frame> {
+    fn pass(&mut self, direction: Direction, frame: Frame) -> Vec<Frame> {
         match &mut *self.faults.middle.lock().unwrap() {
-            Some(middle) => middle(way, frame),
+            Some(middle) => middle(direction, frame),
             None => vec![frame],
         }
     }
@@ -179,14 +179,14 @@ impl Bus for Faulty {
 
     fn receive(&mut self, until: Instant) -> io::Result<Option<Frame>> {
         self.deliver(until)?;
-        if self.heard.is_empty()
+        if self.received.is_empty()
             && let Some(frame) = self.bus.receive(until)?
             && !self.is_lost()
         {
             let frames = self.pass(Direction::ToDrive, frame);
-            self.heard.extend(frames);
+            self.received.extend(frames);
         }
-        Ok(self.heard.pop_front())
+        Ok(self.received.pop_front())
     }
 }
 
@@ -264,7 +264,7 @@ impl TestBench {
             bus,
             faults: Arc::clone(&faults),
             under_way: VecDeque::new(),
-            heard: VecDeque::new(),
+            received: VecDeque::new(),
             dice: 0x9e37_79b9_7f4a_7c15,
         };
         let firmware = Observed(firmware, Arc::clone(&faults));

@@ -68,8 +68,8 @@ fn is(frame: &Frame, command: Command) -> bool {
     frame.id == u32::from(command.id(1))
 }
 
-fn torque(way: Direction, frame: &Frame) -> bool {
-    way == Direction::ToDrive && is(frame, Command::Torque)
+fn torque(direction: Direction, frame: &Frame) -> bool {
+    direction == Direction::ToDrive && is(frame, Command::Torque)
 }
 
 #[test]
@@ -77,7 +77,7 @@ fn losing_only_torque_frames_ends_the_loop_though_requests_feed_the_drives_watch
     in_time(|| {
         for firmware in odrives() {
             let ended = fault(ends(Make::Odrive, &firmware, 60, || {
-                |way: Direction, frame: Frame| if torque(way, &frame) { vec![] } else { vec![frame] }
+                |direction: Direction, frame: Frame| if torque(direction, &frame) { vec![] } else { vec![frame] }
             }));
             assert!(ended.what.contains("torque frames are lost"), "{ended}");
         }
@@ -90,8 +90,8 @@ fn torque_frames_that_are_late_or_changed_end_the_loop() {
         for late in [1, 4] {
             let ended = fault(ends(Make::Odrive, &odrives()[0], 200, || {
                 let mut held = VecDeque::new();
-                move |way: Direction, frame: Frame| {
-                    if !torque(way, &frame) {
+                move |direction: Direction, frame: Frame| {
+                    if !torque(direction, &frame) {
                         return vec![frame];
                     }
                     held.push_back(frame);
@@ -102,8 +102,9 @@ fn torque_frames_that_are_late_or_changed_end_the_loop() {
         }
         for (part, firmware) in [-1.0, 0.5, 20.0].into_iter().zip(odrives()) {
             let _ = ends(Make::Odrive, &firmware, 400, || {
-                move |way: Direction, frame: Frame| {
-                    let Some((torque, _)) = codec::two_floats(frame.data()).filter(|_| torque(way, &frame)) else {
+                move |direction: Direction, frame: Frame| {
+                    let Some((torque, _)) = codec::two_floats(frame.data()).filter(|_| torque(direction, &frame))
+                    else {
                         return vec![frame];
                     };
                     vec![Frame::classic(frame.id, &codec::floats(part * torque, 0.0))]
@@ -133,7 +134,7 @@ fn an_idle_drive_ends_the_loop_though_no_heartbeat_reports_it() {
             for repeated in [false, true] {
                 ends(Make::Odrive, &firmware, 100_000, || {
                     let mut is_idle = false;
-                    move |way: Direction, frame: Frame| match way {
+                    move |direction: Direction, frame: Frame| match direction {
                         Direction::FromDrive if is(&frame, Command::Heartbeat) && repeated => {
                             let armed = codec::Heartbeat { error: 0, state: 8 };
                             vec![Frame::classic(frame.id, &armed.data())]
@@ -174,8 +175,8 @@ fn a_drive_that_does_not_report_its_torque_ends_the_loop() {
     in_time(|| {
         for (firmware, kind) in odrives().iter().zip([Command::Torques, Command::Torques, Command::Current]) {
             let ended = fault(ends(Make::Odrive, firmware, 100, || {
-                move |way: Direction, frame: Frame| {
-                    if way == Direction::FromDrive && is(&frame, kind) { vec![] } else { vec![frame] }
+                move |direction: Direction, frame: Frame| {
+                    if direction == Direction::FromDrive && is(&frame, kind) { vec![] } else { vec![frame] }
                 }
             }));
             assert_eq!(ended.reason, Some(Reason::Late), "{ended}");
@@ -188,10 +189,10 @@ fn answers_with_their_identifiers_swapped_end_the_loop() {
     in_time(|| {
         for (one, other) in [(0x29, 0x3c), (0x29, 0x21), (0x3c, 0x21)] {
             let _ = ends(Make::Odrive, &odrives()[0], 100_000, || {
-                move |way: Direction, frame: Frame| {
+                move |direction: Direction, frame: Frame| {
                     let id = match frame.id {
-                        id if way == Direction::FromDrive && id == one => other,
-                        id if way == Direction::FromDrive && id == other => one,
+                        id if direction == Direction::FromDrive && id == one => other,
+                        id if direction == Direction::FromDrive && id == other => one,
                         id => id,
                     };
                     vec![if frame.remote { frame } else { Frame::classic(id, frame.data()) }]
@@ -202,13 +203,14 @@ fn answers_with_their_identifiers_swapped_end_the_loop() {
 }
 
 /// The kind of a moteus's frame: a command writes a mode, a request does not.
-fn commands(way: Direction, frame: &Frame) -> bool {
-    way == Direction::ToDrive && Parser::new(frame.data()).any(|part| matches!(part, Subframe::Write(0x000, _)))
+fn commands(direction: Direction, frame: &Frame) -> bool {
+    direction == Direction::ToDrive && Parser::new(frame.data()).any(|part| matches!(part, Subframe::Write(0x000, _)))
 }
 
 /// An answer to a command, which contains no position.
-fn answers_a_command(way: Direction, frame: &Frame) -> bool {
-    way == Direction::FromDrive && !Parser::new(frame.data()).any(|part| matches!(part, Subframe::Reply(0x001, _)))
+fn answers_a_command(direction: Direction, frame: &Frame) -> bool {
+    direction == Direction::FromDrive
+        && !Parser::new(frame.data()).any(|part| matches!(part, Subframe::Reply(0x001, _)))
 }
 
 /// The frame of another host.
@@ -224,8 +226,8 @@ fn a_moteus_that_is_stopped_between_request_and_command_stays_stopped() {
         let bench = TestBench::new(Make::Moteus, None, Box::new(moteus()), &world, lockstep(&world));
         let mut looped = bench.running(&world, ANSWER_MS);
         let mut is_stopped = false;
-        bench.faults.intercept(move |way, frame| {
-            let is_first = commands(way, &frame) && !is_stopped;
+        bench.faults.intercept(move |direction, frame| {
+            let is_first = commands(direction, &frame) && !is_stopped;
             is_stopped |= is_first;
             if is_first { vec![stop(), frame] } else { vec![frame] }
         });
@@ -245,19 +247,19 @@ fn a_moteus_that_is_stopped_between_request_and_command_stays_stopped() {
 fn a_moteus_whose_commands_or_their_answers_are_lost_ends_the_loop() {
     in_time(|| {
         let _ = ends(Make::Moteus, &moteus(), 40, || {
-            |way: Direction, frame: Frame| if commands(way, &frame) { vec![] } else { vec![frame] }
+            |direction: Direction, frame: Frame| if commands(direction, &frame) { vec![] } else { vec![frame] }
         });
         // Enough frames arrive to feed its watchdog.
         let ended = fault(ends(Make::Moteus, &moteus(), 40, || {
             let mut k = 0;
-            move |way: Direction, frame: Frame| {
-                k += u32::from(commands(way, &frame));
-                if commands(way, &frame) && k % 9 != 0 { vec![] } else { vec![frame] }
+            move |direction: Direction, frame: Frame| {
+                k += u32::from(commands(direction, &frame));
+                if commands(direction, &frame) && k % 9 != 0 { vec![] } else { vec![frame] }
             }
         }));
         assert_eq!(ended.reason, Some(Reason::Late), "{ended}");
         let ended = fault(ends(Make::Moteus, &moteus(), 40, || {
-            |way: Direction, frame: Frame| if answers_a_command(way, &frame) { vec![] } else { vec![frame] }
+            |direction: Direction, frame: Frame| if answers_a_command(direction, &frame) { vec![] } else { vec![frame] }
         }));
         assert_eq!(ended.reason, Some(Reason::Late), "{ended}");
     });
@@ -269,8 +271,8 @@ fn a_late_or_repeated_command_ends_the_loop() {
         for (late, again) in [(1, false), (3, false), (0, true)] {
             let ended = fault(ends(Make::Moteus, &moteus(), 20, || {
                 let mut held = VecDeque::new();
-                move |way: Direction, frame: Frame| {
-                    if !commands(way, &frame) {
+                move |direction: Direction, frame: Frame| {
+                    if !commands(direction, &frame) {
                         return vec![frame];
                     }
                     held.push_back(frame);
@@ -292,8 +294,8 @@ fn an_old_answer_of_a_moteus_never_counts_as_a_new_one() {
     in_time(|| {
         let ends = ends(Make::Moteus, &moteus(), 40, || {
             let mut first = None;
-            move |way: Direction, frame: Frame| {
-                let is_answer = way == Direction::FromDrive && !answers_a_command(way, &frame);
+            move |direction: Direction, frame: Frame| {
+                let is_answer = direction == Direction::FromDrive && !answers_a_command(direction, &frame);
                 vec![if is_answer { *first.get_or_insert(frame) } else { frame }]
             }
         });
@@ -377,26 +379,26 @@ fn for_any_faults_of_frames_of_one_kind_no_torque_stays_that_is_not_commanded() 
             (Direction::FromDrive, 0x01),
         ];
         // Waiting for heartbeats takes most of the time.
-        for (way, kind) in kinds {
+        for (direction, kind) in kinds {
             std::thread::scope(|scope| {
                 for act in acts {
-                    let is_kind = move |to, frame: &Frame| to == way && frame.id & 0x1f == kind;
+                    let is_kind = move |to, frame: &Frame| to == direction && frame.id & 0x1f == kind;
                     scope.spawn(move || is_safe(Make::Odrive, Box::new(odrives()[0].clone()), act, is_kind));
                 }
             });
         }
         for act in acts {
             is_safe(Make::Moteus, Box::new(moteus()), act, commands);
-            is_safe(Make::Moteus, Box::new(moteus()), act, |way, frame| {
-                way == Direction::ToDrive && !commands(way, frame)
+            is_safe(Make::Moteus, Box::new(moteus()), act, |direction, frame| {
+                direction == Direction::ToDrive && !commands(direction, frame)
             });
             is_safe(Make::Moteus, Box::new(moteus()), act, answers_a_command);
-            is_safe(Make::Moteus, Box::new(moteus()), act, |way, frame| {
-                way == Direction::FromDrive && !answers_a_command(way, frame)
+            is_safe(Make::Moteus, Box::new(moteus()), act, |direction, frame| {
+                direction == Direction::FromDrive && !answers_a_command(direction, frame)
             });
-            for way in [Direction::ToDrive, Direction::FromDrive] {
+            for direction in [Direction::ToDrive, Direction::FromDrive] {
                 for kind in [b'T', b'Q', b'E'] {
-                    let is_kind = move |to, frame: &Frame| to == way && frame.id == u32::from(kind);
+                    let is_kind = move |to, frame: &Frame| to == direction && frame.id == u32::from(kind);
                     is_safe(Make::Simplefoc, Box::new(simplefoc::Simulated::new()), act, is_kind);
                 }
             }
@@ -414,8 +416,8 @@ fn is_safe(
     let bench = TestBench::new(make, None, firmware, &world, lockstep(&world));
     let mut looped = bench.running(&world, ANSWER_MS);
     let mut past = VecDeque::new();
-    bench.faults.intercept(move |way, frame| {
-        if !is_kind(way, &frame) {
+    bench.faults.intercept(move |direction, frame| {
+        if !is_kind(direction, &frame) {
             return vec![frame];
         }
         match act {
@@ -430,16 +432,16 @@ fn is_safe(
             }
         }
     });
-    let mut asked = [0.0; 3];
+    let mut requested = [0.0; 3];
     let mut strange = 0;
     for _ in 0..400 {
         match looped.sample(None) {
             Ok(record) if record.phase.is_active() => {
                 let torque = bench.faults.torque();
-                let is_asked = asked.iter().any(|asked| (asked - torque).abs() < SAME);
-                strange = if is_asked { 0 } else { strange + 1 };
-                assert!(strange < 60, "{make:?} {act:?}: {torque} N m, and {asked:?} were asked for");
-                asked = [record.output, asked[0], asked[1]];
+                let is_requested = requested.iter().any(|requested| (requested - torque).abs() < SAME);
+                strange = if is_requested { 0 } else { strange + 1 };
+                assert!(strange < 60, "{make:?} {act:?}: {torque} N m, and {requested:?} were asked for");
+                requested = [record.output, requested[0], requested[1]];
             }
             _ => {
                 let _ = looped.sample(None);

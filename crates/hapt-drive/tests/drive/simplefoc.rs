@@ -281,11 +281,11 @@ fn no_command_gives_a_torque_beyond_the_limit() {
         let bench = TestBench::new(Make::Simplefoc, None, Box::new(Simulated::new()), &world, lockstep(&world));
         let number = prop_oneof![any::<f64>(), -0.2..0.2, Just(f64::NAN), Just(f64::INFINITY)];
         let wheel = RefCell::new(bench.wheel(&world));
-        let (asked, made) = (Cell::new(0), Cell::new(0));
+        let (requested, made) = (Cell::new(0), Cell::new(0));
         TestRunner::new(cases(256))
             .run(&number, |torque| {
                 let mut wheel = wheel.borrow_mut();
-                asked.set(asked.get() + 1);
+                requested.set(requested.get() + 1);
                 // If the machine pauses, the watchdog ends it.
                 let Ok(_) = wheel.read().and_then(|_| wheel.write(torque)).and_then(|()| wheel.read()) else {
                     *wheel = bench.wheel(&world);
@@ -299,6 +299,6 @@ fn no_command_gives_a_torque_beyond_the_limit() {
                 Ok(())
             })
             .unwrap();
-        assert!(2 * made.get() > asked.get(), "{made:?} of {asked:?}");
+        assert!(2 * made.get() > requested.get(), "{made:?} of {requested:?}");
     });
 }

@@ -303,17 +303,17 @@ fn the_simulated_board_answers_as_the_sketch_does() {
                         // A line without an answer is followed by one with an answer.
                         let fence = Frame::fd(b'V'.into(), &[0xff]);
                         client.send(&fence, soon()).unwrap();
-                        let mut said = None;
+                        let mut answered = None;
                         loop {
                             let answer = client.receive(soon()).unwrap().expect("the fence is answered");
                             if answer.data()[0] == 0xff {
                                 break;
                             }
-                            said = Some(answer);
+                            answered = Some(answer);
                         }
                         // Kind, number, state and last target.
                         let of = |frame: Option<Frame>| frame.map(|frame| (frame.id, frame.data()[..3].to_vec()));
-                        (of(said) != of(wanted)).then(|| format!("line {i}: {said:?}, {wanted:?}"))
+                        (of(answered) != of(wanted)).then(|| format!("line {i}: {answered:?}, {wanted:?}"))
                     });
                     match differs {
                         None => break,
@@ -336,28 +336,28 @@ fn a_malformed_line_has_no_answer() {
         let line = RefCell::new(Line::open(&board.ours).unwrap());
         let (sought, right) = (sound(b'Q', &[1]), sound(b'T', &float(2, 0.5)));
         let (first, second) = sought.split_at(4);
-        let is_alone = |wrong: &[u8]| {
+        let is_ignored = |wrong: &[u8]| {
             let mut line = line.borrow_mut();
             line.write(wrong, soon()).unwrap();
             // The next valid line is answered, also in two parts.
             line.write(first.as_bytes(), soon()).unwrap();
             std::thread::sleep(Duration::from_millis(1));
             line.write(second.as_bytes(), soon()).unwrap();
-            let mut said = Vec::new();
-            while !said.ends_with(b"\n") {
+            let mut answer = Vec::new();
+            while !answer.ends_with(b"\n") {
                 let mut some = [0; 100];
                 let count = line.read(&mut some, soon()).unwrap();
                 assert!(count > 0, "no answer to the sound line");
-                said.extend(&some[..count]);
+                answer.extend(&some[..count]);
             }
-            let said = String::from_utf8(said).unwrap();
-            assert!(said.starts_with("hQ01") && said.matches('\n').count() == 1, "{wrong:?}: {said:?}");
+            let answer = String::from_utf8(answer).unwrap();
+            assert!(answer.starts_with("hQ01") && answer.matches('\n').count() == 1, "{wrong:?}: {answer:?}");
         };
         let mut lower = right.to_lowercase();
         lower.replace_range(0..2, "HT");
         let long = format!("{}{right}", "H".repeat(20));
         for wrong in [&long, &lower, &right.replace('\n', "\r\n"), &right.replace("HT", "HT "), "HT\n", "H\n", "\n"] {
-            is_alone(wrong.as_bytes());
+            is_ignored(wrong.as_bytes());
         }
         // One digit of any line replaced: only the checksum detects it.
         let wrong = (0..right.len() - 3, 0..15_u8, any::<bool>(), -1.0_f32..1.0);
@@ -370,7 +370,7 @@ fn a_malformed_line_has_no_answer() {
                 if is_cut {
                     wrong.remove(2 + at);
                 }
-                is_alone(&wrong);
+                is_ignored(&wrong);
                 Ok(())
             })
             .unwrap();

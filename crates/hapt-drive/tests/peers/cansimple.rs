@@ -12,8 +12,8 @@ use crate::python::{ODRIVE_CAN, python};
 
 /// The contents of the DBC files, requested line by line.
 struct Oracle {
-    asked: ChildStdin,
-    said: Lines<BufReader<ChildStdout>>,
+    questions: ChildStdin,
+    answers: Lines<BufReader<ChildStdout>>,
     program: Child,
 }
 
@@ -30,20 +30,20 @@ impl Oracle {
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
-        let (asked, said) = (program.stdin.take().unwrap(), program.stdout.take().unwrap());
-        Some(Oracle { asked, said: BufReader::new(said).lines(), program })
+        let (questions, answers) = (program.stdin.take().unwrap(), program.stdout.take().unwrap());
+        Some(Oracle { questions, answers: BufReader::new(answers).lines(), program })
     }
 
     fn ask(&mut self, line: &str) -> String {
-        writeln!(self.asked, "{line}").unwrap();
-        self.said.next().unwrap_or_else(|| panic!("{line}: the DBC says nothing")).unwrap()
+        writeln!(self.questions, "{line}").unwrap();
+        self.answers.next().unwrap_or_else(|| panic!("{line}: the DBC says nothing")).unwrap()
     }
 
     /// The identifier, and the signals of the data.
     fn decode(&mut self, version: &str, name: &str, data: &[u8]) -> (u16, BTreeMap<String, f64>) {
         let hex: String = data.iter().map(|byte| format!("{byte:02x}")).collect();
-        let said = self.ask(&format!("{version} decode {name} {hex}"));
-        let mut words = said.split(' ');
+        let answer = self.ask(&format!("{version} decode {name} {hex}"));
+        let mut words = answer.split(' ');
         let id = u16::from_str_radix(words.next().unwrap(), 16).unwrap();
         let signals = words.map(|word| word.split_once('=').unwrap());
         (id, signals.map(|(name, value)| (name.into(), value.parse().unwrap())).collect())
@@ -52,8 +52,8 @@ impl Oracle {
     /// The identifier and the data of a drive's message.
     fn encode(&mut self, version: &str, name: &str, signals: &[(&str, f64)]) -> (u16, Vec<u8>) {
         let signals: String = signals.iter().map(|(name, value)| format!(" {name}={value:?}")).collect();
-        let said = self.ask(&format!("{version} encode {name}{signals}"));
-        let (id, hex) = said.split_once(' ').unwrap();
+        let answer = self.ask(&format!("{version} encode {name}{signals}"));
+        let (id, hex) = answer.split_once(' ').unwrap();
         let digits: Vec<u32> = hex.chars().map(|digit| digit.to_digit(16).unwrap()).collect();
         let data = digits.chunks(2).map(|pair| (pair[0] << 4 | pair[1]) as u8).collect();
         (u16::from_str_radix(id, 16).unwrap(), data)

@@ -22,17 +22,18 @@ fn odrive_can_drives_the_simulated_drive() {
             let firmware = Simulated::new(1).with_watchdog(Some(0.5)).with_estimates(Some(0.01));
             let bench = TestBench::new(Make::Odrive, None, Box::new(firmware), &world, Time::Real);
             let Place::Port(port) = &bench.place else { unreachable!("it is behind a port") };
-            let said = Command::new(&python)
+            let output = Command::new(&python)
                 .arg(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/peers/odrive_client.py"))
                 .arg(port)
                 .arg(world.device.inertia.to_string())
                 .output()
                 .unwrap();
-            let text = [&said.stdout, &said.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned()).join("\n");
+            let text =
+                [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned()).join("\n");
             if attempt < ATTEMPTS && text.contains("TimeoutError") {
                 continue;
             }
-            assert!(said.status.success() && text.starts_with("done"), "{text}");
+            assert!(output.status.success() && text.starts_with("done"), "{text}");
             assert_eq!(bench.faults.torque(), 0.0);
             return;
         }

@@ -37,10 +37,10 @@ fn the_makers_own_library_works_on_the_simulated_drive() {
             move || simulator.run(|| ends.load(Ordering::SeqCst))
         });
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/peers/official.py");
-        let said = Command::new(python).arg(script).arg(&path).output().unwrap();
+        let output = Command::new(python).arg(script).arg(&path).output().unwrap();
         ends.store(true, Ordering::SeqCst);
         thread.join().unwrap().unwrap();
-        let (out, err) = (String::from_utf8_lossy(&said.stdout), String::from_utf8_lossy(&said.stderr));
-        assert!(said.status.success() && out.ends_with("well\n"), "{out}{err}");
+        let (out, err) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        assert!(output.status.success() && out.ends_with("well\n"), "{out}{err}");
     });
 }

@@ -17,8 +17,8 @@ pub const MOTEUS: (&str, &str) = ("moteus", "moteus");
 pub fn python((name, imports): (&str, &str)) -> Option<PathBuf> {
     let own = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name).join("bin/python");
     let has = |python: &Path| {
-        let said = Command::new(python).args(["-c", &format!("import {imports}")]).output();
-        said.is_ok_and(|said| said.status.success())
+        let output = Command::new(python).args(["-c", &format!("import {imports}")]).output();
+        output.is_ok_and(|output| output.status.success())
     };
     let found = [own, "python3".into()].into_iter().find(|python| has(python));
     assert!(

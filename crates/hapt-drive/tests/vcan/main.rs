@@ -34,7 +34,7 @@ fn on_the_bus(test: impl Fn(Make, &str)) {
         println!("SKIPPED: needs a CAN interface in HAPT_CAN, such as vcan0; cargo xtask guest has one");
         return;
     };
-    let _alone = BUS.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    let _bus = BUS.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
     for make in Make::ALL.into_iter().filter(|make| make.has_can()) {
         println!("{}", make.name());
         test(make, &interface);
@@ -118,8 +118,8 @@ fn a_drive_that_is_killed_is_gone() {
 }
 
 fn link(interface: &str, how: &str) {
-    let said = Command::new("ip").args(["link", "set", interface, how]).status();
-    assert!(said.is_ok_and(|status| status.success()), "ip link set {interface} {how}");
+    let status = Command::new("ip").args(["link", "set", interface, how]).status();
+    assert!(status.is_ok_and(|status| status.success()), "ip link set {interface} {how}");
 }
 
 #[test]

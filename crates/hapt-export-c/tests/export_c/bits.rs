@@ -388,11 +388,11 @@ fn an_atmega328p_has_the_bits_of_a_computer_or_refuses() {
         let flags = ["-std=c99", "-Os", &period, exact, "avr.c", "-o"];
         let avr = [&["-mmcu=atmega328p", "-DF_CPU=16000000UL"], &flags[..], &["program.elf"]].concat();
         let built = Command::new(AVR).args(avr).current_dir(folder.path()).output().unwrap();
-        let said = String::from_utf8_lossy(&built.stderr);
+        let printed = String::from_utf8_lossy(&built.stderr);
         if c.source.contains("doubles of 64 bits") {
             assert!(
-                !built.status.success() && said.contains("a world without detents and textures"),
-                "world {i}: {said}"
+                !built.status.success() && printed.contains("a world without detents and textures"),
+                "world {i}: {printed}"
             );
             refused += 1;
             continue;
@@ -401,10 +401,10 @@ fn an_atmega328p_has_the_bits_of_a_computer_or_refuses() {
         let (flash, ram) =
             if built.status.success() { memory(&folder.path().join("program.elf")) } else { (u64::MAX, u64::MAX) };
         if flash > FLASH || ram > RAM {
-            assert!(built.status.success() || said.contains("region"), "world {i}: {said}");
+            assert!(built.status.success() || printed.contains("region"), "world {i}: {printed}");
             continue;
         }
-        assert!(!said.contains("w.c:"), "world {i}: {said}");
+        assert!(!printed.contains("w.c:"), "world {i}: {printed}");
         compile("gcc", &[&flags[..], &["program"]].concat(), folder.path());
         let board = Command::new(SIMAVR)
             .args(["-m", "atmega328p", "-f", "16000000", "program.elf"])
@@ -428,8 +428,8 @@ fn an_atmega328p_has_the_bits_of_a_computer_or_refuses() {
 
 /// The flash and RAM of a program.
 fn memory(program: &Path) -> (u64, u64) {
-    let said = Command::new("avr-size").arg(program).output().unwrap();
-    let text = String::from_utf8_lossy(&said.stdout).into_owned();
+    let output = Command::new("avr-size").arg(program).output().unwrap();
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
     let row: Vec<u64> = text.lines().nth(1).unwrap().split_whitespace().filter_map(|x| x.parse().ok()).collect();
     (row[0] + row[1], row[1] + row[2])
 }

@@ -91,6 +91,6 @@ pub fn has_avr() -> bool {
 /// Runs a compiler; a warning fails the test.
 pub fn compile(compiler: &str, arguments: &[&str], folder: &Path) {
     let ran = Command::new(compiler).args(WARNINGS).args(arguments).current_dir(folder).output().unwrap();
-    let said = String::from_utf8_lossy(&ran.stderr);
-    assert!(ran.status.success(), "{compiler} {arguments:?} in {}: {said}", folder.display());
+    let printed = String::from_utf8_lossy(&ran.stderr);
+    assert!(ran.status.success(), "{compiler} {arguments:?} in {}: {printed}", folder.display());
 }

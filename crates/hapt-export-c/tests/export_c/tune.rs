@@ -60,7 +60,7 @@ fn with(world: &World, tune: &Tune, value: f64) -> World {
 }
 
 /// The parameter that is requested at each sample, or -1, and its value.
-fn asked(world: &World, tunes: &[Tune], samples: usize, seed: u64) -> Vec<[f64; 2]> {
+fn requests(world: &World, tunes: &[Tune], samples: usize, seed: u64) -> Vec<[f64; 2]> {
     let mut seed = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     let mut of = move || random(&mut seed);
     (0..samples)
@@ -89,7 +89,12 @@ fn value(world: &World, tune: &Tune) -> f64 {
 }
 
 /// The core's results with these values compiled, and the expected result of every request.
-fn core<F: Real>(world: &World, tunes: &[Tune], readings: &[[f64; 8]], asked: &[[f64; 2]]) -> (Vec<f64>, [usize; 5]) {
+fn core<F: Real>(
+    world: &World,
+    tunes: &[Tune],
+    readings: &[[f64; 8]],
+    requests: &[[f64; 2]],
+) -> (Vec<f64>, [usize; 5]) {
     let compiled = |world: &World| {
         Box::new(Controller::<F, BODIES, COUPLINGS, COUNTS>::new(&world.spec(), &world.limits).unwrap())
     };
@@ -99,7 +104,7 @@ fn core<F: Real>(world: &World, tunes: &[Tune], readings: &[[f64; 8]], asked: &[
     let mut state = controller.start();
     let (mut phase, mut changed) = (Phase::Disarmed, None);
     let (mut shown, mut seen) = (Vec::new(), [0; 5]);
-    for (row, &[which, wanted]) in readings.iter().zip(asked) {
+    for (row, &[which, wanted]) in readings.iter().zip(requests) {
         let mut code = 0;
         if which >= 0.0 {
             let i = which as usize;
@@ -168,14 +173,14 @@ fn agree(worlds: &[(World, Vec<Tune>)], float: Float, compiler: &str, options: &
         fs::write(folder.path().join(format!("w{i}.c")), source).unwrap();
         fs::write(folder.path().join(format!("w{i}.h")), header).unwrap();
         let readings = readings(world, i as u64 + 1, true);
-        let asked = asked(world, tunes, readings.len(), i as u64 + 1);
+        let requests = requests(world, tunes, readings.len(), i as u64 + 1);
         let (shown, codes) = match float {
-            Float::F32 => core::<f32>(world, tunes, &readings, &asked),
-            Float::F64 => core::<f64>(world, tunes, &readings, &asked),
+            Float::F32 => core::<f32>(world, tunes, &readings, &requests),
+            Float::F64 => core::<f64>(world, tunes, &readings, &requests),
         };
         wanted.extend(shown);
         seen.iter_mut().zip(codes).for_each(|(all, new)| *all += new);
-        input.extend(readings.iter().zip(&asked).flat_map(|(x, y)| x.iter().chain(y)).flat_map(|x| x.to_le_bytes()));
+        input.extend(readings.iter().zip(&requests).flat_map(|(x, y)| x.iter().chain(y)).flat_map(|x| x.to_le_bytes()));
     }
     let samples = input.len() / (80 * worlds.len());
     fs::write(folder.path().join("main.c"), program(worlds, samples)).unwrap();

@@ -1,6 +1,6 @@
 //! The cases of the conformance test: effects that are played on a wheel.
 
-use super::asked::{Asked, Condition, Envelope, Form, LEFT, Law, RIGHT, Wave};
+use super::effect::{Condition, Envelope, Form, HostEffect, LEFT, Law, RIGHT, Wave};
 use super::meaning::{Action, Played};
 
 /// How a case treats the wheel's own scale of a law.
@@ -47,9 +47,9 @@ const START: f64 = 0.3;
 const LONG: f64 = 10.0;
 
 /// An effect that starts once and has a length beyond the case; effects without a length have their own case.
-fn once(asked: Asked) -> Played {
-    let asked = Asked { length: asked.length.or(Some(LONG)), ..asked };
-    Played { asked, actions: vec![(START, Action::Start(1))] }
+fn once(requested: HostEffect) -> Played {
+    let requested = HostEffect { length: requested.length.or(Some(LONG)), ..requested };
+    Played { requested, actions: vec![(START, Action::Start(1))] }
 }
 
 fn percent(share: f64) -> String {
@@ -61,7 +61,7 @@ fn plain(name: &'static str, asks: String, effects: Vec<Played>, seconds: f64) -
 }
 
 fn condition(name: &'static str, asks: String, law: Law, numbers: Condition, scale: Scale) -> Case {
-    let effects = vec![once(Asked::condition(law, numbers))];
+    let effects = vec![once(HostEffect::condition(law, numbers))];
     Case { name, asks, effects, gain: 1.0, seconds: 3.2, scale, wide: true }
 }
 
@@ -72,14 +72,14 @@ pub fn cases(level: f64) -> Vec<Case> {
 }
 
 fn torques(level: f64) -> Vec<Case> {
-    let left = |level: f64| Asked::constant(level, LEFT);
+    let left = |level: f64| HostEffect::constant(level, LEFT);
     let full = percent(level);
-    let timed = |asked: Asked, count: u32| Played { asked, actions: vec![(START, Action::Start(count))] };
+    let timed = |requested: HostEffect, count: u32| Played { requested, actions: vec![(START, Action::Start(count))] };
     let mut stopped = once(left(level));
     stopped.actions.push((1.3, Action::Stop));
     let mut changed = once(left(level));
-    changed.actions.push((1.2, Action::Change(Asked { length: Some(LONG), ..left(-0.5 * level) })));
-    let enveloped = Asked {
+    changed.actions.push((1.2, Action::Change(HostEffect { length: Some(LONG), ..left(-0.5 * level) })));
+    let enveloped = HostEffect {
         form: Form::Constant {
             level,
             envelope: Envelope { attack: 0.6, attack_level: 0.0, fade: 0.6, fade_level: 0.0 },
@@ -89,37 +89,42 @@ fn torques(level: f64) -> Vec<Case> {
     };
     vec![
         plain("constant", format!("{full} to the left for 1 s, then stopped"), vec![stopped], 2.2),
-        plain("constant to the right", format!("{full} to the right"), vec![once(Asked::constant(level, RIGHT))], 1.6),
+        plain(
+            "constant to the right",
+            format!("{full} to the right"),
+            vec![once(HostEffect::constant(level, RIGHT))],
+            1.6,
+        ),
         plain(
             "without length",
             format!("{full} to the left until it is stopped"),
-            vec![Played { asked: left(level), actions: vec![(START, Action::Start(1)), (1.3, Action::Stop)] }],
+            vec![Played { requested: left(level), actions: vec![(START, Action::Start(1)), (1.3, Action::Stop)] }],
             2.2,
         ),
-        plain("direction", format!("{full} from 45° of the left"), vec![once(Asked::constant(level, 0.125))], 1.6),
+        plain("direction", format!("{full} from 45° of the left"), vec![once(HostEffect::constant(level, 0.125))], 1.6),
         Case {
             gain: 0.5,
             ..plain("gain", format!("{full} at half of the device's gain"), vec![once(left(level))], 1.8)
         },
         plain("envelope", format!("{full} with attack and fade of 0.6 s from 0"), vec![once(enveloped)], 2.4),
-        plain("length", format!("{full} for 0.6 s"), vec![once(Asked { length: Some(0.6), ..left(level) })], 1.8),
+        plain("length", format!("{full} for 0.6 s"), vec![once(HostEffect { length: Some(0.6), ..left(level) })], 1.8),
         plain(
             "delay",
             format!("{full} for 0.7 s, after a delay of 0.6 s"),
-            vec![once(Asked { length: Some(0.7), delay: 0.6, ..left(level) })],
+            vec![once(HostEffect { length: Some(0.7), delay: 0.6, ..left(level) })],
             2.2,
         ),
         plain(
             "count",
             format!("{full} for 0.4 s, three times in a row"),
-            vec![timed(Asked { length: Some(0.4), ..left(level) }, 3)],
+            vec![timed(HostEffect { length: Some(0.4), ..left(level) }, 3)],
             2.2,
         ),
         plain("change", format!("{full} to the left, then half of it to the right"), vec![changed], 2.2),
         plain(
             "sum",
             format!("{full} to the left and half of it to the right at once"),
-            vec![once(left(level)), once(Asked::constant(0.5 * level, RIGHT))],
+            vec![once(left(level)), once(HostEffect::constant(0.5 * level, RIGHT))],
             1.8,
         ),
     ]
@@ -128,11 +133,15 @@ fn torques(level: f64) -> Vec<Case> {
 fn waves(level: f64) -> Vec<Case> {
     let periodic = |wave, phase, offset| {
         let form = Form::Periodic { wave, magnitude: level, offset, phase, period: 0.8 };
-        once(Asked { form, ..Asked::constant(0.0, LEFT) })
+        once(HostEffect { form, ..HostEffect::constant(0.0, LEFT) })
     };
     let wave =
         |name, asks: &str, effect| plain(name, format!("{} over 0.8 s{asks}", percent(level)), vec![effect], 2.4);
-    let ramp = Asked { form: Form::Ramp { from: -level, to: level }, length: Some(1.5), ..Asked::constant(0.0, LEFT) };
+    let ramp = HostEffect {
+        form: Form::Ramp { from: -level, to: level },
+        length: Some(1.5),
+        ..HostEffect::constant(0.0, LEFT)
+    };
     vec![
         wave("sine", "", periodic(Wave::Sine, 0.0, 0.0)),
         wave("phase", ", a sine from a quarter of a turn on", periodic(Wave::Sine, 0.25, 0.0)),
@@ -150,8 +159,10 @@ fn springs() -> Vec<Case> {
     let full = Condition::even(1.0);
     let mut second = spring("second axis", "full coefficient, and a quarter on a second axis", full);
     let axes = [full, Condition::even(0.25)];
-    second.effects =
-        vec![once(Asked { form: Form::Condition { law: Law::Spring, axes }, ..Asked::condition(Law::Spring, full) })];
+    second.effects = vec![once(HostEffect {
+        form: Form::Condition { law: Law::Spring, axes },
+        ..HostEffect::condition(Law::Spring, full)
+    })];
     vec![
         spring("spring", "full coefficient", full),
         spring("half a spring", "half of the coefficient", Condition::even(0.5)),

@@ -13,7 +13,7 @@ use input_linux::{AbsoluteAxis, AbsoluteInfo, EvdevHandle, ForceFeedbackKind};
 
 use rustix::ioctl::{Opcode, Setter, ioctl, opcode};
 
-use super::asked::{Asked, Condition, Envelope, Form, Law, Wave};
+use super::effect::{Condition, Envelope, Form, HostEffect, Law, Wave};
 use super::run::{ConformError, Wheel};
 
 /// The folder of the kernel's input devices.
@@ -208,11 +208,11 @@ impl Wheel for Evdev {
         self.since(SystemTime::now())
     }
 
-    fn put(&mut self, place: usize, asked: &Asked) -> Result<(), ConformError> {
+    fn put(&mut self, place: usize, requested: &HostEffect) -> Result<(), ConformError> {
         if self.numbers.len() <= place {
             self.numbers.resize(place + 1, None);
         }
-        let mut effect = effect(asked, self.numbers[place].unwrap_or(-1));
+        let mut effect = effect(requested, self.numbers[place].unwrap_or(-1));
         self.handle.send_force_feedback(&mut effect).map_err(|error| self.failed(&error))?;
         self.numbers[place] = Some(effect.id);
         Ok(())
@@ -294,8 +294,8 @@ fn numbers(of: &Condition) -> sys::ff_condition_effect {
 }
 
 /// The effect in the driver's form.
-fn effect(asked: &Asked, id: i16) -> ff_effect {
-    let kind = match asked.form {
+fn effect(requested: &HostEffect, id: i16) -> ff_effect {
+    let kind = match requested.form {
         Form::Constant { .. } => sys::FF_CONSTANT,
         Form::Ramp { .. } => sys::FF_RAMP,
         Form::Periodic { .. } => sys::FF_PERIODIC,
@@ -307,13 +307,13 @@ fn effect(asked: &Asked, id: i16) -> ff_effect {
     let mut effect = ff_effect {
         type_: kind,
         id,
-        direction: (65_536.0 * asked.direction).round() as u16,
+        direction: (65_536.0 * requested.direction).round() as u16,
         trigger: sys::ff_trigger { button: 0, interval: 0 },
-        replay: sys::ff_replay { length: asked.length.map_or(0, ms), delay: ms(asked.delay) },
+        replay: sys::ff_replay { length: requested.length.map_or(0, ms), delay: ms(requested.delay) },
         u: [0; 4],
     };
     let part: &mut ff_effect_union = (&mut effect).into();
-    match &asked.form {
+    match &requested.form {
         Form::Constant { level, envelope: of } => {
             *part.constant_mut() = sys::ff_constant_effect { level: signed(*level), envelope: envelope(of) };
         }

@@ -1,7 +1,7 @@
 //! Compares the torque that acted on a wheel with the requested one.
 
-use super::asked::Law;
 use super::cases::{Case, Scale};
+use super::effect::Law;
 use super::meaning::{Action, KnownError, Played, torque};
 use super::motion::Course;
 use super::plant::Plant;

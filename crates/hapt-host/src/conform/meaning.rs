@@ -1,7 +1,7 @@
 //! The meaning of effects, by the standard ("Device Class Definition for Physical Interface Devices", version 1.0) and Linux's `linux/input.h`, and the
 //! known errors of drivers.
 
-use super::asked::{Asked, Condition, Envelope, Form, Law, Wave};
+use super::effect::{Condition, Envelope, Form, HostEffect, Law, Wave};
 
 /// Below this velocity a friction's torque is not determined, in half ranges per second.
 pub const SLOW: f64 = 0.02;
@@ -105,7 +105,7 @@ pub enum Action {
     /// It starts, this many times in a row.
     Start(u32),
     /// It has other numbers.
-    Change(Asked),
+    Change(HostEffect),
     /// It stops.
     Stop,
 }
@@ -114,24 +114,24 @@ pub enum Action {
 #[derive(Clone, Debug)]
 pub struct Played {
     /// Its initial numbers.
-    pub asked: Asked,
+    pub requested: HostEffect,
     /// The times in s, and the actions.
     pub actions: Vec<(f64, Action)>,
 }
 
 impl Played {
     /// The time of its last start before `time`, the number of times that it plays, and its numbers then.
-    fn at(&self, time: f64, error: Option<KnownError>) -> Option<(f64, u32, Asked)> {
-        let (mut started, mut asked) = (None, self.asked);
+    fn at(&self, time: f64, error: Option<KnownError>) -> Option<(f64, u32, HostEffect)> {
+        let (mut started, mut requested) = (None, self.requested);
         for (when, action) in self.actions.iter().take_while(|(when, _)| *when <= time) {
             match action {
                 Action::Start(count) => started = Some((*when, *count)),
-                Action::Change(next) if error != Some(KnownError::Update) || started.is_none() => asked = *next,
+                Action::Change(next) if error != Some(KnownError::Update) || started.is_none() => requested = *next,
                 Action::Stop if error != Some(KnownError::Stop) => started = None,
                 Action::Change(_) | Action::Stop => {}
             }
         }
-        started.map(|(since, count)| (since, count, asked))
+        started.map(|(since, count)| (since, count, requested))
     }
 
     /// Whether it has been started and not been stopped.
@@ -141,11 +141,11 @@ impl Played {
 
     /// The torque at `time`, under an error.
     fn torque(&self, time: f64, motion: &WheelMotion, error: Option<KnownError>) -> Option<Torque> {
-        let (since, count, asked) = self.at(time, error)?;
-        let delay = if error == Some(KnownError::Delay) { 0.0 } else { asked.delay };
+        let (since, count, requested) = self.at(time, error)?;
+        let delay = if error == Some(KnownError::Delay) { 0.0 } else { requested.delay };
         let count = if error == Some(KnownError::Count) { 1 } else { count };
         let time = time - since - delay;
-        let time = match asked.length {
+        let time = match requested.length {
             None if error == Some(KnownError::Infinite) => return None,
             None => time,
             Some(_) if error == Some(KnownError::Length) => time,
@@ -160,13 +160,13 @@ impl Played {
         if error == Some(KnownError::Nothing) {
             return Some(Torque::default());
         }
-        Some(match asked.form {
+        Some(match requested.form {
             Form::Condition { law, axes } => condition(law, &axes, motion, error),
             Form::Constant { .. } | Form::Ramp { .. } | Form::Periodic { .. } => {
-                let right = -(std::f64::consts::TAU * asked.direction).sin();
+                let right = -(std::f64::consts::TAU * requested.direction).sin();
                 let right = if error == Some(KnownError::Direction) && right != 0.0 { right.signum() } else { right };
                 let right = if error == Some(KnownError::Inverted) { -right } else { right };
-                Torque { stated: right * level(&asked, time, error), ..Torque::default() }
+                Torque { stated: right * level(&requested, time, error), ..Torque::default() }
             }
         })
     }
@@ -189,11 +189,13 @@ pub fn torque(effects: &[Played], gain: f64, time: f64, motion: &WheelMotion, er
     sum
 }
 
-fn level(asked: &Asked, time: f64, error: Option<KnownError>) -> f64 {
-    match asked.form {
-        Form::Constant { level, envelope } => enveloped(level, &envelope, asked.length, time, error),
+fn level(requested: &HostEffect, time: f64, error: Option<KnownError>) -> f64 {
+    match requested.form {
+        Form::Constant { level, envelope } => enveloped(level, &envelope, requested.length, time, error),
         Form::Ramp { from, .. } if error == Some(KnownError::Ramp) => from,
-        Form::Ramp { from, to } => asked.length.map_or(from, |length| from + (to - from) * (time / length).min(1.0)),
+        Form::Ramp { from, to } => {
+            requested.length.map_or(from, |length| from + (to - from) * (time / length).min(1.0))
+        }
         Form::Periodic { wave, magnitude, offset, phase, period } => {
             let phase = if error == Some(KnownError::Phase) { 0.0 } else { phase };
             let offset = if error == Some(KnownError::Offset) { 0.0 } else { offset };

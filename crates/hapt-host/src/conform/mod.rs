@@ -4,8 +4,8 @@
 //! while the wheel swings. The torque that acted follows from the motion, in parts of the largest torque; the judge compares it with the
 //! standard's meaning of the request, and where it differs, with the known errors of drivers ([`KnownError`]).
 
-mod asked;
 mod cases;
+mod effect;
 #[cfg(target_os = "linux")]
 pub mod evdev;
 mod judge;
@@ -16,8 +16,8 @@ mod run;
 #[cfg(test)]
 mod tests;
 
-pub use asked::{Asked, Condition, Envelope, Form, LEFT, Law, RIGHT, Wave};
 pub use cases::{Case, Scale, cases};
+pub use effect::{Condition, Envelope, Form, HostEffect, LEFT, Law, RIGHT, Wave};
 pub use judge::{Finding, Judge, NEAR, Verdict};
 pub use meaning::{KnownError, WheelMotion, torque};
 pub use plant::Plant;

@@ -3,8 +3,8 @@
 //! A constant torque, changed 50 times a second, makes the wheel swing about the middle, also while other effects play. The torque that the
 //! wheel's motion needs beyond that one is the effects' torque.
 
-use super::asked::{Asked, LEFT};
 use super::cases::Case;
+use super::effect::{HostEffect, LEFT};
 use super::meaning::Action;
 
 /// The reason that a test of a wheel ends early.
@@ -41,7 +41,7 @@ pub trait Wheel {
     ///
     /// # Errors
     /// The driver refuses it.
-    fn put(&mut self, place: usize, asked: &Asked) -> Result<(), ConformError>;
+    fn put(&mut self, place: usize, requested: &HostEffect) -> Result<(), ConformError>;
     /// Starts it, this many times in a row.
     ///
     /// # Errors
@@ -116,8 +116,8 @@ const DIFFERENCE_S: f64 = 0.04;
 const PUSH: usize = 0;
 
 /// The effect of the swing's torque. It has a length: some wheels ignore effects without one, and it ends also where the stop is lost.
-fn push(level: f64) -> Asked {
-    Asked { length: Some(20.0), ..Asked::constant(level, LEFT) }
+fn push(level: f64) -> HostEffect {
+    HostEffect { length: Some(20.0), ..HostEffect::constant(level, LEFT) }
 }
 
 /// Position and velocity now. A trace contains only changes.
@@ -159,7 +159,7 @@ impl Swing {
         let mut seen = Seen { trace: Vec::new(), pushes: Vec::new(), done: Vec::new() };
         wheel.gain(case.gain)?;
         for (at, effect) in case.effects.iter().enumerate() {
-            wheel.put(at + 1, &effect.asked)?;
+            wheel.put(at + 1, &effect.requested)?;
         }
         let mut due: Vec<(f64, usize, Action)> = case
             .effects
@@ -185,7 +185,7 @@ impl Swing {
                 match action {
                     Action::Start(count) => wheel.start(at + 1, count)?,
                     Action::Stop => wheel.stop(at + 1)?,
-                    Action::Change(asked) => wheel.put(at + 1, &asked)?,
+                    Action::Change(requested) => wheel.put(at + 1, &requested)?,
                 }
             }
             // Rounded to the driver's integers.
@@ -246,8 +246,8 @@ pub fn probe(wheel: &mut dyn Wheel, most: f64) -> Result<f64, ConformError> {
         wheel.start(PUSH, 1)?;
         wheel.watch(begin + MOMENT, &mut trace)?;
         let first = latest(&trace, begin + MOMENT);
-        let way = first.0 - from;
-        if way.abs() >= MOVED {
+        let travel = first.0 - from;
+        if travel.abs() >= MOVED {
             // The opposite direction, twice as strong: the wheel has to reverse.
             wheel.put(PUSH, &push(-(2.0 * level).min(most)))?;
             let turned = wheel.now();
@@ -255,10 +255,10 @@ pub fn probe(wheel: &mut dyn Wheel, most: f64) -> Result<f64, ConformError> {
             let second = latest(&trace, turned + MOMENT);
             wheel.clear()?;
             let change = second.1 - first.1;
-            if change * way >= 0.0 || change.abs() < 0.5 * first.1.abs() {
+            if change * travel >= 0.0 || change.abs() < 0.5 * first.1.abs() {
                 return Err(ConformError::NoUpdates);
             }
-            return Ok(-2.0 * way / (level * MOMENT * MOMENT));
+            return Ok(-2.0 * travel / (level * MOMENT * MOMENT));
         }
         wheel.clear()?;
         level *= 2.0;

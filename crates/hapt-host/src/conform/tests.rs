@@ -32,7 +32,7 @@ struct Simulated {
 }
 
 enum Sent {
-    Put(usize, Asked),
+    Put(usize, HostEffect),
     Start(usize, u32),
     Stop(usize),
     Clear,
@@ -119,7 +119,7 @@ impl Renderer {
         let Renderer::Meaning { played, order, gain, error, scales } = self else { return 0.0 };
         let one = |at: &usize| {
             let effect = played[*at].clone()?;
-            let scale = match effect.asked.form {
+            let scale = match effect.requested.form {
                 Form::Condition { law: Law::Damper, .. } => scales[0],
                 Form::Condition { law: Law::Friction, .. } => scales[1],
                 Form::Condition { law: Law::Inertia, .. } => scales[2],
@@ -139,11 +139,11 @@ impl Renderer {
     fn take(&mut self, sent: Sent, now: f64) {
         match self {
             Renderer::Meaning { played, order, gain, error, .. } => match sent {
-                Sent::Put(at, asked) => match &mut played[at] {
+                Sent::Put(at, requested) => match &mut played[at] {
                     // The torque of the swing changes continually.
-                    Some(effect) if at == 0 && *error != Some(KnownError::Update) => effect.asked = asked,
-                    Some(effect) => effect.actions.push((now, Action::Change(asked))),
-                    none => *none = Some(Played { asked, actions: Vec::new() }),
+                    Some(effect) if at == 0 && *error != Some(KnownError::Update) => effect.requested = requested,
+                    Some(effect) => effect.actions.push((now, Action::Change(requested))),
+                    none => *none = Some(Played { requested, actions: Vec::new() }),
                 },
                 Sent::Start(at, count) => {
                     played[at].as_mut().unwrap().actions.push((now, Action::Start(count)));
@@ -175,8 +175,8 @@ fn ms(seconds: f64) -> u16 {
 
 /// The reports of Linux's driver for a request.
 fn reports(sent: Sent) -> Vec<Report> {
-    let Asked { form, direction, length, delay } = match sent {
-        Sent::Put(_, asked) => asked,
+    let HostEffect { form, direction, length, delay } = match sent {
+        Sent::Put(_, requested) => requested,
         Sent::Start(block, count) => {
             return vec![Report::Operation { block, operation: Operation::Start, loops: count as u8 }];
         }
@@ -251,8 +251,8 @@ impl Wheel for Simulated {
         self.time
     }
 
-    fn put(&mut self, place: usize, asked: &Asked) -> Result<(), ConformError> {
-        self.send(Sent::Put(place, *asked));
+    fn put(&mut self, place: usize, requested: &HostEffect) -> Result<(), ConformError> {
+        self.send(Sent::Put(place, *requested));
         Ok(())
     }
 

@@ -44,7 +44,7 @@ impl PlayedEffects {
     pub(super) fn add(&mut self, sample: &EffectsSample, limit: f64) {
         let EffectsSample { given, world, .. } = sample;
         let motor = |torque: f64| torque.clamp(-limit, limit);
-        let now = [given.asked, given.torque].map(|torque| motor(world + f64::from(torque)) - motor(*world));
+        let now = [given.requested, given.torque].map(|torque| motor(world + f64::from(torque)) - motor(*world));
         self.held = now;
         let before = self.torques.unwrap_or(now.map(|torque| [torque; 3]));
         self.torques = Some([0, 1].map(|i| [before[i][0].min(now[i]), now[i], before[i][2].max(now[i])]));
@@ -96,7 +96,7 @@ impl WheelView for View {
     }
 
     fn press(&self, controls: Controls) {
-        let pedals = controls.pedals.map(|way| (f64::from(i16::MAX) * way.clamp(0.0, 1.0)).round() as u16);
+        let pedals = controls.pedals.map(|pedal| (f64::from(i16::MAX) * pedal.clamp(0.0, 1.0)).round() as u16);
         *locked(&self.shared.pressed) = Input { pedals, buttons: controls.buttons, ..Input::default() };
     }
 }

@@ -122,8 +122,8 @@ impl Medium for Can {
         if !frame.extended || frame.fd || frame.remote || !self.links.iter().any(is_own) {
             return Arrived::Other;
         }
-        let said = frame.id.to_le_bytes().into_iter().chain(frame.data().iter().copied());
-        Arrived::Message(into.iter_mut().zip(said).map(|(place, byte)| *place = byte).count())
+        let datagram = frame.id.to_le_bytes().into_iter().chain(frame.data().iter().copied());
+        Arrived::Message(into.iter_mut().zip(datagram).map(|(place, byte)| *place = byte).count())
     }
 
     fn send(&mut self, (): (), bytes: &[u8]) {
@@ -179,8 +179,8 @@ mod tests {
             ("can:can0@500k", "ip link set can0"),
             ("can:/dev/ttyACM0@3M", "250k"),
         ] {
-            let said = text.parse::<CanAddress>().unwrap_err();
-            assert!(said.contains(word), "{text}: {said}");
+            let message = text.parse::<CanAddress>().unwrap_err();
+            assert!(message.contains(word), "{text}: {message}");
         }
     }
 }

@@ -102,7 +102,7 @@ impl End {
     }
 
     fn receive(&mut self, message: &Outgoing) {
-        let Outgoing { sampled, position, strength, heard } = *message;
+        let Outgoing { sampled, position, strength, received } = *message;
         if self.newest.is_some_and(|newest| sampled <= newest) {
             return;
         }
@@ -110,7 +110,7 @@ impl End {
         self.counters.take();
         // The number of a message is the instant of its sample, so that an answer to it gives that instant.
         let number = Number { session: 1, sequence: sampled };
-        let since = heard.map(|heard| heard.sequence);
+        let since = received.map(|received| received.sequence);
         // A full ring means that the loop has stopped: the message is dropped.
         let _ = self.wire.incoming.push(Incoming { number, since, position, strength });
     }

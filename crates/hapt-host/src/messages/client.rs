@@ -179,7 +179,9 @@ impl ClientMessage {
                 return Err(format!("a hand's position is within {FARTHEST} either way"));
             }
             #[cfg(not(target_family = "wasm"))]
-            ClientMessage::Controls(Controls { pedals, .. }) if pedals.iter().any(|way| !(0.0..=1.0).contains(way)) => {
+            ClientMessage::Controls(Controls { pedals, .. })
+                if pedals.iter().any(|pedal| !(0.0..=1.0).contains(pedal)) =>
+            {
                 return Err("a pedal is pressed by 0 to 1".into());
             }
             ClientMessage::Network(change) if !change.is_in_range() => {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use hapt_analysis::{Alone, NetworkCheck};
+use hapt_analysis::{NetworkCheck, StationFindings};
 use hapt_model::{Source, System};
 use serde::{Deserialize, Serialize};
 
@@ -48,7 +48,7 @@ pub struct NetworkFile {
     /// The network's file, with those of its stations' worlds.
     pub file: WorldFile,
     /// The certificate of each station without its links.
-    pub alone: Vec<Alone>,
+    pub alone: Vec<StationFindings>,
 }
 
 impl NetworkFile {
@@ -67,7 +67,7 @@ impl NetworkFile {
             }
         }
         let file = WorldFile { name: source.name.clone(), text: source.text.clone(), files, sets };
-        Ok(NetworkFile { file, alone: check.alone() })
+        Ok(NetworkFile { file, alone: check.station_findings() })
     }
 
     /// The network, read only from these texts.

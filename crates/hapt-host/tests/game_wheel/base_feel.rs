@@ -63,7 +63,7 @@ fn damped_body(stiffness: f64, damping: f64) -> String {
 }
 
 /// Position and velocity of the wheel, sample by sample, from an initial velocity of `speed`, while these effects play.
-fn course(delay: f64, couplings: &str, asked: &[(Kind, Report)], speed: f64, seconds: f64) -> Vec<(f64, f64)> {
+fn course(delay: f64, couplings: &str, playing: &[(Kind, Report)], speed: f64, seconds: f64) -> Vec<(f64, f64)> {
     let text = format!(
         "loop = {{ period = {PERIOD}, delay = {delay}, estimator = \"difference\" }}\n\
          device = {{ inertia = {INERTIA}, damping = {DAMPING}, limit = {LIMIT} }}\n{couplings}"
@@ -88,7 +88,7 @@ fn course(delay: f64, couplings: &str, asked: &[(Kind, Report)], speed: f64, sec
         ready = sample(None);
     }
     let mut pool = Pool::new();
-    for (block, (kind, report)) in asked.iter().enumerate() {
+    for (block, (kind, report)) in playing.iter().enumerate() {
         for report in
             [Report::Create(*kind), *report, Report::Operation { block, operation: Operation::Start, loops: 1 }]
         {
@@ -118,8 +118,8 @@ fn a_damper_of_the_world_slows_a_free_wheel_down_as_its_damping_and_the_devices_
 #[test]
 fn a_friction_of_the_world_stops_a_free_wheel_where_its_work_is_the_kicks_energy_and_holds_a_games_small_torque() {
     let (torque, bristles) = (0.2, 40.0);
-    let at = |asked: &[(Kind, Report)], speed: f64| {
-        let course = course(0.0, &friction(torque, bristles), asked, speed, 2.0);
+    let at = |playing: &[(Kind, Report)], speed: f64| {
+        let course = course(0.0, &friction(torque, bristles), playing, speed, 2.0);
         let (position, end) = course[course.len() - 1];
         // It oscillates on its bristles at first.
         assert!(end.abs() < 0.01, "{end} rad/s");
@@ -128,10 +128,10 @@ fn a_friction_of_the_world_stops_a_free_wheel_where_its_work_is_the_kicks_energy
     for speed in [2.0, 6.0_f64] {
         // J v' = -b v - C: v²J/2C without damping.
         let scale = DAMPING * speed / torque;
-        let way = INERTIA / DAMPING * (speed - torque / DAMPING * scale.ln_1p());
+        let travel = INERTIA / DAMPING * (speed - torque / DAMPING * scale.ln_1p());
         // The bristles give way at first, and spring back at the end.
         let (found, slack) = (at(&[], speed), torque / bristles);
-        assert!((found - way).abs() < 0.01 * way + slack, "{found} rad, expected {way}");
+        assert!((found - travel).abs() < 0.01 * travel + slack, "{found} rad, expected {travel}");
     }
     // Without the friction a fourth of its torque would turn the wheel by more than a radian.
     let magnitude = FULL / 100;
@@ -146,11 +146,11 @@ proptest! {
     #[test]
     fn hands_off_no_set_of_conditions_with_a_base_feel_grows(
         damping in 0.0..0.02_f64, body in proptest::option::of((0.1..5.0_f64, 0.01..0.3_f64)), torque in 1e-3..1.0_f64, bristles in 0.1..5.0_f64, stops in 0.5..5.0_f64, late in 0.0..0.5_f64,
-        asked in proptest::collection::vec((0..4_usize, 0..=FULL, 0..=FULL), 1..8), kick in 0.2..4.0_f64,
+        playing in proptest::collection::vec((0..4_usize, 0..=FULL, 0..=FULL), 1..8), kick in 0.2..4.0_f64,
     ) {
         let body = body.map_or(String::new(), |(stiffness, damping)| damped_body(stiffness, damping));
         let world = body + &damper(damping) + &friction(torque, bristles) + &stop("above", 0.3, stops) + &stop("below", -0.3, stops);
-        let conditions = asked.into_iter().enumerate().map(|(block, (kind, positive, negative))| {
+        let conditions = playing.into_iter().enumerate().map(|(block, (kind, positive, negative))| {
             let condition = Condition { positive, negative, positive_saturation: FULL, negative_saturation: FULL, ..Condition::default() };
             ([Kind::Spring, Kind::Damper, Kind::Inertia, Kind::Friction][kind], Report::Condition { block, axis: 0, condition })
         });

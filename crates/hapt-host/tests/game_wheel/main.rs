@@ -438,18 +438,18 @@ fn a_silent_host_leaves_no_torque_on_but_its_springs() {
     bench.host.play(Kind::Spring, condition(FULL));
     bench.moved(SILENCE / 1000 - 100, |_| 1.0);
     let spring = -LIMIT / (0.5 * RANGE);
-    let is_told = |bench: &Bench| bench.view().reason.is_some_and(|reason| reason.contains("nothing for 10 s"));
-    assert!(!is_told(&bench));
+    let is_silent = |bench: &Bench| bench.view().reason.is_some_and(|reason| reason.contains("nothing for 10 s"));
+    assert!(!is_silent(&bench));
     assert!(near(bench.sample(None).link, spring - LIMIT) || bench.sample(None).link <= -LIMIT + 1e-6);
     let after = bench.run(200).link;
     assert!(near(after, spring), "{after}");
     // The limit was reached earlier.
     bench.view();
     bench.run(10);
-    assert!(is_told(&bench));
+    assert!(is_silent(&bench));
     bench.host.report(Report::Gain(FULL));
     bench.run(100);
-    assert!(!is_told(&bench));
+    assert!(!is_silent(&bench));
 }
 
 #[test]

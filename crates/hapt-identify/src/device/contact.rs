@@ -88,14 +88,14 @@ pub(crate) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fi
     if !record.is_driven() || record.forces().is_some() {
         return None;
     }
-    let mut ways: Vec<Away> = ENDS.iter().filter_map(|part| away(record, known, *part)).collect();
-    ways.sort_by(|a, b| a.error.total_cmp(&b.error));
+    let mut pairs: Vec<Away> = ENDS.iter().filter_map(|part| away(record, known, *part)).collect();
+    pairs.sort_by(|a, b| a.error.total_cmp(&b.error));
     let mut tried: Vec<[Option<usize>; 2]> = Vec::new();
-    ways.iter().find_map(|away| {
+    pairs.iter().find_map(|away| {
         let both = [0, 1].map(|stop| hardest(record, away, stop));
         let most = both.iter().flatten().map(|turn| turn.taken).fold(0.0, f64::max);
-        let alone = both.map(|turn| turn.filter(|turn| turn.taken == most));
-        [both, alone].into_iter().find_map(|turns| {
+        let most_only = both.map(|turn| turn.filter(|turn| turn.taken == most));
+        [both, most_only].into_iter().find_map(|turns| {
             let at = turns.map(|turn| turn.map(|turn| turn.at));
             // Nearly the same turns give nearly the same fit.
             if tried.contains(&at) {

@@ -289,9 +289,9 @@ impl Fit {
     /// The change of each parameter over which a derivative is taken.
     fn steps(&self, record: &Record) -> (Parameters, [f64; 2]) {
         let p = &self.device.p;
-        let (way, period) = (record.spread(), record.period());
+        let (spread, period) = (record.spread(), record.period());
         let torque = self.device.gain() * record.effort();
-        let speed = (torque * way / self.device.inertia()).sqrt();
+        let speed = (torque * spread / self.device.inertia()).sqrt();
         let [torque, speed] = [torque, speed].map(|x| x.max(f64::MIN_POSITIVE));
         let stop = (p[STIFFNESS].exp() * self.device.inertia()).sqrt();
         let sizes: Parameters = [
@@ -303,12 +303,12 @@ impl Fit {
             p[VARIANCE].max(period * period),
             p[RISE].max(0.01 * torque),
             1.0,
-            0.1 * way,
-            0.1 * way,
+            0.1 * spread,
+            0.1 * spread,
             1.0,
             p[STOP_DAMPING].max(0.1 * stop),
         ];
-        (sizes.map(|size| DIFFERENCE * size), [0.1 * way, speed].map(|size| DIFFERENCE * size))
+        (sizes.map(|size| DIFFERENCE * size), [0.1 * spread, speed].map(|size| DIFFERENCE * size))
     }
 
     /// The same with better initial states of the shots whose residuals are far larger than the others': one that begins in a stop can end

@@ -75,7 +75,7 @@ struct Motion {
     /// The largest gap so far.
     widest: f64,
     /// 1 or -1 while it slides, 0 at rest.
-    way: f64,
+    direction: f64,
     /// Whether friction falls with the speed.
     falls: bool,
     touch: Touch,
@@ -130,7 +130,7 @@ impl Motion {
             state,
             torque,
             widest: 0.0,
-            way: 0.0,
+            direction: 0.0,
             falls: false,
             touch: Touch::Free,
             stop: 0,
@@ -152,7 +152,7 @@ impl Motion {
             self.widest = self.widest.max(self.state[2].abs());
         }
         self.torque = torque;
-        if self.way == 0.0 {
+        if self.direction == 0.0 {
             self.start();
         }
     }
@@ -167,7 +167,7 @@ impl Motion {
                 self.touch = Touch::Left;
             }
         }
-        self.way = if v != 0.0 { v.signum() } else { 0.0 };
+        self.direction = if v != 0.0 { v.signum() } else { 0.0 };
         self.falls = v.abs() < self.numbers.fast;
         if v == 0.0 {
             self.start();
@@ -208,7 +208,7 @@ impl Motion {
     fn start(&mut self) {
         let push = self.push();
         let holds = self.numbers.friction + self.numbers.rise;
-        self.way = if push.abs() <= holds || push == 0.0 { 0.0 } else { push.signum() };
+        self.direction = if push.abs() <= holds || push == 0.0 { 0.0 } else { push.signum() };
         self.falls = true;
         // A stop pushes a puck at rest in it.
         if self.touch == Touch::Left {
@@ -222,9 +222,9 @@ impl Motion {
             self.numbers;
         let decay = if self.state[2] == 0.0 { 0.0 } else { lag.recip() };
         let mut rates =
-            Rates { drive: gain * self.torque + offset - friction * self.way, loss: damping, spring: 0.0, decay };
+            Rates { drive: gain * self.torque + offset - friction * self.direction, loss: damping, spring: 0.0, decay };
         if self.falls && rise > 0.0 {
-            rates.drive -= rise * self.way;
+            rates.drive -= rise * self.direction;
             rates.loss -= rise / fast;
         }
         if self.touch == Touch::Pressed {
@@ -237,7 +237,7 @@ impl Motion {
 
     /// The events of the present piece; that of rest comes first, because the position grows or falls steadily up to it.
     fn events(&self) -> [Option<(Event, Line)>; 4] {
-        let speed = |by: f64, constant: f64| Line { position: 0.0, velocity: by * self.way, constant };
+        let speed = |by: f64, constant: f64| Line { position: 0.0, velocity: by * self.direction, constant };
         let Numbers { rise, fast, stops, .. } = self.numbers;
         let rests = (Event::Rests, speed(-1.0, 0.0));
         let changes = match (rise > 0.0, self.falls) {
@@ -266,11 +266,11 @@ impl Motion {
     fn pass(&mut self, length: f64) {
         let (mut rest, mut events) = (length, 0);
         while rest > 0.0 {
-            if self.way == 0.0 {
+            if self.direction == 0.0 {
                 let Some(wait) = self.breaks_away(rest) else { return self.relax(rest) };
                 self.relax(wait);
                 // The direction of the total torque.
-                self.way = (self.push() - self.numbers.gain * self.state[2]).signum();
+                self.direction = (self.push() - self.numbers.gain * self.state[2]).signum();
                 self.falls = true;
                 rest -= wait;
                 continue;

@@ -37,12 +37,12 @@ impl Fit {
             let mut others = Vec::new();
             let mut better: Option<Fit> = None;
             let Some(spread) = Spread::of(&best) else { break };
-            for (i, way) in PROFILED.into_iter().flat_map(|i| [(i, 1.0), (i, -1.0)]) {
+            for (i, sign) in PROFILED.into_iter().flat_map(|i| [(i, 1.0), (i, -1.0)]) {
                 let Some(direction) = spread.along(i) else { continue };
                 let mut reach = FIRST_REACH;
                 while reach < LAST_REACH && !stop() {
                     let mut p = best.p;
-                    p.iter_mut().zip(&direction).for_each(|(p, step)| *p += way * reach * step);
+                    p.iter_mut().zip(&direction).for_each(|(p, step)| *p += sign * reach * step);
                     NOT_BELOW_0.into_iter().for_each(|i| p[i] = p[i].max(0.0));
                     let beside = Fit::of(record, p, best.rests)
                         .and_then(|fit| fit.fitting(Free::But(i)).improved(record, BRIEFLY, stop));

@@ -73,17 +73,17 @@ proptest! {
         let mut rng = Rng::with_seed(seed);
         let rig = device(&mut rng);
         let record = record(&rig, &mut rng);
-        let mut said = claims(&rig, 0.02);
+        let mut stated = claims(&rig, 0.02);
         // Far outside of its tolerance, and of the range that any of these records allows.
         let off = |x: [f64; 2]| x.map(|x| if up { 2.0 * x } else { 0.5 * x });
         let name = match which {
-            0 => { said.inertia = off(said.inertia); "inertia" }
-            1 => { said.damping = off(said.damping); "damping" }
-            2 => { said.friction = off(said.friction); "friction" }
-            3 => { said.delay = said.delay.map(|x| x + 1e-3); "delay and lag" }
-            _ => { said.lag = said.lag.map(|x| x + 8e-3); "lag" }
+            0 => { stated.inertia = off(stated.inertia); "inertia" }
+            1 => { stated.damping = off(stated.damping); "damping" }
+            2 => { stated.friction = off(stated.friction); "friction" }
+            3 => { stated.delay = stated.delay.map(|x| x + 1e-3); "delay and lag" }
+            _ => { stated.lag = stated.lag.map(|x| x + 8e-3); "lag" }
         };
-        let found = against(&record, &said, false).unwrap();
+        let found = against(&record, &stated, false).unwrap();
         prop_assert!(!found.agrees(), "{name} of {rig:?}: {:?}", found.numbers);
         let wrong = wrong(&found);
         prop_assert!(wrong.contains(&name), "{name} of {rig:?}: {wrong:?}");
@@ -97,11 +97,11 @@ proptest! {
 fn a_tolerance_that_holds_the_number_is_no_contradiction() {
     let mut rng = Rng::with_seed(3);
     let record = record(&WHEEL, &mut rng);
-    let said = DeviceSpec { inertia: 1.15 * WHEEL.inertia, ..WHEEL };
-    let exact = against(&record, &claims(&said, 0.0), false).unwrap();
+    let stated = DeviceSpec { inertia: 1.15 * WHEEL.inertia, ..WHEEL };
+    let exact = against(&record, &claims(&stated, 0.0), false).unwrap();
     assert_eq!(wrong(&exact), ["inertia"]);
     assert!(number(&exact, "inertia").sigmas.unwrap() > 20.0, "{exact:?}");
-    let loose = against(&record, &claims(&said, 0.2), false).unwrap();
+    let loose = against(&record, &claims(&stated, 0.2), false).unwrap();
     assert_eq!(wrong(&loose), [""; 0]);
     assert_eq!(number(&loose, "inertia").sigmas, Some(0.0));
 }
@@ -116,14 +116,15 @@ fn what_a_record_does_not_tell_is_not_agreed() {
     let record = Record::new(times(&rig, 3700), positions[300..].to_vec(), vec![0.0; 3700]).unwrap();
     let found = against(&record, &claims(&rig, 0.5), false).unwrap();
     assert!(
-        found.numbers.iter().all(|number| number.verdict == Verdict::NotTold && number.reason.is_some()),
+        found.numbers.iter().all(|number| number.verdict == Verdict::NotDetermined && number.reason.is_some()),
         "{found:?}"
     );
     // A short lag with coarse counts: the sum is determined, and neither part.
     let mut rng = Rng::with_seed(5);
     let rig = DeviceSpec { lag: 0.2e-3, ..WHEEL };
     let found = against(&self::record(&rig, &mut rng), &claims(&rig, 0.1), false).unwrap();
-    for (name, verdict) in [("lag", Verdict::NotTold), ("delay", Verdict::NotTold), ("delay and lag", Verdict::Agrees)]
+    for (name, verdict) in
+        [("lag", Verdict::NotDetermined), ("delay", Verdict::NotDetermined), ("delay and lag", Verdict::Agrees)]
     {
         assert_eq!(number(&found, name).verdict, verdict, "{name}: {found:?}");
     }
@@ -160,7 +161,7 @@ fn a_torque_that_no_such_device_has_contradicts_every_file() {
 /// number, and a file with three times the inertia in the inertia too.
 #[test]
 fn a_richer_device_contradicts_the_numbers_that_are_wrong() {
-    let (mut told, mut named) = (0, 0);
+    let (mut determined, mut named) = (0, 0);
     for seed in hapt_testing::seeds(8) {
         let mut rng = Rng::with_seed(seed);
         let lever = Lever::new(&mut rng);
@@ -182,12 +183,12 @@ fn a_richer_device_contradicts_the_numbers_that_are_wrong() {
         if right.misfit.is_none() || right.numbers[0].estimate.is_none() {
             continue;
         }
-        told += 1;
+        determined += 1;
         assert!(!right.agrees(), "seed {seed}: the file has no such device");
         assert_ne!(number(&right, "inertia").verdict, Verdict::Contradicts, "seed {seed}: {:?}", right.numbers);
         named += i32::from(wrong(&far).contains(&"inertia"));
     }
-    assert!(told > 0 && 2 * named >= told, "{named} of {told}");
+    assert!(determined > 0 && 2 * named >= determined, "{named} of {determined}");
 }
 
 #[test]

@@ -113,10 +113,10 @@ fn a_motor_of_the_other_sign_is_the_same_device() {
 fn a_known_inertia_gives_the_motors_gain() {
     // The motor gives 80 % of the commanded torque.
     let mut rng = Rng::with_seed(5);
-    let asked = steps(&mut rng, 4000, 0.1);
-    let given: Vec<f64> = asked.iter().map(|torque| 0.8 * torque).collect();
+    let commanded = steps(&mut rng, 4000, 0.1);
+    let given: Vec<f64> = commanded.iter().map(|torque| 0.8 * torque).collect();
     let seen = counted(&motion(&WHEEL, &given), 4000.0, 0.7, &mut rng);
-    let record = Record::new(times(&WHEEL, 4000), seen, asked).unwrap();
+    let record = Record::new(times(&WHEEL, 4000), seen, commanded).unwrap();
     let known = Known { inertia: Some(WHEEL.inertia), ..Known::default() };
     let found = identify(&record, &known).unwrap();
     assert!(found.gain.unwrap().covers(0.8), "{:?}", found.gain);

@@ -23,13 +23,13 @@ fn moved(rig: &DeviceSpec, torques: &[f64], besides: impl Fn(f64) -> f64) -> Vec
     torques.iter().map(step).collect()
 }
 
-fn told(rig: &DeviceSpec, positions: &[f64], torques: Vec<f64>, rng: &mut Rng) -> Result<Identified, Error> {
+fn identified(rig: &DeviceSpec, positions: &[f64], torques: Vec<f64>, rng: &mut Rng) -> Result<Identified, Error> {
     let seen = counted(positions, 4000.0, 0.7, rng);
     identify(&Record::new(times(rig, torques.len()), seen, torques).unwrap(), &Known::default())
 }
 
 fn found(rig: &DeviceSpec, positions: &[f64], torques: Vec<f64>, rng: &mut Rng) -> Identified {
-    told(rig, positions, torques, rng).unwrap()
+    identified(rig, positions, torques, rng).unwrap()
 }
 
 /// Within five standard errors.
@@ -130,7 +130,7 @@ fn what_moves_the_puck_with_its_position_is_seen_for_what_it_is() {
         ];
         for (times_a_turn, size, besides) in besides {
             // Either so little that the intervals still hold, or rejected.
-            let seen = match told(&rig, &moved(&rig, &torques, besides), torques.clone(), &mut rng) {
+            let seen = match identified(&rig, &moved(&rig, &torques, besides), torques.clone(), &mut rng) {
                 Ok(found) => found.unmodelled,
                 Err(Error::Residual(left)) => {
                     // The rejected fit is still near the device.
@@ -165,7 +165,7 @@ fn a_large_constant_torque_is_found_or_nothing_is() {
         let offset = between(-0.06, 0.06);
         let torques = steps(&mut rng, 3000, 0.1);
         trials += 1;
-        match told(&rig, &moved(&rig, &torques, |_| offset), torques, &mut rng) {
+        match identified(&rig, &moved(&rig, &torques, |_| offset), torques, &mut rng) {
             Err(_) => refused += 1,
             Ok(found) => {
                 // For a puck that moves in one direction the record does not separate them: then neither is given, or no constant torque

@@ -12,20 +12,20 @@ fn fit(record: &Record) -> TorqueFit {
 
 #[test]
 fn nine_in_ten_intervals_of_rich_devices_hold_their_inertia_and_no_sign_is_wrong() {
-    let (mut told, mut held, mut all) = (0, 0, 0);
+    let (mut determined, mut held, mut all) = (0, 0, 0);
     for seed in hapt_testing::seeds(40) {
         let mut rng = Rng::with_seed(seed);
         let lever = Lever::new(&mut rng);
         let found = fit(&lever.record(4.0, &mut rng));
         all += 1;
         if let Some(inertia) = found.inertia {
-            told += 1;
+            determined += 1;
             held += i32::from(inertia.covers(lever.inertia));
         }
         assert!(found.sign.is_none_or(|sign| sign == lever.sign), "seed {seed}: {lever:?}");
     }
-    assert!(10 * told >= 7 * all, "{told} of {all} are told");
-    assert!(10 * held >= 9 * told - 10, "{held} of {told} intervals hold the inertia");
+    assert!(10 * determined >= 7 * all, "{determined} of {all} are told");
+    assert!(10 * held >= 9 * determined - 10, "{held} of {determined} intervals hold the inertia");
 }
 
 /// With a spring to a fixed position, the torque depends only on the position: a fit would find the loop's law.
@@ -120,7 +120,7 @@ fn the_levers_of_a_lab_have_the_labs_inertia_in_their_intervals() {
 #[test]
 fn stretches_of_a_labs_levers_agree_with_each_other_and_with_the_lab() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/tue");
-    let (mut told, mut held, mut found) = (0, 0, Vec::new());
+    let (mut determined, mut held, mut found) = (0, 0, Vec::new());
     for name in ["m1-a-free", "m1-e-free", "m2-a-free", "m2-d-free"] {
         let Ok(text) = std::fs::read_to_string(format!("{folder}/{name}.csv")) else {
             println!("skipped: {folder}/{name}.csv is not there");
@@ -131,7 +131,7 @@ fn stretches_of_a_labs_levers_agree_with_each_other_and_with_the_lab() {
         for second in 0..lists[0].len() / 2000 {
             let [times, positions, torques] = [0, 1, 2].map(|i| lists[i][second * 2000..(second + 1) * 2000].to_vec());
             let Some(inertia) = fit(&Record::new(times, positions, torques).unwrap()).inertia else { continue };
-            told += 1;
+            determined += 1;
             held += i32::from(inertia.covers(1.584e-3));
             found.push(inertia);
         }
@@ -142,7 +142,10 @@ fn stretches_of_a_labs_levers_agree_with_each_other_and_with_the_lab() {
         all += 1;
         agree += i32::from(one.low <= other.high && other.low <= one.high);
     }
-    assert!(10 * held >= 9 * told && 10 * agree >= 9 * all, "{held} of {told} hold it, {agree} of {all} agree");
+    assert!(
+        10 * held >= 9 * determined && 10 * agree >= 9 * all,
+        "{held} of {determined} hold it, {agree} of {all} agree"
+    );
 }
 
 /// A device that does not respond to the torque, moved by another cause.

@@ -30,7 +30,7 @@ fn stopped_for(rng: &mut Rng, samples: usize) -> (DeviceSpec, Record) {
 
 #[test]
 fn stops_that_a_record_runs_into_are_found() {
-    let (mut all, mut found, mut told, mut covered) = (0, 0, 0, 0);
+    let (mut all, mut found, mut determined, mut covered) = (0, 0, 0, 0);
     for seed in hapt_testing::seeds(40) {
         let (rig, record) = stopped(&mut Rng::with_seed(seed));
         all += 1;
@@ -40,14 +40,14 @@ fn stops_that_a_record_runs_into_are_found() {
         }
         found += 1;
         for (interval, truth) in numbers(&answer, &rig) {
-            told += 1;
+            determined += 1;
             covered += u32::from(interval.covers(truth));
             assert!((interval.value / truth - 1.0).abs() < 0.2 || interval.covers(truth), "{rig:?}: {answer:?}");
         }
     }
     // A start that is too far off ends in a local minimum, and a fit that does not explain the record gives no result.
     assert!(10 * found >= 8 * all, "{found} of {all}");
-    assert!(10 * covered >= 9 * told, "{covered} of {told}");
+    assert!(10 * covered >= 9 * determined, "{covered} of {determined}");
 }
 
 /// A device with one stop at a random side, and a record that runs into it one to three times.
@@ -63,16 +63,16 @@ fn touched(rng: &mut Rng) -> (DeviceSpec, Record) {
         let mut torques = steps(rng, 3000, 100.0 * inertia);
         torques[0] = 0.0;
         // The stop is somewhere in the range of a motion without stops.
-        let way = motion(&free, &torques);
-        let (low, high) = way.iter().fold((0.0f64, 0.0f64), |a, z| (a.0.min(*z), a.1.max(*z)));
+        let path = motion(&free, &torques);
+        let (low, high) = path.iter().fold((0.0f64, 0.0f64), |a, z| (a.0.min(*z), a.1.max(*z)));
         let (part, is_high) = (rng.f64(), rng.bool());
         let none = Stops { low: None, high: None, stiffness, damping };
         let stops =
             if is_high { Stops { high: Some(part * high), ..none } } else { Stops { low: Some(part * low), ..none } };
         let rig = DeviceSpec { stops: Some(stops), ..free };
-        let way = motion(&rig, &torques);
-        if (1..=3).contains(&touches(&way, &stops)) {
-            let seen = counted(&way, 20_000.0, 0.7, rng);
+        let path = motion(&rig, &torques);
+        if (1..=3).contains(&touches(&path, &stops)) {
+            let seen = counted(&path, 20_000.0, 0.7, rng);
             return (rig, Record::new(times(&rig, 3000), seen, torques).unwrap());
         }
     }
@@ -81,7 +81,7 @@ fn touched(rng: &mut Rng) -> (DeviceSpec, Record) {
 /// A stop is determined where the puck turns in it once, and no other one; and the record agrees with the file of its own device.
 #[test]
 fn one_stop_that_a_record_touches_once_or_twice_is_found() {
-    let (mut all, mut found, mut told, mut covered) = (0, 0, 0, 0);
+    let (mut all, mut found, mut determined, mut covered) = (0, 0, 0, 0);
     for seed in hapt_testing::seeds(40) {
         let (rig, record) = touched(&mut Rng::with_seed(900 + seed));
         let truth = rig.stops.unwrap();
@@ -93,12 +93,12 @@ fn one_stop_that_a_record_touches_once_or_twice_is_found() {
         found += 1;
         assert_eq!([stops.low, stops.high].map(|x| x.is_some()), [truth.low, truth.high].map(|x| x.is_some()));
         for (interval, truth) in numbers(&answer, &rig) {
-            told += 1;
+            determined += 1;
             covered += u32::from(interval.covers(truth));
         }
     }
     assert!(100 * found >= 95 * all, "{found} of {all}");
-    assert!(10 * covered >= 9 * told, "{covered} of {told}");
+    assert!(10 * covered >= 9 * determined, "{covered} of {determined}");
 }
 
 /// Each impact multiplies the error before it, and a long record has hundreds of them: it determines more than a short one all the same,
@@ -196,7 +196,7 @@ fn numbers(found: &Identified, rig: &DeviceSpec) -> Vec<(Interval, f64)> {
 /// agrees.
 #[test]
 fn a_device_with_a_lag_and_one_stop_or_two_agrees_with_its_own_file() {
-    let (mut all, mut agree, mut found, mut told, mut covered) = (0, 0, 0, 0, 0);
+    let (mut all, mut agree, mut found, mut determined, mut covered) = (0, 0, 0, 0, 0);
     for seed in hapt_testing::seeds(24) {
         let (rig, record) = swung(&mut Rng::with_seed(500 + seed));
         let truth = rig.stops.unwrap();
@@ -211,14 +211,14 @@ fn a_device_with_a_lag_and_one_stop_or_two_agrees_with_its_own_file() {
         }
         found += 1;
         for (interval, truth) in numbers(&answer, &rig) {
-            told += 1;
+            determined += 1;
             covered += u32::from(interval.covers(truth));
         }
     }
     assert!(all > 0, "no record runs into its stops");
     assert!(10 * agree >= 9 * all, "{agree} of {all} agree");
     assert!(10 * found >= 8 * all, "{found} of {all} are found");
-    assert!(10 * covered >= 9 * told, "{covered} of {told} hold");
+    assert!(10 * covered >= 9 * determined, "{covered} of {determined} hold");
 }
 
 /// The comparison starts from the file, then from the device that is identified from the record only: a file that is far off is
@@ -288,7 +288,7 @@ fn a_stop_that_the_record_passes_is_contradicted() {
     let seen = counted(&motion(&WHEEL, &torques), 4000.0, 0.7, &mut rng);
     let most = seen.iter().fold(f64::NEG_INFINITY, |most, z| most.max(*z));
     let record = Record::new(times(&WHEEL, 3000), seen, torques).unwrap();
-    for (high, verdict) in [(0.5 * most, Verdict::Contradicts), (1.5 * most, Verdict::NotTold)] {
+    for (high, verdict) in [(0.5 * most, Verdict::Contradicts), (1.5 * most, Verdict::NotDetermined)] {
         let stops = Stops { low: None, high: Some(high), stiffness: 50.0, damping: 0.05 };
         let found = against(&record, &claims(&DeviceSpec { stops: Some(stops), ..WHEEL }, 0.0), false).unwrap();
         let stop = found.numbers.iter().find(|number| number.name == "high stop").unwrap();
@@ -299,7 +299,7 @@ fn a_stop_that_the_record_passes_is_contradicted() {
 
 #[test]
 fn a_file_is_compared_in_its_stribeck_friction() {
-    let (mut all, mut told, mut named) = (0, 0, 0);
+    let (mut all, mut determined, mut named) = (0, 0, 0);
     for seed in hapt_testing::seeds(12) {
         let mut rng = Rng::with_seed(seed);
         let fall = Stribeck { torque: 6e-3 * (1.0 + rng.f64()), velocity: 1.0 + 2.0 * rng.f64() };
@@ -318,12 +318,12 @@ fn a_file_is_compared_in_its_stribeck_friction() {
         if of(&right, "stribeck torque") != Verdict::Agrees {
             continue;
         }
-        told += 1;
+        determined += 1;
         let off = found(Some(Stribeck { torque: 2.0 * fall.torque, ..fall }));
         let is_named = off.wrong.is_none() && of(&off, "stribeck torque") == Verdict::Contradicts;
         assert!(!off.agrees(), "seed {seed}: {:?}", off.numbers);
         named += i32::from(is_named);
         assert!(!found(None).agrees(), "seed {seed}");
     }
-    assert!(10 * told >= 8 * all && 10 * named >= 8 * told, "{named} of {told} of {all}");
+    assert!(10 * determined >= 8 * all && 10 * named >= 8 * determined, "{named} of {determined} of {all}");
 }

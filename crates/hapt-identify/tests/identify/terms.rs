@@ -34,7 +34,7 @@ fn found(fit: &TorqueFit, is: impl Fn(TermKind) -> bool) -> Option<Term> {
 
 #[test]
 fn a_cable_a_cogging_and_stribecks_friction_are_found_with_their_sizes() {
-    let (mut told, mut held, mut all) = (0, 0, 0);
+    let (mut determined, mut held, mut all) = (0, 0, 0);
     for seed in hapt_testing::seeds(8) {
         let mut rng = Rng::with_seed(seed);
         let lever = plain(&mut rng);
@@ -44,7 +44,7 @@ fn a_cable_a_cogging_and_stribecks_friction_are_found_with_their_sizes() {
             let fit = fit(&lever.record(5.0, &mut Rng::with_seed(seed)));
             let term = found(&fit, is);
             all += 1;
-            told += i32::from(term.is_some());
+            determined += i32::from(term.is_some());
             held += i32::from(term.is_some_and(|term| (term.size.value / truth - 1.0).abs() < 0.4));
             assert!(fit.terms.len() < 4, "seed {seed}: {:?}", fit.terms);
         };
@@ -52,7 +52,7 @@ fn a_cable_a_cogging_and_stribecks_friction_are_found_with_their_sizes() {
         count(Lever { cogging, ..lever }, |kind| matches!(kind, TermKind::Turn { times: 10..=12, .. }), cogging);
         count(Lever { stribeck, ..lever }, |kind| matches!(kind, TermKind::Stribeck { .. }), stribeck);
     }
-    assert!(10 * told >= 8 * all && 10 * held >= 7 * all, "{told} found, {held} of their size, of {all}");
+    assert!(10 * determined >= 8 * all && 10 * held >= 7 * all, "{determined} found, {held} of their size, of {all}");
 }
 
 #[test]
@@ -68,7 +68,7 @@ fn a_device_without_such_terms_is_given_none() {
 
 #[test]
 fn a_hand_that_a_sensor_measures_hides_nothing_and_its_scale_is_told() {
-    let (mut told, mut held, mut scaled, mut all) = (0, 0, 0, 0);
+    let (mut determined, mut held, mut scaled, mut all) = (0, 0, 0, 0);
     for seed in hapt_testing::seeds(16) {
         let mut rng = Rng::with_seed(seed);
         let lever = Lever { hand: 0.05, ..Lever::new(&mut rng) };
@@ -76,12 +76,15 @@ fn a_hand_that_a_sensor_measures_hides_nothing_and_its_scale_is_told() {
         assert!(found.sign.is_none_or(|sign| sign == lever.sign), "seed {seed}");
         all += 1;
         let Some(inertia) = found.inertia else { continue };
-        told += 1;
+        determined += 1;
         held += i32::from(inertia.covers(lever.inertia));
         scaled += i32::from(found.force.is_some_and(|force| force.covers(1.0 / SCALE)));
     }
-    assert!(10 * told >= 7 * all, "{told} of {all}");
-    assert!(10 * held >= 9 * told - 10 && 10 * scaled >= 9 * told - 10, "{held} inertias, {scaled} scales of {told}");
+    assert!(10 * determined >= 7 * all, "{determined} of {all}");
+    assert!(
+        10 * held >= 9 * determined - 10 && 10 * scaled >= 9 * determined - 10,
+        "{held} inertias, {scaled} scales of {determined}"
+    );
 }
 
 /// Other torques on the puck make the torque's inertia too small and the motion's too large, where the torque does not respond to the puck.
@@ -110,7 +113,7 @@ fn forces_that_are_no_record_of_one_are_refused() {
 /// A hand on the lever that is not measured: an inertia that is given all the same is mostly right, and no sign is wrong.
 #[test]
 fn a_hand_that_nothing_measures_gives_no_wrong_sign() {
-    let (mut told, mut held) = (0, 0);
+    let (mut determined, mut held) = (0, 0);
     for seed in hapt_testing::seeds(24) {
         let mut rng = Rng::with_seed(seed);
         let lever = Lever { hand: 0.03 + 0.05 * rng.f64(), ..Lever::new(&mut rng) };
@@ -119,10 +122,10 @@ fn a_hand_that_nothing_measures_gives_no_wrong_sign() {
         let found = fit(&Record::new(times, positions, torques).unwrap());
         assert!(found.sign.is_none_or(|sign| sign == lever.sign), "seed {seed}: {lever:?}");
         let Some(inertia) = found.inertia else { continue };
-        told += 1;
+        determined += 1;
         held += i32::from(inertia.covers(lever.inertia));
     }
-    assert!(10 * held >= 9 * told - 10, "{held} of {told}");
+    assert!(10 * held >= 9 * determined - 10, "{held} of {determined}");
 }
 
 /// A motor on a voltage u gives k/R (u - k ω): with k/R u as the torque, the damping that is found is the device's own.
@@ -157,7 +160,7 @@ fn the_motion_is_foretold_over_a_quarter_second() {
 /// The term is the torque of a motor of sign 1 against the device's torque, whatever the motor's sign is.
 #[test]
 fn a_cogging_that_is_found_has_the_devices_torque_with_its_sign() {
-    let (mut told, mut right, mut all) = (0, 0, 0);
+    let (mut determined, mut right, mut all) = (0, 0, 0);
     for (seed, sign) in hapt_testing::seeds(6).flat_map(|seed| [(seed, 1.0), (seed, -1.0)]) {
         all += 1;
         let mut rng = Rng::with_seed(seed);
@@ -166,18 +169,18 @@ fn a_cogging_that_is_found_has_the_devices_torque_with_its_sign() {
         let fit = fit(&record);
         let Some(term) = found(&fit, |kind| matches!(kind, TermKind::Turn { times: 10..=12, .. })) else { continue };
         let TermKind::Turn { times, phase } = term.kind else { continue };
-        told += 1;
+        determined += 1;
         let own = |z: f64| -term.size.value * (f64::from(times) * z + phase).sin();
         let both: f64 = record.positions().iter().map(|z| own(*z) * (11.0 * z).sin()).sum();
         right += i32::from(both > 0.0);
     }
-    assert!(2 * told >= all && right == told, "{right} of {told} of {all}");
+    assert!(2 * determined >= all && right == determined, "{right} of {determined} of {all}");
 }
 
 /// The size and the phase are those of the level, for either sign of the motor, and a torque of the position is seldom mistaken for it.
 #[test]
 fn friction_that_changes_with_the_position_is_found_as_the_level_that_it_is() {
-    let (mut told, mut held, mut mistaken, mut all) = (0, 0, 0, 0);
+    let (mut determined, mut held, mut mistaken, mut all) = (0, 0, 0, 0);
     for (seed, sign) in hapt_testing::seeds(24).flat_map(|seed| [(seed, 1.0), (seed, -1.0)]) {
         let mut rng = Rng::with_seed(seed);
         let lever = plain(&mut rng);
@@ -186,14 +189,17 @@ fn friction_that_changes_with_the_position_is_found_as_the_level_that_it_is() {
         all += 1;
         let Some(term) = found(&fit, |kind| matches!(kind, TermKind::FrictionByPosition { .. })) else { continue };
         let TermKind::FrictionByPosition { times, phase } = term.kind else { continue };
-        told += 1;
+        determined += 1;
         let away = (phase - 0.4).sin().abs() < 0.5 && (phase - 0.4).cos() > 0.0;
         held += i32::from(
             (term.size.value / rubbing - 1.0).abs() < 0.4 && (10..=12).contains(&times) && (times != 11 || away),
         );
         mistaken += i32::from(found(&fit, |kind| matches!(kind, TermKind::Turn { .. })).is_some());
     }
-    assert!(10 * told >= 6 * all && 10 * held >= 9 * told, "{told} found, {held} of their size, of {all}");
+    assert!(
+        10 * determined >= 6 * all && 10 * held >= 9 * determined,
+        "{determined} found, {held} of their size, of {all}"
+    );
     assert!(20 * mistaken <= all, "{mistaken} of {all}");
 }
 
@@ -238,7 +244,7 @@ fn friction_by_position_is_not_told_from_less_than_a_period() {
 /// Over a turn or more, gravity and a constant torque are two torques.
 #[test]
 fn a_constant_torque_is_told_from_gravity() {
-    let (mut told, mut held, mut all) = (0, 0, 0);
+    let (mut determined, mut held, mut all) = (0, 0, 0);
     for seed in hapt_testing::seeds(96) {
         let mut rng = Rng::with_seed(seed);
         let mut between = |low: f64, high: f64| low + (high - low) * rng.f64();
@@ -258,10 +264,13 @@ fn a_constant_torque_is_told_from_gravity() {
         let fit = fit(&Record::new(times(&rig, 4000), positions, torques).unwrap());
         all += 1;
         let Some(found) = fit.offset else { continue };
-        told += 1;
+        determined += 1;
         held += i32::from(found.covers(offset));
     }
-    assert!(2 * told >= all && 20 * held >= 17 * told && all > 0, "{held} hold the truth of {told} told, of {all}");
+    assert!(
+        2 * determined >= all && 20 * held >= 17 * determined && all > 0,
+        "{held} hold the truth of {determined} told, of {all}"
+    );
 }
 
 /// Over a long gap a position is not known, and its interpolation would have no acceleration.

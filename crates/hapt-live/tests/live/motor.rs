@@ -200,11 +200,11 @@ fn the_torque_is_off_within_the_links_time_of_the_pages_last_message() {
 #[test]
 fn a_page_that_follows_another_gets_no_torque() {
     let (live, _hands) = on_a_motor_with(SafetyProfile::Certified, PUSHED, &["safety.link=20 s"]);
-    for way in ["reload", "give", "take"] {
+    for change in ["reload", "give", "take"] {
         let (mut page, _) = Page::new(&live);
         page.say(json!({ "type": "take" }));
         arm(&mut page);
-        let mut next = match way {
+        let mut next = match change {
             "reload" => {
                 drop(page);
                 Page::new(&live).0
@@ -220,7 +220,7 @@ fn a_page_that_follows_another_gets_no_torque() {
         next.stay_until("status", |status| status["phase"] == "disarmed");
         for _ in 0..5 {
             let status = next.stay_until("status", |_| true);
-            assert_eq!(status["phase"], "disarmed", "{way}: {status}");
+            assert_eq!(status["phase"], "disarmed", "{change}: {status}");
         }
         arm(&mut next);
         next.say(json!({ "type": "order", "order": "disarm" }));

@@ -206,8 +206,8 @@ fn commands_change_the_supervisor_and_every_client_may_stop() {
 #[test]
 fn with_a_removed_file_every_change_is_refused_and_the_loop_continues() {
     let folder = tempfile::tempdir().unwrap();
-    let way = folder.path().join("way.csv");
-    std::fs::write(&way, "time_s,puck_deg\n0,0\n1,10\n").unwrap();
+    let path = folder.path().join("way.csv");
+    std::fs::write(&path, "time_s,puck_deg\n0,0\n1,10\n").unwrap();
     let text =
         format!("{WORLD}[scenarios.way]\nduration = \"1 s\"\nhand = {{ kind = \"path\", file = \"way.csv\" }}\n");
     let file = folder.path().join("wheel.toml");
@@ -222,7 +222,7 @@ fn with_a_removed_file_every_change_is_refused_and_the_loop_continues() {
     std::fs::remove_file(&file).unwrap();
     page.say(json!({ "type": "set", "key": "loop.delay", "value": "1 ms" }));
     assert_eq!(page.hear_until("world", |world| world["generation"] != 0)["generation"], 1);
-    std::fs::remove_file(&way).unwrap();
+    std::fs::remove_file(&path).unwrap();
     page.say(json!({ "type": "set", "key": "loop.delay", "value": "2 ms" }));
     assert!(page.hear("refused")["message"].as_str().unwrap().contains("way.csv"));
     let time = page.frame().time;

@@ -115,9 +115,9 @@ proptest! {
 
 #[test]
 fn other_files_are_refused_with_a_reason() {
-    let said = |bytes: &[u8]| Log::read(bytes).err().unwrap().to_string();
+    let message = |bytes: &[u8]| Log::read(bytes).err().unwrap().to_string();
     for none in [&b""[..], b"\x89MCAP", b"time_s,puck_rad\n0,0\n", b"\x89PNG\r\n\x1a\n"] {
-        assert_eq!(said(none), "it is not a log: it does not begin as an MCAP file does");
+        assert_eq!(message(none), "it is not a log: it does not begin as an MCAP file does");
     }
     let mut foreign = mcap::Writer::new(std::io::Cursor::new(Vec::new())).unwrap();
     let channel = foreign.add_channel(0, "/odom", "json", &Default::default()).unwrap();
@@ -125,11 +125,11 @@ fn other_files_are_refused_with_a_reason() {
     foreign.write_to_known_channel(&header, b"{}").unwrap();
     foreign.finish().unwrap();
     assert_eq!(
-        said(&foreign.into_inner().into_inner()),
+        message(&foreign.into_inner().into_inner()),
         "it is an MCAP file, but not a log of hapt: its topics are [\"/odom\"], expected \"/hapt/sample\""
     );
     let empty = LogWriter::new(Vec::new(), &world(WHEEL), &common::header(WHEEL), Origin::Run).unwrap();
-    assert_eq!(said(&empty.finish().unwrap()), "it holds no sample");
+    assert_eq!(message(&empty.finish().unwrap()), "it holds no sample");
 }
 
 /// Metadata may follow the samples, as in logs rewritten by other programs: the samples do not need it.

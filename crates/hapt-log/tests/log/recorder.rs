@@ -297,13 +297,13 @@ fn samples_of_an_unannounced_world_are_an_error() {
 fn a_recorder_at_work() {
     let path = std::env::var_os("HAPT_LOG_PATH").unwrap();
     let recorder = Recorder::start(Path::new(&path), &world(WHEEL), header(WHEEL)).unwrap();
-    let mut said = 0;
+    let mut reported = 0;
     for sample in 0.. {
         recorder.send(&record(sample));
         std::thread::sleep(Duration::from_millis(1));
         let written = recorder.state().written;
-        if written > said {
-            said = written;
+        if written > reported {
+            reported = written;
             // Directly to standard error, since the harness captures output.
             writeln!(io::stderr(), "written {written} of {sample}").unwrap();
         }
@@ -320,8 +320,8 @@ fn a_killed_recorder_leaves_its_written_samples() {
     command.args(["--exact", "recorder::a_recorder_at_work", "--ignored", "--nocapture"]).env("HAPT_LOG_PATH", &path);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let lines = BufReader::new(child.stderr.take().unwrap()).lines();
-    let mut said = lines.map_while(Result::ok).filter_map(|line| line.strip_prefix("written ").map(String::from));
-    let (first, second) = (said.next(), said.next());
+    let mut reported = lines.map_while(Result::ok).filter_map(|line| line.strip_prefix("written ").map(String::from));
+    let (first, second) = (reported.next(), reported.next());
     child.kill().unwrap();
     child.wait().unwrap();
     let (Some(_), Some(second)) = (first, second) else { panic!("it wrote nothing") };

@@ -22,12 +22,12 @@ fn check(table: &[(&str, &str)], world: impl Fn(&str) -> String) {
     let mut wrong = String::new();
     for (given, message) in table {
         let text = world(given);
-        let said = match read(&text) {
+        let found = match read(&text) {
             Ok(_) => "(it reads)".to_string(),
             Err(error) => error.to_string().lines().next().unwrap_or_default().to_string(),
         };
-        if said != *message {
-            wrong += &format!("\n{given}\n    said:   {said}\n    wanted: {message}");
+        if found != *message {
+            wrong += &format!("\n{given}\n    said:   {found}\n    wanted: {message}");
         }
     }
     assert!(wrong.is_empty(), "{wrong}");

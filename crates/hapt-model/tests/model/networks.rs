@@ -94,7 +94,7 @@ fn a_key_that_no_network_has_is_answered_with_the_one_that_was_meant() {
     let mut source = Source::from_text("pair.toml", text);
     source.files.insert("w.toml".into(), "loop.period = 1e-3\ndevice = { inertia = 1e-3, damping = 0.02 }\n".into());
     assert!(System::read(&source, &[]).is_ok());
-    for (set, said) in [
+    for (set, expected) in [
         (
             "loop.period=1ms",
             "loop: unknown key here; a station's own is stations.NAME.loop.period; the top of the file takes title,",
@@ -107,7 +107,7 @@ fn a_key_that_no_network_has_is_answered_with_the_one_that_was_meant() {
         ("links.0.damping=1 N m/rad", "links.0.damping: "),
     ] {
         let message = System::read(&source, &[set.to_string()]).unwrap_err().to_string();
-        assert!(message.starts_with(said), "{message}");
+        assert!(message.starts_with(expected), "{message}");
     }
 }
 

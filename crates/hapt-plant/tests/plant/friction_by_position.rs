@@ -75,15 +75,15 @@ proptest! {
         let spec = DeviceSpec {
             friction, friction_backward: Some(backward), friction_by_position: Some(changes), stribeck, ..DeviceSpec::new(T, inertia)
         };
-        let (way, mean) = if back { (-1.0, backward) } else { (1.0, friction) };
+        let (sign, mean) = if back { (-1.0, backward) } else { (1.0, friction) };
         let mut device = VirtualDevice::new(&spec);
         device.set_out((place, 0.0), (0.0, 0.0));
-        device.command(way * part * (mean * changes.at(place) + more));
+        device.command(sign * part * (mean * changes.at(place) + more));
         (0..5).for_each(|_| device.travel());
         if part < 1.0 {
             prop_assert_eq!(device.puck(), (place, 0.0));
         } else {
-            prop_assert!(way * (device.puck().0 - place) > 0.0);
+            prop_assert!(sign * (device.puck().0 - place) > 0.0);
         }
     }
 
@@ -93,9 +93,9 @@ proptest! {
         changes in any_changes(), inertia in 1e-4_f64..1e-2, friction in 1e-3_f64..0.05, slope in 0.05_f64..2.0, back: bool,
     ) {
         let spec = DeviceSpec { friction, friction_by_position: Some(changes), ..DeviceSpec::new(T, inertia) };
-        let way = if back { -1.0 } else { 1.0 };
+        let sign = if back { -1.0 } else { 1.0 };
         let starts = friction * changes.at(0.0) / slope;
-        let hand = Drive::Torque(Shape::Ramp { to: way * slope, at: 0.0, over: 1.0 });
+        let hand = Drive::Torque(Shape::Ramp { to: sign * slope, at: 0.0, over: 1.0 });
         let samples = (starts / T).floor() as usize;
         // The ramp takes a second.
         prop_assume!(starts < 0.9 && (starts / T).fract() > 1e-3);
@@ -106,7 +106,7 @@ proptest! {
         let rate = friction * changes.steepest() / inertia * t * t;
         prop_assume!(rate < 0.1);
         let wanted = slope * t.powi(3) / (6.0 * inertia);
-        prop_assert!((way * x - wanted).abs() < 0.1 * rate * wanted + 1e-9 * wanted && way * v > 0.0, "{x} {wanted}");
+        prop_assert!((sign * x - wanted).abs() < 0.1 * rate * wanted + 1e-9 * wanted && sign * v > 0.0, "{x} {wanted}");
     }
 
     /// Gravity, cogging, a shaft, stops, hands: friction never supplies energy under any of them, and changes of 0 have no effect.

@@ -264,8 +264,8 @@ proptest! {
     ) {
         let stribeck = Some(Stribeck { torque: part * damping * velocity, velocity });
         let spec = DeviceSpec { damping, friction, stribeck, ..DeviceSpec::new(T, inertia) };
-        let way = if back { -1.0 } else { 1.0 };
-        let moves = Shape::Ramp { to: way * speed * velocity * 50.0, at: 0.0, over: 50.0 };
+        let sign = if back { -1.0 } else { 1.0 };
+        let moves = Shape::Ramp { to: sign * speed * velocity * 50.0, at: 0.0, over: 50.0 };
         let hand = Drive::Grip { inertia: 0.0, damping: 0.0, stiffness, moves, switching: None };
         let mut device = VirtualDevice::new(&spec);
         device.begin(&mut Script::new(&Hand { drive: hand, release: None }, 50.0, T));
@@ -273,7 +273,7 @@ proptest! {
         let mut speeds = Vec::new();
         for _ in 0..20_000 {
             device.travel();
-            speeds.push(way * device.puck().1 / velocity);
+            speeds.push(sign * device.puck().1 / velocity);
         }
         let sticks = speeds.contains(&0.0);
         prop_assert_eq!(sticks, part > 1.0);
@@ -311,7 +311,7 @@ proptest! {
         back: bool,
     ) {
         let (stiffness, damping) = (inertia * swing * swing, 2.0 * ratio * inertia * swing);
-        let way = if back { -1.0 } else { 1.0 };
+        let sign = if back { -1.0 } else { 1.0 };
         let (low, high) = if back { (Some(-at), None) } else { (None, Some(at)) };
         let spec = bare(inertia, Stops { low, high, stiffness, damping });
         let root = (1.0 - ratio * ratio).sqrt();
@@ -322,11 +322,11 @@ proptest! {
         // It leaves the stop, and passes its face.
         let out = left_at + depth / (kept * speed);
         let samples = (out / T).ceil() as usize + 3;
-        let device = moved(&spec, &Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), way * speed, &vec![0.0; samples]);
+        let device = moved(&spec, &Drive::Torque(Shape::Step { to: 0.0, at: 0.0 }), sign * speed, &vec![0.0; samples]);
         let (x, v) = device.puck();
         let wanted = at + depth - kept * speed * (samples as f64 * T - left_at);
-        prop_assert!((way * v + kept * speed).abs() < 1e-10 * speed, "{v} {kept}");
-        prop_assert!((way * x - wanted).abs() < 1e-10 * (at + speed * samples as f64 * T), "{x} {wanted}");
+        prop_assert!((sign * v + kept * speed).abs() < 1e-10 * speed, "{v} {kept}");
+        prop_assert!((sign * x - wanted).abs() < 1e-10 * (at + speed * samples as f64 * T), "{x} {wanted}");
         let lost = 0.5 * inertia * speed * speed * (1.0 - kept * kept);
         prop_assert!((device.ledger().stops - lost).abs() < 1e-10 * inertia * speed * speed, "{:?} {lost}", device.ledger());
     }

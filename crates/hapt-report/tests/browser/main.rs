@@ -59,6 +59,6 @@ fn nothing_overflows_or_overlaps_in_a_browser_wide_or_narrow_light_or_dark() {
         command.arg(page);
     }
     let looked = command.output().unwrap();
-    let said = String::from_utf8_lossy(&looked.stdout);
-    assert!(looked.status.success(), "{said}{}", String::from_utf8_lossy(&looked.stderr));
+    let printed = String::from_utf8_lossy(&looked.stdout);
+    assert!(looked.status.success(), "{printed}{}", String::from_utf8_lossy(&looked.stderr));
 }

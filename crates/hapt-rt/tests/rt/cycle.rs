@@ -92,14 +92,14 @@ proptest! {
         world.sampling.delay = hapt_model::Delay::Seconds(delay * 1e-3);
         let mut cycle = on(&world, ScriptedDevice::new(|k| -> Read { Ok(((0.1 * k as f64).sin(), 0.0)) }).0);
         armed(&mut cycle);
-        let mut asked: Vec<(u64, f64)> = Vec::new();
+        let mut commands: Vec<(u64, f64)> = Vec::new();
         for missed in missed {
             let moment = hapt_rt::Moment { periods: 1 + missed, ..Default::default() };
             cycle.pass(moment.periods);
             let record = cycle.sample(&moment, None).unwrap();
             prop_assert!(record.output != 0.0 || record.position == 0.0);
-            asked.push((record.sample, record.output));
-            let arrived = asked.iter().rev().find(|(sample, _)| *sample as f64 + delay <= record.sample as f64 + 1e-6);
+            commands.push((record.sample, record.output));
+            let arrived = commands.iter().rev().find(|(sample, _)| *sample as f64 + delay <= record.sample as f64 + 1e-6);
             // At first the motor holds the commands before these.
             if let Some((_, torque)) = arrived {
                 prop_assert_eq!(record.applied, *torque, "at {}", record.sample);

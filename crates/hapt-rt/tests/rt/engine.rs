@@ -77,7 +77,7 @@ fn a_handle_ends_the_loop_with_no_torque_on_while_its_owner_is_blocked() {
         looks += 1;
         assert!(looks < 60_000, "the torque stays on");
     }
-    assert_eq!(ended(&mut engine), End::Asked);
+    assert_eq!(ended(&mut engine), End::Stopped);
 }
 
 #[test]

@@ -155,7 +155,7 @@ fn campaign<C: Codec>(network: &System, codec: fn(bool, bool) -> C, seed: u64, s
     let fault = fault(&mut rng);
     let struck = rng.below(2) as usize;
     let (age_max, limit) = (network.links[0].age_max, network.links[0].limit.unwrap());
-    let way = MS / 10 + rng.below(3 * MS);
+    let delay = MS / 10 + rng.below(3 * MS);
     let mut stations = [0, 1].map(|at| Station::new(network, at, codec(at == 0, false), &mut rng));
     let mut sent: Vec<(usize, Vec<u8>)> = Vec::new();
     let mut taken: HashMap<(u64, u64), u64> = HashMap::new();
@@ -256,16 +256,16 @@ fn campaign<C: Codec>(network: &System, codec: fn(bool, bool) -> C, seed: u64, s
             seen.again += u64::from(record.link != 0.0);
         }
 
-        let mut said = None;
+        let mut newest = None;
         while let Ok(sample) = station.wire.samples.pop() {
-            said = Some(sample);
+            newest = Some(sample);
         }
-        let said = said.unwrap();
-        assert!(said.age.is_infinite() || said.age > 0.0);
+        let newest = newest.unwrap();
+        assert!(newest.age.is_infinite() || newest.age > 0.0);
         if matches!(record.phase, Phase::Disarmed | Phase::Faulted) {
-            assert!(!said.acts && !said.outgoing.strength.acts(), "{fault:?}: {said:?}");
+            assert!(!newest.acts && !newest.outgoing.strength.acts(), "{fault:?}: {newest:?}");
         }
-        let bytes = station.session.send(&said.outgoing).unwrap().as_ref().to_vec();
+        let bytes = station.session.send(&newest.outgoing).unwrap().as_ref().to_vec();
         let Number { session, sequence } = station.session.own();
         taken.insert((session, sequence), time);
         station.next += station.period;
@@ -275,20 +275,20 @@ fn campaign<C: Codec>(network: &System, codec: fn(bool, bool) -> C, seed: u64, s
             Fault::Bursts if is_on && (time / (30 * MS)).is_multiple_of(2) => 1.0,
             _ => 0.02,
         };
-        let mut way = way + rng.below(MS);
+        let mut delay = delay + rng.below(MS);
         match fault {
-            Fault::Delay(longer) if is_on => way += longer * MS,
-            Fault::Reordering if is_on => way += rng.below(20 * MS),
+            Fault::Delay(longer) if is_on => delay += longer * MS,
+            Fault::Reordering if is_on => delay += rng.below(20 * MS),
             Fault::Replays => {
                 for _ in 0..2 {
                     let (to, bytes) = sent[rng.below(sent.len() as u64) as usize].clone();
-                    stations[to].incoming.push((time + way, bytes));
+                    stations[to].incoming.push((time + delay, bytes));
                 }
             }
             _ => {}
         }
         if rng.unit() >= loss {
-            stations[1 - at].incoming.push((time + way, bytes));
+            stations[1 - at].incoming.push((time + delay, bytes));
         }
     }
     seen.releases += gone;

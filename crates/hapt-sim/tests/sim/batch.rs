@@ -255,19 +255,19 @@ fn a_batch_ends_when_it_is_cancelled() {
     };
     let worlds = worlds(of);
     let samples = (20.0 / worlds[0].sampling.period) as u32;
-    let asked = std::cell::Cell::new(0);
+    let calls = std::cell::Cell::new(0);
     let after = |times: u32| {
-        asked.set(0);
+        calls.set(0);
         run_batch(&worlds.each_ref(), 0, &|| {
-            asked.set(asked.get() + 1);
-            asked.get() == times
+            calls.set(calls.get() + 1);
+            calls.get() == times
         })
         .unwrap()
     };
     assert!(after(u32::MAX).iter().all(Option::is_some));
-    assert_eq!(asked.get(), samples / 4096 + 1);
+    assert_eq!(calls.get(), samples / 4096 + 1);
     assert_eq!(after(3).iter().flatten().count(), 0);
-    assert_eq!(asked.get(), 3);
+    assert_eq!(calls.get(), 3);
 }
 
 /// Loops in lanes may differ in their numbers and nonlinear couplings; devices may differ in everything.

@@ -71,11 +71,11 @@ proptest! {
             0.5 * world.device.inertia * row.puck_velocity.powi(2) + 0.5 * stiffness * row.puck.powi(2)
         };
         let start = energy(&rows[201]);
-        let mut way = 0.0;
+        let mut travel = 0.0;
         for pair in rows[201..].windows(2) {
-            way += (pair[1].puck - pair[0].puck).abs();
+            travel += (pair[1].puck - pair[0].puck).abs();
             let energy = energy(&pair[1]);
-            prop_assert!(energy + left * way <= start * (1.0 + 1e-9) + 1e-15, "{energy} J and {way} rad of {start} J");
+            prop_assert!(energy + left * travel <= start * (1.0 + 1e-9) + 1e-15, "{energy} J and {travel} rad of {start} J");
         }
         prop_assert_eq!(rows.last().unwrap().puck_velocity, 0.0);
     }

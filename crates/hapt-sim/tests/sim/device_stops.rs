@@ -43,8 +43,8 @@ proptest! {
         let free: Vec<f64> = rows.iter().skip(200).map(energy).collect();
         // Between two samples the held torque differs from the spring's by up to K dz; damping dissipates the energy of that difference. A puck whose
         // velocity a stop reverses moves farther than from sample to sample.
-        let way = rows.iter().map(|row| row.puck_velocity.abs() * 1e-3).fold(0.0, f64::max);
-        let slack = 2.0 * stiffness * way * way;
+        let travel = rows.iter().map(|row| row.puck_velocity.abs() * 1e-3).fold(0.0, f64::max);
+        let slack = 2.0 * stiffness * travel * travel;
         for pair in free.windows(2) {
             prop_assert!(pair[1] <= pair[0] + slack + 1e-12);
         }

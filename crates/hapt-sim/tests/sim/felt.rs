@@ -57,11 +57,11 @@ fn damped() -> impl Strategy<Value = World> {
                     limit: None,
                 },
             ];
-            for (i, (angle, ratio, coupled, way)) in bodies.into_iter().enumerate() {
+            for (i, (angle, ratio, coupled, chosen)) in bodies.into_iter().enumerate() {
                 // A frequency of some tenths of a radian per sample.
                 let omega = 10f64.powf(angle) / period;
                 let inertia = 1e-3 * (1.0 + i as f64);
-                let to = if i == 0 || way == 0 { End::Puck } else { End::Body(way.min(i) - 1) };
+                let to = if i == 0 || chosen == 0 { End::Puck } else { End::Body(chosen.min(i) - 1) };
                 let damper = |first, second, part: f64| Coupling {
                     first,
                     second,

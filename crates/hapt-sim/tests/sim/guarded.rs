@@ -90,10 +90,10 @@ fn a_wheel_that_diverges_hands_off_is_stopped_and_stays_without_torque() {
     world.bodies[0].position = 0.2;
     world.device.damping = 1e-4;
     // On the simulated device it is stopped only where the file enables faults of the energy ledgers.
-    for (profile, asked) in
+    for (profile, world_trips) in
         [(SafetyProfile::Simulated, Some(true)), (SafetyProfile::Simulated, None), (SafetyProfile::Uncertified, None)]
     {
-        world.safety.world_trips = asked;
+        world.safety.world_trips = world_trips;
         let mut guard = Guard::new(&world, profile);
         let mut device = VirtualDevice::new(&world.device_spec());
         let mut caught = None;
@@ -107,7 +107,7 @@ fn a_wheel_that_diverges_hands_off_is_stopped_and_stays_without_torque() {
                 assert_eq!(guarded.output, 0.0);
             }
         }
-        if (profile, asked) == (SafetyProfile::Simulated, None) {
+        if (profile, world_trips) == (SafetyProfile::Simulated, None) {
             assert_eq!(caught, None);
             continue;
         }

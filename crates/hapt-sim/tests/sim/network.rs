@@ -137,8 +137,8 @@ fn a_link_whose_messages_all_arrive_is_its_spring() {
         }
         for (own, other) in [(0, 1), (1, 0)] {
             for (k, (measured, link)) in seen[own].iter().enumerate() {
-                let heard = k.checked_sub(1 + late as usize).map_or(0.0, |before| seen[other][before].0);
-                let law = 0.3 * (heard - measured);
+                let received = k.checked_sub(1 + late as usize).map_or(0.0, |before| seen[other][before].0);
+                let law = 0.3 * (received - measured);
                 assert!((link - law).abs() < 1e-12, "{hand} {late}: {link} N m and not {law} at sample {k}");
             }
         }
@@ -167,15 +167,15 @@ fn the_same_network_gives_the_same_rows_again() {
 fn a_station_without_links_runs_as_its_world() {
     let network = pair(0.0, 0.005, "");
     let station = &network.stations[0];
-    let mut alone = hapt_sim::Simulation::new(&station.world, &station.world.scenarios[0]).unwrap();
+    let mut single = hapt_sim::Simulation::new(&station.world, &station.world.scenarios[0]).unwrap();
     let mut run = Run::new(&network, "all").unwrap();
     while let Some(row) = run.next() {
         let row = row.unwrap();
         if row.station == 0 {
-            assert_eq!(row.row, alone.next().unwrap().unwrap());
+            assert_eq!(row.row, single.next().unwrap().unwrap());
         }
     }
-    assert!(alone.next().is_none());
+    assert!(single.next().is_none());
 }
 
 /// Random numbers that are the same in every run.
@@ -318,11 +318,11 @@ fn the_limit_is_that_of_the_multivariable_condition_of_colgate_and_schenkel() {
                 }
                 for link in &network.links {
                     let [i, j] = link.between;
-                    let way = (link.delay / period).round();
+                    let samples = (link.delay / period).round();
                     for (i, j) in [(i, j), (j, i)] {
                         let own = link.stiffness() * z.powf(-delay(i)) / (z - 1.0);
                         p[(i, i)] += own;
-                        p[(i, j)] -= own * z.powf(-way);
+                        p[(i, j)] -= own * z.powf(-samples);
                     }
                 }
                 let hermitian = (&p + p.adjoint()) * C::from(0.5);

@@ -97,7 +97,7 @@ fn loops() -> impl Iterator<Item = World> {
 }
 
 /// 45° at 0, released after a quarter of a period.
-fn let_go() -> Scenario {
+fn released() -> Scenario {
     scenario(3.0, step(FRAC_PI_4, 0.0), Some(0.25))
 }
 
@@ -403,7 +403,7 @@ fn released_without_device_damping_every_method_grows_twenty_times_faster_than_h
     for mut world in loops() {
         world.device.damping = 0.0;
         let name = (world.sampling.method.name(), world.sampling.output.name());
-        let growth = swing_growth(&rows(&world, &let_go()), 0.25);
+        let growth = swing_growth(&rows(&world, &released()), 0.25);
         let (predicted, _) = released_growth(&world);
         assert!((growth - predicted).abs() < 1e-6, "{name:?}: {growth} {predicted}");
         assert!((19.0..21.3).contains(&(growth / held_growth)), "{name:?}: {growth}");
@@ -417,7 +417,7 @@ fn the_course_wheels_damping_stills_the_released_wheel_under_every_method() {
         let name = (world.sampling.method.name(), world.sampling.output.name());
         let mut growth = |damping: f64| {
             world.device.damping = damping;
-            let growth = swing_growth(&rows(&world, &let_go()), 0.25);
+            let growth = swing_growth(&rows(&world, &released()), 0.25);
             let (predicted, spin) = released_growth(&world);
             assert!((growth - predicted).abs() < 1e-6, "{name:?}: {growth} {predicted}");
             (growth, spin)

@@ -144,15 +144,15 @@ fn a_timing_that_does_not_suit_the_loop_is_refused() {
     let scenario = timed(hold(), Timing::Pattern { intervals: vec![0.4, 2.0], delays: vec![] });
     assert!(Simulation::new(&world, &scenario).is_ok());
     world.sampling.delay = hapt_model::Delay::Seconds(0.5e-3);
-    let said = |world: &World| match Simulation::new(world, &scenario) {
+    let message = |world: &World| match Simulation::new(world, &scenario) {
         Err(error @ Error::Timing { .. }) => error.to_string(),
         other => panic!("{:?}", other.map(|run| run.rows())),
     };
-    assert!(said(&world).contains("before the command arrives"), "{}", said(&world));
+    assert!(message(&world).contains("before the command arrives"), "{}", message(&world));
     world.sampling.delay = hapt_model::Delay::Seconds(1.5e-3);
-    assert!(said(&world).contains("is longer than the period"), "{}", said(&world));
+    assert!(message(&world).contains("is longer than the period"), "{}", message(&world));
     (world.sampling.delay, world.sampling.interval_max) = (hapt_model::Delay::Seconds(0.0), None);
-    assert!(said(&world).contains("a larger loop.interval_max"), "{}", said(&world));
+    assert!(message(&world).contains("a larger loop.interval_max"), "{}", message(&world));
 }
 
 /// K and B to ground in the dimensionless numbers α = K T²/J, β = B T/J, δ = b T/J.

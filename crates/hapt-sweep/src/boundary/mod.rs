@@ -48,7 +48,7 @@ pub struct Piece {
     /// The claim.
     pub edge: Edge,
     /// The method that found it.
-    pub way: EdgeMethod,
+    pub method: EdgeMethod,
     /// The points in their order.
     pub points: Vec<Point>,
     /// Whether it is closed; else both ends are at the frame, or [lost](Claim::lost).
@@ -186,7 +186,7 @@ fn claim(plane: &Plane, edge: Edge, stop: &(dyn Fn() -> bool + Sync)) -> Result<
 
 /// A trace with the data of its points. At each point of a traced edge the verdict is computed on both sides, across both neighbours, or
 /// across one of them near a corner; points of an equation have been checked.
-fn piece(plane: &Plane, edge: Edge, way: EdgeMethod, found: TracedEdge) -> Result<Option<Piece>, Error> {
+fn piece(plane: &Plane, edge: Edge, method: EdgeMethod, found: TracedEdge) -> Result<Option<Piece>, Error> {
     let TracedEdge { trace: Trace { points, closed }, known } = found;
     let n = points.len();
     let point = |i: usize| -> Result<Option<Point>, Error> {
@@ -212,5 +212,5 @@ fn piece(plane: &Plane, edge: Edge, way: EdgeMethod, found: TracedEdge) -> Resul
     let looked = (0..n).into_par_iter().map(point).collect::<Result<Vec<_>, Error>>()?;
     let points: Vec<Point> = looked.into_iter().flatten().collect();
     let failed = n - points.len();
-    Ok((!points.is_empty()).then_some(Piece { edge, way, points, closed, failed }))
+    Ok((!points.is_empty()).then_some(Piece { edge, method, points, closed, failed }))
 }

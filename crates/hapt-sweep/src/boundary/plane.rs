@@ -51,7 +51,7 @@ impl Edge {
 
 /// Of a network: the required dampings of its stations' worlds, and the stations for which they change in the plane.
 #[derive(Clone, Debug, PartialEq)]
-struct Asked {
+struct NetworkDemands {
     demands: Demands,
     change: Vec<usize>,
 }
@@ -63,7 +63,7 @@ pub struct Plane {
     pub axes: [Axis; 2],
     /// The world or network at the corner where both begin.
     pub system: System,
-    asked: Option<Asked>,
+    demands_of_network: Option<NetworkDemands>,
 }
 
 impl Plane {
@@ -82,7 +82,7 @@ impl Plane {
         let rising = |axis: &Axis| Axis { from: axis.from.min(axis.to), to: axis.from.max(axis.to), ..axis.clone() };
         match &grid.axes[..] {
             [x, y] => {
-                let mut plane = Plane { axes: [rising(x), rising(y)], system, asked: None };
+                let mut plane = Plane { axes: [rising(x), rising(y)], system, demands_of_network: None };
                 if plane.system.world().is_none() {
                     let stations = &plane.system.stations;
                     let demands = Demands::of(&plane.system).map_err(|error| plane.failed([0.0, 0.0], error))?;
@@ -91,7 +91,7 @@ impl Plane {
                         plane.axes.iter().any(|axis| axis.key.starts_with(&own))
                     };
                     let change = (0..stations.len()).filter(|at| is_varied(&stations[*at].name)).collect();
-                    plane.asked = Some(Asked { demands, change });
+                    plane.demands_of_network = Some(NetworkDemands { demands, change });
                 }
                 Ok(plane)
             }
@@ -165,9 +165,11 @@ impl Plane {
     }
 
     fn demands(&self, network: &System) -> Result<Cow<'_, Demands>, hapt_analysis::Error> {
-        match &self.asked {
-            Some(Asked { demands, change }) if change.is_empty() => Ok(Cow::Borrowed(demands)),
-            Some(Asked { demands, change }) => demands.renewed(network, change.iter().copied()).map(Cow::Owned),
+        match &self.demands_of_network {
+            Some(NetworkDemands { demands, change }) if change.is_empty() => Ok(Cow::Borrowed(demands)),
+            Some(NetworkDemands { demands, change }) => {
+                demands.renewed(network, change.iter().copied()).map(Cow::Owned)
+            }
             None => Demands::of(network).map(Cow::Owned),
         }
     }

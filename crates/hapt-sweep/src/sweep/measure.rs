@@ -36,7 +36,7 @@ hapt_model::named! {
         /// Of a network: the largest net energy that all hands together have drawn from it.
         EnergyDrawn => "energy_drawn",
         /// Of a network: the number of releases of link ends.
-        LetGo => "let_go",
+        Releases => "let_go",
         /// Of a network: the smallest difference between a device's damping and the required one.
         DampingMargin => "damping_margin",
         /// Of a network: the largest factor on the stiffness of all links with which it is passive.
@@ -60,7 +60,7 @@ impl Measure {
             Measure::RequiredDamping => "the least device damping that makes the loop passive",
             Measure::Certified => "1 for a certified loop, or network, else 0",
             Measure::EnergyDrawn => "of a network: the most energy that all hands have had from it at any instant",
-            Measure::LetGo => "of a network: how often ends of its links let go",
+            Measure::Releases => "of a network: how often ends of its links let go",
             Measure::DampingMargin => "of a network: the least damping of a device beyond what is required of it",
             Measure::StiffnessScale => "of a network: the largest factor on all its links with which it is passive",
             Measure::FixedPassive => "of a network: 1 for passive at fixed times, 0 for not, none without a verdict",
@@ -78,7 +78,7 @@ impl Measure {
             (Measure::RequiredDamping | Measure::DampingMargin, Motion::Rotary) => "N m s/rad",
             (Measure::RequiredDamping | Measure::DampingMargin, Motion::Linear) => "N s/m",
             (Measure::HeldVerdict | Measure::FreeVerdict | Measure::Certified, _)
-            | (Measure::LetGo | Measure::StiffnessScale | Measure::FixedPassive, _) => "",
+            | (Measure::Releases | Measure::StiffnessScale | Measure::FixedPassive, _) => "",
         }
     }
 
@@ -95,7 +95,7 @@ impl Measure {
             | Measure::FreeVerdict
             | Measure::RequiredDamping => !is_network,
             Measure::EnergyDrawn
-            | Measure::LetGo
+            | Measure::Releases
             | Measure::DampingMargin
             | Measure::StiffnessScale
             | Measure::FixedPassive => is_network,
@@ -125,7 +125,7 @@ impl Measure {
             | Measure::FinalEnergy
             | Measure::SettlingTime
             | Measure::EnergyDrawn
-            | Measure::LetGo
+            | Measure::Releases
             | Measure::DampingMargin
             | Measure::StiffnessScale
             | Measure::FixedPassive => true,
@@ -154,7 +154,7 @@ impl Measure {
             | Measure::FinalEnergy
             | Measure::SettlingTime
             | Measure::EnergyDrawn
-            | Measure::LetGo => true,
+            | Measure::Releases => true,
             Measure::HeldGrowth
             | Measure::FreeGrowth
             | Measure::HeldVerdict
@@ -184,7 +184,7 @@ impl Measure {
             | Measure::RequiredDamping
             | Measure::Certified
             | Measure::EnergyDrawn
-            | Measure::LetGo
+            | Measure::Releases
             | Measure::DampingMargin
             | Measure::StiffnessScale
             | Measure::FixedPassive => false,
@@ -199,7 +199,7 @@ pub(crate) struct OfRun {
     pub final_energy: Option<f64>,
     pub settling_time: Option<f64>,
     pub energy_drawn: Option<f64>,
-    pub let_go: Option<f64>,
+    pub releases: Option<f64>,
 }
 
 impl OfRun {
@@ -219,7 +219,7 @@ impl OfRun {
             Measure::FinalEnergy => self.final_energy,
             Measure::SettlingTime => self.settling_time,
             Measure::EnergyDrawn => self.energy_drawn,
-            Measure::LetGo => self.let_go,
+            Measure::Releases => self.releases,
             Measure::HeldGrowth
             | Measure::FreeGrowth
             | Measure::HeldVerdict
@@ -266,7 +266,7 @@ pub(crate) fn of_run(system: &System, scenario: usize, settling: bool, stop: &St
             final_energy: summary.stations.first().map(Summary::final_energy),
             settling_time: settling.and_then(|settling| settling.time()),
             energy_drawn: Some((summary.drawn - summary.blur()).max(0.0)),
-            let_go: Some(run.releases().flatten().sum::<u64>() as f64),
+            releases: Some(run.releases().flatten().sum::<u64>() as f64),
         })
     };
     run().unwrap_or_default()
@@ -314,7 +314,7 @@ impl<'s> Checked<'s> {
             | Measure::FinalEnergy
             | Measure::SettlingTime
             | Measure::EnergyDrawn
-            | Measure::LetGo => None,
+            | Measure::Releases => None,
         }
     }
 }

@@ -133,15 +133,15 @@ fn reserve(world: &World) -> Option<f64> {
             }
         }
     }
-    let Ok(way) = matrix.clone().svd(true, true).solve(&push, 1e-12 * matrix.amax().max(f64::MIN_POSITIVE)) else {
+    let Ok(step) = matrix.clone().svd(true, true).solve(&push, 1e-12 * matrix.amax().max(f64::MIN_POSITIVE)) else {
         return Some(0.0);
     };
-    if (&matrix * &way - &push).amax() > 1e-9 * push.amax() {
+    if (&matrix * &step - &push).amax() > 1e-9 * push.amax() {
         return Some(0.0);
     }
     // From the start to the equilibrium of the springs without the torques, and on to the equilibrium with them.
     let start: f64 = world.bodies.iter().enumerate().map(|(i, body)| push[i] * body.position).sum();
-    Some((0.5 * push.dot(&way) + way.dot(&rest) - start).max(0.0))
+    Some((0.5 * push.dot(&step) + step.dot(&rest) - start).max(0.0))
 }
 
 /// The speed at which the supervisor removes the torque, rad/s (linear: m/s), as in the certificate: no device gives a hand energy beyond

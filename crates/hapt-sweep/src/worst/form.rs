@@ -77,10 +77,10 @@ impl<'a> Form<'a> {
     }
 
     /// The positions at the samples.
-    fn positions(&self, ways: &[f64]) -> Vec<f64> {
+    fn positions(&self, travels: &[f64]) -> Vec<f64> {
         let mut positions = vec![0.0; self.steps.len() + 1];
-        for ((k, ..), way) in self.parts.iter().zip(ways) {
-            positions[k + 1] += way;
+        for ((k, ..), travel) in self.parts.iter().zip(travels) {
+            positions[k + 1] += travel;
         }
         for k in 1..positions.len() {
             positions[k] += positions[k - 1];
@@ -117,16 +117,16 @@ impl<'a> Form<'a> {
         self.parts.iter().map(mean).collect()
     }
 
-    /// The symmetric part of the form, times `ways`.
-    fn times(&self, ways: &[f64]) -> Vec<f64> {
-        let mut forces = self.means(&self.torques(self.positions(ways).into_iter()));
+    /// The symmetric part of the form, times `travels`.
+    fn times(&self, travels: &[f64]) -> Vec<f64> {
+        let mut forces = self.means(&self.torques(self.positions(travels).into_iter()));
         // The transposed map: from displacements to the work of each command, and back through the core.
         let mut commands = vec![0.0; self.steps.len()];
         let mut motor = 0.0;
-        for (&(k, length, arrived), way) in self.parts.iter().zip(ways).rev() {
+        for (&(k, length, arrived), travel) in self.parts.iter().zip(travels).rev() {
             let [mean, end] = self.kept(length);
-            let share = way * (1.0 - mean) + motor * (1.0 - end);
-            motor = way * mean + motor * end;
+            let share = travel * (1.0 - mean) + motor * (1.0 - end);
+            motor = travel * mean + motor * end;
             if let Some(k) = self.acting(k, arrived) {
                 commands[k] += share;
             }
@@ -153,7 +153,7 @@ impl<'a> Form<'a> {
             y.iter_mut().zip(&root).for_each(|(y, root)| *y -= over * root);
         };
         let mut start: Vec<f64> = match from {
-            Some(ways) => ways.iter().zip(&root).map(|(way, root)| way / root).collect(),
+            Some(travels) => travels.iter().zip(&root).map(|(travel, root)| travel / root).collect(),
             // A fixed start with slow and fast components: Knuth's linear congruential numbers, from -0.2 to 0.8.
             None => {
                 let mut state = 1u64;
@@ -168,8 +168,8 @@ impl<'a> Form<'a> {
         let mut basis: Vec<Vec<f64>> = vec![scaled(&start, 1.0 / dot(&start, &start).sqrt())];
         let (mut diagonal, mut off_diagonal) = (Vec::new(), Vec::new());
         for i in 0..LANCZOS {
-            let ways: Vec<f64> = basis[i].iter().zip(&root).map(|(y, root)| y * root).collect();
-            let mut next: Vec<f64> = self.times(&ways).iter().zip(&root).map(|(force, root)| force * root).collect();
+            let travels: Vec<f64> = basis[i].iter().zip(&root).map(|(y, root)| y * root).collect();
+            let mut next: Vec<f64> = self.times(&travels).iter().zip(&root).map(|(force, root)| force * root).collect();
             returning(&mut next);
             diagonal.push(dot(&next, &basis[i]));
             for _ in 0..2 {
@@ -197,24 +197,24 @@ impl<'a> Form<'a> {
         for (vector, weight) in basis.iter().zip(eigen.eigenvectors.column(most).iter()) {
             motion.iter_mut().zip(vector).for_each(|(sum, y)| *sum += weight * y);
         }
-        let ways: Vec<f64> = root.iter().zip(&motion).map(|(root, y)| y * root).collect();
+        let travels: Vec<f64> = root.iter().zip(&motion).map(|(root, y)| y * root).collect();
         // The computed work in place of the eigenvalue, which rounding may increase.
-        let work = dot(&self.means(&self.torques(self.positions(&ways).into_iter())), &ways);
-        let parts: Vec<(f64, f64)> = self.parts.iter().zip(ways).map(|(part, way)| (part.1, way)).collect();
-        let lost: f64 = parts.iter().map(|(length, way)| way * way / length).sum();
+        let work = dot(&self.means(&self.torques(self.positions(&travels).into_iter())), &travels);
+        let parts: Vec<(f64, f64)> = self.parts.iter().zip(travels).map(|(part, travel)| (part.1, travel)).collect();
+        let lost: f64 = parts.iter().map(|(length, travel)| travel * travel / length).sum();
         WorkMotion { demand: work / lost, steps: self.steps.clone(), parts }
     }
 
     /// The delays that maximise the energy of this motion: -u d δ/L + u² d (L - d)/(4 b L), u the change of the command and δ the displacement of the interval.
     fn delays(&self, motion: &WorkMotion, [least, largest]: [f64; 2]) -> Vec<Step> {
-        let ways: Vec<f64> = motion.parts.iter().map(|part| part.1).collect();
-        let mut positions = self.positions(&ways);
+        let travels: Vec<f64> = motion.parts.iter().map(|part| part.1).collect();
+        let mut positions = self.positions(&travels);
         let commands = self.torques(positions.clone().into_iter());
         positions.push(0.0);
         let step = |(k, step): (usize, &Step)| {
             let change = commands[k] - k.checked_sub(1).map_or(0.0, |k| commands[k]);
-            let way = positions[k + 1] - positions[k];
-            let best = 0.5 * step.interval - 2.0 * motion.demand * way / change;
+            let travel = positions[k + 1] - positions[k];
+            let best = 0.5 * step.interval - 2.0 * motion.demand * travel / change;
             Step { delay: if best.is_finite() { best.clamp(least, largest) } else { step.delay }, ..*step }
         };
         self.steps.iter().enumerate().map(step).collect()
@@ -284,12 +284,12 @@ pub fn work_motion(world: &World, samples: usize) -> Option<WorkMotion> {
     let all = patterns.iter().map(|pattern| form(pattern).worst(None));
     let mut best = all.max_by(|a, b| a.demand.total_cmp(&b.demand))?;
     for _ in 0..TURNS {
-        let ways: Vec<f64> = best.parts.iter().map(|part| part.1).collect();
+        let travels: Vec<f64> = best.parts.iter().map(|part| part.1).collect();
         let same = Form::new(&core, lag, whole, best.steps.clone());
         let found = if lag == 0.0 && least < largest {
             Form::new(&core, lag, whole, same.delays(&best, bounds)).worst(None)
         } else {
-            same.worst(Some(&ways))
+            same.worst(Some(&travels))
         };
         let settled = found.demand <= best.demand * (1.0 + SETTLED);
         if found.demand > best.demand {
@@ -320,9 +320,9 @@ impl WorkMotion {
         let mut before = 0.0;
         for _ in 0..repeated {
             let (mut time, mut position) = (0.0, 0.0);
-            for (length, way) in &self.parts {
+            for (length, travel) in &self.parts {
                 time += length;
-                position += size * way;
+                position += size * travel;
                 points.push((before + time, position));
             }
             before += time;
@@ -332,7 +332,7 @@ impl WorkMotion {
 
     /// The points of the motion, repeated, scaled to the largest speed `speed` in rad/s (linear: m/s): times in s, and positions.
     pub fn at_speed(&self, repeated: usize, speed: f64) -> Vec<(f64, f64)> {
-        let fastest = self.parts.iter().map(|(length, way)| way.abs() / length).fold(0.0, f64::max);
+        let fastest = self.parts.iter().map(|(length, travel)| travel.abs() / length).fold(0.0, f64::max);
         self.points(repeated, speed / fastest)
     }
 

@@ -4,15 +4,15 @@
 //! ones that release and grip again. For the linear loop with a hand the result is exact ([`hapt_analysis::worst_grip`]). For the whole
 //! loop, with limit, counts, friction and walls, it is a run on the exact simulation, and its ledger ([`drawn`]).
 //!
-//! * [`search`] runs the whole search on a system and returns a [`Worst`]: of a world the hand of [`search_alone`], of a network those of
-//!   [`search_together`], one at each station.
+//! * [`search`] runs the whole search on a system and returns a [`Worst`]: of a world the hand of [`search_world`], of a network those of
+//!   [`search_network`], one at each station.
 //! * [`Hand`] is a hand with its initial kick, and the scenario that shows it.
 //! * [`HandMotion`] is a prescribed path, for worlds from which no grip draws energy: the one for which the motor's work is largest, or one
 //!   against counts, levels and samples.
 //! * [`work_motion`] is the former of a linear loop, by the largest eigenvalue of the work as a quadratic form of the motion.
 //! * [`Drawn`] is the energy that the hand has drawn from the loop, from a run's ledger.
 //!
-//! No hand may draw energy from a certified world. From a refused world some hand should; where none does, [`WorstAlone::gap`] is the distance
+//! No hand may draw energy from a certified world. From a refused world some hand should; where none does, [`WorstOfWorld::gap`] is the distance
 //! between the certificate and the worst hand found.
 
 mod drawn;
@@ -31,25 +31,25 @@ pub use form::{WorkMotion, work_motion};
 pub use hand::Hand;
 pub use motion::{Exploit, HandMotion};
 pub use moved::{FILE, Moved, best_motion};
-pub use network::{DrawnTogether, WorstTogether, search_together};
-pub use search::{Error, Gap, Watch, WorstAlone, most_runs_alone, search_alone};
+pub use network::{DrawnFromNetwork, WorstOfNetwork, search_network};
+pub use search::{Error, Gap, Watch, WorstOfWorld, most_runs_of_world, search_world};
 
 /// The worst hands of a system. It serialises to the output of `hapt worst --json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Worst {
     /// Of a world.
-    Alone(Box<WorstAlone>),
+    World(Box<WorstOfWorld>),
     /// Of a network.
-    Together(Box<WorstTogether>),
+    Network(Box<WorstOfNetwork>),
 }
 
 impl Worst {
     /// Whether hands draw energy.
     pub fn is_broken(&self) -> bool {
         match self {
-            Worst::Alone(worst) => worst.broken,
-            Worst::Together(worst) => worst.broken,
+            Worst::World(worst) => worst.broken,
+            Worst::Network(worst) => worst.broken,
         }
     }
 }
@@ -60,8 +60,8 @@ impl Worst {
 /// [`Error`].
 pub fn search(system: &System, watch: &Watch<'_>) -> Result<Worst, Error> {
     Ok(match system.world() {
-        Some(world) => Worst::Alone(Box::new(search_alone(world, watch)?)),
-        None => Worst::Together(Box::new(search_together(system, watch)?)),
+        Some(world) => Worst::World(Box::new(search_world(world, watch)?)),
+        None => Worst::Network(Box::new(search_network(system, watch)?)),
     })
 }
 
@@ -70,5 +70,5 @@ pub fn search(system: &System, watch: &Watch<'_>) -> Result<Worst, Error> {
 /// # Errors
 /// As [`search`].
 pub fn most_runs(system: &System) -> Result<usize, Error> {
-    system.world().map_or(Ok(network::MAX_RUNS), most_runs_alone)
+    system.world().map_or(Ok(network::MAX_RUNS), most_runs_of_world)
 }

@@ -307,10 +307,10 @@ impl Bench<'_> {
         let mut z = place;
         for k in 0..=self.samples {
             let start = k as f64 * self.period;
-            let way = |k: usize| if (k / BLOCK).is_multiple_of(2) { velocity } else { -velocity };
-            points.extend([(start, z), (start + forth, z + way(k) * forth)]);
+            let rate = |k: usize| if (k / BLOCK).is_multiple_of(2) { velocity } else { -velocity };
+            points.extend([(start, z), (start + forth, z + rate(k) * forth)]);
             // Against the held torque: that of one delay ago.
-            z -= back * way(k.saturating_sub(self.late.0)) * self.period;
+            z -= back * rate(k.saturating_sub(self.late.0)) * self.period;
         }
         Some(HandMotion { trick: Exploit::Reverse, points, timing: Timing::Even })
     }

@@ -70,7 +70,7 @@ pub struct Gap {
 
 /// The worst hand found of a world.
 #[derive(Clone, Debug, PartialEq)]
-pub struct WorstAlone {
+pub struct WorstOfWorld {
     /// Whether the world is certified, open or refuted.
     pub status: Status,
     /// The linear loop's worst hand, or one with nearly the same growth and a stronger initial kick, and the growth in 1/s; `None` where no tried
@@ -96,7 +96,7 @@ pub struct WorstAlone {
 }
 
 /// The form of `hapt worst --json`, in SI.
-impl Serialize for WorstAlone {
+impl Serialize for WorstOfWorld {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         #[derive(Serialize)]
         struct Summary {
@@ -120,7 +120,7 @@ impl Serialize for WorstAlone {
     }
 }
 
-impl WorstAlone {
+impl WorstOfWorld {
     /// Whether the world is certified.
     pub fn is_certified(&self) -> bool {
         self.status == Status::Certified
@@ -271,12 +271,12 @@ fn with_a_kick(world: &World, worst: WorstGrip, stiffness: f64) -> Result<WorstG
     Ok(worst)
 }
 
-/// The largest number of hands that [`search_alone`] tries by simulation: two of the linear loop and those of the grid at each target, a switching
+/// The largest number of hands that [`search_world`] tries by simulation: two of the linear loop and those of the grid at each target, a switching
 /// one for each of the grid, and both local searches, each with the round that ends it.
 ///
 /// # Errors
-/// As [`search_alone`].
-pub fn most_runs_alone(world: &World) -> Result<usize, Error> {
+/// As [`search_world`].
+pub fn most_runs_of_world(world: &World) -> Result<usize, Error> {
     let (targets, grid) = (targets(world, stiffness(world)?).len(), MASSES.len() * ANGLES.len());
     let climbs = 3 * MAX_CLIMB_RUNS + (3 + 1) + (5 + 1);
     Ok((2 + grid) * targets + grid + climbs)
@@ -296,7 +296,7 @@ pub fn most_runs_alone(world: &World) -> Result<usize, Error> {
 ///
 /// ```
 /// use hapt_model::{Source, World};
-/// use hapt_sweep::worst::search_alone;
+/// use hapt_sweep::worst::search_world;
 ///
 /// let file = r#"
 /// loop = { period = "1 ms", estimator = "difference" }
@@ -307,14 +307,14 @@ pub fn most_runs_alone(world: &World) -> Result<usize, Error> {
 /// stiffness = "1 N m/rad"
 /// "#;
 /// let world = World::read(&Source::from_text("spring.toml", file), &[])?;
-/// let worst = search_alone(&world, &|_| std::ops::ControlFlow::Continue(()))?;
+/// let worst = search_world(&world, &|_| std::ops::ControlFlow::Continue(()))?;
 /// assert!(worst.status == hapt_analysis::Status::Refuted && worst.broken, "0.1 mN m s/rad, and KT/2 is 0.5");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
 /// # Errors
 /// [`Error`].
-pub fn search_alone(world: &World, watch: &Watch<'_>) -> Result<WorstAlone, Error> {
+pub fn search_world(world: &World, watch: &Watch<'_>) -> Result<WorstOfWorld, Error> {
     hapt_sim::check(world)?;
     let (linear, breaking) = (growing(world)?, breaking_damping(world)?);
     let check = quick_check(world)?;
@@ -389,7 +389,7 @@ pub fn search_alone(world: &World, watch: &Watch<'_>) -> Result<WorstAlone, Erro
         }
     }
     let broken = drew || (linear.is_some() && grows_as_linear(world));
-    Ok(WorstAlone {
+    Ok(WorstOfWorld {
         status: check.status,
         linear,
         hand,

@@ -68,9 +68,9 @@ fn claim(file: &str, sets: &[&str], axes: [&str; 2], edge: Edge) -> Claim {
 
 /// Asserts that every point of the edge satisfies its closed form within `most`, relatively, and that there is one piece, of at least `least`
 /// points.
-fn is(claim: &Claim, way: EdgeMethod, least: usize, most: f64, left: impl Fn([f64; 2]) -> f64) {
+fn is(claim: &Claim, method: EdgeMethod, least: usize, most: f64, left: impl Fn([f64; 2]) -> f64) {
     let [piece] = &claim.pieces[..] else { panic!("{} pieces", claim.pieces.len()) };
-    assert_eq!(piece.way, way);
+    assert_eq!(piece.method, method);
     assert!(piece.points.len() >= least, "{} points", piece.points.len());
     for point in &piece.points {
         let left = left(point.values);
@@ -275,8 +275,8 @@ fn random_world() -> impl Strategy<Value = String> {
 }
 
 /// A millionth of the frame to either side of the points of every edge the verdicts differ, every edge ends at the frame, at its start, or is
-/// reported as lost, and at the points `asked` the region has the right verdict.
-fn is_true(found: &Boundary, file: &str, asked: &[(f64, f64)]) -> Result<(), TestCaseError> {
+/// reported as lost, and at the points `places` the region has the right verdict.
+fn is_true(found: &Boundary, file: &str, places: &[(f64, f64)]) -> Result<(), TestCaseError> {
     let source = Source::from_text("w.toml", file);
     let [x, y] = &found.plane.axes;
     let at = |place: [f64; 2]| {
@@ -303,7 +303,7 @@ fn is_true(found: &Boundary, file: &str, asked: &[(f64, f64)]) -> Result<(), Tes
                 prop_assert_eq!(sides, [true, false], "{}: {:?}", what, point);
             }
         }
-        for &(x, y) in asked.iter().filter(|_| claim.lost.is_empty()) {
+        for &(x, y) in places.iter().filter(|_| claim.lost.is_empty()) {
             let near = |p: &[f64; 2]| (p[0] - x).hypot(p[1] - y) < 0.01;
             if claim.pieces.iter().any(|piece| piece.points.iter().any(|p| near(&p.place))) {
                 continue;
@@ -314,7 +314,7 @@ fn is_true(found: &Boundary, file: &str, asked: &[(f64, f64)]) -> Result<(), Tes
     Ok(())
 }
 
-fn asked() -> impl Strategy<Value = Vec<(f64, f64)>> {
+fn places() -> impl Strategy<Value = Vec<(f64, f64)>> {
     prop::collection::vec((1e-3..0.999f64, 1e-3..0.999f64), 40)
 }
 
@@ -325,10 +325,10 @@ proptest! {
     fn every_edge_separates_two_verdicts_and_every_region_has_its_verdict(
         pair in (0..8usize, 0..7usize),
         file in random_world(),
-        asked in asked(),
+        places in places(),
     ) {
         let axes = [KEYS[pair.0], KEYS[(pair.0 + 1 + pair.1) % 8]];
-        is_true(&boundary(&file, &[], &axes, &[]).unwrap(), &file, &asked)?;
+        is_true(&boundary(&file, &[], &axes, &[]).unwrap(), &file, &places)?;
     }
 
     /// The same for edges by their equation, at every scale of the keys.
@@ -338,7 +338,7 @@ proptest! {
         stiffness in 0.0..3.0f64,
         damping in -3.0..0.5f64,
         log in any::<bool>(),
-        asked in asked(),
+        places in places(),
     ) {
         let (k, b, from, end) = (10f64.powf(stiffness), 10f64.powf(damping), 1e-3, if log { ":log" } else { "" });
         let from = if log { from } else { 0.0 };
@@ -347,8 +347,8 @@ proptest! {
             format!("couplings.2.stiffness={:?}..{k:?}{end}", from * k),
         ];
         let found = boundary(&file, &[], &axes.each_ref().map(String::as_str), &[Edge::Free]).unwrap();
-        prop_assert!(found.claims[0].pieces.iter().all(|piece| piece.way == EdgeMethod::Equation), "{:?}", axes);
-        is_true(&found, &file, &asked)?;
+        prop_assert!(found.claims[0].pieces.iter().all(|piece| piece.method == EdgeMethod::Equation), "{:?}", axes);
+        is_true(&found, &file, &places)?;
     }
 }
 

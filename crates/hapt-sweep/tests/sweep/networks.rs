@@ -6,7 +6,7 @@ use hapt_analysis::check_network;
 use hapt_model::{Source, System};
 use hapt_sim::Run;
 use hapt_sweep::boundary::{Boundary, Claim, Edge};
-use hapt_sweep::worst::search_together;
+use hapt_sweep::worst::search_network;
 use hapt_sweep::{Error, Measure, Shard, Sweep, Ticks};
 use proptest::prelude::*;
 
@@ -51,14 +51,14 @@ fn the_edge_at_fixed_times_is_a_staircase_over_the_delay() {
     let source = pair(0.005, "stiffness = 0.2\nage_max = '20 ms'");
     let found = claim(&source, ["links.0.delay=0.5ms..2.5ms", "links.0.stiffness=0.2..4"], Edge::Fixed);
     let points: Vec<[f64; 2]> = found.pieces.iter().flat_map(|piece| &piece.points).map(|point| point.values).collect();
-    for way in 1..=2 {
+    for messages in 1..=2 {
         // Between two whole delays a message waits for the next sample.
-        let stiffness = 0.005 / (1e-3 * (0.5 + (f64::from(2 * way) + 1.0) / 2.0));
-        let on_step = points.iter().filter(|[delay, _]| (delay - 1e-3 * (f64::from(way) - 0.5)).abs() < 0.3e-3);
+        let stiffness = 0.005 / (1e-3 * (0.5 + (f64::from(2 * messages) + 1.0) / 2.0));
+        let on_step = points.iter().filter(|[delay, _]| (delay - 1e-3 * (f64::from(messages) - 0.5)).abs() < 0.3e-3);
         let seen = on_step
             .map(|[_, k]| (k / stiffness - 1.0).abs())
             .fold((0, 0.0), |(n, most), left| (n + 1, f64::max(most, left)));
-        assert!(seen.0 > 3 && seen.1 < 1e-5, "{way}: {seen:?} {stiffness}");
+        assert!(seen.0 > 3 && seen.1 < 1e-5, "{messages}: {seen:?} {stiffness}");
     }
 }
 
@@ -185,7 +185,7 @@ fn a_cell_of_a_network_is_its_check_and_its_single_run() {
             let expected = match measure {
                 Measure::PeakTorque => Some(peak),
                 Measure::EnergyDrawn => Some(drawn),
-                Measure::LetGo => Some(run.releases().flatten().sum::<u64>() as f64),
+                Measure::Releases => Some(run.releases().flatten().sum::<u64>() as f64),
                 Measure::Certified => flag(check.certified),
                 Measure::DampingMargin => margin.clone().min_by(f64::total_cmp),
                 Measure::StiffnessScale => check.remedies.as_ref().unwrap().stiffness_scale,
@@ -226,7 +226,7 @@ fn a_measure_of_the_other_kind_of_file_is_refused_with_the_available_ones() {
     assert!(message.contains("no station's world has a scenario \"pull\"; there is push"), "{message}");
     let axes = ["loop.period=1ms..2ms:2".to_string()];
     let wheel = Source::from_text("w.toml", "loop.period = '1 ms'\ndevice.inertia = 1e-3\n");
-    let refused = Sweep::new(&wheel, &[], &axes, &[Measure::LetGo], None);
+    let refused = Sweep::new(&wheel, &[], &axes, &[Measure::Releases], None);
     assert!(matches!(refused, Err(Error::Measure(message)) if message.contains("let_go is no measure of a world")));
 }
 
@@ -253,7 +253,7 @@ proptest! {
         spring in 0.0..0.5f64,
         delay in 0.2e-3..3e-3f64,
     ) {
-        let of = |network: &System| search_together(network, &|_| ControlFlow::Continue(())).unwrap();
+        let of = |network: &System| search_network(network, &|_| ControlFlow::Continue(())).unwrap();
         let source = |law| row(&[0.1, 0.1, 0.1, stiff[0], stiff[1], age, spring, delay], law);
         let safe = of(&damped(&source(WALL), 1.0 + 1e-6));
         prop_assert!(safe.certified && !safe.broken && safe.drawn.gain <= safe.drawn.blur, "{:?}", safe.drawn);

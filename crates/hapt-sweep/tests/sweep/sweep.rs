@@ -244,8 +244,8 @@ fn invalid_axes_are_refused_with_what_would_be_right() {
         (&["loop.delay=0..3000s:3"], "more than a million periods"),
     ];
     for (axes, part) in cases {
-        let said = message(axes, &held);
-        assert!(said.contains(part), "{axes:?}: {said}");
+        let refusal = message(axes, &held);
+        assert!(refusal.contains(part), "{axes:?}: {refusal}");
     }
     assert!(message(&["loop.period=1ms..2ms:3"], &[]).contains("nothing to measure"));
     assert!(message(&["loop.period=1e-9..1ms:3"], &[Measure::SettlingTime]).contains("keeps every sample"));

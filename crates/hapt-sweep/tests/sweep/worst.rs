@@ -9,7 +9,9 @@ use hapt_analysis::{Status, is_certified, passivity, required_damping};
 use hapt_model::{
     Body, Coupling, Damping, Drive, End, Hand, Law, Method, Output, Scenario, Shape, Side, Source, World,
 };
-use hapt_sweep::worst::{Error, Exploit, WorstAlone, best_motion, drawn, most_runs_alone, search_alone, work_motion};
+use hapt_sweep::worst::{
+    Error, Exploit, WorstOfWorld, best_motion, drawn, most_runs_of_world, search_world, work_motion,
+};
 use proptest::prelude::*;
 use proptest::sample::select;
 
@@ -27,8 +29,8 @@ fn spring(stiffness: f64) -> World {
     World { couplings: vec![to_ground(Law::Spring { stiffness, rest: 0.0 })], ..bare() }
 }
 
-fn search(world: &World) -> Result<WorstAlone, Error> {
-    search_alone(world, &|_| ControlFlow::Continue(()))
+fn search(world: &World) -> Result<WorstOfWorld, Error> {
+    search_world(world, &|_| ControlFlow::Continue(()))
 }
 
 #[test]
@@ -40,14 +42,14 @@ fn a_hand_draws_from_a_refused_spring_and_none_from_a_certified_one() {
     }
     for part in [1.02, 1.5, 4.0] {
         let (world, seen) = (spring(part * limit), AtomicUsize::new(0));
-        let worst = search_alone(&world, &|runs| {
+        let worst = search_world(&world, &|runs| {
             seen.store(runs, Relaxed);
             ControlFlow::Continue(())
         })
         .unwrap();
         assert!(!worst.is_certified() && worst.broken, "{worst:?}");
         // The number of runs is within the announced bound.
-        assert!((1..=most_runs_alone(&world).unwrap()).contains(&seen.load(Relaxed)), "{seen:?}");
+        assert!((1..=most_runs_of_world(&world).unwrap()).contains(&seen.load(Relaxed)), "{seen:?}");
         let breaking = worst.gap.breaking_damping.unwrap();
         assert!((breaking / worst.gap.required_damping.unwrap() - 1.0).abs() < 1e-3, "{:?}", worst.gap);
         // The loop is linear, so the run shows the growth: a million times the hand's initial energy, unless that takes too long.
@@ -58,7 +60,7 @@ fn a_hand_draws_from_a_refused_spring_and_none_from_a_certified_one() {
 #[test]
 fn a_search_ends_where_its_watch_ends_it() {
     let seen = AtomicUsize::new(0);
-    let ended = search_alone(&spring(1.0), &|runs| {
+    let ended = search_world(&spring(1.0), &|runs| {
         seen.store(runs, Relaxed);
         if runs < 5 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     });

@@ -99,7 +99,7 @@ impl<'w> Sampler<'w> {
         let sample = self.next.saturating_add(u64::from(measurement.missed));
         self.next = sample.saturating_add(1);
         self.missed = self.missed.saturating_add(measurement.missed);
-        let asked = self.request.take();
+        let requested = self.request.take();
         if measurement.fault {
             self.state.trip(Reason::Driver);
         }
@@ -112,20 +112,20 @@ impl<'w> Sampler<'w> {
             silent: self.silent(sample),
         };
         let Some(compiled) = &self.storage.0 else {
-            if let Some((sequence, _)) = asked {
+            if let Some((sequence, _)) = requested {
                 self.respond(sequence, Outcome::Refused(Refusal::NoWorld));
             }
             let (phase, reason) = (self.state.supervisor.phase as u8, code(self.state.supervisor.reason));
             self.publish(Telemetry { sample, phase, reason, position: measurement.position, ..Telemetry::default() });
             return Motor::default();
         };
-        let request = asked.map(|(_, request)| request);
+        let request = requested.map(|(_, request)| request);
         let guarded = compiled.controller.step(&mut self.state, &reading, request);
         let now = &self.state.world.now;
         let states = now.position.iter().copied().zip(now.velocity.iter().copied());
         let bodies = States::new(states.take(compiled.controller.world().bodies()));
         let SafeOutput { sample: of_world, output, phase, reason, warning, outside: _ } = guarded;
-        if let Some((sequence, request)) = asked {
+        if let Some((sequence, request)) = requested {
             let went = match request {
                 Request::Arm => phase.is_active(),
                 Request::Clear => phase != Phase::Faulted,

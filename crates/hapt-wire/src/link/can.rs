@@ -142,7 +142,7 @@ impl Codec for Frames {
         let check = self.check(self.own, message, steps);
         let id = self.own | if introduces { KIND } else { 0 } | check & (KIND - 1);
         let [a, b, c, d] = steps.to_le_bytes();
-        let said = if introduces {
+        let payload = if introduces {
             (from.session | to.session << SESSION).to_le_bytes()
         } else {
             [a, b, c, d, strength.0, from.sequence as u8, to.sequence as u8, 0]
@@ -150,7 +150,7 @@ impl Codec for Frames {
         let mut bytes = [0; 12];
         let (place, data) = bytes.split_at_mut(4);
         place.copy_from_slice(&id.to_le_bytes());
-        data.copy_from_slice(&said);
+        data.copy_from_slice(&payload);
         *data.last_mut()? = (check >> CHECKED) as u8;
         Some(bytes)
     }

@@ -45,10 +45,10 @@ pub struct Outgoing {
     pub sampled: u64,
     /// In rad (linear: m).
     pub position: f64,
-    /// [`hapt_core::LinkEnd::said`]
+    /// [`hapt_core::LinkEnd::sent_strength`]
     pub strength: Strength,
     /// The newest message that the station had received before the sample.
-    pub heard: Option<Number>,
+    pub received: Option<Number>,
 }
 
 /// The content of a received message.

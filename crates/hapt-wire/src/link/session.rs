@@ -74,13 +74,13 @@ struct Peer {
 /// // In a real network the numbers of the sessions are random.
 /// let mut left = Session::new(Datagrams::new(key, 7, true), 11);
 /// let mut right = Session::new(Datagrams::new(key, 7, false), 22);
-/// let say = |sampled, heard| Outgoing { sampled, position: 0.5, strength: hapt_core::Strength::NONE, heard };
+/// let say = |sampled, received| Outgoing { sampled, position: 0.5, strength: hapt_core::Strength::NONE, received };
 /// let hello = left.send(&say(1_000, None)).unwrap();
-/// let heard = right.receive(&hello, 5_000)?.unwrap();
-/// assert_eq!(heard.since, None); // its age is unknown
-/// let answer = right.send(&say(6_000, Some(heard.number))).unwrap();
-/// let heard = left.receive(&answer, 9_000)?.unwrap();
-/// assert_eq!((heard.position, heard.since), (0.5, Some(1_000)));
+/// let received = right.receive(&hello, 5_000)?.unwrap();
+/// assert_eq!(received.since, None); // its age is unknown
+/// let answer = right.send(&say(6_000, Some(received.number))).unwrap();
+/// let received = left.receive(&answer, 9_000)?.unwrap();
+/// assert_eq!((received.position, received.since), (0.5, Some(1_000)));
 /// assert_eq!(left.receive(&answer, 9_500), Err(Refusal::Old));
 /// # Ok::<(), Refusal>(())
 /// ```
@@ -142,10 +142,10 @@ impl<C: Codec> Session<C> {
         self.sequence = self.sequence.checked_add(step)?;
         self.last = Some(say.sampled);
         *self.sent.get_mut(self.sequence as usize % ROOM)? = say.sampled;
-        let heard = say.heard.filter(|heard| heard.session == peer).map_or(0, |heard| heard.sequence);
+        let received = say.received.filter(|received| received.session == peer).map_or(0, |received| received.sequence);
         self.codec.write(&Message {
             from: self.own(),
-            to: Number { session: peer, sequence: heard },
+            to: Number { session: peer, sequence: received },
             position: say.position,
             strength: say.strength,
         })

@@ -11,8 +11,8 @@ const MS: u64 = 1_000_000;
 /// In ns.
 const SECONDS: f64 = 1e9;
 
-fn say(sampled: u64, position: f64, heard: Option<Number>) -> Outgoing {
-    Outgoing { sampled, position, strength: Strength::NONE, heard }
+fn say(sampled: u64, position: f64, received: Option<Number>) -> Outgoing {
+    Outgoing { sampled, position, strength: Strength::NONE, received }
 }
 
 /// Splitmix64.
@@ -45,7 +45,7 @@ struct Station<C> {
     /// Its clock shows `offset` + `rate` t at the true time t.
     offset: u64,
     rate: f64,
-    heard: Option<Number>,
+    received: Option<Number>,
     /// The messages to it: times of arrival, and bytes.
     incoming: Vec<(u64, Vec<u8>)>,
 }
@@ -58,7 +58,7 @@ impl<C: Codec> Station<C> {
             next: random() % (8 * MS),
             offset: random() % (1 << 50),
             rate: 0.9 + 0.2 * (random() % 1000) as f64 / 1000.0,
-            heard: None,
+            received: None,
             incoming: Vec::new(),
         }
     }
@@ -97,7 +97,7 @@ fn dated<C: Codec>(codec: fn(u64, bool) -> C, seed: u64, adversary: &Adversary) 
             let Ok(Some(Incoming { number, since, position, .. })) = station.session.receive(&bytes, now) else {
                 continue;
             };
-            station.heard = Some(number);
+            station.received = Some(number);
             if let Some(since) = since {
                 dated += 1;
                 let sampled = position * SECONDS;
@@ -106,7 +106,7 @@ fn dated<C: Codec>(codec: fn(u64, bool) -> C, seed: u64, adversary: &Adversary) 
                 assert!(since <= clock, "{seed}: sampled at {sampled}, dated {since} at {now}");
             }
         }
-        let outgoing = say(station.clock(time), time as f64 / SECONDS, station.heard);
+        let outgoing = say(station.clock(time), time as f64 / SECONDS, station.received);
         let bytes = station.session.send(&outgoing).unwrap().as_ref().to_vec();
         station.next += station.period;
         seen.push((1 - at, bytes.clone()));
@@ -170,17 +170,17 @@ proptest! {
     }
 
     #[test]
-    fn messages_on_time_are_dated_by_the_round_trip(way in 0_u64..30 * MS, period in MS..5 * MS, offset in 0_u64..1 << 60) {
-        is_dated_by_the_round_trip(datagrams, way, period, offset);
-        is_dated_by_the_round_trip(frames, way, period, offset);
+    fn messages_on_time_are_dated_by_the_round_trip(travel_time in 0_u64..30 * MS, period in MS..5 * MS, offset in 0_u64..1 << 60) {
+        is_dated_by_the_round_trip(datagrams, travel_time, period, offset);
+        is_dated_by_the_round_trip(frames, travel_time, period, offset);
     }
 }
 
 /// Without loss every message after the handshake is dated, by at most the round-trip time and a sample's wait.
-fn is_dated_by_the_round_trip<C: Codec>(codec: fn(u64, bool) -> C, way: u64, period: u64, offset: u64) {
+fn is_dated_by_the_round_trip<C: Codec>(codec: fn(u64, bool) -> C, travel_time: u64, period: u64, offset: u64) {
     let mut left = Session::new(codec(1, true), 10);
     let mut right = Session::new(codec(1, false), 20);
-    let mut heard = [None; 2];
+    let mut received = [None; 2];
     let mut wires: [Vec<(u64, C::Bytes)>; 2] = [vec![], vec![]];
     for sample in 0..400 {
         let time = sample * period;
@@ -189,15 +189,19 @@ fn is_dated_by_the_round_trip<C: Codec>(codec: fn(u64, bool) -> C, way: u64, per
             let arrived = wires[at].partition_point(|(when, _)| *when <= time);
             for (when, bytes) in wires[at].drain(..arrived) {
                 let incoming = session.receive(bytes.as_ref(), clock - (time - when)).unwrap();
-                heard[at] = incoming.map(|incoming| incoming.number).or(heard[at]);
+                received[at] = incoming.map(|incoming| incoming.number).or(received[at]);
                 // The handshake takes one round trip, an introduction another one, and messages in flight at most twice as long again.
-                if time > 6 * (way + period) {
+                if time > 6 * (travel_time + period) {
                     let since = incoming.unwrap().since.unwrap();
-                    assert!(clock - since <= 2 * way + 4 * period, "{} at {way}, {period}", clock - since);
+                    assert!(
+                        clock - since <= 2 * travel_time + 4 * period,
+                        "{} at {travel_time}, {period}",
+                        clock - since
+                    );
                 }
             }
-            let bytes = session.send(&say(clock, 0.0, heard[at])).unwrap();
-            wires[1 - at].push((time + way, bytes));
+            let bytes = session.send(&say(clock, 0.0, received[at])).unwrap();
+            wires[1 - at].push((time + travel_time, bytes));
         }
     }
 }
@@ -227,26 +231,26 @@ fn each_foreign_message_is_refused_by_name() {
 
 /// The handshake: each acknowledges the other's session.
 fn meet<C: Codec>(left: &mut Session<C>, right: &mut Session<C>, now: u64) -> [Option<Number>; 2] {
-    let mut heard = [None; 2];
+    let mut received = [None; 2];
     for _ in 0..3 {
-        let bytes = left.send(&say(now, 0.0, heard[0])).unwrap();
-        heard[1] = right.receive(bytes.as_ref(), now).ok().flatten().map(|incoming| incoming.number).or(heard[1]);
-        let bytes = right.send(&say(now, 0.0, heard[1])).unwrap();
-        heard[0] = left.receive(bytes.as_ref(), now).ok().flatten().map(|incoming| incoming.number).or(heard[0]);
+        let bytes = left.send(&say(now, 0.0, received[0])).unwrap();
+        received[1] = right.receive(bytes.as_ref(), now).ok().flatten().map(|incoming| incoming.number).or(received[1]);
+        let bytes = right.send(&say(now, 0.0, received[1])).unwrap();
+        received[0] = left.receive(bytes.as_ref(), now).ok().flatten().map(|incoming| incoming.number).or(received[0]);
     }
-    heard
+    received
 }
 
 #[test]
 fn a_second_sender_waits_until_the_first_is_silent() {
     let (mut left, mut right) = (end(1, true, 10), end(1, false, 20));
-    let heard = meet(&mut left, &mut right, 0);
-    assert!(heard.iter().all(Option::is_some));
+    let received = meet(&mut left, &mut right, 0);
+    assert!(received.iter().all(Option::is_some));
     let mut again = end(1, false, 21);
     let hello = |again: &mut Session<Datagrams>| again.send(&say(0, 0.0, None)).unwrap();
     assert_eq!(left.receive(&hello(&mut again), SILENCE - 1), Err(Refusal::Session));
     // The first sender continues: nothing changes.
-    let bytes = right.send(&say(0, 0.0, heard[1])).unwrap();
+    let bytes = right.send(&say(0, 0.0, received[1])).unwrap();
     assert!(left.receive(&bytes, SILENCE - 1).unwrap().unwrap().since.is_some());
     assert_eq!(left.receive(&hello(&mut again), 2 * SILENCE - 2), Err(Refusal::Session));
     // The first sender is silent: the restarted station replaces it, and the first is now the second sender.
@@ -265,16 +269,16 @@ fn a_replayed_hello_does_not_block_a_peer() {
         let _ = left.receive(&replayed, now);
         meet(&mut left, &mut right, now);
     }
-    let heard = meet(&mut left, &mut right, 10);
-    let bytes = right.send(&say(0, 0.5, heard[1])).unwrap();
+    let received = meet(&mut left, &mut right, 10);
+    let bytes = right.send(&say(0, 0.5, received[1])).unwrap();
     assert_eq!(left.receive(&bytes, 11).unwrap().unwrap().since, Some(10));
 }
 
 #[test]
 fn an_answer_to_a_message_too_long_ago_has_no_age() {
     let (mut left, mut right) = (end(1, true, 10), end(1, false, 20));
-    let heard = meet(&mut left, &mut right, 0);
-    let late = right.send(&say(0, 0.5, heard[1])).unwrap();
+    let received = meet(&mut left, &mut right, 0);
+    let late = right.send(&say(0, 0.5, received[1])).unwrap();
     for _ in 0..2000 {
         left.send(&say(5, 0.0, None)).unwrap();
     }

@@ -23,19 +23,22 @@ fn pair() -> [End; 2] {
 /// Two stations that send every ms, without loss and delay.
 struct Bus {
     ends: [End; 2],
-    heard: [Option<Number>; 2],
+    received: [Option<Number>; 2],
     now: u64,
 }
 
 impl Bus {
     /// Two stations after their handshake.
     fn met() -> Self {
-        let mut bus = Bus { ends: pair(), heard: [None; 2], now: 0 };
+        let mut bus = Bus { ends: pair(), received: [None; 2], now: 0 };
         for _ in 0..4 {
             bus.turn();
         }
-        let heard = bus.turn();
-        assert!(heard.iter().all(|heard| heard.is_some_and(|heard| heard.since.is_some())), "{heard:?}");
+        let received = bus.turn();
+        assert!(
+            received.iter().all(|received| received.is_some_and(|received| received.since.is_some())),
+            "{received:?}"
+        );
         bus
     }
 
@@ -44,14 +47,14 @@ impl Bus {
             sampled: self.now,
             position: self.now as f64 * 1e-9,
             strength: Strength::WHOLE,
-            heard: self.heard[at],
+            received: self.received[at],
         };
         self.ends[at].send(&say).unwrap()
     }
 
     fn receive(&mut self, at: usize, bytes: &[u8]) -> Option<Incoming> {
         let incoming = self.ends[at].receive(bytes, self.now).ok().flatten();
-        self.heard[at] = incoming.map(|incoming| incoming.number).or(self.heard[at]);
+        self.received[at] = incoming.map(|incoming| incoming.number).or(self.received[at]);
         incoming
     }
 
@@ -125,11 +128,11 @@ proptest! {
     #[test]
     fn a_position_is_rounded_to_a_quarter_of_a_millionth_and_refused_out_of_range(position in -600.0..600.0) {
         let mut bus = Bus::met();
-        let say = Outgoing { sampled: bus.now, position, strength: Strength::NONE, heard: bus.heard[0] };
+        let say = Outgoing { sampled: bus.now, position, strength: Strength::NONE, received: bus.received[0] };
         match bus.ends[0].send(&say) {
             Some(bytes) => {
-                let heard = bus.receive(1, &bytes).unwrap();
-                prop_assert!((heard.position - position).abs() <= ROUNDED, "{position}: {}", heard.position);
+                let received = bus.receive(1, &bytes).unwrap();
+                prop_assert!((received.position - position).abs() <= ROUNDED, "{position}: {}", received.position);
             }
             None => prop_assert!(position.abs() > 511.9, "{position}"),
         }
@@ -140,7 +143,7 @@ proptest! {
 fn a_position_that_cannot_be_encoded_is_not_sent() {
     for position in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300] {
         let mut bus = Bus::met();
-        let say = Outgoing { sampled: bus.now, position, strength: Strength::WHOLE, heard: bus.heard[0] };
+        let say = Outgoing { sampled: bus.now, position, strength: Strength::WHOLE, received: bus.received[0] };
         assert_eq!(bus.ends[0].send(&say), None, "{position}");
     }
 }
@@ -184,7 +187,7 @@ fn a_frame_of_an_older_turn_is_never_taken_for_a_new_one() {
         }
         // The pair reconnects.
         assert!(
-            (0..8).any(|_| bus.turn().iter().all(|heard| heard.is_some_and(|heard| heard.since.is_some()))),
+            (0..8).any(|_| bus.turn().iter().all(|received| received.is_some_and(|received| received.since.is_some()))),
             "{silent}"
         );
     }
@@ -212,8 +215,8 @@ fn a_flood_of_repeated_and_random_frames_does_not_block_the_link() {
         for at in [0, 1] {
             let bytes = bus.send(1 - at);
             seen.push(bytes);
-            let heard = bus.receive(at, &bytes).unwrap();
-            assert!(bus.now - heard.since.unwrap() <= 2 * MS);
+            let received = bus.receive(at, &bytes).unwrap();
+            assert!(bus.now - received.since.unwrap() <= 2 * MS);
         }
     }
 }
@@ -224,7 +227,7 @@ fn a_restarted_station_reconnects_and_a_second_one_is_refused() {
     // A second program as the same station introduces itself, and is refused.
     let mut second = end(0, 1, false, 1 << 20);
     let hello = |session: &mut End| {
-        session.send(&Outgoing { sampled: 0, position: 0.0, strength: Strength::NONE, heard: None }).unwrap()
+        session.send(&Outgoing { sampled: 0, position: 0.0, strength: Strength::NONE, received: None }).unwrap()
     };
     for _ in 0..300 {
         let bytes = hello(&mut second);
@@ -233,8 +236,9 @@ fn a_restarted_station_reconnects_and_a_second_one_is_refused() {
     }
     // The first has ended. Unanswered messages end the session, and the second one connects.
     bus.ends[1] = second;
-    bus.heard[1] = None;
-    let met = (0..200).position(|_| bus.turn().iter().all(|heard| heard.is_some_and(|heard| heard.since.is_some())));
+    bus.received[1] = None;
+    let met = (0..200)
+        .position(|_| bus.turn().iter().all(|received| received.is_some_and(|received| received.since.is_some())));
     assert!(met.is_some_and(|turns| turns as u64 * MS < SILENCE), "{met:?}");
     // Of the other end, or of a network with other numbers.
     let bytes = hello(&mut end(0, 1, true, 30));

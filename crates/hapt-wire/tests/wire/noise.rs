@@ -109,21 +109,21 @@ proptest! {
         let frames: Vec<Vec<u8>> = commands.iter().map(|command| host.framed(*command)).collect();
         let (arm, stop) = (1, 7);
         // Whether an arm arrived complete; whether a later command, or a stop, arrived before it.
-        let (mut said, mut over, mut rises, mut was_on) = (false, false, 0, false);
+        let (mut sent, mut over, mut rises, mut was_on) = (false, false, 0, false);
         for (which, fate, samples) in delivered {
             host.received.clear();
             // An earlier cut frame may have started this one.
             host.put(&[0]);
             host.put(&fate.of(&frames[which]));
             let whole = matches!(fate, Fate::Whole | Fate::Late(_));
-            said |= whole && which == arm && !over;
+            sent |= whole && which == arm && !over;
             over |= whole && which > arm && which != 8;
             let stopped = whole && which == stop;
             for _ in 0..samples.max(1) {
                 host.seen.position += 1e-4;
                 let motor = host.sample();
                 prop_assert!(motor.on || motor.torque == 0.0);
-                prop_assert!(!motor.on || said, "not armed");
+                prop_assert!(!motor.on || sent, "not armed");
                 prop_assert!(!(motor.on && stopped), "it was stopped");
                 rises += u32::from(motor.on && !was_on);
                 was_on = motor.on;

@@ -470,7 +470,7 @@ proptest! {
     /// Conditions of any size, without a dead band or an offset, on wheels with counts, with and without friction, for any initial velocity.
     #[test]
     fn hands_off_no_set_of_conditions_of_a_host_grows(
-        asked in proptest::collection::vec((0..4_usize, 0..=FULL, 0..=FULL), 1..8),
+        conditions in proptest::collection::vec((0..4_usize, 0..=FULL, 0..=FULL), 1..8),
         inertia in 1e-3..0.1_f64, damping in 1e-3..0.1_f64, late in 0.0..1.0_f64, period in 2.5e-4..2e-3_f64,
         friction in prop_oneof![Just(0.0), 1e-3..0.1_f64], counts in 500.0..100_000.0_f64, kick in 0.2..4.0_f64,
     ) {
@@ -480,7 +480,7 @@ proptest! {
         let device = Device { friction, count, ..Device::ideal(timing, damping, 5.0) };
         let wheel = Wheel::<f32>::new(&device).unwrap();
         let mut pool = Pool::new();
-        for (block, (kind, positive, negative)) in asked.into_iter().enumerate() {
+        for (block, (kind, positive, negative)) in conditions.into_iter().enumerate() {
             pool.take(&Report::Create([Kind::Spring, Kind::Damper, Kind::Inertia, Kind::Friction][kind]), 0);
             let condition = Condition { positive, negative, positive_saturation: FULL, negative_saturation: FULL, ..Condition::default() };
             pool.take(&Report::Condition { block, axis: 0, condition }, 0);
@@ -500,13 +500,13 @@ proptest! {
 #[test]
 fn the_same_damper_and_inertia_from_differences_shake_the_wheel_hands_off() {
     let spec = DeviceSpec { delay: 5e-4, damping: 0.01, ..DeviceSpec::new(1e-3, 5e-3) };
-    let damper = speeds(&spec, 2.0, |_, way| (-20.0 * way / 1e-3).clamp(-5.0, 5.0));
+    let damper = speeds(&spec, 2.0, |_, travel| (-20.0 * travel / 1e-3).clamp(-5.0, 5.0));
     // A limit cycle: without effects less than 2 exp(-2 · 3) rad/s would be left.
     assert!(damper[1] > 0.2, "{damper:?}");
     let mut before = 0.0;
-    let inertia = speeds(&spec, 2.0, |_, way| {
-        let acceleration = (way - before) / 1e-6;
-        before = way;
+    let inertia = speeds(&spec, 2.0, |_, travel| {
+        let acceleration = (travel - before) / 1e-6;
+        before = travel;
         (-0.02 * acceleration).clamp(-5.0, 5.0)
     });
     assert!(inertia[1] > 0.2, "{inertia:?}");

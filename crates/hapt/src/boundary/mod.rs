@@ -166,7 +166,7 @@ fn is_more_than_linear(world: &World) -> bool {
 /// A sentence about a connected edge: its place, its method, and its sides.
 fn about(piece: &Piece, axes: &[DisplayedAxis; 2]) -> String {
     let place = |point: &Point| format!("({}, {})", axes[0].value(point.values[0]), axes[1].value(point.values[1]));
-    let way = match piece.way {
+    let method = match piece.method {
         EdgeMethod::Equation => "by its equation",
         EdgeMethod::Continuation => "by continuation",
     };
@@ -183,7 +183,7 @@ fn about(piece: &Piece, axes: &[DisplayedAxis; 2]) -> String {
     };
     let count = piece.points.len();
     format!(
-        "{ends}, {count} points {way}\n          seen from {}, {} toward {side} {}",
+        "{ends}, {count} points {method}\n          seen from {}, {} toward {side} {}",
         place(middle),
         piece.edge.beyond(),
         axes[axis].key

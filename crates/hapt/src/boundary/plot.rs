@@ -19,21 +19,24 @@ pub fn own_name(system: &System) -> &'static str {
 /// The name of the region in which all claims hold, and the regions beyond edges.
 type Regions = (String, Vec<(Edge, Fill, String)>);
 
-fn world_regions(asked: impl Fn(Edge) -> bool) -> Regions {
-    let stability = match (asked(Edge::Held), asked(Edge::Free)) {
+fn world_regions(is_requested: impl Fn(Edge) -> bool) -> Regions {
+    let stability = match (is_requested(Edge::Held), is_requested(Edge::Free)) {
         (true, true) => ["stable", "unstable"],
         (true, false) => ["stable held", "unstable held"],
         (false, true) => ["stable free", "unstable free"],
         (false, false) => ["", ""],
     };
-    let all = match (stability[0], asked(Edge::Passive)) {
+    let all = match (stability[0], is_requested(Edge::Passive)) {
         ("", true) => "passive".to_string(),
         (stable, true) => format!("{stable} and passive"),
         (stable, false) => stable.into(),
     };
     // The edges of the linear loop prove nothing of a nonlinear one.
-    let all =
-        if asked(Edge::Certified) { "not refuted, not certified".into() } else { format!("{all} in the linear loop") };
+    let all = if is_requested(Edge::Certified) {
+        "not refuted, not certified".into()
+    } else {
+        format!("{all} in the linear loop")
+    };
     let not_passive =
         if stability[0].is_empty() { "not passive".into() } else { format!("{}, not passive", stability[0]) };
     let unstable = || stability[1].to_string();
@@ -46,8 +49,8 @@ fn world_regions(asked: impl Fn(Edge) -> bool) -> Regions {
 }
 
 /// Passive for any clocks is passive at fixed times too.
-fn network_regions(asked: impl Fn(Edge) -> bool) -> Regions {
-    let (all, between) = match (asked(Edge::Passive), asked(Edge::Fixed)) {
+fn network_regions(is_requested: impl Fn(Edge) -> bool) -> Regions {
+    let (all, between) = match (is_requested(Edge::Passive), is_requested(Edge::Fixed)) {
         (true, true) => ("passive for any clocks", "passive at fixed times only"),
         (true, false) => ("passive for any clocks", "not passive for any clocks"),
         (false, _) => ("passive at fixed times", ""),
@@ -71,10 +74,10 @@ pub fn figure(
         (x / axes[0].size, y / axes[1].size)
     };
     let mut panel = Panel::new("", axes[0].figure(0.0), axes[1].figure(0.0));
-    let asked = |edge: Edge| boundary.claims.iter().any(|claim| claim.edge == edge && claim.undecided.is_none());
+    let is_requested = |edge: Edge| boundary.claims.iter().any(|claim| claim.edge == edge && claim.undecided.is_none());
     let (all, worse) = match boundary.plane.system.world() {
-        Some(_) => world_regions(asked),
-        None => network_regions(asked),
+        Some(_) => world_regions(is_requested),
+        None => network_regions(is_requested),
     };
     // Worse regions cover better ones.
     let frame = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];

@@ -171,10 +171,10 @@ fn verdict(found: &Comparison, has_stops: bool) -> String {
             "{all}, which the misfit names{}{}{}",
             list(Verdict::Contradicts, "by the torque's equation the file is wrong in"),
             list(Verdict::Agrees, "it agrees in"),
-            list(Verdict::NotTold, "not told by this record")
+            list(Verdict::NotDetermined, "not told by this record")
         );
     }
-    let (wrong, silent) = (of(Verdict::Contradicts), of(Verdict::NotTold));
+    let (wrong, silent) = (of(Verdict::Contradicts), of(Verdict::NotDetermined));
     let mut text = match wrong.is_empty() {
         true => "the record agrees with the file".to_string(),
         false => format!("the record contradicts the file: {}", wrong.join(", ")),

@@ -126,11 +126,11 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
         let table = if args.write.is_some() { String::new() } else { format!("\n{table}") };
         print::text(&given, &found, known.inertia.is_some()) + &print::certificate(&given, &found)? + &table
     };
-    said(&text)
+    print_text(&text)
 }
 
 /// Prints the answer.
-fn said(text: &str) -> Result<ExitCode, Failure> {
+fn print_text(text: &str) -> Result<ExitCode, Failure> {
     let mut out = stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
     Ok(ExitCode::SUCCESS)

@@ -10,7 +10,7 @@ use hapt_model::keys::Measure;
 
 use super::figure::Drawn;
 use super::print::{effort, entry, named, sized, to, units};
-use super::{Given, plot, print, said, written};
+use super::{Given, plot, print, print_text, written};
 use crate::args::IdentifyArgs;
 use crate::failure::Failure;
 use crate::format;
@@ -71,7 +71,7 @@ pub fn run(args: &IdentifyArgs, given: &Given, fit: &TorqueFit, error: Option<&E
         text(given, fit, args.inertia.is_some())
             + &if args.write.is_some() || fit.inertia.is_none() { String::new() } else { format!("\n{table}") }
     };
-    said(&text)
+    print_text(&text)
 }
 
 fn text(given: &Given, fit: &TorqueFit, inertia_is_known: bool) -> String {

@@ -16,7 +16,7 @@ use std::time::Duration;
 use hapt_analysis::{Grip, Status};
 use hapt_model::keys::Measure;
 use hapt_model::{Drive, Shape, Station, System, World};
-use hapt_sweep::worst::{Exploit, Gap, Hand, HandMotion, Watch, Worst, WorstAlone};
+use hapt_sweep::worst::{Exploit, Gap, Hand, HandMotion, Watch, Worst, WorstOfWorld};
 
 use crate::answer::{answer, begin, pretty, write};
 use crate::args::WorstArgs;
@@ -49,12 +49,12 @@ pub fn run(args: &WorstArgs) -> Result<ExitCode, Failure> {
     let worst = watched(most, |watch| hapt_sweep::worst::search(&system, watch))?;
     let (title, out) = (system.title_or(&source), args.out.as_deref());
     let (text, files): (String, Vec<String>) = match &worst {
-        Worst::Alone(worst) => {
+        Worst::World(worst) => {
             let shown = with_scenario(&system.stations[0].world, worst, out);
             let motion = worst.motion.as_ref().map(|motion| motion.csv(system.motion));
             (text(title, worst, out, &shown), motion.into_iter().chain([shown.to_toml()]).collect())
         }
-        Worst::Together(worst) => {
+        Worst::Network(worst) => {
             let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let names: Vec<String> = targets.iter().map(name).collect();
             let worlds = worst.network.stations.iter().map(|station| station.stated_world().to_toml());
@@ -109,7 +109,7 @@ fn watched<T: Send>(
 }
 
 /// The analysed world, with only this scenario: the others may need files next to the world. A motion's own file is next to `out`.
-fn with_scenario(world: &World, worst: &WorstAlone, out: Option<&Path>) -> World {
+fn with_scenario(world: &World, worst: &WorstOfWorld, out: Option<&Path>) -> World {
     let mut scenario = worst.scenario.clone();
     if let (Drive::Position(Shape::Path { file, .. }), Some(out)) = (&mut scenario.hand.drive, out) {
         *file = sibling(out, "motion.csv").file_name().map_or(file.clone(), |name| name.to_string_lossy().into_owned());
@@ -124,7 +124,7 @@ fn sibling(out: &Path, what: &str) -> PathBuf {
     out.with_file_name(name)
 }
 
-fn text(title: &str, worst: &WorstAlone, out: Option<&Path>, world: &World) -> String {
+fn text(title: &str, worst: &WorstOfWorld, out: Option<&Path>, world: &World) -> String {
     let mut text = format!("{title}\n\n");
     let mut line = |name: &str, words: String| {
         let _ = writeln!(text, "{name:<9} {words}");
@@ -155,7 +155,7 @@ fn text(title: &str, worst: &WorstAlone, out: Option<&Path>, world: &World) -> S
 }
 
 /// How to see a draw that is largest before the run's end: a summary has only the end.
-fn ends_at(worst: &WorstAlone) -> String {
+fn ends_at(worst: &WorstOfWorld) -> String {
     let at = worst.drawn.at_s;
     if !worst.drew || at >= worst.scenario.duration * (1.0 - 1e-6) {
         return String::new();
@@ -164,7 +164,7 @@ fn ends_at(worst: &WorstAlone) -> String {
     format!("; the draw is largest at {}, where {set} ends the run", format::time(at))
 }
 
-fn verdict(worst: &WorstAlone) -> String {
+fn verdict(worst: &WorstOfWorld) -> String {
     let tried = format::count(worst.runs as u64);
     let hand = if worst.motion.is_some() { "a motion of the hand" } else { "a passive hand" };
     let none = format!("none of {tried} passive hands draws energy");
@@ -190,7 +190,7 @@ fn verdict(worst: &WorstAlone) -> String {
     }
 }
 
-fn linear(world: &World, worst: &WorstAlone) -> String {
+fn linear(world: &World, worst: &WorstOfWorld) -> String {
     match &worst.linear {
         None => "no hand that was tried makes the linear loop grow".into(),
         Some(found) => {
@@ -272,7 +272,7 @@ fn motion(world: &World, motion: &HandMotion) -> String {
     format!("a motion of up to {reach}, of {} points: {does}", format::count(motion.points.len() as u64))
 }
 
-fn shown_run(worst: &WorstAlone) -> String {
+fn shown_run(worst: &WorstOfWorld) -> String {
     let drawn = &worst.drawn;
     let within = format::time(worst.scenario.duration);
     let given = match drawn.supplied {
@@ -291,7 +291,7 @@ fn shown_run(worst: &WorstAlone) -> String {
 }
 
 /// The assumptions of the numbers.
-fn notes(world: &World, worst: &WorstAlone) -> Vec<String> {
+fn notes(world: &World, worst: &WorstOfWorld) -> Vec<String> {
     let mut notes = Vec::new();
     if worst.motion.as_ref().is_none_or(|motion| motion.trick != Exploit::Follow)
         && world.couplings.iter().any(|c| c.law.constant().is_some_and(|torque| torque != 0.0))

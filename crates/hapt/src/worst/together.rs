@@ -5,12 +5,12 @@ use std::path::Path;
 
 use hapt_model::keys::Measure;
 use hapt_model::{Motion, Station};
-use hapt_sweep::worst::{Hand, WorstTogether};
+use hapt_sweep::worst::{Hand, WorstOfNetwork};
 
 use super::{grip, pasted, unit};
 use crate::format;
 
-pub fn text(title: &str, worst: &WorstTogether, out: Option<&Path>) -> String {
+pub fn text(title: &str, worst: &WorstOfNetwork, out: Option<&Path>) -> String {
     let mut text = format!("{title}\n\n");
     let mut line = |name: &str, words: String| {
         let _ = writeln!(text, "{name:<9} {words}");
@@ -46,7 +46,7 @@ pub fn text(title: &str, worst: &WorstTogether, out: Option<&Path>) -> String {
     text
 }
 
-fn verdict(worst: &WorstTogether) -> String {
+fn verdict(worst: &WorstOfNetwork) -> String {
     let tried = format::count(worst.runs as u64);
     match (worst.broken, worst.certified) {
         (true, false) => "broken: passive hands at all stations together draw energy from it".into(),
@@ -72,25 +72,25 @@ fn hand(station: &Station, hand: Option<&Hand>) -> String {
     format!("{}, its spring drawn to {to}", grip(&station.world, &hand.grip))
 }
 
-fn times(worst: &WorstTogether) -> String {
+fn times(worst: &WorstOfNetwork) -> String {
     if !worst.late {
         return "messages take and lose what the file says".into();
     }
-    let way = |link: &hapt_model::Link| {
+    let delay_text = |link: &hapt_model::Link| {
         let [one, other] = link.between.map(|at| worst.network.stations[at].name.as_str());
         format!("{} between {one} and {other}", format::time(link.delay))
     };
     let links = &worst.network.links;
-    let ways = match links.first() {
+    let delays = match links.first() {
         Some(first) if links.len() > 1 && links.iter().all(|link| link.delay == first.delay) => {
             format!("{} on every link", format::time(first.delay))
         }
-        _ => links.iter().map(way).collect::<Vec<_>>().join(", "),
+        _ => links.iter().map(delay_text).collect::<Vec<_>>().join(", "),
     };
-    format!("messages come as late as age_max allows, and all arrive: {ways}")
+    format!("messages come as late as age_max allows, and all arrive: {delays}")
 }
 
-fn shown_run(worst: &WorstTogether) -> String {
+fn shown_run(worst: &WorstOfNetwork) -> String {
     let drawn = &worst.drawn;
     let (within, begins) = (format::time(worst.duration_s), format::time(worst.begins_s));
     let given = match drawn.supplied {
@@ -108,7 +108,7 @@ fn shown_run(worst: &WorstTogether) -> String {
     }
 }
 
-fn breaking(worst: &WorstTogether) -> String {
+fn breaking(worst: &WorstOfNetwork) -> String {
     match worst.breaking_part {
         Some(part) => format!(
             "with late messages such hands draw energy at {} of the required dampings",
@@ -118,7 +118,7 @@ fn breaking(worst: &WorstTogether) -> String {
     }
 }
 
-fn notes(worst: &WorstTogether) -> Vec<&'static str> {
+fn notes(worst: &WorstOfNetwork) -> Vec<&'static str> {
     let mut notes = Vec::new();
     if worst.drawn.let_go > 0 {
         notes.push(

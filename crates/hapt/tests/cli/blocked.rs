@@ -152,8 +152,8 @@ fn a_fifo_that_nobody_writes_is_refused_and_one_with_a_writer_is_read() {
         assert_eq!(shell(line).0, Some(0), "{line}: {:?}", shell(line));
     }
     let station = station("\"$KEYS\"").join(" ").replace("\"$KEYS\"", "<(cat key)");
-    let (code, said) = shell(&format!("\"$HAPT\" {station}"));
-    assert_eq!(code, Some(0), "{said}");
+    let (code, printed) = shell(&format!("\"$HAPT\" {station}"));
+    assert_eq!(code, Some(0), "{printed}");
 }
 
 /// Both pipes are full, so that the command cannot print anything.

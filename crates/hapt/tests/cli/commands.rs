@@ -155,23 +155,23 @@ fn what_grows_at_a_late_sample_is_not_called_safe_to_let_go() {
 #[test]
 fn a_check_begins_with_its_answer_and_a_line_each_for_held_free_and_passive() {
     for world in every_world() {
-        let said = hapt(Path::new("."), ["check".as_ref(), world.as_os_str(), "--no-remedies".as_ref()]).out;
+        let shown = hapt(Path::new("."), ["check".as_ref(), world.as_os_str(), "--no-remedies".as_ref()]).out;
         let json: Value = serde_json::from_str(
             &hapt(Path::new("."), ["check".as_ref(), world.as_os_str(), "--no-remedies".as_ref(), "--json".as_ref()])
                 .out,
         )
         .unwrap();
-        let first = said.lines().next().unwrap();
+        let first = shown.lines().next().unwrap();
         let grows = json["free"]["verdict"] == "unstable" || json["uneven"]["free"]["verdict"] == "broken";
-        assert_eq!(first.starts_with("Certified: "), json["certified"] == true, "{said}");
+        assert_eq!(first.starts_with("Certified: "), json["certified"] == true, "{shown}");
         assert!(
             !grows || first.contains("not safe to let go") || first.contains("as long as its speed is kept"),
-            "{said}"
+            "{shown}"
         );
         assert_eq!(
             first.contains("; safe in any passive hand"),
             json["passivity"]["passive"] == true && json["uneven"]["passive"] == true,
-            "{said}"
+            "{shown}"
         );
         let mut omitted: Vec<&str> =
             first.split("; not proved: ").nth(1).map_or(Vec::new(), |all| all.split(", ").collect());
@@ -179,13 +179,13 @@ fn a_check_begins_with_its_answer_and_a_line_each_for_held_free_and_passive() {
         omitted.sort_unstable();
         omitted.dedup();
         assert_eq!(omitted.len(), count, "{first}");
-        let rows: Vec<&str> = said.lines().skip(2).map(|line| line.split(' ').next().unwrap()).collect();
-        assert!(rows.starts_with(&["world", "held", "free", "passive"]) && rows.len() <= 6, "{said}");
+        let rows: Vec<&str> = shown.lines().skip(2).map(|line| line.split(' ').next().unwrap()).collect();
+        assert!(rows.starts_with(&["world", "held", "free", "passive"]) && rows.len() <= 6, "{shown}");
         let share = json["passivity"]["required_damping"].as_f64().zip(json["passivity"]["device_damping"].as_f64());
         if let Some((required, device)) =
             share.filter(|(required, device)| required <= device && json["certified"] == true && *required > 0.0)
         {
-            let line = said.lines().find(|line| line.starts_with("passive ")).unwrap();
+            let line = shown.lines().find(|line| line.starts_with("passive ")).unwrap();
             let percent: f64 = line.split_once("with ").unwrap().1.split(' ').next().unwrap().parse().unwrap();
             assert!((percent / (100.0 * required / device) - 1.0).abs() < 1e-3, "{line}");
         }

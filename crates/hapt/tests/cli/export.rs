@@ -42,9 +42,9 @@ fn what_cannot_be_exported_is_refused_and_writes_nothing() {
 #[test]
 fn a_missing_library_is_named_with_its_places() {
     let at = folder(&[("w.toml", WHEEL)]);
-    let alone = at.path().join(binary().file_name().unwrap());
-    fs::copy(binary(), &alone).unwrap();
-    let mut command = std::process::Command::new(&alone);
+    let copy = at.path().join(binary().file_name().unwrap());
+    fs::copy(binary(), &copy).unwrap();
+    let mut command = std::process::Command::new(&copy);
     command.args(["export", "fmu", "w.toml", "-o", "o.fmu"]).current_dir(at.path());
     let ended = loop {
         match command.output() {
@@ -53,10 +53,10 @@ fn a_missing_library_is_named_with_its_places() {
             ended => break ended.unwrap(),
         }
     };
-    let said = String::from_utf8(ended.stderr).unwrap();
-    assert_eq!(ended.status.code(), Some(2), "{said}");
+    let printed = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(2), "{printed}");
     for words in [at.path().to_str().unwrap(), "deps", "lib/hapt", "cargo build --release -p hapt-fmi"] {
-        assert!(said.contains(words), "{words} in {said}");
+        assert!(printed.contains(words), "{words} in {printed}");
     }
     assert!(!at.path().join("o.fmu").exists());
 }
@@ -183,13 +183,13 @@ fn broken_rules(folder: &Path, files: &[String]) -> Vec<String> {
     cppcheck.args(["--addon=misra", "--enable=style,warning,portability", "--std=c99", "--quiet", "-j2"]);
     cppcheck.args(["--suppress=missingIncludeSystem", "--template={file}:{line} {severity} {id}"]).args(files);
     let ended = cppcheck.current_dir(folder).output().unwrap();
-    let said = String::from_utf8_lossy(&ended.stderr);
-    assert!(said.contains("misra-c2012-"), "the addon finds advisory rules at least: {said}");
+    let printed = String::from_utf8_lossy(&ended.stderr);
+    assert!(printed.contains("misra-c2012-"), "the addon finds advisory rules at least: {printed}");
     let is_broken = |line: &&str| match line.split_once(" misra-c2012-") {
         Some((_, rule)) => MANDATORY.contains(&rule),
         None => [" error ", " warning ", " portability "].iter().any(|severity| line.contains(severity)),
     };
-    said.lines().filter(is_broken).map(str::to_owned).collect()
+    printed.lines().filter(is_broken).map(str::to_owned).collect()
 }
 
 /// Every built-in world that has a limit, with all numbers that can be tuned; an eighth of them in `cargo test`.

@@ -74,8 +74,8 @@ fn positions_alone_are_enough_beside_a_known_spring() {
     let of = |more: &[&str]| identify(at.path(), &[&["let-go.csv", "--from", "0.11s"], more].concat()).done();
     assert_eq!(of(&["--spring", "1 N m/rad", "--json"]).out, of(&["--json"]).out);
     // With only a spring, the effect of a delay cannot be separated from that of damping, and the interval says so.
-    let said = of(&[]);
-    assert!(said.err.contains("hardly separates damping from delay"), "{}", said.err);
+    let printed = of(&[]);
+    assert!(printed.err.contains("hardly separates damping from delay"), "{}", printed.err);
 }
 
 #[test]

@@ -10,7 +10,7 @@ fn impedance(at: &Path, more: &[&str]) -> Ended {
 }
 
 /// The number before `unit` in the line that begins with `head`.
-fn said(text: &str, head: &str, unit: &str) -> f64 {
+fn value(text: &str, head: &str, unit: &str) -> f64 {
     let line = text.lines().find(|line| line.starts_with(head)).unwrap_or_else(|| panic!("no {head} in {text}"));
     let (before, _) = line.rsplit_once(unit).unwrap_or_else(|| panic!("no {unit} in {line}"));
     before.split_whitespace().next_back().unwrap().parse().unwrap()
@@ -20,10 +20,10 @@ fn said(text: &str, head: &str, unit: &str) -> f64 {
 fn the_wheel_is_said_to_be_an_inertia_up_to_a_frequency() {
     let at = folder(&[("w.toml", WHEEL)]);
     let text = impedance(at.path(), &[]).done().out;
-    near(said(&text, "asked ", " kg m^2: rendered"), 0.02580123, 1e-5);
+    near(value(&text, "asked ", " kg m^2: rendered"), 0.02580123, 1e-5);
     // 1 Hz/√11
-    near(said(&text, "asked ", " Hz"), 1.0 / 11f64.sqrt(), 1e-4);
-    near(said(&text, "resonance", " Hz with"), 1.0, 1e-6);
+    near(value(&text, "asked ", " Hz"), 1.0 / 11f64.sqrt(), 1e-4);
+    near(value(&text, "resonance", " Hz with"), 1.0, 1e-6);
     assert!(text.contains("device    adds inertia 0.00064 kg m^2 and damping 0.0012 N m s/rad"), "{text}");
     // Re K = k sin φ/φ at 100 Hz, φ = 0.2 π.
     let row = text.lines().find(|line| line.starts_with("100 ")).unwrap();

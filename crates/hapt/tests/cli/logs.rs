@@ -56,15 +56,15 @@ fn a_log_carries_its_world_its_overrides_and_its_certificate() {
 fn the_same_run_is_the_same_bits_again_wherever_its_log_went() {
     let at = folder(&[("w.toml", WHEEL)]);
     run(at.path());
-    let told = hapt(at.path(), ["log", "replay", "r/step.mcap"]).done();
+    let replayed = hapt(at.path(), ["log", "replay", "r/step.mcap"]).done();
     assert_eq!(
-        told.out,
+        replayed.out,
         format!(
             "r/step.mcap: by hapt {} on device sim, scenario step\nsame       all torques of 501 samples, to the bit\n",
             env!("CARGO_PKG_VERSION")
         )
     );
-    assert_eq!(told.err, "");
+    assert_eq!(replayed.err, "");
     for world in ["notes/euler.toml", "devices/eth-wall.toml", "devices/smartknob-detents.toml"] {
         let folder = world.trim_end_matches(".toml");
         hapt(at.path(), ["sim", &shipped(world), "--out", folder, "--format", "mcap"]).done();
@@ -150,11 +150,11 @@ fn a_log_that_was_cut_is_read_as_far_as_it_goes_and_says_so() {
     let bytes = read(at.path().join("r/step.mcap"));
     fs::write(at.path().join("cut.mcap"), &bytes[..bytes.len() / 2]).unwrap();
     let cut = format!("cut.mcap: cut off behind {} bytes, before its writer ended it", bytes.len() / 2);
-    let told = hapt(at.path(), ["log", "replay", "cut.mcap"]).done();
-    assert!(told.out.contains("\nsame       all torques of "), "{}", told.out);
-    assert_eq!(told.err, format!("{cut}; what is there was replayed\n"));
-    let told = hapt(at.path(), ["log", "convert", "cut.mcap", "-o", "cut.csv"]).done();
-    assert!(told.err.starts_with(&format!("{cut}; ")), "{}", told.err);
+    let replayed = hapt(at.path(), ["log", "replay", "cut.mcap"]).done();
+    assert!(replayed.out.contains("\nsame       all torques of "), "{}", replayed.out);
+    assert_eq!(replayed.err, format!("{cut}; what is there was replayed\n"));
+    let replayed = hapt(at.path(), ["log", "convert", "cut.mcap", "-o", "cut.csv"]).done();
+    assert!(replayed.err.starts_with(&format!("{cut}; ")), "{}", replayed.err);
     let (half, whole) = (read(at.path().join("cut.csv")), read(at.path().join("r/step.csv")));
     assert!(half.len() > 1000 && half.len() < whole.len() && whole.starts_with(&half));
 
@@ -196,9 +196,9 @@ fn a_run_that_runs_away_keeps_its_rows_up_to_there_in_every_format() {
     let formats = ["--format", "csv", "--format", "mcap"];
     hapt(at.path(), ["sim", "w.toml", "--out", "r"].into_iter().chain(formats).chain(sets))
         .refused(3, &["scenario step", "ends before"]);
-    let told = hapt(at.path(), ["log", "replay", "r/step.mcap"]).done();
+    let replayed = hapt(at.path(), ["log", "replay", "r/step.mcap"]).done();
     let rows = Table::read(&at.path().join("r/step.csv")).rows.len();
-    assert!(told.out.contains(&format!("all torques of {rows} samples")), "{}", told.out);
+    assert!(replayed.out.contains(&format!("all torques of {rows} samples")), "{}", replayed.out);
 }
 
 #[cfg(unix)]
@@ -221,8 +221,8 @@ fn an_interrupted_run_leaves_no_file_of_any_format() {
 fn python() -> Option<PathBuf> {
     let own = Path::new(env!("CARGO_TARGET_TMPDIR")).join("mcap/bin/python");
     let has = |python: &Path| {
-        let said = Command::new(python).args(["-c", "import mcap.reader, mcap_protobuf.decoder"]).output();
-        said.is_ok_and(|said| said.status.success())
+        let output = Command::new(python).args(["-c", "import mcap.reader, mcap_protobuf.decoder"]).output();
+        output.is_ok_and(|output| output.status.success())
     };
     let found = [own, "python3".into()].into_iter().find(|python| has(python));
     assert!(found.is_some() || std::env::var_os("CI").is_none(), "no Python reads MCAP: cargo xtask test installs it");
@@ -251,9 +251,9 @@ fn pythons_own_reader_reads_every_sample_of_a_killed_recording() {
         Some(count)
     };
     let by_python = || {
-        let said = Command::new(&python).arg("read.py").current_dir(at.path()).output().unwrap();
-        let out = String::from_utf8(said.stdout).unwrap();
-        out.trim().parse::<u64>().unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&said.stderr)))
+        let output = Command::new(&python).arg("read.py").current_dir(at.path()).output().unwrap();
+        let out = String::from_utf8(output.stdout).unwrap();
+        out.trim().parse::<u64>().unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&output.stderr)))
     };
     let mut running = Running::start(program(at.path(), ["run", "w.toml", "--log", "runs/step.mcap"]));
     running.until("two seconds of samples", |_, _| count(&log).is_some_and(|count| count > 1000));

@@ -163,13 +163,13 @@ fn a_delay_in_samples_is_swept_along_with_the_period() {
         text.lines().skip(1).map(|line| line.split(',').nth(1).unwrap().to_string()).collect::<Vec<_>>()
     };
     let swept = measured(&[], "loop.period=1ms..3ms:3");
-    let alone = |period: &str, delay: &str| {
+    let check = |period: &str, delay: &str| {
         measured(&["--set", &format!("loop.delay={delay}")], &format!("loop.period={period}..{period}:1")).remove(0)
     };
     let growth = |text: &String| text.parse::<f64>().unwrap();
     for (i, (period, delay)) in [("1ms", "1.5 ms"), ("2ms", "3 ms"), ("3ms", "4.5 ms")].into_iter().enumerate() {
-        let (swept, alone) = (growth(&swept[i]), growth(&alone(period, delay)));
-        assert!((swept - alone).abs() <= 1e-9 * alone.abs().max(1.0), "{period}: {swept} {alone}");
+        let (swept, check) = (growth(&swept[i]), growth(&check(period, delay)));
+        assert!((swept - check).abs() <= 1e-9 * check.abs().max(1.0), "{period}: {swept} {check}");
     }
 }
 
@@ -177,10 +177,10 @@ fn a_delay_in_samples_is_swept_along_with_the_period() {
 fn a_delay_is_said_with_the_loop_and_its_unit_is_looked_for() {
     let at = folder(&[("w.toml", &WHEEL.replace("period = \"1 ms\"", "period = \"1 ms\"\ndelay = \"1.5 samples\""))]);
     for args in [&["check", "w.toml"][..], &["sim", "w.toml"], &["impedance", "w.toml", "--points", "3"]] {
-        let said = hapt(at.path(), args).out;
-        assert!(said.contains("of the step, 1.5 ms late"), "{args:?}: {said}");
-        let said = hapt(at.path(), args.iter().chain(&["--set", "loop.delay=0"])).out;
-        assert!(said.contains("of the step") && !said.contains("late"), "{args:?}: {said}");
+        let printed = hapt(at.path(), args).out;
+        assert!(printed.contains("of the step, 1.5 ms late"), "{args:?}: {printed}");
+        let printed = hapt(at.path(), args.iter().chain(&["--set", "loop.delay=0"])).out;
+        assert!(printed.contains("of the step") && !printed.contains("late"), "{args:?}: {printed}");
     }
     let misspelt = hapt(at.path(), ["check", "w.toml", "--set", "loop.delay=1.5 sampels"]);
     misspelt.refused(2, &["unknown unit \"sampels\"; did you mean \"samples\"?"]);

@@ -24,9 +24,9 @@ fn a_network_is_certified_or_not_and_says_where_it_lacks() {
     assert_eq!(check["links"][0]["age_max_s"], 0.02);
     assert_eq!(check["certified"], true);
     // A station's own remedies are those of its world, and the network's are for its links.
-    let alone = hapt(at.path(), ["check", "wheel.toml", "--json"]).done().out;
-    let alone: serde_json::Value = serde_json::from_str(&alone).unwrap();
-    assert_eq!(check["stations"]["left"]["local"], alone);
+    let of_world = hapt(at.path(), ["check", "wheel.toml", "--json"]).done().out;
+    let of_world: serde_json::Value = serde_json::from_str(&of_world).unwrap();
+    assert_eq!(check["stations"]["left"]["local"], of_world);
     assert!(check["remedies"]["stiffness_scale"].as_f64().unwrap() > 1.0 && text.contains("\nmargins "), "{text}");
     let json = hapt(at.path(), ["check", "pair.toml", "--json", "--no-remedies"]).done().out;
     let check: serde_json::Value = serde_json::from_str(&json).unwrap();

@@ -161,7 +161,7 @@ fn no_output_replaces_what_is_read_or_another_output() {
     let all =
         || -> Vec<_> { names(at.path()).into_iter().map(|name| fs::read(at.path().join(name)).unwrap()).collect() };
     let before = (names(at.path()), all());
-    for (args, said) in [
+    for (args, message) in [
         (with(&["sim", "p.toml", "--out"], &["."]), "that is the path of a hand itself"),
         (
             with(&["run", "w.toml", "--device", "replay:step.mcap", "--log"], &["step.mcap"]),
@@ -176,7 +176,7 @@ fn no_output_replaces_what_is_read_or_another_output() {
         (with(&["identify", "w", "--write"], &["w"]), "that is what is read itself"),
         (with(&["identify", "step.csv"], &["--write", "f", "--plot", "f"]), "are the same file"),
     ] {
-        hapt(at.path(), &args).refused(2, &[said]);
+        hapt(at.path(), &args).refused(2, &[message]);
         assert_eq!((names(at.path()), all()), before, "{args:?}");
     }
     // Devices may be named twice.

@@ -92,10 +92,10 @@ fn a_replay_ends_with_its_recording() {
 fn a_log_of_a_run_gives_the_torques_again() {
     let at = folder(&[("w.toml", WHEEL)]);
     hapt(at.path(), ["run", "w.toml", "--scenario", "step", "--log", "a.mcap"]).done();
-    let told = hapt(at.path(), ["log", "replay", "a.mcap"]).done();
-    assert!(told.out.contains("\nsame       all torques of ") && !told.out.contains("skipped"), "{told:?}");
+    let replayed = hapt(at.path(), ["log", "replay", "a.mcap"]).done();
+    assert!(replayed.out.contains("\nsame       all torques of ") && !replayed.out.contains("skipped"), "{replayed:?}");
     hapt(at.path(), ["log", "convert", "a.mcap", "-o", "b.mcap"]).done();
-    assert_eq!(hapt(at.path(), ["log", "replay", "b.mcap"]).done().out, told.out.replace("a.mcap", "b.mcap"));
+    assert_eq!(hapt(at.path(), ["log", "replay", "b.mcap"]).done().out, replayed.out.replace("a.mcap", "b.mcap"));
 
     // From the middle on, with and without the loop's state there.
     let middle = |with_state: bool| {
@@ -120,8 +120,8 @@ fn a_log_of_a_run_gives_the_torques_again() {
         sample - 200
     };
     let samples = middle(true);
-    let told = hapt(at.path(), ["log", "replay", "middle.mcap"]).done();
-    assert!(told.out.contains(&format!("all torques of {samples} samples")), "{told:?}");
+    let replayed = hapt(at.path(), ["log", "replay", "middle.mcap"]).done();
+    assert!(replayed.out.contains(&format!("all torques of {samples} samples")), "{replayed:?}");
     middle(false);
     hapt(at.path(), ["log", "replay", "middle.mcap"]).refused(2, &["middle.mcap", "nor its state at a later one"]);
 }
@@ -192,7 +192,7 @@ fn a_command_later_than_certified_ends_a_run_as_the_world_says() {
 fn a_stall_shows_in_the_latency_and_as_the_longest_gap() {
     const STALL: std::time::Duration = std::time::Duration::from_millis(700);
     let at = folder(&[("w.toml", WHEEL)]);
-    let told = (0..5).any(|_| {
+    let replayed = (0..5).any(|_| {
         let running = Running::start(program(at.path(), ["latency", "w.toml", "--duration", "1.5s", "--json"]));
         std::thread::sleep(STALL / 2);
         running.signal("STOP");
@@ -204,7 +204,7 @@ fn a_stall_shows_in_the_latency_and_as_the_longest_gap() {
         near(gap, period, 2e-3);
         latency > 0.6e6 && gap > 0.6e6 && json["missed"].as_u64().unwrap() > 500
     });
-    assert!(told, "no stall showed");
+    assert!(replayed, "no stall showed");
 }
 
 /// Where strace is installed and permitted: between its first sleep and its last, the loop's thread calls nothing of the system's but to

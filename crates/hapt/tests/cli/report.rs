@@ -30,9 +30,9 @@ fn a_report_leads_to_a_page_on_which_the_world_runs_and_all_that_this_asks_for_i
         let report = fs::read_to_string(at.path().join(format!("pages/{stem}.html"))).unwrap();
         assert!(report.contains(&format!("href=\"live/{stem}.html\"")));
         let page = fs::read_to_string(live.join(format!("{stem}.html"))).unwrap();
-        let asked: Vec<&str> = page.split('"').filter(|word| word.starts_with("./")).collect();
-        assert!(asked.len() >= 4 && asked.contains(&format!("./{stem}.js").as_str()), "{asked:?}");
-        for file in asked {
+        let loaded: Vec<&str> = page.split('"').filter(|word| word.starts_with("./")).collect();
+        assert!(loaded.len() >= 4 && loaded.contains(&format!("./{stem}.js").as_str()), "{loaded:?}");
+        for file in loaded {
             assert!(live.join(file).is_file(), "{file}");
         }
         // Features that a page opened from a folder cannot use.

@@ -97,7 +97,7 @@ impl Run {
     }
 
     /// The messages that wait; frames are left out.
-    fn heard(&mut self) -> Vec<Value> {
+    fn received(&mut self) -> Vec<Value> {
         let messages = std::iter::from_fn(|| self.page.next_message());
         let text = |message| match message {
             Message::Text(text) => Some(serde_json::from_str(&text).unwrap()),
@@ -107,9 +107,9 @@ impl Run {
     }
 
     fn refused(&mut self) -> String {
-        let heard = self.heard();
-        let refused = heard.iter().find(|message| message["type"] == "refused" || message["type"] == "error");
-        refused.unwrap_or_else(|| panic!("nothing was refused: {heard:?}"))["message"].as_str().unwrap().to_string()
+        let received = self.received();
+        let refused = received.iter().find(|message| message["type"] == "refused" || message["type"] == "error");
+        refused.unwrap_or_else(|| panic!("nothing was refused: {received:?}"))["message"].as_str().unwrap().to_string()
     }
 }
 
@@ -137,8 +137,8 @@ fn a_scenario_in_a_page_is_the_simulations_once_it_has_faded_in() {
         moved = moved.max(row.bodies[0].0);
     }
     assert!(moved > 0.5);
-    let heard = run.heard();
-    let status = heard.iter().rfind(|message| message["type"] == "status").unwrap();
+    let received = run.received();
+    let status = received.iter().rfind(|message| message["type"] == "status").unwrap();
     assert_eq!((&status["phase"], &status["reason"]), (&json!("running"), &Value::Null));
 }
 
@@ -154,7 +154,7 @@ fn every_key_is_set_or_refused_as_by_hapt_live() {
         });
         let numbers = ends.iter().filter(|_| key.kind != "choice").map(String::as_str);
         for value in numbers.chain(key.choices.iter().copied()) {
-            run.heard();
+            run.received();
             run.send(&json!({ "type": "set", "key": key.path, "value": value }));
             (0..2).for_each(|_| drop(run.step()));
             tried += 1;
@@ -162,7 +162,7 @@ fn every_key_is_set_or_refused_as_by_hapt_live() {
                 Ok(next) => {
                     let expected = ServerMessage::World(Box::new(describe(&next))).json();
                     let expected: Value = serde_json::from_str(&expected).unwrap();
-                    assert!(run.heard().contains(&expected), "{} = {value}", key.path);
+                    assert!(run.received().contains(&expected), "{} = {value}", key.path);
                     config = next.reset().unwrap();
                     run.send(&json!({ "type": "reset" }));
                     (0..2).for_each(|_| drop(run.step()));
@@ -185,15 +185,15 @@ fn what_is_changed_while_it_runs_goes_on_where_it_is_and_without_a_step_of_torqu
         [("couplings.0.stiffness", "3 N m/rad"), ("loop.method", "backward-euler"), ("loop.period", "1.3 ms")]
     {
         let before = run.step().unwrap();
-        run.heard();
+        run.received();
         run.send(&json!({ "type": "set", "key": key, "value": value }));
         let after = std::iter::repeat_with(|| run.step()).flatten().next().unwrap();
         // Within one sample nothing goes far: a speed of v, and a fade of 100 samples.
-        let way = 2e-3 * (before[1].abs() + before[9].abs() + 1.0);
-        assert!((after[0] - before[0]).abs() < way && (after[8] - before[8]).abs() < way, "{key}");
+        let travel = 2e-3 * (before[1].abs() + before[9].abs() + 1.0);
+        assert!((after[0] - before[0]).abs() < travel && (after[8] - before[8]).abs() < travel, "{key}");
         assert!((after[6] - before[6]).abs() < 0.05, "{key}: from {} to {} N m", before[6], after[6]);
-        let heard = std::iter::repeat_with(|| (run.step(), run.heard()).1).take(5).flatten();
-        let world = heard.into_iter().find(|message| message["type"] == "world").unwrap();
+        let received = std::iter::repeat_with(|| (run.step(), run.received()).1).take(5).flatten();
+        let world = received.into_iter().find(|message| message["type"] == "world").unwrap();
         let keys = world["keys"].as_array().unwrap();
         let key = keys.iter().find(|own| own["path"] == key).unwrap();
         assert!(key["written"] == value && key["changed"] == true && key["fixed"] == false, "{key}");
@@ -214,7 +214,7 @@ fn what_cannot_run_is_refused_in_a_sentence_and_what_ran_goes_on() {
         ("bodies.wheel.inertia", "0 kg m^2", "inertia"),
         ("scenarios.step.duration", "1 s", "cannot be set"),
     ] {
-        run.heard();
+        run.received();
         run.send(&json!({ "type": "set", "key": key, "value": value }));
         for run in [&mut run, &mut other] {
             (0..2).for_each(|_| drop(run.step()));
@@ -241,8 +241,8 @@ fn a_stop_takes_the_torque_away_until_it_is_cleared_and_armed() {
     run.swing(1000);
     let phase = |run: &mut Run| {
         (0..150).for_each(|_| drop(run.step()));
-        let heard = run.heard();
-        heard.iter().rfind(|message| message["type"] == "status").map(|status| status["phase"].clone())
+        let received = run.received();
+        received.iter().rfind(|message| message["type"] == "status").map(|status| status["phase"].clone())
     };
     for (order, then) in [("stop", "faulted"), ("clear", "disarmed"), ("arm", "running")] {
         run.send(&json!({ "type": "order", "order": order }));

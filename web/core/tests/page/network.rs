@@ -123,7 +123,7 @@ fn the_verdict_in_the_page_is_that_of_the_command_line() {
 
 #[test]
 fn a_wheel_that_is_turned_takes_the_other_along_and_its_position_is_as_old_as_the_way_there_and_back() {
-    for (delay, way) in [("2 ms", 4e-3), ("10 ms", 20e-3), ("20 ms", 40e-3)] {
+    for (delay, travel_time) in [("2 ms", 4e-3), ("10 ms", 20e-3), ("20 ms", 40e-3)] {
         let mut run = pair(delay);
         run.pass(1.0);
         run.hold(0, Some(0.5));
@@ -133,7 +133,7 @@ fn a_wheel_that_is_turned_takes_the_other_along_and_its_position_is_as_old_as_th
             let link = &run.info(station)["links"][0];
             let age = link["age_s"].as_f64().unwrap();
             // Samples of both, the own hold, and how often messages are passed on.
-            assert!(link["acts"] == true && age >= way && age < way + 9e-3, "{delay}: {link}");
+            assert!(link["acts"] == true && age >= travel_time && age < travel_time + 9e-3, "{delay}: {link}");
         }
         // No message arrives: both ends release, and nothing moves the free wheel.
         run.send(1, &json!({ "type": "network", "loss": 1 }));
@@ -253,8 +253,8 @@ fn a_damped_link_drags_the_other_wheel_along() {
                 begin = [run.place[0], run.place[1]];
             }
         }
-        let ways = [run.place[0] - begin[0], run.place[1] - begin[1]];
-        let part = ways[1] / ways[0];
-        assert!(ways[0] > 1.0 && (part - damping / (damping + 0.02)).abs() < 0.05, "{damping}: {ways:?}");
+        let travels = [run.place[0] - begin[0], run.place[1] - begin[1]];
+        let part = travels[1] / travels[0];
+        assert!(travels[0] > 1.0 && (part - damping / (damping + 0.02)).abs() < 0.05, "{damping}: {travels:?}");
     }
 }

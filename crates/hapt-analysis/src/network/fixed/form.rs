@@ -104,11 +104,11 @@ impl Form {
                 let sample = clock.acting(middle);
                 let used = clock.sample(sample);
                 let weight = length.sqrt();
-                ways(clock, [used, middle], |column, shift, part| {
+                displacements(clock, [used, middle], |column, shift, part| {
                     local_terms.add(shift, row, first[at] + column, -stiffness * weight * part);
                 });
                 // -B (z_k - z_{k-1})/T
-                ways(clock, [clock.sample(sample - 1), used], |column, shift, part| {
+                displacements(clock, [clock.sample(sample - 1), used], |column, shift, part| {
                     let value = damping / clock.period * weight * part;
                     local_terms.add(shift, row, first[at] + column, value);
                 });
@@ -122,13 +122,13 @@ impl Form {
 /// The energy that the torque of one end of a link keeps; `first`: the first stretch of each station.
 fn add_end(links: &mut Terms, first: &[usize], schedule: &Schedule, link: &Link, to: usize) {
     let from = link.between[usize::from(link.between[0] == to)];
-    let (own, other, way) = (schedule.clocks[to], schedule.clocks[from], schedule.way(link, to));
+    let (own, other, timing) = (schedule.clocks[to], schedule.clocks[from], schedule.message_timing(link, to));
     let stiffness = link.stiffness();
     for segment in 0..own.segments() {
         let [start, end] = [own.start(segment), own.start(segment + 1)];
         let row = first[to] + segment as usize;
         let sample = own.acting(0.5 * (start + end));
-        let (measured, heard) = (own.sample(sample), way.used(sample));
+        let (measured, received) = (own.sample(sample), timing.used(sample));
         // Where the other's stretches end, the slope of its displacement changes.
         let mut from_here = start;
         while from_here < end {
@@ -137,10 +137,10 @@ fn add_end(links: &mut Terms, first: &[usize], schedule: &Schedule, link: &Link,
             let until = if next < end - step { next } else { end };
             let middle = 0.5 * (from_here + until);
             let weight = stiffness * (until - from_here) / (end - start).sqrt();
-            ways(&own, [measured, middle], |column, shift, part| {
+            displacements(&own, [measured, middle], |column, shift, part| {
                 links.add(shift, row, first[to] + column, -weight * part);
             });
-            ways(&other, [heard, middle], |column, shift, part| {
+            displacements(&other, [received, middle], |column, shift, part| {
                 links.add(shift, row, first[from] + column, weight * part);
             });
             from_here = until;
@@ -150,7 +150,7 @@ fn add_end(links: &mut Terms, first: &[usize], schedule: &Schedule, link: &Link,
 
 /// The displacement of a puck between two instants: for each stretch in between its number in the common period, how many periods ago it
 /// was, and its part, times √length.
-fn ways(clock: &Clock, [from, to]: [f64; 2], mut each: impl FnMut(usize, i64, f64)) {
+fn displacements(clock: &Clock, [from, to]: [f64; 2], mut each: impl FnMut(usize, i64, f64)) {
     let count = clock.segments();
     let mut segment = clock.segment_at(from + 1e-9 * clock.period);
     loop {

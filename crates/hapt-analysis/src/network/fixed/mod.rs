@@ -114,7 +114,7 @@ fn posed(network: &System, demands: &[Option<f64>]) -> Result<Result<Posed, Vec<
     }
     for link in network.links.iter().filter(|link| link.acts()) {
         for to in link.between {
-            let age = schedule.way(link, to).age() + network.stations[to].hold();
+            let age = schedule.message_timing(link, to).age() + network.stations[to].hold();
             if age > link.age_max * (1.0 + 1e-9) {
                 return no(
                     "a link lets go between its messages: age_max is below the age of a position at these delays",

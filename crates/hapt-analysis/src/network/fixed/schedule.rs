@@ -132,7 +132,7 @@ impl Schedule {
     }
 
     /// When the station `to` receives the positions of the other end of a link.
-    pub fn way(&self, link: &Link, to: usize) -> MessageTiming {
+    pub fn message_timing(&self, link: &Link, to: usize) -> MessageTiming {
         let from = link.between[usize::from(link.between[0] == to)];
         let sender = self.clocks[from];
         MessageTiming {

@@ -186,10 +186,10 @@ fn drawn(theta: f64, damping: f64, [mass, pole, period]: [f64; 3]) -> f64 {
         rate += (1.0 - pole) * (steps[0] / period - rate);
         let torque = mass * (rate - last) / period;
         last = rate;
-        let way = (theta * (k + 1) as f64).sin() - z[0];
+        let travel = (theta * (k + 1) as f64).sin() - z[0];
         // The first half is a transient.
         if 2 * k > samples {
-            work += torque * way - damping * way * way / period;
+            work += torque * travel - damping * travel * travel / period;
         }
     }
     work

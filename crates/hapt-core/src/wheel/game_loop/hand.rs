@@ -121,9 +121,9 @@ impl<F: Real> Hand<F> {
         }
     }
 
-    /// The wheel has moved by `way` since the last sample.
-    pub fn interval(&self, works: &mut Works<F>, way: F) -> Interval<F> {
-        let speed = way / self.period;
+    /// The wheel has moved by `travel` since the last sample.
+    pub fn interval(&self, works: &mut Works<F>, travel: F) -> Interval<F> {
+        let speed = travel / self.period;
         let torque = works.commands[0] + self.late * (works.commands[1] - works.commands[0]);
         let slides =
             speed.if_above(F::ZERO, self.friction, F::ZERO) - (-speed).if_above(F::ZERO, self.friction, F::ZERO);
@@ -147,7 +147,7 @@ impl<F: Real> Hand<F> {
         works.hand += self.averaged * (hand * mean - works.hand);
         works.size += self.averaged * ((moved * mean).abs() - works.size);
         works.square += self.averaged * (mean * mean - works.square);
-        Interval { velocity: works.velocity, work: torque * way, hand: hand * mean * self.period }
+        Interval { velocity: works.velocity, work: torque * travel, hand: hand * mean * self.period }
     }
 
     /// The damping, N·m·s/rad, that does as much work as the hand does, of either sign.

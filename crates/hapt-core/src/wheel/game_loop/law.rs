@@ -167,8 +167,8 @@ impl<F: Real> Search<F> {
         memory.slow.1 += self.slow * (level - memory.slow.1);
         memory.at = (memory.at + 1) % RING;
         let quick = position - memory.slow.0;
-        let way = quick - core::mem::replace(&mut memory.quick, quick);
-        memory.moved += way.abs();
+        let travel = quick - core::mem::replace(&mut memory.quick, quick);
+        memory.moved += travel.abs();
         if let Some(place) = memory.ring.get_mut(memory.at) {
             *place = quick;
         }

@@ -211,36 +211,36 @@ impl<F: Real> GameLoop<F> {
     }
 
     /// A sample: the torque to add to the game's, N·m, for the wheel's position in rad. A number that is not finite resets the state.
-    pub fn step(&self, state: &mut GameLoopState<F>, position: F, heard: HostLevel<F>) -> F {
+    pub fn step(&self, state: &mut GameLoopState<F>, position: F, host_level: HostLevel<F>) -> F {
         if !position.is_finite() {
             *state = self.start();
             return F::ZERO;
         }
-        let way = state.last.map_or(F::ZERO, |last| position - last);
+        let travel = state.last.map_or(F::ZERO, |last| position - last);
         state.last = Some(position);
-        let level = heard.level.finite_or_zero();
-        if let Some(told) = self.search.sample(&mut state.memory, position, level, heard.changed) {
-            self.judge(state, told);
+        let level = host_level.level.finite_or_zero();
+        if let Some(estimate) = self.search.sample(&mut state.memory, position, level, host_level.changed) {
+            self.judge(state, estimate);
         }
         let period = self.damper.period;
         let mut report = state.report;
-        let interval = self.hand.interval(&mut state.works, way);
+        let interval = self.hand.interval(&mut state.works, travel);
         state.swings.sample(period, &interval, level, report.damping, report.held_back);
         report.hands_off = self.hand.leaves(&mut state.works, report.lacking);
         // A law at the motor's limit stays there while the wheel comes back from far out.
-        let is_largest = heard.torque.abs() >= self.largest;
+        let is_largest = host_level.torque.abs() >= self.largest;
         let live = self.acts && (is_largest || self.search.is_live(&state.memory));
         let (damping, held_back) = if live { state.wanted } else { (F::ZERO, F::ZERO) };
         // A remedy comes no faster than a torque may.
         let smoothing = self.smoothing(report.damping);
-        state.velocity += period / (period + smoothing) * (way / period - state.velocity);
+        state.velocity += period / (period + smoothing) * (travel / period - state.velocity);
         let speed = state.velocity.abs();
-        let size = heard.torque.abs();
+        let size = host_level.torque.abs();
         let slowed = |most: F, by: F| if most * by > self.slew * period { self.slew * period / by } else { most };
         let rise = period * F::from_f64(1.0 / RISE);
         report.damping += (damping * report.hands_off - report.damping).within(slowed(self.most * rise, speed));
         report.held_back += (held_back * report.hands_off - report.held_back).within(slowed(rise, size));
-        report.torque = -(report.held_back * heard.torque + report.damping * state.velocity);
+        report.torque = -(report.held_back * host_level.torque + report.damping * state.velocity);
         if !report.torque.is_finite() {
             *state = self.start();
             return F::ZERO;
@@ -264,13 +264,13 @@ impl<F: Real> GameLoop<F> {
     }
 
     /// Updates the law's requirement, by the estimate of a span.
-    fn judge(&self, state: &mut GameLoopState<F>, told: Option<GameLaw<F>>) {
-        state.report.law = told;
-        state.report.oddity = told.as_ref().and_then(oddity);
-        let belief = F::from_f64(if told.is_some() { BELIEF[0] } else { BELIEF[1] });
+    fn judge(&self, state: &mut GameLoopState<F>, estimate: Option<GameLaw<F>>) {
+        state.report.law = estimate;
+        state.report.oddity = estimate.as_ref().and_then(oddity);
+        let belief = F::from_f64(if estimate.is_some() { BELIEF[0] } else { BELIEF[1] });
         let kept = belief / (belief + F::from_f64(SPAN));
         let believed = state.dearest.map(|(stiffness, host)| (stiffness * kept, host));
-        let found = told.map(|law| {
+        let found = estimate.map(|law| {
             let (stiffness, host) = law.worst;
             (stiffness, HostTime { lateness: host.lateness + self.later, ..host })
         });

@@ -36,9 +36,9 @@ impl Wheel {
     /// A step with this torque, (T20).
     pub fn go(&mut self, torque: f64) {
         let rate = self.damping / self.inertia;
-        let way = -(-rate * STEP).exp_m1() / rate;
+        let factor = -(-rate * STEP).exp_m1() / rate;
         let end = torque / self.damping;
-        self.z += way * (self.v - end) + end * STEP;
+        self.z += factor * (self.v - end) + end * STEP;
         self.v = end + (self.v - end) * (-rate * STEP).exp();
     }
 }

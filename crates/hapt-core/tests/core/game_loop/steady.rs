@@ -93,11 +93,11 @@ fn levels(
     let (mut level, mut revision, mut sent, mut torque) = (0.0, 0, Vec::new(), 0.0);
     for step in 0..(seconds / STEP) as usize {
         let t = step as f64 * STEP;
-        let asked = game(step, wheel.z).clamp(-rig.limit, rig.limit);
+        let requested = game(step, wheel.z).clamp(-rig.limit, rig.limit);
         if step % rig.period == 0 {
             let counted = (wheel.z / rig.count).round() * rig.count;
-            let jump = asked - level;
-            level = asked;
+            let jump = requested - level;
+            level = requested;
             revision += u32::from(jump != 0.0);
             let added =
                 game_loop.step(&mut steadied, counted, HostLevel { level, changed: jump != 0.0, torque: level });
@@ -239,9 +239,9 @@ fn with_hands_on_the_torque_is_the_games() {
     play(&Rig { acts: false, ..rig }, 6.0, 1, hand, |now| plain.push(now.given));
     let mut plain = plain.into_iter();
     play(&rig, 6.0, 1, hand, |now| {
-        let asked = plain.next().unwrap();
+        let requested = plain.next().unwrap();
         if now.t > 1.0 {
-            off += (now.given - asked) * (now.given - asked);
+            off += (now.given - requested) * (now.given - requested);
             all += now.level * now.level;
         }
     });

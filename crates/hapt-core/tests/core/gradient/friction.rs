@@ -45,10 +45,10 @@ fn friction_slows_a_body_evenly_and_then_stops_it_for_good() {
             assert!((v - (velocity - slowing * t * k as f64)).abs() < 1e-12, "{}", method.name());
         }
         let end = rows[stop + 2];
-        let way = velocity * velocity / (2.0 * slowing);
+        let travel = velocity * velocity / (2.0 * slowing);
         // Backward Euler is late by half a sample, the others only in the last one.
         let error = if method == Method::BackwardEuler { 0.6 * velocity * t } else { slowing * t * t };
-        assert!((end.0 - way).abs() <= error, "{}: {} {way}", method.name(), end.0);
+        assert!((end.0 - travel).abs() <= error, "{}: {} {travel}", method.name(), end.0);
         for (w, v, torque) in &rows[stop + 2..] {
             assert_eq!(*w, end.0);
             assert!(v.abs() < 1e-16 && torque.abs() < 1e-12, "{}: {v:e} {torque:e}", method.name());

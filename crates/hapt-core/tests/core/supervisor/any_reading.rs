@@ -26,7 +26,7 @@ proptest! {
         let next = Guard::<f32>::new(&limits, &Spec { couplings: &soft, ..spec });
         let mut guards = [(); 2].map(|()| Guard::<f32>::new(&limits, &spec));
         let (mut position, mut speed) = (0.0, 0.0);
-        for (bits, how, by, missed, asked) in samples {
+        for (bits, how, by, missed, choice) in samples {
             speed = 0.9 * speed + 2e-3 * by;
             // Now and then it rests.
             position += if how == 7 { 0.0 } else { speed };
@@ -39,7 +39,7 @@ proptest! {
                 3 if bits % 13 == 0 => now.velocity = wild,
                 _ => {}
             }
-            let request = match asked {
+            let request = match choice {
                 0 => Some(Request::Stop),
                 1 => Some(Request::Disarm),
                 2..=40 => Some(Request::Arm),
@@ -48,7 +48,7 @@ proptest! {
             };
             let [short, long] = [false, true].map(|announced| {
                 let guard = &mut guards[usize::from(announced)];
-                if asked == 100 {
+                if choice == 100 {
                     (guard.world, guard.supervisor, guard.state) = (next.world, next.supervisor, next.state);
                     guard.watch.swap(guard.world.period(), guard.world.period());
                 }
@@ -71,7 +71,7 @@ proptest! {
         let mut guard = Guard::<f64>::new(&limits, &Spec { limit: Some(motor), ..WORLD });
         let mut position = 0.0;
         let mut may = false;
-        for (bits, how, by, missed, asked) in samples {
+        for (bits, how, by, missed, choice) in samples {
             position += 0.01 * by;
             let mut now = Reading { missed: u32::from(missed == 2), ..reading(position) };
             match how {
@@ -81,7 +81,7 @@ proptest! {
                 3 if bits % 7 == 0 => now.velocity = f64::from_bits(bits),
                 _ => {}
             }
-            let request = match asked {
+            let request = match choice {
                 0 => Some(Request::Stop),
                 1 => Some(Request::Disarm),
                 2..=8 => Some(Request::Arm),

@@ -80,11 +80,11 @@ fn grows_by_forward_euler(every: u32) {
 }
 
 /// With a puck that is moved by steps, each for a number of samples.
-fn never_draws_on_its_account(limits: &Limits, spec: &Spec, ways: &[(f64, u8)]) -> Result<(), TestCaseError> {
+fn never_draws_on_its_account(limits: &Limits, spec: &Spec, steps: &[(f64, u8)]) -> Result<(), TestCaseError> {
     let mut guard = Guard::<f64>::new(limits, spec);
     let mut position = 0.0;
     guard.step(&reading(position), Some(Request::Arm));
-    for (step, samples) in ways {
+    for (step, samples) in steps {
         for _ in 0..*samples {
             position += step;
             prop_assert!(guard.at(position).phase != Phase::Faulted, "{:?}", guard.watch.reason);
@@ -191,13 +191,13 @@ proptest! {
     #[test]
     fn a_passive_spring_behind_a_delay_never_draws_on_its_account(
         stiffness in 0.1..20.0f64, delay in prop_oneof![0.0..12.0f64, (0..12u8).prop_map(f64::from)], energy in 1e-9..1e-3f64,
-        ways in proptest::collection::vec((-0.02..0.02f64, 1..20u8), 60),
+        steps in proptest::collection::vec((-0.02..0.02f64, 1..20u8), 60),
     ) {
         let couplings = [Coupling { law: Law::Spring { stiffness, rest: 0.0 }, ..SPRING[0] }];
         let spec = Spec { couplings: &couplings, limit: Some(1e3), ..WORLD };
         let damping = (0.5 + delay) * stiffness * T;
         let limits = Limits { damping, energy, delay: delay * T, torque: 1e3, jump: 1.0, slew: f64::INFINITY, ..LIMITS };
-        never_draws_on_its_account(&limits, &spec, &ways)?;
+        never_draws_on_its_account(&limits, &spec, &steps)?;
     }
 
     /// The same for laws behind a filter of the position, with the least damping that its lag requires, with a delay or without: a step of
@@ -205,7 +205,7 @@ proptest! {
     #[test]
     fn passive_laws_behind_a_filter_never_draw_on_their_account(
         (_, couplings) in network(), decades in prop_oneof![-300.0..0.5f64, 0.5..3.5f64], delay in prop_oneof![Just(0.0), (0..4u8).prop_map(f64::from)],
-        energy in 1e-9..1e-3f64, ways in proptest::collection::vec((-0.02..0.02f64, 1..20u8), 60),
+        energy in 1e-9..1e-3f64, steps in proptest::collection::vec((-0.02..0.02f64, 1..20u8), 60),
     ) {
         let is_covered = |c: &Coupling| c.law.constant().is_none() && c.law.slopes().damping == Damping::Fixed(0.0) && c.law.slopes().friction == 0.0;
         let couplings: Vec<Coupling> = couplings
@@ -219,6 +219,6 @@ proptest! {
         let gain = -(-std::f64::consts::TAU * filter * T).exp_m1();
         let damping = (0.5 + delay + (1.0 - gain) / gain) * stiffness * T;
         let limits = Limits { damping, energy, delay: delay * T, torque: 1e3, jump: 1.0, slew: f64::INFINITY, ..LIMITS };
-        never_draws_on_its_account(&limits, &spec, &ways)?;
+        never_draws_on_its_account(&limits, &spec, &steps)?;
     }
 }

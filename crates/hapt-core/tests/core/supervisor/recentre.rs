@@ -108,18 +108,18 @@ proptest! {
         for (size, kind, samples) in moves {
             for i in 0..samples {
                 let count = count.unwrap_or(1e-4);
-                let way = match kind {
+                let travel = match kind {
                     0 => 0.0,
                     1 => size * 0.01 * count,
                     2 => size * 0.7 * count * f64::from(i % 2) * [1.0, -1.0][(i / 2) as usize % 2],
                     _ => size * 2e-3,
                 };
-                position += way;
+                position += travel;
                 let safe = guard.at(position);
                 let next = position - guard.watch.offset;
                 let gained = stored(next) - stored(y);
-                let most = -torque * way + counts * way.abs() + 0.5 * stiffness * way * way;
-                prop_assert!(gained <= most + 1e-12, "{gained} J gained, {most} allowed, after a way of {way} and a slip of {}", next - y - way);
+                let most = -torque * travel + counts * travel.abs() + 0.5 * stiffness * travel * travel;
+                prop_assert!(gained <= most + 1e-12, "{gained} J gained, {most} allowed, after a travel of {travel} and a slip of {}", next - y - travel);
                 (y, torque) = (next, safe.sample.torque);
             }
         }

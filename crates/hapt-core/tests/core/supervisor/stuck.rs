@@ -37,28 +37,28 @@ fn swing(torque: f64, frequency: f64) -> ([Body; 1], [Coupling; 2]) {
 /// How long a free puck of [`LIMITS`] takes from rest to four counts, under the least torque that counts, in s.
 fn four_counts() -> f64 {
     let net = ASKS - 0.5 * (ASKS + LIMITS.friction);
-    let (mut way, mut speed, mut samples) = (0.0, 0.0, 0.0);
-    while way <= 4.0 * COUNT {
+    let (mut travel, mut speed, mut samples) = (0.0, 0.0, 0.0);
+    while travel <= 4.0 * COUNT {
         speed = (speed + T * net / LIMITS.inertia) / (1.0 + T * LIMITS.damping / LIMITS.inertia);
-        way += T * speed;
+        travel += T * speed;
         samples += 1.0;
     }
     samples * T
 }
 
 /// The time under a torque that should move the puck, from when it stands still to the fault; `None`: none in `samples`.
-fn asked_until_stuck<F: Real>(limits: &Limits, torque: f64, frequency: f64, samples: u32) -> Option<f64> {
+fn pushed_until_stuck<F: Real>(limits: &Limits, torque: f64, frequency: f64, samples: u32) -> Option<f64> {
     let (bodies, couplings) = swing(torque, frequency);
     let spec = Spec { count: Some(COUNT), bodies: &bodies, couplings: &couplings, ..WORLD };
     let mut guard = Guard::<F>::running(limits, &spec, 0.0);
-    let mut asked = 0.0;
+    let mut pushed = 0.0;
     for _ in 0..samples {
         let guarded = guard.at(0.0);
         if guarded.phase == Phase::Faulted {
             assert_eq!((guarded.reason, guarded.output.to_f64()), (Some(Reason::Stuck), 0.0));
-            return Some(asked);
+            return Some(pushed);
         }
-        asked += if guarded.output.to_f64().abs() > ASKS { T } else { 0.0 };
+        pushed += if guarded.output.to_f64().abs() > ASKS { T } else { 0.0 };
     }
     None
 }
@@ -72,13 +72,13 @@ proptest! {
         torque in 1.5..7.5f64, frequency in -2.0..0.7f64, stuck in 0.2..1.5f64,
     ) {
         let limits = Limits { stuck, energy: 1e9, ..LIMITS };
-        let asked = asked_until_stuck::<f64>(&limits, torque * ASKS, 10f64.powf(frequency), 200_000);
+        let pushed = pushed_until_stuck::<f64>(&limits, torque * ASKS, 10f64.powf(frequency), 200_000);
         let least = four_counts();
         // Of each swing's time beyond the threshold, the time of four counts may be lost.
         let each = (std::f64::consts::PI - 2.0 * (1.0 / torque).asin()) / (std::f64::consts::TAU * 10f64.powf(frequency));
         let bound = (stuck.max(4.0 * least) + 2.0 * least) / (1.0 - least / each) + 0.05;
-        prop_assert!(asked.is_some_and(|asked| asked <= bound), "{asked:?} s, not {bound} s");
-        let single = asked_until_stuck::<f32>(&limits, torque * ASKS, 10f64.powf(frequency), 200_000);
+        prop_assert!(pushed.is_some_and(|pushed| pushed <= bound), "{pushed:?} s, not {bound} s");
+        let single = pushed_until_stuck::<f32>(&limits, torque * ASKS, 10f64.powf(frequency), 200_000);
         prop_assert!(single.is_some(), "not in f32");
     }
 
@@ -145,16 +145,16 @@ fn five_short_pushes_find_a_dead_encoder<F: Real>() {
     ];
     let spec = Spec { count: Some(COUNT), bodies: &bodies, couplings: &couplings, ..WORLD };
     let mut guard = Guard::<F>::running(&Limits { stuck: 1.0, energy: 1e3, ..LIMITS }, &spec, 0.0);
-    let (mut pushes, mut asked, mut last) = (0, 0, 0.0);
+    let (mut pushes, mut pushed, mut last) = (0, 0, 0.0);
     for _ in 0..20_000 {
         let guarded = guard.at(0.0);
         let torque = guarded.output.to_f64().abs();
         pushes += i32::from(torque > ASKS && last <= ASKS);
-        asked += i32::from(torque > ASKS);
+        pushed += i32::from(torque > ASKS);
         last = torque;
         if guarded.phase == Phase::Faulted {
             assert_eq!(guarded.reason, Some(Reason::Stuck));
-            assert!((4..=5).contains(&pushes) && asked < 500, "{pushes} pushes, {asked} ms");
+            assert!((4..=5).contains(&pushes) && pushed < 500, "{pushes} pushes, {pushed} ms");
             return;
         }
     }

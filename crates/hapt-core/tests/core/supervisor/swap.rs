@@ -73,7 +73,7 @@ proptest! {
         let (r, n, c) = (held - first.sample.torque, f64::from(samples), 10_f64.powf(spare));
         let fade = r * r * T * (n + 1.0) * (2.0 * n + 1.0) / (24.0 * n * c);
         let (mut position, mut output, mut k) = (start, first.output, 0.0);
-        let (mut work, mut rise, mut spent, mut way) = (0.0, 0.0, 0.0, 0.0);
+        let (mut work, mut rise, mut spent, mut travel) = (0.0, 0.0, 0.0, 0.0);
         for (size, count) in moves {
             for _ in 0..count {
                 // A hand that moves along with the rest of the old torque, at the speed that draws the most, or any other.
@@ -85,11 +85,11 @@ proptest! {
                 work += output * step;
                 rise += 0.5 * stiffness * step * step;
                 spent += c * step * step / T;
-                way += step.abs();
+                travel += step.abs();
                 output = guard.at(position).output;
                 let of_world = stored(start) - stored(position) + rise;
                 prop_assert!(work <= of_world + spent + fade + 1e-11, "{work} J, {of_world}, {spent} and {fade} J allowed");
-                prop_assert!(work <= of_world + r.abs() * way + 1e-11, "{work} J, {of_world} J and a way of {way} allowed");
+                prop_assert!(work <= of_world + r.abs() * travel + 1e-11, "{work} J, {of_world} J and a travel of {travel} allowed");
             }
         }
         prop_assert_eq!(guard.watch.phase, Phase::Running);
@@ -144,7 +144,7 @@ proptest! {
         let (r, n, c) = (held.abs() + 1e-8 * stiffness, f64::from(samples), 10_f64.powf(spare));
         let fade = r * r * T * (n + 1.0) * (2.0 * n + 1.0) / (24.0 * n * c);
         let (mut position, mut output, mut k) = (start, first.output, 0.0);
-        let (mut work, mut rise, mut spent, mut way) = (0.0, 0.0, 0.0, 0.0);
+        let (mut work, mut rise, mut spent, mut travel) = (0.0, 0.0, 0.0, 0.0);
         for (size, count) in moves {
             for _ in 0..count {
                 let left = held * (1.0 - k / n).max(0.0);
@@ -155,11 +155,11 @@ proptest! {
                 work += output * step;
                 rise += 0.5 * stiffness * step * step;
                 spent += c * step * step / T;
-                way += step.abs();
+                travel += step.abs();
                 output = guard.at(position).output;
                 let of_world = stored(entry) - stored(entry + position - start) + rise;
                 prop_assert!(work <= of_world + spent + fade + 1e-11, "{work} J, {of_world}, {spent} and {fade} J allowed");
-                prop_assert!(work <= of_world + r * way + 1e-11, "{work} J, {of_world} J and a way of {way} allowed");
+                prop_assert!(work <= of_world + r * travel + 1e-11, "{work} J, {of_world} J and a travel of {travel} allowed");
             }
         }
         prop_assert_eq!(guard.watch.phase, Phase::Running);

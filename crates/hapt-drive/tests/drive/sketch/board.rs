@@ -166,11 +166,11 @@ impl Board {
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
-        let mut said = BufReader::new(child.stdout.take().unwrap()).lines();
-        assert_eq!(said.next().unwrap().unwrap(), "started");
+        let mut printed = BufReader::new(child.stdout.take().unwrap()).lines();
+        assert_eq!(printed.next().unwrap().unwrap(), "started");
         let (largest, present) = (Arc::clone(&self.largest), Arc::clone(&self.present));
         self.listener = Some(std::thread::spawn(move || {
-            for line in said.map_while(Result::ok) {
+            for line in printed.map_while(Result::ok) {
                 let mut numbers = line.split(' ').map(|number| number.parse::<f64>().unwrap());
                 largest.fetch_max(numbers.next().unwrap().to_bits(), SeqCst);
                 present.store(numbers.next().unwrap().to_bits(), SeqCst);

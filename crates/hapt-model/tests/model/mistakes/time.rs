@@ -283,25 +283,25 @@ fn recordings_of_samples() {
     let timing = read("# a run\ntime_s,delay_s\n5,0\n5.002,1e-3\n5.006,0\n").unwrap().scenarios[0].timing.clone();
     let samples = vec![(5.0, Some(0.0)), (5.002, Some(1e-3)), (5.006, Some(0.0))];
     assert_eq!(timing, hapt_model::Timing::Recorded { file: "t.csv".into(), samples });
-    let said = |csv: &str| read(csv).unwrap_err().lines().take(2).collect::<Vec<_>>().join("");
+    let message = |csv: &str| read(csv).unwrap_err().lines().take(2).collect::<Vec<_>>().join("");
     assert_eq!(
-        said("time_s\n0\n0.002\n0.0015\n"),
+        message("time_s\n0\n0.002\n0.0015\n"),
         "scenarios.a.timing.file: 0.0015 s does not come after 0.002 s; times must increase --> t.csv:4:1"
     );
     assert_eq!(
-        said("time_s\n0\n0.005\n"),
+        message("time_s\n0\n0.005\n"),
         "scenarios.a.timing.file: an interval of 0.005 s is beyond the longest that the loop states, 0.004 s; a larger loop.interval_max \
          would allow it --> t.csv:3:1"
     );
     assert_eq!(
-        said("time_s,delay_s\n0,0.002\n"),
+        message("time_s,delay_s\n0,0.002\n"),
         "scenarios.a.timing.file: a delay of 0.002 s is not between loop.delay, 0.0 s, and loop.delay_max, 0.001 s --> t.csv:2:1"
     );
     assert_eq!(
-        said("time_s\n0\n0.002\n"),
+        message("time_s\n0\n0.002\n"),
         "scenarios.a.timing.file: the recording lasts 0.002 s, and the scenario 0.006 s; a duration of 0.002 s is the longest --> w.toml:6:38"
     );
-    assert!(said("time\n0\n").starts_with("scenarios.a.timing.file: a recording of samples begins with its header"));
-    assert!(said("time_s\n0\n").starts_with("scenarios.a.timing.file: the file ends here"));
-    assert!(said("time_s\n0\nx\n").contains("is not finite numbers"));
+    assert!(message("time\n0\n").starts_with("scenarios.a.timing.file: a recording of samples begins with its header"));
+    assert!(message("time_s\n0\n").starts_with("scenarios.a.timing.file: the file ends here"));
+    assert!(message("time_s\n0\nx\n").contains("is not finite numbers"));
 }

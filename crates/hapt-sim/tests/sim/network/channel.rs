@@ -46,10 +46,10 @@ proptest! {
         for k in 0..300_u32 {
             let now = f64::from(k);
             channel.send(&mut random, now, k);
-            let (lost, way) = (uniform(&mut again) < loss, delay + (delay + more - delay) * uniform(&mut again));
+            let (lost, travel_time) = (uniform(&mut again) < loss, delay + (delay + more - delay) * uniform(&mut again));
             let copied = duplicate > 0.0 && uniform(&mut again) < duplicate;
             if !lost {
-                list.push((now + way, k));
+                list.push((now + travel_time, k));
                 if copied {
                     list.push((now + delay + (delay + more - delay) * uniform(&mut again), k));
                 }

@@ -35,7 +35,8 @@ fn a_damped_link_to_a_wheel_that_is_held_is_the_coupling_to_ground() {
                     "[[couplings]]\nkind = \"wall\"\nbetween = [\"puck\", \"ground\"]\nstiffness = 0.4\ndamping = 0.004\n{keys}"
                 ),
             };
-            let alone = hapt_model::World::read(&Source::from_text("w.toml", world(&coupling, moved)), &[]).unwrap();
+            let single_world =
+                hapt_model::World::read(&Source::from_text("w.toml", world(&coupling, moved)), &[]).unwrap();
             let mut source = Source::from_text(
                 "pair.toml",
                 format!(
@@ -47,7 +48,7 @@ fn a_damped_link_to_a_wheel_that_is_held_is_the_coupling_to_ground() {
             source.files.insert("held.toml".into(), world("", "{ kind = \"step\", to = 0, at = 0 }"));
             let network = System::read(&source, &[]).unwrap();
             let mut run = Run::new(&network, "all").unwrap();
-            let mut single = hapt_sim::Simulation::new(&alone, &alone.scenarios[0]).unwrap();
+            let mut single = hapt_sim::Simulation::new(&single_world, &single_world.scenarios[0]).unwrap();
             let (mut last, mut sample, mut pushed) = (0.0, 0, false);
             while let Some(row) = run.next() {
                 let row = row.unwrap();
@@ -139,12 +140,12 @@ fn a_damper_joins_the_speeds_of_two_wheels_and_a_huge_one_is_not_certified() {
 /// Hands that draw energy from rounding: the left one moves with the error's torque, and the right one reverses that by a step across half of a `step`
 /// before the left one moves back. Their motion begins at 0.
 fn with_rounding_hands(network: System, step: f64, speed: f64) -> System {
-    let (leg, way, late) = (0.4, 0.4 * speed, 20e-3);
+    let (leg, travel, late) = (0.4, 0.4 * speed, 20e-3);
     let (mut left, mut right) = ("time_s,puck_rad\n0,0\n".to_string(), "time_s,puck_rad\n0,0\n".to_string());
     for k in 1..12 {
         let time = f64::from(k) * leg;
         let up = k % 2 == 1;
-        left += &format!("{time},{}\n", if up { 0.0 } else { way });
+        left += &format!("{time},{}\n", if up { 0.0 } else { travel });
         let half = 0.5 * step + if up { 0.02 } else { -0.02 } * step;
         right += &format!("{},{half}\n{},{half}\n", time - late + 2e-3, time + leg - late - 2e-3);
     }

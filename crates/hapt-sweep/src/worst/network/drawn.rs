@@ -8,7 +8,7 @@ use crate::worst::drawn::{ROUNDING, RUNAWAY, Supply};
 
 /// The instant of a run at which the hands had drawn most energy beyond the supplied one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct DrawnTogether {
+pub struct DrawnFromNetwork {
     /// The net energy from all pucks to their hands, less `supplied`, in J. At most 0 for a passive network.
     pub gain: f64,
     /// The energy that worlds and links supply, in J: the energy stored at the start, the work of delays and constant torques, and the largest
@@ -28,7 +28,7 @@ pub struct DrawnTogether {
     pub until_s: f64,
 }
 
-impl DrawnTogether {
+impl DrawnFromNetwork {
     /// Whether the gain exceeds rounding and blur.
     pub fn is_gain(&self) -> bool {
         self.gain > ROUNDING * self.exchanged + self.blur
@@ -57,8 +57,8 @@ impl Hold {
     fn most(&self, link: &Link, soft: f64) -> f64 {
         let beyond = (self.torque / soft).max(1.0).ln();
         // The displacement in the sum of both ages.
-        let way = 2.0 * link.age_max * self.speed;
-        self.torque.min(soft) * (self.stretch + way * (1.0 + beyond))
+        let travel = 2.0 * link.age_max * self.speed;
+        self.torque.min(soft) * (self.stretch + travel * (1.0 + beyond))
     }
 }
 
@@ -78,7 +78,7 @@ fn grain(network: &System) -> f64 {
 ///
 /// # Errors
 /// When a loop cannot be compiled.
-pub fn drawn_together(network: &System, name: &str, begins: f64, had: f64) -> Result<DrawnTogether, Error> {
+pub fn drawn_from_network(network: &System, name: &str, begins: f64, had: f64) -> Result<DrawnFromNetwork, Error> {
     let mut run = Run::new(network, name)?;
     let mut summary = SystemSummary::new(network, &run);
     let mut supplies: Vec<Supply> = network.stations.iter().map(|station| Supply::new(&station.world)).collect();
@@ -88,7 +88,7 @@ pub fn drawn_together(network: &System, name: &str, begins: f64, had: f64) -> Re
     let mut first = vec![Hold::default(); network.links.len()];
     let mut whole = first.clone();
     let soft: Vec<f64> = (0..network.links.len()).map(|at| network.end(at, 0).soft).collect();
-    let mut most: Option<DrawnTogether> = None;
+    let mut most: Option<DrawnFromNetwork> = None;
     let (mut end, mut until_s) = (0.0, 0.0);
     while let Some(row) = run.next() {
         let Ok(row) = row else { break };
@@ -126,7 +126,7 @@ pub fn drawn_together(network: &System, name: &str, begins: f64, had: f64) -> Re
         (end, until_s) = (gain, time);
         if most.is_none_or(|most| gain > most.gain) {
             let exchanged = had + supplied.abs() + summary.exchanged;
-            most = Some(DrawnTogether { gain, supplied, at_s: time, exchanged, ..DrawnTogether::default() });
+            most = Some(DrawnFromNetwork { gain, supplied, at_s: time, exchanged, ..DrawnFromNetwork::default() });
         }
         if gain > 0.0 && gain > RUNAWAY * (had + supplied) {
             break;
@@ -134,5 +134,5 @@ pub fn drawn_together(network: &System, name: &str, begins: f64, had: f64) -> Re
     }
     let blur = summary.blur() + grain(network);
     let let_go = run.releases().flatten().sum();
-    Ok(DrawnTogether { end, until_s, blur, let_go, ..most.unwrap_or_default() })
+    Ok(DrawnFromNetwork { end, until_s, blur, let_go, ..most.unwrap_or_default() })
 }

@@ -14,10 +14,10 @@ use serde::{Serialize, Serializer};
 
 use super::hand::Hand;
 use super::search::{Error, Watch, go_on, stiffness};
-use drawn::drawn_together;
+use drawn::drawn_from_network;
 use hands::{Mode, opposite, reach};
 
-pub use drawn::DrawnTogether;
+pub use drawn::DrawnFromNetwork;
 
 /// ω times the largest age, of the modes that are always tried.
 const ANGLES: [f64; 6] = [0.05, 0.12, 0.3, 0.6, 1.0, 1.6];
@@ -40,7 +40,7 @@ const NAME: &str = "worst";
 
 /// The worst hands found for a network, in the form of `hapt worst --json`, in SI.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct WorstTogether {
+pub struct WorstOfNetwork {
     /// Whether the hands draw energy.
     pub broken: bool,
     /// Whether the network is certified.
@@ -55,7 +55,7 @@ pub struct WorstTogether {
     /// The frequency of the mode that they make, Hz.
     pub hz: f64,
     /// The energy that they drew.
-    pub drawn: DrawnTogether,
+    pub drawn: DrawnFromNetwork,
     /// The network of the run, with the scenario `worst` only.
     #[serde(skip)]
     pub network: System,
@@ -90,7 +90,7 @@ fn by_name<S: Serializer>(stations: &[WorstStation], to: S) -> Result<S::Ok, S::
 struct Tried {
     mode: Mode,
     hands: Vec<Option<Hand>>,
-    drawn: DrawnTogether,
+    drawn: DrawnFromNetwork,
     network: System,
     duration: f64,
 }
@@ -98,7 +98,7 @@ struct Tried {
 impl Tried {
     /// A gain ranks above any loss.
     fn height(&self) -> f64 {
-        let DrawnTogether { gain, exchanged, end, .. } = self.drawn;
+        let DrawnFromNetwork { gain, exchanged, end, .. } = self.drawn;
         let part = |energy: f64| energy / exchanged.max(f64::MIN_POSITIVE);
         if self.drawn.is_gain() { 1.0 + part(gain) } else { part(end).min(0.0) }
     }
@@ -128,7 +128,7 @@ impl Trials<'_> {
             station.world.scenarios = hand.iter().map(|hand| hand.scenario(NAME, duration, self.begins)).collect();
         }
         let had = hands.iter().flatten().map(Hand::energy).sum();
-        let drawn = drawn_together(&network, NAME, self.begins, had)?;
+        let drawn = drawn_from_network(&network, NAME, self.begins, had)?;
         self.runs += 1;
         go_on(self.watch, self.runs)?;
         Ok(Tried { mode, hands, drawn, network, duration })
@@ -182,21 +182,21 @@ fn late(network: &System, part: f64) -> System {
             let end = network.end(index, side);
             end.hold + end.period
         });
-        let way = part * link.age_max - taken[0].max(taken[1]);
-        link.delay = way.max(link.delay);
+        let travel_time = part * link.age_max - taken[0].max(taken[1]);
+        link.delay = travel_time.max(link.delay);
         (link.delay_max, link.loss, link.duplicate) = (None, 0.0, 0.0);
     }
     late
 }
 
-/// The largest number of runs of [`search_together`].
+/// The largest number of runs of [`search_network`].
 pub(super) const MAX_RUNS: usize = 3 * (2 * ANGLES.len() * SHARES.len() + CLIMB + 3) + LATE.len() + 1 + HALVINGS;
 
 /// Searches for the passive hands that draw most energy together.
 ///
 /// ```
 /// use hapt_model::{System, Source};
-/// use hapt_sweep::worst::search_together;
+/// use hapt_sweep::worst::search_network;
 ///
 /// let mut source = Source::from_text("pair.toml", r#"
 /// stations.left.world = "wheel.toml"
@@ -204,7 +204,7 @@ pub(super) const MAX_RUNS: usize = 3 * (2 * ANGLES.len() * SHARES.len() + CLIMB 
 /// links = [{ kind = "spring", between = ["left", "right"], stiffness = 0.2, age_max = "30 ms" }]
 /// "#);
 /// source.files.insert("wheel.toml".into(), "loop.period = '1 ms'\ndevice = { inertia = 1e-3, damping = 0.004 }".into());
-/// let worst = search_together(&System::read(&source, &[])?, &|_| std::ops::ControlFlow::Continue(()))?;
+/// let worst = search_network(&System::read(&source, &[])?, &|_| std::ops::ControlFlow::Continue(()))?;
 /// // K (T/2 + age_max) are 0.0061.
 /// assert!(!worst.certified && worst.broken);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -212,7 +212,7 @@ pub(super) const MAX_RUNS: usize = 3 * (2 * ANGLES.len() * SHARES.len() + CLIMB 
 ///
 /// # Errors
 /// [`Error`].
-pub fn search_together(network: &System, watch: &Watch<'_>) -> Result<WorstTogether, Error> {
+pub fn search_network(network: &System, watch: &Watch<'_>) -> Result<WorstOfNetwork, Error> {
     for station in &network.stations {
         hapt_sim::check(&station.world)?;
     }
@@ -255,7 +255,7 @@ pub fn search_together(network: &System, watch: &Watch<'_>) -> Result<WorstToget
         required_damping: of.required_damping,
         device_damping: of.device_damping,
     });
-    Ok(WorstTogether {
+    Ok(WorstOfNetwork {
         certified: check.certified,
         broken: best.drawn.is_gain(),
         late: is_late,

@@ -106,7 +106,7 @@ pub enum Form {
 
 /// An effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Asked {
+pub struct HostEffect {
     /// Its kind.
     pub form: Form,
     /// In turns: 0.25 is left, 0.75 is right.
@@ -122,15 +122,15 @@ pub const LEFT: f64 = 0.25;
 /// To the right.
 pub const RIGHT: f64 = 0.75;
 
-impl Asked {
+impl HostEffect {
     /// A constant torque without end.
     pub fn constant(level: f64, direction: f64) -> Self {
         let form = Form::Constant { level, envelope: Envelope::default() };
-        Asked { form, direction, length: None, delay: 0.0 }
+        HostEffect { form, direction, length: None, delay: 0.0 }
     }
 
     /// A condition with the same numbers on both axes.
     pub fn condition(law: Law, condition: Condition) -> Self {
-        Asked { form: Form::Condition { law, axes: [condition; 2] }, direction: 0.0, length: None, delay: 0.0 }
+        HostEffect { form: Form::Condition { law, axes: [condition; 2] }, direction: 0.0, length: None, delay: 0.0 }
     }
 }
