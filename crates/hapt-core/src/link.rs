@@ -134,7 +134,8 @@ pub struct LinkEnd {
     /// The largest strength with which the second end can act; the first end has received it when its own strength is no larger.
     cap: Strength,
     used: Option<Used>,
-    hears: bool,
+    /// Whether the other's position was young enough at the last sample.
+    is_current: bool,
     /// Steps by which the strength may rise.
     rise: f64,
     releases: u64,
@@ -173,7 +174,7 @@ impl LinkEnd {
             strength: Strength::NONE,
             cap: Strength::NONE,
             used: None,
-            hears: false,
+            is_current: false,
             rise: 0.0,
             releases: 0,
         }
@@ -194,7 +195,7 @@ impl LinkEnd {
         torque: impl Fn(f64, Option<f64>) -> f64,
     ) -> f64 {
         self.take(elapsed, remote);
-        self.hears = ready
+        self.is_current = ready
             && remote.is_some_and(|remote| self.is_young(remote.age) && torque(remote.position, None).is_finite());
         // The torque of the spring by itself, and with the damper: only the former decides on reconnection.
         let both = self.used.map(|used| [None, used.velocity(self.terms.hold)].map(|at| torque(used.position, at)));
@@ -210,11 +211,11 @@ impl LinkEnd {
         }
         match (other.acts(), self.first) {
             (false, true) => {}
-            (false, false) if self.hears && !self.strength.acts() => self.cap = Strength::WHOLE,
+            (false, false) if self.is_current && !self.strength.acts() => self.cap = Strength::WHOLE,
             (false, false) => self.cap = Strength::NONE,
             (true, true) => {
                 self.strength = before.min(other).min(allowed);
-                let is_fresh = self.hears && allowed == Strength::WHOLE;
+                let is_fresh = self.is_current && allowed == Strength::WHOLE;
                 match self.strength == before && is_fresh {
                     true => self.rise(elapsed, other, libm::fabs(stored)),
                     false => self.rise = 0.0,
@@ -315,11 +316,6 @@ impl LinkEnd {
     /// The age in s, at the end of the last sample's hold, of the position that acts; `None` where none does.
     pub fn age(&self) -> Option<f64> {
         self.used.filter(|_| self.strength.acts()).map(|used| used.age + self.terms.hold)
-    }
-
-    /// Whether the other's position was young enough at the last sample.
-    pub fn hears(&self) -> bool {
-        self.hears
     }
 
     /// The number of its releases.

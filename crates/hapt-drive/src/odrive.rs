@@ -63,7 +63,7 @@ pub struct Odrive {
     owed: u32,
     /// The time of the last request for its position, and whether it also sends it cyclically.
     estimates_requested: Option<Instant>,
-    chats: bool,
+    is_cyclic: bool,
     barrier: Barrier,
     proof: Proof,
     /// The loop's period, s.
@@ -179,7 +179,7 @@ impl Odrive {
             version: Version::SILENT,
             owed: 0,
             estimates_requested: None,
-            chats: false,
+            is_cyclic: false,
             barrier: Barrier::default(),
             proof: Proof::new(Command::Torques, 0.0),
             period: 1e-3,
@@ -215,7 +215,7 @@ impl Odrive {
         let missing = is_missing.then_some(NO_HEARTBEAT).or(self.proof.fault());
         self.fault = self.fault.or(missing);
         self.is_well()?;
-        let mut past = self.owed > 0 || self.chats;
+        let mut past = self.owed > 0 || self.is_cyclic;
         let proof = self.proof.kind;
         let kind = (is_proven && self.barrier.ask_for(proof)).then_some(proof);
         if is_proven && !self.barrier.serves(proof) {
@@ -271,7 +271,7 @@ impl Odrive {
             Received::Foreign => {
                 self.fault.get_or_insert(FOREIGN);
             }
-            Received::Estimates(_) if self.owed == 0 && !self.chats => {
+            Received::Estimates(_) if self.owed == 0 && !self.is_cyclic => {
                 self.fault.get_or_insert(DOUBLED);
             }
             Received::Estimates(_) => self.owed = self.owed.saturating_sub(1),

@@ -166,7 +166,7 @@ fn two_stations_release_when_the_network_is_interrupted_and_reconnect_afterwards
     hand.send();
     // The wheels are apart now, without a hand: they reconnect without meeting and without a torque step.
     let taken = stations.each_ref().map(|station| station.links.status()[0].taken);
-    until("both hear again", &mut stations, |links, _| {
+    until("both receive again", &mut stations, |links, _| {
         links.iter().zip(&taken).all(|(link, taken)| link.taken > taken + 50)
     });
     let hand = stations[0].session.hand();

@@ -103,17 +103,17 @@ impl Engine {
         outside: Outside,
     ) -> Result<Self, Error> {
         let (mut engine, mut stepper) = Engine::connect(plan, device, RECORDS, outside)?;
-        let (say, hear) = mpsc::sync_channel(1);
+        let (sender, receiver) = mpsc::sync_channel(1);
         let clock = engine.handle.clock().spinning(settings.spin);
         engine.thread = Some(std::thread::Builder::new().name("loop".into()).spawn(move || {
-            let _ = say.send(scheduling::prepare(&settings));
+            let _ = sender.send(scheduling::prepare(&settings));
             // Freed before the loop runs, so that it frees nothing.
-            drop(say);
+            drop(sender);
             stepper.schedule = Schedule::new(clock.now(), stepper.cycle.period());
             run(stepper, clock)
         })?);
         // A thread that ended before it reported its grant is in `ended`.
-        engine.realtime = hear.recv().unwrap_or_default();
+        engine.realtime = receiver.recv().unwrap_or_default();
         Ok(engine)
     }
 

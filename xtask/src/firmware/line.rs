@@ -69,7 +69,7 @@ impl Board {
         // Bytes before its receiver is on are lost.
         (board.sequence, board.sample) = loop {
             board.ask(Command::Hello { protocol: PROTOCOL })?;
-            let reply = board.hear(Duration::from_millis(500), |says| match says {
+            let reply = board.receive(Duration::from_millis(500), |message| match message {
                 DeviceMessage::Hello(hello) => Some((hello.sequence, hello.sample, hello.externally_clocked)),
                 _ => None,
             })?;
@@ -107,7 +107,7 @@ impl Board {
     }
 
     /// The first answer that `wanted` takes; `None` after `patience`.
-    pub fn hear<R>(
+    pub fn receive<R>(
         &mut self,
         patience: Duration,
         mut wanted: impl FnMut(DeviceMessage<'_>) -> Option<R>,
@@ -131,7 +131,7 @@ impl Board {
     /// Sends a command, and waits until it is executed.
     pub fn done(&mut self, command: Command<'_>) -> Result<()> {
         let sequence_sent = self.ask(command)?;
-        let answer = self.hear(BOARD_TIMEOUT, |says| match says {
+        let answer = self.receive(BOARD_TIMEOUT, |message| match message {
             DeviceMessage::Done { sequence } | DeviceMessage::Value { sequence, .. } if sequence == sequence_sent => {
                 Some(Ok(()))
             }

@@ -65,7 +65,7 @@ impl Board {
         let (position, velocity) = (position as f32, velocity as f32);
         self.ask(Command::Sample { sample, position, velocity, late: 0.0, announced })?;
         self.sample += 1;
-        let message = self.hear(BOARD_TIMEOUT, |says| match says {
+        let message = self.receive(BOARD_TIMEOUT, |message| match message {
             DeviceMessage::Telemetry(telemetry) if telemetry.sample == sample => Some(telemetry),
             _ => None,
         })?;

@@ -37,7 +37,7 @@ pub fn holds(extent: Extent) -> Result<()> {
     let start = board.sample;
     let mut shown = 0;
     while board.sample < start + samples {
-        let message = board.hear(BOARD_TIMEOUT, |says| match says {
+        let message = board.receive(BOARD_TIMEOUT, |message| match message {
             DeviceMessage::Telemetry(telemetry) => Some(telemetry),
             _ => None,
         })?;
@@ -48,7 +48,7 @@ pub fn holds(extent: Extent) -> Result<()> {
         shown += 1;
     }
     let sequence_sent = board.ask(Command::Get { parameter: Parameter::MostUsed as u8 })?;
-    let most = board.hear(BOARD_TIMEOUT, |says| match says {
+    let most = board.receive(BOARD_TIMEOUT, |message| match message {
         DeviceMessage::Value { sequence, value, .. } if sequence == sequence_sent => Some(value),
         _ => None,
     })?;
@@ -69,8 +69,8 @@ pub fn counts_and_watches() -> Result<()> {
     let mut board = Board::start("mps2-an386", &program, &off, false)?;
     board.done(Command::Set { parameter: Parameter::Divider as u8, value: 100 })?;
     let mut missed = None;
-    let ended = board.hear(BOARD_TIMEOUT, |says| {
-        if let DeviceMessage::Telemetry(telemetry) = says
+    let ended = board.receive(BOARD_TIMEOUT, |message| {
+        if let DeviceMessage::Telemetry(telemetry) = message
             && telemetry.sample > SLOW
         {
             missed = Some(telemetry.missed);

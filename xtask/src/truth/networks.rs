@@ -141,13 +141,13 @@ struct Drawn {
     round: f64,
     /// The energy that may be missing between the samples of different stations, J.
     slack: f64,
-    let_go: u64,
+    releases: u64,
     samples: u64,
 }
 
 fn drawn(network: &System) -> Drawn {
     let Ok(mut run) = Run::new(network, SCENARIO) else {
-        return Drawn { drawn: 0.0, round: 0.0, slack: 0.0, let_go: 0, samples: 0 };
+        return Drawn { drawn: 0.0, round: 0.0, slack: 0.0, releases: 0, samples: 0 };
     };
     let mut summary = SystemSummary::new(network, &run);
     let mut is_finite = true;
@@ -163,7 +163,7 @@ fn drawn(network: &System) -> Drawn {
         drawn: if is_finite { summary.drawn } else { f64::INFINITY },
         round: if is_finite { summary.exchanged } else { 1.0 },
         slack: summary.blur(),
-        let_go: run.releases().flatten().sum(),
+        releases: run.releases().flatten().sum(),
         samples: summary.stations.iter().map(|station| station.rows).sum(),
     }
 }
@@ -224,7 +224,7 @@ fn compare(
     }
     let run = drawn(&just);
     *samples += run.samples;
-    if run.let_go > 0 {
+    if run.releases > 0 {
         // A link that reconnects adds the energy of its stretch.
         judged.claim += Claim { loops: 1, slow: 1, ..Claim::default() };
         return Ok(());

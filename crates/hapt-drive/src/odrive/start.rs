@@ -26,7 +26,7 @@ const SET_UP: &str = "In odrivetool: odrv0.axis0.config.watchdog_timeout = 0.05,
 impl Odrive {
     /// The checks before the loop.
     pub(super) fn get_ready(&mut self) -> Result<ShaftState, Error> {
-        (self.owed, self.chats, self.begun, self.is_armed, self.fault) = (0, false, None, false, None);
+        (self.owed, self.is_cyclic, self.begun, self.is_armed, self.fault) = (0, false, None, false, None);
         self.since_heartbeat = 0.0;
         // Answers to earlier requests may be pending.
         self.estimates_requested = Some(Instant::now());
@@ -255,7 +255,7 @@ impl Odrive {
             };
             let received = self.decode(&frame);
             let is_answer = self.estimates_requested.is_some_and(|at| at.elapsed() <= ANSWER_TIMEOUT);
-            self.chats |= matches!(received, Received::Estimates(_)) && !is_answer;
+            self.is_cyclic |= matches!(received, Received::Estimates(_)) && !is_answer;
             if let Some(taken) = take(&frame, received) {
                 return Ok(Some(taken));
             }

@@ -84,9 +84,9 @@ fn set(page: &mut Page, key: &str, value: &str) {
 fn a_board_stays_disarmed_shows_its_state_and_removes_the_torque_when_the_page_is_silent() {
     let (board, live) = plugged(".");
     let (mut page, _) = Page::new(&live);
-    assert_eq!(page.hear("world")["device"], "hapt:table");
+    assert_eq!(page.receive("world")["device"], "hapt:table");
     for _ in 0..3 {
-        let status = page.hear("status");
+        let status = page.receive("status");
         assert_eq!(status["phase"], "disarmed", "nobody has armed it");
         // The board has its own clock: there is no timing.
         assert_eq!((&status["timing"], &status["realtime"]), (&Value::Null, &Value::Null));
@@ -101,7 +101,7 @@ fn a_board_stays_disarmed_shows_its_state_and_removes_the_torque_when_the_page_i
     let [position, velocity, output] = [0, 1, 6].map(|column| frame.columns[column][0]);
     assert!(velocity > 0.0 && output > 0.0 && frame.columns[0][1] <= position, "{position} {velocity} {output}");
     // The page sends nothing more, and the board removes the torque.
-    let status = page.hear_until("status", |status| status["phase"] == "disarmed");
+    let status = page.receive_until("status", |status| status["phase"] == "disarmed");
     assert_eq!(status["reason"], "link", "{status}");
     assert_eq!(board.torque(), 0.0);
     arm(&mut page);
@@ -127,16 +127,16 @@ fn a_key_that_is_set_is_certified_and_loaded_and_the_board_is_armed_again() {
     let (board, live) = plugged(".");
     let (mut page, _) = Page::new(&live);
     set(&mut page, "loop.estimator", "exact");
-    assert!(page.hear("refused")["message"].as_str().unwrap().contains("no true velocity"));
+    assert!(page.receive("refused")["message"].as_str().unwrap().contains("no true velocity"));
     set(&mut page, "couplings.1.stiffness", "1000 N m/rad");
-    assert!(page.hear("refused")["message"].as_str().unwrap().contains("would not be certified"));
+    assert!(page.receive("refused")["message"].as_str().unwrap().contains("would not be certified"));
     set(&mut page, "loop.period", "20 us");
-    assert!(page.hear("refused")["message"].as_str().unwrap().contains("50 us to 100 ms"));
+    assert!(page.receive("refused")["message"].as_str().unwrap().contains("50 us to 100 ms"));
 
     // Disarmed, it stays so.
     set(&mut page, "couplings.0.torque", "60 N mm");
     page.frame_until(|frame| frame.generation == 1);
-    assert_eq!(page.hear("status")["phase"], "disarmed");
+    assert_eq!(page.receive("status")["phase"], "disarmed");
     // Armed, it fades out, changes, and fades in; without a heartbeat meanwhile it stays disarmed. One success is enough.
     for generation in 2.. {
         assert!(generation < 50, "never armed again");
@@ -165,10 +165,10 @@ fn a_world_that_the_board_refuses_leaves_the_running_one() {
     let (mut page, _) = Page::new(&live);
     // The board's timer goes up to 10 ms, which only the board can check.
     page.say(json!({ "type": "sets", "sets": [["loop.period", "20 ms"]] }));
-    let refused = page.hear("refused");
+    let refused = page.receive("refused");
     assert!(refused["message"].as_str().unwrap().contains("the board refuses to take the world"), "{refused}");
     // The page shows the running world again.
-    let world = page.hear_until("world", |world| world["generation"] == 2);
+    let world = page.receive_until("world", |world| world["generation"] == 2);
     assert_eq!(world["period_s"], 1e-3);
     assert!(world["keys"].as_array().unwrap().iter().all(|key| key["changed"] == false));
     page.frame_until(|frame| frame.generation == 2);
@@ -187,10 +187,10 @@ fn anybody_may_stop_a_board_and_a_fault_is_cleared_on_the_page() {
     assert_eq!(board.torque(), 0.0);
     // The refusal is the board's.
     page.say(json!({ "type": "order", "order": "arm" }));
-    assert!(page.hear("error")["message"].as_str().unwrap().contains("the board refuses to arm"));
+    assert!(page.receive("error")["message"].as_str().unwrap().contains("the board refuses to arm"));
     loop {
         page.say(json!({ "type": "order", "order": "clear" }));
-        if page.hear("status")["phase"] == "disarmed" {
+        if page.receive("status")["phase"] == "disarmed" {
             break;
         }
     }

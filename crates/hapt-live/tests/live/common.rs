@@ -69,7 +69,7 @@ pub fn live_at(world: &str, address: &str) -> Live {
 pub fn arm(page: &mut Page) {
     loop {
         page.say(json!({ "type": "alive" }));
-        let status = page.hear("status");
+        let status = page.receive("status");
         assert_ne!(status["phase"], "faulted", "{status}");
         match status["phase"].as_str() {
             Some("running") => return,
@@ -135,7 +135,7 @@ impl Page {
         // With a motor the link has a token.
         let token = live.link().split_once('#').map(|(_, token)| token);
         page.say(json!({ "type": "hello", "v": 1, "token": token }));
-        let hello = page.hear("hello");
+        let hello = page.receive("hello");
         (page, hello)
     }
 
@@ -149,12 +149,12 @@ impl Page {
     }
 
     /// The next message of this type; earlier ones are dropped.
-    pub fn hear(&mut self, kind: &str) -> Value {
-        self.hear_until(kind, |_| true)
+    pub fn receive(&mut self, kind: &str) -> Value {
+        self.receive_until(kind, |_| true)
     }
 
     /// The next message of one of these types.
-    pub fn hear_any(&mut self, kinds: &[&str]) -> Value {
+    pub fn receive_any(&mut self, kinds: &[&str]) -> Value {
         loop {
             match self.socket.read().unwrap_or_else(|error| panic!("none of {kinds:?}: {error}")) {
                 Message::Text(text) => {
@@ -170,7 +170,7 @@ impl Page {
     }
 
     /// The next message of this type of which `wanted` is true.
-    pub fn hear_until(&mut self, kind: &str, wanted: impl Fn(&Value) -> bool) -> Value {
+    pub fn receive_until(&mut self, kind: &str, wanted: impl Fn(&Value) -> bool) -> Value {
         self.wait(kind, wanted, false)
     }
 
@@ -196,7 +196,7 @@ impl Page {
                 _ => {}
             }
         }
-        unreachable!("a page hears on")
+        unreachable!("a page receives without end")
     }
 
     /// The next frame of the telemetry.

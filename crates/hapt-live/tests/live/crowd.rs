@@ -36,7 +36,7 @@ fn hundreds_of_connections_with_random_bytes_block_neither_page_nor_frames() {
     let after = page.frame_until(|frame| frame.time > before + 0.5);
     assert!(after.time > before);
     page.say(json!({ "type": "order", "order": "stop" }));
-    page.hear_until("status", |status| status["phase"] == "faulted");
+    page.receive_until("status", |status| status["phase"] == "faulted");
 }
 
 #[test]
@@ -47,7 +47,7 @@ fn silent_websockets_do_not_block_other_pages() {
     let silent: Vec<Page> = (0..160).map(|_| Page::open(&live)).collect();
     let (mut other, _) = Page::new(&live);
     for page in [&mut page, &mut other] {
-        page.hear_until("status", |status| status["clients"] == 2);
+        page.receive_until("status", |status| status["clients"] == 2);
     }
     drop(silent);
 }
@@ -84,13 +84,13 @@ fn a_page_that_does_not_read_is_disconnected_and_the_others_are_not() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
     let (mut deaf, _) = Page::new(&live);
-    page.hear_until("status", |status| status["clients"] == 2);
+    page.receive_until("status", |status| status["clients"] == 2);
     // Each answer is a world of several KiB: together more than any buffer holds, at the permitted rate.
     for _ in 0.. {
         for _ in 0..20 {
             page.say(json!({ "type": "reset" }));
         }
-        let status = page.hear("status");
+        let status = page.receive("status");
         if status["clients"] == 1 {
             break;
         }
@@ -154,7 +154,7 @@ fn measured_a_thousand_connections_beside_an_idle_run() {
                 }
             }
         });
-        let timing = page.hear_until("status", |status| status["timing"]["samples"].as_u64() > Some(10_000));
+        let timing = page.receive_until("status", |status| status["timing"]["samples"].as_u64() > Some(10_000));
         end.store(true, Ordering::Relaxed);
         crowd.join().unwrap();
         let (timing, latency) = (&timing["timing"], &timing["timing"]["latency_us"]);

@@ -99,7 +99,7 @@ fn rich() -> String {
 fn random_keys_with_extreme_values_never_end_the_server() {
     let live = live(&rich());
     let (mut page, _) = Page::new(&live);
-    let world = page.hear("world");
+    let world = page.receive("world");
     let keys: Vec<String> =
         world["keys"].as_array().unwrap().iter().map(|key| key["path"].as_str().unwrap().to_string()).collect();
     let choices = |world: &serde_json::Value, path: &str| -> Vec<String> {
@@ -123,7 +123,7 @@ fn random_keys_with_extreme_values_never_end_the_server() {
         page.say(json!({ "type": "sets", "sets": sets }));
         let answer = loop {
             page.say(json!({ "type": "alive" }));
-            let message = page.hear_any(&["world", "refused", "status"]);
+            let message = page.receive_any(&["world", "refused", "status"]);
             if message["type"] != "status" {
                 break message;
             }
@@ -139,7 +139,7 @@ fn random_keys_with_extreme_values_never_end_the_server() {
         }
         if round % 8 == 7 {
             page.say(json!({ "type": "reset" }));
-            page.hear_any(&["world", "refused"]);
+            page.receive_any(&["world", "refused"]);
         }
         // The loop continues.
         let time = page.frame().time;
@@ -148,7 +148,7 @@ fn random_keys_with_extreme_values_never_end_the_server() {
     assert!(taken > 10 && refused > 10, "{taken} taken, {refused} refused");
     // And all settings can be reset.
     page.say(json!({ "type": "reset" }));
-    page.hear("world");
+    page.receive("world");
     page.say(json!({ "type": "restart" }));
     page.stay_until("status", |status| status["phase"] == "running");
     assert!(live.wait(std::time::Duration::ZERO).is_ok());
@@ -160,12 +160,12 @@ fn a_world_that_diverges_is_a_fault_that_can_be_cleared() {
     let live = live(&WORLD.replace("0.02580123", "1e-9").replace("limit = \"822.25 N mm\"", ""));
     let (mut page, _) = Page::new(&live);
     page.say(json!({ "type": "set", "key": "loop.method", "value": "forward-euler" }));
-    page.hear_until("world", |world| world["generation"] == 1);
+    page.receive_until("world", |world| world["generation"] == 1);
     page.say(json!({ "type": "hand", "grip": true, "position": 1.0 }));
     let status = page.stay_until("status", |status| status["phase"] == "faulted");
     assert_eq!(status["reason"], "not-finite", "{status}");
     page.say(json!({ "type": "set", "key": "loop.method", "value": "zoh" }));
-    page.hear_until("world", |world| world["generation"] == 2);
+    page.receive_until("world", |world| world["generation"] == 2);
     page.say(json!({ "type": "restart" }));
     page.stay_until("status", |status| status["phase"] == "running");
     let frame = page.frame();

@@ -47,7 +47,7 @@ fn the_hand_of_a_disconnected_page_releases() {
     let (mut watcher, _) = Page::new(&live);
     grab(&mut page);
     drop(page);
-    watcher.hear_until("control", |control| control["control"].is_null());
+    watcher.receive_until("control", |control| control["control"].is_null());
     watcher.frame_until(|frame| puck(frame) < 0.0);
     // The next page has control, as after a reload.
     let (_, hello) = Page::new(&live);
@@ -61,19 +61,19 @@ fn control_is_taken_by_a_request_and_the_other_hand_releases() {
     let (mut second, two) = Page::new(&live);
     assert_eq!((&one["control"], &two["control"]), (&one["client"], &one["client"]));
     second.say(json!({ "type": "hand", "grip": true, "position": 1.0 }));
-    second.hear("error");
+    second.receive("error");
     second.say(json!({ "type": "set", "key": "loop.period", "value": "2 ms" }));
-    second.hear("error");
+    second.receive("error");
     grab(&mut first);
     second.say(json!({ "type": "take" }));
-    assert_eq!(first.hear_until("control", |c| c["control"] == two["client"])["control"], two["client"]);
+    assert_eq!(first.receive_until("control", |c| c["control"] == two["client"])["control"], two["client"]);
     first.frame_until(|frame| puck(frame) < 0.0);
     first.say(json!({ "type": "hand", "grip": true, "position": 1.0 }));
-    first.hear("error");
+    first.receive("error");
     second.say(json!({ "type": "give" }));
-    first.hear_until("control", |control| control["control"].is_null());
+    first.receive_until("control", |control| control["control"].is_null());
     first.say(json!({ "type": "take" }));
-    first.hear_until("control", |control| control["control"] == one["client"]);
+    first.receive_until("control", |control| control["control"] == one["client"]);
 }
 
 #[test]
@@ -81,9 +81,9 @@ fn a_scenario_moves_the_hand_and_ends_on_request() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
     page.say(json!({ "type": "scenario", "name": "stop" }));
-    assert!(page.hear("refused")["message"].as_str().unwrap().contains("no scenario"));
+    assert!(page.receive("refused")["message"].as_str().unwrap().contains("no scenario"));
     page.say(json!({ "type": "scenario", "name": "step" }));
-    page.hear_until("status", |status| status["scenario"] == "step");
+    page.receive_until("status", |status| status["scenario"] == "step");
     // It goes to 20 degrees and is held there, while the page sends heartbeats.
     for _ in 0.. {
         page.say(json!({ "type": "alive" }));
@@ -92,7 +92,7 @@ fn a_scenario_moves_the_hand_and_ends_on_request() {
         }
     }
     page.say(json!({ "type": "scenario", "name": null }));
-    page.hear_until("status", |status| status["scenario"].is_null());
+    page.receive_until("status", |status| status["scenario"].is_null());
     page.frame_until(|frame| puck(frame) < 0.0);
 }
 
@@ -119,7 +119,7 @@ fn a_simulated_wheel_that_is_armed_again_has_its_zero_at_its_position_without_a_
         let mut most = 0.0_f32;
         loop {
             page.say(json!({ "type": "alive" }));
-            if page.hear("status")["phase"] == "running" {
+            if page.receive("status")["phase"] == "running" {
                 break;
             }
         }
@@ -160,6 +160,6 @@ fn a_restart_resets_puck_and_world_from_any_state() {
     page.say(json!({ "type": "order", "order": "stop" }));
     page.stay_until("status", |status| status["phase"] == "faulted");
     for _ in 0..5 {
-        assert_eq!(page.hear("status")["phase"], "faulted");
+        assert_eq!(page.receive("status")["phase"], "faulted");
     }
 }

@@ -38,13 +38,13 @@ fn on_a_motor_with(profile: SafetyProfile, world: &str, more: &[&str]) -> (Live,
 fn a_motor_stays_disarmed_until_armed_and_loses_the_torque_when_the_page_is_silent() {
     let (live, _hands) = on_a_motor(SafetyProfile::Certified);
     let (mut page, _) = Page::new(&live);
-    assert_eq!(page.hear("world")["device"], "motor");
+    assert_eq!(page.receive("world")["device"], "motor");
     for _ in 0..5 {
-        assert_eq!(page.hear("status")["phase"], "disarmed", "not armed");
+        assert_eq!(page.receive("status")["phase"], "disarmed", "not armed");
     }
     arm(&mut page);
     // The page sends nothing more: it is asleep, closed or disconnected.
-    let status = page.hear_until("status", |status| status["phase"] == "disarmed");
+    let status = page.receive_until("status", |status| status["phase"] == "disarmed");
     assert_eq!(status["reason"], "link", "{status}");
     arm(&mut page);
 }
@@ -54,23 +54,23 @@ fn a_motor_has_no_hand_for_the_page_and_no_key_goes_beyond_the_certificate() {
     let (live, _hands) = on_a_motor(SafetyProfile::Certified);
     let (mut page, _) = Page::new(&live);
     page.say(json!({ "type": "scenario", "name": "step" }));
-    assert!(page.hear("refused")["message"].as_str().unwrap().contains("no hand"));
+    assert!(page.receive("refused")["message"].as_str().unwrap().contains("no hand"));
     page.say(json!({ "type": "set", "key": "loop.method", "value": "forward-euler" }));
-    assert!(page.hear("refused")["message"].as_str().unwrap().contains("would not be certified"));
+    assert!(page.receive("refused")["message"].as_str().unwrap().contains("would not be certified"));
     page.say(json!({ "type": "set", "key": "loop.method", "value": "trapezoidal" }));
-    assert_eq!(page.hear_until("world", |world| world["generation"] != 0)["generation"], 1);
+    assert_eq!(page.receive_until("world", |world| world["generation"] != 0)["generation"], 1);
     drop((live, page));
 
     let (live, _hands) = on_a_motor(SafetyProfile::Uncertified);
     let (mut page, _) = Page::new(&live);
     page.say(json!({ "type": "set", "key": "loop.method", "value": "forward-euler" }));
-    assert_eq!(page.hear_until("world", |world| world["generation"] != 0)["generation"], 1);
+    assert_eq!(page.receive_until("world", |world| world["generation"] != 0)["generation"], 1);
 }
 
 /// Sets a key; `Err`: the refusal.
 fn set(page: &mut Page, key: &str, value: &str) -> Result<(), String> {
     page.say(json!({ "type": "set", "key": key, "value": value }));
-    let answer = page.hear_any(&["refused", "world"]);
+    let answer = page.receive_any(&["refused", "world"]);
     match answer["type"].as_str() {
         Some("world") => Ok(()),
         _ => Err(answer["message"].as_str().unwrap().to_string()),
@@ -82,7 +82,7 @@ fn the_files_device_and_safety_limit_the_settings_of_a_page() {
     for profile in [SafetyProfile::Certified, SafetyProfile::Uncertified] {
         let (live, _hands) = on_a_motor(profile);
         let (mut page, _) = Page::new(&live);
-        page.hear("world");
+        page.receive("world");
         for (key, value) in [
             ("device.limit", "50 N m"),
             ("device.limit", "822.3 N mm"),
@@ -113,7 +113,7 @@ fn the_files_device_and_safety_limit_the_settings_of_a_page() {
             assert!(refused.is_err(), "{key} = {value}");
             // Also not together with a key that may be set.
             page.say(json!({ "type": "sets", "sets": [["couplings.0.stiffness", "1 N m/rad"], [key, value]] }));
-            let answer = page.hear_any(&["refused", "world"]);
+            let answer = page.receive_any(&["refused", "world"]);
             assert_eq!(answer["type"], "refused", "{key} = {value}");
         }
         // It may be lowered, and raised again up to the file's.
@@ -121,7 +121,7 @@ fn the_files_device_and_safety_limit_the_settings_of_a_page() {
             assert_eq!(set(&mut page, "device.limit", limit).is_ok(), right, "{limit}");
         }
         page.say(json!({ "type": "reset" }));
-        let world = page.hear("world");
+        let world = page.receive("world");
         assert_eq!(world["limit"], 0.82225);
         for key in world["keys"].as_array().unwrap() {
             let path = key["path"].as_str().unwrap();
@@ -138,11 +138,11 @@ fn the_files_device_and_safety_limit_the_settings_of_a_page() {
 fn the_certificate_applies_to_the_files_device() {
     let (live, _hands) = on_a_motor(SafetyProfile::Certified);
     let (mut page, _) = Page::new(&live);
-    page.hear("world");
+    page.receive("world");
     // b = 5 mN m s/rad permits K T/2 up to 5 N m/rad in all, however they are set.
     assert!(set(&mut page, "couplings.0.stiffness", "500 N m/rad").unwrap_err().contains("would not be certified"));
     page.say(json!({ "type": "sets", "sets": [["device.damping", "100"], ["couplings.0.stiffness", "500 N m/rad"]] }));
-    page.hear("refused");
+    page.receive("refused");
     set(&mut page, "device.limit", "100 N mm").unwrap();
     set(&mut page, "loop.period", "1 ms").unwrap();
     assert!(set(&mut page, "couplings.0.stiffness", "20 N m/rad").is_err());
@@ -165,17 +165,17 @@ fn without_the_links_token_no_client_gets_control_of_a_motor() {
     for hello in [json!({ "type": "hello", "v": 1 }), json!({ "type": "hello", "v": 1, "token": "0".repeat(32) })] {
         let mut stranger = Page::open(&live);
         stranger.say(hello);
-        stranger.hear("error");
+        stranger.receive("error");
         assert_eq!(stranger.closed(), 1008);
     }
     let mut stranger = Page::open(&live);
     stranger.say(json!({ "type": "take" }));
-    stranger.hear("error");
+    stranger.receive("error");
     stranger.say(json!({ "type": "order", "order": "arm" }));
-    stranger.hear("error");
+    stranger.receive("error");
     let (mut page, hello) = Page::new(&live);
     assert_eq!(hello["control"], hello["client"]);
-    assert_eq!(page.hear("status")["phase"], "disarmed");
+    assert_eq!(page.receive("status")["phase"], "disarmed");
 }
 
 /// The best of several tries, since the machine may pause.
@@ -255,7 +255,7 @@ fn a_stop_waits_neither_for_a_certificate_nor_for_a_flood() {
         page.send(json!({ "type": "order", "order": "stop" }).to_string().into());
         let mut worlds = 0;
         loop {
-            let message = watcher.hear_any(&["world", "status"]);
+            let message = watcher.receive_any(&["world", "status"]);
             worlds += u32::from(message["type"] == "world");
             if message["phase"] == "faulted" {
                 assert_eq!(message["reason"], "stop", "{message}");
@@ -265,7 +265,7 @@ fn a_stop_waits_neither_for_a_certificate_nor_for_a_flood() {
         assert!(worlds < 20, "{worlds} changed worlds came before the stop of {messages} messages");
         // Earlier requests do not arm it again.
         for _ in 0..5 {
-            assert_eq!(watcher.hear("status")["phase"], "faulted");
+            assert_eq!(watcher.receive("status")["phase"], "faulted");
         }
     }
 }
@@ -313,14 +313,14 @@ fn the_motors_torque_follows_the_world_however_quickly_a_page_changes_it() {
 fn a_delay_in_samples_does_not_shrink_with_the_period() {
     let (live, _hands) = on_a_motor_with(SafetyProfile::Certified, PUSHED, &["loop.delay=1.5 samples"]);
     let (mut page, _) = Page::new(&live);
-    page.hear("world");
+    page.receive("world");
     for period in ["0.2 ms", "1 ms", "4 ms"] {
         assert!(set(&mut page, "loop.period", period).unwrap_err().contains("in samples"), "{period}");
     }
     // Given as a time it stays.
     let (live, _hands) = on_a_motor_with(SafetyProfile::Certified, PUSHED, &["loop.delay=3 ms"]);
     let (mut page, _) = Page::new(&live);
-    page.hear("world");
+    page.receive("world");
     set(&mut page, "loop.period", "1.9 ms").unwrap();
 }
 

@@ -113,10 +113,10 @@ fn a_page_from_another_machine_needs_the_links_token() {
     for hello in ["", ",\"token\":\"\"", &format!(",\"token\":\"{wrong}\""), &format!(",\"token\":\"{token}0\"")] {
         let mut page = Page::connect(address).unwrap();
         page.send(format!("{{\"type\":\"hello\",\"v\":1{hello}}}").into());
-        page.hear("error");
+        page.receive("error");
         assert_eq!(page.closed(), 1008, "{hello}");
     }
     let mut page = Page::connect(address).unwrap();
     page.send(format!("{{\"type\":\"hello\",\"v\":1,\"token\":{token:?}}}").into());
-    page.hear("hello");
+    page.receive("hello");
 }

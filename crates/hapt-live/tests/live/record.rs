@@ -35,13 +35,13 @@ fn a_recording_is_a_log_of_the_worlds_that_ran_and_replays_their_torques() {
     let long = |least: f64| {
         move |status: &serde_json::Value| status["recording"]["seconds"].as_f64().is_some_and(|seconds| seconds > least)
     };
-    let status = page.hear_until("status", long(0.2));
+    let status = page.receive_until("status", long(0.2));
     assert!(status["recording"]["error"].is_null() && status["recording"]["lost"] == 0, "{status}");
     page.say(json!({ "type": "set", "key": "loop.delay", "value": "1 ms" }));
     page.frame_until(|frame| frame.generation == 1);
-    page.hear_until("status", long(0.5));
+    page.receive_until("status", long(0.5));
     page.say(json!({ "type": "record", "on": false }));
-    page.hear_until("status", |status| status["recording"].is_null());
+    page.receive_until("status", |status| status["recording"].is_null());
 
     let file = folder.path().join("live-0001.mcap");
     assert_eq!(status["recording"]["file"], file.display().to_string());
@@ -92,9 +92,9 @@ fn a_recording_with_a_games_effects_has_their_torque_in_a_separate_column() {
     assert!(wire.pools.push(pool).is_ok());
     page.frame_until(|frame| frame.columns[0][0].abs() > 0.01);
     page.say(json!({ "type": "record", "on": true }));
-    page.hear_until("status", |status| status["recording"]["seconds"].as_f64().is_some_and(|seconds| seconds > 0.2));
+    page.receive_until("status", |status| status["recording"]["seconds"].as_f64().is_some_and(|seconds| seconds > 0.2));
     page.say(json!({ "type": "record", "on": false }));
-    page.hear_until("status", |status| status["recording"].is_null());
+    page.receive_until("status", |status| status["recording"].is_null());
 
     let file = folder.path().join("live-0001.mcap");
     while !is_whole(&file) {
@@ -134,12 +134,12 @@ fn recordings_into_one_folder_have_a_file_each_and_lose_nothing() {
     }
     let mut files = Vec::new();
     for page in &mut pages {
-        let status = page.hear_until("status", |status| {
+        let status = page.receive_until("status", |status| {
             status["recording"]["seconds"].as_f64().is_some_and(|seconds| seconds > 0.2)
         });
         files.push(std::path::PathBuf::from(status["recording"]["file"].as_str().unwrap()));
         page.say(json!({ "type": "record", "on": false }));
-        page.hear_until("status", |status| status["recording"].is_null());
+        page.receive_until("status", |status| status["recording"].is_null());
     }
     for file in &files {
         while !is_whole(file) {
@@ -172,6 +172,6 @@ fn a_folder_that_takes_no_file_is_refused_in_words() {
     .unwrap();
     let (mut page, _) = Page::new(&live);
     page.say(json!({ "type": "record", "on": true }));
-    let refused = page.hear("refused");
+    let refused = page.receive("refused");
     assert!(refused["message"].as_str().unwrap().contains("/proc/no/such"), "{refused}");
 }

@@ -13,7 +13,7 @@ fn a_page_receives_hello_world_verdict_and_frames() {
     let live = live(WORLD);
     let (mut page, hello) = Page::new(&live);
     assert_eq!((&hello["v"], &hello["control"]), (&json!(1), &hello["client"]), "the first has control");
-    let world = page.hear("world");
+    let world = page.receive("world");
     assert_eq!(world["generation"], 0);
     assert_eq!(world["motion"], "rotary");
     assert_eq!(world["units"], json!({ "position": "rad", "velocity": "rad/s", "effort": "N m" }));
@@ -23,7 +23,7 @@ fn a_page_receives_hello_world_verdict_and_frames() {
     let columns = columns_of(&World::read(&Source::from_text("w.toml", WORLD), &[]).unwrap());
     let columns: Vec<Value> = columns.iter().map(|c| json!({ "name": c.name, "unit": c.unit })).collect();
     assert_eq!(world["columns"], json!(columns));
-    let verdict = page.hear("verdict");
+    let verdict = page.receive("verdict");
     assert_eq!((&verdict["generation"], &verdict["certified"]), (&json!(0), &json!(true)), "{verdict}");
     assert_eq!(verdict["sentences"].as_array().unwrap().len(), 3);
     // Remedies follow once they are found, or with the first verdict of a page that joins later, and a range for every number.
@@ -43,7 +43,7 @@ fn a_page_receives_hello_world_verdict_and_frames() {
             assert!(smallest <= last && last <= largest);
         }
     }
-    let status = page.hear_until("status", |status| status["phase"] == "running");
+    let status = page.receive_until("status", |status| status["phase"] == "running");
     assert_eq!((&status["code"], &status["clients"]), (&Value::Null, &json!(1)));
     assert!(status["timing"]["samples"].as_u64().unwrap() > 0);
     let histogram = &status["timing"]["histogram"];
@@ -63,7 +63,7 @@ fn the_status_shows_whether_the_loop_keeps_the_times_that_the_file_states() {
     let times = "interval_max = \"1.5 ms\"\n[safety]\nlate = \"count\"\n[device]";
     let live = live(&WORLD.replace("[device]", times));
     let (mut page, _) = Page::new(&live);
-    let status = page.hear_until("status", |status| status["timing"]["certified"]["samples"].as_u64() > Some(100));
+    let status = page.receive_until("status", |status| status["timing"]["certified"]["samples"].as_u64() > Some(100));
     let certified = &status["timing"]["certified"];
     let number = |name: &str| certified[name].as_f64().unwrap();
     assert!(number("inside") <= number("samples"), "{certified}");
@@ -78,18 +78,18 @@ fn setting_a_key_gives_another_world_with_its_own_verdict() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
     page.say(json!({ "type": "set", "key": "loop.method", "value": "forward-euler" }));
-    let world = page.hear_until("world", |world| world["generation"] == 1);
+    let world = page.receive_until("world", |world| world["generation"] == 1);
     let method = world["keys"].as_array().unwrap().iter().find(|key| key["path"] == "loop.method").unwrap();
     assert_eq!((&method["written"], &method["changed"]), (&json!("forward-euler"), &json!(true)));
-    let verdict = page.hear_until("verdict", |verdict| verdict["generation"] == 1);
+    let verdict = page.receive_until("verdict", |verdict| verdict["generation"] == 1);
     assert_eq!(verdict["certified"], false);
     assert!(verdict["growth_per_s"].as_f64().unwrap() > 0.0);
     page.frame_until(|frame| frame.generation == 1);
 
     page.say(json!({ "type": "reset" }));
-    let world = page.hear_until("world", |world| world["generation"] == 2);
+    let world = page.receive_until("world", |world| world["generation"] == 2);
     assert!(world["keys"].as_array().unwrap().iter().all(|key| key["changed"] == false));
-    let verdict = page.hear_until("verdict", |verdict| verdict["generation"] == 2);
+    let verdict = page.receive_until("verdict", |verdict| verdict["generation"] == 2);
     assert_eq!(verdict["certified"], true);
 }
 
@@ -103,7 +103,7 @@ fn a_saved_world_has_every_change_that_was_requested_before_it() {
         page.say(json!({ "type": "set", "key": "loop.delay", "value": format!("{delay} ms") }));
         page.say(json!({ "type": "file" }));
         page.say(json!({ "type": "set", "key": "loop.delay", "value": "0.75 ms" }));
-        let file = page.hear("file");
+        let file = page.receive("file");
         assert_eq!(file["name"], "wheel.toml");
         let saved = Source::from_text("wheel.toml", file["text"].as_str().unwrap());
         let saved = World::read(&saved, &[]).unwrap().sampling;
@@ -128,13 +128,13 @@ fn an_invalid_key_is_refused_with_the_readers_message_and_changes_nothing() {
         ("scenarios.step.hand.to", "1 rad", "cannot be set while the loop runs"),
     ] {
         page.say(json!({ "type": "set", "key": key, "value": value }));
-        let refused = page.hear("refused");
+        let refused = page.receive("refused");
         assert_eq!(refused["key"], key);
         assert!(refused["message"].as_str().unwrap().contains(word), "{refused}");
     }
     // The generation is still the first.
     page.say(json!({ "type": "set", "key": "loop.delay", "value": "1 ms" }));
-    assert_eq!(page.hear_until("world", |world| world["generation"] != 0)["generation"], 1);
+    assert_eq!(page.receive_until("world", |world| world["generation"] != 0)["generation"], 1);
 }
 
 #[test]
@@ -142,19 +142,19 @@ fn invalid_messages_are_answered_and_dropped_and_too_many_close_the_socket() {
     let live = live(WORLD);
     let mut page = Page::open(&live);
     page.say(json!({ "type": "alive" }));
-    assert!(page.hear("error")["message"].as_str().unwrap().contains("the first message must be hello"));
+    assert!(page.receive("error")["message"].as_str().unwrap().contains("the first message must be hello"));
     page.say(json!({ "type": "hello", "v": 2 }));
-    assert!(page.hear("error")["message"].as_str().unwrap().contains("version 1"));
+    assert!(page.receive("error")["message"].as_str().unwrap().contains("version 1"));
     page.say(json!({ "type": "hello", "v": 1 }));
-    page.hear("hello");
+    page.receive("hello");
     for text in ["", "{", "[]", "{\"type\":\"fly\"}", "{\"type\":\"hand\",\"grip\":true,\"position\":1e400}"] {
         page.send(Message::text(text));
-        page.hear("error");
+        page.receive("error");
         // Valid messages still count.
         page.say(json!({ "type": "alive" }));
     }
     page.send(Message::binary(vec![1, 2, 3]));
-    page.hear("error");
+    page.receive("error");
     for _ in 0..40 {
         page.send(Message::text("garbage"));
     }
@@ -181,23 +181,23 @@ fn commands_change_the_supervisor_and_every_client_may_stop() {
     let live = live(WORLD);
     let (mut page, _) = Page::new(&live);
     let (mut watcher, hello) = Page::new(&live);
-    page.hear_until("status", |status| status["phase"] == "running");
+    page.receive_until("status", |status| status["phase"] == "running");
     page.say(json!({ "type": "order", "order": "disarm" }));
-    page.hear_until("status", |status| status["phase"] == "disarmed");
+    page.receive_until("status", |status| status["phase"] == "disarmed");
     page.say(json!({ "type": "order", "order": "arm" }));
-    page.hear_until("status", |status| status["phase"] == "running");
+    page.receive_until("status", |status| status["phase"] == "running");
     assert_ne!(hello["client"], hello["control"]);
     watcher.say(json!({ "type": "order", "order": "stop" }));
-    let status = page.hear_until("status", |status| status["phase"] == "faulted");
+    let status = page.receive_until("status", |status| status["phase"] == "faulted");
     assert_eq!((&status["code"], &status["reason"]), (&json!(1), &json!("stop")));
     assert!(status["sentence"].is_string() && status["clear"].is_string());
     // A watcher may not clear.
     watcher.say(json!({ "type": "order", "order": "clear" }));
-    assert!(watcher.hear("error")["message"].as_str().unwrap().contains("control"));
+    assert!(watcher.receive("error")["message"].as_str().unwrap().contains("control"));
     // The supervisor requires some samples at rest first.
     loop {
         page.say(json!({ "type": "order", "order": "clear" }));
-        if page.hear("status")["phase"] == "disarmed" {
+        if page.receive("status")["phase"] == "disarmed" {
             return;
         }
     }
@@ -221,10 +221,10 @@ fn with_a_removed_file_every_change_is_refused_and_the_loop_continues() {
     // The world file itself has been read; the path is read again with each change.
     std::fs::remove_file(&file).unwrap();
     page.say(json!({ "type": "set", "key": "loop.delay", "value": "1 ms" }));
-    assert_eq!(page.hear_until("world", |world| world["generation"] != 0)["generation"], 1);
+    assert_eq!(page.receive_until("world", |world| world["generation"] != 0)["generation"], 1);
     std::fs::remove_file(&path).unwrap();
     page.say(json!({ "type": "set", "key": "loop.delay", "value": "2 ms" }));
-    assert!(page.hear("refused")["message"].as_str().unwrap().contains("way.csv"));
+    assert!(page.receive("refused")["message"].as_str().unwrap().contains("way.csv"));
     let time = page.frame().time;
     page.frame_until(|frame| frame.time > time && frame.generation == 1);
 }

@@ -48,14 +48,14 @@ fn on_a_motor(worlds: Vec<Source>, profile: SafetyProfile) -> Result<(Live, Virt
 /// Enters a world; the answer.
 fn enter(page: &mut Page, world: usize) -> Value {
     page.say(json!({ "type": "enter", "world": world }));
-    page.hear_any(&["refused", "world"])
+    page.receive_any(&["refused", "world"])
 }
 
 #[test]
 fn all_worlds_are_listed_and_each_is_entered_as_its_file_has_it() {
     let live = Live::start(options(worlds())).unwrap();
     let (mut page, _) = Page::new(&live);
-    let first = page.hear("world");
+    let first = page.receive("world");
     let names: Vec<&str> =
         first["worlds"].as_array().unwrap().iter().map(|world| world["name"].as_str().unwrap()).collect();
     assert_eq!(
@@ -63,7 +63,7 @@ fn all_worlds_are_listed_and_each_is_entered_as_its_file_has_it() {
         (vec!["spring", "detent", "shifted", "wall"], &json!(0), &json!("The spring"))
     );
     page.say(json!({ "type": "set", "key": "couplings.0.stiffness", "value": "1" }));
-    assert_eq!(page.hear("world")["changes"], json!([["couplings.0.stiffness", "1"]]));
+    assert_eq!(page.receive("world")["changes"], json!([["couplings.0.stiffness", "1"]]));
     for (generation, place) in [(2, 3), (3, 1), (4, 0)] {
         let world = enter(&mut page, place);
         assert_eq!((&world["place"], &world["generation"]), (&json!(place), &json!(generation)));
@@ -116,7 +116,7 @@ fn on_a_motor_a_knob_enters_at_rest_wherever_it_stands_and_an_uncertified_world_
 
     let (live, _hands) = on_a_motor(worlds(), SafetyProfile::Uncertified).unwrap();
     let (mut page, _) = Page::new(&live);
-    page.hear("world");
+    page.receive("world");
     assert_eq!(enter(&mut page, 3)["place"], 3);
 }
 

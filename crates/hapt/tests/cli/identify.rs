@@ -178,9 +178,9 @@ fn a_hand_on_the_puck_is_no_experiment_and_leaves_no_device_behind() {
     assert_eq!(names(at.path()), ["held.csv", "let-go.csv", "w.toml"]);
 }
 
-/// The question before a real device moves, asked on a terminal.
+/// The confirmation on a terminal before a real device moves.
 #[cfg(target_os = "linux")]
-mod asked {
+mod confirmation {
     use std::fs::File;
     use std::process::Stdio;
     use std::time::{Duration, Instant};

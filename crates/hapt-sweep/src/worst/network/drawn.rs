@@ -113,9 +113,9 @@ pub fn drawn_from_network(network: &System, name: &str, begins: f64, had: f64) -
         }
         let taken: f64 = (0..network.links.len())
             .zip(run.releases())
-            .map(|(index, let_go)| {
+            .map(|(index, released)| {
                 let most = |hold: &Hold| hold.most(&network.links[index], soft[index]);
-                most(&first[index]) + let_go.iter().sum::<u64>() as f64 * most(&whole[index])
+                most(&first[index]) + released.iter().sum::<u64>() as f64 * most(&whole[index])
             })
             .sum();
         let supplied = supplied.iter().sum::<f64>() + taken;
