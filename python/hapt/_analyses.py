@@ -1,4 +1,4 @@
-"""The results of analyses: of a world, a record of motion, or a design. None of them needs a run."""
+"""The results of analyses of a world, a record of motion, or a design."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ class Identified(Answer):
 
 
 class Comparison(Answer):
-    """A comparison of a record with a world's device. It is true where no number contradicts the world.
+    """A comparison of a record with a world's device. It is true where the model explains the motion and no number contradicts the world.
 
     `agrees` is the same. `numbers` is a list, each with `name`, `estimate` (`{"value", "low", "high"}`, 95 %, or None), `file` (the world's
     range), `sigmas` (the estimate's distance from that range in standard errors), `verdict` ("agrees", "contradicts", or "not told" where the
-    record does not determine the number) and `reason`. `unexplained` and `residual` are about the part of the motion that the model does
-    not explain.
+    record does not determine the number) and `reason`. `unexplained` is the reason why the model does not explain the motion, or None.
+    `residual` is the rest of the fit: `rms` and `noise_rms` in rad (linear: m), `correlation`, and `counts` (the rms in encoder counts).
     """
 
     def __bool__(self) -> bool:
