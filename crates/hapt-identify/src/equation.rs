@@ -216,6 +216,46 @@ impl Rows {
         all
     }
 
+    /// The torques, per inertia, of bodies on the puck by shafts of these frequencies, in Hz, and damping ratios, under each row's bump.
+    ///
+    /// θ̈ + 2 ζ ω θ̇ + ω² θ = -z̈ for the angle θ by which the body is ahead; its torque against the motor's is -ω² θ - 2 ζ ω θ̇. No position
+    /// is differentiated: y = z + θ and p = ẏ + 2 ζ ω θ have ẏ = p - 2 ζ ω θ and ṗ = -ω² θ.
+    pub fn swung(&self, record: &Record, shafts: &[(f64, f64)]) -> Vec<Vec<f64>> {
+        let (times, positions) = (record.times(), record.positions());
+        let weights = |row: &Row| {
+            let (low, high) = row.span;
+            let (c, mid) = (0.5 * (times[high] - times[low]), 0.5 * (times[high] + times[low]));
+            let of = |i: usize| {
+                let w = bump((times[i] - mid) / c);
+                let dt = 0.5 * (times[i + 1] - times[i - 1]) / (c * row.area);
+                (w[0] * dt, w[1] * dt / c)
+            };
+            (low + 1..high).map(of).collect::<Vec<_>>()
+        };
+        let weights: Vec<Vec<(f64, f64)>> = self.rows.iter().map(weights).collect();
+        let of = |(hz, ratio): &(f64, f64)| {
+            let omega = std::f64::consts::TAU * hz;
+            let (damped, stiff) = (2.0 * ratio * omega, omega * omega);
+            let (mut y, mut p) = (positions[0], 0.0);
+            let mut angles = vec![0.0];
+            // By the trapezoidal rule, from rest.
+            for (time, place) in times.windows(2).zip(positions.windows(2)) {
+                let h = 0.5 * (time[1] - time[0]);
+                let theta = y - place[0];
+                let next = y + h * (2.0 * p - damped * (theta - place[1])) - h * h * stiff * (theta - place[1]);
+                y = next / (1.0 + h * damped + h * h * stiff);
+                p -= h * stiff * (theta + y - place[1]);
+                angles.push(y - place[1]);
+            }
+            let row = |(row, weights): (&Row, &Vec<(f64, f64)>)| {
+                let angles = &angles[row.span.0 + 1..row.span.1];
+                weights.iter().zip(angles).map(|((w0, w1), theta)| (damped * w1 - stiff * w0) * theta).sum()
+            };
+            self.rows.iter().zip(&weights).map(row).collect()
+        };
+        shafts.iter().map(of).collect()
+    }
+
     /// The same rows with each of these torques, where the weight is the bump.
     pub fn under(&self, record: &Record, torques: &[Vec<f64>]) -> Vec<Rows> {
         let with = |torques: Vec<f64>| {

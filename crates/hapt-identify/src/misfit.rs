@@ -1,13 +1,32 @@
 //! The parts of the torque that the equation of motion does not explain, by kind.
 
+use std::f64::consts::TAU;
+
 use crate::equation::{CONSTANT, DAMPING, FORCE, FRICTION, INERTIA, Rows, Solved};
+use crate::record::Record;
 use crate::spectrum::line;
+use crate::start::velocities;
 
 /// A kind with less than this part of the residual is not named.
+const NAMED: f64 = 0.03;
+/// Less than this part of the residual beyond position, velocity and time is no other torque.
 const LEAST: f64 = 0.1;
 /// The most periods in a turn of a torque and of friction that are searched.
 const MOST_TIMES: u32 = 48;
 const MOST_RUBS: u32 = 12;
+/// Gravity is separated from a spring over this travel, in rad.
+const TRAVEL: f64 = 1.0;
+/// The velocities that are tried for Stribeck's friction, in parts of the rms velocity.
+const STRIBECK: [f64; 3] = [0.12, 0.25, 0.5];
+/// The damping ratios of a handle on a shaft that are tried, the least number of periods in the record, and the highest frequency in Hz: the
+/// windows contain no higher one.
+const RATIOS: [f64; 2] = [0.03, 0.1];
+const PERIODS: f64 = 10.0;
+const HIGHEST: f64 = 50.0;
+/// A column with less than this part of its squares beyond the span of others is in it.
+const SAME: f64 = 1e-9;
+/// Windows that are this far apart are independent, s.
+const INDEPENDENT: f64 = 0.03;
 
 /// The kind of a part of the misfit, by the variable that it depends on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,7 +69,7 @@ pub struct Part {
 pub struct Misfit {
     /// The part of the torque's variance that the equation leaves.
     pub share: f64,
-    /// Its kinds, the largest first; each by itself, so that two of them may share a part.
+    /// Its kinds, the largest first, and last what no kind explains; together they are the whole.
     pub kinds: Vec<Part>,
     /// The part that depends on none of position, velocity and time, of the torque's variance. Friction that changes with the position
     /// counts here too: a hand that moves to and fro may push in that way.
@@ -58,6 +77,14 @@ pub struct Misfit {
 }
 
 impl Kind {
+    /// Whether both are of one cause: a torque of the position that is no sine has several periods.
+    fn is_alike(&self, other: &Kind) -> bool {
+        match (self, other) {
+            (Kind::Position { times_a_turn: a }, Kind::Position { times_a_turn: b }) => a.min(&2) == b.min(&2),
+            (a, b) => std::mem::discriminant(a) == std::mem::discriminant(b),
+        }
+    }
+
     /// The word of the contract.
     pub fn word(&self) -> &'static str {
         match self {
@@ -88,64 +115,46 @@ impl Kind {
     }
 }
 
-pub(crate) fn misfit(rows: &Rows, plain: &Solved, duration: f64, is_linear: bool) -> Misfit {
-    let n = rows.rows.len() as f64;
+/// A group of columns over the rows that models one kind.
+struct Candidate {
+    kind: Kind,
+    columns: Vec<Vec<f64>>,
+    /// The number of candidates of which it is one.
+    searched: f64,
+    /// The sign that its factor has; a physical one has the sign of the inertia.
+    sign: Option<f64>,
+}
+
+/// Parts of the residual that kinds explain, none of them twice. The kind that explains most for its numbers is taken out first, and the
+/// next is of what is left then.
+pub(crate) fn misfit(
+    record: &Record,
+    signs: &[f64],
+    rows: &Rows,
+    plain: &Solved,
+    duration: f64,
+    is_linear: bool,
+) -> Misfit {
     let squares: f64 = plain.left.iter().map(|r| r * r).sum();
-    let begin = rows.rows.first().map_or(0.0, |row| row.time);
-    let speed = (rows.rows.iter().map(|row| row.velocity.powi(2)).sum::<f64>() / n).sqrt();
-    let taken = |columns: &dyn Fn(usize) -> Vec<f64>| taken(&plain.left, rows, columns);
-    let mut parts = Vec::new();
-    let spring = taken(&|i| vec![rows.rows[i].position, rows.rows[i].position.powi(3)]);
-    let times = if is_linear { 0 } else { MOST_TIMES };
-    // A torque that repeats over the position, or one that does so against the motion.
-    let turning = |times: u32, size: &dyn Fn(usize) -> f64| {
-        let of = |i: usize| {
-            let (sin, cos) = (f64::from(times) * rows.rows[i].position).sin_cos();
-            vec![size(i) * sin, size(i) * cos]
-        };
-        (times, taken(&of))
+    let all = candidates(record, signs, rows, plain.values[INERTIA].signum(), duration, is_linear);
+    let mut parts: Vec<(Kind, f64)> = Vec::new();
+    let mut take = |kind: Kind, part: f64| match parts.iter_mut().find(|old| old.0.is_alike(&kind)) {
+        Some(old) => old.1 += part,
+        None => parts.push((kind, part)),
     };
-    let larger = |a: &(u32, f64), b: &(u32, f64)| a.1.total_cmp(&b.1);
-    let position = std::iter::once((0, spring)).chain((1..=times).map(|times| turning(times, &|_| 1.0))).max_by(larger);
-    if let Some((times_a_turn, part)) = position {
-        parts.push((Kind::Position { times_a_turn }, part));
+    let mut rest = Rest::new(plain.left.clone(), rows, all);
+    let beside = (1.0 - rest.alone(rows, LEAST * squares) / squares).max(0.0);
+    while let Some((kind, part)) = rest.take_best(NAMED * squares, duration) {
+        take(kind, part / squares);
     }
-    let rubbing =
-        (1..=times.min(MOST_RUBS)).map(|times| turning(times, &|i| rows.rows[i].terms[FRICTION])).max_by(larger);
-    if let Some((times_a_turn, part)) = rubbing {
-        parts.push((Kind::FrictionByPosition { times_a_turn }, part));
-    }
-    parts.push((
-        Kind::Velocity,
-        taken(&|i| {
-            let v = rows.rows[i].velocity / speed.max(f64::MIN_POSITIVE);
-            vec![v.signum() * (-(4.0 * v).powi(2)).exp(), v * v.abs(), v.abs(), v]
-        }),
-    ));
-    parts.push((
-        Kind::Drift,
-        taken(&|i| {
-            let t = (rows.rows[i].time - begin) / duration;
-            vec![t, t * t]
-        }),
-    ));
-    let timed: Vec<(f64, f64)> = rows.rows.iter().zip(&plain.left).map(|(row, left)| (row.time, *left)).collect();
-    if let Some(line) = line(&timed).filter(|line| line.is_clear()) {
-        let of = |i: usize| {
-            let (sin, cos) = (std::f64::consts::TAU * line.hz * rows.rows[i].time).sin_cos();
-            vec![sin, cos]
-        };
-        parts.push((Kind::Resonance { hz: line.hz }, taken(&of)));
+    if let Some((kind, part)) = rest.line(rows).filter(|line| line.1 > NAMED * squares) {
+        take(kind, part / squares);
     }
     parts.sort_by(|a, b| b.1.total_cmp(&a.1));
-    parts.retain(|part| part.1 > LEAST);
-    let is_rubbing = |part: &&(Kind, f64)| matches!(part.0, Kind::FrictionByPosition { .. });
-    let rubs: f64 = parts.iter().filter(is_rubbing).map(|part| part.1).sum();
-    let beside = (1.0 - parts.iter().map(|part| part.1).sum::<f64>() + rubs).max(0.0);
+    let unexplained = (1.0 - parts.iter().map(|part| part.1).sum::<f64>()).max(0.0);
     let strange = if beside > LEAST && squares > 0.0 { beside * plain.share } else { 0.0 };
-    let rest = beside - rubs;
-    if rest > LEAST && squares > 0.0 {
-        parts.push((Kind::Unexplained, rest));
+    if unexplained > 0.0 && squares > 0.0 {
+        parts.push((Kind::Unexplained, unexplained));
     }
     let kinds = parts.into_iter().map(|(kind, part)| Part { kind, share: part * plain.share }).collect();
     // Where the residual torque is not finite, nothing is explained.
@@ -153,33 +162,174 @@ pub(crate) fn misfit(rows: &Rows, plain: &Solved, duration: f64, is_linear: bool
     Misfit { share, kinds, strange }
 }
 
-/// The part of the residual that these columns explain, each made orthogonal to the ones before it.
-fn taken(left: &[f64], rows: &Rows, columns: &dyn Fn(usize) -> Vec<f64>) -> f64 {
-    let n = rows.rows.len();
-    let all: Vec<Vec<f64>> = (0..n).map(columns).collect();
-    let count = all.first().map_or(0, Vec::len);
-    let squares: f64 = left.iter().map(|r| r * r).sum();
-    // The part of a column in the span of the equation's own terms is left out.
-    let mut basis: Vec<Vec<f64>> = Vec::new();
-    let mut part = 0.0;
-    let terms = [INERTIA, DAMPING, FRICTION, CONSTANT, FORCE];
-    let own = terms.into_iter().map(|term| rows.rows.iter().map(|row| row.terms[term]).collect::<Vec<f64>>());
-    let extra = (0..count).map(|i| all.iter().map(|row| row[i]).collect::<Vec<f64>>());
-    for (i, mut column) in own.chain(extra).enumerate() {
-        let before: f64 = column.iter().map(|x| x * x).sum();
-        for axis in &basis {
-            let along: f64 = axis.iter().zip(&column).map(|(a, x)| a * x).sum();
-            column.iter_mut().zip(axis).for_each(|(x, a)| *x -= along * a);
+/// The models of all kinds but lines, over the rows.
+fn candidates(record: &Record, signs: &[f64], rows: &Rows, way: f64, duration: f64, is_linear: bool) -> Vec<Candidate> {
+    let (positions, speeds) = (record.positions(), velocities(record));
+    let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
+    let (middle, travel) = (0.5 * (low + high), (high - low).max(f64::MIN_POSITIVE));
+    let rms = (speeds.iter().map(|v| v * v).sum::<f64>() / speeds.len() as f64).sqrt().max(f64::MIN_POSITIVE);
+    let begin = record.times()[0];
+    let mut lists: Vec<Vec<f64>> = Vec::new();
+    let mut kinds: Vec<(Kind, usize, f64)> = Vec::new();
+    let mut add = |kind: Kind, searched: f64, values: &[&dyn Fn(usize) -> f64]| {
+        kinds.push((kind, values.len(), searched));
+        lists.extend(values.iter().map(|value| (0..positions.len()).map(value).collect::<Vec<f64>>()));
+    };
+    let place = |i: usize| (positions[i] - middle) / travel;
+    let gravity = (!is_linear && travel > TRAVEL).then_some(1);
+    let spring: [&dyn Fn(usize) -> f64; 3] = [&place, &|i| place(i).powi(2), &|i| place(i).powi(3)];
+    add(Kind::Position { times_a_turn: 0 }, 1.0, &spring[..if gravity.is_some() { 1 } else { 3 }]);
+    // Over less than a period the number of periods is not determined, and the polynomial takes it in.
+    let least = (TAU / travel).ceil().max(2.0) as u32;
+    for times in gravity.into_iter().chain(least..=MOST_TIMES).filter(|_| !is_linear) {
+        let n = f64::from(times);
+        let [sine, cosine] = [f64::sin, f64::cos].map(|wave| move |i: usize| wave(n * positions[i]));
+        let searched = if times == 1 { 1.0 } else { f64::from(MOST_TIMES) };
+        add(Kind::Position { times_a_turn: times }, searched, &[&sine, &cosine]);
+        if times <= MOST_RUBS && times >= least.min((TAU / travel).ceil() as u32) {
+            let against = [&|i| signs[i] * sine(i), &|i| signs[i] * cosine(i)] as [&dyn Fn(usize) -> f64; 2];
+            add(Kind::FrictionByPosition { times_a_turn: times }, f64::from(MOST_RUBS), &against);
         }
-        let size = column.iter().map(|x| x * x).sum::<f64>();
-        if size <= 1e-9 * before || !size.is_finite() {
-            continue;
-        }
-        column.iter_mut().for_each(|x| *x /= size.sqrt());
-        if i >= terms.len() {
-            part += column.iter().zip(left).map(|(a, r)| a * r).sum::<f64>().powi(2);
-        }
-        basis.push(column);
     }
-    if squares > 0.0 { (part / squares).clamp(0.0, 1.0) } else { 0.0 }
+    for part in STRIBECK {
+        let slow = |i: usize| signs[i] * (-(speeds[i] / (part * rms)).powi(2)).exp();
+        let drag = |i: usize| speeds[i] * speeds[i].abs();
+        add(Kind::Velocity, STRIBECK.len() as f64, &[&slow, &drag, &|i| speeds[i].abs()]);
+    }
+    let time = |i: usize| (record.times()[i] - begin) / duration;
+    // A warm device has another offset, and another friction.
+    add(Kind::Drift, 1.0, &[&time, &|i| time(i).powi(2), &|i| time(i) * signs[i]]);
+    let mut columns = rows.weighed(record, &lists).into_iter();
+    let of = |(kind, count, searched): (Kind, usize, f64)| Candidate {
+        kind,
+        columns: columns.by_ref().take(count).collect(),
+        searched,
+        sign: None,
+    };
+    let mut all: Vec<Candidate> = kinds.into_iter().map(of).collect();
+    let mut shafts = Vec::new();
+    for ratio in RATIOS {
+        let mut hz = PERIODS / duration;
+        while hz < HIGHEST {
+            shafts.push((hz, ratio));
+            hz *= 1.0 + 2.0 * ratio;
+        }
+    }
+    let searched = shafts.len() as f64;
+    all.extend(rows.swung(record, &shafts).into_iter().zip(&shafts).map(|(column, (hz, _))| Candidate {
+        kind: Kind::Resonance { hz: *hz },
+        columns: vec![column],
+        searched,
+        sign: Some(way),
+    }));
+    all
+}
+
+/// What is left of the torque, and the candidates without the parts in the span of what was taken.
+struct Rest {
+    left: Vec<f64>,
+    candidates: Vec<Candidate>,
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Takes the parts along an axis of length 1 out of a column.
+fn without(column: &mut [f64], axis: &[f64]) {
+    let along = dot(axis, column);
+    column.iter_mut().zip(axis).for_each(|(x, a)| *x -= along * a);
+}
+
+/// Axes of length 1 in the span of these columns; one in the span of those before it is left out.
+fn axes(columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let mut axes: Vec<Vec<f64>> = Vec::new();
+    for column in columns {
+        let mut column = column.clone();
+        let before = dot(&column, &column);
+        axes.iter().for_each(|axis| without(&mut column, axis));
+        let size = dot(&column, &column);
+        if size > SAME * before && size.is_finite() {
+            column.iter_mut().for_each(|x| *x /= size.sqrt());
+            axes.push(column);
+        }
+    }
+    axes
+}
+
+impl Rest {
+    /// The equation's own terms are taken out of all candidates.
+    fn new(left: Vec<f64>, rows: &Rows, candidates: Vec<Candidate>) -> Rest {
+        let own = [INERTIA, DAMPING, FRICTION, CONSTANT, FORCE];
+        let own: Vec<Vec<f64>> =
+            own.iter().map(|term| rows.rows.iter().map(|row| row.terms[*term]).collect()).collect();
+        let mut rest = Rest { left, candidates };
+        rest.reduce(&axes(&own));
+        rest
+    }
+
+    /// Takes the span of these axes out of all candidates.
+    fn reduce(&mut self, taken: &[Vec<f64>]) {
+        for candidate in &mut self.candidates {
+            candidate.columns.retain_mut(|column| {
+                let before = dot(column, column);
+                taken.iter().for_each(|axis| without(column, axis));
+                dot(column, column) > SAME * before
+            });
+        }
+    }
+
+    /// The squares that a candidate takes.
+    fn gain(&self, candidate: &Candidate) -> f64 {
+        if let (Some(sign), [column]) = (candidate.sign, &candidate.columns[..])
+            && dot(column, &self.left) * sign < 0.0
+        {
+            return 0.0;
+        }
+        axes(&candidate.columns).iter().map(|axis| dot(axis, &self.left).powi(2)).sum()
+    }
+
+    /// The squares that torques of position, velocity and time explain, each by itself: shared ones count more than once, so that what is
+    /// beyond them surely is another torque. Kinds below `least` do not count, nor does friction by position.
+    fn alone(&self, rows: &Rows, least: f64) -> f64 {
+        let counted: [fn(&Kind) -> bool; 3] =
+            [|kind| matches!(kind, Kind::Position { .. }), |kind| *kind == Kind::Velocity, |kind| *kind == Kind::Drift];
+        let most = |is: &fn(&Kind) -> bool| {
+            self.candidates.iter().filter(|one| is(&one.kind)).map(|one| self.gain(one)).fold(0.0, f64::max)
+        };
+        let line = self.line(rows).map_or(0.0, |line| line.1);
+        counted.iter().map(most).chain([line]).filter(|gain| *gain > least).sum()
+    }
+
+    /// Takes out the candidate that explains most for its numbers, by Schwarz's criterion (Ann. Stat. 6 (1978) 461), where it explains at
+    /// least these squares.
+    fn take_best(&mut self, least: f64, duration: f64) -> Option<(Kind, f64)> {
+        let before = dot(&self.left, &self.left);
+        let count = (duration / INDEPENDENT).max(16.0);
+        let score = |candidate: &Candidate| {
+            let gain = self.gain(candidate);
+            let after = (before - gain).max(f64::EPSILON * before);
+            let numbers = candidate.columns.len() as f64 * count.ln() + 2.0 * candidate.searched.ln();
+            (gain > least).then(|| (gain, count * (before / after).ln() - numbers))
+        };
+        let scores = self.candidates.iter().enumerate().filter_map(|(i, candidate)| Some((i, score(candidate)?)));
+        let (i, (gain, score)) = scores.max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
+        if score <= 0.0 || !gain.is_finite() {
+            return None;
+        }
+        let best = self.candidates.swap_remove(i);
+        let axes = axes(&best.columns);
+        axes.iter().for_each(|axis| without(&mut self.left, axis));
+        self.reduce(&axes);
+        Some((best.kind, gain))
+    }
+
+    /// A clear sine of time, and the squares that it takes.
+    fn line(&self, rows: &Rows) -> Option<(Kind, f64)> {
+        let timed: Vec<(f64, f64)> = rows.rows.iter().zip(&self.left).map(|(row, left)| (row.time, *left)).collect();
+        let hz = line(&timed).filter(|line| line.is_clear())?.hz;
+        let wave = |wave: fn(f64) -> f64| rows.rows.iter().map(|row| wave(TAU * hz * row.time)).collect::<Vec<f64>>();
+        let axes = axes(&[wave(f64::sin), wave(f64::cos)]);
+        Some((Kind::Resonance { hz }, axes.iter().map(|axis| dot(axis, &self.left).powi(2)).sum()))
+    }
 }

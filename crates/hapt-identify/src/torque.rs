@@ -292,7 +292,8 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
     let is_apart = rows.solved(spring_terms, duration).is_some();
     // A sensor's torque separates the device from a spring that it touched.
     let is_a_law = record.forces().is_none() && rows.solved(LAW, duration).is_some_and(|law| law.share < LAW_LEAVES);
-    let (misfit, beyond_noise) = (misfit(&rows, &plain, duration, known.is_linear), rows.unexplained(&plain));
+    let (misfit, beyond_noise) =
+        (misfit(record, &signs, &rows, &plain, duration, known.is_linear), rows.unexplained(&plain));
     // The part that depends on none of position, velocity and time, beyond the positions' noise, is another torque.
     let strange = misfit.strange.min(beyond_noise);
     let is_moved = is_rich(beyond_noise, misfit.share) && strange > STRANGE;

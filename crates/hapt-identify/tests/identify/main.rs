@@ -7,6 +7,7 @@ mod disturbed;
 mod handle;
 mod lever;
 mod mat;
+mod misfit;
 mod richer;
 mod rig;
 mod stops;
