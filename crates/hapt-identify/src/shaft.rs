@@ -26,6 +26,10 @@ const TERMS: usize = 13;
 const FAST: f64 = 2.0;
 /// The most stops and starts between two events of the torque.
 const MOST_EVENTS: usize = 1000;
+/// Steps whose lengths differ by less than this part are equal: by the rounding of the samples' times.
+const EQUAL: f64 = 1e-9;
+/// A bound on the growth of a rate of change over a step: e^[`MAX_STEP_TIMES_RATE`] and some more.
+const GROWTH: f64 = 2.0;
 /// Halvings that locate a stop to the last bits.
 const HALVINGS: usize = 48;
 /// A device needs fewer steps from sample to sample than this.
@@ -86,6 +90,15 @@ struct Decaying {
     w: f64,
 }
 
+/// The change of the state over steps of one length without a stop or a start, linear in the state and the torque that is held: v, θ, w,
+/// gap and torque give v, θ, w, gap and the travel.
+#[derive(Clone, Copy, Debug)]
+struct Repeated {
+    length: f64,
+    moving: [[f64; 5]; 5],
+    resting: [[f64; 5]; 5],
+}
+
 /// The present state of the device.
 struct SimulatedShaft {
     device: Shafted,
@@ -103,6 +116,10 @@ struct SimulatedShaft {
     gap: f64,
     /// The sign of v, 0 at rest.
     direction: f64,
+    /// The lengths of the last steps by a series, and steps of such a length once it repeats: a torque that changes at every sample arrives
+    /// between two of them, so two lengths alternate.
+    last: [f64; 2],
+    repeated: [Option<Repeated>; 2],
 }
 
 /// The Taylor coefficients over a step of length 1, and the decaying part in addition to them.
@@ -208,6 +225,8 @@ impl SimulatedShaft {
             torque: 0.0,
             gap: 0.0,
             direction: 0.0,
+            last: [0.0; 2],
+            repeated: [None; 2],
         };
         motion.set_out();
         motion
@@ -248,6 +267,10 @@ impl SimulatedShaft {
             let steps = (rest * (self.rate + slow) / MAX_STEP_TIMES_RATE).ceil().max(1.0);
             let step = rest / steps;
             let rests = self.direction == 0.0 && self.device.friction > 0.0;
+            if self.repeats(step, rests) {
+                rest = if steps == 1.0 { 0.0 } else { rest - step };
+                continue;
+            }
             let series = self.series(step, rests);
             let event = match (self.device.friction > 0.0 && events < MOST_EVENTS, rests) {
                 (false, _) => None,
@@ -268,6 +291,65 @@ impl SimulatedShaft {
             }
             events += usize::from(event.is_some());
         }
+    }
+
+    /// Advances by a step of a length that repeats, where no stop and no start can be in it; else returns false.
+    fn repeats(&mut self, step: f64, rests: bool) -> bool {
+        if self.device.friction > 0.0 && !self.is_steady(step, rests) {
+            return false;
+        }
+        let is_equal = |length: f64| (step - length).abs() < EQUAL * step;
+        if !self.repeated.iter().flatten().any(|repeated| is_equal(repeated.length)) {
+            if !self.last.into_iter().any(is_equal) {
+                self.last = [step, self.last[0]];
+                return false;
+            }
+            let [moving, resting] = [false, true].map(|rests| self.change(step, rests));
+            self.repeated = [Some(Repeated { length: step, moving, resting }), self.repeated[0].take()];
+        }
+        let Some(repeated) = self.repeated.iter().flatten().find(|repeated| is_equal(repeated.length)) else {
+            return false;
+        };
+        let change = if rests { &repeated.resting } else { &repeated.moving };
+        let held = self.torque - self.device.friction * self.direction;
+        let [v, theta, w, gap] = [self.v, self.theta, self.w, self.gap];
+        let of = |row: &[f64; 5]| row[0] * v + row[1] * theta + row[2] * w + row[3] * gap + row[4] * held;
+        let travel = of(&change[4]);
+        [self.v, self.theta, self.w, self.gap] = [of(&change[0]), of(&change[1]), of(&change[2]), of(&change[3])];
+        self.position += travel;
+        true
+    }
+
+    /// Whether the motor surely neither stops nor starts within a step.
+    fn is_steady(&self, step: f64, rests: bool) -> bool {
+        let Shafted { inertia: own, damping: b, friction, handle, .. } = self.device;
+        let Handle { inertia, stiffness, damping } = handle;
+        let beyond = (self.w - self.v).abs();
+        let shaft = stiffness * (self.theta.abs() + step * beyond) + damping * beyond;
+        if rests {
+            let rate = stiffness * beyond + damping * shaft / inertia;
+            let gap = (step * self.decay).min(1.0) * self.gap.abs();
+            return self.push().abs() + GROWTH * step * rate + gap < friction;
+        }
+        let most = (self.torque - friction * self.direction).abs() + self.gap.abs() + shaft + b * self.v.abs();
+        self.v * self.direction > GROWTH * step * most / own
+    }
+
+    /// The change of the state over a step without an event, by its parts.
+    fn change(&self, step: f64, rests: bool) -> [[f64; 5]; 5] {
+        let device = Shafted { friction: 0.0, ..self.device };
+        let mut change = [[0.0; 5]; 5];
+        for i in 0..5 {
+            let one = |k: usize| if i == k { 1.0 } else { 0.0 };
+            let (v, theta, w, gap, torque) = (one(0), one(1), one(2), one(3), one(4));
+            let mut part = SimulatedShaft { device, position: 0.0, v, theta, w, gap, torque, ..*self };
+            let series = part.series(step, rests);
+            part.advance(&series, 1.0, rests);
+            for (row, value) in change.iter_mut().zip([part.v, part.theta, part.w, part.gap, part.position]) {
+                row[i] = value;
+            }
+        }
+        change
     }
 
     /// The motion from here over `step` s.

@@ -282,6 +282,6 @@ impl Fit {
 
     pub fn normal(&self) -> (DMatrix<f64>, DVector<f64>) {
         let left = DVector::from_column_slice(&self.left);
-        (self.derivatives.transpose() * &self.derivatives, self.derivatives.transpose() * left)
+        (self.derivatives.tr_mul(&self.derivatives), self.derivatives.tr_mul(&left))
     }
 }
