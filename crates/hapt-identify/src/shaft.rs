@@ -325,14 +325,17 @@ impl SimulatedShaft {
         let Shafted { inertia: own, damping: b, friction, handle, .. } = self.device;
         let Handle { inertia, stiffness, damping } = handle;
         let beyond = (self.w - self.v).abs();
-        let shaft = stiffness * (self.theta.abs() + step * beyond) + damping * beyond;
+        let shaft = stiffness * self.theta + damping * (self.w - self.v);
+        // The gap changes by no more than itself.
+        let gap = (step * self.decay).min(1.0) * self.gap.abs();
         if rests {
-            let rate = stiffness * beyond + damping * shaft / inertia;
-            let gap = (step * self.decay).min(1.0) * self.gap.abs();
-            return self.push().abs() + GROWTH * step * rate + gap < friction;
+            let rate = stiffness * beyond + damping * shaft.abs() / inertia;
+            return self.push().abs() + GROWTH * (gap + step * rate) < friction;
         }
-        let most = (self.torque - friction * self.direction).abs() + self.gap.abs() + shaft + b * self.v.abs();
-        self.v * self.direction > GROWTH * step * most / own
+        let first = self.torque - friction * self.direction + self.gap + shaft - b * self.v;
+        let apart = (first / own + shaft / inertia).abs();
+        let rate = stiffness * (beyond + step * apart) + damping * apart + b * (first / own).abs();
+        self.v * self.direction > step * (first.abs() + GROWTH * (gap + step * rate)) / own
     }
 
     /// The change of the state over a step without an event, by its parts.
