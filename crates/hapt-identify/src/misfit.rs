@@ -72,7 +72,7 @@ pub struct Misfit {
     /// Its kinds, the largest first, and last what no kind explains; together they are the whole.
     pub kinds: Vec<Part>,
     /// The part that depends on none of position, velocity and time, of the torque's variance. Friction that changes with the position
-    /// counts here too: a hand that moves to and fro may push in that way.
+    /// counts here too: a hand that moves to and fro may push like that.
     pub(crate) strange: f64,
 }
 
@@ -104,7 +104,7 @@ impl Kind {
             Kind::Position { .. } => "device.cogging takes it in, unless it is the motor's commutation",
             Kind::FrictionByPosition { .. } => "device.friction_by_position takes it in",
             Kind::Velocity => {
-                "device.stribeck takes in friction that falls with the speed; more damping one way than the other has no key"
+                "device.stribeck takes in friction that falls with the speed; more damping in one direction than in the other has no key"
             }
             Kind::Resonance { .. } => {
                 "device.handle takes in that of a free handle on a shaft, which hapt identify --handle fits"
@@ -143,7 +143,7 @@ pub(crate) fn misfit(
         None => parts.push((kind, part)),
     };
     let mut rest = Rest::new(plain.left.clone(), rows, all);
-    let beside = (1.0 - rest.alone(rows, LEAST * squares) / squares).max(0.0);
+    let other = (1.0 - rest.separate_gains(rows, LEAST * squares) / squares).max(0.0);
     while let Some((kind, part)) = rest.take_best(NAMED * squares, duration) {
         take(kind, part / squares);
     }
@@ -152,7 +152,7 @@ pub(crate) fn misfit(
     }
     parts.sort_by(|a, b| b.1.total_cmp(&a.1));
     let unexplained = (1.0 - parts.iter().map(|part| part.1).sum::<f64>()).max(0.0);
-    let strange = if beside > LEAST && squares > 0.0 { beside * plain.share } else { 0.0 };
+    let strange = if other > LEAST && squares > 0.0 { other * plain.share } else { 0.0 };
     if unexplained > 0.0 && squares > 0.0 {
         parts.push((Kind::Unexplained, unexplained));
     }
@@ -163,7 +163,14 @@ pub(crate) fn misfit(
 }
 
 /// The models of all kinds but lines, over the rows.
-fn candidates(record: &Record, signs: &[f64], rows: &Rows, way: f64, duration: f64, is_linear: bool) -> Vec<Candidate> {
+fn candidates(
+    record: &Record,
+    signs: &[f64],
+    rows: &Rows,
+    inertia_sign: f64,
+    duration: f64,
+    is_linear: bool,
+) -> Vec<Candidate> {
     let (positions, speeds) = (record.positions(), velocities(record));
     let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
     let (middle, travel) = (0.5 * (low + high), (high - low).max(f64::MIN_POSITIVE));
@@ -220,7 +227,7 @@ fn candidates(record: &Record, signs: &[f64], rows: &Rows, way: f64, duration: f
         kind: Kind::Resonance { hz: *hz },
         columns: vec![column],
         searched,
-        sign: Some(way),
+        sign: Some(inertia_sign),
     }));
     all
 }
@@ -291,7 +298,7 @@ impl Rest {
 
     /// The squares that torques of position, velocity and time explain, each by itself: shared ones count more than once, so that what is
     /// beyond them surely is another torque. Kinds below `least` do not count, nor does friction by position.
-    fn alone(&self, rows: &Rows, least: f64) -> f64 {
+    fn separate_gains(&self, rows: &Rows, least: f64) -> f64 {
         let counted: [fn(&Kind) -> bool; 3] =
             [|kind| matches!(kind, Kind::Position { .. }), |kind| *kind == Kind::Velocity, |kind| *kind == Kind::Drift];
         let most = |is: &fn(&Kind) -> bool| {

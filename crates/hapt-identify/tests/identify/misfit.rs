@@ -128,24 +128,27 @@ fn parts(misfit: &Misfit, causes: &[Cause]) -> (Vec<f64>, f64) {
 }
 
 #[test]
-fn one_cause_is_the_largest_kind_and_no_other_kind_is_named_beside_it() {
-    let (mut largest, mut alone, mut all, mut wrong) = (0, 0, 0, Vec::new());
+fn one_cause_is_the_largest_kind_and_no_other_kind_is_named() {
+    let (mut largest, mut without_others, mut all, mut wrong) = (0, 0, 0, Vec::new());
     for (seed, cause) in hapt_testing::seeds(40).flat_map(|seed| CAUSES.map(|cause| (seed, cause))) {
         let misfit = misfit(seed, &[cause]);
         let (_, other) = parts(&misfit, &[cause]);
         all += 1;
         largest += i32::from(cause.is(misfit.kinds[0].kind));
-        alone += i32::from(other < 0.05);
+        without_others += i32::from(other < 0.05);
         if other > 0.0 {
             wrong.push((seed, cause, misfit));
         }
     }
-    assert!(50 * largest >= 49 * all - 50 && 50 * alone >= 49 * all - 50, "{largest}, {alone} of {all}: {wrong:?}");
+    assert!(
+        50 * largest >= 49 * all - 50 && 50 * without_others >= 49 * all - 50,
+        "{largest}, {without_others} of {all}: {wrong:?}"
+    );
 }
 
 #[test]
 fn two_causes_are_both_named() {
-    let (mut named, mut alone, mut all, mut wrong) = (0, 0, 0, Vec::new());
+    let (mut named, mut without_others, mut all, mut wrong) = (0, 0, 0, Vec::new());
     for seed in hapt_testing::seeds(160) {
         let (one, more) = (seed as usize % CAUSES.len(), 1 + (seed as usize / CAUSES.len()) % (CAUSES.len() - 1));
         let causes = [CAUSES[one], CAUSES[(one + more) % CAUSES.len()]];
@@ -153,9 +156,12 @@ fn two_causes_are_both_named() {
         let (each, other) = parts(&misfit, &causes);
         all += 1;
         named += i32::from(each.iter().all(|part| *part > 0.0));
-        alone += i32::from(other < 0.05);
+        without_others += i32::from(other < 0.05);
         wrong.push((seed, causes, each, other));
     }
     wrong.retain(|(_, _, each, other)| *other > 0.0 || each.contains(&0.0));
-    assert!(10 * named >= 9 * all - 10 && 20 * alone >= 19 * all - 20, "{named}, {alone} of {all}: {wrong:?}");
+    assert!(
+        10 * named >= 9 * all - 10 && 20 * without_others >= 19 * all - 20,
+        "{named}, {without_others} of {all}: {wrong:?}"
+    );
 }
