@@ -187,7 +187,7 @@ fn of_parameter(kind: Kind, world: &World, parameter: &Parameter) -> Option<Vari
     let role = role(kind, row, &parameter.path)?;
     let start = value(row, parameter)?;
     let min = match row.takes.quantity().map(|(_, range)| range) {
-        Some(Range::ZeroOrMore) => Some(0.0),
+        Some(Range::ZeroOrMore | Range::Share) => Some(0.0),
         Some(Range::Positive) => Some(*PHYSICAL.start()),
         Some(Range::Any) | None => None,
     };
@@ -226,7 +226,7 @@ fn role(kind: Kind, row: &Key, path: &str) -> Option<Role> {
         ["bodies", _, _] => Some(Role::Fixed),
         ["couplings", _, "kind"] => None,
         ["couplings", _, _] if matches!(row.takes, Takes::Name(_)) => Some(Role::Fixed),
-        ["couplings", _, _] => Some(Role::Tunable),
+        ["couplings", _, _] | ["compensation", _, "share" | "velocity"] => Some(Role::Tunable),
         _ => None,
     }
 }

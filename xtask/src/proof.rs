@@ -13,8 +13,8 @@ use anyhow::{Context, Result, ensure};
 use fastrand::Rng;
 use hapt_core::Waveform;
 use hapt_model::{
-    Body, Cogging, Compensated, Coupling, Damping, Delay, Device, End, EstimatorKind, FrictionByPosition, Gravity,
-    Handle, Law, Method, Motion, Output, Sampling, World,
+    Body, Cogging, Compensated, Compensation, Coupling, Damping, Delay, Device, End, EstimatorKind, FrictionByPosition,
+    Gravity, Handle, Law, Method, Motion, Output, Sampling, World,
 };
 use rayon::prelude::*;
 use serde_json::Value;
@@ -313,7 +313,11 @@ fn random(rng: &mut Rng) -> World {
     }
     if world.motion == Motion::Rotary && rng.u8(..6) == 0 {
         world.device.torque.gravity = Some(Gravity { torque: log_uniform(rng, -4.0, 0.0), phase: rng.f64() });
-        world.couplings.extend(world.device.compensation(Compensated::Gravity, rng.f64(), None));
+        world.couplings.extend(world.device.compensation(Compensation {
+            of: Compensated::Gravity,
+            share: rng.f64(),
+            velocity: None,
+        }));
     }
     if rng.u8(..6) == 0 {
         let waveform = Waveform { sine: [1.0, 0.0, -0.5, 0.0], cosine: [0.0, 0.25, 0.0, 0.0] };

@@ -286,7 +286,7 @@ fn slider(path: &str, measure: Measure, range: Range, about: f64, file: &World) 
         return (0.0, (4.0 * about).max(5.0 * file.sampling.period), false);
     }
     // A part of a whole.
-    if path.ends_with(".share") {
+    if range == Range::Share || path.ends_with(".share") {
         return (0.0, 1.0, false);
     }
     if range != Range::Any && about > 0.0 {
@@ -317,7 +317,7 @@ fn slider(path: &str, measure: Measure, range: Range, about: f64, file: &World) 
             let size = size.max(2.0 * about.abs());
             (-size, size, false)
         }
-        Range::ZeroOrMore | Range::Positive => (0.0, size, false),
+        Range::ZeroOrMore | Range::Share | Range::Positive => (0.0, size, false),
     }
 }
 

@@ -1,7 +1,8 @@
 //! `[[compensation]]`: torques of the device that the loop compensates, by the measured position or velocity.
 //!
 //! A compensation becomes a coupling between puck and ground: of gravity a detent of a turn, of cogging a texture, of friction an
-//! assist. So it runs, is supervised, certified and exported as any other coupling of the world.
+//! assist. So it runs, is supervised, certified and exported as any other coupling of the world. The table is kept with the world, so
+//! that the coupling follows a number of the device that a sweep changes.
 
 use std::f64::consts::TAU;
 
@@ -9,12 +10,12 @@ use hapt_core::{Coupling, End, HARMONICS, Law, Waveform};
 use hapt_plant::spec::{Cogging, Gravity};
 
 use crate::kinds::Compensated;
-use crate::world::Device;
+use crate::world::{Compensation, Device, World};
 
 impl Device {
-    /// The coupling that compensates `share` of a torque of this device, of friction fully from the speed `velocity` on; `None` where it
-    /// has none. Of friction that differs by direction or changes with the position the smallest level is compensated.
-    pub fn compensation(&self, of: Compensated, share: f64, velocity: Option<f64>) -> Option<Coupling> {
+    /// The coupling that compensates a torque of this device; `None` where it has no such torque. Of friction that differs by direction or
+    /// changes with the position the smallest level is compensated, which may be 0.
+    pub fn compensation(&self, Compensation { of, share, velocity }: Compensation) -> Option<Coupling> {
         let law = match of {
             Compensated::Gravity => {
                 let Gravity { torque, phase } = self.torque.gravity?;
@@ -26,11 +27,7 @@ impl Device {
                 let waveform = Waveform { sine: sine.map(|x| -x), cosine: cosine.map(|x| -x) };
                 Law::Texture { torque: share * torque, pitch, phase, waveform }
             }
-            Compensated::Friction => {
-                let friction = self.least_friction();
-                let torque = share * friction;
-                (friction > 0.0).then_some(Law::Assist { torque, velocity: velocity? })?
-            }
+            Compensated::Friction => Law::Assist { torque: share * self.least_friction(), velocity: velocity? },
         };
         Some(law.between(End::Puck, End::Ground))
     }
@@ -56,5 +53,26 @@ impl Device {
         };
         let is_there = torque > 0.0 && whole > 0.0 && coupling.first == End::Puck && coupling.second == End::Ground;
         is_there.then_some((of, torque / whole))
+    }
+}
+
+impl World {
+    /// The places of the compensations' couplings; `None` where a world made by hand has no such coupling.
+    pub(crate) fn compensating(&self) -> Vec<Option<usize>> {
+        let place = |compensation: &Compensation| {
+            let own = self.device.compensation(*compensation)?;
+            self.couplings.iter().rposition(|coupling| *coupling == own)
+        };
+        self.compensations.iter().map(place).collect()
+    }
+
+    /// Makes the couplings at these places follow the device and the compensations.
+    pub(crate) fn compensate(&mut self, places: &[Option<usize>]) {
+        for (compensation, place) in self.compensations.iter().zip(places) {
+            let place = place.and_then(|place| self.couplings.get_mut(place));
+            if let (Some(place), Some(coupling)) = (place, self.device.compensation(*compensation)) {
+                *place = coupling;
+            }
+        }
     }
 }

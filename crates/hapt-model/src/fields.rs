@@ -518,10 +518,11 @@ fn whole(text: &str) -> Option<i128> {
 fn fault(range: Range, value: f64) -> String {
     let (least, most) = (PHYSICAL.start(), PHYSICAL.end());
     match range {
+        Range::Share if value > 1.0 => "is above 1".to_string(),
         _ if value > *most => format!("is beyond anything physical, {most:e} in SI"),
         _ if value > 0.0 => format!("is below anything physical, {least:e} in SI"),
         Range::Positive => "is not above 0".to_string(),
-        Range::ZeroOrMore | Range::Any => "is negative".to_string(),
+        Range::ZeroOrMore | Range::Share | Range::Any => "is negative".to_string(),
     }
 }
 

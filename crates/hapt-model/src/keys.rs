@@ -126,6 +126,8 @@ pub enum Range {
     ZeroOrMore,
     /// Above 0.
     Positive,
+    /// 0 to 1.
+    Share,
 }
 
 /// Whether a key must be there.
@@ -264,6 +266,7 @@ impl Range {
             Range::Any => value.is_finite(),
             Range::ZeroOrMore => value == 0.0 || PHYSICAL.contains(&value),
             Range::Positive => PHYSICAL.contains(&value),
+            Range::Share => Range::ZeroOrMore.contains(value) && value <= 1.0,
         }
     }
 }
@@ -353,6 +356,7 @@ impl Key {
                 Range::Any => "",
                 Range::ZeroOrMore => " of 0 or more",
                 Range::Positive => " above 0",
+                Range::Share => " of 0 to 1",
             };
             format!("expected {}{range}, such as {:?}", measure.described(motion), measure.example(motion))
         };

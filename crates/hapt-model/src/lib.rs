@@ -87,4 +87,4 @@ pub use system::{Link, Station, System, is_network};
 pub use timing::{Timing, of_pattern};
 pub use unit::{UNITS, Unit, UnitError};
 pub use words::{did_you_mean, nearest};
-pub use world::{Device, Mounting, Scenario, Tolerances, World};
+pub use world::{Compensation, Device, Mounting, Scenario, Tolerances, World};

@@ -10,7 +10,7 @@ use crate::kinds::{HandKind, ShapeKind};
 use crate::safety::Safety;
 use crate::sampling::{Delay, Sampling};
 use crate::timing::Timing;
-use crate::world::{Device, Mounting, World};
+use crate::world::{Compensation, Device, Mounting, World};
 
 /// The place of a number.
 pub(crate) enum NumberSlot<'a> {
@@ -185,6 +185,12 @@ pub(crate) fn coupling(coupling: &mut Coupling) -> (&'static str, NumberSlots<'_
     (kind, slots)
 }
 
+/// Those of a compensation; the velocity is a key of friction's only.
+pub(crate) fn compensation(Compensation { of: _, share, velocity }: &mut Compensation) -> NumberSlots<'_> {
+    let velocity = velocity.as_mut().map(|velocity| ("velocity", Number(velocity)));
+    std::iter::once(("share", Number(share))).chain(velocity).collect()
+}
+
 /// A hand's kind and its numbers, those of `moves` apart.
 pub(crate) fn hand(hand: &mut Hand) -> (&'static str, NumberSlots<'_>) {
     let kind = HandKind::of(&hand.drive).name();
@@ -266,8 +272,13 @@ impl World {
                 plain("bodies.*", body(self.bodies.get_mut(index)?))
             }
             ["couplings", index] => {
-                let (kind, slots) = coupling(self.couplings.get_mut(index.parse::<usize>().ok()?)?);
+                // That of a compensation follows from its own table.
+                let place = index.parse::<usize>().ok().filter(|place| !self.compensating().contains(&Some(*place)))?;
+                let (kind, slots) = coupling(self.couplings.get_mut(place)?);
                 Table { kind: Some(kind), ..plain("couplings.*", slots) }
+            }
+            ["compensation", index] => {
+                plain("compensation.*", compensation(self.compensations.get_mut(index.parse::<usize>().ok()?)?))
             }
             ["scenarios", name, ref inner @ ..] => {
                 let scenario = self.scenarios.iter_mut().find(|scenario| scenario.name == name)?;
@@ -293,15 +304,18 @@ impl World {
         })
     }
 
-    /// Puts a number, in SI, where the dotted path of its key leads: `couplings.0.stiffness`. The only check is that a whole number's key
+    /// Puts a number, in SI, where the dotted path of its key leads: `couplings.0.stiffness`. Compensations follow it. The only check is that a whole number's key
     /// takes a whole number: the changed world may be one that no file can express.
     ///
     /// `false`, and nothing is changed, where this world has no number under that key, or one that takes no such value.
     pub fn set_number(&mut self, path: &str, value: f64) -> bool {
         let names: Vec<&str> = path.split('.').map(str::trim).collect();
         let Some((name, table)) = names.split_last() else { return false };
+        let compensating = self.compensating();
         let Some(table) = self.table(table) else { return false };
-        table.slots.into_iter().find(|(key, _)| key == name).is_some_and(|(_, slot)| slot.set(value))
+        let is_set = table.slots.into_iter().find(|(key, _)| key == name).is_some_and(|(_, slot)| slot.set(value));
+        self.compensate(&compensating);
+        is_set
     }
 
     /// The number in SI where the dotted path of its key leads; `None` where there is none.
@@ -325,6 +339,8 @@ impl World {
 
 #[cfg(test)]
 mod tests {
+    use hapt_core::Law;
+
     use super::*;
     use crate::keys::{KEYS, Takes};
     use crate::{Source, parameters};
@@ -342,6 +358,14 @@ mod tests {
         limit = 1
         encoder = 4000
         levels = 200
+        friction = 0.02
+        [device.gravity]
+        torque = 0.1
+        phase = 0.2
+        [device.cogging]
+        torque = 0.01
+        pitch = 0.3
+        sine = [1]
         [device.drive]
         gear = 5
         home = 0.5
@@ -412,6 +436,15 @@ mod tests {
         kind = "constant"
         between = ["wheel", "ground"]
         torque = 0.1
+        [[compensation]]
+        of = "cogging"
+        share = 0.4
+        [[compensation]]
+        of = "friction"
+        share = 0.5
+        velocity = 0.2
+        [[compensation]]
+        of = "gravity"
         [scenarios.hold]
         duration = 1
         hand = { kind = "step", to = 1, release = 0.5 }
@@ -443,12 +476,37 @@ mod tests {
             assert!(changed.set_number(&parameter.path, value), "{}", parameter.path);
             let read = World::read(&source, &[format!("{}={value}", parameter.path)]);
             if let Ok(read) = read {
+                let written = World::read(&Source::from_text("w.toml", changed.to_toml()), &[]);
+                assert_eq!(written.as_ref().ok(), Some(&read), "{}", parameter.path);
                 assert_eq!(changed, read, "{}", parameter.path);
                 assert_ne!(changed, world, "{}", parameter.path);
                 set += 1;
             }
         }
         assert!(set > 40, "{set}");
+    }
+
+    /// The torque that follows from a compensation is no number of the file, and that of another coupling stays as it is.
+    #[test]
+    fn a_number_of_the_device_moves_its_compensation_only() {
+        let mut world = World::read(&Source::from_text("w.toml", FILE), &[]).unwrap();
+        let (before, own) = (world.couplings.clone(), world.couplings.len() - world.compensations.len());
+        assert!(!world.set_number(&format!("couplings.{own}.torque"), 1.0));
+        assert!(world.set_number("device.gravity.torque", 0.3));
+        for (i, (old, new)) in before.iter().zip(&world.couplings).enumerate() {
+            assert_eq!(old == new, i + 1 < before.len(), "{i}");
+        }
+        let [old, new] = [&before, &world.couplings].map(|all| *all.last().unwrap());
+        let torque = |coupling: Coupling| {
+            let Law::Detent { torque, .. } = coupling.law else { panic!("{coupling:?}") };
+            torque
+        };
+        assert!((torque(new) - 3.0 * torque(old)).abs() < 1e-12);
+        // A world whose coupling was made by hand keeps it.
+        world.couplings.pop();
+        let kept = world.couplings.clone();
+        assert!(world.set_number("device.gravity.torque", 0.4));
+        assert_eq!(world.couplings, kept);
     }
 
     #[test]

@@ -20,7 +20,7 @@ use crate::support;
 use crate::timing::Timing;
 use crate::waveform;
 use crate::words;
-use crate::world::{Device, Scenario, World};
+use crate::world::{Compensation, Device, Scenario, World};
 
 /// Samples in a scenario.
 const MOST_SAMPLES: f64 = 1e10;
@@ -74,7 +74,7 @@ impl World {
         for (fields, coupling) in rows.iter().zip(&couplings) {
             check_coupling(fields, coupling, &couplings, &names, &sampling)?;
         }
-        compensate(&top, motion, (&sampling, &device), &mut couplings)?;
+        let compensations = compensations(&top, motion, (&sampling, &device), &mut couplings)?;
         if sampling.bodies_every > 1 && bodies.is_empty() {
             let message = format!("{} samples a step, and this world has no bodies; expected 1", sampling.bodies_every);
             let fields = Fields::new(table("loop"), top.node("loop"))?;
@@ -83,7 +83,7 @@ impl World {
         if sampling.recentre.is_some() {
             let fields = Fields::new(table("loop"), top.node("loop"))?;
             let wrong = |message: &str| Err(fields.error(ErrorKind::Combination, "recentre", message));
-            if !items(&top, "compensation").is_empty() {
+            if !compensations.is_empty() {
                 return wrong(
                     "a [[compensation]] counts from the device's own position, and the origin would slip away from it; expected one of both",
                 );
@@ -117,7 +117,18 @@ impl World {
             let fields = Fields::new(context, Some(&entry.node))?;
             scenarios.push(scenario(entry.key.clone(), &fields, (&sampling, &device), &mut paths)?);
         }
-        Ok(World { title: top.text("title"), motion, sampling, device, safety, names, bodies, couplings, scenarios })
+        Ok(World {
+            title: top.text("title"),
+            motion,
+            sampling,
+            device,
+            safety,
+            names,
+            bodies,
+            couplings,
+            compensations,
+            scenarios,
+        })
     }
 
     /// The scenario of this name.
@@ -211,23 +222,20 @@ fn coupling(fields: &Fields<'_>, names: &[String], files: &path::Reader<'_>) -> 
     Ok(Coupling { first, second, law, limit: fields.optional_number("limit")? })
 }
 
-/// Adds the couplings that compensate torques of the device.
-fn compensate(
+/// The compensations of the device's torques. Their couplings are added to the others.
+fn compensations(
     top: &Fields<'_>,
     motion: Motion,
     (sampling, device): (&Sampling, &Device),
     couplings: &mut Vec<Coupling>,
-) -> Result<(), Error> {
-    let mut compensated = [false; Compensated::ALL.len()];
+) -> Result<Vec<Compensation>, Error> {
+    let mut list: Vec<Compensation> = Vec::new();
     for (index, node) in items(top, "compensation").iter().enumerate() {
         let (path, pattern) = (format!("compensation.{index}"), "compensation.*");
         let fields = Fields::new(Context { path, motion, ..top.inner("compensation", pattern) }, Some(node))?;
         let of = fields.name("of").and_then(Compensated::from_name).ok_or_else(|| fields.missing("of"))?;
         let share = fields.number("share")?;
         let wrong = |key, message| Err(fields.error(ErrorKind::Combination, key, message));
-        if share > 1.0 {
-            return wrong("share", format!("{share:?} takes back more than there is; expected 0 to 1"));
-        }
         let velocity = fields.optional_number("velocity")?;
         if (of == Compensated::Friction) != velocity.is_some() {
             return Err(match velocity {
@@ -238,7 +246,10 @@ fn compensate(
                 }
             });
         }
-        let Some(coupling) = device.compensation(of, share, velocity) else {
+        let compensation = Compensation { of, share, velocity };
+        let coupling = device.compensation(compensation);
+        let is_there = of != Compensated::Friction || device.least_friction() > 0.0;
+        let Some(coupling) = coupling.filter(|_| is_there) else {
             let wanted = match of {
                 Compensated::Friction => {
                     "device.friction above 0, of both directions and at every position".to_string()
@@ -247,7 +258,7 @@ fn compensate(
             };
             return wrong("of", format!("the device has no {} to take back; expected {wanted}", of.name()));
         };
-        if std::mem::replace(&mut compensated[of as usize], true) {
+        if list.iter().any(|other| other.of == of) {
             return wrong("of", format!("{} is compensated already; expected one share of it", of.name()));
         }
         if of == Compensated::Friction && sampling.advance > 0 {
@@ -258,8 +269,9 @@ fn compensate(
             return wrong("of", format!("with it the world has more than {} couplings", keys::MOST_COUPLINGS));
         }
         couplings.push(coupling);
+        list.push(compensation);
     }
-    Ok(())
+    Ok(list)
 }
 
 /// The law of the coupling's kind that its other keys decide on, with its numbers.

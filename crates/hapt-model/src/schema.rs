@@ -178,6 +178,7 @@ fn quantity(
     let number = match range {
         Range::Any => json!({ "type": "number" }),
         Range::ZeroOrMore => json!({ "type": "number", "minimum": 0, "maximum": PHYSICAL.end() }),
+        Range::Share => json!({ "type": "number", "minimum": 0, "maximum": 1 }),
         Range::Positive => json!({ "type": "number", "minimum": PHYSICAL.start(), "maximum": PHYSICAL.end() }),
     };
     let plain = || json!({ "type": "string", "pattern": spelling::plain(wanted) });

@@ -87,7 +87,7 @@ pub(crate) fn tolerated() -> String {
 pub(crate) fn number_in(range: Range) -> Option<&'static str> {
     match range {
         Range::Any => None,
-        Range::ZeroOrMore => Some(r"^\s*(?:[+.0-9]|-[.0]+(?:[^.0-9]|$))"),
+        Range::ZeroOrMore | Range::Share => Some(r"^\s*(?:[+.0-9]|-[.0]+(?:[^.0-9]|$))"),
         Range::Positive => Some(r"^\s*\+?[.0-9]*[1-9]"),
     }
 }

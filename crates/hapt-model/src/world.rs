@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use hapt_core::{Body, Coupling, Spec};
 use hapt_plant::spec::{DeviceSpec, DeviceTorque, Drive, FrictionByPosition, Hand, Handle, Stops, Stribeck};
 
-use crate::kinds::Motion;
+use crate::kinds::{Compensated, Motion};
 use crate::safety::Safety;
 use crate::sampling::Sampling;
 use crate::timing::Timing;
@@ -46,10 +46,23 @@ pub struct World {
     pub names: Vec<String>,
     /// The bodies, in the same order.
     pub bodies: Vec<Body>,
-    /// The couplings, in file order.
+    /// The couplings, in file order, and after them those of the compensations.
     pub couplings: Vec<Coupling>,
+    /// The `[[compensation]]` tables, in file order.
+    pub compensations: Vec<Compensation>,
     /// The scenarios, in file order.
     pub scenarios: Vec<Scenario>,
+}
+
+/// A row of `[[compensation]]`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Compensation {
+    /// The torque of the device.
+    pub of: Compensated,
+    /// The part of it that is compensated, 0 to 1.
+    pub share: f64,
+    /// Of friction only: the speed in rad/s (linear: m/s) from which on the whole share is compensated.
+    pub velocity: Option<f64>,
 }
 
 /// The `[device]` table: everything physical.
@@ -385,6 +398,7 @@ impl World {
             names: Vec::new(),
             bodies: Vec::new(),
             couplings: Vec::new(),
+            compensations: Vec::new(),
             scenarios: Vec::new(),
         }
     }

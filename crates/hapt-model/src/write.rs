@@ -85,8 +85,16 @@ impl World {
             writeln!(f, "\n[bodies.{name}]")?;
             lines(f, table("bodies.*", numbers::body(body)))?;
         }
-        for coupling in &mut world.couplings {
-            self.write_coupling(f, coupling)?;
+        let compensating = self.compensating();
+        for (place, coupling) in world.couplings.iter_mut().enumerate() {
+            if !compensating.contains(&Some(place)) {
+                self.write_coupling(f, coupling)?;
+            }
+        }
+        for (compensation, _) in world.compensations.iter_mut().zip(&compensating).filter(|(_, place)| place.is_some())
+        {
+            writeln!(f, "\n[[compensation]]\nof = {:?}", compensation.of.name())?;
+            lines(f, table("compensation.*", numbers::compensation(compensation)))?;
         }
         for scenario in &mut world.scenarios {
             writeln!(f, "\n[scenarios.{}]", scenario.name)?;

@@ -2,8 +2,8 @@
 
 use hapt_analysis::{Grip, PatternVerdict, Verdict, check, free, free_growth, gripped_growth, passivity, uneven};
 use hapt_model::{
-    Cogging, Compensated, Coupling, Damping, DeviceTorque, End, EstimatorKind, Gravity, Law, Method, Output, Waveform,
-    World,
+    Cogging, Compensated, Compensation, Coupling, Damping, DeviceTorque, End, EstimatorKind, Gravity, Law, Method,
+    Output, Waveform, World,
 };
 use proptest::prelude::*;
 
@@ -32,7 +32,7 @@ proptest! {
         let of = if torque.gravity.is_some() { Compensated::Gravity } else { Compensated::Cogging };
         let mut world = Bench::of(vec![]).world(Method::Zoh, Output::End, 1e-3);
         world.device.torque = torque;
-        world.couplings = vec![world.device.compensation(of, share, None).unwrap()];
+        world.couplings = vec![world.device.compensation(Compensation { of, share, velocity: None }).unwrap()];
         world.sampling.delay = hapt_model::Delay::Seconds(f64::from(d) * 1e-3);
         world.sampling.filter = Some(x / (std::f64::consts::TAU * 1e-3));
         let slope = world.couplings[0].law.slopes().stiffness;

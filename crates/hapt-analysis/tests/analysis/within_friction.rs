@@ -6,7 +6,7 @@
 
 use hapt_analysis::{Status, check, is_certified, passivity, uneven};
 use hapt_core::Loop;
-use hapt_model::{Compensated, Coupling, Delay, End, EstimatorKind, Law, Method, Output, Side, World};
+use hapt_model::{Compensated, Compensation, Coupling, Delay, End, EstimatorKind, Law, Method, Output, Side, World};
 use proptest::prelude::*;
 
 use crate::common::*;
@@ -262,7 +262,7 @@ proptest! {
         let mut world = Bench::of(vec![spring(End::Puck, End::Ground, k)]).world(Method::Zoh, Output::End, 1e-3);
         (world.sampling.estimator, world.sampling.cutoff) = (estimator, Some(50.0));
         (world.device.friction, world.device.tolerances.friction) = (friction, tolerance);
-        let compensation = world.device.compensation(Compensated::Friction, share, Some(velocity)).unwrap();
+        let compensation = world.device.compensation(Compensation { of: Compensated::Friction, share, velocity: Some(velocity) }).unwrap();
         if share > 0.0 {
             let (of, found) = world.device.compensated_by(&compensation).unwrap();
             prop_assert!(of == Compensated::Friction && (found - share).abs() < 1e-12);

@@ -38,7 +38,7 @@ pub(crate) const DIRECTION: [&str; 2] = ["forward", "reverse"];
 
 use Measure::{Angle, Damping, Energy, Frequency, Inertia, Position, Ratio, Stiffness, Time, Torque, Velocity};
 use Presence::{Depends, Name, Number, Optional, Required};
-use Range::{Any, Positive, ZeroOrMore};
+use Range::{Any, Positive, Share, ZeroOrMore};
 use Takes::{Ends, List, Quantity, QuantityOr, Table, Text, Whole};
 
 /// Every key of the world file.
@@ -195,7 +195,7 @@ pub const KEYS: &[Key] = &[
     key("compensation", List { most: Compensated::ALL.len(), what: "compensation" }, Optional,
         "Torques of the device that the loop takes back by the measured position, or friction by the velocity: each a coupling between puck and ground behind the others."),
     key("compensation.*.of", Takes::Name(Compensated::NAMES), Required, "Which torque of the device: that of device.gravity, device.cogging or device.friction."),
-    key("compensation.*.share", Quantity(Ratio, ZeroOrMore), Number(1.0), "The part of it that is taken back, 1 at most."),
+    key("compensation.*.share", Quantity(Ratio, Share), Number(1.0), "The part of it that is taken back."),
     key("compensation.*.velocity", Quantity(Velocity, Positive), Depends("required of friction; of nothing else"),
         "The measured speed from which on the whole share of the friction is taken back; below it is proportional."),
 

@@ -6,15 +6,15 @@ use hapt_core::WhenLate;
 use hapt_core::spec::Range;
 use hapt_model::keys::PHYSICAL;
 use hapt_model::{
-    Body, Cogging, Coupling, Damping, Delay, Device, DeviceTorque, Drive, End, EstimatorKind, FrictionByPosition,
-    Gravity, Hand, Handle, Law, Method, Motion, Mounting, Output, Safety, Sampling, Scenario, Shape, Source, Stops,
-    Stribeck, Switching, Timing, Tolerances, Waveform, World,
+    Body, Cogging, Compensated, Compensation, Coupling, Damping, Delay, Device, DeviceTorque, Drive, End,
+    EstimatorKind, FrictionByPosition, Gravity, Hand, Handle, Law, Method, Motion, Mounting, Output, Safety, Sampling,
+    Scenario, Shape, Source, Stops, Stribeck, Switching, Timing, Tolerances, Waveform, World,
 };
 use hapt_testing::laws::{laws, some_limited};
 use proptest::collection::vec;
 use proptest::option;
 use proptest::prelude::*;
-use proptest::sample::select;
+use proptest::sample::{select, subsequence};
 
 /// Any finite number, from all decades.
 fn any_number() -> impl Strategy<Value = f64> {
@@ -300,6 +300,17 @@ fn safety() -> impl Strategy<Value = Safety> {
     })
 }
 
+fn compensations() -> impl Strategy<Value = Vec<Compensation>> {
+    let one = |(of, share, velocity): (Compensated, f64, f64)| {
+        let velocity = (of == Compensated::Friction).then_some(velocity);
+        Compensation { of, share, velocity }
+    };
+    subsequence(Compensated::ALL.to_vec(), 0..=Compensated::ALL.len())
+        .prop_shuffle()
+        .prop_flat_map(|all| all.into_iter().map(|of| (Just(of), 0.0..=1.0, positive())).collect::<Vec<_>>())
+        .prop_map(move |all| all.into_iter().map(one).collect())
+}
+
 fn world() -> impl Strategy<Value = World> {
     let body = (positive(), any_number(), any_number()).prop_map(|(inertia, position, velocity)| Body {
         inertia,
@@ -313,9 +324,14 @@ fn world() -> impl Strategy<Value = World> {
             let sampling = Sampling { bodies_every, ..sampling };
             let couplings = couplings(bodies.len(), !sampling.method.is_explicit() || bodies_every > 1);
             let scenarios = vec((0.0..1e9, hand(), timing(&sampling)), 0..4);
-            (Just((motion, sampling, bodies, title)), (device(motion), safety()), couplings, scenarios)
+            (
+                Just((motion, sampling, bodies, title)),
+                (device(motion), safety()),
+                (couplings, compensations()),
+                scenarios,
+            )
         })
-        .prop_map(|((motion, sampling, bodies, title), (device, safety), couplings, scenarios)| {
+        .prop_map(|((motion, sampling, bodies, title), (device, safety), (couplings, compensations), scenarios)| {
             let names = ["z-w", "A_1", "x", "y"].map(String::from).into_iter().take(bodies.len()).collect();
             let scenario = |(index, (samples, hand, timing)): (usize, (f64, Hand, Timing))| Scenario {
                 name: format!("{index}-s"),
@@ -351,7 +367,16 @@ fn world() -> impl Strategy<Value = World> {
             // The motor's limit is that of the pulse too.
             let pulse = safety.pulse.map(|pulse| device.limit.map_or(pulse, |limit| pulse.min(limit)));
             let safety = Safety { pulse, ..safety };
-            World { title, motion, sampling, device, safety, names, bodies, couplings, scenarios }
+            // The velocity of friction's compensation is that at the sample, and the origin of a compensation stays.
+            let is_possible = |one: &Compensation| {
+                let is_there =
+                    one.of != Compensated::Friction || (device.least_friction() > 0.0 && sampling.advance == 0);
+                is_there && sampling.recentre.is_none() && device.compensation(*one).is_some()
+            };
+            let compensations: Vec<Compensation> = compensations.into_iter().filter(is_possible).collect();
+            let compensating = compensations.iter().filter_map(|one| device.compensation(*one));
+            let couplings = couplings.into_iter().chain(compensating).collect();
+            World { title, motion, sampling, device, safety, names, bodies, couplings, compensations, scenarios }
         })
 }
 

@@ -56,7 +56,7 @@ proptest! {
             prop_assert!((row.torque - wanted).abs() < 1e-12 * (1.0 + wanted.abs()) + 1e-7 * torque, "{} {wanted}", row.torque);
         }
         let again = World::read(&Source::from_text("again.toml", world.to_toml()), &[]).unwrap();
-        prop_assert_eq!(&again.couplings, &world.couplings);
+        prop_assert_eq!((&again.couplings, &again.compensations), (&world.couplings, &world.compensations));
         let compensated: Vec<_> = world.couplings.iter().filter_map(|c| world.device.compensated_by(c)).collect();
         for (of, share) in compensated {
             let wanted = if of == Compensated::Gravity { by_gravity } else { by_cogging };
