@@ -259,7 +259,7 @@ def test_what_is_no_argument_is_named(world: hapt.World, tmp_path: pathlib.Path)
         (lambda: world.sweep(None, "certified"), "axes is a mapping"),  # type: ignore[call-overload]
         (lambda: world.sweep({3: [1e-3]}, "certified"), "a key is a dotted path"),  # type: ignore[dict-item]
         (lambda: world.sweep({"loop.period": [1e-3]}, "certified", shards=True), "shards is True"),
-        (lambda: world.sweep({"loop.period": [1e-3]}, "certified", storage_options={}), "no out"),  # type: ignore[call-overload]
+        (lambda: world.sweep({"loop.period": [1e-3]}, "certified", storage_options={}), "storage_options are given without out"),  # type: ignore[call-overload]
     ]
     for call, message in wrong:
         with pytest.raises((TypeError, ValueError), match=message):
