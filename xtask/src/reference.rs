@@ -133,6 +133,7 @@ fn quantity(key: &Key, measure: Measure, range: Range) -> String {
         Range::Any => "",
         Range::ZeroOrMore => ", ≥ 0",
         Range::Positive => ", > 0",
+        Range::Share => ", 0 to 1",
     };
     format!("{unit}{range}{}", if key.tolerance { ", ±" } else { "" })
 }

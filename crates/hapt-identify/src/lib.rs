@@ -91,4 +91,4 @@ pub use record::{LONGEST_DELAY, Record};
 pub use terms::{Term, TermKind};
 #[doc(hidden)]
 pub use torque::fit_torque_by;
-pub use torque::{TorqueFit, Window, fit_torque};
+pub use torque::{BestFit, TorqueFit, Window, fit_torque};

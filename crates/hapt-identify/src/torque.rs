@@ -97,6 +97,20 @@ fn with_force(mut model: Mask, record: &Record) -> Mask {
     model
 }
 
+/// The numbers of the best fit of the torque by inertia, damping, friction and a constant torque on the puck, in SI. They have no intervals,
+/// and may be far from the device's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BestFit {
+    /// Positive: the sign of the torque is the one that makes it so, here and in the other numbers.
+    pub inertia: f64,
+    /// Of either sign, as friction and offset.
+    pub damping: f64,
+    /// Coulomb's.
+    pub friction: f64,
+    /// The constant torque.
+    pub offset: f64,
+}
+
 /// The fit of the equation of motion to the torque, with 95 % intervals that hold where the device is richer than the equation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TorqueFit {
@@ -130,6 +144,8 @@ pub struct TorqueFit {
     pub lattice: Option<Lattice>,
     /// The residual of the equation.
     pub misfit: Misfit,
+    /// The numbers of that fit.
+    pub best: BestFit,
     /// The part of the torque's variance that the equation does not explain, and the positions' noise does not either.
     pub beyond_noise: f64,
     /// The delay that the fit assumes, in s.
@@ -318,6 +334,13 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
         low: gain * x.value / x.high,
         high: if x.low > 0.0 { gain * x.value / x.low } else { f64::MAX },
     });
+    let size = |term: usize| plain.values[INERTIA].signum() * plain.values[term] * gain.unwrap_or(1.0);
+    let best = BestFit {
+        inertia: size(INERTIA),
+        damping: size(DAMPING) - known.back_damping,
+        friction: size(FRICTION),
+        offset: -size(CONSTANT),
+    };
     // The puck of the equation that the picture shows.
     let moves = is_determined && record.forces().is_none() && plain.values[INERTIA] * sign > 0.0;
     let per_inertia = |term: usize| plain.values[term] / plain.values[INERTIA];
@@ -351,6 +374,7 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
         sign: (is_determined && inertia.value.abs() > SURELY * deviation).then_some(sign),
         lattice: record.lattice(),
         misfit,
+        best,
         beyond_noise,
         inertia_by_torque,
         inertia_by_motion: inertia_by_motion.map(|mean| positive(interval(mean, sign))),

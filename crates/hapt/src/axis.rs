@@ -108,6 +108,13 @@ fn words(system: &System, key: &str) -> String {
                 None => return key.to_string(),
             }
         }
+        ["compensation", index, name] => {
+            let all = station.map_or(&[][..], |station| &station.world.compensations);
+            match index.parse::<usize>().ok().and_then(|index| all.get(index)) {
+                Some(compensation) => format!("{} of {} compensated", spoken(name), compensation.of.name()),
+                None => return key.to_string(),
+            }
+        }
         _ => return key.to_string(),
     };
     words + &of_station

@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use anyhow::{Context, Result, ensure};
 use fastrand::Rng;
 use hapt_analysis::{free_growth, passivity, quantisation};
-use hapt_model::{Coupling, Damping, Delay, Device, End, EstimatorKind, Law, Method, Motion, Output, Sampling, World};
+use hapt_model::{Coupling, Damping, Delay, Device, End, EstimatorKind, Law, Method, Output, Sampling, World};
 
 use crate::campaign::Campaign;
 use crate::random::log_uniform;
@@ -84,20 +84,11 @@ fn wall(stiffness: f64, damping: f64, device_damping: f64, delay: f64) -> World 
         estimator: EstimatorKind::Difference,
         ..Sampling::new(PERIOD)
     };
-    World {
-        title: None,
-        motion: Motion::Rotary,
-        sampling,
-        device: Device { damping: device_damping, ..Device::new(INERTIA) },
-        safety: Default::default(),
-        names: Vec::new(),
-        bodies: Vec::new(),
-        couplings: vec![
-            to_ground(Law::Spring { stiffness, rest: 0.0 }),
-            to_ground(Law::Damper { damping: Damping::Fixed(damping) }),
-        ],
-        scenarios: Vec::new(),
-    }
+    let couplings = vec![
+        to_ground(Law::Spring { stiffness, rest: 0.0 }),
+        to_ground(Law::Damper { damping: Damping::Fixed(damping) }),
+    ];
+    World { couplings, ..World::new(sampling, Device { damping: device_damping, ..Device::new(INERTIA) }) }
 }
 
 /// In the dimensionless numbers of the module's head.

@@ -2,8 +2,8 @@
 
 use fastrand::Rng;
 use hapt_model::{
-    Body, Coupling, Damping, Device, End, EstimatorKind, FrictionByPosition, Handle, Law, Method, Motion, Output,
-    Sampling, Stops, Stribeck, Waveform, World,
+    Body, Coupling, Damping, Device, End, EstimatorKind, FrictionByPosition, Handle, Law, Method, Output, Sampling,
+    Stops, Stribeck, Waveform, World,
 };
 
 use crate::random::{as_steep_as, log_uniform, one_of, potentials};
@@ -102,17 +102,8 @@ pub fn random(rng: &mut Rng, is_nonlinear: bool) -> World {
         }
         device.friction_backward = (rng.u8(..3) == 0).then(|| device.friction * between(rng, 0.2, 3.0));
     }
-    World {
-        title: None,
-        motion: Motion::Rotary,
-        sampling,
-        device,
-        safety: Default::default(),
-        names: (0..bodies.len()).map(|i| format!("b{i}")).collect(),
-        bodies,
-        couplings,
-        scenarios: Vec::new(),
-    }
+    let names = (0..bodies.len()).map(|i| format!("b{i}")).collect();
+    World { names, bodies, couplings, ..World::new(sampling, device) }
 }
 
 /// A coupling's steepest rise by position and by velocity; a compensating damper's is left out.

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use fastrand::Rng;
-use hapt_identify::{Kind, Known, Misfit, Record, fit_torque};
+use hapt_identify::{Kind, Known, Misfit, Record, TorqueFit, fit_torque};
 use hapt_model::Waveform;
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::{Cogging, DeviceSpec, FrictionByPosition, Gravity, Handle, Stribeck};
@@ -51,6 +51,14 @@ impl Cause {
 
 /// What a random device with these causes leaves.
 fn misfit(seed: u64, causes: &[Cause]) -> Misfit {
+    let misfit = fitted(seed, causes).1.misfit;
+    let sum: f64 = misfit.kinds.iter().map(|part| part.share).sum();
+    assert!((sum / misfit.share - 1.0).abs() < 1e-9, "seed {seed}, {causes:?}: {misfit:?}");
+    misfit
+}
+
+/// A random device with these causes, and the fit to a record of it.
+fn fitted(seed: u64, causes: &[Cause]) -> (DeviceSpec, TorqueFit) {
     let mut rng = Rng::with_seed(seed);
     let mut between = |low: f64, high: f64| low + (high - low) * rng.f64();
     let inertia = 10f64.powf(between(-4.0, -2.0));
@@ -112,10 +120,25 @@ fn misfit(seed: u64, causes: &[Cause]) -> Misfit {
     }
     let positions = counted(&positions, counts, 0.5, &mut rng);
     let record = Record::new(times(&rig, samples), positions, torques).unwrap();
-    let misfit = fit_torque(&record, &Known::default()).unwrap().misfit;
-    let sum: f64 = misfit.kinds.iter().map(|part| part.share).sum();
-    assert!((sum / misfit.share - 1.0).abs() < 1e-9, "seed {seed}, {causes:?}: {misfit:?}");
-    misfit
+    (rig, fit_torque(&record, &Known::default()).unwrap())
+}
+
+/// Without a cause the best fit has the device's own numbers, and with any it still has some.
+#[test]
+fn the_best_fit_of_a_plain_device_has_its_numbers() {
+    for seed in 0..10 {
+        let (rig, fit) = fitted(seed, &[]);
+        let (best, largest) = (fit.best, rig.inertia * 60.0);
+        let is_near = |found: f64, value: f64, more: f64| (found - value).abs() < 0.05 * value + more;
+        assert!(is_near(best.inertia, rig.inertia, 0.0), "seed {seed}: {best:?}, {rig:?}");
+        assert!(is_near(best.friction, rig.friction, 0.01 * largest), "seed {seed}: {best:?}, {rig:?}");
+        assert!(is_near(best.damping, rig.damping, 0.2 * rig.damping), "seed {seed}: {best:?}, {rig:?}");
+        assert!(is_near(best.offset, 0.0, 0.01 * largest), "seed {seed}: {best:?}, {rig:?}");
+    }
+    for (seed, cause) in CAUSES.into_iter().enumerate() {
+        let best = fitted(seed as u64, &[cause]).1.best;
+        assert!(best.inertia > 0.0 && [best.damping, best.friction, best.offset].iter().all(|x| x.is_finite()));
+    }
 }
 
 /// The part of the misfit of each cause, and of kinds that are of none of them.

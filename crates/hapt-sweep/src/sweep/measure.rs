@@ -103,16 +103,19 @@ impl Measure {
     }
 
     /// Whether the key of this dotted path can change it. A run and a network depend on every key; measures of a loop do not depend on a scenario, on
-    /// initial states of bodies, or on the encoder; with the puck held they do not depend on device, delay and estimator, but with a handle held they do.
+    /// initial states of bodies, or on the encoder; compensations follow the device; with the puck held they do not depend on device, delay and estimator, but with a handle held they do.
     pub(crate) fn depends_on(self, key: &str, system: &System) -> bool {
         let Some(world) = system.world() else { return true };
         let has_handle = world.device.handle.is_some();
+        let is_held = matches!(self, Measure::HeldGrowth | Measure::HeldVerdict);
+        if key.starts_with("compensation.") || (key.starts_with("device.") && !world.compensations.is_empty()) {
+            return has_handle || !is_held;
+        }
         if key.starts_with("device.handle.") {
             return self != Measure::RequiredDamping;
         }
         if key.starts_with("device.gravity.") || key.starts_with("device.cogging.") {
-            let held = matches!(self, Measure::HeldGrowth | Measure::HeldVerdict);
-            return self != Measure::RequiredDamping && (has_handle || !held);
+            return self != Measure::RequiredDamping && (has_handle || !is_held);
         }
         let of_losses = ["device.friction_by_position.", "device.stribeck.", "device.stops."];
         if of_losses.iter().any(|table| key.starts_with(table)) {

@@ -2,7 +2,7 @@
 
 use hapt_analysis::check;
 use hapt_model::keys::Takes;
-use hapt_model::{Scenario, Source, World, parameters};
+use hapt_model::{Device, Scenario, Source, World, parameters};
 use hapt_sim::{Simulation, Summary};
 use hapt_sweep::{Measure, Sweep};
 use proptest::prelude::*;
@@ -85,6 +85,25 @@ const AXES: [&str; 12] = [
     "scenarios.go.duration=0.01..0.2:6",
 ];
 
+/// A device whose torques the loop compensates, for the end of a file with friction.
+const COMPENSATED: &str = r#"
+    [device.gravity]
+    torque = 0.1
+    [device.cogging]
+    torque = 0.01
+    pitch = 0.3
+    sine = [1]
+    [[compensation]]
+    of = "gravity"
+    share = 0.5
+    [[compensation]]
+    of = "cogging"
+    [[compensation]]
+    of = "friction"
+    share = 0.5
+    velocity = 0.2
+"#;
+
 proptest! {
     #![proptest_config(hapt_testing::cases(40))]
 
@@ -125,7 +144,8 @@ fn a_measure_changes_only_with_the_numbers_that_it_depends_on() {
     let mut lone = World { bodies: lone.bodies[..1].to_vec(), names: lone.names[..1].to_vec(), ..lone };
     lone.couplings.retain(|c| [c.first, c.second].iter().all(|end| end.body() != Some(1)));
     let mut seen = [[0; 2]; 4];
-    for text in [WHEELS.to_string(), lone.to_toml()] {
+    let compensated = World { device: Device { friction: 0.02, ..lone.device.clone() }, ..lone.clone() };
+    for text in [WHEELS.to_string(), lone.to_toml(), compensated.to_toml() + COMPENSATED] {
         each_number_in_turn(&text, &mut seen);
     }
     // Each of the three numbers stays along some axes and changes along others.

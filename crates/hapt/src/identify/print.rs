@@ -3,7 +3,9 @@
 use std::fmt::Write as _;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use hapt_identify::{FoundStops, Identified, Interval, Kind, Misfit, Part, PositionTorque, Term, TermKind, TorqueFit};
+use hapt_identify::{
+    BestFit, FoundStops, Identified, Interval, Kind, Misfit, Part, PositionTorque, Term, TermKind, TorqueFit,
+};
 use hapt_model::keys::Measure;
 use hapt_model::{Delay, Motion, World};
 use serde_json::{Value, json};
@@ -79,10 +81,18 @@ fn values(
 ) -> serde_json::Map<String, Value> {
     let mut json: serde_json::Map<String, Value> =
         numbers.iter().map(|(name, interval)| (name.to_string(), value(*interval))).collect();
-    json.insert("misfit".into(), by_torque.map_or(Value::Null, |fit| misfit(&fit.misfit)));
+    json.insert("misfit".into(), by_torque.map_or(Value::Null, misfit_of));
     if !terms.is_empty() {
         json.insert("terms".into(), terms.iter().map(term).collect());
     }
+    json
+}
+
+/// A misfit and the numbers of its fit as JSON.
+fn misfit_of(fit: &TorqueFit) -> Value {
+    let mut json = misfit(&fit.misfit);
+    let BestFit { inertia, damping, friction, offset } = fit.best;
+    json["fit"] = json!({ "inertia": inertia, "damping": damping, "friction": friction, "offset": offset });
     json
 }
 

@@ -90,18 +90,22 @@ fn text(given: &Given, fit: &TorqueFit, inertia_is_known: bool) -> String {
         let _ = writeln!(text, "{name:<9} {words}");
     };
     let within = |x: Option<Interval>, factor: f64, unit: &str| x.map_or("not told".into(), |x| sized(x, factor, unit));
+    let or_best = |x: Option<Interval>, best: f64, factor: f64, unit: &str| {
+        let fits = || format!("not told; the best fit has {} {unit}", print::digits(factor * best, 3));
+        x.map_or_else(fits, |x| sized(x, factor, unit))
+    };
     if inertia_is_known {
         line("inertia", format!("{} {inertia}, as given", format::number(fit.inertia.map_or(0.0, |x| x.value))));
         line("gain", within(fit.gain, 1.0, "of the commanded torque"));
     } else {
-        line("inertia", within(fit.inertia, 1.0, &inertia));
+        line("inertia", or_best(fit.inertia, fit.best.inertia, 1.0, &inertia));
         if let (Some(torque), Some(motion)) = (fit.inertia_by_torque, fit.inertia_by_motion) {
             line("", format!("{} by the torque alone", sized(torque, 1.0, &inertia)));
             line("", format!("{} by the motion alone", sized(motion, 1.0, &inertia)));
         }
     }
-    line("damping", within(fit.damping, 1.0, &damping));
-    line("friction", within(fit.friction, per_si, effort));
+    line("damping", or_best(fit.damping, fit.best.damping, 1.0, &damping));
+    line("friction", or_best(fit.friction, fit.best.friction, per_si, effort));
     line("delay", "not told beside the misfit".into());
     if let Some(offset) = fit.offset.filter(|offset| !offset.covers(0.0)) {
         line("offset", format!("{}: a constant torque that was not commanded", sized(offset, per_si, effort)));
