@@ -274,7 +274,7 @@ fn named(name: &str) -> Result<Unit, UnitError> {
 /// The known unit that shares a letter with `name`, and takes the fewest edits.
 fn near(name: &str) -> Option<&'static str> {
     let nearest = words::nearest(name, UNITS.iter().map(|(known, _)| *known))?;
-    let (lower, known) = (name.to_lowercase(), nearest.to_lowercase());
+    let (lower, known) = (name.to_ascii_lowercase(), nearest.to_ascii_lowercase());
     known.chars().any(|letter| lower.contains(letter)).then_some(nearest)
 }
 

@@ -32,10 +32,10 @@ fn list<'a>(names: impl IntoIterator<Item = &'a str>, conjunction: &str) -> Stri
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     // A word of a megabyte is no typing error, and the distance is quadratic.
     let word: String = word.chars().take(64).collect();
-    let lower = word.to_lowercase();
+    let lower = word.to_ascii_lowercase();
     candidates.into_iter().min_by_key(|candidate| {
         let (edits, exact) =
-            (strsim::osa_distance(&lower, &candidate.to_lowercase()), strsim::osa_distance(&word, candidate));
+            (strsim::osa_distance(&lower, &candidate.to_ascii_lowercase()), strsim::osa_distance(&word, candidate));
         (edits, candidate.chars().next() != word.chars().next(), exact)
     })
 }
@@ -43,7 +43,7 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
 /// `; did you mean "period"?` when a candidate is near enough to have been meant, else nothing.
 pub fn did_you_mean<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> String {
     let length = word.chars().take(64).count();
-    let edits = |name: &str| strsim::osa_distance(&word.to_lowercase(), &name.to_lowercase());
+    let edits = |name: &str| strsim::osa_distance(&word.to_ascii_lowercase(), &name.to_ascii_lowercase());
     match nearest(word, candidates) {
         Some(name) if length < 64 && edits(name) <= (length / 3).clamp(1, 4) => {
             format!("; did you mean {}?", quoted(name))

@@ -57,7 +57,7 @@ pub(super) fn sentence<'a>(stations: impl Iterator<Item = StationVerdict<'a>> + 
 /// A sentence as the first line of an answer.
 fn capitalised(sentence: &str) -> String {
     let mut rest = sentence.chars();
-    rest.next().map_or_else(String::new, |first| first.to_uppercase().chain(rest).collect())
+    rest.next().map_or_else(String::new, |first| std::iter::once(first.to_ascii_uppercase()).chain(rest).collect())
 }
 
 /// The symbol of a measure's unit.
