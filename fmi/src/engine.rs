@@ -144,14 +144,18 @@ impl Engine {
         if self.row.is_finite() { Ok(()) } else { Err(Clock { sample: last, part: 0.0, ..*clock }.time()) }
     }
 
-    /// Continues in a world with other numbers, between two samples: a bumpless transfer.
+    /// Continues from the world `before` in one with other numbers, between two samples: a bumpless transfer. A loop whose numbers are the
+    /// same goes on as it was.
     ///
     /// # Errors
     /// The core refuses the world; the engine is unchanged.
-    pub fn change(&mut self, world: &World) -> Result<(), Error> {
-        let compiled = DesktopLoop::new(&world.spec())?;
-        *self.state = compiled.transfer(&self.compiled, &self.state, Some, Some);
-        self.compiled = Arc::new(compiled);
+    pub fn change(&mut self, before: &World, world: &World) -> Result<(), Error> {
+        let spec = world.spec();
+        if spec != before.spec() {
+            let compiled = DesktopLoop::new(&spec)?;
+            *self.state = compiled.transfer(&self.compiled, &self.state, Some, Some);
+            self.compiled = Arc::new(compiled);
+        }
         if let Some(device) = &mut self.device {
             device.refit(&mut VirtualDevice::new(&world.device_spec()));
         }

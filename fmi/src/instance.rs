@@ -364,7 +364,7 @@ impl Instance {
             Err(refused) => return Err(refused.message()),
         };
         let compiled = if is_running {
-            self.engine.change(&world)
+            self.engine.change(&self.world, &world)
         } else {
             Engine::new(self.model.kind, &world).map(|engine| self.engine = engine)
         };

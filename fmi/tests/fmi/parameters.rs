@@ -64,6 +64,27 @@ fn a_parameter_that_is_tuned_between_two_steps_is_a_bumpless_transfer() {
     }
 }
 
+/// The device acts on the loop by the puck's motion only: its numbers, set at rest after the start, are those of the file, and the bodies
+/// that step at every third sample go on in their step.
+#[test]
+fn a_number_of_the_device_changes_no_bit_of_the_loop() {
+    let sets = ["loop.bodies_every=3", "bodies.wheel.velocity=0.5", "loop.estimator=foaw"];
+    let fmu = Fmu::new(Kind::Whole, &world(WHEEL, &sets));
+    for (key, value) in [("device.damping", 2e-3), ("device.inertia", 5e-4), ("device.friction", 1e-3)] {
+        let (file, tuned) = (fmu.instance(Version::Two), fmu.instance(Version::Three));
+        assert!(file.set(key, value), "{}", file.message());
+        file.start(0.0);
+        tuned.start(0.0);
+        assert!(tuned.set(key, value), "{}", tuned.message());
+        for k in 0..200 {
+            for instance in [&file, &tuned] {
+                assert!(instance.set("hand_torque_Nm", 0.05) && instance.step(f64::from(k) * 1e-3, 1e-3));
+            }
+            assert_eq!(file.outputs(), tuned.outputs(), "{key} row {k}");
+        }
+    }
+}
+
 /// Friction by direction and by position, friction that falls with the speed, and end stops: set before the start they equal those of the
 /// file.
 #[test]
