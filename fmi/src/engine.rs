@@ -234,6 +234,10 @@ pub fn linear_response(world: &World, motion: [f64; 2]) -> Result<Row, Error> {
 
 /// The linear part of a coupling about its own rest; `None` for a constant torque.
 fn linear(coupling: &Coupling) -> Option<Coupling> {
+    // An integral term without a limit is linear, but has a state, and is no matrix of stiffness and damping.
+    if let (Law::Integral { stiffness, time, .. }, None) = (coupling.law, coupling.limit) {
+        return Some(Coupling { law: Law::Integral { stiffness, time, rest: 0.0 }, ..*coupling });
+    }
     let linear = coupling.linear()?;
     let law = if linear.stiffness == 0.0 {
         Law::Damper { damping: linear.damping }

@@ -206,9 +206,13 @@ fn derivatives_are_those_of_the_linear_part() {
         &["loop.method=foh", "loop.output=start"],
         &["loop.advance=3"],
     ] {
-        let damped =
-            format!("{linear}\n[[couplings]]\nkind = \"damper\"\nbetween = [\"puck\", \"ground\"]\ndamping = 0.003\n");
-        let fmu = Fmu::new(Kind::Loop, &world(&damped, sets));
+        let coupling = |of: &str| format!("\n[[couplings]]\nbetween = [\"puck\", \"ground\"]\n{of}\n");
+        let damper = coupling("kind = \"damper\"\ndamping = 0.003");
+        let integral = match sets {
+            ["loop.advance=3"] => String::new(),
+            _ => coupling("kind = \"integral\"\nstiffness = 2.0\ntime = 0.05\nrest = 0.1"),
+        };
+        let fmu = Fmu::new(Kind::Loop, &world(&format!("{linear}{damper}{integral}"), sets));
         let outputs = fmu.outputs();
         let (one, other) = (fmu.instance(Version::Two), fmu.instance(Version::Three));
         one.start(0.0);
