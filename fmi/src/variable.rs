@@ -220,6 +220,7 @@ fn role(kind: Kind, row: &Key, path: &str) -> Option<Role> {
         ["loop", _] => Some(Role::Fixed),
         ["device", "inertia" | "damping" | "friction" | "friction_backward"] => only_whole(Role::Tunable),
         ["device", "friction_by_position" | "handle" | "stribeck" | "stops", _] => only_whole(Role::Tunable),
+        ["device", "lag"] | ["device", "cogging" | "gravity", _] => only_whole(Role::Fixed),
         ["device", "limit"] => Some(Role::Tunable),
         ["device", "encoder" | "levels"] => Some(Role::Fixed),
         ["bodies", _, "inertia"] => Some(Role::Tunable),
@@ -236,9 +237,11 @@ pub fn row(world: &World, path: &str) -> Option<&'static Key> {
     let names: Vec<&str> = path.split('.').collect();
     let kind = |coupling: &Coupling| coupling.law.kind().name();
     let (pattern, kind) = match names[..] {
-        ["loop" | "device", _] | ["device", "friction_by_position" | "handle" | "stribeck" | "stops", _] => {
+        ["loop" | "device", _]
+        | ["device", "cogging" | "friction_by_position" | "gravity" | "handle" | "stribeck" | "stops", _] => {
             (path.to_string(), None)
         }
+        ["compensation", _, name] => (format!("compensation.*.{name}"), None),
         ["bodies", _, name] => (format!("bodies.*.{name}"), None),
         ["couplings", index, name] => {
             (format!("couplings.*.{name}"), Some(kind(world.couplings.get(index.parse::<usize>().ok()?)?)))

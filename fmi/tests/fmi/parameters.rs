@@ -85,11 +85,17 @@ fn a_number_of_the_device_changes_no_bit_of_the_loop() {
     }
 }
 
-/// Friction by direction and by position, friction that falls with the speed, and end stops: set before the start they equal those of the
-/// file.
+/// Friction by direction and by position, friction that falls with the speed, gravity, cogging, the motor's lag and end stops: set before the
+/// start they equal those of the file.
 #[test]
-fn the_devices_friction_and_stops_are_parameters() {
+fn the_numbers_of_the_devices_own_torques_are_parameters() {
     let keys = [
+        ("device.lag", 2e-3),
+        ("device.gravity.torque", 0.02),
+        ("device.gravity.phase", 0.4),
+        ("device.cogging.torque", 3e-3),
+        ("device.cogging.pitch", 0.3),
+        ("device.cogging.phase", 0.05),
         ("device.friction", 4e-3),
         ("device.friction_backward", 2e-3),
         ("device.friction_by_position.share", 0.3),
@@ -102,7 +108,7 @@ fn the_devices_friction_and_stops_are_parameters() {
         ("device.stops.damping", 1e-2),
     ];
     // A waveform is no parameter.
-    let waveform = ["device.friction_by_position.cosine=[1.0, 0.5]".to_string()];
+    let waveform = ["friction_by_position", "cogging"].map(|of| format!("device.{of}.cosine=[1.0, 0.5]"));
     let fmu = |factor: f64| {
         let sets = keys.map(|(key, value)| format!("{key}={}", factor * value));
         let sets: Vec<&str> = waveform.iter().chain(&sets).map(String::as_str).collect();
