@@ -23,7 +23,7 @@ from ._running import Device, Loop
 from ._system import System, a_key, text_of, whole
 from ._widget import Widget
 
-Value = Union[str, float, int, bool]
+Value = Union[str, float, int]
 
 #: The largest number of rows of an impedance.
 _POINTS = 100_000
@@ -114,21 +114,21 @@ class World(System):
         return World._of(self._native.set(a_key(key), value if isinstance(value, str) else _toml.inline(value)))
 
     def get(self, key: str) -> Optional[Value]:
-        """The value of a key: a number in SI, a bool or a str. A key that is not set has its default, or None where it has no default.
+        """The value of a key: a number in SI or a str. A key that is not set has its default, or None where it has no default.
 
         Raises KeyError for a key that the world or network does not have.
         """
-        for path, si, written, _, _, _ in self._native.parameters():
+        for path, value in self._native.parameters():
             if path == key:
-                return _value(si, written)
+                return value
         is_known, number = self._native.number(a_key(key))
         if is_known:
             return number
         raise self._native.no_such_key(key)
 
-    def parameters(self) -> dict[str, Optional[Value]]:
+    def parameters(self) -> dict[str, Value]:
         """The keys of the world, or of the stations' worlds, with their values as `get` returns them, in file order."""
-        return {path: _value(si, written) for path, si, written, _, _, _ in self._native.parameters()}
+        return dict(self._native.parameters())
 
     def to_toml(self) -> str:
         """The text of a world file with all changes applied. Raises ValueError for a network, which has several files."""
@@ -398,16 +398,3 @@ def measures() -> dict[str, str]:
 
 def _world(name: str, text: str, folder: Any, files: dict[str, str], sets: list[str]) -> World:
     return World._of(_hapt.read(name, text, folder, files, sets))
-
-
-def _value(si: Optional[float], written: str) -> Value:
-    if si is not None:
-        return si
-    if written in ("true", "false"):
-        return written == "true"
-    for number in (int, float):
-        try:
-            return number(written)
-        except ValueError:
-            continue
-    return written

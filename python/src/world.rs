@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use hapt_analysis::Slopes;
 use hapt_live::standalone::{Page, PageInput, Place, single};
-use hapt_model::{Source, System, Timing, World as Model};
+use hapt_model::keys::Takes;
+use hapt_model::{Parameter, Source, System, Timing, World as Model};
 use hapt_sweep::worst::{Worst, search};
 use numpy::{IntoPyArray, PyReadonlyArray1};
 use pyo3::exceptions::{PyKeyError, PyMemoryError, PyValueError};
@@ -22,8 +23,33 @@ use crate::running::{Device, Loop};
 use crate::simulate::{Failure, simulate, too_large};
 use crate::sweep::Sweep;
 
-/// A key's path, value in SI, text as written, unit, meaning, and whether the file has it.
-type Parameter = (String, Option<f64>, String, String, &'static str, bool);
+/// A key's value.
+#[derive(IntoPyObject)]
+pub enum Value {
+    /// In SI.
+    Number(f64),
+    Whole(i64),
+    Text(String),
+}
+
+impl Value {
+    fn of(Parameter { si, written, takes, .. }: Parameter) -> Value {
+        let number = || si.or_else(|| written.parse().ok());
+        let value = match takes {
+            Takes::Quantity(..) | Takes::QuantityOr(..) | Takes::TimeOrSamples => number().map(Value::Number),
+            // The reader has checked that it is whole.
+            Takes::Whole { .. } => number().map(|number| Value::Whole(number as i64)),
+            Takes::Text
+            | Takes::Name(_)
+            | Takes::Numbers { .. }
+            | Takes::Ends(_)
+            | Takes::Table
+            | Takes::Named { .. }
+            | Takes::List { .. } => None,
+        };
+        value.unwrap_or(Value::Text(written))
+    }
+}
 
 /// A world or network with the text that it was read from and the changes made to it.
 #[pyclass(frozen, module = "hapt._hapt")]
@@ -96,16 +122,14 @@ impl World {
         World::new(py, self.source.clone(), sets)
     }
 
-    /// Every key of the world, or of the stations' worlds.
-    fn parameters(&self, py: Python<'_>) -> PyResult<Vec<Parameter>> {
+    /// Every key of the world, or of the stations' worlds, with its value.
+    fn parameters(&self, py: Python<'_>) -> PyResult<Vec<(String, Value)>> {
         let mut all = Vec::new();
         for station in &self.model.stations {
             let list = hapt_model::parameters(&station.source, &station.sets);
             let list = list.map_err(|error| of_world(py, error, "set"))?;
             let prefix = if station.name.is_empty() { String::new() } else { format!("stations.{}.", station.name) };
-            all.extend(
-                list.into_iter().map(|p| (format!("{prefix}{}", p.path), p.si, p.written, p.unit, p.doc, p.given)),
-            );
+            all.extend(list.into_iter().map(|p| (format!("{prefix}{}", p.path), Value::of(p))));
         }
         Ok(all)
     }

@@ -38,6 +38,13 @@ def test_a_text_a_file_and_a_dict_are_the_same_world(world: hapt.World, tmp_path
     assert built == world
 
 
+@pytest.mark.parametrize("title", ["2024", "1_0", "nan", "1e3", "true", "A wheel"])
+def test_a_text_stays_a_text_and_a_whole_number_whole(title: str) -> None:
+    world = hapt.load({"title": title, "loop": {"period": 1}, "device": {"inertia": 1, "encoder": 4000.0}})
+    assert world.get("title") == world.parameters()["title"] == title
+    assert [type(world.get(key)) for key in ("loop.period", "device.encoder", "loop.advance")] == [float, int, int]
+
+
 def test_every_kind_of_the_reader_has_its_class_with_the_same_keys() -> None:
     for classes, keys in [
         (hapt._build.COUPLINGS, hapt._hapt.coupling_keys()),

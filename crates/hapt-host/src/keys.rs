@@ -116,13 +116,14 @@ fn add_output(list: &mut Vec<Parameter>, world: &World) {
     if list.iter().any(|parameter| parameter.path == "loop.output") {
         return;
     }
-    let doc = KEYS.iter().find(|key| key.path == "loop.output").map_or("", |key| key.doc);
+    let Some(Key { takes, doc, .. }) = KEYS.iter().find(|key| key.path == "loop.output") else { return };
     let output = Parameter {
         path: "loop.output".into(),
         written: world.sampling.output.name().into(),
         si: None,
         tolerance: 0.0,
         unit: String::new(),
+        takes: *takes,
         doc,
         doubt: None,
         given: false,

@@ -25,6 +25,8 @@ pub struct Parameter {
     pub si: Option<f64>,
     /// The SI unit of a quantity; empty for other values.
     pub unit: String,
+    /// What the key takes.
+    pub takes: Takes,
     /// The meaning of the key.
     pub doc: &'static str,
     /// A warning about a bare number that no usual device has, with the unit that was probably meant.
@@ -156,7 +158,8 @@ fn table(
             _ => continue,
         };
         let path = join(path, row.name());
-        list.push(Parameter { path, written, tolerance: 0.0, si, unit, doc: row.doc, doubt: None, given: false });
+        let Key { takes, doc, .. } = *row;
+        list.push(Parameter { path, written, tolerance: 0.0, si, unit, takes, doc, doubt: None, given: false });
     }
 }
 
@@ -188,7 +191,7 @@ fn given(row: &Key, motion: Motion, count: Option<f64>, path: String, node: &Nod
         Value::Number(number) => row.doubt(motion, &path, number),
         Value::Text(_) | Value::Boolean(_) | Value::Date(_) | Value::Array(_) | Value::Table(_) => None,
     };
-    Parameter { path, written, tolerance, si, unit, doc: row.doc, doubt, given: true }
+    Parameter { path, written, tolerance, si, unit, takes: row.takes, doc: row.doc, doubt, given: true }
 }
 
 /// A quantity's text without its tolerance, and the tolerance: its own, or that of the number which an override has replaced.
