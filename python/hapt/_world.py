@@ -68,6 +68,7 @@ class World(System):
         device: Mapping[str, Any],
         bodies: Optional[Mapping[str, Any]] = None,
         couplings: Sequence[Any] = (),
+        compensation: Sequence[Any] = (),
         scenarios: Optional[Mapping[str, Any]] = None,
         safety: Optional[Mapping[str, Any]] = None,
         title: Optional[str] = None,
@@ -81,6 +82,7 @@ class World(System):
             "safety": safety,
             "bodies": bodies or None,
             "couplings": list(couplings) or None,
+            "compensation": list(compensation) or None,
             "scenarios": scenarios or None,
         }
         self._native = _hapt.read("world", _toml.document(_toml.plain(tables, "")))

@@ -4,6 +4,7 @@ import copy
 import csv
 import dataclasses
 import html.parser
+import inspect
 import io
 import os
 import pickle
@@ -36,6 +37,16 @@ def test_a_text_a_file_and_a_dict_are_the_same_world(world: hapt.World, tmp_path
         scenarios={"step": {"duration": "500 ms", "hand": hapt.Step("10 deg", release="100 ms")}},
     )
     assert built == world
+
+
+def test_every_table_of_a_world_file_is_one_of_the_constructor() -> None:
+    torque = {"torque": "20 N mm", "phase": "30 deg"}
+    plain = hapt.World(loop={"period": 1e-3}, device={"inertia": 1e-3, "gravity": torque})
+    held = hapt.World(loop={"period": 1e-3}, device={"inertia": 1e-3, "gravity": torque}, compensation=[{"of": "gravity"}])
+    for world, expected in [(plain, 0.0), (held, -0.02 * np.sin(np.deg2rad(30)))]:
+        assert world.loop().step(0.0, 0.0) == pytest.approx(expected)
+    tables = {key.split(".")[0] for key in hapt.load("@notes/default").parameters()}
+    assert tables | {"compensation"} <= set(inspect.signature(hapt.World).parameters)
 
 
 @pytest.mark.parametrize("title", ["2024", "1_0", "nan", "1e3", "true", "A wheel"])
