@@ -86,7 +86,7 @@ fn a_number_of_the_device_changes_no_bit_of_the_loop() {
 }
 
 /// Friction by direction and by position, friction that falls with the speed, gravity, cogging, the motor's lag and end stops: set before the
-/// start they equal those of the file.
+/// start they equal those of the file, and what the loop compensates follows them.
 #[test]
 fn the_numbers_of_the_devices_own_torques_are_parameters() {
     let keys = [
@@ -106,13 +106,23 @@ fn the_numbers_of_the_devices_own_torques_are_parameters() {
         ("device.stops.high", 0.05),
         ("device.stops.stiffness", 20.0),
         ("device.stops.damping", 1e-2),
+        ("compensation.0.share", 0.4),
+        ("compensation.1.share", 0.6),
+        ("compensation.1.velocity", 0.3),
     ];
     // A waveform is no parameter.
     let waveform = ["friction_by_position", "cogging"].map(|of| format!("device.{of}.cosine=[1.0, 0.5]"));
     let fmu = |factor: f64| {
         let sets = keys.map(|(key, value)| format!("{key}={}", factor * value));
         let sets: Vec<&str> = waveform.iter().chain(&sets).map(String::as_str).collect();
-        Fmu::new(Kind::Whole, &world(WHEEL, &sets))
+        let compensated = r#"
+            [[compensation]]
+            of = "gravity"
+            [[compensation]]
+            of = "friction"
+            velocity = 0.1
+        "#;
+        Fmu::new(Kind::Whole, &world(&format!("{WHEEL}{compensated}"), &sets))
     };
     for version in VERSIONS {
         let (made, other) = (fmu(1.0), fmu(1.5));
