@@ -390,6 +390,27 @@ impl Key {
     }
 }
 
+/// The number in SI that the key of a world file has where it is absent. It is for constants: a path without such a key does not compile.
+pub(crate) const fn default_number(path: &str) -> f64 {
+    let mut i = 0;
+    while i < KEYS.len() {
+        if let (true, Presence::Number(number)) = (is_same(KEYS[i].path, path), KEYS[i].presence) {
+            return number;
+        }
+        i += 1;
+    }
+    panic!("no key of this path has a default number")
+}
+
+const fn is_same(one: &str, other: &str) -> bool {
+    let (one, other) = (one.as_bytes(), other.as_bytes());
+    let mut i = 0;
+    while i < one.len() && i < other.len() && one[i] == other[i] {
+        i += 1;
+    }
+    i == one.len() && i == other.len()
+}
+
 /// The rows of one table, such as `couplings.*`, in the order of [`KEYS`].
 pub fn rows(table: &str) -> impl Iterator<Item = &'static Key> {
     KEYS.iter().chain(NETWORK).filter(move |key| key.table() == table)

@@ -4,7 +4,7 @@ use hapt_core::WhenLate;
 
 use crate::error::{Error, ErrorKind};
 use crate::fields::{Fields, one_of};
-use crate::keys::{LINK_LOST, WORLD_LEDGER};
+use crate::keys::{LINK_LOST, WORLD_LEDGER, default_number};
 
 /// The `[safety]` table, in SI; `None`: the default, which depends on the world ([`World::limits`](crate::World::limits)).
 #[derive(Clone, Debug, PartialEq)]
@@ -52,7 +52,7 @@ pub struct Safety {
 impl Default for Safety {
     fn default() -> Self {
         Safety {
-            fade: 0.1,
+            fade: const { default_number("safety.fade") },
             velocity: None,
             jump: None,
             overspeed: None,
@@ -60,9 +60,9 @@ impl Default for Safety {
             torque: None,
             slew: None,
             rms: None,
-            heating: 30.0,
+            heating: const { default_number("safety.heating") },
             driver_rms: None,
-            driver_heating: 1.0,
+            driver_heating: const { default_number("safety.driver_heating") },
             stall: None,
             late: None,
             link: None,
@@ -70,7 +70,7 @@ impl Default for Safety {
             energy: None,
             world_trips: None,
             pulse: None,
-            brake: 0.0,
+            brake: const { default_number("safety.brake") },
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use hapt_core::{Estimator, Method, Output};
 
+use crate::keys::default_number;
 use crate::kinds::EstimatorKind;
 
 /// The delay, in periods.
@@ -67,17 +68,17 @@ impl Sampling {
             period,
             method: Method::Zoh,
             output: Output::End,
-            advance: 0,
-            bodies_every: 1,
+            advance: const { default_number("loop.advance") as u32 },
+            bodies_every: const { default_number("loop.bodies_every") as u32 },
             interval_max: None,
-            delay: Delay::Seconds(0.0),
+            delay: Delay::Seconds(const { default_number("loop.delay") }),
             delay_max: None,
             filter: None,
             recentre: None,
             estimator: EstimatorKind::Exact,
             cutoff: None,
-            every: 1,
-            window: 16,
+            every: const { default_number("loop.every") as u32 },
+            window: const { default_number("loop.window") as u32 },
         }
     }
 
