@@ -33,8 +33,9 @@ class Identified(Answer):
 
     Each is `{"value", "low", "high"}` in SI with the 95 % interval, or None where the record does not determine it. Where the record reaches
     end stops, `stops` has their `low`, `high`, `stiffness` and `damping` in the same form. `late_s` is delay and lag together; where the lag
-    may be 0, the two cannot be distinguished, and `delay_s` is the same sum. Where the model does not explain the motion, the numbers are a
-    fit of the torque's equation: `warnings` has the reason, and delay and lag are None.
+    may be 0, the two cannot be distinguished, and `delay_s` is the same sum. `misfit` is what the torque's equation leaves, with the numbers of
+    its best fit, as `hapt identify --json` has it. Where the model does not explain the motion, the numbers are a fit of that equation:
+    `warnings` has the reason, delay and lag are None, and `inertia_by_torque`, `inertia_by_motion` and, where there are some, `terms` are added.
     """
 
     def __init__(self, fields: dict[str, Any], warnings: list[str]) -> None:
@@ -48,7 +49,8 @@ class Comparison(Answer):
     `agrees` is the same. `numbers` is a list, each with `name`, `estimate` (`{"value", "low", "high"}`, 95 %, or None), `file` (the world's
     range), `sigmas` (the estimate's distance from that range in standard errors), `verdict` ("agrees", "contradicts", or "not told" where the
     record does not determine the number) and `reason`. `unexplained` is the reason why the model does not explain the motion, or None.
-    `residual` is the rest of the fit: `rms` and `noise_rms` in rad (linear: m), `correlation`, and `counts` (the rms in encoder counts).
+    `misfit` is None unless the numbers are those of the torque's equation. `residual` is the rest of the fit: `rms` and `noise_rms` in rad
+    (linear: m), `correlation`, and `counts` (the rms in encoder counts).
     """
 
     def __bool__(self) -> bool:

@@ -6,7 +6,7 @@ use hapt_analysis::equations::estimator::{Filter, PositionFilter};
 use hapt_analysis::error::at_one_rate;
 use hapt_analysis::impedance::rendered::columns;
 use hapt_analysis::{Continuous, Design, Discrete, Impedance, Slopes};
-use hapt_identify::{Claims, Interval, Known, Record};
+use hapt_identify::{Claims, Known, Record};
 use hapt_model::keys::{self, Takes};
 use hapt_model::{CouplingKind, Device, Dimension, HandKind, Handle, Motion, Source, World, parse_quantity};
 use hapt_sweep::Measure;
@@ -143,26 +143,19 @@ pub fn identify(
         let known = Known { inertia, is_linear: linear, ..Known::default() };
         let found = match hapt_identify::identify_until(&record, &known, &|| stop.is_set()) {
             None => return Ok(None),
-            Some(Ok(found)) => (found.named(), found.stops, found.warnings()),
+            Some(Ok(found)) => (found.json(hapt_identify::fit_torque(&record, &known).as_ref()), found.warnings()),
             // The model does not explain the motion: the result is the fit of the torque's equation, as on the command line.
             Some(Err(error)) => {
                 let richer = matches!(error, hapt_identify::Error::Residual(_) | hapt_identify::Error::Unexplained);
                 let fit = richer.then(|| hapt_identify::fit_torque(&record, &known)).flatten();
                 let fit = fit.filter(|fit| fit.explains()).ok_or_else(|| error.clone())?;
-                (fit.named(linear), None, vec![error.to_string()])
+                (fit.json(linear, false), vec![error.to_string()])
             }
         };
         Ok::<_, hapt_identify::Error>(Some(found))
     };
-    let (named, stops, warnings) = interruptible(py, work)?.map_err(value)?.ok_or_else(unwanted)?;
-    let number = |(name, interval): (&'static str, Option<Interval>)| {
-        let value = interval.map(|x| json!({ "value": x.value, "low": x.low, "high": x.high }));
-        (name, value.unwrap_or(Value::Null))
-    };
-    let mut json: Value = named.into_iter().map(number).collect();
-    if let Some(stops) = stops {
-        json["stops"] = stops.named().into_iter().map(number).collect();
-    }
+    let (json, warnings) = interruptible(py, work)?.map_err(value)?.ok_or_else(unwanted)?;
+    let json = Value::Object(json);
     Ok((json.to_string(), warnings.into_iter().map(|warning| warning.to_string()).collect()))
 }
 

@@ -366,8 +366,10 @@ def test_a_record_gives_the_device_back(world: hapt.World) -> None:
     noisy = np.array(positions) + np.random.default_rng(1).normal(0, 1e-4, len(k))
     found = hapt.identify(k * 1e-3, noisy, torques)
     assert found["inertia"]["low"] < 6.4e-4 < found["inertia"]["high"]
+    best = found["misfit"]["fit"]
+    assert found["misfit"]["share"] < 0.05 and abs(best["inertia"] / 6.4e-4 - 1) < 0.1
     record = k * 1e-3, noisy, torques
-    assert world.against(*record)
+    assert world.against(*record) and world.against(*record)["misfit"] is None
     for key, value, name in [("device.inertia", 7e-4, "inertia"), ("device.damping", 2e-3, "damping"), ("loop.delay", 4e-4, "delay")]:
         other = world.set(key, value).against(*record)
         wrong = {number["name"]: number for number in other["numbers"] if number["verdict"] == "contradicts"}

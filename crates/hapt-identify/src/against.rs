@@ -10,6 +10,7 @@ use crate::estimate::{search_from, search_or_glimpse};
 use crate::fit::Fit;
 use crate::handle::{self, WithHandle};
 use crate::identified::{Identified, Interval, Known, Residual};
+use crate::json::value;
 use crate::misfit::Misfit;
 use crate::puck::Puck;
 use crate::record::{CancellableRecord, Record};
@@ -193,7 +194,7 @@ impl Comparison {
         let number = |number: &Compared| {
             json!({
                 "name": number.name,
-                "estimate": number.estimate.map(|x| json!({ "value": x.value, "low": x.low, "high": x.high })),
+                "estimate": value(number.estimate),
                 "file": { "low": number.file[0], "high": number.file[1] },
                 "sigmas": number.sigmas.filter(|x| x.is_finite()),
                 "verdict": number.verdict.word(),
@@ -204,6 +205,7 @@ impl Comparison {
             "agrees": self.agrees(),
             "numbers": self.numbers.iter().map(number).collect::<Vec<Value>>(),
             "unexplained": self.wrong.as_ref().map(Error::to_string),
+            "misfit": self.misfit.as_ref().map(Misfit::json),
             "residual": {
                 "rms": self.residual.rms,
                 "noise_rms": self.noise,

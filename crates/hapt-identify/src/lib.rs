@@ -52,6 +52,7 @@ mod fit;
 mod handle;
 mod identified;
 mod intervals;
+mod json;
 mod lag;
 mod lagging;
 mod mat;

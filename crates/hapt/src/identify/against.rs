@@ -24,13 +24,8 @@ pub fn run(args: &IdentifyArgs, given: &Given) -> Result<ExitCode, Failure> {
     let found = against(&given.record, &claims, given.motion == Motion::Linear)
         .map_err(|error| Failure::input(format!("{}: {error}", given.name)))?;
     written([plot(args, given, &Drawn::of_best(&found))?])?;
-    let text = if args.json {
-        let mut json = found.json();
-        json["misfit"] = found.misfit.as_ref().map_or(serde_json::Value::Null, print::misfit);
-        serde_json::to_string_pretty(&json).map_err(|error| Failure::System(error.to_string()))? + "\n"
-    } else {
-        text(given, &file, &found, claims.stops.is_some())
-    };
+    let text =
+        if args.json { print::pretty(&found.json())? } else { text(given, &file, &found, claims.stops.is_some()) };
     let mut out = stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(Failure::stdout)?;
     Ok(if found.agrees() { ExitCode::SUCCESS } else { ExitCode::from(1) })

@@ -9,7 +9,7 @@ use hapt_model::Motion;
 use serde_json::{Value, json};
 
 use super::Given;
-use super::print::{effort, lag, sized, units};
+use super::print::{self, effort, lag, sized, units};
 use crate::args::IdentifyArgs;
 use crate::failure::Failure;
 use crate::format;
@@ -51,8 +51,7 @@ fn in_json(found: &WithHandle) -> Result<String, Failure> {
     // A fit with a handle does not tell these.
     all.extend(["offset", "sign", "counts_per_rev", "misfit"].map(|name| (name.to_string(), Value::Null)));
     all.insert("resonance_hz".into(), json!(found.resonance_hz));
-    let text = serde_json::to_string_pretty(&all).map_err(|error| Failure::System(error.to_string()))?;
-    Ok(text + "\n")
+    print::pretty(&all)
 }
 
 fn text(given: &Given, found: &WithHandle) -> String {

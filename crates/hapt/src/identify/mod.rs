@@ -121,7 +121,7 @@ pub fn run(args: &IdentifyArgs) -> Result<ExitCode, Failure> {
     ];
     written(drafts)?;
     let text = if args.json {
-        print::json(&found, by_torque.as_ref())?
+        print::pretty(&found.json(by_torque.as_ref()))?
     } else {
         let table = if args.write.is_some() { String::new() } else { format!("\n{table}") };
         print::text(&given, &found, known.inertia.is_some()) + &print::certificate(&given, &found)? + &table

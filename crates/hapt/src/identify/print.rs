@@ -3,12 +3,10 @@
 use std::fmt::Write as _;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use hapt_identify::{
-    BestFit, FoundStops, Identified, Interval, Kind, Misfit, Part, PositionTorque, Term, TermKind, TorqueFit,
-};
+use hapt_identify::{FoundStops, Identified, Interval, Kind, Misfit, Part, PositionTorque, TorqueFit};
 use hapt_model::keys::Measure;
 use hapt_model::{Delay, Motion, World};
-use serde_json::{Value, json};
+use serde::Serialize;
 
 use super::Given;
 use crate::failure::Failure;
@@ -17,20 +15,8 @@ use crate::format;
 /// A number of a device changes with the weather: no record of one hour determines it better than this, in percent.
 const LEAST_TOLERANCE: f64 = 1.0;
 
-/// The contract's six, lag, time to the torque and constant torque, each with its interval or null.
-pub fn json(found: &Identified, by_torque: Option<&TorqueFit>) -> Result<String, Failure> {
-    let mut json = values(&found.named(), by_torque, &[]);
-    if let Some(stops) = found.stops {
-        json.insert("stops".into(), stops.named().map(|(name, x)| (name.to_string(), value(x))).into_iter().collect());
-    }
-    pretty(&json)
-}
-
-fn value(interval: Option<Interval>) -> Value {
-    interval.map_or(Value::Null, |x| json!({ "value": x.value, "low": x.low, "high": x.high }))
-}
-
-fn pretty(json: &serde_json::Map<String, Value>) -> Result<String, Failure> {
+/// JSON in lines.
+pub fn pretty(json: &impl Serialize) -> Result<String, Failure> {
     let text = serde_json::to_string_pretty(json).map_err(|error| Failure::System(error.to_string()))?;
     Ok(text + "\n")
 }
@@ -65,43 +51,6 @@ fn differ(name: &str, by_motion: Interval, by_torque: Interval, unit: &str) -> O
     })
 }
 
-/// The numbers by their names, the misfit, and terms where there are some.
-pub fn named(
-    numbers: &[(&str, Option<Interval>)],
-    by_torque: Option<&TorqueFit>,
-    terms: &[Term],
-) -> Result<String, Failure> {
-    pretty(&values(numbers, by_torque, terms))
-}
-
-fn values(
-    numbers: &[(&str, Option<Interval>)],
-    by_torque: Option<&TorqueFit>,
-    terms: &[Term],
-) -> serde_json::Map<String, Value> {
-    let mut json: serde_json::Map<String, Value> =
-        numbers.iter().map(|(name, interval)| (name.to_string(), value(*interval))).collect();
-    json.insert("misfit".into(), by_torque.map_or(Value::Null, misfit_of));
-    if !terms.is_empty() {
-        json.insert("terms".into(), terms.iter().map(term).collect());
-    }
-    json
-}
-
-/// A misfit and the numbers of its fit as JSON.
-fn misfit_of(fit: &TorqueFit) -> Value {
-    let mut json = misfit(&fit.misfit);
-    let BestFit { inertia, damping, friction, offset } = fit.best;
-    json["fit"] = json!({ "inertia": inertia, "damping": damping, "friction": friction, "offset": offset });
-    json
-}
-
-/// A misfit as JSON.
-pub fn misfit(misfit: &Misfit) -> Value {
-    let kind = |part: &Part| json!({ "kind": part.kind.word(), "share": part.share, "remedy": part.kind.remedy() });
-    json!({ "share": misfit.share, "kinds": misfit.kinds.iter().map(kind).collect::<Vec<Value>>() })
-}
-
 /// A misfit in lines, the whole first.
 pub fn misfit_lines(misfit: &Misfit) -> Vec<String> {
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
@@ -125,21 +74,6 @@ fn described(kind: Kind) -> String {
         Kind::Drift => "drifts over time".into(),
         Kind::Unexplained => "goes with none of position, velocity and time".into(),
     }
-}
-
-/// A term with the further numbers of its kind, in SI.
-fn term(term: &Term) -> Value {
-    let mut json =
-        json!({ "kind": term.kind.word(), "value": term.size.value, "low": term.size.low, "high": term.size.high });
-    match term.kind {
-        TermKind::Turn { times, phase } | TermKind::FrictionByPosition { times, phase } => {
-            json["times_a_turn"] = times.into();
-            json["phase_rad"] = phase.into();
-        }
-        TermKind::Stribeck { velocity, .. } => json["velocity"] = velocity.into(),
-        TermKind::Stiffness | TermKind::Drag => {}
-    }
-    json
 }
 
 /// A line for each number.

@@ -9,7 +9,7 @@ use hapt_model::Motion;
 use hapt_model::keys::Measure;
 
 use super::figure::Drawn;
-use super::print::{effort, entry, named, sized, to, units};
+use super::print::{effort, entry, sized, to, units};
 use super::{Given, plot, print, print_text, written};
 use crate::args::IdentifyArgs;
 use crate::failure::Failure;
@@ -59,14 +59,7 @@ pub fn run(args: &IdentifyArgs, given: &Given, fit: &TorqueFit, error: Option<&E
     ];
     written(drafts)?;
     let text = if args.json {
-        let numbers = fit.named(given.motion == Motion::Linear);
-        let more = [
-            ("inertia_by_torque", fit.inertia_by_torque),
-            ("inertia_by_motion", fit.inertia_by_motion),
-            ("force", fit.force),
-        ];
-        let more = more.into_iter().filter(|(name, _)| *name != "force" || given.record.forces().is_some());
-        named(&numbers.into_iter().chain(more).collect::<Vec<_>>(), Some(fit), &fit.terms)?
+        print::pretty(&fit.json(given.motion == Motion::Linear, given.record.forces().is_some()))?
     } else {
         text(given, fit, args.inertia.is_some())
             + &if args.write.is_some() || fit.inertia.is_none() { String::new() } else { format!("\n{table}") }
