@@ -32,7 +32,8 @@ pub(crate) fn taken(couplings: &[Coupling]) -> f64 {
 pub(crate) fn beyond_friction(world: &World) -> Cow<'_, World> {
     let taken = taken(&world.couplings);
     let friction = world.device.least_friction();
-    if taken == 0.0 || taken > friction || world.sampling.recentre.is_some() {
+    let is_there = world.couplings.iter().any(|coupling| torque(coupling).is_some());
+    if !is_there || taken > friction || world.sampling.recentre.is_some() {
         return Cow::Borrowed(world);
     }
     let mut rest = world.clone();
@@ -40,6 +41,8 @@ pub(crate) fn beyond_friction(world: &World) -> Cow<'_, World> {
     for coupling in rest.couplings.iter_mut().filter(|coupling| torque(coupling).is_some()) {
         *coupling = Law::Constant { torque: 0.0 }.between(coupling.first, coupling.second);
     }
-    rest.device.set_friction(friction - taken);
+    if taken > 0.0 {
+        rest.device.set_friction(friction - taken);
+    }
     Cow::Owned(rest)
 }

@@ -6,7 +6,9 @@
 
 use hapt_analysis::{Status, check, is_certified, passivity, uneven};
 use hapt_core::Loop;
-use hapt_model::{Compensated, Compensation, Coupling, Delay, End, EstimatorKind, Law, Method, Output, Side, World};
+use hapt_model::{
+    Body, Compensated, Compensation, Coupling, Delay, End, EstimatorKind, Law, Method, Output, Side, World,
+};
 use proptest::prelude::*;
 
 use crate::common::*;
@@ -277,6 +279,25 @@ proptest! {
             let why = &found.uneven.not_proved;
             prop_assert!(why.iter().any(|why| why.contains("assists at the puck give up to")), "{why:?}");
         }
+    }
+
+    /// A friction and an assist of 0 change no claim, as a compensation of friction with a share of 0.
+    #[test]
+    fn a_torque_of_0_changes_no_claim(
+        inertia in 1e-3..1e-2_f64, k in 0.01..1.0_f64, [forward, backward] in [0.0..0.1_f64, 0.0..0.1_f64], velocity in 1e-2..10.0_f64,
+        estimator in prop::sample::select(vec![EstimatorKind::Exact, EstimatorKind::Difference, EstimatorKind::LowPass, EstimatorKind::Foaw]),
+        zeros in prop::sample::select(vec![[true, false], [false, true], [true, true]]),
+    ) {
+        let body = Body { inertia, position: 0.0, velocity: 0.0 };
+        let bench = Bench { bodies: vec![body], couplings: vec![spring(End::Puck, End::Body(0), k)] };
+        let mut world = bench.world(Method::Zoh, Output::End, 1e-3);
+        (world.sampling.estimator, world.sampling.cutoff) = (estimator, Some(50.0));
+        (world.device.friction, world.device.friction_backward) = (forward, Some(backward));
+        let mut same = world.clone();
+        same.couplings.extend([friction(0.0), assist(0.0, velocity)].into_iter().zip(zeros).filter_map(|(zero, is_there)| is_there.then_some(zero)));
+        prop_assert_eq!(passivity(&same).unwrap(), passivity(&world).unwrap());
+        prop_assert_eq!(uneven(&same).unwrap(), uneven(&world).unwrap());
+        prop_assert_eq!(is_certified(&same), is_certified(&world));
     }
 
     /// A hand at constant velocity draws the torque beyond the friction.
