@@ -101,7 +101,7 @@ fn with_force(mut model: Mask, record: &Record) -> Mask {
 /// and may be far from the device's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BestFit {
-    /// Positive: the sign of the torque is the one that makes it so, here and in the other numbers.
+    /// The known one, where it is. Positive: the sign of the torque is the one that makes it so, here and in the other numbers.
     pub inertia: f64,
     /// Of either sign, as friction and offset.
     pub damping: f64,
@@ -334,7 +334,9 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
         low: gain * x.value / x.high,
         high: if x.low > 0.0 { gain * x.value / x.low } else { f64::MAX },
     });
-    let size = |term: usize| plain.values[INERTIA].signum() * plain.values[term] * gain.unwrap_or(1.0);
+    // The scale of this one fit, with which a known inertia is its own.
+    let scale = known.inertia.map_or(1.0, |known| known / plain.values[INERTIA].abs());
+    let size = |term: usize| plain.values[INERTIA].signum() * plain.values[term] * scale;
     let best = BestFit {
         inertia: size(INERTIA),
         damping: size(DAMPING) - known.back_damping,

@@ -59,6 +59,12 @@ fn misfit(seed: u64, causes: &[Cause]) -> Misfit {
 
 /// A random device with these causes, and the fit to a record of it.
 fn fitted(seed: u64, causes: &[Cause]) -> (DeviceSpec, TorqueFit) {
+    let (rig, record) = recorded(seed, causes);
+    (rig, fit_torque(&record, &Known::default()).unwrap())
+}
+
+/// A random device with these causes, and a record of it.
+fn recorded(seed: u64, causes: &[Cause]) -> (DeviceSpec, Record) {
     let mut rng = Rng::with_seed(seed);
     let mut between = |low: f64, high: f64| low + (high - low) * rng.f64();
     let inertia = 10f64.powf(between(-4.0, -2.0));
@@ -120,7 +126,7 @@ fn fitted(seed: u64, causes: &[Cause]) -> (DeviceSpec, TorqueFit) {
     }
     let positions = counted(&positions, counts, 0.5, &mut rng);
     let record = Record::new(times(&rig, samples), positions, torques).unwrap();
-    (rig, fit_torque(&record, &Known::default()).unwrap())
+    (rig, record)
 }
 
 /// Without a cause the best fit has the device's own numbers, and with any it still has some.
@@ -138,6 +144,23 @@ fn the_best_fit_of_a_plain_device_has_its_numbers() {
     for (seed, cause) in CAUSES.into_iter().enumerate() {
         let best = fitted(seed as u64, &[cause]).1.best;
         assert!(best.inertia > 0.0 && [best.damping, best.friction, best.offset].iter().all(|x| x.is_finite()));
+    }
+}
+
+/// A known inertia is that of the best fit, and scales its other numbers.
+#[test]
+fn the_best_fit_has_a_known_inertia() {
+    for (seed, cause) in CAUSES.into_iter().enumerate() {
+        let (_, record) = recorded(seed as u64, &[cause]);
+        let of = |inertia| fit_torque(&record, &Known { inertia, ..Known::default() }).unwrap().best;
+        let (free, known) = (of(None), of(Some(0.02)));
+        assert!((known.inertia / 0.02 - 1.0).abs() < 1e-12, "{cause:?}: {known:?}");
+        for (free_number, known_number) in
+            [(free.damping, known.damping), (free.friction, known.friction), (free.offset, known.offset)]
+        {
+            let error = known_number * free.inertia - free_number * known.inertia;
+            assert!(error.abs() <= 1e-12 * (free_number * known.inertia).abs(), "{cause:?}: {free:?}, {known:?}");
+        }
     }
 }
 
