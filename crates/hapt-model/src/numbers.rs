@@ -304,8 +304,8 @@ impl World {
         })
     }
 
-    /// Puts a number, in SI, where the dotted path of its key leads: `couplings.0.stiffness`. Compensations follow it. The only check is that a whole number's key
-    /// takes a whole number: the changed world may be one that no file can express.
+    /// Puts a number, in SI, where the dotted path of its key leads: `couplings.0.stiffness`. Compensations follow it. The only check is that
+    /// a whole number's key takes a whole number: the changed world may be one that no file can express.
     ///
     /// `false`, and nothing is changed, where this world has no number under that key, or one that takes no such value.
     pub fn set_number(&mut self, path: &str, value: f64) -> bool {

@@ -102,8 +102,9 @@ impl Measure {
         })
     }
 
-    /// Whether the key of this dotted path can change it. A run and a network depend on every key; measures of a loop do not depend on a scenario, on
-    /// initial states of bodies, or on the encoder; compensations follow the device; with the puck held they do not depend on device, delay and estimator, but with a handle held they do.
+    /// Whether the key of this dotted path can change it. A run and a network depend on every key; measures of a loop do not depend on a
+    /// scenario or on initial states of bodies, and only `certified` depends on the encoder. Compensations follow the device. With the puck
+    /// held a loop does not depend on device, delay and estimator; with a handle held it does.
     pub(crate) fn depends_on(self, key: &str, system: &System) -> bool {
         let Some(world) = system.world() else { return true };
         let has_handle = world.device.handle.is_some();

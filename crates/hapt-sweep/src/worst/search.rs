@@ -104,7 +104,7 @@ impl Serialize for WorstOfWorld {
             points: usize,
         }
         let motion = self.motion.as_ref().map(|motion| Summary { trick: motion.trick, points: motion.points.len() });
-        let mut fields = to.serialize_struct("WorstAlone", 11)?;
+        let mut fields = to.serialize_struct("WorstOfWorld", 11)?;
         fields.serialize_field("broken", &self.broken)?;
         fields.serialize_field("certified", &self.is_certified())?;
         fields.serialize_field("status", &self.status)?;
