@@ -42,7 +42,7 @@ fn the_device_and_the_top() {
         ("device = 5", "device: 5 is a number; expected a table of keys"),
         (
             "device = { inertia = 1, gravity = { torque = 1 } }\ncompensation = [{ of = \"gravity\", share = 1.2 }]",
-            "compensation.0.share: 1.2 is above 1; expected a plain number of 0 to 1",
+            "compensation.0.share: 1.2 is above 1; expected a plain number of 0 to 1, such as \"1\"",
         ),
         (
             "device = { inertia = 1, gravity = { torque = 1 } }\ncompensation = [{ of = \"cogging\" }]",
