@@ -199,21 +199,32 @@ impl Rows {
         all
     }
 
-    /// Means of lists of values at the samples under each row's bump, a list of rows for each.
-    pub fn weighed(&self, record: &Record, lists: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    /// The weights of the samples under each row's bump.
+    pub fn weights(&self, record: &Record) -> Vec<Vec<f64>> {
         let times = record.times();
-        let mut all = vec![Vec::with_capacity(self.rows.len()); lists.len()];
-        for row in &self.rows {
+        let of_row = |row: &Row| {
             let (low, high) = row.span;
             let (c, mid) = (0.5 * (times[high] - times[low]), 0.5 * (times[high] + times[low]));
             let weight =
                 |i: usize| bump((times[i] - mid) / c)[0] * 0.5 * (times[i + 1] - times[i - 1]) / (c * row.area);
-            let weights: Vec<f64> = (low + 1..high).map(weight).collect();
-            for (values, all) in lists.iter().zip(&mut all) {
-                all.push(weights.iter().zip(&values[low + 1..high]).map(|(w, x)| w * x).sum());
-            }
-        }
-        all
+            (low + 1..high).map(weight).collect()
+        };
+        self.rows.iter().map(of_row).collect()
+    }
+
+    /// Means of values at the samples by these weights, one for each row.
+    pub fn means(&self, weights: &[Vec<f64>], values: &[f64]) -> Vec<f64> {
+        let mean = |(row, weights): (&Row, &Vec<f64>)| {
+            let values = &values[row.span.0 + 1..row.span.1];
+            weights.iter().zip(values).map(|(w, x)| w * x).sum()
+        };
+        self.rows.iter().zip(weights).map(mean).collect()
+    }
+
+    /// The same of lists of values, a list of rows for each.
+    pub fn weighed(&self, record: &Record, lists: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let weights = self.weights(record);
+        lists.iter().map(|values| self.means(&weights, values)).collect()
     }
 
     /// The torques, per inertia, of bodies on the puck by shafts of these frequencies, in Hz, and damping ratios, under each row's bump.

@@ -176,11 +176,15 @@ fn candidates(
     let (middle, travel) = (0.5 * (low + high), (high - low).max(f64::MIN_POSITIVE));
     let rms = (speeds.iter().map(|v| v * v).sum::<f64>() / speeds.len() as f64).sqrt().max(f64::MIN_POSITIVE);
     let begin = record.times()[0];
-    let mut lists: Vec<Vec<f64>> = Vec::new();
-    let mut kinds: Vec<(Kind, usize, f64)> = Vec::new();
+    let mut all: Vec<Candidate> = Vec::new();
+    let weights = rows.weights(record);
+    // A list of values at every sample is large in a long record: one at a time.
+    let column = |value: &&dyn Fn(usize) -> f64| {
+        let values: Vec<f64> = (0..positions.len()).map(value).collect();
+        rows.means(&weights, &values)
+    };
     let mut add = |kind: Kind, searched: f64, values: &[&dyn Fn(usize) -> f64]| {
-        kinds.push((kind, values.len(), searched));
-        lists.extend(values.iter().map(|value| (0..positions.len()).map(value).collect::<Vec<f64>>()));
+        all.push(Candidate { kind, columns: values.iter().map(column).collect(), searched, sign: None });
     };
     let place = |i: usize| (positions[i] - middle) / travel;
     let gravity = (!is_linear && travel > TRAVEL).then_some(1);
@@ -206,14 +210,6 @@ fn candidates(
     let time = |i: usize| (record.times()[i] - begin) / duration;
     // A warm device has another offset, and another friction.
     add(Kind::Drift, 1.0, &[&time, &|i| time(i).powi(2), &|i| time(i) * signs[i]]);
-    let mut columns = rows.weighed(record, &lists).into_iter();
-    let of = |(kind, count, searched): (Kind, usize, f64)| Candidate {
-        kind,
-        columns: columns.by_ref().take(count).collect(),
-        searched,
-        sign: None,
-    };
-    let mut all: Vec<Candidate> = kinds.into_iter().map(of).collect();
     let mut shafts = Vec::new();
     for ratio in RATIOS {
         let mut hz = PERIODS / duration;
