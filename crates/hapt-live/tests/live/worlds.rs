@@ -11,10 +11,10 @@ use crate::common::{Page, arm};
 const DEVICE: &str = "[device]\ninertia = \"6.4e-4 kg m^2\"\ndamping = \"5e-3 N m s/rad\"\nfriction = \"2 N mm\"\n\
                       limit = \"800 N mm\"\nencoder = 16384\n";
 
-/// A world of one coupling between puck and ground.
+/// A world of one coupling between puck and ground. A busy computer may send heartbeats late.
 fn world(name: &str, device: &str, law: &str) -> Source {
     let text = format!(
-        "title = \"The {name}\"\n[loop]\nperiod = \"2 ms\"\nestimator = \"difference\"\n{device}[safety]\nstall = \"0 s\"\n\
+        "title = \"The {name}\"\n[loop]\nperiod = \"2 ms\"\nestimator = \"difference\"\n{device}[safety]\nstall = \"0 s\"\nlink = \"20 s\"\n\
          [[couplings]]\nbetween = [\"puck\", \"ground\"]\n{law}\n"
     );
     Source::from_text(format!("knobs/{name}.toml"), text)
