@@ -141,18 +141,20 @@ pub fn identify(
     let work = move |stop: &Stop| {
         let record = Record::new(times, positions, torques)?;
         let known = Known { inertia, is_linear: linear, ..Known::default() };
-        let found = match hapt_identify::identify_until(&record, &known, &|| stop.is_set()) {
+        let is_set = || stop.is_set();
+        let by_torque = || hapt_identify::fit_torque_until(&record, &known, &is_set);
+        let found = match hapt_identify::identify_until(&record, &known, &is_set) {
             None => return Ok(None),
-            Some(Ok(found)) => (found.json(hapt_identify::fit_torque(&record, &known).as_ref()), found.warnings()),
+            Some(Ok(found)) => (found.json(by_torque().as_ref()), found.warnings()),
             // The model does not explain the motion: the result is the fit of the torque's equation, as on the command line.
             Some(Err(error)) => {
                 let richer = matches!(error, hapt_identify::Error::Residual(_) | hapt_identify::Error::Unexplained);
-                let fit = richer.then(|| hapt_identify::fit_torque(&record, &known)).flatten();
+                let fit = richer.then(by_torque).flatten();
                 let fit = fit.filter(|fit| fit.explains()).ok_or_else(|| error.clone())?;
                 (fit.json(linear, false), vec![error.to_string()])
             }
         };
-        Ok::<_, hapt_identify::Error>(Some(found))
+        Ok::<_, hapt_identify::Error>((!is_set()).then_some(found))
     };
     let (json, warnings) = interruptible(py, work)?.map_err(value)?.ok_or_else(unwanted)?;
     let json = Value::Object(json);

@@ -16,7 +16,7 @@ use crate::puck::Puck;
 use crate::record::{CancellableRecord, Record};
 use crate::remainder::{RESOLUTION, left, residual};
 use crate::start::{Begin, begins};
-use crate::torque::{TorqueFit, fit_torque};
+use crate::torque::{TorqueFit, fit_torque_until};
 use crate::{Error, Lattice};
 
 /// An estimate this many standard errors outside contradicts the file. A lag that is too short to be separated from a delay can move the
@@ -287,8 +287,11 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
     };
     // For a device richer than the file's, the numbers are those of the torque's equation, whose intervals allow for the misfit.
     // That equation has no stops.
-    let by_torque =
-        found.wrong.as_ref().filter(|_| claims.stops.is_none()).and_then(|_| fit_torque(record.record, &known));
+    let by_torque = found
+        .wrong
+        .as_ref()
+        .filter(|_| claims.stops.is_none())
+        .and_then(|_| fit_torque_until(record, &known, record.stop));
     let by_torque = by_torque.filter(|fit| fit.inertia.is_some() && !fit.is_moved_by_another);
     Ok(Comparison {
         numbers: by_torque.as_ref().map_or(numbers, |fit| judged_by_torque(fit, claims, &Scale::of(record))),

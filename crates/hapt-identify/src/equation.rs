@@ -221,12 +221,6 @@ impl Rows {
         self.rows.iter().zip(weights).map(mean).collect()
     }
 
-    /// The same of lists of values, a list of rows for each.
-    pub fn weighed(&self, record: &Record, lists: &[Vec<f64>]) -> Vec<Vec<f64>> {
-        let weights = self.weights(record);
-        lists.iter().map(|values| self.means(&weights, values)).collect()
-    }
-
     /// The torques, per inertia, of bodies on the puck by shafts of these frequencies, in Hz, and damping ratios, under each row's bump.
     ///
     /// θ̈ + 2 ζ ω θ̇ + ω² θ = -z̈ for the angle θ by which the body is ahead; its torque against the motor's is -ω² θ - 2 ζ ω θ̇. No position
@@ -267,13 +261,11 @@ impl Rows {
         shafts.iter().map(of).collect()
     }
 
-    /// The same rows with each of these torques, where the weight is the bump.
-    pub fn under(&self, record: &Record, torques: &[Vec<f64>]) -> Vec<Rows> {
-        let with = |torques: Vec<f64>| {
-            let rows = self.rows.iter().zip(torques).map(|(row, torque)| Row { torque, ..*row }).collect();
-            Rows { errors: self.errors, rows, noise: self.noise }
-        };
-        self.weighed(record, torques).into_iter().map(with).collect()
+    /// The same rows with other torques at the samples, by these weights.
+    pub fn under(&self, weights: &[Vec<f64>], torques: &[f64]) -> Rows {
+        let torques = self.means(weights, torques);
+        let rows = self.rows.iter().zip(torques).map(|(row, torque)| Row { torque, ..*row }).collect();
+        Rows { errors: self.errors, rows, noise: self.noise }
     }
 
     /// The same rows, with standard errors by another method.

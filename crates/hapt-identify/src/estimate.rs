@@ -15,7 +15,7 @@ use crate::puck::{OFFSET, Puck};
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
 use crate::remainder::{fitted, is_right, left, residual, spread};
 use crate::start::starts;
-use crate::torque::{TorqueFit, fit_torque};
+use crate::torque::{TorqueFit, fit_torque_until};
 use crate::{Error, LargeResidual};
 
 /// The residual variance, as a part of the positions' variance, above which the fit explains nothing.
@@ -59,7 +59,7 @@ fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identifie
         Err(wrong) | Ok(BestFit { wrong: Some(wrong), .. }) => stopped.ok_or(wrong),
         Ok(found) => {
             let found = found.identified(record, known);
-            let equation = if breaks_a_bound(&found) { fit_torque(record, known) } else { None };
+            let equation = if breaks_a_bound(&found) { fit_torque_until(record, known, record.stop) } else { None };
             Ok(match equation {
                 Some(equation) => up_to(found, &equation),
                 None => found,
@@ -128,7 +128,7 @@ pub(crate) fn search_or_glimpse(record: &CancellableRecord<'_>, known: &Known) -
 /// Whether the device is richer than the puck: its equation of motion leaves more of the torque than the positions' noise explains, and a
 /// search finds no puck that explains the stretch of the record that moves most.
 fn is_richer(record: &CancellableRecord<'_>, known: &Known) -> bool {
-    if !fit_torque(record, known).is_some_and(|fit| fit.leaves_more_than_noise()) {
+    if !fit_torque_until(record, known, record.stop).is_some_and(|fit| fit.leaves_more_than_noise()) {
         return false;
     }
     let Some(stretch) = record.liveliest(BRIEF) else { return false };

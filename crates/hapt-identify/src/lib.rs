@@ -92,4 +92,4 @@ pub use record::{LONGEST_DELAY, Record};
 pub use terms::{Term, TermKind};
 #[doc(hidden)]
 pub use torque::fit_torque_by;
-pub use torque::{BestFit, TorqueFit, Window, fit_torque};
+pub use torque::{BestFit, TorqueFit, Window, fit_torque, fit_torque_until};

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use crate::equation::{CONSTANT, DAMPING, FORCE, FRICTION, INERTIA, Rows, Solved};
-use crate::record::Record;
+use crate::record::CancellableRecord;
 use crate::spectrum::line;
 use crate::start::velocities;
 
@@ -128,7 +128,7 @@ struct Candidate {
 /// Parts of the residual that kinds explain, none of them twice. The kind that explains most for its numbers is taken out first, and the
 /// next is of what is left then.
 pub(crate) fn misfit(
-    record: &Record,
+    record: &CancellableRecord<'_>,
     signs: &[f64],
     rows: &Rows,
     plain: &Solved,
@@ -164,7 +164,7 @@ pub(crate) fn misfit(
 
 /// The models of all kinds but lines, over the rows.
 fn candidates(
-    record: &Record,
+    record: &CancellableRecord<'_>,
     signs: &[f64],
     rows: &Rows,
     inertia_sign: f64,
@@ -184,6 +184,9 @@ fn candidates(
         rows.means(&weights, &values)
     };
     let mut add = |kind: Kind, searched: f64, values: &[&dyn Fn(usize) -> f64]| {
+        if (record.stop)() {
+            return;
+        }
         all.push(Candidate { kind, columns: values.iter().map(column).collect(), searched, sign: None });
     };
     let place = |i: usize| (positions[i] - middle) / travel;
@@ -219,6 +222,7 @@ fn candidates(
         }
     }
     let searched = shafts.len() as f64;
+    shafts.retain(|_| !(record.stop)());
     all.extend(rows.swung(record, &shafts).into_iter().zip(&shafts).map(|(column, (hz, _))| Candidate {
         kind: Kind::Resonance { hz: *hz },
         columns: vec![column],

@@ -13,7 +13,7 @@ use std::ops::RangeInclusive;
 
 use crate::fit::Normal;
 use crate::puck::{DAMPING, FRICTION, GAIN, OFFSET, PARAMETERS, Puck};
-use crate::record::{LONGEST_DELAY, Record};
+use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
 
 /// Lengths of the windows, s: each gives a start.
 const WINDOWS: [f64; 3] = [0.05, 0.15, 0.5];
@@ -39,7 +39,7 @@ pub(crate) struct Begin {
 /// Pucks from which a fit may find the best one: for each window the best of all delays, and the one without. On a spring the torque is
 /// correlated with the position, a delay looks like damping and inertia together, and a fit that starts at a long one stays there. Also the
 /// best with a constant torque: without it, one that nearly overcomes friction looks like other friction, and a fit may stay there too.
-pub(crate) fn starts(record: &Record) -> Vec<Puck> {
+pub(crate) fn starts(record: &CancellableRecord<'_>) -> Vec<Puck> {
     let glance = glance(record);
     let duration = record.period() * record.times().len() as f64;
     let mut windows: Vec<f64> = WINDOWS.iter().map(|window| window.min(0.2 * duration)).collect();
@@ -119,11 +119,14 @@ pub(crate) fn begins(record: &Record, first: usize) -> [Begin; 2] {
 }
 
 /// The starts by windows of one length.
-fn of_window(record: &Record, glance: &Glance, length: f64) -> Vec<Puck> {
+fn of_window(record: &CancellableRecord<'_>, glance: &Glance, length: f64) -> Vec<Puck> {
     let is_driven = record.is_driven();
     let step = (0.5 * record.period()).max(1e-3);
     let delays = if is_driven { (LONGEST_DELAY / step) as usize } else { 0 };
     let of_delay = |i: usize, offset: bool| {
+        if (record.stop)() {
+            return None;
+        }
         let delay = i as f64 * step;
         let normal = regression(record, glance, length, delay);
         let p = normal.step([is_driven, true, true, false, offset, false, false, false], 0.0)?;

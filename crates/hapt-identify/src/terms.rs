@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::equation::{BLOCKS, CONSTANT, DAMPING, FORCE, FRICTION, INERTIA, Rows};
 use crate::identified::Interval;
 use crate::quantile::student;
-use crate::record::Record;
+use crate::record::CancellableRecord;
 use crate::start::velocities;
 
 /// The most periods in a turn that are tried.
@@ -144,7 +144,7 @@ impl Table {
 }
 
 /// The terms of a record, the one first that predicts most; `sign` is the motor's sign.
-pub(crate) fn terms(record: &Record, rows: &Rows, sign: f64, is_linear: bool) -> Vec<Term> {
+pub(crate) fn terms(record: &CancellableRecord<'_>, rows: &Rows, sign: f64, is_linear: bool) -> Vec<Term> {
     let positions = record.positions();
     let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
     let middle = positions.iter().sum::<f64>() / positions.len() as f64;
@@ -153,11 +153,22 @@ pub(crate) fn terms(record: &Record, rows: &Rows, sign: f64, is_linear: bool) ->
     if rows.rows.len() < 8 * BLOCKS || rms <= 0.0 || rms.is_nan() {
         return Vec::new();
     }
-    let mut lists: Vec<Vec<f64>> = Vec::new();
-    let mut groups: Vec<(TermKind, usize)> = Vec::new();
+    let own: Vec<usize> =
+        [INERTIA, DAMPING, FRICTION, CONSTANT].into_iter().chain(record.forces().map(|_| FORCE)).collect();
+    let mut columns: Vec<Vec<f64>> =
+        own.iter().map(|term| rows.rows.iter().map(|row| row.terms[*term]).collect()).collect();
+    let mut groups: Vec<Group> = Vec::new();
+    let weights = rows.weights(record);
     let mut add = |kind: TermKind, values: &[&dyn Fn(usize) -> f64]| {
-        groups.push((kind, values.len()));
-        lists.extend(values.iter().map(|value| (0..positions.len()).map(value).collect::<Vec<f64>>()));
+        if (record.stop)() {
+            return;
+        }
+        groups.push(Group { kind, columns: (columns.len()..columns.len() + values.len()).collect() });
+        // A list of values at every sample is large in a long record: one at a time.
+        columns.extend(values.iter().map(|value| {
+            let values: Vec<f64> = (0..positions.len()).map(value).collect();
+            rows.means(&weights, &values)
+        }));
     };
     add(TermKind::Stiffness, &[&|i| positions[i] - middle]);
     add(TermKind::Drag, &[&|i| speeds[i] * speeds[i].abs()]);
@@ -182,23 +193,9 @@ pub(crate) fn terms(record: &Record, rows: &Rows, sign: f64, is_linear: bool) ->
             );
         }
     }
-    let own: Vec<usize> =
-        [INERTIA, DAMPING, FRICTION, CONSTANT].into_iter().chain(record.forces().map(|_| FORCE)).collect();
-    let mut columns: Vec<Vec<f64>> =
-        own.iter().map(|term| rows.rows.iter().map(|row| row.terms[*term]).collect()).collect();
     let torque: Vec<f64> = rows.rows.iter().map(|row| row.torque).collect();
-    let begin = columns.len();
-    columns.extend(rows.weighed(record, &lists));
-    let mut next = begin;
-    let groups: Vec<Group> = groups
-        .into_iter()
-        .map(|(kind, count)| {
-            next += count;
-            Group { kind, columns: (next - count..next).collect() }
-        })
-        .collect();
     let table = Table::new(&columns, &torque);
-    chosen(&table, (0..begin).collect(), &groups, sign, least)
+    chosen(&table, (0..own.len()).collect(), &groups, sign, least)
 }
 
 fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], sign: f64, apart: u32) -> Vec<Term> {

@@ -11,7 +11,7 @@ use crate::misfit::{Misfit, misfit};
 use crate::predicted::predicted;
 use crate::puck::Puck;
 use crate::quantile::student;
-use crate::record::Record;
+use crate::record::{CancellableRecord, Record};
 use crate::start::{delayed, signs};
 use crate::terms::{Term, terms};
 
@@ -237,9 +237,19 @@ pub fn fit_torque(record: &Record, known: &Known) -> Option<TorqueFit> {
     fit_torque_by(record, known, Errors::default())
 }
 
+/// The same, or `None` once `stop` is true.
+pub fn fit_torque_until(record: &Record, known: &Known, stop: &dyn Fn() -> bool) -> Option<TorqueFit> {
+    fitted(&CancellableRecord { record, stop }, known, Errors::default())
+}
+
 /// The same with standard errors by another method, to compare their coverage.
 #[doc(hidden)]
 pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<TorqueFit> {
+    fitted(&CancellableRecord { record, stop: &|| false }, known, errors)
+}
+
+pub(crate) fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Option<TorqueFit> {
+    let goes_on = || !(record.stop)();
     if !record.is_driven() {
         return None;
     }
@@ -251,23 +261,28 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
     let models: Vec<Mask> =
         MODELS.iter().filter(|model| turns || !model[SINE]).map(|model| with_force(*model, record)).collect();
     let (plain_terms, spring_terms) = (models[0], models[1]);
-    let delays: Vec<f64> = (0..DELAYS).map(|i| i as f64 * DELAY_STEP).collect();
-    let torques: Vec<Vec<f64>> = delays.iter().map(|delay| delayed(record, *delay)).collect();
     let shown = |rows: &Rows| {
         let mut models = [spring_terms, plain_terms].into_iter();
         Some(models.find_map(|model| rows.solved(model, duration))?.share)
     };
-    let shares = Rows::new(record, &signs, &torques[0], SHOWN).under(record, &torques);
-    let shares = shares.iter().enumerate().filter_map(|(i, rows)| Some((i, shown(rows)?)));
-    let (i, _) = shares.min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let (delay, torques) = (delays[i], &torques[i]);
+    let rows = Rows::new(record, &signs, record.torques(), SHOWN);
+    let weights = rows.weights(record);
+    let shares = (0..DELAYS).map(|i| i as f64 * DELAY_STEP).take_while(|_| goes_on());
+    let shares = shares.filter_map(|delay| Some((delay, shown(&rows.under(&weights, &delayed(record, delay)))?)));
+    let (delay, _) = shares.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    drop((rows, weights));
+    let torques = &delayed(record, delay);
     let mut bands: Vec<(Band, f64, Vec<Solved>)> = Vec::new();
     for band in BANDS.into_iter().filter(|band| 4.0 * band.length < duration) {
+        if !goes_on() {
+            return None;
+        }
         let rows = Rows::new(record, &signs, torques, band).with_errors(errors);
         if rows.rows.len() < 4 * TERMS {
             continue;
         }
-        let solved: Vec<Solved> = models.iter().filter_map(|model| rows.solved(*model, duration)).collect();
+        let solved: Vec<Solved> =
+            models.iter().take_while(|_| goes_on()).filter_map(|model| rows.solved(*model, duration)).collect();
         if !solved.is_empty() {
             bands.push((band, rows.noise_part(), solved));
         }
@@ -363,7 +378,7 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
         torque: row.torque,
         fitted: row.torque - left,
     });
-    Some(TorqueFit {
+    goes_on().then(|| TorqueFit {
         inertia: match known.inertia {
             Some(known) => Some(Interval { value: known, low: known, high: known }),
             None => found,

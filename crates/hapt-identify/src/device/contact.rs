@@ -192,17 +192,20 @@ fn away(record: &CancellableRecord<'_>, known: &Known, part: f64) -> Option<Away
     let limits = [low + margin, high - margin];
     let signs = signs(record);
     let duration = record.period() * record.times().len() as f64;
-    let delays: Vec<f64> = (0..DELAYS).map(|i| i as f64 * DELAY_STEP).collect();
-    let torques: Vec<Vec<f64>> = delays.iter().map(|delay| delayed(record, *delay)).collect();
     let windows = WINDOWS.map(|length| {
-        let rows = Rows::new(record, &signs, &torques[0], Band { length, slope: false }).between(record, limits);
-        rows.under(record, &torques)
+        let rows = Rows::new(record, &signs, record.torques(), Band { length, slope: false }).between(record, limits);
+        let weights = rows.weights(record);
+        (rows, weights)
     });
-    let solved = |i: usize| {
-        let explains = |rows: &Vec<Rows>| rows[i].solved(PLAIN, duration).filter(|solved| solved.share < 0.5);
-        windows.iter().find_map(explains)
+    let solved = |delay: f64| {
+        let torques = delayed(record, delay);
+        let under = |(rows, weights): &(Rows, Vec<Vec<f64>>)| {
+            rows.under(weights, &torques).solved(PLAIN, duration).filter(|solved| solved.share < 0.5)
+        };
+        windows.iter().find_map(under)
     };
-    let all = delays.iter().enumerate().filter_map(|(i, delay)| Some((*delay, solved(i)?)));
+    let delays = (0..DELAYS).map(|i| i as f64 * DELAY_STEP).take_while(|_| !(record.stop)());
+    let all = delays.filter_map(|delay| Some((delay, solved(delay)?)));
     let (delay, solved) = all.min_by(|a, b| a.1.share.total_cmp(&b.1.share))?;
     let inertia = solved.values[equation::INERTIA];
     let sign = inertia.signum();
