@@ -30,7 +30,7 @@ impl Clock {
     }
 
     /// The instant at the end of a step of `length` s that begins at `at` s, near this one by the importer's clock. A whole number of
-    /// periods advances by that number of samples, whatever the rounding of `at`.
+    /// periods, up to rounding, advances by that number of samples, whatever the sum of the roundings in `at`.
     ///
     /// # Errors
     /// In a sentence: more than 10^10 samples.
@@ -40,7 +40,9 @@ impl Clock {
             return Err(format!("a step of {length} s has {periods:.0} samples; one step has at most 10^10"));
         }
         let whole = periods.round();
-        if whole >= 1.0 && (periods - whole).abs() <= SNAP {
+        // A length that differs by more would add up over millions of steps.
+        let rounding = 4.0 * f64::EPSILON * (at.abs() + length) / self.period;
+        if whole >= 1.0 && (periods - whole).abs() <= rounding {
             return Ok(Clock { sample: self.sample.saturating_add(whole as u64), ..*self });
         }
         let end = (at - self.start + length) / self.period;

@@ -104,6 +104,17 @@ fn thirds_of_a_period_come_back_to_every_sample() {
 }
 
 #[test]
+fn steps_that_are_nearly_a_period_keep_to_the_importers_time() {
+    for periods in [1.0 + 5e-7, 1.0 - 5e-7, 3.0 + 1e-7] {
+        let (mut clock, step) = (Clock::new(1e-3, 0.0), periods * 1e-3);
+        for k in 0..1_000_000_u64 {
+            clock = clock.after(k as f64 * step, step).unwrap();
+        }
+        assert!((clock.time() - 1e6 * step).abs() < 1e-8, "{clock:?} after {periods} periods a step");
+    }
+}
+
+#[test]
 fn a_run_may_begin_at_any_time() {
     let fmu = Fmu::new(Kind::Whole, &world(WHEEL, &[]));
     let (early, late) = (fmu.instance(Version::Two), fmu.instance(Version::Three));
