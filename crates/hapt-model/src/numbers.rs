@@ -55,8 +55,12 @@ impl NumberSlot<'_> {
         self.get().map(|value| if self.is_in_samples() { value * period } else { value })
     }
 
-    /// Sets the number; returns whether the place takes `value`: that of a whole number takes no other.
+    /// Sets the number; returns whether the place takes `value`: none takes one that is not finite, that of a whole number no other.
     pub fn set(self, value: f64) -> bool {
+        // A coupling with NaN is unequal to itself, and would no longer be found as that of its compensation.
+        if !value.is_finite() {
+            return false;
+        }
         let whole = || (value >= 0.0 && value <= f64::from(u32::MAX) && value.fract() == 0.0).then_some(value as u32);
         match self {
             Number(x) => *x = value,
@@ -304,8 +308,8 @@ impl World {
         })
     }
 
-    /// Puts a number, in SI, where the dotted path of its key leads: `couplings.0.stiffness`. Compensations follow it. The only check is that
-    /// a whole number's key takes a whole number: the changed world may be one that no file can express.
+    /// Puts a number, in SI, where the dotted path of its key leads: `couplings.0.stiffness`. Compensations follow it. The only checks are that
+    /// it is finite, and whole where the key takes a whole number: the changed world may be one that no file can express.
     ///
     /// `false`, and nothing is changed, where this world has no number under that key, or one that takes no such value.
     pub fn set_number(&mut self, path: &str, value: f64) -> bool {
@@ -507,6 +511,28 @@ mod tests {
         let kept = world.couplings.clone();
         assert!(world.set_number("device.gravity.torque", 0.4));
         assert_eq!(world.couplings, kept);
+    }
+
+    /// What is no number changes nothing: a compensation keeps its coupling, which follows the device afterwards as before.
+    #[test]
+    fn no_number_takes_what_is_not_finite() {
+        let source = Source::from_text("w.toml", FILE);
+        let world = World::read(&source, &[]).unwrap();
+        for parameter in parameters(&source, &[]).unwrap() {
+            for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                let mut changed = world.clone();
+                assert!(!changed.set_number(&parameter.path, value), "{} = {value}", parameter.path);
+                assert_eq!(changed, world, "{} = {value}", parameter.path);
+            }
+        }
+        let [mut once, mut tried] = [world.clone(), world];
+        assert!(
+            !tried.set_number("compensation.2.share", f64::NAN) && !tried.set_number("device.gravity.torque", f64::NAN)
+        );
+        for world in [&mut once, &mut tried] {
+            assert!(world.set_number("device.gravity.torque", 0.3) && world.set_number("compensation.2.share", 0.5));
+        }
+        assert_eq!(once, tried);
     }
 
     #[test]

@@ -48,14 +48,8 @@ impl Station {
         self.world.sampling.interval_max = self.interval_max;
         let is_set = match key {
             "phase" | "drift" if self.name.is_empty() => false,
-            "phase" => {
-                self.phase = value;
-                true
-            }
-            "drift" => {
-                self.drift = MILLIONTH * value;
-                true
-            }
+            "phase" => Number(&mut self.phase).set(value),
+            "drift" => Number(&mut self.drift).set(MILLIONTH * value),
             key => self.world.set_number(key, value),
         };
         self.interval_max = self.world.sampling.interval_max;
@@ -81,7 +75,7 @@ impl System {
     }
 
     /// Puts a number, in the key's SI unit, where the dotted path of its key leads: `device.damping` of a world, of a
-    /// network `links.0.stiffness` or `stations.left.device.damping`. Nothing is checked, as in
+    /// network `links.0.stiffness` or `stations.left.device.damping`. The checks are those of
     /// [`World::set_number`](crate::World::set_number).
     ///
     /// `false`, and nothing is changed, where this system has no number under that key, or one that takes no such value.
