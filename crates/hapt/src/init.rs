@@ -10,7 +10,7 @@ use hapt_model::did_you_mean;
 use crate::args::InitArgs;
 use crate::failure::Failure;
 use crate::messages;
-use crate::output::Draft;
+use crate::output::{self, Draft};
 
 const TEMPLATES: [(&str, &str); 8] = [
     ("spring-mass", include_str!("../templates/spring-mass.toml")),
@@ -76,7 +76,7 @@ fn make(folder: &Path) -> Result<(), Failure> {
     if folder.as_os_str().is_empty() {
         return Ok(());
     }
-    fs::create_dir_all(folder).map_err(|error| Failure::System(format!("cannot make {}: {error}", folder.display())))
+    output::make(folder)
 }
 
 fn draft(path: &Path, text: &str) -> Result<Draft, Failure> {

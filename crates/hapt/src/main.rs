@@ -107,6 +107,7 @@ fn main() -> ExitCode {
         Ok(code) => code,
         // A command may fail in any way after a signal.
         Err(failure) => {
+            output::remove_unfinished();
             let code = failure.report();
             signals::signalled().map_or(code, ExitCode::from)
         }

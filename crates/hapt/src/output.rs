@@ -11,18 +11,24 @@ use tempfile::{Builder, TempPath};
 
 use crate::failure::Failure;
 
-/// The unfinished files, to be removed when a signal ends the program.
-static DRAFTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
-
-fn drafts() -> MutexGuard<'static, Vec<PathBuf>> {
-    DRAFTS.lock().unwrap_or_else(PoisonError::into_inner)
+/// What a command has begun: its unfinished files, and the folders that it has created, each behind the one around it.
+struct Begun {
+    drafts: Vec<PathBuf>,
+    folders: Vec<PathBuf>,
 }
 
-/// Removes the unfinished files. No new one appears: the list stays locked.
-pub fn remove_drafts() {
+static BEGUN: Mutex<Begun> = Mutex::new(Begun { drafts: Vec::new(), folders: Vec::new() });
+
+fn begun() -> MutexGuard<'static, Begun> {
+    BEGUN.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes what a command that failed or was interrupted has begun: the unfinished files, and of the folders that it has created those
+/// that are empty. Nothing new appears: the list stays locked.
+pub fn remove_unfinished() {
     // The list may be locked during a call to the file system, which may block.
     for _ in 0..100 {
-        let list = match DRAFTS.try_lock() {
+        let list = match BEGUN.try_lock() {
             Ok(list) => list,
             Err(TryLockError::Poisoned(list)) => list.into_inner(),
             Err(TryLockError::WouldBlock) => {
@@ -30,8 +36,13 @@ pub fn remove_drafts() {
                 continue;
             }
         };
-        for draft in list.iter() {
+        for draft in &list.drafts {
             let _ = fs::remove_file(draft);
+        }
+        // On Windows `remove_dir` also takes a link to a folder, which may have come in place of the folder.
+        let is_folder = |path: &&PathBuf| fs::symlink_metadata(path).is_ok_and(|there| there.is_dir());
+        for folder in list.folders.iter().rev().filter(is_folder) {
+            let _ = fs::remove_dir(folder);
         }
         std::mem::forget(list);
         return;
@@ -74,9 +85,9 @@ impl Draft {
             builder.permissions(fs::Permissions::from_mode(0o666));
         }
         // Held while the file appears, so that a signal finds it in the list or not on the disk.
-        let mut list = drafts();
+        let mut list = begun();
         let (file, path) = builder.tempfile_in(folder).map_err(plain)?.into_parts();
-        list.push(path.to_path_buf());
+        list.drafts.push(path.to_path_buf());
         drop(list);
         if let Some(there) = there {
             // The new file has the permissions of the old one. It fails on a file system without permissions, which has none to keep.
@@ -97,8 +108,8 @@ impl Draft {
         match place {
             Place::Through(named) => Ok(named),
             Place::Temporary { path, target, named } => {
-                let mut list = drafts();
-                list.retain(|draft| *draft != *path);
+                let mut list = begun();
+                list.drafts.retain(|draft| *draft != *path);
                 path.persist(&target).map_err(|error| error.error)?;
                 Ok(named)
             }
@@ -335,7 +346,7 @@ pub fn draft(target: &Path, bytes: &[u8]) -> Result<Draft, Failure> {
     Ok(draft)
 }
 
-/// The folder for a command's files, created if missing.
+/// The folder for a command's files, created if missing, as by [`make`].
 pub fn folder(flag: &str, path: &Path) -> Result<(), Failure> {
     if let Some(file) = path.ancestors().find(|at| at.exists() && !at.is_dir()) {
         let message = format!("{flag} {}: {} is a file; expected a folder", path.display(), file.display());
@@ -350,5 +361,23 @@ pub fn folder(flag: &str, path: &Path) -> Result<(), Failure> {
         let message = format!("{flag} {}: expected a folder, and this is the name of a file", path.display());
         return Err(Failure::input(message));
     }
-    fs::create_dir_all(path).map_err(|error| Failure::System(format!("cannot make {}: {error}", path.display())))
+    make(path)
+}
+
+/// Creates a folder and those around it that are missing. [`remove_unfinished`] removes those of them that stay empty.
+pub fn make(path: &Path) -> Result<(), Failure> {
+    let mut missing: Vec<&Path> =
+        path.ancestors().take_while(|at| !at.as_os_str().is_empty() && !at.exists()).collect();
+    missing.reverse();
+    for folder in missing {
+        // Held while the folder appears, so that a signal finds it in the list or not on the disk.
+        let mut list = begun();
+        match fs::create_dir(folder) {
+            Ok(()) => list.folders.push(folder.to_path_buf()),
+            // Another program was faster, or it is `new/..`: not this command's to remove.
+            Err(_) if folder.is_dir() => {}
+            Err(error) => return Err(Failure::System(format!("cannot make {}: {error}", path.display()))),
+        }
+    }
+    Ok(())
 }

@@ -80,7 +80,7 @@ fn end(code: u8, is_repeated: bool) {
 }
 
 fn exit(code: u8) -> ! {
-    output::remove_drafts();
+    output::remove_unfinished();
     let words = KEPT.lock().unwrap_or_else(PoisonError::into_inner).take();
     if let Some(words) = words {
         let (done, finished) = channel();

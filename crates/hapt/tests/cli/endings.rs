@@ -131,16 +131,62 @@ mod signals {
     fn an_interrupted_run_leaves_nothing_behind() {
         for (signal, code) in [("INT", 130), ("TERM", 143)] {
             let at = folder(&[("w.toml", WHEEL)]);
-            let args = ["sim", "w.toml", "--out", "out"].into_iter().chain(ENDLESS);
+            let args = ["sim", "w.toml", "--out", "new/out"].into_iter().chain(ENDLESS);
             let mut running = Running::start(program(at.path(), args));
-            let out = at.path().join("out");
+            let out = at.path().join("new/out");
             running.until("a file is begun", |_, _| out.is_dir() && !names(&out).is_empty());
             running.signal(signal);
             let ended = running.end();
             assert_eq!((ended.code, ended.out.as_str()), (Some(code), ""), "{ended:?}");
             assert!(ended.messages().is_empty(), "{ended:?}");
-            assert_eq!(names(&out), [""; 0]);
+            assert_eq!(names(at.path()), ["w.toml"]);
         }
+    }
+
+    /// Of the folders on the way to its files the command removes those alone that it has created itself.
+    #[test]
+    fn an_interrupted_run_leaves_the_folders_and_links_of_its_user() {
+        for (given, stays) in [("out", "out"), ("link", "out"), ("link/new/er", "out"), ("out/../out/new", "out")] {
+            let at = folder(&[("w.toml", WHEEL)]);
+            fs::create_dir(at.path().join("out")).unwrap();
+            std::os::unix::fs::symlink("out", at.path().join("link")).unwrap();
+            let args = ["sim", "w.toml", "--out", given].into_iter().chain(ENDLESS);
+            let mut running = Running::start(program(at.path(), args));
+            let out = at.path().join(given);
+            running.until("a file is begun", |_, _| out.is_dir() && !names(&out).is_empty());
+            running.signal("INT");
+            assert_eq!(running.end().code, Some(130), "{given}");
+            assert_eq!(names(at.path()), ["link", "out", "w.toml"], "{given}");
+            assert_eq!(names(&at.path().join(stays)), [""; 0], "{given}");
+        }
+    }
+
+    /// Another program's file in a folder that the command has created keeps the folder.
+    #[test]
+    fn a_folder_into_which_another_program_has_written_stays() {
+        let at = folder(&[("w.toml", WHEEL)]);
+        let args = ["sim", "w.toml", "--out", "new/out"].into_iter().chain(ENDLESS);
+        let mut running = Running::start(program(at.path(), args));
+        let out = at.path().join("new/out");
+        running.until("a file is begun", |_, _| out.is_dir() && !names(&out).is_empty());
+        fs::write(at.path().join("new/mine"), "").unwrap();
+        running.signal("INT");
+        assert_eq!(running.end().code, Some(130));
+        assert_eq!(names(&at.path().join("new")), ["mine"]);
+    }
+
+    #[test]
+    fn a_refused_command_leaves_a_broken_link_and_no_folder() {
+        let at = folder(&[("w.toml", WHEEL)]);
+        let link = at.path().join("link");
+        std::os::unix::fs::symlink("nowhere/at/all", &link).unwrap();
+        for out in ["link", "link/new"] {
+            let ended = hapt(at.path(), ["sim", "w.toml", "--out", out]);
+            assert!([Some(2), Some(3)].contains(&ended.code) && ended.err.contains(out), "{ended:?}");
+            assert!(link.is_symlink(), "{out}");
+        }
+        hapt(at.path(), ["sim", "w.toml", "--out", "new/../link/er"]).refused(3, &["cannot make"]);
+        assert_eq!(names(at.path()), ["link", "w.toml"]);
     }
 
     #[test]
@@ -206,20 +252,22 @@ mod signals {
         use std::process::Command;
 
         // The size of a file is limited to a few KiB; the signal of the limit is ignored.
-        let limited = |folder: &Path| {
+        let limited = |folder: &Path, args: &[&str]| {
             let mut shell = Command::new("sh");
             shell.args(["-c", "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\""]).arg(binary());
-            shell.args(["sim", "w.toml", "--out", "out"]).current_dir(folder).stdin(Stdio::null());
+            shell.args(args).current_dir(folder).stdin(Stdio::null());
             Running::start(shell).end()
         };
         let at = folder(&[("w.toml", WHEEL)]);
-        limited(at.path()).refused(3, &["cannot write", "step.csv"]);
+        let sim = ["sim", "w.toml", "--out", "out"];
+        limited(at.path(), &sim).refused(3, &["cannot write", "step.csv"]);
+        limited(at.path(), &["init", "new/world"]).refused(3, &["cannot write", "new/world"]);
+        assert_eq!(names(at.path()), ["w.toml"]);
         let out = at.path().join("out");
-        assert_eq!(names(&out), [""; 0]);
 
         hapt(at.path(), ["sim", "w.toml", "--out", "out"]).done();
         let before = fs::read(out.join("step.csv")).unwrap();
-        limited(at.path()).refused(3, &["cannot write", "step.csv"]);
+        limited(at.path(), &sim).refused(3, &["cannot write", "step.csv"]);
         assert_eq!(names(&out), ["step.csv"]);
         assert!(fs::read(out.join("step.csv")).unwrap() == before);
     }
