@@ -35,6 +35,12 @@ impl Drawn {
     pub fn is_gain(&self, grain: f64) -> bool {
         self.gain > ROUNDING * self.turnover + grain
     }
+
+    /// The duration in s of a scenario that shows this run, begun with `length`: up to the last sample where the loop has diverged before, and
+    /// one period at least, since a file has no duration of 0.
+    pub(super) fn shown_s(&self, length: f64, period: f64) -> f64 {
+        if self.until_s < length - period { self.until_s.max(period) } else { length }
+    }
 }
 
 /// The energy supplied to a loop so far.

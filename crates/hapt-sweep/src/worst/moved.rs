@@ -70,8 +70,7 @@ pub(super) fn best_motion_watched(
         let drawn = drawn(world, &scenario, had)?;
         let gains = drawn.is_gain(4.0 * grain(world, stiffness));
         if gains && best.as_ref().is_none_or(|best| drawn.gain > best.drawn.gain) {
-            let length = if drawn.until_s < length - period { drawn.until_s } else { length };
-            let scenario = motion.scenario("worst", FILE, length);
+            let scenario = motion.scenario("worst", FILE, drawn.shown_s(length, period));
             best = Some(Moved { motion, scenario, drawn });
         }
     }

@@ -417,6 +417,6 @@ struct ShownHand {
 /// A run of `length`, or until the loop diverges.
 fn show(world: &World, hand: Hand, length: f64) -> Result<ShownHand, Error> {
     let drawn = drawn(world, &hand.scenario("worst", length, 0.0), hand.energy())?;
-    let length = if drawn.until_s < length - world.sampling.period { drawn.until_s } else { length };
-    Ok(ShownHand { hand, scenario: hand.scenario("worst", length, 0.0), drawn })
+    let scenario = hand.scenario("worst", drawn.shown_s(length, world.sampling.period), 0.0);
+    Ok(ShownHand { hand, scenario, drawn })
 }

@@ -84,6 +84,24 @@ fn the_scenario_reproduces_the_result_of_the_search() {
     assert_eq!(search(&read).unwrap(), search(&read).unwrap(), "the search is deterministic");
 }
 
+/// A hand whose spring throws the puck beyond `safety.overspeed` before the second sample ends its run at the first.
+#[test]
+fn a_run_that_ends_at_its_first_sample_is_still_a_scenario() {
+    for overspeed in [1e-9, 1e-3, 1.0] {
+        let mut world = spring(1e-4);
+        world.safety.overspeed = Some(overspeed);
+        let worst = search(&world).unwrap();
+        assert!(worst.scenario.duration >= world.sampling.period, "{overspeed}: {worst:?}");
+        let file = World { scenarios: vec![worst.scenario.clone()], ..world }.to_toml();
+        let read = World::read(&Source::from_text("worst.toml", &file), &[]).unwrap();
+        let again = drawn(&read, read.scenario("worst").unwrap(), worst.hand.energy()).unwrap();
+        assert!(
+            (again.gain - worst.drawn.gain).abs() <= 1e-9 * worst.drawn.turnover,
+            "{overspeed}: {again:?} {worst:?}"
+        );
+    }
+}
+
 #[test]
 fn a_hand_pressed_against_a_wall_draws_energy_from_it() {
     let wall = |stiffness, damping| Law::Wall { side: hapt_model::Side::Above, at: 0.3, stiffness, damping };
