@@ -206,17 +206,18 @@ class World(System):
         return Check(json.loads(fields), text)
 
     def impedance(
-        self, low: Optional[float] = None, high: Optional[float] = None, points: int = 200, slopes: str = "steep"
+        self, low: Optional[Value] = None, high: Optional[Value] = None, points: int = 200, slopes: str = "steep"
     ) -> Impedance:
-        """The impedance at the puck at `points` frequencies (1 to 100 000) from `low` to `high` in Hz, logarithmically spaced.
+        """The impedance at the puck at `points` frequencies (1 to 100 000) from `low` to `high`, logarithmically spaced.
 
-        `high` is at most half of the sampling rate, which is the default. `slopes` is the slope that nonlinear couplings have: their
+        The ends are strings with a unit or numbers in Hz. `high` is at most half of the sampling rate, which is the default. `slopes` is the slope that nonlinear couplings have: their
         "steep" or their "flat" one. Raises ValueError for other arguments, for a network, and where the analysis has no result.
         """
         if slopes not in ("steep", "flat"):
             raise ValueError(f'slopes is {slopes!r}, but must be "steep" or "flat"')
         whole("points", points, 1, _POINTS)
-        columns, info = self._native.impedance(low, high, points, slopes == "steep")
+        from_, to = (None if end is None else text_of(end, name) for name, end in [("low", low), ("high", high)])
+        columns, info = self._native.impedance(from_, to, points, slopes == "steep")
         return Impedance(columns, json.loads(info))
 
     def worst(self) -> Worst:
@@ -359,17 +360,18 @@ def design(travel: Any, torque: Any, frequency: Any, period: Any = "1 ms") -> De
     """Designs the notes' wheel on a spring (section 2.1): stiffness, inertia and compensating damping for a travel, torque and frequency.
 
     `travel` is the angle at which the spring has the torque `torque`, `frequency` the natural frequency, `period` the loop's. Each is a
-    string with a unit or a number in SI (rad, N·m, Hz, s) and positive. Raises ValueError for other values.
+    string with a unit or a number in SI (rad, N·m, Hz, s) and positive. Raises ValueError for other values; warns with a RuntimeWarning where
+    the damper does not balance forward Euler at this period.
 
     >>> import hapt
     >>> round(hapt.design("45 deg", "800 N mm", "1 Hz")["stiffness"], 4)
     1.0186
     """
     wanted = text_of(travel, "travel"), text_of(torque, "torque"), text_of(frequency, "frequency")
-    fields = json.loads(_hapt.design(*wanted, text_of(period, "period")))
-    wheel = load("@notes/damped").set("device.encoder", 4000).set("loop.period", period)
-    wheel = wheel.set("bodies.wheel.inertia", fields["inertia"]).set("couplings.0.stiffness", fields["stiffness"])
-    return Design(fields, wheel.set("scenarios.step.hand.to", travel))
+    fields, file, note = _hapt.design(*wanted, text_of(period, "period"))
+    if note is not None:
+        warnings.warn(note, RuntimeWarning, stacklevel=2)
+    return Design(json.loads(fields), load(file))
 
 
 def identify(

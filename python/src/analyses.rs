@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
+use hapt_analysis::design::Specification;
 use hapt_analysis::equations::estimator::{Filter, PositionFilter};
 use hapt_analysis::error::at_one_rate;
 use hapt_analysis::impedance::rendered::columns;
-use hapt_analysis::{Continuous, Design, Discrete, Impedance, Slopes};
+use hapt_analysis::{Continuous, Discrete, Impedance, Slopes};
 use hapt_identify::{Claims, Known, Record};
 use hapt_model::keys::{self, Takes};
-use hapt_model::{CouplingKind, Device, Dimension, HandKind, Handle, Motion, Source, World, parse_quantity};
+use hapt_model::{CouplingKind, Device, Dimension, HandKind, Handle, Motion, Source, World, parse_positive};
 use hapt_sweep::Measure;
 use hapt_sweep::boundary::{Boundary, Claim, Edge, Point};
 use nalgebra::DMatrix;
@@ -28,22 +29,19 @@ pub type Columns = Vec<(String, Vec<f64>)>;
 pub fn impedance(
     world: &World,
     slopes: &Slopes,
-    low: Option<f64>,
-    high: Option<f64>,
+    low: Option<&str>,
+    high: Option<&str>,
     points: usize,
     stop: &Stop,
 ) -> Result<Option<(Columns, Value)>, String> {
     let impedance = Impedance::new(world, slopes).map_err(|error| error.to_string())?;
-    let nyquist = impedance.nyquist_hz();
-    let high = high.unwrap_or(nyquist);
-    let low = low.unwrap_or_else(|| impedance.low_hz().min(0.1 * high));
-    if !(low > 0.0 && low < high && high <= nyquist * (1.0 + 1e-12)) {
-        return Err(format!(
-            "frequencies from {low} to {high} Hz: they must rise from above 0 to at most {nyquist} Hz, half of the sampling rate"
-        ));
-    }
+    let frequency = |name: &str, text: Option<&str>| {
+        let value = text.map(|text| parse_positive(text, Dimension::FREQUENCY)).transpose();
+        value.map_err(|error| format!("{name}: {error}"))
+    };
+    let [low, high] = impedance.range([frequency("low", low)?, frequency("high", high)?], ["low", "high"])?;
     let mut table: Columns = columns(world.motion).into_iter().map(|name| (name, Vec::with_capacity(points))).collect();
-    for row in impedance.rows(low, high.min(nyquist), points) {
+    for row in impedance.rows(low, high, points) {
         if stop.is_set() {
             return Ok(None);
         }
@@ -54,7 +52,7 @@ pub fn impedance(
     let [inertia, damping] = impedance.device();
     let rest = json!({
         "period_s": world.sampling.period,
-        "nyquist_hz": nyquist,
+        "nyquist_hz": impedance.nyquist_hz(),
         "asked": impedance.nominal(),
         "resonances": impedance.resonances(),
         "device": { "inertia": inertia, "damping": damping },
@@ -92,7 +90,7 @@ pub fn boundary<'py>(
 ) -> PyResult<Edges<'py>> {
     let edges = edges(claims)?;
     let work = move |stop: &Stop| Boundary::until(&source, &sets, &axes, &edges, &|| stop.is_set());
-    let found = in_parallel(py, 0, work)?.map_err(|error| of_sweep(py, error))?;
+    let found = in_parallel(py, 0, work)?.map_err(|error| of_sweep(py, error, "boundary"))?;
     let mut pieces = Vec::new();
     for claim in &found.claims {
         for piece in &claim.pieces {
@@ -110,21 +108,16 @@ pub fn boundary<'py>(
     Ok((pieces, found.claims.into_iter().map(of).collect()))
 }
 
-/// The design of the notes' wheel as JSON. Quantities are texts with a unit, or numbers in SI.
+/// The design of the notes' wheel: `(JSON, world file, what the numbers do not keep)`. Quantities are texts with a unit, or numbers in SI.
 #[pyfunction]
-pub fn design(travel: &str, torque: &str, frequency: &str, period: &str) -> PyResult<String> {
-    let positive = |name: &str, text: &str, dimension: Dimension| {
-        let value = parse_quantity(text, dimension);
-        let value = value.map_err(|error| PyValueError::new_err(format!("{name}: {error}")))?;
-        if value > 0.0 { Ok(value) } else { Err(PyValueError::new_err(format!("{name}: {text} must be positive"))) }
-    };
-    let design = Design::new(
-        positive("travel", travel, Dimension::ANGLE)?,
-        positive("torque", torque, Dimension::TORQUE)?,
-        positive("frequency", frequency, Dimension::FREQUENCY)?,
-        positive("period", period, Dimension::TIME)?,
-    );
-    serde_json::to_string(&design.map_err(value)?).map_err(internal)
+pub fn design(
+    travel: &str,
+    torque: &str,
+    frequency: &str,
+    period: &str,
+) -> PyResult<(String, String, Option<&'static str>)> {
+    let wheel = Specification { travel, torque, frequency, period }.wheel("").map_err(value)?;
+    Ok((serde_json::to_string(&wheel.design).map_err(internal)?, wheel.file, wheel.note))
 }
 
 /// The device identified from a record, as `(JSON, warnings)`.

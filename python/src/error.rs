@@ -29,10 +29,10 @@ pub fn of_world(py: Python<'_>, mut error: hapt_model::Error, change: &str) -> P
     set.map_or_else(|error| error, |()| made)
 }
 
-/// The error of a sweep's or a boundary's request.
-pub fn of_sweep(py: Python<'_>, error: hapt_sweep::Error) -> PyErr {
+/// The error of a request of `call`, a sweep or a boundary.
+pub fn of_sweep(py: Python<'_>, error: hapt_sweep::Error, call: &str) -> PyErr {
     match error {
-        hapt_sweep::Error::Model(error) => of_world(py, error, "sweep"),
+        hapt_sweep::Error::Model(error) => of_world(py, error, call),
         other => PyValueError::new_err(other.to_string().replace("--vary ", "").replace("--measure", "measures")),
     }
 }

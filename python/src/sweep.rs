@@ -29,7 +29,7 @@ impl Sweep {
         let measures = names.iter().map(|name| measure(name)).collect::<PyResult<Vec<_>>>()?;
         let made = Grid::listed(source, sets, axes)
             .and_then(|(grid, world)| hapt_sweep::Sweep::of_grid(grid, world, &measures, scenario));
-        Ok(Sweep { sweep: Arc::new(made.map_err(|error| of_sweep(py, error))?) })
+        Ok(Sweep { sweep: Arc::new(made.map_err(|error| of_sweep(py, error, "sweep"))?) })
     }
 }
 

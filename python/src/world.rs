@@ -252,14 +252,15 @@ impl World {
     fn impedance<'py>(
         &self,
         py: Python<'py>,
-        low: Option<f64>,
-        high: Option<f64>,
+        low: Option<String>,
+        high: Option<String>,
         points: usize,
         steep: bool,
     ) -> PyResult<(Bound<'py, PyDict>, String)> {
         let model = self.world()?.clone();
         let slopes = if steep { Slopes::Steep } else { Slopes::Flat };
-        let work = move |stop: &Stop| analyses::impedance(&model, &slopes, low, high, points, stop);
+        let work =
+            move |stop: &Stop| analyses::impedance(&model, &slopes, low.as_deref(), high.as_deref(), points, stop);
         let (columns, json) = interruptible(py, work)?.map_err(value)?.ok_or_else(unwanted)?;
         let dict = PyDict::new(py);
         for (name, values) in columns {

@@ -10,6 +10,7 @@ import os
 import pickle
 import pathlib
 import shutil
+import subprocess
 import zipfile
 from typing import Any, Optional, get_args, get_origin, get_type_hints
 
@@ -395,6 +396,46 @@ def test_design_takes_units_and_numbers() -> None:
     for wrong in ["0 deg", "45 N", "", float("nan")]:
         with pytest.raises(ValueError):
             hapt.design(wrong, "800 N mm", "1 Hz")
+
+
+def test_a_range_that_the_file_refuses_is_named_by_its_call(world: hapt.World) -> None:
+    wide = {"device.damping": (1e-3, 2e-3), "loop.period": ("1 ms", "2e30 s")}
+    with pytest.raises(hapt.WorldError) as raised:
+        world.boundary(wide)
+    assert " --> boundary:1:" in str(raised.value)
+
+
+def test_a_design_that_does_not_balance_the_method_warns() -> None:
+    with pytest.warns(RuntimeWarning, match="no longer balances forward Euler"):
+        design = hapt.design("45 deg", "800 N mm", "1 Hz", "0.4 s")
+    assert design.world.get("loop.period") == 0.4
+
+
+def test_the_frequencies_of_an_impedance_take_units_and_numbers(world: hapt.World) -> None:
+    with_units = world.impedance("0.5 Hz", "0.04 kHz", points=5)
+    assert (with_units["frequency_hz"] == world.impedance(0.5, np.float64(40), points=5)["frequency_hz"]).all()
+
+
+@pytest.mark.skipif(shutil.which("hapt") is None, reason="the program hapt is not on the path")
+def test_numbers_and_refusals_are_those_of_the_command_line(world: hapt.World, tmp_path: pathlib.Path) -> None:
+    file = tmp_path / "w.toml"
+    file.write_text(world.to_toml())
+
+    def command(*words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(["hapt", *words], capture_output=True, text=True, check=False)
+
+    wheel = ["--travel", "0.5", "--torque", "0.3 N m", "--frequency", "2 Hz"]
+    assert hapt.load(command("design", *wheel).stdout) == hapt.design(0.5, "0.3 N m", "2 Hz").world
+    for low, high in [("0", "10"), ("20", "10"), ("1 ms", "10"), ("1", "600"), ("1", "1e400")]:
+        refused = command("impedance", str(file), "--from", low, "--to", high).stderr.strip()
+        with pytest.raises(ValueError) as raised:
+            world.impedance(low, high)
+        assert refused.replace("--from", "low").replace("--to", "high") == f"hapt: {raised.value}"
+    for travel, torque in [("0", "1 N m"), ("1 kg", "1 N m"), ("1e-9 deg", "1e25 N m")]:
+        refused = command("design", f"--travel={travel}", f"--torque={torque}", "--frequency=1e-9 Hz").stderr.strip()
+        with pytest.raises(ValueError) as raised:
+            hapt.design(travel, torque, "1e-9 Hz")
+        assert refused.replace("--", "") == f"hapt: {raised.value}"
 
 
 def test_responses_draw_themselves(world: hapt.World) -> None:

@@ -78,7 +78,7 @@ pub use hapt_plant::spec::{
 };
 pub use kinds::{Compensated, EstimatorKind, HandKind, Motion, ShapeKind, TimingKind};
 pub use parameters::{Parameter, parameters, parameters_of, unit, unit_size};
-pub use quantity::{Fault, Quantity, QuantityError, parse_quantity};
+pub use quantity::{Fault, Quantity, QuantityError, parse_positive, parse_quantity};
 pub use safety::Safety;
 pub use sampling::{Delay, Sampling};
 pub use schema::schema;

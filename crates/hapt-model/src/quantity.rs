@@ -53,6 +53,9 @@ pub enum Fault {
     /// A unit of this dimension, where another one is expected.
     #[error("is {0}")]
     Dimension(Dimension),
+    /// 0 or less, where a positive one is needed.
+    #[error("must be positive")]
+    NotPositive,
 }
 
 impl fmt::Display for QuantityError {
@@ -114,7 +117,17 @@ pub fn parse_quantity(text: &str, wanted: Dimension) -> Result<f64, QuantityErro
     }
 }
 
-/// The same for a string in a file, where a number must have its unit.
+/// The same of a quantity above 0.
+///
+/// # Errors
+/// As [`parse_quantity`], and for 0 or less.
+pub fn parse_positive(text: &str, wanted: Dimension) -> Result<f64, QuantityError> {
+    let value = parse_quantity(text, wanted)?;
+    let error = || QuantityError { text: text.to_string(), fault: Fault::NotPositive, wanted: None };
+    if value > 0.0 { Ok(value) } else { Err(error()) }
+}
+
+/// The same as [`parse_quantity`] for a string in a file, where a number must have its unit.
 pub(crate) fn parse_with_unit(text: &str, wanted: Dimension) -> Result<f64, QuantityError> {
     let value = parse_quantity(text, wanted)?;
     match Quantity::parse(text) {

@@ -3,7 +3,7 @@
 pub use hapt_analysis::certificate::text::{late, rate, rates, time};
 pub use hapt_analysis::proposal::number;
 use hapt_model::unit;
-use hapt_model::{Dimension, Motion, Parameter, Quantity, parse_quantity};
+use hapt_model::{Dimension, Motion, Parameter, Quantity, parse_positive, parse_quantity};
 
 use crate::failure::Failure;
 use crate::messages::say;
@@ -19,10 +19,8 @@ pub fn quantity(flag: &str, text: &str, wanted: Dimension) -> Result<f64, Failur
 
 /// The same, above 0.
 pub fn positive(flag: &str, text: &str, wanted: Dimension) -> Result<f64, Failure> {
-    match parse_quantity(text, wanted) {
-        Ok(value) if value <= 0.0 => Err(Failure::input(format!("{flag}: \"{text}\" must be positive"))),
-        _ => quantity(flag, text, wanted),
-    }
+    parse_positive(text, wanted).map_err(|error| Failure::input(format!("{flag}: {error}")))?;
+    quantity(flag, text, wanted)
 }
 
 /// The assumed unit of a number without one, and the spelling of the probably intended unit.

@@ -84,19 +84,10 @@ fn frequencies(args: &ImpedanceArgs, loaded: &Loaded) -> Result<Drawn, Failure> 
     };
     let felt = Impedance::new(world, &slopes)?;
     let nyquist = felt.nyquist_hz();
-    let high = frequency("--to", args.to.as_deref())?.unwrap_or(nyquist);
-    if high > nyquist * (1.0 + 1e-12) {
-        let (high, nyquist) = (format::number(high), format::number(nyquist));
-        return Err(Failure::input(format!(
-            "--to: {high} Hz is beyond {nyquist} Hz, half of the sampling rate, where frequencies are ambiguous"
-        )));
-    }
-    let low = frequency("--from", args.from.as_deref())?.unwrap_or(felt.low_hz().min(0.1 * high));
-    if low >= high {
-        let (low, high) = (format::number(low), format::number(high));
-        return Err(Failure::input(format!("--from: {low} Hz must be below --to, which is {high} Hz")));
-    }
-    let rows = felt.rows(low, high.min(nyquist), args.points.unwrap_or(200));
+    let [from, to] = [("--from", &args.from), ("--to", &args.to)];
+    let ends = [frequency(from.0, from.1.as_deref())?, frequency(to.0, to.1.as_deref())?];
+    let [low, high] = felt.range(ends, [from.0, to.0]).map_err(Failure::input)?;
+    let rows = felt.rows(low, high, args.points.unwrap_or(200));
     let (nominal, resonances) = (felt.nominal(), felt.resonances());
     let figure = hapt_report::felt::impedance(loaded.title(), &rows, &resonances, felt.device(), world.motion);
     let [inertia, damping] = felt.device();
@@ -109,7 +100,7 @@ fn frequencies(args: &ImpedanceArgs, loaded: &Loaded) -> Result<Drawn, Failure> 
         "rows": rows,
         "notes": felt.notes(),
     });
-    let text = text(loaded, &felt, &nominal, &resonances, low, high.min(nyquist));
+    let text = text(loaded, &felt, &nominal, &resonances, low, high);
     Ok((csv(&rows, world.motion), figure, pretty(&json)?, text))
 }
 

@@ -23,6 +23,7 @@ use hapt_model::{Coupling, EstimatorKind, Handle, Motion, World};
 use nalgebra::Complex;
 use serde::Serialize;
 
+use crate::certificate::proposal::number;
 use crate::equations::continuous::{Slopes, piecewise};
 use crate::equations::delay::Delay;
 use crate::equations::estimator::{Filter, PositionFilter};
@@ -241,6 +242,30 @@ impl Impedance {
         let rate = |p: &Pole| p.ln_abs.hypot(p.arg) / (TAU * self.period);
         let rates = self.transfer.poles.iter().map(rate).filter(|hz| hz.is_finite() && *hz > 1e-6 * nyquist);
         0.1 * rates.fold(1e-2 * nyquist, f64::min)
+    }
+
+    /// The lowest and the highest frequency in Hz of a range up to Nyquist, from the given ends, each above 0; without them from
+    /// [`Impedance::low_hz`] to Nyquist. `names` are those that the caller gives the two ends.
+    ///
+    /// # Errors
+    /// A sentence about ends that do not rise from above 0 to at most Nyquist.
+    pub fn range(&self, ends: [Option<f64>; 2], names: [&str; 2]) -> Result<[f64; 2], String> {
+        let ([low, high], [from, to], nyquist) = (ends, names, self.nyquist_hz());
+        let high = high.unwrap_or(nyquist);
+        if high.is_nan() || high > nyquist * (1.0 + 1e-12) {
+            let (high, nyquist) = (number(high), number(nyquist));
+            return Err(format!(
+                "{to}: {high} Hz is beyond {nyquist} Hz, half of the sampling rate, where frequencies are ambiguous"
+            ));
+        }
+        let low = low.unwrap_or_else(|| self.low_hz().min(0.1 * high));
+        match (low > 0.0, low < high) {
+            (true, true) => Ok([low, high.min(nyquist)]),
+            (true, false) => {
+                Err(format!("{from}: {} Hz must be below {to}, which is {} Hz", number(low), number(high)))
+            }
+            (false, _) => Err(format!("{from}: {low} Hz must be positive")),
+        }
     }
 
     /// `points` frequencies from `low` to `high`, equal ratios apart, both included.
