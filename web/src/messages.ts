@@ -357,7 +357,7 @@ token?: string, } | { "type": "take" } | { "type": "give" } | { "type": "order",
 order: Order, } | { "type": "hand",
 /** Whether the hand holds the puck. */
 grip: boolean,
-/** Its position in rad (linear: m). */
+/** Its position in rad (linear: m); required with the grip. */
 position: number, } | { "type": "set",
 /** Its dotted path. */
 key: string,
@@ -369,7 +369,7 @@ sets: Array<[string, string]>,
 only?: boolean, } | { "type": "file" } | { "type": "reset" } | { "type": "enter",
 /** Its place, from 0. */
 world: number, } | { "type": "restart" } | { "type": "scenario",
-/** Its name. */
+/** Its name. Only `null` ends a scenario, and no misspelt field. */
 name: string | null, } | { "type": "record",
 /** Whether to record. */
 on: boolean, } | { "type": "focus",

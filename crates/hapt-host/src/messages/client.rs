@@ -56,8 +56,8 @@ pub enum ClientMessage {
     Hand {
         /// Whether the hand holds the puck.
         grip: bool,
-        /// Its position in rad (linear: m).
-        #[serde(default)]
+        /// Its position in rad (linear: m); required with the grip.
+        #[serde(default = "no_position")]
         position: f64,
     },
     /// Sets a key of the world.
@@ -90,7 +90,9 @@ pub enum ClientMessage {
     Restart,
     /// Plays a scenario; `None`: ends it.
     Scenario {
-        /// Its name.
+        /// Its name. Only `null` ends a scenario, and no misspelt field.
+        #[serde(with = "Option")]
+        #[cfg_attr(test, ts(as = "Option<String>"))]
         name: Option<String>,
     },
     /// Starts or ends a recording.
@@ -110,6 +112,11 @@ pub enum ClientMessage {
     Controls(Controls),
     /// A heartbeat.
     Alive,
+}
+
+/// JSON has no such number: the field is missing.
+fn no_position() -> f64 {
+    f64::NAN
 }
 
 /// The pedals and buttons of a wheel for games.
@@ -162,20 +169,28 @@ pub enum Command {
 impl ClientMessage {
     /// Reads a message; the error is a sentence.
     pub fn read(text: &str) -> Result<ClientMessage, String> {
-        let message: ClientMessage = serde_json::from_str(text).map_err(|error| {
+        let mut message: ClientMessage = serde_json::from_str(text).map_err(|error| {
             let plain = |text: String, (type_of_rust, name): &(&str, &str)| {
                 text.replace(&format!("expected {type_of_rust}"), &format!("expected {name}"))
             };
             let why: String = NAMES.iter().fold(error.to_string(), plain).chars().take(MAX_WORD_BYTES).collect();
             format!("no message of version {VERSION}: {why}")
         })?;
+        if let ClientMessage::Hand { grip, position } = &mut message
+            && position.is_nan()
+        {
+            if *grip {
+                return Err(format!("no message of version {VERSION}: missing field `position` of a hand that grips"));
+            }
+            *position = 0.0;
+        }
         let words: Vec<&str> = match &message {
             ClientMessage::Hello { token: Some(token), .. } => vec![token],
             ClientMessage::Set { key, value } => vec![key, value],
             ClientMessage::Sets { sets, .. } => sets.iter().flat_map(|(key, value)| [key.as_str(), value]).collect(),
             ClientMessage::Scenario { name: Some(name) } => vec![name],
             ClientMessage::Focus { key } => vec![key],
-            ClientMessage::Hand { position, .. } if position.is_nan() || position.abs() > FARTHEST => {
+            ClientMessage::Hand { position, .. } if position.abs() > FARTHEST => {
                 return Err(format!("a hand's position is within {FARTHEST} either way"));
             }
             #[cfg(not(target_family = "wasm"))]
@@ -290,6 +305,31 @@ mod tests {
                 assert!(!error.contains(word), "{text}: {error}");
             }
             assert!(!error.is_empty() && error.len() < 600, "{text}: {error}");
+        }
+    }
+
+    /// A misspelt field is a missing one: what the message needs is never assumed. Further fields are of later versions, and ignored.
+    #[test]
+    fn a_message_without_a_field_that_it_needs_is_refused_with_its_name() {
+        for (text, missing) in [
+            (r#"{"type":"hello","version":1}"#, "`v`"),
+            (r#"{"type":"order","oder":"stop"}"#, "`order`"),
+            (r#"{"type":"hand","gripp":true,"position":0.1}"#, "`grip`"),
+            (r#"{"type":"hand","grip":true,"postion":0.1}"#, "`position`"),
+            (r#"{"type":"hand","grip":true}"#, "`position`"),
+            (r#"{"type":"set","kye":"loop.period","value":"2 ms"}"#, "`key`"),
+            (r#"{"type":"set","key":"loop.period","vaule":"2 ms"}"#, "`value`"),
+            (r#"{"type":"sets","set":[]}"#, "`sets`"),
+            (r#"{"type":"enter","wrold":1}"#, "`world`"),
+            (r#"{"type":"scenario","nmae":"step"}"#, "`name`"),
+            (r#"{"type":"scenario"}"#, "`name`"),
+            (r#"{"type":"record"}"#, "`on`"),
+            (r#"{"type":"focus","k":"loop.period"}"#, "`key`"),
+            (r#"{"type":"controls","pedal":[0,0,0],"buttons":0}"#, "`pedals`"),
+            (r#"{"typ":"take"}"#, "`type`"),
+        ] {
+            let error = ClientMessage::read(text).unwrap_err();
+            assert!(error.contains("missing field") && error.contains(missing), "{text}: {error}");
         }
     }
 
