@@ -3,6 +3,27 @@
 use hapt_model::Motion;
 use hapt_model::keys::Measure;
 
+/// Six significant digits, no trailing zeros.
+pub fn number(x: f64) -> String {
+    if x == 0.0 {
+        return "0".into();
+    }
+    let exponent = x.abs().log10().floor();
+    if !(-4.0..=8.0).contains(&exponent) {
+        // 5.64400e-7 is 5.644e-7.
+        let text = format!("{x:.5e}");
+        return match text.split_once('e') {
+            Some((digits, power)) => format!("{}e{power}", digits.trim_end_matches('0').trim_end_matches('.')),
+            None => text,
+        };
+    }
+    let text = format!("{x:.*}", (5.0 - exponent).max(0.0) as usize);
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').into(),
+        false => text,
+    }
+}
+
 /// A rate or a time for people: four digits, no trailing zeros.
 pub(crate) fn short(x: f64) -> String {
     let digits = if x == 0.0 { 3 } else { (3 - x.abs().log10().floor() as i32).clamp(0, 12) };

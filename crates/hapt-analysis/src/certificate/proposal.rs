@@ -7,6 +7,7 @@ use crate::certificate::check::Check;
 use crate::certificate::is_certified;
 use crate::certificate::remedies::Remedies;
 use crate::certificate::rounding::{Certified, NEAR_IN_FILE, candidates};
+pub use crate::text::number;
 
 /// The remedies of a world, ready to present.
 #[derive(Clone, Debug, PartialEq)]
@@ -237,27 +238,6 @@ impl File<'_> {
 /// All digits that a number has, without an exponent where it is neither large nor small.
 fn written(x: f64) -> String {
     if x == 0.0 || (1e-4..1e9).contains(&x.abs()) { format!("{x}") } else { format!("{x:e}") }
-}
-
-/// Six significant digits, no trailing zeros.
-pub fn number(x: f64) -> String {
-    if x == 0.0 {
-        return "0".into();
-    }
-    let exponent = x.abs().log10().floor();
-    if !(-4.0..=8.0).contains(&exponent) {
-        // 5.64400e-7 is 5.644e-7.
-        let text = format!("{x:.5e}");
-        return match text.split_once('e') {
-            Some((digits, power)) => format!("{}e{power}", digits.trim_end_matches('0').trim_end_matches('.')),
-            None => text,
-        };
-    }
-    let text = format!("{x:.*}", (5.0 - exponent).max(0.0) as usize);
-    match text.contains('.') {
-        true => text.trim_end_matches('0').trim_end_matches('.').into(),
-        false => text,
-    }
 }
 
 #[cfg(test)]

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use hapt_model::{Dimension, Source, World, parse_positive};
 use serde::Serialize;
 
-use crate::certificate::proposal::number;
 use crate::error::{Error, positive};
+use crate::text::number;
 
 /// A virtual wheel on a torsional spring with a given torque at a given step of the puck.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -23,7 +23,6 @@ use hapt_model::{Coupling, EstimatorKind, Handle, Motion, World};
 use nalgebra::Complex;
 use serde::Serialize;
 
-use crate::certificate::proposal::number;
 use crate::equations::continuous::{Slopes, piecewise};
 use crate::equations::delay::Delay;
 use crate::equations::estimator::{Filter, PositionFilter};
@@ -33,6 +32,7 @@ use crate::impedance::ideal::{Ideal, LowFrequency};
 use crate::impedance::{Discretisation, Pole, TransferFunction};
 use crate::numerics::phi::exp_m1;
 use crate::stability::MARGINAL;
+use crate::text::number;
 
 type C = Complex<f64>;
 

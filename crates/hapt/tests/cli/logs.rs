@@ -213,7 +213,7 @@ fn an_interrupted_run_leaves_no_file_of_any_format() {
     running.until("three files are begun", |_, _| out.is_dir() && names(&out).len() == 3);
     running.signal("INT");
     assert_eq!(running.end().code, Some(130));
-    assert_eq!(names(&out), [""; 0]);
+    assert!(!out.exists(), "the command created the folder, and nothing is in it");
 }
 
 /// A Python that has MCAP's own library: of the environment that `cargo xtask test` makes with `CI` set
