@@ -41,7 +41,7 @@ impl Clock {
         }
         let whole = periods.round();
         // A length that differs by more would add up over millions of steps.
-        let rounding = 4.0 * f64::EPSILON * (at.abs() + length) / self.period;
+        let rounding = (4.0 * f64::EPSILON * (at.abs() + length) / self.period).min(SNAP);
         if whole >= 1.0 && (periods - whole).abs() <= rounding {
             return Ok(Clock { sample: self.sample.saturating_add(whole as u64), ..*self });
         }

@@ -210,8 +210,8 @@ class World(System):
     ) -> Impedance:
         """The impedance at the puck at `points` frequencies (1 to 100 000) from `low` to `high`, logarithmically spaced.
 
-        The ends are strings with a unit or numbers in Hz. `high` is at most half of the sampling rate, which is the default. `slopes` is the slope that nonlinear couplings have: their
-        "steep" or their "flat" one. Raises ValueError for other arguments, for a network, and where the analysis has no result.
+        The ends are strings with a unit or numbers in Hz. `high` is at most half of the sampling rate, which is the default. `slopes` is the
+        slope that nonlinear couplings have: their "steep" or their "flat" one. Raises ValueError for other arguments, for a network, and where the analysis has no result.
         """
         if slopes not in ("steep", "flat"):
             raise ValueError(f'slopes is {slopes!r}, but must be "steep" or "flat"')

@@ -27,11 +27,12 @@ pub fn is_built() -> Result<()> {
     install(&environment, programs::PROFILE)
 }
 
-/// Its tests, and the examples of its documentation.
+/// Its tests, with the program `hapt` on the path, and the examples of its documentation.
 pub fn works() -> Result<()> {
     let Some(environment) = tools::environment("hapt") else { return Ok(()) };
     let words = ["-q", "-p", "no:cacheprovider", "--doctest-modules", "--pyargs", "hapt", "python/tests"];
-    run(module(&environment, "pytest")?.args(words))
+    let folder = programs::target().join(programs::PROFILE);
+    run(module(&environment, "pytest")?.args(words).env("PATH", tools::path_with(&folder)?))
 }
 
 /// Its types, by two checkers, and that they are those of the library.

@@ -248,7 +248,7 @@ pub fn fit_torque_by(record: &Record, known: &Known, errors: Errors) -> Option<T
     fitted(&CancellableRecord { record, stop: &|| false }, known, errors)
 }
 
-pub(crate) fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Option<TorqueFit> {
+fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Option<TorqueFit> {
     let goes_on = || !(record.stop)();
     if !record.is_driven() {
         return None;

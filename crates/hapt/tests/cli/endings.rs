@@ -143,7 +143,7 @@ mod signals {
         }
     }
 
-    /// Of the folders on the way to its files the command removes those alone that it has created itself.
+    /// Of the folders around its files the command removes only those that it has created itself.
     #[test]
     fn an_interrupted_run_leaves_the_folders_and_links_of_its_user() {
         for (given, stays) in [("out", "out"), ("link", "out"), ("link/new/er", "out"), ("out/../out/new", "out")] {
