@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow};
 
 use crate::spent;
 
@@ -14,6 +14,8 @@ use crate::spent;
 const LANES: usize = 3;
 /// Steps that took less than this, in s, share a row of the table.
 const SHOWN: f64 = 1.0;
+/// The exit code of a program of tests of which some failed.
+const FAILED_TESTS: i32 = 101;
 
 /// A step in the queue.
 pub struct Step {
@@ -29,14 +31,16 @@ struct Outcome {
     text: String,
     /// Why it failed, in its line.
     error: Option<String>,
+    /// Its failed tests by themselves, to be run when all other steps have ended; they are not counted before.
+    again: Option<Step>,
 }
 
 impl Step {
     /// A check, which counts as one test.
     pub fn check(name: impl Into<String>, check: impl FnOnce() -> Result<()> + Send + 'static) -> Self {
         let run = move || match check() {
-            Ok(()) => Outcome { passed: 1, failed: 0, text: String::new(), error: None },
-            Err(error) => Outcome { passed: 0, failed: 1, text: String::new(), error: Some(format!("{error:#}")) },
+            Ok(()) => Outcome { passed: 1, failed: 0, text: String::new(), error: None, again: None },
+            Err(error) => Outcome::failed(&error),
         };
         Step { name: name.into(), run: Box::new(run) }
     }
@@ -48,30 +52,72 @@ impl Step {
                 let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
                 let ok = output.status.success();
                 let error = (!ok).then(|| format!("it ended with {}", output.status));
-                Outcome { passed: ok.into(), failed: (!ok).into(), text: text.concat(), error }
+                Outcome { passed: ok.into(), failed: (!ok).into(), text: text.concat(), error, again: None }
             }
-            Err(error) => Outcome { passed: 0, failed: 1, text: String::new(), error: Some(error.to_string()) },
+            Err(error) => Outcome::failed(&error.into()),
         };
         Step { name: name.into(), run: Box::new(run) }
     }
 
     /// Tests, each counted; a test program that fails without a count is one failure.
     pub fn tests(name: impl Into<String>, mut command: Command) -> Self {
-        let run = move || match tests(&mut command) {
-            Ok(outcome) => outcome,
-            Err(error) => Outcome { passed: 0, failed: 1, text: String::new(), error: Some(format!("{error:#}")) },
-        };
+        let run = move || tests(&mut command).map_or_else(|error| Outcome::failed(&error), |(outcome, _)| outcome);
         Step { name: name.into(), run: Box::new(run) }
+    }
+
+    /// The tests of a program, each counted. Those that fail run again by themselves when all other steps have ended, with the same random
+    /// numbers, and only then count: a board or a drive answers late where other steps take the processors for longer than it may wait, and
+    /// what depends on no clock fails again.
+    pub fn program(name: impl Into<String>, mut command: Command) -> Self {
+        let name = name.into();
+        let again = format!("{name}, by itself");
+        let run = move || match tests(&mut command) {
+            Ok((outcome, failed)) if failed.is_empty() => outcome,
+            Ok((mut outcome, failed)) => {
+                outcome.failed = 0;
+                outcome.text = outcome.text.replace("... FAILED", "... failed, and runs again by itself");
+                let run = move || match tests(&mut chosen(&command, &failed)) {
+                    Ok((outcome, _)) if outcome.passed + outcome.failed == failed.len() as u64 => outcome,
+                    Ok(_) => Outcome::failed(&anyhow!("of {failed:?} not every one ran again")),
+                    Err(error) => Outcome::failed(&error),
+                };
+                outcome.again = Some(Step { name: again, run: Box::new(run) });
+                outcome
+            }
+            Err(error) => Outcome::failed(&error),
+        };
+        Step { name, run: Box::new(run) }
     }
 }
 
-fn tests(command: &mut Command) -> Result<Outcome> {
+impl Outcome {
+    fn failed(error: &anyhow::Error) -> Self {
+        Outcome { passed: 0, failed: 1, text: String::new(), error: Some(format!("{error:#}")), again: None }
+    }
+}
+
+/// The same program with these tests.
+fn chosen(command: &Command, names: &[String]) -> Command {
+    let mut chosen = Command::new(command.get_program());
+    chosen.args(names).arg("--exact").envs(command.get_envs().filter_map(|(key, value)| Some((key, value?))));
+    if let Some(folder) = command.get_current_dir() {
+        chosen.current_dir(folder);
+    }
+    chosen
+}
+
+/// The outcome, and the names of the tests that failed; none where the program ended by anything else than failed tests.
+fn tests(command: &mut Command) -> Result<(Outcome, Vec<String>)> {
     let output = command.stdin(Stdio::null()).output()?;
-    let mut outcome = Outcome { passed: 0, failed: 0, text: String::new(), error: None };
+    let mut outcome = Outcome { passed: 0, failed: 0, text: String::new(), error: None, again: None };
+    let mut failed = Vec::new();
     for line in String::from_utf8_lossy(&output.stdout).lines() {
         if let Some(result) = line.strip_prefix("test result: ") {
             outcome.passed += counted(result, "passed")?;
             outcome.failed += counted(result, "failed")?;
+        } else if let Some(name) = line.strip_prefix("test ").and_then(|line| line.strip_suffix(" ... FAILED")) {
+            failed.push(name.trim_end_matches(" - should panic").to_owned());
+            outcome.text += &format!("{line}\n");
         } else if !line.is_empty() && !line.ends_with("... ok") && !line.starts_with("running ") {
             outcome.text += &format!("{line}\n");
         }
@@ -80,7 +126,10 @@ fn tests(command: &mut Command) -> Result<Outcome> {
         outcome.text += &String::from_utf8_lossy(&output.stderr);
         outcome.failed = outcome.failed.max(1);
     }
-    Ok(outcome)
+    if output.status.code() != Some(FAILED_TESTS) || outcome.failed != failed.len() as u64 {
+        failed.clear();
+    }
+    Ok((outcome, failed))
 }
 
 /// The number before `word` in "ok. 5 passed; 0 failed; ...".
@@ -95,13 +144,15 @@ pub struct Tally {
     failed: u64,
     since: Instant,
     rows: Vec<(String, f64)>,
+    /// Failed tests that run again at the end.
+    again: Vec<Step>,
     /// The lines of the steps that failed, printed once more at the end, as they are far above it.
     failures: Vec<String>,
 }
 
 impl Tally {
     pub fn new() -> Self {
-        Tally { passed: 0, failed: 0, since: Instant::now(), rows: Vec::new(), failures: Vec::new() }
+        Tally { passed: 0, failed: 0, since: Instant::now(), rows: Vec::new(), again: Vec::new(), failures: Vec::new() }
     }
 
     /// Runs steps in this order, as many at a time as there are lanes, until all have ended.
@@ -118,7 +169,7 @@ impl Tally {
             let since = Instant::now();
             let outcome = run();
             let took = since.elapsed().as_secs_f64();
-            tally.lock().unwrap_or_else(PoisonError::into_inner).add(name, took, &outcome);
+            tally.lock().unwrap_or_else(PoisonError::into_inner).add(name, took, outcome);
         };
         let next = || queue.lock().unwrap_or_else(PoisonError::into_inner).pop_front();
         let rest = || {
@@ -153,24 +204,33 @@ impl Tally {
         });
     }
 
-    fn add(&mut self, name: String, took: f64, outcome: &Outcome) {
-        let Outcome { passed, failed, text, error } = outcome;
+    fn add(&mut self, name: String, took: f64, outcome: Outcome) {
+        let Outcome { passed, failed, text, error, again } = outcome;
         self.passed += passed;
         self.failed += failed;
-        let verdict = if *failed == 0 { "ok    " } else { "FAILED" };
+        let verdict = match (failed, &again) {
+            (0, None) => "ok    ",
+            (0, Some(_)) => "again ",
+            _ => "FAILED",
+        };
         let counts = if passed + failed == 1 { String::new() } else { format!(": {passed} passed, {failed} failed") };
-        let error = error.as_ref().map(|error| format!(": {error}")).unwrap_or_default();
+        let error = error.map(|error| format!(": {error}")).unwrap_or_default();
         let line = format!("{verdict} {took:4.0} s  {name}{counts}{error}");
         print!("{text}");
         println!("{line}");
-        if *failed > 0 {
+        // A test that fails only beside others is named at the end too.
+        if failed > 0 || again.is_some() {
             self.failures.push(line);
         }
+        self.again.extend(again);
         self.rows.push((name, took));
     }
 
-    /// Prints the times and the counts. Whether all has passed.
-    pub fn end(self) -> bool {
+    /// Runs failed tests again, one program at a time, and prints the times and the counts. Whether all has passed.
+    pub fn end(mut self) -> bool {
+        for step in std::mem::take(&mut self.again) {
+            self.run(vec![step]);
+        }
         println!("\n{self}");
         self.failed == 0
     }

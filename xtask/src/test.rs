@@ -39,7 +39,7 @@ pub fn run() -> Result<()> {
     // Builds end in one crate on one core: the tests run at the same time.
     let mut steps = vec![Step::check("the Python package builds", python::is_built)];
     // A drive's watchdog runs by the clock: its tests run one program at a time, with nothing else.
-    let tests = |program: &Program| Step::tests(program.name(), program.command());
+    let tests = |program: &Program| Step::program(program.name(), program.command());
     let mut exclusive = Vec::new();
     for program in &programs {
         match program.name().as_str() {
@@ -48,8 +48,8 @@ pub fn run() -> Result<()> {
                 let (mut rest, mut timed) = (program.command(), program.command());
                 rest.args(BY_THE_CLOCK.iter().flat_map(|name| ["--skip", name]));
                 timed.args(BY_THE_CLOCK);
-                steps.push(Step::tests(name, rest));
-                exclusive.push(Step::tests(format!("{name}, by the clock"), timed));
+                steps.push(Step::program(name, rest));
+                exclusive.push(Step::program(format!("{name}, by the clock"), timed));
             }
             _ => steps.push(tests(program)),
         }

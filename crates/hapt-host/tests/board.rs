@@ -7,6 +7,7 @@ use hapt_core::{Phase, SafetyProfile};
 use hapt_host::board::simulate::SimulatedBoard;
 use hapt_host::board::{Error, Link, Parameter, Refusal, Telemetry, pty};
 use hapt_model::{DeviceSpec, Source, World};
+use hapt_testing::in_time;
 use hapt_wire::device::Board;
 use hapt_wire::{Command, DeviceMessage, Hello, frame, hash, pack};
 
@@ -232,6 +233,10 @@ fn a_line_that_corrupts_bytes_carries_a_world_completely_or_reports_an_error() {
 
 #[test]
 fn an_externally_clocked_board_runs_in_lockstep() {
+    in_time(runs_in_lockstep);
+}
+
+fn runs_in_lockstep() {
     let fed = Board { externally_clocked: true, ..BOARD };
     let board = SimulatedBoard::start(fed, rig()).unwrap();
     let mut link = Link::open(board.path()).unwrap();
