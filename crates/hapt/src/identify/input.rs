@@ -5,7 +5,7 @@ use std::path::Path;
 
 use hapt_host::DeviceAddress;
 use hapt_identify::{Columns, Read as Table, Record, is_mat, mat_table, text_of};
-use hapt_log::{Log, Origin};
+use hapt_log::Log;
 use hapt_model::keys::Measure;
 use hapt_model::{Dimension, Motion, World};
 
@@ -26,7 +26,6 @@ const TIME: usize = 0;
 const PUCK: usize = 1;
 const MEASURED: usize = 3;
 const COMMAND: usize = 6;
-const APPLIED: usize = 7;
 
 /// Times, positions, torques.
 type Lists = [Vec<f64>; 3];
@@ -128,12 +127,11 @@ fn table(args: &IdentifyArgs, name: &str, from: impl Read) -> Result<Table, Fail
     Ok(table)
 }
 
-/// A log of hapt: the commands of a run; the output of the supervisor of a loop in real time.
+/// A log of hapt: the commands of a run; the output of the supervisor of a loop in real time, from which delay and lag are counted.
 fn logged(mut opened: Opened, named: Option<World>, coasts: bool) -> Result<(Lists, Motion, Option<World>), Failure> {
     let plan = std::sync::Arc::clone(opened.log.plan());
     let is_real = opened.log.is_live() && opened.log.header.device != "sim";
     let place = if is_real { PUCK } else { MEASURED };
-    let torque = if opened.log.origin == Origin::Run { COMMAND } else { APPLIED };
     let mut lists = Lists::default();
     while let Some(sample) = opened.log.next().map_err(|error| log::failure(&opened.name, error))? {
         if lists[0].len() == MAX_SAMPLES {
@@ -146,7 +144,8 @@ fn logged(mut opened: Opened, named: Option<World>, coasts: bool) -> Result<(Lis
         let at = |place: usize| sample.values.get(place).copied().unwrap_or(f64::NAN);
         lists[0].push(at(TIME));
         lists[1].push(at(place));
-        lists[2].push(if coasts { 0.0 } else { at(torque) });
+        let torque = sample.inputs().map_or_else(|| at(COMMAND), |inputs| inputs.output);
+        lists[2].push(if coasts { 0.0 } else { torque });
     }
     opened.say_ending(lists[0].len() as u64, lists[0].last().copied().unwrap_or(0.0));
     let world = named.unwrap_or_else(|| plan.world.clone());

@@ -116,6 +116,21 @@ fn an_experiment_on_the_simulated_wheel_finds_it() {
     holds(&identify(at.path(), &["log.mcap", "--json"]).done().out, 0.0);
 }
 
+/// The delay counts from the supervisor's output in both.
+#[test]
+fn the_log_of_an_experiment_says_the_same_delay_as_the_experiment() {
+    let at = folder(&[("w.toml", PAIR)]);
+    let late = |args: &[&str]| {
+        let json: serde_json::Value = serde_json::from_str(&identify(at.path(), args).done().out).unwrap();
+        json["late_s"]["value"].as_f64().unwrap_or_else(|| panic!("{json}"))
+    };
+    let experiment = late(&["sim", "--world", "w.toml", "--duration", "2 s", "--log", "log.mcap", "--json"]);
+    // Samples that were missed make it longer.
+    assert!(experiment > 1.9e-3, "{experiment}");
+    let log = late(&["log.mcap", "--json"]);
+    assert!((log - experiment).abs() < 1e-5, "{log} and {experiment}");
+}
+
 #[test]
 fn a_log_is_held_against_the_file_of_its_world() {
     let at = folder(&[("w.toml", &PAIR.replace("3e-3 N m s/rad", "3e-3 N m s/rad ± 5 %"))]);
