@@ -9,10 +9,11 @@ use crate::Error;
 pub use encoding::text_of;
 use table::Table;
 
-/// Names of a time, a position, a torque, without their units; the first that a table has is taken.
+/// Names of a time, a position, a torque, without their units; the first that a table has is taken. A log of hapt's loop in real time has the
+/// supervisor's output beside the command.
 const TIMES: &[&str] = &["time", "t", "timestamp"];
 const POSITIONS: &[&str] = &["measured", "position", "angle", "puck", "pos", "theta"];
-const TORQUES: &[&str] = &["command", "applied", "torque", "tau", "force"];
+const TORQUES: &[&str] = &["output_Nm", "output_N", "command", "applied", "torque", "tau", "force"];
 
 /// Which columns of a table to take; `None`: by their names.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -264,8 +265,8 @@ impl Columns {
             }
             None => {
                 let of = |usual: &&str| {
-                    let places: Vec<usize> =
-                        (0..names.len()).filter(|i| split(names[*i]).0.eq_ignore_ascii_case(usual)).collect();
+                    let is_it = |name: &str| name == *usual || split(name).0.eq_ignore_ascii_case(usual);
+                    let places: Vec<usize> = (0..names.len()).filter(|i| is_it(names[*i])).collect();
                     (!places.is_empty()).then_some(places)
                 };
                 let like = || -> Vec<usize> {
