@@ -2,20 +2,21 @@
 
 use hapt_model::keys::Measure;
 use hapt_model::{DeviceSpec, Handle, World};
-use hapt_plant::spec::{Stops, Stribeck};
+use hapt_plant::spec::{DeviceTorque, FrictionByPosition, Stops, Stribeck};
 use serde_json::{Value, json};
 
 use crate::device::{self, Device};
 use crate::estimate::{search_from, search_or_glimpse};
 use crate::fit::Fit;
 use crate::handle::{self, WithHandle};
-use crate::identified::{Identified, Interval, Known, Residual};
+use crate::identified::{FoundWaves, Harmonics, Identified, Interval, Known, Residual};
 use crate::json::value;
 use crate::misfit::Misfit;
 use crate::puck::Puck;
 use crate::record::{CancellableRecord, Record};
 use crate::remainder::{RESOLUTION, left, residual};
 use crate::start::{Begin, begins};
+use crate::terms::TermKind;
 use crate::torque::{TorqueFit, fit_torque_until};
 use crate::{Error, Lattice};
 
@@ -55,6 +56,10 @@ pub struct Claims {
     pub stribeck: Option<Stribeck>,
     /// End stops; their numbers have no tolerance.
     pub stops: Option<Stops>,
+    /// Gravity and cogging; their numbers have no tolerance.
+    pub torque: DeviceTorque,
+    /// How friction changes with the position; its numbers have no tolerance.
+    pub friction_by_position: Option<FrictionByPosition>,
 }
 
 /// The verdict of a record on a number of a file.
@@ -72,7 +77,8 @@ pub enum Verdict {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compared {
     /// inertia, damping, friction, constant torque, lag, delay, delay and lag, sign; handle inertia, shaft stiffness, shaft damping;
-    /// stribeck torque, stribeck velocity; low stop, high stop, stop stiffness, stop damping.
+    /// stribeck torque, stribeck velocity; low stop, high stop, stop stiffness, stop damping; gravity sine and cosine; cogging sine 1 and
+    /// cosine 1, and so on for each harmonic of the file; friction sine 1 and cosine 1, and so on; spring.
     pub name: &'static str,
     /// The kind of its unit; `None`: it has no unit.
     pub measure: Option<Measure>,
@@ -137,6 +143,8 @@ impl Claims {
             handle: device.handle,
             stribeck: device.stribeck.filter(|stribeck| stribeck.torque > 0.0),
             stops: device.stops,
+            torque: device.torque,
+            friction_by_position: device.friction_by_position,
         }
     }
 
@@ -169,6 +177,11 @@ impl Claims {
         }
     }
 
+    /// Whether friction changes with the position.
+    fn changes(&self) -> bool {
+        self.friction_by_position.is_some_and(|changes| changes.most() > 0.0)
+    }
+
     /// The device with the middle of each range.
     fn device(&self) -> DeviceSpec {
         DeviceSpec {
@@ -176,14 +189,14 @@ impl Claims {
             damping: middle(self.damping),
             friction: middle(self.friction) - self.lean,
             friction_backward: Some(middle(self.friction) + self.lean).filter(|_| self.lean != 0.0),
-            friction_by_position: None,
+            friction_by_position: self.friction_by_position,
             stribeck: self.stribeck,
             stops: self.stops,
             lag: middle(self.lag),
             delay: middle(self.delay),
             period: self.period,
             handle: self.handle,
-            torque: Default::default(),
+            torque: self.torque,
         }
     }
 }
@@ -251,12 +264,24 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
     let lag = middle(claims.lag);
     let known = Known { is_linear, lag: (lag > 0.0).then_some(lag), ..Known::default() };
     // A fit near the file's own device comes first, where that device is more than a puck.
-    let near = device_of(claims).and_then(|device| device::near(record, &device)?.identified(record, &known));
-    let search = || device::search(record, &known)?.identified(record, &known);
-    if let Some(x) = near.or_else(|| search().filter(|x| x.stops.is_some_and(|stops| stops.are_sure()))) {
+    let near = |device: &Device| device::near(record, device)?.identified(record, &known);
+    let search = || {
+        let fit = device::search(record, &known)?;
+        // Harmonics are compared by the pitch and the phase of the file.
+        match fit.device.with_waves_of(&Device::of_spec(&claims.device())) {
+            Some(device) => near(&device),
+            None => fit.identified(record, &known),
+        }
+    };
+    if let Some(x) = device_of(claims)
+        .and_then(|device| near(&device))
+        .or_else(|| search().filter(|x| x.stops.is_some_and(|stops| stops.are_sure())))
+    {
         let mut numbers = judged(&x, claims, &Scale::of(record));
         numbers.extend(judged_stribeck(&x, claims, &Scale::of(record)));
         numbers.extend(judged_stops(record, &x, claims));
+        numbers.extend(judged_waves(claims, x.waves.as_ref(), WIDE));
+        numbers.extend(judged_spring(&x));
         return Ok(Comparison {
             numbers,
             wrong: None,
@@ -280,10 +305,13 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
         let mut numbers = judged(&x, claims, &Scale::of(record));
         numbers.extend(judged_stribeck(&x, claims, &Scale::of(record)));
         numbers.extend(judged_stops(record, &x, claims));
+        numbers.extend(judged_waves(claims, None, NO_WAVE));
         (numbers, x.puck, x.first, x.residual)
     } else {
         let Fit { puck, first, .. } = found.best;
-        (judged_without(claims), puck, first, residual(&left(record, &found.best)))
+        let mut numbers = judged_without(claims);
+        numbers.extend(judged_waves(claims, None, UNEXPLAINED));
+        (numbers, puck, first, residual(&left(record, &found.best)))
     };
     // For a device richer than the file's, the numbers are those of the torque's equation, whose intervals allow for the misfit.
     // That equation has no stops.
@@ -293,8 +321,13 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
         .filter(|_| claims.stops.is_none())
         .and_then(|_| fit_torque_until(record, &known, record.stop));
     let by_torque = by_torque.filter(|fit| fit.inertia.is_some() && !fit.is_moved_by_another);
+    let of_torque = |fit: &TorqueFit| {
+        let mut numbers = judged_by_torque(fit, claims, &Scale::of(record));
+        numbers.extend(judged_waves(claims, None, LATE));
+        numbers
+    };
     Ok(Comparison {
-        numbers: by_torque.as_ref().map_or(numbers, |fit| judged_by_torque(fit, claims, &Scale::of(record))),
+        numbers: by_torque.as_ref().map_or(numbers, of_torque),
         misfit: by_torque.map(|fit| fit.misfit),
         wrong: found.wrong,
         fitted: puck.positions_from(record, first),
@@ -310,8 +343,10 @@ fn with_handle(record: &CancellableRecord<'_>, claims: &Claims, shaft: &Handle) 
     let found = handle::search(record, Some(&claims.device()))?;
     let (fitted, residuals, residual) = (found.fitted(record), found.residuals(record), found.residual);
     let found = found.into_result()?;
+    let mut numbers = judged_with_handle(&found, claims, shaft, &Scale::of(record));
+    numbers.extend(judged_waves(claims, None, ON_SHAFT));
     Ok(Comparison {
-        numbers: judged_with_handle(&found, claims, shaft, &Scale::of(record)),
+        numbers,
         wrong: None,
         misfit: None,
         fitted,
@@ -359,13 +394,56 @@ fn judged(found: &Identified, claims: &Claims, scale: &Scale) -> Vec<Compared> {
     numbers
 }
 
-/// The device of a file with Stribeck friction or end stops; `None` where it has neither.
+/// The device of a file with Stribeck friction, end stops, torques of the position or friction that changes with it; `None` where it has none
+/// of them.
 fn device_of(claims: &Claims) -> Option<Device> {
-    let (stribeck, stops) = (claims.stribeck, claims.stops);
-    if stribeck.is_none() && stops.is_none() {
-        return None;
-    }
-    Some(Device::of_spec(&claims.device()))
+    let is_plain = claims.stribeck.is_none() && claims.stops.is_none() && claims.torque.is_none();
+    (!is_plain || claims.changes()).then(|| Device::of_spec(&claims.device()))
+}
+
+/// Names of the parts of a wave's harmonics.
+type Names = [[&'static str; 2]; 4];
+const OF_GRAVITY: Names = [["gravity sine", "gravity cosine"], [""; 2], [""; 2], [""; 2]];
+const OF_COGGING: Names = [
+    ["cogging sine 1", "cogging cosine 1"],
+    ["cogging sine 2", "cogging cosine 2"],
+    ["cogging sine 3", "cogging cosine 3"],
+    ["cogging sine 4", "cogging cosine 4"],
+];
+const OF_FRICTION: Names = [
+    ["friction sine 1", "friction cosine 1"],
+    ["friction sine 2", "friction cosine 2"],
+    ["friction sine 3", "friction cosine 3"],
+    ["friction sine 4", "friction cosine 4"],
+];
+
+/// A spring to ground, which no file has.
+fn judged_spring(found: &Identified) -> Option<Compared> {
+    let term = found.terms.iter().find(|term| term.kind == TermKind::Stiffness)?;
+    let number = Compared::new("spring", Some(Measure::Stiffness), Some(term.size), [0.0; 2], 0.0);
+    Some(Compared { file: [f64::NAN; 2], reason: Some(NO_SPRING), ..number })
+}
+
+/// Each harmonic of the file's gravity, cogging and friction against that of a fit; `reason`: why the record does not determine it.
+fn judged_waves(claims: &Claims, found: Option<&FoundWaves>, reason: &'static str) -> Vec<Compared> {
+    let device = Device::of_spec(&claims.device());
+    let waves = [
+        (Measure::Torque, OF_GRAVITY, device.gravity(), found.map(|x| x.gravity)),
+        (Measure::Torque, OF_COGGING, device.cogging(), found.map(|x| x.cogging)),
+        (Measure::Ratio, OF_FRICTION, device.changes(), found.map(|x| x.changes)),
+    ];
+    let of = |(measure, names, file, found): (Measure, Names, [[f64; 2]; 4], Option<Harmonics>)| {
+        let is_found = move |n: usize| found.is_some_and(|found| found[n][0].is_some());
+        let stated = (0..4).filter(move |n| file[*n] != [0.0; 2] || is_found(*n));
+        stated.flat_map(move |n| [(n, 0), (n, 1)]).map(move |(n, i)| {
+            let estimate = found.and_then(|found| found[n][i]);
+            // A part is small compared with the whole harmonic.
+            let size = file[n][0].hypot(file[n][1]);
+            let number = Compared::new(names[n][i], Some(measure), estimate, [file[n][i]; 2], size);
+            if estimate.is_none() { Compared { reason: Some(reason), ..number } } else { number }
+        })
+    };
+    waves.into_iter().flat_map(of).collect()
 }
 
 /// Stribeck friction of the file against that of a fit.
@@ -466,6 +544,9 @@ const BEFORE: &str = "the record does not reach it";
 const PASSES: &str = "the record moves beyond it without a stop";
 const NO_STOP: &str = "the file has no such stop";
 const NO_FALL: &str = "a puck without it explains the record: the speeds are too high, or too low, to show it";
+const NO_WAVE: &str = "a puck without it explains the record: its torque is too small to show, or the travel too short";
+const NO_SPRING: &str = "no key: no file has a spring from the puck to the ground that is the device's own";
+const ON_SHAFT: &str = "a fit with a handle does not have it";
 const LATE: &str = "the torque's equation does not tell it";
 const UNEXPLAINED: &str = "no interval is valid beside a motion that no device explains";
 

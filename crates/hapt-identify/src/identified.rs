@@ -4,6 +4,7 @@ use hapt_plant::spec::Stops;
 
 use crate::counts::Lattice;
 use crate::puck::Puck;
+use crate::terms::Term;
 
 /// The quantities that are known before the fit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -92,6 +93,10 @@ pub struct Identified {
     pub stops: Option<FoundStops>,
     /// Friction that falls with the speed, where the caller asked for it.
     pub stribeck: Option<FoundStribeck>,
+    /// Torques of the position and changes of friction with it, besides end stops.
+    pub terms: Vec<Term>,
+    /// The same by harmonics, where the caller asked for them.
+    pub(crate) waves: Option<FoundWaves>,
     /// The fit itself, with damping, friction and delay of 0 or more wherever that explains the record.
     pub puck: Puck,
     /// The positions of the device at each sample from `first` on, where it has end stops or Stribeck friction.
@@ -163,7 +168,24 @@ impl Identified {
                 FoundStribeck { torque: x.torque.with(other.torque), velocity: x.velocity.with(other.velocity) }
             }
         });
+        let with = |waves: Option<FoundWaves>| {
+            let (one, other) = (waves?, other.waves);
+            let widened = |one: Harmonics, other: Option<Harmonics>| match other {
+                None => one,
+                Some(other) => std::array::from_fn(|n| std::array::from_fn(|i| both(one[n][i], other[n][i]))),
+            };
+            Some(FoundWaves {
+                gravity: widened(one.gravity, other.map(|x| x.gravity)),
+                cogging: widened(one.cogging, other.map(|x| x.cogging)),
+                changes: widened(one.changes, other.map(|x| x.changes)),
+            })
+        };
+        // Both fits have the same terms.
+        let terms =
+            self.terms.iter().zip(&other.terms).map(|(x, y)| Term { size: x.size.with(y.size), ..*x }).collect();
         Identified {
+            terms,
+            waves: with(self.waves),
             inertia: both(self.inertia, other.inertia),
             damping: both(self.damping, other.damping),
             friction: both(self.friction, other.friction),
@@ -198,6 +220,20 @@ pub struct FoundStribeck {
     pub torque: Interval,
     /// The velocity from which on there is none, in rad/s (m/s).
     pub velocity: Interval,
+}
+
+/// The sine and the cosine part of each harmonic; `None`: it is not fitted.
+pub(crate) type Harmonics = [[Option<Interval>; 2]; 4];
+
+/// Torques of the position by harmonics.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct FoundWaves {
+    /// In N·m, of sin z and cos z.
+    pub gravity: Harmonics,
+    /// In N·m (N).
+    pub cogging: Harmonics,
+    /// Parts of the friction.
+    pub changes: Harmonics,
 }
 
 /// A torque that depends on the position.

@@ -109,6 +109,8 @@ impl<'k> Intervals<'k> {
             rates: [DAMPING, FRICTION].map(|i| bounded(rate(i))),
             stops: None,
             stribeck: None,
+            terms: Vec::new(),
+            waves: None,
             puck: self.best.puck,
             positions: None,
             first: self.best.first,

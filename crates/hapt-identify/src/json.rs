@@ -24,6 +24,9 @@ impl Identified {
         if let Some(stops) = self.stops {
             json.insert("stops".into(), map(stops.named()).into());
         }
+        if !self.terms.is_empty() {
+            json.insert("terms".into(), self.terms.iter().map(Term::json).collect());
+        }
         json
     }
 }

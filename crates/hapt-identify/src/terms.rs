@@ -66,8 +66,16 @@ pub struct Term {
     pub kind: TermKind,
     /// Its factor with a 95 % interval, see the kind.
     pub size: Interval,
-    /// The part of the residual without any of these terms that it predicts.
-    pub predicts: f64,
+    /// The part of the residual of the torque's equation without any of these terms that it predicts; `None`: it is one of a fit of the
+    /// motion.
+    pub predicts: Option<f64>,
+}
+
+/// The terms of a record, with the numbers of the same solution, in the order of the equation: inertia, damping, friction, constant.
+#[derive(Default)]
+pub(crate) struct Terms {
+    pub terms: Vec<Term>,
+    pub own: [f64; 4],
 }
 
 impl TermKind {
@@ -144,14 +152,14 @@ impl Table {
 }
 
 /// The terms of a record, the one first that predicts most; `sign` is the motor's sign.
-pub(crate) fn terms(record: &CancellableRecord<'_>, rows: &Rows, sign: f64, is_linear: bool) -> Vec<Term> {
+pub(crate) fn terms(record: &CancellableRecord<'_>, rows: &Rows, sign: f64, is_linear: bool) -> Terms {
     let positions = record.positions();
     let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
     let middle = positions.iter().sum::<f64>() / positions.len() as f64;
     let speeds = velocities(record);
     let rms = (speeds.iter().map(|v| v * v).sum::<f64>() / speeds.len() as f64).sqrt();
     if rows.rows.len() < 8 * BLOCKS || rms <= 0.0 || rms.is_nan() {
-        return Vec::new();
+        return Terms::default();
     }
     let own: Vec<usize> =
         [INERTIA, DAMPING, FRICTION, CONSTANT].into_iter().chain(record.forces().map(|_| FORCE)).collect();
@@ -198,8 +206,8 @@ pub(crate) fn terms(record: &CancellableRecord<'_>, rows: &Rows, sign: f64, is_l
     chosen(&table, (0..own.len()).collect(), &groups, sign, least)
 }
 
-fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], sign: f64, apart: u32) -> Vec<Term> {
-    let Some(mut left) = table.predicted(&kept) else { return Vec::new() };
+fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], sign: f64, apart: u32) -> Terms {
+    let Some(mut left) = table.predicted(&kept) else { return Terms::default() };
     let mut taken: Vec<(&Group, f64)> = Vec::new();
     let all: f64 = left.iter().sum();
     while taken.len() < MAX_TERMS {
@@ -238,9 +246,9 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], sign: f64, apar
         taken.push((group, mean * left.len() as f64 / all));
         (kept, left) = (columns, then);
     }
-    let Some(whole) = table.solved(&kept, None) else { return Vec::new() };
+    let Some(whole) = table.solved(&kept, None) else { return Terms::default() };
     let others: Option<Vec<DVector<f64>>> = (0..BLOCKS).map(|out| table.solved(&kept, Some(out))).collect();
-    let Some(others) = others else { return Vec::new() };
+    let Some(others) = others else { return Terms::default() };
     let of = |(group, predicts): (&Group, f64)| {
         let at = |values: &DVector<f64>, column: usize| {
             kept.iter().position(|kept| *kept == column).map_or(0.0, |i| sign * values[i])
@@ -275,7 +283,8 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], sign: f64, apar
         let count = others.len() as f64;
         let jack = others.iter().map(|other| (size(other) - value).powi(2)).sum::<f64>() * (count - 1.0) / count;
         let half = student(count - 1.0) * jack.sqrt();
-        Term { kind, size: Interval { value, low: value - half, high: value + half }, predicts }
+        Term { kind, size: Interval { value, low: value - half, high: value + half }, predicts: Some(predicts) }
     };
-    taken.into_iter().map(of).collect()
+    // The equation's own columns are the first ones.
+    Terms { terms: taken.into_iter().map(of).collect(), own: std::array::from_fn(|i| whole[i]) }
 }

@@ -78,14 +78,11 @@ const fn mask(more: &[usize]) -> Mask {
 }
 
 pub(crate) const PLAIN: Mask = mask(&[]);
+/// With a torque of the position that is spring or gravity.
+pub(crate) const BENT: Mask = mask(&[STIFFNESS, SINE, COSINE]);
 /// Friction by direction hides a constant, so a model that has a sine of the position is tried without it too.
-const MODELS: [Mask; 5] = [
-    PLAIN,
-    mask(&[STIFFNESS]),
-    mask(&[STIFFNESS, DIRECTION]),
-    mask(&[STIFFNESS, SINE, COSINE]),
-    mask(&[STIFFNESS, DIRECTION, SINE, COSINE]),
-];
+const MODELS: [Mask; 5] =
+    [PLAIN, mask(&[STIFFNESS]), mask(&[STIFFNESS, DIRECTION]), BENT, mask(&[STIFFNESS, DIRECTION, SINE, COSINE])];
 
 fn is_rich(beyond_noise: f64, share: f64) -> bool {
     beyond_noise > RICH && beyond_noise > 0.5 * share
@@ -336,7 +333,7 @@ fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Opti
     let found = is_determined.then(|| positive(Interval { high: whole.high.max(reach), ..whole }));
     let inertia_by_torque = is_determined.then(|| positive(whole));
     let carries = is_determined && is_rich(beyond_noise, misfit.share);
-    let found_terms = if carries { terms(record, &rows, sign, known.is_linear) } else { Vec::new() };
+    let found_terms = if carries { terms(record, &rows, sign, known.is_linear).terms } else { Vec::new() };
     // Where the inertia is known, all torques are in parts of the motor's.
     let gain = known.inertia.map(|known| known / inertia.value.abs()).filter(|gain| gain.is_finite());
     let scaled = |x: Interval, by: f64| Interval { value: by * x.value, low: by * x.low, high: by * x.high };

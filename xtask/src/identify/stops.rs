@@ -156,6 +156,8 @@ fn claims(rig: &DeviceSpec) -> Claims {
         handle: None,
         stribeck: None,
         stops: rig.stops,
+        torque: rig.torque,
+        friction_by_position: rig.friction_by_position,
     }
 }
 

@@ -2,17 +2,20 @@
 //!
 //! Away from both ends of the travel the equation of motion gives inertia, damping and friction. A stop shows where the puck turns round
 //! near an end and loses more velocity than these explain. The place, stiffness and damping of the stop are fitted to the hardest such
-//! turn, and then all numbers to the whole record.
+//! turn, and then all numbers to the whole record. Where that explains no record, the terms that the torque shows away from the ends, a
+//! spring, gravity, cogging and changes of friction with the position, are fitted too.
 
+use super::field::HARMONICS;
 use super::fit::{
-    DAMPING, Device, FAST, FRICTION, Fit, Free, INERTIA, LATE, OFFSET, PARAMETERS, Parameters, RISE, SHORTEST_LAG,
-    STIFFNESS, STOP_DAMPING, STOPS, Shot, VARIANCE,
+    CHANGES, COGGING, DAMPING, Device, FAST, FRICTION, Fit, Free, GRAVITY, INERTIA, LATE, OFFSET, PARAMETERS,
+    Parameters, Places, RISE, SHORTEST_LAG, SPRING, STIFFNESS, STOP_DAMPING, STOPS, Shot, VARIANCE,
 };
-use crate::equation::{self, Band, Rows};
+use crate::equation::{self, Band, Mask, Rows, Solved};
 use crate::identified::Known;
 use crate::record::{CancellableRecord, Record};
 use crate::start::{delayed, noise_of_velocities, signs, velocities};
-use crate::torque::PLAIN;
+use crate::terms::{Term, TermKind, terms};
+use crate::torque::{BENT, PLAIN};
 
 /// Parts of the travel at each end in which a stop is searched.
 const ENDS: [f64; 3] = [0.04, 0.12, 0.3];
@@ -64,6 +67,8 @@ struct Away {
     limits: [f64; 2],
     /// The standard error of the inertia, as a part of it.
     error: f64,
+    /// The parameters of its torques of the position.
+    more: Free,
 }
 
 fn side(stop: usize) -> f64 {
@@ -88,9 +93,29 @@ pub(crate) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fi
     if !record.is_driven() || record.forces().is_some() {
         return None;
     }
-    let mut pairs: Vec<Away> = ENDS.iter().filter_map(|part| away(record, known, *part)).collect();
-    pairs.sort_by(|a, b| a.error.total_cmp(&b.error));
-    let mut tried: Vec<[Option<usize>; 2]> = Vec::new();
+    let by_error = |mut pairs: Vec<Away>| {
+        pairs.sort_by(|a, b| a.error.total_cmp(&b.error));
+        pairs
+    };
+    let plain = by_error(ENDS.iter().filter_map(|part| away(record, known, *part)).collect());
+    of_turns(record, known, &plain).or_else(|| {
+        let loaded = by_error(ENDS.iter().filter_map(|part| loaded(record, known, *part)).collect());
+        of_turns(record, known, &loaded).or_else(|| {
+            // The equation takes one of gravity and a spring for both over a short travel.
+            let both = |away: Away| {
+                let mut more = away.more;
+                [SPRING, GRAVITY, GRAVITY + 1].into_iter().for_each(|i| more[i] = true);
+                (more != away.more).then_some(Away { more, ..away })
+            };
+            let both: Vec<Away> = loaded.into_iter().filter(|_| !known.is_linear).filter_map(both).collect();
+            of_turns(record, known, &both)
+        })
+    })
+}
+
+/// The fit that starts from one of these devices, with the stops that the hardest turns show.
+fn of_turns(record: &CancellableRecord<'_>, known: &Known, pairs: &[Away]) -> Option<Fit> {
+    let mut tried: Vec<([Option<usize>; 2], Free)> = Vec::new();
     pairs.iter().find_map(|away| {
         let both = [0, 1].map(|stop| hardest(record, away, stop));
         let most = both.iter().flatten().map(|turn| turn.taken).fold(0.0, f64::max);
@@ -98,12 +123,13 @@ pub(crate) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fi
         [both, most_only].into_iter().find_map(|turns| {
             let at = turns.map(|turn| turn.map(|turn| turn.at));
             // Nearly the same turns give nearly the same fit.
-            if tried.contains(&at) {
+            if tried.contains(&(at, away.more)) {
                 return None;
             }
-            tried.push(at);
+            tried.push((at, away.more));
             let start = with_stops(record, &away.device, turns)?;
             let mut free = free(true, known.lag.is_some(), turns.map(|turn| turn.is_some()));
+            free.iter_mut().zip(&away.more).for_each(|(free, more)| *free |= more);
             let start = around(record, start, free, turns)?;
             free[VARIANCE] |= start.p[VARIANCE] > 0.0;
             explains(record, start, free).filter(|fit| are_ends(record, fit)).and_then(|fit| needed(record, fit))
@@ -123,7 +149,7 @@ fn needed(record: &CancellableRecord<'_>, fit: Fit) -> Option<Fit> {
 }
 
 /// The device near a given one that explains the record; `None` where none does, or where the record reaches none of its stops and it has
-/// no Stribeck friction. Stops that the record allows but does not need are kept.
+/// neither Stribeck friction nor torques of the position. Stops that the record allows but does not need are kept.
 pub(crate) fn near(record: &CancellableRecord<'_>, device: &Device) -> Option<Fit> {
     if !record.is_driven() || record.forces().is_some() {
         return None;
@@ -137,18 +163,23 @@ pub(crate) fn near(record: &CancellableRecord<'_>, device: &Device) -> Option<Fi
         device.p[STOPS[stop]] = side(stop) * f64::INFINITY;
     }
     let falls = device.p[RISE] > 0.0;
-    if !(falls || is_reached[0] || is_reached[1]) {
+    let waves = waves(&device.p);
+    let has_waves = waves.contains(&true);
+    if !(falls || has_waves || is_reached[0] || is_reached[1]) {
         return None;
     }
     let mut free = free(true, device.p[VARIANCE] > 0.0, is_reached);
     (free[RISE], free[FAST]) = (falls, falls);
+    free.iter_mut().zip(&waves).for_each(|(free, wave)| *free |= wave);
     // From a friction that falls far too much, a fit may end in a local minimum.
     let parts = if falls { &RISES[..] } else { &RISES[..1] };
     let found = parts.iter().find_map(|part| {
         let mut device = device;
         device.p[RISE] *= part;
-        let shows_stops = |fit: &Fit| needs_stops(record, fit, is_reached) && fit.covariance(record).is_some();
-        explains(record, device, free).filter(|fit| falls || shows_stops(fit))
+        let has_stops = is_reached[0] || is_reached[1];
+        let shows =
+            |fit: &Fit| (!has_stops || needs_stops(record, fit, is_reached)) && fit.covariance(record).is_some();
+        explains(record, device, free).filter(|fit| falls || shows(fit))
     });
     // A record that needs no stops, or does not determine their numbers, may still allow those of the file.
     found.or_else(|| {
@@ -158,6 +189,17 @@ pub(crate) fn near(record: &CancellableRecord<'_>, device: &Device) -> Option<Fi
         STOPS.into_iter().chain([STIFFNESS, STOP_DAMPING]).for_each(|i| free[i] = false);
         explains(record, device, free)
     })
+}
+
+/// The parameters of the spring and of the harmonics that a device has, both parts of each.
+fn waves(p: &Parameters) -> Free {
+    let mut free = [false; PARAMETERS];
+    free[SPRING] = p[SPRING] != 0.0;
+    for at in (GRAVITY..PARAMETERS).step_by(2) {
+        let has = p[at] != 0.0 || p[at + 1] != 0.0;
+        (free[at], free[at + 1]) = (has, has);
+    }
+    free
 }
 
 /// Whether the stops found are ends of the travel, and not a spring about its middle.
@@ -184,8 +226,15 @@ fn without(fit: &Fit, stops: [bool; 2]) -> (Device, Free) {
     (device, free)
 }
 
-/// The equation of motion over the windows that keep away from the ends.
-fn away(record: &CancellableRecord<'_>, known: &Known, part: f64) -> Option<Away> {
+/// The windows of a record that keep away from the ends, at the delay with the least residual of an equation.
+struct Inside {
+    limits: [f64; 2],
+    delay: f64,
+    rows: Rows,
+    solved: Solved,
+}
+
+fn inside(record: &CancellableRecord<'_>, part: f64, model: Mask) -> Option<Inside> {
     let positions = record.positions();
     let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
     let margin = part * (high - low);
@@ -199,28 +248,106 @@ fn away(record: &CancellableRecord<'_>, known: &Known, part: f64) -> Option<Away
     });
     let solved = |delay: f64| {
         let torques = delayed(record, delay);
-        let under = |(rows, weights): &(Rows, Vec<Vec<f64>>)| {
-            rows.under(weights, &torques).solved(PLAIN, duration).filter(|solved| solved.share < 0.5)
-        };
-        windows.iter().find_map(under)
+        windows.iter().find_map(|(rows, weights)| {
+            let rows = rows.under(weights, &torques);
+            let solved = rows.solved(model, duration).filter(|solved| solved.share < 0.5)?;
+            Some((rows, solved))
+        })
     };
     let delays = (0..DELAYS).map(|i| i as f64 * DELAY_STEP).take_while(|_| !(record.stop)());
     let all = delays.filter_map(|delay| Some((delay, solved(delay)?)));
-    let (delay, solved) = all.min_by(|a, b| a.1.share.total_cmp(&b.1.share))?;
-    let inertia = solved.values[equation::INERTIA];
+    let (delay, (rows, solved)) = all.min_by(|a, b| a.1.1.share.total_cmp(&b.1.1.share))?;
+    Some(Inside { limits, delay, rows, solved })
+}
+
+/// The equation of motion over the windows that keep away from the ends.
+fn away(record: &CancellableRecord<'_>, known: &Known, part: f64) -> Option<Away> {
+    let inside = inside(record, part, PLAIN)?;
+    let values = [equation::INERTIA, equation::DAMPING, equation::FRICTION, equation::CONSTANT];
+    Some(of_equation(known, &inside, values.map(|i| inside.solved.values[i])))
+}
+
+/// The same with the terms that the torque shows there; `None`: it shows none.
+fn loaded(record: &CancellableRecord<'_>, known: &Known, part: f64) -> Option<Away> {
+    let inside = inside(record, part, BENT)?;
+    let sign = inside.solved.values[equation::INERTIA].signum();
+    let found = terms(record, &inside.rows, sign, known.is_linear);
+    let mut away = of_equation(known, &inside, found.own);
+    let (p, places, more) = (&mut away.device.p, &mut away.device.places, &mut away.more);
+    let ratio = known.inertia.map_or(1.0, |known| known / found.own[0].abs());
+    let rates = |is: fn(&TermKind) -> bool| {
+        let rate = move |term: &Term| match term.kind {
+            TermKind::Turn { times, .. } | TermKind::FrictionByPosition { times, .. } => {
+                is(&term.kind).then_some(times)
+            }
+            TermKind::Stiffness | TermKind::Stribeck { .. } | TermKind::Drag => None,
+        };
+        found.terms.iter().filter_map(rate)
+    };
+    // Several waves of a torque are harmonics of one, where it has so few.
+    let base = |rates: &mut dyn Iterator<Item = u32>| {
+        let rates: Vec<u32> = rates.collect();
+        let divisor = rates.iter().copied().fold(0, divisor);
+        if rates.iter().all(|rate| *rate <= divisor * HARMONICS as u32) { divisor } else { rates[0] }
+    };
+    let cogging = base(&mut rates(|kind| matches!(kind, TermKind::Turn { times: 2.., .. })));
+    let changes = base(&mut rates(|kind| matches!(kind, TermKind::FrictionByPosition { .. })));
+    places.middle = record.positions().iter().sum::<f64>() / record.positions().len() as f64;
+    (places.cogging, places.changes) = ([f64::from(cogging), 0.0], [f64::from(changes), 0.0]);
+    if let Some(spring) = found.terms.iter().find(|term| term.kind == TermKind::Stiffness) {
+        (p[SPRING], more[SPRING]) = (ratio * spring.size.value, true);
+    }
+    let friction = p[FRICTION];
+    for term in &found.terms {
+        let mut wave = |at: usize, size: f64, phase: f64| {
+            (p[at], p[at + 1]) = (size * phase.cos(), size * phase.sin());
+            (more[at], more[at + 1]) = (true, true);
+        };
+        let size = ratio * term.size.value;
+        // The harmonic of a base, 0 for the first.
+        let harmonic = |times: u32, base: u32| {
+            let n = times / base;
+            (times.is_multiple_of(base) && n as usize <= HARMONICS).then(|| 2 * (n as usize - 1))
+        };
+        match term.kind {
+            TermKind::Turn { times: 1, phase } => wave(GRAVITY, -size, phase),
+            TermKind::Turn { times, phase } => {
+                if let Some(n) = harmonic(times, cogging) {
+                    wave(COGGING + n, -size, phase);
+                }
+            }
+            TermKind::FrictionByPosition { times, phase } if friction > 0.0 => {
+                if let Some(n) = harmonic(times, changes) {
+                    wave(CHANGES + n, size / friction, phase);
+                }
+            }
+            TermKind::FrictionByPosition { .. } | TermKind::Stiffness | TermKind::Stribeck { .. } | TermKind::Drag => {}
+        }
+    }
+    more.contains(&true).then_some(away)
+}
+
+/// The greatest common divisor.
+fn divisor(a: u32, b: u32) -> u32 {
+    if b == 0 { a } else { divisor(b, a % b) }
+}
+
+/// The device of a solution: inertia, damping, friction, constant.
+fn of_equation(known: &Known, inside: &Inside, [inertia, damping, friction, constant]: [f64; 4]) -> Away {
     let sign = inertia.signum();
     let ratio = known.inertia.map_or(1.0, |known| known / inertia.abs());
     let mut p: Parameters = [0.0; PARAMETERS];
     p[INERTIA] = known.inertia.map_or(inertia.abs(), |_| ratio).ln();
-    p[DAMPING] = (ratio * sign * solved.values[equation::DAMPING]).max(0.0);
-    p[FRICTION] = (ratio * sign * solved.values[equation::FRICTION]).max(0.0);
-    p[OFFSET] = -ratio * sign * solved.values[equation::CONSTANT];
-    p[LATE] = delay;
+    p[DAMPING] = (ratio * sign * damping).max(0.0);
+    p[FRICTION] = (ratio * sign * friction).max(0.0);
+    p[OFFSET] = -ratio * sign * constant;
+    p[LATE] = inside.delay;
     p[VARIANCE] = known.lag.map_or(0.0, |lag| lag * lag);
     p[STOPS[0]] = f64::NEG_INFINITY;
     p[STOPS[1]] = f64::INFINITY;
-    let error = (solved.errors[equation::INERTIA] / inertia).abs();
-    Some(Away { device: Device { p, sign, inertia: known.inertia }, limits, error })
+    let error = (inside.solved.errors[equation::INERTIA] / inertia).abs();
+    let device = Device { p, sign, inertia: known.inertia, places: Places::default() };
+    Away { device, limits: inside.limits, error, more: [false; PARAMETERS] }
 }
 
 /// The turn near one end with the largest loss that only a stop explains.
@@ -230,7 +357,8 @@ fn hardest(record: &Record, away: &Away, stop: usize) -> Option<Turn> {
     let numbers = away.device.numbers([0.0; 2]);
     let given = |i: usize| {
         let v = speeds[i];
-        let a = numbers.gain * torques[i] + numbers.offset - numbers.damping * v - numbers.friction * v.signum();
+        let a = numbers.gain * torques[i] + numbers.offset - numbers.damping * v - numbers.friction * v.signum()
+            + numbers.waves.at_rest(positions[i]);
         a * (times[i + 1] - times[i])
     };
     let middle = 0.5 * (away.limits[0] + away.limits[1]);

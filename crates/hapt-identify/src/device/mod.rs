@@ -2,28 +2,40 @@
 
 mod contact;
 mod covariance;
+mod field;
 mod fit;
 mod motion;
 mod pieces;
 mod slopes;
 
 pub(crate) use contact::{near, search};
+use field::HARMONICS;
 use fit::{
-    DAMPING, FAST, FRICTION, INERTIA, LATE, OFFSET, RISE, SHORTEST_LAG, STIFFNESS, STOP_DAMPING, STOPS, VARIANCE,
+    CHANGES, COGGING, DAMPING, FAST, FRICTION, GRAVITY, INERTIA, LATE, OFFSET, RISE, SHORTEST_LAG, SPRING, STIFFNESS,
+    STOP_DAMPING, STOPS, VARIANCE,
 };
 pub(crate) use fit::{Device, Fit};
+use slopes::Square;
 
-use crate::identified::{CorrelatedPair, FoundStops, FoundStribeck, Identified, Interval, Known};
+use crate::identified::{
+    CorrelatedPair, FoundStops, FoundStribeck, FoundWaves, Harmonics, Identified, Interval, Known,
+};
 use crate::intervals::{CORRELATED, VAGUE, counts, no_longer, positive};
 use crate::lag::Late;
 use crate::puck::Puck;
 use crate::record::{CancellableRecord, Record};
 use crate::remainder::{RESOLUTION, residual, variance};
+use crate::terms::{Term, TermKind};
 
 /// Names of the first parameters; delay and lag together have the place of the delay.
 const NAMES: [(usize, &str); 4] = [(INERTIA, "inertia"), (DAMPING, "damping"), (FRICTION, "friction"), (LATE, "delay")];
 /// A sign needs 99.9 %, an inertia 95 %: in parts of half a 95 % interval.
 const SURELY: f64 = 3.29 / 1.96;
+
+/// The intervals of a wave's parameters from one on.
+fn harmonics(at: usize, count: usize, plain: &dyn Fn(usize) -> Option<Interval>) -> Harmonics {
+    std::array::from_fn(|n| std::array::from_fn(|i| if n < count { plain(at + 2 * n + i) } else { None }))
+}
 
 impl Fit {
     /// The numbers that the record determines, each with its 95 % interval.
@@ -116,6 +128,12 @@ impl Fit {
             stribeck: plain(RISE)
                 .zip(log(FAST))
                 .map(|(torque, velocity)| FoundStribeck { torque: positive(torque), velocity }),
+            terms: self.terms(&covariance),
+            waves: Some(FoundWaves {
+                gravity: harmonics(GRAVITY, 1, &plain),
+                cogging: harmonics(COGGING, HARMONICS, &plain),
+                changes: harmonics(CHANGES, HARMONICS, &plain),
+            }),
             puck: Puck {
                 gain: numbers.gain,
                 damping: numbers.damping,
@@ -135,6 +153,40 @@ impl Fit {
             condition: f64::NAN,
             correlated: correlated.collect(),
         })
+    }
+
+    /// The torques of the position, and the changes of friction.
+    fn terms(&self, covariance: &Square) -> Vec<Term> {
+        let (p, places) = (&self.device.p, &self.device.places);
+        // A sum of parameters by these weights.
+        let sized = |value: f64, weights: &[(usize, f64)]| {
+            let squares = weights.iter().flat_map(|one| weights.iter().map(move |other| (one, other)));
+            let half = squares.map(|((i, a), (j, b))| a * b * covariance[(*i, *j)]).sum::<f64>().max(0.0).sqrt();
+            Interval { value, low: value - half, high: value + half }
+        };
+        let term = |kind, size| Term { kind, size, predicts: None };
+        let spring = self.free[SPRING].then(|| term(TermKind::Stiffness, sized(p[SPRING], &[(SPRING, 1.0)])));
+        // The term is against the torque on the puck; friction is against the puck already.
+        let turn = |at: usize, rate: f64, offset: f64| {
+            let (sine, cosine) = (-p[at], -p[at + 1]);
+            let phase = cosine.atan2(sine);
+            let size = sized(sine.hypot(cosine), &[(at, -phase.cos()), (at + 1, -phase.sin())]);
+            self.free[at]
+                .then(|| term(TermKind::Turn { times: rate.round() as u32, phase: phase - rate * offset }, size))
+        };
+        let rubs = |at: usize, rate: f64, offset: f64| {
+            let phase = p[at + 1].atan2(p[at]);
+            let (part, friction) = (p[at].hypot(p[at + 1]), p[FRICTION]);
+            let weights = [(at, friction * phase.cos()), (at + 1, friction * phase.sin()), (FRICTION, part)];
+            let kind = TermKind::FrictionByPosition { times: rate.round() as u32, phase: phase - rate * offset };
+            self.free[at].then(|| term(kind, sized(friction * part, &weights)))
+        };
+        let all = |at: usize, [rate, offset]: [f64; 2], of: &dyn Fn(usize, f64, f64) -> Option<Term>| {
+            (0..HARMONICS).filter_map(|n| of(at + 2 * n, (n + 1) as f64 * rate, offset)).collect::<Vec<Term>>()
+        };
+        let cogging = all(COGGING, places.cogging, &turn);
+        let changes = all(CHANGES, places.changes, &rubs);
+        spring.into_iter().chain(turn(GRAVITY, 1.0, 0.0)).chain(cogging).chain(changes).collect()
     }
 
     /// The stops that the record reaches.

@@ -88,7 +88,7 @@ impl Rates {
     }
 
     fn fastest(&self) -> f64 {
-        self.loss.abs().max(self.spring.sqrt()).max(self.decay)
+        self.loss.abs().max(self.spring.abs().sqrt()).max(self.decay)
     }
 
     /// Whether both differ only in the drive.

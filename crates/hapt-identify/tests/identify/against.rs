@@ -24,6 +24,8 @@ pub fn claims(rig: &DeviceSpec, part: f64) -> Claims {
         handle: None,
         stribeck: rig.stribeck,
         stops: rig.stops,
+        torque: rig.torque,
+        friction_by_position: rig.friction_by_position,
     }
 }
 
@@ -177,6 +179,8 @@ fn a_richer_device_contradicts_the_numbers_that_are_wrong() {
             handle: None,
             stribeck: None,
             stops: None,
+            torque: Default::default(),
+            friction_by_position: None,
         };
         let Ok(right) = against(&record, &of(lever.inertia), false) else { continue };
         let Ok(far) = against(&record, &of(4.0 * lever.inertia), false) else { continue };

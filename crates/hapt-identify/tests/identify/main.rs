@@ -6,6 +6,7 @@ mod device;
 mod disturbed;
 mod handle;
 mod lever;
+mod loaded;
 mod mat;
 mod misfit;
 mod richer;

@@ -62,6 +62,7 @@ fn text(given: &Given, file: &str, found: &Comparison, has_stops: bool) -> Strin
         format::time(times[times.len() - 1] - times[0]),
         format::time(given.record.period())
     );
+    let width = found.numbers.iter().map(|number| number.name.len()).fold(15, usize::max);
     for number in &found.numbers {
         let Scale { factor, unit } = Scale::of(number.measure, given.motion);
         let record = number.estimate.map_or("-".to_string(), |x| match number.measure {
@@ -69,25 +70,25 @@ fn text(given: &Given, file: &str, found: &Comparison, has_stops: bool) -> Strin
             Some(_) => sized(x, factor, &unit),
         });
         let says = format!("{}: {}", range(number, factor, &unit), words(number));
-        let _ = writeln!(text, "{:<15} {record}\n{:<15} file {says}", number.name, "");
+        let _ = writeln!(text, "{:<width$} {record}\n{:<width$} file {says}", number.name, "");
     }
     let (unit, factor) = if given.motion == Motion::Linear { ("um", 1e6) } else { ("mdeg", 1e3f64.to_degrees()) };
     let counts =
         found.lattice.map_or(String::new(), |lattice| format!(", {:.2} counts", found.residual.rms / lattice.step));
     let _ = writeln!(
         text,
-        "{:<15} {} {unit} rms{counts}; the noise of the positions is {} {unit} rms; neighbours are correlated by {:.2}",
+        "{:<width$} {} {unit} rms{counts}; the noise of the positions is {} {unit} rms; neighbours are correlated by {:.2}",
         "residual",
         digits(found.residual.rms * factor, 3),
         digits(found.noise * factor, 3),
         found.residual.correlation
     );
     for (i, words) in found.misfit.iter().flat_map(print::misfit_lines).enumerate() {
-        let _ = writeln!(text, "{:<15} {words}", if i == 0 { "misfit" } else { "" });
+        let _ = writeln!(text, "{:<width$} {words}", if i == 0 { "misfit" } else { "" });
     }
-    let _ = writeln!(text, "\nverdict         {}", verdict(found, has_stops));
+    let _ = writeln!(text, "\n{:<width$} {}", "verdict", verdict(found, has_stops));
     for line in found.numbers.iter().filter_map(|number| remedy(number, given.motion)) {
-        let _ = writeln!(text, "remedy          {line}");
+        let _ = writeln!(text, "{:<width$} {line}", "remedy");
     }
     text
 }
@@ -110,6 +111,7 @@ impl Scale {
             Some(Measure::Position) if motion == Motion::Linear => (1e3, "mm".into()),
             Some(Measure::Position) => (1f64.to_degrees(), "deg".into()),
             Some(Measure::Velocity) => (1.0, Measure::Velocity.dimension(motion).symbol()),
+            Some(Measure::Ratio) => (1.0, "of the friction".into()),
             Some(Measure::Stiffness) => (1.0, if motion == Motion::Linear { "N/m" } else { "N m/rad" }.into()),
             Some(_) | None => (1.0, String::new()),
         };
@@ -188,6 +190,16 @@ fn remedy(number: &Compared, motion: Motion) -> Option<String> {
         "constant torque" => {
             "no key: friction has to hold a constant torque; level the device, or take the offset out of its driver"
                 .into()
+        }
+        "spring" => {
+            "no key: a cable or a spring pulls the device; take it off, or remember that the file lacks it".into()
+        }
+        "gravity sine" => format!("[device.gravity] torque times the cosine of phase: {}", sized(x, factor, &unit)),
+        "gravity cosine" => format!("[device.gravity] torque times the sine of phase: {}", sized(x, factor, &unit)),
+        name if ["cogging ", "friction "].iter().any(|wave| name.starts_with(wave)) => {
+            let (table, part) = name.split_once(' ').unwrap_or_default();
+            let (table, size) = if table == "friction" { ("friction_by_position", "share") } else { (table, "torque") };
+            format!("[device.{table}] {size} times {part}: {}", sized(x, factor, &unit))
         }
         "sign" => "turn the motor's leads over, or its sign in the driver".into(),
         "delay" => format!("[loop] delay = \"{} {unit}\"", to(factor * x.value, 0.5 * factor * (x.high - x.low))),

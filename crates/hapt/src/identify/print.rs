@@ -8,7 +8,7 @@ use hapt_model::keys::Measure;
 use hapt_model::{Delay, Motion, World};
 use serde::Serialize;
 
-use super::Given;
+use super::{Given, richer};
 use crate::failure::Failure;
 use crate::format;
 
@@ -116,6 +116,7 @@ pub fn text(given: &Given, found: &Identified, inertia_is_known: bool) -> String
         line("offset", format!("{}: a constant torque that was not commanded", sized(offset, per_si, effort)));
     }
     stops(given, found).into_iter().for_each(|(name, words)| line(name, words));
+    found.terms.iter().map(|term| richer::term_words(given, term)).for_each(|(name, words)| line(name, words));
     line(
         "sign",
         match found.sign {
@@ -195,6 +196,9 @@ pub fn unmodelled(given: &Given, found: &Identified) -> Option<String> {
 pub fn certificate(given: &Given, found: &Identified) -> Result<String, Failure> {
     let Some(before) = &given.world else { return Ok(String::new()) };
     let (Some(inertia), Some(damping)) = (found.inertia, found.damping) else { return Ok(String::new()) };
+    if !found.terms.is_empty() {
+        return Ok("\nworld     no verdict beside torques of the position: hapt check decides on the world with this [device] table\n".into());
+    }
     let friction = found.friction.map_or(0.0, |x| x.value);
     let mut world = before.clone();
     world.device.inertia = inertia.value;
@@ -273,7 +277,7 @@ pub fn table(given: &Given, found: &Identified) -> String {
     if found.sign.is_some_and(|sign| sign.value < 0.0) {
         text += "# the motor's sign is -1: turn its leads over, or its sign in the driver, before a world runs on it\n";
     }
-    text + &stops_table(given, found)
+    text + &stops_table(given, found) + &richer::own_torques(given, &found.terms, found.friction)
 }
 
 /// `[device.stops]`, where the record runs into any.

@@ -36,7 +36,7 @@ pub fn run(args: &IdentifyArgs, given: &Given, fit: &TorqueFit, error: Option<&E
     let table = table(given, fit);
     if fit.is_moved_by_another {
         messages::say(
-            "note: no inertia can be told from this record: more than a twentieth of the torque goes with nothing that moves, so something else moves the device, such as a hand; --force COLUMN takes in its sensor",
+            "note: no inertia can be told from this record: more than a twentieth of the torque goes with nothing that moves, so something else moves the device, such as a hand, or it runs into end stops that no fit explained; --force COLUMN takes in a hand's sensor, and --from and --to leave stops out",
         );
     } else if fit.inertia.is_none() {
         messages::say(
@@ -111,8 +111,7 @@ fn text(given: &Given, fit: &TorqueFit, inertia_is_known: bool) -> String {
     if given.record.forces().is_some() {
         line("force", within(fit.force, 1.0, &format!("{effort_si} for one of its column")));
     }
-    for term in &fit.terms {
-        let (name, words) = term_words(given, term);
+    for (name, words) in fit.terms.iter().map(|term| term_words(given, term)) {
         line(name, words);
     }
     line(
@@ -130,7 +129,7 @@ fn text(given: &Given, fit: &TorqueFit, inertia_is_known: bool) -> String {
 }
 
 /// A term's name, and its size in words.
-fn term_words(given: &Given, term: &Term) -> (&'static str, String) {
+pub fn term_words(given: &Given, term: &Term) -> (&'static str, String) {
     let (effort, per_si) = effort(given.motion);
     let is_linear = given.motion == Motion::Linear;
     let size = |factor: f64, unit: &str| sized(term.size, factor, unit);
@@ -154,7 +153,8 @@ fn term_words(given: &Given, term: &Term) -> (&'static str, String) {
     };
     let is_friction = matches!(term.kind, TermKind::FrictionByPosition { .. });
     let name = if is_friction { "friction" } else { term.kind.word() };
-    (name, format!("{words}; predicts {:.0} % of what is left without", 100.0 * term.predicts))
+    let predicts = |part: f64| format!("; predicts {:.0} % of what is left without", 100.0 * part);
+    (name, words + &term.predicts.map_or(String::new(), predicts))
 }
 
 /// The `[device]` table.
@@ -181,13 +181,13 @@ fn table(given: &Given, fit: &TorqueFit) -> String {
     if fit.sign.is_some_and(|sign| sign < 0.0) {
         text += "# the motor's sign is -1: turn its leads over, or its sign in the driver, before a world runs on it\n";
     }
-    text + &own_torques(given, fit)
+    text + &own_torques(given, &fit.terms, friction)
 }
 
 /// Damping and Coulomb friction, with Stribeck friction separated where the record has it.
 fn beside_stribeck(fit: &TorqueFit) -> [Option<Interval>; 2] {
     let all = [fit.damping, fit.friction];
-    let Some((_, _, beside)) = stribeck(fit) else { return all };
+    let Some((_, _, beside)) = stribeck(&fit.terms) else { return all };
     let moved = |x: Interval, to: f64| Interval {
         value: to,
         low: (x.low + to - x.value).max(0.0),
@@ -198,8 +198,8 @@ fn beside_stribeck(fit: &TorqueFit) -> [Option<Interval>; 2] {
 
 /// Stribeck friction: its size at rest, the velocity at which it ends as a straight line of the same area, and the damping and friction
 /// that go with it.
-fn stribeck(fit: &TorqueFit) -> Option<(f64, f64, [f64; 2])> {
-    fit.terms.iter().find_map(|term| match term.kind {
+fn stribeck(terms: &[Term]) -> Option<(f64, f64, [f64; 2])> {
+    terms.iter().find_map(|term| match term.kind {
         // Half of its width times its height is ∫ exp(-(v/velocity)²).
         TermKind::Stribeck { velocity, beside } => Some((term.size.value, PI.sqrt() * velocity, beside)),
         TermKind::Stiffness | TermKind::Turn { .. } | TermKind::FrictionByPosition { .. } | TermKind::Drag => None,
@@ -207,9 +207,8 @@ fn stribeck(fit: &TorqueFit) -> Option<(f64, f64, [f64; 2])> {
 }
 
 /// `[device.friction_by_position]` of the term that changes friction by a part of the table's; none where it is more than all of that.
-fn changing_friction(fit: &TorqueFit) -> Option<String> {
-    let [_, friction] = beside_stribeck(fit);
-    fit.terms.iter().find_map(|term| {
+fn changing_friction(terms: &[Term], friction: Option<Interval>) -> Option<String> {
+    terms.iter().find_map(|term| {
         let TermKind::FrictionByPosition { times, phase } = term.kind else { return None };
         let (Interval { value, low, high }, friction) = (term.size, friction?.value);
         let [share, low, high] = [value, low, high].map(|size| size / friction);
@@ -224,17 +223,17 @@ fn changing_friction(fit: &TorqueFit) -> Option<String> {
 }
 
 /// `[device.friction_by_position]`, `[device.stribeck]`, and `[device.gravity]` and `[device.cogging]` of the terms that repeat: the largest of those of cogging, as a file has one pitch.
-fn own_torques(given: &Given, fit: &TorqueFit) -> String {
+pub fn own_torques(given: &Given, all: &[Term], friction: Option<Interval>) -> String {
     let (effort, per_si) = effort(given.motion);
-    let mut text = changing_friction(fit).unwrap_or_default();
-    if let Some((torque, velocity, _)) = stribeck(fit) {
+    let mut text = changing_friction(all, friction).unwrap_or_default();
+    if let Some((torque, velocity, _)) = stribeck(all) {
         let (torque, velocity) = (print::digits(torque * per_si, 3), print::digits(velocity, 3));
         let unit = Measure::Velocity.dimension(given.motion).symbol();
         let _ =
             write!(text, "\n[device.stribeck]\ntorque   = \"{torque} {effort}\"\nvelocity = \"{velocity} {unit}\"\n");
     }
     let mut terms: Vec<(u32, f64, f64)> = Vec::new();
-    for term in &fit.terms {
+    for term in all {
         if let TermKind::Turn { times, phase } = term.kind {
             // The term is the torque of a motor of sign 1 against the device's torque.
             terms.push((times, term.size.value, phase + PI));
