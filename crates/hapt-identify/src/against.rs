@@ -265,33 +265,18 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
     let known = Known { is_linear, lag: (lag > 0.0).then_some(lag), ..Known::default() };
     // A fit near the file's own device comes first, where that device is more than a puck.
     let near = |device: &Device| device::near(record, device)?.identified(record, &known);
-    let search = || {
-        let fit = device::search(record, &known)?;
+    let with_stops = |fit: Option<device::Fit>| {
+        let fit = fit?;
         // Harmonics are compared by the pitch and the phase of the file.
-        match fit.device.with_waves_of(&Device::of_spec(&claims.device())) {
+        let found = match fit.device.with_waves_of(&Device::of_spec(&claims.device())) {
             Some(device) => near(&device),
             None => fit.identified(record, &known),
-        }
+        };
+        found.filter(|x| x.stops.is_some_and(|stops| stops.are_sure()))
     };
-    if let Some(x) = device_of(claims)
-        .and_then(|device| near(&device))
-        .or_else(|| search().filter(|x| x.stops.is_some_and(|stops| stops.are_sure())))
-    {
-        let mut numbers = judged(&x, claims, &Scale::of(record));
-        numbers.extend(judged_stribeck(&x, claims, &Scale::of(record)));
-        numbers.extend(judged_stops(record, &x, claims));
-        numbers.extend(judged_waves(claims, x.waves.as_ref(), WIDE));
-        numbers.extend(judged_spring(&x));
-        return Ok(Comparison {
-            numbers,
-            wrong: None,
-            misfit: None,
-            fitted: x.fitted(record),
-            residuals: x.residuals(record),
-            residual: x.residual,
-            noise: record.noise(),
-            lattice: x.lattice,
-        });
+    let own = || device_of(claims).and_then(|device| near(&device));
+    if let Some(x) = own().or_else(|| with_stops(device::search(record, &known))) {
+        return Ok(explained(record, claims, &x));
     }
     let mut found = search_or_glimpse(record, &known)?;
     if found.wrong.is_some()
@@ -299,6 +284,11 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
     {
         // A search from elsewhere can miss the device of the file.
         found = near;
+    }
+    if found.wrong.is_some()
+        && let Some(x) = with_stops(device::search_loaded(record, &known))
+    {
+        return Ok(explained(record, claims, &x));
     }
     let (numbers, puck, first, residual) = if found.wrong.is_none() {
         let x = found.identified(record, &known);
@@ -339,6 +329,25 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
 }
 
 /// A search for seven numbers and an initial state can miss the device: a record that it does not explain gives no verdict.
+/// The comparison with a fit of the motion that is more than a puck.
+fn explained(record: &Record, claims: &Claims, x: &Identified) -> Comparison {
+    let mut numbers = judged(x, claims, &Scale::of(record));
+    numbers.extend(judged_stribeck(x, claims, &Scale::of(record)));
+    numbers.extend(judged_stops(record, x, claims));
+    numbers.extend(judged_waves(claims, x.waves.as_ref(), WIDE));
+    numbers.extend(judged_spring(x));
+    Comparison {
+        numbers,
+        wrong: None,
+        misfit: None,
+        fitted: x.fitted(record),
+        residuals: x.residuals(record),
+        residual: x.residual,
+        noise: record.noise(),
+        lattice: x.lattice,
+    }
+}
+
 fn with_handle(record: &CancellableRecord<'_>, claims: &Claims, shaft: &Handle) -> Result<Comparison, Error> {
     let found = handle::search(record, Some(&claims.device()))?;
     let (fitted, residuals, residual) = (found.fitted(record), found.residuals(record), found.residual);

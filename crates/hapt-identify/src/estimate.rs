@@ -56,7 +56,10 @@ fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identifie
     // Stops that explain a record that nothing else explains are the device's, if the record determines them at all.
     let stopped = stopped.filter(has(FoundStops::are_determined));
     match search_or_glimpse(record, known) {
-        Err(wrong) | Ok(BestFit { wrong: Some(wrong), .. }) => stopped.ok_or(wrong),
+        Err(wrong) | Ok(BestFit { wrong: Some(wrong), .. }) => {
+            let loaded = || device::search_loaded(record, known)?.identified(record, known);
+            stopped.or_else(|| loaded().filter(has(FoundStops::are_determined))).ok_or(wrong)
+        }
         Ok(found) => {
             let found = found.identified(record, known);
             let equation = if breaks_a_bound(&found) { fit_torque_until(record, known, record.stop) } else { None };

@@ -36,6 +36,8 @@ const DOUBT: f64 = 5.0;
 /// Rates √(k/J) of the stop from which fits of a turn start, in 1/s, and its damping ratios.
 const RATES: [f64; 4] = [50.0, 150.0, 400.0, 1000.0];
 const RATIOS: [f64; 2] = [0.05, 0.4];
+/// The terms leave at most this part of the torque's variance away from the ends; otherwise something else moves the device, such as a hand.
+const MOST_LEFT: f64 = 0.05;
 /// The largest depth of the puck in a stop, as a part of its travel.
 const DEEPEST: f64 = 0.25;
 /// Parts of the file's Stribeck torque from which fits start.
@@ -90,27 +92,34 @@ pub(super) fn free(with_offset: bool, has_lag: bool, stops: [bool; 2]) -> Free {
 /// The device with end stops that explains a record to within counts and noise; `None` where the record shows no stop, or where stops do
 /// not explain it.
 pub(crate) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fit> {
-    if !record.is_driven() || record.forces().is_some() {
-        return None;
-    }
-    let by_error = |mut pairs: Vec<Away>| {
-        pairs.sort_by(|a, b| a.error.total_cmp(&b.error));
-        pairs
-    };
-    let plain = by_error(ENDS.iter().filter_map(|part| away(record, known, *part)).collect());
-    of_turns(record, known, &plain).or_else(|| {
-        let loaded = by_error(ENDS.iter().filter_map(|part| loaded(record, known, *part)).collect());
-        of_turns(record, known, &loaded).or_else(|| {
-            // The equation takes one of gravity and a spring for both over a short travel.
-            let both = |away: Away| {
-                let mut more = away.more;
-                [SPRING, GRAVITY, GRAVITY + 1].into_iter().for_each(|i| more[i] = true);
-                (more != away.more).then_some(Away { more, ..away })
-            };
-            let both: Vec<Away> = loaded.into_iter().filter(|_| !known.is_linear).filter_map(both).collect();
-            of_turns(record, known, &both)
-        })
+    let plain = inner(record, |part| away(record, known, part));
+    of_turns(record, known, &plain)
+}
+
+/// The same with the torques of the position and the changes of friction that the record shows away from the ends. The search is long: it
+/// is for a record that nothing else explains.
+pub(crate) fn search_loaded(record: &CancellableRecord<'_>, known: &Known) -> Option<Fit> {
+    let loaded = inner(record, |part| loaded(record, known, part));
+    of_turns(record, known, &loaded).or_else(|| {
+        // The equation takes one of gravity and a spring for both over a short travel.
+        let both = |away: Away| {
+            let mut more = away.more;
+            [SPRING, GRAVITY, GRAVITY + 1].into_iter().for_each(|i| more[i] = true);
+            (more != away.more).then_some(Away { more, ..away })
+        };
+        let both: Vec<Away> = loaded.into_iter().filter(|_| !known.is_linear).filter_map(both).collect();
+        of_turns(record, known, &both)
     })
+}
+
+/// The devices away from ends of each size, the best determined one first.
+fn inner(record: &Record, away: impl Fn(f64) -> Option<Away>) -> Vec<Away> {
+    if !record.is_driven() || record.forces().is_some() {
+        return Vec::new();
+    }
+    let mut found: Vec<Away> = ENDS.into_iter().filter_map(away).collect();
+    found.sort_by(|a, b| a.error.total_cmp(&b.error));
+    found
 }
 
 /// The fit that starts from one of these devices, with the stops that the hardest turns show.
@@ -272,6 +281,10 @@ fn loaded(record: &CancellableRecord<'_>, known: &Known, part: f64) -> Option<Aw
     let inside = inside(record, part, BENT)?;
     let sign = inside.solved.values[equation::INERTIA].signum();
     let found = terms(record, &inside.rows, sign, known.is_linear);
+    let left = inside.solved.share * (1.0 - found.terms.iter().filter_map(|term| term.predicts).sum::<f64>());
+    if left > MOST_LEFT {
+        return None;
+    }
     let mut away = of_equation(known, &inside, found.own);
     let (p, places, more) = (&mut away.device.p, &mut away.device.places, &mut away.more);
     let ratio = known.inertia.map_or(1.0, |known| known / found.own[0].abs());

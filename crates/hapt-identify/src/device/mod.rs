@@ -8,7 +8,7 @@ mod motion;
 mod pieces;
 mod slopes;
 
-pub(crate) use contact::{near, search};
+pub(crate) use contact::{near, search, search_loaded};
 use field::HARMONICS;
 use fit::{
     CHANGES, COGGING, DAMPING, FAST, FRICTION, GRAVITY, INERTIA, LATE, OFFSET, RISE, SHORTEST_LAG, SPRING, STIFFNESS,
