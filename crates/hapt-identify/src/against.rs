@@ -328,7 +328,6 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
     })
 }
 
-/// A search for seven numbers and an initial state can miss the device: a record that it does not explain gives no verdict.
 /// The comparison with a fit of the motion that is more than a puck.
 fn explained(record: &Record, claims: &Claims, x: &Identified) -> Comparison {
     let mut numbers = judged(x, claims, &Scale::of(record));
@@ -348,6 +347,7 @@ fn explained(record: &Record, claims: &Claims, x: &Identified) -> Comparison {
     }
 }
 
+/// A search for seven numbers and an initial state can miss the device: a record that it does not explain gives no verdict.
 fn with_handle(record: &CancellableRecord<'_>, claims: &Claims, shaft: &Handle) -> Result<Comparison, Error> {
     let found = handle::search(record, Some(&claims.device()))?;
     let (fitted, residuals, residual) = (found.fitted(record), found.residuals(record), found.residual);

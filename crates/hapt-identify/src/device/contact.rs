@@ -13,6 +13,7 @@ use super::fit::{
 use crate::equation::{self, Band, Mask, Rows, Solved};
 use crate::identified::Known;
 use crate::record::{CancellableRecord, Record};
+use crate::remainder::variance;
 use crate::start::{delayed, noise_of_velocities, signs, velocities};
 use crate::terms::{Term, TermKind, terms};
 use crate::torque::{BENT, PLAIN};
@@ -48,6 +49,9 @@ const BRIEF: usize = 12;
 const MANY: usize = 60;
 /// Stretches that begin away from the motion begin anew at most this many times.
 const MENDS: usize = 3;
+/// Short shots leave at most this many times the noise, or this part of the motion's standard deviation, before a lag is tried.
+const HOPELESS_NOISE: f64 = 8.0;
+const HOPELESS_PART: f64 = 2e-3;
 /// The lag that a fit starts from, in periods.
 const SHORT: f64 = 0.5;
 
@@ -93,23 +97,25 @@ pub(super) fn free(with_offset: bool, has_lag: bool, stops: [bool; 2]) -> Free {
 /// not explain it.
 pub(crate) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fit> {
     let plain = inner(record, |part| away(record, known, part));
-    of_turns(record, known, &plain)
+    of_turns(record, known, &plain).0
 }
 
 /// The same with the torques of the position and the changes of friction that the record shows away from the ends. The search is long: it
 /// is for a record that nothing else explains.
 pub(crate) fn search_loaded(record: &CancellableRecord<'_>, known: &Known) -> Option<Fit> {
     let loaded = inner(record, |part| loaded(record, known, part));
-    of_turns(record, known, &loaded).or_else(|| {
-        // The equation takes one of gravity and a spring for both over a short travel.
-        let both = |away: Away| {
-            let mut more = away.more;
-            [SPRING, GRAVITY, GRAVITY + 1].into_iter().for_each(|i| more[i] = true);
-            (more != away.more).then_some(Away { more, ..away })
-        };
-        let both: Vec<Away> = loaded.into_iter().filter(|_| !known.is_linear).filter_map(both).collect();
-        of_turns(record, known, &both)
-    })
+    let (found, is_near) = of_turns(record, known, &loaded);
+    if found.is_some() || known.is_linear || !is_near {
+        return found;
+    }
+    // The equation takes one of gravity and a spring for both over a short travel.
+    let both = |away: Away| {
+        let mut more = away.more;
+        [SPRING, GRAVITY, GRAVITY + 1].into_iter().for_each(|i| more[i] = true);
+        (more != away.more).then_some(Away { more, ..away })
+    };
+    let both: Vec<Away> = loaded.into_iter().filter_map(both).collect();
+    of_turns(record, known, &both).0
 }
 
 /// The devices away from ends of each size, the best determined one first.
@@ -122,10 +128,12 @@ fn inner(record: &Record, away: impl Fn(f64) -> Option<Away>) -> Vec<Away> {
     found
 }
 
-/// The fit that starts from one of these devices, with the stops that the hardest turns show.
-fn of_turns(record: &CancellableRecord<'_>, known: &Known, pairs: &[Away]) -> Option<Fit> {
+/// The fit that starts from one of these devices, with the stops that the hardest turns show; and whether one of them explains the motion
+/// about these turns.
+fn of_turns(record: &CancellableRecord<'_>, known: &Known, pairs: &[Away]) -> (Option<Fit>, bool) {
     let mut tried: Vec<([Option<usize>; 2], Free)> = Vec::new();
-    pairs.iter().find_map(|away| {
+    let mut is_near = false;
+    let found = pairs.iter().find_map(|away| {
         let both = [0, 1].map(|stop| hardest(record, away, stop));
         let most = both.iter().flatten().map(|turn| turn.taken).fold(0.0, f64::max);
         let most_only = both.map(|turn| turn.filter(|turn| turn.taken == most));
@@ -140,10 +148,12 @@ fn of_turns(record: &CancellableRecord<'_>, known: &Known, pairs: &[Away]) -> Op
             let mut free = free(true, known.lag.is_some(), turns.map(|turn| turn.is_some()));
             free.iter_mut().zip(&away.more).for_each(|(free, more)| *free |= more);
             let start = around(record, start, free, turns)?;
+            is_near = true;
             free[VARIANCE] |= start.p[VARIANCE] > 0.0;
             explains(record, start, free).filter(|fit| are_ends(record, fit)).and_then(|fit| needed(record, fit))
         })
-    })
+    });
+    (found, is_near)
 }
 
 /// The fit without the stops that the record does not need; `None` where it needs no stop.
@@ -455,6 +465,9 @@ fn fitted(record: &CancellableRecord<'_>, device: Device, free: Free, shots: Vec
         let Some(mended) = fit.mended(record) else { break };
         fit = mended.improved(record, MANY)?;
     }
+    if is_hopeless(record, &fit) {
+        return None;
+    }
     let right = |fit: &Fit| fit.is_right(record);
     if right(&fit)
         && let Some(long) = fit.clone().lengthened(record, MANY)
@@ -467,6 +480,15 @@ fn fitted(record: &CancellableRecord<'_>, device: Device, free: Free, shots: Vec
     }
     // A longer lag makes a long motion nonlinear in the parameters, and is found from short ones.
     lagging(record, &fit).filter(right)?.lengthened(record, MANY).filter(right)
+}
+
+/// Whether a fit of short shots leaves far more than the noise, and than a lag can explain over their time.
+fn is_hopeless(record: &Record, fit: &Fit) -> bool {
+    let positions = record.positions();
+    let moves: Vec<f64> =
+        fit.shots.iter().flat_map(|shot| positions[shot.span().0..shot.span().1].iter().copied()).collect();
+    let left = (fit.squares / fit.left.len() as f64).sqrt();
+    left > HOPELESS_NOISE * record.noise() && left > HOPELESS_PART * variance(&moves).sqrt()
 }
 
 /// The fit with a lag, from a fit without one.
