@@ -31,7 +31,9 @@ const EQUAL: f64 = 1e-9;
 /// A bound on the growth of a rate of change over a step: e^[`MAX_STEP_TIMES_RATE`] and some more.
 const GROWTH: f64 = 2.0;
 /// Halvings that locate a stop to the last bits.
-const HALVINGS: usize = 48;
+const HALVINGS: i32 = 48;
+/// The part of an interval by which a chord's zero is moved towards its middle, at first.
+const TOWARDS_MIDDLE: f64 = 0.2;
 /// A device needs fewer steps from sample to sample than this.
 const MOST_STEPS: f64 = 40.0;
 
@@ -143,19 +145,34 @@ fn sum(series: &[f64; TERMS], x: f64) -> f64 {
 
 /// Σ k c_k x^(k-1).
 fn slope(series: &[f64; TERMS], x: f64) -> f64 {
-    series.iter().enumerate().skip(1).rev().fold(0.0, |sum, (k, c)| sum * x + k as f64 * c)
+    (1..TERMS).rev().fold(0.0, |sum, k| sum * x + k as f64 * series[k])
 }
 
-/// The first x on [from, to] where `of` is above 0; it is above 0 at `to` and not before `from`.
+/// The first x on [from, to] where `of` is above 0; it is above 0 at `to` and not before `from`. By the method of Oliveira and Takahashi
+/// (ACM Trans. Math. Softw. 47 (2020) 5): a chord's zero, moved towards the middle, in at most one step more than by halvings.
 fn first(from: f64, to: f64, of: impl Fn(f64) -> f64) -> f64 {
     let (mut low, mut high) = (from, to);
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (low + high);
-        if of(middle) > 0.0 {
-            high = middle;
+    let (mut below, mut above) = (of(from), of(to));
+    let mut reach = to - from;
+    let least = reach * 0.5f64.powi(HALVINGS);
+    while high - low > least {
+        let (width, middle) = (high - low, 0.5 * (low + high));
+        let chord = low - below * width / (above - below);
+        let towards = (middle - chord).signum();
+        let moved = chord + towards * (TOWARDS_MIDDLE * width * width / (to - from)).min((middle - chord).abs());
+        // So far from the middle that the rest still takes no more than the halvings that are left.
+        let x = if (moved - middle).abs() <= reach - 0.5 * width {
+            moved
         } else {
-            low = middle;
+            middle - towards * (reach - 0.5 * width)
+        };
+        let value = of(x);
+        if value > 0.0 {
+            (high, above) = (x, value);
+        } else {
+            (low, below) = (x, value);
         }
+        reach *= 0.5;
     }
     high
 }
@@ -335,7 +352,7 @@ impl SimulatedShaft {
         let first = self.torque - friction * self.direction + self.gap + shaft - b * self.v;
         let apart = (first / own + shaft / inertia).abs();
         let rate = stiffness * (beyond + step * apart) + damping * apart + b * (first / own).abs();
-        self.v * self.direction > step * (first.abs() + GROWTH * (gap + step * rate)) / own
+        own * self.v * self.direction > step * (first.abs() + GROWTH * (gap + step * rate))
     }
 
     /// The change of the state over a step without an event, by its parts.
@@ -380,6 +397,7 @@ impl SimulatedShaft {
             gap = 0.0;
         }
         let mut held = self.torque - if rests { 0.0 } else { friction * self.direction };
+        let (own, inertia) = (own.recip(), inertia.recip());
         for k in 0..TERMS {
             let shaft = stiffness * theta + damping * (w - v);
             (series.v[k], series.theta[k], series.w[k]) = (v, theta, w);
@@ -388,8 +406,8 @@ impl SimulatedShaft {
             if k + 1 < TERMS {
                 series.ahead[k + 1] = next * v;
             }
-            let rate = if rests { 0.0 } else { (held + gap + shaft - b * v) / own };
-            (v, theta, w, gap) = (next * rate, next * (w - v), -next * shaft / inertia, -next * self.decay * gap);
+            let rate = if rests { 0.0 } else { (held + gap + shaft - b * v) * own };
+            (v, theta, w, gap) = (next * rate, next * (w - v), -next * shaft * inertia, -next * self.decay * gap);
             held = 0.0;
         }
         series
