@@ -11,6 +11,7 @@
 //! spectrum.
 
 use nalgebra::DVector;
+use rayon::prelude::*;
 
 use crate::fit::Fit;
 use crate::puck::{PARAMETERS, Sensitivity};
@@ -18,11 +19,15 @@ use crate::record::CancellableRecord;
 
 /// The number of frequencies that are tried, in equal ratios.
 const FREQUENCIES: usize = 240;
+/// Frequencies that are tried together, between two looks at whether the search is stopped.
+const TOGETHER: usize = 24;
 /// The least number of periods of the lowest in the record, and of samples in a period of the highest.
 const LOWEST: f64 = 4.0;
 const HIGHEST: f64 = 2.5;
 /// ζ: between that of steel and of rubber.
 const RATIO: f64 = 0.04;
+/// Times between samples that differ by less than this part are equal.
+const EQUAL: f64 = 1e-9;
 /// A column with less than this part orthogonal to the others is rounding.
 const ROUNDING: f64 = 1e-6;
 
@@ -54,15 +59,13 @@ pub(crate) fn ringing(watched: &CancellableRecord<'_>, rigid: &Fit) -> Vec<Ringi
     }
     let left = basis.of(DVector::from_iterator(rows.len(), rows.iter().map(|(_, left, _)| *left)));
     let seen = |signal: &[f64]| DVector::from_iterator(rows.len(), rows.iter().map(|(i, _, _)| signal[*i]));
-    let own = basis.columns.len();
-    let mut of = |omega: f64| {
+    let of = |omega: f64| {
+        let [at, moving, q] = behind(&motion, omega).map(|signal| seen(&signal));
         // It may ring from the start.
-        for begin in [[1.0, 0.0], [0.0, omega]] {
-            basis.add(seen(&behind(&motion, omega, begin, false)));
-        }
-        let q = basis.of(seen(&behind(&motion, omega, [0.0; 2], true)));
-        let left = basis.columns[own..].iter().fold(left.clone(), |left, column| &left - column * column.dot(&left));
-        basis.columns.truncate(own);
+        let mut basis = basis.clone();
+        basis.add(at);
+        basis.add(moving);
+        let (q, left) = (basis.of(q), basis.of(left.clone()));
         let squares = q.norm_squared();
         let ratio = if squares > 0.0 { q.dot(&left) / squares } else { 0.0 };
         Ringing { omega, ratio, explains: ratio * ratio * squares }
@@ -74,9 +77,13 @@ pub(crate) fn ringing(watched: &CancellableRecord<'_>, rigid: &Fit) -> Vec<Ringi
         return Vec::new();
     }
     let omega = |i: usize| low * (high / low).powf(i as f64 / (FREQUENCIES - 1) as f64);
-    let all: Vec<Ringing> = (0..FREQUENCIES).take_while(|_| !stop()).map(|i| of(omega(i))).collect();
-    if all.len() < FREQUENCIES {
-        return Vec::new();
+    let mut all: Vec<Ringing> = Vec::new();
+    while all.len() < FREQUENCIES {
+        if stop() {
+            return Vec::new();
+        }
+        let next: Vec<usize> = (all.len()..FREQUENCIES).take(TOGETHER).collect();
+        all.par_extend(next.into_par_iter().map(|i| of(omega(i))));
     }
     let explains = |i: usize| all.get(i).map_or(0.0, |one| one.explains);
     let is_peak = |i: usize| explains(i) > explains(i + 1) && (i == 0 || explains(i) >= explains(i - 1));
@@ -86,39 +93,53 @@ pub(crate) fn ringing(watched: &CancellableRecord<'_>, rigid: &Fit) -> Vec<Ringi
     peaks
 }
 
-/// q of a handle at these times, from this initial q and q̇; `follows` the motion, or rings out by itself. Between two samples the motion
-/// is linear in time.
-fn behind(motion: &[(f64, f64)], omega: f64, [mut q, mut rate]: [f64; 2], follows: bool) -> Vec<f64> {
+/// q of a handle at these times: that rings out from q = 1 and from q̇ = ω, and that follows the motion from rest. Between two samples the
+/// motion is linear in time.
+fn behind(motion: &[(f64, f64)], omega: f64) -> [Vec<f64>; 3] {
     let (decay, swing) = (RATIO * omega, omega * (1.0 - RATIO * RATIO).sqrt());
+    let mut states = [[1.0, 0.0], [0.0, omega], [0.0, 0.0]];
+    let mut all = states.map(|[q, _]| {
+        let mut signal = Vec::with_capacity(motion.len());
+        signal.push(q);
+        signal
+    });
     let mut slope = None;
-    let mut all = Vec::with_capacity(motion.len());
-    all.extend(motion.first().map(|_| q));
+    let (mut length, mut change) = (0.0, [[1.0, 0.0], [0.0, 1.0]]);
     for pair in motion.windows(2) {
         let time = pair[1].0 - pair[0].0;
         let next = (pair[1].1 - pair[0].1) / time;
-        if follows {
-            rate += next - slope.unwrap_or(next);
-            slope = Some(next);
+        states[2][1] += next - slope.unwrap_or(next);
+        slope = Some(next);
+        // The times of even samples differ by rounding.
+        if (time - length).abs() > EQUAL * time {
+            let ((sin, cos), left) = ((swing * time).sin_cos(), (-decay * time).exp());
+            let (own, other) = (decay / swing * sin, left / swing * sin);
+            change = [[left * (cos + own), other], [-omega * omega * other, left * (cos - own)]];
+            length = time;
         }
-        let (sin, cos) = (swing * time).sin_cos();
-        let (left, beside) = ((-decay * time).exp(), (rate + decay * q) / swing);
-        (q, rate) = (left * (q * cos + beside * sin), left * (rate * cos - (decay * beside + swing * q) * sin));
-        all.push(q);
+        for (state, signal) in states.iter_mut().zip(&mut all) {
+            let [q, rate] = *state;
+            *state = [change[0][0] * q + change[0][1] * rate, change[1][0] * q + change[1][1] * rate];
+            signal.push(state[0]);
+        }
     }
     all
 }
 
 /// Orthonormal columns. Other columns count by their part orthogonal to these.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct OrthonormalColumns {
     columns: Vec<DVector<f64>>,
 }
 
 impl OrthonormalColumns {
     /// The part of a column orthogonal to these, projected twice because of rounding.
-    fn of(&self, column: DVector<f64>) -> DVector<f64> {
-        let once = |left: DVector<f64>| self.columns.iter().fold(left, |left, own| &left - own * own.dot(&left));
-        once(once(column))
+    fn of(&self, mut column: DVector<f64>) -> DVector<f64> {
+        for own in self.columns.iter().chain(&self.columns) {
+            let along = own.dot(&column);
+            column.axpy(-along, own, 1.0);
+        }
+        column
     }
 
     /// Adds a column, unless it is in their span.
