@@ -7,10 +7,13 @@
 mod fit;
 mod intervals;
 
+use std::cmp::Ordering;
+use std::iter;
+
 use hapt_model::Handle;
 use hapt_plant::spec::DeviceSpec;
 
-use self::fit::{FEW_ITERATIONS, Fit, Free, MAX_ITERATIONS, POSITION, Parameters, VARIANCE, measured, positions};
+use self::fit::{FEW_ITERATIONS, Fit, Free, MAX_ITERATIONS, POSITION, Parameters, SOON, VARIANCE, measured, positions};
 use crate::best::best;
 use crate::error::{Error, LargeResidual};
 use crate::explained::explained;
@@ -118,30 +121,14 @@ pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>)
     let CancellableRecord { record, stop } = *watched;
     let (lattice, spread) = (record.lattice(), record.spread());
     let explains = |fit: &Fit| explained(record, &fit.left, lattice, spread);
-    let from = |(rests, p): (bool, Parameters)| {
-        let mut fit = Fit::of(record, p, rests)?;
-        if !rests {
-            // A wrong initial state of a fast motion would first distort every other number.
-            fit.free = Free::Beginning;
-            fit = fit.improved(record, FEW, stop)?;
-        }
-        // Far from the device the lag would stand for the error of another parameter.
-        fit.free = Free::But(VARIANCE);
-        fit.improved(record, FEW, stop)
-    };
     // The best after a few steps need not be the best in the end, and with much noise more than one may explain the record.
     let mut best: Option<Fit> = None;
     let mut seen: Vec<Fit> = Vec::new();
-    let begun = [near.map(|device| Starts { at: around(record, device), rigid: f64::INFINITY }), starts_of(watched)];
+    let near = near.map(|device| Starts { at: around(record, device), rigid: f64::INFINITY });
+    let begun = near.into_iter().chain(iter::once_with(|| starts_of(watched)).flatten());
     let mut rings = true;
-    for Starts { at, rigid } in begun.into_iter().flatten() {
-        let by_squares = |a: &Fit, b: &Fit| a.squares.total_cmp(&b.squares);
-        let mut fits: Vec<Fit> = at.into_iter().filter_map(from).collect();
-        fits.sort_by(by_squares);
-        fits.truncate(FOLLOWED);
-        let with_lag = |fit: Fit| fit.lagging(record).improved(record, FEW_ITERATIONS, stop);
-        let mut fits: Vec<Fit> = fits.into_iter().filter_map(with_lag).collect();
-        fits.sort_by(by_squares);
+    for Starts { at, rigid } in begun {
+        let fits = with_lags(watched, at, &explains);
         // A handle that rings explains most of the residuals of a rigid device.
         rings = fits.first().is_some_and(|fit| fit.squares < RINGS * rigid);
         for fit in fits {
@@ -149,7 +136,7 @@ pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>)
                 seen.push(fit);
                 continue;
             }
-            best = best.into_iter().chain(fit.improved(record, MAX_ITERATIONS, stop)).min_by(by_squares);
+            best = best.into_iter().chain(fit.improved(record, MAX_ITERATIONS, &|_, _| stop())).min_by(by_squares);
         }
         if best.as_ref().is_some_and(explains) {
             break;
@@ -157,7 +144,11 @@ pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>)
     }
     let best = best.ok_or(Error::Unexplained)?;
     let (fit, mut others) = match rings || explains(&best) {
-        true => best.at_rest(record, stop).settled(record, stop).profiled(record, stop),
+        true => best
+            .at_rest(record, stop)
+            .settled(record, &explains, stop)
+            .profiled(record, stop)
+            .ok_or(Error::Unexplained)?,
         false => (best, Vec::new()),
     };
     let as_well = |seen: &&Fit| seen.rests == fit.rests && seen.squares < fit.enough();
@@ -169,17 +160,59 @@ pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>)
     Ok(HandleSearch { fit, others, wrong, residual })
 }
 
+fn by_squares(a: &Fit, b: &Fit) -> Ordering {
+    a.squares.total_cmp(&b.squares)
+}
+
+/// The fits with a lag from these starts, the best first.
+fn with_lags(watched: &CancellableRecord<'_>, at: Vec<Parameters>, explains: &dyn Fn(&Fit) -> bool) -> Vec<Fit> {
+    let CancellableRecord { record, stop } = *watched;
+    // `known`: the squares of a fit that explains the record.
+    let improved = |fit: Fit, most: usize, known: Option<f64>| {
+        fit.improved(record, most, &|fit, steps| stop() || (steps >= SOON && fit.leads_elsewhere(known)))
+    };
+    let from = |rests: bool, p: Parameters, known: Option<f64>| {
+        let mut fit = Fit::of(record, p, rests)?;
+        if !rests {
+            // A wrong initial state of a fast motion would first distort every other number.
+            fit = improved(fit.fitting(Free::Beginning), FEW, None)?;
+        }
+        // Far from the device the lag would stand for the error of another parameter.
+        improved(fit.fitting(Free::But(VARIANCE)), FEW, known)
+    };
+    let lagging = |fit: Fit, known: Option<f64>| improved(fit.lagging(record), FEW_ITERATIONS, known);
+    let first = at.first().and_then(|start| from(true, *start, None));
+    let mut fits: Vec<Fit> = first.clone().and_then(|fit| lagging(fit, None)).into_iter().collect();
+    // Where the most likely start leads to a device that explains the record, the others only have to be compared with it, and one in
+    // motion is near it.
+    let found = fits.first().filter(|fit| explains(fit)).map(|fit| (fit.p, fit.squares));
+    let known = found.map(|(_, squares)| squares);
+    let mut others: Vec<Fit> = at.iter().skip(1).filter_map(|start| from(true, *start, known)).collect();
+    let begins = found.map_or(at, |(p, _)| vec![p]);
+    others.extend(begins.into_iter().filter_map(|start| from(false, moving(record, start), known)));
+    let competes = |fit: &Fit| {
+        let shows = known.is_none_or(|known| fit.rests || fit.shows_motion(known));
+        shows && !fit.leads_elsewhere(known)
+    };
+    others.retain(|fit| competes(fit) && !first.as_ref().is_some_and(|first| fit.is_near(first)));
+    others.sort_by(by_squares);
+    others.truncate(FOLLOWED);
+    others.dedup_by(|a, b| a.is_near(b));
+    fits.extend(others.into_iter().filter_map(|fit| lagging(fit, known)).filter(competes));
+    fits.sort_by(by_squares);
+    fits
+}
+
 /// Where fits start.
 struct Starts {
-    /// The initial state, at rest or in motion, with the parameters. A small velocity that friction ends within some samples hardly shows
-    /// that it should be 0.
-    at: Vec<(bool, Parameters)>,
+    /// The parameters at rest.
+    at: Vec<Parameters>,
     /// The sum of squares that a rigid device leaves.
     rigid: f64,
 }
 
 /// Starts at a given device.
-fn around(record: &Record, device: &DeviceSpec) -> Vec<(bool, Parameters)> {
+fn around(record: &Record, device: &DeviceSpec) -> Vec<Parameters> {
     let handle = device.handle.unwrap_or(Handle { inertia: device.inertia, stiffness: 0.0, damping: 0.0 });
     let whole = device.inertia + handle.inertia;
     let mass = device.inertia * handle.inertia / whole;
@@ -197,10 +230,10 @@ fn around(record: &Record, device: &DeviceSpec) -> Vec<(bool, Parameters)> {
         0.0,
         0.0,
     ];
-    vec![(true, start), (false, moving(record, start))]
+    vec![start]
 }
 
-/// The same start with an initial motion.
+/// The same start with an initial motion. A small velocity that friction ends within some samples hardly shows that it should be 0.
 fn moving(record: &Record, mut start: Parameters) -> Parameters {
     let Begin { position, velocity } = begins(record, 0)[0];
     (start[POSITION], start[POSITION + 1]) = (position, velocity);
@@ -234,10 +267,8 @@ fn starts_of(watched: &CancellableRecord<'_>) -> Option<Starts> {
     let ringing = ringing(watched, &rigid);
     let (first, others) = ringing.split_first()?;
     let others = others.iter().take(OTHERS).map(|other| (other, 1.0));
-    let each: Vec<Parameters> =
-        PARTS.map(|part| (first, part)).into_iter().chain(others).map(|(ringing, part)| start(ringing, part)).collect();
-    let from = |rests: bool, start: Parameters| (rests, if rests { start } else { moving(record, start) });
-    let at = [true, false].into_iter().flat_map(|rests| each.iter().map(move |start| from(rests, *start))).collect();
+    let first = PARTS.map(|part| (first, part)).into_iter();
+    let at = first.chain(others).map(|(ringing, part)| start(ringing, part)).collect();
     Some(Starts { at, rigid: rigid.normal.squares })
 }
 impl WithHandle {

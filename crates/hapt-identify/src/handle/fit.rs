@@ -2,6 +2,7 @@
 
 use hapt_model::Handle;
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use crate::quantile::student;
 use crate::record::{LONGEST_DELAY, Record};
@@ -42,6 +43,11 @@ const RESTARTS: [(usize, f64); 7] =
     [(LATE, 0.9), (LATE, 0.6), (LATE, 0.3), (FRICTION, 0.5), (FRICTION, 0.0), (VARIANCE, 1.5), (VARIANCE, 0.7)];
 /// A step of less than this many standard errors counts as none.
 const SMALL: f64 = 1e-3;
+/// Steps after which a fit with this many times the squares of one that explains the record is given up.
+pub(super) const SOON: usize = 4;
+const ELSEWHERE: f64 = 4.0;
+/// Fits that are fewer standard errors apart lead to the same one.
+const NEAR: f64 = 0.1;
 
 /// Whether a sample is fitted: it is a measurement, and the unknown torques before the record have decayed. Their effect is in the initial
 /// state of the fit.
@@ -53,17 +59,19 @@ pub(super) fn measured(record: &Record) -> impl Iterator<Item = usize> {
     (0..record.times().len()).filter(|i| is_measured(record, *i))
 }
 
-/// Parameters, their residuals, and the derivatives of these.
+/// Parameters, their residuals, and the derivatives of these once a step needs them.
+#[derive(Clone)]
 pub(super) struct Fit {
     pub p: Parameters,
     /// Whether it begins at rest, on an unloaded shaft, which is then no parameter.
     pub rests: bool,
-    pub free: Free,
+    free: Free,
     pub left: Vec<f64>,
     pub squares: f64,
     /// The least mean square of the positions' errors: that of their resolution.
     least: f64,
-    derivatives: DMatrix<f64>,
+    /// By the free parameters.
+    derivatives: Option<DMatrix<f64>>,
 }
 
 /// The parameters that are fitted.
@@ -75,6 +83,9 @@ pub(super) enum Free {
     But(usize),
     All,
 }
+
+/// Whether the steps of a fit end, by the fit and the number of its steps.
+pub(super) type Ends<'a> = dyn Fn(&Fit, usize) -> bool + 'a;
 
 /// J, J_h and m = J J_h / (J + J_h).
 pub(super) fn inertias(p: &Parameters) -> [f64; 3] {
@@ -118,13 +129,20 @@ impl Fit {
             left,
             squares,
             least: (RESOLUTION * record.spread()).powi(2),
-            derivatives: DMatrix::zeros(0, 0),
+            derivatives: None,
         })
+    }
+
+    /// These parameters, with the derivatives of a fit near them for the first step.
+    pub fn near(record: &Record, p: Parameters, other: &Fit) -> Option<Fit> {
+        let fit = Fit::of(record, p, other.rests)?;
+        Some(Fit { derivatives: other.derivatives.clone(), free: other.free, ..fit })
     }
 
     /// The same, with these parameters fitted.
     pub fn fitting(self, free: Free) -> Fit {
-        Fit { free, ..self }
+        let is_known = self.free == Free::All;
+        Fit { free, derivatives: self.derivatives.filter(|_| is_known), ..self }
     }
 
     fn is_free(&self, i: usize) -> bool {
@@ -150,6 +168,17 @@ impl Fit {
         self.squares + self.unit()
     }
 
+    /// Whether its squares are far above those of a fit that explains the record, where one is known.
+    pub fn leads_elsewhere(&self, known: Option<f64>) -> bool {
+        known.is_some_and(|known| self.squares > ELSEWHERE * known)
+    }
+
+    /// Whether it leads where the other leads: its motion is nearly the same.
+    pub fn is_near(&self, other: &Fit) -> bool {
+        let apart: f64 = self.left.iter().zip(&other.left).map(|(a, b)| (a - b) * (a - b)).sum();
+        self.rests == other.rests && apart < NEAR * NEAR * other.squares / other.left.len() as f64
+    }
+
     /// The change of each parameter over which a derivative is taken.
     fn steps(&self, period: f64) -> Parameters {
         let [whole, b, f, late, _, square, decay, variance, _, v, _, rate_beyond] = self.p;
@@ -172,26 +201,29 @@ impl Fit {
     }
 
     /// The same with the lag fitted too, from a start above 0: near 0 a motor at rest may hide it.
-    pub fn lagging(mut self, record: &Record) -> Fit {
+    pub fn lagging(self, record: &Record) -> Fit {
         let mut p = self.p;
         p[VARIANCE] = p[VARIANCE].max((SHORT * record.period()).powi(2));
-        self.free = Free::All;
-        Fit::of(record, p, self.rests).unwrap_or(self)
+        Fit::of(record, p, self.rests).unwrap_or(self.fitting(Free::All))
     }
 
     /// The same from rest, where an initial motion explains no more than three parameters explain of noise.
     pub fn at_rest(self, record: &Record, stop: &dyn Fn() -> bool) -> Fit {
         let mut p = self.p;
         p[AT_REST..].fill(0.0);
-        let enough = self.squares * (1.0 + BEGINS / self.left.len() as f64);
         let resting = if self.rests { None } else { Fit::of(record, p, true) };
-        let resting = resting.and_then(|fit| fit.improved(record, MAX_ITERATIONS, stop));
-        resting.filter(|fit| fit.squares < enough).unwrap_or(self)
+        let resting = resting.and_then(|fit| fit.improved(record, MAX_ITERATIONS, &|_, _| stop()));
+        resting.filter(|fit| !self.shows_motion(fit.squares)).unwrap_or(self)
+    }
+
+    /// Whether an initial motion explains more than three parameters explain of noise, of the squares of a device at rest.
+    pub fn shows_motion(&self, resting: f64) -> bool {
+        resting >= self.squares * (1.0 + BEGINS / self.left.len() as f64)
     }
 
     /// The best of the fits from here and from other lags and frictions: each stop of a motor makes the squares nonlinear, and a fit can
     /// end in a local minimum.
-    pub fn settled(mut self, record: &Record, stop: &dyn Fn() -> bool) -> Fit {
+    pub fn settled(mut self, record: &Record, explains: &dyn Fn(&Fit) -> bool, stop: &dyn Fn() -> bool) -> Fit {
         for (i, part) in RESTARTS {
             let mut p = self.p;
             match i {
@@ -199,7 +231,10 @@ impl Fit {
                 LATE => p[VARIANCE] = (part * p[LATE]).powi(2),
                 i => p[i] *= part,
             }
-            let beside = Fit::of(record, p, self.rests).and_then(|fit| fit.improved(record, FEW_ITERATIONS, stop));
+            let known = explains(&self).then_some(self.squares);
+            let ends: &Ends<'_> =
+                &|fit, steps| stop() || fit.is_near(&self) || (steps >= SOON && fit.leads_elsewhere(known));
+            let beside = Fit::of(record, p, self.rests).and_then(|fit| fit.improved(record, FEW_ITERATIONS, ends));
             if let Some(better) = beside.filter(|fit| fit.squares < self.squares) {
                 self = better;
             }
@@ -207,33 +242,40 @@ impl Fit {
         self
     }
 
-    /// The fit with its derivatives.
-    fn differentiated(mut self, record: &Record) -> Option<Fit> {
+    /// Takes the derivatives, where they are not known; `None` where a device next to it moves too fast.
+    pub fn differentiate(&mut self, record: &Record) -> Option<()> {
+        if self.derivatives.is_some() {
+            return Some(());
+        }
         let steps = self.steps(record.period());
-        let mut derivatives = DMatrix::zeros(self.left.len(), PARAMETERS);
-        let parameters = self.parameters();
-        for (i, step) in steps.into_iter().enumerate().take(parameters).filter(|(i, _)| self.is_free(*i)) {
+        let free: Vec<usize> = (0..self.parameters()).filter(|i| self.is_free(*i)).collect();
+        let moved = |i: &usize| {
             let mut p = self.p;
-            p[i] += step;
-            let moved = Fit::of(record, p, self.rests)?;
-            for (j, (a, b)) in self.left.iter().zip(&moved.left).enumerate() {
-                derivatives[(j, i)] = (a - b) / step;
+            p[*i] += steps[*i];
+            Fit::of(record, p, self.rests).map(|moved| moved.left)
+        };
+        let moved: Vec<Vec<f64>> = free.par_iter().map(moved).collect::<Option<_>>()?;
+        let mut derivatives = DMatrix::zeros(self.left.len(), PARAMETERS);
+        for (i, moved) in free.into_iter().zip(moved) {
+            for (j, (a, b)) in self.left.iter().zip(&moved).enumerate() {
+                derivatives[(j, i)] = (a - b) / steps[i];
             }
         }
-        self.derivatives = derivatives;
-        Some(self)
+        self.derivatives = Some(derivatives);
+        Some(())
     }
 
-    /// Levenberg's and Marquardt's steps from here.
-    pub fn improved(self, record: &Record, most: usize, stop: &dyn Fn() -> bool) -> Option<Fit> {
-        let mut at = self.differentiated(record)?;
+    /// Levenberg's and Marquardt's steps from here, until `ends`.
+    pub fn improved(self, record: &Record, most: usize, ends: &Ends<'_>) -> Option<Fit> {
+        let mut at = self;
         let mut damping = 1e-3;
-        for _ in 0..most {
-            if stop() {
+        for steps in 0..most {
+            if ends(&at, steps) {
                 break;
             }
-            let (information, right) = at.normal();
-            let Some(step) = at.step(&information, &right, damping) else { return Some(at) };
+            at.differentiate(record)?;
+            let Some((information, right)) = at.normal() else { break };
+            let Some(step) = at.step(&information, &right, damping) else { break };
             let size = (step.transpose() * &information * &step)[0];
             let mut p = at.p;
             // Large steps of the parameters that enter by logarithms lead nowhere.
@@ -247,7 +289,7 @@ impl Fit {
             let next = Fit::of(record, p, at.rests).map(|next| next.fitting(at.free));
             match next {
                 Some(next) if next.squares < at.squares => {
-                    at = next.differentiated(record)?;
+                    at = next;
                     damping = (0.1 * damping).max(1e-9);
                     if is_small {
                         break;
@@ -280,8 +322,10 @@ impl Fit {
         }
     }
 
-    pub fn normal(&self) -> (DMatrix<f64>, DVector<f64>) {
+    /// The normal equations; `None` without derivatives.
+    pub fn normal(&self) -> Option<(DMatrix<f64>, DVector<f64>)> {
+        let derivatives = self.derivatives.as_ref()?;
         let left = DVector::from_column_slice(&self.left);
-        (self.derivatives.tr_mul(&self.derivatives), self.derivatives.tr_mul(&left))
+        Some((derivatives.tr_mul(derivatives), derivatives.tr_mul(&left)))
     }
 }

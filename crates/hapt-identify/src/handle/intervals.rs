@@ -30,12 +30,14 @@ const NOTICEABLE: f64 = 0.1;
 
 impl Fit {
     /// The devices whose squares are within a 95 % interval of the least, as far out as they are: the profile of the likelihood along
-    /// single parameters. Where the valley of good fits is curved, the covariance at its lowest point is too small.
-    pub fn profiled(self, record: &Record, stop: &dyn Fn() -> bool) -> (Fit, Vec<Parameters>) {
+    /// single parameters. Where the valley of good fits is curved, the covariance at its lowest point is too small. `None`: a device next to
+    /// the best moves too fast.
+    pub fn profiled(self, record: &Record, stop: &dyn Fn() -> bool) -> Option<(Fit, Vec<Parameters>)> {
         let mut best = self;
         for _ in 0..PROFILED.len() {
             let mut others = Vec::new();
             let mut better: Option<Fit> = None;
+            best.differentiate(record)?;
             let Some(spread) = Spread::of(&best) else { break };
             for (i, sign) in PROFILED.into_iter().flat_map(|i| [(i, 1.0), (i, -1.0)]) {
                 let Some(direction) = spread.along(i) else { continue };
@@ -44,8 +46,8 @@ impl Fit {
                     let mut p = best.p;
                     p.iter_mut().zip(&direction).for_each(|(p, step)| *p += sign * reach * step);
                     NOT_BELOW_0.into_iter().for_each(|i| p[i] = p[i].max(0.0));
-                    let beside = Fit::of(record, p, best.rests)
-                        .and_then(|fit| fit.fitting(Free::But(i)).improved(record, BRIEFLY, stop));
+                    let beside = Fit::near(record, p, &best)
+                        .and_then(|fit| fit.fitting(Free::But(i)).improved(record, BRIEFLY, &|_, _| stop()));
                     let Some(beside) = beside.filter(|fit| fit.squares < best.enough()) else { break };
                     others.push(beside.p);
                     if beside.squares < better.as_ref().map_or(best.squares, |better| better.squares) {
@@ -54,13 +56,14 @@ impl Fit {
                     reach *= FURTHER;
                 }
             }
-            let better = better.and_then(|fit| fit.fitting(Free::All).improved(record, FEW_ITERATIONS, stop));
+            let better = better.and_then(|fit| fit.fitting(Free::All).improved(record, FEW_ITERATIONS, &|_, _| stop()));
             match better {
                 Some(better) if better.squares < best.squares - NOTICEABLE * best.unit() => best = better,
-                _ => return (best, others),
+                _ => return Some((best, others)),
             }
         }
-        (best, Vec::new())
+        best.differentiate(record)?;
+        Some((best, Vec::new()))
     }
 
     /// The numbers with their intervals, from the covariance and from `others` that explain the record as well.
@@ -133,7 +136,7 @@ struct Spread {
 
 impl Spread {
     fn of(fit: &Fit) -> Option<Spread> {
-        let (information, _) = fit.normal();
+        let (information, _) = fit.normal()?;
         let parameters = fit.parameters();
         let freedom = fit.left.len().saturating_sub(parameters).max(1) as f64;
         // Friction can end an initial motion before it shows. Then its bound is this, and the other numbers are determined all the same.
