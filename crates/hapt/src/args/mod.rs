@@ -155,8 +155,9 @@ Examples:
   hapt identify sim --world wheel.toml --duration 2s --log wheel.mcap
   hapt identify wheel.mcap --plot fit.svg            from a log, with a picture
   hapt identify wheel.mcap --against wheel.toml      is it the file's device?
-  hapt log convert wheel.mcap -o log.csv && hapt identify log.csv
-  hapt identify lab.csv --columns time=t_s,position=arm_deg,torque=motor_Nm")]
+  hapt log convert wheel.mcap -o log.csv && \\
+      hapt identify log.csv \\
+      --columns time=time_s,position=measured_rad,torque=output_Nm")]
     Identify(Box<IdentifyArgs>),
     /// List serial ports and CAN interfaces, and the drives that may be behind them.
     #[command(after_help = "\

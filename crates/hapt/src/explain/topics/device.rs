@@ -229,11 +229,9 @@ torque, under the supervisor. A real device moves only after a confirmation.
   hapt identify release.csv --from 0.26s                   encoder   4000 counts a revolution
 
 Read its warnings: two parameters that the record hardly distinguishes, less than half a count of
-noise, a position-dependent torque (gravity, cogging). `--write` writes the [device] table. The lag
-of a motor is separated from a delay where the record allows; else the delay is both together.
-`--against WORLD` names the numbers of a file that the record contradicts, harmonics of gravity,
-cogging and friction by position among them: it ends with 1 then. End stops that the record runs
-into are found, also together with gravity, cogging or a spring.
+noise. `--write` writes the [device] table, with end stops that the record runs into, gravity and
+cogging. A lag is separated from a delay where the record allows; else the delay is both together.
+`--against WORLD` names the numbers of a file that the record contradicts: it ends with 1 then.
 "#,
     },
     Topic {
