@@ -17,7 +17,8 @@ use self::fit::{FEW_ITERATIONS, Fit, Free, MAX_ITERATIONS, POSITION, Parameters,
 use crate::best::best;
 use crate::error::{Error, LargeResidual};
 use crate::explained::explained;
-use crate::identified::{CorrelatedPair, Interval, Residual};
+use crate::identified::{CorrelatedPair, Residual};
+use crate::interval::Interval;
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
 use crate::remainder::residual;
 use crate::ringing::{Ringing, ringing};

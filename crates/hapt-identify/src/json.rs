@@ -2,7 +2,8 @@
 
 use serde_json::{Map, Value, json};
 
-use crate::identified::{Identified, Interval};
+use crate::identified::Identified;
+use crate::interval::Interval;
 use crate::misfit::{Misfit, Part};
 use crate::terms::{Term, TermKind};
 use crate::torque::{BestFit, TorqueFit};

@@ -6,7 +6,7 @@
 
 use crate::bound::Bounded;
 use crate::fit::{Fit, SHORTEST_LAG, fit};
-use crate::identified::Interval;
+use crate::interval::Interval;
 use crate::puck::{DELAY, LAG, Puck};
 use crate::quantile::student;
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};

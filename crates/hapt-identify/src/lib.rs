@@ -51,6 +51,7 @@ mod explained;
 mod fit;
 mod handle;
 mod identified;
+mod interval;
 mod intervals;
 mod json;
 mod lag;
@@ -81,9 +82,8 @@ pub use error::{Error, LargeResidual};
 pub use estimate::{identify, identify_until};
 pub use experiment::{Bounds, Push};
 pub use handle::{WithHandle, identify_handle, identify_handle_until};
-pub use identified::{
-    CorrelatedPair, FoundStops, FoundStribeck, Identified, Interval, Known, PositionTorque, Residual,
-};
+pub use identified::{CorrelatedPair, FoundStops, FoundStribeck, Identified, Known, PositionTorque, Residual};
+pub use interval::Interval;
 pub use mat::{is_mat, mat_table};
 pub use misfit::{Kind, Misfit, Part};
 pub use predicted::PREDICTION_S;

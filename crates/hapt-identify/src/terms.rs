@@ -8,7 +8,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::equation::{BLOCKS, CONSTANT, DAMPING, FORCE, FRICTION, INERTIA, Rows};
-use crate::identified::Interval;
+use crate::interval::Interval;
 use crate::quantile::student;
 use crate::record::CancellableRecord;
 use crate::start::velocities;

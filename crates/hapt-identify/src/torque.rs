@@ -5,7 +5,8 @@ use crate::equation::{
     BLOCKS, Band, CONSTANT, COSINE, DAMPING, DIRECTION, Errors, FORCE, FRICTION, INERTIA, Mask, Rows, SINE, STIFFNESS,
     Solved, TERMS,
 };
-use crate::identified::{Interval, Known};
+use crate::identified::Known;
+use crate::interval::Interval;
 use crate::intervals::positive;
 use crate::misfit::{Misfit, misfit};
 use crate::predicted::predicted;

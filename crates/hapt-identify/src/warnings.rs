@@ -1,7 +1,8 @@
 //! The warnings that go with a result.
 
 use crate::handle::WithHandle;
-use crate::identified::{CorrelatedPair, Identified, Interval};
+use crate::identified::{CorrelatedPair, Identified};
+use crate::interval::Interval;
 
 /// The largest correlation at which the residuals count as independent.
 const INDEPENDENT: f64 = 0.1;

@@ -41,6 +41,7 @@ const RATIOS: [f64; 2] = [0.05, 0.4];
 const MOST_LEFT: f64 = 0.05;
 /// The largest depth of the puck in a stop, as a part of its travel.
 const DEEPEST: f64 = 0.25;
+const SPRING_AND_GRAVITY: [usize; 3] = [SPRING, GRAVITY, GRAVITY + 1];
 /// Parts of the file's Stribeck torque from which fits start.
 const RISES: [f64; 4] = [1.0, 0.3, 3.0, 0.1];
 /// Steps of a fit without a stop that is compared with one with it, of a fit of one turn, and of a fit of the whole record.
@@ -105,17 +106,51 @@ pub(crate) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fi
 pub(crate) fn search_loaded(record: &CancellableRecord<'_>, known: &Known) -> Option<Fit> {
     let loaded = inner(record, |part| loaded(record, known, part));
     let (found, is_near) = of_turns(record, known, &loaded);
-    if found.is_some() || known.is_linear || !is_near {
+    if known.is_linear {
         return found;
     }
-    // The equation takes one of gravity and a spring for both over a short travel.
-    let both = |away: Away| {
-        let mut more = away.more;
-        [SPRING, GRAVITY, GRAVITY + 1].into_iter().for_each(|i| more[i] = true);
-        (more != away.more).then_some(Away { more, ..away })
+    let found = found.or_else(|| {
+        // The equation takes one of gravity and a spring for both over a short travel.
+        let both = |away: Away| {
+            let mut more = away.more;
+            SPRING_AND_GRAVITY.into_iter().for_each(|i| more[i] = true);
+            (more != away.more).then_some(Away { more, ..away })
+        };
+        let both: Vec<Away> = loaded.into_iter().filter(|_| is_near).filter_map(both).collect();
+        of_turns(record, known, &both).0
+    });
+    Some(settled(record, found?))
+}
+
+/// The fit with neither, one or both of a spring and gravity: over a short travel each of them explains most of the other, and leaves the
+/// rest to damping, friction and stops.
+fn settled(record: &CancellableRecord<'_>, fit: Fit) -> Fit {
+    let [mut springs, mut falls] = [fit.device, fit.device];
+    let (middle, p) = (fit.device.places.middle, &fit.device.p);
+    let (sine, cosine) = middle.sin_cos();
+    // Each takes the other's slope in the middle.
+    springs.p[SPRING] -= p[GRAVITY] * cosine - p[GRAVITY + 1] * sine;
+    falls.p[GRAVITY] -= p[SPRING] * cosine;
+    falls.p[GRAVITY + 1] += p[SPRING] * sine;
+    let with = |mut device: Device, has: [bool; 3]| {
+        let mut free = fit.free;
+        for (i, has) in SPRING_AND_GRAVITY.into_iter().zip(has) {
+            free[i] = has;
+            device.p[i] = if has { device.p[i] } else { 0.0 };
+        }
+        Fit::of(record, device, free, fit.shots.clone())?.improved(record, MANY)
     };
-    let both: Vec<Away> = loaded.into_iter().filter_map(both).collect();
-    of_turns(record, known, &both).0
+    let starts = [(fit.device, [false; 3]), (springs, [true, false, false]), (falls, [false, true, true])];
+    let simpler = starts.map(|(device, has)| with(device, has));
+    // The fit of both starts from the best of these.
+    let best = simpler.iter().flatten().chain([&fit]).min_by(|a, b| a.squares.total_cmp(&b.squares));
+    let Some(both) = best.and_then(|best| with(best.device, [true; 3])) else { return fit };
+    let is_enough = |other: &Fit| other.squares - both.squares < SURELY * both.variance();
+    let [neither, springs, falls] = simpler.map(|other| other.filter(is_enough));
+    match (neither, springs, falls) {
+        (Some(one), ..) | (None, Some(one), None) | (None, None, Some(one)) => one,
+        (None, Some(_), Some(_)) | (None, None, None) => both,
+    }
 }
 
 /// The devices away from ends of each size, the best determined one first.

@@ -17,9 +17,8 @@ use fit::{
 pub(crate) use fit::{Device, Fit};
 use slopes::Square;
 
-use crate::identified::{
-    CorrelatedPair, FoundStops, FoundStribeck, FoundWaves, Harmonics, Identified, Interval, Known,
-};
+use crate::identified::{CorrelatedPair, FoundStops, FoundStribeck, FoundWaves, Harmonics, Identified, Known};
+use crate::interval::Interval;
 use crate::intervals::{CORRELATED, VAGUE, counts, no_longer, positive};
 use crate::lag::Late;
 use crate::puck::Puck;

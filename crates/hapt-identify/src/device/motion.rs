@@ -53,6 +53,8 @@ const NO_GAP: f64 = 1e-12;
 const MOST_EVENTS: usize = 64;
 /// Over a piece a torque of the position goes through at most this part of a radian.
 const MOST_PHASE: f64 = 0.25;
+/// Between two changes of the torque at most this many: its mean over many periods is 0, and no device of a record is so fast.
+const MOST_TURNED: f64 = 100.0;
 /// The contact with a stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Touch {
@@ -292,7 +294,8 @@ impl Motion {
             let mut rates = self.rates();
             // The piece ends where the series are no longer accurate.
             let mut end = rates.reached(rest);
-            let field = self.numbers.waves.steepest().map(|steepest| {
+            let is_followed = |steepest: &f64| steepest * (self.state[1] * rest).abs() < MOST_TURNED;
+            let field = self.numbers.waves.steepest().filter(is_followed).map(|steepest| {
                 // Halves recur, and have maps.
                 while steepest * (self.state[1] * end).abs() > MOST_PHASE {
                     end *= 0.5;

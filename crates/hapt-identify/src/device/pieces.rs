@@ -163,7 +163,7 @@ impl Series {
         let mut before = end;
         while at_low >= 0.0 {
             before *= 0.5;
-            if before < 1e-3 * end {
+            if before <= 1e-3 * end {
                 return 0.0;
             }
             if value(before) < 0.0 {

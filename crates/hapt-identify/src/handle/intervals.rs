@@ -7,7 +7,8 @@ use super::fit::{
     AT_REST, FEW_ITERATIONS, FRICTION, Fit, Free, LATE, LOGARITHMS, NOT_BELOW_0, POSITION, Parameters, SHARE, VARIANCE,
     inertias,
 };
-use crate::identified::{CorrelatedPair, Interval, Residual};
+use crate::identified::{CorrelatedPair, Residual};
+use crate::interval::Interval;
 use crate::intervals::{CORRELATED, VAGUE, no_longer, positive};
 use crate::lag::Late;
 use crate::record::Record;
