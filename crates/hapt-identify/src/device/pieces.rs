@@ -194,3 +194,19 @@ impl Line {
         self.position * z + self.velocity * v + self.constant
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two conditions are met at one instant where a stop begins at the place of a rest: the second is searched within no time.
+    #[test]
+    fn a_condition_is_met_at_once_within_no_time() {
+        let rates = Rates { drive: 1.0, loss: 0.0, spring: 0.0, decay: 1.0 };
+        let line = Line { position: 0.0, velocity: 1.0, constant: 0.0 };
+        for velocity in [0.0, 1.0] {
+            let series = rates.series([0.0, velocity, 0.0], 1.0, 1e-3);
+            assert_eq!(series.crossing(&line, 0.0).to_bits(), 0);
+        }
+    }
+}
