@@ -57,6 +57,15 @@ impl Device {
 }
 
 impl World {
+    /// Whether a compensation, of gravity or cogging, counts from the device's own position: the world's 0 is then the device's, and arming
+    /// does not move it.
+    pub fn counts_from_device(&self) -> bool {
+        self.compensations.iter().any(|compensation| match compensation.of {
+            Compensated::Gravity | Compensated::Cogging => true,
+            Compensated::Friction => false,
+        })
+    }
+
     /// The places of the compensations' couplings; `None` where a world made by hand has no such coupling.
     pub(crate) fn compensating(&self) -> Vec<Option<usize>> {
         let place = |compensation: &Compensation| {

@@ -107,7 +107,7 @@ impl World {
             pulse: safety.pulse.unwrap_or(if real { pulse } else { 0.0 }),
             brake,
             recentre: self.sampling.recentre.unwrap_or(0.0),
-            zero_where_armed: device.drive.home.is_none(),
+            zero_where_armed: device.drive.home.is_none() && !self.counts_from_device(),
             announcements: !real,
             inertia: device.inertia,
             damping: device.damping,

@@ -185,6 +185,12 @@ impl DeviceAddress {
         if is_drive && world.motion == Motion::Linear && world.device.drive.gear.is_none() {
             return missing("device.drive.gear", "the displacement of the puck for one revolution of the drive");
         }
+        if is_drive && world.counts_from_device() && world.device.drive.home.is_none() {
+            return missing(
+                "device.drive.home",
+                "where the world's 0 is by the drive's own zero, from which a [[compensation]] of gravity or cogging counts",
+            );
+        }
         let exact = world.sampling.estimator == EstimatorKind::Exact;
         Ok(exact.then(|| "loop.estimator=difference".into()).into_iter().collect())
     }
@@ -217,6 +223,8 @@ fn certified(world: &World, uncertified: bool) -> Result<SafetyProfile, DeviceEr
 
 #[cfg(test)]
 mod tests {
+    use hapt_model::Source;
+
     use super::*;
     use crate::testing::world;
 
@@ -239,6 +247,23 @@ mod tests {
         world.device.limit = None;
         assert!(matches!(board.overrides(&world), Err(DeviceError::Missing { key: "device.limit", .. })));
         assert!(DeviceAddress::Sim.overrides(&world).unwrap().is_empty());
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_drive_needs_a_home_for_a_compensation_that_counts_from_it() {
+        let drive: DeviceAddress = "moteus:/dev/ttyACM0".parse().unwrap();
+        let needs = |of: &str, home: &str| {
+            let text = format!(
+                "[loop]\nperiod = \"1 ms\"\nestimator = \"difference\"\n[device]\ninertia = 6.4e-4\nfriction = 0.01\nlimit = 1\n\
+                 [device.gravity]\ntorque = 0.1\n[device.cogging]\ntorque = 0.1\npitch = 0.2\nsine = [1]\n{home}\
+                 [[compensation]]\nshare = 0.5\nof = \"{of}\"\n"
+            );
+            let world = World::read(&Source::from_text("w.toml", &text), &[]).unwrap();
+            matches!(drive.overrides(&world), Err(DeviceError::Missing { key: "device.drive.home", .. }))
+        };
+        assert!(needs("gravity", "") && needs("cogging", ""));
+        assert!(!needs("friction\"\nvelocity = \"0.2 rad/s", "") && !needs("gravity", "[device.drive]\nhome = 0\n"));
     }
 
     /// A spring so stiff that the loop is unstable.

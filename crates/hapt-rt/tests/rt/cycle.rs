@@ -313,6 +313,44 @@ fn the_position_of_a_simulated_puck_at_arming_is_the_worlds_zero_without_a_torqu
     assert_eq!(record.position - record.zero, 0.0);
 }
 
+/// Gravity is taken back by the device's own position, wherever the puck was armed.
+#[test]
+fn a_compensation_of_gravity_holds_a_lever_wherever_it_was_armed() {
+    let world = crate::common::world(
+        "[loop]\nperiod = \"1 ms\"\n[device]\ninertia = 6.4e-4\ndamping = 1.2e-3\nlimit = 1\n\
+         [device.gravity]\ntorque = 0.1\nphase = 0.3\n[[compensation]]\nof = \"gravity\"\n",
+    );
+    let (device, mut hands) = SimulatedDevice::new(&world);
+    let mut cycle = on(&world, Box::new(device));
+    for turned in [2.5, -1.0, 0.4] {
+        hands.push(HandCommand::Grab(hapt_sim::Grip { inertia: 1e-3, damping: 0.2, stiffness: 8.0 })).unwrap();
+        hands.push(HandCommand::Move(turned)).unwrap();
+        let mut record = sample(&mut cycle, false, None);
+        for _ in 0..2000 {
+            record = sample(&mut cycle, false, None);
+        }
+        let at = record.position;
+        sample(&mut cycle, false, Some(Request::Arm));
+        hands.push(HandCommand::Move(at)).unwrap();
+        for _ in 0..2000 {
+            record = sample(&mut cycle, false, None);
+        }
+        assert_eq!(record.phase, Phase::Running);
+        assert!((record.output + 0.1 * (record.position + 0.3).sin()).abs() < 1e-12, "{record:?}");
+        // Let go, the lever stays where it is but for the delay of the loop.
+        hands.push(HandCommand::Release).unwrap();
+        let before = record.position;
+        for _ in 0..500 {
+            record = sample(&mut cycle, false, None);
+        }
+        assert!((record.position - before).abs() < 0.05, "{before} {record:?}");
+        sample(&mut cycle, false, Some(Request::Disarm));
+        while record.phase != Phase::Disarmed {
+            record = sample(&mut cycle, false, None);
+        }
+    }
+}
+
 #[test]
 fn a_replay_returns_each_recorded_position_at_its_time_and_then_ends() {
     let at = |k: u32| Position { position: f64::from(k) * 0.01, velocity: 0.5, announced: true };

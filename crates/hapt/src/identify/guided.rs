@@ -33,9 +33,8 @@ const CALM: f64 = 0.5;
 #[derive(Default)]
 struct Seen {
     times: Vec<f64>,
-    /// As the device gave them, and as the encoder of the world has them.
-    given: Vec<f64>,
-    counted: Vec<f64>,
+    /// As the device gave them.
+    positions: Vec<f64>,
     torques: Vec<f64>,
 }
 
@@ -65,7 +64,10 @@ pub fn experiment(args: &IdentifyArgs, device: &DeviceAddress, world: Option<Wor
         ask(&args.what, &world, torque, duration)?;
     }
     let seen = Experiment::start(args, device, &world, torque)?.run(duration)?;
-    let positions = if device.has_motor() { seen.given } else { seen.counted };
+    let positions = match device.has_motor() {
+        true => seen.positions,
+        false => seen.positions.into_iter().map(|position| counted(&world, position)).collect(),
+    };
     let name = args.what.clone();
     let record = Record::new(seen.times, positions, seen.torques).map_err(|error| {
         Failure::input(format!(
@@ -74,6 +76,12 @@ pub fn experiment(args: &IdentifyArgs, device: &DeviceAddress, world: Option<Wor
         ))
     })?;
     Ok(Given { name, record, motion: world.motion, world: Some(world), back_damping: 0.0 })
+}
+
+/// The position of a simulated puck as an encoder on it counts: by the device's own 0, which arming does not move, and before any filter of
+/// the loop.
+pub fn counted(world: &World, position: f64) -> f64 {
+    world.count().map_or(position, |count| (position / count).round() * count)
 }
 
 fn torque(args: &IdentifyArgs, world: &World) -> Result<f64, Failure> {
@@ -247,8 +255,7 @@ impl Experiment {
             }
             self.is_running |= record.phase == Phase::Running;
             self.seen.times.push(record.due as f64 * 1e-9);
-            self.seen.given.push(record.position);
-            self.seen.counted.push(record.measured);
+            self.seen.positions.push(record.position);
             self.seen.torques.push(record.output);
             if let (Phase::Faulted, Some(reason)) = (record.phase, record.reason) {
                 let words = format!("the torque was removed. {} {}", reason.sentence(), reason.remedy());

@@ -9,7 +9,7 @@ use hapt_log::Log;
 use hapt_model::keys::Measure;
 use hapt_model::{Dimension, Motion, World};
 
-use super::{Given, positive};
+use super::{Given, guided, positive};
 use crate::args::IdentifyArgs;
 use crate::failure::Failure;
 use crate::format;
@@ -130,8 +130,8 @@ fn table(args: &IdentifyArgs, name: &str, from: impl Read) -> Result<Table, Fail
 /// A log of hapt: the commands of a run; the output of the supervisor of a loop in real time, from which delay and lag are counted.
 fn logged(mut opened: Opened, named: Option<World>, coasts: bool) -> Result<(Lists, Motion, Option<World>), Failure> {
     let plan = std::sync::Arc::clone(opened.log.plan());
-    let is_real = opened.log.is_live() && opened.log.header.device != "sim";
-    let place = if is_real { PUCK } else { MEASURED };
+    let is_simulated = opened.log.is_live() && opened.log.header.device == "sim";
+    let place = if opened.log.is_live() { PUCK } else { MEASURED };
     let mut lists = Lists::default();
     while let Some(sample) = opened.log.next().map_err(|error| log::failure(&opened.name, error))? {
         if lists[0].len() == MAX_SAMPLES {
@@ -143,7 +143,7 @@ fn logged(mut opened: Opened, named: Option<World>, coasts: bool) -> Result<(Lis
         }
         let at = |place: usize| sample.values.get(place).copied().unwrap_or(f64::NAN);
         lists[0].push(at(TIME));
-        lists[1].push(at(place));
+        lists[1].push(if is_simulated { guided::counted(&plan.world, at(PUCK)) } else { at(place) });
         let torque = sample.inputs().map_or_else(|| at(COMMAND), |inputs| inputs.output);
         lists[2].push(if coasts { 0.0 } else { torque });
     }
