@@ -185,11 +185,17 @@ impl DeviceAddress {
         if is_drive && world.motion == Motion::Linear && world.device.drive.gear.is_none() {
             return missing("device.drive.gear", "the displacement of the puck for one revolution of the drive");
         }
-        if is_drive && world.counts_from_device() && world.device.drive.home.is_none() {
+        let home = world.device.drive.home;
+        if world.counts_from_device() && home.is_none() {
             return missing(
                 "device.drive.home",
-                "where the world's 0 is by the drive's own zero, from which a [[compensation]] of gravity or cogging counts",
+                "where the world's 0 is by the drive's or encoder's own zero, from which a [[compensation]] of gravity or cogging counts",
             );
+        }
+        if !is_drive && home.is_some_and(|home| home != 0.0) {
+            return Err(DeviceError::World(
+                "device.drive.home: a board counts from its encoder's own zero; expected 0".into(),
+            ));
         }
         let exact = world.sampling.estimator == EstimatorKind::Exact;
         Ok(exact.then(|| "loop.estimator=difference".into()).into_iter().collect())
@@ -251,19 +257,27 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn a_drive_needs_a_home_for_a_compensation_that_counts_from_it() {
-        let drive: DeviceAddress = "moteus:/dev/ttyACM0".parse().unwrap();
-        let needs = |of: &str, home: &str| {
+    fn a_motor_needs_a_home_for_a_compensation_that_counts_from_it() {
+        let motors: [DeviceAddress; 2] = ["moteus:/dev/ttyACM0", "hapt:/dev/ttyACM0"].map(|text| text.parse().unwrap());
+        let overrides = |motor: usize, of: &str, home: &str| {
             let text = format!(
                 "[loop]\nperiod = \"1 ms\"\nestimator = \"difference\"\n[device]\ninertia = 6.4e-4\nfriction = 0.01\nlimit = 1\n\
                  [device.gravity]\ntorque = 0.1\n[device.cogging]\ntorque = 0.1\npitch = 0.2\nsine = [1]\n{home}\
                  [[compensation]]\nshare = 0.5\nof = \"{of}\"\n"
             );
             let world = World::read(&Source::from_text("w.toml", &text), &[]).unwrap();
-            matches!(drive.overrides(&world), Err(DeviceError::Missing { key: "device.drive.home", .. }))
+            motors[motor].overrides(&world)
         };
-        assert!(needs("gravity", "") && needs("cogging", ""));
-        assert!(!needs("friction\"\nvelocity = \"0.2 rad/s", "") && !needs("gravity", "[device.drive]\nhome = 0\n"));
+        for motor in [0, 1] {
+            for of in ["gravity", "cogging"] {
+                let without = overrides(motor, of, "");
+                assert!(matches!(without, Err(DeviceError::Missing { key: "device.drive.home", .. })), "{without:?}");
+                assert!(overrides(motor, of, "[device.drive]\nhome = 0\n").is_ok());
+                // A board has no place for another one.
+                assert_eq!(overrides(motor, of, "[device.drive]\nhome = 0.5\n").is_ok(), motor == 0);
+            }
+            assert!(overrides(motor, "friction\"\nvelocity = \"0.2 rad/s", "").is_ok());
+        }
     }
 
     /// A spring so stiff that the loop is unstable.
