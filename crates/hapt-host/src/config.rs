@@ -316,6 +316,9 @@ fn same_device(one: &World, other: &World) -> Result<(), &'static str> {
     match () {
         () if one.motion != other.motion => Err("its motion"),
         () if one.device != other.device => Err("its [device]"),
+        () if one.device.drive.home.is_none() && one.counts_from_device() != other.counts_from_device() => Err(
+            "its 0 (with a [[compensation]] of gravity or cogging the device's own, else where the puck is armed; device.drive.home gives both one)",
+        ),
         () if times(one) != times(other) => Err("its loop.delay, loop.delay_max or loop.interval_max"),
         () => Ok(()),
     }
@@ -447,6 +450,26 @@ mod tests {
             let back = entered.with("loop.period", "2 ms").unwrap().entering(0).unwrap();
             assert_eq!((back.world.limits(profile), back.changes()), (own.world.limits(profile), &[][..]));
         }
+    }
+
+    /// Without a home the 0 of one world would be where the puck was armed, and that of the other the device's.
+    #[test]
+    fn worlds_of_one_session_count_from_the_same_place() {
+        let file = |name: &str, home: &str, more: &str| {
+            let device = format!("[device.gravity]\ntorque = 0.1\n{home}[bodies.wheel]");
+            Source::from_text(name, format!("{}{more}", WHEEL.replace("[bodies.wheel]", &device)))
+        };
+        let compensation = "[[compensation]]\nof = \"gravity\"\nshare = 0.5\n";
+        let of = |home: &str, more: [&str; 2]| {
+            let files = ["a.toml", "b.toml"].into_iter().zip(more).map(|(name, more)| file(name, home, more)).collect();
+            WorldConfig::of(files, Vec::new(), |_, _, _| Ok(())).map(drop)
+        };
+        for more in [["", compensation], [compensation, ""]] {
+            let refused = of("", more).unwrap_err();
+            assert!(refused.contains("b.toml: its 0 ") && refused.contains("a.toml"), "{refused}");
+            of("[device.drive]\nhome = 0\n", more).unwrap();
+        }
+        of("", [compensation; 2]).unwrap();
     }
 
     #[test]
