@@ -6,9 +6,10 @@
 //! spring, gravity, cogging and changes of friction with the position, are fitted too.
 
 use super::field::HARMONICS;
-use super::fit::{
-    CHANGES, COGGING, DAMPING, Device, FAST, FRICTION, Fit, Free, GRAVITY, INERTIA, LATE, OFFSET, PARAMETERS,
-    Parameters, Places, RISE, SHORTEST_LAG, SPRING, STIFFNESS, STOP_DAMPING, STOPS, Shot, VARIANCE,
+use super::fit::{Fit, SHORTEST_LAG, Shot};
+use super::parameters::{
+    CHANGES, COGGING, DAMPING, Device, FAST, FRICTION, Free, GRAVITY, INERTIA, LATE, OFFSET, PARAMETERS, Parameters,
+    Places, RISE, SPRING, STIFFNESS, STOP_DAMPING, STOPS, VARIANCE,
 };
 use crate::equation::{self, Band, Mask, Rows, Solved};
 use crate::identified::Known;

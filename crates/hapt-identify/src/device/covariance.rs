@@ -6,7 +6,8 @@
 
 use nalgebra::Vector2;
 
-use super::fit::{Fit, PARAMETERS};
+use super::fit::Fit;
+use super::parameters::PARAMETERS;
 use super::slopes::{Column, Normal, OfShot, Square, scaled};
 use crate::quantile::student;
 use crate::record::Record;

@@ -5,16 +5,19 @@ mod covariance;
 mod field;
 mod fit;
 mod motion;
+mod parameters;
 mod pieces;
 mod slopes;
 
 pub(crate) use contact::{near, search, search_loaded};
 use field::HARMONICS;
-use fit::{
-    CHANGES, COGGING, DAMPING, FAST, FRICTION, GRAVITY, INERTIA, LATE, OFFSET, RISE, SHORTEST_LAG, SPRING, STIFFNESS,
-    STOP_DAMPING, STOPS, VARIANCE,
+pub(crate) use fit::Fit;
+use fit::SHORTEST_LAG;
+pub(crate) use parameters::Device;
+use parameters::{
+    CHANGES, COGGING, DAMPING, FAST, FRICTION, GRAVITY, INERTIA, LATE, OFFSET, RISE, SPRING, STIFFNESS, STOP_DAMPING,
+    STOPS, VARIANCE,
 };
-pub(crate) use fit::{Device, Fit};
 use slopes::Square;
 
 use crate::identified::{CorrelatedPair, FoundStops, FoundStribeck, FoundWaves, Harmonics, Identified, Known};

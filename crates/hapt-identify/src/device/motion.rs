@@ -414,7 +414,7 @@ mod tests {
     use hapt_plant::spec::{Cogging, DeviceSpec, DeviceTorque, FrictionByPosition, Gravity, Stops, Stribeck};
     use proptest::prelude::*;
 
-    use super::super::fit::Device;
+    use super::super::parameters::Device;
 
     proptest! {
         #![proptest_config(hapt_testing::cases(64))]

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
-use super::fit::{Free, PARAMETERS};
+use super::parameters::{Free, PARAMETERS};
 
 /// The device's numbers, then position and velocity at the shot's beginning.
 const ALL: usize = PARAMETERS + 2;

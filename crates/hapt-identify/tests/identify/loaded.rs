@@ -10,6 +10,7 @@ use hapt_plant::spec::{Cogging, DeviceSpec, DeviceTorque, FrictionByPosition, Gr
 
 use crate::against::claims;
 use crate::rig::{WHEEL, counted, motion, steps, times};
+use crate::stops;
 
 /// The torque of a device besides those of its stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,19 +71,8 @@ fn loaded(loads: &[Load], rng: &mut Rng) -> (DeviceSpec, f64, Record) {
     }
 }
 
-/// The numbers of a result with their truths.
+/// The numbers of a result with their truths, its torques of the position among them.
 fn numbers(found: &Identified, rig: &DeviceSpec, spring: f64) -> Vec<(Interval, f64)> {
-    let (stops, truth) = (found.stops.unwrap(), rig.stops.unwrap());
-    let pairs = [
-        (found.inertia, Some(rig.inertia)),
-        (found.damping, Some(rig.damping)),
-        (found.friction, Some(rig.friction)),
-        (found.late, Some(rig.delay + rig.lag)),
-        (stops.low, truth.low),
-        (stops.high, truth.high),
-        (Some(stops.stiffness), Some(truth.stiffness)),
-        (Some(stops.damping), Some(truth.damping)),
-    ];
     let terms = found.terms.iter().map(|term| {
         let truth = match term.kind {
             TermKind::Stiffness => spring,
@@ -92,7 +82,7 @@ fn numbers(found: &Identified, rig: &DeviceSpec, spring: f64) -> Vec<(Interval, 
         };
         (term.size, truth)
     });
-    pairs.into_iter().filter_map(|(interval, truth)| interval.zip(truth)).chain(terms).collect()
+    stops::numbers(found, rig).into_iter().chain(terms).collect()
 }
 
 const LOADS: [&[Load]; 6] = [

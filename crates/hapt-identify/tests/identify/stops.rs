@@ -177,7 +177,7 @@ fn touches(positions: &[f64], stops: &Stops) -> usize {
 }
 
 /// The numbers of a result, lag and delay together, with their truths.
-fn numbers(found: &Identified, rig: &DeviceSpec) -> Vec<(Interval, f64)> {
+pub fn numbers(found: &Identified, rig: &DeviceSpec) -> Vec<(Interval, f64)> {
     let (stops, truth) = (found.stops.unwrap(), rig.stops.unwrap());
     let pairs = [
         (found.inertia, Some(rig.inertia)),
