@@ -33,7 +33,8 @@ const set = async (page, key, value) => {
 };
 
 visit("grabbed, the puck follows the hand; released, puck and wheel swing by themselves", undefined, async (page) => {
-  let [low, high] = [0, 0];
+  const energy = trace(page, 3, 0);
+  let [low, high, least, most] = [0, 0, 0, 0];
   // On a slow machine a turn takes long, and the wheel comes along without a swing: then once more.
   for (const to of [60, -60, 60, -60, 60]) {
     const from = await place(page);
@@ -41,12 +42,12 @@ visit("grabbed, the puck follows the hand; released, puck and wheel swing by the
     await until(() => place(page), (puck) => Math.abs(puck - from) > 40);
     await until(() => page.getAttribute("#stage", "data-held"), (held) => held === "");
     await page.mouse.up();
-    [low, high] = await extremes(page, () => place(page, 1), 3);
+    // Both of the same swing: on a slow machine it is over before another reading begins.
+    [[low, high], [least, most]] = await Promise.all([extremes(page, () => place(page, 1), 3), extremes(page, energy, 3)]);
     if (high - low > 5) break;
   }
   assert.ok(high - low > 5, `the wheel swings, from ${low} to ${high} degrees`);
   assert.equal(await page.getAttribute("#stage", "data-held"), null);
-  const [least, most] = await extremes(page, trace(page, 3, 0), 0.5);
   assert.ok(most > 0 && least >= 0, `energy is never negative, ${least} to ${most}`);
 });
 

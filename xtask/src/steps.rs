@@ -45,18 +45,20 @@ impl Step {
         Step { name: name.into(), run: Box::new(run) }
     }
 
-    /// A command whose exit code is the check; its output appears when it ends.
-    pub fn command(name: impl Into<String>, mut command: Command) -> Self {
-        let run = move || match command.stdin(Stdio::null()).output() {
-            Ok(output) => {
-                let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
-                let ok = output.status.success();
-                let error = (!ok).then(|| format!("it ended with {}", output.status));
-                Outcome { passed: ok.into(), failed: (!ok).into(), text: text.concat(), error, again: None }
+    /// A check of programs that wait for each other by the clock: a browser, a board, a drive. One that fails runs again as the tests of
+    /// [`program`](Self::program) do.
+    pub fn by_the_clock(name: impl Into<String>, check: impl Fn() -> Result<()> + Send + 'static) -> Self {
+        let name = name.into();
+        let again = by_itself(&name);
+        let run = move || match check() {
+            Ok(()) => Outcome { passed: 1, failed: 0, text: String::new(), error: None, again: None },
+            Err(error) => {
+                // Not in the words that count a failed test.
+                let text = format!("{error:#}\n").replace("not ok", "failed").replace("FAILED", "failed");
+                Outcome { passed: 0, failed: 0, text, error: None, again: Some(Step::check(again, check)) }
             }
-            Err(error) => Outcome::failed(&error.into()),
         };
-        Step { name: name.into(), run: Box::new(run) }
+        Step { name, run: Box::new(run) }
     }
 
     /// Tests, each counted; a test program that fails without a count is one failure.
@@ -70,7 +72,7 @@ impl Step {
     /// what depends on no clock fails again.
     pub fn program(name: impl Into<String>, mut command: Command) -> Self {
         let name = name.into();
-        let again = format!("{name}, by itself");
+        let again = by_itself(&name);
         let run = move || match tests(&mut command) {
             Ok((outcome, failed)) if failed.is_empty() => outcome,
             Ok((mut outcome, failed)) => {
@@ -94,6 +96,11 @@ impl Outcome {
     fn failed(error: &anyhow::Error) -> Self {
         Outcome { passed: 0, failed: 1, text: String::new(), error: Some(format!("{error:#}")), again: None }
     }
+}
+
+/// The name of what runs again at the end.
+fn by_itself(name: &str) -> String {
+    format!("{name}, by itself")
 }
 
 /// The same program with these tests.
