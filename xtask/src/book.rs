@@ -16,11 +16,10 @@ mod scratch;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::{links, python, reference};
+use crate::{links, programs, python, reference};
 use scratch::Scratch;
 
 const README: &str = "README.md";
@@ -69,10 +68,7 @@ pub fn write() -> Result<()> {
 
 /// Builds the command line and the Python package that the pages run.
 fn build() -> Result<()> {
-    let status = Command::new(env!("CARGO"))
-        .args(["build", "--quiet", "--release", "--package", "hapt", "--package", "hapt-grade"])
-        .status()?;
-    ensure!(status.success(), "hapt does not build");
+    programs::cargo(&format!("build --quiet --workspace --bins --profile {}", programs::PROFILE), "")?;
     python::is_built()
 }
 

@@ -4,11 +4,12 @@
 use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
 use hapt_report::figure::{self, Panel, Style};
 use hapt_report::{Extremes, Width};
+
+use crate::programs::{PROFILE, binary, program};
 
 /// One picture: docs/images/NAME.svg.
 struct Figure {
@@ -199,8 +200,8 @@ fn points(curve: &PlottedCurve, figure: &Figure) -> Result<Points> {
         fs::create_dir_all(&out)?;
         fs::write(&world, text)?;
     }
-    let status = Command::new(env!("CARGO"))
-        .args(["run", "--quiet", "--release", "--package", "hapt", "--", "sim"])
+    let status = binary(PROFILE)
+        .arg("sim")
         .arg(&world)
         .args(["--scenario", curve.scenario, "--out"])
         .arg(&out)
@@ -268,8 +269,7 @@ fn picture(figure: &Figure) -> Result<String> {
 fn drawn(name: &str, command: &[&str]) -> Result<String> {
     let plot = Path::new("target/figure").join(format!("{name}.svg"));
     fs::create_dir_all("target/figure")?;
-    let hapt = ["run", "--quiet", "--release", "--package", "hapt", "--"];
-    let status = Command::new(env!("CARGO")).args(hapt).args(command).arg("--plot").arg(&plot).output()?;
+    let status = binary(PROFILE).args(command).arg("--plot").arg(&plot).output()?;
     ensure!(status.status.success(), "{}", String::from_utf8_lossy(&status.stderr));
     Ok(fs::read_to_string(plot)?)
 }
@@ -284,6 +284,7 @@ fn pictures() -> impl Iterator<Item = (String, Result<String>)> {
 }
 
 pub fn write() -> Result<()> {
+    program("hapt")?;
     fs::create_dir_all("docs/images")?;
     for (path, picture) in pictures() {
         fs::write(&path, picture?).with_context(|| path.clone())?;
