@@ -10,7 +10,7 @@ use hapt_core::{CertifiedTime, Heat, Limits, SafetyProfile, WhenLate};
 use crate::kinds::Motion;
 use crate::safety::Safety;
 use crate::world::World;
-use crate::{Coupling, Damping, End};
+use crate::{Coupling, Damping, End, Law};
 
 /// The sign test moves the puck by this many counts, or without an encoder by this displacement, in rad or m.
 const SEEN_COUNTS: f64 = 12.0;
@@ -37,8 +37,8 @@ struct Reach {
     /// The sum of the steepest rises at the puck, and of the damping there.
     stiffness: f64,
     damping: f64,
-    /// The sum of the frictions at the puck, in N·m (linear: N).
-    friction: f64,
+    /// The sum of the torques at the puck that may turn over within a sample, in N·m (linear: N).
+    turning: f64,
     /// The largest phase angle by which a body's own oscillation advances in a step, in rad.
     angle: f64,
 }
@@ -134,13 +134,13 @@ impl World {
     }
 
     /// The largest change of this world's torque in a sample: springs and dampers between ends that move against each other at the
-    /// largest speed, frictions that reverse, the bodies' own oscillation, a level, and the fades. From twice the limit on: none.
+    /// largest speed, frictions and assists that reverse, the bodies' own oscillation, a level, and the fades. From twice the limit on: none.
     fn slew(&self, reach: &Reach, velocity: f64, limit: f64) -> f64 {
         let period = self.sampling.period;
         let count = self.count().unwrap_or(0.0);
         let travel = 2.0 * (velocity * period + count);
         let slew = (reach.stiffness + reach.damping / period) * travel
-            + 2.0 * reach.friction
+            + 2.0 * reach.turning
             + if reach.angle > 0.0 { reach.angle * limit } else { 0.0 }
             + self.device.levels.map_or(0.0, |levels| 2.0 * limit / f64::from(levels))
             + 2.0 * limit * period / self.safety.fade;
@@ -148,16 +148,16 @@ impl World {
     }
 
     fn reach(&self) -> Reach {
-        let mut reach = Reach { stiffness: 0.0, damping: 0.0, friction: 0.0, angle: 0.0 };
+        let mut reach = Reach { stiffness: 0.0, damping: 0.0, turning: 0.0, angle: 0.0 };
         let mut at_bodies = vec![0.0; self.bodies.len()];
         for coupling in &self.couplings {
-            let (stiffness, damping, friction) = self.steepest(coupling);
+            let (stiffness, damping, turning) = self.steepest(coupling);
             for end in [coupling.first, coupling.second] {
                 match end {
                     End::Puck => {
                         reach.stiffness += stiffness;
                         reach.damping += damping;
-                        reach.friction += friction;
+                        reach.turning += turning;
                     }
                     End::Body(i) => at_bodies[i] += stiffness,
                     End::Ground => {}
@@ -170,7 +170,8 @@ impl World {
         reach
     }
 
-    /// The steepest rise of a coupling's torque, by position and by velocity, and the largest torque of its friction.
+    /// The steepest rise of a coupling's torque, by position and by velocity, and the largest torque that may turn over within a sample: that
+    /// of friction, of an assist, and of an integral term with a limit.
     fn steepest(&self, coupling: &Coupling) -> (f64, f64, f64) {
         let slopes = coupling.law.slopes();
         let damping = match slopes.damping {
@@ -181,6 +182,13 @@ impl World {
                 over * springs.sum::<f64>()
             }
         };
-        (slopes.stiffness, damping, slopes.friction)
+        let turning = if let Law::Assist { torque, .. } = coupling.law {
+            torque
+        } else if coupling.law.integrates() {
+            coupling.limit.unwrap_or(0.0)
+        } else {
+            slopes.friction
+        };
+        (slopes.stiffness, damping, turning)
     }
 }

@@ -265,3 +265,38 @@ fn a_hand_that_draws_energy_from_an_assist_is_no_fault() {
         assert!(guard.watch.reason.is_none() && drawn > 2.0 * most, "{:?} {drawn} J of {most} J", guard.watch.reason);
     }
 }
+
+proptest! {
+    #![proptest_config(hapt_testing::cases(32))]
+
+    /// A compensation of friction, and an integral term that a turn fills within a sample, turn over as fast as the hand does: no fault.
+    #[test]
+    fn a_hand_that_turns_over_a_torque_within_the_devices_friction_causes_no_fault(
+        friction in 0.005..0.08f64, share in 0.1..1.0f64, velocity in 0.001..0.5f64, integrates: bool, every in 1u32..5,
+        amplitude in 0.5..6.0f64, speed in 2.0..40.0f64,
+    ) {
+        let mut world = bare();
+        (world.device.limit, world.device.friction) = (Some(0.4), friction);
+        (world.sampling.estimator, world.sampling.every) = (EstimatorKind::Difference, every);
+        let most = share * friction;
+        world.couplings = vec![match integrates {
+            false => Law::Assist { torque: most, velocity }.between(End::Puck, End::Ground),
+            true => Coupling {
+                limit: Some(most),
+                ..Law::Integral { stiffness: 1.0, time: 0.01, rest: 0.0 }.between(End::Puck, End::Ground)
+            },
+        }];
+        world.safety.pulse = Some(0.0);
+        let mut guard = Guard::new(&world, SafetyProfile::Certified);
+        let mut turned = 0.0_f64;
+        let mut last = 0.0;
+        for sample in 0..4000 {
+            let position = amplitude * (speed / amplitude * f64::from(sample) * world.sampling.period).sin();
+            let guarded = guard.step(position, 0.0, false, (sample == 0).then_some(Request::Arm));
+            prop_assert!(guarded.reason.is_none(), "{:?} at {sample}", guarded.reason);
+            turned = turned.max((guarded.output - last).abs());
+            last = guarded.output;
+        }
+        prop_assert!(turned > 0.0);
+    }
+}
