@@ -16,11 +16,12 @@ pub struct Hand {
 }
 
 impl Hand {
-    /// A hand that comes to rest with the puck at `target` if it stays closed. Its spring has to hold there against the world.
+    /// A hand that comes to rest with the puck at `target` if it stays closed. Its spring has to hold there against the world; a hand without
+    /// a spring stays where it is.
     pub fn toward(world: &World, grip: Grip, target: f64, hold_and_open: Option<(f64, f64)>) -> Hand {
         // Also against twice the device's friction, which could hold the puck.
         let force = -torque(world, target) + 2.0 * world.device.largest_friction() * target.signum();
-        let to = target + force / grip.stiffness;
+        let to = if grip.stiffness > 0.0 { target + force / grip.stiffness } else { 0.0 };
         Hand { grip, to, hold_and_open }
     }
 

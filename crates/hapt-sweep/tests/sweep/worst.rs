@@ -33,6 +33,19 @@ fn search(world: &World) -> Result<WorstOfWorld, Error> {
     search_world(world, &|_| ControlFlow::Continue(()))
 }
 
+/// Nothing but an integral term or an assist at the puck: the loop grows by itself, and there is no spring by which a hand's is chosen.
+#[test]
+fn the_hand_of_a_loop_without_a_spring_is_one_that_a_file_can_have() {
+    let laws = [Law::Integral { stiffness: 2.0, time: 1.5, rest: 0.0 }, Law::Assist { torque: 0.1, velocity: 0.03 }];
+    for (law, limit) in [(laws[0], Some(0.9)), (laws[0], None), (laws[1], None)] {
+        let world = World { couplings: vec![Coupling { limit, ..to_ground(law) }], ..bare() };
+        let worst = search(&world).unwrap();
+        assert!(worst.hand.to.is_finite() && worst.drawn.moved.is_finite(), "{law:?}: {worst:?}");
+        let shown = World { scenarios: vec![worst.scenario], ..world };
+        World::read(&Source::from_text("worst.toml", shown.to_toml()), &[]).unwrap();
+    }
+}
+
 #[test]
 fn a_hand_draws_from_a_refused_spring_and_none_from_a_certified_one() {
     let limit = 2.0 * bare().device.damping / bare().sampling.period;
