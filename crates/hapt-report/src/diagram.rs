@@ -309,7 +309,7 @@ fn words(coupling: &Coupling, motion: Motion) -> (&'static str, String) {
         Law::Magnet { torque, width, .. } => ("magnet", format!("{}, {}", say_effort(torque, motion), position(width))),
         Law::Coulomb { torque } => ("friction", say_effort(torque, motion)),
         Law::Assist { torque, .. } => ("assist", say_effort(torque, motion)),
-        Law::Integral { stiffness: k, time, .. } => ("integral", format!("{} in {} s", stiffness(k), number(time, 4))),
+        Law::Integral { stiffness: k, time, .. } => ("integral", format!("{}, in {} s", stiffness(k), number(time, 4))),
         Law::Lugre { coulomb, .. } => ("LuGre friction", say_effort(coulomb, motion)),
         Law::Constant { torque } => {
             (if rotary { "constant torque" } else { "constant force" }, say_effort(torque, motion))

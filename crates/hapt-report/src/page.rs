@@ -306,8 +306,10 @@ fn scenario(world: &World, check: &Check, run: &Run<'_>) -> Markup {
             dt { "energy" }
             dd {
                 "the hand gave " (say_energy(summary.ledger.hand)) ", the motor " (say_energy(summary.ledger.motor))
+                @if !world.device.torque.is_none() { ", gravity and cogging " (say_energy(summary.ledger.field)) }
                 "; damping took " (say_energy(summary.ledger.damping)) ", friction " (say_energy(summary.ledger.friction))
-                @if summary.ledger.stops != 0.0 { ", the stops " (say_energy(summary.ledger.stops)) }
+                @if world.device.stops.is_some() { ", the stops " (say_energy(summary.ledger.stops)) }
+                @if world.device.handle.is_some() { ", the shaft " (say_energy(summary.ledger.shaft)) }
                 "; the world stores " (say_energy(summary.final_energy()))
             }
         }

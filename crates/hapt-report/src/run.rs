@@ -3,7 +3,7 @@
 use hapt_analysis::continuous::piecewise_at_bodies;
 use hapt_analysis::{Check, Continuous, Slopes, SystemCheck};
 use hapt_model::{Motion, Station, System, World};
-use hapt_sim::{Row, Signal, Simulation, StationRow, SystemSummary, world_energy};
+use hapt_sim::{Ledger, Row, Signal, Simulation, StationRow, SystemSummary, world_energy};
 use serde_json::Value;
 
 use crate::extremes::Extremes;
@@ -32,18 +32,24 @@ pub struct Run<'s> {
     /// Of each station of a network, the torque of its links.
     pub(crate) links: Vec<Extremes>,
     /// The energies of a world.
-    energies: [Extremes; 5],
+    energies: [Extremes; ENERGIES.len()],
     /// Of each station, positions and velocities of the puck and each body, and both torques; then of a world the energies, and room for
     /// both bounds that are predicted; of a network the torque of its links.
     pub(crate) recorded: Vec<Recorded>,
     swing: Option<Swing>,
 }
 
-const ENERGIES: [&str; 5] =
-    ["stored by the world", "given by the hand", "given by the motor", "taken by damping", "taken by friction"];
-
-/// The names of their columns.
-const ENERGY_COLUMNS: [&str; 5] = ["energy_J", "hand_J", "motor_J", "damping_J", "friction_J"];
+/// The energies, and the names of their columns.
+const ENERGIES: [(&str, &str); 8] = [
+    ("stored by the world", "energy_J"),
+    ("given by the hand", "hand_J"),
+    ("given by the motor", "motor_J"),
+    ("taken by damping", "damping_J"),
+    ("taken by friction", "friction_J"),
+    ("given by gravity and cogging", "field_J"),
+    ("taken by the stops", "stops_J"),
+    ("taken by the shaft", "shaft_J"),
+];
 /// The number of torques: command and applied torque.
 const TORQUES: usize = 2;
 /// The number of bounds of a prediction.
@@ -110,9 +116,9 @@ impl<'s> Run<'s> {
             self.recorded[of.station].add(row.time, recorded.chain([of.link]));
             return self.links[of.station].add(row.time, of.link);
         };
-        let ledger = row.ledger;
         let stored = world_energy(world, row.puck, &row.bodies, &row.bristles);
-        let values = [stored, ledger.hand, ledger.motor, ledger.damping, ledger.friction];
+        let Ledger { hand, motor, field, damping, friction, stops, shaft } = row.ledger;
+        let values = [stored, hand, motor, damping, friction, field, stops, shaft];
         for (signal, value) in self.energies.iter_mut().zip(values) {
             signal.add(row.time, value);
         }
@@ -144,7 +150,7 @@ impl<'s> Run<'s> {
                 torques.push(Trace { name, column, file, style: CurveStyle::Predicted });
             }
         }
-        let energies = ENERGIES.iter().zip(ENERGY_COLUMNS).enumerate().filter(|(i, _)| {
+        let energies = ENERGIES.iter().enumerate().filter(|(i, _)| {
             // Energies that are always 0 are left out, as in the figure.
             *i == 0 || recorded.size(first + TORQUES + i) > 0.0
         });
@@ -152,7 +158,7 @@ impl<'s> Run<'s> {
             .map(|(i, (name, file))| Trace {
                 name: (*name).into(),
                 column: first + TORQUES + i,
-                file: file.into(),
+                file: (*file).into(),
                 style: CurveStyle::Signal(i),
             })
             .collect();
@@ -182,7 +188,7 @@ impl<'s> Run<'s> {
         )
     }
 
-    /// The stored energy of the world, and the works of hand, motor, damping and friction, over time.
+    /// The stored energy of the world, and the works of hand, motor and all of the device, over time.
     pub fn energy(&self, width: Width, room: usize) -> Figure {
         let ranges: Vec<(f64, f64)> = self.energies.iter().map(|signal| signal.range().unwrap_or((0.0, 0.0))).collect();
         let size = |&(low, high): &(f64, f64)| low.abs().max(high.abs());
@@ -197,7 +203,7 @@ impl<'s> Run<'s> {
         );
         let mut panel = Panel::new("", x, y);
         let mut parts = Vec::new();
-        for (i, (name, signal)) in ENERGIES.iter().zip(&self.energies).enumerate() {
+        for (i, ((name, _), signal)) in ENERGIES.iter().zip(&self.energies).enumerate() {
             if i > 0 && ranges.get(i).map_or(0.0, size) == 0.0 {
                 continue;
             }

@@ -147,3 +147,31 @@ fn an_invalid_csv_is_refused_with_its_line() {
         assert!(message.starts_with(line) && message.contains(words), "{text:?}: {message}");
     }
 }
+
+/// Hand, motor, gravity and cogging give; damping, friction, stops and shaft take.
+#[test]
+fn the_energies_of_a_run_have_every_part_of_its_device() {
+    let device = "[loop]\nperiod = \"1 ms\"\n[device]\ninertia = \"6e-4 kg m^2\"\ndamping = \"1e-3 N m s/rad\"\nfriction = \"2 N mm\"\n";
+    let parts = [
+        (
+            "gravity = { torque = \"60 N mm\", phase = \"90 deg\" }\n",
+            "gravity and cogging ",
+            "given by gravity and cogging",
+        ),
+        ("stops = { high = \"10 deg\", stiffness = 30, damping = 0.02 }\n", "the stops ", "taken by the stops"),
+        ("handle = { inertia = 5e-4, stiffness = 20, damping = 1e-3 }\n", "the shaft ", "taken by the shaft"),
+    ];
+    let push = "[scenarios.push]\nduration = \"0.5 s\"\nhand = { kind = \"torque\", moves = { kind = \"step\", to = \"100 N mm\" } }\n";
+    for among in 0..8 {
+        let has = |i: usize| among & (1 << i) != 0;
+        let own: String = parts.iter().enumerate().filter(|(i, _)| has(*i)).map(|(_, part)| part.0).collect();
+        let made = pages(&[("parts".into(), Source::from_text("parts", format!("{device}{own}{push}")))]);
+        let made = made.first().unwrap();
+        let sentence = made.page.split("the hand gave").nth(1).unwrap().split("</dd>").next().unwrap();
+        let energy = made.drawings.iter().find(|drawing| drawing.name.ends_with("energy")).unwrap();
+        for (i, (_, said, drawn)) in parts.iter().enumerate() {
+            assert_eq!(sentence.contains(said), has(i), "{own}: {sentence}");
+            assert_eq!(energy.file.contains(drawn), has(i), "{own}: {drawn}");
+        }
+    }
+}
