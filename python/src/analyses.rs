@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use hapt_analysis::design::Specification;
+use hapt_analysis::equations::continuous::linearise;
 use hapt_analysis::equations::estimator::{Filter, PositionFilter};
 use hapt_analysis::error::at_one_rate;
 use hapt_analysis::impedance::rendered::columns;
@@ -217,7 +218,8 @@ fn kinds(table: &str, names: &[&'static str]) -> Vec<(&'static str, Vec<&'static
 /// x_{k+1} = (1 + d) x_k + current u_k                                  the others
 /// ```
 ///
-/// The constant part (rest positions, constants) is left out. Nonlinear couplings have their steepest slope.
+/// The last state is i_{k-1} where integral terms act on the puck, i_k = i_{k-1} + T z_k. The constant part (rest positions, constants) is
+/// left out. Nonlinear couplings have their steepest slope.
 pub fn state_spaces(world: &World) -> Result<Value, hapt_analysis::Error> {
     let sampling = &world.sampling;
     at_one_rate(sampling, "a state space")?;
@@ -230,6 +232,11 @@ pub fn state_spaces(world: &World) -> Result<Value, hapt_analysis::Error> {
         true => (&step.previous + &whole * &step.current, puck + &state * &step.current),
         false => (step.current.clone(), puck),
     };
+    let integral: f64 = linearise(&world.bodies, &world.couplings, &Slopes::Steep)?.iter().map(|c| c.integral).sum();
+    let (whole, input, state, direct) = match integral > 0.0 {
+        true => with_integral((whole, input, state, direct), integral, sampling.period),
+        false => (whole, input, state, direct),
+    };
     let rows = |m: &DMatrix<f64>| -> Vec<Vec<f64>> { m.row_iter().map(|row| row.iter().copied().collect()).collect() };
     let (a, b) = device(&world.device);
     let filters = Filter::of(sampling, sampling.period);
@@ -241,6 +248,19 @@ pub fn state_spaces(world: &World) -> Result<Value, hapt_analysis::Error> {
         "period": sampling.period,
         "delay": sampling.delay_s(),
     }))
+}
+
+/// A state space from (z_k, v_k) to a torque, by its matrices.
+type System = (DMatrix<f64>, DMatrix<f64>, DMatrix<f64>, DMatrix<f64>);
+
+/// The same with the torque -gain i_k, i_k = i_{k-1} + T z_k, and i_{k-1} as the last state.
+fn with_integral((a, b, c, mut d): System, gain: f64, period: f64) -> System {
+    let order = a.nrows();
+    let (mut a, mut b) = (a.resize(order + 1, order + 1, 0.0), b.resize_vertically(order + 1, 0.0));
+    let mut c = c.resize_horizontally(order + 1, 0.0);
+    (a[(order, order)], b[(order, 0)], c[(0, order)]) = (1.0, period, -gain);
+    d[(0, 0)] -= gain * period;
+    (a, b, c, d)
 }
 
 /// The device without Coulomb friction as ẏ = A y + B u: puck, handle if there is one (position and velocity each), and the torque of a

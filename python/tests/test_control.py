@@ -15,8 +15,10 @@ METHODS = ["zoh", "forward-euler", "backward-euler", "semi-implicit-euler", "tra
 HANDLE = {"inertia": 5e-4, "stiffness": 20.0, "damping": 1e-3}
 
 
-def random_world(rng: np.random.Generator, device: Optional[dict[str, Any]] = None, **loop: Any) -> hapt.World:
-    """A body on a spring and a damper, all tied to ground, so that every mode decays."""
+def random_world(
+    rng: np.random.Generator, device: Optional[dict[str, Any]] = None, integral: float = 0.0, **loop: Any
+) -> hapt.World:
+    """A body on a spring and a damper, all tied to ground, so that every mode decays; and an integral term at the puck."""
 
     def log(low: float, high: float) -> float:
         return float(np.exp(rng.uniform(np.log(low), np.log(high))))
@@ -30,13 +32,14 @@ def random_world(rng: np.random.Generator, device: Optional[dict[str, Any]] = No
             hapt.Damper(("puck", "wheel"), damping=log(1e-5, 1e-3)),
             hapt.Spring(("wheel", "ground"), stiffness=log(0.03, 1)),
             hapt.Damper(("wheel", "ground"), damping=log(1e-3, 3e-2)),
+            *([hapt.Integral(("ground", "puck"), stiffness=integral, time=0.5)] if integral else []),
         ],
     )
 
 
 @pytest.mark.parametrize("estimator", ["exact", "difference", "low-pass", "foaw", "foaw-best"])
 @pytest.mark.parametrize("delay", [0.0, 0.4e-3, 1e-3, 2.7e-3])
-@pytest.mark.parametrize("more", [{}, {"filter": 60.0, "every": 4}])
+@pytest.mark.parametrize("more", [{}, {"filter": 60.0, "every": 4}, {"integral": 0.3}, {"integral": 0.3, "filter": 60.0}])
 def test_the_loop_s_state_space_has_the_eigenvalues_of_the_check(
     estimator: str, delay: float, more: dict[str, Any]
 ) -> None:
@@ -68,10 +71,11 @@ def test_a_lagging_motor_and_a_handle_are_in_the_loop(delay: float, lag: float, 
         assert large == pytest.approx(theirs[: len(large)], abs=1e-9)
 
 
-def test_the_world_s_state_space_gives_the_torque_of_the_loop() -> None:
+@pytest.mark.parametrize("integral", [0.0, 0.3])
+def test_the_world_s_state_space_gives_the_torque_of_the_loop(integral: float) -> None:
     rng = np.random.default_rng(3)
     for method in METHODS:
-        world = random_world(rng, method=method, estimator="exact")
+        world = random_world(rng, integral=integral, method=method, estimator="exact")
         system = world.to_control().world
         puck = rng.normal(size=(2, 40))
         puck[:, 0] = 0.0  # tustin and foh begin at x_0, whatever the first sample
