@@ -69,21 +69,24 @@ struct DriveModel {
     firmware: Box<dyn Firmware>,
     puck: VirtualDevice,
     travel: f64,
+    /// The puck's position by the drive's zero where it is at its own 0, from which gravity, cogging and stops count.
+    home: f64,
     step: f64,
     /// Elapsed time that is not simulated yet, in s: less than a step.
     rest: f64,
 }
 
 impl Simulator {
-    /// The puck of `world` on a drive, at rest at 0, at the end of `bus`.
+    /// The puck of `world` on a drive, at rest at the world's 0, at the end of `bus`.
     pub fn new(bus: Box<dyn Bus>, firmware: Box<dyn Firmware>, world: &World, time: Time) -> Self {
         let step = match time {
             Time::Real => STEP,
             Time::Lockstep(period) => period / (period / STEP).ceil(),
         };
         let puck = VirtualDevice::new(&DeviceSpec { period: step, delay: 0.0, ..world.device_spec() });
-        let travel = Mounting::new(world).travel;
-        Simulator { bus, inside: DriveModel { firmware, puck, travel, step, rest: 0.0 }, time, now: Instant::now() }
+        let Mounting { travel, home, .. } = Mounting::new(world);
+        let inside = DriveModel { firmware, puck, travel, home: home.unwrap_or(0.0), step, rest: 0.0 };
+        Simulator { bus, inside, time, now: Instant::now() }
     }
 
     /// Starts the hand of the scenario of this name at its t = 0; `false`: there is no such scenario.
@@ -128,7 +131,7 @@ impl Simulator {
 impl DriveModel {
     fn shaft(&self) -> Shaft {
         let (position, velocity) = self.puck.puck();
-        Shaft { position: position / self.travel, velocity: velocity / self.travel }
+        Shaft { position: (position + self.home) / self.travel, velocity: velocity / self.travel }
     }
 
     /// Advances by whole steps.
