@@ -30,11 +30,21 @@ const REST: usize = 60;
 /// Sample times are whole multiples of this part of a period.
 const PART: u64 = 20;
 
+/// Why a record has no result.
+#[derive(Clone, Copy, PartialEq)]
+enum Refused {
+    /// No device was found that explains it.
+    Unexplained,
+    /// A device without a handle explains it as well.
+    Rigid,
+}
+
 /// The result of one device.
 pub struct Outcome {
+    device: u64,
     is_uneven: bool,
-    /// Whether the interval covers the truth; `None`: no device was found that explains the record.
-    covers: Option<[bool; 9]>,
+    /// Whether the interval covers the truth, or why there is none.
+    covers: Result<[bool; 9], Refused>,
     /// The lag is distinguished from a delay.
     apart: bool,
 }
@@ -124,9 +134,13 @@ impl Trial {
 fn outcome(seed: u64, i: u64) -> Result<Outcome> {
     let mut trial = Trial::new(seed, i);
     let is_uneven = i % 2 == 1;
+    let refused = |why| Outcome { device: i, is_uneven, covers: Err(why), apart: false };
     match identify_handle(&trial.record()?) {
-        Ok(found) => Ok(Outcome { is_uneven, covers: Some(trial.covers(&found)?), apart: found.lag.low > 0.0 }),
-        Err(Error::Residual(_) | Error::Unexplained) => Ok(Outcome { is_uneven, covers: None, apart: false }),
+        Ok(found) => {
+            Ok(Outcome { device: i, is_uneven, covers: Ok(trial.covers(&found)?), apart: found.lag.low > 0.0 })
+        }
+        Err(Error::Residual(_) | Error::Unexplained) => Ok(refused(Refused::Unexplained)),
+        Err(Error::Rigid) => Ok(refused(Refused::Rigid)),
         Err(error) => Err(error.into()),
     }
 }
@@ -143,18 +157,24 @@ pub fn table(outcomes: &[Outcome]) -> String {
         .to_string();
     for (i, name) in NAMES.into_iter().enumerate() {
         let of = |is_it: &dyn Fn(&Outcome) -> bool| {
-            let covers: Vec<bool> = outcomes.iter().filter(|x| is_it(x)).filter_map(|x| Some(x.covers?[i])).collect();
+            let covers = outcomes.iter().filter(|x| is_it(x)).filter_map(|x| Some(x.covers.ok()?[i]));
+            let covers: Vec<bool> = covers.collect();
             share(covers.iter().filter(|covers| **covers).count(), covers.len())
         };
         text += &format!("| {name} | {} | {} | {} |\n", of(&|_| true), of(&|x| !x.is_uneven), of(&|x| x.is_uneven));
     }
-    let found = outcomes.iter().filter(|outcome| outcome.covers.is_some()).count();
+    let found = outcomes.iter().filter(|outcome| outcome.covers.is_ok()).count();
     let apart = outcomes.iter().filter(|outcome| outcome.apart).count();
-    text += &format!(
-        "\nA lag is told from a delay in {}. Refused were {} of {}.\n",
-        share(apart, found),
-        outcomes.len() - found,
-        outcomes.len()
-    );
-    text
+    text += &format!("\nA lag is told from a delay in {}.", share(apart, found));
+    let sentences = [
+        (Refused::Unexplained, "No device was found that explains the record"),
+        (Refused::Rigid, "A device without a handle explains the record as well"),
+    ];
+    for (why, sentence) in sentences {
+        let these = outcomes.iter().filter(|outcome| outcome.covers == Err(why));
+        let these: Vec<String> = these.map(|outcome| outcome.device.to_string()).collect();
+        let named = if these.is_empty() { String::new() } else { format!(" (device {})", these.join(", ")) };
+        text += &format!(" {sentence} in {} of {}{named}.", these.len(), outcomes.len());
+    }
+    text + "\n"
 }
