@@ -59,7 +59,8 @@ fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identifie
     match search_or_glimpse(record, known) {
         Err(wrong) | Ok(BestFit { wrong: Some(wrong), .. }) => {
             let loaded = || device::search_loaded(record, known)?.identified(record, known);
-            stopped.or_else(|| loaded().filter(has(FoundStops::are_determined))).ok_or(wrong)
+            let is_determined = |found: &Identified| found.stops.as_ref().is_none_or(FoundStops::are_determined);
+            stopped.or_else(|| loaded().filter(is_determined)).ok_or(wrong)
         }
         Ok(found) => {
             let found = found.identified(record, known);

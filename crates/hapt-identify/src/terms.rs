@@ -14,20 +14,23 @@ use crate::record::CancellableRecord;
 use crate::start::velocities;
 
 /// The most periods in a turn that are tried.
-const MOST_TIMES: u32 = 48;
+pub(crate) const MOST_TIMES: u32 = 48;
 /// The same of friction, of drums and bearings: the more are tried, the more often one of them fits something else.
-const MOST_RUBS: u32 = 12;
+pub(crate) const MOST_RUBS: u32 = 12;
 /// The velocities that are tried for Stribeck's friction, in parts of the rms velocity.
 const STRIBECK: [f64; 3] = [0.1, 0.2, 0.4];
 /// A term predicts at least this part of the residual without any term, by this many standard errors of the blocks.
 const LEAST: f64 = 0.05;
 const SURELY: f64 = 3.0;
+const LIKELY: f64 = 1.0;
 /// The travel has at least this many periods of a torque that repeats.
 const PERIODS: f64 = 1.0;
 /// The most terms of one device.
 const MAX_TERMS: usize = 4;
+/// The same of a device whose motion shows which of them it has.
+const MOST_LIKELY: usize = 8;
 /// A sine of the position is separated from a stiffness over this travel, in rad.
-const TRAVEL: f64 = 1.0;
+pub(crate) const TRAVEL: f64 = 1.0;
 
 /// The kind of a term.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,6 +98,19 @@ impl TermKind {
 /// The size of a term in a solution.
 type Size<'a> = Box<dyn Fn(&DVector<f64>) -> f64 + 'a>;
 
+/// Which terms are taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Choice {
+    /// Of each kind one, and several torques of the position, where each predicts a large part of the residual.
+    Sure,
+    /// Torques and friction of the position with the harmonics of each, however small a part they predict: a fit of the motion shows which
+    /// of them the device has.
+    Likely {
+        /// The most harmonics of a period.
+        harmonics: u32,
+    },
+}
+
 /// Columns that are added together.
 struct Group {
     kind: TermKind,
@@ -152,7 +168,7 @@ impl Table {
 }
 
 /// The terms of a record, the one first that predicts most; `sign` is the motor's sign.
-pub(crate) fn terms(record: &CancellableRecord<'_>, rows: &Rows, sign: f64, is_linear: bool) -> Terms {
+pub(crate) fn terms(record: &CancellableRecord<'_>, rows: &Rows, sign: f64, is_linear: bool, choice: Choice) -> Terms {
     let positions = record.positions();
     let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
     let middle = positions.iter().sum::<f64>() / positions.len() as f64;
@@ -179,8 +195,10 @@ pub(crate) fn terms(record: &CancellableRecord<'_>, rows: &Rows, sign: f64, is_l
         }));
     };
     add(TermKind::Stiffness, &[&|i| positions[i] - middle]);
-    add(TermKind::Drag, &[&|i| speeds[i] * speeds[i].abs()]);
-    for part in STRIBECK {
+    if choice == Choice::Sure {
+        add(TermKind::Drag, &[&|i| speeds[i] * speeds[i].abs()]);
+    }
+    for part in STRIBECK.into_iter().filter(|_| choice == Choice::Sure) {
         let velocity = part * rms;
         let of = |i: usize| speeds[i].signum() * (-(speeds[i] / velocity).powi(2)).exp();
         add(TermKind::Stribeck { velocity, beside: [0.0; 2] }, &[&of]);
@@ -203,20 +221,52 @@ pub(crate) fn terms(record: &CancellableRecord<'_>, rows: &Rows, sign: f64, is_l
     }
     let torque: Vec<f64> = rows.rows.iter().map(|row| row.torque).collect();
     let table = Table::new(&columns, &torque);
-    chosen(&table, (0..own.len()).collect(), &groups, sign, least)
+    chosen(&table, (0..own.len()).collect(), &groups, sign, least, choice)
 }
 
-fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], sign: f64, apart: u32) -> Terms {
+/// The greatest common divisor.
+pub(crate) fn divisor(a: u32, b: u32) -> u32 {
+    if b == 0 { a } else { divisor(b, a % b) }
+}
+
+fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], sign: f64, apart: u32, choice: Choice) -> Terms {
     let Some(mut left) = table.predicted(&kept) else { return Terms::default() };
     let mut taken: Vec<(&Group, f64)> = Vec::new();
     let all: f64 = left.iter().sum();
-    while taken.len() < MAX_TERMS {
+    let most = match choice {
+        Choice::Sure => MAX_TERMS,
+        Choice::Likely { .. } => MOST_LIKELY,
+    };
+    while taken.len() < most {
         let same = |a: TermKind, b: TermKind| std::mem::discriminant(&a) == std::mem::discriminant(&b);
         let is_new = |group: &&Group| {
-            taken.iter().all(|(old, _)| match (old.kind, group.kind) {
+            let is_apart = taken.iter().all(|(old, _)| match (old.kind, group.kind) {
                 (TermKind::Turn { times: a, .. }, TermKind::Turn { times: b, .. }) => a.abs_diff(b) >= apart,
+                (TermKind::FrictionByPosition { times: a, .. }, TermKind::FrictionByPosition { times: b, .. })
+                    if choice != Choice::Sure =>
+                {
+                    a.abs_diff(b) >= apart
+                }
                 (a, b) => !same(a, b),
-            })
+            });
+            let harmonics = match choice {
+                Choice::Sure => return is_apart,
+                Choice::Likely { harmonics } => harmonics,
+            };
+            // Gravity is no harmonic of cogging.
+            let rate = |kind: TermKind| match kind {
+                TermKind::Turn { times: times @ 2.., .. } | TermKind::FrictionByPosition { times, .. } => Some(times),
+                TermKind::Turn { .. } | TermKind::Stiffness | TermKind::Stribeck { .. } | TermKind::Drag => None,
+            };
+            let alike = taken.iter().filter(|(old, _)| same(old.kind, group.kind)).map(|(old, _)| old.kind);
+            let rates: Vec<u32> = alike.chain([group.kind]).filter_map(rate).collect();
+            let base = rates.iter().copied().fold(0, divisor);
+            // Friction by direction that changes with the position is a torque of its period too.
+            let is_of_friction = |(old, _): &(&Group, f64)| match (old.kind, group.kind) {
+                (TermKind::FrictionByPosition { times: a, .. }, TermKind::Turn { times: b @ 2.., .. }) => a == b,
+                _ => false,
+            };
+            is_apart && rates.iter().all(|rate| *rate <= harmonics * base) && !taken.iter().any(is_of_friction)
         };
         let tried = groups.iter().filter(is_new).filter_map(|group| {
             let columns: Vec<usize> = kept.iter().chain(&group.columns).copied().collect();
@@ -239,7 +289,11 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], sign: f64, apar
                 gains.iter().map(|gain| (gain - mean).powi(2)).sum::<f64>() / (gains.len() * (gains.len() - 1)) as f64;
             // The error of Stribeck's friction, whose velocity is one of three, depends on the direction too.
             let times = if matches!(group.kind, TermKind::FrictionByPosition { .. }) { 2.0 } else { 1.0 };
-            let is_sure = mean > SURELY * spread.sqrt() && mean * gains.len() as f64 > times * LEAST * all;
+            let (sure, of) = match choice {
+                Choice::Sure => (SURELY, times * all),
+                Choice::Likely { .. } => (LIKELY, left.iter().sum()),
+            };
+            let is_sure = mean > sure * spread.sqrt() && mean * gains.len() as f64 > LEAST * of;
             is_sure.then_some((group, columns, then, mean))
         });
         let Some((group, columns, then, mean)) = tried.max_by(|a, b| a.3.total_cmp(&b.3)) else { break };

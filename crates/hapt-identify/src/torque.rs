@@ -14,7 +14,7 @@ use crate::puck::Puck;
 use crate::quantile::student;
 use crate::record::{CancellableRecord, Record};
 use crate::start::{delayed, signs};
-use crate::terms::{Term, terms};
+use crate::terms::{Choice, Term, terms};
 
 /// The bands: lengths of the windows in s, and whether the weight is the bump's slope. The longer ones contain slow torques, and the slope
 /// no constant one: where the model is right all agree, and where they differ the interval is as wide as they differ.
@@ -334,7 +334,8 @@ fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Opti
     let found = is_determined.then(|| positive(Interval { high: whole.high.max(reach), ..whole }));
     let inertia_by_torque = is_determined.then(|| positive(whole));
     let carries = is_determined && is_rich(beyond_noise, misfit.share);
-    let found_terms = if carries { terms(record, &rows, sign, known.is_linear).terms } else { Vec::new() };
+    let found_terms =
+        if carries { terms(record, &rows, sign, known.is_linear, Choice::Sure).terms } else { Vec::new() };
     // Where the inertia is known, all torques are in parts of the motor's.
     let gain = known.inertia.map(|known| known / inertia.value.abs()).filter(|gain| gain.is_finite());
     let scaled = |x: Interval, by: f64| Interval { value: by * x.value, low: by * x.low, high: by * x.high };

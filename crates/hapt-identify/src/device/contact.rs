@@ -5,26 +5,19 @@
 //! turn, and then all numbers to the whole record. Where that explains no record, the terms that the torque shows away from the ends, a
 //! spring, gravity, cogging and changes of friction with the position, are fitted too.
 
-use super::field::HARMONICS;
+use super::away::{Away, away, loaded};
 use super::fit::{Fit, SHORTEST_LAG, Shot};
 use super::parameters::{
-    CHANGES, COGGING, DAMPING, Device, FAST, FRICTION, Free, GRAVITY, INERTIA, LATE, OFFSET, PARAMETERS, Parameters,
-    Places, RISE, SPRING, STIFFNESS, STOP_DAMPING, STOPS, VARIANCE,
+    DAMPING, Device, FAST, FRICTION, Free, GRAVITY, INERTIA, LATE, OFFSET, PARAMETERS, Parameters, RISE, SPRING,
+    STIFFNESS, STOP_DAMPING, STOPS, VARIANCE,
 };
-use crate::equation::{self, Band, Mask, Rows, Solved};
 use crate::identified::Known;
 use crate::record::{CancellableRecord, Record};
 use crate::remainder::variance;
-use crate::start::{delayed, noise_of_velocities, signs, velocities};
-use crate::terms::{Term, TermKind, terms};
-use crate::torque::{BENT, PLAIN};
+use crate::start::{delayed, noise_of_velocities, velocities};
 
 /// Parts of the travel at each end in which a stop is searched.
 const ENDS: [f64; 3] = [0.04, 0.12, 0.3];
-/// Windows of the equation, s, and the delays that are tried, in s.
-const WINDOWS: [f64; 2] = [0.06, 0.03];
-const DELAYS: usize = 21;
-const DELAY_STEP: f64 = 5e-4;
 /// A turn is examined from this long before it to this long after it, in s.
 const BRIEFLY: f64 = 0.04;
 /// A turn changes the velocity by this part of that before it, or more, beyond the effect of torque and losses; a stop by at most the last
@@ -38,8 +31,6 @@ const DOUBT: f64 = 5.0;
 /// Rates √(k/J) of the stop from which fits of a turn start, in 1/s, and its damping ratios.
 const RATES: [f64; 4] = [50.0, 150.0, 400.0, 1000.0];
 const RATIOS: [f64; 2] = [0.05, 0.4];
-/// The terms leave at most this part of the torque's variance away from the ends; otherwise something else moves the device, such as a hand.
-const MOST_LEFT: f64 = 0.05;
 /// The largest depth of the puck in a stop, as a part of its travel.
 const DEEPEST: f64 = 0.25;
 const SPRING_AND_GRAVITY: [usize; 3] = [SPRING, GRAVITY, GRAVITY + 1];
@@ -69,16 +60,6 @@ struct Turn {
     taken: f64,
 }
 
-/// The numbers of the device away from the ends.
-struct Away {
-    device: Device,
-    limits: [f64; 2],
-    /// The standard error of the inertia, as a part of it.
-    error: f64,
-    /// The parameters of its torques of the position.
-    more: Free,
-}
-
 fn side(stop: usize) -> f64 {
     if stop == 0 { -1.0 } else { 1.0 }
 }
@@ -102,9 +83,12 @@ pub(crate) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fi
     of_turns(record, known, &plain).0
 }
 
-/// The same with the torques of the position and the changes of friction that the record shows away from the ends. The search is long: it
-/// is for a record that nothing else explains.
+/// The same with the torques of the position and the changes of friction that the record shows, without stops or away from the ends. The
+/// search is long: it is for a record that nothing else explains.
 pub(crate) fn search_loaded(record: &CancellableRecord<'_>, known: &Known) -> Option<Fit> {
+    if let Some(fit) = super::endless::search(record, known) {
+        return Some(fit);
+    }
     let loaded = inner(record, |part| loaded(record, known, part));
     let (found, is_near) = of_turns(record, known, &loaded);
     if known.is_linear {
@@ -281,134 +265,6 @@ fn without(fit: &Fit, stops: [bool; 2]) -> (Device, Free) {
     (device, free)
 }
 
-/// The windows of a record that keep away from the ends, at the delay with the least residual of an equation.
-struct Inside {
-    limits: [f64; 2],
-    delay: f64,
-    rows: Rows,
-    solved: Solved,
-}
-
-fn inside(record: &CancellableRecord<'_>, part: f64, model: Mask) -> Option<Inside> {
-    let positions = record.positions();
-    let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
-    let margin = part * (high - low);
-    let limits = [low + margin, high - margin];
-    let signs = signs(record);
-    let duration = record.period() * record.times().len() as f64;
-    let windows = WINDOWS.map(|length| {
-        let rows = Rows::new(record, &signs, record.torques(), Band { length, slope: false }).between(record, limits);
-        let weights = rows.weights(record);
-        (rows, weights)
-    });
-    let solved = |delay: f64| {
-        let torques = delayed(record, delay);
-        windows.iter().find_map(|(rows, weights)| {
-            let rows = rows.under(weights, &torques);
-            let solved = rows.solved(model, duration).filter(|solved| solved.share < 0.5)?;
-            Some((rows, solved))
-        })
-    };
-    let delays = (0..DELAYS).map(|i| i as f64 * DELAY_STEP).take_while(|_| !(record.stop)());
-    let all = delays.filter_map(|delay| Some((delay, solved(delay)?)));
-    let (delay, (rows, solved)) = all.min_by(|a, b| a.1.1.share.total_cmp(&b.1.1.share))?;
-    Some(Inside { limits, delay, rows, solved })
-}
-
-/// The equation of motion over the windows that keep away from the ends.
-fn away(record: &CancellableRecord<'_>, known: &Known, part: f64) -> Option<Away> {
-    let inside = inside(record, part, PLAIN)?;
-    let values = [equation::INERTIA, equation::DAMPING, equation::FRICTION, equation::CONSTANT];
-    Some(of_equation(known, &inside, values.map(|i| inside.solved.values[i])))
-}
-
-/// The same with the terms that the torque shows there; `None`: it shows none.
-fn loaded(record: &CancellableRecord<'_>, known: &Known, part: f64) -> Option<Away> {
-    let inside = inside(record, part, BENT)?;
-    let sign = inside.solved.values[equation::INERTIA].signum();
-    let found = terms(record, &inside.rows, sign, known.is_linear);
-    let left = inside.solved.share * (1.0 - found.terms.iter().filter_map(|term| term.predicts).sum::<f64>());
-    if left > MOST_LEFT {
-        return None;
-    }
-    let mut away = of_equation(known, &inside, found.own);
-    let (p, places, more) = (&mut away.device.p, &mut away.device.places, &mut away.more);
-    let ratio = known.inertia.map_or(1.0, |known| known / found.own[0].abs());
-    let rates = |is: fn(&TermKind) -> bool| {
-        let rate = move |term: &Term| match term.kind {
-            TermKind::Turn { times, .. } | TermKind::FrictionByPosition { times, .. } => {
-                is(&term.kind).then_some(times)
-            }
-            TermKind::Stiffness | TermKind::Stribeck { .. } | TermKind::Drag => None,
-        };
-        found.terms.iter().filter_map(rate)
-    };
-    // Several waves of a torque are harmonics of one, where it has so few.
-    let base = |rates: &mut dyn Iterator<Item = u32>| {
-        let rates: Vec<u32> = rates.collect();
-        let divisor = rates.iter().copied().fold(0, divisor);
-        if rates.iter().all(|rate| *rate <= divisor * HARMONICS as u32) { divisor } else { rates[0] }
-    };
-    let cogging = base(&mut rates(|kind| matches!(kind, TermKind::Turn { times: 2.., .. })));
-    let changes = base(&mut rates(|kind| matches!(kind, TermKind::FrictionByPosition { .. })));
-    places.middle = record.positions().iter().sum::<f64>() / record.positions().len() as f64;
-    (places.cogging, places.changes) = ([f64::from(cogging), 0.0], [f64::from(changes), 0.0]);
-    if let Some(spring) = found.terms.iter().find(|term| term.kind == TermKind::Stiffness) {
-        (p[SPRING], more[SPRING]) = (ratio * spring.size.value, true);
-    }
-    let friction = p[FRICTION];
-    for term in &found.terms {
-        let mut wave = |at: usize, size: f64, phase: f64| {
-            (p[at], p[at + 1]) = (size * phase.cos(), size * phase.sin());
-            (more[at], more[at + 1]) = (true, true);
-        };
-        let size = ratio * term.size.value;
-        // The harmonic of a base, 0 for the first.
-        let harmonic = |times: u32, base: u32| {
-            let n = times / base;
-            (times.is_multiple_of(base) && n as usize <= HARMONICS).then(|| 2 * (n as usize - 1))
-        };
-        match term.kind {
-            TermKind::Turn { times: 1, phase } => wave(GRAVITY, -size, phase),
-            TermKind::Turn { times, phase } => {
-                if let Some(n) = harmonic(times, cogging) {
-                    wave(COGGING + n, -size, phase);
-                }
-            }
-            TermKind::FrictionByPosition { times, phase } if friction > 0.0 => {
-                if let Some(n) = harmonic(times, changes) {
-                    wave(CHANGES + n, size / friction, phase);
-                }
-            }
-            TermKind::FrictionByPosition { .. } | TermKind::Stiffness | TermKind::Stribeck { .. } | TermKind::Drag => {}
-        }
-    }
-    more.contains(&true).then_some(away)
-}
-
-/// The greatest common divisor.
-fn divisor(a: u32, b: u32) -> u32 {
-    if b == 0 { a } else { divisor(b, a % b) }
-}
-
-/// The device of a solution: inertia, damping, friction, constant.
-fn of_equation(known: &Known, inside: &Inside, [inertia, damping, friction, constant]: [f64; 4]) -> Away {
-    let sign = inertia.signum();
-    let ratio = known.inertia.map_or(1.0, |known| known / inertia.abs());
-    let mut p: Parameters = [0.0; PARAMETERS];
-    p[INERTIA] = known.inertia.map_or(inertia.abs(), |_| ratio).ln();
-    p[DAMPING] = (ratio * sign * damping).max(0.0);
-    p[FRICTION] = (ratio * sign * friction).max(0.0);
-    p[OFFSET] = -ratio * sign * constant;
-    p[LATE] = inside.delay;
-    p[VARIANCE] = known.lag.map_or(0.0, |lag| lag * lag);
-    p[STOPS[0]] = f64::NEG_INFINITY;
-    p[STOPS[1]] = f64::INFINITY;
-    let error = (inside.solved.errors[equation::INERTIA] / inertia).abs();
-    let device = Device { p, sign, inertia: known.inertia, places: Places::default() };
-    Away { device, limits: inside.limits, error, more: [false; PARAMETERS] }
-}
-
 /// The turn near one end with the largest loss that only a stop explains.
 fn hardest(record: &Record, away: &Away, stop: usize) -> Option<Turn> {
     let (times, positions) = (record.times(), record.positions());
@@ -519,7 +375,7 @@ fn fitted(record: &CancellableRecord<'_>, device: Device, free: Free, shots: Vec
 }
 
 /// Whether a fit of short shots leaves far more than the noise, and than a lag can explain over their time.
-fn is_hopeless(record: &Record, fit: &Fit) -> bool {
+pub(super) fn is_hopeless(record: &Record, fit: &Fit) -> bool {
     let positions = record.positions();
     let moves: Vec<f64> =
         fit.shots.iter().flat_map(|shot| positions[shot.span().0..shot.span().1].iter().copied()).collect();

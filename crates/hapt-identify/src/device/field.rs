@@ -103,8 +103,13 @@ impl Waves {
         self.field(z, 0.0).value - self.spring * (z - self.middle)
     }
 
+    /// The change of friction at a place, as a part of its mean.
+    pub fn changes_at(&self, z: f64) -> f64 {
+        if self.changes.is_none() { 0.0 } else { self.changes.at(z) }
+    }
+
     /// The level of friction at a place, as a part of its mean.
     pub fn level(&self, z: f64) -> f64 {
-        if self.changes.is_none() { 1.0 } else { (1.0 + self.changes.at(z)).max(0.0) }
+        (1.0 + self.changes_at(z)).max(0.0)
     }
 }

@@ -1,9 +1,12 @@
 //! A device with end stops or Stribeck friction: its numbers from a record that its motion explains.
 
+mod away;
 mod contact;
 mod covariance;
+mod endless;
 mod field;
 mod fit;
+mod hints;
 mod motion;
 mod parameters;
 mod pieces;
@@ -188,7 +191,21 @@ impl Fit {
         };
         let cogging = all(COGGING, places.cogging, &turn);
         let changes = all(CHANGES, places.changes, &rubs);
-        spring.into_iter().chain(turn(GRAVITY, 1.0, 0.0)).chain(cogging).chain(changes).collect()
+        let either = |size: Interval| {
+            let Some(value) = self.leaning() else { return size };
+            let shift = value - size.value;
+            size.with(Interval { value, low: size.low + shift, high: size.high + shift })
+        };
+        let gravity = turn(GRAVITY, 1.0, 0.0).map(|term| Term { size: either(term.size), ..term });
+        spring.into_iter().chain(gravity).chain(cogging).chain(changes).collect()
+    }
+
+    /// The size of gravity if the constant torque is friction by direction: where friction changes once a turn, that is a torque of the same
+    /// period.
+    fn leaning(&self) -> Option<f64> {
+        let Device { p, places, .. } = &self.device;
+        let part = |i: usize| p[GRAVITY + i] - p[OFFSET] * p[CHANGES + i];
+        (places.changes[0] == 1.0 && !places.leans).then(|| part(0).hypot(part(1)))
     }
 
     /// The stops that the record reaches.

@@ -51,6 +51,8 @@ pub(crate) struct Places {
     pub changes: [f64; 2],
     /// Half of the difference between the frictions toward smaller positions and toward larger ones.
     pub lean: f64,
+    /// Whether the constant torque is such a difference, and no other torque.
+    pub leans: bool,
 }
 
 impl Device {
@@ -168,7 +170,7 @@ impl Device {
                 gravity: [p[GRAVITY] * per, p[GRAVITY + 1] * per],
                 cogging: wave(self.cogging(), places.cogging, per),
                 changes: wave(self.changes(), places.changes, 1.0),
-                lean: places.lean * per,
+                lean: if places.leans { p[OFFSET] * per } else { places.lean * per },
             },
             position,
             velocity,

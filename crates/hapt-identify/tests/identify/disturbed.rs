@@ -1,7 +1,7 @@
 //! Torques that were not commanded, records that begin in the middle, and devices in other units.
 
 use fastrand::Rng;
-use hapt_identify::{Error, Identified, Interval, Known, Record, identify};
+use hapt_identify::{Error, Identified, Interval, Known, PositionTorque, Record, TermKind, identify};
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::DeviceSpec;
 use proptest::prelude::*;
@@ -129,8 +129,18 @@ fn what_moves_the_puck_with_its_position_is_seen_for_what_it_is() {
             (3, 2e-3, &|z| 2e-3 * (3.0 * z + 1.3).sin()),
         ];
         for (times_a_turn, size, besides) in besides {
-            // Either so little that the intervals still hold, or rejected.
+            // Either so little that the intervals still hold, or a term of the motion, or rejected.
             let seen = match identified(&rig, &moved(&rig, &torques, besides), torques.clone(), &mut rng) {
+                Ok(found) if !found.terms.is_empty() => {
+                    let times = |kind: &TermKind| match kind {
+                        TermKind::Stiffness => 0,
+                        TermKind::Turn { times, .. } => *times,
+                        kind => panic!("seed {seed}: {kind:?}"),
+                    };
+                    let is_it = |term: &&hapt_identify::Term| times(&term.kind) == times_a_turn;
+                    let term = found.terms.iter().find(is_it).unwrap_or_else(|| panic!("{:?}", found.terms));
+                    Some(PositionTorque { times_a_turn, size: term.size.value, explains: 1.0 })
+                }
                 Ok(found) => found.unmodelled,
                 Err(Error::Residual(left)) => {
                     // The rejected fit is still near the device.

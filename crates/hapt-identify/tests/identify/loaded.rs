@@ -147,6 +147,31 @@ fn waved(rng: &mut Rng) -> (DeviceSpec, Record) {
     (rig, Record::new(times(&rig, 3000), seen, torques).unwrap())
 }
 
+/// The motion explains such a record without a file, and the intervals of the device's own numbers cover the truth.
+#[test]
+fn a_device_without_stops_is_found_with_its_torques_of_the_position() {
+    let (mut all, mut found, mut determined, mut covered) = (0, 0, 0, 0);
+    for seed in hapt_testing::seeds(16) {
+        let (rig, record) = waved(&mut Rng::with_seed(800 + seed));
+        all += 1;
+        let Ok(answer) = identify(&record, &Known::default()) else { continue };
+        found += 1;
+        let pairs = [
+            (answer.inertia, rig.inertia),
+            (answer.damping, rig.damping),
+            (answer.friction, rig.friction),
+            (answer.late, rig.delay),
+        ];
+        for (interval, truth) in pairs.into_iter().filter_map(|(interval, truth)| Some((interval?, truth))) {
+            determined += 1;
+            covered += u32::from(interval.covers(truth));
+        }
+    }
+    assert!(10 * found + 20 >= 7 * all, "{found} of {all}");
+    // The numbers of one record go together.
+    assert!(10 * covered + 10 >= 9 * determined, "{covered} of {determined}");
+}
+
 fn is_of_a_wave(name: &str) -> bool {
     name.contains("sine")
 }

@@ -1,0 +1,333 @@
+//! The term that the residuals of a fit point to.
+//!
+//! A torque of the position moves each shot in its own way, which the linear equation about the fitted motion gives. The residuals are
+//! projected onto that motion, beyond what the fitted numbers and the initial states can take (the score test; Rao 1948).
+
+use nalgebra::{Matrix2, SMatrix, Vector2};
+
+use super::field::HARMONICS;
+use super::fit::{Fit, Shot};
+use super::parameters::{
+    CHANGES, COGGING, Device, FRICTION, Free, GRAVITY, LATE, OFFSET, PARAMETERS, SPRING, VARIANCE,
+};
+use super::slopes::{Normal, scaled};
+use crate::record::CancellableRecord;
+use crate::terms::{MOST_RUBS, MOST_TIMES, TRAVEL, divisor};
+
+/// χ²'s quantile of 1 - 10⁻⁶ with two degrees of freedom, in variances: a term that takes less is none.
+pub(super) const SURELY: f64 = 27.6;
+/// The same of 1 - 10⁻³, for a harmonic of a wave that the device has.
+pub(super) const LIKELY: f64 = 13.8;
+/// Fewer numbers that take this part of the squares are preferred.
+const AS_MUCH: f64 = 0.8;
+/// The lag of which the effect is tried, in periods.
+const TRIED: f64 = 0.5;
+/// A constant torque is friction by direction where this part of it, or more, changes with the position as friction does.
+const LEANS: f64 = 0.5;
+
+type Across = SMatrix<f64, PARAMETERS, 2>;
+
+/// A term that a device may have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Hint {
+    Spring,
+    /// A torque of this many periods a turn.
+    Turns(u32),
+    /// The same of friction.
+    Rubs(u32),
+    Lag,
+    /// The constant torque is friction by direction, which changes with the position as friction does.
+    Leans,
+}
+
+/// The motion that a unit of a term adds, and its sums of products.
+struct Candidate {
+    hint: Hint,
+    place: Vector2<f64>,
+    speed: Vector2<f64>,
+    own: Matrix2<f64>,
+    across: Across,
+    right: Vector2<f64>,
+    shot: OfShot,
+}
+
+/// The sums over one shot.
+#[derive(Clone, Copy, Default)]
+struct OfShot {
+    own: Matrix2<f64>,
+    across: Across,
+    states: Matrix2<f64>,
+    right: Vector2<f64>,
+}
+
+impl Candidate {
+    fn new(hint: Hint) -> Self {
+        let none = Vector2::zeros();
+        let shot = OfShot::default();
+        Candidate { hint, place: none, speed: none, own: Matrix2::zeros(), across: Across::zeros(), right: none, shot }
+    }
+}
+
+/// Sine and cosine of the multiples of an angle.
+fn multiples(angle: f64, most: u32) -> Vec<Vector2<f64>> {
+    let (sine, cosine) = angle.sin_cos();
+    let next = |of: &Vector2<f64>| Vector2::new(of.x * cosine + of.y * sine, of.y * cosine - of.x * sine);
+    std::iter::successors(Some(Vector2::new(0.0, 1.0)), |of| Some(next(of))).take(most as usize + 1).collect()
+}
+
+/// The rates of the harmonics that a wave of a device has.
+fn rates(device: &Device, at: usize, base: f64) -> Vec<u32> {
+    let has = |n: &usize| device.p[at + 2 * n] != 0.0 || device.p[at + 2 * n + 1] != 0.0;
+    (0..HARMONICS).filter(has).map(|n| (n + 1) as u32 * base.round() as u32).collect()
+}
+
+/// The common rate of which all of these are harmonics; `None`: there is none.
+fn base(rates: impl Iterator<Item = u32> + Clone) -> Option<u32> {
+    let base = rates.clone().fold(0, divisor);
+    rates.into_iter().all(|rate| rate <= HARMONICS as u32 * base).then_some(base)
+}
+
+/// Whether a wave of this rate has such a harmonic.
+fn is_multiple(n: u32, rate: f64) -> bool {
+    rate >= 1.0 && n.is_multiple_of(rate.round() as u32)
+}
+
+/// The terms that a device may have in addition to its own, over a travel.
+fn possible(device: &Device, free: Free, travel: f64, is_linear: bool) -> Vec<Hint> {
+    let mut hints = Vec::new();
+    if !free[VARIANCE] {
+        hints.push(Hint::Lag);
+    }
+    if !free[SPRING] {
+        hints.push(Hint::Spring);
+    }
+    if is_linear {
+        return hints;
+    }
+    let least = (std::f64::consts::TAU / travel.max(f64::MIN_POSITIVE)).ceil().max(1.0) as u32;
+    let [turns, rubs] = [(COGGING, device.places.cogging[0]), (CHANGES, device.places.changes[0])]
+        .map(|(at, rate)| rates(device, at, rate));
+    let is_new = |old: &[u32], n: u32| {
+        old.iter().all(|old| old.abs_diff(n) >= least) && base(old.iter().copied().chain([n])).is_some()
+    };
+    if travel > TRAVEL && !free[GRAVITY] {
+        hints.push(Hint::Turns(1));
+    }
+    // Harmonics of a wave may be faster than the fastest wave that is looked for.
+    let tried = |from: u32, most: u32, rate: f64| {
+        let rate = rate.round() as u32;
+        (from..=most).chain((1..=HARMONICS as u32).map(move |n| n * rate).filter(move |n| *n > most))
+    };
+    let turning = tried(least.max(2), MOST_TIMES, device.places.cogging[0]);
+    hints.extend(turning.filter(|n| is_new(&turns, *n)).map(Hint::Turns));
+    if device.p[FRICTION] > 0.0 {
+        let rubbing = tried(least, MOST_RUBS, device.places.changes[0]);
+        hints.extend(rubbing.filter(|n| is_new(&rubs, *n)).map(Hint::Rubs));
+    }
+    if !rubs.is_empty() && !device.places.leans && device.p[OFFSET] != 0.0 {
+        hints.push(Hint::Leans);
+    }
+    hints
+}
+
+/// The device with one more term, of these amplitudes.
+pub(super) fn with(
+    mut device: Device,
+    mut free: Free,
+    hint: Hint,
+    amplitudes: [f64; 2],
+    period: f64,
+) -> (Device, Free) {
+    let mut wave = |device: &mut Device, at: usize, place: fn(&mut Device) -> &mut [f64; 2], n: u32| {
+        let rate = place(device)[0];
+        let (old, was) = (rates(device, at, rate), rate.round() as u32);
+        let Some(base) = base(old.iter().copied().chain([n])) else { return };
+        let parts: Vec<(u32, [f64; 2])> = old
+            .iter()
+            .map(|rate| {
+                let from = at + 2 * (rate / was - 1) as usize;
+                (*rate, [device.p[from], device.p[from + 1]])
+            })
+            .chain([(n, amplitudes)])
+            .collect();
+        device.p[at..at + 2 * HARMONICS].fill(0.0);
+        free[at..at + 2 * HARMONICS].fill(false);
+        for (rate, part) in parts {
+            let to = at + 2 * (rate / base - 1) as usize;
+            (device.p[to], device.p[to + 1]) = (part[0], part[1]);
+            (free[to], free[to + 1]) = (true, true);
+        }
+        *place(device) = [f64::from(base), 0.0];
+    };
+    match hint {
+        Hint::Turns(1) => {
+            (device.p[GRAVITY], device.p[GRAVITY + 1]) = (amplitudes[0], amplitudes[1]);
+            (free[GRAVITY], free[GRAVITY + 1]) = (true, true);
+        }
+        Hint::Turns(n) => wave(&mut device, COGGING, |device| &mut device.places.cogging, n),
+        Hint::Rubs(n) => wave(&mut device, CHANGES, |device| &mut device.places.changes, n),
+        Hint::Spring => (device.p[SPRING], free[SPRING]) = (amplitudes[0], true),
+        Hint::Lag => {
+            let least = (TRIED * period).powi(2);
+            (device.p[VARIANCE], free[VARIANCE]) =
+                (amplitudes[0].clamp(least, device.p[LATE].powi(2).max(least)), true);
+        }
+        Hint::Leans => device.places.leans = true,
+    }
+    (device, free)
+}
+
+/// The term that takes most of the squares, with its amplitudes and these squares; `None`: none takes enough.
+pub(super) fn best(record: &CancellableRecord<'_>, fit: &Fit, is_linear: bool) -> Option<(Hint, [f64; 2], f64)> {
+    let positions = record.positions();
+    let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
+    let device = &fit.device;
+    let mut all: Vec<Candidate> =
+        possible(device, fit.free, high - low, is_linear).into_iter().map(Candidate::new).collect();
+    let lagged = {
+        let mut device = *device;
+        device.p[VARIANCE] = (TRIED * record.period()).powi(2);
+        (device, device.p[VARIANCE])
+    };
+    let fastest = all.iter().map(|candidate| match candidate.hint {
+        Hint::Turns(n) | Hint::Rubs(n) => n,
+        Hint::Spring | Hint::Lag | Hint::Leans => 0,
+    });
+    let fastest = fastest.max().unwrap_or(0);
+    let columns: Vec<usize> = (0..PARAMETERS).filter(|i| fit.free[*i]).collect();
+    let normal = Normal::of(&fit.slopes, 0.0, [0.0; 2]);
+    let mut left = fit.left.iter();
+    for ((shot, slopes), own) in fit.shots.iter().zip(&fit.slopes).zip(&normal.shots) {
+        let late = all.iter().any(|x| x.hint == Hint::Lag).then(|| shot.positions(record, &lagged.0).0);
+        add_shot(
+            record,
+            fit,
+            shot,
+            (&slopes.rows, &columns, fastest),
+            &mut left,
+            late.as_deref().map(|late| (late, lagged.1)),
+            &mut all,
+        );
+        for candidate in &mut all {
+            let OfShot { own: product, across, states, right } = std::mem::take(&mut candidate.shot);
+            let taken = own.inverse * states;
+            candidate.own += product - states.tr_mul(&taken);
+            candidate.across += across - own.across.tr_mul(&taken);
+            candidate.right += right - taken.tr_mul(&own.right);
+        }
+    }
+    let (matrix, scale) = scaled(&normal.information, fit.free, 0.0);
+    let inverse = matrix.cholesky()?;
+    let of = |candidate: &Candidate| {
+        let mut across = candidate.across;
+        across.column_iter_mut().for_each(|mut column| column.component_mul_assign(&scale));
+        let taken = inverse.solve(&across);
+        let marginal = candidate.own - across.tr_mul(&taken);
+        let right = candidate.right - taken.tr_mul(&normal.right.component_mul(&scale));
+        let eigen = marginal.symmetric_eigen();
+        let (mut squares, mut amplitudes) = (0.0, Vector2::zeros());
+        for (i, value) in eigen.eigenvalues.iter().enumerate() {
+            // What the numbers and the states do too is left out.
+            if *value > 1e-4 * candidate.own.trace() {
+                let along = eigen.eigenvectors.column(i).dot(&right);
+                squares += along * along / value;
+                amplitudes += eigen.eigenvectors.column(i) * (along / value);
+            }
+        }
+        (candidate.hint, [amplitudes.x, amplitudes.y], squares)
+    };
+    let is_physical = |(hint, amplitudes, _): &(Hint, [f64; 2], f64)| match hint {
+        Hint::Lag => amplitudes[0] > 0.0,
+        Hint::Leans => amplitudes[0] > LEANS,
+        Hint::Spring | Hint::Turns(_) | Hint::Rubs(_) => true,
+    };
+    // The harmonics of a wave are few.
+    let is_harmonic = |hint: Hint| match hint {
+        Hint::Turns(n) => n > 1 && is_multiple(n, device.places.cogging[0]),
+        Hint::Rubs(n) => is_multiple(n, device.places.changes[0]),
+        Hint::Lag | Hint::Leans => true,
+        Hint::Spring => false,
+    };
+    let enough = |hint: Hint| if is_harmonic(hint) { LIKELY } else { SURELY } * fit.variance();
+    let found: Vec<_> = all.iter().map(of).filter(|x| is_physical(x) && x.2 > enough(x.0)).collect();
+    let best = found.iter().max_by(|a, b| a.2.total_cmp(&b.2))?;
+    // Of those that take nearly as much, the one with the fewest numbers: friction by direction moves the puck as a torque with the period
+    // of its changes does. Then the slowest of the same kind: counts and noise hide the period of fast ones.
+    let alike = found.iter().filter(|x| x.2 > AS_MUCH * best.2);
+    let order = |hint: Hint| match (best.0, hint) {
+        (_, Hint::Leans) => 0,
+        (Hint::Turns(_), Hint::Turns(n)) | (Hint::Rubs(_), Hint::Rubs(n)) => n,
+        _ => u32::MAX,
+    };
+    alike.min_by_key(|x| (order(x.0), x.0 != best.0)).copied()
+}
+
+/// Adds the sums of one shot.
+fn add_shot<'a>(
+    record: &CancellableRecord<'_>,
+    fit: &Fit,
+    shot: &Shot,
+    (rows, columns, fastest): (&[[f64; PARAMETERS + 2]], &[usize], u32),
+    left: &mut impl Iterator<Item = &'a f64>,
+    late: Option<(&[f64], f64)>,
+    all: &mut [Candidate],
+) {
+    let device = &fit.device;
+    let numbers = device.numbers([0.0; 2]);
+    let per = device.inertia().recip();
+    let path = shot.positions(record, device).0;
+    let from = shot.span().0;
+    let mut rows = rows.iter();
+    for candidate in all.iter_mut() {
+        (candidate.place, candidate.speed) = (Vector2::zeros(), Vector2::zeros());
+    }
+    for (k, z) in path.iter().enumerate() {
+        if let Some(before) = k.checked_sub(1).map(|before| path[before]) {
+            let h = record.times()[from + k] - record.times()[from + k - 1];
+            let middle = 0.5 * (before + z);
+            let direction = if *z == before { 0.0 } else { (z - before).signum() };
+            let slope = numbers.waves.field(middle, -numbers.friction * direction).slope - numbers.waves.spring;
+            let decay = (-numbers.damping * h).exp();
+            let turns = multiples(middle, fastest);
+            let leans = per * device.p[OFFSET] * numbers.waves.changes_at(middle);
+            for candidate in all.iter_mut() {
+                let push = match candidate.hint {
+                    Hint::Spring => Vector2::new(-per * (middle - device.places.middle), 0.0),
+                    Hint::Turns(n) => per * turns[n as usize],
+                    Hint::Rubs(n) => -numbers.friction * direction * turns[n as usize],
+                    Hint::Leans => Vector2::new(leans, 0.0),
+                    Hint::Lag => {
+                        if let Some((late, size)) = late {
+                            candidate.place = Vector2::new((late[k] - z) / size, 0.0);
+                        }
+                        continue;
+                    }
+                };
+                if direction == 0.0 {
+                    candidate.speed = Vector2::zeros();
+                    continue;
+                }
+                let speed =
+                    decay * (candidate.speed + h * (push + slope * (candidate.place + 0.5 * h * candidate.speed)));
+                candidate.place += 0.5 * h * (candidate.speed + speed);
+                candidate.speed = speed;
+            }
+        }
+        if record.is_news(from + k)
+            && let (Some(row), Some(left)) = (rows.next(), left.next())
+        {
+            for Candidate { place, shot, .. } in all.iter_mut() {
+                shot.own += *place * place.transpose();
+                shot.right += *place * *left;
+                for i in columns {
+                    shot.across[(*i, 0)] += row[*i] * place.x;
+                    shot.across[(*i, 1)] += row[*i] * place.y;
+                }
+                for i in 0..2 {
+                    shot.states[(i, 0)] += row[PARAMETERS + i] * place.x;
+                    shot.states[(i, 1)] += row[PARAMETERS + i] * place.y;
+                }
+            }
+        }
+    }
+}
