@@ -9,6 +9,7 @@ mod measured;
 mod records;
 mod richer;
 mod stops;
+mod turning;
 
 use std::fs;
 
@@ -81,15 +82,24 @@ const STOPS: (&str, &str) = (
     "Random steps on devices with two end stops or one, half of them with a lag, every fourth for 10 s; each stop is touched",
 );
 
+/// The word and the title of devices whose torque goes with the position.
+const TURNING: (&str, &str) = (
+    "turning",
+    "Random steps on devices without stops, with gravity, cogging of 6 to 36 periods a turn, or both; half of them with friction by position, by direction, a lag",
+);
+
 /// The tables of records of real devices, on a page of their own: their words, and what makes them where the records are at hand.
 type Table = fn() -> Result<Option<String>>;
 const REAL: [(&str, Table); 2] = [("records", records::text), ("measured", measured::text)];
 const MEASURED_PAGE: &str = "docs/measured.md";
 
-/// `[mixed|guided|quiet|lagging|offset|cogged|handle|coverage|stops|records|measured] [--n N] [--seed S] [--write]`; all of them where none is named.
+/// `[mixed|guided|quiet|lagging|offset|cogged|handle|coverage|stops|turning|records|measured] [--n N] [--seed S] [--write]`; all of them where none is named.
 pub fn command(words: &[&str]) -> Result<()> {
-    let mut all =
-        CAMPAIGNS.iter().map(|campaign| campaign.1).chain([HANDLE.0, RICHER.0, STOPS.0]).chain(REAL.map(|real| real.0));
+    let mut all = CAMPAIGNS
+        .iter()
+        .map(|campaign| campaign.1)
+        .chain([HANDLE.0, RICHER.0, STOPS.0, TURNING.0])
+        .chain(REAL.map(|real| real.0));
     let named = words.first().filter(|word| all.any(|campaign| campaign == **word));
     let arguments = Campaign::parse(&words[usize::from(named.is_some())..], false)?;
     for (kind, word, title) in CAMPAIGNS.into_iter().filter(|campaign| named.is_none_or(|named| *named == campaign.1)) {
@@ -103,9 +113,11 @@ pub fn command(words: &[&str]) -> Result<()> {
         let text = format!("{title}: {} random devices, seed {}.\n\n{table}", arguments.n, arguments.seed);
         arguments.publish(&format!("identify {word}"), PAGE, &text)?;
     }
-    for ((word, title), made) in
-        [(RICHER, richer::campaign as fn(u64, u64) -> Result<String>), (STOPS, stops::campaign)]
-    {
+    for ((word, title), made) in [
+        (RICHER, richer::campaign as fn(u64, u64) -> Result<String>),
+        (STOPS, stops::campaign),
+        (TURNING, turning::campaign),
+    ] {
         if named.is_none_or(|named| *named == word) {
             let table = made(arguments.n, arguments.seed)?;
             let text = format!("{title}: {} random devices, seed {}.\n\n{table}", arguments.n, arguments.seed);

@@ -59,7 +59,7 @@ struct Outcome {
 }
 
 /// Where a device is at each sample.
-fn motion(rig: &DeviceSpec, torques: &[f64]) -> Vec<f64> {
+pub fn motion(rig: &DeviceSpec, torques: &[f64]) -> Vec<f64> {
     let mut device = VirtualDevice::new(rig);
     let at = |torque: &f64| {
         let position = device.puck().0;
@@ -177,7 +177,7 @@ fn covers(found: &Identified, rig: &DeviceSpec, truth: Stops) -> Option<Covers> 
 }
 
 /// The claims of a file of this device.
-fn claims(rig: &DeviceSpec) -> Claims {
+pub fn claims(rig: &DeviceSpec) -> Claims {
     let exact = |x: f64| [x, x];
     Claims {
         inertia: exact(rig.inertia),
