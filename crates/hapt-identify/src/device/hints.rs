@@ -6,7 +6,7 @@
 use nalgebra::{Matrix2, SMatrix, Vector2};
 
 use super::field::HARMONICS;
-use super::fit::{Fit, Shot};
+use super::fit::Fit;
 use super::parameters::{
     CHANGES, COGGING, Device, FRICTION, Free, GRAVITY, LATE, OFFSET, PARAMETERS, SPRING, VARIANCE,
 };
@@ -184,30 +184,23 @@ pub(super) fn best(record: &CancellableRecord<'_>, fit: &Fit, is_linear: bool) -
     let device = &fit.device;
     let mut all: Vec<Candidate> =
         possible(device, fit.free, high - low, is_linear).into_iter().map(Candidate::new).collect();
-    let lagged = {
-        let mut device = *device;
-        device.p[VARIANCE] = (TRIED * record.period()).powi(2);
-        (device, device.p[VARIANCE])
-    };
+    let mut lagged = *device;
+    lagged.p[VARIANCE] = (TRIED * record.period()).powi(2);
     let fastest = all.iter().map(|candidate| match candidate.hint {
         Hint::Turns(n) | Hint::Rubs(n) => n,
         Hint::Spring | Hint::Lag | Hint::Leans => 0,
     });
     let fastest = fastest.max().unwrap_or(0);
-    let columns: Vec<usize> = (0..PARAMETERS).filter(|i| fit.free[*i]).collect();
     let normal = Normal::of(&fit.slopes, 0.0, [0.0; 2]);
     let mut left = fit.left.iter();
     for ((shot, slopes), own) in fit.shots.iter().zip(&fit.slopes).zip(&normal.shots) {
-        let late = all.iter().any(|x| x.hint == Hint::Lag).then(|| shot.positions(record, &lagged.0).0);
-        add_shot(
-            record,
-            fit,
-            shot,
-            (&slopes.rows, &columns, fastest),
-            &mut left,
-            late.as_deref().map(|late| (late, lagged.1)),
-            &mut all,
-        );
+        let path = Path {
+            from: shot.span().0,
+            places: shot.positions(record, device).0,
+            late: all.iter().any(|x| x.hint == Hint::Lag).then(|| shot.positions(record, &lagged).0),
+            fastest,
+        };
+        path.moves(record, fit, slopes.rows.iter(), &mut left, &mut all);
         for candidate in &mut all {
             let OfShot { own: product, across, states, right } = std::mem::take(&mut candidate.shot);
             let taken = own.inverse * states;
@@ -262,70 +255,82 @@ pub(super) fn best(record: &CancellableRecord<'_>, fit: &Fit, is_linear: bool) -
     alike.min_by_key(|x| (order(x.0), x.0 != best.0)).copied()
 }
 
-/// Adds the sums of one shot.
-fn add_shot<'a>(
-    record: &CancellableRecord<'_>,
-    fit: &Fit,
-    shot: &Shot,
-    (rows, columns, fastest): (&[[f64; PARAMETERS + 2]], &[usize], u32),
-    left: &mut impl Iterator<Item = &'a f64>,
-    late: Option<(&[f64], f64)>,
-    all: &mut [Candidate],
-) {
-    let device = &fit.device;
-    let numbers = device.numbers([0.0; 2]);
-    let per = device.inertia().recip();
-    let path = shot.positions(record, device).0;
-    let from = shot.span().0;
-    let mut rows = rows.iter();
-    for candidate in all.iter_mut() {
-        (candidate.place, candidate.speed) = (Vector2::zeros(), Vector2::zeros());
-    }
-    for (k, z) in path.iter().enumerate() {
-        if let Some(before) = k.checked_sub(1).map(|before| path[before]) {
-            let h = record.times()[from + k] - record.times()[from + k - 1];
-            let middle = 0.5 * (before + z);
-            let direction = if *z == before { 0.0 } else { (z - before).signum() };
-            let slope = numbers.waves.field(middle, -numbers.friction * direction).slope - numbers.waves.spring;
-            let decay = (-numbers.damping * h).exp();
-            let turns = multiples(middle, fastest);
-            let leans = per * device.p[OFFSET] * numbers.waves.changes_at(middle);
-            for candidate in all.iter_mut() {
-                let push = match candidate.hint {
-                    Hint::Spring => Vector2::new(-per * (middle - device.places.middle), 0.0),
-                    Hint::Turns(n) => per * turns[n as usize],
-                    Hint::Rubs(n) => -numbers.friction * direction * turns[n as usize],
-                    Hint::Leans => Vector2::new(leans, 0.0),
-                    Hint::Lag => {
-                        if let Some((late, size)) = late {
-                            candidate.place = Vector2::new((late[k] - z) / size, 0.0);
+/// The fitted motion of one shot.
+struct Path {
+    /// Its first sample.
+    from: usize,
+    /// The positions at its samples.
+    places: Vec<f64>,
+    /// The same with the lag that is tried.
+    late: Option<Vec<f64>>,
+    /// The most periods in a turn of a term.
+    fastest: u32,
+}
+
+impl Path {
+    /// Moves the candidates along this path, and adds their sums; `rows` are the derivatives of the fitted numbers at the measured samples,
+    /// and `left` the residuals there.
+    fn moves<'a>(
+        &self,
+        record: &CancellableRecord<'_>,
+        fit: &Fit,
+        mut rows: impl Iterator<Item = &'a [f64; PARAMETERS + 2]>,
+        left: &mut impl Iterator<Item = &'a f64>,
+        all: &mut [Candidate],
+    ) {
+        let device = &fit.device;
+        let numbers = device.numbers([0.0; 2]);
+        let per = device.inertia().recip();
+        let square = (TRIED * record.period()).powi(2);
+        for candidate in all.iter_mut() {
+            (candidate.place, candidate.speed) = (Vector2::zeros(), Vector2::zeros());
+        }
+        for (k, z) in self.places.iter().enumerate() {
+            if let Some(before) = k.checked_sub(1).map(|before| self.places[before]) {
+                let h = record.times()[self.from + k] - record.times()[self.from + k - 1];
+                let middle = 0.5 * (before + z);
+                let direction = if *z == before { 0.0 } else { (z - before).signum() };
+                let slope = numbers.waves.field(middle, -numbers.friction * direction).slope - numbers.waves.spring;
+                let decay = (-numbers.damping * h).exp();
+                let turns = multiples(middle, self.fastest);
+                let leans = per * device.p[OFFSET] * numbers.waves.changes_at(middle);
+                for candidate in all.iter_mut() {
+                    let push = match candidate.hint {
+                        Hint::Spring => Vector2::new(-per * (middle - device.places.middle), 0.0),
+                        Hint::Turns(n) => per * turns[n as usize],
+                        Hint::Rubs(n) => -numbers.friction * direction * turns[n as usize],
+                        Hint::Leans => Vector2::new(leans, 0.0),
+                        Hint::Lag => {
+                            if let Some(late) = &self.late {
+                                candidate.place = Vector2::new((late[k] - z) / square, 0.0);
+                            }
+                            continue;
                         }
+                    };
+                    if direction == 0.0 {
+                        candidate.speed = Vector2::zeros();
                         continue;
                     }
-                };
-                if direction == 0.0 {
-                    candidate.speed = Vector2::zeros();
-                    continue;
+                    let speed =
+                        decay * (candidate.speed + h * (push + slope * (candidate.place + 0.5 * h * candidate.speed)));
+                    candidate.place += 0.5 * h * (candidate.speed + speed);
+                    candidate.speed = speed;
                 }
-                let speed =
-                    decay * (candidate.speed + h * (push + slope * (candidate.place + 0.5 * h * candidate.speed)));
-                candidate.place += 0.5 * h * (candidate.speed + speed);
-                candidate.speed = speed;
             }
-        }
-        if record.is_news(from + k)
-            && let (Some(row), Some(left)) = (rows.next(), left.next())
-        {
-            for Candidate { place, shot, .. } in all.iter_mut() {
-                shot.own += *place * place.transpose();
-                shot.right += *place * *left;
-                for i in columns {
-                    shot.across[(*i, 0)] += row[*i] * place.x;
-                    shot.across[(*i, 1)] += row[*i] * place.y;
-                }
-                for i in 0..2 {
-                    shot.states[(i, 0)] += row[PARAMETERS + i] * place.x;
-                    shot.states[(i, 1)] += row[PARAMETERS + i] * place.y;
+            if record.is_news(self.from + k)
+                && let (Some(row), Some(left)) = (rows.next(), left.next())
+            {
+                for Candidate { place, shot, .. } in all.iter_mut() {
+                    shot.own += *place * place.transpose();
+                    shot.right += *place * *left;
+                    for i in (0..PARAMETERS).filter(|i| fit.free[*i]) {
+                        shot.across[(i, 0)] += row[i] * place.x;
+                        shot.across[(i, 1)] += row[i] * place.y;
+                    }
+                    for i in 0..2 {
+                        shot.states[(i, 0)] += row[PARAMETERS + i] * place.x;
+                        shot.states[(i, 1)] += row[PARAMETERS + i] * place.y;
+                    }
                 }
             }
         }

@@ -1,4 +1,4 @@
-//! A device with end stops or Stribeck friction: its numbers from a record that its motion explains.
+//! A device with end stops, Stribeck friction, or torques and friction of the position: its numbers from a record that its motion explains.
 
 mod away;
 mod contact;
