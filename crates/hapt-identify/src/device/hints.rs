@@ -23,7 +23,7 @@ const AS_MUCH: f64 = 0.8;
 /// The lag of which the effect is tried, in periods.
 const TRIED: f64 = 0.5;
 /// A constant torque is friction by direction where this part of it, or more, changes with the position as friction does.
-const LEANS: f64 = 0.5;
+const BY_DIRECTION: f64 = 0.5;
 
 type Across = SMatrix<f64, PARAMETERS, 2>;
 
@@ -32,12 +32,12 @@ type Across = SMatrix<f64, PARAMETERS, 2>;
 pub(super) enum Hint {
     Spring,
     /// A torque of this many periods a turn.
-    Turns(u32),
+    Torque(u32),
     /// The same of friction.
-    Rubs(u32),
+    FrictionByPosition(u32),
     Lag,
     /// The constant torque is friction by direction, which changes with the position as friction does.
-    Leans,
+    FrictionByDirection,
 }
 
 /// The motion that a unit of a term adds, and its sums of products.
@@ -111,7 +111,7 @@ fn possible(device: &Device, free: Free, travel: f64, is_linear: bool) -> Vec<Hi
         old.iter().all(|old| old.abs_diff(n) >= least) && base(old.iter().copied().chain([n])).is_some()
     };
     if travel > TRAVEL && !free[GRAVITY] {
-        hints.push(Hint::Turns(1));
+        hints.push(Hint::Torque(1));
     }
     // Harmonics of a wave may be faster than the fastest wave that is looked for.
     let tried = |from: u32, most: u32, rate: f64| {
@@ -119,13 +119,13 @@ fn possible(device: &Device, free: Free, travel: f64, is_linear: bool) -> Vec<Hi
         (from..=most).chain((1..=HARMONICS as u32).map(move |n| n * rate).filter(move |n| *n > most))
     };
     let turning = tried(least.max(2), MOST_TIMES, device.places.cogging[0]);
-    hints.extend(turning.filter(|n| is_new(&turns, *n)).map(Hint::Turns));
+    hints.extend(turning.filter(|n| is_new(&turns, *n)).map(Hint::Torque));
     if device.p[FRICTION] > 0.0 {
         let rubbing = tried(least, MOST_RUBS, device.places.changes[0]);
-        hints.extend(rubbing.filter(|n| is_new(&rubs, *n)).map(Hint::Rubs));
+        hints.extend(rubbing.filter(|n| is_new(&rubs, *n)).map(Hint::FrictionByPosition));
     }
-    if !rubs.is_empty() && !device.places.leans && device.p[OFFSET] != 0.0 {
-        hints.push(Hint::Leans);
+    if !rubs.is_empty() && !device.places.offset_is_friction && device.p[OFFSET] != 0.0 {
+        hints.push(Hint::FrictionByDirection);
     }
     hints
 }
@@ -160,19 +160,19 @@ pub(super) fn with(
         *place(device) = [f64::from(base), 0.0];
     };
     match hint {
-        Hint::Turns(1) => {
+        Hint::Torque(1) => {
             (device.p[GRAVITY], device.p[GRAVITY + 1]) = (amplitudes[0], amplitudes[1]);
             (free[GRAVITY], free[GRAVITY + 1]) = (true, true);
         }
-        Hint::Turns(n) => wave(&mut device, COGGING, |device| &mut device.places.cogging, n),
-        Hint::Rubs(n) => wave(&mut device, CHANGES, |device| &mut device.places.changes, n),
+        Hint::Torque(n) => wave(&mut device, COGGING, |device| &mut device.places.cogging, n),
+        Hint::FrictionByPosition(n) => wave(&mut device, CHANGES, |device| &mut device.places.changes, n),
         Hint::Spring => (device.p[SPRING], free[SPRING]) = (amplitudes[0], true),
         Hint::Lag => {
             let least = (TRIED * period).powi(2);
             (device.p[VARIANCE], free[VARIANCE]) =
                 (amplitudes[0].clamp(least, device.p[LATE].powi(2).max(least)), true);
         }
-        Hint::Leans => device.places.leans = true,
+        Hint::FrictionByDirection => device.places.offset_is_friction = true,
     }
     (device, free)
 }
@@ -187,8 +187,8 @@ pub(super) fn best(record: &CancellableRecord<'_>, fit: &Fit, is_linear: bool) -
     let mut lagged = *device;
     lagged.p[VARIANCE] = (TRIED * record.period()).powi(2);
     let fastest = all.iter().map(|candidate| match candidate.hint {
-        Hint::Turns(n) | Hint::Rubs(n) => n,
-        Hint::Spring | Hint::Lag | Hint::Leans => 0,
+        Hint::Torque(n) | Hint::FrictionByPosition(n) => n,
+        Hint::Spring | Hint::Lag | Hint::FrictionByDirection => 0,
     });
     let fastest = fastest.max().unwrap_or(0);
     let normal = Normal::of(&fit.slopes, 0.0, [0.0; 2]);
@@ -231,14 +231,14 @@ pub(super) fn best(record: &CancellableRecord<'_>, fit: &Fit, is_linear: bool) -
     };
     let is_physical = |(hint, amplitudes, _): &(Hint, [f64; 2], f64)| match hint {
         Hint::Lag => amplitudes[0] > 0.0,
-        Hint::Leans => amplitudes[0] > LEANS,
-        Hint::Spring | Hint::Turns(_) | Hint::Rubs(_) => true,
+        Hint::FrictionByDirection => amplitudes[0] > BY_DIRECTION,
+        Hint::Spring | Hint::Torque(_) | Hint::FrictionByPosition(_) => true,
     };
     // The harmonics of a wave are few.
     let is_harmonic = |hint: Hint| match hint {
-        Hint::Turns(n) => n > 1 && is_multiple(n, device.places.cogging[0]),
-        Hint::Rubs(n) => is_multiple(n, device.places.changes[0]),
-        Hint::Lag | Hint::Leans => true,
+        Hint::Torque(n) => n > 1 && is_multiple(n, device.places.cogging[0]),
+        Hint::FrictionByPosition(n) => is_multiple(n, device.places.changes[0]),
+        Hint::Lag | Hint::FrictionByDirection => true,
         Hint::Spring => false,
     };
     let enough = |hint: Hint| if is_harmonic(hint) { LIKELY } else { SURELY } * fit.variance();
@@ -248,8 +248,8 @@ pub(super) fn best(record: &CancellableRecord<'_>, fit: &Fit, is_linear: bool) -
     // of its changes does. Then the slowest of the same kind: counts and noise hide the period of fast ones.
     let alike = found.iter().filter(|x| x.2 > AS_MUCH * best.2);
     let order = |hint: Hint| match (best.0, hint) {
-        (_, Hint::Leans) => 0,
-        (Hint::Turns(_), Hint::Turns(n)) | (Hint::Rubs(_), Hint::Rubs(n)) => n,
+        (_, Hint::FrictionByDirection) => 0,
+        (Hint::Torque(_), Hint::Torque(n)) | (Hint::FrictionByPosition(_), Hint::FrictionByPosition(n)) => n,
         _ => u32::MAX,
     };
     alike.min_by_key(|x| (order(x.0), x.0 != best.0)).copied()
@@ -293,13 +293,13 @@ impl Path {
                 let slope = numbers.waves.field(middle, -numbers.friction * direction).slope - numbers.waves.spring;
                 let decay = (-numbers.damping * h).exp();
                 let turns = multiples(middle, self.fastest);
-                let leans = per * device.p[OFFSET] * numbers.waves.changes_at(middle);
+                let by_direction = per * device.p[OFFSET] * numbers.waves.changes_at(middle);
                 for candidate in all.iter_mut() {
                     let push = match candidate.hint {
                         Hint::Spring => Vector2::new(-per * (middle - device.places.middle), 0.0),
-                        Hint::Turns(n) => per * turns[n as usize],
-                        Hint::Rubs(n) => -numbers.friction * direction * turns[n as usize],
-                        Hint::Leans => Vector2::new(leans, 0.0),
+                        Hint::Torque(n) => per * turns[n as usize],
+                        Hint::FrictionByPosition(n) => -numbers.friction * direction * turns[n as usize],
+                        Hint::FrictionByDirection => Vector2::new(by_direction, 0.0),
                         Hint::Lag => {
                             if let Some(late) = &self.late {
                                 candidate.place = Vector2::new((late[k] - z) / square, 0.0);

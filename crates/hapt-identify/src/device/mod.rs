@@ -192,7 +192,7 @@ impl Fit {
         let cogging = all(COGGING, places.cogging, &turn);
         let changes = all(CHANGES, places.changes, &rubs);
         let either = |size: Interval| {
-            let Some(value) = self.leaning() else { return size };
+            let Some(value) = self.gravity_by_direction() else { return size };
             let shift = value - size.value;
             size.with(Interval { value, low: size.low + shift, high: size.high + shift })
         };
@@ -202,10 +202,10 @@ impl Fit {
 
     /// The size of gravity if the constant torque is friction by direction: where friction changes once a turn, that is a torque of the same
     /// period.
-    fn leaning(&self) -> Option<f64> {
+    fn gravity_by_direction(&self) -> Option<f64> {
         let Device { p, places, .. } = &self.device;
         let part = |i: usize| p[GRAVITY + i] - p[OFFSET] * p[CHANGES + i];
-        (places.changes[0] == 1.0 && !places.leans).then(|| part(0).hypot(part(1)))
+        (places.changes[0] == 1.0 && !places.offset_is_friction).then(|| part(0).hypot(part(1)))
     }
 
     /// The stops that the record reaches.

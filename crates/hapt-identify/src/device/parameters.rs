@@ -52,7 +52,7 @@ pub(crate) struct Places {
     /// Half of the difference between the frictions toward smaller positions and toward larger ones.
     pub lean: f64,
     /// Whether the constant torque is such a difference, and no other torque.
-    pub leans: bool,
+    pub offset_is_friction: bool,
 }
 
 impl Device {
@@ -170,7 +170,7 @@ impl Device {
                 gravity: [p[GRAVITY] * per, p[GRAVITY + 1] * per],
                 cogging: wave(self.cogging(), places.cogging, per),
                 changes: wave(self.changes(), places.changes, 1.0),
-                lean: if places.leans { p[OFFSET] * per } else { places.lean * per },
+                lean: if places.offset_is_friction { p[OFFSET] * per } else { places.lean * per },
             },
             position,
             velocity,
