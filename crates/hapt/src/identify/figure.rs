@@ -28,7 +28,8 @@ pub struct Drawn {
 impl Drawn {
     pub fn of(given: &Given, found: &Identified, by_torque: Option<&TorqueFit>) -> Self {
         let (fitted, residuals) = (found.fitted(&given.record), found.residuals(&given.record));
-        let windows = by_torque.map_or(Vec::new(), |fit| fit.windows.clone());
+        // The torque's equation has no terms of the motion's fit.
+        let windows = by_torque.filter(|_| found.terms.is_empty()).map_or(Vec::new(), |fit| fit.windows.clone());
         Drawn { fitted, residuals, lattice: found.lattice, rms: found.residual.rms, predicted: Vec::new(), windows }
     }
 
@@ -73,6 +74,7 @@ pub fn figure(given: &Given, found: &Drawn) -> Figure {
     let scaled = |points: &[(f64, f64)], factor: f64| -> Vec<(f64, f64)> {
         points.iter().map(|(t, x)| (*t, factor * x)).collect()
     };
+    let around = |name: &str, unit: &str, points: &[(f64, f64)]| Axis::around(name, unit, points.iter().map(|x| x.0));
     let pairs = |values: &[f64]| times.iter().copied().zip(values.iter().copied()).collect::<Vec<_>>();
     let over = |name: &str, unit: &str, points: &[(f64, f64)]| {
         let time = Axis::from_to("time", "s", times[0], times[times.len() - 1]);
@@ -94,8 +96,14 @@ pub fn figure(given: &Given, found: &Drawn) -> Figure {
             commanded,
             summed("residual", fine, Axis::from_to("time", "s", times[0], times[times.len() - 1]), &residuals),
         ];
+        if found.windows.is_empty() {
+            let [place, velocity] = along(&found.fitted, &residuals).map(|points| scaled_across(&points, factor));
+            panels.push(summed("residual", fine, around("position", unit, &place), &place));
+            panels.push(summed("residual", fine, around("velocity", speed, &velocity), &velocity));
+        }
+        let also = if found.windows.is_empty() { " over time, position and velocity" } else { "" };
         alt += &format!(
-            " and the fit, the residuals ({} {fine} rms), and the commanded torque",
+            " and the fit, the residuals ({} {fine} rms){also}, and the commanded torque",
             format::number((found.rms * finer * 1e3).round() / 1e3)
         );
     } else {
@@ -121,8 +129,6 @@ pub fn figure(given: &Given, found: &Drawn) -> Figure {
         };
         let (time, place) = (left(&|window| window.time), left(&|window| factor * window.position));
         let velocity = left(&|window| factor * window.velocity);
-        let around =
-            |name: &str, unit: &str, points: &[(f64, f64)]| Axis::around(name, unit, points.iter().map(|x| x.0));
         panels.push(summed("residual torque", effort, around("time", "s", &time), &time));
         panels.push(summed("residual torque", effort, around("position", unit, &place), &place));
         panels.push(summed("residual torque", effort, around("velocity", speed, &velocity), &velocity));
@@ -130,6 +136,26 @@ pub fn figure(given: &Given, found: &Drawn) -> Figure {
     }
     let columns = if panels.len() > 3 { 2 } else { 1 };
     Figure { title: format!("{}: the fit and its residuals", given.name), alt: alt + ".", panels, columns }
+}
+
+/// Residuals over time as those over position and velocity of the fit.
+fn along(fitted: &[(f64, f64)], residuals: &[(f64, f64)]) -> [Vec<(f64, f64)>; 2] {
+    let mut residuals = residuals.iter().peekable();
+    let mut both = [Vec::new(), Vec::new()];
+    for pair in fitted.windows(2) {
+        let [(before, from), (time, to)] = [pair[0], pair[1]];
+        while residuals.next_if(|(at, _)| *at < time).is_some() {}
+        if let Some((_, left)) = residuals.next_if(|(at, _)| *at == time) {
+            both[0].push((to, *left));
+            both[1].push(((to - from) / (time - before), *left));
+        }
+    }
+    both
+}
+
+/// The same points with the axis in other units.
+fn scaled_across(points: &[(f64, f64)], factor: f64) -> Vec<(f64, f64)> {
+    points.iter().map(|(x, y)| (factor * x, *y)).collect()
 }
 
 /// Residuals over an axis: the middle and the range of nine tenths of them in each stretch.

@@ -277,7 +277,7 @@ pub fn table(given: &Given, found: &Identified) -> String {
     if found.sign.is_some_and(|sign| sign.value < 0.0) {
         text += "# the motor's sign is -1: turn its leads over, or its sign in the driver, before a world runs on it\n";
     }
-    text + &stops_table(given, found) + &richer::own_torques(given, &found.terms, found.friction)
+    text + &stops_table(given, found) + &richer::own_torques(given.motion, &found.terms, found.friction)
 }
 
 /// `[device.stops]`, where the record runs into any.

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use std::process::ExitCode;
 
 use hapt_identify::{Error, Interval, Term, TermKind, TorqueFit};
-use hapt_model::Motion;
 use hapt_model::keys::Measure;
+use hapt_model::{HARMONICS, Motion};
 
 use super::figure::Drawn;
 use super::print::{effort, entry, sized, to, units};
@@ -181,7 +181,7 @@ fn table(given: &Given, fit: &TorqueFit) -> String {
     if fit.sign.is_some_and(|sign| sign < 0.0) {
         text += "# the motor's sign is -1: turn its leads over, or its sign in the driver, before a world runs on it\n";
     }
-    text + &own_torques(given, &fit.terms, friction)
+    text + &own_torques(given.motion, &fit.terms, friction)
 }
 
 /// Damping and Coulomb friction, with Stribeck friction separated where the record has it.
@@ -206,54 +206,129 @@ fn stribeck(terms: &[Term]) -> Option<(f64, f64, [f64; 2])> {
     })
 }
 
-/// `[device.friction_by_position]` of the term that changes friction by a part of the table's; none where it is more than all of that.
+/// Sines of the position, as a table of a device has them: harmonics of one pitch.
+struct Wave {
+    /// The size of the largest.
+    size: f64,
+    /// In degrees.
+    pitch: f64,
+    /// In rad; `None`: 0.
+    phase: Option<f64>,
+    /// Of the harmonics, as parts of the largest.
+    sine: Vec<f64>,
+    cosine: Vec<f64>,
+}
+
+impl Wave {
+    /// Of sines by their periods in a turn, sizes and phases, the largest first. The pitch is the one of which most of them are harmonics, as
+    /// a file has one. `None`: there are none.
+    fn of(sines: &[(u32, f64, f64)]) -> Option<Wave> {
+        let (largest, size, phase) = *sines.first()?;
+        let order = |base: u32, times: u32| {
+            let order = times / base;
+            (times.is_multiple_of(base) && order as usize <= HARMONICS).then_some(order as usize)
+        };
+        let harmonics = |base: u32| {
+            sines.iter().filter_map(move |(times, size, phase)| Some((order(base, *times)?, *size, *phase)))
+        };
+        let bases = (1..=HARMONICS as u32).filter(|part| largest.is_multiple_of(*part)).map(|part| largest / part);
+        // Of as many the shortest pitch.
+        let base = bases.min_by_key(|base| std::cmp::Reverse(harmonics(*base).count()))?;
+        let pitch = 360.0 / f64::from(base);
+        if harmonics(base).count() == 1 {
+            let phase = Some(-wrapped(phase) / f64::from(largest));
+            return Some(Wave { size, pitch, phase, sine: vec![1.0], cosine: Vec::new() });
+        }
+        let most = harmonics(base).map(|(order, ..)| order).max()?;
+        let (mut sine, mut cosine) = (vec![0.0; most], vec![0.0; most]);
+        for (order, amplitude, phase) in harmonics(base) {
+            let part = amplitude / size;
+            (sine[order - 1], cosine[order - 1]) = (part * phase.cos(), part * phase.sin());
+        }
+        Some(Wave { size, pitch, phase: None, sine, cosine })
+    }
+
+    /// The sum of its amplitudes.
+    fn sum(&self) -> f64 {
+        let cosine = self.cosine.iter().copied().chain(std::iter::repeat(0.0));
+        self.size * self.sine.iter().zip(cosine).map(|(sine, cosine)| sine.hypot(cosine)).sum::<f64>()
+    }
+
+    /// Its lines in a table, the keys padded to this width.
+    fn lines(&self, width: usize) -> String {
+        let list = |numbers: &[f64]| {
+            let numbers: Vec<String> = numbers.iter().map(|x| format!("{:?}", (x * 1e4).round() / 1e4 + 0.0)).collect();
+            format!("[{}]", numbers.join(", "))
+        };
+        let mut text = format!("{:width$} = \"{} deg\"\n", "pitch", self.pitch);
+        if let Some(phase) = self.phase {
+            let _ = writeln!(text, "{:width$} = \"{} rad\"", "phase", print::digits(phase, 4));
+        }
+        let _ = writeln!(text, "{:width$} = {}", "sine", list(&self.sine));
+        if !self.cosine.is_empty() {
+            let _ = writeln!(text, "{:width$} = {}", "cosine", list(&self.cosine));
+        }
+        text
+    }
+}
+
+/// The sines of these terms with sizes above 0, the largest first: the periods in a turn, the size, and the phase.
+fn sines(terms: impl Iterator<Item = (u32, f64, f64)>) -> Vec<(u32, f64, f64)> {
+    let positive = |(times, size, phase): (u32, f64, f64)| {
+        if size < 0.0 { (times, -size, phase + PI) } else { (times, size, phase) }
+    };
+    let mut all: Vec<_> = terms.map(positive).collect();
+    all.sort_by(|a, b| b.1.total_cmp(&a.1));
+    all
+}
+
+/// `[device.friction_by_position]` of the terms that change friction by a part of the table's; none where it is more than all of that.
 fn changing_friction(terms: &[Term], friction: Option<Interval>) -> Option<String> {
-    terms.iter().find_map(|term| {
-        let TermKind::FrictionByPosition { times, phase } = term.kind else { return None };
-        let (Interval { value, low, high }, friction) = (term.size, friction?.value);
-        let [share, low, high] = [value, low, high].map(|size| size / friction);
-        let (pitch, phase) = (360.0 / f64::from(times), print::digits(-wrapped(phase) / f64::from(times), 3));
-        (share <= 1.0).then(|| {
-            let [share, low, high] = [share, low, high].map(|share| print::digits(share, 3));
-            format!(
-                "\n[device.friction_by_position]\nshare = {share} # 95 %: {low} to {high}, and no tolerance of a file\npitch = \"{pitch} deg\"\nphase = \"{phase} rad\"\nsine  = [1.0]\n"
-            )
-        })
+    let changes = |term: &Term| match term.kind {
+        TermKind::FrictionByPosition { times, phase } => Some((times, term.size, phase)),
+        TermKind::Stiffness | TermKind::Turn { .. } | TermKind::Stribeck { .. } | TermKind::Drag => None,
+    };
+    let friction = friction?.value;
+    let wave =
+        Wave::of(&sines(terms.iter().filter_map(changes).map(|(times, size, phase)| (times, size.value, phase))))?;
+    let largest =
+        terms.iter().filter_map(changes).map(|(_, size, _)| size).find(|size| size.value.abs() == wave.size)?;
+    (wave.sum() <= friction).then(|| {
+        let [share, low, high] =
+            [wave.size, largest.low, largest.high].map(|size| print::digits(size / friction, 3));
+        let width = if wave.cosine.is_empty() { "share" } else { "cosine" }.len();
+        let lines = wave.lines(width);
+        format!(
+            "\n[device.friction_by_position]\n{:width$} = {share} # 95 %: {low} to {high}, and no tolerance of a file\n{lines}",
+            "share"
+        )
     })
 }
 
-/// `[device.friction_by_position]`, `[device.stribeck]`, and `[device.gravity]` and `[device.cogging]` of the terms that repeat: the largest of those of cogging, as a file has one pitch.
-pub fn own_torques(given: &Given, all: &[Term], friction: Option<Interval>) -> String {
-    let (effort, per_si) = effort(given.motion);
+/// `[device.friction_by_position]`, `[device.stribeck]`, and `[device.gravity]` and `[device.cogging]` of the terms that repeat.
+pub fn own_torques(motion: Motion, all: &[Term], friction: Option<Interval>) -> String {
+    let (effort, per_si) = effort(motion);
     let mut text = changing_friction(all, friction).unwrap_or_default();
     if let Some((torque, velocity, _)) = stribeck(all) {
         let (torque, velocity) = (print::digits(torque * per_si, 3), print::digits(velocity, 3));
-        let unit = Measure::Velocity.dimension(given.motion).symbol();
+        let unit = Measure::Velocity.dimension(motion).symbol();
         let _ =
             write!(text, "\n[device.stribeck]\ntorque   = \"{torque} {effort}\"\nvelocity = \"{velocity} {unit}\"\n");
     }
-    let mut terms: Vec<(u32, f64, f64)> = Vec::new();
-    for term in all {
-        if let TermKind::Turn { times, phase } = term.kind {
-            // The term is the torque of a motor of sign 1 against the device's torque.
-            terms.push((times, term.size.value, phase + PI));
-        }
-    }
-    terms.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-    let turning = |size: f64, angle: f64| if size < 0.0 { (-size, angle + PI) } else { (size, angle) };
-    if let Some((_, size, angle)) = terms.iter().find(|(times, ..)| *times == 1) {
-        let (size, angle) = turning(*size, *angle);
-        let (torque, phase) = (print::digits(size * per_si, 3), print::digits(wrapped(angle), 3));
+    let turning = |term: &Term| match term.kind {
+        // The term is the torque of a motor of sign 1 against the device's torque.
+        TermKind::Turn { times, phase } => Some((times, term.size.value, phase + PI)),
+        TermKind::Stiffness | TermKind::FrictionByPosition { .. } | TermKind::Stribeck { .. } | TermKind::Drag => None,
+    };
+    let (gravity, cogging): (Vec<_>, Vec<_>) =
+        sines(all.iter().filter_map(turning)).into_iter().partition(|(times, ..)| *times == 1);
+    if let Some((_, size, angle)) = gravity.first() {
+        let (torque, phase) = (print::digits(size * per_si, 4), print::digits(wrapped(*angle), 4));
         let _ = write!(text, "\n[device.gravity]\ntorque = \"{torque} {effort}\"\nphase  = \"{phase} rad\"\n");
     }
-    if let Some((times, size, angle)) = terms.iter().find(|(times, ..)| *times > 1) {
-        let (size, angle) = turning(*size, *angle);
-        let (torque, pitch) = (print::digits(size * per_si, 3), 360.0 / f64::from(*times));
-        let phase = print::digits(-wrapped(angle) / f64::from(*times), 3);
-        let _ = write!(
-            text,
-            "\n[device.cogging]\ntorque = \"{torque} {effort}\"\npitch  = \"{pitch} deg\"\nphase  = \"{phase} rad\"\nsine   = [1.0]\n"
-        );
+    if let Some(wave) = Wave::of(&cogging) {
+        let (torque, lines) = (print::digits(wave.size * per_si, 4), wave.lines("torque".len()));
+        let _ = write!(text, "\n[device.cogging]\ntorque = \"{torque} {effort}\"\n{lines}");
     }
     text
 }
@@ -261,4 +336,52 @@ pub fn own_torques(given: &Given, all: &[Term], friction: Option<Interval>) -> S
 /// An angle within half a turn of 0.
 fn wrapped(angle: f64) -> f64 {
     angle - TAU * (angle / TAU).round()
+}
+
+#[cfg(test)]
+mod tests {
+    use hapt_model::{Source, World};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #![proptest_config(hapt_testing::cases(64))]
+
+        /// The table has the torque and the friction of the terms at every position, where they are harmonics of one pitch.
+        #[test]
+        fn tables_have_every_harmonic(
+            times in 2u32..12, orders in prop::collection::btree_set(1u32..=4, 1..4), rubs in prop::collection::btree_set(1u32..=4, 1..4),
+            numbers in prop::collection::vec((0.1..1.0f64, -7.0..7.0f64, any::<bool>()), 9), places in prop::collection::vec(-3.0..3.0f64, 8),
+        ) {
+            let of = |i: usize, most: f64| {
+                let (size, phase, is_negative) = numbers[i];
+                (if is_negative { -most * size } else { most * size }, phase)
+            };
+            let term = |kind, value| Term { kind, size: Interval { value, low: value, high: value }, predicts: None };
+            let turn = |times, (size, phase)| term(TermKind::Turn { times, phase }, size);
+            let mut terms = vec![turn(1, of(0, 0.02))];
+            terms.extend(orders.iter().zip(1..).map(|(order, i)| turn(order * times, of(i, 0.01))));
+            let rubs = rubs.iter().zip(5..).map(|(order, i)| (order * times, of(i, 0.002)));
+            terms.extend(rubs.map(|(times, (size, phase))| term(TermKind::FrictionByPosition { times, phase }, size)));
+            let friction = 0.01;
+            let own = own_torques(Motion::Rotary, &terms, Some(Interval { value: friction, low: friction, high: friction }));
+            let head = "loop.period = \"1 ms\"\n[device]\ninertia = 1e-3\nfriction = \"10 N mm\"\n";
+            let world = World::read(&Source::from_text("d.toml", format!("{head}{own}")), &[]).map_err(|e| TestCaseError::fail(format!("{e} {own}")))?;
+            for z in places {
+                let (mut torque, mut level) = (0.0, friction);
+                for term in &terms {
+                    match term.kind {
+                        TermKind::Turn { times, phase } => torque -= term.size.value * (f64::from(times) * z + phase).sin(),
+                        TermKind::FrictionByPosition { times, phase } => level += term.size.value * (f64::from(times) * z + phase).sin(),
+                        kind => prop_assert!(false, "{kind:?}"),
+                    }
+                }
+                let device = &world.device;
+                prop_assert!((device.torque.at(z) - torque).abs() < 1e-4, "{} {torque} {own}", device.torque.at(z));
+                let there = friction * device.friction_by_position.map_or(1.0, |changes| changes.at(z));
+                prop_assert!((there - level).abs() < 1e-4, "{there} {level} {own}");
+            }
+        }
+    }
 }
