@@ -22,10 +22,12 @@ const MANY: usize = 60;
 /// Of this many shots or more one in some is fitted first.
 const MANY_SHOTS: usize = 16;
 const ONE_IN: usize = 4;
-/// A term that takes less than this part of the squares, where they are more than noise, leads nowhere.
-const LEAST: f64 = 0.01;
+/// A term that takes less than this part of the squares beyond noise leads nowhere: of a few terms that are left the largest takes more.
+const LEAST: f64 = 0.1;
 /// And one with which they fall by less than this part of what was expected.
 const TAKES: f64 = 0.2;
+/// A lag takes at least this part of the squares.
+const LAG_TAKES: f64 = 0.01;
 /// The lags from which fits start, as parts of the delay with the lag.
 const LAGS: [f64; 2] = [0.5, 1.0];
 
@@ -79,19 +81,21 @@ fn late(record: &CancellableRecord<'_>, fit: &Fit) -> Option<Fit> {
         device.p[VARIANCE] = (part * device.p[LATE]).max(SHORTEST_LAG * record.period()).powi(2);
         Fit::of(record, device, free, fit.shots.clone())?.improved(record, STEPS)
     };
-    let fits = LAGS.into_iter().filter_map(start).filter(|late| late.squares < (1.0 - LEAST) * fit.squares);
+    let fits = LAGS.into_iter().filter_map(start).filter(|late| late.squares < (1.0 - LAG_TAKES) * fit.squares);
     fits.min_by(|a, b| a.squares.total_cmp(&b.squares))
 }
 
 /// The fit with one more term; `None`: none takes enough.
 fn next(record: &CancellableRecord<'_>, known: &Known, at: &Fit, is_right: bool) -> Option<Fit> {
     let (hint, amplitudes, squares) = hints::best(record, at, known.is_linear)?;
-    if !is_right && squares < LEAST * at.squares {
+    let beyond = at.squares - at.left.len() as f64 * record.noise().powi(2);
+    let least = (TAKES * squares).max(if is_right { 0.0 } else { LEAST * beyond });
+    if squares < least {
         return None;
     }
     let (device, free) = hints::with(at.device, at.free, hint, amplitudes, record.period());
     let next = Fit::of(record, device, free, at.shots.clone())?;
-    let takes = |next: &Fit| next.squares < at.squares - TAKES * squares;
+    let takes = |next: &Fit| next.squares < at.squares - least;
     let next = next.mended(record).unwrap_or(next).improved(record, STEPS)?;
     if takes(&next) {
         return Some(next);
