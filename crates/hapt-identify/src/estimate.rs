@@ -23,6 +23,8 @@ use crate::{Error, LargeResidual};
 const UNEXPLAINED: f64 = 0.25;
 /// A torque that depends on the position is the cause where it explains more than this part of the residuals.
 const MIN_EXPLAINED: f64 = 0.9;
+/// Terms of the position take at least this part of the squares.
+const TERMS_TAKE: f64 = 1.0 / 3.0;
 /// A record longer than this, in s, is fitted from its beginning on.
 const LONG: f64 = 8.0;
 /// The shortest stretch that is searched for a puck that explains it, s.
@@ -59,8 +61,11 @@ fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identifie
     match search_or_glimpse(record, known) {
         Err(wrong) | Ok(BestFit { wrong: Some(wrong), .. }) => {
             let loaded = || device::search_loaded(record, known)?.identified(record, known);
-            let is_determined = |found: &Identified| found.stops.as_ref().is_none_or(FoundStops::are_determined);
-            stopped.or_else(|| loaded().filter(is_determined)).ok_or(wrong)
+            let is_sure = |found: &Identified| match &found.stops {
+                Some(stops) => stops.are_determined(),
+                None => found.terms.is_empty() || takes_much(found, &wrong),
+            };
+            stopped.or_else(|| loaded().filter(is_sure)).ok_or(wrong)
         }
         Ok(found) => {
             let found = found.identified(record, known);
@@ -71,6 +76,13 @@ fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identifie
             })
         }
     }
+}
+
+/// Whether terms of the position take a large part of the squares that the best fit without them leaves. Those that take little may stand for
+/// something else that moves little, such as a handle that rings.
+fn takes_much(found: &Identified, wrong: &Error) -> bool {
+    let Error::Residual(LargeResidual { rms, .. }) = wrong else { return true };
+    found.residual.rms.powi(2) < (1.0 - TERMS_TAKE) * rms.powi(2)
 }
 
 /// Whether the best fit has a number significantly below 0, and does not explain the record with it at 0: then the device is not of the

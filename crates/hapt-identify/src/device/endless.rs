@@ -53,21 +53,21 @@ pub(super) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fi
     let long = added(record, known, long)?;
     let terms =
         |fit: &Fit| usize::from(fit.free[SPRING]) + fit.free[GRAVITY..].iter().step_by(2).filter(|is| **is).count();
-    settled(record, long, MANY).filter(|fit| fit.is_right(record) && terms(fit) <= MOST_TERMS)
+    settled(record, long, MANY).filter(|fit| fit.is_right_by_choice(record) && terms(fit) <= MOST_TERMS)
 }
 
 /// The fit that explains the record, with the terms that its residuals point to; `None`: there is none.
 fn added(record: &CancellableRecord<'_>, known: &Known, fit: Fit) -> Option<Fit> {
     let mut at = fit;
     for _ in 0..MOST_ADDED {
-        let is_right = at.is_right(record);
+        let is_right = at.is_right_by_choice(record);
         // A lag of some periods shows only in a fit with it.
         let found = next(record, known, &at, is_right).or_else(|| late(record, &at).filter(|_| !is_right));
         let Some(found) = found else { break };
         at = found;
     }
-    let at = if at.is_right(record) { at } else { at.improved(record, MANY)? };
-    at.is_right(record).then_some(at)
+    let at = if at.is_right_by_choice(record) { at } else { at.improved(record, MANY)? };
+    at.is_right_by_choice(record).then_some(at)
 }
 
 /// The fit with a lag, from a fit without one; `None`: it takes nothing.
@@ -117,7 +117,7 @@ fn settled(record: &CancellableRecord<'_>, fit: Fit, steps: usize) -> Option<Fit
         device.p[least..=end].fill(0.0);
         free[least..=end].fill(false);
         let next = Fit::of(record, device, free, at.shots.clone())?.improved(record, steps)?;
-        if at.is_right(record) && !next.is_right(record) || next.squares - at.squares > most {
+        if at.is_right_by_choice(record) && !next.is_right_by_choice(record) || next.squares - at.squares > most {
             return Some(at);
         }
         at = next;

@@ -9,7 +9,7 @@ use super::parameters::{
     STOP_DAMPING, STOPS, VARIANCE,
 };
 use super::slopes::{Column, Normal, OfShot, Slopes, Square, scaled};
-use crate::explained::explained;
+use crate::explained::{explained, explained_by_choice};
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
 use crate::start::{Begin, begins};
 
@@ -202,6 +202,11 @@ impl Fit {
     /// Whether counts and noise explain its residuals.
     pub fn is_right(&self, record: &Record) -> bool {
         explained(record, &self.left, record.lattice(), record.spread())
+    }
+
+    /// The same where its terms were chosen by its residuals.
+    pub fn is_right_by_choice(&self, record: &Record) -> bool {
+        explained_by_choice(record, &self.left, record.lattice(), record.spread())
     }
 
     /// The change of each parameter over which a derivative is taken.

@@ -117,6 +117,18 @@ fn random_devices_are_found_again_within_their_intervals() {
     assert!(some < seeds.len() || inside >= numbers * 5 / 6, "{inside} of {numbers}");
 }
 
+/// A handle that rings below the noise is no torque of the position.
+#[test]
+fn a_handle_is_not_taken_for_a_torque_of_the_position() {
+    for seed in hapt_testing::seeds(24) {
+        let mut rng = Rng::with_seed(seed);
+        let truth = device(&mut rng, seed % 2 == 0);
+        if let Ok(found) = identify(&record(&truth, &mut rng, 1500), &Known::default()) {
+            assert!(found.terms.is_empty(), "seed {seed}: {:?} of {truth:?}", found.terms);
+        }
+    }
+}
+
 #[test]
 fn a_rigid_fit_of_a_shaft_is_not_called_explained_and_names_its_resonance() {
     let mut rng = Rng::with_seed(3);
