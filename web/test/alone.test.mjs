@@ -6,7 +6,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { pathToFileURL } from "node:url";
 import { after, test } from "node:test";
-import { extremes, HAPT, launch, number, open, place, quit, turn, until, world } from "./desk.mjs";
+import { extremes, HAPT, launch, number, open, place, quit, swing, turn, until, world } from "./desk.mjs";
 
 const folder = mkdtempSync(join(tmpdir(), "hapt-report-"));
 after(quit);
@@ -34,18 +34,8 @@ const set = async (page, key, value) => {
 };
 
 visit("grabbed, the puck follows the hand; released, puck and wheel swing by themselves", "@notes/default", "default", async (page) => {
-  let [low, high] = [0, 0];
-  // On a slow machine a turn takes long, and the wheel comes along without a swing: then once more.
-  for (const to of [60, -60, 60, -60, 60]) {
-    const from = await place(page);
-    await turn(page, to);
-    await until(() => place(page), (puck) => Math.abs(puck - from) > 40);
-    await page.mouse.up();
-    [low, high] = await extremes(page, () => place(page, 1), 3);
-    if (high - low > 5) break;
-  }
+  const [[low, high], [least, most]] = await swing(page, trace(page, 3, 0));
   assert.ok(high - low > 5, `the wheel swings, from ${low} to ${high} degrees`);
-  const [least, most] = await extremes(page, trace(page, 3, 0), 0.5);
   assert.ok(most > 0 && least >= 0, `energy is never negative, ${least} to ${most}`);
 });
 

@@ -100,3 +100,19 @@ export async function turn(page, degrees, wheel = "#stage") {
     await page.waitForTimeout(10);
   }
 }
+
+/** Turns the puck and releases it until the wheel swings by itself: its extremes in degrees, and those of the energy in the same swing. */
+export async function swing(page, energy) {
+  let seen = [];
+  // On a slow machine a turn takes long, and the wheel comes along without a swing: then once more.
+  for (const to of [60, -60, 60, -60, 60]) {
+    const from = await place(page);
+    await turn(page, to);
+    await until(() => place(page), (puck) => Math.abs(puck - from) > 40);
+    await until(() => page.getAttribute("#stage", "data-held"), (held) => held === "");
+    await page.mouse.up();
+    seen = await Promise.all([extremes(page, () => place(page, 1), 3), extremes(page, energy, 3)]);
+    if (seen[0][1] - seen[0][0] > 5) break;
+  }
+  return seen;
+}
