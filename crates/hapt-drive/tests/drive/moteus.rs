@@ -115,7 +115,7 @@ fn a_certified_world_brings_the_puck_to_rest_through_gear_and_drive() {
         let mut looped = looped(&bench, &world);
         looped.run();
         let (mut last, mut missed) = (Vec::new(), 0);
-        for _ in 0..150 {
+        for _ in 0..1500 {
             let record = looped.sample(None).unwrap();
             assert_eq!(record.phase, Phase::Running, "{record:?}");
             missed += u32::from(record.missed > 0);
