@@ -225,8 +225,14 @@ pub(crate) fn terms(record: &CancellableRecord<'_>, rows: &Rows, sign: f64, is_l
 }
 
 /// The greatest common divisor.
-pub(crate) fn divisor(a: u32, b: u32) -> u32 {
+fn divisor(a: u32, b: u32) -> u32 {
     if b == 0 { a } else { divisor(b, a % b) }
+}
+
+/// The rate of which all of these are among the first harmonics; 0 of none, and `None` where there is no such rate.
+pub(crate) fn common_rate(rates: impl Iterator<Item = u32> + Clone, harmonics: u32) -> Option<u32> {
+    let common = rates.clone().fold(0, divisor);
+    rates.into_iter().all(|rate| rate <= harmonics * common).then_some(common)
 }
 
 fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], sign: f64, apart: u32, choice: Choice) -> Terms {
@@ -259,14 +265,13 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], sign: f64, apar
                 TermKind::Turn { .. } | TermKind::Stiffness | TermKind::Stribeck { .. } | TermKind::Drag => None,
             };
             let alike = taken.iter().filter(|(old, _)| same(old.kind, group.kind)).map(|(old, _)| old.kind);
-            let rates: Vec<u32> = alike.chain([group.kind]).filter_map(rate).collect();
-            let base = rates.iter().copied().fold(0, divisor);
+            let is_of_one = common_rate(alike.chain([group.kind]).filter_map(rate), harmonics).is_some();
             // Friction by direction that changes with the position is a torque of its period too.
             let is_of_friction = |(old, _): &(&Group, f64)| match (old.kind, group.kind) {
                 (TermKind::FrictionByPosition { times: a, .. }, TermKind::Turn { times: b @ 2.., .. }) => a == b,
                 _ => false,
             };
-            is_apart && rates.iter().all(|rate| *rate <= harmonics * base) && !taken.iter().any(is_of_friction)
+            is_apart && is_of_one && !taken.iter().any(is_of_friction)
         };
         let tried = groups.iter().filter(is_new).filter_map(|group| {
             let columns: Vec<usize> = kept.iter().chain(&group.columns).copied().collect();

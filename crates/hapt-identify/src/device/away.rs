@@ -9,7 +9,7 @@ use crate::equation::{self, Band, Mask, Rows, Solved};
 use crate::identified::Known;
 use crate::record::CancellableRecord;
 use crate::start::{delayed, signs};
-use crate::terms::{Choice, Term, TermKind, Terms, divisor, terms};
+use crate::terms::{Choice, Term, TermKind, Terms, common_rate, terms};
 use crate::torque::{BENT, PLAIN};
 
 /// Windows of the equation, s, and the delays that are tried, in s.
@@ -107,8 +107,7 @@ fn with_terms(record: &CancellableRecord<'_>, known: &Known, inside: &Inside, fo
     // Several waves of a torque are harmonics of one, where it has so few.
     let base = |rates: &mut dyn Iterator<Item = u32>| {
         let rates: Vec<u32> = rates.collect();
-        let divisor = rates.iter().copied().fold(0, divisor);
-        if rates.iter().all(|rate| *rate <= divisor * HARMONICS as u32) { divisor } else { rates[0] }
+        common_rate(rates.iter().copied(), HARMONICS as u32).unwrap_or_else(|| rates[0])
     };
     let cogging = base(&mut rates(|kind| matches!(kind, TermKind::Turn { times: 2.., .. })));
     let changes = base(&mut rates(|kind| matches!(kind, TermKind::FrictionByPosition { .. })));

@@ -19,9 +19,10 @@ const MOST_TERMS: usize = 5;
 const MOST_ADDED: usize = 6;
 const STEPS: usize = 12;
 const MANY: usize = 60;
-/// Of this many shots or more one in some is fitted first.
+/// Of this many shots or more one in some is fitted first, and of a long record at most so many are searched for terms.
 const MANY_SHOTS: usize = 16;
 const ONE_IN: usize = 4;
+const MOST_SHOTS: usize = 64;
 /// A term that takes less than this part of the squares beyond noise leads nowhere: of a few terms that are left the largest takes more.
 const LEAST: f64 = 0.1;
 /// And one with which they fall by less than this part of what was expected.
@@ -40,14 +41,19 @@ pub(super) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fi
     let mut free = free(true, known.lag.is_some(), [false; 2]);
     free.iter_mut().zip(&away.more).for_each(|(free, more)| *free |= more);
     let all = Shot::all(record, record.first());
-    let few: Vec<Shot> = all.iter().step_by(if all.len() < MANY_SHOTS { 1 } else { ONE_IN }).copied().collect();
+    let one_in = |n: usize| -> Vec<Shot> { all.iter().step_by(n).copied().collect() };
+    let searched = all.len().div_ceil(MOST_SHOTS).max(1);
+    let few = one_in(searched * if all.len() < MANY_SHOTS { 1 } else { ONE_IN });
     let begun = Fit::of(record, away.device, free, few)?.improved(record, STEPS)?;
     if is_hopeless(record, &begun) {
         return None;
     }
-    let begun = Fit::of(record, begun.device, free, all)?;
+    let begun = Fit::of(record, begun.device, free, one_in(searched))?;
     let first = begun.mended(record).unwrap_or(begun).improved(record, STEPS)?;
-    let short = added(record, known, settled(record, first, STEPS)?)?;
+    let mut short = added(record, known, settled(record, first, STEPS)?)?;
+    if searched > 1 {
+        short = Fit::of(record, short.device, short.free, all)?.improved(record, STEPS)?;
+    }
     // A longer lag makes a long motion nonlinear in the parameters, and is found from short ones.
     let long = short.clone().lengthened(record, MANY).or_else(|| late(record, &short)?.lengthened(record, MANY))?;
     let long = added(record, known, long)?;

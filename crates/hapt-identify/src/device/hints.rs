@@ -12,7 +12,7 @@ use super::parameters::{
 };
 use super::slopes::{Normal, scaled};
 use crate::record::CancellableRecord;
-use crate::terms::{MOST_RUBS, MOST_TIMES, TRAVEL, divisor};
+use crate::terms::{MOST_RUBS, MOST_TIMES, TRAVEL, common_rate};
 
 /// χ²'s quantile of 1 - 10⁻⁶ with two degrees of freedom, in variances: a term that takes less is none.
 pub(super) const SURELY: f64 = 27.6;
@@ -81,12 +81,6 @@ fn rates(device: &Device, at: usize, base: f64) -> Vec<u32> {
     (0..HARMONICS).filter(has).map(|n| (n + 1) as u32 * base.round() as u32).collect()
 }
 
-/// The common rate of which all of these are harmonics; `None`: there is none.
-fn base(rates: impl Iterator<Item = u32> + Clone) -> Option<u32> {
-    let base = rates.clone().fold(0, divisor);
-    rates.into_iter().all(|rate| rate <= HARMONICS as u32 * base).then_some(base)
-}
-
 /// Whether a wave of this rate has such a harmonic.
 fn is_multiple(n: u32, rate: f64) -> bool {
     rate >= 1.0 && n.is_multiple_of(rate.round() as u32)
@@ -108,7 +102,8 @@ fn possible(device: &Device, free: Free, travel: f64, is_linear: bool) -> Vec<Hi
     let [turns, rubs] = [(COGGING, device.places.cogging[0]), (CHANGES, device.places.changes[0])]
         .map(|(at, rate)| rates(device, at, rate));
     let is_new = |old: &[u32], n: u32| {
-        old.iter().all(|old| old.abs_diff(n) >= least) && base(old.iter().copied().chain([n])).is_some()
+        old.iter().all(|old| old.abs_diff(n) >= least)
+            && common_rate(old.iter().copied().chain([n]), HARMONICS as u32).is_some()
     };
     if travel > TRAVEL && !free[GRAVITY] {
         hints.push(Hint::Torque(1));
@@ -141,7 +136,7 @@ pub(super) fn with(
     let mut wave = |device: &mut Device, at: usize, place: fn(&mut Device) -> &mut [f64; 2], n: u32| {
         let rate = place(device)[0];
         let (old, was) = (rates(device, at, rate), rate.round() as u32);
-        let Some(base) = base(old.iter().copied().chain([n])) else { return };
+        let Some(base) = common_rate(old.iter().copied().chain([n]), HARMONICS as u32) else { return };
         let parts: Vec<(u32, [f64; 2])> = old
             .iter()
             .map(|rate| {
