@@ -47,6 +47,7 @@
 mod actuate;
 #[cfg(feature = "serde")]
 mod array;
+mod batch;
 mod compile;
 mod constants;
 mod contact;
@@ -71,11 +72,12 @@ mod supervisor;
 mod transfer;
 pub mod wheel;
 
+pub use batch::Batch;
 pub use constants::{Constants, GROUND, PUCK};
 pub use controller::{Controller, ControllerState};
 pub use error::Error;
 pub use gradient::Contacts;
-pub use lanes::{Batch, Lanes};
+pub use lanes::Lanes;
 pub use link::{LASTING, LinkEnd, LinkTerms, RemoteState, Strength};
 pub use matrix::Vector;
 pub use real::{Number, Real};

@@ -1,9 +1,9 @@
 //! The couplings that no matrix represents: wall, detent, the two frictions, the integral term, and couplings with a limit.
 
-use core::array::from_fn;
 use core::mem::discriminant;
 
 use crate::contact::{Solution, StepResponse};
+use crate::lanes::each;
 use crate::law::{
     Coulomb, Damper, DeadBand, Detent, Integral, Lugre, Magnet, Spring, Texture, Wall, direction, gain, most, reduced,
 };
@@ -337,12 +337,12 @@ macro_rules! numbers {
         fn side_by_side<const N: usize>(laws: [LoopLaw<f64>; N], first: LoopLaw<f64>) -> LoopLaw<Lanes<N>> {
             match first {
                 $(LoopLaw::$law(first) => {
-                    let of = |i: usize| if let LoopLaw::$law(law) = laws[i] { law } else { first };
-                    LoopLaw::$law($law { $($number: Lanes(from_fn(|i| of(i).$number))),* })
+                    let of = |law: &LoopLaw<f64>| if let LoopLaw::$law(law) = *law { law } else { first };
+                    LoopLaw::$law($law { $($number: each(&laws, &|law| of(law).$number)),* })
                 })*
                 LoopLaw::Texture(first) => {
-                    let of = |i: usize| if let LoopLaw::Texture(texture) = laws[i] { texture } else { first };
-                    LoopLaw::Texture(Texture::side_by_side(of))
+                    let of = |law: LoopLaw<f64>| if let LoopLaw::Texture(texture) = law { texture } else { first };
+                    LoopLaw::Texture(Texture::side_by_side(laws.map(of)))
                 }
             }
         }

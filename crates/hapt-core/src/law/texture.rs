@@ -7,6 +7,7 @@
 use core::array::from_fn;
 
 use crate::contact::{Solution, StepResponse, solve_nearest};
+use crate::lanes::each;
 use crate::law::reduced;
 use crate::{Lanes, Number, Real};
 
@@ -184,14 +185,13 @@ impl<F: Real> Texture<F> {
 }
 
 impl<const N: usize> Texture<Lanes<N>> {
-    /// N textures, `of` each lane.
-    pub fn side_by_side(of: impl Fn(usize) -> Texture<f64>) -> Self {
-        let each = |number: &dyn Fn(Texture<f64>) -> f64| Lanes(from_fn(|i| number(of(i))));
+    /// N textures.
+    pub fn side_by_side(textures: [Texture<f64>; N]) -> Self {
         Texture {
-            pitch: each(&|texture| texture.pitch),
-            phase: each(&|texture| texture.phase),
-            sine: from_fn(|n| each(&|texture| texture.sine[n])),
-            cosine: from_fn(|n| each(&|texture| texture.cosine[n])),
+            pitch: each(&textures, &|texture| texture.pitch),
+            phase: each(&textures, &|texture| texture.phase),
+            sine: from_fn(|n| each(&textures, &|texture| texture.sine[n])),
+            cosine: from_fn(|n| each(&textures, &|texture| texture.cosine[n])),
         }
     }
 }

@@ -231,8 +231,8 @@ impl<F: Real, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
 
 /// The sample, in one source for numbers and for lanes.
 impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W> {
-    /// Most worlds have one body: the sample is monomorphised for it, and results are bit-identical. `with` decides what branches on the
-    /// numbers: the loop itself, or the loops of all lanes, with their S couplings.
+    /// Most worlds have one body: the sample is monomorphised for it, and results are bit-identical. Lanes with room for more have more.
+    /// `with` decides what branches on the numbers: the loop itself, or the loops of all lanes, with their S couplings.
     #[inline(always)]
     pub(crate) fn sample<X: Branches<F, B, S, W>, const S: usize>(
         &self,
@@ -241,9 +241,13 @@ impl<F: Number, const B: usize, const C: usize, const W: usize> Loop<F, B, C, W>
         position: F,
         velocity: F,
     ) -> Sample<F> {
-        match self.bodies {
-            1 => self.sample_of(with, 1, state, position, velocity),
-            n => self.sample_of(with, n, state, position, velocity),
+        let n = self.bodies;
+        if n == 1 && (B == 1 || !F::IS_VECTOR) {
+            self.sample_of(with, 1, state, position, velocity)
+        } else if B == 1 {
+            self.sample_of(with, 0, state, position, velocity)
+        } else {
+            self.sample_of(with, n, state, position, velocity)
         }
     }
 
