@@ -24,7 +24,7 @@ const BLOCKS: usize = 50;
 const SURELY: f64 = 4.753;
 const LIKELY: f64 = 3.090;
 /// A fit with residuals of less than this part of the motion is as exact as printed numbers.
-const NOTHING: f64 = 1e-6;
+pub(crate) const NOTHING: f64 = 1e-6;
 
 /// Whether counts and noise explain the residuals of a motion with this standard deviation.
 pub(crate) fn explained(record: &Record, left: &[f64], lattice: Option<Lattice>, spread: f64) -> bool {

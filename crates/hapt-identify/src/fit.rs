@@ -2,8 +2,11 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::puck::{DELAY, LAG, PARAMETERS, Puck};
+use crate::puck::{DAMPING, DELAY, FRICTION, LAG, PARAMETERS, Puck};
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
+
+/// Parameters that a fit may hold at 0.
+const HELD: [usize; 3] = [DAMPING, FRICTION, DELAY];
 
 /// Which of the parameters are fitted.
 pub(crate) type Free = [bool; PARAMETERS];
@@ -13,8 +16,12 @@ pub(crate) type Square = SMatrix<f64, PARAMETERS, PARAMETERS>;
 type Column = SVector<f64, PARAMETERS>;
 
 const MOST_STEPS: usize = 60;
+/// Of these at most so many are small ones.
+const MOST_AFTER: usize = 12;
 /// A step of less than this many standard errors counts as none.
 const SMALL: f64 = 1e-3;
+/// The information with ones on its diagonal is known to this part: what it has less in a direction is rounding.
+const ROUNDING: f64 = 1e-12;
 /// The shortest lag of a fit in periods of the record: its sensitivity is a difference, which would lose its digits.
 pub(crate) const SHORTEST_LAG: f64 = 0.02;
 
@@ -72,9 +79,9 @@ impl Normal {
     }
 
     /// The inverse of the information, 0 in the rows of parameters that are not free; `None` where two parameters cannot be separated at
-    /// all.
+    /// all. The information is the least that rounding allows: a direction of which it knows nothing more has no standard error.
     pub fn inverse(&self, free: Free) -> Option<Square> {
-        let (matrix, scale) = self.scaled(self.seen(free), 0.0);
+        let (matrix, scale) = self.scaled(self.seen(free), -ROUNDING);
         let inverse = matrix.cholesky()?.inverse();
         let inverse = Square::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]);
         inverse.iter().all(|x| x.is_finite()).then_some(inverse)
@@ -115,6 +122,21 @@ impl Fit {
     pub fn inverse(&self) -> Option<Square> {
         self.normal.inverse(self.free)
     }
+
+    /// The covariance of the estimates in units of which `unit` is the square of half an interval. In a valley that bends, a fit ends before
+    /// the least squares: half an interval is then at least as long as the step that is left.
+    pub fn covariance(&self, least: f64, unit: f64) -> Option<Square> {
+        let own = self.inverse()?;
+        let whole = SVector::from(self.whole(least).unwrap_or([0.0; PARAMETERS]));
+        Some(own + whole * whole.transpose() / unit)
+    }
+
+    /// The step to the least squares, as far as the motion is linear in the parameters, without those that are held at 0.
+    fn whole(&self, least: f64) -> Option<[f64; PARAMETERS]> {
+        let p = self.puck.parameters();
+        let free = std::array::from_fn(|i| self.free[i] && !(HELD.contains(&i) && p[i] == 0.0));
+        step(&Fit { free, ..*self }, least, ROUNDING)
+    }
 }
 
 /// The normal equations of the position errors at `puck` from sample `first` on; `None` where the motion is not finite.
@@ -132,8 +154,8 @@ fn normal(record: &Record, puck: &Puck, first: usize) -> Option<Normal> {
 /// between -10 ms and [`LONGEST_DELAY`].
 pub(crate) fn fit(record: &CancellableRecord<'_>, start: Puck, free: Free, first: usize) -> Option<Fit> {
     let mut best = Fit { puck: start, normal: normal(record, &start, first)?, free, first };
-    let least = (SHORTEST_LAG * record.period()).powi(2);
-    let mut damping = 1e-3;
+    let least = least_variance(record);
+    let (mut damping, mut after) = (1e-3, 0);
     for _ in 0..MOST_STEPS {
         if (record.stop)() {
             break;
@@ -149,12 +171,18 @@ pub(crate) fn fit(record: &CancellableRecord<'_>, start: Puck, free: Free, first
             p[LAG] = p[LAG].clamp(least, LONGEST_DELAY.powi(2));
         }
         let puck = Puck::from_parameters(p);
-        let is_small = best.normal.size(&step) < SMALL * SMALL * best.variance();
+        let is_small = |step: &[f64; PARAMETERS]| best.normal.size(step) < SMALL * SMALL * best.variance();
+        let is_last = is_small(&step) && damping < 1e-3 && {
+            // A damped step is short in a direction of little information, however far the best is along it.
+            after += 1;
+            after > MOST_AFTER || best.whole(least).is_none_or(|whole| is_small(&whole))
+        };
+        let is_small = is_small(&step);
         match normal(record, &puck, first) {
             Some(normal) if normal.squares < best.normal.squares => {
                 best = Fit { puck, normal, free, first };
                 damping *= 0.1;
-                if is_small && damping < 1e-4 {
+                if is_last {
                     break;
                 }
             }
@@ -163,6 +191,11 @@ pub(crate) fn fit(record: &CancellableRecord<'_>, start: Puck, free: Free, first
         }
     }
     Some(best)
+}
+
+/// The square of the shortest lag of a fit.
+pub(crate) fn least_variance(record: &Record) -> f64 {
+    (SHORTEST_LAG * record.period()).powi(2)
 }
 
 /// The next step of a fit; a lag that is the shortest already, and would be shorter, stays while the others move.

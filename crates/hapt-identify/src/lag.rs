@@ -5,7 +5,7 @@
 //! and variance are fitted, and the record separates lag from delay where the variance is certainly above 0.
 
 use crate::bound::Bounded;
-use crate::fit::{Fit, SHORTEST_LAG, fit};
+use crate::fit::{Fit, SHORTEST_LAG, fit, least_variance};
 use crate::interval::Interval;
 use crate::puck::{DELAY, LAG, Puck};
 use crate::quantile::student;
@@ -90,8 +90,8 @@ impl Lag {
     }
 
     fn of(record: &Record, fit: Fit) -> Option<Self> {
-        let covariance = fit.inverse()?;
         let factor = student(fit.freedom()) * error_variance(record, &fit).sqrt();
+        let covariance = fit.covariance(least_variance(record), factor * factor)?;
         let of = |i: usize| covariance[(i, i)].max(0.0).sqrt();
         let p = fit.puck.parameters();
         let is_least = fit.puck.lag < 2.0 * SHORTEST_LAG * record.period();

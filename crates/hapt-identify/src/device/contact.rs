@@ -210,6 +210,8 @@ pub(crate) fn near(record: &CancellableRecord<'_>, device: &Device) -> Option<Fi
     let mut free = free(true, device.p[VARIANCE] > 0.0, is_reached);
     (free[RISE], free[FAST]) = (falls, falls);
     free.iter_mut().zip(&waves).for_each(|(free, wave)| *free |= wave);
+    let shots = begun(record, &device);
+    let explains = |device: Device, free: Free| fitted(record, device, free, shots.clone());
     // From a friction that falls far too much, a fit may end in a local minimum.
     let parts = if falls { &RISES[..] } else { &RISES[..1] };
     let found = parts.iter().find_map(|part| {
@@ -218,7 +220,7 @@ pub(crate) fn near(record: &CancellableRecord<'_>, device: &Device) -> Option<Fi
         let has_stops = is_reached[0] || is_reached[1];
         let shows =
             |fit: &Fit| (!has_stops || needs_stops(record, fit, is_reached)) && fit.covariance(record).is_some();
-        explains(record, device, free).filter(|fit| falls || shows(fit))
+        explains(device, free).filter(|fit| falls || shows(fit))
     });
     // A record that needs no stops, or does not determine their numbers, may still allow those of the file.
     found.or_else(|| {
@@ -226,8 +228,16 @@ pub(crate) fn near(record: &CancellableRecord<'_>, device: &Device) -> Option<Fi
             return None;
         }
         STOPS.into_iter().chain([STIFFNESS, STOP_DAMPING]).for_each(|i| free[i] = false);
-        explains(record, device, free)
+        explains(device, free)
     })
+}
+
+/// The shots of a record, with the initial states of a known device where it explains them: a fit of its numbers too may end elsewhere.
+fn begun(record: &CancellableRecord<'_>, device: &Device) -> Vec<Shot> {
+    let all = Shot::all(record, record.first());
+    let own = Fit::of(record, *device, [false; PARAMETERS], all.clone()).and_then(|own| own.improved(record, MANY));
+    let own = own.map(|own| own.mended(record).unwrap_or(own));
+    own.filter(|own| own.is_right(record)).map_or(all, |own| own.shots)
 }
 
 /// The parameters of the spring and of the harmonics that a device has, both parts of each.

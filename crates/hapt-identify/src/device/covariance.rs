@@ -6,12 +6,12 @@
 
 use nalgebra::Vector2;
 
-use super::fit::Fit;
+use super::fit::{Fit, least_variance};
+use super::motion::ACCURACY;
 use super::parameters::PARAMETERS;
 use super::slopes::{Column, Normal, OfShot, Square, scaled};
 use crate::quantile::student;
 use crate::record::Record;
-use crate::remainder::RESOLUTION;
 
 /// Samples over which residuals are taken as correlated, at most.
 const LONGEST: usize = 400;
@@ -24,7 +24,7 @@ impl Fit {
         let (matrix, scale) = scaled(&normal.information, self.free, 0.0);
         let inverse = matrix.cholesky()?.inverse();
         let inverse = Square::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]);
-        let least = (RESOLUTION * record.spread()).powi(2);
+        let least = (ACCURACY * record.spread()).powi(2);
         let variance = self.variance().max(least);
         let correlated = self.correlated(&normal, &inverse);
         let wider = Column::from_fn(|i, _| {
@@ -32,7 +32,11 @@ impl Fit {
             if plain > 0.0 { (correlated[i] / plain).sqrt().max(1.0) } else { 1.0 }
         });
         let unit = student(self.freedom()).powi(2) * variance;
-        let all = Square::from_fn(|i, j| unit * inverse[(i, j)] * wider[i] * wider[j]);
+        let mut all = Square::from_fn(|i, j| unit * inverse[(i, j)] * wider[i] * wider[j]);
+        // In a valley that bends, a fit ends before the least squares: half an interval is then at least as long as the step that is left.
+        if let Some(left) = self.step(&normal.information, &normal.right, 0.0, least_variance(record)) {
+            all += left * left.transpose();
+        }
         all.iter().all(|x| x.is_finite()).then_some(all)
     }
 

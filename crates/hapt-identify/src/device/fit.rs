@@ -9,7 +9,7 @@ use super::parameters::{
     STOP_DAMPING, STOPS, VARIANCE,
 };
 use super::slopes::{Column, Normal, OfShot, Slopes, Square, scaled};
-use crate::explained::{explained, explained_by_choice};
+use crate::explained::{NOTHING, explained, explained_by_choice};
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
 use crate::start::{Begin, begins};
 
@@ -60,11 +60,11 @@ const DIFFERENCE: f64 = 1e-5;
 /// A motion from an initial state of its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Shot {
-    /// Its samples.
-    from: usize,
-    to: usize,
+    /// Its samples, from the first to before the second.
+    pub from: usize,
+    pub to: usize,
     /// Position and velocity at the first of them.
-    state: [f64; 2],
+    pub state: [f64; 2],
 }
 
 impl Shot {
@@ -133,6 +133,11 @@ impl Shot {
         let rows = positions.into_iter().zip(self.from..);
         (rows.filter(|(_, i)| record.is_news(*i)).map(|(z, i)| record.positions()[i] - z).collect(), touched)
     }
+}
+
+/// The square of the shortest lag of a fit.
+pub(super) fn least_variance(record: &Record) -> f64 {
+    (SHORTEST_LAG * record.period()).powi(2)
 }
 
 /// The sample between two where the velocity changes least for its size: in flight, and not in a stop or at rest, where an initial state is
@@ -297,9 +302,9 @@ impl Fit {
     fn joined(&self, record: &CancellableRecord<'_>) -> Option<Fit> {
         let squares = self.mean_squares(record);
         let usual = median(&squares);
-        // Counts without noise give residuals of this size.
+        // Counts without noise give residuals of this size, and so small ones without counts are rounding, which grows with the length.
         let step = record.lattice().map_or(0.0, |lattice| lattice.step);
-        let least = usual.max(step * step / 6.0);
+        let least = usual.max(step * step / 6.0).max((NOTHING * record.spread()).powi(2));
         let longest = (LONGEST * SHOT / record.period()) as usize;
         // Shots with the squares that they may leave, and the shots that they join.
         let (mut shots, mut parts) = (Vec::new(), Vec::new());
@@ -392,7 +397,7 @@ impl Fit {
 
     /// The steps of Levenberg and Marquardt from here, this many at most.
     pub fn improved(self, record: &CancellableRecord<'_>, most: usize) -> Option<Fit> {
-        let least = (SHORTEST_LAG * record.period()).powi(2);
+        let least = least_variance(record);
         let mut at = if self.slopes.is_empty() { self.differentiated(record)? } else { self };
         let scales = at.steps(record).1.map(|step| step / DIFFERENCE);
         let mut damping = 1e-3;
@@ -445,7 +450,7 @@ impl Fit {
 
     /// The next step, damped by Marquardt's `more`. A parameter that is at its least already, and would go below, stays while the others
     /// move.
-    fn step(&self, information: &Square, right: &Column, more: f64, least: f64) -> Option<Column> {
+    pub fn step(&self, information: &Square, right: &Column, more: f64, least: f64) -> Option<Column> {
         let mut free = self.free;
         let is_least = |i: usize| self.device.p[i] <= if i == VARIANCE { least } else { 0.0 };
         loop {

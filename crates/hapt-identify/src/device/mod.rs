@@ -14,13 +14,10 @@ mod slopes;
 
 pub(crate) use contact::{near, search, search_loaded};
 use field::HARMONICS;
-pub(crate) use fit::Fit;
 use fit::SHORTEST_LAG;
-pub(crate) use parameters::Device;
-use parameters::{
-    CHANGES, COGGING, DAMPING, FAST, FRICTION, GRAVITY, INERTIA, LATE, OFFSET, RISE, SPRING, STIFFNESS, STOP_DAMPING,
-    STOPS, VARIANCE,
-};
+pub(crate) use fit::{Fit, Shot};
+use parameters::{CHANGES, COGGING, FAST, GRAVITY, RISE, SPRING, STIFFNESS, STOP_DAMPING, STOPS};
+pub(crate) use parameters::{DAMPING, Device, FRICTION, Free, INERTIA, LATE, OFFSET, PARAMETERS, VARIANCE};
 use slopes::Square;
 
 use crate::identified::{CorrelatedPair, FoundStops, FoundStribeck, FoundWaves, Harmonics, Identified, Known};

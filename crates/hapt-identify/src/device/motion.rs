@@ -41,18 +41,24 @@ pub(crate) struct Numbers {
     pub stop_damping: f64,
     /// Torques of the position over J, and the part of friction that changes with it.
     pub waves: Waves,
+    /// Whether pieces under torques of the position are short.
+    pub finely: bool,
     /// The initial position.
     pub position: f64,
     /// The initial velocity.
     pub velocity: f64,
 }
 
+/// The accuracy of the motion as a part of its size: without torques of the position it is within this of hapt-plant's.
+pub(super) const ACCURACY: f64 = 1e-7;
 /// A gap below this part of the largest one so far counts as none.
 const NO_GAP: f64 = 1e-12;
 /// More events between two changes of the torque are chatter.
 const MOST_EVENTS: usize = 64;
 /// Over a piece a torque of the position goes through at most this part of a radian.
 const MOST_PHASE: f64 = 0.25;
+/// And where their errors are to show.
+const FINE_PHASE: f64 = 0.03;
 /// Between two changes of the torque at most this many: its mean over many periods is 0, and no device of a record is so fast.
 const MOST_TURNED: f64 = 100.0;
 /// The contact with a stop.
@@ -296,8 +302,9 @@ impl Motion {
             let mut end = rates.reached(rest);
             let is_followed = |steepest: &f64| steepest * (self.state[1] * rest).abs() < MOST_TURNED;
             let field = self.numbers.waves.steepest().filter(is_followed).map(|steepest| {
+                let most = if self.numbers.finely { FINE_PHASE } else { MOST_PHASE };
                 // Halves recur, and have maps.
-                while steepest * (self.state[1] * end).abs() > MOST_PHASE {
+                while steepest * (self.state[1] * end).abs() > most {
                     end *= 0.5;
                 }
                 let place = self.state[0] + 0.5 * end * self.state[1];
@@ -438,7 +445,7 @@ mod tests {
                 lag, delay, damping: rate * inertia, friction, stops: Some(stops), stribeck, ..DeviceSpec::new(1e-3, inertia)
             };
             let off = off_by(&rig, &mut rng);
-            prop_assert!(off < 1e-7, "{off:e} of the motion");
+            prop_assert!(off < super::ACCURACY, "{off:e} of the motion");
         }
 
         #[test]

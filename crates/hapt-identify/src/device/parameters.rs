@@ -53,6 +53,8 @@ pub(crate) struct Places {
     pub lean: f64,
     /// Whether the constant torque is such a difference, and no other torque.
     pub offset_is_friction: bool,
+    /// Whether its motion is followed in short pieces.
+    pub finely: bool,
 }
 
 impl Device {
@@ -172,6 +174,7 @@ impl Device {
                 changes: wave(self.changes(), places.changes, 1.0),
                 lean: if places.offset_is_friction { p[OFFSET] * per } else { places.lean * per },
             },
+            finely: places.finely,
             position,
             velocity,
         }

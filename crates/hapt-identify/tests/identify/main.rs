@@ -9,6 +9,7 @@ mod lever;
 mod loaded;
 mod mat;
 mod misfit;
+mod released;
 mod richer;
 mod rig;
 mod stops;

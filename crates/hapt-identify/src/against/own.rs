@@ -1,0 +1,89 @@
+//! The squares that the file's own device leaves of a record.
+//!
+//! An interval by standard errors is right where the motion is linear in the numbers. Over a valley that bends, such as that of delay,
+//! damping and inertia on a spring, it is not, and without noise it is a small part of the valley. The file's device has no such limit: its
+//! motion from the best initial state, with each number within its range, leaves these squares.
+
+use super::claims::Claims;
+use crate::device::{DAMPING, Device, FRICTION, Fit, Free, INERTIA, LATE, OFFSET, PARAMETERS, Shot, VARIANCE};
+use crate::identified::Identified;
+use crate::record::CancellableRecord;
+use crate::remainder::RESOLUTION;
+
+/// Numbers that a file may give with a range.
+const RANGED: [usize; 5] = [INERTIA, DAMPING, FRICTION, LATE, VARIANCE];
+const MANY: usize = 60;
+
+/// The squares that the file's device leaves more than a fit, in variances; `None`: its motion is not finite.
+pub(super) fn excess(
+    record: &CancellableRecord<'_>,
+    claims: &Claims,
+    found: &Identified,
+    shots: Vec<Shot>,
+) -> Option<f64> {
+    let best: Vec<f64> = found
+        .residuals(record)
+        .into_iter()
+        .zip(found.first..)
+        .filter_map(|((_, left), i)| record.is_news(i).then_some(left))
+        .collect();
+    let squares: f64 = best.iter().map(|left| left * left).sum();
+    let variance = (squares / best.len() as f64).max((RESOLUTION * found.spread).powi(2));
+    let own = of_file(record, claims, found, shots)?;
+    // Without rounding it leaves at least this.
+    let least = (own.squares.sqrt() - rounding(record, &own)).max(0.0).powi(2);
+    Some((least - squares) / variance)
+}
+
+/// The root of the squares of a fit's rounding: torques of the position are followed in pieces, and shorter ones have a smaller error.
+fn rounding(record: &CancellableRecord<'_>, fit: &Fit) -> f64 {
+    let mut fine = fit.device;
+    fine.places.finely = true;
+    let of = |shot: &Shot| {
+        let [one, other] = [&fit.device, &fine].map(|device| shot.positions(record, device).0);
+        one.into_iter().zip(other).map(|(a, b)| (a - b).powi(2)).sum::<f64>()
+    };
+    fit.shots.iter().map(of).sum::<f64>().sqrt()
+}
+
+/// The file's device with the best initial states, and with those numbers within their ranges that explain the record best.
+fn of_file(record: &CancellableRecord<'_>, claims: &Claims, found: &Identified, shots: Vec<Shot>) -> Option<Fit> {
+    let mut device = Device::of_spec(&claims.device());
+    let [low, high] = [0, 1].map(|end| Device::of_spec(&claims.device_at(|range| range[end])).p);
+    let mut range: [[f64; 2]; PARAMETERS] = std::array::from_fn(|i| [low[i], high[i]]);
+    let holds = claims.friction[1] - claims.lean.abs();
+    if let Some(offset) = found.offset {
+        range[OFFSET] = [range[OFFSET][0] - holds, range[OFFSET][1] + holds];
+        device.p[OFFSET] = offset.value;
+    }
+    let seen = [
+        (INERTIA, found.inertia.map(|x| x.value.ln())),
+        (DAMPING, found.damping.map(|x| x.value)),
+        (FRICTION, found.friction.map(|x| x.value)),
+        (LATE, found.late.or(found.delay).map(|x| x.value)),
+        (VARIANCE, found.lag.map(|x| x.value * x.value)),
+    ];
+    for (i, seen) in seen {
+        device.p[i] = seen.unwrap_or(device.p[i]).clamp(range[i][0], range[i][1]);
+    }
+    device.p[OFFSET] = device.p[OFFSET].clamp(range[OFFSET][0], range[OFFSET][1]);
+    let mut free: Free = [false; PARAMETERS];
+    for i in RANGED.into_iter().chain([OFFSET]) {
+        free[i] = range[i][0] < range[i][1];
+    }
+    let mut fit = Fit::of(record, device, free, shots)?.improved(record, MANY)?;
+    for _ in 0..=RANGED.len() {
+        let outside = |i: &usize| free[*i] && !(range[*i][0]..=range[*i][1]).contains(&fit.device.p[*i]);
+        let outside: Vec<usize> = (0..PARAMETERS).filter(outside).collect();
+        if outside.is_empty() {
+            break;
+        }
+        let mut device = fit.device;
+        for i in outside {
+            device.p[i] = device.p[i].clamp(range[i][0], range[i][1]);
+            free[i] = false;
+        }
+        fit = Fit::of(record, device, free, fit.shots)?.improved(record, MANY)?;
+    }
+    Some(fit)
+}

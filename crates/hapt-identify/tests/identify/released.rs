@@ -1,0 +1,56 @@
+//! Records of a spring on a device that a hand has turned and released.
+
+use fastrand::Rng;
+use hapt_identify::{Record, against};
+use hapt_plant::VirtualDevice;
+use hapt_plant::spec::{DeviceSpec, Stops, Stribeck};
+
+use crate::against::claims;
+use crate::rig::{WHEEL, times};
+
+/// The record of a loop with a spring to ground, from the release at a place on; the encoder adds no noise, and with 0 counts nothing.
+fn released(rig: &DeviceSpec, from: f64, stiffness: f64, samples: usize, counts: f64) -> Record {
+    let mut device = VirtualDevice::new(rig);
+    device.set_out((from, 0.0), (from, 0.0));
+    let count = std::f64::consts::TAU / counts;
+    let step = |_| {
+        let z = device.puck().0;
+        let seen = if counts > 0.0 { (z / count).round() * count } else { z };
+        let torque = -stiffness * seen;
+        device.command(torque);
+        device.travel();
+        (seen, torque)
+    };
+    let (seen, torques): (Vec<f64>, Vec<f64>) = (0..samples).map(step).unzip();
+    Record::new(times(rig, samples), seen, torques).unwrap()
+}
+
+/// On a spring damping, delay and inertia explain each other over a valley that bends. A record determines little of them, and contradicts
+/// none.
+#[test]
+fn a_spring_that_a_hand_releases_contradicts_nothing_of_its_own_device() {
+    for seed in hapt_testing::seeds(36) {
+        let mut rng = Rng::with_seed(seed);
+        let mut between = |low: f64, high: f64| low * (high / low).powf(rng.f64());
+        let inertia = between(1e-4, 5e-3);
+        let (rate, swing) = (between(0.5, 8.0), between(15.0, 80.0));
+        let (friction, delay, lag) = (inertia * between(1.6, 12.0), between(1e-4, 2e-3), between(3e-4, 3e-3));
+        let from = between(0.2, 1.5);
+        let stribeck = Stribeck { torque: friction * between(0.06, 0.9), velocity: between(0.1, 2.0) };
+        let stiffness = inertia * between(100.0, 300.0).powi(2);
+        let damping = inertia * between(5.0, 50.0);
+        let stops = Stops { low: Some(-0.6 * from), high: Some(0.5 * from), stiffness, damping };
+        let mut has = |x: f64, parts: usize| if rng.usize(..parts) == 0 { 0.0 } else { x };
+        let (friction, delay) = (has(friction, 2), has(delay, 2));
+        let rig = DeviceSpec { inertia, damping: rate * inertia, friction, delay, lag: lag - has(lag, 4), ..WHEEL };
+        let (rig, from) = match seed % 3 {
+            0 => (rig, from),
+            1 => (DeviceSpec { friction: stribeck.torque, stribeck: Some(stribeck), ..rig }, from),
+            _ => (DeviceSpec { stops: Some(stops), ..rig }, 0.3 * from),
+        };
+        let counts = [0.0, 0.0, 1000.0, 20_000.0][rng.usize(..4)];
+        let record = released(&rig, from, inertia * swing * swing, [800, 2000][rng.usize(..2)], counts);
+        let found = against(&record, &claims(&rig, 0.0), false).unwrap();
+        assert!(found.agrees(), "seed {seed}, {counts} counts, {rig:?}: {:?} {:?}", found.wrong, found.numbers);
+    }
+}
