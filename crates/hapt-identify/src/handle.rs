@@ -161,6 +161,16 @@ pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>)
     Ok(HandleSearch { fit, others, wrong, residual })
 }
 
+/// The squares that a device leaves from its best initial state.
+pub(crate) fn squares_of(watched: &CancellableRecord<'_>, device: &DeviceSpec) -> Option<f64> {
+    let CancellableRecord { record, stop } = *watched;
+    let starts = around(record, device).into_iter().flat_map(|start| [(true, start), (false, moving(record, start))]);
+    let best = starts.filter_map(|(rests, start)| {
+        Fit::of(record, start, rests)?.fitting(Free::Beginning).improved(record, FEW_ITERATIONS, &|_, _| stop())
+    });
+    best.map(|fit| fit.squares).min_by(f64::total_cmp)
+}
+
 fn by_squares(a: &Fit, b: &Fit) -> Ordering {
     a.squares.total_cmp(&b.squares)
 }

@@ -145,7 +145,7 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
         numbers.extend(judged::stops(record, &x, claims));
         numbers.extend(judged::waves(claims, None, judged::NO_WAVE));
         let shot = Shot { from: x.first, to: record.times().len(), state: [x.puck.position, x.puck.velocity] };
-        limited(record, claims, &x, vec![shot], &mut numbers);
+        limit(&mut numbers, || own::excess(record, claims, &x, vec![shot]));
         (numbers, x.puck, x.first, x.residual)
     } else {
         let Fit { puck, first, .. } = found.best;
@@ -185,7 +185,7 @@ fn explained(record: &CancellableRecord<'_>, claims: &Claims, x: &Identified, sh
     numbers.extend(judged::stops(record, x, claims));
     numbers.extend(judged::waves(claims, x.waves.as_ref(), WIDE));
     numbers.extend(judged::spring(x));
-    limited(record, claims, x, shots, &mut numbers);
+    limit(&mut numbers, || own::excess(record, claims, x, shots));
     Comparison {
         numbers,
         wrong: None,
@@ -198,16 +198,10 @@ fn explained(record: &CancellableRecord<'_>, claims: &Claims, x: &Identified, sh
     }
 }
 
-/// No number is farther outside of the file's range than the file's own device allows.
-fn limited(
-    record: &CancellableRecord<'_>,
-    claims: &Claims,
-    x: &Identified,
-    shots: Vec<Shot>,
-    numbers: &mut [Compared],
-) {
+/// No number is farther outside of the file's range than the squares that the file's own device leaves in excess allow.
+fn limit(numbers: &mut [Compared], excess: impl FnOnce() -> Option<f64>) {
     if numbers.iter().any(|number| number.verdict == Verdict::Contradicts)
-        && let Some(excess) = own::excess(record, claims, x, shots)
+        && let Some(excess) = excess()
     {
         numbers.iter_mut().for_each(|number| number.no_farther(excess.max(0.0).sqrt()));
     }
@@ -220,6 +214,7 @@ fn with_handle(record: &CancellableRecord<'_>, claims: &Claims, shaft: &Handle) 
     let found = found.into_result()?;
     let mut numbers = judged::with_handle(&found, claims, shaft, &Scale::of(record));
     numbers.extend(judged::waves(claims, None, judged::ON_SHAFT));
+    limit(&mut numbers, || own::excess_with_handle(record, claims, &found, &residuals));
     Ok(Comparison {
         numbers,
         wrong: None,

@@ -4,9 +4,14 @@
 //! damping and inertia on a spring, it is not, and without noise it is a small part of the valley. The file's device has no such limit: its
 //! motion from the best initial state, with each number within its range, leaves these squares.
 
+use hapt_plant::spec::DeviceSpec;
+
 use super::claims::Claims;
 use crate::device::{DAMPING, Device, FRICTION, Fit, Free, INERTIA, LATE, OFFSET, PARAMETERS, Shot, VARIANCE};
+use crate::explained::NOTHING;
+use crate::handle::{self, WithHandle};
 use crate::identified::Identified;
+use crate::interval::Interval;
 use crate::record::CancellableRecord;
 use crate::remainder::RESOLUTION;
 
@@ -27,28 +32,44 @@ pub(super) fn excess(
         .zip(found.first..)
         .filter_map(|((_, left), i)| record.is_news(i).then_some(left))
         .collect();
-    let squares: f64 = best.iter().map(|left| left * left).sum();
-    let variance = (squares / best.len() as f64).max((RESOLUTION * found.spread).powi(2));
     let own = of_file(record, claims, found, shots)?;
-    // Without rounding it leaves at least this.
-    let least = (own.squares.sqrt() - rounding(record, &own)).max(0.0).powi(2);
-    Some((least - squares) / variance)
+    Some(beyond(own.squares, &best, found.spread))
 }
 
-/// The root of the squares of a fit's rounding: torques of the position are followed in pieces, and shorter ones have a smaller error.
-fn rounding(record: &CancellableRecord<'_>, fit: &Fit) -> f64 {
-    let mut fine = fit.device;
-    fine.places.finely = true;
-    let of = |shot: &Shot| {
-        let [one, other] = [&fit.device, &fine].map(|device| shot.positions(record, device).0);
-        one.into_iter().zip(other).map(|(a, b)| (a - b).powi(2)).sum::<f64>()
+/// The same of a device with a handle on a shaft.
+pub(super) fn excess_with_handle(
+    record: &CancellableRecord<'_>,
+    claims: &Claims,
+    found: &WithHandle,
+    residuals: &[(f64, f64)],
+) -> Option<f64> {
+    let within = |[low, high]: [f64; 2], seen: &Interval| seen.value.clamp(low, high);
+    let device = DeviceSpec {
+        inertia: within(claims.inertia, &found.inertia),
+        damping: within(claims.damping, &found.damping),
+        friction: within(claims.friction, &found.friction),
+        lag: within(claims.lag, &found.lag),
+        delay: within(claims.delay, &found.delay),
+        ..claims.device()
     };
-    fit.shots.iter().map(of).sum::<f64>().sqrt()
+    let best: Vec<f64> = residuals.iter().map(|(_, left)| *left).collect();
+    Some(beyond(handle::squares_of(record, &device)?, &best, record.spread()))
+}
+
+/// The squares `own` beyond those of the best fit's residuals, in variances.
+fn beyond(own: f64, best: &[f64], spread: f64) -> f64 {
+    let samples = best.len() as f64;
+    let squares: f64 = best.iter().map(|left| left * left).sum();
+    let variance = (squares / samples).max((RESOLUTION * spread).powi(2));
+    // A motion this near the record is as exact as printed numbers.
+    let exact = NOTHING * spread * samples.sqrt();
+    ((own.sqrt() - exact).max(0.0).powi(2) - squares) / variance
 }
 
 /// The file's device with the best initial states, and with those numbers within their ranges that explain the record best.
 fn of_file(record: &CancellableRecord<'_>, claims: &Claims, found: &Identified, shots: Vec<Shot>) -> Option<Fit> {
     let mut device = Device::of_spec(&claims.device());
+    device.places.finely = true;
     let [low, high] = [0, 1].map(|end| Device::of_spec(&claims.device_at(|range| range[end])).p);
     let mut range: [[f64; 2]; PARAMETERS] = std::array::from_fn(|i| [low[i], high[i]]);
     let holds = claims.friction[1] - claims.lean.abs();

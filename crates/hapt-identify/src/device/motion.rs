@@ -58,7 +58,7 @@ const MOST_EVENTS: usize = 64;
 /// Over a piece a torque of the position goes through at most this part of a radian.
 const MOST_PHASE: f64 = 0.25;
 /// And where their errors are to show.
-const FINE_PHASE: f64 = 0.03;
+const FINE_PHASE: f64 = 0.003;
 /// Between two changes of the torque at most this many: its mean over many periods is 0, and no device of a record is so fast.
 const MOST_TURNED: f64 = 100.0;
 /// The contact with a stop.
