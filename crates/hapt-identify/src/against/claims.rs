@@ -91,6 +91,11 @@ impl Claims {
         }
     }
 
+    /// Whether a torque or the friction depends on the position.
+    pub(super) fn moves_by_position(&self) -> bool {
+        !self.torque.is_none() || self.changes()
+    }
+
     /// Whether friction changes with the position.
     fn changes(&self) -> bool {
         self.friction_by_position.is_some_and(|changes| changes.most() > 0.0)
@@ -124,6 +129,6 @@ impl Claims {
 /// The device of a file with Stribeck friction, end stops, torques of the position or friction that changes with it; `None` where it has none
 /// of them.
 pub(super) fn device_of(claims: &Claims) -> Option<Device> {
-    let is_plain = claims.stribeck.is_none() && claims.stops.is_none() && claims.torque.is_none();
-    (!is_plain || claims.changes()).then(|| Device::of_spec(&claims.device()))
+    let is_richer = claims.stribeck.is_some() || claims.stops.is_some() || claims.moves_by_position();
+    is_richer.then(|| Device::of_spec(&claims.device()))
 }

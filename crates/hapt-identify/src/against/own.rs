@@ -7,7 +7,9 @@
 use hapt_plant::spec::DeviceSpec;
 
 use super::claims::Claims;
-use crate::device::{DAMPING, Device, FRICTION, Fit, Free, INERTIA, LATE, OFFSET, PARAMETERS, Shot, VARIANCE};
+use crate::device::{
+    ACCURACY, DAMPING, Device, FRICTION, Fit, Free, INERTIA, LATE, OFFSET, PARAMETERS, Shot, VARIANCE,
+};
 use crate::explained::NOTHING;
 use crate::handle::{self, WithHandle};
 use crate::identified::Identified;
@@ -33,7 +35,9 @@ pub(super) fn excess(
         .filter_map(|((_, left), i)| record.is_news(i).then_some(left))
         .collect();
     let own = of_file(record, claims, found, shots)?;
-    Some(beyond(own.squares, &best, found.spread))
+    // Under torques of the position the motion of a fit is as exact as printed numbers.
+    let accuracy = if claims.moves_by_position() { NOTHING } else { ACCURACY };
+    Some(beyond(own.squares, &best, accuracy * found.spread, found.spread))
 }
 
 /// The same of a device with a handle on a shaft.
@@ -53,17 +57,16 @@ pub(super) fn excess_with_handle(
         ..claims.device()
     };
     let best: Vec<f64> = residuals.iter().map(|(_, left)| *left).collect();
-    Some(beyond(handle::squares_of(record, &device)?, &best, record.spread()))
+    Some(beyond(handle::squares_of(record, &device)?, &best, ACCURACY * record.spread(), record.spread()))
 }
 
-/// The squares `own` beyond those of the best fit's residuals, in variances.
-fn beyond(own: f64, best: &[f64], spread: f64) -> f64 {
+/// The squares `own` beyond those of the best fit's residuals, in variances; motions are known to within `error`.
+fn beyond(own: f64, best: &[f64], error: f64, spread: f64) -> f64 {
     let samples = best.len() as f64;
     let squares: f64 = best.iter().map(|left| left * left).sum();
     let variance = (squares / samples).max((RESOLUTION * spread).powi(2));
-    // A motion this near the record is as exact as printed numbers.
-    let exact = NOTHING * spread * samples.sqrt();
-    ((own.sqrt() - exact).max(0.0).powi(2) - squares) / variance
+    let least = (own.sqrt() - error * samples.sqrt()).max(0.0).powi(2);
+    (least - squares) / variance
 }
 
 /// The file's device with the best initial states, and with those numbers within their ranges that explain the record best.

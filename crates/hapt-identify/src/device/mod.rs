@@ -16,6 +16,7 @@ pub(crate) use contact::{near, search, search_loaded};
 use field::HARMONICS;
 use fit::SHORTEST_LAG;
 pub(crate) use fit::{Fit, Shot};
+pub(crate) use motion::ACCURACY;
 use parameters::{CHANGES, COGGING, FAST, GRAVITY, RISE, SPRING, STIFFNESS, STOP_DAMPING, STOPS};
 pub(crate) use parameters::{DAMPING, Device, FRICTION, Free, INERTIA, LATE, OFFSET, PARAMETERS, VARIANCE};
 use slopes::Square;

@@ -50,7 +50,7 @@ pub(crate) struct Numbers {
 }
 
 /// The accuracy of the motion as a part of its size: without torques of the position it is within this of hapt-plant's.
-pub(super) const ACCURACY: f64 = 1e-7;
+pub(crate) const ACCURACY: f64 = 1e-7;
 /// A gap below this part of the largest one so far counts as none.
 const NO_GAP: f64 = 1e-12;
 /// More events between two changes of the torque are chatter.
