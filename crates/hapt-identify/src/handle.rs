@@ -122,13 +122,17 @@ pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>)
     let CancellableRecord { record, stop } = *watched;
     let (lattice, spread) = (record.lattice(), record.spread());
     let explains = |fit: &Fit| explained(record, &fit.left, lattice, spread);
+    let own = near.and_then(|device| begun(watched, device)).filter(explains);
+    let mut best = own.and_then(|own| own.fitting(Free::All).improved(record, MAX_ITERATIONS, &|_, _| stop()));
     // The best after a few steps need not be the best in the end, and with much noise more than one may explain the record.
-    let mut best: Option<Fit> = None;
     let mut seen: Vec<Fit> = Vec::new();
     let near = near.map(|device| Starts { at: around(record, device), rigid: f64::INFINITY });
-    let begun = near.into_iter().chain(iter::once_with(|| starts_of(watched)).flatten());
+    let all = near.into_iter().chain(iter::once_with(|| starts_of(watched)).flatten());
     let mut rings = true;
-    for Starts { at, rigid } in begun {
+    for Starts { at, rigid } in all {
+        if best.as_ref().is_some_and(explains) {
+            break;
+        }
         let fits = with_lags(watched, at, &explains);
         // A handle that rings explains most of the residuals of a rigid device.
         rings = fits.first().is_some_and(|fit| fit.squares < RINGS * rigid);
@@ -138,9 +142,6 @@ pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>)
                 continue;
             }
             best = best.into_iter().chain(fit.improved(record, MAX_ITERATIONS, &|_, _| stop())).min_by(by_squares);
-        }
-        if best.as_ref().is_some_and(explains) {
-            break;
         }
     }
     let best = best.ok_or(Error::Unexplained)?;
@@ -161,14 +162,19 @@ pub(crate) fn search(watched: &CancellableRecord<'_>, near: Option<&DeviceSpec>)
     Ok(HandleSearch { fit, others, wrong, residual })
 }
 
-/// The squares that a device leaves from its best initial state.
-pub(crate) fn squares_of(watched: &CancellableRecord<'_>, device: &DeviceSpec) -> Option<f64> {
+/// A known device from its best initial state.
+fn begun(watched: &CancellableRecord<'_>, device: &DeviceSpec) -> Option<Fit> {
     let CancellableRecord { record, stop } = *watched;
     let starts = around(record, device).into_iter().flat_map(|start| [(true, start), (false, moving(record, start))]);
-    let best = starts.filter_map(|(rests, start)| {
+    let fits = starts.filter_map(|(rests, start)| {
         Fit::of(record, start, rests)?.fitting(Free::Beginning).improved(record, FEW_ITERATIONS, &|_, _| stop())
     });
-    best.map(|fit| fit.squares).min_by(f64::total_cmp)
+    fits.min_by(by_squares)
+}
+
+/// The squares that it leaves.
+pub(crate) fn squares_of(watched: &CancellableRecord<'_>, device: &DeviceSpec) -> Option<f64> {
+    begun(watched, device).map(|fit| fit.squares)
 }
 
 fn by_squares(a: &Fit, b: &Fit) -> Ordering {
