@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Optional
 
 from . import _hapt
+from ._system import a_scenario
 
 if TYPE_CHECKING:
     from ._world import World
@@ -94,7 +95,7 @@ class Device:
     def __init__(self, world: World, scenario: Optional[str] = None, native: Optional[_hapt.Device] = None) -> None:
         self._world = world
         self._scenario = scenario
-        self._native = world._native.device(scenario) if native is None else native
+        self._native = world._native.device(None if scenario is None else a_scenario(scenario)) if native is None else native
 
     def step(self, torque: float) -> tuple[float, float]:
         """Commands `torque` (N·m; linear: N) to the motor for a period, and returns the puck's position and velocity at the period's end.

@@ -40,7 +40,7 @@ class System:
         spelled = [
             f"{a_key(key)}={'..'.join(text_of(end, key) for end in ends)}{':log' if log else ''}" for key, ends in ranges.items()
         ]
-        names = [claims] if isinstance(claims, str) else list(claims)
+        names = _names("claims", claims)
         pieces, claimed = self._native.boundary(spelled, names)
         first, second = ranges
         return Boundary(
@@ -113,7 +113,9 @@ class System:
         """
         _mapping("axes", axes)
         values = {a_key(key): numbers(key, array) for key, array in axes.items()}
-        names = [measures] if isinstance(measures, str) else list(measures)
+        names = _names("measures", measures)
+        if scenario is not None:
+            a_scenario(scenario)
         for name, number, least, most in [("threads", threads, 0, 1024), ("shards", shards, 1, 10**8)]:
             if number is not None:
                 whole(name, number, least, most)
@@ -133,6 +135,27 @@ def a_key(key: object) -> str:
     if "=" in key:
         raise ValueError(f"{key!r} is no key: a key is a dotted path such as 'loop.period', without '='")
     return key
+
+
+def a_scenario(name: object) -> str:
+    if not isinstance(name, str):
+        raise TypeError(f"scenario must be a name, not {type(name).__name__}")
+    return name
+
+
+def items(name: str, value: Any) -> list[Any]:
+    try:
+        return list(value)
+    except TypeError:
+        raise TypeError(f"{name} must be a sequence, not {type(value).__name__}") from None
+
+
+def _names(name: str, value: Any) -> list[str]:
+    names = [value] if isinstance(value, str) else items(name, value)
+    for each in names:
+        if not isinstance(each, str):
+            raise TypeError(f"{name} must be names, not {type(each).__name__}")
+    return names
 
 
 def _mapping(name: str, value: object) -> None:

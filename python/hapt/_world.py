@@ -20,7 +20,7 @@ from ._live import Live
 from ._program import ran
 from ._run import Run
 from ._running import Device, Loop
-from ._system import System, a_key, text_of, whole
+from ._system import System, a_key, a_scenario, items, text_of, whole
 from ._widget import Widget
 
 Value = Union[str, float, int]
@@ -81,8 +81,8 @@ class World(System):
             "device": device,
             "safety": safety,
             "bodies": bodies or None,
-            "couplings": list(couplings) or None,
-            "compensation": list(compensation) or None,
+            "couplings": items("couplings", couplings) or None,
+            "compensation": items("compensation", compensation) or None,
             "scenarios": scenarios or None,
         }
         self._native = _hapt.read("world", _toml.document(_toml.plain(tables, "")))
@@ -319,9 +319,7 @@ class World(System):
 
     def _scenario(self, name: Optional[str]) -> str:
         if name is not None:
-            if not isinstance(name, str):
-                raise TypeError(f"scenario must be a name, not {type(name).__name__}")
-            return name
+            return a_scenario(name)
         names = self.scenarios
         if len(names) != 1:
             kind = "network" if self.stations else "world"

@@ -12,6 +12,7 @@ import pathlib
 import shutil
 import subprocess
 import zipfile
+from collections.abc import Callable
 from typing import Any, Optional, get_args, get_origin, get_type_hints
 
 import hapt
@@ -303,8 +304,22 @@ def test_a_loop_that_stops_being_finite_raises_as_a_run_ends(world: hapt.World, 
 
 
 def test_a_wrong_choice_is_named(world: hapt.World) -> None:
-    with pytest.raises(TypeError, match="remedies"):
-        world.check(1)  # type: ignore[arg-type]
+    axes, plane = {"loop.period": [1e-3]}, {"loop.period": (1e-3, 2e-3), "device.damping": (0.0, 1.0)}
+    mistakes: list[tuple[str, Callable[[Any], object]]] = [
+        ("remedies", lambda wrong: world.check(wrong)),
+        ("scenario", lambda wrong: world.simulate(wrong)),
+        ("scenario", lambda wrong: world.device(wrong)),
+        ("scenario", lambda wrong: world.sweep(axes, "certified", wrong)),
+        ("measures", lambda wrong: world.sweep(axes, wrong)),
+        ("measures", lambda wrong: world.sweep(axes, [wrong])),
+        ("claims", lambda wrong: world.boundary(plane, wrong)),
+        ("claims", lambda wrong: world.boundary(plane, [wrong])),
+        ("couplings", lambda wrong: hapt.World(loop={}, device={}, couplings=wrong)),
+        ("compensation", lambda wrong: hapt.World(loop={}, device={}, compensation=wrong)),
+    ]
+    for name, call in mistakes:
+        with pytest.raises(TypeError, match=name):
+            call(1)
 
 
 def test_a_handle_on_a_shaft_has_columns_and_a_motion_of_its_own(world: hapt.World) -> None:
