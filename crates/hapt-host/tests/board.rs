@@ -33,6 +33,24 @@ between = ["puck", "ground"]
 torque = "50 N mm"
 "#;
 
+/// What a board of another kind says.
+const HELLO: Hello<'_> = Hello {
+    protocol: 1,
+    firmware: "9",
+    board: "other",
+    core: 0,
+    world: None,
+    bodies: 4,
+    couplings: 8,
+    window: 16,
+    externally_clocked: false,
+    sequence: 0,
+    sample: 0,
+    period: 1,
+    phase: 0,
+    reason: 0,
+};
+
 fn world() -> World {
     World::read(&Source::from_text("w.toml", PUSH), &[]).unwrap()
 }
@@ -257,6 +275,32 @@ fn runs_in_lockstep() {
 }
 
 #[test]
+fn the_samples_of_a_board_go_forward_in_time_whatever_the_line_repeats_or_overtakes() {
+    let (mut ours, path) = pty().unwrap();
+    let until = || Instant::now() + Duration::from_secs(60);
+    let board = std::thread::spawn(move || {
+        while ours.read(&mut [0; 64], until()).unwrap() == 0 {}
+        let mut write = |message: DeviceMessage<'_>| {
+            ours.write(frame(&message, &mut [0; 512]).unwrap(), until()).unwrap();
+        };
+        write(DeviceMessage::Hello(Hello { sample: 70_000, ..HELLO }));
+        for sample in [70_001, 70_003, 70_002, 70_003, 70_001, 70_004] {
+            write(DeviceMessage::Telemetry(Telemetry { sample, ..Telemetry::default() }));
+        }
+        // It restarts, and counts from 0.
+        write(DeviceMessage::Hello(Hello { sample: 1, ..HELLO }));
+        write(DeviceMessage::Telemetry(Telemetry { sample: 1, ..Telemetry::default() }));
+        ours
+    });
+    let mut link = Link::open(&path).unwrap();
+    let mut next = || link.telemetry(until()).map(|telemetry| telemetry.unwrap().sample);
+    assert_eq!([next().unwrap(), next().unwrap(), next().unwrap()], [70_001, 70_003, 70_004]);
+    assert!(matches!(next(), Err(Error::Restarted { .. })));
+    assert_eq!(next().unwrap(), 1);
+    drop(board.join().unwrap());
+}
+
+#[test]
 fn a_port_without_an_answer_or_with_another_version_is_named() {
     let (mut ours, path) = pty().unwrap();
     let error = Link::open(&path).unwrap_err();
@@ -267,22 +311,7 @@ fn a_port_without_an_answer_or_with_another_version_is_named() {
     let answer = std::thread::spawn(move || {
         let mut some = [0; 64];
         while ours.read(&mut some, Instant::now() + Duration::from_secs(60)).unwrap() == 0 {}
-        let hello = Hello {
-            protocol: 7,
-            firmware: "9",
-            board: "other",
-            core: 0,
-            world: None,
-            bodies: 4,
-            couplings: 8,
-            window: 16,
-            externally_clocked: false,
-            sequence: 0,
-            sample: 0,
-            period: 1,
-            phase: 0,
-            reason: 0,
-        };
+        let hello = Hello { protocol: 7, ..HELLO };
         let mut room = [0; 256];
         let frame = frame(&DeviceMessage::Hello(hello), &mut room).unwrap();
         ours.write(frame, Instant::now() + Duration::from_secs(60)).unwrap();

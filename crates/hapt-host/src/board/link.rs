@@ -46,6 +46,8 @@ pub struct Link {
     sequence: u32,
     /// The number of a sample, the instant at which it was received, and the period in s.
     clock: (u64, Instant, f64),
+    /// The sample of the last telemetry since the board's start.
+    newest: Option<u64>,
     waiting: VecDeque<Telemetry>,
     /// It was armed, and no message has shown it disarmed since.
     armed: bool,
@@ -103,6 +105,7 @@ impl Link {
             is_known: false,
             sequence: 0,
             clock: (0, Instant::now(), 1e-3),
+            newest: None,
             waiting: VecDeque::new(),
             armed: false,
             disarming: false,
@@ -405,6 +408,7 @@ impl Link {
                 let restarted = self.is_known && hello.sample < self.clock.0;
                 self.board = Board::new(&hello);
                 self.is_known = true;
+                self.newest = self.newest.filter(|newest| *newest < hello.sample);
                 self.clock = (hello.sample, Instant::now(), f64::from(hello.period.max(1)) * 1e-9);
                 // Lost commands leave a small gap, which the board accepts; after a restart the gap is large.
                 if self.sequence.wrapping_sub(hello.sequence) > MAX_LOST_COMMANDS {
@@ -424,7 +428,10 @@ impl Link {
             }
             DeviceMessage::Refused { sequence, why } => (Some(sequence), Acknowledgement::Refused(why)),
             DeviceMessage::Value { sequence, value, .. } => (Some(sequence), Acknowledgement::Value(value)),
+            // A repeated or overtaken message: its phase is an old one.
+            DeviceMessage::Telemetry(telemetry) if self.newest >= Some(telemetry.sample) => return Ok(None),
             DeviceMessage::Telemetry(telemetry) => {
+                self.newest = Some(telemetry.sample);
                 self.clock = (telemetry.sample.saturating_add(1), Instant::now(), self.clock.2);
                 let (left, faulted) = (Phase::Disarmed as u8, Phase::Faulted as u8);
                 if telemetry.phase == faulted || self.disarming && telemetry.phase == left {
