@@ -50,7 +50,10 @@ pub struct Timing {
 struct Last {
     sample: u64,
     due: u64,
-    taken: u64,
+    /// When its reading was taken; with a stale one the last new one.
+    read: u64,
+    /// The consecutive stale readings up to it; 0 at a new one.
+    stale: u64,
     /// Whether a torque may follow it.
     is_active: bool,
     outside: u32,
@@ -118,34 +121,40 @@ impl Timing {
     /// Adds a record, in the order of the loop.
     pub fn add(&mut self, record: &Record) {
         self.computation.saturating_record(record.computation.into());
-        self.overruns += u64::from(record.missed > 0);
-        self.missed += u64::from(record.missed);
-        let Record { sample, due, .. } = *record;
+        let Record { sample, due, outside, computation, phase, .. } = *record;
+        let missed = u64::from(record.missed);
         // The schedule's sample is the last whose instant has passed: it is late by less than a period.
         let late = u64::from(record.latency);
         let taken = due + late;
         let mut latency = late;
+        let steps = self.last.map_or(1, |last| sample.saturating_sub(last.sample).max(1));
+        // A sample that was neither missed nor received is a lost record.
+        let lost = steps.saturating_sub(1 + missed);
+        // The next sample was due one period after the last. A device's stale readings count as missed, too, but at their own instants: each
+        // comes with the number of them up to it, and the new reading behind them with the same number.
+        let skipped = missed.min(steps - 1);
+        let (stale, before) = (missed - skipped, self.last.map_or(0, |last| last.stale));
+        let is_stale = stale > before;
+        self.overruns += u64::from(skipped > 0 || is_stale && before == 0);
+        self.missed += skipped + stale.saturating_sub(before);
         if let Some(last) = self.last {
-            let steps = sample.saturating_sub(last.sample).max(1);
-            // A sample that was neither missed nor received is a lost record.
-            let lost = steps.saturating_sub(1 + u64::from(record.missed));
             self.lost += lost;
-            // The next sample was due one period after the last. A device's stale readings count as missed, too, but at their own instants.
-            let skipped = u64::from(record.missed).min(steps - 1);
             latency += due.saturating_sub(last.due) / steps * skipped;
+            let between = taken.saturating_sub(last.read);
             if lost == 0 {
-                let between = taken.saturating_sub(last.taken);
-                self.period.saturating_record(between);
                 self.gap = self.gap.max((between, taken));
+            }
+            if lost == 0 && !is_stale {
+                self.period.saturating_record(between);
             }
             if last.is_active {
                 let Certified { samples, inside, longest, longest_delay } = self.certified;
-                let taken_since = steps.saturating_sub(u64::from(record.missed)).max(1);
-                let outside = u64::from(record.outside.saturating_sub(last.outside)).min(taken_since);
+                let taken_since = steps.saturating_sub(missed).max(1);
+                let outside = u64::from(outside.saturating_sub(last.outside)).min(taken_since);
                 // For samples without a record only the count of missed ones is known: they may all have been missed in a row.
                 let between = match lost {
-                    0 => taken.saturating_sub(last.taken),
-                    _ => due.saturating_sub(last.due) / steps * (1 + u64::from(record.missed)),
+                    0 => between,
+                    _ => due.saturating_sub(last.due) / steps * (1 + missed),
                 };
                 self.certified = Certified {
                     samples: samples + taken_since,
@@ -157,8 +166,9 @@ impl Timing {
             }
         }
         self.latency.saturating_record(latency);
-        let Record { outside, computation, phase, .. } = *record;
-        self.last = Some(Last { sample, due, taken, is_active: phase.is_active(), outside, computation });
+        let read = self.last.filter(|_| is_stale).map_or(taken, |last| last.read);
+        let stale = if is_stale { stale } else { 0 };
+        self.last = Some(Last { sample, due, read, stale, is_active: phase.is_active(), outside, computation });
     }
 
     /// Samples whose records arrived.
@@ -369,15 +379,39 @@ mod tests {
             timing.add(&record(resumed, missed, late, 1));
             for k in 1..=after {
                 // Stale readings are missed samples of the device, and no stall.
-                timing.add(&record(resumed + k, device, 1000, 1));
+                let stale = if k <= u64::from(device) + 1 { device.min(k as u32) } else { 0 };
+                timing.add(&record(resumed + k, stale, 1000, 1));
             }
             let stall = u64::from(missed) * 1_000_000 + u64::from(late);
+            let silence = after.min(u64::from(device) + 1) * 1_000_000 + 1000 - u64::from(late);
             prop_assert!(timing.latency().max.abs_diff(stall) <= stall / 900 + 1, "{} {stall}", timing.latency().max);
-            prop_assert_eq!(timing.longest_gap(), stall + 1_000_000 - 1000);
-            prop_assert!(timing.period().max >= timing.longest_gap());
+            prop_assert_eq!(timing.longest_gap(), silence.max(stall + 1_000_000 - 1000));
+            prop_assert!(timing.period().max >= timing.longest_gap() || after <= u64::from(device));
+            prop_assert_eq!(timing.missed(), u64::from(missed) + after.min(device.into()));
             let (text, warning) = (timing.to_string(), timing.warning().unwrap());
             let gap = format!("{:.3} ms", timing.longest_gap() as f64 * 1e-6);
             prop_assert!(text.contains(&gap) && warning.contains(&gap), "{text} {warning}");
+        }
+    }
+
+    #[test]
+    fn a_silence_of_the_device_is_one_gap_and_each_of_its_instants_is_missed_once() {
+        let powered = |sample, missed| Record { phase: Phase::Running, ..record(sample, missed, 0, 1) };
+        for silent in 1..6 {
+            let mut timing = Timing::new();
+            let stale = (1..=silent).map(|k| (u64::from(k), k));
+            let new = (u64::from(silent) + 1, silent);
+            for (sample, missed) in
+                [(0, 0)].into_iter().chain(stale).chain([new, (new.0 + 1, 0), (new.0 + 2, 1), (new.0 + 3, 1)])
+            {
+                timing.add(&powered(sample, missed));
+            }
+            assert_eq!((timing.missed(), timing.overruns(), timing.lost()), (u64::from(silent) + 1, 2, 0));
+            let longest = new.0 * 1_000_000;
+            assert_eq!(
+                (timing.longest_gap(), timing.certified().longest),
+                (longest.max(2_000_000), longest.max(2_000_000))
+            );
         }
     }
 
