@@ -1,5 +1,6 @@
 //! `hapt sim`: the scenarios of a world or network, as files or as a summary.
 
+use std::borrow::Cow;
 use std::io::{Write, stdout};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -32,11 +33,27 @@ pub fn run(args: &SimArgs) -> Result<ExitCode, Failure> {
     let scenarios = named(&system, &args.scenarios)?;
     // All errors come before the first file is written.
     system.stations.iter().try_for_each(|station| hapt_sim::check(&station.world))?;
+    let runs = scenarios.iter().map(|name| Played::new(&system, name)).collect::<Result<Vec<_>, Failure>>()?;
     match &args.out {
-        Some(folder) => write_all(&system, &source, &scenarios, folder, args)?,
-        None => print_all(&system, &source, &scenarios)?,
+        Some(folder) => write_all(&system, &source, runs, folder, args)?,
+        None => print_all(&system, &source, runs)?,
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// A scenario that is to be run.
+struct Played<'s> {
+    name: &'s str,
+    system: Cow<'s, System>,
+    run: Run,
+}
+
+impl<'s> Played<'s> {
+    fn new(system: &'s System, name: &'s str) -> Result<Self, Failure> {
+        let system = hapt_analysis::played(system, name)?;
+        let run = Run::new(&system, name)?;
+        Ok(Played { name, system, run })
+    }
 }
 
 /// The scenarios named, each once, in file order; all when none is.
@@ -88,7 +105,7 @@ fn target(folder: &Path, scenario: &str, station: &Station, format: Format) -> P
 fn write_all(
     system: &System,
     source: &Source,
-    scenarios: &[&str],
+    runs: Vec<Played<'_>>,
     folder: &Path,
     args: &SimArgs,
 ) -> Result<(), Failure> {
@@ -103,8 +120,10 @@ fn write_all(
         .filter(|format| args.formats.contains(format))
         .collect();
     let files = || system.stations.iter().flat_map(|station| formats.iter().map(move |format| (station, *format)));
-    let of = |name: &&str| files().map(|(station, format)| target(folder, name, station, format)).collect::<Vec<_>>();
-    let targets: Vec<PathBuf> = scenarios.iter().flat_map(of).collect();
+    let of = |played: &Played<'_>| {
+        files().map(|(station, format)| target(folder, played.name, station, format)).collect::<Vec<_>>()
+    };
+    let targets: Vec<PathBuf> = runs.iter().flat_map(of).collect();
     let outputs: Vec<_> = targets.iter().map(|path| ("--out", path.as_path())).collect();
     output::apart(&outputs, &inputs(&args.world.path, system))?;
     let made = Made::by(&args.world.path, source, system.title.as_deref(), &args.world.sets);
@@ -118,7 +137,7 @@ fn write_all(
         })
         .collect();
     let mut first_failure = None;
-    for name in scenarios {
+    for Played { name, mut run, .. } in runs {
         let mut tables = Vec::new();
         for (station, header) in system.stations.iter().zip(&headers) {
             let header = Header { scenario: Some(name.to_string()), ..header.clone() };
@@ -127,8 +146,6 @@ fn write_all(
             };
             tables.push(formats.iter().map(table).collect::<Result<Vec<_>, _>>()?);
         }
-        let played = hapt_analysis::played(system, name)?;
-        let mut run = Run::new(&played, name)?;
         let end = rows(&mut run, name, |row| tables[row.station].iter_mut().try_for_each(|table| table.row(row)))?;
         let mut written = Vec::new();
         for table in tables.into_iter().flatten() {
@@ -160,13 +177,11 @@ pub fn header(world: &World, source: &Source, sets: &[String], certified: bool) 
     }
 }
 
-fn print_all(system: &System, source: &Source, scenarios: &[&str]) -> Result<(), Failure> {
+fn print_all(system: &System, source: &Source, runs: Vec<Played<'_>>) -> Result<(), Failure> {
     let mut out = stdout().lock();
     let mut first_failure = None;
     writeln!(out, "{}", system.title_or(source)).map_err(Failure::stdout)?;
-    for name in scenarios {
-        let played = hapt_analysis::played(system, name)?;
-        let mut run = Run::new(&played, name)?;
+    for Played { name, system: played, mut run } in runs {
         let mut summary = SystemSummary::new(&played, &run);
         let end = rows(&mut run, name, |row| {
             summary.add(row);
