@@ -43,6 +43,14 @@ pub enum Error {
         /// What is wrong, and what would be right.
         reason: String,
     },
+    /// The samples of a station whose clock is fast or slow do not suit its loop.
+    #[error("stations.{station}.drift: samples by this clock are uneven, and {reason}")]
+    Clock {
+        /// The station's name.
+        station: String,
+        /// What is wrong, and what would be right.
+        reason: String,
+    },
     /// A number is no longer finite; the rows before it are valid.
     #[error("the run stops being finite at t = {time} s: the loop has run away")]
     NotFinite {

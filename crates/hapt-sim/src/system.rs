@@ -189,6 +189,12 @@ impl Run {
         for (station, scenario) in system.stations.iter().zip(scenarios) {
             let mut scenario = scenario.cloned().unwrap_or_else(|| hands_off(name, duration));
             scenario.timing = drifting(&scenario.timing, station.drift);
+            // The reader has checked the file's own timing.
+            if station.drift != 0.0
+                && let Some((_, reason)) = scenario.timing.fault(&station.world.sampling, scenario.duration)
+            {
+                return Err(Error::Clock { station: station.name.clone(), reason });
+            }
             stations.push(Station {
                 run: Simulation::new(&station.world, &scenario)?,
                 phase: station.phase,

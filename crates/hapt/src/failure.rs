@@ -145,10 +145,10 @@ impl From<hapt_sim::Error> for Failure {
     fn from(error: hapt_sim::Error) -> Self {
         match error {
             hapt_sim::Error::Loop(error) => Failure::input(error),
-            error
-            @ (hapt_sim::Error::Timing { .. } | hapt_sim::Error::Device { .. } | hapt_sim::Error::Hand { .. }) => {
-                Failure::input(error)
-            }
+            error @ (hapt_sim::Error::Timing { .. }
+            | hapt_sim::Error::Clock { .. }
+            | hapt_sim::Error::Device { .. }
+            | hapt_sim::Error::Hand { .. }) => Failure::input(error),
             error @ hapt_sim::Error::NotFinite { .. } => Failure::System(error.to_string()),
         }
     }

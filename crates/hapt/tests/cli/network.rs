@@ -91,6 +91,13 @@ fn a_mistake_in_a_network_is_named_with_its_place() {
         .refused(2, &["loop.period", "time"]);
     hapt(at.path(), ["sim", "pair.toml", "--scenario", "pull"])
         .refused(2, &["no station's world has a scenario \"pull\""]);
+    // A slow clock makes uneven samples, and a command on the line while the next is taken is of even ones.
+    for command in ["sim", "worst"] {
+        let args = [command, "pair.toml", "--set", "stations.left.loop.delay=1.5ms", "--set"];
+        hapt(at.path(), [&args[..], &["stations.left.drift=-1"]].concat())
+            .refused(2, &["stations.left.drift: ", "0.0015 s, is longer than the period, 0.001 s"]);
+        hapt(at.path(), [&args[..], &["stations.left.drift=0"]].concat()).done();
+    }
     // A command for a world names the file as a network.
     hapt(at.path(), ["impedance", "pair.toml"]).refused(2, &["is a network"]);
 }
