@@ -57,6 +57,25 @@ fn a_run_of_a_network_is_a_file_for_each_station() {
 }
 
 #[test]
+fn a_scenario_that_cannot_be_run_is_refused_before_the_file_of_another() {
+    let times: String = (0..=100).map(|k| format!("{}\n", 1e-3 * f64::from(k))).collect();
+    let recorded = "[scenarios.recorded]\nduration = \"0.1 s\"\nhand = { kind = \"step\", to = \"10 deg\" }\n\
+        timing = { kind = \"recorded\", file = \"times.csv\" }\n";
+    let at = folder(&[
+        ("wheel.toml", &format!("loop.interval_max = \"2 ms\"\n{WHEEL}{recorded}")),
+        ("free.toml", FREE),
+        ("pair.toml", PAIR),
+        ("times.csv", &format!("time_s\n{times}")),
+    ]);
+    // By a fast clock the recording takes less time than the scenario.
+    hapt(at.path(), ["sim", "pair.toml", "--out", "runs", "--set", "stations.left.drift=5000"])
+        .refused(2, &["stations.left.drift: ", "the recording lasts 0.0995"]);
+    assert!(!at.path().join("runs").exists());
+    hapt(at.path(), ["sim", "pair.toml", "--out", "runs"]).done();
+    assert_eq!(names(&at.path().join("runs")).len(), 4);
+}
+
+#[test]
 fn a_mistake_in_a_network_is_named_with_its_place() {
     let at = folder(&[
         ("wheel.toml", WHEEL),
