@@ -265,7 +265,7 @@ impl Run {
                     *begun.insert(last.due)
                 }
             };
-            if !is_over && (last.due - since) as f64 >= self.duration * 1e9 {
+            if !is_over && last.due.saturating_sub(since) as f64 >= self.duration * 1e9 {
                 is_over = true;
                 self.request(Request::Disarm)?;
             }
@@ -350,7 +350,7 @@ impl Run {
         );
         let kept = kept(world, timing);
         let Some(realtime) = self.session.realtime() else {
-            let samples = last.zip(*first).map_or(0, |(last, first)| last.sample - first + 1);
+            let samples = last.zip(*first).map_or(0, |(last, first)| last.sample.saturating_sub(first) + 1);
             let missed = match timing.missed() {
                 0 => "none".into(),
                 missed => format::count(missed),

@@ -89,7 +89,7 @@ impl Recording {
 
     /// Counts the next sample, and returns the recorder that writes it.
     pub(crate) fn take(&mut self, record: &Record) -> &Recorder {
-        self.length = record.due - *self.begun.get_or_insert(record.due);
+        self.length = record.due.saturating_sub(*self.begun.get_or_insert(record.due));
         &self.recorder
     }
 
