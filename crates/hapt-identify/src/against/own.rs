@@ -47,7 +47,7 @@ pub(super) fn excess_with_handle(
     found: &WithHandle,
     residuals: &[(f64, f64)],
 ) -> Option<f64> {
-    let within = |[low, high]: [f64; 2], seen: &Interval| seen.value.clamp(low, high);
+    let within = |range: [f64; 2], seen: &Interval| within(range, seen.value);
     let device = DeviceSpec {
         inertia: within(claims.inertia, &found.inertia),
         damping: within(claims.damping, &found.damping),
@@ -69,6 +69,11 @@ fn beyond(own: f64, best: &[f64], error: f64, spread: f64) -> f64 {
     (least - squares) / variance
 }
 
+/// The number of a range that is nearest to `x`.
+fn within([low, high]: [f64; 2], x: f64) -> f64 {
+    x.max(low).min(high)
+}
+
 /// The file's device with the best initial states, and with those numbers within their ranges that explain the record best.
 fn of_file(record: &CancellableRecord<'_>, claims: &Claims, found: &Identified, shots: Vec<Shot>) -> Option<Fit> {
     let mut device = Device::of_spec(&claims.device());
@@ -88,9 +93,9 @@ fn of_file(record: &CancellableRecord<'_>, claims: &Claims, found: &Identified, 
         (VARIANCE, found.lag.map(|x| x.value * x.value)),
     ];
     for (i, seen) in seen {
-        device.p[i] = seen.unwrap_or(device.p[i]).clamp(range[i][0], range[i][1]);
+        device.p[i] = within(range[i], seen.unwrap_or(device.p[i]));
     }
-    device.p[OFFSET] = device.p[OFFSET].clamp(range[OFFSET][0], range[OFFSET][1]);
+    device.p[OFFSET] = within(range[OFFSET], device.p[OFFSET]);
     let mut free: Free = [false; PARAMETERS];
     for i in RANGED.into_iter().chain([OFFSET]) {
         free[i] = range[i][0] < range[i][1];
@@ -104,7 +109,7 @@ fn of_file(record: &CancellableRecord<'_>, claims: &Claims, found: &Identified, 
         }
         let mut device = fit.device;
         for i in outside {
-            device.p[i] = device.p[i].clamp(range[i][0], range[i][1]);
+            device.p[i] = within(range[i], device.p[i]);
             free[i] = false;
         }
         fit = Fit::of(record, device, free, fit.shots)?.improved(record, MANY)?;
