@@ -79,10 +79,13 @@ impl Normal {
     }
 
     /// The inverse of the information, 0 in the rows of parameters that are not free; `None` where two parameters cannot be separated at
-    /// all. The information is the least that rounding allows: a direction of which it knows nothing more has no standard error.
+    /// all. The information is the least that rounding allows, where that separates them still.
     pub fn inverse(&self, free: Free) -> Option<Square> {
-        let (matrix, scale) = self.scaled(self.seen(free), -ROUNDING);
-        let inverse = matrix.cholesky()?.inverse();
+        let of = |least: f64| {
+            let (matrix, scale) = self.scaled(self.seen(free), least);
+            Some((matrix.cholesky()?.inverse(), scale))
+        };
+        let (inverse, scale) = of(-ROUNDING).or_else(|| of(0.0))?;
         let inverse = Square::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]);
         inverse.iter().all(|x| x.is_finite()).then_some(inverse)
     }
