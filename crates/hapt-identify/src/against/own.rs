@@ -13,7 +13,6 @@ use crate::device::{
 use crate::explained::NOTHING;
 use crate::handle::{self, WithHandle};
 use crate::identified::Identified;
-use crate::interval::Interval;
 use crate::record::CancellableRecord;
 use crate::remainder::RESOLUTION;
 
@@ -47,13 +46,12 @@ pub(super) fn excess_with_handle(
     found: &WithHandle,
     residuals: &[(f64, f64)],
 ) -> Option<f64> {
-    let within = |range: [f64; 2], seen: &Interval| within(range, seen.value);
     let device = DeviceSpec {
-        inertia: within(claims.inertia, &found.inertia),
-        damping: within(claims.damping, &found.damping),
-        friction: within(claims.friction, &found.friction),
-        lag: within(claims.lag, &found.lag),
-        delay: within(claims.delay, &found.delay),
+        inertia: within(claims.inertia, found.inertia.value),
+        damping: within(claims.damping, found.damping.value),
+        friction: within(claims.friction, found.friction.value),
+        lag: within(claims.lag, found.lag.value),
+        delay: within(claims.delay, found.delay.value),
         ..claims.device()
     };
     let best: Vec<f64> = residuals.iter().map(|(_, left)| *left).collect();
