@@ -1,16 +1,29 @@
 //! The best of the fits from several starts.
 
-use crate::fit::{Fit, Free, fit};
+use crate::explained::NOTHING;
+use crate::factor::{Free, without};
+use crate::fit::{Fit, fit};
 use crate::intervals::separates_offset;
 use crate::puck::{DELAY, Puck};
-use crate::record::{CancellableRecord, Record};
-use crate::remainder::fitted;
-use crate::start::{Begin, begins, direction};
+use crate::record::{CancellableRecord, EARLIEST, LONGEST_DELAY, Record};
+use crate::remainder::{RESOLUTION, error_variance, fitted, spread};
+use crate::start::{Begin, begins, direction, starts};
 
 /// The number of standard errors that counts as certain, for the delay and for a constant torque.
 const SURELY: f64 = 5.0;
+/// The same for the sign of the torque: 99.9 %.
+const SIGN: f64 = 3.29;
 /// A fit over more samples of the same motion has at most this times the residual variance.
 const ALIKE: f64 = 1.2;
+/// Delays around that of a fit, on each side, their distances in periods, and the number of those with the least squares that lead to a fit.
+const DELAYS: i32 = 24;
+const DELAY_STEPS: [f64; 2] = [1.0 / 8.0, 1.0 / 64.0];
+const LEADS: usize = 3;
+
+/// A fit is far from the least squares where the step to them is more than this part of the standard errors; then at most this many delays
+/// are tried.
+const FAR: f64 = 0.1;
+const MOST_ALONG: usize = 12;
 
 /// Which parameters are fitted.
 pub(crate) fn free(record: &Record, offset: bool) -> Free {
@@ -29,10 +42,15 @@ pub(crate) fn best(record: &CancellableRecord<'_>, starts: &[Puck]) -> Option<Fi
             let start = if offset { *start } else { Puck { offset: 0.0, friction, ..*start } };
             fit(record, start, free, record.first())
         });
-        let best = fits.min_by(|a, b| a.normal.squares.total_cmp(&b.normal.squares))?;
+        let fits: Vec<Fit> = fits.collect();
+        let least = fits.iter().min_by(|a, b| a.factor.squares.total_cmp(&b.factor.squares))?;
+        // Of two signs that explain the record as well, that of the shorter delay.
+        let is_rival = |fit: &&Fit| explains_as_well(record, fit, least);
+        let rivals = fits.iter().filter(is_rival).chain([least]);
+        let best = rivals.min_by(|a, b| a.puck.delay.abs().total_cmp(&b.puck.delay.abs()))?;
         // Fits tend to stop where one loss is below 0 and the other far too large, which is not physical.
         let shared = shared(record, &best.puck).and_then(|start| fit(record, start, free, record.first()));
-        Some(shared.filter(|fit| fit.normal.squares < best.normal.squares).unwrap_or(best))
+        Some(shared.filter(|fit| fit.factor.squares < best.factor.squares).unwrap_or(*best))
     };
     // For motion in one direction friction is the same as a constant torque.
     let offset = if is_driven { with(true) } else { None };
@@ -40,11 +58,73 @@ pub(crate) fn best(record: &CancellableRecord<'_>, starts: &[Puck]) -> Option<Fi
         Some(fit) if separates_offset(&fit) => fit,
         // Hardly separated from friction, but present: without it the residuals are significantly larger.
         Some(fit) => with(false)
-            .filter(|none| none.normal.squares - fit.normal.squares < SURELY.powi(2) * fit.variance())
+            .filter(|none| none.factor.squares - fit.factor.squares < SURELY.powi(2) * fit.variance())
             .unwrap_or(fit),
         None => with(false)?,
     };
-    Some(earlier(record, &late).unwrap_or(late))
+    let found = earlier(record, &late).unwrap_or(late);
+    let found = along_delays(record, &found).unwrap_or(found);
+    let finer = |found: Fit, step: &f64| among_delays(record, &found, *step).unwrap_or(found);
+    Some(DELAY_STEPS.iter().fold(found, finer))
+}
+
+/// The best fit with the other sign of the torque, where the record does not decide between the two.
+pub(crate) fn rival(record: &CancellableRecord<'_>, found: &Fit) -> Option<Fit> {
+    let starts = starts(record).into_iter().filter(|start| start.gain * found.puck.gain < 0.0);
+    let fits = starts.filter_map(|start| fit(record, start, found.free, found.first));
+    fits.filter(|fit| explains_as_well(record, fit, found)).min_by(|a, b| a.factor.squares.total_cmp(&b.factor.squares))
+}
+
+/// Whether a fit has the other sign, and its squares are not certainly more.
+fn explains_as_well(record: &Record, fit: &Fit, best: &Fit) -> bool {
+    let more = fit.factor.squares - best.factor.squares;
+    fit.puck.gain * best.puck.gain < 0.0 && more < SIGN.powi(2) * error_variance(record, best)
+}
+
+/// The fit of another delay, where that of all parameters ended far from the least squares: on a spring delay, damping and inertia explain
+/// each other over a valley that bends. With the delay held the others are found in a few steps, so the delay alone is searched. `None`:
+/// the fit is at the least squares already.
+fn along_delays(record: &CancellableRecord<'_>, found: &Fit) -> Option<Fit> {
+    let whole = found.whole(record).filter(|_| found.free[DELAY])?;
+    if found.factor.size(&whole) < FAR.powi(2) * found.variance() {
+        return None;
+    }
+    let (mut best, mut step) = (*found, whole[DELAY]);
+    for _ in 0..MOST_ALONG {
+        let inverse = best.inverse()?;
+        if (record.stop)() || step.abs() < FAR * (inverse[(DELAY, DELAY)] * best.variance()).sqrt() {
+            break;
+        }
+        let mut p = best.puck.parameters();
+        let delay = (p[DELAY] + step).clamp(-EARLIEST, LONGEST_DELAY);
+        let part = (delay - p[DELAY]) / inverse[(DELAY, DELAY)];
+        p.iter_mut().enumerate().for_each(|(i, p)| *p += part * inverse[(i, DELAY)]);
+        let there = fit(record, Puck::from_parameters(p), without(found.free, DELAY), found.first);
+        match there.filter(|there| there.factor.squares < best.factor.squares) {
+            Some(there) => (best, step) = (Fit { free: found.free, ..there }, 2.0 * step),
+            None => step *= -0.5,
+        }
+    }
+    let ends = fit(record, best.puck, found.free, found.first).unwrap_or(best);
+    (ends.factor.squares < found.factor.squares).then_some(ends)
+}
+
+/// The same fit of nearly exact positions from delays around its own, this many periods apart. Without noise the squares over the delay have a minimum wherever a
+/// reversal passes a change of the torque, and only the delay of the device leaves none. `None`: counts or noise hide that, or the fit is
+/// exact already.
+fn among_delays(record: &CancellableRecord<'_>, found: &Fit, step: f64) -> Option<Fit> {
+    let size = spread(record, found);
+    let rms = found.variance().sqrt();
+    if record.lattice().is_some() || !found.free[DELAY] || !(RESOLUTION * size..NOTHING * size).contains(&rms) {
+        return None;
+    }
+    let squares = |fit: &Fit| fit.factor.squares;
+    let of_delay = |delay: f64| fit(record, Puck { delay, ..found.puck }, without(found.free, DELAY), found.first);
+    let delays = (-DELAYS..=DELAYS).map(|i| found.puck.delay + f64::from(i) * step * record.period());
+    let mut around: Vec<Fit> = delays.filter_map(of_delay).collect();
+    around.sort_by(|a, b| squares(a).total_cmp(&squares(b)));
+    let fits = around.iter().take(LEADS).filter_map(|lead| fit(record, lead.puck, found.free, found.first));
+    fits.min_by(|a, b| squares(a).total_cmp(&squares(b))).filter(|fit| squares(fit) < squares(found))
 }
 
 /// The puck with a loss below 0, half of the other's work given to that one; `None` where neither is below 0.
@@ -73,6 +153,6 @@ fn earlier(record: &CancellableRecord<'_>, late: &Fit) -> Option<Fit> {
     let fits = begins(record, first).into_iter().filter_map(|Begin { position, velocity }| {
         fit(record, Puck { position, velocity, ..late.puck }, late.free, first)
     });
-    let best = fits.min_by(|a, b| a.normal.squares.total_cmp(&b.normal.squares))?;
+    let best = fits.min_by(|a, b| a.factor.squares.total_cmp(&b.factor.squares))?;
     (best.variance() < ALIKE * late.variance()).then_some(best)
 }

@@ -10,7 +10,8 @@
 //! best fit. The distribution of that difference at a bound is half of χ² and half 0 (Chernoff 1954), so t² covers at least as often as
 //! stated.
 
-use crate::fit::{Fit, Free, fit};
+use crate::factor::Free;
+use crate::fit::{Fit, fit};
 use crate::puck::{DAMPING, DELAY, FRICTION, Puck};
 use crate::quantile::student;
 use crate::record::{CancellableRecord, LONGEST_DELAY};
@@ -49,7 +50,7 @@ impl Bounded {
             return Bounded { fit: best, ends: Vec::new() };
         }
         let is_near = |fit: &Fit| {
-            let more = fit.normal.squares - best.normal.squares;
+            let more = fit.factor.squares - best.factor.squares;
             more < SURELY.powi(2) * best.variance() && fit.puck.delay < LONGEST_DELAY
         };
         let found = within(record, best.puck, best.free, best.first).filter(is_near);
@@ -91,7 +92,7 @@ fn within(record: &CancellableRecord<'_>, start: Puck, free: Free, first: usize)
         let found = fit(record, Puck::from_parameters(p), others, first)?;
         is_within(&found.puck, free).then_some(Fit { free, ..found })
     });
-    fits.min_by(|a, b| a.normal.squares.total_cmp(&b.normal.squares))
+    fits.min_by(|a, b| a.factor.squares.total_cmp(&b.factor.squares))
 }
 
 /// The profiles of all parameters that a fit has at 0.
@@ -123,10 +124,10 @@ fn profile(record: &CancellableRecord<'_>, fit: &Fit, i: usize) -> Profile {
     for _ in 0..PLACES {
         start[i] = place;
         let Some(there) = within(record, Puck::from_parameters(start), free, fit.first) else { break };
-        let more = there.normal.squares - fit.normal.squares;
+        let more = there.factor.squares - fit.factor.squares;
         if more < -NEAR * allowed {
             return within(record, there.puck, fit.free, fit.first)
-                .filter(|better| better.normal.squares < fit.normal.squares)
+                .filter(|better| better.factor.squares < fit.factor.squares)
                 .map_or(Profile::Ends(ends), |better| Profile::Better(Box::new(better)));
         }
         if more <= allowed {

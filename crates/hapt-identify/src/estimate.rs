@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-use crate::best::{best, free};
+use crate::best::{best, free, rival};
 use crate::bound::Bounded;
 use crate::device;
 use crate::fit::{Fit, fit};
@@ -129,11 +129,14 @@ impl BestFit {
     /// The numbers with their intervals.
     pub fn identified(&self, record: &CancellableRecord<'_>, known: &Known) -> Identified {
         let lag = self.lag.as_ref().filter(|lag| known.lag.is_some() || lag.is_seen() || !is_right(record, &self.best));
-        let bounded = lag.map_or_else(|| Bounded::new(record, self.best), |lag| lag.bounded(record));
+        let mut bounded = lag.map_or_else(|| Bounded::new(record, self.best), |lag| lag.bounded(record));
+        let rival = rival(record, &bounded.fit).map(|fit| fit.puck);
+        bounded.ends.extend(rival.map(|puck| Puck { gain: -puck.gain, ..puck }));
         let residual = residual(&left(record, &bounded.fit));
         let spread = spread(record, &bounded.fit);
         let found = Intervals::new(record, bounded, self.lag.as_ref(), known).identified(record, residual, spread);
-        Identified { damping: found.damping.map(|damping| known.own(damping)), ..found }
+        let sign = found.sign.filter(|_| rival.is_none());
+        Identified { damping: found.damping.map(|damping| known.own(damping)), sign, ..found }
     }
 }
 

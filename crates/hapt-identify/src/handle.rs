@@ -286,7 +286,7 @@ fn starts_of(watched: &CancellableRecord<'_>) -> Option<Starts> {
     let others = others.iter().take(OTHERS).map(|other| (other, 1.0));
     let first = PARTS.map(|part| (first, part)).into_iter();
     let at = first.chain(others).map(|(ringing, part)| start(ringing, part)).collect();
-    Some(Starts { at, rigid: rigid.normal.squares })
+    Some(Starts { at, rigid: rigid.factor.squares })
 }
 impl WithHandle {
     /// The numbers under their names, in the order of `hapt identify --handle --json`.

@@ -4,7 +4,8 @@ use nalgebra::SMatrix;
 
 use crate::bound::Bounded;
 use crate::counts::Lattice;
-use crate::fit::{Fit, Square, least_variance};
+use crate::factor::Square;
+use crate::fit::Fit;
 use crate::identified::{CorrelatedPair, Identified, Known, Residual};
 use crate::interval::Interval;
 use crate::lag::Lag;
@@ -37,14 +38,14 @@ pub(crate) struct Intervals<'k> {
 impl<'k> Intervals<'k> {
     pub fn new(record: &Record, Bounded { fit: best, ends }: Bounded, lag: Option<&'k Lag>, known: &'k Known) -> Self {
         let factor = student(best.freedom()) * error_variance(record, &best).sqrt();
-        let covariance = best.covariance(least_variance(record), factor * factor);
+        let covariance = best.covariance(record, factor * factor);
         Intervals { best, ends, lag, known, factor, covariance }
     }
 
     pub fn identified(&self, record: &Record, residual: Residual, spread: f64) -> Identified {
         let Puck { gain, .. } = self.best.puck;
         let sign = if gain < 0.0 { -1.0 } else { 1.0 };
-        let (seen, covariance) = (self.best.normal.seen(self.best.free), self.covariance);
+        let (seen, covariance) = (self.best.factor.seen(self.best.free), self.covariance);
         // The interval of a quantity of the puck, from its derivatives by the parameters that it depends on.
         let of = |quantity: &dyn Fn(&Puck) -> f64, slopes: &[(usize, f64)]| -> Option<Interval> {
             let covariance = covariance.as_ref()?;

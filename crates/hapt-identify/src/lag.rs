@@ -5,7 +5,7 @@
 //! and variance are fitted, and the record separates lag from delay where the variance is certainly above 0.
 
 use crate::bound::Bounded;
-use crate::fit::{Fit, SHORTEST_LAG, fit, least_variance};
+use crate::fit::{Fit, SHORTEST_LAG, fit};
 use crate::interval::Interval;
 use crate::puck::{DELAY, LAG, Puck};
 use crate::quantile::student;
@@ -55,7 +55,7 @@ impl Lag {
         // The last start has a lag with next to no effect: no fit of more parameters is worse than the one without them.
         let least = SHORTEST_LAG * record.period();
         for lag in likely.into_iter().chain([short]).chain(longer).chain([least]) {
-            let is_better = |lag: &Lag| lag.fit.normal.squares <= best.normal.squares;
+            let is_better = |lag: &Lag| lag.fit.factor.squares <= best.factor.squares;
             // With a fit that is wrong without a lag, a determined lag may still be shorter than the best.
             if found
                 .as_ref()
@@ -84,14 +84,14 @@ impl Lag {
             fit(record, Puck { position, velocity, ..found.fit.puck }, found.fit.free, first)
         });
         let late =
-            late.min_by(|a, b| a.normal.squares.total_cmp(&b.normal.squares)).and_then(|fit| Lag::of(record, fit));
+            late.min_by(|a, b| a.factor.squares.total_cmp(&b.factor.squares)).and_then(|fit| Lag::of(record, fit));
         // A fit that starts where the record is less clear may stop far from the best.
         late.filter(|late| explains(record, &late.fit) || !explains(record, &found.fit)).or(Some(found))
     }
 
     fn of(record: &Record, fit: Fit) -> Option<Self> {
         let factor = student(fit.freedom()) * error_variance(record, &fit).sqrt();
-        let covariance = fit.covariance(least_variance(record), factor * factor)?;
+        let covariance = fit.covariance(record, factor * factor)?;
         let of = |i: usize| covariance[(i, i)].max(0.0).sqrt();
         let p = fit.puck.parameters();
         let is_least = fit.puck.lag < 2.0 * SHORTEST_LAG * record.period();
@@ -162,7 +162,7 @@ impl Late {
     }
 }
 
-fn free(best: &Fit) -> crate::fit::Free {
+fn free(best: &Fit) -> crate::factor::Free {
     let mut free = best.free;
     free[LAG] = true;
     free

@@ -7,7 +7,8 @@
 
 use nalgebra::{Matrix2, SMatrix, Vector2};
 
-use crate::fit::{Fit, Square};
+use crate::factor::Square;
+use crate::fit::Fit;
 use crate::identified::PositionTorque;
 use crate::puck::PARAMETERS;
 use crate::record::Record;
@@ -109,7 +110,7 @@ pub(crate) fn position_torque(record: &Record, fit: &Fit, is_linear: bool) -> Op
         (squares, shape.times_a_turn, amplitudes.norm())
     };
     let (squares, times_a_turn, acceleration) = shapes.iter().map(of).max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let explains = squares / fit.normal.squares;
+    let explains = squares / fit.factor.squares;
     let is_sure = squares > SURELY * fit.variance() && explains > LEAST;
     let size = acceleration / fit.puck.gain.abs();
     (is_sure && size.is_finite()).then_some(PositionTorque { times_a_turn, size, explains })

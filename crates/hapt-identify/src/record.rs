@@ -9,6 +9,8 @@ use crate::noise::noise;
 /// The longest delay that is searched, in s. The part of a record that is fitted first begins this long after its beginning: by then every
 /// torque that can still arrive has been recorded.
 pub const LONGEST_DELAY: f64 = 0.05;
+/// The earliest action of a command before its time, in s: delays below 0 are searched down to here.
+pub(crate) const EARLIEST: f64 = 0.2 * LONGEST_DELAY;
 
 /// The fewest samples of a record.
 const FEWEST_SAMPLES: usize = 200;

@@ -9,9 +9,7 @@
 //! in which no measured position is differentiated except for the sign s of the velocity. Each window gives one row, for each delay on a
 //! grid; the delay with the least squares is taken.
 
-use std::ops::RangeInclusive;
-
-use crate::fit::Normal;
+use crate::factor::{Factor, Rows};
 use crate::puck::{DAMPING, FRICTION, GAIN, OFFSET, PARAMETERS, Puck};
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
 
@@ -21,6 +19,8 @@ const WINDOWS: [f64; 3] = [0.05, 0.15, 0.5];
 const GLANCE: f64 = 6e-3;
 /// A velocity below this many standard errors may be 0.
 const DOUBT: f64 = 3.0;
+/// The other sign of the torque is a start where it leaves less than this many times the squares.
+const RIVAL: f64 = 4.0;
 
 /// The signs of the velocity and the initial state, estimated before any fit.
 struct Glance {
@@ -38,7 +38,8 @@ pub(crate) struct Begin {
 
 /// Pucks from which a fit may find the best one: for each window the best of all delays, and the one without. On a spring the torque is
 /// correlated with the position, a delay looks like damping and inertia together, and a fit that starts at a long one stays there. Also the
-/// best with a constant torque: without it, one that nearly overcomes friction looks like other friction, and a fit may stay there too.
+/// best with a constant torque: without it, one that nearly overcomes friction looks like other friction, and a fit may stay there too. And the
+/// best with the other sign: in a swing the opposite torque half a period later is as good.
 pub(crate) fn starts(record: &CancellableRecord<'_>) -> Vec<Puck> {
     let glance = glance(record);
     let duration = record.period() * record.times().len() as f64;
@@ -123,35 +124,40 @@ fn of_window(record: &CancellableRecord<'_>, glance: &Glance, length: f64) -> Ve
     let is_driven = record.is_driven();
     let step = (0.5 * record.period()).max(1e-3);
     let delays = if is_driven { (LONGEST_DELAY / step) as usize } else { 0 };
-    let of_delay = |i: usize, offset: bool| {
-        if (record.stop)() {
-            return None;
-        }
+    let of_delay = |i: usize| {
         let delay = i as f64 * step;
-        let normal = regression(record, glance, length, delay);
-        let p = normal.step([is_driven, true, true, false, offset, false, false, false], 0.0)?;
+        (!(record.stop)()).then(|| (delay, regression(record, glance, length, delay)))
+    };
+    let factors: Vec<(f64, Factor)> = (0..=delays).filter_map(of_delay).collect();
+    let solved = |(delay, factor): &(f64, Factor), offset: bool| {
+        let p = factor.step([is_driven, true, true, false, offset, false, false, false], 0.0)?;
         let Begin { position, velocity } = glance.begins;
         let (damping, friction) = (p[DAMPING].max(0.0), p[FRICTION].max(0.0));
         // Friction below 0 is a constant torque in the direction of motion.
         let offset = p[OFFSET] - p[FRICTION].min(0.0) * direction(record);
-        let puck = Puck { gain: p[GAIN], damping, friction, delay, offset, position, velocity, lag: 0.0 };
+        let puck = Puck { gain: p[GAIN], damping, friction, delay: *delay, offset, position, velocity, lag: 0.0 };
         // Σ (r - p s)² at the solution.
-        Some((normal.left(&p), puck))
+        Some((factor.left(&p), puck))
     };
-    let best = |delays: RangeInclusive<usize>, offset: bool| {
-        let pucks = delays.filter_map(|i| of_delay(i, offset));
-        pucks.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, puck)| puck)
+    let pucks = |offset: bool| -> Vec<(f64, Puck)> { factors.iter().filter_map(|at| solved(at, offset)).collect() };
+    let best = |pucks: &[(f64, Puck)], of: &dyn Fn(&Puck) -> bool| {
+        pucks.iter().filter(|(_, puck)| of(puck)).copied().min_by(|a, b| a.0.total_cmp(&b.0))
     };
-    let with_offset = if is_driven { best(0..=delays, true) } else { None };
-    [best(0..=0, false), best(1..=delays, false), with_offset].into_iter().flatten().collect()
+    let (without, with) = (pucks(false), if is_driven { pucks(true) } else { Vec::new() });
+    let soon = best(&without, &|puck| puck.delay == 0.0);
+    let late = best(&without, &|puck| puck.delay > 0.0);
+    let opposed = late.and_then(|(left, late)| {
+        best(&without, &|puck| puck.gain * late.gain < 0.0).filter(|opposed| opposed.0 < RIVAL * left)
+    });
+    [soon, late, opposed, best(&with, &|_| true)].into_iter().flatten().map(|(_, puck)| puck).collect()
 }
 
 /// One row a window.
-fn regression(record: &Record, glance: &Glance, length: f64, delay: f64) -> Normal {
+fn regression(record: &Record, glance: &Glance, length: f64, delay: f64) -> Factor {
     let (times, positions) = (record.times(), record.positions());
     let torques = delayed(record, delay);
     let half = half(record, length);
-    let mut normal = Normal::new();
+    let mut rows = Rows::new();
     let mut centre = record.first() + half;
     while centre + half < times.len() {
         let (low, high) = (centre - half, centre + half);
@@ -172,10 +178,10 @@ fn regression(record: &Record, glance: &Glance, length: f64, delay: f64) -> Norm
             row[FRICTION] -= w * s;
             row[OFFSET] += w * s.abs();
         }
-        normal.add(&row, right);
+        rows.add(&row, right);
         centre += (half / 2).max(1);
     }
-    normal
+    rows.factor()
 }
 
 /// The mean torque around each sample, from half way to the one before to half way to the next.

@@ -36,7 +36,7 @@ impl Identified {
         let step = self.lattice.map_or(0.0, |lattice| lattice.step);
         if self.residual.correlation.abs() > INDEPENDENT {
             warnings.push(format!(
-                "the residuals of the fit are not independent noise (neighbours are correlated by {:.2}): something else moves the device too, and the intervals are narrower than they should be",
+                "the residuals of the fit are not independent noise (neighbours are correlated by {:.2}): something else moves the device too; the intervals are wider for it, and may still be too narrow",
                 self.residual.correlation
             ));
         } else if self.residual.rms < LEAST_NOISE * step {

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::quantile::student;
-use crate::record::{LONGEST_DELAY, Record};
+use crate::record::{EARLIEST, LONGEST_DELAY, Record};
 use crate::remainder::RESOLUTION;
 use crate::shaft::Shafted;
 
@@ -27,8 +27,6 @@ pub(super) const POSITION: usize = 8;
 pub(super) const AT_REST: usize = PARAMETERS - 3;
 /// Damping, friction, the time to the torque, the shaft's damping and λ².
 pub(super) const NOT_BELOW_0: [usize; 5] = [1, FRICTION, LATE, 6, VARIANCE];
-/// The earliest action of a command before its time, in s: delays below 0 are searched down to here, as for a rigid device.
-const EARLIEST: f64 = 0.2 * LONGEST_DELAY;
 /// The indices of the [`PARAMETERS`] that enter by their logarithms.
 pub(super) const LOGARITHMS: [usize; 3] = [0, 4, 5];
 /// Steps of a fit that is compared with others, with a lag or near the best, and of one that is followed to its end.

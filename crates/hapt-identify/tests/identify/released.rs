@@ -1,7 +1,7 @@
 //! Records of a spring on a device that a hand has turned and released.
 
 use fastrand::Rng;
-use hapt_identify::{Record, against};
+use hapt_identify::{Known, Record, against, identify};
 use hapt_plant::VirtualDevice;
 use hapt_plant::spec::{DeviceSpec, Stops, Stribeck};
 
@@ -53,4 +53,66 @@ fn a_spring_that_a_hand_releases_contradicts_nothing_of_its_own_device() {
         let found = against(&record, &claims(&rig, 0.0), false).unwrap();
         assert!(found.agrees(), "seed {seed}, {counts} counts, {rig:?}: {:?} {:?}", found.wrong, found.numbers);
     }
+}
+
+/// Positions without counts or noise are exact, and so are the numbers: delay, damping and inertia of a release on a spring differ by
+/// millionths of their effects.
+#[test]
+fn a_release_without_counts_gives_the_numbers_of_its_device() {
+    let (mut told, mut missed) = (0, Vec::new());
+    for seed in hapt_testing::seeds(24) {
+        let mut rng = Rng::with_seed(seed);
+        let mut between = |low: f64, high: f64| low * (high / low).powf(rng.f64());
+        let inertia = between(1e-4, 5e-3);
+        let (rate, swing, friction) = (between(0.5, 8.0), between(15.0, 80.0), inertia * between(1.6, 12.0));
+        let (from, delay) = (between(0.2, 1.5), between(1e-4, 2e-3));
+        let delay = if rng.bool() { delay } else { 0.0 };
+        let rig = DeviceSpec { inertia, damping: rate * inertia, friction, delay, ..WHEEL };
+        let record = released(&rig, from, inertia * swing * swing, [800, 2000][rng.usize(..2)], 0.0);
+        let found = identify(&record, &Known::default()).unwrap();
+        let numbers = [
+            ("inertia", rig.inertia, found.inertia),
+            ("damping", rig.damping, found.damping),
+            ("friction", rig.friction, found.friction),
+            ("delay", rig.delay, found.delay),
+        ];
+        for (name, own, found) in numbers {
+            let Some(found) = found else { continue };
+            told += 1;
+            let rounding = 1e-9 * own + 1e-12;
+            if !(found.low - rounding..=found.high + rounding).contains(&own) {
+                missed.push((seed, name, own, found));
+            }
+        }
+        assert!(found.sign.is_none_or(|sign| sign.value == 1.0), "seed {seed}: {found:?}");
+    }
+    assert!(told > 0 && missed.len() * 20 <= told, "{} of {told}: {missed:?}", missed.len());
+}
+
+/// A swing has a frequency and a decay, two numbers, and a device has three: inertia, damping and delay. The opposite torque half a period
+/// later is as good too.
+#[test]
+fn a_swing_without_friction_tells_no_number_wrongly() {
+    let (mut told, mut missed) = (0, Vec::new());
+    for seed in hapt_testing::seeds(24) {
+        let mut rng = Rng::with_seed(seed);
+        let mut between = |low: f64, high: f64| low * (high / low).powf(rng.f64());
+        let inertia = between(1e-4, 5e-3);
+        let (swing, delay) = (between(30.0, 200.0), between(1e-4, 2e-3));
+        // A delay takes the stiffness times itself and half a period from the damping, and the swing decays.
+        let rate = 0.5 + between(1.05, 4.0) * swing * swing * (delay + 0.5e-3);
+        let rig = DeviceSpec { inertia, damping: rate * inertia, friction: 0.0, delay, ..WHEEL };
+        let (from, counts) = (between(0.2, 1.5), [0.0, 4000.0][rng.usize(..2)]);
+        let record = released(&rig, from, inertia * swing * swing, 800, counts);
+        let Ok(found) = identify(&record, &Known::default()) else { continue };
+        assert!(found.sign.is_none_or(|sign| sign.value == 1.0), "seed {seed}: {found:?}");
+        for (own, found) in [(rig.inertia, found.inertia), (rig.damping, found.damping), (rig.delay, found.delay)] {
+            let Some(found) = found else { continue };
+            told += 1;
+            if !(found.low..=found.high).contains(&own) {
+                missed.push((seed, counts, own, found));
+            }
+        }
+    }
+    assert!(missed.len() * 10 <= told, "{} of {told}: {missed:?}", missed.len());
 }
