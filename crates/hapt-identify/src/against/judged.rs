@@ -50,9 +50,24 @@ pub fn plain(found: &Identified, claims: &Claims, scale: &Scale) -> Vec<Compared
         number("friction", Some(Measure::Torque), found.friction, claims.friction, friction),
         number("constant torque", Some(Measure::Torque), found.offset, [-holds, holds], friction),
     ];
+    if found.inertia.is_none() {
+        numbers.extend(over_inertia(found, claims));
+    }
     numbers.extend(lateness(found.lag, found.delay, found.late, claims));
     numbers.push(number("sign", None, found.sign, [1.0, 1.0], 0.0));
     numbers
+}
+
+/// Damping and friction over the inertia, which a record tells without a torque too.
+fn over_inertia(found: &Identified, claims: &Claims) -> impl Iterator<Item = Compared> {
+    let [least, most] = claims.inertia;
+    let of = [
+        ("damping over inertia", Measure::Damping, found.rates[0], claims.damping),
+        ("friction over inertia", Measure::Torque, found.rates[1], claims.friction),
+    ];
+    of.into_iter().filter(|(_, _, found, _)| found.is_some()).map(move |(name, measure, found, [low, high])| {
+        Compared::new(name, Some(measure), found, [low / most, high / least], 0.0)
+    })
 }
 
 /// Names of the parts of a wave's harmonics.
@@ -181,7 +196,7 @@ fn lateness(lag: Option<Interval>, delay: Option<Interval>, late: Option<Interva
     // With a lag that is certainly short, the sum is the delay.
     let range = if is_determined { claims.delay } else { both };
     let mut of_delay = number("delay", delay, range, claims.period);
-    if !is_determined && of_lag.verdict != Verdict::Agrees {
+    if late.is_some() && !is_determined && of_lag.verdict != Verdict::Agrees {
         if of_lag.verdict == Verdict::NotDetermined {
             of_lag.reason = Some(SLOW);
         }

@@ -119,7 +119,7 @@ pub struct IdentifyArgs {
     #[arg(long, value_name = "WORLD")]
     pub world: Option<PathBuf>,
     /// Compare the record with the device of this world's file: exit code 1 where it contradicts it.
-    #[arg(long, value_name = "WORLD", conflicts_with_all = ["world", "write", "inertia", "coast"])]
+    #[arg(long, value_name = "WORLD", conflicts_with_all = ["world", "write", "inertia"])]
     pub against: Option<PathBuf>,
     /// Override a key of that world by its dotted path, such as loop.period=2ms; repeatable.
     #[arg(long = "set", value_name = "KEY=VALUE")]

@@ -8,7 +8,7 @@ use hapt_identify::{Claims, Compared, Comparison, Interval, Verdict, against};
 use hapt_model::keys::Measure;
 use hapt_model::{Motion, World};
 
-use super::print::{digits, effort, quantity, sized, to, units};
+use super::print::{digits, effort, per_inertia, quantity, sized, to, units};
 use super::{Drawn, Given, plot, print, written};
 use crate::args::IdentifyArgs;
 use crate::failure::Failure;
@@ -64,7 +64,7 @@ fn text(given: &Given, file: &str, found: &Comparison, has_stops: bool) -> Strin
     );
     let width = found.numbers.iter().map(|number| number.name.len()).fold(15, usize::max);
     for number in &found.numbers {
-        let Scale { factor, unit } = Scale::of(number.measure, given.motion);
+        let Scale { factor, unit } = Scale::of(number, given.motion);
         let record = number.estimate.map_or("-".to_string(), |x| match number.measure {
             None => format::number(x.value),
             Some(_) => sized(x, factor, &unit),
@@ -93,6 +93,9 @@ fn text(given: &Given, file: &str, found: &Comparison, has_stops: bool) -> Strin
     text
 }
 
+/// The end of the names of numbers that are divided by the inertia.
+const OVER_INERTIA: &str = " over inertia";
+
 /// How a measure is shown.
 struct Scale {
     factor: f64,
@@ -100,10 +103,12 @@ struct Scale {
 }
 
 impl Scale {
-    fn of(measure: Option<Measure>, motion: Motion) -> Self {
+    fn of(number: &Compared, motion: Motion) -> Self {
         let [inertia, damping] = units(motion);
         let (effort, per_si) = effort(motion);
-        let (factor, unit) = match measure {
+        let (factor, unit) = match number.measure {
+            Some(Measure::Damping) if number.name.ends_with(OVER_INERTIA) => (1.0, "1/s".into()),
+            Some(Measure::Torque) if number.name.ends_with(OVER_INERTIA) => (1.0, per_inertia(motion).into()),
             Some(Measure::Inertia) => (1.0, inertia),
             Some(Measure::Damping) => (1.0, damping),
             Some(Measure::Time) => (1e3, "ms".into()),
@@ -173,6 +178,7 @@ fn verdict(found: &Comparison, has_stops: bool) -> String {
     }
     let (wrong, silent) = (of(Verdict::Contradicts), of(Verdict::NotDetermined));
     let mut text = match wrong.is_empty() {
+        true if of(Verdict::Agrees).is_empty() => return "the record tells none of the file's numbers".into(),
         true => "the record agrees with the file".to_string(),
         false => format!("the record contradicts the file: {}", wrong.join(", ")),
     };
@@ -185,7 +191,7 @@ fn verdict(found: &Comparison, has_stops: bool) -> String {
 /// The line for the file, or what to do about the device.
 fn remedy(number: &Compared, motion: Motion) -> Option<String> {
     let x: Interval = number.estimate.filter(|_| number.verdict == Verdict::Contradicts)?;
-    let Scale { factor, unit } = Scale::of(number.measure, motion);
+    let Scale { factor, unit } = Scale::of(number, motion);
     Some(match number.name {
         "constant torque" => {
             "no key: friction has to hold a constant torque; level the device, or take the offset out of its driver"
@@ -196,6 +202,9 @@ fn remedy(number: &Compared, motion: Motion) -> Option<String> {
         }
         "gravity sine" => format!("[device.gravity] torque times the cosine of phase: {}", sized(x, factor, &unit)),
         "gravity cosine" => format!("[device.gravity] torque times the sine of phase: {}", sized(x, factor, &unit)),
+        name if name.ends_with(OVER_INERTIA) => {
+            format!("[device] {} have to give {}", name.replace(" over ", " and "), sized(x, factor, &unit))
+        }
         name if ["cogging ", "friction "].iter().any(|wave| name.starts_with(wave)) => {
             let (table, part) = name.split_once(' ').unwrap_or_default();
             let (table, size) = if table == "friction" { ("friction_by_position", "share") } else { (table, "torque") };

@@ -104,9 +104,8 @@ pub fn text(given: &Given, found: &Identified, inertia_is_known: bool) -> String
     line("damping", within(found.damping, 1.0, &damping));
     line("friction", within(found.friction, per_si, effort));
     if found.damping.is_none() {
-        let per_inertia = if given.motion == Motion::Linear { "m/s^2" } else { "rad/s^2" };
         line("damping", format!("over inertia {}", within(found.rates[0], 1.0, "1/s")));
-        line("friction", format!("over inertia {}", within(found.rates[1], 1.0, per_inertia)));
+        line("friction", format!("over inertia {}", within(found.rates[1], 1.0, per_inertia(given.motion))));
     }
     line("delay", within(found.delay, 1e3, "ms"));
     if let Some(interval) = found.lag {
@@ -423,6 +422,11 @@ fn today() -> String {
         (day_of_year - (153 * shifted + 2) / 5 + 1, if shifted < 10 { shifted + 3 } else { shifted - 9 });
     let year = year_of_era + era * 400 + u64::from(month <= 2);
     format!("{year:04}-{month:02}-{day:02}")
+}
+
+/// The unit of friction over inertia.
+pub(super) fn per_inertia(motion: Motion) -> &'static str {
+    if motion == Motion::Linear { "m/s^2" } else { "rad/s^2" }
 }
 
 #[cfg(test)]

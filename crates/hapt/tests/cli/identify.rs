@@ -164,6 +164,25 @@ fn a_log_is_held_against_the_file_of_its_world() {
 }
 
 #[test]
+fn a_coast_down_is_held_against_a_file_as_a_table_and_as_a_log() {
+    let world = "[loop]\nperiod = \"1 ms\"\n[device]\ninertia = \"1e-3 kg m^2\"\ndamping = \"2e-4 N m s/rad\"\n\
+                 friction = \"2e-3 N m\"\nencoder = 20000\n[scenarios.spun]\nduration = \"3 s\"\n\
+                 hand = { kind = \"sine\", amplitude = \"1 rad\", frequency = \"1.5 Hz\", release = \"0.3 s\" }\n";
+    let at = folder(&[("w.toml", world)]);
+    hapt(at.path(), ["sim", "w.toml", "--out", ".", "--format", "csv", "--format", "mcap"]).done();
+    for log in ["spun.csv", "spun.mcap"] {
+        let of = |more: &[&str]| {
+            identify(at.path(), &[&[log, "--coast", "--from", "0.31s", "--against", "w.toml"], more].concat())
+        };
+        assert!(of(&[]).done().out.contains("friction over inertia 2.00"), "{log}");
+        let wrong = of(&["--set", "device.friction=1.5e-3 N m"]);
+        assert_eq!(wrong.code, Some(1), "{log}: {}", wrong.err);
+        let remedy = "remedy                [device] friction and inertia have to give 2.00";
+        assert!(wrong.out.contains(remedy), "{log}: {}", wrong.out);
+    }
+}
+
+#[test]
 fn a_hand_on_the_puck_contradicts_every_file() {
     let at = folder(&[("w.toml", PAIR)]);
     hapt(at.path(), ["sim", "w.toml", "--out", "."]).done();
