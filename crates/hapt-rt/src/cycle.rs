@@ -126,18 +126,20 @@ impl Cycle {
 
     /// Takes the sample. Errors where the device fails, or where a loop with links does not keep its period; its torque is then set to 0.
     pub fn sample(&mut self, moment: &Moment, request: Option<Request>) -> Result<Record, Failure> {
-        let record = self.guarded(moment, request).and_then(|record| self.keeps_pace(record));
+        let record = self.guarded(moment, request).and_then(|record| self.keeps_pace(moment, record));
         if record.is_err() {
             let _ = self.device.0.write(0.0);
         }
         record
     }
 
-    fn keeps_pace(&mut self, record: Record) -> Result<Record, Failure> {
+    /// The samples that the computer missed count, not the stale readings of a drive.
+    fn keeps_pace(&mut self, moment: &Moment, record: Record) -> Result<Record, Failure> {
         if self.outside.links.is_empty() {
             return Ok(record);
         }
-        self.pace.add(self.plan.period(), record.missed).map_or(Ok(record), |missed| Err(Failure::Slow(missed)))
+        let missed = moment.periods.saturating_sub(1);
+        self.pace.add(self.plan.period(), missed).map_or(Ok(record), |missed| Err(Failure::Slow(missed)))
     }
 
     fn guarded(&mut self, moment: &Moment, request: Option<Request>) -> Result<Record, Failure> {

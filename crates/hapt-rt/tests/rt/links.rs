@@ -4,7 +4,10 @@ use std::collections::HashMap;
 
 use hapt_core::{Phase, Reason, Request, SafetyProfile};
 use hapt_model::{Source, System};
-use hapt_rt::{Cycle, HandCommand, Hands, LinkWire, Moment, Outside, Plan, Record, SimulatedDevice, link};
+use hapt_rt::{
+    Cycle, Device, Failure, HandCommand, Hands, LinkWire, Moment, Outside, Plan, Position, Record, SimulatedDevice,
+    link,
+};
 use hapt_sim::Grip;
 use hapt_wire::link::{Codec, Datagrams, Frames, Number, Session};
 
@@ -320,4 +323,49 @@ fn no_fault_of_the_network_causes_a_torque_from_a_position_that_is_too_old() {
 #[test]
 fn no_fault_of_a_bus_causes_a_torque_from_a_position_that_is_too_old() {
     campaigns(frames);
+}
+
+/// A drive whose readings are stale, three of four.
+struct Silent(SimulatedDevice);
+
+impl Device for Silent {
+    fn read(&mut self) -> Result<Position, Failure> {
+        self.0.read()
+    }
+
+    fn write(&mut self, torque: f64) -> Result<(), Failure> {
+        self.0.write(torque)
+    }
+
+    fn missed(&self) -> u32 {
+        3
+    }
+}
+
+/// The failure of a station that misses three samples before some of a hundred, and pauses once.
+fn fails(often: u64, is_silent: bool) -> Option<Failure> {
+    let network = network();
+    let world = &network.stations[0].world;
+    let (port, _wire) = link(&network.links[0], true, network.end(0, 0), 1e-3);
+    let plan = Plan::new(world, SafetyProfile::Simulated).unwrap();
+    let (device, _hands) = SimulatedDevice::new(world);
+    let device: Box<dyn Device> = if is_silent { Box::new(Silent(device)) } else { Box::new(device) };
+    let mut cycle = Cycle::new(Box::new(plan), device).with_outside(Outside::linked(vec![port]));
+    let mut now = 0;
+    (0..20_000).find_map(|i| {
+        let periods = if i == 1000 { u32::MAX / 2 } else { 1 + 3 * u32::from(i * 61 % 100 < often) };
+        now += u64::from(periods) * MS;
+        cycle.pass(periods);
+        cycle.sample(&Moment { due: now, now, periods, ..Moment::default() }, None).err()
+    })
+}
+
+/// A computer that is occasionally late, or pauses once, is fast enough; and a drive's silence is not the computer's.
+#[test]
+fn a_station_fails_where_its_computer_misses_more_samples_than_it_takes() {
+    for often in [0, 10, 30] {
+        assert_eq!(fails(often, false), None, "{often} of 100");
+    }
+    assert_eq!(fails(0, true), None);
+    assert!(matches!(fails(40, false), Some(Failure::Slow(51..=59))));
 }
