@@ -136,10 +136,26 @@ fn write_all(
             Header { linked: is_network, ..header }
         })
         .collect();
+    let mut written = Vec::new();
+    let ended = write_runs(system, runs, folder, &formats, &headers, &mut written);
+    // Once for all files: the list is read and written as a whole.
+    provenance.add(&written)?;
+    ended
+}
+
+/// The runs' files; those that are in their places are added to `written`.
+fn write_runs(
+    system: &System,
+    runs: Vec<Played<'_>>,
+    folder: &Path,
+    formats: &[Format],
+    headers: &[Header],
+    written: &mut Vec<PathBuf>,
+) -> Result<(), Failure> {
     let mut first_failure = None;
     for Played { name, mut run, .. } in runs {
         let mut tables = Vec::new();
-        for (station, header) in system.stations.iter().zip(&headers) {
+        for (station, header) in system.stations.iter().zip(headers) {
             let header = Header { scenario: Some(name.to_string()), ..header.clone() };
             let table = |format: &Format| {
                 Table::new(*format, target(folder, name, station, *format), &station.world, &header, Origin::Run)
@@ -147,7 +163,6 @@ fn write_all(
             tables.push(formats.iter().map(table).collect::<Result<Vec<_>, _>>()?);
         }
         let end = rows(&mut run, name, |row| tables[row.station].iter_mut().try_for_each(|table| table.row(row)))?;
-        let mut written = Vec::new();
         for table in tables.into_iter().flatten() {
             let rows = table.rows;
             let path = table.finish()?;
@@ -160,7 +175,6 @@ fn write_all(
             }
             written.push(path);
         }
-        provenance.add(&written)?;
     }
     first_failure.map_or(Ok(()), Err)
 }
