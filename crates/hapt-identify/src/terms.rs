@@ -108,7 +108,15 @@ pub(crate) enum Choice {
     Likely {
         /// The most harmonics of a period.
         harmonics: u32,
+        /// Whether a spring is among them.
+        spring: bool,
     },
+}
+
+impl Choice {
+    fn has_spring(self) -> bool {
+        !matches!(self, Choice::Likely { spring: false, .. })
+    }
 }
 
 /// Columns that are added together.
@@ -194,7 +202,9 @@ pub(crate) fn terms(record: &CancellableRecord<'_>, rows: &Rows, sign: f64, is_l
             rows.means(&weights, &values)
         }));
     };
-    add(TermKind::Stiffness, &[&|i| positions[i] - middle]);
+    if choice.has_spring() {
+        add(TermKind::Stiffness, &[&|i| positions[i] - middle]);
+    }
     if choice == Choice::Sure {
         add(TermKind::Drag, &[&|i| speeds[i] * speeds[i].abs()]);
     }
@@ -257,7 +267,7 @@ fn chosen(table: &Table, mut kept: Vec<usize>, groups: &[Group], sign: f64, apar
             });
             let harmonics = match choice {
                 Choice::Sure => return is_apart,
-                Choice::Likely { harmonics } => harmonics,
+                Choice::Likely { harmonics, .. } => harmonics,
             };
             // Gravity is no harmonic of cogging.
             let rate = |kind: TermKind| match kind {

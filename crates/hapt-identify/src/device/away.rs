@@ -80,11 +80,13 @@ pub(super) fn loaded(record: &CancellableRecord<'_>, known: &Known, part: f64) -
     found.filter(|away| away.more.contains(&true))
 }
 
-/// The same of a device without stops, with all terms that its torque may show.
-pub(super) fn endless(record: &CancellableRecord<'_>, known: &Known) -> Option<Away> {
-    let inside = inside(record, 0.0, BENT)?;
+/// The same of a device without stops, with all terms that its torque may show, a spring among them or not: in a loop with a spring the
+/// torque follows the position, and a spring alone, without any inertia, satisfies the equation.
+pub(super) fn endless(record: &CancellableRecord<'_>, known: &Known, spring: bool) -> Option<Away> {
+    let inside = inside(record, 0.0, if spring { BENT } else { PLAIN })?;
     let sign = inside.solved.values[equation::INERTIA].signum();
-    let found = terms(record, &inside.rows, sign, known.is_linear, Choice::Likely { harmonics: HARMONICS as u32 });
+    let found =
+        terms(record, &inside.rows, sign, known.is_linear, Choice::Likely { harmonics: HARMONICS as u32, spring });
     let left = inside.rows.unexplained(&inside.solved)
         - inside.solved.share * found.terms.iter().filter_map(|term| term.predicts).sum::<f64>();
     (left <= MOST_LEFT).then(|| with_terms(record, known, &inside, &found))

@@ -4,14 +4,15 @@
 //! its residuals point to is added, until the fit explains the record or no term takes enough. Terms that the record does not need are
 //! taken out at the end.
 
-use super::away::endless;
+use super::along::along_delays;
+use super::away::{Away, endless};
 use super::contact::{free, is_hopeless};
 use super::fit::{Fit, SHORTEST_LAG, Shot};
-use super::hints::{self, LIKELY, SURELY};
+use super::hints::{self, LIKELY, SURELY, Tried};
 use super::parameters::{CHANGES, COGGING, GRAVITY, LATE, PARAMETERS, SPRING, VARIANCE};
 use super::slopes::{Normal, scaled};
 use crate::identified::Known;
-use crate::record::CancellableRecord;
+use crate::record::{CancellableRecord, Record};
 
 /// The most terms of a device: a fit with more than these takes the place of another device.
 const MOST_TERMS: usize = 5;
@@ -27,6 +28,8 @@ const MOST_SHOTS: usize = 64;
 const LEAST: f64 = 0.1;
 /// And one with which they fall by less than this part of what was expected.
 const TAKES: f64 = 0.2;
+/// The torque follows the position where this part of its variance goes with it.
+const FOLLOWS: f64 = 0.999;
 /// A lag takes at least this part of the squares.
 const LAG_TAKES: f64 = 0.01;
 /// The lags from which fits start, as parts of the delay with the lag.
@@ -37,7 +40,26 @@ pub(super) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fi
     if !record.is_driven() || record.forces().is_some() {
         return None;
     }
-    let away = endless(record, known)?;
+    let springs = if follows_position(record) { &[false][..] } else { &[true, false] };
+    springs.iter().find_map(|spring| from_equation(record, known, endless(record, known, *spring)?, *spring))
+}
+
+/// Whether the torque is that of a spring of the loop: then inertia, losses and a spring of the device's own have one scale, which no record
+/// tells, and the device has no spring.
+fn follows_position(record: &Record) -> bool {
+    let (positions, torques) = (record.positions(), record.torques());
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let (z, torque) = (mean(positions), mean(torques));
+    let sums = positions.iter().zip(torques).fold([0.0; 3], |[zz, zt, tt], (x, y)| {
+        let (x, y) = (x - z, y - torque);
+        [zz + x * x, zt + x * y, tt + y * y]
+    });
+    sums[1] * sums[1] > FOLLOWS * sums[0] * sums[2]
+}
+
+/// The same, from the device that the torque's equation shows.
+fn from_equation(record: &CancellableRecord<'_>, known: &Known, away: Away, spring: bool) -> Option<Fit> {
+    let tried = Tried { is_linear: known.is_linear, spring };
     let mut free = free(true, known.lag.is_some(), [false; 2]);
     free.iter_mut().zip(&away.more).for_each(|(free, more)| *free |= more);
     let all = Shot::all(record, record.first());
@@ -50,25 +72,26 @@ pub(super) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fi
     }
     let begun = Fit::of(record, begun.device, free, one_in(searched))?;
     let first = begun.mended(record).unwrap_or(begun).improved(record, STEPS)?;
-    let mut short = added(record, known, settled(record, first, STEPS)?)?;
+    let mut short = added(record, tried, along_delays(record, settled(record, first, STEPS)?, STEPS)?)?;
     if searched > 1 {
         short = Fit::of(record, short.device, short.free, all)?.improved(record, STEPS)?;
     }
     // A longer lag makes a long motion nonlinear in the parameters, and is found from short ones.
     let long = short.clone().lengthened(record, MANY).or_else(|| late(record, &short)?.lengthened(record, MANY))?;
-    let long = added(record, known, long)?;
+    let long = added(record, tried, long)?;
     let terms =
         |fit: &Fit| usize::from(fit.free[SPRING]) + fit.free[GRAVITY..].iter().step_by(2).filter(|is| **is).count();
+    let long = along_delays(record, long, MANY)?;
     settled(record, long, MANY).filter(|fit| fit.is_right_by_choice(record) && terms(fit) <= MOST_TERMS)
 }
 
 /// The fit that explains the record, with the terms that its residuals point to; `None`: there is none.
-fn added(record: &CancellableRecord<'_>, known: &Known, fit: Fit) -> Option<Fit> {
+fn added(record: &CancellableRecord<'_>, tried: Tried, fit: Fit) -> Option<Fit> {
     let mut at = fit;
     for _ in 0..MOST_ADDED {
         let is_right = at.is_right_by_choice(record);
         // A lag of some periods shows only in a fit with it.
-        let found = next(record, known, &at, is_right).or_else(|| late(record, &at).filter(|_| !is_right));
+        let found = next(record, tried, &at, is_right).or_else(|| late(record, &at).filter(|_| !is_right));
         let Some(found) = found else { break };
         at = found;
     }
@@ -92,8 +115,8 @@ fn late(record: &CancellableRecord<'_>, fit: &Fit) -> Option<Fit> {
 }
 
 /// The fit with one more term; `None`: none takes enough.
-fn next(record: &CancellableRecord<'_>, known: &Known, at: &Fit, is_right: bool) -> Option<Fit> {
-    let (hint, amplitudes, squares) = hints::best(record, at, known.is_linear)?;
+fn next(record: &CancellableRecord<'_>, tried: Tried, at: &Fit, is_right: bool) -> Option<Fit> {
+    let (hint, amplitudes, squares) = hints::best(record, at, tried)?;
     let beyond = at.squares - at.left.len() as f64 * record.noise().powi(2);
     let least = (TAKES * squares).max(if is_right { 0.0 } else { LEAST * beyond });
     if squares < least {

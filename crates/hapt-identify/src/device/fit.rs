@@ -4,6 +4,8 @@
 //! anew every [`SHOT`] s, from a position and a velocity of its own (multiple shooting; Bock 1983); the numbers of the device are common to
 //! all shots.
 
+use rayon::prelude::*;
+
 use super::parameters::{
     CHANGES, DAMPING, Device, FAST, FRICTION, Free, INERTIA, LATE, PARAMETERS, Parameters, RISE, STIFFNESS,
     STOP_DAMPING, STOPS, VARIANCE,
@@ -364,10 +366,13 @@ impl Fit {
     fn differentiated(mut self, record: &Record) -> Option<Fit> {
         let (steps, of_state) = self.steps(record);
         let mut rest = &self.left[..];
-        let mut all = Vec::with_capacity(self.shots.len());
-        for (shot, touched) in self.shots.iter().zip(&self.touched) {
+        let of_shots = self.shots.iter().zip(&self.touched).map(|(shot, touched)| {
             let (left, after) = rest.split_at(shot.news(record));
             rest = after;
+            (shot, touched, left)
+        });
+        let of_shots: Vec<_> = of_shots.collect();
+        let slopes = |(shot, touched, left): &(&Shot, &[bool; 2], &[f64])| {
             let mut rows = vec![[0.0; PARAMETERS + 2]; left.len()];
             let mut differ = |i: usize, shot: &Shot, device: &Device, step: f64| {
                 for (row, (a, b)) in rows.iter_mut().zip(left.iter().zip(shot.left(record, device).0)) {
@@ -377,7 +382,7 @@ impl Fit {
             // The numbers of a stop that it does not run into have no effect.
             let matters = |i: usize| match i {
                 STIFFNESS | STOP_DAMPING => touched[0] || touched[1],
-                i => STOPS.iter().zip(touched).all(|(stop, touched)| *stop != i || *touched),
+                i => STOPS.iter().zip(touched.iter()).all(|(stop, touched)| *stop != i || *touched),
             };
             for i in (0..PARAMETERS).filter(|i| self.free[*i] && matters(*i)) {
                 let mut moved = self.device;
@@ -385,12 +390,13 @@ impl Fit {
                 differ(i, shot, &moved, steps[i]);
             }
             for (i, step) in of_state.into_iter().enumerate() {
-                let mut moved = *shot;
+                let mut moved = **shot;
                 moved.state[i] += step;
                 differ(PARAMETERS + i, &moved, &self.device, step);
             }
-            all.push(Slopes::new(rows, left)?);
-        }
+            Slopes::new(rows, left)
+        };
+        let all = of_shots.par_iter().map(slopes).collect::<Option<_>>()?;
         self.slopes = all;
         Some(self)
     }

@@ -40,6 +40,15 @@ pub(super) enum Hint {
     FrictionByDirection,
 }
 
+/// Which terms are tried.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tried {
+    /// The puck moves along a line: there are no turns.
+    pub is_linear: bool,
+    /// A spring of the device.
+    pub spring: bool,
+}
+
 /// The motion that a unit of a term adds, and its sums of products.
 struct Candidate {
     hint: Hint,
@@ -87,15 +96,15 @@ fn is_multiple(n: u32, rate: f64) -> bool {
 }
 
 /// The terms that a device may have in addition to its own, over a travel.
-fn possible(device: &Device, free: Free, travel: f64, is_linear: bool) -> Vec<Hint> {
+fn possible(device: &Device, free: Free, travel: f64, tried: Tried) -> Vec<Hint> {
     let mut hints = Vec::new();
     if !free[VARIANCE] {
         hints.push(Hint::Lag);
     }
-    if !free[SPRING] {
+    if tried.spring && !free[SPRING] {
         hints.push(Hint::Spring);
     }
-    if is_linear {
+    if tried.is_linear {
         return hints;
     }
     let least = (std::f64::consts::TAU / travel.max(f64::MIN_POSITIVE)).ceil().max(1.0) as u32;
@@ -173,12 +182,12 @@ pub(super) fn with(
 }
 
 /// The term that takes most of the squares, with its amplitudes and these squares; `None`: none takes enough.
-pub(super) fn best(record: &CancellableRecord<'_>, fit: &Fit, is_linear: bool) -> Option<(Hint, [f64; 2], f64)> {
+pub(super) fn best(record: &CancellableRecord<'_>, fit: &Fit, tried: Tried) -> Option<(Hint, [f64; 2], f64)> {
     let positions = record.positions();
     let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
     let device = &fit.device;
     let mut all: Vec<Candidate> =
-        possible(device, fit.free, high - low, is_linear).into_iter().map(Candidate::new).collect();
+        possible(device, fit.free, high - low, tried).into_iter().map(Candidate::new).collect();
     let mut lagged = *device;
     lagged.p[VARIANCE] = (TRIED * record.period()).powi(2);
     let fastest = all.iter().map(|candidate| match candidate.hint {

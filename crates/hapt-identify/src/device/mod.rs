@@ -1,5 +1,6 @@
 //! A device with end stops, Stribeck friction, or torques and friction of the position: its numbers from a record that its motion explains.
 
+mod along;
 mod away;
 mod contact;
 mod covariance;

@@ -1,9 +1,12 @@
 //! Records of a spring on a device that a hand has turned and released.
 
+use std::f64::consts::TAU;
+
 use fastrand::Rng;
 use hapt_identify::{Known, Record, against, identify};
+use hapt_model::Waveform;
 use hapt_plant::VirtualDevice;
-use hapt_plant::spec::{DeviceSpec, Stops, Stribeck};
+use hapt_plant::spec::{Cogging, DeviceSpec, DeviceTorque, Gravity, Stops, Stribeck};
 
 use crate::against::claims;
 use crate::rig::{WHEEL, times};
@@ -115,4 +118,55 @@ fn a_swing_without_friction_tells_no_number_wrongly() {
         }
     }
     assert!(missed.len() * 10 <= told, "{} of {told}: {missed:?}", missed.len());
+}
+
+/// In a loop with a spring the torque follows the position, so a spring alone, without any inertia, satisfies the torque's equation. The
+/// motion tells the device all the same, with its gravity and its cogging.
+#[test]
+fn a_spring_of_the_loop_hides_no_torque_of_the_device() {
+    // With fine counts the delay's valley is rough beside the noise, and over a short travel a slow cogging stands for gravity.
+    let (mut found, mut told, mut missed) = (0, 0, Vec::new());
+    let seeds: Vec<u64> = hapt_testing::seeds(16).collect();
+    for seed in &seeds {
+        let mut rng = Rng::with_seed(*seed);
+        let mut between = |low: f64, high: f64| low * (high / low).powf(rng.f64());
+        let inertia = between(1e-4, 5e-3);
+        let (rate, swing, friction) = (between(0.5, 6.0), between(12.0, 50.0), inertia * between(1.6, 9.0));
+        let stiffness = inertia * swing * swing;
+        let gravity = Gravity { torque: stiffness * between(0.05, 0.3), phase: TAU * between(0.01, 1.0) };
+        let waveform = Waveform { sine: [1.0, 0.0, 0.0, 0.0], cosine: [0.0; 4] };
+        let (torque, from) = (stiffness * between(0.01, 0.06), between(0.5, 3.0));
+        let cogging = Cogging { torque, pitch: TAU / [6.0, 12.0, 24.0][rng.usize(..3)], phase: 0.05, waveform };
+        let (has_gravity, has_cogging) = [(true, true), (true, false), (false, true)][rng.usize(..3)];
+        let rig = DeviceSpec {
+            inertia,
+            damping: rate * inertia,
+            friction,
+            torque: DeviceTorque {
+                gravity: Some(gravity).filter(|_| has_gravity),
+                cogging: Some(cogging).filter(|_| has_cogging),
+            },
+            ..WHEEL
+        };
+        let counts = [4000.0, 20_000.0, 80_000.0][rng.usize(..3)];
+        let record = released(&rig, from, stiffness, 1500, counts);
+        let Ok(identified) = identify(&record, &Known::default()) else { continue };
+        found += 1;
+        let numbers = [
+            ("inertia", rig.inertia, identified.inertia),
+            ("damping", rig.damping, identified.damping),
+            ("friction", rig.friction, identified.friction),
+            ("delay", rig.delay, identified.delay),
+        ];
+        for (name, own, found) in numbers {
+            let Some(found) = found else { continue };
+            told += 1;
+            let half = 0.25 * (found.high - found.low);
+            if !(found.low - half..=found.high + half).contains(&own) {
+                missed.push((seed, name, own, found));
+            }
+        }
+    }
+    assert!(2 * found >= seeds.len(), "found {found} of {}", seeds.len());
+    assert!(missed.len() * 4 <= told, "{} of {told}: {missed:?}", missed.len());
 }
