@@ -19,7 +19,6 @@ const ALIKE: f64 = 1.2;
 const DELAYS: i32 = 24;
 const DELAY_STEPS: [f64; 2] = [1.0 / 8.0, 1.0 / 64.0];
 const LEADS: usize = 3;
-
 /// A fit is far from the least squares where the step to them is more than this part of the standard errors; then at most this many delays
 /// are tried.
 const FAR: f64 = 0.1;
@@ -109,9 +108,9 @@ fn along_delays(record: &CancellableRecord<'_>, found: &Fit) -> Option<Fit> {
     (ends.factor.squares < found.factor.squares).then_some(ends)
 }
 
-/// The same fit of nearly exact positions from delays around its own, this many periods apart. Without noise the squares over the delay have a minimum wherever a
-/// reversal passes a change of the torque, and only the delay of the device leaves none. `None`: counts or noise hide that, or the fit is
-/// exact already.
+/// The same fit of nearly exact positions from delays around its own, this many periods apart. Without noise the squares over the delay have
+/// a minimum wherever a turn of the puck passes a change of the torque, and only the delay of the device leaves nothing. `None`: counts or
+/// noise hide that, or the fit is exact already.
 fn among_delays(record: &CancellableRecord<'_>, found: &Fit, step: f64) -> Option<Fit> {
     let size = spread(record, found);
     let rms = found.variance().sqrt();

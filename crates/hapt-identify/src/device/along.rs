@@ -3,7 +3,7 @@
 //! In a loop with a spring these explain each other, over a valley of the squares that bends and is rough where the puck turns round. With
 //! the delay held the others are found in a few steps, so the delay alone is searched.
 
-use super::fit::{Fit, least_variance};
+use super::fit::{Fit, NOT_BELOW_0, least_variance};
 use super::parameters::LATE;
 use super::slopes::{Column, Normal, scaled};
 use crate::record::{CancellableRecord, LONGEST_DELAY};
@@ -14,7 +14,7 @@ const FAR: f64 = 0.1;
 const MOST: usize = 10;
 const STEPS: usize = 2;
 
-/// The fit of another delay, where that has less squares.
+/// The fit of another delay, where that has less squares, after at most this many steps at the end.
 pub(super) fn along_delays(record: &CancellableRecord<'_>, found: Fit, most: usize) -> Option<Fit> {
     let normal = Normal::of(&found.slopes, 0.0, [0.0; 2]);
     let whole = found.step(&normal.information, &normal.right, 0.0, least_variance(record));
@@ -36,7 +36,7 @@ pub(super) fn along_delays(record: &CancellableRecord<'_>, found: Fit, most: usi
     best.improved(record, most)
 }
 
-/// The changes of the numbers, and of the delay in its own row, with that of the delay: the column of their covariance.
+/// The covariance of the numbers with the delay, over the residuals' variance: their changes as the delay changes by its own row.
 fn tangent(fit: &Fit) -> Option<Column> {
     let normal = Normal::of(&fit.slopes, 0.0, [0.0; 2]);
     let (matrix, scale) = scaled(&normal.information, fit.free, 0.0);
@@ -50,6 +50,7 @@ fn moved(record: &CancellableRecord<'_>, fit: &Fit, step: f64) -> Option<Fit> {
     let mut device = fit.device;
     let part = ((device.p[LATE] + step).clamp(0.0, LONGEST_DELAY) - device.p[LATE]) / tangent[LATE];
     device.p.iter_mut().zip(&tangent).for_each(|(p, tangent)| *p += part * tangent);
+    NOT_BELOW_0.into_iter().for_each(|i| device.p[i] = device.p[i].max(0.0));
     let mut held = fit.free;
     held[LATE] = false;
     let there = Fit::of(record, device, held, fit.shots.clone())?.improved(record, STEPS)?;

@@ -24,7 +24,7 @@ const SHOT: f64 = 0.4;
 const FLIGHT: f64 = 0.012;
 
 const LOGARITHMS: [usize; 3] = [INERTIA, FAST, STIFFNESS];
-const NOT_BELOW_0: [usize; 6] = [DAMPING, FRICTION, LATE, VARIANCE, RISE, STOP_DAMPING];
+pub(super) const NOT_BELOW_0: [usize; 6] = [DAMPING, FRICTION, LATE, VARIANCE, RISE, STOP_DAMPING];
 /// The fit ends after this many steps that lower the squares by less than this part of their variance.
 const FEW: usize = 2;
 const SLOW: f64 = 0.01;
