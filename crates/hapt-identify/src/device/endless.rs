@@ -30,6 +30,8 @@ const LEAST: f64 = 0.1;
 const TAKES: f64 = 0.2;
 /// The torque follows the position where this part of its variance goes with it.
 const FOLLOWS: f64 = 0.999;
+/// Over a shorter travel, in rad, gravity is hardly more than a spring.
+const SHORT_TRAVEL: f64 = 2.0;
 /// A lag takes at least this part of the squares.
 const LAG_TAKES: f64 = 0.01;
 /// The lags from which fits start, as parts of the delay with the lag.
@@ -41,7 +43,15 @@ pub(super) fn search(record: &CancellableRecord<'_>, known: &Known) -> Option<Fi
         return None;
     }
     let springs = if follows_position(record) { &[false][..] } else { &[true, false] };
-    springs.iter().find_map(|spring| from_equation(record, known, endless(record, known, *spring)?, *spring))
+    let found = |spring: &bool| from_equation(record, known, endless(record, known, *spring)?, *spring);
+    springs.iter().find_map(|spring| found(spring).filter(|fit| *spring || has_scale(record, fit)))
+}
+
+/// Whether a device without a spring has a scale: over a short travel gravity is a spring, and other terms stand for the rest of it.
+fn has_scale(record: &Record, fit: &Fit) -> bool {
+    let (low, high) =
+        record.positions().iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
+    fit.free[GRAVITY] || high - low > SHORT_TRAVEL
 }
 
 /// Whether the torque is that of a spring of the loop: then inertia, losses and a spring of the device's own have one scale, which no record
