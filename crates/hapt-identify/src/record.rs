@@ -9,6 +9,8 @@ use crate::noise::noise;
 /// The longest delay that is searched, in s. The part of a record that is fitted first begins this long after its beginning: by then every
 /// torque that can still arrive has been recorded.
 pub const LONGEST_DELAY: f64 = 0.05;
+/// Smaller torques, in N·m (N), are none: their squares would be lost to rounding.
+const LEAST_TORQUE: f64 = 1e-100;
 /// The earliest action of a command before its time, in s: delays below 0 are searched down to here.
 pub(crate) const EARLIEST: f64 = 0.2 * LONGEST_DELAY;
 
@@ -121,6 +123,9 @@ impl Record {
         let middle = mean(&mut positions.iter().copied());
         let spread = mean(&mut positions.iter().map(|z| (z - middle).powi(2))).sqrt();
         let effort = mean(&mut torques.iter().map(|torque| torque * torque)).sqrt();
+        if effort < LEAST_TORQUE && torques.iter().any(|torque| *torque != 0.0) {
+            return Err(Error::Constant { torque: torques.iter().fold(0.0, |a: f64, b| a.max(b.abs())) });
+        }
         let lattice = lattice(&seen);
         Ok(Record { news, noise, spread, effort, lattice, forces: None, measured, times, positions, torques })
     }

@@ -29,7 +29,8 @@ pub enum Verdict {
 /// One number, of the record and of the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compared {
-    /// inertia, damping, friction, constant torque, damping over inertia, friction over inertia, lag, delay, delay and lag, sign; handle inertia, shaft stiffness, shaft damping;
+    /// inertia, damping, friction, constant torque, damping over inertia, friction over inertia, lag, delay, delay and lag, sign; handle
+    /// inertia, shaft stiffness, shaft damping;
     /// stribeck torque, stribeck velocity; low stop, high stop, stop stiffness, stop damping; gravity sine and cosine; cogging sine 1 and
     /// cosine 1, and so on for each harmonic of the file; friction sine 1 and cosine 1, and so on; spring.
     pub name: &'static str,

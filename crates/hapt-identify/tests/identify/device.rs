@@ -266,6 +266,9 @@ fn what_is_no_experiment_is_refused() {
     assert!(matches!(new(&slow, z, u), Err(Error::Sparse { apart }) if (apart - 5.0).abs() < 1e-9));
     assert_eq!(new(t, &[0.0; 600], u), Err(Error::Still { values: 1 }));
     assert_eq!(new(t, z, &[0.5; 600]), Err(Error::Constant { torque: 0.5 }));
+    // The squares of these would be 0.
+    let tiny: Vec<f64> = (0..600).map(|i| if i % 20 < 10 { 1e-200 } else { -1e-200 }).collect();
+    assert_eq!(new(t, z, &tiny), Err(Error::Constant { torque: 1e-200 }));
     let mut back = t.to_vec();
     back[7] = back[6];
     assert_eq!(new(&back, z, u), Err(Error::Times { sample: 7, time: t[6], before: t[6] }));
