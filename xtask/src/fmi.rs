@@ -19,7 +19,7 @@ pub use reference::write;
 pub fn holds() -> Result<()> {
     let hapt = programs::program("hapt")?.get_program().to_os_string();
     if cfg!(target_os = "linux") {
-        is_self_contained(&programs::target().join(programs::PROFILE).join("deps/libhapt_fmi.so"))?;
+        is_self_contained(&programs::folder(programs::PROFILE).join("deps/libhapt_fmi.so"))?;
     }
     reference::is_current()?;
     let Some(environment) = tools::environment("fmi") else {

@@ -18,7 +18,7 @@ pub fn holds() -> Result<()> {
     let environment = tools::packaging()?;
     for target in TARGETS {
         let mut clippy = Command::new(env!("CARGO"));
-        clippy.args(["clippy", "--quiet", "--profile", PROFILE, "--target", target]).args(PACKAGES);
+        clippy.args(["clippy", "--quiet", "--target", target]).args(PACKAGES);
         ensure!(clippy.args(["--", "-D", "warnings"]).status()?.success(), "lints for {target}");
         println!("{target}: no warning");
 
@@ -28,7 +28,7 @@ pub fn holds() -> Result<()> {
         link.env("PATH", tools::path_with(&environment.join("bin"))?);
         ensure!(link.status()?.success(), "links for {target}");
         for file in ["hapt", "libhapt_fmi.dylib"] {
-            let path = programs::target().join(target).join(PROFILE).join(file);
+            let path = programs::target().join(target).join(programs::folder_name(PROFILE)).join(file);
             let bytes = std::fs::read(&path)?;
             ensure!(bytes.starts_with(&[0xcf, 0xfa, 0xed, 0xfe]), "{} is no program for macOS", path.display());
             println!("{target}: linked {file}, {} bytes; not run", bytes.len());

@@ -8,7 +8,7 @@ use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
 /// The one in which every test is built, xtask too (`.cargo/config.toml`).
-pub const PROFILE: &str = "tested";
+pub const PROFILE: &str = "test";
 
 /// All that is linted. `--all-targets` leaves out the targets that `cargo test` leaves out.
 pub const TARGETS: &str = "--workspace --lib --bins --examples --test *";
@@ -108,11 +108,21 @@ pub fn binary(build: &str) -> Command {
 /// Builds an example of the workspace in the tests' profile. `cargo test` leaves the programs of examples out.
 pub fn example(name: &str) -> Result<PathBuf> {
     cargo(&format!("build --quiet --workspace --example {name} --profile {PROFILE}"), "")?;
-    Ok(target().join(PROFILE).join("examples").join(format!("{name}{}", std::env::consts::EXE_SUFFIX)))
+    Ok(folder(PROFILE).join("examples").join(format!("{name}{}", std::env::consts::EXE_SUFFIX)))
 }
 
 fn binary_of(build: &str, name: &str) -> Command {
-    Command::new(target().join(build).join(format!("{name}{}", std::env::consts::EXE_SUFFIX)))
+    Command::new(folder(build).join(format!("{name}{}", std::env::consts::EXE_SUFFIX)))
+}
+
+/// Where cargo puts the programs of a profile.
+pub fn folder(profile: &str) -> PathBuf {
+    target().join(folder_name(profile))
+}
+
+/// The name of this folder, in that of a target too.
+pub fn folder_name(profile: &str) -> &str {
+    if profile == PROFILE { "debug" } else { profile }
 }
 
 /// Where cargo builds.

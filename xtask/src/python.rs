@@ -31,7 +31,7 @@ pub fn is_built() -> Result<()> {
 pub fn works() -> Result<()> {
     let Some(environment) = tools::environment("hapt") else { return Ok(()) };
     let words = ["-q", "-p", "no:cacheprovider", "--doctest-modules", "--pyargs", "hapt", "python/tests"];
-    let folder = programs::target().join(programs::PROFILE);
+    let folder = programs::folder(programs::PROFILE);
     run(module(&environment, "pytest")?.args(words).env("PATH", tools::path_with(&folder)?))
 }
 
@@ -69,7 +69,8 @@ pub fn install(environment: &Path, profile: &str) -> Result<()> {
         }
     }
     let library = format!("{DLL_PREFIX}_hapt{DLL_SUFFIX}");
-    fs::copy(root.join(profile).join(&library), package.join("_hapt.abi3.so")).context(library)?;
+    fs::copy(root.join(programs::folder_name(profile)).join(&library), package.join("_hapt.abi3.so"))
+        .context(library)?;
     let mut query = tools::python(environment)?;
     query.args(["-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]);
     let output = query.output()?;

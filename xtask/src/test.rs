@@ -1,7 +1,7 @@
 //! `cargo xtask test`: everything that has to hold before a change is merged. `cargo xtask test released`: what has to hold of the program of
 //! `cargo run --release` as well, on schedule.
 //!
-//! Every test runs once, in the profile `tested`: optimised nearly as `release`, with assertions and overflow checks. `release`, without
+//! Every test runs once, in the profile `test`, as `cargo test` has it: optimised nearly as `release`, with assertions and overflow checks. `release`, without
 //! them, is the same sources: that its bits are the same needs no look before every merge, and building it is an eighth of the whole test.
 //!
 //! Lints, documentation, tests, xtask and the fuzz targets are built in one profile and with one set of features, so that no
@@ -31,7 +31,7 @@ pub fn run() -> Result<()> {
         Step::check("programs for the tests", tools::installed),
         Step::check("format", || cargo("fmt --all --check", "")),
         Step::check("nothing is built twice", deps::built_once),
-        Step::check("lints", || cargo(&format!("clippy {TARGETS} --profile {PROFILE} -- -D warnings"), "")),
+        Step::check("lints", || cargo(&format!("clippy {TARGETS} -- -D warnings"), "")),
         Step::check("the tests build", || all_built().map(drop)),
     ]);
     let Ok(programs) = all_built() else { std::process::exit(i32::from(!tally.end())) };
@@ -55,9 +55,7 @@ pub fn run() -> Result<()> {
         }
     }
     steps.push(Step::tests("examples in the documentation", documented()));
-    steps.push(Step::check("documentation", || {
-        cargo(&format!("doc --workspace --no-deps --profile {PROFILE}"), "-D warnings")
-    }));
+    steps.push(Step::check("documentation", || cargo("doc --workspace --no-deps", "-D warnings")));
     tally.run(steps);
     // Builds next to these tests, even of a lower priority, are too much: a simulated drive then answers too late.
     for step in exclusive {
@@ -113,7 +111,9 @@ pub fn released() -> Result<()> {
     let mut tally = Tally::new();
     tally.run(vec![
         Step::check("the README's first command", || cargo("run --quiet --release -- --version", "")),
-        Step::check("the tested program builds", || cargo("build --quiet --workspace --bin hapt --profile tested", "")),
+        Step::check("the tested program builds", || {
+            cargo(&format!("build --quiet --workspace --bin hapt --profile {PROFILE}"), "")
+        }),
     ]);
     let mut bad_inputs = built(&["cli"])?.into_iter().next().context("there is no test cli")?.command();
     bad_inputs.arg("bad_inputs").env("HAPT_PROGRAM", std::path::absolute(binary("release").get_program())?);

@@ -66,7 +66,7 @@ fn cargo(verb: &str, words: &str) -> Command {
 
 /// Where cargo puts the programs of this target.
 fn built() -> Result<PathBuf> {
-    Ok(absolute(programs::target().join(TARGET).join(PROFILE))?)
+    Ok(absolute(programs::target().join(TARGET).join(programs::folder_name(PROFILE)))?)
 }
 
 /// Wine with a disk of its own.

@@ -4,7 +4,7 @@
 //! `sine SHARE`, `spring SHARE`, `damper SHARE`, `friction SHARE` or `inertia SHARE` plays an effect of this part of full scale, `free` ends all
 //! effects, and `unplug` removes the wheel. The end of the input ends the program. The page's own test runs it (`web/test/wheel.test.mjs`).
 //!
-//! `cargo run --profile tested --workspace --example wheel_page`
+//! `cargo run --profile test --workspace --example wheel_page`
 
 #[cfg(target_os = "linux")]
 #[allow(dead_code)] // Only a part of the host is used here.

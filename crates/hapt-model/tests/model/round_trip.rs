@@ -324,11 +324,12 @@ fn world() -> impl Strategy<Value = World> {
             let sampling = Sampling { bodies_every, ..sampling };
             let couplings = couplings(bodies.len(), !sampling.method.is_explicit() || bodies_every > 1);
             let scenarios = vec((0.0..1e9, hand(), timing(&sampling)), 0..4);
+            // Boxed: the frames of all parts together overflow the stack of a test without optimisation.
             (
                 Just((motion, sampling, bodies, title)),
-                (device(motion), safety()),
-                (couplings, compensations()),
-                scenarios,
+                (device(motion).boxed(), safety().boxed()),
+                (couplings.boxed(), compensations()),
+                scenarios.boxed(),
             )
         })
         .prop_map(|((motion, sampling, bodies, title), (device, safety), (couplings, compensations), scenarios)| {
