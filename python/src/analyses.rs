@@ -136,15 +136,14 @@ pub fn identify(
         let record = Record::new(times, positions, torques)?;
         let known = Known { inertia, is_linear: linear, ..Known::default() };
         let is_set = || stop.is_set();
-        let by_torque = || hapt_identify::fit_torque_until(&record, &known, &is_set);
-        let found = match hapt_identify::identify_until(&record, &known, &is_set) {
+        let by_torque = hapt_identify::fit_torque_until(&record, &known, &is_set);
+        let found = match hapt_identify::identify_until(&record, &known, by_torque.as_ref(), &is_set) {
             None => return Ok(None),
-            Some(Ok(found)) => (found.json(by_torque().as_ref()), found.warnings()),
+            Some(Ok(found)) => (found.json(by_torque.as_ref()), found.warnings()),
             // The model does not explain the motion: the result is the fit of the torque's equation, as on the command line.
             Some(Err(error)) => {
                 let richer = matches!(error, hapt_identify::Error::Residual(_) | hapt_identify::Error::Unexplained);
-                let fit = richer.then(by_torque).flatten();
-                let fit = fit.filter(|fit| fit.explains()).ok_or_else(|| error.clone())?;
+                let fit = by_torque.filter(|fit| richer && fit.explains()).ok_or_else(|| error.clone())?;
                 (fit.json(linear, false), vec![error.to_string()])
             }
         };

@@ -10,6 +10,7 @@
 //! bump: ∫ w z̈ = ∫ ẅ z. So no position is differentiated, and all terms have the same filter. Each window gives one row.
 
 use nalgebra::{SMatrix, SVector};
+use rayon::prelude::*;
 
 use crate::record::Record;
 
@@ -105,8 +106,8 @@ pub enum Errors {
     Bootstrap,
 }
 
-/// All windows of a record.
-pub(crate) struct Rows {
+/// The equation of the torque over all windows of a record.
+pub(crate) struct TorqueRows {
     errors: Errors,
     pub rows: Vec<Row>,
     /// The contribution of the positions' noise to the squares of a row's terms.
@@ -125,18 +126,19 @@ fn bump(u: f64) -> [f64; 4] {
     ]
 }
 
-impl Rows {
+impl TorqueRows {
     /// `signs`: of the velocity at each sample, from -1 to 1; `torques`: those that act at each sample.
     pub fn new(record: &Record, signs: &[f64], torques: &[f64], band: Band) -> Self {
         let (times, positions) = (record.times(), record.positions());
         let half = (0.5 * band.length / record.period()).round() as usize;
-        let mut all = Rows { errors: Errors::default(), rows: Vec::new(), noise: Square::zeros() };
+        let mut all = TorqueRows { errors: Errors::default(), rows: Vec::new(), noise: Square::zeros() };
         if half < FEWEST {
             return all;
         }
         let middle = positions.iter().sum::<f64>() / positions.len() as f64;
         let variance = record.noise().powi(2);
         let forces = record.forces();
+        let turned: Vec<(f64, f64)> = positions.iter().map(|z| z.sin_cos()).collect();
         let mut centre = half;
         while centre + half < times.len() {
             let (low, high) = (centre - half, centre + half);
@@ -179,8 +181,8 @@ impl Rows {
                 row.terms[CONSTANT] += if band.slope { 0.0 } else { w0 };
                 row.terms[STIFFNESS] += w0 * (z - middle);
                 row.terms[DIRECTION] += w0 * signs[i].abs();
-                row.terms[SINE] += w0 * z.sin();
-                row.terms[COSINE] += w0 * z.cos();
+                row.terms[SINE] += w0 * turned[i].0;
+                row.terms[COSINE] += w0 * turned[i].1;
                 row.terms[FORCE] += forces.map_or(0.0, |forces| w0 * forces[i]);
                 noisy[(INERTIA, INERTIA)] += w2 * w2;
                 noisy[(DAMPING, DAMPING)] += w1 * w1;
@@ -258,28 +260,28 @@ impl Rows {
             };
             self.rows.iter().zip(&weights).map(row).collect()
         };
-        shafts.iter().map(of).collect()
+        shafts.par_iter().map(of).collect()
     }
 
     /// The same rows with other torques at the samples, by these weights.
-    pub fn under(&self, weights: &[Vec<f64>], torques: &[f64]) -> Rows {
+    pub fn under(&self, weights: &[Vec<f64>], torques: &[f64]) -> TorqueRows {
         let torques = self.means(weights, torques);
         let rows = self.rows.iter().zip(torques).map(|(row, torque)| Row { torque, ..*row }).collect();
-        Rows { errors: self.errors, rows, noise: self.noise }
+        TorqueRows { errors: self.errors, rows, noise: self.noise }
     }
 
     /// The same rows, with standard errors by another method.
-    pub fn with_errors(self, errors: Errors) -> Rows {
-        Rows { errors, ..self }
+    pub fn with_errors(self, errors: Errors) -> TorqueRows {
+        TorqueRows { errors, ..self }
     }
 
     /// The rows whose positions are all between two places.
-    pub fn between(&self, record: &Record, [low, high]: [f64; 2]) -> Rows {
+    pub fn between(&self, record: &Record, [low, high]: [f64; 2]) -> TorqueRows {
         let is_inside =
             |row: &&Row| record.positions()[row.span.0..=row.span.1].iter().all(|z| (low..=high).contains(z));
         let rows: Vec<Row> = self.rows.iter().filter(is_inside).copied().collect();
         let noise = self.noise * (rows.len() as f64 / self.rows.len().max(1) as f64);
-        Rows { errors: self.errors, rows, noise }
+        TorqueRows { errors: self.errors, rows, noise }
     }
 
     /// The sums over each of the blocks.
@@ -351,7 +353,7 @@ fn solve(sums: &Sums, mask: Mask) -> Option<(Column, Square)> {
     values.iter().chain(inverse.iter()).all(|x| x.is_finite()).then_some((values, inverse))
 }
 
-impl Rows {
+impl TorqueRows {
     /// The least squares with these terms, with damping and friction of the inertia's sign; `duration` of the record in s.
     pub fn solved(&self, mask: Mask, duration: f64) -> Option<Solved> {
         let mut mask = mask;
@@ -426,7 +428,7 @@ impl Rows {
     }
 }
 
-impl Rows {
+impl TorqueRows {
     /// The variances of the estimates by the sandwich: residuals of neighbouring windows are correlated up to a lag that the data give.
     fn sandwich(&self, inverse: &Square, left: &[f64]) -> Column {
         let scores: Vec<Column> =

@@ -16,7 +16,7 @@ use crate::puck::{OFFSET, Puck};
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
 use crate::remainder::{fitted, is_right, left, residual, spread};
 use crate::start::starts;
-use crate::torque::{TorqueFit, fit_torque_until};
+use crate::torque::{TorqueFit, fit_torque};
 use crate::{Error, LargeResidual};
 
 /// The residual variance, as a part of the positions' variance, above which the fit explains nothing.
@@ -40,16 +40,33 @@ const AROUND: [f64; 3] = [0.3, 0.1, 0.03];
 /// # Errors
 /// [`Error::Unexplained`] where no puck explains the motion, [`Error::Residual`] where one does, but not to within counts and noise.
 pub fn identify(record: &Record, known: &Known) -> Result<Identified, Error> {
-    identified(&CancellableRecord { record, stop: &|| false }, known)
+    identify_with(record, known, fit_torque(record, known).as_ref())
+}
+
+/// The same with the fit of the torque, where that exists already.
+///
+/// # Errors
+/// As [`identify`].
+pub fn identify_with(record: &Record, known: &Known, by_torque: Option<&TorqueFit>) -> Result<Identified, Error> {
+    identified(&CancellableRecord { record, stop: &|| false }, known, by_torque)
 }
 
 /// The same, or `None` once `stop` is true: it is called at every step of a fit, which reads each sample.
-pub fn identify_until(record: &Record, known: &Known, stop: &dyn Fn() -> bool) -> Option<Result<Identified, Error>> {
-    let result = identified(&CancellableRecord { record, stop }, known);
+pub fn identify_until(
+    record: &Record,
+    known: &Known,
+    by_torque: Option<&TorqueFit>,
+    stop: &dyn Fn() -> bool,
+) -> Option<Result<Identified, Error>> {
+    let result = identified(&CancellableRecord { record, stop }, known, by_torque);
     (!stop()).then_some(result)
 }
 
-fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identified, Error> {
+fn identified(
+    record: &CancellableRecord<'_>,
+    known: &Known,
+    by_torque: Option<&TorqueFit>,
+) -> Result<Identified, Error> {
     // Where the puck turns round near the ends of its travel, a search without stops is long and fails.
     let stopped = device::search(record, known).and_then(|fit| fit.identified(record, known));
     let has = |is: fn(&FoundStops) -> bool| move |found: &Identified| found.stops.as_ref().is_some_and(is);
@@ -58,7 +75,7 @@ fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identifie
     }
     // Stops that explain a record that nothing else explains are the device's, if the record determines them at all.
     let stopped = stopped.filter(has(FoundStops::are_determined));
-    match search_or_glimpse(record, known) {
+    match search_or_glimpse(record, known, by_torque) {
         Err(wrong) | Ok(BestFit { wrong: Some(wrong), .. }) => {
             let loaded = || device::search_loaded(record, known)?.identified(record, known);
             let is_sure = |found: &Identified| match &found.stops {
@@ -69,9 +86,8 @@ fn identified(record: &CancellableRecord<'_>, known: &Known) -> Result<Identifie
         }
         Ok(found) => {
             let found = found.identified(record, known);
-            let equation = if breaks_a_bound(&found) { fit_torque_until(record, known, record.stop) } else { None };
-            Ok(match equation {
-                Some(equation) => up_to(found, &equation),
+            Ok(match by_torque.filter(|_| breaks_a_bound(&found)) {
+                Some(equation) => up_to(found, equation),
                 None => found,
             })
         }
@@ -142,16 +158,21 @@ impl BestFit {
 }
 
 /// The search for the best fit, or a single fit where the device is richer than the puck.
-pub(crate) fn search_or_glimpse(record: &CancellableRecord<'_>, known: &Known) -> Result<BestFit, Error> {
-    if is_richer(record, known) { glimpse(record, known) } else { search(record, known) }
+pub(crate) fn search_or_glimpse(
+    record: &CancellableRecord<'_>,
+    known: &Known,
+    by_torque: Option<&TorqueFit>,
+) -> Result<BestFit, Error> {
+    if by_torque.is_some_and(TorqueFit::leaves_more_than_noise) && is_richer(record, known) {
+        glimpse(record, known)
+    } else {
+        search(record, known)
+    }
 }
 
-/// Whether the device is richer than the puck: its equation of motion leaves more of the torque than the positions' noise explains, and a
-/// search finds no puck that explains the stretch of the record that moves most.
+/// Whether a device whose equation of motion leaves more of the torque than the positions' noise explains is richer than the puck: a search
+/// finds no puck that explains the stretch of the record that moves most.
 fn is_richer(record: &CancellableRecord<'_>, known: &Known) -> bool {
-    if !fit_torque_until(record, known, record.stop).is_some_and(|fit| fit.leaves_more_than_noise()) {
-        return false;
-    }
     let Some(stretch) = record.liveliest(BRIEF) else { return false };
     let stretch = CancellableRecord { record: &stretch, ..*record };
     let starts = starts(&stretch);

@@ -144,8 +144,9 @@ pub(crate) fn fit(record: &CancellableRecord<'_>, start: Puck, free: Free, first
     Some(ended(record, best))
 }
 
-/// The fit of nearly exact positions after steps without damping: a damped step is short in a direction of little information, however far the least squares are along
-/// it. Where the valley of the squares bends, such a step leaves it, and the next one returns to it farther along.
+/// The fit of nearly exact positions after steps without damping: a damped step is short in a direction of little information, however far
+/// the least squares are along it. Where the valley of the squares bends, such a step leaves it, and the next one returns to it farther
+/// along.
 fn ended(record: &CancellableRecord<'_>, mut best: Fit) -> Fit {
     let (mut at, mut aside) = (best, 0);
     if best.variance() > (NOTHING * record.spread()).powi(2) {

@@ -81,7 +81,7 @@ pub use columns::{Columns, Read, Scale, text_of};
 pub use counts::{Lattice, lattice};
 pub use equation::Errors;
 pub use error::{Error, LargeResidual};
-pub use estimate::{identify, identify_until};
+pub use estimate::{identify, identify_until, identify_with};
 pub use experiment::{Bounds, Push};
 pub use handle::{WithHandle, identify_handle, identify_handle_until};
 pub use identified::{CorrelatedPair, FoundStops, FoundStribeck, Identified, Known, PositionTorque, Residual};

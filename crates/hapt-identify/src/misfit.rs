@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::equation::{CONSTANT, DAMPING, FORCE, FRICTION, INERTIA, Rows, Solved};
+use crate::equation::{CONSTANT, DAMPING, FORCE, FRICTION, INERTIA, Solved, TorqueRows};
 use crate::record::CancellableRecord;
 use crate::spectrum::line;
 use crate::start::velocities;
@@ -130,7 +130,7 @@ struct Candidate {
 pub(crate) fn misfit(
     record: &CancellableRecord<'_>,
     signs: &[f64],
-    rows: &Rows,
+    rows: &TorqueRows,
     plain: &Solved,
     duration: f64,
     is_linear: bool,
@@ -166,7 +166,7 @@ pub(crate) fn misfit(
 fn candidates(
     record: &CancellableRecord<'_>,
     signs: &[f64],
-    rows: &Rows,
+    rows: &TorqueRows,
     inertia_sign: f64,
     duration: f64,
     is_linear: bool,
@@ -266,7 +266,7 @@ fn axes(columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
 
 impl Rest {
     /// The equation's own terms are taken out of all candidates.
-    fn new(left: Vec<f64>, rows: &Rows, candidates: Vec<Candidate>) -> Rest {
+    fn new(left: Vec<f64>, rows: &TorqueRows, candidates: Vec<Candidate>) -> Rest {
         let own = [INERTIA, DAMPING, FRICTION, CONSTANT, FORCE];
         let own: Vec<Vec<f64>> =
             own.iter().map(|term| rows.rows.iter().map(|row| row.terms[*term]).collect()).collect();
@@ -298,7 +298,7 @@ impl Rest {
 
     /// The squares that torques of position, velocity and time explain, each by itself: shared ones count more than once, so that what is
     /// beyond them surely is another torque. Kinds below `least` do not count, nor does friction by position.
-    fn separate_gains(&self, rows: &Rows, least: f64) -> f64 {
+    fn separate_gains(&self, rows: &TorqueRows, least: f64) -> f64 {
         let counted: [fn(&Kind) -> bool; 3] =
             [|kind| matches!(kind, Kind::Position { .. }), |kind| *kind == Kind::Velocity, |kind| *kind == Kind::Drift];
         let most = |is: &fn(&Kind) -> bool| {
@@ -332,7 +332,7 @@ impl Rest {
     }
 
     /// A clear sine of time, and the squares that it takes.
-    fn line(&self, rows: &Rows) -> Option<(Kind, f64)> {
+    fn line(&self, rows: &TorqueRows) -> Option<(Kind, f64)> {
         let timed: Vec<(f64, f64)> = rows.rows.iter().zip(&self.left).map(|(row, left)| (row.time, *left)).collect();
         let hz = line(&timed).filter(|line| line.is_clear())?.hz;
         let wave = |wave: fn(f64) -> f64| rows.rows.iter().map(|row| wave(TAU * hz * row.time)).collect::<Vec<f64>>();

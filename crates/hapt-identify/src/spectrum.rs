@@ -2,6 +2,8 @@
 
 use std::f64::consts::{PI, TAU};
 
+use rayon::prelude::*;
+
 /// The number of frequencies that are tried, in equal ratios.
 const FREQUENCIES: usize = 1500;
 /// The least number of periods of the lowest in the record, and of samples in a period of the highest.
@@ -51,7 +53,7 @@ pub(crate) fn line(values: &[(f64, f64)]) -> Option<Line> {
         re * re + im * im
     };
     let hz = |i: usize| low * (high / low).powf(i as f64 / (FREQUENCIES - 1) as f64);
-    let all: Vec<(f64, f64)> = (0..FREQUENCIES).map(|i| (hz(i), power(hz(i)))).collect();
+    let all: Vec<(f64, f64)> = (0..FREQUENCIES).into_par_iter().map(|i| (hz(i), power(hz(i)))).collect();
     let mut sorted: Vec<f64> = all.iter().map(|(_, power)| *power).collect();
     sorted.sort_by(f64::total_cmp);
     let median = sorted[FREQUENCIES / 2].max(f64::MIN_POSITIVE);

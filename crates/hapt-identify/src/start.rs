@@ -9,6 +9,8 @@
 //! in which no measured position is differentiated except for the sign s of the velocity. Each window gives one row, for each delay on a
 //! grid; the delay with the least squares is taken.
 
+use rayon::prelude::*;
+
 use crate::factor::{Factor, Rows};
 use crate::puck::{DAMPING, FRICTION, GAIN, OFFSET, PARAMETERS, Puck};
 use crate::record::{CancellableRecord, LONGEST_DELAY, Record};
@@ -124,11 +126,12 @@ fn of_window(record: &CancellableRecord<'_>, glance: &Glance, length: f64) -> Ve
     let is_driven = record.is_driven();
     let step = (0.5 * record.period()).max(1e-3);
     let delays = if is_driven { (LONGEST_DELAY / step) as usize } else { 0 };
-    let of_delay = |i: usize| {
-        let delay = i as f64 * step;
-        (!(record.stop)()).then(|| (delay, regression(record, glance, length, delay)))
-    };
-    let factors: Vec<(f64, Factor)> = (0..=delays).filter_map(of_delay).collect();
+    if (record.stop)() {
+        return Vec::new();
+    }
+    let samples = record.record;
+    let of_delay = |i: usize| (i as f64 * step, regression(samples, glance, length, i as f64 * step));
+    let factors: Vec<(f64, Factor)> = (0..=delays).into_par_iter().map(of_delay).collect();
     let solved = |(delay, factor): &(f64, Factor), offset: bool| {
         let p = factor.step([is_driven, true, true, false, offset, false, false, false], 0.0)?;
         let Begin { position, velocity } = glance.begins;

@@ -7,7 +7,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::equation::{BLOCKS, CONSTANT, DAMPING, FORCE, FRICTION, INERTIA, Rows};
+use crate::equation::{BLOCKS, CONSTANT, DAMPING, FORCE, FRICTION, INERTIA, TorqueRows};
 use crate::interval::Interval;
 use crate::quantile::student;
 use crate::record::CancellableRecord;
@@ -176,7 +176,13 @@ impl Table {
 }
 
 /// The terms of a record, the one first that predicts most; `sign` is the motor's sign.
-pub(crate) fn terms(record: &CancellableRecord<'_>, rows: &Rows, sign: f64, is_linear: bool, choice: Choice) -> Terms {
+pub(crate) fn terms(
+    record: &CancellableRecord<'_>,
+    rows: &TorqueRows,
+    sign: f64,
+    is_linear: bool,
+    choice: Choice,
+) -> Terms {
     let positions = record.positions();
     let (low, high) = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |a, z| (a.0.min(*z), a.1.max(*z)));
     let middle = positions.iter().sum::<f64>() / positions.len() as f64;

@@ -1,9 +1,11 @@
 //! The result for devices that no puck of the model explains: means over models and over bands of frequency, and their residuals.
 
+use rayon::prelude::*;
+
 use crate::counts::Lattice;
 use crate::equation::{
-    BLOCKS, Band, CONSTANT, COSINE, DAMPING, DIRECTION, Errors, FORCE, FRICTION, INERTIA, Mask, Rows, SINE, STIFFNESS,
-    Solved, TERMS,
+    BLOCKS, Band, CONSTANT, COSINE, DAMPING, DIRECTION, Errors, FORCE, FRICTION, INERTIA, Mask, SINE, STIFFNESS,
+    Solved, TERMS, TorqueRows,
 };
 use crate::identified::Known;
 use crate::interval::Interval;
@@ -259,15 +261,19 @@ fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Opti
     let models: Vec<Mask> =
         MODELS.iter().filter(|model| turns || !model[SINE]).map(|model| with_force(*model, record)).collect();
     let (plain_terms, spring_terms) = (models[0], models[1]);
-    let shown = |rows: &Rows| {
+    let shown = |rows: &TorqueRows| {
         let mut models = [spring_terms, plain_terms].into_iter();
         Some(models.find_map(|model| rows.solved(model, duration))?.share)
     };
-    let rows = Rows::new(record, &signs, record.torques(), SHOWN);
+    let rows = TorqueRows::new(record, &signs, record.torques(), SHOWN);
     let weights = rows.weights(record);
-    let shares = (0..DELAYS).map(|i| i as f64 * DELAY_STEP).take_while(|_| goes_on());
-    let shares = shares.filter_map(|delay| Some((delay, shown(&rows.under(&weights, &delayed(record, delay)))?)));
-    let (delay, _) = shares.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let samples = record.record;
+    let share = |i: usize| {
+        let delay = i as f64 * DELAY_STEP;
+        Some((delay, shown(&rows.under(&weights, &delayed(samples, delay)))?))
+    };
+    let shares: Vec<(f64, f64)> = (0..DELAYS).into_par_iter().filter_map(share).collect();
+    let (delay, _) = shares.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
     drop((rows, weights));
     let torques = &delayed(record, delay);
     let mut bands: Vec<(Band, f64, Vec<Solved>)> = Vec::new();
@@ -275,7 +281,7 @@ fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Opti
         if !goes_on() {
             return None;
         }
-        let rows = Rows::new(record, &signs, torques, band).with_errors(errors);
+        let rows = TorqueRows::new(record, &signs, torques, band).with_errors(errors);
         if rows.rows.len() < 4 * TERMS {
             continue;
         }
@@ -315,7 +321,7 @@ fn fitted(record: &CancellableRecord<'_>, known: &Known, errors: Errors) -> Opti
     let inertia = of(INERTIA, true)?;
     let sign = if inertia.value < 0.0 { -1.0 } else { 1.0 };
     let deviation = inertia.variance.sqrt();
-    let rows = Rows::new(record, &signs, torques, SHOWN).with_errors(errors);
+    let rows = TorqueRows::new(record, &signs, torques, SHOWN).with_errors(errors);
     let plain = rows.solved(plain_terms, duration)?;
     // Motion of one frequency does not separate an inertia from a spring, nor from a hand.
     let is_apart = rows.solved(spring_terms, duration).is_some();

@@ -126,7 +126,8 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
     if let Some((x, shots)) = own().or_else(|| with_stops(device::search(record, &known))) {
         return Ok(explained(record, claims, &x, shots));
     }
-    let mut found = search_or_glimpse(record, &known)?;
+    let by_torque = fit_torque_until(record, &known, record.stop);
+    let mut found = search_or_glimpse(record, &known, by_torque.as_ref())?;
     if found.wrong.is_some()
         && let Some(near) = search_from(record, &known, claims.puck(record)).filter(|near| near.wrong.is_none())
     {
@@ -155,12 +156,8 @@ fn rigid(record: &CancellableRecord<'_>, claims: &Claims, is_linear: bool) -> Re
     };
     // For a device richer than the file's, the numbers are those of the torque's equation, whose intervals allow for the misfit.
     // That equation has no stops.
-    let by_torque = found
-        .wrong
-        .as_ref()
-        .filter(|_| claims.stops.is_none())
-        .and_then(|_| fit_torque_until(record, &known, record.stop));
-    let by_torque = by_torque.filter(|fit| fit.inertia.is_some() && !fit.is_moved_by_another);
+    let is_richer = found.wrong.is_some() && claims.stops.is_none();
+    let by_torque = by_torque.filter(|fit| is_richer && fit.inertia.is_some() && !fit.is_moved_by_another);
     let of_torque = |fit: &TorqueFit| {
         let mut numbers = judged::by_torque(fit, claims, &Scale::of(record));
         numbers.extend(judged::waves(claims, None, judged::LATE));

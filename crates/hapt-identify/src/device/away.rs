@@ -5,7 +5,7 @@ use super::parameters::{
     CHANGES, COGGING, DAMPING, Device, FRICTION, Free, GRAVITY, INERTIA, LATE, OFFSET, PARAMETERS, Parameters, Places,
     SPRING, STOPS, VARIANCE,
 };
-use crate::equation::{self, Band, Mask, Rows, Solved};
+use crate::equation::{self, Band, Mask, Solved, TorqueRows};
 use crate::identified::Known;
 use crate::record::CancellableRecord;
 use crate::start::{delayed, signs};
@@ -33,7 +33,7 @@ pub(super) struct Away {
 struct Inside {
     limits: [f64; 2],
     delay: f64,
-    rows: Rows,
+    rows: TorqueRows,
     solved: Solved,
 }
 
@@ -45,7 +45,8 @@ fn inside(record: &CancellableRecord<'_>, part: f64, model: Mask) -> Option<Insi
     let signs = signs(record);
     let duration = record.period() * record.times().len() as f64;
     let windows = WINDOWS.map(|length| {
-        let rows = Rows::new(record, &signs, record.torques(), Band { length, slope: false }).between(record, limits);
+        let rows =
+            TorqueRows::new(record, &signs, record.torques(), Band { length, slope: false }).between(record, limits);
         let weights = rows.weights(record);
         (rows, weights)
     });

@@ -11,7 +11,9 @@ pub(crate) struct Wave {
     /// In rad (m).
     pub phase: f64,
     /// Sine and cosine of each harmonic.
-    pub parts: [[f64; 2]; HARMONICS],
+    parts: [[f64; 2]; HARMONICS],
+    /// How many of them it has, up to the last one.
+    count: usize,
 }
 
 /// All of them, torques per inertia.
@@ -49,20 +51,20 @@ impl Field {
 }
 
 impl Wave {
-    fn is_none(&self) -> bool {
-        self.parts == [[0.0; 2]; HARMONICS]
+    pub fn new(rate: f64, phase: f64, parts: [[f64; 2]; HARMONICS]) -> Self {
+        let last = parts.iter().rposition(|part| *part != [0.0; 2]);
+        Wave { rate, phase, parts, count: last.map_or(0, |n| n + 1) }
     }
 
-    /// The highest harmonic that it has.
-    fn highest(&self) -> usize {
-        self.parts.iter().rposition(|part| *part != [0.0; 2]).map_or(0, |n| n + 1)
+    fn is_none(&self) -> bool {
+        self.count == 0
     }
 
     /// Adds the wave times a factor.
     fn add(&self, field: &mut Field, z: f64, factor: f64) {
         let (sine, cosine) = (self.rate * (z - self.phase)).sin_cos();
         let mut of = (sine, cosine);
-        for (n, part) in self.parts[..self.highest()].iter().enumerate() {
+        for (n, part) in self.parts[..self.count].iter().enumerate() {
             field.add(part.map(|x| factor * x), of, self.rate * (n + 1) as f64);
             of = (of.0 * cosine + of.1 * sine, of.1 * cosine - of.0 * sine);
         }
@@ -78,7 +80,7 @@ impl Wave {
 impl Waves {
     /// The largest number of radians of any wave per radian (m) of the position; `None`: there is none.
     pub fn steepest(&self) -> Option<f64> {
-        let of = |wave: &Wave| wave.rate * wave.highest() as f64;
+        let of = |wave: &Wave| wave.rate * wave.count as f64;
         let gravity = if self.gravity == [0.0; 2] { 0.0 } else { 1.0 };
         Some([&self.cogging, &self.changes].map(of).into_iter().fold(gravity, f64::max)).filter(|most| *most > 0.0)
     }

@@ -177,12 +177,9 @@ impl Fit {
         if fastest * record.period() >= FASTEST {
             return None;
         }
-        let (mut left, mut touched) = (Vec::new(), Vec::with_capacity(shots.len()));
-        for shot in &shots {
-            let (own, stops) = shot.left(record, &device);
-            left.extend(own);
-            touched.push(stops);
-        }
+        let all: Vec<(Vec<f64>, [bool; 2])> = shots.par_iter().map(|shot| shot.left(record, &device)).collect();
+        let left: Vec<f64> = all.iter().flat_map(|(left, _)| left.iter().copied()).collect();
+        let touched = all.into_iter().map(|(_, touched)| touched).collect();
         let squares: f64 = left.iter().map(|r| r * r).sum();
         squares.is_finite().then_some(Fit { device, free, shots, left, squares, touched, slopes: Vec::new() })
     }

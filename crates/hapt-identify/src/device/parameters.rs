@@ -148,10 +148,8 @@ impl Device {
         let p = &self.p;
         let per = self.inertia().recip();
         let lag = p[VARIANCE].max(0.0).sqrt();
-        let wave = |parts: [[f64; 2]; HARMONICS], [rate, phase]: [f64; 2], factor: f64| Wave {
-            rate,
-            phase,
-            parts: parts.map(|part| part.map(|x| factor * x)),
+        let wave = |parts: [[f64; 2]; HARMONICS], [rate, phase]: [f64; 2], factor: f64| {
+            Wave::new(rate, phase, parts.map(|part| part.map(|x| factor * x)))
         };
         let places = &self.places;
         Numbers {

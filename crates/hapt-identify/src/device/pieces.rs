@@ -82,6 +82,16 @@ impl Rates {
         Series { of, order }
     }
 
+    /// The same of a motor without a gap.
+    pub fn slow(&self) -> Rates {
+        Rates { decay: 0.0, ..*self }
+    }
+
+    /// Whether the series are accurate over a length.
+    pub fn reaches(&self, length: f64) -> bool {
+        self.fastest() * length <= REACH
+    }
+
     /// The part of a piece over which the series are accurate.
     pub fn reached(&self, length: f64) -> f64 {
         length.min(REACH / self.fastest())
@@ -98,15 +108,26 @@ impl Rates {
 }
 
 impl Map {
+    /// From series over a half, or over a part of it that they reach, which is doubled up to it.
     fn new(rates: Rates, gain: f64, length: f64) -> Map {
+        // At most so many that no rate of a device needs more.
+        let doubled = (0.5 * length * rates.fastest() / REACH).log2().ceil().clamp(0.0, 64.0) as i32;
+        let part = 0.5 * length * 0.5f64.powi(doubled);
         let unit = |i: usize| {
             let of = Rates { drive: if i == 3 { 1.0 } else { 0.0 }, ..rates };
-            of.series(std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 }), gain, length)
+            of.series(std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 }), gain, part).at(part)
         };
-        let units = [unit(0), unit(1), unit(2), unit(3)];
-        let at = |t: f64| [units[0].at(t), units[1].at(t), units[2].at(t), units[3].at(t)];
-        Map { rates, length, middle: at(0.5 * length), last: at(length) }
+        let mut middle = [unit(0), unit(1), unit(2), unit(3)];
+        for _ in 0..doubled {
+            middle = twice(&middle);
+        }
+        Map { rates, length, middle, last: twice(&middle) }
     }
+}
+
+/// A linear motion after itself, under the same drive.
+fn twice(by: &Linear) -> Linear {
+    std::array::from_fn(|i| moved(by, &by[i], if i == 3 { 1.0 } else { 0.0 }))
 }
 
 impl Maps {
@@ -121,7 +142,8 @@ impl Maps {
         if place.is_none() {
             let came = self.missed.is_some_and(|(old, before)| is_it(&old, before));
             self.missed = Some((*rates, length));
-            if !came {
+            // Without a map, a piece that no series reaches would have to be cut.
+            if !came && rates.reaches(length) {
                 return None;
             }
             if self.maps.len() == MAPS {
@@ -131,9 +153,11 @@ impl Maps {
             self.maps.push(Map::new(*rates, gain, length));
         }
         let place = place?;
-        // Maps in use are kept.
-        let near = place.saturating_sub(1);
-        self.maps.swap(place, near);
+        // Maps in use are kept: those of the two parts of a period in which a torque arrives, at the first places.
+        let near = if place > 1 { place - 1 } else { place };
+        if near != place {
+            self.maps.swap(place, near);
+        }
         let map = self.maps.get(near)?;
         Some([moved(&map.middle, state, rates.drive), moved(&map.last, state, rates.drive)])
     }

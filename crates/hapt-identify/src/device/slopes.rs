@@ -36,16 +36,18 @@ pub(super) struct OfShot {
 impl Slopes {
     /// The slopes from their rows and residuals; `None`: some are not finite.
     pub fn new(rows: Vec<[f64; ALL]>, left: &[f64]) -> Option<Self> {
-        let (mut products, mut right) = ([[0.0; ALL]; ALL], [0.0; ALL]);
-        for (row, left) in rows.iter().zip(left) {
-            for ((x, sums), right) in row.iter().zip(&mut products).zip(&mut right) {
-                if *x != 0.0 {
-                    sums.iter_mut().zip(row).for_each(|(sum, y)| *sum += x * y);
-                    *right += x * left;
-                }
+        let (mut products, mut right) = (SMatrix::<f64, ALL, ALL>::zeros(), SVector::<f64, ALL>::zeros());
+        // Most numbers are those of terms that the device does not have.
+        let has: Vec<usize> = (0..ALL).filter(|i| rows.iter().any(|row| row[*i] != 0.0)).collect();
+        let columns: Vec<Vec<f64>> = has.iter().map(|i| rows.iter().map(|row| row[*i]).collect()).collect();
+        let product = |one: &[f64], other: &[f64]| one.iter().zip(other).map(|(x, y)| x * y).sum::<f64>();
+        for (k, (i, one)) in has.iter().zip(&columns).enumerate() {
+            right[*i] = product(one, left);
+            for (j, other) in has[..=k].iter().zip(&columns) {
+                let sum = product(one, other);
+                (products[(*i, *j)], products[(*j, *i)]) = (sum, sum);
             }
         }
-        let (products, right) = (products.into(), right.into());
         let is_finite = |products: &SMatrix<f64, ALL, ALL>| products.iter().all(|x| x.is_finite());
         is_finite(&products).then_some(Slopes { rows, products, right })
     }
