@@ -265,9 +265,9 @@ mod tests {
         let keys = ["loop.period", "loop.delay"];
         let first = (0..100).find_map(|i| set(&mut page, 1, keys[i % 2], "3 ms")).unwrap();
         let second = save(&mut page, 1).unwrap();
-        let text = |message| {
-            let ServerMessage::Refused { message, .. } = message else { panic!("{message:?}") };
-            message
+        let text = |message| match message {
+            ServerMessage::Refused { message, .. } => message,
+            other => panic!("{other:?}"),
         };
         assert_eq!(text(first), "32 requests are waiting to be computed; set it again when they are done");
         assert_eq!(text(second), "32 requests are waiting to be computed; save it again when they are done");
