@@ -305,7 +305,7 @@ impl Motion {
             let gain = self.numbers.gain;
             let mut rates = self.rates();
             let drive = rates.drive;
-            // The piece ends where the series are no longer accurate; a gap that turns no motion does not shorten it.
+            // The piece ends where the series are no longer accurate. A gap that cannot bring the puck to rest does not shorten it.
             let (mut end, mut held) = self.piece(rest, if self.moves_on(&lines) { rates.slow() } else { rates });
             rates.drive = drive + held.map_or(0.0, |(_, field)| field.value);
             let is_quiet = |places: &[State; 2]| {
@@ -369,8 +369,8 @@ impl Motion {
         (end, Some((place, self.numbers.waves.field(place, -self.numbers.friction * self.direction))))
     }
 
-    /// Whether the puck moves on whatever the gap does, and rest is the only event that there can be: the gap changes the velocity by at
-    /// most its torque times the lag.
+    /// Whether the gap cannot bring the puck to rest, and rest is the only event that there can be. The gap changes the velocity by at most
+    /// its acceleration times the lag.
     fn moves_on(&self, lines: &[Option<(Event, Line)>; 4]) -> bool {
         let [_, v, gap] = self.state;
         lines[1..].iter().all(Option::is_none) && v.abs() > 2.0 * (self.numbers.gain * gap * self.numbers.lag).abs()
