@@ -1,6 +1,8 @@
-//! The limits of an input: a second of processor time, and memory in proportion to its size.
+//! The limits of an input: a second of a usual machine's processor time, and memory in proportion to its size.
 
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::collections::BTreeMap;
+use std::hint::black_box;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
@@ -8,6 +10,8 @@ use crate::Target;
 
 /// For one input, however long. The builds that drive the targets check overflow and, under libFuzzer, every address.
 const SECOND: Duration = Duration::from_secs(1);
+/// Entries of a map that a usual machine fills in a second: on a slow one, or one whose cores are shared, an input may take as long as they do.
+const ENTRIES: u32 = 1_000_000;
 /// An input that has not come back by then never will.
 const HANG: Duration = Duration::from_secs(30);
 /// Bytes that a target may hold at once for any input: tables, a few copies, messages.
@@ -62,24 +66,35 @@ pub fn judged(target: &Target, input: &[u8]) -> u64 {
     let most = PEAK_BYTES.load(Relaxed).saturating_sub(held);
     let allowed = MEMORY + MEMORY_PER_BYTE * input.len();
     assert!(most <= allowed, "{} bytes of input held {most} bytes at once; {allowed} are allowed", input.len());
-    // On a busy machine a single slow run proves nothing, and the time of other programs does not count: a slow input takes processor time
-    // in every run.
+    // A single slow run proves nothing, and the time of other programs does not count: a slow input takes processor time in every run, and
+    // more than a fixed piece of work of the same kind takes beside it.
     if took > SECOND {
-        let quickest = (0..4).map(|_| timed(target, input).1).min().unwrap_or(took);
-        assert!(quickest <= SECOND, "{} bytes of input took {quickest:?}", input.len());
+        let is_slow = || timed(target, input).1 > spent(filled_map).1.max(SECOND);
+        assert!((0..4).any(|_| !is_slow()), "{} bytes of input took {took:?}", input.len());
     }
     outcome
 }
 
 fn timed(target: &Target, input: &[u8]) -> (u64, Duration) {
     let _under_way = UnderWay::new();
-    let (start, spent) = (Instant::now(), processor());
-    let outcome = (target.run)(input);
-    let took = spent.zip(processor()).map(|(before, after)| after.saturating_sub(before));
-    (outcome, took.unwrap_or_else(|| start.elapsed()))
+    spent(|| (target.run)(input))
 }
 
-/// Processor time of this thread, in hundredths of a second; `None` where the system does not report it.
+/// The result of `work` and its processor time.
+fn spent<T>(work: impl FnOnce() -> T) -> (T, Duration) {
+    let (start, before) = (Instant::now(), processor());
+    let result = work();
+    let took = before.zip(processor()).map(|(before, after)| after.saturating_sub(before));
+    (result, took.unwrap_or_else(|| start.elapsed()))
+}
+
+/// What readers do: text, memory and comparisons.
+fn filled_map() {
+    let key = |i: u32| i.wrapping_mul(2_654_435_761).to_string();
+    black_box((0..ENTRIES).map(|i| (key(i), i)).collect::<BTreeMap<_, _>>());
+}
+
+/// Processor time of this thread, to a hundredth of a second; `None` where the system does not report it.
 fn processor() -> Option<Duration> {
     let text = std::fs::read_to_string("/proc/thread-self/stat").ok()?;
     // After the name, which may hold anything: state is field 3, utime and stime are 14 and 15.

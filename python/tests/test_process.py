@@ -62,10 +62,12 @@ def against():
     world.against(*record())
 
 def is_computing(task):
+    # The threads of a pool have the name of the call that began it, and stay: asleep.
     try:
-        return (task / "comm").read_text().strip() == "hapt"
+        name, state = (task / "stat").read_text().split("(", 1)[1].rsplit(") ", 1)
     except OSError:  # It has ended meanwhile.
         return False
+    return name == "hapt" and state.startswith("R")
 
 def computing():
     return sum(map(is_computing, pathlib.Path("/proc/self/task").iterdir()))
@@ -77,6 +79,8 @@ try:
         call()
 except KeyboardInterrupt:
     while pathlib.Path("/proc/self/task").exists() and computing():
+        if time.monotonic() > end + 240.0:
+            sys.exit("it computes on")
         time.sleep(0.01)
     print("interrupted")
 """
