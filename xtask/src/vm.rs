@@ -21,7 +21,7 @@ const TOOLS: [(&str, &str); 7] = [
 /// The test of the command line that needs a CAN interface.
 const OVER_CAN: &str = "over_an_interface";
 /// How long it may take, in s.
-const TIME: &str = "560";
+const TIME: &str = "1800";
 /// The same for the games of a car.
 const LONG: &str = "5400";
 

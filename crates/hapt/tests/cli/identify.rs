@@ -448,7 +448,7 @@ fn friction_by_position_is_written_as_the_device_has_it() {
     let level = |z: f64| 6e-3 * (1.0 + 0.5 * f64::sin(8.0 * (z - 0.2)));
     let (mut z, mut v) = (0.0, 0.0);
     let mut text = String::from("t_s,arm_rad,motor_Nm\n");
-    for k in 0..20_000 {
+    for k in 0..10_000 {
         let t = f64::from(k) * 1e-3;
         let torque = 0.012 * f64::sin(2.0 * t) + 0.012 * f64::sin(9.1 * t) + 0.006 * f64::sin(23.0 * t);
         text += &format!("{t:.4},{z:.6},{torque:.6}\n");
