@@ -17,6 +17,9 @@ use pyo3::prelude::*;
 /// The native module.
 #[pymodule(gil_used = false)]
 mod _hapt {
+    use numpy::{IntoPyArray, PyArrayMethods};
+    use pyo3::prelude::*;
+
     #[pymodule_export]
     use super::analyses::{coupling_keys, design, hand_keys, identify, measures};
     #[pymodule_export]
@@ -33,4 +36,13 @@ mod _hapt {
     /// The version of the crates.
     #[pymodule_export]
     const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+    /// NumPy's functions are looked up once, by the first array. That is done here: Ctrl-C during the lookup is a panic, and it is calls that
+    /// people interrupt.
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        let array = vec![0.0].into_pyarray(module.py());
+        array.try_readonly()?;
+        Ok(())
+    }
 }
