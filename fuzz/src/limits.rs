@@ -1,4 +1,4 @@
-//! The limits of an input: a second of a usual machine's processor time, and memory in proportion to its size.
+//! The limits of an input: about a second of processor time, and memory in proportion to its size.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::collections::BTreeMap;
@@ -10,8 +10,8 @@ use crate::Target;
 
 /// For one input, however long. The builds that drive the targets check overflow and, under libFuzzer, every address.
 const SECOND: Duration = Duration::from_secs(1);
-/// Entries of a map that a usual machine fills in a second: on a slow one, or one whose cores are shared, an input may take as long as they do.
-const ENTRIES: u32 = 1_000_000;
+/// Entries of a map that are filled in about a second: where that takes longer, an input may too.
+const ENTRIES: u32 = 500_000;
 /// An input that has not come back by then never will.
 const HANG: Duration = Duration::from_secs(30);
 /// Bytes that a target may hold at once for any input: tables, a few copies, messages.

@@ -21,7 +21,7 @@ use pyo3::types::PyTuple;
 use serde_json::{Value, json};
 
 use crate::error::{internal, of_sweep, value};
-use crate::interrupt::{Stop, in_parallel, interruptible, unwanted};
+use crate::interrupt::{Stop, in_parallel, unwanted};
 
 /// Columns of equal lengths by name.
 pub type Columns = Vec<(String, Vec<f64>)>;
@@ -149,7 +149,7 @@ pub fn identify(
         };
         Ok::<_, hapt_identify::Error>((!is_set()).then_some(found))
     };
-    let (json, warnings) = interruptible(py, work)?.map_err(value)?.ok_or_else(unwanted)?;
+    let (json, warnings) = in_parallel(py, 0, work)?.map_err(value)?.ok_or_else(unwanted)?;
     let json = Value::Object(json);
     Ok((json.to_string(), warnings.into_iter().map(|warning| warning.to_string()).collect()))
 }
@@ -176,7 +176,7 @@ pub fn against(
         let found = hapt_identify::against_until(&record, &claims, is_linear, &|| stop.is_set());
         found.transpose().map_err(|error| error.to_string())
     };
-    Ok(interruptible(py, work)?.map_err(value)?.ok_or_else(unwanted)?.json().to_string())
+    Ok(in_parallel(py, 0, work)?.map_err(value)?.ok_or_else(unwanted)?.json().to_string())
 }
 
 /// `(name, unit, meaning)` of every measure of a sweep; the unit is that of a rotary world.

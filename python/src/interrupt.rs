@@ -14,6 +14,9 @@ use crate::error::internal;
 /// The time between two checks of Python's signals.
 const SIGNAL_PERIOD: Duration = Duration::from_millis(50);
 
+/// The stack of a thread that computes, in bytes.
+const STACK: usize = 8 << 20;
+
 /// A flag that is set when the call is interrupted. The computation checks it and ends early; its result is not used.
 #[derive(Clone, Default)]
 pub struct Stop(Arc<AtomicBool>);
@@ -44,7 +47,7 @@ pub fn interruptible<T: Send + 'static>(py: Python<'_>, work: impl FnOnce(&Stop)
     let (give, mut take) = sync_channel(1);
     let theirs = stop.clone();
     let run = move || drop(give.send(work(&theirs)));
-    Builder::new().name("hapt".into()).stack_size(8 << 20).spawn(run).map_err(internal)?;
+    Builder::new().name("hapt".into()).stack_size(STACK).spawn(run).map_err(internal)?;
     loop {
         let (back, answer) = py.detach(move || {
             let answer = take.recv_timeout(SIGNAL_PERIOD);
@@ -85,7 +88,7 @@ pub fn in_parallel<T: Send + 'static>(
     work: impl FnOnce(&Stop) -> T + Send + 'static,
 ) -> PyResult<T> {
     interruptible(py, move |stop| {
-        let pool = ThreadPoolBuilder::new().num_threads(threads).build().map_err(internal)?;
+        let pool = ThreadPoolBuilder::new().num_threads(threads).stack_size(STACK).build().map_err(internal)?;
         Ok(pool.install(|| work(stop)))
     })?
 }
